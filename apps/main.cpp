@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// The gflow command. Every failure becomes one sentence on stderr and an exit code:
+// 0 done, 1 an error or a wrong command line, 2 no usable device, 130 interrupted.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <new>
+
+#include "apps/options.hpp"
+#include "optim/train/interrupt.hpp"
+
+namespace {
+
+int say(const std::string& sentence, int exit_code) {
+  std::fprintf(stderr, "gflow: %s\n", sentence.c_str());
+  return exit_code;
+}
+
+// The options every sub-command has, repeated at the end of each sub-command's --help.
+std::string global_help(const CLI::App& app) {
+  const CLI::Formatter formatter;
+  std::string text = "Options of every command:\n";
+  for (const char* name : {"--device", "--quiet"})
+    text += formatter.make_option(app.get_option(name), false);
+  return text;
+}
+
+void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
+  app.set_version_flag("--version", "gflow " GFLOW_VERSION);
+  app.option_defaults()->always_capture_default();
+  app.add_option(
+         "--device", options.device,
+         "OpenCL device: its index in `gflow devices` or a part of its name; empty: the variable "
+         "GFLOW_DEVICE, else the first GPU, else the first device")
+      ->type_name("INDEX|NAME");
+  app.add_flag("--quiet", options.quiet, "No progress on stderr");
+  app.require_subcommand(1);
+  app.fallthrough();
+#ifdef GFLOW_WITH_OPENCV
+  gflow::add_train(app, options);
+  gflow::add_render(app, options);
+  gflow::add_eval(app, options);
+#endif
+  gflow::add_splat(app, options);
+  gflow::add_devices(app, options);
+  for (CLI::App* command : app.get_subcommands({})) command->footer(global_help(app));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("gflow trains moving 3D Gaussian scenes from video on any OpenCL device.", "gflow");
+  gflow::GlobalOptions options;
+  try {
+    add_commands(app, options);
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& problem) {
+    return app.exit(problem) == 0 ? 0 : 1;  // --help and --version come this way, too
+  } catch (const gflow::Interrupted& stop) {
+    return say(stop.what(), gflow::interrupted_exit_code);
+  } catch (const gflow::NoUsableDevice& problem) {
+    return say(problem.what(), 2);
+  } catch (const gflow::Error& problem) {
+    return say(problem.what(), 1);
+  } catch (const std::bad_alloc&) {
+    return say(
+        "there is not enough memory for this; a higher scene.resolution or a lower density.cap "
+        "needs less",
+        1);
+  } catch (const std::exception& problem) {
+    return say(fmt::format("an error nobody foresaw: {}", problem.what()), 1);
+  }
+  return 0;
+}

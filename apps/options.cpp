@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// The one place where a device is chosen for work: it is refused here, before anything is read or
+// written.
+#include "apps/options.hpp"
+
+#include <fmt/format.h>
+
+#include "runtime/self_check.hpp"
+
+namespace gflow {
+
+Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options) {
+  try {
+    Queue queue(find_device(options.device), queue_options);
+    for (const SelfCheckRow& row : self_check(queue))
+      if (!row.passed)
+        throw Error(fmt::format(
+            "the OpenCL device {} fails the self-check '{}': {} exceeds {}; `gflow devices` "
+            "shows all checks, --device chooses another device",
+            queue.info.full_name(), row.name, row.figure, row.bound));
+    return queue;
+  } catch (const Error& error) {
+    throw NoUsableDevice(error.what());
+  }
+}
+
+}  // namespace gflow

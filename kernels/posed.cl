@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gaussians given directly by quaternion and scales: factor L = R(q/|q|) diag(scales), and back.
+// One work-item a Gaussian.
+#include "shared/arrays.h"
+#include "shared/quat.h"
+
+kernel void posed_fwd(const uint n, global const float* restrict quats,  // [N, 4] w x y z
+                      global const float* restrict scales,               // [N, 3] linear
+                      global float* restrict factors) {                  // [N, 3, 3]
+  const uint i = get_global_id(0);
+  if (i >= n) return;
+  store_mat3(factors, i, factor_of(load4(quats, i), load3(scales, i)));
+}
+
+kernel void posed_bwd(const uint n, global const float* restrict quats,
+                      global const float* restrict scales,
+                      global const float* restrict v_factors,  // [N, 3, 3]
+                      global float* restrict v_quats,          // [N, 4]
+                      global float* restrict v_scales) {       // [N, 3]
+  const uint i = get_global_id(0);
+  if (i >= n) return;
+  const FactorGradient g =
+      factor_of_vjp(load4(quats, i), load3(scales, i), load_mat3(v_factors, i));
+  vstore4(g.quat, i, v_quats);
+  store3(v_scales, i, g.scales);
+}

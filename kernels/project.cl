@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gaussians at t1 (and t2, for flow) to packed splats: the only place that decides what is drawn.
+// tiles_touched[i] = 0 means "not seen"; every later step skips it. One work-item a Gaussian.
+// Defines: FLOW 0|1, TRANSPORT (shared/transport.h), DETACH_T1 0|1.
+#include "shared/arrays.h"
+#include "shared/transport.h"
+
+#ifndef FLOW
+#define FLOW 1
+#endif
+#ifndef TRANSPORT
+#define TRANSPORT TRANSPORT_PAPER
+#endif
+#ifndef DETACH_T1
+#define DETACH_T1 0
+#endif
+
+// First and last tile touched on one axis by [centre - reach, centre + reach], counting pixel
+// centres only; first > last when none.
+static inline int2 tile_span(float centre, float reach, int pixels) {
+  const float lo = fmax(ceil(centre - reach - 0.5f), 0.f);
+  const float hi = fmin(floor(centre + reach - 0.5f), (float)(pixels - 1));
+  return hi >= lo ? (int2)((int)lo / TILE, (int)hi / TILE) : (int2)(1, 0);
+}
+
+kernel void project_fwd(const uint n, const Camera camera, const Camera camera2,
+                        global const float* restrict means,       // [N, 3] world, at t1
+                        global const float* restrict factors,     // [N, 3, 3] covariance = L L^T
+                        global const float* restrict opacities,   // [N] 0: not there at t1
+                        global const float* restrict colors,      // [N, 3]
+                        global const float* restrict means_t2,    // [N, 3]
+                        global const float* restrict factors_t2,  // [N, 3, 3]
+                        global float* restrict splats,            // [N, 16] see shared/pixel.h
+                        global ushort* restrict tile_boxes,       // [N, 4] first x y, last x y
+                        global uint* restrict tiles_touched,      // [N]
+                        global uint* restrict depth_keys,         // [N] monotone in depth
+                        global uint* restrict indices) {          // [N] 0 1 2 ...
+  const uint i = get_global_id(0);
+  if (i >= n) return;
+  indices[i] = i;
+  tiles_touched[i] = 0;
+  depth_keys[i] = 0xffffffffu;
+  vstore4((ushort4)(1, 1, 0, 0), i, tile_boxes);
+  const float log2_opacity = log2(opacities[i]);
+  if (!(log2_opacity >= ALPHA_MIN_LOG2)) return;  // NaN fails
+  const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
+  if (!(p.p.z >= camera.near_plane)) return;
+  const Whitening w = whiten(p.m);
+  const float sum = p.mean.x + p.mean.y + w.k1 + w.k2 + w.k3 + log2_opacity + w.det;
+  if (!is_finite_real(sum)) return;
+
+  // alpha >= 1/255 within |z|^2 <= log2(255 o), an ellipse with half axes sqrt(reach S_xx), ...
+  // (scaled z); a hair more than that, so that rounding cannot lose a pixel the pixel test keeps.
+  const float reach = (log2_opacity - ALPHA_MIN_LOG2 + 1e-3f) / HALF_LOG2_E;
+  const int2 x = tile_span(p.mean.x, sqrt(reach * w.s.a), camera.width);
+  const int2 y = tile_span(p.mean.y, sqrt(reach * w.s.c), camera.height);
+  if (x.x > x.y || y.x > y.y) return;
+
+  float2 m = (float2)(0.f);
+  float4 h = (float4)(0.f);
+#if FLOW
+  const Projection p2 = project(camera2, load3(means_t2, i), load_mat3(factors_t2, i));
+  if (p2.p.z >= camera.near_plane) {  // behind camera 2 there is no flow to speak of
+    const Mat2 h2 = transport(TRANSPORT, p.m, w, p2.m);
+    m = p2.mean - p.mean;
+    h = (float4)(h2.a, h2.b, h2.c, h2.d) * (1.f / SQRT_HALF_LOG2_E);
+    if (!is_finite_real(m.x + m.y + h.x + h.y + h.z + h.w)) {
+      m = (float2)(0.f);
+      h = (float4)(0.f);
+    }
+  }
+#endif
+  const float3 c = load3(colors, i);
+  const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;
+  vstore16((float16)(p.mean.x, p.mean.y, k.x, k.y, k.z, log2_opacity, p.p.z, m.x, c.x, c.y, c.z,
+                     m.y, h.x, h.y, h.z, h.w),
+           i, splats);
+  vstore4((ushort4)(x.x, y.x, x.y, y.y), i, tile_boxes);
+  tiles_touched[i] = (uint)(x.y - x.x + 1) * (uint)(y.y - y.x + 1);
+  depth_keys[i] = as_uint(p.p.z);  // z > 0: the bits are ordered
+}
+
+// From the 16 moments of each splat (kernel gather) back to the Gaussians at both times.
+// Writes every output: zeros for what was not seen.
+kernel void project_bwd(const uint n, const Camera camera, const Camera camera2,
+                        global const float* restrict means, global const float* restrict factors,
+                        global const float* restrict opacities,
+                        global const float* restrict means_t2,
+                        global const float* restrict factors_t2,
+                        global const float* restrict splats,
+                        global const uint* restrict tiles_touched,
+                        global const float* restrict moments,  // [N, 16]
+                        global float* restrict v_means,        // [N, 3]
+                        global float* restrict v_factors,      // [N, 3, 3]
+                        global float* restrict v_opacities,    // [N]
+                        global float* restrict v_colors,       // [N, 3]
+                        global float* restrict v_means_t2,     // [N, 3]
+                        global float* restrict v_factors_t2,   // [N, 3, 3]
+                        global float* restrict v_means2d) {    // [N, 2] for density control
+  const uint i = get_global_id(0);
+  if (i >= n) return;
+  const real3 zero3 = make_real3(0.f, 0.f, 0.f);
+  Mat3 zero;
+  zero.r1 = zero.r2 = zero.r3 = zero3;
+  if (tiles_touched[i] == 0) {
+    store3(v_means, i, zero3);
+    store_mat3(v_factors, i, zero);
+    v_opacities[i] = 0.f;
+    store3(v_colors, i, zero3);
+#if FLOW
+    store3(v_means_t2, i, zero3);
+    store_mat3(v_factors_t2, i, zero);
+#endif
+    vstore2((float2)(0.f), i, v_means2d);
+    return;
+  }
+  const float16 s = vload16(i, moments);
+  const Mat3 factor = load_mat3(factors, i);
+  const Projection p = project(camera, load3(means, i), factor);
+  const Whitening w = whiten(p.m);
+
+  // The exponent e = log2 o - |z|^2 in the scaled z: by mu1 2 K^T sum(q z), by S1 K^T sum(q z z^T)
+  // K with the unscaled K (numerics 1.3); q carries ln 2 here.
+  const float k1 = w.k1 * SQRT_HALF_LOG2_E, k2 = w.k2 * SQRT_HALF_LOG2_E;
+  const float k3 = w.k3 * SQRT_HALF_LOG2_E;
+  real2 v_mean = make_real2(2.f * LN_2 * k1 * s.s1, 2.f * LN_2 * (k2 * s.s1 + k3 * s.s2));
+  const Sym2 zz = make_sym2(s.s3, s.s4, s.s5);
+  const Sym2 v_s = sym2_scale(sym2_congruence(mat2_transpose(whitening_k(w)), zz), LN_2);
+  Mat23 v_m = covariance_vjp(p.m, v_s);
+  v_opacities[i] = s.s0 / opacities[i];
+  store3(v_colors, i, make_real3(s.s6, s.s7, s.s8));
+
+#if FLOW
+  Mat3 v_factor2 = zero;
+  real3 v_mean2 = zero3;
+  const Mat3 factor2 = load_mat3(factors_t2, i);
+  const Projection p2 = project(camera2, load3(means_t2, i), factor2);
+  const float4 h = vload4(4 * i + 3, splats);
+  // m = H = 0 also marks a flow that could not be formed in project_fwd: p2 decides likewise.
+  if (p2.p.z >= camera.near_plane) {
+    const float2 g = (float2)(s.sa, s.sb);
+    const Mat2 gh = make_mat2(s.sc / SQRT_HALF_LOG2_E, s.sd / SQRT_HALF_LOG2_E,
+                              s.se / SQRT_HALF_LOG2_E, s.sf / SQRT_HALF_LOG2_E);
+    const TransportGradient t = transport_vjp(TRANSPORT, p.m, w, p2.m, gh);
+    const GaussianGradient v2 = project_vjp(camera2, factor2, p2, g, 0.f, t.m2);
+    v_mean2 = v2.mean;
+    v_factor2 = v2.factor;
+#if !DETACH_T1
+    // flow = mu2 - mu1 + H K (x - mu1)
+    const float hg1 = h.x * g.x + h.z * g.y, hg2 = h.y * g.x + h.w * g.y;  // H^T g, scaled H
+    v_mean -= g + (float2)(k1 * hg1, k2 * hg1 + k3 * hg2);
+    v_m = mat23_add(v_m, t.m1);
+#endif
+  }
+  store3(v_means_t2, i, v_mean2);
+  store_mat3(v_factors_t2, i, v_factor2);
+#endif
+  const GaussianGradient v = project_vjp(camera, factor, p, v_mean, s.s9, v_m);
+  store3(v_means, i, v.mean);
+  store_mat3(v_factors, i, v.factor);
+  vstore2(v_mean, i, v_means2d);
+}

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// The few small matrices the splat maths needs. A matrix is its rows.
+#ifndef GFLOW_LINEAR_H
+#define GFLOW_LINEAR_H
+#include "shared/dialect.h"
+
+typedef struct Mat2 {
+  real a, b, c, d;  // [[a, b], [c, d]]
+} Mat2;
+
+typedef struct Sym2 {
+  real a, b, c;  // [[a, b], [b, c]]
+} Sym2;
+
+typedef struct Mat23 {
+  real3 r1, r2;
+} Mat23;
+
+typedef struct Mat3 {
+  real3 r1, r2, r3;
+} Mat3;
+
+static inline Mat2 make_mat2(real a, real b, real c, real d) {
+  Mat2 m;
+  m.a = a;
+  m.b = b;
+  m.c = c;
+  m.d = d;
+  return m;
+}
+static inline Sym2 make_sym2(real a, real b, real c) {
+  Sym2 s;
+  s.a = a;
+  s.b = b;
+  s.c = c;
+  return s;
+}
+static inline Mat23 make_mat23(real3 r1, real3 r2) {
+  Mat23 m;
+  m.r1 = r1;
+  m.r2 = r2;
+  return m;
+}
+
+static inline Mat2 mat2_mul(Mat2 x, Mat2 y) {
+  return make_mat2(x.a * y.a + x.b * y.c, x.a * y.b + x.b * y.d,  //
+                   x.c * y.a + x.d * y.c, x.c * y.b + x.d * y.d);
+}
+static inline Mat2 mat2_transpose(Mat2 x) { return make_mat2(x.a, x.c, x.b, x.d); }
+static inline Mat2 mat2_of(Sym2 s) { return make_mat2(s.a, s.b, s.b, s.c); }
+static inline Sym2 mat2_sym(Mat2 x) { return make_sym2(x.a, (real)0.5f * (x.b + x.c), x.d); }
+static inline Sym2 sym2_add(Sym2 x, Sym2 y) { return make_sym2(x.a + y.a, x.b + y.b, x.c + y.c); }
+static inline Sym2 sym2_scale(Sym2 x, real s) { return make_sym2(x.a * s, x.b * s, x.c * s); }
+static inline Sym2 sym2_adj(Sym2 x) { return make_sym2(x.c, -x.b, x.a); }
+static inline real sym2_trace(Sym2 x) { return x.a + x.c; }
+// tr(X Y)
+static inline real sym2_inner(Sym2 x, Sym2 y) {
+  return x.a * y.a + (real)2 * x.b * y.b + x.c * y.c;
+}
+// A Q A^T for the upper or general 2x2 A and symmetric Q.
+static inline Sym2 sym2_congruence(Mat2 m, Sym2 q) {
+  const real pa = m.a * q.a + m.b * q.b, pb = m.a * q.b + m.b * q.c;
+  const real pc = m.c * q.a + m.d * q.b, pd = m.c * q.b + m.d * q.c;
+  return make_sym2(pa * m.a + pb * m.b, pa * m.c + pb * m.d, pc * m.c + pd * m.d);
+}
+// (2x2) (2x3)
+static inline Mat23 mat23_left(Mat2 x, Mat23 m) {
+  return make_mat23(x.a * m.r1 + x.b * m.r2, x.c * m.r1 + x.d * m.r2);
+}
+// (2x3) (2x3)^T
+static inline Mat2 mat23_outer(Mat23 x, Mat23 y) {
+  return make_mat2(dot(x.r1, y.r1), dot(x.r1, y.r2), dot(x.r2, y.r1), dot(x.r2, y.r2));
+}
+static inline Mat23 mat23_sub(Mat23 x, Mat23 y) { return make_mat23(x.r1 - y.r1, x.r2 - y.r2); }
+static inline Mat23 mat23_add(Mat23 x, Mat23 y) { return make_mat23(x.r1 + y.r1, x.r2 + y.r2); }
+
+#endif

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// The maths of one pixel of the losses: structural similarity from the means over its window, and
+// the robust norm of a flow difference. Each function stands beside its derivative. In kernels the
+// SSIM of a whole lane of pixels is computed at once (LOSS_LANE), in the reference that of one.
+#ifndef GFLOW_LOSS_H
+#define GFLOW_LOSS_H
+#include "shared/dialect.h"
+#ifdef __OPENCL_C_VERSION__
+#include "shared/lane.h"
+#define LOSS_LANE lane
+#else
+#define LOSS_LANE real
+#endif
+
+// The image loss keeps its pictures as planes with a border, so that windows need no edge tests:
+// pixel (x, y) of channel c is element c * plane + (y + SSIM_RADIUS) * stride + BORDER_X + x.
+#define BORDER_X 16
+typedef struct ImageLossSize {
+  int width, height;  // [px]
+  int stride;         // elements a row with its borders
+  int plane;          // elements a channel: (height + 2 SSIM_RADIUS) * stride
+} ImageLossSize;
+
+// SSIM (Wang, Bovik, Sheikh, Simoncelli 2004) of pictures x and y in [0, 1]. The window is 11 x 11,
+// Gaussian with sigma 1.5, and reaches over the border, where both pictures count as 0.
+#define SSIM_RADIUS 5
+#define SSIM_TAPS 11
+#define SSIM_C1 ((real)1 / (real)10000)  // 0.01^2
+#define SSIM_C2 ((real)9 / (real)10000)  // 0.03^2
+
+// We keep s = x + y - 1 and d = x - y instead of x and y: four means suffice instead of five, the
+// variances of s and d are sums of like terms, and with mid-grey at 0 the difference "mean of the
+// square minus square of the mean" loses fewer digits. Outside the picture s = -1 and d = 0.
+#define SSIM_OUTSIDE (-1.0f)
+
+// Gaussian-weighted means over the window of one pixel.
+typedef struct SsimMeans {
+  LOSS_LANE s, d, ss, dd;  // of s, d, s^2, d^2
+} SsimMeans;
+
+// The value, and its derivatives by the means as they depend on x: since ds/dx = dd/dx = 1,
+//   d ssim(p) / d x(q) = w(p - q) (mean + 2 s(q) ss + 2 d(q) dd).
+typedef struct SsimPixel {
+  LOSS_LANE value;  // in [-1, 1]
+  LOSS_LANE mean;   // d value / d (mean of s) + d value / d (mean of d)
+  LOSS_LANE ss;     // d value / d (mean of s^2)
+  LOSS_LANE dd;     // d value / d (mean of d^2)
+} SsimPixel;
+
+// With S = mean of x + y, D = mean of x - y and their variances P, Q:
+//   ssim = luminance * structure
+//   luminance = (2 mx my + C1) / (mx^2 + my^2 + C1) = ((S^2 - D^2)/2 + C1) / ((S^2 + D^2)/2 + C1)
+//   structure = (2 cov_xy + C2) / (vx + vy + C2)    = ((P - Q)/2 + C2) / ((P + Q)/2 + C2)
+// and 1 - luminance = D^2 / (its denominator), 1 - structure = Q / (its denominator).
+static inline SsimPixel ssim_pixel(SsimMeans m) {
+  const LOSS_LANE sum = m.s + (real)1;
+  const LOSS_LANE p = m.ss - m.s * m.s;
+  const LOSS_LANE q = m.dd - m.d * m.d;
+  const LOSS_LANE l_inv = (real)2 / (sum * sum + m.d * m.d + 2 * SSIM_C1);
+  const LOSS_LANE c_inv = (real)2 / (p + q + 2 * SSIM_C2);
+  const LOSS_LANE luminance = (real)1 - m.d * m.d * l_inv;
+  const LOSS_LANE structure = (real)1 - q * c_inv;
+  const LOSS_LANE luminance_by_sum = sum * l_inv * (m.d * m.d * l_inv);
+  const LOSS_LANE luminance_by_d = -m.d * l_inv * ((real)1 + luminance);
+  const LOSS_LANE structure_by_p = (real)0.5f * c_inv * (q * c_inv);
+  const LOSS_LANE structure_by_q = (real)-0.5f * c_inv * ((real)1 + structure);
+  SsimPixel out;
+  out.value = luminance * structure;
+  out.ss = luminance * structure_by_p;
+  out.dd = luminance * structure_by_q;
+  out.mean =
+      structure * (luminance_by_sum + luminance_by_d) - (real)2 * (m.s * out.ss + m.d * out.dd);
+  return out;
+}
+
+// A teacher flow with a larger component is a fault of its file or estimator, and masked [px].
+#define TEACHER_LIMIT 1e5f
+
+// rho(d) = sqrt(|d|^2 + knee^2) - knee: |d|^2 / (2 knee) near 0, |d| - knee far away. knee > 0.
+// Divided by the largest of |dx|, |dy|, knee, so that no square over- or underflows, and written
+// without the difference: rho = |d|^2 / (sqrt(|d|^2 + knee^2) + knee).
+static inline real robust_norm(real2 d, real knee) {
+  const real scale = fmax(fmax(fabs(d.x), fabs(d.y)), knee);
+  const real inverse = 1 / scale, x = d.x * inverse, y = d.y * inverse, k = knee * inverse;
+  const real square = x * x + y * y;
+  return scale * (square / (sqrt(square + k * k) + k));
+}
+
+// d rho / d d = d / sqrt(|d|^2 + knee^2): shorter than 1, and 0 at 0.
+static inline real2 robust_norm_vjp(real2 d, real knee, real v_rho) {
+  const real scale = fmax(fmax(fabs(d.x), fabs(d.y)), knee);
+  const real inverse = 1 / scale, x = d.x * inverse, y = d.y * inverse, k = knee * inverse;
+  return make_real2(x, y) * (v_rho / sqrt(x * x + y * y + k * k));
+}
+
+#endif

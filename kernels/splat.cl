@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+// The image: every pixel blends its tile's splats front to back, colour, depth and flow in one
+// pass and with no list a pixel. Repeatable: each pixel sums in depth order.
+//   LANES > 1   one work-item (group of 1) a tile; splats outer, touched cells inner
+//   LANES == 1  one work-group of 256 a tile, one work-item a pixel, splats through local memory
+// Numbers: README, "Speed".
+#include "shared/pixel.h"
+
+#define BATCH 64  // LANES == 1: splats held in local memory at a time
+
+kernel void splat_fwd(const int width, const int height, const float background_r,
+                      const float background_g, const float background_b,
+                      global const float* restrict splats,      // [N, 16]
+                      global const uint* restrict tile_offsets,  // [tiles + 1]
+                      global const uint* restrict isect_ids,     // [M]
+                      global const ushort* restrict masks,       // [M]
+                      global float* restrict rgb,                // [3, H, W]
+                      global float* restrict alpha,              // [H, W]
+                      global float* restrict depth,              // [H, W] sum of w Z
+                      global float* restrict flow,               // [2, H, W] sum w f / sum w
+                      global float* restrict flow_weight,        // [H, W] sum w of the first TOP_K
+                      global float* restrict transmittance) {    // [H, W] what passes through all
+  const int tiles_x = (width + TILE - 1) / TILE;
+  const int tile = get_group_id(0);
+  const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
+  const size_t pixels = (size_t)width * height;
+  const uint first = tile_offsets[tile], end = tile_offsets[tile + 1];
+#if LANES == 1
+  local float4 batch[BATCH * 4];
+  local ushort batch_mask[BATCH];
+  local int open_pixels[2];
+  const int l = get_local_id(0), cell = l >> 4;
+  const int x = x0 + (cell & 3) * CELL + (l & 3), y = y0 + (cell >> 2) * CELL + ((l >> 2) & 3);
+  PixelSums p = pixel_start();
+  if (l < 2) open_pixels[l] = 1;
+  barrier(CLK_LOCAL_MEM_FENCE);
+  int turn = 0;
+  for (uint start = first; start < end; start += BATCH, turn ^= 1) {
+    if (!open_pixels[turn]) break;  // the same for the whole group
+    const uint count = min((uint)BATCH, end - start);
+    if ((uint)(l >> 2) < count) batch[l] = vload4(4 * isect_ids[start + (l >> 2)] + (l & 3), splats);
+    if ((uint)l < count) batch_mask[l] = masks[start + l];
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (l == 0) open_pixels[turn ^ 1] = 0;
+    for (uint k = 0; k < count; ++k) {
+      if (!(batch_mask[k] >> cell & 1)) continue;
+      Splat s;
+      s.a = batch[4 * k];
+      s.b = batch[4 * k + 1];
+      s.c = batch[4 * k + 2];
+      s.d = batch[4 * k + 3];
+      p = pixel_blend(p, s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y);
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (still_open(p.T) && x < width && y < height) open_pixels[turn ^ 1] = 1;
+    barrier(CLK_LOCAL_MEM_FENCE);
+  }
+  if (x >= width || y >= height) return;
+  const size_t at = (size_t)y * width + x;
+  const float T = fabs(p.T);
+  rgb[at] = fma(T, background_r, p.r);
+  rgb[pixels + at] = fma(T, background_g, p.g);
+  rgb[2 * pixels + at] = fma(T, background_b, p.b);
+  alpha[at] = p.W;
+  transmittance[at] = T;
+#if DEPTH
+  depth[at] = p.depth;
+#endif
+#if FLOW
+#if TOP_K
+  const float W = p.W_flow;
+  flow_weight[at] = W;
+#else
+  const float W = p.W;
+#endif
+  flow[at] = W > 0.f ? p.fx / W : 0.f;
+  flow[pixels + at] = W > 0.f ? p.fy / W : 0.f;
+#endif
+#else
+  PixelSums sums[TILE_PARTS];
+  for (int i = 0; i < TILE_PARTS; ++i) sums[i] = pixel_start();
+  for (uint k = first; k < end; ++k) {
+    const Splat s = splat_load(splats, isect_ids[k]);
+    const float left = (float)x0 - s.a.x, top = (float)y0 - s.a.y;
+    for (uint mask = masks[k]; mask;) {
+      const int cell = 31 - clz(mask);
+      mask ^= 1u << cell;
+      const lane dx = TO_LANE(left + (float)((cell & 3) * CELL)) + LANE_X;
+      for (int part = 0; part < CELL_PARTS; ++part) {
+        const lane dy = TO_LANE(top + (float)((cell >> 2) * CELL + part * LANE_ROWS)) + LANE_Y;
+        const int i = cell * CELL_PARTS + part;
+        sums[i] = pixel_blend(sums[i], s, dx, dy);
+      }
+    }
+    if (((k - first) & 31) == 31) {
+      lane most = sums[0].T;
+      for (int i = 1; i < TILE_PARTS; ++i) most = fmax(most, sums[i].T);
+      if (!lane_any(still_open(most))) break;
+    }
+  }
+  for (int i = 0; i < TILE_PARTS; ++i) {
+    const int cell = i / CELL_PARTS, x = x0 + (cell & 3) * CELL;
+    const int y = y0 + (cell >> 2) * CELL + i % CELL_PARTS * LANE_ROWS;
+    const PixelSums p = sums[i];
+    const lane T = fabs(p.T);
+    lane_store(fma(T, TO_LANE(background_r), p.r), rgb, x, y, width, height);
+    lane_store(fma(T, TO_LANE(background_g), p.g), rgb + pixels, x, y, width, height);
+    lane_store(fma(T, TO_LANE(background_b), p.b), rgb + 2 * pixels, x, y, width, height);
+    lane_store(p.W, alpha, x, y, width, height);
+    lane_store(T, transmittance, x, y, width, height);
+#if DEPTH
+    lane_store(p.depth, depth, x, y, width, height);
+#endif
+#if FLOW
+#if TOP_K
+    const lane W = p.W_flow;
+    lane_store(W, flow_weight, x, y, width, height);
+#else
+    const lane W = p.W;
+#endif
+    const lane zero = TO_LANE(0.f);
+    lane_store(LANE_SELECT(zero, p.fx / W, W > zero), flow, x, y, width, height);
+    lane_store(LANE_SELECT(zero, p.fy / W, W > zero), flow + pixels, x, y, width, height);
+#endif
+  }
+#endif
+}

@@ -1,0 +1,20 @@
+# Finds the five parts of OpenCV that gflow uses. OpenCV's own CMake package comes first; Debian's
+# component packages (libopencv-core-dev, ...) carry none, so there the parts are found by name.
+set(parts core imgproc imgcodecs video videoio)
+find_package(OpenCV 4 QUIET CONFIG COMPONENTS ${parts})
+if(OpenCV_FOUND)
+  return()
+endif()
+
+find_path(OpenCV_INCLUDE_DIR opencv2/core.hpp PATH_SUFFIXES opencv4)
+set(wanted OpenCV_INCLUDE_DIR)
+foreach(part ${parts})
+  find_path(OpenCV_${part}_HEADER opencv2/${part}.hpp PATH_SUFFIXES opencv4)
+  find_library(OpenCV_${part}_LIBRARY opencv_${part})
+  list(APPEND wanted OpenCV_${part}_HEADER OpenCV_${part}_LIBRARY)
+  list(APPEND libraries ${OpenCV_${part}_LIBRARY})
+endforeach()
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(OpenCV REQUIRED_VARS ${wanted})
+set(OpenCV_INCLUDE_DIRS ${OpenCV_INCLUDE_DIR})
+set(OpenCV_LIBS ${libraries})

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// The pinhole camera every reader delivers. Pixel (i, j) has its centre at (i + .5, j + .5), x to
+// the right, y down; a point with camera coordinates (x, y, z), z > 0, is seen at
+// (fx x / z + cx, fy y / z + cy).
+#pragma once
+#include <Eigen/Core>
+#include <algorithm>
+#include <string>
+
+namespace gflow {
+
+// One physical camera, or one pose of a moving one.
+struct Camera {
+  std::string name;                                       // e.g. cam03
+  int width = 0, height = 0;                              // [px]
+  double fx = 0, fy = 0, cx = 0, cy = 0;                  // [px]
+  Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();  // world to camera, OpenCV axes, +z ahead
+
+  // Where the camera stands, world.
+  Eigen::Vector3d position() const {
+    return -viewmat.topLeftCorner<3, 3>().transpose() * viewmat.topRightCorner<3, 1>();
+  }
+
+  // Pixel coordinates of a world point in front of the camera.
+  Eigen::Vector2d project(const Eigen::Vector3d& world) const {
+    const Eigen::Vector3d p =
+        viewmat.topLeftCorner<3, 3>() * world + viewmat.topRightCorner<3, 1>();
+    return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
+  }
+};
+
+// The same view at 1 / divisor of the size; sizes round down, at least 1, as pictures do.
+inline Camera reduced(Camera camera, int divisor) {
+  const int width = std::max(1, camera.width / divisor);
+  const int height = std::max(1, camera.height / divisor);
+  const double sx = double(width) / camera.width, sy = double(height) / camera.height;
+  camera.width = width;
+  camera.height = height;
+  camera.fx *= sx;
+  camera.cx *= sx;
+  camera.fy *= sy;
+  camera.cy *= sy;
+  return camera;
+}
+
+}  // namespace gflow

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// A plain COLMAP folder: the pictures of a model, a static scene of one time step.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "optim/data/colmap_model.hpp"
+#include "optim/data/image_header.hpp"
+#include "optim/data/reader_util.hpp"
+#include "optim/data/readers.hpp"
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+
+bool is_colmap(const std::string& folder) {
+  return fs::is_directory(fs::path(folder) / "sparse/0");
+}
+
+Scene read_colmap(const std::string& folder, const SceneOptions& options) {
+  const std::string sparse = (fs::path(folder) / "sparse" / "0").string();
+  const ColmapModel model = read_colmap_model(sparse);
+  const std::string images = options.images.empty() ? "images" : options.images;
+  const std::string pictures = (fs::path(folder) / images).string();
+  Scene scene;
+  scene.layout = "colmap";
+  scene.steps = 1;
+  scene.fps = 24;
+  for (size_t i = 0; i < model.images.size(); ++i) {
+    const ColmapImage& image = model.images[i];
+    Frame frame;
+    frame.path = path_inside(pictures, image.name, sparse);
+    if (!fs::is_regular_file(frame.path))
+      throw Error(fmt::format("{} names the picture {}, but there is no {}", sparse, image.name,
+                              frame.path));
+    const ImageHeader header = read_image_header(frame.path);
+    scene.has_alpha |= header.has_alpha;
+    frame.name = fs::path(image.name).replace_extension().generic_string();
+    std::replace(frame.name.begin(), frame.name.end(), '/', '_');
+    frame.camera = int(i);
+    scene.cameras.push_back(
+        fitted_to(image.camera, header.width, header.height, sparse, frame.path));
+    const bool tested = options.test_every > 0 && i % size_t(options.test_every) == 0;
+    (tested ? scene.test : scene.train).push_back(frame);
+  }
+  scene.points = model.points;
+  return scene;
+}
+
+}  // namespace gflow

@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+// COLMAP models. An image's quaternion (w x y z) and translation are world-to-camera with our axes.
+// COLMAP's pixel centres are at (i + .5, j + .5) as well, so intrinsics are taken as they are.
+// Binary records have variable length, so every count is compared with the bytes that are left.
+#include "optim/data/colmap_model.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <sstream>
+
+#include "optim/data/reader_util.hpp"
+#include "optim/io/atomic_file.hpp"
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+const char* const model_names[] = {"SIMPLE_PINHOLE",
+                                   "PINHOLE",
+                                   "SIMPLE_RADIAL",
+                                   "RADIAL",
+                                   "OPENCV",
+                                   "OPENCV_FISHEYE",
+                                   "FULL_OPENCV",
+                                   "FOV",
+                                   "SIMPLE_RADIAL_FISHEYE",
+                                   "RADIAL_FISHEYE",
+                                   "THIN_PRISM_FISHEYE"};
+
+// Little-endian values of a binary file in order.
+class BinaryFile {
+ public:
+  explicit BinaryFile(std::string path) : path_(std::move(path)), bytes_(read_file(path_)) {}
+
+  template <class T>
+  T next() {
+    need(1, sizeof(T));
+    T value;
+    std::memcpy(&value, bytes_.data() + at_, sizeof value);
+    at_ += sizeof value;
+    return value;
+  }
+  std::string next_name() {
+    std::string name;
+    while (const char c = next<char>()) name += c;
+    return name;
+  }
+  // A number of records of at least `record` bytes.
+  uint64_t next_count(size_t record) {
+    const auto n = next<uint64_t>();
+    need(n, record);
+    return n;
+  }
+  void skip(uint64_t n, size_t record) {
+    need(n, record);
+    at_ += n * record;
+  }
+  const std::string& path() const { return path_; }
+
+ private:
+  void need(uint64_t n, size_t record) const {
+    if (n > (bytes_.size() - at_) / record)
+      throw Error(fmt::format("{} is truncated: it ends within its records", path_));
+  }
+
+  std::string path_;
+  Bytes bytes_;
+  size_t at_ = 0;
+};
+
+// Lines of a text file that are not comments; empty lines are kept, for images without points.
+std::vector<std::string> text_lines(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  std::istringstream text(std::string(bytes.begin(), bytes.end()));
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(text, line);) {
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (line.empty() || line[0] != '#') lines.push_back(line);
+  }
+  return lines;
+}
+
+[[noreturn]] void bad_line(const std::string& path, const std::string& line) {
+  throw Error(
+      fmt::format("{} has a line that is not in COLMAP's format: '{}'", path, line.substr(0, 60)));
+}
+
+Camera make_camera(const std::string& model, int64_t width, int64_t height,
+                   const std::vector<double>& p, const std::string& path) {
+  if (width < 1 || height < 1 || width > 1 << 20 || height > 1 << 20)
+    throw Error(fmt::format("{} has a camera of {}x{} pixels", path, width, height));
+  Camera camera;
+  camera.width = int(width);
+  camera.height = int(height);
+  if (model == "PINHOLE") {
+    camera.fx = p[0], camera.fy = p[1], camera.cx = p[2], camera.cy = p[3];
+  } else {
+    camera.fx = camera.fy = p[0], camera.cx = p[1], camera.cy = p[2];
+  }
+  return camera;
+}
+
+// Number of parameters. Error for a model with distortion.
+size_t parameter_count(const std::string& model, const std::string& path) {
+  if (model == "PINHOLE") return 4;
+  if (model == "SIMPLE_PINHOLE") return 3;
+  throw Error(fmt::format(
+      "{} has a camera of model {}, known are SIMPLE_PINHOLE and PINHOLE; undistort the pictures "
+      "with colmap image_undistorter",
+      path, model));
+}
+
+using Cameras = std::map<uint32_t, Camera>;
+
+Cameras cameras_bin(const std::string& path) {
+  BinaryFile file(path);
+  Cameras cameras;
+  for (uint64_t n = file.next_count(24); n > 0; --n) {
+    const auto id = file.next<uint32_t>();
+    const auto model_id = file.next<int32_t>();
+    const bool named = model_id >= 0 && size_t(model_id) < std::size(model_names);
+    const std::string model = named ? model_names[model_id] : fmt::format("number {}", model_id);
+    const auto width = file.next<uint64_t>(), height = file.next<uint64_t>();
+    std::vector<double> parameters(parameter_count(model, path));
+    for (double& value : parameters) value = file.next<double>();
+    cameras[id] = make_camera(model, int64_t(width), int64_t(height), parameters, path);
+  }
+  return cameras;
+}
+
+Cameras cameras_txt(const std::string& path) {
+  Cameras cameras;
+  for (const std::string& line : text_lines(path)) {
+    if (line.empty()) continue;
+    std::istringstream words(line);
+    uint32_t id;
+    std::string model;
+    int64_t width, height;
+    if (!(words >> id >> model >> width >> height)) bad_line(path, line);
+    std::vector<double> parameters(parameter_count(model, path));
+    for (double& value : parameters)
+      if (!(words >> value)) bad_line(path, line);
+    cameras[id] = make_camera(model, width, height, parameters, path);
+  }
+  return cameras;
+}
+
+ColmapImage make_image(const std::string& name, const double q[4], const double t[3],
+                       uint32_t camera_id, const Cameras& cameras, const std::string& path) {
+  const auto found = cameras.find(camera_id);
+  if (found == cameras.end())
+    throw Error(fmt::format("{} gives picture {} the camera {}, which is not in the model", path,
+                            name, camera_id));
+  const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  if (!(length > 1e-6) || !std::isfinite(length + t[0] + t[1] + t[2]))
+    throw Error(fmt::format("the pose of picture {} in {} is not finite", name, path));
+  ColmapImage image{name, found->second};
+  image.camera.name = name;
+  image.camera.viewmat.topLeftCorner<3, 3>() =
+      Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix();
+  image.camera.viewmat.topRightCorner<3, 1>() = Eigen::Vector3d(t[0], t[1], t[2]);
+  return image;
+}
+
+std::vector<ColmapImage> images_bin(const std::string& path, const Cameras& cameras) {
+  BinaryFile file(path);
+  std::vector<ColmapImage> images;
+  for (uint64_t n = file.next_count(64); n > 0; --n) {
+    file.next<uint32_t>();  // image id
+    double q[4], t[3];
+    for (double& value : q) value = file.next<double>();
+    for (double& value : t) value = file.next<double>();
+    const auto camera_id = file.next<uint32_t>();
+    const std::string name = file.next_name();
+    file.skip(file.next_count(24), 24);  // x, y, point id
+    images.push_back(make_image(name, q, t, camera_id, cameras, path));
+  }
+  return images;
+}
+
+std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& cameras) {
+  std::vector<ColmapImage> images;
+  const std::vector<std::string> lines = text_lines(path);
+  for (size_t i = 0; i < lines.size(); i += 2) {  // every second line holds observations
+    if (lines[i].empty()) break;
+    std::istringstream words(lines[i]);
+    uint32_t id, camera_id;
+    double q[4], t[3];
+    std::string name;
+    words >> id;
+    for (double& value : q) words >> value;
+    for (double& value : t) words >> value;
+    if (!(words >> camera_id >> std::ws) || !std::getline(words, name)) bad_line(path, lines[i]);
+    images.push_back(make_image(name, q, t, camera_id, cameras, path));
+  }
+  return images;
+}
+
+void append_point(PointCloud& points, const double xyz[3], const int rgb[3],
+                  const std::string& path) {
+  for (int i = 0; i < 3; ++i) {
+    if (!std::isfinite(xyz[i]))
+      throw Error(fmt::format("point {} of {} is not finite", points.size(), path));
+    points.xyz.push_back(float(xyz[i]));
+    points.rgb.push_back(uint8_t(std::clamp(rgb[i], 0, 255)));
+  }
+}
+
+PointCloud points_bin(const std::string& path) {
+  BinaryFile file(path);
+  PointCloud points;
+  for (uint64_t n = file.next_count(43 + 8); n > 0; --n) {
+    file.next<uint64_t>();  // point id
+    double xyz[3];
+    int rgb[3];
+    for (double& value : xyz) value = file.next<double>();
+    for (int& value : rgb) value = file.next<uint8_t>();
+    file.next<double>();               // reprojection error
+    file.skip(file.next_count(8), 8);  // track: image id, index there
+    append_point(points, xyz, rgb, path);
+  }
+  return points;
+}
+
+PointCloud points_txt(const std::string& path) {
+  PointCloud points;
+  for (const std::string& line : text_lines(path)) {
+    if (line.empty()) continue;
+    std::istringstream words(line);
+    uint64_t id;
+    double xyz[3];
+    int rgb[3];
+    words >> id >> xyz[0] >> xyz[1] >> xyz[2] >> rgb[0] >> rgb[1] >> rgb[2];
+    if (!words) bad_line(path, line);
+    append_point(points, xyz, rgb, path);
+  }
+  return points;
+}
+
+// NAME.bin or NAME.txt in folder. Error when neither is there.
+std::string model_file(const std::string& folder, const std::string& name) {
+  const std::string path = first_existing(folder, {name + ".bin", name + ".txt"});
+  if (path.empty())
+    throw Error(fmt::format("COLMAP model {} has neither {}.bin nor {}.txt", folder, name, name));
+  return path;
+}
+
+bool is_binary(const std::string& path) { return fs::path(path).extension() == ".bin"; }
+
+}  // namespace
+
+bool has_colmap_points(const std::string& folder) {
+  return !first_existing(folder, {"points3D.bin", "points3D.txt"}).empty();
+}
+
+PointCloud read_colmap_points(const std::string& folder) {
+  const std::string path = model_file(folder, "points3D");
+  return is_binary(path) ? points_bin(path) : points_txt(path);
+}
+
+ColmapModel read_colmap_model(const std::string& folder) {
+  const std::string cameras_path = model_file(folder, "cameras");
+  const std::string images_path = model_file(folder, "images");
+  const Cameras cameras =
+      is_binary(cameras_path) ? cameras_bin(cameras_path) : cameras_txt(cameras_path);
+  ColmapModel model;
+  model.images =
+      is_binary(images_path) ? images_bin(images_path, cameras) : images_txt(images_path, cameras);
+  std::sort(model.images.begin(), model.images.end(),
+            [](const auto& a, const auto& b) { return natural_less(a.name, b.name); });
+  model.points = read_colmap_points(folder);
+  return model;
+}
+
+}  // namespace gflow

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures through OpenCV, whose channel order is blue first: it is swapped here and nowhere else.
+#include "optim/data/image.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "optim/data/image_header.hpp"
+#include "optim/io/atomic_file.hpp"
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+// A header over the picture's memory; OpenCV does not write to what is an input.
+cv::Mat as_mat(const Image& image) {
+  return cv::Mat(image.height, image.width, CV_8UC(image.channels),
+                 const_cast<uint8_t*>(image.pixels.data()));
+}
+
+Image from_mat(const cv::Mat& mat) {
+  Image image{mat.cols, mat.rows, mat.channels(), {}};
+  const cv::Mat packed = mat.isContinuous() ? mat : mat.clone();
+  image.pixels.assign(packed.data, packed.data + packed.total() * packed.elemSize());
+  return image;
+}
+
+void check_pixels(const Image& image, const std::string& doing) {
+  const size_t n = size_t(image.width) * size_t(image.height) * size_t(image.channels);
+  const bool channels = image.channels == 1 || image.channels == 3 || image.channels == 4;
+  if (image.width < 1 || image.height < 1 || !channels || image.pixels.size() != n)
+    throw Error(fmt::format("cannot {}: {}x{} pixels of {} channels are not {} bytes", doing,
+                            image.width, image.height, image.channels, image.pixels.size()));
+}
+
+// The decoded file as OpenCV gives it: 8 or 16 bits, 1, 3 or 4 channels, blue first.
+cv::Mat decode(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  check_image_bytes(bytes, path);
+  cv::Mat mat;
+  try {
+    mat = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception& cause) {
+    throw Error(fmt::format("cannot read picture {}: {}", path, cause.err));
+  }
+  if (mat.empty()) throw Error(fmt::format("cannot read picture {}: it is damaged", path));
+  return mat;
+}
+
+cv::Mat to_8_bit(const cv::Mat& mat, const std::string& path) {
+  if (mat.depth() == CV_8U) return mat;
+  if (mat.depth() != CV_16U)
+    throw Error(fmt::format("cannot read picture {}: expected are 8 or 16 bits a channel", path));
+  cv::Mat result;
+  mat.convertTo(result, CV_8U, 1 / 257.);  // 65535 -> 255, rounded
+  return result;
+}
+
+void write_mat(const std::string& path, const cv::Mat& mat) {
+  std::vector<uint8_t> bytes;
+  bool ok = false;
+  try {
+    ok = cv::imencode(".png", mat, bytes);
+  } catch (const cv::Exception& cause) {
+    throw Error(fmt::format("cannot encode {}: {}", path, cause.err));
+  }
+  if (!ok) throw Error(fmt::format("cannot encode {}: OpenCV has no PNG writer", path));
+  write_file_atomically(path, bytes);
+}
+
+// Opens the first encoder that works; avc1 (H.264) plays everywhere, mp4v is always built in.
+bool open_writer(cv::VideoWriter& writer, const std::string& path, double fps, cv::Size size) {
+  for (const char* code : {"avc1", "mp4v"}) {
+    const int fourcc = cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]);
+    try {
+      if (writer.open(path, cv::CAP_FFMPEG, fourcc, fps, size)) return true;
+    } catch (const cv::Exception&) {
+      // An encoder that fails to open is one that is not there.
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+Image read_image(const std::string& path) {
+  cv::Mat mat = to_8_bit(decode(path), path);
+  if (mat.channels() == 1)
+    cv::cvtColor(mat, mat, cv::COLOR_GRAY2RGB);
+  else
+    cv::cvtColor(mat, mat, mat.channels() == 4 ? cv::COLOR_BGRA2RGBA : cv::COLOR_BGR2RGB);
+  return from_mat(mat);
+}
+
+Image read_grey(const std::string& path) {
+  cv::Mat mat = to_8_bit(decode(path), path);
+  if (mat.channels() > 1)
+    cv::cvtColor(mat, mat, mat.channels() == 4 ? cv::COLOR_BGRA2GRAY : cv::COLOR_BGR2GRAY);
+  return from_mat(mat);
+}
+
+Image over_background(Image image, std::array<uint8_t, 3> background) {
+  if (image.channels != 4) return image;
+  Image rgb{image.width, image.height, 3, {}};
+  const size_t n = image.pixels.size() / 4;
+  rgb.pixels.resize(3 * n);
+  for (size_t i = 0; i < n; ++i) {
+    const int alpha = image.pixels[4 * i + 3];
+    for (size_t c = 0; c < 3; ++c)
+      rgb.pixels[3 * i + c] =
+          uint8_t((image.pixels[4 * i + c] * alpha + background[c] * (255 - alpha) + 127) / 255);
+  }
+  return rgb;
+}
+
+Image resized(const Image& image, int width, int height) {
+  check_pixels(image, "resize a picture");
+  if (width == image.width && height == image.height) return image;
+  const bool shrinks = width <= image.width && height <= image.height;
+  const int filter = shrinks ? cv::INTER_AREA : cv::INTER_LINEAR;
+  const cv::Size size(width, height);
+  cv::Mat result;
+  if (image.channels != 4) {
+    cv::resize(as_mat(image), result, size, 0, 0, filter);
+    return from_mat(result);
+  }
+  cv::Mat mat;
+  as_mat(image).convertTo(mat, CV_32F);
+  mat.forEach<cv::Vec4f>([](cv::Vec4f& p, const int*) {
+    for (int c = 0; c < 3; ++c) p[c] *= p[3];
+  });
+  cv::resize(mat, result, size, 0, 0, filter);
+  result.forEach<cv::Vec4f>([](cv::Vec4f& p, const int*) {
+    for (int c = 0; c < 3; ++c) p[c] = p[3] > 0 ? p[c] / p[3] : 0;
+  });
+  result.convertTo(result, CV_8U);
+  return from_mat(result);
+}
+
+void write_png(const std::string& path, const Image& image) {
+  check_pixels(image, "write " + path);
+  cv::Mat mat = as_mat(image);
+  cv::Mat swapped = mat;
+  if (image.channels > 1)
+    cv::cvtColor(mat, swapped, image.channels == 4 ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
+  write_mat(path, swapped);
+}
+
+void write_png16(const std::string& path, int width, int height,
+                 const std::vector<uint16_t>& values) {
+  if (width < 1 || height < 1 || values.size() != size_t(width) * size_t(height))
+    throw Error(fmt::format("cannot write {}: {}x{} pixels are not {} values", path, width, height,
+                            values.size()));
+  write_mat(path, cv::Mat(height, width, CV_16UC1, const_cast<uint16_t*>(values.data())));
+}
+
+void write_mp4(const std::string& path, const std::vector<Image>& frames, double fps) {
+  if (frames.empty()) throw Error(fmt::format("cannot write video {}: there are no frames", path));
+  if (!(fps > 0)) throw Error(fmt::format("cannot write video {}: {} frames a second", path, fps));
+  for (const Image& frame : frames) {
+    check_pixels(frame, "write video " + path);
+    if (frame.channels != 3 || frame.width != frames[0].width || frame.height != frames[0].height)
+      throw Error(fmt::format("cannot write video {}: its frames must be RGB of one size", path));
+  }
+  const int right = frames[0].width % 2, below = frames[0].height % 2;
+  const cv::Size size(frames[0].width + right, frames[0].height + below);
+  replace_file(path, [&](const std::string& temporary) {
+    cv::VideoWriter writer;
+    if (!open_writer(writer, temporary, fps, size))
+      throw Error(fmt::format(
+          "cannot write video {}: this OpenCV has no MP4 encoder (needs FFmpeg)", path));
+    cv::Mat bgr;
+    for (const Image& frame : frames) {
+      cv::cvtColor(as_mat(frame), bgr, cv::COLOR_RGB2BGR);
+      cv::copyMakeBorder(bgr, bgr, 0, below, 0, right, cv::BORDER_REPLICATE);
+      writer.write(bgr);
+    }
+    writer.release();
+    std::error_code failed;
+    if (std::filesystem::file_size(temporary, failed) == 0 || failed)
+      throw Error(fmt::format("cannot write video {}: nothing was written (disk full?)", path));
+  });
+}
+
+FlowField read_kitti_flow(const std::string& path) {
+  const cv::Mat mat = decode(path);
+  if (mat.type() != CV_16UC3)
+    throw Error(fmt::format("cannot read flow {}: KITTI flow is a 16-bit RGB PNG", path));
+  FlowField flow = zero_flow(mat.cols, mat.rows);
+  for (int y = 0, i = 0; y < mat.rows; ++y)
+    for (int x = 0; x < mat.cols; ++x, ++i) {
+      const auto bgr = mat.at<cv::Vec3w>(y, x);
+      flow.valid[size_t(i)] = bgr[0] > 0;
+      if (!bgr[0]) continue;
+      flow.uv[2 * size_t(i)] = (float(bgr[2]) - 32768.f) / 64.f;
+      flow.uv[2 * size_t(i) + 1] = (float(bgr[1]) - 32768.f) / 64.f;
+    }
+  return flow;
+}
+
+}  // namespace gflow

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// PNG: chunks of (length, type, data, checksum) up to IEND. JPEG: segments of (marker, length,
+// data); the entropy-coded part after SOS holds no end marker FF D9 but the real one.
+#include "optim/data/image_header.hpp"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr int largest_side = 16384;
+constexpr char png_signature[] = "\x89PNG\r\n\x1a\n";
+
+// Bytes at a position, from a file or from memory; false when there are fewer.
+class Source {
+ public:
+  virtual ~Source() = default;
+  virtual bool read(size_t position, uint8_t* to, size_t n) = 0;
+};
+
+class FileSource : public Source {
+ public:
+  explicit FileSource(const std::string& path) : file_(path, std::ios::binary) {
+    if (!file_) throw Error(fmt::format("cannot read picture {}: {}", path, std::strerror(errno)));
+  }
+  bool read(size_t position, uint8_t* to, size_t n) override {
+    file_.clear();
+    file_.seekg(std::streamoff(position));
+    return bool(file_.read(reinterpret_cast<char*>(to), std::streamsize(n)));
+  }
+
+ private:
+  std::ifstream file_;
+};
+
+class MemorySource : public Source {
+ public:
+  explicit MemorySource(const Bytes& bytes) : bytes_(bytes) {}
+  bool read(size_t position, uint8_t* to, size_t n) override {
+    if (position > bytes_.size() || bytes_.size() - position < n) return false;
+    std::memcpy(to, bytes_.data() + position, n);
+    return true;
+  }
+
+ private:
+  const Bytes& bytes_;
+};
+
+[[noreturn]] void refuse(const std::string& path, const std::string& why) {
+  throw Error(fmt::format("cannot read picture {}: {}", path, why));
+}
+
+uint32_t big_endian(const uint8_t* b, int n) {
+  uint32_t value = 0;
+  for (int i = 0; i < n; ++i) value = value << 8 | b[i];
+  return value;
+}
+
+struct Parsed {
+  ImageHeader header;
+  size_t data = 0;  // position of the first compressed byte
+  bool is_png = false;
+};
+
+// Chunks from IHDR up to the first IDAT.
+Parsed parse_png(Source& source, const std::string& path) {
+  Parsed parsed;
+  parsed.is_png = true;
+  size_t at = 8;
+  uint8_t chunk[8], ihdr[13] = {};
+  while (source.read(at, chunk, 8)) {
+    const bool is_ihdr = std::memcmp(chunk + 4, "IHDR", 4) == 0;
+    if (at == 8 && (!is_ihdr || !source.read(at + 8, ihdr, 13))) break;
+    if (is_ihdr) {
+      parsed.header.width = int(std::min(big_endian(ihdr, 4), 1u << 30));
+      parsed.header.height = int(std::min(big_endian(ihdr + 4, 4), 1u << 30));
+      parsed.header.has_alpha = ihdr[9] == 4 || ihdr[9] == 6;
+    }
+    if (std::memcmp(chunk + 4, "tRNS", 4) == 0 && ihdr[9] == 3) parsed.header.has_alpha = true;
+    if (std::memcmp(chunk + 4, "IDAT", 4) == 0) {
+      parsed.data = at;
+      return parsed;
+    }
+    at += 12 + size_t(big_endian(chunk, 4));
+  }
+  refuse(path, "its PNG header is truncated or damaged");
+}
+
+// Segments up to SOS.
+Parsed parse_jpeg(Source& source, const std::string& path) {
+  Parsed parsed;
+  size_t at = 2;
+  uint8_t segment[9];
+  while (source.read(at, segment, 4) && segment[0] == 0xff) {
+    const int marker = segment[1];
+    if (marker == 0xff) {  // fill byte
+      ++at;
+      continue;
+    }
+    // SOF0..SOF15 but for DHT, JPG and DAC, which share the range.
+    const bool frame =
+        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    if (frame && source.read(at, segment, 9)) {
+      parsed.header.height = int(big_endian(segment + 5, 2));
+      parsed.header.width = int(big_endian(segment + 7, 2));
+    }
+    const size_t next = at + 2 + big_endian(segment + 2, 2);
+    if (marker == 0xda && parsed.header.width) {
+      parsed.data = next;
+      return parsed;
+    }
+    at = next;
+  }
+  refuse(path, "its JPEG header is truncated or damaged");
+}
+
+Parsed parse(Source& source, const std::string& path) {
+  uint8_t start[8] = {};
+  source.read(0, start, 8);
+  Parsed parsed;
+  if (std::memcmp(start, png_signature, 8) == 0)
+    parsed = parse_png(source, path);
+  else if (start[0] == 0xff && start[1] == 0xd8)
+    parsed = parse_jpeg(source, path);
+  else
+    refuse(path, "it is neither PNG nor JPEG");
+  const ImageHeader& h = parsed.header;
+  if (h.width < 1 || h.height < 1 || h.width > largest_side || h.height > largest_side)
+    refuse(path, fmt::format("it says it is {}x{}, possible are 1 to {}", h.width, h.height,
+                             largest_side));
+  return parsed;
+}
+
+bool png_has_end(const Bytes& bytes, size_t at) {
+  while (at <= bytes.size() && bytes.size() - at >= 12) {
+    if (std::memcmp(bytes.data() + at + 4, "IEND", 4) == 0) return true;
+    at += 12 + size_t(big_endian(bytes.data() + at, 4));
+  }
+  return false;
+}
+
+bool jpeg_has_end(const Bytes& bytes, size_t at) {
+  for (; at + 1 < bytes.size(); ++at)
+    if (bytes[at] == 0xff && bytes[at + 1] == 0xd9) return true;
+  return false;
+}
+
+}  // namespace
+
+ImageHeader read_image_header(const std::string& path) {
+  FileSource source(path);
+  return parse(source, path).header;
+}
+
+ImageHeader check_image_bytes(const Bytes& bytes, const std::string& path) {
+  MemorySource source(bytes);
+  const Parsed parsed = parse(source, path);
+  const bool ended =
+      parsed.is_png ? png_has_end(bytes, parsed.data) : jpeg_has_end(bytes, parsed.data);
+  if (!ended) refuse(path, "it is truncated");
+  return parsed.header;
+}
+
+}  // namespace gflow

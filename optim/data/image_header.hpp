@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the first bytes of a PNG or JPEG say, without decoding: a scene of thousands of pictures is
+// checked in this way.
+#pragma once
+#include <string>
+
+#include "optim/io/atomic_file.hpp"
+
+namespace gflow {
+
+struct ImageHeader {
+  int width = 0, height = 0;  // [px], 1 to 16384
+  bool has_alpha = false;     // PNG with alpha channel or transparent palette entries
+};
+
+// Error when the file is missing, is neither PNG nor JPEG, or states a size outside of 1..16384.
+ImageHeader read_image_header(const std::string& path);
+
+// The same from the bytes of the whole file; Error also when the file ends too early, which
+// decoders tend to pass over in silence.
+ImageHeader check_image_bytes(const Bytes& bytes, const std::string& path);
+
+}  // namespace gflow

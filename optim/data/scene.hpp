@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene as training sees it: cameras, frames with times, initial points. read_scene recognises
+// the folder's layout; nothing here opens a picture except to learn its size.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "optim/data/camera.hpp"
+#include "optim/io/ply.hpp"
+
+namespace gflow {
+
+// One picture of one camera at one time.
+struct Frame {
+  int camera = 0;         // index into Scene::cameras
+  int step = 0;           // number of the time step, from 0
+  double time = 0;        // [0, 1]
+  std::string path;       // picture, or video when video_frame >= 0
+  int video_frame = -1;   // which frame of the video
+  std::string flow_path;  // true flow to the next step at this camera, or empty
+  double flow_time = 0;   // [0, 1] time the true flow leads to
+  // Mask of the true flow: 255 seen at both times, 128 hidden at the next, 0 nothing; or empty.
+  std::string flow_mask_path;
+  std::string depth_path;  // true depth along +z, .npy, or empty
+  std::string name;        // unique in the scene, e.g. cam03_0007; usable as a file name
+};
+
+// Everything a scene folder says. Frames of train, test and val are sorted by camera, then step.
+struct Scene {
+  std::string name;    // the folder's name
+  std::string layout;  // blender, n3v, consistent4d or colmap
+  std::string folder;
+  std::vector<Camera> cameras;
+  std::vector<Frame> train, test, val;
+  PointCloud points;       // initial points, empty when the scene has none
+  double extent = 0;       // > 0, world: radius of the training cameras about their mean position,
+                           // or, where they are one camera, its distance from the scene
+  int steps = 0;           // number of distinct training times; steps of others are the nearest
+  double fps = 0;          // frames per second, > 0; 24 where the scene does not tell
+  bool has_alpha = false;  // pictures carry straight alpha
+};
+
+// What a user may say about a scene. Values that do not concern the layout found are ignored.
+struct SceneOptions {
+  std::string images;    // n3v/colmap: picture folder, e.g. images_4; empty: see read_n3v
+  int holdout = 0;       // n3v: index of the camera kept for testing; -1 keeps none
+  int test_every = 8;    // colmap: every n-th picture is a test picture; 0 none
+  double elevation = 0;  // consistent4d: of the input camera [deg]
+  double radius = 2.0;   // consistent4d: its distance from the origin
+  double fov_y = 49.1;   // consistent4d: vertical field of view [deg]
+  int max_steps = 0;     // > 0: only the first so many time steps (times stay as stored)
+};
+
+// Reads the scene in folder `path`. Error when no layout fits (it says what was looked for), and
+// when a file is missing, truncated or contradicts another.
+Scene read_scene(const std::string& path, const SceneOptions& options = {});
+
+// Two neighbouring frames of one physical camera.
+struct FlowPair {
+  int frame = 0;  // index into Scene::train
+  int next = -1;  // index into Scene::train; -1 when only Frame::flow_path gives the flow
+};
+
+// All pairs (frame, following frame) where both were taken by cameras of equal pose and
+// intrinsics, neighbours in time; and pairs with next = -1 for frames whose camera has no later
+// frame but which come with a true flow. In the order of Scene::train.
+std::vector<FlowPair> neighbour_pairs(const Scene& scene);
+
+}  // namespace gflow

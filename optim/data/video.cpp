@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// Video files through OpenCV.
+#include "optim/data/video.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr int largest_side = 16384;
+
+cv::VideoCapture open_video(const std::string& path) {
+  if (!std::filesystem::is_regular_file(path))
+    throw Error(fmt::format("cannot read video {}: there is no such file", path));
+  cv::VideoCapture capture;
+  bool ok = false;
+  try {
+    ok = capture.open(path);
+  } catch (const cv::Exception&) {
+    // Reported below: a file that no decoder accepts.
+  }
+  if (!ok)
+    throw Error(
+        fmt::format("cannot read video {}: it is truncated or OpenCV cannot decode it", path));
+  return capture;
+}
+
+bool grab(cv::VideoCapture& capture) {
+  try {
+    return capture.grab();
+  } catch (const cv::Exception&) {
+    return false;  // damaged data: the same as the end
+  }
+}
+
+}  // namespace
+
+VideoInfo video_info(const std::string& path) {
+  cv::VideoCapture capture = open_video(path);
+  VideoInfo info;
+  info.width = int(capture.get(cv::CAP_PROP_FRAME_WIDTH));
+  info.height = int(capture.get(cv::CAP_PROP_FRAME_HEIGHT));
+  info.fps = capture.get(cv::CAP_PROP_FPS);
+  const double stated = capture.get(cv::CAP_PROP_FRAME_COUNT);
+  if (stated >= 1 && stated < 1e7)
+    info.frames = int(stated);
+  else
+    while (grab(capture)) ++info.frames;
+  const bool sized = info.width > 0 && info.height > 0 && info.width <= largest_side &&
+                     info.height <= largest_side;
+  if (!sized || info.frames == 0)
+    throw Error(fmt::format("cannot read video {}: it has {} frames of {}x{}", path, info.frames,
+                            info.width, info.height));
+  if (!(info.fps > 0) || info.fps > 1000) info.fps = 24;
+  return info;
+}
+
+struct Video::State {
+  std::string path;
+  cv::VideoCapture capture;
+  int next = 0;  // number of the frame that is grabbed next
+};
+
+Video::Video(const std::string& path) : state_(new State{path, open_video(path), 0}) {}
+Video::~Video() = default;
+Video::Video(Video&&) noexcept = default;
+Video& Video::operator=(Video&&) noexcept = default;
+
+Image Video::frame(int k) {
+  if (k < state_->next) {
+    state_->capture = open_video(state_->path);
+    state_->next = 0;
+  }
+  for (; state_->next <= k; ++state_->next)
+    if (!grab(state_->capture))
+      throw Error(fmt::format("video {} has no frame {}: it ends after {} frames", state_->path, k,
+                              state_->next));
+  cv::Mat bgr, rgb;
+  try {
+    state_->capture.retrieve(bgr);
+  } catch (const cv::Exception&) {
+    // Leaves bgr empty.
+  }
+  if (bgr.empty() || bgr.type() != CV_8UC3)
+    throw Error(fmt::format("cannot decode frame {} of video {}", k, state_->path));
+  cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
+  Image image{rgb.cols, rgb.rows, 3, {}};
+  image.pixels.assign(rgb.data, rgb.data + rgb.total() * 3);
+  return image;
+}
+
+std::vector<Image> read_video(const std::string& path, int limit) {
+  const VideoInfo info = video_info(path);
+  const int n = limit > 0 ? std::min(limit, info.frames) : info.frames;
+  Video video(path);
+  std::vector<Image> frames;
+  for (int k = 0; k < n; ++k) frames.push_back(video.frame(k));
+  return frames;
+}
+
+}  // namespace gflow

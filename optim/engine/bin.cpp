@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/engine/bin.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace gflow {
+namespace {
+
+// Chunks of the depth order that are counted and scattered side by side: enough to fill the
+// device, few enough that [chunks, tiles] counters stay small.
+cl_uint chunks_on(const Queue& queue, size_t n) {
+  const size_t wanted = queue.lanes > 1 ? 4 * queue.info.compute_units : 512;
+  return cl_uint(std::clamp<size_t>(n / 256, 1, wanted));
+}
+
+}  // namespace
+
+Bin::Bin(Queue& queue)
+    : bin_program_(queue, "bin.cl"),
+      mask_program_(queue, "cell_mask.cl", {{"LANES", queue.lanes}}),
+      tile_count_(bin_program_, "tile_count"),
+      tile_columns_(bin_program_, "tile_columns"),
+      tile_scatter_(bin_program_, "tile_scatter"),
+      cell_mask_(mask_program_, "cell_mask"),
+      scan_(queue),
+      sort_(queue) {}
+
+void Bin::build(Queue& queue, int width, int height, Splats& splats, Tiles& tiles) {
+  const cl_uint n = cl_uint(splats.count);
+  tiles.x = cl_uint(width + TILE - 1) / TILE;
+  tiles.y = cl_uint(height + TILE - 1) / TILE;
+  const cl_uint count = cl_uint(tiles.count());
+
+  scan_.exclusive(queue, splats.tiles_touched, tiles.slot_offsets, n);
+  sort_.sort(queue, splats.depth_keys, splats.depth_order, n);
+
+  const cl_uint chunks = chunks_on(queue, n);
+  const size_t local = queue.lanes > 1 ? 1 : 64;
+  histogram_.ensure(queue, size_t(chunks) * count);
+  totals_.ensure(queue, count);
+  tile_count_(queue, Range::over(chunks, local), n, chunks, tiles.x, count, splats.depth_order,
+              splats.tile_boxes, histogram_);
+  tile_columns_(queue, Range::over(count), chunks, count, histogram_, totals_);
+  scan_.exclusive(queue, totals_, tiles.tile_offsets, count);
+
+  const uint64_t total = scan_.total(queue);
+  if (total >= (uint64_t(1) << 31))
+    throw Error(fmt::format("binning {} splats into {} tiles gives {} intersections, more than 2^31:"
+                            " render a smaller picture or fewer, smaller Gaussians",
+                            n, count, total));
+  tiles.intersections = size_t(total);
+  tiles.isect_ids.ensure(queue, total);
+  tiles.isect_slots.ensure(queue, total);
+  tiles.masks.ensure(queue, total);
+  if (total == 0) return;
+  tile_scatter_(queue, Range::over(chunks, local), n, chunks, tiles.x, count, splats.depth_order,
+                splats.tile_boxes, tiles.slot_offsets, tiles.tile_offsets, histogram_,
+                tiles.isect_ids, tiles.isect_slots);
+  cell_mask_(queue, Range::groups(count, local), tiles.x, splats.records, tiles.tile_offsets,
+             tiles.isect_ids, tiles.masks);
+}
+
+}  // namespace gflow

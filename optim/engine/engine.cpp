@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/engine/engine.hpp"
+
+namespace gflow {
+
+struct Engine::Steps {
+  Steps(Queue& queue, const EngineSettings& settings, Channels channels)
+      : project(queue, settings, channels.flow), splatting(queue, settings, channels) {}
+  Project project;
+  Splatting splatting;
+};
+
+Engine::Engine(Queue& queue, const EngineSettings& settings) : settings_(settings), bin_(queue) {}
+Engine::~Engine() = default;
+
+Engine::Steps& Engine::steps_for(Queue& queue, Channels channels) {
+  auto& steps = steps_[int(channels.flow) + 2 * int(channels.depth)];
+  if (!steps) steps = std::make_unique<Steps>(queue, settings_, channels);
+  return *steps;
+}
+
+void Engine::forward(Queue& queue, const View& view, Channels channels,
+                     const std::array<float, 3>& background, const GaussiansAt& at_t1,
+                     const GaussiansAt& at_t2, const Buffer<float>& colors) {
+  Steps& steps = steps_for(queue, channels);
+  view_ = view;
+  channels_ = channels;
+  images_.width = view.camera.width;
+  images_.height = view.camera.height;
+  steps.project.forward(queue, view, at_t1, at_t2, colors, splats_);
+  bin_.build(queue, images_.width, images_.height, splats_, tiles_);
+  steps.splatting.forward(queue, background, splats_, tiles_, images_);
+}
+
+void Engine::backward(Queue& queue, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
+                      const ImageGradients& v, GaussianGradients& gradients) {
+  Steps& steps = steps_for(queue, channels_);
+  steps.splatting.backward(queue, splats_, tiles_, images_, v, partials_, moments_);
+  steps.project.backward(queue, view_, at_t1, at_t2, splats_, moments_, gradients);
+}
+
+}  // namespace gflow

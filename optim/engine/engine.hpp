@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// The engine: one differentiable function from Gaussians at two times to images, in four steps
+// (project, bin, splat; and backward). It knows nothing of parameters, losses or training.
+#pragma once
+#include <map>
+#include <memory>
+
+#include "optim/engine/splat.hpp"
+
+namespace gflow {
+
+class Engine {
+ public:
+  explicit Engine(Queue& queue, const EngineSettings& settings = {});
+  ~Engine();
+
+  // Draws what `view` sees. at_t2 is needed with channels.flow, else it may be at_t1 again.
+  // The result stays in images() until the next forward().
+  void forward(Queue& queue, const View& view, Channels channels,
+               const std::array<float, 3>& background, const GaussiansAt& at_t1,
+               const GaussiansAt& at_t2, const Buffer<float>& colors);
+
+  // Gradients of sum(images . v) for the last forward(), of which the inputs are given again.
+  void backward(Queue& queue, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
+                const ImageGradients& v, GaussianGradients& gradients);
+
+  const Images& images() const { return images_; }
+  const Splats& splats() const { return splats_; }
+  const Tiles& tiles() const { return tiles_; }
+
+ private:
+  struct Steps;  // the kernels of one choice of channels, compiled when first used
+  Steps& steps_for(Queue& queue, Channels channels);
+
+  EngineSettings settings_;
+  Bin bin_;
+  std::map<int, std::unique_ptr<Steps>> steps_;
+  View view_{};
+  Channels channels_;
+  Splats splats_;
+  Tiles tiles_;
+  Images images_;
+  Buffer<float> partials_{"partials"};  // [M, 16]
+  Buffer<float> moments_{"moments"};    // [N, 16]
+};
+
+}  // namespace gflow

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/engine/project.hpp"
+
+namespace gflow {
+
+Project::Project(Queue& queue, const EngineSettings& settings, bool flow)
+    : program_(queue, "project.cl",
+               {{"FLOW", int(flow)},
+                {"TRANSPORT", int(settings.transport)},
+                {"DETACH_T1", int(settings.detach_t1)}}),
+      project_fwd_(program_, "project_fwd"),
+      project_bwd_(program_, "project_bwd") {}
+
+void Project::forward(Queue& queue, const View& view, const GaussiansAt& at_t1,
+                      const GaussiansAt& at_t2, const Buffer<float>& colors, Splats& splats) {
+  const size_t n = at_t1.opacities.size();
+  splats.count = n;
+  splats.records.ensure(queue, SPLAT_FLOATS * n);
+  splats.tile_boxes.ensure(queue, 4 * n);
+  splats.tiles_touched.ensure(queue, n);
+  splats.depth_keys.ensure(queue, n);
+  splats.depth_order.ensure(queue, n);
+  project_fwd_(queue, Range::over(n), cl_uint(n), view.camera, view.camera_t2, at_t1.means,
+               at_t1.factors, at_t1.opacities, colors, at_t2.means, at_t2.factors, splats.records,
+               splats.tile_boxes, splats.tiles_touched, splats.depth_keys, splats.depth_order);
+}
+
+void Project::backward(Queue& queue, const View& view, const GaussiansAt& at_t1,
+                       const GaussiansAt& at_t2, const Splats& splats,
+                       const Buffer<float>& moments, GaussianGradients& gradients) {
+  const size_t n = splats.count;
+  gradients.ensure(queue, n);
+  project_bwd_(queue, Range::over(n), cl_uint(n), view.camera, view.camera_t2, at_t1.means,
+               at_t1.factors, at_t1.opacities, at_t2.means, at_t2.factors, splats.records,
+               splats.tiles_touched, moments, gradients.v_means, gradients.v_factors,
+               gradients.v_opacities, gradients.v_colors, gradients.v_means_t2,
+               gradients.v_factors_t2, gradients.v_means2d);
+}
+
+}  // namespace gflow

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gaussians to splats: projection at t1 and t2, whitening, transport; and back.
+#pragma once
+#include <memory>
+
+#include "optim/engine/gaussians.hpp"
+#include "optim/engine/settings.hpp"
+
+namespace gflow {
+
+// Splats and where they lie, an entry a Gaussian. tiles_touched = 0: not seen.
+struct Splats {
+  size_t count = 0;                                  // N
+  Buffer<float> records{"splats"};                   // [N, 16] shared/pixel.h
+  Buffer<cl_ushort> tile_boxes{"tile_boxes"};        // [N, 4] first x, first y, last x, last y
+  Buffer<cl_uint> tiles_touched{"tiles_touched"};    // [N]
+  Buffer<cl_uint> depth_keys{"depth_keys"};          // [N] sorted by binning
+  Buffer<cl_uint> depth_order{"depth_order"};        // [N] Gaussians, then sorted alike
+};
+
+// What is looked at: the camera at t1 and, for flow, at t2 (the same one when it stands still).
+struct View {
+  Camera camera, camera_t2;
+};
+
+class Project {
+ public:
+  Project(Queue& queue, const EngineSettings& settings, bool flow);
+  // at_t2 is read only with flow; without, at_t1 may be passed again.
+  void forward(Queue& queue, const View& view, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
+               const Buffer<float>& colors, Splats& splats);
+  // moments [N, 16] are what Splatting::backward collected.
+  void backward(Queue& queue, const View& view, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
+                const Splats& splats, const Buffer<float>& moments, GaussianGradients& gradients);
+
+ private:
+  Program program_;
+  Kernel<cl_uint, Camera, Camera, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
+         Out<float>, Out<cl_ushort>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
+      project_fwd_;
+  Kernel<cl_uint, Camera, Camera, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
+         In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
+         Out<float>, Out<float>>
+      project_bwd_;
+};
+
+}  // namespace gflow

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// What one may choose about the image and its flow, with the names users write.
+#pragma once
+#include <string>
+
+#include "runtime/error.hpp"
+#include "shared/transport.h"
+
+namespace gflow {
+
+// How a splat carries pixels from t1 to t2 (shared/transport.h); the values are the kernels'.
+enum class Transport {
+  paper = TRANSPORT_PAPER,
+  ot = TRANSPORT_OT,
+  material = TRANSPORT_MATERIAL,
+  translate = TRANSPORT_TRANSLATE,
+};
+// Whether the splat that saturates a pixel is still drawn.
+enum class StopRule { include, exclude };
+
+struct EngineSettings {
+  Transport transport = Transport::material;
+  StopRule stop = StopRule::include;
+  int top_k = 0;           // contributors a pixel's flow is made of; 0 = all, the paper has 20
+  bool detach_t1 = false;  // no flow gradient to the geometry at t1
+};
+
+// Which images are wanted beside colour and alpha; what is not wanted costs nothing.
+struct Channels {
+  bool flow = true;
+  bool depth = true;
+};
+
+// Names as on the command line; Error that lists the choices.
+inline Transport transport_named(const std::string& name) {
+  if (name == "paper") return Transport::paper;
+  if (name == "ot") return Transport::ot;
+  if (name == "material") return Transport::material;
+  if (name == "translate") return Transport::translate;
+  throw Error("there is no transport '" + name + "': choose paper, ot, material or translate");
+}
+inline StopRule stop_rule_named(const std::string& name) {
+  if (name == "include") return StopRule::include;
+  if (name == "exclude") return StopRule::exclude;
+  throw Error("there is no stop rule '" + name + "': choose include or exclude");
+}
+
+}  // namespace gflow

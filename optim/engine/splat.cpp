@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/engine/splat.hpp"
+
+namespace gflow {
+namespace {
+
+Defines defines(const Queue& queue, const EngineSettings& settings, Channels channels) {
+  return {{"LANES", queue.lanes},
+          {"FLOW", int(channels.flow)},
+          {"DEPTH", int(channels.depth)},
+          {"TOP_K", channels.flow ? settings.top_k : 0},
+          {"EXCLUDE", int(settings.stop == StopRule::exclude)}};
+}
+
+// One group a tile: a single work-item where it holds LANES pixels, one a pixel otherwise.
+Range tile_groups(const Tiles& tiles, int lanes) {
+  return Range::groups(tiles.count(), lanes > 1 ? 1 : TILE * TILE);
+}
+
+}  // namespace
+
+Splatting::Splatting(Queue& queue, const EngineSettings& settings, Channels channels)
+    : lanes_(queue.lanes),
+      settings_(settings),
+      channels_(channels),
+      fwd_program_(queue, "splat.cl", defines(queue, settings, channels)),
+      bwd_program_(queue, "splat_bwd.cl", defines(queue, settings, channels)),
+      splat_fwd_(fwd_program_, "splat_fwd"),
+      splat_bwd_(bwd_program_, "splat_bwd"),
+      gather_(bwd_program_, "gather") {}
+
+void Splatting::forward(Queue& queue, const std::array<float, 3>& background, const Splats& splats,
+                        const Tiles& tiles, Images& images) {
+  const size_t pixels = size_t(images.width) * images.height;
+  images.rgb.ensure(queue, 3 * pixels);
+  images.alpha.ensure(queue, pixels);
+  images.depth.ensure(queue, channels_.depth ? pixels : 0);
+  images.flow.ensure(queue, channels_.flow ? 2 * pixels : 0);
+  images.transmittance.ensure(queue, pixels);
+  images.flow_weight.ensure(queue, channels_.flow && settings_.top_k ? pixels : 0);
+  splat_fwd_(queue, tile_groups(tiles, lanes_), images.width, images.height, background[0],
+             background[1], background[2], splats.records, tiles.tile_offsets, tiles.isect_ids,
+             tiles.masks, images.rgb, images.alpha, images.depth, images.flow, images.flow_weight,
+             images.transmittance);
+}
+
+void Splatting::backward(Queue& queue, const Splats& splats, const Tiles& tiles,
+                         const Images& images, const ImageGradients& v, Buffer<float>& partials,
+                         Buffer<float>& moments) {
+  partials.ensure(queue, MOMENTS * tiles.intersections);
+  moments.ensure(queue, MOMENTS * splats.count);
+  splat_bwd_(queue, tile_groups(tiles, lanes_), images.width, images.height, splats.records,
+             tiles.tile_offsets, tiles.isect_ids, tiles.isect_slots, tiles.masks, images.rgb,
+             images.alpha, images.depth, images.flow, images.flow_weight, images.transmittance, v.v_rgb, v.v_alpha,
+             v.v_depth, v.v_flow, partials);
+  gather_(queue, Range::over(splats.count), cl_uint(splats.count), tiles.slot_offsets, partials,
+          moments);
+}
+
+}  // namespace gflow

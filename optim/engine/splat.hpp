@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tiles of splats to images, and image gradients to 16 moments a Gaussian.
+#pragma once
+#include <array>
+
+#include "optim/engine/bin.hpp"
+
+namespace gflow {
+
+class Splatting {
+ public:
+  Splatting(Queue& queue, const EngineSettings& settings, Channels channels);
+  // images.width and height are set by the caller.
+  void forward(Queue& queue, const std::array<float, 3>& background, const Splats& splats,
+               const Tiles& tiles, Images& images);
+  // moments [N, 16]; undefined for Gaussians that were not seen. All of v is read that the
+  // channels have, v_alpha always.
+  void backward(Queue& queue, const Splats& splats, const Tiles& tiles, const Images& images,
+                const ImageGradients& v, Buffer<float>& partials, Buffer<float>& moments);
+
+ private:
+  int lanes_;
+  EngineSettings settings_;
+  Channels channels_;
+  Program fwd_program_, bwd_program_;
+  Kernel<cl_int, cl_int, cl_float, cl_float, cl_float, In<float>, In<cl_uint>, In<cl_uint>,
+         In<cl_ushort>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>
+      splat_fwd_;
+  Kernel<cl_int, cl_int, In<float>, In<cl_uint>, In<cl_uint>, In<cl_uint>, In<cl_ushort>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
+         In<float>, In<float>, Out<float>>
+      splat_bwd_;
+  Kernel<cl_uint, In<cl_uint>, In<float>, Out<float>> gather_;
+};
+
+}  // namespace gflow

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/engine/splat_file.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "optim/engine/posed.hpp"
+
+namespace gflow {
+namespace {
+
+using Shape = std::vector<size_t>;
+
+// The named array as floats, with its shape checked.
+std::vector<float> floats(const Arrays& input, const std::string& key, const Shape& shape,
+                          const std::string& name) {
+  const Array& array = array_named(input, key, name);
+  if (array.shape != shape)
+    throw Error(fmt::format("reading {}: array '{}' has the shape {}, it should be {}", name, key,
+                            array.shape_text(), Array{shape, {}}.shape_text()));
+  return array.as_float();
+}
+
+std::vector<float> floats_or(const Arrays& input, const std::string& key, const Shape& shape,
+                             const std::string& name, const std::vector<float>& otherwise) {
+  return input.count(key) ? floats(input, key, shape, name) : otherwise;
+}
+
+Camera camera_of(const std::vector<float>& viewmat, const std::vector<float>& K, int width,
+                 int height, float near_plane) {
+  Camera camera{};
+  for (int row = 0; row < 3; ++row) {
+    for (int col = 0; col < 3; ++col) camera.rotation[3 * row + col] = viewmat[4 * row + col];
+    camera.translation[row] = viewmat[4 * row + 3];
+  }
+  camera.fx = K[0];
+  camera.fy = K[4];
+  camera.cx = K[2];
+  camera.cy = K[5];
+  camera.near_plane = near_plane;
+  camera.width = width;
+  camera.height = height;
+  return camera;
+}
+
+// [H, W, C] to planes [C, H, W] and back.
+std::vector<float> to_planes(const std::vector<float>& image, size_t channels) {
+  const size_t pixels = image.size() / channels;
+  std::vector<float> planes(image.size());
+  for (size_t i = 0; i < pixels; ++i)
+    for (size_t c = 0; c < channels; ++c) planes[c * pixels + i] = image[i * channels + c];
+  return planes;
+}
+std::vector<float> from_planes(const std::vector<float>& planes, size_t channels) {
+  const size_t pixels = planes.size() / channels;
+  std::vector<float> image(planes.size());
+  for (size_t i = 0; i < pixels; ++i)
+    for (size_t c = 0; c < channels; ++c) image[i * channels + c] = planes[c * pixels + i];
+  return image;
+}
+
+// One image of the output, its cotangent's key and number of channels.
+struct Loss {
+  std::string key;
+  size_t channels;
+  Buffer<float> ImageGradients::*gradient;
+};
+
+}  // namespace
+
+Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& options,
+                    const std::string& name) {
+  const Array& size = array_named(input, "size", name);
+  if (size.size() != 2)
+    throw Error("reading " + name + ": array 'size' should hold width and height, its shape is " +
+                size.shape_text());
+  const int width = size.as_int()[0], height = size.as_int()[1];
+  if (width < 1 || height < 1 || width > 65535 || height > 65535)
+    throw Error(fmt::format("reading {}: array 'size' says {} x {} pixels, each should be 1 to 65535",
+                            name, width, height));
+  const size_t w = size_t(width), h = size_t(height);
+  const Array& means = array_named(input, "means", name);
+  const size_t n = means.shape.empty() ? 0 : means.shape[0];
+  const bool moves = input.count("means_t2") > 0;
+
+  // Gaussians at both times
+  GaussiansAt t1, t2;
+  t1.ensure(queue, n);
+  t2.ensure(queue, n);
+  t1.means.write(queue, floats(input, "means", {n, 3}, name));
+  t1.opacities.write(queue, floats(input, "opacities", {n}, name));
+  const Buffer<float> quats(queue, floats(input, "quats", {n, 4}, name), "quats");
+  const Buffer<float> scales(queue, floats(input, "scales", {n, 3}, name), "scales");
+  const Buffer<float> colors(queue, floats(input, "colors", {n, 3}, name), "colors");
+  Posed posed(queue);
+  posed.forward(queue, quats, scales, t1.factors);
+  Buffer<float> quats2("quats_t2"), scales2("scales_t2");
+  if (moves) {
+    t2.means.write(queue, floats(input, "means_t2", {n, 3}, name));
+    quats2 = Buffer<float>(queue, floats(input, "quats_t2", {n, 4}, name), "quats_t2");
+    scales2 = Buffer<float>(queue, floats(input, "scales_t2", {n, 3}, name), "scales_t2");
+    posed.forward(queue, quats2, scales2, t2.factors);
+  }
+
+  // cameras
+  const auto viewmat = floats(input, "viewmat", {4, 4}, name);
+  const auto viewmat2 = floats_or(input, "viewmat_t2", {4, 4}, name, viewmat);
+  const auto K = floats(input, "K", {3, 3}, name);
+  const auto background = floats_or(input, "background", {3}, name, {0, 0, 0});
+  const View view{camera_of(viewmat, K, width, height, options.near_plane),
+                  camera_of(viewmat2, K, width, height, options.near_plane)};
+
+  Engine engine(queue, options.settings);
+  engine.forward(queue, view, {moves, true}, {background[0], background[1], background[2]}, t1,
+                 moves ? t2 : t1, colors);
+  const Images& images = engine.images();
+  Arrays output;
+  output["rgb"] = {{h, w, 3}, from_planes(images.rgb.read(queue), 3)};
+  output["alpha"] = {{h, w}, images.alpha.read(queue)};
+  output["depth"] = {{h, w}, images.depth.read(queue)};
+  if (moves) output["flow"] = {{h, w, 2}, from_planes(images.flow.read(queue), 2)};
+
+  // one backward pass a cotangent, the other images' gradients being zero
+  std::vector<Loss> losses{{"rgb", 3, &ImageGradients::v_rgb},
+                           {"alpha", 1, &ImageGradients::v_alpha},
+                           {"depth", 1, &ImageGradients::v_depth}};
+  if (moves) losses.push_back({"flow", 2, &ImageGradients::v_flow});
+  GaussianGradients g;
+  Buffer<float> v_quats("v_quats"), v_scales("v_scales");
+  for (const Loss& loss : losses) {
+    const std::string key = "v_" + loss.key;
+    if (!input.count(key)) continue;
+    ImageGradients v;
+    for (const Loss& other : losses) {
+      (v.*other.gradient).ensure(queue, other.channels * w * h);
+      (v.*other.gradient).fill(queue, 0.f);
+    }
+    const Shape shape = loss.channels > 1 ? Shape{h, w, loss.channels} : Shape{h, w};
+    (v.*loss.gradient).write(queue, to_planes(floats(input, key, shape, name), loss.channels));
+    engine.backward(queue, t1, moves ? t2 : t1, v, g);
+    const std::string prefix = "g_" + loss.key + "_";
+    posed.backward(queue, quats, scales, g.v_factors, v_quats, v_scales);
+    output[prefix + "means"] = {{n, 3}, g.v_means.read(queue)};
+    output[prefix + "quats"] = {{n, 4}, v_quats.read(queue)};
+    output[prefix + "scales"] = {{n, 3}, v_scales.read(queue)};
+    output[prefix + "opacities"] = {{n}, g.v_opacities.read(queue)};
+    output[prefix + "colors"] = {{n, 3}, g.v_colors.read(queue)};
+    if (loss.key != "flow") continue;
+    posed.backward(queue, quats2, scales2, g.v_factors_t2, v_quats, v_scales);
+    output[prefix + "means_t2"] = {{n, 3}, g.v_means_t2.read(queue)};
+    output[prefix + "quats_t2"] = {{n, 4}, v_quats.read(queue)};
+    output[prefix + "scales_t2"] = {{n, 3}, v_scales.read(queue)};
+  }
+  return output;
+}
+
+}  // namespace gflow

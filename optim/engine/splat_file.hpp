@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow splat`: the raw engine on arrays from a file, for scripts and for checks against other
+// implementations. Keys and layouts: README, "gflow splat".
+#pragma once
+#include "optim/engine/engine.hpp"
+#include "optim/io/npz.hpp"
+
+namespace gflow {
+
+struct SplatOptions {
+  EngineSettings settings;
+  float near_plane = 0.01f;  // [scene units]
+};
+
+// Input: means [N,3], quats [N,4] (w x y z, any length), scales [N,3] (linear), opacities [N],
+// colors [N,3], viewmat [4,4] (world to camera, +z forward), K [3,3], size (W, H), background [3];
+// for flow also means_t2, quats_t2, scales_t2 and viewmat_t2 (viewmat where absent).
+// Output: rgb [H,W,3], alpha [H,W], depth [H,W], flow [H,W,2], and for each cotangent v_rgb,
+// v_alpha, v_depth, v_flow present the gradients g_LOSS_means|quats|scales|opacities|colors, with
+// flow also g_flow_means_t2|quats_t2|scales_t2. Error names the array that is missing or has the
+// wrong shape; `name` is the file named in it.
+Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& options,
+                    const std::string& name);
+
+}  // namespace gflow

@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole files in and out, with POSIX calls because the standard streams neither tell errno
+// reliably nor reach the disk on demand.
+#include "optim/io/atomic_file.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+// A file descriptor that is closed when it goes out of scope.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+// Removes the temporary unless the rename made it the real file.
+class Temporary {
+ public:
+  explicit Temporary(std::string path) : path_(std::move(path)) {}
+  Temporary(const Temporary&) = delete;
+  Temporary& operator=(const Temporary&) = delete;
+  ~Temporary() {
+    if (!renamed_) ::unlink(path_.c_str());
+  }
+  const std::string& path() const { return path_; }
+  void rename_to(const std::string& path) {
+    if (::rename(path_.c_str(), path.c_str()) != 0)
+      throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+    renamed_ = true;
+  }
+
+ private:
+  std::string path_;
+  bool renamed_ = false;
+};
+
+// A name beside path that no other process or earlier call uses; the extension is kept because
+// libraries choose the format by it.
+std::string temporary_name(const std::string& path) {
+  const std::filesystem::path full(path);
+  for (unsigned n = 0;; ++n) {
+    const std::string name = fmt::format(".{}.{}-{}.part{}", full.stem().string(), ::getpid(), n,
+                                         full.extension().string());
+    const std::string candidate = (full.parent_path() / name).string();
+    struct stat info;
+    if (::lstat(candidate.c_str(), &info) == 0) continue;
+    const Descriptor claim(
+        ::open(candidate.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+    if (claim.get() >= 0) return candidate;
+    if (errno != EEXIST)
+      throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+  }
+}
+
+void flush_to_disk(const std::string& temporary, const std::string& path) {
+  const Descriptor file(::open(temporary.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.get() < 0 || ::fsync(file.get()) != 0)
+    throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+}
+
+void write_all(const std::string& temporary, std::string_view bytes, const std::string& path) {
+  const Descriptor file(::open(temporary.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC));
+  bool ok = file.get() >= 0;
+  while (ok && !bytes.empty()) {
+    const ssize_t written = ::write(file.get(), bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    ok = written > 0;
+    if (ok) bytes.remove_prefix(size_t(written));
+  }
+  if (!ok) throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+}
+
+std::string_view view(const Bytes& bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+}  // namespace
+
+Bytes read_file(const std::string& path, size_t limit) {
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  struct stat info;
+  if (file.get() < 0 || ::fstat(file.get(), &info) != 0)
+    throw Error(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
+  if (!S_ISREG(info.st_mode)) throw Error(fmt::format("cannot read {}: it is not a file", path));
+  if (size_t(info.st_size) > limit)
+    throw Error(fmt::format("cannot read {}: it has {} bytes, at most {} are expected here", path,
+                            info.st_size, limit));
+  Bytes bytes(size_t(info.st_size));
+  size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t got = ::read(file.get(), bytes.data() + done, bytes.size() - done);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) throw Error(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
+    if (got == 0) break;  // became shorter meanwhile: the reader of the format will notice
+    done += size_t(got);
+  }
+  bytes.resize(done);
+  return bytes;
+}
+
+Bytes read_file_or_gzip(const std::string& path, size_t limit) {
+  Bytes stored = read_file(path, limit);
+  if (stored.size() < 2 || stored[0] != 0x1f || stored[1] != 0x8b) return stored;
+
+  z_stream stream{};
+  if (inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK)
+    throw Error(fmt::format("cannot expand {}: zlib did not start", path));
+  const std::unique_ptr<z_stream, int (*)(z_stream*)> guard(&stream, inflateEnd);
+  Bytes expanded;
+  size_t consumed = 0;
+  int state = Z_OK;
+  while (state != Z_STREAM_END) {
+    constexpr size_t piece = size_t{1} << 20;
+    if (expanded.size() > limit)
+      throw Error(fmt::format("cannot read {}: expanded it has more than {} bytes", path, limit));
+    const size_t before = expanded.size();
+    expanded.resize(before + piece);
+    stream.next_in = stored.data() + consumed;
+    stream.avail_in = uInt(std::min(stored.size() - consumed, piece));
+    stream.next_out = expanded.data() + before;
+    stream.avail_out = uInt(piece);
+    const uInt offered = stream.avail_in;
+    state = inflate(&stream, Z_NO_FLUSH);
+    consumed += offered - stream.avail_in;
+    expanded.resize(before + piece - stream.avail_out);
+    if (state == Z_BUF_ERROR || (state == Z_OK && offered == 0 && expanded.size() == before))
+      throw Error(fmt::format("{} is truncated: its gzip stream has no end", path));
+    if (state != Z_OK && state != Z_STREAM_END)
+      throw Error(fmt::format("{} is damaged: {}", path, stream.msg ? stream.msg : "not gzip"));
+  }
+  return expanded;
+}
+
+void replace_file(const std::string& path,
+                  const std::function<void(const std::string& temporary)>& write) {
+  Temporary temporary(temporary_name(path));
+  write(temporary.path());
+  flush_to_disk(temporary.path(), path);
+  temporary.rename_to(path);
+}
+
+void write_file_atomically(const std::string& path, std::string_view bytes) {
+  replace_file(path, [&](const std::string& temporary) { write_all(temporary, bytes, path); });
+}
+
+void write_file_atomically(const std::string& path, const Bytes& bytes) {
+  write_file_atomically(path, view(bytes));
+}
+
+Bytes gzip(std::string_view bytes) {
+  z_stream stream{};
+  if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, 16 + MAX_WBITS, 8,
+                   Z_DEFAULT_STRATEGY) != Z_OK)
+    throw Error("cannot compress: zlib did not start");
+  const std::unique_ptr<z_stream, int (*)(z_stream*)> guard(&stream, deflateEnd);
+  Bytes packed(deflateBound(&stream, uLong(bytes.size())));
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
+  stream.avail_in = uInt(bytes.size());
+  stream.next_out = packed.data();
+  stream.avail_out = uInt(packed.size());
+  if (bytes.size() >= largest_file || deflate(&stream, Z_FINISH) != Z_STREAM_END)
+    throw Error(fmt::format("cannot compress {} bytes at once", bytes.size()));
+  packed.resize(packed.size() - stream.avail_out);
+  return packed;
+}
+
+}  // namespace gflow

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole files in and out. A file written here is either complete or as it was before: bytes go to
+// a temporary in the same folder, reach the disk, and only then take the name.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace gflow {
+
+using Bytes = std::vector<uint8_t>;
+
+// The largest file that is read into memory: 4 GiB. Guards against devices, wrong paths and gzip
+// files that expand without end.
+inline constexpr size_t largest_file = size_t{1} << 32;
+
+// Contents of a file. Error when it is missing, unreadable or longer than `limit` bytes.
+Bytes read_file(const std::string& path, size_t limit = largest_file);
+
+// As read_file; a gzipped file (by its first two bytes, not its name) is expanded. Error also when
+// the stream is damaged or ends early.
+Bytes read_file_or_gzip(const std::string& path, size_t limit = largest_file);
+
+// Replaces the file at path. On failure (disk full, no permission) the temporary is removed, the
+// old file remains, and the Error says path and reason. Missing folders are not made.
+void write_file_atomically(const std::string& path, std::string_view bytes);
+void write_file_atomically(const std::string& path, const Bytes& bytes);
+
+// The same for libraries that write files themselves: `write` receives the temporary's name, which
+// has the extension of path, and throws when it fails.
+void replace_file(const std::string& path,
+                  const std::function<void(const std::string& temporary)>& write);
+
+// Bytes gzipped, without name or time: equal input gives equal output.
+Bytes gzip(std::string_view bytes);
+
+}  // namespace gflow

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+// The .npy format: "\x93NUMPY", version, header length, a Python dictionary as text, then the
+// values. The file's length is compared with the header's promise before any value is copied.
+#include "optim/io/npy.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstring>
+#include <limits>
+#include <regex>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr char magic[] = "\x93NUMPY";
+
+// What the header's dictionary says.
+struct Header {
+  std::string descr;
+  bool fortran = false;
+  std::vector<size_t> shape;
+  size_t length = 0;  // bytes before the first value
+};
+
+[[noreturn]] void refuse(const std::string& name, const std::string& why) {
+  throw Error(fmt::format("cannot read array {}: {}", name, why));
+}
+
+std::vector<size_t> parse_shape(const std::string& text, const std::string& name) {
+  std::vector<size_t> shape;
+  const std::regex number("[0-9]+");
+  for (std::sregex_iterator i(text.begin(), text.end(), number), end; i != end; ++i) {
+    if (i->length() > 15) refuse(name, fmt::format("its shape ({}) is too large", text));
+    shape.push_back(std::stoull(i->str()));
+  }
+  return shape;
+}
+
+Header parse_header(const uint8_t* bytes, size_t length, const std::string& name) {
+  if (length < 10 || std::memcmp(bytes, magic, 6) != 0)
+    refuse(name, "it does not begin like a .npy file");
+  const int version = bytes[6];
+  if (version < 1 || version > 3)
+    refuse(name, fmt::format("it has format version {}, known are 1 to 3", version));
+  const size_t start = version == 1 ? 10 : 12;
+  if (length < start) refuse(name, "it is truncated within its header");
+  size_t text_length = bytes[8] | size_t(bytes[9]) << 8;
+  if (version > 1) text_length |= size_t(bytes[10]) << 16 | size_t(bytes[11]) << 24;
+  constexpr size_t longest_header = 65536;  // std::regex recurses: keep its input short
+  if (text_length > longest_header) refuse(name, "its header is longer than any of an array");
+  if (length - start < text_length) refuse(name, "it is truncated within its header");
+  const std::string text(reinterpret_cast<const char*>(bytes + start), text_length);
+
+  const std::regex descr("'descr'\\s*:\\s*'([^']{1,20})'");
+  const std::regex order("'fortran_order'\\s*:\\s*(True|False)");
+  const std::regex shape("'shape'\\s*:\\s*\\(([0-9, ]{0,200})\\)");
+  std::smatch descr_match, order_match, shape_match;
+  if (!std::regex_search(text, descr_match, descr))
+    refuse(name, "it holds records or objects, expected is one number type such as f4");
+  if (!std::regex_search(text, order_match, order) || !std::regex_search(text, shape_match, shape))
+    refuse(name, "its header does not give order and shape");
+  return {descr_match[1], order_match[1] == "True", parse_shape(shape_match[1], name),
+          start + text_length};
+}
+
+// Product of shape. Error when it exceeds what size_t can count in bytes.
+size_t count(const std::vector<size_t>& shape, const std::string& name) {
+  size_t n = 1;
+  bool empty = false;
+  for (size_t extent : shape) {
+    empty |= extent == 0;
+    if (extent && n > std::numeric_limits<size_t>::max() / 16 / extent)
+      refuse(name, fmt::format("its shape ({}) is too large", fmt::join(shape, ", ")));
+    n *= extent ? extent : 1;
+  }
+  return empty ? 0 : n;
+}
+
+template <class T>
+Array take(const Header& header, const uint8_t* bytes, size_t length, const std::string& name) {
+  const size_t n = count(header.shape, name);
+  if (length - header.length != n * sizeof(T))
+    refuse(name, fmt::format("it has {} bytes of values, its shape ({}) of {} needs {}",
+                             length - header.length, fmt::join(header.shape, ", "), header.descr,
+                             n * sizeof(T)));
+  std::vector<T> values(n);
+  if (n) std::memcpy(values.data(), bytes + header.length, n * sizeof(T));
+  return {header.shape, std::move(values)};
+}
+
+template <class T>
+constexpr const char* descr_of() {
+  if constexpr (std::is_same_v<T, float>) return "<f4";
+  if constexpr (std::is_same_v<T, double>) return "<f8";
+  if constexpr (std::is_same_v<T, int8_t>) return "|i1";
+  if constexpr (std::is_same_v<T, uint8_t>) return "|u1";
+  if constexpr (std::is_same_v<T, int16_t>) return "<i2";
+  if constexpr (std::is_same_v<T, uint16_t>) return "<u2";
+  if constexpr (std::is_same_v<T, int32_t>) return "<i4";
+  if constexpr (std::is_same_v<T, uint32_t>) return "<u4";
+  if constexpr (std::is_same_v<T, int64_t>) return "<i8";
+}
+
+template <class T>
+std::vector<T> converted(const Array& array) {
+  return std::visit(
+      [](const auto& values) {
+        std::vector<T> result(values.size());
+        for (size_t i = 0; i < values.size(); ++i) result[i] = static_cast<T>(values[i]);
+        return result;
+      },
+      array.values);
+}
+
+}  // namespace
+
+size_t Array::size() const {
+  return std::visit([](const auto& held) { return held.size(); }, values);
+}
+
+std::vector<float> Array::as_float() const { return converted<float>(*this); }
+std::vector<double> Array::as_double() const { return converted<double>(*this); }
+std::vector<int32_t> Array::as_int() const { return converted<int32_t>(*this); }
+
+std::string Array::shape_text() const {
+  return fmt::format("({}{})", fmt::join(shape, ", "), shape.size() == 1 ? "," : "");
+}
+
+Array parse_npy(const uint8_t* bytes, size_t length, const std::string& name) {
+  const Header header = parse_header(bytes, length, name);
+  if (header.fortran) refuse(name, "it is in Fortran order; save it with numpy.ascontiguousarray");
+  const std::string& d = header.descr;
+  if (d == "<f4") return take<float>(header, bytes, length, name);
+  if (d == "<f8") return take<double>(header, bytes, length, name);
+  if (d == "|i1") return take<int8_t>(header, bytes, length, name);
+  if (d == "|u1" || d == "|b1") return take<uint8_t>(header, bytes, length, name);
+  if (d == "<i2") return take<int16_t>(header, bytes, length, name);
+  if (d == "<u2") return take<uint16_t>(header, bytes, length, name);
+  if (d == "<i4") return take<int32_t>(header, bytes, length, name);
+  if (d == "<u4") return take<uint32_t>(header, bytes, length, name);
+  if (d == "<i8") return take<int64_t>(header, bytes, length, name);
+  refuse(name, fmt::format("its elements are {}, known are f4 f8 i1 i2 i4 i8 u1 u2 u4 b1, "
+                           "little-endian",
+                           d));
+}
+
+Bytes npy_bytes(const Array& array) {
+  return std::visit(
+      [&](const auto& values) {
+        using T = typename std::decay_t<decltype(values)>::value_type;
+        if (count(array.shape, "to write") != values.size())
+          throw Error(fmt::format("cannot write array: shape {} does not have {} values",
+                                  array.shape_text(), values.size()));
+        std::string text = fmt::format("{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}",
+                                       descr_of<T>(), array.shape_text());
+        // Values start at a multiple of 64 bytes; the text ends with a newline (format 1.0).
+        text.append(63 - (10 + text.size()) % 64, ' ');
+        text += '\n';
+        Bytes bytes(magic, magic + 6);
+        bytes.insert(bytes.end(), {1, 0, uint8_t(text.size() & 255), uint8_t(text.size() >> 8)});
+        bytes.insert(bytes.end(), text.begin(), text.end());
+        const auto* first = reinterpret_cast<const uint8_t*>(values.data());
+        bytes.insert(bytes.end(), first, first + values.size() * sizeof(T));
+        return bytes;
+      },
+      array.values);
+}
+
+Array read_npy(const std::string& path) {
+  const Bytes bytes = read_file_or_gzip(path);
+  return parse_npy(bytes.data(), bytes.size(), path);
+}
+
+void write_npy(const std::string& path, const Array& array) {
+  write_file_atomically(path, npy_bytes(array));
+}
+
+}  // namespace gflow

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// NumPy archives through libzip.
+#include "optim/io/npz.hpp"
+
+#include <fmt/format.h>
+#include <zip.h>
+
+#include <memory>
+#include <vector>
+
+#include "optim/io/atomic_file.hpp"
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr char suffix[] = ".npy";
+constexpr size_t suffix_length = 4;
+
+struct ErrorText {
+  explicit ErrorText(int code) { zip_error_init_with_code(&error, code); }
+  ErrorText(const ErrorText&) = delete;
+  ErrorText& operator=(const ErrorText&) = delete;
+  ~ErrorText() { zip_error_fini(&error); }
+  const char* text() { return zip_error_strerror(&error); }
+  zip_error_t error;
+};
+
+struct Discard {
+  void operator()(zip_t* archive) const { zip_discard(archive); }
+  void operator()(zip_file_t* entry) const { zip_fclose(entry); }
+};
+using Archive = std::unique_ptr<zip_t, Discard>;
+using Entry = std::unique_ptr<zip_file_t, Discard>;
+
+Archive open_archive(const std::string& path, int flags, const char* doing) {
+  int code = 0;
+  Archive archive(zip_open(path.c_str(), flags, &code));
+  if (!archive) throw Error(fmt::format("cannot {} {}: {}", doing, path, ErrorText(code).text()));
+  return archive;
+}
+
+// The bytes of entry i. They are read piece by piece, because the size that a damaged archive
+// states may be anything.
+Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name) {
+  const Entry entry(zip_fopen_index(archive, i, 0));
+  if (!entry) throw Error(fmt::format("cannot read array {}: {}", name, zip_strerror(archive)));
+  Bytes bytes;
+  for (;;) {
+    constexpr size_t piece = size_t{1} << 20;
+    const size_t before = bytes.size();
+    if (before > largest_file)
+      throw Error(
+          fmt::format("cannot read array {}: it has more than {} bytes", name, largest_file));
+    bytes.resize(before + piece);
+    const zip_int64_t got = zip_fread(entry.get(), bytes.data() + before, piece);
+    if (got < 0)
+      throw Error(fmt::format("cannot read array {}: {}", name, zip_file_strerror(entry.get())));
+    bytes.resize(before + size_t(got));
+    if (got == 0) return bytes;
+  }
+}
+
+}  // namespace
+
+Arrays read_npz(const std::string& path) {
+  const Archive archive = open_archive(path, ZIP_RDONLY, "read");
+  Arrays arrays;
+  const zip_int64_t n = zip_get_num_entries(archive.get(), 0);
+  for (zip_uint64_t i = 0; i < zip_uint64_t(n); ++i) {
+    const char* stored = zip_get_name(archive.get(), i, 0);
+    std::string name = stored ? stored : "";
+    if (name.size() <= suffix_length ||
+        name.compare(name.size() - suffix_length, suffix_length, suffix) != 0)
+      throw Error(fmt::format("cannot read {}: its entry '{}' is not a .npy array", path, name));
+    name.resize(name.size() - suffix_length);
+    const std::string where = fmt::format("'{}' of {}", name, path);
+    const Bytes bytes = entry_bytes(archive.get(), i, where);
+    arrays.emplace(name, parse_npy(bytes.data(), bytes.size(), where));
+  }
+  return arrays;
+}
+
+void write_npz(const std::string& path, const Arrays& arrays) {
+  if (arrays.empty()) throw Error(fmt::format("cannot write {}: there are no arrays", path));
+  // libzip reads its sources when it closes the archive: they must live until then.
+  std::vector<Bytes> contents;
+  contents.reserve(arrays.size());
+  replace_file(path, [&](const std::string& temporary) {
+    Archive archive = open_archive(temporary, ZIP_CREATE | ZIP_TRUNCATE, "write");
+    for (const auto& [name, array] : arrays) {
+      contents.push_back(npy_bytes(array));
+      zip_source_t* source =
+          zip_source_buffer(archive.get(), contents.back().data(), contents.back().size(), 0);
+      const zip_int64_t index =
+          source ? zip_file_add(archive.get(), (name + suffix).c_str(), source, ZIP_FL_ENC_UTF_8)
+                 : -1;
+      if (index < 0) {
+        if (source) zip_source_free(source);
+        throw Error(
+            fmt::format("cannot write '{}' to {}: {}", name, path, zip_strerror(archive.get())));
+      }
+      // A fixed time, so that equal arrays give equal files: 1980-01-01, the first of the format.
+      zip_file_set_dostime(archive.get(), zip_uint64_t(index), 0, 1 << 5 | 1, 0);
+    }
+    if (zip_close(archive.get()) != 0)
+      throw Error(fmt::format("cannot write {}: {}", path, zip_strerror(archive.get())));
+    archive.release();  // closed: zip_discard would free it twice
+  });
+}
+
+const Array& array_named(const Arrays& arrays, const std::string& name, const std::string& path) {
+  const auto found = arrays.find(name);
+  if (found != arrays.end()) return found->second;
+  std::string names;
+  for (const auto& entry : arrays) names += (names.empty() ? "" : ", ") + entry.first;
+  throw Error(
+      fmt::format("{} has no array '{}'; it has {}", path, name, names.empty() ? "none" : names));
+}
+
+}  // namespace gflow

@@ -1,0 +1,353 @@
+// SPDX-License-Identifier: Apache-2.0
+// PLY: a text header naming elements and their properties, then the rows of each element in turn.
+// Only element "vertex" is kept; what stands before it is stepped over, what follows is not read.
+#include "optim/io/ply.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <sstream>
+
+#include "optim/io/atomic_file.hpp"
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+enum class Type { i8, u8, i16, u16, i32, u32, f32, f64 };
+
+size_t size_of(Type type) {
+  switch (type) {
+    case Type::i8:
+    case Type::u8:
+      return 1;
+    case Type::i16:
+    case Type::u16:
+      return 2;
+    case Type::f64:
+      return 8;
+    default:
+      return 4;
+  }
+}
+
+struct Property {
+  std::string name;
+  Type type;
+  bool is_list = false;
+  Type length_type = Type::u8;  // of a list
+};
+
+struct Element {
+  std::string name;
+  size_t rows = 0;
+  std::vector<Property> properties;
+};
+
+struct Header {
+  bool ascii = false;
+  std::vector<Element> elements;
+  std::vector<std::string> comments;
+  size_t length = 0;  // bytes up to the first row
+};
+
+struct TypedTable {
+  PlyTable table;
+  std::vector<Type> types;
+};
+
+[[noreturn]] void refuse(const std::string& path, const std::string& why) {
+  throw Error(fmt::format("cannot read PLY {}: {}", path, why));
+}
+
+Type parse_type(const std::string& word, const std::string& path) {
+  static const std::map<std::string, Type> types = {
+      {"char", Type::i8},   {"int8", Type::i8},     {"uchar", Type::u8},   {"uint8", Type::u8},
+      {"short", Type::i16}, {"int16", Type::i16},   {"ushort", Type::u16}, {"uint16", Type::u16},
+      {"int", Type::i32},   {"int32", Type::i32},   {"uint", Type::u32},   {"uint32", Type::u32},
+      {"float", Type::f32}, {"float32", Type::f32}, {"double", Type::f64}, {"float64", Type::f64}};
+  const auto found = types.find(word);
+  if (found == types.end()) refuse(path, fmt::format("'{}' is no property type", word));
+  return found->second;
+}
+
+Property parse_property(std::istringstream& words, const std::string& path) {
+  Property property{};
+  std::string type;
+  words >> type;
+  if (type == "list") {
+    property.is_list = true;
+    words >> type;
+    property.length_type = parse_type(type, path);
+    words >> type;
+  }
+  property.type = parse_type(type, path);
+  if (!(words >> property.name)) refuse(path, "a property in its header has no name");
+  return property;
+}
+
+// One header line; true when it was the last.
+bool parse_line(const std::string& line, Header& header, bool& has_format,
+                const std::string& path) {
+  std::istringstream words(line);
+  std::string keyword, word;
+  words >> keyword;
+  if (keyword == "format") {
+    words >> word;
+    if (word != "ascii" && word != "binary_little_endian")
+      refuse(path,
+             fmt::format("its format is '{}', known are ascii and binary_little_endian", word));
+    header.ascii = word == "ascii";
+    has_format = true;
+  } else if (keyword == "element") {
+    Element element;
+    long long rows = -1;
+    words >> element.name >> rows;
+    if (!words || rows < 0) refuse(path, fmt::format("'{}' has no number of rows", line));
+    element.rows = size_t(rows);
+    header.elements.push_back(element);
+  } else if (keyword == "property") {
+    if (header.elements.empty()) refuse(path, "a property comes before any element");
+    header.elements.back().properties.push_back(parse_property(words, path));
+  } else if (keyword == "comment") {
+    header.comments.push_back(line.size() > 8 ? line.substr(8) : "");
+  } else if (keyword == "end_header") {
+    return true;
+  } else if (!keyword.empty() && keyword != "obj_info") {
+    refuse(path, fmt::format("its header line '{}' is unknown", line.substr(0, 60)));
+  }
+  return false;
+}
+
+Header parse_header(const Bytes& bytes, const std::string& path) {
+  if (bytes.size() < 4 || std::memcmp(bytes.data(), "ply", 3) != 0)
+    refuse(path, "it does not begin with 'ply'");
+  Header header;
+  bool has_format = false, ended = false;
+  auto at = std::find(bytes.begin(), bytes.end(), '\n');
+  while (!ended) {
+    if (at == bytes.end()) refuse(path, "it has no line 'end_header'");
+    const auto end = std::find(at + 1, bytes.end(), '\n');
+    if (end == bytes.end()) refuse(path, "it has no line 'end_header'");
+    std::string line(at + 1, end);
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    ended = parse_line(line, header, has_format, path);
+    at = end;
+  }
+  if (!has_format) refuse(path, "its header has no line 'format'");
+  header.length = size_t(at + 1 - bytes.begin());
+  return header;
+}
+
+// The rows, value by value, in either format. Running past the end is an Error.
+class Rows {
+ public:
+  Rows(const Bytes& bytes, const Header& header, const std::string& path)
+      : at_(reinterpret_cast<const char*>(bytes.data()) + header.length),
+        end_(reinterpret_cast<const char*>(bytes.data()) + bytes.size()),
+        ascii_(header.ascii),
+        path_(path) {}
+
+  size_t bytes_left() const { return size_t(end_ - at_); }
+
+  double next(Type type) { return ascii_ ? next_word() : next_binary(type); }
+
+  void step_over(const Element& element) {
+    const bool lists = std::any_of(element.properties.begin(), element.properties.end(),
+                                   [](const Property& p) { return p.is_list; });
+    if (!ascii_ && !lists) return step_over_fixed(element);
+    if (element.properties.empty()) return;
+    for (size_t row = 0; row < element.rows; ++row)
+      for (const Property& property : element.properties) {
+        const double n = property.is_list ? next(property.length_type) : 1;
+        if (!(n >= 0)) refuse(path_, fmt::format("a list of {} is {} long", element.name, n));
+        for (double i = 0; i < n; ++i) next(property.type);
+      }
+  }
+
+ private:
+  [[noreturn]] void truncated() const { refuse(path_, "it is truncated: rows are missing"); }
+
+  void step_over_fixed(const Element& element) {
+    size_t stride = 0;
+    for (const Property& property : element.properties) stride += size_of(property.type);
+    if (stride && element.rows > bytes_left() / stride) truncated();
+    at_ += element.rows * stride;
+  }
+
+  double next_word() {
+    while (at_ < end_ && std::strchr(" \t\r\n", *at_)) ++at_;
+    if (at_ == end_) truncated();
+    double value = 0;
+    const auto result = std::from_chars(at_, end_, value);
+    if (result.ec != std::errc()) {
+      const char* stop = std::find_if(at_, std::min(end_, at_ + 20),
+                                      [](char c) { return c == ' ' || c == '\n' || c == '\r'; });
+      refuse(path_, fmt::format("'{}' is no number", std::string(at_, stop)));
+    }
+    at_ = result.ptr;
+    return value;
+  }
+
+  template <class T>
+  double take() {
+    if (bytes_left() < sizeof(T)) truncated();
+    T value;
+    std::memcpy(&value, at_, sizeof value);
+    at_ += sizeof value;
+    return double(value);
+  }
+
+  double next_binary(Type type) {
+    switch (type) {
+      case Type::i8:
+        return take<int8_t>();
+      case Type::u8:
+        return take<uint8_t>();
+      case Type::i16:
+        return take<int16_t>();
+      case Type::u16:
+        return take<uint16_t>();
+      case Type::i32:
+        return take<int32_t>();
+      case Type::u32:
+        return take<uint32_t>();
+      case Type::f32:
+        return take<float>();
+      case Type::f64:
+        return take<double>();
+    }
+    truncated();
+  }
+
+  const char* at_;
+  const char* end_;
+  bool ascii_;
+  const std::string& path_;
+};
+
+// Refuses a vertex element that cannot be in the bytes that are left: each ASCII value takes two
+// at least (a digit and a space), but for the last.
+void check_vertices(const Element& vertex, bool ascii, size_t bytes_left, const std::string& path) {
+  size_t stride = 0;
+  for (const Property& property : vertex.properties) {
+    if (property.is_list)
+      refuse(path,
+             fmt::format("property '{}' of vertex is a list, expected are numbers", property.name));
+    stride += ascii ? 2 : size_of(property.type);
+  }
+  if (!stride) refuse(path, "its element 'vertex' has no properties");
+  if (vertex.rows > (bytes_left + 1) / stride)
+    refuse(path, fmt::format("it is truncated: {} vertices need {} bytes, {} follow the header",
+                             vertex.rows, double(vertex.rows) * double(stride), bytes_left));
+}
+
+TypedTable read_typed(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  const Header header = parse_header(bytes, path);
+  Rows rows(bytes, header, path);
+  for (const Element& element : header.elements) {
+    if (element.name != "vertex") {
+      rows.step_over(element);
+      continue;
+    }
+    check_vertices(element, header.ascii, rows.bytes_left(), path);
+    TypedTable result;
+    result.table.comments = header.comments;
+    result.table.rows = element.rows;
+    for (const Property& property : element.properties) {
+      result.table.names.push_back(property.name);
+      result.types.push_back(property.type);
+    }
+    result.table.values.reserve(element.rows * element.properties.size());
+    for (size_t row = 0; row < element.rows; ++row)
+      for (const Property& property : element.properties)
+        result.table.values.push_back(float(rows.next(property.type)));
+    return result;
+  }
+  refuse(path, "it has no element 'vertex'");
+}
+
+template <class T>
+void append(std::string& bytes, const T* values, size_t n) {
+  bytes.append(reinterpret_cast<const char*>(values), n * sizeof(T));
+}
+
+uint8_t to_byte(float value, Type type) {
+  const float scaled = type == Type::f32 || type == Type::f64 ? value * 255 : value;
+  return uint8_t(std::isfinite(scaled) ? std::clamp(scaled + .5f, 0.f, 255.f) : 0.f);
+}
+
+}  // namespace
+
+int PlyTable::column(const std::string& name) const {
+  const auto found = std::find(names.begin(), names.end(), name);
+  return found == names.end() ? -1 : int(found - names.begin());
+}
+
+std::vector<float> PlyTable::column_values(const std::string& name) const {
+  const int c = column(name);
+  if (c < 0) throw Error(fmt::format("the PLY table has no property '{}'", name));
+  std::vector<float> result(rows);
+  for (size_t row = 0; row < rows; ++row) result[row] = values[row * names.size() + size_t(c)];
+  return result;
+}
+
+PlyTable read_ply(const std::string& path) { return read_typed(path).table; }
+
+void write_ply(const std::string& path, const PlyTable& table) {
+  if (table.names.empty() || table.values.size() != table.rows * table.names.size())
+    throw Error(fmt::format("cannot write {}: {} rows of {} properties are not {} values", path,
+                            table.rows, table.names.size(), table.values.size()));
+  std::string bytes = "ply\nformat binary_little_endian 1.0\n";
+  for (const std::string& comment : table.comments) bytes += fmt::format("comment {}\n", comment);
+  bytes += fmt::format("element vertex {}\n", table.rows);
+  for (const std::string& name : table.names) bytes += fmt::format("property float {}\n", name);
+  bytes += "end_header\n";
+  append(bytes, table.values.data(), table.values.size());
+  write_file_atomically(path, bytes);
+}
+
+PointCloud read_point_cloud(const std::string& path) {
+  const TypedTable typed = read_typed(path);
+  const PlyTable& table = typed.table;
+  const int position[3] = {table.column("x"), table.column("y"), table.column("z")};
+  const int color[3] = {table.column("red"), table.column("green"), table.column("blue")};
+  for (int i = 0; i < 3; ++i)
+    if (position[i] < 0) refuse(path, "its vertices have no x, y and z");
+  const bool colored = color[0] >= 0 && color[1] >= 0 && color[2] >= 0;
+  PointCloud points;
+  for (size_t row = 0; row < table.rows; ++row) {
+    const float* values = table.values.data() + row * table.names.size();
+    for (int i = 0; i < 3; ++i) {
+      if (!std::isfinite(values[position[i]]))
+        refuse(path, fmt::format("the position of vertex {} is not finite", row));
+      points.xyz.push_back(values[position[i]]);
+      if (colored) points.rgb.push_back(to_byte(values[color[i]], typed.types[size_t(color[i])]));
+    }
+  }
+  return points;
+}
+
+void write_point_cloud(const std::string& path, const PointCloud& points) {
+  const bool colored = !points.rgb.empty();
+  if (points.xyz.size() % 3 || (colored && points.rgb.size() != points.xyz.size()))
+    throw Error(fmt::format("cannot write {}: {} coordinates do not fit {} colour values", path,
+                            points.xyz.size(), points.rgb.size()));
+  std::string bytes = fmt::format(
+      "ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
+      "property float x\nproperty float y\nproperty float z\n{}end_header\n",
+      points.size(),
+      colored ? "property uchar red\nproperty uchar green\nproperty uchar blue\n" : "");
+  for (size_t i = 0; i < points.size(); ++i) {
+    append(bytes, points.xyz.data() + 3 * i, 3);
+    if (colored) append(bytes, points.rgb.data() + 3 * i, 3);
+  }
+  write_file_atomically(path, bytes);
+}
+
+}  // namespace gflow

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// PLY files: point clouds to start from, and tables of float properties such as trained Gaussians.
+// ASCII and binary little-endian are read; other elements (faces, chunks) and extra properties are
+// stepped over. Numbers of rows are compared with the file's length before memory is taken.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace gflow {
+
+// Coloured points. rgb is either as long as xyz or empty when the file has no colours.
+struct PointCloud {
+  std::vector<float> xyz;    // [n, 3] world
+  std::vector<uint8_t> rgb;  // [n, 3]
+  size_t size() const { return xyz.size() / 3; }
+};
+
+// The scalar properties of element "vertex", each value as float, row by row.
+struct PlyTable {
+  std::vector<std::string> names;  // column names in the file's order
+  size_t rows = 0;
+  std::vector<float> values;          // [rows, names]
+  std::vector<std::string> comments;  // header comments without the word "comment"
+
+  // Index of a column, or -1.
+  int column(const std::string& name) const;
+  // All values of a column. Error when there is no such column.
+  std::vector<float> column_values(const std::string& name) const;
+};
+
+// Error when the file is missing, truncated, big-endian, has no element "vertex", or a property
+// of vertex that is a list.
+PlyTable read_ply(const std::string& path);
+
+// Binary little-endian, all properties float.
+void write_ply(const std::string& path, const PlyTable& table);
+
+// x y z and, when present, red green blue (uchar 0..255, or float 0..1). Error on positions that
+// are not finite.
+PointCloud read_point_cloud(const std::string& path);
+
+// Binary little-endian, x y z float and red green blue uchar when there are colours.
+void write_point_cloud(const std::string& path, const PointCloud& points);
+
+}  // namespace gflow

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// Launches kernels/flow_loss.cl.
+#include "optim/loss/flow_loss.hpp"
+
+#include <cmath>
+
+#include "shared/loss.h"
+
+namespace gflow {
+namespace {
+
+float checked_knee(float robust_px) {
+  if (!(robust_px > 0 && std::isfinite(robust_px)))
+    throw Error(fmt::format("flow loss: robust_px is {}, it must be above 0", robust_px));
+  return robust_px;
+}
+
+}  // namespace
+
+FlowLoss::FlowLoss(Queue& queue, float robust_px)
+    : robust_px_(checked_knee(robust_px)),
+      program_(queue, "flow_loss.cl", {{"LANES", 1}}),
+      flow_loss_(program_, "flow_loss"),
+      reduce_(queue),
+      terms_("flow loss terms") {}
+
+void FlowLoss::run(Queue& queue, float weight, int width, int height, const Buffer<float>& flow,
+                   const Buffer<float>& alpha, const Buffer<float>& teacher,
+                   const Buffer<cl_uchar>& confidence, Buffer<float>& v_flow) {
+  const size_t pixels = size_t(width) * height;
+  if (flow.size() < 2 * pixels || teacher.size() < 2 * pixels || v_flow.size() < 2 * pixels ||
+      alpha.size() < pixels || confidence.size() < pixels)
+    throw Error(fmt::format(
+        "flow loss of {} x {} pixels: {} has {} values, {} {}, {} {}, {} {},"
+        " {} {}; flows need two a pixel, alpha and confidence one",
+        width, height, flow.name(), flow.size(), teacher.name(), teacher.size(), v_flow.name(),
+        v_flow.size(), alpha.name(), alpha.size(), confidence.name(), confidence.size()));
+  terms_.ensure(queue, 3 * pixels);
+  flow_loss_(queue, Range::over(pixels, 256), cl_uint(pixels), weight / float(pixels), robust_px_,
+             flow, alpha, teacher, confidence, v_flow, terms_);
+  pixels_ = pixels;
+}
+
+FlowLossValue FlowLoss::value(Queue& queue) {
+  if (pixels_ == 0) throw Error("flow loss: its value was asked for before its first run");
+  FlowLossValue value;
+  value.loss = reduce_.sum(queue, terms_, 0, pixels_);
+  value.confident_pixels = size_t(reduce_.sum(queue, terms_, 2 * pixels_, pixels_));
+  if (value.confident_pixels > 0)
+    value.epe = reduce_.sum(queue, terms_, pixels_, pixels_) / double(value.confident_pixels);
+  return value;
+}
+
+size_t confident_pixels(const std::vector<float>& teacher,
+                        const std::vector<cl_uchar>& confidence) {
+  const size_t pixels = confidence.size();
+  if (teacher.size() != 2 * pixels)
+    throw Error(
+        fmt::format("counting confident pixels: {} flow values for {} pixels, there must be"
+                    " two a pixel",
+                    teacher.size(), pixels));
+  size_t count = 0;
+  for (size_t i = 0; i < pixels; ++i)
+    count += confidence[i] != 0 && std::fabs(teacher[i]) <= TEACHER_LIMIT &&
+             std::fabs(teacher[pixels + i]) <= TEACHER_LIMIT;
+  return count;
+}
+
+}  // namespace gflow

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: Apache-2.0
+// The four visitors of the settings: assign, check, print, and find the nearest name.
+#include "optim/train/config.hpp"
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <sstream>
+#include <type_traits>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+std::string toml_text(bool value) { return value ? "true" : "false"; }
+std::string toml_text(int value) { return fmt::format("{}", value); }
+std::string toml_text(int64_t value) { return fmt::format("{}", value); }
+// The shortest text that reads back as the same float; TOML tells floats from integers by a point
+// or exponent.
+std::string toml_text(float value) {
+  std::string text = fmt::format("{}", value);
+  if (std::isfinite(value) && text.find_first_of(".e") == std::string::npos) text += ".0";
+  return text;
+}
+std::string toml_text(const std::string& value) {
+  std::string text = "\"";
+  for (const char c : value) {
+    if (c == '"' || c == '\\') text += '\\';
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
+      text += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
+    else
+      text += c;
+  }
+  return text + '"';
+}
+template <class Enum, std::enable_if_t<std::is_enum_v<Enum>, int> = 0>
+std::string toml_text(Enum value) {
+  return fmt::format("\"{}\"", name_of(value));
+}
+
+// What a setting of this type accepts, for messages and for the comments of the file.
+std::string allowed(bool) { return "true or false"; }
+std::string allowed(const std::string&) { return ""; }
+template <class Number, std::enable_if_t<std::is_arithmetic_v<Number>, int> = 0>
+std::string allowed(Number, const Range& range) {
+  return range.text();
+}
+template <class Enum, std::enable_if_t<std::is_enum_v<Enum>, int> = 0>
+std::string allowed(Enum value) {
+  return fmt::format("{}", fmt::join(names_of(value), ", "));
+}
+
+// One value on its way into a setting. `text` is set when it comes from --set, where quotes may be
+// left out.
+struct Incoming {
+  std::string where;  // "run.toml, line 7" or "--set"
+  std::string name;   // "train.iterations"
+  const toml::node* node;
+  std::optional<std::string> text;
+
+  std::string shown() const {
+    if (text) return *text;
+    std::ostringstream out;
+    node->visit([&](const auto& value) { out << value; });
+    return out.str();
+  }
+  [[noreturn]] void refuse(const std::string& allowed) const {
+    throw Error(
+        fmt::format("{}: {} = {} is not allowed; it must be {}", where, name, shown(), allowed));
+  }
+};
+
+void assign(const Incoming& in, bool& member) {
+  const auto value = in.node->value_exact<bool>();
+  if (!value) in.refuse(allowed(member));
+  member = *value;
+}
+
+void assign(const Incoming& in, std::string& member) {
+  const auto value = in.node->value_exact<std::string>();
+  if (!value && !in.text) in.refuse("text in quotes");
+  member = value ? *value : *in.text;
+}
+
+template <class Integer, std::enable_if_t<std::is_integral_v<Integer>, int> = 0>
+void assign(const Incoming& in, Integer& member, const Range& range) {
+  const auto value = in.node->value_exact<int64_t>();
+  const std::string expected = "a whole number, " + range.text();
+  if (!value || *value < std::numeric_limits<Integer>::min() ||
+      *value > std::numeric_limits<Integer>::max() || !range.contains(static_cast<double>(*value)))
+    in.refuse(expected);
+  member = static_cast<Integer>(*value);
+}
+
+void assign(const Incoming& in, float& member, const Range& range) {
+  const auto value = in.node->is_number() ? in.node->value<double>() : std::nullopt;
+  if (!value || !range.contains(*value)) in.refuse("a number, " + range.text());
+  member = static_cast<float>(*value);
+}
+
+template <class Enum, std::enable_if_t<std::is_enum_v<Enum>, int> = 0>
+void assign(const Incoming& in, Enum& member) {
+  const auto names = names_of(member);
+  const auto value = in.node->value_exact<std::string>();
+  const std::string word = value ? *value : in.text.value_or("");
+  const auto found = std::find(names.begin(), names.end(), word);
+  if (found == names.end()) in.refuse("one of " + allowed(member));
+  member = static_cast<Enum>(found - names.begin());
+}
+
+size_t edit_distance(const std::string& a, const std::string& b) {
+  std::vector<size_t> row(b.size() + 1);
+  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t diagonal = row[0];
+    row[0] = i;
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t substituted = diagonal + (a[i - 1] != b[j - 1]);
+      diagonal = row[j];
+      row[j] = std::min({substituted, row[j] + 1, row[j - 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+// Calls visit("section", "key", member, help[, range]) for every setting.
+template <class Config, class Visit>
+void for_each_setting(Config& config, Visit&& visit) {
+  TrainConfig::sections(config, [&](const char* section, auto& part, const char*) {
+    std::decay_t<decltype(part)>::fields(
+        part, [&](const char* key, auto& member, const char* help, const auto&... range) {
+          visit(std::string(section), std::string(key), member, help, range...);
+        });
+  });
+}
+
+// The key counts twice and the section at most 3: a right key in a wrong section is found, too.
+std::string nearest_setting(const std::string& section, const std::string& key) {
+  std::string nearest;
+  size_t best = std::numeric_limits<size_t>::max();
+  TrainConfig config;
+  for_each_setting(
+      config, [&](const std::string& its_section, const std::string& its_key, auto&&...) {
+        const size_t distance = 2 * edit_distance(key, its_key) +
+                                std::min<size_t>(edit_distance(section, its_section), 3);
+        if (distance >= best) return;
+        best = distance;
+        nearest = its_section + "." + its_key;
+      });
+  return nearest;
+}
+
+std::string nearest_section(const std::string& name) {
+  std::string nearest;
+  size_t best = std::numeric_limits<size_t>::max();
+  TrainConfig config;
+  TrainConfig::sections(config, [&](const char* section, auto&, const char*) {
+    const size_t distance = edit_distance(name, section);
+    if (distance >= best) return;
+    best = distance;
+    nearest = section;
+  });
+  return nearest;
+}
+
+void assign_setting(TrainConfig& config, const std::string& section, const std::string& key,
+                    Incoming in) {
+  in.name = section.empty() ? key : section + "." + key;
+  bool known = false;
+  for_each_setting(config, [&](const std::string& its_section, const std::string& its_key,
+                               auto& member, const char*, const auto&... range) {
+    if (section != its_section || key != its_key) return;
+    assign(in, member, range...);
+    known = true;
+  });
+  if (!known)
+    throw Error(fmt::format("{}: there is no setting '{}'; the nearest is '{}'", in.where, in.name,
+                            nearest_setting(section, key)));
+}
+
+// A node for the text of --set: TOML where it is TOML, otherwise a piece of text.
+toml::table value_table(const std::string& text) {
+  try {
+    return toml::parse("value = " + text);
+  } catch (const toml::parse_error&) {
+    return toml::table{{"value", text}};
+  }
+}
+
+template <class Member>
+void check_value(const std::string&, const Member&) {}
+template <class Number>
+void check_value(const std::string& name, const Number& value, const Range& range) {
+  if (!range.contains(static_cast<double>(value)))
+    throw Error(
+        fmt::format("{} = {} is not allowed; it must be {}", name, toml_text(value), range.text()));
+}
+
+}  // namespace
+
+Range one_of(std::vector<float> values) {
+  Range range;
+  range.among = std::move(values);
+  return range;
+}
+
+bool Range::contains(double value) const {
+  if (!(std::fabs(value) <= std::numeric_limits<float>::max())) return false;
+  const float number = static_cast<float>(value);
+  if (!among.empty()) return std::find(among.begin(), among.end(), number) != among.end();
+  return (above_min ? number > min : number >= min) && number <= max;
+}
+
+std::string Range::text() const {
+  if (!among.empty()) return fmt::format("one of {}", fmt::join(among, ", "));
+  const bool bounded = max < std::numeric_limits<float>::max();
+  if (above_min)
+    return bounded ? fmt::format("above {}, at most {}", min, max) : fmt::format("above {}", min);
+  return bounded ? fmt::format("{} to {}", min, max) : fmt::format("at least {}", min);
+}
+
+void apply_file(TrainConfig& config, const std::string& path) {
+  toml::table file;
+  try {
+    file = toml::parse_file(path);
+  } catch (const toml::parse_error& problem) {
+    const auto at = problem.source().begin;
+    throw Error(fmt::format("reading the configuration {}{}: {}", path,
+                            at.line ? fmt::format(", line {}", at.line) : "",
+                            problem.description()));
+  }
+  const auto where = [&](const toml::node& node) {
+    return fmt::format("{}, line {}", path, node.source().begin.line);
+  };
+  for (const auto& [section, node] : file) {
+    const std::string name(section.str());
+    const toml::table* table = node.as_table();
+    if (!table) assign_setting(config, "", name, {where(node), "", &node, {}});
+    bool known = false;
+    TrainConfig::sections(
+        config, [&](const char* its_name, auto&, const char*) { known |= name == its_name; });
+    if (!known && table->empty())
+      throw Error(fmt::format("{}: there is no section [{}]; the nearest is [{}]", where(node),
+                              name, nearest_section(name)));
+    for (const auto& [key, value] : *table)
+      assign_setting(config, name, std::string(key.str()), {where(value), "", &value, {}});
+  }
+}
+
+void apply_setting(TrainConfig& config, const std::string& assignment) {
+  const size_t equals = assignment.find('=');
+  const size_t dot = assignment.substr(0, equals).find('.');
+  const std::string where = "--set " + assignment;
+  if (equals == std::string::npos || dot == std::string::npos)
+    throw Error(where +
+                ": a setting is written section.key=value, for example train.iterations=3000");
+  const auto trimmed = [](const std::string& text) {
+    const size_t first = text.find_first_not_of(" \t");
+    return first == std::string::npos
+               ? std::string()
+               : text.substr(first, text.find_last_not_of(" \t") - first + 1);
+  };
+  const std::string section = trimmed(assignment.substr(0, dot));
+  const std::string key = trimmed(assignment.substr(dot + 1, equals - dot - 1));
+  const std::string text = trimmed(assignment.substr(equals + 1));
+  const toml::table table = value_table(text);
+  assign_setting(config, section, key, {where, "", table.get("value"), text});
+}
+
+void check(const TrainConfig& config) {
+  for_each_setting(config, [](const std::string& section, const std::string& key,
+                              const auto& member, const char*, const auto&... range) {
+    check_value(section + "." + key, member, range...);
+  });
+}
+
+std::string to_toml(const TrainConfig& config) {
+  std::string text =
+      "# Every setting of this run. Use it again with: gflow train SCENE -o RUN --config FILE\n";
+  TrainConfig::sections(config, [&](const char* section, auto& part, const char* help) {
+    text += fmt::format("\n[{}]  # {}\n", section, help);
+    std::decay_t<decltype(part)>::fields(
+        part, [&](const char* key, auto& member, const char* meaning, const auto&... range) {
+          const std::string values = allowed(member, range...);
+          text += fmt::format("{:<28}  # {}{}\n", fmt::format("{} = {}", key, toml_text(member)),
+                              meaning, values.empty() ? "" : " (" + values + ")");
+        });
+  });
+  return text;
+}
+
+}  // namespace gflow

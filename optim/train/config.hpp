@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every setting of a training run: plain structs, the default at the member. What a setting means,
+// its unit and its range stand once, in fields() below the members; reading, --set, printing and
+// checking all go through that list, so a new setting is one member and one line.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "optim/engine/settings.hpp"
+
+namespace gflow {
+
+// The values a number may take. An empty `among` means every value between min and max. Bounds are
+// floats because the settings are: 0.99 as a float exceeds 0.99 as a double.
+struct Range {
+  float min = std::numeric_limits<float>::lowest();
+  float max = std::numeric_limits<float>::max();
+  bool above_min = false;  // min itself is refused
+  std::vector<float> among = {};
+
+  bool contains(double value) const;  // false for NaN and infinities
+  std::string text() const;           // "0 to 1", "at least 1", "above 0", "one of 1, 2, 4, 8"
+};
+inline Range between(float min, float max) { return {min, max}; }
+inline Range at_least(float min) { return {min}; }
+inline Range above(float min) {
+  Range range{min};
+  range.above_min = true;
+  return range;
+}
+inline Range above_up_to(float min, float max) {
+  Range range{min, max};
+  range.above_min = true;
+  return range;
+}
+Range one_of(std::vector<float> values);
+
+// Choices. names_of() gives the words of the file, in the order of the enumerators, which
+// count from 0.
+enum class Background { white, black };
+enum class MotionModelKind { native4d };
+enum class InitFrom { automatic, points, random };
+enum class FlowSource { dis, files };
+
+constexpr std::array<const char*, 2> names_of(Background) { return {"white", "black"}; }
+constexpr std::array<const char*, 1> names_of(MotionModelKind) { return {"native4d"}; }
+constexpr std::array<const char*, 3> names_of(InitFrom) { return {"auto", "points", "random"}; }
+constexpr std::array<const char*, 2> names_of(FlowSource) { return {"dis", "files"}; }
+constexpr std::array<const char*, 4> names_of(Transport) {
+  return {"paper", "ot", "material", "translate"};
+}
+constexpr std::array<const char*, 2> names_of(StopRule) { return {"include", "exclude"}; }
+
+template <class Enum>
+const char* name_of(Enum value) {
+  return names_of(value)[static_cast<size_t>(value)];
+}
+
+// In every struct, fields(self, field) calls field(key, member, help[, range]) for each setting in
+// the order of the file; self is the struct, const or not.
+
+struct SceneConfig {
+  int resolution = 1;
+  Background background = Background::white;
+  int holdout = 0;
+  std::string images;
+  float elevation = 0;
+  float radius = 2;
+  float fovy = 49.1f;
+  int test_every = 8;
+  int max_steps = 0;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("resolution", self.resolution, "divides the width and height of the pictures",
+          one_of({1, 2, 4, 8}));
+    field("background", self.background, "behind pictures with transparency");
+    field("holdout", self.holdout, "camera kept for the test, by number; -1: none (N3V)",
+          at_least(-1));
+    field("images", self.images, "folder with one picture a camera; empty: found by name");
+    field("elevation", self.elevation, "of the camera above the horizon [degrees] (Consistent4D)",
+          between(-90, 90));
+    field("radius", self.radius,
+          "distance of the camera from the origin [scene units] (Consistent4D)", above(0));
+    field("fovy", self.fovy, "vertical field of view [degrees] (Consistent4D)", between(1, 170));
+    field("test_every", self.test_every, "every n-th picture is for the test; 0: none (COLMAP)",
+          at_least(0));
+    field("max_steps", self.max_steps, "read only the first so many time steps; 0: all",
+          at_least(0));
+  }
+};
+
+struct ScheduleConfig {
+  int iterations = 10000;
+  int batch = 1;
+  int64_t seed = 0;
+  float minutes = 0;
+  int log_every = 100;
+  std::string device;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("iterations", self.iterations, "training steps", at_least(1));
+    field("batch", self.batch, "views in one step", at_least(1));
+    field("seed", self.seed, "of every random choice", at_least(0));
+    field("minutes", self.minutes, "stop after this much training time [minutes]; 0: no limit",
+          at_least(0));
+    field("log_every", self.log_every, "steps between two lines of the log", at_least(1));
+    field("device", self.device,
+          "OpenCL device by index or part of its name; empty: GFLOW_DEVICE, then any");
+  }
+};
+
+struct MotionConfig {
+  MotionModelKind model = MotionModelKind::native4d;
+  int sh_degree = 2;
+  int sh_interval = 1000;
+  float cutoff = 0.05f;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("model", self.model, "how the Gaussians move");
+    field("sh_degree", self.sh_degree, "highest degree of the spherical harmonics", between(0, 3));
+    field("sh_interval", self.sh_interval, "steps between two rises of the degree in use",
+          at_least(1));
+    field("cutoff", self.cutoff, "a Gaussian whose temporal opacity is lower is skipped",
+          between(0, 0.5f));
+  }
+};
+
+struct InitConfig {
+  InitFrom from = InitFrom::automatic;
+  int count = 10000;
+  float opacity = 0.1f;
+  float lifetime = 0.5f;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("from", self.from,
+          "first positions: the scene's points, random ones, or points where there are any");
+    field("count", self.count, "random points", at_least(1));
+    field("opacity", self.opacity, "first opacity", above_up_to(0, 0.99f));
+    field("lifetime", self.lifetime, "standard deviation in time [lengths of the video]", above(0));
+  }
+};
+
+struct LossConfig {
+  float ssim = 0.2f;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("ssim", self.ssim, "share of 1 - SSIM in the image loss; the rest is L1", between(0, 1));
+  }
+};
+
+struct FlowConfig {
+  bool enabled = true;
+  float weight = 0.5f;
+  FlowSource source = FlowSource::dis;
+  std::string folder;
+  Transport transport = Transport::material;
+  int top_k = 0;
+  StopRule stop = StopRule::include;
+  bool detach_t1 = false;
+  float robust_px = 0.5f;
+  int start = 0;
+  bool confidence = true;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("enabled", self.enabled, "supervise the motion with optical flow");
+    field("weight", self.weight, "of the flow loss beside the image loss", at_least(0));
+    field("source", self.source, "dis: computed from the pictures; files: read from the folder");
+    field("folder", self.folder,
+          "flow files <camera>/<step>.flo, .flo.gz, .png, .npy; empty: flow/ in the scene");
+    field("transport", self.transport, "how a pixel moves with a Gaussian");
+    field("top_k", self.top_k,
+          "Gaussians that count for the flow of a pixel, in depth order; 0: all", at_least(0));
+    field("stop", self.stop, "whether the Gaussian that makes a pixel opaque still counts");
+    field("detach_t1", self.detach_t1,
+          "let the flow loss move the Gaussians at the later time only");
+    field("robust_px", self.robust_px,
+          "knee of the robust norm: quadratic below, linear above [px]", above(0));
+    field("start", self.start, "first step with the flow loss", at_least(0));
+    field("confidence", self.confidence, "drop flow that fails the forward-backward check");
+  }
+};
+
+struct LearningRates {
+  float means = 1.6e-4f;
+  float means_final = 1.6e-6f;
+  float mean_t = 1.6e-4f;
+  float sh = 2.5e-3f;
+  float sh_rest_divisor = 20;
+  float opacity = 0.05f;
+  float scales = 5e-3f;
+  float scale_t = 5e-3f;
+  float quats = 1e-3f;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("means", self.means, "at the first step [x scene extent]", at_least(0));
+    field("means_final", self.means_final,
+          "at the last step, reached exponentially [x scene extent]", above(0));
+    field("mean_t", self.mean_t, "position in time", at_least(0));
+    field("sh", self.sh, "colour, degree 0", at_least(0));
+    field("sh_rest_divisor", self.sh_rest_divisor, "degrees above 0 learn this much slower",
+          at_least(1));
+    field("opacity", self.opacity, "before the sigmoid", at_least(0));
+    field("scales", self.scales, "logarithm of the size in space", at_least(0));
+    field("scale_t", self.scale_t, "logarithm of the size in time", at_least(0));
+    field("quats", self.quats, "both quaternions of the 4D rotation", at_least(0));
+  }
+};
+
+// The epsilons bound the step on noise: far below a group's usual gradient, far above its rounding
+// errors.
+struct AdamGroups {
+  float beta1 = 0.9f;
+  float beta2 = 0.999f;
+  float eps_means = 1e-8f;
+  float eps_sh = 1e-8f;
+  float eps_opacity = 1e-8f;
+  float eps_scales = 1e-8f;
+  float eps_quats = 1e-8f;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("beta1", self.beta1, "memory of the mean gradient", between(0, 0.9999f));
+    field("beta2", self.beta2, "memory of its square", between(0, 0.999999f));
+    field("eps_means", self.eps_means, "in space and time", above(0));
+    field("eps_sh", self.eps_sh, "colour", above(0));
+    field("eps_opacity", self.eps_opacity, "opacity", above(0));
+    field("eps_scales", self.eps_scales, "in space and time", above(0));
+    field("eps_quats", self.eps_quats, "both quaternions", above(0));
+  }
+};
+
+struct DensityConfig {
+  bool enabled = true;
+  int start = 500;
+  float stop_fraction = 0.5f;
+  int every = 100;
+  float grad_threshold = 2e-4f;
+  float split_scale = 0.01f;
+  int cap = 30000;
+  float prune_opacity = 0.005f;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("enabled", self.enabled, "clone, split and prune Gaussians");
+    field("start", self.start, "first step", at_least(0));
+    field("stop_fraction", self.stop_fraction, "last step, as a share of train.iterations",
+          between(0, 1));
+    field("every", self.every, "steps between two rounds", at_least(1));
+    field("grad_threshold", self.grad_threshold,
+          "grow where the mean gradient of the image position exceeds this [1 / half the image]",
+          at_least(0));
+    field("split_scale", self.split_scale,
+          "larger Gaussians split, smaller ones clone [x scene extent]", above(0));
+    field("cap", self.cap, "most Gaussians", at_least(1));
+    field("prune_opacity", self.prune_opacity, "fainter Gaussians are removed", between(0, 0.99f));
+  }
+};
+
+struct RenderConfig {
+  float near = 0.05f;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("near", self.near, "Gaussians closer to the camera are skipped [scene units]", above(0));
+  }
+};
+
+struct TrainConfig {
+  SceneConfig scene;
+  ScheduleConfig train;
+  MotionConfig motion;
+  InitConfig init;
+  LossConfig loss;
+  FlowConfig flow;
+  LearningRates lr;
+  AdamGroups adam;
+  DensityConfig density;
+  RenderConfig render;
+
+  // Calls section(name, part, help) for each section of the file.
+  template <class Self, class Section>
+  static void sections(Self& self, Section&& section) {
+    section("scene", self.scene, "what is read");
+    section("train", self.train, "how long, on what");
+    section("motion", self.motion, "the Gaussians in time");
+    section("init", self.init, "the first Gaussians");
+    section("loss", self.loss, "pictures");
+    section("flow", self.flow, "optical flow");
+    section("lr", self.lr, "learning rates");
+    section("adam", self.adam, "the optimiser");
+    section("density", self.density, "how many Gaussians, where");
+    section("render", self.render, "the image");
+  }
+};
+
+// The functions below throw Error: an unknown setting is named with the nearest known one, a wrong
+// type or value with what is allowed, and each message starts with the file and line or the option
+// it comes from.
+
+// Changes the settings that a TOML file gives.
+void apply_file(TrainConfig& config, const std::string& path);
+// Changes one setting: "section.key=value". Text needs no quotes.
+void apply_setting(TrainConfig& config, const std::string& assignment);
+// Checks every value against its range; needed after members were set by hand.
+void check(const TrainConfig& config);
+// The whole configuration as TOML with a comment a line; reading it back gives the same values.
+std::string to_toml(const TrainConfig& config);
+
+}  // namespace gflow

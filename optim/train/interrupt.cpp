@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// A signal handler may touch nothing but a lock-free flag, hence the one variable of this file.
+#include "optim/train/interrupt.hpp"
+
+#include <unistd.h>
+
+#include <atomic>
+
+namespace gflow {
+namespace {
+
+std::atomic<bool> signal_came{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may not wait for a lock");
+
+void on_signal(int) {
+  if (signal_came.exchange(true)) _exit(interrupted_exit_code);
+}
+
+}  // namespace
+
+InterruptGuard::InterruptGuard() {
+  signal_came = false;
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    struct sigaction former = {};
+    sigaction(signal, nullptr, &former);
+    if (former.sa_handler == SIG_IGN) continue;
+    struct sigaction action = {};
+    action.sa_handler = on_signal;
+    action.sa_flags = SA_RESTART;  // reads and writes under way go on
+    sigemptyset(&action.sa_mask);
+    sigaction(signal, &action, nullptr);
+    former_[signal] = former;
+  }
+}
+
+InterruptGuard::~InterruptGuard() {
+  for (const auto& [signal, former] : former_) sigaction(signal, &former, nullptr);
+}
+
+bool interrupted() { return signal_came; }
+
+}  // namespace gflow

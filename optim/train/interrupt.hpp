@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ctrl-C and its relatives: the first signal only raises a flag, so that the step in progress is
+// finished and what is there is written; the second one ends the program at once.
+#pragma once
+#include <csignal>
+#include <map>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+
+// Work that stopped because the user asked for it, after everything worth keeping was written.
+struct Interrupted : Error {
+  using Error::Error;
+};
+
+// While one of these lives, SIGINT, SIGTERM and SIGHUP set interrupted(). A signal that was ignored
+// before (nohup) stays ignored. The former handlers come back at the end. One at a time.
+class InterruptGuard {
+ public:
+  InterruptGuard();
+  ~InterruptGuard();
+  InterruptGuard(const InterruptGuard&) = delete;
+  InterruptGuard& operator=(const InterruptGuard&) = delete;
+
+ private:
+  std::map<int, struct sigaction> former_;
+};
+
+// Whether a signal came since the guard was built. Cheap: ask once a step.
+bool interrupted();
+
+// Exit code of a program that was interrupted.
+constexpr int interrupted_exit_code = 130;
+
+}  // namespace gflow

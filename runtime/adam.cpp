@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// The bias corrections come from a table made in double: 1 - beta2^t in float is off by up to 7e-6,
+// and a power per scalar is slow.
+#include "runtime/adam.hpp"
+
+#include <cmath>
+
+namespace gflow {
+namespace {
+
+// Entries of the table; later steps use the last one. .999^32767 = 6e-15, so there both corrections
+// are 1 in float; betas nearer to 1 are refused.
+const size_t table_size = 32768;
+
+std::vector<float> correction_table(const AdamConfig& config) {
+  for (const float beta : {config.beta1, config.beta2})
+    if (!(beta >= 0 && beta < 1) || std::pow(double(beta), table_size - 1) > 1e-8)
+      throw Error(fmt::format("Adam's beta is {}; it must be in [0, 0.9994]", beta));
+  std::vector<float> table(2 * table_size, 0.f);
+  for (size_t t = 1; t < table_size; ++t) {
+    const AdamCorrection correction = adam_correction(config, double(t));
+    table[2 * t] = float(correction.c1);
+    table[2 * t + 1] = float(correction.c2);
+  }
+  return table;
+}
+
+Buffer<float> zeros(Queue& queue, size_t size, const std::string& name) {
+  Buffer<float> buffer(queue, size, name);
+  buffer.fill(queue, 0);
+  return buffer;
+}
+
+Buffer<cl_uint> no_rows(Queue& queue, size_t rows, const std::string& name) {
+  Buffer<cl_uint> buffer(queue, rows, name);
+  buffer.fill(queue, 0);
+  return buffer;
+}
+
+void check_rows(const ParameterGroup& group, const RowState& state, size_t rows) {
+  if (rows * group.width <= group.values.size() && rows * group.width <= group.grads.size() &&
+      rows * group.width <= group.exp_avg.size() && rows * group.width <= group.exp_avg_sq.size() &&
+      rows <= state.seen.size() && rows <= state.steps.size() && rows <= state.refused.size())
+    return;
+  throw Error(fmt::format("Adam was asked for {} rows of {} values in {}, whose arrays are shorter",
+                          rows, group.width, group.values.name()));
+}
+
+}  // namespace
+
+AdamCorrection adam_correction(const AdamConfig& config, double t) {
+  return {1 / (1 - std::pow(double(config.beta1), t)),
+          1 / std::sqrt(1 - std::pow(double(config.beta2), t))};
+}
+
+ParameterGroup::ParameterGroup(Queue& queue, const std::string& name, size_t rows, size_t width)
+    : width(width),
+      values(queue, rows * width, name),
+      grads(zeros(queue, rows * width, name + " grads")),
+      exp_avg(zeros(queue, rows * width, name + " exp_avg")),
+      exp_avg_sq(zeros(queue, rows * width, name + " exp_avg_sq")) {}
+
+RowState::RowState(Queue& queue, size_t rows)
+    : seen(no_rows(queue, rows, "seen")),
+      steps(no_rows(queue, rows, "steps")),
+      refused(no_rows(queue, rows, "refused")) {}
+
+Adam::Adam(Queue& queue, const AdamConfig& config)
+    : config_(config),
+      flat_(queue.lanes == 1),
+      program_(queue, "adam.cl", {{"FLAT", flat_}}),
+      adam_refuse_(program_, "adam_refuse"),
+      adam_advance_(program_, "adam_advance"),
+      adam_step_(program_, "adam_step"),
+      corrections_(queue, correction_table(config), "adam corrections") {}
+
+void Adam::refuse(Queue& queue, const ParameterGroup& group, RowState& state, size_t rows) {
+  check_rows(group, state, rows);
+  adam_refuse_(queue, Range::over(rows), cl_uint(rows), cl_uint(group.width), group.grads,
+               state.seen, state.refused);
+}
+
+void Adam::advance(Queue& queue, RowState& state, size_t rows) {
+  adam_advance_(queue, Range::over(rows, 256), cl_uint(rows), state.seen, state.steps);
+}
+
+void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, size_t rows,
+                AdamRate rate) {
+  check_rows(group, state, rows);
+  const AdamStep step{config_.beta1, config_.beta2, rate.lr, rate.epsilon};
+  adam_step_(queue, Range::over(flat_ ? rows * group.width : rows), cl_uint(rows),
+             cl_uint(group.width), step, cl_uint(table_size), corrections_, state.seen, state.steps,
+             group.grads, group.values, group.exp_avg, group.exp_avg_sq);
+}
+
+}  // namespace gflow

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Everything gflow throws. An error is one clear sentence for the person who must act: what was
+// being done, to what, what is wrong, what would be right.
+#pragma once
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "runtime/opencl.hpp"
+
+namespace gflow {
+
+// Base of all errors of gflow; what() is a full sentence for the user.
+struct Error : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+// An OpenCL call that failed: what we were doing, which call, its code by name, and for a failed
+// build the compiler's log.
+struct ClError : Error {
+  ClError(const std::string& doing, const cl::Error& cause);
+  cl_int code;
+};
+
+// "CL_INVALID_VALUE" for -30, and so on; "an unknown OpenCL error" for codes outside OpenCL 1.2.
+const char* cl_code_name(cl_int code);
+
+// Runs f; an OpenCL failure in it becomes a ClError that starts with `doing`.
+template <class F>
+auto cl_call(const std::string& doing, F&& f) -> decltype(f()) {
+  try {
+    return std::forward<F>(f)();
+  } catch (const cl::Error& cause) {
+    throw ClError(doing, cause);
+  }
+}
+
+}  // namespace gflow

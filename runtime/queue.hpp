@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// A device, its context and one in-order command queue: what every other class is given first.
+// Work is only queued; nothing is waited for except by finish() and blocking reads and writes.
+#pragma once
+#include <map>
+#include <string>
+#include <vector>
+
+#include "runtime/device.hpp"
+
+namespace gflow {
+
+// Time one kernel took on the device, over all its launches.
+struct KernelTiming {
+  size_t count = 0;     // launches measured
+  double total_ms = 0;  // from start to end on the device
+};
+
+struct QueueOptions {
+  bool profile = false;  // keep every launch's event for timings()
+  int lanes = 0;         // pixels per work-item: 16, 8, 4 or 1; 0 = what suits the device
+};
+
+// One in-order queue on one device. Movable, not copyable; not for use by two threads at once.
+class Queue {
+ public:
+  explicit Queue(const cl::Device& device, const QueueOptions& options = {});
+  Queue(Queue&&) = default;
+  Queue& operator=(Queue&&) = default;
+  Queue(const Queue&) = delete;
+  Queue& operator=(const Queue&) = delete;
+
+  // Waits until all queued work is done.
+  void finish();
+  // Hands queued work to the device without waiting; for long launch sequences on GPUs.
+  void flush();
+
+  // Per kernel name, what the launches since the last reset took; waits for queued work. Empty
+  // without `profile`; a launch for which the driver reports no times is left out.
+  const std::map<std::string, KernelTiming>& timings();
+  void reset_timings();
+
+  // For Kernel: called after each launch with its event.
+  void launched(const std::string& kernel, const cl::Event& event);
+  bool keeps_events() const { return profile_; }
+
+  cl::Device device;
+  DeviceInfo info;
+  int lanes;  // pixels per work-item that pixel kernels are built for
+  cl::Context context;
+  cl::CommandQueue handle;
+  std::map<std::string, cl::Program> programs;  // built so far, by options and source (Program)
+
+ private:
+  void fold_events();
+
+  bool profile_;
+  bool finish_each_launch_;  // GFLOW_SYNC=1: an error then belongs to the launch just made
+  std::vector<std::pair<std::string, cl::Event>> events_;
+  std::map<std::string, KernelTiming> timings_;
+};
+
+}  // namespace gflow

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// Exclusive prefix sum of unsigned integers on the device.
+#pragma once
+#include "runtime/kernel.hpp"
+
+namespace gflow {
+
+// Any length; the result depends on nothing but the input.
+class Scan {
+ public:
+  explicit Scan(Queue& queue);
+
+  // out[i] = in[0] + ... + in[i - 1] for i = 0 .. n; out[n] is the total. `out` is made to hold
+  // n + 1 elements. Sums are kept in 64 bits, of which `out` gets the low 32: a caller that may
+  // exceed them asks total(). Does not wait.
+  void exclusive(Queue& queue, const Buffer<cl_uint>& in, Buffer<cl_uint>& out, size_t n);
+
+  // The total of the last exclusive(), in 64 bits; waits for it.
+  uint64_t total(Queue& queue) const;
+
+ private:
+  int group_;
+  Program program_;
+  Kernel<cl_uint, cl_uint, In<cl_uint>, Out<cl_ulong>> scan_sums_;
+  Kernel<cl_uint, Out<cl_ulong>, Out<cl_ulong>> scan_offsets_;
+  Kernel<cl_uint, cl_uint, In<cl_uint>, In<cl_ulong>, Out<cl_uint>> scan_write_;
+  Buffer<cl_ulong> sums_;   // [chunks]
+  Buffer<cl_ulong> total_;  // [1]
+};
+
+}  // namespace gflow

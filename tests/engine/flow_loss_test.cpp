@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// The flow loss: the robust norm at its hazards, the reference against central differences, the
+// kernel against the reference, and masked pixels bitwise 0.
+#include "optim/loss/flow_loss.hpp"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+
+#include "compare.hpp"
+#include "device.hpp"
+#include "reference/loss.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr float NOT_A_NUMBER = std::numeric_limits<float>::quiet_NaN();
+constexpr float INFINITE = std::numeric_limits<float>::infinity();
+
+struct Case {
+  int width, height;
+  std::vector<float> flow, alpha, teacher;
+  std::vector<cl_uchar> confidence;
+};
+
+Case random_case(int width, int height) {
+  std::mt19937 rng(2);
+  std::normal_distribution<float> normal;
+  const size_t pixels = size_t(width) * height;
+  Case c{width,
+         height,
+         std::vector<float>(2 * pixels),
+         std::vector<float>(pixels),
+         std::vector<float>(2 * pixels),
+         std::vector<cl_uchar>(pixels)};
+  for (float& f : c.flow) f = 3 * normal(rng);
+  for (float& f : c.teacher) f = 3 * normal(rng);
+  for (float& a : c.alpha) a = std::min(1.f, std::fabs(normal(rng)));
+  for (cl_uchar& m : c.confidence) m = cl_uchar(rng() % 4 ? rng() % 256 : 0);
+  return c;
+}
+
+// All pixels weigh fully: flow and teacher [2, n] in one row.
+Case row_of(std::vector<float> flow, std::vector<float> teacher) {
+  const size_t n = flow.size() / 2;
+  return {int(n),
+          1,
+          std::move(flow),
+          std::vector<float>(n, 1.f),
+          std::move(teacher),
+          std::vector<cl_uchar>(n, 255)};
+}
+
+struct Result {
+  std::vector<float> v_flow;
+  FlowLossValue value;
+};
+
+Result run(const Case& c, float weight, float robust_px) {
+  Queue queue = test_queue();
+  FlowLoss loss(queue, robust_px);
+  const Buffer<float> flow(queue, c.flow, "flow"), alpha(queue, c.alpha, "alpha");
+  const Buffer<float> teacher(queue, c.teacher, "teacher");
+  const Buffer<cl_uchar> confidence(queue, c.confidence, "confidence");
+  Buffer<float> v_flow(queue, c.flow.size(), "v_flow");
+  v_flow.fill(queue, 7);  // must be overwritten
+  loss.run(queue, weight, c.width, c.height, flow, alpha, teacher, confidence, v_flow);
+  return {v_flow.read(queue), loss.value(queue)};
+}
+
+reference::FlowLossResult expected(const Case& c, double weight, double knee) {
+  std::vector<double> confidence(c.confidence.begin(), c.confidence.end());
+  for (double& m : confidence) m /= 255;
+  return reference::flow_loss({c.flow.begin(), c.flow.end()}, {c.alpha.begin(), c.alpha.end()},
+                              {c.teacher.begin(), c.teacher.end()}, confidence, weight, knee);
+}
+
+TEST(RobustNorm, IsTheFormulaWhereThatIsSafe) {
+  EXPECT_NEAR(robust_norm({3, 4}, 1), std::sqrt(26.0) - 1, 1e-14);
+  EXPECT_NEAR(robust_norm({0.3, -0.4}, 2), std::sqrt(4.25) - 2, 1e-14);
+}
+
+TEST(FlowLossReference, GradientIsTheCentralDifference) {
+  const Case c = random_case(5, 4);
+  const std::vector<double> flow(c.flow.begin(), c.flow.end());
+  std::vector<double> confidence(c.confidence.begin(), c.confidence.end());
+  for (double& m : confidence) m /= 255;
+  const auto f = [&](const std::vector<double>& x) {
+    return reference::flow_loss(x, {c.alpha.begin(), c.alpha.end()},
+                                {c.teacher.begin(), c.teacher.end()}, confidence, 0.5, 0.1)
+        .loss;
+  };
+  // differences: rounding 1e-16 / 1e-6 = 1e-10 absolute, against gradients of 1e-2
+  EXPECT_TRUE(
+      all_close(expected(c, 0.5, 0.1).v_flow, numeric_gradient(f, flow, 1e-6), {1e-6, 1e-9}));
+}
+
+TEST(FlowLoss, MatchesTheReferenceAtEverySize) {
+  const int sizes[][2] = {{1, 1}, {17, 15}, {5, 300}, {320, 96}};
+  for (const auto& [width, height] : sizes)
+    for (const float knee : {1e-3f, 1.f}) {
+      const Case c = random_case(width, height);
+      const auto want = expected(c, 0.5, double(knee));
+      const Result actual = run(c, 0.5f, knee);
+      // about 10 roundings of 6e-8 each
+      EXPECT_TRUE(all_close(actual.v_flow, want.v_flow, {1e-6, 1e-12}));
+      EXPECT_NEAR(actual.value.loss, want.loss, 1e-6 * want.loss);
+    }
+}
+
+TEST(FlowLoss, GradientIsFiniteAndNoLongerThanOneForAnyDifference) {
+  const std::vector<float> r = {0, 1e-25f, 1e-19f, 1e-3f, 1, 1e5f, 3e19f};
+  std::vector<float> flow(r);
+  flow.resize(2 * r.size(), 0.f);
+  const Case c = row_of(flow, std::vector<float>(2 * r.size(), 0.f));
+  for (const float knee : {1e-3f, 1.f}) {
+    const Result actual = run(c, float(r.size()), knee);
+    EXPECT_EQ(actual.v_flow[0], 0);
+    EXPECT_TRUE(all_close(actual.v_flow, expected(c, double(r.size()), double(knee)).v_flow,
+                          {1e-6, 1e-38}));
+    for (const float v : actual.v_flow) EXPECT_LE(std::fabs(v), 1.f);
+  }
+}
+
+TEST(FlowLoss, OfOnePixelIsTheHandMadeOne) {
+  Case c = row_of({3, 0, 4, 0}, {0, 0, 0, 0});
+  c.alpha = {0.5f, 0};
+  const Result actual = run(c, 2, 12);
+  // sqrt(25 + 144) - 12 = 1; 2 / 2 pixels * alpha .5; derivative (3, 4) / 13 * .5
+  EXPECT_NEAR(actual.value.loss, 0.5, 1e-6);
+  EXPECT_NEAR(actual.value.epe, 2.5, 1e-6);
+  EXPECT_EQ(actual.value.confident_pixels, 2u);
+  EXPECT_TRUE(all_close(actual.v_flow, std::vector<double>{1.5 / 13, 0, 2. / 13, 0}, {1e-6, 1e-30}));
+}
+
+TEST(FlowLoss, IsBitwiseZeroWhereThereIsNoWeight) {
+  const std::vector<float> teacher_x = {1, NOT_A_NUMBER, INFINITE, -2e5f, 1, 1};
+  const size_t n = teacher_x.size();
+  std::vector<float> teacher(teacher_x);
+  teacher.resize(2 * n, 1.f);
+  Case c = row_of(std::vector<float>(2 * n, -5.f), teacher);
+  c.confidence[0] = 0;
+  c.alpha[4] = 0;
+  c.confidence[5] = 0;
+  c.flow[5] = NOT_A_NUMBER;  // a fault elsewhere must not come back through a masked pixel
+  const Result actual = run(c, 1, 0.1f);
+  const std::vector<float> zero(2 * n, 0.f);
+  EXPECT_EQ(std::memcmp(actual.v_flow.data(), zero.data(), 2 * n * sizeof(float)), 0);
+  EXPECT_EQ(actual.value.loss, 0);
+  EXPECT_EQ(actual.value.confident_pixels, 1u);  // nothing is drawn at pixel 4
+  EXPECT_EQ(confident_pixels(c.teacher, c.confidence), 1u);
+}
+
+TEST(FlowLoss, WithoutConfidentPixelsHasNoError) {
+  Case c = random_case(8, 3);
+  c.confidence.assign(c.confidence.size(), 0);
+  const Result actual = run(c, 1, 0.1f);
+  EXPECT_EQ(actual.value.loss, 0);
+  EXPECT_EQ(actual.value.epe, 0);
+  EXPECT_EQ(confident_pixels(c.teacher, c.confidence), 0u);
+}
+
+TEST(FlowLoss, GivesTheSameBitsTwice) {
+  const Case c = random_case(61, 47);
+  const Result first = run(c, 0.5f, 0.1f), second = run(c, 0.5f, 0.1f);
+  EXPECT_EQ(first.v_flow, second.v_flow);
+  EXPECT_EQ(first.value.loss, second.value.loss);
+  EXPECT_EQ(first.value.epe, second.value.epe);
+}
+
+TEST(FlowLoss, RefusesWhatItCannotUse) {
+  Queue queue = test_queue();
+  EXPECT_THROW(FlowLoss(queue, 0), Error);
+  EXPECT_THROW(FlowLoss(queue, NOT_A_NUMBER), Error);
+  FlowLoss loss(queue, 0.1f);
+  EXPECT_THROW(loss.value(queue), Error);
+  Buffer<float> flow(queue, 8, "flow"), alpha(queue, 4, "alpha"), v_flow(queue, 7, "v_flow");
+  const Buffer<cl_uchar> confidence(queue, 4, "confidence");
+  EXPECT_THROW(loss.run(queue, 1, 2, 2, flow, alpha, flow, confidence, v_flow), Error);
+  EXPECT_THROW(confident_pixels({1, 2, 3}, {1, 1}), Error);
+}
+
+}  // namespace
+}  // namespace gflow

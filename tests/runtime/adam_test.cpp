@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+// Adam against its formula in double, closed forms, and the rule that unseen rows keep every bit.
+// Parameter: lanes 0 (one work-item per row on CPUs) and 1 (one per scalar).
+#include "runtime/adam.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+
+#include "compare.hpp"
+#include "device.hpp"
+
+namespace gflow {
+namespace {
+
+std::vector<float> normal_floats(size_t n, unsigned seed) {
+  std::mt19937 rng(seed);
+  std::normal_distribution<float> normal;
+  std::vector<float> data(n);
+  for (float& x : data) x = normal(rng);
+  return data;
+}
+
+bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
+}
+
+// One group of rows on the device with its Adam.
+struct Fixture {
+  Fixture(int lanes, size_t rows, size_t width)
+      : queue(test_queue(lanes)),
+        rows(rows),
+        adam(queue),
+        group(queue, "values", rows, width),
+        state(queue, rows) {
+    state.seen.fill(queue, 1);
+    group.values.fill(queue, 0);
+  }
+  void step(const std::vector<float>& grads, AdamRate rate) {
+    group.grads.write(queue, grads);
+    adam.refuse(queue, group, state, rows);
+    adam.advance(queue, state, rows);
+    adam.step(queue, group, state, rows, rate);
+  }
+  Queue queue;
+  size_t rows;
+  Adam adam;
+  ParameterGroup group;
+  RowState state;
+};
+
+class AdamTest : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Lanes, AdamTest, testing::Values(0, 1));
+
+TEST_P(AdamTest, FirstStepIsTheLearningRateAgainstTheGradient) {
+  Fixture f(GetParam(), 1, 3);
+  f.step({5, -1e-3f, 0}, {0.5f, 1e-15f});
+  // m c1 / sqrt(v c2^2) is sign(g) up to some 6 roundings of 6e-8
+  EXPECT_TRUE(
+      all_close(f.group.values.read(f.queue), std::vector<double>{-.5, .5, 0}, {4e-7, 1e-30}));
+}
+
+TEST_P(AdamTest, ConstantGradientMovesByTheLearningRateEveryStep) {
+  Fixture f(GetParam(), 1, 1);
+  const int steps = 2000;
+  for (int t = 0; t < steps; ++t) f.step({0.25f}, {0.125f, 1e-15f});
+  // m and v, bias corrected, are exactly g and g^2 at every step: x = -steps lr. Each step errs by
+  // at most some 100 roundings accumulated in v.
+  EXPECT_NEAR(f.group.values.read(f.queue)[0], -250, 250 * 1e-5);
+}
+
+TEST_P(AdamTest, FollowsTheReferenceInDoubleWithRowsSeenNowAndThen) {
+  const size_t rows = 333, width = 3, n = rows * width;
+  Fixture f(GetParam(), rows, width);
+  std::vector<AdamState> reference(n, {0, 0, 0});
+  std::vector<int> made(rows, 0);
+  const AdamConfig config;
+  const AdamRate rate{0.01f, 1e-8f};
+  for (unsigned t = 1; t <= 50; ++t) {
+    const auto grads = normal_floats(n, t);
+    std::vector<cl_uint> seen(rows);
+    for (size_t row = 0; row < rows; ++row) seen[row] = (row * 7 + t) % 3 != 0;
+    f.state.seen.write(f.queue, seen);
+    f.step(grads, rate);
+    for (size_t i = 0; i < n; ++i) {
+      if (!seen[i / width]) continue;
+      if (i % width == 0) ++made[i / width];
+      const AdamCorrection c = adam_correction(config, made[i / width]);
+      reference[i] = adam_update(reference[i], grads[i],
+                                 {config.beta1, config.beta2, rate.lr, rate.epsilon}, c.c1, c.c2);
+    }
+  }
+  std::vector<double> expected;
+  for (const AdamState& s : reference) expected.push_back(s.value);
+  // 50 steps of .01, each good to about 20 roundings, where m nearly cancels too
+  EXPECT_TRUE(all_close(f.group.values.read(f.queue), expected, {1e-5, 1e-6}));
+}
+
+// The textbook update, written out here; the shared formula is not used.
+TEST_P(AdamTest, StaysWithinATenThousandthOverTenThousandSteps) {
+  Fixture f(GetParam(), 1, 1);
+  double x = 0, m = 0, v = 0, b1t = 1, b2t = 1;
+  const double b1 = 0.9f, b2 = 0.999f, lr = 1e-3f;
+  std::mt19937 rng(5);
+  std::normal_distribution<float> normal(0.2f, 1);
+  for (int t = 1; t <= 10000; ++t) {
+    const float g = normal(rng);
+    f.step({g}, {1e-3f, 1e-8f});
+    m = b1 * m + (1 - b1) * g;
+    v = b2 * v + (1 - b2) * double(g) * g;
+    b1t *= b1;
+    b2t *= b2;
+    x -= lr * (m / (1 - b1t)) / (std::sqrt(v / (1 - b2t)) + double(1e-8f));
+  }
+  EXPECT_NEAR(f.group.values.read(f.queue)[0], x, 1e-4 * std::fabs(x));
+}
+
+TEST_P(AdamTest, UnseenRowsKeepEveryBit) {
+  Fixture f(GetParam(), 4, 5);
+  const auto values = normal_floats(20, 1), m = normal_floats(20, 2), v = normal_floats(20, 3);
+  f.group.values.write(f.queue, values);
+  f.group.exp_avg.write(f.queue, m);
+  f.group.exp_avg_sq.write(f.queue, v);
+  f.state.steps.write(f.queue, {9, 9, 9, 9});
+  f.state.seen.fill(f.queue, 0);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  f.step(std::vector<float>(20, nan), {1, 1e-8f});
+  EXPECT_TRUE(same_bits(f.group.values.read(f.queue), values));
+  EXPECT_TRUE(same_bits(f.group.exp_avg.read(f.queue), m));
+  EXPECT_TRUE(same_bits(f.group.exp_avg_sq.read(f.queue), v));
+  EXPECT_EQ(f.state.steps.read(f.queue), (std::vector<cl_uint>{9, 9, 9, 9}));
+  EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{0, 0, 0, 0}));
+}
+
+TEST_P(AdamTest, ZeroGradientWithZeroMomentsKeepsEveryBit) {
+  Fixture f(GetParam(), 2, 3);
+  const auto values = normal_floats(6, 1);
+  f.group.values.write(f.queue, values);
+  f.step(std::vector<float>(6, 0), {1, 1e-15f});
+  EXPECT_TRUE(same_bits(f.group.values.read(f.queue), values));
+}
+
+TEST_P(AdamTest, RowWithABadGradientInOneGroupIsSkippedInAll) {
+  Fixture f(GetParam(), 4, 2);
+  ParameterGroup other(f.queue, "other", 4, 1);
+  other.values.fill(f.queue, 0);
+  other.grads.fill(f.queue, 1);
+  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = HUGE_VALF;
+  f.group.grads.write(f.queue, {1, nan, 1, 1, -inf, 1, 1, 3e19f});  // (3e19)^2 is not a float
+  f.adam.refuse(f.queue, f.group, f.state, 4);
+  f.adam.refuse(f.queue, other, f.state, 4);
+  f.adam.advance(f.queue, f.state, 4);
+  f.adam.step(f.queue, f.group, f.state, 4, {1, 1e-15f});
+  f.adam.step(f.queue, other, f.state, 4, {1, 1e-15f});
+  EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{1, 0, 1, 1}));
+  EXPECT_EQ(f.state.steps.read(f.queue), (std::vector<cl_uint>{0, 1, 0, 0}));
+  const auto values = other.values.read(f.queue);
+  EXPECT_EQ(values[0], 0);
+  EXPECT_NEAR(values[1], -1, 1e-6);  // the first step is the learning rate
+  EXPECT_EQ(values[2], 0);
+  EXPECT_EQ(values[3], 0);
+}
+
+TEST_P(AdamTest, TreatsOnlyTheRowsInUse) {
+  Fixture f(GetParam(), 3, 2);
+  f.group.grads.fill(f.queue, 1);
+  f.adam.advance(f.queue, f.state, 1);
+  f.adam.step(f.queue, f.group, f.state, 1, {1, 1e-15f});
+  const auto values = f.group.values.read(f.queue);
+  EXPECT_NEAR(values[1], -1, 1e-6);  // the first step is the learning rate
+  EXPECT_EQ(values[2], 0);
+  EXPECT_THROW(f.adam.step(f.queue, f.group, f.state, 4, {1, 1e-15f}), Error);
+}
+
+TEST_P(AdamTest, StepsBeyondTheTableUseNoCorrection) {
+  Fixture f(GetParam(), 1, 1);
+  f.state.steps.write(f.queue, {1000000});
+  f.step({1}, {1, 0});
+  // m = .1, v = .001, uncorrected: the step is .1 / sqrt(.001)
+  EXPECT_NEAR(f.group.values.read(f.queue)[0], -0.1 / std::sqrt(0.001), 1e-4);
+}
+
+TEST(AdamCorrection, IsOneInFloatAtTheEndOfTheTable) {
+  const AdamCorrection c = adam_correction(AdamConfig{}, 32767);
+  EXPECT_EQ(float(c.c1), 1);
+  EXPECT_EQ(float(c.c2), 1);
+}
+
+TEST(Adam, RefusesABetaWhoseCorrectionOutlastsTheTable) {
+  Queue queue = test_queue();
+  AdamConfig config;
+  config.beta2 = 0.9999f;
+  EXPECT_THROW(Adam(queue, config), Error);
+}
+
+}  // namespace
+}  // namespace gflow

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which device is chosen and how a wrong choice is reported.
+#include "runtime/device.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cctype>
+#include <functional>
+#include <iostream>
+
+#include "environment.hpp"
+
+namespace gflow {
+namespace {
+
+std::string message_of(const std::function<void()>& f) {
+  try {
+    f();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+DeviceInfo large_device() {
+  DeviceInfo info;
+  info.platform = "P";
+  info.name = "D";
+  info.has_compiler = true;
+  info.global_memory = 1u << 30;
+  info.local_memory = 32u << 10;
+  info.max_work_group = 256;
+  return info;
+}
+
+TEST(Device, ListsAtLeastOneWithItsProperties) {
+  const auto devices = list_devices();
+  ASSERT_FALSE(devices.empty());
+  EXPECT_EQ(devices[0].index, 0);
+  EXPECT_FALSE(devices[0].name.empty());
+  EXPECT_GT(devices[0].compute_units, 0u);
+  EXPECT_GT(devices[0].max_allocation, 0u);
+}
+
+TEST(Device, IsFoundByIndexAndByPartOfItsNameInAnyCase) {
+  const DeviceInfo first = list_devices()[0];
+  EXPECT_EQ(device_info(find_device("0")).full_name(), first.full_name());
+  std::string shouted = first.name;
+  for (char& c : shouted) c = char(std::toupper(c));
+  EXPECT_EQ(device_info(find_device(shouted)).name, first.name);
+}
+
+TEST(Device, WrongNameIsAnsweredWithTheNamesThereAre) {
+  const std::string message = message_of([] { find_device("no such device"); });
+  EXPECT_NE(message.find("no OpenCL device matches 'no such device'; there are:\n  0: "),
+            std::string::npos)
+      << message;
+  EXPECT_NE(message.find(list_devices()[0].name), std::string::npos) << message;
+}
+
+TEST(Device, IndexOutOfRangeIsAnsweredWithTheNamesThereAre) {
+  const std::string message = message_of([] { find_device("999"); });
+  EXPECT_EQ(message.rfind("there is no OpenCL device 999; there are:", 0), 0u) << message;
+}
+
+TEST(Device, GetsLanesOfItsVectorWidthOnCpusAndOneOnGpus) {
+  DeviceInfo info;
+  info.is_cpu = true;
+  info.native_vector_width = 16;
+  EXPECT_EQ(lanes_for(info), 16);
+  info.native_vector_width = 8;
+  EXPECT_EQ(lanes_for(info), 8);
+  info.native_vector_width = 1;
+  EXPECT_EQ(lanes_for(info), 4);
+  info.is_cpu = false;
+  EXPECT_EQ(lanes_for(info), 1);
+}
+
+TEST(DeviceDeathTest, WithoutADriverTheSentenceSaysWhatToInstall) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");  // a new process, whose loader sees the setting
+  const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");
+  const auto list = [] {
+    std::cerr << message_of([] { list_devices(); });
+    std::exit(3);
+  };
+  EXPECT_EXIT(list(), testing::ExitedWithCode(3),
+              "^no OpenCL device found: install a driver, on Debian e.g. `apt install "
+              "pocl-opencl-icd`$");
+}
+
+TEST(Device, TooSmallOneIsRefusedWithTheReason) {
+  EXPECT_NO_THROW(require_usable(large_device(), 1));
+  DeviceInfo info = large_device();
+  info.global_memory = 100u << 20;
+  EXPECT_EQ(message_of([&] { require_usable(info, 16); }),
+            "the OpenCL device P / D cannot be used: it has 100 MiB of memory, at least 256 MiB "
+            "are needed");
+  info = large_device();
+  info.has_compiler = false;
+  EXPECT_EQ(message_of([&] { require_usable(info, 16); }),
+            "the OpenCL device P / D cannot be used: its driver has no OpenCL C compiler");
+}
+
+TEST(Device, WorkGroupLimitsMatterOnlyWhereAPixelIsAWorkItem) {
+  DeviceInfo info = large_device();
+  info.max_work_group = 128;
+  info.local_memory = 16u << 10;
+  EXPECT_NO_THROW(require_usable(info, 4));
+  EXPECT_EQ(message_of([&] { require_usable(info, 1); }),
+            "the OpenCL device P / D cannot be used: its work-groups hold 128 work-items, 256 are "
+            "needed");
+}
+
+}  // namespace
+}  // namespace gflow

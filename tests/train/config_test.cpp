@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+// Settings: what a file and --set change, what is refused and in which words, and that printing
+// loses nothing.
+#include "optim/train/config.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <fstream>
+#include <functional>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+using testing::TempDir;
+
+// A file that goes away with the test.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::string& text) { std::ofstream(path) << text; }
+  ~TemporaryFile() { std::remove(path.c_str()); }
+  const std::string path = TempDir() + "gflow_config_test.toml";
+};
+
+std::string message_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+std::string message_of_file(const std::string& text) {
+  const TemporaryFile file(text);
+  TrainConfig config;
+  return message_of([&] { apply_file(config, file.path); });
+}
+
+std::string message_of_setting(const std::string& assignment) {
+  TrainConfig config;
+  return message_of([&] { apply_setting(config, assignment); });
+}
+
+#define EXPECT_CONTAINS(text, part) EXPECT_NE((text).find(part), std::string::npos) << (text)
+
+TEST(Config, AFileChangesWhatItNamesAndNothingElse) {
+  const TemporaryFile file("[train]\niterations = 77\n[flow]\nweight = 1\ntransport = \"ot\"\n");
+  TrainConfig config;
+  apply_file(config, file.path);
+  EXPECT_EQ(config.train.iterations, 77);
+  EXPECT_EQ(config.flow.weight, 1.0f);  // a whole number is a number
+  EXPECT_EQ(config.flow.transport, Transport::ot);
+  EXPECT_EQ(config.train.batch, TrainConfig().train.batch);
+}
+
+TEST(Config, PrintedInFullAndReadBackItIsTheSame) {
+  TrainConfig config;
+  config.scene.background = Background::black;
+  config.train.seed = 9007199254740993;  // no double holds it
+  config.train.device = "quote \" backslash \\ tab \t";
+  config.lr.means_final = 1.1754944e-38f;
+  config.lr.sh = 1.0f / 3;
+  config.flow.enabled = false;
+  config.flow.transport = Transport::translate;
+  const TemporaryFile file(to_toml(config));
+  TrainConfig copy;
+  apply_file(copy, file.path);
+  EXPECT_EQ(copy.scene.background, Background::black);
+  EXPECT_EQ(copy.train.seed, config.train.seed);
+  EXPECT_EQ(copy.train.device, config.train.device);
+  EXPECT_EQ(copy.lr.means_final, config.lr.means_final);
+  EXPECT_EQ(copy.lr.sh, config.lr.sh);
+  EXPECT_EQ(to_toml(copy), to_toml(config));
+}
+
+TEST(Config, TheDefaultsPassTheirOwnCheck) { EXPECT_NO_THROW(check(TrainConfig())); }
+
+TEST(Config, EveryLineOfTheFileHasAComment) {
+  std::istringstream lines(to_toml(TrainConfig()));
+  int settings = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.empty()) continue;
+    EXPECT_NE(line.find('#'), std::string::npos) << line;
+    settings += line.find(" = ") != std::string::npos;
+  }
+  EXPECT_GT(settings, 40);
+}
+
+TEST(Config, NoSettingIsNamedTwice) {
+  // TOML refuses a key given twice, so reading the print back is the check.
+  EXPECT_EQ(message_of_file(to_toml(TrainConfig())), "no error");
+}
+
+TEST(Config, AnUnknownKeyIsNamedWithTheNearestAndItsLine) {
+  const std::string message = message_of_file("[train]\nbatch = 2\niteration = 5\n");
+  EXPECT_CONTAINS(message, "gflow_config_test.toml, line 3");
+  EXPECT_CONTAINS(message, "'train.iteration'");
+  EXPECT_CONTAINS(message, "'train.iterations'");
+}
+
+TEST(Config, ARightKeyInAWrongSectionIsFound) {
+  EXPECT_CONTAINS(message_of_setting("train.ssim=0.1"), "'loss.ssim'");
+  EXPECT_CONTAINS(message_of_setting("densty.enabled=true"), "'density.enabled'");
+  EXPECT_CONTAINS(message_of_file("iterations = 5\n"), "'train.iterations'");
+  EXPECT_CONTAINS(message_of_file("[trian]\n"), "[train]");
+}
+
+TEST(Config, AWrongTypeIsRefusedWithWhatIsAllowed) {
+  EXPECT_CONTAINS(message_of_setting("train.iterations=many"), "train.iterations = many");
+  EXPECT_CONTAINS(message_of_setting("train.iterations=many"), "a whole number, at least 1");
+  EXPECT_CONTAINS(message_of_setting("train.iterations=2.5"), "a whole number");
+  EXPECT_CONTAINS(message_of_setting("flow.enabled=1"), "true or false");
+  EXPECT_CONTAINS(message_of_setting("flow.weight=true"), "a number");
+  EXPECT_CONTAINS(message_of_setting("flow.transport=teleport"), "paper, ot, material, translate");
+  EXPECT_CONTAINS(message_of_file("[train]\ndevice = 3\n"), "text in quotes");
+}
+
+TEST(Config, AValueOutOfRangeIsRefusedWithTheRange) {
+  EXPECT_CONTAINS(message_of_setting("train.iterations=0"), "at least 1");
+  EXPECT_CONTAINS(message_of_setting("train.iterations=99999999999"), "train.iterations");
+  EXPECT_CONTAINS(message_of_setting("loss.ssim=1.01"), "0 to 1");
+  EXPECT_CONTAINS(message_of_setting("scene.radius=0"), "above 0");
+  EXPECT_CONTAINS(message_of_setting("scene.resolution=3"), "one of 1, 2, 4, 8");
+}
+
+TEST(Config, NanAndInfinityAreRefusedEverywhere) {
+  EXPECT_CONTAINS(message_of_setting("flow.weight=nan"), "flow.weight");
+  EXPECT_CONTAINS(message_of_setting("flow.weight=inf"), "flow.weight");
+  EXPECT_CONTAINS(message_of_setting("flow.weight=1e300"), "flow.weight");
+  TrainConfig config;
+  config.lr.opacity = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_CONTAINS(message_of([&] { check(config); }), "lr.opacity");
+}
+
+TEST(Config, BoundsThatNoDoubleHoldsAreStillAllowed) {
+  TrainConfig config;
+  apply_setting(config, "init.opacity=0.99");
+  EXPECT_NO_THROW(check(config));
+}
+
+TEST(Config, SettingsNeedNoQuotes) {
+  TrainConfig config;
+  apply_setting(config, "flow.transport=paper");
+  apply_setting(config, "flow.source = \"files\"");
+  apply_setting(config, "flow.folder=some folder/flow");
+  apply_setting(config, "train.device=0");
+  EXPECT_EQ(config.flow.transport, Transport::paper);
+  EXPECT_EQ(config.flow.source, FlowSource::files);
+  EXPECT_EQ(config.flow.folder, "some folder/flow");
+  EXPECT_EQ(config.train.device, "0");
+}
+
+TEST(Config, AnAssignmentWithoutSectionOrValueIsExplained) {
+  EXPECT_CONTAINS(message_of_setting("iterations=5"), "section.key=value");
+  EXPECT_CONTAINS(message_of_setting("train.iterations"), "section.key=value");
+}
+
+TEST(Config, AFileThatIsNotTomlIsNamedWithItsLine) {
+  const std::string message = message_of_file("[train]\niterations = = 3\n");
+  EXPECT_CONTAINS(message, "gflow_config_test.toml, line 2");
+  EXPECT_CONTAINS(message_of([] {
+                    TrainConfig config;
+                    apply_file(config, "no/such/file.toml");
+                  }),
+                  "no/such/file.toml");
+}
+
+}  // namespace
+}  // namespace gflow

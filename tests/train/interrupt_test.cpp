@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// Signals: the first raises a flag, the second ends the program, and nothing stays behind.
+#include "optim/train/interrupt.hpp"
+
+#include <gtest/gtest.h>
+
+namespace gflow {
+namespace {
+
+class Interrupt : public testing::TestWithParam<int> {};
+
+TEST_P(Interrupt, TheFirstSignalOnlyRaisesTheFlag) {
+  const InterruptGuard guard;
+  EXPECT_FALSE(interrupted());
+  std::raise(GetParam());
+  EXPECT_TRUE(interrupted());
+}
+
+TEST_P(Interrupt, TheSecondSignalEndsTheProgramWith130) {
+  EXPECT_EXIT(
+      {
+        const InterruptGuard guard;
+        std::raise(GetParam());
+        std::raise(GetParam());
+      },
+      testing::ExitedWithCode(130), "");
+}
+
+TEST_P(Interrupt, AfterTheGuardTheSignalDoesWhatItDidBefore) {
+  EXPECT_EXIT(
+      {
+        { const InterruptGuard guard; }
+        std::raise(GetParam());
+      },
+      testing::KilledBySignal(GetParam()), "");
+}
+
+TEST_P(Interrupt, ASignalIgnoredBeforeStaysIgnored) {
+  const auto former = std::signal(GetParam(), SIG_IGN);
+  {
+    const InterruptGuard guard;
+    std::raise(GetParam());
+    EXPECT_FALSE(interrupted());
+  }
+  std::signal(GetParam(), former);
+}
+
+TEST_P(Interrupt, ANewGuardForgetsTheFormerSignal) {
+  {
+    const InterruptGuard guard;
+    std::raise(GetParam());
+  }
+  const InterruptGuard guard;
+  EXPECT_FALSE(interrupted());
+}
+
+INSTANTIATE_TEST_SUITE_P(Signals, Interrupt, testing::Values(SIGINT, SIGTERM, SIGHUP));
+
+}  // namespace
+}  // namespace gflow
