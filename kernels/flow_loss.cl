@@ -3,7 +3,10 @@
 // robust norm of shared/loss.h, alpha a constant: where nothing is drawn, no motion is asked for.
 // A pixel without weight (confidence 0, alpha 0, or a teacher that is not a number or moves more
 // than 1e5 px) gives exactly 0, whatever the other values are.
-// One work-item a pixel; bitwise repeatable, since nothing is summed here.
+// One work-item per LANES neighbouring pixels; bitwise repeatable, since nothing is summed here.
+// 256x192 with PoCL 3.1 on Zen 3 (AVX2): 0.10 ms of CPU time with LANES 8; as a scalar work-item a
+// pixel, which PoCL does not vectorise, 0.62 ms.
+#include "shared/lane_row.h"
 #include "shared/loss.h"
 
 kernel void flow_loss(const uint pixels, const float scale, const float knee,
@@ -13,19 +16,25 @@ kernel void flow_loss(const uint pixels, const float scale, const float knee,
                       global const uchar* restrict confidence,  // [H, W] 255 = full
                       global float* restrict v_flow,            // [2, H, W]
                       global float* restrict terms) {  // [3, H, W] loss, end point error, counted
-  const uint i = get_global_id(0);
+  const uint i = get_global_id(0) * LANES;
   if (i >= pixels) return;
-  const real2 target = make_real2(teacher[i], teacher[pixels + i]);
-  const real2 difference = make_real2(flow[i] - target.x, flow[pixels + i] - target.y);
-  // NaN fails. No &&: a branch here keeps PoCL from vectorising the loop over work-items.
-  const int counted = (confidence[i] != 0) & (fabs(target.x) <= TEACHER_LIMIT) &
-                      (fabs(target.y) <= TEACHER_LIMIT);
-  const float weight = scale * convert_float(confidence[i]) * (1.0f / 255.0f) * alpha[i];
-  const int weighted = counted & (weight > 0);
-  const real2 v = robust_norm_vjp(difference, knee, weight);
-  v_flow[i] = weighted ? v.x : 0.0f;
-  v_flow[pixels + i] = weighted ? v.y : 0.0f;
-  terms[i] = weighted ? weight * robust_norm(difference, knee) : 0.0f;
-  terms[pixels + i] = counted ? robust_norm(difference, 1e-20f) : 0.0f;
-  terms[2 * pixels + i] = counted ? 1.0f : 0.0f;
+  const int count = pixels - i;
+  const lane zero = TO_LANE(0.0f);
+  const lane teacher_x = row_load(teacher + i, count);
+  const lane teacher_y = row_load(teacher + pixels + i, count);
+  const lane x = row_load(flow + i, count) - teacher_x;
+  const lane y = row_load(flow + pixels + i, count) - teacher_y;
+  const lane trust = row_load_bytes(confidence + i, count) * (1.0f / 255.0f);
+  const lane weight = scale * trust * row_load(alpha + i, count);
+  const lane_int counted = (trust > zero) & (fabs(teacher_x) <= TO_LANE(TEACHER_LIMIT)) &
+                           (fabs(teacher_y) <= TO_LANE(TEACHER_LIMIT));  // NaN fails
+  const lane_int weighted = counted & (weight > zero);
+
+  const RobustNormGradient v = robust_norm_vjp(x, y, knee, weight);
+  row_store(LANE_SELECT(zero, v.x, weighted), v_flow + i, count);
+  row_store(LANE_SELECT(zero, v.y, weighted), v_flow + pixels + i, count);
+  const lane loss = weight * robust_norm(x, y, knee);
+  row_store(LANE_SELECT(zero, loss, weighted), terms + i, count);
+  row_store(LANE_SELECT(zero, robust_norm(x, y, 1e-20f), counted), terms + pixels + i, count);
+  row_store(LANE_SELECT(zero, TO_LANE(1.0f), counted), terms + 2 * pixels + i, count);
 }

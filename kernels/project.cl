@@ -23,7 +23,7 @@ static inline int2 tile_span(float centre, float reach, int pixels) {
   return hi >= lo ? (int2)((int)lo / TILE, (int)hi / TILE) : (int2)(1, 0);
 }
 
-kernel void project_fwd(const uint n, const Camera camera, const Camera camera2,
+kernel void project_fwd(const uint n, const PinholeCamera camera, const PinholeCamera camera2,
                         global const float* restrict means,       // [N, 3] world, at t1
                         global const float* restrict factors,     // [N, 3, 3] covariance = L L^T
                         global const float* restrict opacities,   // [N] 0: not there at t1
@@ -72,9 +72,10 @@ kernel void project_fwd(const uint n, const Camera camera, const Camera camera2,
 #endif
   const float3 c = load3(colors, i);
   const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;
-  vstore16((float16)(p.mean.x, p.mean.y, k.x, k.y, k.z, log2_opacity, p.p.z, m.x, c.x, c.y, c.z,
-                     m.y, h.x, h.y, h.z, h.w),
-           i, splats);
+  vstore4((float4)(p.mean.x, p.mean.y, k.x, k.y), 4 * i, splats);
+  vstore4((float4)(k.z, log2_opacity, p.p.z, m.x), 4 * i + 1, splats);
+  vstore4((float4)(c.x, c.y, c.z, m.y), 4 * i + 2, splats);
+  vstore4(h, 4 * i + 3, splats);
   vstore4((ushort4)(x.x, y.x, x.y, y.y), i, tile_boxes);
   tiles_touched[i] = (uint)(x.y - x.x + 1) * (uint)(y.y - y.x + 1);
   depth_keys[i] = as_uint(p.p.z);  // z > 0: the bits are ordered
@@ -82,7 +83,7 @@ kernel void project_fwd(const uint n, const Camera camera, const Camera camera2,
 
 // From the 16 moments of each splat (kernel gather) back to the Gaussians at both times.
 // Writes every output: zeros for what was not seen.
-kernel void project_bwd(const uint n, const Camera camera, const Camera camera2,
+kernel void project_bwd(const uint n, const PinholeCamera camera, const PinholeCamera camera2,
                         global const float* restrict means, global const float* restrict factors,
                         global const float* restrict opacities,
                         global const float* restrict means_t2,
@@ -114,7 +115,9 @@ kernel void project_bwd(const uint n, const Camera camera, const Camera camera2,
     vstore2((float2)(0.f), i, v_means2d);
     return;
   }
-  const float16 s = vload16(i, moments);
+  // q qz1 qz2 qz11 | qz12 qz22 wr wg | wb wd fx fy | fx1 fx2 fy1 fy2 (shared/pixel.h)
+  const float4 s0 = vload4(4 * i, moments), s1 = vload4(4 * i + 1, moments);
+  const float4 s2 = vload4(4 * i + 2, moments);
   const Mat3 factor = load_mat3(factors, i);
   const Projection p = project(camera, load3(means, i), factor);
   const Whitening w = whiten(p.m);
@@ -123,12 +126,12 @@ kernel void project_bwd(const uint n, const Camera camera, const Camera camera2,
   // K with the unscaled K (numerics 1.3); q carries ln 2 here.
   const float k1 = w.k1 * SQRT_HALF_LOG2_E, k2 = w.k2 * SQRT_HALF_LOG2_E;
   const float k3 = w.k3 * SQRT_HALF_LOG2_E;
-  real2 v_mean = make_real2(2.f * LN_2 * k1 * s.s1, 2.f * LN_2 * (k2 * s.s1 + k3 * s.s2));
-  const Sym2 zz = make_sym2(s.s3, s.s4, s.s5);
+  real2 v_mean = make_real2(2.f * LN_2 * k1 * s0.y, 2.f * LN_2 * (k2 * s0.y + k3 * s0.z));
+  const Sym2 zz = make_sym2(s0.w, s1.x, s1.y);
   const Sym2 v_s = sym2_scale(sym2_congruence(mat2_transpose(whitening_k(w)), zz), LN_2);
   Mat23 v_m = covariance_vjp(p.m, v_s);
-  v_opacities[i] = s.s0 / opacities[i];
-  store3(v_colors, i, make_real3(s.s6, s.s7, s.s8));
+  v_opacities[i] = s0.x / opacities[i];
+  store3(v_colors, i, make_real3(s1.z, s1.w, s2.x));
 
 #if FLOW
   Mat3 v_factor2 = zero;
@@ -138,9 +141,10 @@ kernel void project_bwd(const uint n, const Camera camera, const Camera camera2,
   const float4 h = vload4(4 * i + 3, splats);
   // m = H = 0 also marks a flow that could not be formed in project_fwd: p2 decides likewise.
   if (p2.p.z >= camera.near_plane) {
-    const float2 g = (float2)(s.sa, s.sb);
-    const Mat2 gh = make_mat2(s.sc / SQRT_HALF_LOG2_E, s.sd / SQRT_HALF_LOG2_E,
-                              s.se / SQRT_HALF_LOG2_E, s.sf / SQRT_HALF_LOG2_E);
+    const float4 s3 = vload4(4 * i + 3, moments);
+    const float2 g = (float2)(s2.z, s2.w);
+    const Mat2 gh = make_mat2(s3.x / SQRT_HALF_LOG2_E, s3.y / SQRT_HALF_LOG2_E,
+                              s3.z / SQRT_HALF_LOG2_E, s3.w / SQRT_HALF_LOG2_E);
     const TransportGradient t = transport_vjp(TRANSPORT, p.m, w, p2.m, gh);
     const GaussianGradient v2 = project_vjp(camera2, factor2, p2, g, 0.f, t.m2);
     v_mean2 = v2.mean;
@@ -155,7 +159,7 @@ kernel void project_bwd(const uint n, const Camera camera, const Camera camera2,
   store3(v_means_t2, i, v_mean2);
   store_mat3(v_factors_t2, i, v_factor2);
 #endif
-  const GaussianGradient v = project_vjp(camera, factor, p, v_mean, s.s9, v_m);
+  const GaussianGradient v = project_vjp(camera, factor, p, v_mean, s2.y, v_m);
   store3(v_means, i, v.mean);
   store_mat3(v_factors, i, v.factor);
   vstore2(v_mean, i, v_means2d);

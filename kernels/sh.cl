@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Colour of each Gaussian from its spherical harmonics, seen from the camera at its mean at t1.
-// `degree` may be below what is stored (bands not yet active cost nothing). One work-item a
-// Gaussian.
+// Band 0 has an array of its own (its learning rate differs). `degree` may be below what is stored:
+// bands not yet active cost nothing. One work-item a Gaussian.
 #include "shared/arrays.h"
 #include "shared/sh.h"
 #include "shared/types.h"
 
 // Camera centre in the world: -R^T t.
-static inline real3 camera_centre(Camera c) {
+static inline real3 camera_centre(PinholeCamera c) {
   return -make_real3(c.rotation[0] * c.translation[0] + c.rotation[3] * c.translation[1] +
                          c.rotation[6] * c.translation[2],
                      c.rotation[1] * c.translation[0] + c.rotation[4] * c.translation[1] +
@@ -16,47 +16,59 @@ static inline real3 camera_centre(Camera c) {
                          c.rotation[8] * c.translation[2]);
 }
 
-static inline real3 sh_sum(ShBasis b, int count, global const float* sh) {
-  real3 c = make_real3(0.5f, 0.5f, 0.5f);
-  for (int k = 0; k < count; ++k) c += load3(sh, k) * b.y[k];
+static inline real3 sh_sum(ShBasis b, int count, real3 band0, global const float* rest) {
+  real3 c = make_real3(0.5f, 0.5f, 0.5f) + band0 * b.y[0];
+  for (int k = 1; k < count; ++k) c += load3(rest, k - 1) * b.y[k];
   return c;
 }
 
-kernel void sh_fwd(const uint n, const int degree, const int stride, const Camera camera,
+// stride: coefficients stored a Gaussian beside the first.
+kernel void sh_fwd(const uint n, const int degree, const int stride, const PinholeCamera camera,
                    global const float* restrict means,      // [N, 3]
                    global const float* restrict opacities,  // [N] 0: skipped
-                   global const float* restrict sh,         // [N, stride, 3]
+                   global const float* restrict sh0,        // [N, 3]
+                   global const float* restrict sh_rest,    // [N, stride, 3]
                    global float* restrict colors) {         // [N, 3] >= 0
   const uint i = get_global_id(0);
   if (i >= n || !(opacities[i] > 0.f)) return;
   const Direction o = direction_to(load3(means, i), camera_centre(camera));
   const int count = (degree + 1) * (degree + 1);
-  const real3 c = sh_sum(sh_basis(degree, o.d), count, sh + (size_t)i * stride * 3);
+  const real3 c =
+      sh_sum(sh_basis(degree, o.d), count, load3(sh0, i), sh_rest + (size_t)i * stride * 3);
   store3(colors, i, fmax(c, make_real3(0.f, 0.f, 0.f)));
 }
 
-// Adds to v_sh and v_means for what was seen; leaves the rest alone.
-kernel void sh_bwd(const uint n, const int degree, const int stride, const Camera camera,
-                   global const float* restrict means, global const float* restrict sh,
+// For what was seen in this view; the rest is left alone. Adds to v_means. v_sh0 and v_sh_rest are
+// set for Gaussians not `seen` before in this training step and added to for the others.
+kernel void sh_bwd(const uint n, const int degree, const int stride, const PinholeCamera camera,
+                   global const float* restrict means, global const float* restrict sh0,
+                   global const float* restrict sh_rest,
                    global const uint* restrict tiles_touched,
+                   global const uint* restrict seen,       // [N]
                    global const float* restrict v_colors,  // [N, 3]
-                   global float* restrict v_sh,            // [N, stride, 3]
+                   global float* restrict v_sh0,           // [N, 3]
+                   global float* restrict v_sh_rest,       // [N, stride, 3]
                    global float* restrict v_means) {       // [N, 3]
   const uint i = get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
   const Direction o = direction_to(load3(means, i), camera_centre(camera));
   const ShBasis b = sh_basis(degree, o.d);
   const int count = (degree + 1) * (degree + 1);
-  global const float* own = sh + (size_t)i * stride * 3;
-  global float* v_own = v_sh + (size_t)i * stride * 3;
-  const real3 c = sh_sum(b, count, own);
+  global const float* own = sh_rest + (size_t)i * stride * 3;
+  global float* v_own = v_sh_rest + (size_t)i * stride * 3;
+  const real3 c = sh_sum(b, count, load3(sh0, i), own);
   real3 v = load3(v_colors, i);  // no gradient through the clamp at 0
   v = make_real3(c.x > 0.f ? v.x : 0.f, c.y > 0.f ? v.y : 0.f, c.z > 0.f ? v.z : 0.f);
+  if (!seen[i]) {
+    store3(v_sh0, i, v * b.y[0]);
+    for (int k = 1; k <= stride; ++k) store3(v_own, k - 1, v * b.y[k]);  // 0 where not active
+  } else {
+    add3(v_sh0, i, v * b.y[0]);
+    for (int k = 1; k < count; ++k) add3(v_own, k - 1, v * b.y[k]);
+  }
+  if (degree == 0) return;
   ShBasis v_b;
   for (int k = 0; k < 16; ++k) v_b.y[k] = 0.f;
-  for (int k = 0; k < count; ++k) {
-    v_b.y[k] = dot(load3(own, k), v);
-    add3(v_own, k, v * b.y[k]);
-  }
-  if (degree > 0) add3(v_means, i, direction_to_vjp(o, sh_basis_vjp(degree, o.d, v_b)));
+  for (int k = 1; k < count; ++k) v_b.y[k] = dot(load3(own, k - 1), v);
+  add3(v_means, i, direction_to_vjp(o, sh_basis_vjp(degree, o.d, v_b)));
 }

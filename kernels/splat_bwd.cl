@@ -79,11 +79,10 @@ static inline void moments_store(Moments m, global float* out) {
   vstore8(sums8(m.q, m.qz1, m.qz2, m.qz11, m.qz12, m.qz22, m.wr, m.wg), 0, out);
   vstore8(sums8(m.wb, m.wd, m.fx, m.fy, m.fx1, m.fx2, m.fy1, m.fy2), 0, out + 8);
 #elif LANES == 4
-  vstore16((float16)(lane_sum(m.q), lane_sum(m.qz1), lane_sum(m.qz2), lane_sum(m.qz11),
-                     lane_sum(m.qz12), lane_sum(m.qz22), lane_sum(m.wr), lane_sum(m.wg),
-                     lane_sum(m.wb), lane_sum(m.wd), lane_sum(m.fx), lane_sum(m.fy),
-                     lane_sum(m.fx1), lane_sum(m.fx2), lane_sum(m.fy1), lane_sum(m.fy2)),
-           0, out);
+  vstore4((float4)(lane_sum(m.q), lane_sum(m.qz1), lane_sum(m.qz2), lane_sum(m.qz11)), 0, out);
+  vstore4((float4)(lane_sum(m.qz12), lane_sum(m.qz22), lane_sum(m.wr), lane_sum(m.wg)), 1, out);
+  vstore4((float4)(lane_sum(m.wb), lane_sum(m.wd), lane_sum(m.fx), lane_sum(m.fy)), 2, out);
+  vstore4((float4)(lane_sum(m.fx1), lane_sum(m.fx2), lane_sum(m.fy1), lane_sum(m.fy2)), 3, out);
 #endif
 }
 #endif
@@ -167,7 +166,9 @@ kernel void splat_bwd(const int width, const int height, global const float* res
       if (!lane_any(still_open(most))) break;
     }
   }
-  for (; k < end; ++k) vstore16((float16)(0.f), isect_slots[k], partials);
+  for (; k < end; ++k)
+    for (uint part = 0; part < 2; ++part)
+      vstore8((float8)(0.f), 2 * (size_t)isect_slots[k] + part, partials);
 #endif
 }
 
@@ -179,8 +180,12 @@ kernel void gather(const uint n, global const uint* restrict slot_offsets,  // [
   if (i >= n) return;
   const uint end = slot_offsets[i + 1];
   uint slot = slot_offsets[i];
-  if (slot == end) return;
-  float16 sum = vload16(slot++, partials);
-  for (; slot < end; ++slot) sum += vload16(slot, partials);
-  vstore16(sum, i, moments);
+  if (slot == end) return;  // unseen
+  float8 low = (float8)(0.f), high = (float8)(0.f);
+  for (; slot < end; ++slot) {
+    low += vload8(2 * (size_t)slot, partials);
+    high += vload8(2 * (size_t)slot + 1, partials);
+  }
+  vstore8(low, 2 * (size_t)i, moments);
+  vstore8(high, 2 * (size_t)i + 1, moments);
 }

@@ -76,21 +76,29 @@ static inline SsimPixel ssim_pixel(SsimMeans m) {
 // A teacher flow with a larger component is a fault of its file or estimator, and masked [px].
 #define TEACHER_LIMIT 1e5f
 
-// rho(d) = sqrt(|d|^2 + knee^2) - knee: |d|^2 / (2 knee) near 0, |d| - knee far away. knee > 0.
-// Divided by the largest of |dx|, |dy|, knee, so that no square over- or underflows, and written
-// without the difference: rho = |d|^2 / (sqrt(|d|^2 + knee^2) + knee).
-static inline real robust_norm(real2 d, real knee) {
-  const real scale = fmax(fmax(fabs(d.x), fabs(d.y)), knee);
-  const real inverse = 1 / scale, x = d.x * inverse, y = d.y * inverse, k = knee * inverse;
-  const real square = x * x + y * y;
+// rho(r) = sqrt(r^2 + knee^2) - knee of r = |(x, y)|: r^2 / (2 knee) near 0, r - knee far away;
+// knee > 0. Divided by the largest of |x|, |y|, knee, so that no square over- or underflows, and
+// written without the difference: rho = r^2 / (sqrt(r^2 + knee^2) + knee).
+static inline LOSS_LANE robust_norm(LOSS_LANE x, LOSS_LANE y, real knee) {
+  const LOSS_LANE scale = fmax(fmax(fabs(x), fabs(y)), knee), inverse = 1 / scale;
+  const LOSS_LANE a = x * inverse, b = y * inverse, k = knee * inverse;
+  const LOSS_LANE square = a * a + b * b;
   return scale * (square / (sqrt(square + k * k) + k));
 }
 
-// d rho / d d = d / sqrt(|d|^2 + knee^2): shorter than 1, and 0 at 0.
-static inline real2 robust_norm_vjp(real2 d, real knee, real v_rho) {
-  const real scale = fmax(fmax(fabs(d.x), fabs(d.y)), knee);
-  const real inverse = 1 / scale, x = d.x * inverse, y = d.y * inverse, k = knee * inverse;
-  return make_real2(x, y) * (v_rho / sqrt(x * x + y * y + k * k));
+// d rho / d (x, y) = (x, y) / sqrt(r^2 + knee^2): shorter than 1, and 0 at 0.
+typedef struct RobustNormGradient {
+  LOSS_LANE x, y;
+} RobustNormGradient;
+static inline RobustNormGradient robust_norm_vjp(LOSS_LANE x, LOSS_LANE y, real knee,
+                                                 LOSS_LANE v_rho) {
+  const LOSS_LANE scale = fmax(fmax(fabs(x), fabs(y)), knee), inverse = 1 / scale;
+  const LOSS_LANE a = x * inverse, b = y * inverse, k = knee * inverse;
+  const LOSS_LANE v = v_rho / sqrt(a * a + b * b + k * k);
+  RobustNormGradient out;
+  out.x = a * v;
+  out.y = b * v;
+  return out;
 }
 
 #endif

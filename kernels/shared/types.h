@@ -5,12 +5,12 @@
 
 // A pinhole camera: p = rotation * world + translation (OpenCV axes, +z forward), pixel
 // (fx X/Z + cx, fy Y/Z + cy), the centre of pixel (row i, column j) at (j + .5, i + .5).
-typedef struct Camera {
+typedef struct PinholeCamera {
   float rotation[9];     // world to camera, row by row
   float translation[3];
   float fx, fy, cx, cy;  // [px]
   float near_plane;      // a Gaussian whose centre is nearer is not drawn
   int width, height;     // [px]
-} Camera;
+} PinholeCamera;
 
 #endif

@@ -166,7 +166,7 @@ std::shared_ptr<const TeacherFlow> FlowStore::get(size_t pair) {
 
 FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                           FrameStore& frames, const std::string& cache, int threads,
-                          const Progress& progress) {
+                          const ProgressCallback& progress) {
   std::error_code failed;
   fs::create_directories(cache, failed);
   if (failed) throw Error(fmt::format("cannot make folder {}: {}", cache, failed.message()));

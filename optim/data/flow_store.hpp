@@ -34,14 +34,14 @@ class FlowStore {
 };
 
 // How far a longer work is. Called by worker threads, one at a time; an exception ends the work.
-using Progress = std::function<void(size_t done, size_t total)>;
+using ProgressCallback = std::function<void(size_t done, size_t total)>;
 
 // DIS flow for every pair with next >= 0 at the resolution of `frames`, computed by `threads`
 // workers (0: all cores) and kept in folder `cache` (made when missing) as NAME.flo and
 // NAME_mask.png; what is there in the right size is not computed again.
 FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                           FrameStore& frames, const std::string& cache, int threads = 0,
-                          const Progress& progress = {});
+                          const ProgressCallback& progress = {});
 
 // The scene's own true flow where a frame has it; confidence where the mask is 255.
 FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,

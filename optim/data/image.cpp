@@ -144,10 +144,10 @@ Image resized(const Image& image, int width, int height) {
 
 void write_png(const std::string& path, const Image& image) {
   check_pixels(image, "write " + path);
-  cv::Mat mat = as_mat(image);
-  cv::Mat swapped = mat;
-  if (image.channels > 1)
-    cv::cvtColor(mat, swapped, image.channels == 4 ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
+  if (image.channels == 1) return write_mat(path, as_mat(image));
+  cv::Mat swapped;  // its own memory: in place would change the caller's picture
+  cv::cvtColor(as_mat(image), swapped,
+               image.channels == 4 ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
   write_mat(path, swapped);
 }
 

@@ -9,6 +9,8 @@
 #include <filesystem>
 #include <map>
 
+#include "optim/data/align_points.hpp"
+#include "optim/data/colmap_model.hpp"
 #include "optim/data/image_header.hpp"
 #include "optim/data/reader_util.hpp"
 #include "optim/data/readers.hpp"
@@ -203,6 +205,18 @@ std::vector<Frame> frames_of(const std::string& folder, int camera, const Footag
   return frames;
 }
 
+// A COLMAP model made from the same cameras may have a world of its own, as that of the published
+// recordings does: then its points are brought into the world of poses_bounds.npy.
+PointCloud read_points(const std::string& folder, const std::vector<Camera>& cameras) {
+  PointCloud points = find_points(folder);
+  const std::string sparse = join(folder, "sparse/0");
+  if (!find_points_ply(folder).empty() || !has_colmap_points(sparse)) return points;
+  std::vector<Camera> colmap;
+  for (const ColmapImage& image : read_colmap_model(sparse).images) colmap.push_back(image.camera);
+  if (colmap.size() != cameras.size() || cameras.size() < 2) return points;
+  return align_points(points, colmap, cameras) ? points : PointCloud{};
+}
+
 }  // namespace
 
 bool is_n3v(const std::string& folder) { return fs::exists(fs::path(folder) / "poses_bounds.npy"); }
@@ -230,11 +244,10 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
     std::vector<Frame>& split = i == options.holdout ? scene.test : scene.train;
     split.insert(split.end(), frames.begin(), frames.end());
   }
-  if (footage[0].video.empty()) {
-    for (const Footage& one : footage)
+  for (const Footage& one : footage)
+    if (one.video.empty())
       scene.has_alpha |= read_image_header(one.pictures.begin()->second).has_alpha;
-  }
-  scene.points = find_points(folder);
+  scene.points = read_points(folder, scene.cameras);
   return scene;
 }
 

@@ -140,9 +140,12 @@ int find_or_add(std::vector<Camera>& cameras, const Camera& camera) {
   return int(cameras.size()) - 1;
 }
 
+std::string find_points_ply(const std::string& folder) {
+  return first_existing(folder, {"points3D.ply", "points3d.ply", "points_t0.ply", "fused.ply"});
+}
+
 PointCloud find_points(const std::string& folder) {
-  const std::string ply =
-      first_existing(folder, {"points3D.ply", "points3d.ply", "points_t0.ply", "fused.ply"});
+  const std::string ply = find_points_ply(folder);
   if (!ply.empty()) return read_point_cloud(ply);
   const std::string sparse = (fs::path(folder) / "sparse" / "0").string();
   if (has_colmap_points(sparse)) return read_colmap_points(sparse);

@@ -44,8 +44,11 @@ Camera fitted_to(Camera camera, int width, int height, const std::string& source
 // Index of an equal camera (size, intrinsics, pose) in the list, which gets it when it is new.
 int find_or_add(std::vector<Camera>& cameras, const Camera& camera);
 
-// Initial points of the scene, looked for in points3D.ply, points3d.ply, points_t0.ply, fused.ply,
-// sparse/0/points3D.{bin,txt,ply}; empty when there are none.
+// The first of points3D.ply, points3d.ply, points_t0.ply, fused.ply in the folder, or empty.
+std::string find_points_ply(const std::string& folder);
+
+// Initial points of the scene: that PLY, else sparse/0/points3D.{bin,txt,ply}; none when there is
+// no such file.
 PointCloud find_points(const std::string& folder);
 
 // Sets the flow and mask of a frame when BASE.flo or BASE.flo.gz is there.

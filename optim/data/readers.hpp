@@ -14,7 +14,8 @@ Scene read_blender(const std::string& folder, const SceneOptions& options);
 
 // Plenoptic video / N3V: poses_bounds.npy with camNN/images/ (preferred) or camNN.mp4, or with one
 // picture a camera in images/ or images_N/: options.images, else the smallest size that is there
-// (the greatest N). Camera options.holdout becomes the test camera.
+// (the greatest N). Camera options.holdout becomes the test camera. Points of a COLMAP model with
+// as many pictures as there are cameras are aligned to the poses, and left out when that fails.
 bool is_n3v(const std::string& folder);
 Scene read_n3v(const std::string& folder, const SceneOptions& options);
 

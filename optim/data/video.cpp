@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <opencv2/videoio/registry.hpp>
 
 #include "runtime/error.hpp"
 
@@ -21,7 +22,9 @@ cv::VideoCapture open_video(const std::string& path) {
   cv::VideoCapture capture;
   bool ok = false;
   try {
-    ok = capture.open(path);
+    // FFmpeg where it is built in: other backends seek and count less exactly.
+    const bool ffmpeg = cv::videoio_registry::hasBackend(cv::CAP_FFMPEG);
+    ok = capture.open(path, ffmpeg ? cv::CAP_FFMPEG : cv::CAP_ANY);
   } catch (const cv::Exception&) {
     // Reported below: a file that no decoder accepts.
   }

@@ -5,7 +5,7 @@
 #include "runtime/kernel.hpp"
 #include "shared/types.h"
 
-GFLOW_KERNEL_STRUCT(Camera);
+GFLOW_KERNEL_STRUCT(PinholeCamera);
 
 namespace gflow {
 

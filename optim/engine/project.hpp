@@ -20,7 +20,7 @@ struct Splats {
 
 // What is looked at: the camera at t1 and, for flow, at t2 (the same one when it stands still).
 struct View {
-  Camera camera, camera_t2;
+  PinholeCamera camera, camera_t2;
 };
 
 class Project {
@@ -35,10 +35,10 @@ class Project {
 
  private:
   Program program_;
-  Kernel<cl_uint, Camera, Camera, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
+  Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
          Out<float>, Out<cl_ushort>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
       project_fwd_;
-  Kernel<cl_uint, Camera, Camera, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
+  Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
          In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
          Out<float>, Out<float>>
       project_bwd_;

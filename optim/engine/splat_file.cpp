@@ -27,9 +27,9 @@ std::vector<float> floats_or(const Arrays& input, const std::string& key, const 
   return input.count(key) ? floats(input, key, shape, name) : otherwise;
 }
 
-Camera camera_of(const std::vector<float>& viewmat, const std::vector<float>& K, int width,
+PinholeCamera camera_of(const std::vector<float>& viewmat, const std::vector<float>& K, int width,
                  int height, float near_plane) {
-  Camera camera{};
+  PinholeCamera camera{};
   for (int row = 0; row < 3; ++row) {
     for (int col = 0; col < 3; ++col) camera.rotation[3 * row + col] = viewmat[4 * row + col];
     camera.translation[row] = viewmat[4 * row + 3];

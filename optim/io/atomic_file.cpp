@@ -133,8 +133,6 @@ Bytes read_file_or_gzip(const std::string& path, size_t limit) {
   int state = Z_OK;
   while (state != Z_STREAM_END) {
     constexpr size_t piece = size_t{1} << 20;
-    if (expanded.size() > limit)
-      throw Error(fmt::format("cannot read {}: expanded it has more than {} bytes", path, limit));
     const size_t before = expanded.size();
     expanded.resize(before + piece);
     stream.next_in = stored.data() + consumed;
@@ -145,6 +143,8 @@ Bytes read_file_or_gzip(const std::string& path, size_t limit) {
     state = inflate(&stream, Z_NO_FLUSH);
     consumed += offered - stream.avail_in;
     expanded.resize(before + piece - stream.avail_out);
+    if (expanded.size() > limit)
+      throw Error(fmt::format("cannot read {}: expanded it has more than {} bytes", path, limit));
     if (state == Z_BUF_ERROR || (state == Z_OK && offered == 0 && expanded.size() == before))
       throw Error(fmt::format("{} is truncated: its gzip stream has no end", path));
     if (state != Z_OK && state != Z_STREAM_END)

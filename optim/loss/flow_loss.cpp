@@ -19,7 +19,8 @@ float checked_knee(float robust_px) {
 
 FlowLoss::FlowLoss(Queue& queue, float robust_px)
     : robust_px_(checked_knee(robust_px)),
-      program_(queue, "flow_loss.cl", {{"LANES", 1}}),
+      lanes_(size_t(queue.lanes)),
+      program_(queue, "flow_loss.cl", {{"LANES", queue.lanes}}),
       flow_loss_(program_, "flow_loss"),
       reduce_(queue),
       terms_("flow loss terms") {}
@@ -36,8 +37,8 @@ void FlowLoss::run(Queue& queue, float weight, int width, int height, const Buff
         width, height, flow.name(), flow.size(), teacher.name(), teacher.size(), v_flow.name(),
         v_flow.size(), alpha.name(), alpha.size(), confidence.name(), confidence.size()));
   terms_.ensure(queue, 3 * pixels);
-  flow_loss_(queue, Range::over(pixels, 256), cl_uint(pixels), weight / float(pixels), robust_px_,
-             flow, alpha, teacher, confidence, v_flow, terms_);
+  flow_loss_(queue, Range::over((pixels + lanes_ - 1) / lanes_, 64), cl_uint(pixels),
+             weight / float(pixels), robust_px_, flow, alpha, teacher, confidence, v_flow, terms_);
   pixels_ = pixels;
 }
 

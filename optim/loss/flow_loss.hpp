@@ -29,6 +29,7 @@ class FlowLoss {
 
  private:
   float robust_px_;
+  size_t lanes_;
   Program program_;
   Kernel<cl_uint, cl_float, cl_float, In<float>, In<float>, In<float>, In<cl_uchar>, Out<float>,
          Out<float>>

@@ -46,7 +46,7 @@ std::string toml_text(Enum value) {
 std::string allowed(bool) { return "true or false"; }
 std::string allowed(const std::string&) { return ""; }
 template <class Number, std::enable_if_t<std::is_arithmetic_v<Number>, int> = 0>
-std::string allowed(Number, const Range& range) {
+std::string allowed(Number, const Allowed& range) {
   return range.text();
 }
 template <class Enum, std::enable_if_t<std::is_enum_v<Enum>, int> = 0>
@@ -87,7 +87,7 @@ void assign(const Incoming& in, std::string& member) {
 }
 
 template <class Integer, std::enable_if_t<std::is_integral_v<Integer>, int> = 0>
-void assign(const Incoming& in, Integer& member, const Range& range) {
+void assign(const Incoming& in, Integer& member, const Allowed& range) {
   const auto value = in.node->value_exact<int64_t>();
   const std::string expected = "a whole number, " + range.text();
   if (!value || *value < std::numeric_limits<Integer>::min() ||
@@ -96,7 +96,7 @@ void assign(const Incoming& in, Integer& member, const Range& range) {
   member = static_cast<Integer>(*value);
 }
 
-void assign(const Incoming& in, float& member, const Range& range) {
+void assign(const Incoming& in, float& member, const Allowed& range) {
   const auto value = in.node->is_number() ? in.node->value<double>() : std::nullopt;
   if (!value || !range.contains(*value)) in.refuse("a number, " + range.text());
   member = static_cast<float>(*value);
@@ -194,7 +194,7 @@ toml::table value_table(const std::string& text) {
 template <class Member>
 void check_value(const std::string&, const Member&) {}
 template <class Number>
-void check_value(const std::string& name, const Number& value, const Range& range) {
+void check_value(const std::string& name, const Number& value, const Allowed& range) {
   if (!range.contains(static_cast<double>(value)))
     throw Error(
         fmt::format("{} = {} is not allowed; it must be {}", name, toml_text(value), range.text()));
@@ -202,20 +202,20 @@ void check_value(const std::string& name, const Number& value, const Range& rang
 
 }  // namespace
 
-Range one_of(std::vector<float> values) {
-  Range range;
+Allowed one_of(std::vector<float> values) {
+  Allowed range;
   range.among = std::move(values);
   return range;
 }
 
-bool Range::contains(double value) const {
+bool Allowed::contains(double value) const {
   if (!(std::fabs(value) <= std::numeric_limits<float>::max())) return false;
   const float number = static_cast<float>(value);
   if (!among.empty()) return std::find(among.begin(), among.end(), number) != among.end();
   return (above_min ? number > min : number >= min) && number <= max;
 }
 
-std::string Range::text() const {
+std::string Allowed::text() const {
   if (!among.empty()) return fmt::format("one of {}", fmt::join(among, ", "));
   const bool bounded = max < std::numeric_limits<float>::max();
   if (above_min)

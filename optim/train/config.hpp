@@ -15,7 +15,7 @@ namespace gflow {
 
 // The values a number may take. An empty `among` means every value between min and max. Bounds are
 // floats because the settings are: 0.99 as a float exceeds 0.99 as a double.
-struct Range {
+struct Allowed {
   float min = std::numeric_limits<float>::lowest();
   float max = std::numeric_limits<float>::max();
   bool above_min = false;  // min itself is refused
@@ -24,19 +24,19 @@ struct Range {
   bool contains(double value) const;  // false for NaN and infinities
   std::string text() const;           // "0 to 1", "at least 1", "above 0", "one of 1, 2, 4, 8"
 };
-inline Range between(float min, float max) { return {min, max}; }
-inline Range at_least(float min) { return {min}; }
-inline Range above(float min) {
-  Range range{min};
+inline Allowed between(float min, float max) { return {min, max}; }
+inline Allowed at_least(float min) { return {min}; }
+inline Allowed above(float min) {
+  Allowed range{min};
   range.above_min = true;
   return range;
 }
-inline Range above_up_to(float min, float max) {
-  Range range{min, max};
+inline Allowed above_up_to(float min, float max) {
+  Allowed range{min, max};
   range.above_min = true;
   return range;
 }
-Range one_of(std::vector<float> values);
+Allowed one_of(std::vector<float> values);
 
 // Choices. names_of() gives the words of the file, in the order of the enumerators, which
 // count from 0.
@@ -63,6 +63,7 @@ const char* name_of(Enum value) {
 // the order of the file; self is the struct, const or not.
 
 struct SceneConfig {
+  std::string path;
   int resolution = 1;
   Background background = Background::white;
   int holdout = 0;
@@ -75,6 +76,7 @@ struct SceneConfig {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
+    field("path", self.path, "folder of the scene; `gflow train SCENE` sets it");
     field("resolution", self.resolution, "divides the width and height of the pictures",
           one_of({1, 2, 4, 8}));
     field("background", self.background, "behind pictures with transparency");
@@ -119,10 +121,14 @@ struct MotionConfig {
   int sh_degree = 2;
   int sh_interval = 1000;
   float cutoff = 0.05f;
+  float duration = 2;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("model", self.model, "how the Gaussians move");
+    field("duration", self.duration,
+          "length of the video in the model's time [x scene extent]: a speed of 1 crosses so much",
+          above(0));
     field("sh_degree", self.sh_degree, "highest degree of the spherical harmonics", between(0, 3));
     field("sh_interval", self.sh_interval, "steps between two rises of the degree in use",
           at_least(1));
@@ -135,7 +141,8 @@ struct InitConfig {
   InitFrom from = InitFrom::automatic;
   int count = 10000;
   float opacity = 0.1f;
-  float lifetime = 0.5f;
+  float lifetime = 1;
+  float box = 1;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -143,6 +150,7 @@ struct InitConfig {
           "first positions: the scene's points, random ones, or points where there are any");
     field("count", self.count, "random points", at_least(1));
     field("opacity", self.opacity, "first opacity", above_up_to(0, 0.99f));
+    field("box", self.box, "side of the box of random points [x scene extent]", above(0));
     field("lifetime", self.lifetime, "standard deviation in time [lengths of the video]", above(0));
   }
 };
@@ -248,6 +256,8 @@ struct DensityConfig {
   float split_scale = 0.01f;
   int cap = 30000;
   float prune_opacity = 0.005f;
+  float prune_scale = 0.5f;
+  float static_lifetime = 1;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -262,7 +272,12 @@ struct DensityConfig {
     field("split_scale", self.split_scale,
           "larger Gaussians split, smaller ones clone [x scene extent]", above(0));
     field("cap", self.cap, "most Gaussians", at_least(1));
-    field("prune_opacity", self.prune_opacity, "fainter Gaussians are removed", between(0, 0.99f));
+    field("prune_opacity", self.prune_opacity, "fainter Gaussians are removed",
+          above_up_to(0, 0.99f));
+    field("prune_scale", self.prune_scale, "larger Gaussians are removed [x scene extent]",
+          above(0));
+    field("static_lifetime", self.static_lifetime,
+          "a split leaves longer temporal scales whole [lengths of the video]", above(0));
   }
 };
 

@@ -57,8 +57,8 @@ struct Result {
   FlowLossValue value;
 };
 
-Result run(const Case& c, float weight, float robust_px) {
-  Queue queue = test_queue();
+Result run(const Case& c, float weight, float robust_px, int lanes = 0) {
+  Queue queue = test_queue(lanes);
   FlowLoss loss(queue, robust_px);
   const Buffer<float> flow(queue, c.flow, "flow"), alpha(queue, c.alpha, "alpha");
   const Buffer<float> teacher(queue, c.teacher, "teacher");
@@ -77,8 +77,8 @@ reference::FlowLossResult expected(const Case& c, double weight, double knee) {
 }
 
 TEST(RobustNorm, IsTheFormulaWhereThatIsSafe) {
-  EXPECT_NEAR(robust_norm({3, 4}, 1), std::sqrt(26.0) - 1, 1e-14);
-  EXPECT_NEAR(robust_norm({0.3, -0.4}, 2), std::sqrt(4.25) - 2, 1e-14);
+  EXPECT_NEAR(robust_norm(3, 4, 1), std::sqrt(26.0) - 1, 1e-14);
+  EXPECT_NEAR(robust_norm(0.3, -0.4, 2), std::sqrt(4.25) - 2, 1e-14);
 }
 
 TEST(FlowLossReference, GradientIsTheCentralDifference) {
@@ -96,16 +96,20 @@ TEST(FlowLossReference, GradientIsTheCentralDifference) {
       all_close(expected(c, 0.5, 0.1).v_flow, numeric_gradient(f, flow, 1e-6), {1e-6, 1e-9}));
 }
 
-TEST(FlowLoss, MatchesTheReferenceAtEverySize) {
+class FlowLossLanes : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(All, FlowLossLanes, testing::Values(16, 8, 4, 1));
+
+TEST_P(FlowLossLanes, MatchTheReferenceAtEverySize) {
   const int sizes[][2] = {{1, 1}, {17, 15}, {5, 300}, {320, 96}};
   for (const auto& [width, height] : sizes)
     for (const float knee : {1e-3f, 1.f}) {
       const Case c = random_case(width, height);
       const auto want = expected(c, 0.5, double(knee));
-      const Result actual = run(c, 0.5f, knee);
+      const Result actual = run(c, 0.5f, knee, GetParam());
       // about 10 roundings of 6e-8 each
       EXPECT_TRUE(all_close(actual.v_flow, want.v_flow, {1e-6, 1e-12}));
       EXPECT_NEAR(actual.value.loss, want.loss, 1e-6 * want.loss);
+      EXPECT_EQ(actual.value.confident_pixels, confident_pixels(c.teacher, c.confidence));
     }
 }
 
@@ -131,7 +135,8 @@ TEST(FlowLoss, OfOnePixelIsTheHandMadeOne) {
   EXPECT_NEAR(actual.value.loss, 0.5, 1e-6);
   EXPECT_NEAR(actual.value.epe, 2.5, 1e-6);
   EXPECT_EQ(actual.value.confident_pixels, 2u);
-  EXPECT_TRUE(all_close(actual.v_flow, std::vector<double>{1.5 / 13, 0, 2. / 13, 0}, {1e-6, 1e-30}));
+  EXPECT_TRUE(
+      all_close(actual.v_flow, std::vector<double>{1.5 / 13, 0, 2. / 13, 0}, {1e-6, 1e-30}));
 }
 
 TEST(FlowLoss, IsBitwiseZeroWhereThereIsNoWeight) {

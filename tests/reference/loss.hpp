@@ -93,10 +93,10 @@ inline FlowLossResult flow_loss(const std::vector<double>& flow, const std::vect
     if (!(std::fabs(teacher[i]) <= TEACHER_LIMIT) ||
         !(std::fabs(teacher[pixels + i]) <= TEACHER_LIMIT))
       continue;
-    const real2 d = {flow[i] - teacher[i], flow[pixels + i] - teacher[pixels + i]};
+    const double x = flow[i] - teacher[i], y = flow[pixels + i] - teacher[pixels + i];
     const double w = weight / double(pixels) * confidence[i] * alpha[i];
-    out.loss += w * robust_norm(d, knee);
-    const real2 v = robust_norm_vjp(d, knee, w);
+    out.loss += w * robust_norm(x, y, knee);
+    const RobustNormGradient v = robust_norm_vjp(x, y, knee, w);
     out.v_flow[i] = v.x;
     out.v_flow[pixels + i] = v.y;
   }

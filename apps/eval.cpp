@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow eval`: figures of a finished run, again or for another split.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <memory>
+
+#include "apps/options.hpp"
+#include "apps/report.hpp"
+#include "optim/train/training.hpp"
+
+namespace gflow {
+
+void print_report(const Evaluation& evaluation) {
+  if (evaluation.views.empty()) return;
+  const ViewFigures& m = evaluation.mean;
+  const auto line = [](const char* name, double value, const char* unit) {
+    if (std::isfinite(value)) fmt::print("{:<22} {:8.3f} {}\n", name, value, unit);
+  };
+  fmt::print("{} views, flow compared with: {}\n", evaluation.views.size(),
+             evaluation.flow_reference);
+  line("PSNR", m.psnr, "dB");
+  line("SSIM", m.ssim, "");
+  line("PSNR, moving pixels", m.psnr_dynamic, "dB");
+  line("flow error", m.flow_epe, "px");
+  line("flow error, moving", m.flow_epe_dynamic, "px");
+  line("  DIS there", m.teacher_epe_dynamic, "px");
+}
+
+void add_eval(CLI::App& app, const GlobalOptions& options) {
+  struct Flags {
+    std::string run, split = "test";
+  };
+  auto flags = std::make_shared<Flags>();
+  CLI::App* command = app.add_subcommand(
+      "eval", "Judge the latest model of a run; writes results.json and per_view.json");
+  command->add_option("RUN", flags->run, "Run folder of `gflow train`")->required();
+  command->add_option("--split", flags->split, "Views: test, train or val");
+  command->callback([flags, &options] {
+    const RunFolder run = RunFolder::open(flags->run);
+    Queue queue = open_queue(options);
+    print_report(evaluate_run(queue, run, flags->split, options.quiet));
+    fmt::print("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
+  });
+}
+
+}  // namespace gflow

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow train`: a scene folder in, a run folder out.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
+
+#include "apps/options.hpp"
+#include "apps/report.hpp"
+#include "optim/train/training.hpp"
+
+namespace gflow {
+namespace {
+
+struct TrainFlags {
+  std::string scene, run, config_file;
+  std::vector<std::string> settings;
+  int iterations = 0;
+  int64_t seed = 0;
+  bool list_settings = false;
+};
+
+TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
+  TrainConfig config;
+  if (!flags.config_file.empty()) apply_file(config, flags.config_file);
+  for (const std::string& setting : flags.settings) apply_setting(config, setting);
+  config.scene.path = std::filesystem::absolute(flags.scene).lexically_normal().string();
+  if (command.count("--iterations")) config.train.iterations = flags.iterations;
+  if (command.count("--seed")) config.train.seed = flags.seed;
+  check(config);
+  return config;
+}
+
+void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI::App& command) {
+  const TrainConfig config = configured(flags, command);
+  GlobalOptions device = options;
+  if (device.device.empty()) device.device = config.train.device;
+  Queue queue = open_queue(device);
+  const RunFolder run = RunFolder::create(flags.run);
+  const Evaluation evaluation = train_run(queue, config, run, options.quiet);
+  print_report(evaluation);
+  fmt::print("model     {}\n", run.latest_model());
+  if (!evaluation.views.empty())
+    fmt::print("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
+}
+
+}  // namespace
+
+void add_train(CLI::App& app, const GlobalOptions& options) {
+  auto flags = std::make_shared<TrainFlags>();
+  CLI::App* command = app.add_subcommand(
+      "train", "Train a scene: cameras and video in, a moving splat and its evaluation out");
+  command->add_option("SCENE", flags->scene, "Folder of the scene: D-NeRF/Blender, N3V, "
+                                             "Consistent4D or COLMAP")
+      ->required();
+  command->add_option("-o,--output", flags->run, "Run folder that is written")->required();
+  command->add_option("--config", flags->config_file, "Settings in a TOML file")
+      ->type_name("FILE.toml");
+  command
+      ->add_option("--set", flags->settings,
+                   "One setting, e.g. --set flow.weight=0.2; may be repeated. All settings with "
+                   "their meaning are in the config.toml of any run")
+      ->type_name("SECTION.KEY=VALUE")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")
+      ->default_str("10000");
+  command->add_option("--seed", flags->seed, "Of every random choice (train.seed)")
+      ->default_str("0");
+  command->callback([flags, &options, command] { run_train(*flags, options, *command); });
+}
+
+}  // namespace gflow

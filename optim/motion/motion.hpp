@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// A motion model: parameters to Gaussians at a time, and gradients back. Everything else sees this
+// interface only. Times are in the model's own unit (Native4d: the video is [0, duration]).
+#pragma once
+#include "optim/engine/gaussians.hpp"
+#include "optim/motion/parameters.hpp"
+
+namespace gflow {
+
+class Motion {
+ public:
+  virtual ~Motion() = default;
+
+  // The arrays this model trains, beside colour.
+  virtual std::vector<GroupSpec> groups() const = 0;
+
+  // Gaussians at time t. Those outside their time window have opacity 0, unless `whole_time`:
+  // for the second time of a flow, where what was seen at the first still moves.
+  virtual void at(Queue& queue, const Parameters& parameters, float t, bool whole_time,
+                  GaussiansAt& gaussians) = 0;
+
+  // Gradients of the last loss by the parameters, from those by the Gaussians at time t, for the
+  // rows with tiles_touched > 0. `first`: t is the time drawn; marks the rows as seen in this
+  // training step and starts their gradients. Otherwise t is the second time: adds.
+  virtual void backward(Queue& queue, Parameters& parameters, float t, bool first,
+                        const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
+                        const Buffer<float>& v_factors, const Buffer<float>& v_opacities) = 0;
+
+  // Makes two different Gaussians of two equal rows: child [N] is 1 or 2 for such rows, 0 for the
+  // others. Those with a spatial scale above split_scale shrink; temporal scales above
+  // static_scale_t are left whole. Repeatable for a seed.
+  virtual void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
+                     float split_scale, float static_scale_t, uint32_t seed) = 0;
+};
+
+}  // namespace gflow

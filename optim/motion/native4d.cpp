@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/motion/native4d.hpp"
+
+namespace gflow {
+
+Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
+    : cutoff_(cutoff),
+      program_(queue, "native4d.cl"),
+      native4d_fwd_(program_, "native4d_fwd"),
+      native4d_bwd_(program_, "native4d_bwd"),
+      native4d_split_(program_, "native4d_split") {}
+
+std::vector<GroupSpec> Native4dMotion::groups() const {
+  return {{"means", 3},   {"means_t", 1},    {"quats", 4},
+          {"quats_r", 4}, {"log_scales", 4}, {"logit_opacities", 1}};
+}
+
+void Native4dMotion::at(Queue& queue, const Parameters& p, float t, bool whole_time,
+                        GaussiansAt& gaussians) {
+  gaussians.ensure(queue, p.count);
+  native4d_fwd_(queue, Range::over(p.count), cl_uint(p.count), t, cutoff_, int(whole_time),
+                p["means"].values, p["means_t"].values, p["quats"].values, p["quats_r"].values,
+                p["log_scales"].values, p["logit_opacities"].values, gaussians.means,
+                gaussians.factors, gaussians.opacities);
+}
+
+void Native4dMotion::backward(Queue& queue, Parameters& p, float t, bool first,
+                              const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
+                              const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
+  native4d_bwd_(queue, Range::over(p.count), cl_uint(p.count), t, int(first), p["means"].values,
+                p["means_t"].values, p["quats"].values, p["quats_r"].values,
+                p["log_scales"].values, p["logit_opacities"].values, tiles_touched, v_means,
+                v_factors, v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads,
+                p["quats"].grads, p["quats_r"].grads, p["log_scales"].grads,
+                p["logit_opacities"].grads);
+}
+
+void Native4dMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
+                           float split_scale, float static_scale_t, uint32_t seed) {
+  native4d_split_(queue, Range::over(p.count), cl_uint(p.count), seed, split_scale, static_scale_t,
+                  child, p["means"].values, p["means_t"].values, p["quats"].values,
+                  p["quats_r"].values, p["log_scales"].values, p["logit_opacities"].values);
+}
+
+}  // namespace gflow

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// 4D Gaussians cut at a time (RT-4DGS; formulas: kernels/shared/native4d.h). Groups: means [N,3],
+// means_t [N,1], quats and quats_r [N,4], log_scales [N,4] (x y z t), logit_opacities [N,1].
+// Each Gaussian moves in a straight line while it lives; its shape does not change.
+#pragma once
+#include "optim/motion/motion.hpp"
+
+namespace gflow {
+
+class Native4dMotion : public Motion {
+ public:
+  // cutoff: temporal weight, in [0, 1), at or below which a Gaussian is skipped.
+  Native4dMotion(Queue& queue, float cutoff);
+  std::vector<GroupSpec> groups() const override;
+  void at(Queue& queue, const Parameters& parameters, float t, bool whole_time,
+          GaussiansAt& gaussians) override;
+  void backward(Queue& queue, Parameters& parameters, float t, bool first,
+                const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
+                const Buffer<float>& v_factors, const Buffer<float>& v_opacities) override;
+  void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child, float split_scale,
+             float static_scale_t, uint32_t seed) override;
+
+ private:
+  float cutoff_;
+  Program program_;
+  Kernel<cl_uint, cl_float, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>,
+         In<float>, In<float>, Out<float>, Out<float>, Out<float>>
+      native4d_fwd_;
+  Kernel<cl_uint, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>, In<float>,
+         In<float>, In<cl_uint>, In<float>, In<float>, In<float>, Out<cl_uint>, Out<float>,
+         Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>
+      native4d_bwd_;
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, In<cl_uint>, Out<float>, Out<float>, In<float>,
+         In<float>, Out<float>, Out<float>>
+      native4d_split_;
+};
+
+}  // namespace gflow

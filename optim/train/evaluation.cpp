@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/evaluation.hpp"
+
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "optim/data/optical_flow.hpp"
+#include "optim/loss/metrics.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMoving = 1;  // [px] a pixel counts as dynamic above this
+
+// The flow a view is compared with: planes [2, H, W], where it is known, and where it moves.
+struct Reference {
+  std::vector<float> planes;
+  std::vector<uint8_t> known, moving;
+  double time = 0;                // it leads to this time [0, 1]
+  const Frame* next = nullptr;    // the frame it leads to, if there is one
+};
+
+std::vector<float> planes_of(const FlowField& flow) {
+  const size_t pixels = flow.uv.size() / 2;
+  std::vector<float> planes(flow.uv.size());
+  for (size_t i = 0; i < pixels; ++i) {
+    planes[i] = flow.uv[2 * i];
+    planes[pixels + i] = flow.uv[2 * i + 1];
+  }
+  return planes;
+}
+
+Reference reference_of(const TeacherFlow& teacher, bool truth) {
+  Reference r;
+  r.planes = planes_of(teacher.flow);
+  r.known = truth ? teacher.flow.valid : teacher.confidence;
+  const size_t pixels = r.known.size();
+  r.moving.resize(pixels);
+  for (size_t i = 0; i < pixels; ++i)
+    r.moving[i] = r.known[i] && std::hypot(r.planes[i], r.planes[pixels + i]) > kMoving;
+  return r;
+}
+
+// For each frame the camera's next one among `frames`, or null.
+std::vector<const Frame*> followers(const std::vector<Frame>& frames) {
+  std::vector<const Frame*> next(frames.size(), nullptr);
+  for (size_t i = 0; i < frames.size(); ++i)
+    for (const Frame& other : frames)
+      if (other.camera == frames[i].camera && other.time > frames[i].time &&
+          (!next[i] || other.time < next[i]->time))
+        next[i] = &other;
+  return next;
+}
+
+double mean_of(const std::vector<ViewFigures>& views, double ViewFigures::*figure) {
+  double sum = 0;
+  size_t count = 0;
+  for (const ViewFigures& view : views)
+    if (std::isfinite(view.*figure)) {
+      sum += view.*figure;
+      ++count;
+    }
+  return count ? sum / double(count) : kNone;
+}
+
+// No pixel selected is no figure; an empty mask would mean all of them.
+bool any(const std::vector<uint8_t>& mask) {
+  for (const uint8_t m : mask)
+    if (m) return true;
+  return false;
+}
+
+}  // namespace
+
+Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
+                    const std::vector<Frame>& frames, const ProgressCallback& progress) {
+  EngineSettings settings;
+  settings.transport = config.flow.transport;
+  settings.stop = config.flow.stop;
+  settings.top_k = config.flow.top_k;
+  Renderer renderer(queue, settings);
+  const float level = config.scene.background == Background::white ? 1.f : 0.f;
+  const std::vector<const Frame*> next = followers(frames);
+  Evaluation result;
+  result.flow_reference = "none";
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const Frame& frame = frames[i];
+    const Camera& camera = store.camera(frame);
+    const auto truth_image = store.rgb(frame);
+    Reference reference;
+    const bool has_truth = !frame.flow_path.empty();
+    if (has_truth) {
+      reference = reference_of(read_true_flow(frame, camera.width, camera.height), true);
+      reference.time = frame.flow_time;
+      result.flow_reference = "true";
+    } else if (next[i]) {
+      reference = reference_of(estimate_teacher_flow(*truth_image, *store.rgb(*next[i])), false);
+      reference.time = next[i]->time;
+      if (result.flow_reference == "none") result.flow_reference = "dis";
+    }
+
+    Shot shot;
+    shot.view.camera = shot.view.camera_t2 = pinhole(camera, config.render.near);
+    shot.time = frame.time;
+    shot.time_t2 = reference.time;
+    shot.flow = !reference.planes.empty();
+    shot.background = {level, level, level};
+    renderer.forward(queue, model, shot);
+    const Images& images = renderer.images();
+    const Picture truth =
+        Picture::from_bytes(camera.width, camera.height, truth_image->pixels);
+    const Picture picture =
+        Picture::from_planes(camera.width, camera.height, images.rgb.read(queue));
+
+    ViewFigures view;
+    view.name = frame.name;
+    view.psnr = psnr(picture, truth);
+    view.ssim = ssim(picture, truth);
+    view.psnr_dynamic = view.flow_epe = view.flow_epe_dynamic = view.teacher_epe_dynamic = kNone;
+    if (shot.flow && any(reference.known)) {
+      const std::vector<float> flow = images.flow.read(queue);
+      view.flow_epe = flow_metrics(flow, reference.planes, reference.known).epe;
+      if (any(reference.moving)) {
+        view.psnr_dynamic = psnr(picture, truth, reference.moving);
+        view.flow_epe_dynamic = flow_metrics(flow, reference.planes, reference.moving).epe;
+        if (has_truth && next[i])
+          view.teacher_epe_dynamic =
+              flow_metrics(planes_of(estimate_flow(*truth_image, *store.rgb(*next[i]))),
+                           reference.planes, reference.moving)
+                  .epe;
+      }
+    }
+    result.views.push_back(view);
+    if (progress) progress(i + 1, frames.size());
+  }
+  for (double ViewFigures::*figure :
+       {&ViewFigures::psnr, &ViewFigures::ssim, &ViewFigures::psnr_dynamic, &ViewFigures::flow_epe,
+        &ViewFigures::flow_epe_dynamic, &ViewFigures::teacher_epe_dynamic})
+    result.mean.*figure = mean_of(result.views, figure);
+  return result;
+}
+
+}  // namespace gflow

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// How good a model is on pictures it was not trained on: PSNR, SSIM, flow error, whole and where
+// things move.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "optim/data/flow_store.hpp"
+#include "optim/train/config.hpp"
+#include "optim/train/renderer.hpp"
+
+namespace gflow {
+
+// One view. NaN (null in JSON) where a figure has no meaning: no pixel moves, no flow is known.
+struct ViewFigures {
+  std::string name;
+  double psnr = 0, ssim = 0;
+  double psnr_dynamic = 0;              // over pixels whose reference flow exceeds 1 px
+  double flow_epe = 0;                  // [px] over pixels where the reference is known
+  double flow_epe_dynamic = 0;          // and exceeds 1 px
+  double teacher_epe_dynamic = 0;       // error of DIS on the same pixels, with a true reference
+};
+
+struct Evaluation {
+  ViewFigures mean;          // over the views that have the figure
+  std::string flow_reference;  // "true", "dis" or "none"
+  std::vector<ViewFigures> views;
+};
+
+// Judges `frames` (of scene.test, say). The reference flow is the scene's own where it has one, else
+// DIS between the frame and the camera's next one in `frames`, where consistent. `progress` may be
+// empty.
+Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
+                    const std::vector<Frame>& frames, const ProgressCallback& progress);
+
+}  // namespace gflow

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/init.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <nanoflann.hpp>
+
+#include "shared/random.h"
+#include "shared/sh.h"
+
+namespace gflow {
+namespace {
+
+// Streams of random numbers, so that no two uses share one.
+enum Stream : uint { kPosition = 100, kColor = 110 };
+
+struct PointAdaptor {
+  const std::vector<float>& xyz;
+  size_t kdtree_get_point_count() const { return xyz.size() / 3; }
+  float kdtree_get_pt(size_t i, size_t dim) const { return xyz[3 * i + dim]; }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+using Tree =
+    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointAdaptor>,
+                                        PointAdaptor, 3, size_t>;
+
+// The point nearest to all viewing rays, or one `extent` ahead of a single direction.
+Eigen::Vector3d looked_at(const Scene& scene) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  Eigen::Vector3d position = Eigen::Vector3d::Zero(), ahead = Eigen::Vector3d::Zero();
+  for (const Frame& frame : scene.train) {
+    const Camera& camera = scene.cameras[size_t(frame.camera)];
+    const Eigen::Vector3d axis = camera.viewmat.block<1, 3>(2, 0).transpose();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
+    a += across;
+    b += across * camera.position();
+    position += camera.position();
+    ahead += axis;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(a);
+  const double n = double(std::max<size_t>(scene.train.size(), 1));
+  if (solver.eigenvalues()[0] < 1e-3 * n) return position / n + ahead.normalized() * scene.extent;
+  return a.ldlt().solve(b);
+}
+
+// Whether at least nine of ten pictures that have the point in view see it on the object.
+bool on_object(const Scene& scene, FrameStore& frames, const std::vector<const Frame*>& views,
+               const Eigen::Vector3d& point) {
+  size_t seen = 0, inside = 0;
+  for (const Frame* frame : views) {
+    const Camera& camera = frames.camera(*frame);
+    if ((camera.viewmat * point.homogeneous()).z() <= 0) continue;
+    const Eigen::Vector2d at = camera.project(point);
+    if (!(at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height)) continue;
+    const auto alpha = frames.alpha(*frame);
+    if (!alpha) return true;
+    ++seen;
+    inside += alpha->pixels[size_t(at.y()) * size_t(alpha->width) + size_t(at.x())] > 127;
+  }
+  (void)scene;
+  return seen > 0 && 10 * inside >= 9 * seen;
+}
+
+PointCloud random_points(const Scene& scene, FrameStore& frames, const TrainConfig& config) {
+  const size_t count = size_t(config.init.count);
+  const uint seed = uint(config.train.seed);
+  const Eigen::Vector3d centre = looked_at(scene);
+  const double half = 0.5 * config.init.box * scene.extent;
+  std::vector<const Frame*> views;  // at most 40, spread over time and cameras
+  const size_t stride = std::max<size_t>(1, scene.train.size() / 40);
+  for (size_t i = 0; i < scene.train.size(); i += stride) views.push_back(&scene.train[i]);
+
+  PointCloud points;
+  const uint tries = uint(std::min<size_t>(100 * count, 4000000));
+  for (uint i = 0; i < tries && points.size() < count; ++i) {
+    Eigen::Vector3d p;
+    for (uint axis = 0; axis < 3; ++axis)
+      p[axis] = centre[axis] + half * (2 * random_uniform(seed, kPosition + axis, i) - 1);
+    if (scene.has_alpha && !on_object(scene, frames, views, p)) continue;
+    for (uint axis = 0; axis < 3; ++axis) {
+      points.xyz.push_back(float(p[axis]));
+      points.rgb.push_back(uint8_t(255 * random_uniform(seed, kColor + axis, i)));
+    }
+  }
+  if (points.size() == 0)
+    throw Error(fmt::format("no random point of scene {} lies on the object in nine of ten "
+                            "pictures: check its cameras and masks, or give it points3D.ply",
+                            scene.name));
+  return points;
+}
+
+}  // namespace
+
+std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
+  const size_t n = xyz.size() / 3;
+  const PointAdaptor adaptor{xyz};
+  const Tree tree(3, adaptor);
+  std::vector<float> distance(n);
+  for (size_t i = 0; i < n; ++i) {
+    size_t index[4];
+    float squared[4];
+    const size_t found = tree.knnSearch(&xyz[3 * i], 4, index, squared);
+    double sum = 0;
+    for (size_t k = 1; k < found; ++k) sum += std::sqrt(double(squared[k]));
+    distance[i] = float(found > 1 ? sum / double(found - 1) : 0);
+  }
+  // coincident points get the smallest distance there is
+  float least = std::numeric_limits<float>::max();
+  for (const float d : distance)
+    if (d > 0) least = std::min(least, d);
+  if (least == std::numeric_limits<float>::max()) least = 1e-2f;
+  for (float& d : distance) d = std::max(d, least);
+  return distance;
+}
+
+HostModel initial_model(const Scene& scene, FrameStore& frames, const TrainConfig& config) {
+  const bool has_points = scene.points.size() > 0;
+  if (config.init.from == InitFrom::points && !has_points)
+    throw Error("init.from is \"points\", but scene " + scene.name +
+                " has none (points3D.ply or sparse/0/points3D.bin)");
+  const bool use_points = has_points && config.init.from != InitFrom::random;
+  const PointCloud points = use_points ? scene.points : random_points(scene, frames, config);
+  const size_t n = points.size();
+
+  HostModel model;
+  model.count = n;
+  model.shape.sh_degree = config.motion.sh_degree;
+  model.shape.duration = float(config.motion.duration * scene.extent);
+  model.shape.cutoff = config.motion.cutoff;
+  const float duration = model.shape.duration;
+  const float lifetime = scene.steps > 1 ? config.init.lifetime * duration : 1000 * duration;
+  const std::vector<float> distance = neighbour_distance(points.xyz);
+  auto& g = model.groups;
+  g["means"] = points.xyz;
+  g["means_t"].assign(n, duration / 2);
+  g["quats"].assign(4 * n, 0.f);
+  g["log_scales"].resize(4 * n);
+  g["logit_opacities"].assign(n, std::log(config.init.opacity / (1 - config.init.opacity)));
+  g["sh0"].assign(3 * n, 0.f);
+  const size_t rest = size_t((config.motion.sh_degree + 1) * (config.motion.sh_degree + 1) - 1);
+  g["sh_rest"].assign(3 * rest * n, 0.f);
+  for (size_t i = 0; i < n; ++i) {
+    g["quats"][4 * i] = 1;
+    for (size_t k = 0; k < 3; ++k) g["log_scales"][4 * i + k] = std::log(distance[i]);
+    g["log_scales"][4 * i + 3] = std::log(lifetime);
+    if (!points.rgb.empty())
+      for (size_t c = 0; c < 3; ++c)
+        g["sh0"][3 * i + c] = (float(points.rgb[3 * i + c]) / 255 - 0.5f) / SH_C0;
+  }
+  g["quats_r"] = g["quats"];
+  return model;
+}
+
+}  // namespace gflow

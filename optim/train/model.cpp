@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/model.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdlib>
+
+#include "optim/io/ply.hpp"
+#include "optim/motion/native4d.hpp"
+
+namespace gflow {
+namespace {
+
+std::vector<GroupSpec> all_groups(const Motion& motion, const Color& color) {
+  std::vector<GroupSpec> specs = motion.groups();
+  for (const GroupSpec& spec : color.groups()) specs.push_back(spec);
+  return specs;
+}
+
+// A block of PLY columns that is a block of a group's columns: (file column i, group column i).
+struct ColumnBlock {
+  std::string group;
+  size_t first;
+  std::vector<std::string> names;
+};
+
+std::vector<std::string> numbered(const std::string& stem, size_t count) {
+  std::vector<std::string> names;
+  for (size_t i = 0; i < count; ++i) names.push_back(stem + std::to_string(i));
+  return names;
+}
+
+// All columns but f_rest, whose order in the file is channel by channel.
+std::vector<ColumnBlock> column_blocks(bool moving) {
+  std::vector<ColumnBlock> blocks{{"means", 0, {"x", "y", "z"}},
+                                  {"sh0", 0, numbered("f_dc_", 3)},
+                                  {"logit_opacities", 0, {"opacity"}},
+                                  {"log_scales", 0, numbered("scale_", 3)},
+                                  {"quats", 0, numbered("rot_", 4)}};
+  if (moving) {
+    blocks.push_back({"means_t", 0, {"t"}});
+    blocks.push_back({"log_scales", 3, {"scale_t"}});
+    blocks.push_back({"quats_r", 0, numbered("rot_r_", 4)});
+  }
+  return blocks;
+}
+
+const std::map<std::string, size_t> widths{{"means", 3},           {"means_t", 1}, {"quats", 4},
+                                           {"quats_r", 4},         {"log_scales", 4},
+                                           {"logit_opacities", 1}, {"sh0", 3}};
+
+int degree_of(size_t rest_columns, const std::string& path) {
+  for (int degree = 0; degree <= 3; ++degree)
+    if (rest_columns == size_t(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
+  throw Error(fmt::format("reading {}: it has {} f_rest columns; spherical harmonics have 0, 9, 24 "
+                          "or 45",
+                          path, rest_columns));
+}
+
+// A number from a comment "key value", or the default.
+double comment_value(const PlyTable& table, const std::string& key, double otherwise) {
+  for (const std::string& comment : table.comments)
+    if (comment.rfind(key + " ", 0) == 0) {
+      const double value = std::strtod(comment.c_str() + key.size() + 1, nullptr);
+      if (std::isfinite(value) && value > 0) return value;
+    }
+  return otherwise;
+}
+
+}  // namespace
+
+Model::Model(Queue& queue, const HostModel& host)
+    : shape(host.shape),
+      motion(std::make_unique<Native4dMotion>(queue, host.shape.cutoff)),
+      color(queue, host.shape.sh_degree),
+      parameters(queue, host.count, all_groups(*motion, color)) {
+  for (size_t g = 0; g < parameters.specs.size(); ++g) {
+    const GroupSpec& spec = parameters.specs[g];
+    const auto found = host.groups.find(spec.name);
+    if (found == host.groups.end() || found->second.size() != spec.width * host.count)
+      throw Error(fmt::format("a model of {} Gaussians needs {} values of {}", host.count,
+                              spec.width * host.count, spec.name));
+    parameters.groups[g].values.write(queue, found->second);
+  }
+}
+
+HostModel Model::read(Queue& queue) const {
+  HostModel host;
+  host.shape = shape;
+  host.count = parameters.count;
+  for (size_t g = 0; g < parameters.specs.size(); ++g)
+    host.groups[parameters.specs[g].name] = parameters.groups[g].values.read(queue);
+  return host;
+}
+
+void write_model(const std::string& path, const HostModel& model) {
+  const size_t rest = size_t((model.shape.sh_degree + 1) * (model.shape.sh_degree + 1) - 1);
+  PlyTable table;
+  table.rows = model.count;
+  table.comments = {"gflow native4d", fmt::format("duration {}", model.shape.duration),
+                    fmt::format("cutoff {}", model.shape.cutoff)};
+  table.names = {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
+  const auto append = [&](const std::vector<std::string>& names) {
+    table.names.insert(table.names.end(), names.begin(), names.end());
+  };
+  append(numbered("f_rest_", 3 * rest));
+  append({"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"});
+  append({"t", "scale_t", "rot_r_0", "rot_r_1", "rot_r_2", "rot_r_3"});
+  const size_t columns = table.names.size();
+  table.values.assign(columns * table.rows, 0.f);
+  for (const ColumnBlock& block : column_blocks(true)) {
+    const std::vector<float>& values = model.groups.at(block.group);
+    const size_t width = widths.at(block.group), to = size_t(table.column(block.names[0]));
+    for (size_t i = 0; i < table.rows; ++i)
+      for (size_t c = 0; c < block.names.size(); ++c)
+        table.values[i * columns + to + c] = values[i * width + block.first + c];
+  }
+  if (rest) {
+    const std::vector<float>& values = model.groups.at("sh_rest");
+    const size_t to = size_t(table.column("f_rest_0"));
+    for (size_t i = 0; i < table.rows; ++i)
+      for (size_t k = 0; k < rest; ++k)
+        for (size_t c = 0; c < 3; ++c)
+          table.values[i * columns + to + c * rest + k] = values[(i * rest + k) * 3 + c];
+  }
+  write_ply(path, table);
+}
+
+HostModel read_model(const std::string& path) {
+  const PlyTable table = read_ply(path);
+  HostModel model;
+  model.count = table.rows;
+  const bool moving = table.column("rot_r_0") >= 0;
+  size_t rest_columns = 0;
+  while (table.column("f_rest_" + std::to_string(rest_columns)) >= 0) ++rest_columns;
+  model.shape.sh_degree = degree_of(rest_columns, path);
+  model.shape.duration = float(comment_value(table, "duration", 1));
+  model.shape.cutoff = float(comment_value(table, "cutoff", 0.05));
+
+  for (const auto& [name, width] : widths) model.groups[name].assign(width * model.count, 0.f);
+  const size_t columns = table.names.size();
+  for (const ColumnBlock& block : column_blocks(moving)) {
+    const size_t width = widths.at(block.group);
+    std::vector<float>& values = model.groups[block.group];
+    for (size_t c = 0; c < block.names.size(); ++c) {
+      const int from = table.column(block.names[c]);
+      if (from < 0)
+        throw Error(fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
+                                "Gaussians",
+                                path, block.names[c]));
+      for (size_t i = 0; i < table.rows; ++i)
+        values[i * width + block.first + c] = table.values[i * columns + size_t(from)];
+    }
+  }
+  const size_t rest = rest_columns / 3;
+  std::vector<float>& sh_rest = model.groups["sh_rest"];
+  sh_rest.resize(3 * rest * model.count);
+  for (size_t k = 0; k < rest; ++k)
+    for (size_t c = 0; c < 3; ++c) {
+      const size_t from = size_t(table.column("f_rest_" + std::to_string(c * rest + k)));
+      for (size_t i = 0; i < table.rows; ++i)
+        sh_rest[(i * rest + k) * 3 + c] = table.values[i * columns + from];
+    }
+  if (!moving) {  // a static scene: turned in space alone, and there for ever
+    model.groups["quats_r"] = model.groups["quats"];
+    for (size_t i = 0; i < model.count; ++i) {
+      model.groups["log_scales"][4 * i + 3] = std::log(1000 * model.shape.duration);
+      model.groups["means_t"][i] = model.shape.duration / 2;
+    }
+  }
+  for (const auto& [name, values] : model.groups)
+    for (size_t i = 0; i < values.size(); ++i)
+      if (!std::isfinite(values[i]))
+        throw Error(fmt::format("reading {}: Gaussian {} has a value in {} that is not finite",
+                                path, model.count ? i * model.count / values.size() : 0, name));
+  return model;
+}
+
+}  // namespace gflow

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// A trained or growing scene: its parameters, the motion model and the colour model that read them;
+// and its file, a 3DGS PLY with the motion as extra properties.
+#pragma once
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "optim/engine/color.hpp"
+#include "optim/motion/motion.hpp"
+
+namespace gflow {
+
+// What must be known before the arrays can be read.
+struct ModelShape {
+  int sh_degree = 2;     // highest, 0 to 3
+  float duration = 1;    // length of the video in the model's time; > 0
+  float cutoff = 0.05f;  // temporal weight below which a Gaussian is skipped
+};
+
+// Parameter arrays on the host by group name, a row a Gaussian.
+struct HostModel {
+  ModelShape shape;
+  size_t count = 0;
+  std::map<std::string, std::vector<float>> groups;
+};
+
+class Model {
+ public:
+  // Error when a group is missing or has the wrong length.
+  Model(Queue& queue, const HostModel& host);
+
+  // Model time of a scene time in [0, 1].
+  float time(double scene_time) const { return float(scene_time * shape.duration); }
+  HostModel read(Queue& queue) const;
+
+  ModelShape shape;
+  std::unique_ptr<Motion> motion;
+  Color color;
+  Parameters parameters;
+};
+
+// Standard 3DGS properties (x y z, nx ny nz, f_dc_*, f_rest_*, opacity, scale_*, rot_*) and for the
+// motion t, scale_t, rot_r_0..3: a viewer of static splats shows every Gaussian at its own moment.
+// shape is kept in comments. The file appears complete or not at all.
+void write_model(const std::string& path, const HostModel& model);
+
+// Reads what write_model wrote, or any static 3DGS PLY (then nothing moves). Error when properties
+// are missing or values are not finite.
+HostModel read_model(const std::string& path);
+
+}  // namespace gflow

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/renderer.hpp"
+
+#include <algorithm>
+
+namespace gflow {
+
+PinholeCamera pinhole(const Camera& camera, float near_plane) {
+  PinholeCamera p{};
+  for (int row = 0; row < 3; ++row) {
+    for (int col = 0; col < 3; ++col)
+      p.rotation[3 * row + col] = float(camera.viewmat(row, col));
+    p.translation[row] = float(camera.viewmat(row, 3));
+  }
+  p.fx = float(camera.fx);
+  p.fy = float(camera.fy);
+  p.cx = float(camera.cx);
+  p.cy = float(camera.cy);
+  p.near_plane = near_plane;
+  p.width = camera.width;
+  p.height = camera.height;
+  return p;
+}
+
+void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
+  shot_ = shot;
+  shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
+  model.motion->at(queue, model.parameters, model.time(shot.time), false, t1_);
+  if (shot.flow) model.motion->at(queue, model.parameters, model.time(shot.time_t2), true, t2_);
+  model.color.forward(queue, model.parameters, shot_.sh_degree, shot.view.camera, t1_, colors_);
+  engine_.forward(queue, shot.view, {shot.flow, shot.depth}, shot.background, t1_,
+                  shot.flow ? t2_ : t1_, colors_);
+}
+
+void Renderer::backward(Queue& queue, Model& model, const ImageGradients& v) {
+  Parameters& p = model.parameters;
+  GaussianGradients& g = gradients_;
+  engine_.backward(queue, t1_, shot_.flow ? t2_ : t1_, v, g);
+  const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
+  model.color.backward(queue, p, shot_.sh_degree, shot_.view.camera, t1_, seen, g);
+  model.motion->backward(queue, p, model.time(shot_.time), true, seen, g.v_means, g.v_factors,
+                         g.v_opacities);
+  if (shot_.flow)
+    model.motion->backward(queue, p, model.time(shot_.time_t2), false, seen, g.v_means_t2,
+                           g.v_factors_t2, g.v_opacities);
+}
+
+}  // namespace gflow

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// A model seen by a camera at a time: motion -> colour -> engine, and back to the parameters'
+// gradients. Training, evaluation and rendering all draw through this.
+#pragma once
+#include "optim/data/camera.hpp"
+#include "optim/engine/engine.hpp"
+#include "optim/train/model.hpp"
+
+namespace gflow {
+
+// The engine's camera; near_plane in scene units.
+PinholeCamera pinhole(const Camera& camera, float near_plane);
+
+// What to draw. Times are the scene's, in [0, 1].
+struct Shot {
+  View view;
+  double time = 0;
+  double time_t2 = 0;  // with flow: where the flow leads
+  bool flow = false, depth = false;
+  int sh_degree = 3;  // bands in use; at most what the model has
+  std::array<float, 3> background = {1, 1, 1};
+};
+
+class Renderer {
+ public:
+  Renderer(Queue& queue, const EngineSettings& settings) : engine_(queue, settings) {}
+
+  void forward(Queue& queue, Model& model, const Shot& shot);
+  // Gradients of sum(images . v) for the last forward(), to model.parameters: set for rows not seen
+  // before in this training step, added for the others; rows seen are marked.
+  void backward(Queue& queue, Model& model, const ImageGradients& v);
+
+  const Images& images() const { return engine_.images(); }
+  const Engine& engine() const { return engine_; }
+  const GaussianGradients& gradients() const { return gradients_; }
+
+ private:
+  Engine engine_;
+  Shot shot_;
+  GaussiansAt t1_, t2_;
+  Buffer<float> colors_{"colors"};
+  GaussianGradients gradients_;
+};
+
+}  // namespace gflow

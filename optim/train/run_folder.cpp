@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/run_folder.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "optim/io/atomic_file.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+void write_text(const std::string& path, const std::string& text) {
+  write_file_atomically(path, Bytes(text.begin(), text.end()));
+}
+
+// NaN has no place in JSON.
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json figures_of(const ViewFigures& v) {
+  return {{"psnr", number(v.psnr)},
+          {"ssim", number(v.ssim)},
+          {"psnr_dynamic", number(v.psnr_dynamic)},
+          {"flow_epe", number(v.flow_epe)},
+          {"flow_epe_dynamic", number(v.flow_epe_dynamic)},
+          {"teacher_epe_dynamic", number(v.teacher_epe_dynamic)}};
+}
+
+}  // namespace
+
+RunFolder RunFolder::create(const std::string& path) {
+  std::error_code problem;
+  fs::create_directories(path, problem);
+  if (problem)
+    throw Error(fmt::format("making the run folder {}: {}", path, problem.message()));
+  return RunFolder(path);
+}
+
+RunFolder RunFolder::open(const std::string& path) {
+  if (!fs::exists(fs::path(path) / "config.toml"))
+    throw Error(fmt::format("{} is no run folder: it has no config.toml, which `gflow train -o {}`"
+                            " writes",
+                            path, path));
+  return RunFolder(path);
+}
+
+std::string RunFolder::model_path(int iteration) const {
+  return path(fmt::format("point_cloud/iteration_{}/point_cloud.ply", iteration));
+}
+
+std::string RunFolder::latest_model() const {
+  int latest = -1;
+  const fs::path models = path("point_cloud");
+  if (fs::is_directory(models))
+    for (const auto& entry : fs::directory_iterator(models)) {
+      const std::string name = entry.path().filename().string();
+      int iteration = -1;
+      if (std::sscanf(name.c_str(), "iteration_%d", &iteration) == 1 &&
+          fs::exists(entry.path() / "point_cloud.ply"))
+        latest = std::max(latest, iteration);
+    }
+  if (latest < 0)
+    throw Error("run folder " + folder_ + " has no model yet (point_cloud/iteration_N)");
+  return model_path(latest);
+}
+
+void RunFolder::write_config(const TrainConfig& config) const {
+  write_text(path("config.toml"), to_toml(config));
+}
+
+TrainConfig RunFolder::read_config() const {
+  TrainConfig config;
+  apply_file(config, path("config.toml"));
+  check(config);
+  return config;
+}
+
+void RunFolder::write_cameras(const Scene& scene) const {
+  Json cameras = Json::array();
+  for (size_t i = 0; i < scene.cameras.size(); ++i) {
+    const Camera& c = scene.cameras[i];
+    const Eigen::Vector3d p = c.position();
+    Json rotation = Json::array();  // camera to world, as 3DGS viewers read it
+    for (int row = 0; row < 3; ++row)
+      rotation.push_back({c.viewmat(0, row), c.viewmat(1, row), c.viewmat(2, row)});
+    cameras.push_back({{"id", i},
+                       {"img_name", c.name},
+                       {"width", c.width},
+                       {"height", c.height},
+                       {"position", {p.x(), p.y(), p.z()}},
+                       {"rotation", rotation},
+                       {"fx", c.fx},
+                       {"fy", c.fy},
+                       {"cx", c.cx},
+                       {"cy", c.cy}});
+  }
+  write_text(path("cameras.json"), cameras.dump(1) + "\n");
+}
+
+void RunFolder::append_metrics(int iteration, double seconds, const StepFigures& f) const {
+  const Json line{{"iteration", iteration}, {"seconds", seconds},
+                  {"loss", number(f.loss)}, {"l1", number(f.l1)},
+                  {"ssim", number(f.ssim)}, {"flow_loss", number(f.flow_loss)},
+                  {"psnr", number(f.psnr)}, {"flow_epe", number(f.epe)},
+                  {"num_gaussians", f.gaussians}, {"refused", f.refused}};
+  std::ofstream out(path("metrics.jsonl"), iteration == 0 ? std::ios::trunc : std::ios::app);
+  out << line.dump() << "\n";
+  out.flush();
+  if (!out) throw Error("writing " + path("metrics.jsonl") + ": is the disk full?");
+}
+
+void RunFolder::write_results(const Evaluation& evaluation, const RunFacts& facts,
+                              const TrainConfig& config, size_t gaussians) const {
+  Json views = Json::object();
+  for (const ViewFigures& view : evaluation.views) views[view.name] = figures_of(view);
+  write_text(path("per_view.json"), views.dump(1) + "\n");
+  Json test = figures_of(evaluation.mean);
+  test["flow_reference"] = evaluation.flow_reference;
+  test["views"] = evaluation.views.size();
+  const Json results{{"test", test},
+                     {"num_gaussians", gaussians},
+                     {"iterations", facts.iterations},
+                     {"train_seconds", facts.train_seconds},
+                     {"device", facts.device},
+                     {"resolution", config.scene.resolution},
+                     {"background", name_of(config.scene.background)},
+                     {"seed", config.train.seed}};
+  write_text(path("results.json"), results.dump(1) + "\n");
+}
+
+void RunFolder::write_facts(const RunFacts& facts) const {
+  const Json run{{"iterations", facts.iterations},
+                 {"train_seconds", facts.train_seconds},
+                 {"device", facts.device}};
+  write_text(path("training.json"), run.dump(1) + "\n");
+}
+
+RunFacts RunFolder::read_facts() const {
+  RunFacts facts;
+  std::ifstream in(path("training.json"));
+  if (!in) return facts;
+  const Json run = Json::parse(in, nullptr, false);
+  if (run.is_discarded() || !run.is_object())
+    throw Error("reading " + path("training.json") + ": it is not JSON; delete it to go on");
+  facts.iterations = run.value("iterations", 0);
+  facts.train_seconds = run.value("train_seconds", 0.0);
+  facts.device = run.value("device", "");
+  return facts;
+}
+
+}  // namespace gflow

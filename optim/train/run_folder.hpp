@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a run leaves behind, and where: config.toml, cameras.json, metrics.jsonl, the model under
+// point_cloud/iteration_N, results.json and per_view.json. Each file appears complete or not at all.
+#pragma once
+#include <string>
+
+#include "optim/train/evaluation.hpp"
+#include "optim/train/trainer.hpp"
+
+namespace gflow {
+
+// Facts about a run that results.json names beside the figures.
+struct RunFacts {
+  int iterations = 0;
+  double train_seconds = 0;
+  std::string device;
+};
+
+class RunFolder {
+ public:
+  // Error when the folder cannot be made.
+  static RunFolder create(const std::string& path);
+  // An existing run. Error when it has no config.toml.
+  static RunFolder open(const std::string& path);
+
+  std::string path(const std::string& name) const { return folder_ + "/" + name; }
+  std::string model_path(int iteration) const;
+  // The model of the latest iteration. Error when there is none.
+  std::string latest_model() const;
+
+  void write_config(const TrainConfig& config) const;
+  TrainConfig read_config() const;
+  void write_cameras(const Scene& scene) const;
+  // One line of metrics.jsonl.
+  void append_metrics(int iteration, double seconds, const StepFigures& figures) const;
+  void write_results(const Evaluation& evaluation, const RunFacts& facts, const TrainConfig& config,
+                     size_t gaussians) const;
+  // Of the last training, for an evaluation made later; zeros when there was none.
+  RunFacts read_facts() const;
+  void write_facts(const RunFacts& facts) const;
+
+ private:
+  explicit RunFolder(std::string folder) : folder_(std::move(folder)) {}
+  std::string folder_;
+};
+
+}  // namespace gflow

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// The training step, and nothing around it: which views, losses, gradients, Adam, density control.
+// What a step does is a function of configuration, seed and step number alone.
+#pragma once
+#include <vector>
+
+#include "optim/data/flow_store.hpp"
+#include "optim/density/density.hpp"
+#include "optim/loss/flow_loss.hpp"
+#include "optim/loss/image_loss.hpp"
+#include "optim/train/config.hpp"
+#include "optim/train/renderer.hpp"
+
+namespace gflow {
+
+// What the last step looked like; read back only when asked for.
+struct StepFigures {
+  double l1 = 0, ssim = 0, loss = 0;
+  double psnr = 0;                // of the last view [dB]
+  double flow_loss = 0, epe = 0;  // of the last view with flow [px]; 0 when there was none
+  size_t gaussians = 0;
+  size_t refused = 0;  // rows that had a gradient Adam could not take, so far
+};
+
+class Trainer {
+ public:
+  // flows[i] belongs to pairs[i]; both may be empty. All references must outlive the trainer.
+  Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
+          const std::vector<FlowPair>& pairs, FlowStore& flows, Model& model);
+
+  // Step number `step`, from 0.
+  void step(Queue& queue, int step);
+  // Waits.
+  StepFigures figures(Queue& queue);
+
+  // Bands of spherical harmonics in use at a step.
+  int sh_degree(int step) const;
+
+ private:
+  struct Sample {  // one view of a step
+    const Frame* frame;
+    int pair;  // index of the flow used, or -1
+  };
+  std::vector<Sample> samples(int step) const;
+  void train_view(Queue& queue, const Sample& sample, int step);
+  void update(Queue& queue, int step);
+  void refine_if_due(Queue& queue, int step);
+
+  const TrainConfig& config_;
+  const Scene& scene_;
+  FrameStore& frames_;
+  const std::vector<FlowPair>& pairs_;
+  FlowStore& flows_;
+  Model& model_;
+  Renderer renderer_;
+  ImageLoss image_loss_;
+  FlowLoss flow_loss_;
+  Adam adam_;
+  Density density_;
+  Reduce reduce_;
+  std::vector<int> pair_of_frame_;  // -1: none
+  Buffer<cl_uchar> truth_{"truth"}, confidence_{"confidence"};
+  Buffer<float> teacher_{"teacher flow"};
+  ImageGradients v_;
+  std::array<float, 3> background_;
+  // what asynchronous writes read from
+  std::shared_ptr<const Image> picture_;
+  std::shared_ptr<const TeacherFlow> flow_;
+  std::vector<float> flow_planes_;
+  bool had_flow_ = false;
+};
+
+// Order of training views: index i of the endless sequence in which each of n items comes once a
+// round, in a new order every round. Deterministic in (seed, i).
+size_t shuffled(size_t n, uint32_t seed, size_t i);
+
+}  // namespace gflow

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/training.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <filesystem>
+
+#include "optim/train/init.hpp"
+#include "optim/train/interrupt.hpp"
+#include "optim/train/progress.hpp"
+
+namespace gflow {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+// Passes counts on to a progress line and stops the work on Ctrl-C.
+ProgressCallback counted(Progress& progress, const std::string& doing) {
+  return [&progress, doing](size_t done, size_t) {
+    progress.update(long(done));
+    if (interrupted()) throw Interrupted("interrupted while " + doing + "; nothing was lost");
+  };
+}
+
+FlowStore flows_for(const TrainConfig& config, const LoadedScene& loaded,
+                    const std::vector<FlowPair>& pairs, const RunFolder& run, bool quiet) {
+  if (!config.flow.enabled || pairs.empty())
+    return FlowStore(std::vector<FlowStore::Loader>(pairs.size()));
+  if (config.flow.source == FlowSource::files) {
+    if (config.flow.folder.empty()) return true_flows(loaded.scene, pairs, *loaded.frames);
+    return flows_from_folder(loaded.scene, pairs, *loaded.frames, config.flow.folder);
+  }
+  Progress progress("flow ", long(pairs.size()), quiet);
+  FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, run.path("flow"), 0,
+                                    counted(progress, "computing optical flow"));
+  progress.finish();
+  return flows;
+}
+
+std::vector<ProgressTerm> terms_of(const StepFigures& f) {
+  std::vector<ProgressTerm> terms{{"loss", fmt::format("{:.4f}", f.loss)},
+                                  {"L1", fmt::format("{:.4f}", f.l1)},
+                                  {"psnr", fmt::format("{:.1f}", f.psnr)}};
+  if (f.epe > 0) terms.push_back({"epe", fmt::format("{:.2f} px", f.epe)});
+  terms.push_back({"", fmt::format("{} Gaussians", f.gaussians)});
+  if (f.refused) terms.push_back({"refused", std::to_string(f.refused)});
+  return terms;
+}
+
+void save_model(Queue& queue, const Model& model, const RunFolder& run, int iteration) {
+  const std::string path = run.model_path(iteration);
+  std::filesystem::create_directories(std::filesystem::path(path).parent_path());
+  write_model(path, model.read(queue));
+}
+
+// The training loop; returns the number of steps made.
+int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, Trainer& trainer,
+                bool quiet, Clock::time_point start) {
+  Progress progress("train", config.train.iterations, quiet);
+  StepFigures figures;
+  int step = 0;
+  for (; step < config.train.iterations && !interrupted(); ++step) {
+    trainer.step(queue, step);
+    if (step % config.train.log_every == 0) {
+      figures = trainer.figures(queue);
+      run.append_metrics(step, seconds_since(start), figures);
+    }
+    progress.update(step + 1, terms_of(figures));
+    if (config.train.minutes > 0 && seconds_since(start) > 60 * double(config.train.minutes)) {
+      ++step;
+      break;
+    }
+  }
+  queue.finish();
+  progress.finish();
+  return step;
+}
+
+}  // namespace
+
+LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder) {
+  SceneOptions options;
+  options.images = config.images;
+  options.holdout = config.holdout;
+  options.test_every = config.test_every;
+  options.elevation = config.elevation;
+  options.radius = config.radius;
+  options.fov_y = config.fovy;
+  options.max_steps = config.max_steps;
+  LoadedScene loaded{read_scene(config.path, options), nullptr};
+  FrameStoreOptions store;
+  store.resolution = config.resolution;
+  if (config.background == Background::black) store.background = {0, 0, 0};
+  store.unpack_folder = unpack_folder;
+  loaded.frames = std::make_unique<FrameStore>(loaded.scene, store);
+  return loaded;
+}
+
+const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split) {
+  const std::vector<Frame>* frames = nullptr;
+  if (split == "train") frames = &scene.train;
+  if (split == "test") frames = &scene.test;
+  if (split == "val") frames = &scene.val;
+  if (!frames) throw Error("there is no split '" + split + "': choose train, test or val");
+  if (frames->empty())
+    throw Error(fmt::format("scene {} has no {} views", scene.name, split));
+  return *frames;
+}
+
+Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet) {
+  check(config);
+  InterruptGuard guard;
+  LoadedScene loaded = load_scene(config.scene, run.path("frames"));
+  const Scene& scene = loaded.scene;
+  if (scene.train.empty()) throw Error("scene " + scene.name + " has no training views");
+  run.write_config(config);
+  run.write_cameras(scene);
+  const std::vector<FlowPair> pairs = neighbour_pairs(scene);
+  FlowStore flows = flows_for(config, loaded, pairs, run, quiet);
+
+  const HostModel start_model = initial_model(scene, *loaded.frames, config);
+  write_model(run.path("input.ply"), start_model);
+  Model model(queue, start_model);
+  Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows, model);
+  const Clock::time_point start = Clock::now();
+  const int steps = train_steps(queue, config, run, trainer, quiet, start);
+  const RunFacts facts{steps, seconds_since(start), queue.info.full_name()};
+  save_model(queue, model, run, steps);
+  run.write_facts(facts);
+  if (interrupted())
+    throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}", steps,
+                                  config.train.iterations, run.model_path(steps)));
+  if (scene.test.empty()) return {};
+  Progress progress("eval ", long(scene.test.size()), quiet);
+  const Evaluation evaluation = evaluate(queue, model, config, *loaded.frames, scene.test,
+                                         counted(progress, "evaluating"));
+  progress.finish();
+  run.write_results(evaluation, facts, config, model.parameters.count);
+  return evaluation;
+}
+
+Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet) {
+  InterruptGuard guard;
+  const TrainConfig config = run.read_config();
+  LoadedScene loaded = load_scene(config.scene, run.path("frames"));
+  const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
+  Model model(queue, read_model(run.latest_model()));
+  Progress progress("eval ", long(frames.size()), quiet);
+  const Evaluation evaluation =
+      evaluate(queue, model, config, *loaded.frames, frames, counted(progress, "evaluating"));
+  progress.finish();
+  RunFacts facts = run.read_facts();
+  facts.device = queue.info.full_name();
+  run.write_results(evaluation, facts, config, model.parameters.count);
+  return evaluation;
+}
+
+}  // namespace gflow

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// The whole job: a scene folder in, a run folder out. Scripts and the command line both call this.
+#pragma once
+#include <memory>
+#include <string>
+
+#include "optim/train/run_folder.hpp"
+
+namespace gflow {
+
+// A scene read as the configuration says, and its pictures.
+struct LoadedScene {
+  Scene scene;
+  std::unique_ptr<FrameStore> frames;
+};
+// unpack_folder: where frames of videos are kept as pictures; made when needed.
+LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder);
+
+// Trains config.scene.path into `run`, writing as it goes; evaluates on the test views at the end.
+// On Ctrl-C the step is finished, the model written, and Interrupted thrown.
+Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet);
+
+// Evaluates the latest model of a run on its scene's test views (or "train", "val") and writes
+// results.json and per_view.json.
+Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet);
+
+// The frames of a split; Error when it has none.
+const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split);
+
+}  // namespace gflow

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cstring>
+
+#include "data_readers/made_scene.hpp"
+#include "optim/data/colmap_model.hpp"
+#include "optim/data/scene.hpp"
+
+using namespace gflow;
+
+namespace {
+
+template <class T>
+std::string raw(T value) {
+  std::string bytes(sizeof value, '\0');
+  std::memcpy(bytes.data(), &value, sizeof value);
+  return bytes;
+}
+
+// A model of two pictures and one point, by COLMAP's documentation of the formats.
+void make_text(const TemporaryFolder& folder) {
+  folder.write("sparse/0/cameras.txt", "# comment\n7 SIMPLE_PINHOLE 8 6 10 4 3\n");
+  folder.write("sparse/0/images.txt",
+               "# comment\n2 1 0 0 0 0 0 5 7 b.png\n1.5 2.5 1\n"
+               "1 0 0 0 2 1 2 3 7 a.png\n\n");
+  folder.write("sparse/0/points3D.txt", "# comment\n1 0.5 -1 2 10 20 30 0.1 2 0\n");
+}
+
+void make_binary(const TemporaryFolder& folder, int32_t model = 1) {
+  std::string cameras =
+      raw(uint64_t(1)) + raw(uint32_t(7)) + raw(model) + raw(uint64_t(8)) + raw(uint64_t(6));
+  for (double p : {10., 10., 4., 3.}) cameras += raw(p);
+  folder.write("sparse/0/cameras.bin", cameras);
+  std::string images = raw(uint64_t(2));
+  images += raw(uint32_t(2));
+  for (double p : {1., 0., 0., 0., 0., 0., 5.}) images += raw(p);
+  images += raw(uint32_t(7)) + std::string("b.png") + '\0' + raw(uint64_t(1)) + raw(1.5) +
+            raw(2.5) + raw(uint64_t(1));
+  images += raw(uint32_t(1));
+  for (double p : {0., 0., 0., 2., 1., 2., 3.}) images += raw(p);
+  images += raw(uint32_t(7)) + std::string("a.png") + '\0' + raw(uint64_t(0));
+  folder.write("sparse/0/images.bin", images);
+  std::string points = raw(uint64_t(1)) + raw(uint64_t(1)) + raw(0.5) + raw(-1.0) + raw(2.0);
+  points += std::string("\x0a\x14\x1e") + raw(0.1) + raw(uint64_t(1)) + raw(uint32_t(2)) +
+            raw(uint32_t(0));
+  folder.write("sparse/0/points3D.bin", points);
+}
+
+void expect_the_model(const ColmapModel& model) {
+  ASSERT_EQ(model.images.size(), 2u);
+  EXPECT_EQ(model.images[0].name, "a.png");
+  const Camera& a = model.images[0].camera;
+  EXPECT_EQ(a.fy, 10);
+  EXPECT_EQ(a.cx, 4);
+  Eigen::Matrix4d expected;  // half a turn about z, translation 1 2 3
+  expected << -1, 0, 0, 1, 0, -1, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1;
+  EXPECT_TRUE(a.viewmat.isApprox(expected, 1e-12));
+  EXPECT_EQ(model.images[1].camera.viewmat(2, 3), 5);
+  EXPECT_EQ(model.points.xyz, (std::vector<float>{0.5f, -1, 2}));
+  EXPECT_EQ(model.points.rgb, (std::vector<uint8_t>{10, 20, 30}));
+}
+
+}  // namespace
+
+TEST(Colmap, ReadsATextModel) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+}
+
+TEST(Colmap, ReadsABinaryModel) {
+  const TemporaryFolder folder;
+  make_binary(folder);
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+}
+
+TEST(Colmap, TruncatedBinaryModelsAreRefusedAtEveryLength) {
+  const TemporaryFolder folder;
+  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
+    make_binary(folder);
+    const std::string path = folder.file(std::string("sparse/0/") + name);
+    const std::string whole = contents(path);
+    for (size_t n = 0; n < whole.size(); ++n) {
+      folder.write(std::string("sparse/0/") + name, whole.substr(0, n));
+      expect_error([&] { read_colmap_model(folder.file("sparse/0")); }, {name, "truncated"});
+    }
+  }
+}
+
+TEST(Colmap, DistortedCamerasAreRefusedByName) {
+  const TemporaryFolder folder;
+  make_binary(folder, 4);
+  expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+               {"cameras.bin", "model OPENCV", "PINHOLE"});
+}
+
+TEST(Colmap, ModelsThatContradictThemselvesAreRefused) {
+  const TemporaryFolder folder;
+  const auto read = [&] { read_colmap_model(folder.file("sparse/0")); };
+  make_text(folder);
+  folder.write("sparse/0/images.txt", "1 1 0 0 0 0 0 0 9 a.png\n\n");
+  expect_error(read, {"images.txt", "a.png", "camera 9"});
+  folder.write("sparse/0/images.txt", "1 1 0 0 0 nan 0 0 7 a.png\n\n");
+  expect_error(read, {"images.txt"});
+  folder.write("sparse/0/images.txt", "1 0 0 0 0 0 0 0 7 a.png\n\n");
+  expect_error(read, {"a.png", "not finite"});
+  folder.write("sparse/0/images.txt", "1 1 0 0\n");
+  expect_error(read, {"images.txt", "'1 1 0 0'"});
+  std::filesystem::remove(folder.file("sparse/0/cameras.txt"));
+  expect_error(read, {"neither cameras.bin nor cameras.txt"});
+}
+
+TEST(Colmap, AFolderOfPicturesIsAStaticScene) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.layout, "colmap");
+  EXPECT_EQ(scene.steps, 1);
+  ASSERT_EQ(scene.test.size(), 1u);
+  EXPECT_EQ(scene.test[0].name, "a");
+  EXPECT_EQ(scene.train[0].name, "b");
+  EXPECT_EQ(scene.points.size(), 1u);
+  std::filesystem::remove(folder.file("images/b.png"));
+  expect_error([&] { read_scene(folder.path()); }, {"b.png", "there is no"});
+}
+
+TEST(Scene, AnUnknownLayoutSaysWhatWasLookedFor) {
+  const TemporaryFolder folder;
+  expect_error([&] { read_scene(folder.path()); },
+               {folder.path(), "poses_bounds.npy", "transforms_train.json", "sparse/0", "0.png"});
+  expect_error([&] { read_scene(folder.path() + "/none"); }, {"no such folder"});
+}

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_readers/made_scene.hpp"
+#include "optim/data/scene.hpp"
+
+using namespace gflow;
+
+TEST(Consistent4d, NumberedPicturesAreOneStaticCameraThatLooksAtTheOrigin) {
+  const TemporaryFolder folder;
+  for (int k = 0; k < 12; ++k) make_png(folder, fmt::format("{}.png", k), 8, 8, 4);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.layout, "consistent4d");
+  EXPECT_TRUE(scene.has_alpha);
+  ASSERT_EQ(scene.train.size(), 12u);
+  EXPECT_EQ(std::filesystem::path(scene.train[10].path).filename(), "10.png");  // not after 1.png
+  EXPECT_NEAR(scene.train[1].time, 1 / 11., 1e-12);
+  EXPECT_EQ(scene.test.size(), 12u);
+  EXPECT_EQ(neighbour_pairs(scene).size(), 11u);
+  EXPECT_NEAR(scene.extent, 2, 1e-12);
+
+  const Camera& camera = scene.cameras[0];
+  EXPECT_TRUE(camera.position().isApprox(Eigen::Vector3d(2, 0, 0)));
+  EXPECT_TRUE(camera.project({0, 0, 0}).isApprox(Eigen::Vector2d(4, 4)));
+  // Seen from +x with z up, +y is to the right and +z is above. f = 4 / tan(24.55 deg) = 8.7566
+  EXPECT_NEAR(camera.project({0, 0.5, 0}).x(), 4 + 8.7566 / 4, 1e-3);
+  EXPECT_NEAR(camera.project({0, 0, 0.5}).y(), 4 - 8.7566 / 4, 1e-3);
+}
+
+TEST(Consistent4d, EvaluationViewsStandAtTheirAzimuths) {
+  const TemporaryFolder folder;
+  for (const char* view : {"input", "eval_0", "eval_1"})
+    for (int k = 0; k < 2; ++k) make_png(folder, fmt::format("{}/{}.png", view, k), 8, 8, 4);
+  SceneOptions options;
+  options.radius = 3;
+  options.elevation = 30;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.train.size(), 2u);
+  ASSERT_EQ(scene.test.size(), 4u);
+  EXPECT_EQ(scene.test[3].name, "eval_1_0001");
+  // r (cos 30 cos az, cos 30 sin az, sin 30)
+  const Eigen::Vector3d at_minus_75(2.5980762 * 0.2588190, 2.5980762 * -0.9659258, 1.5);
+  EXPECT_LT((scene.cameras[1].position() - at_minus_75).norm(), 1e-6);
+}
+
+TEST(Consistent4d, UnequalViewsAndImpossibleCamerasAreRefused) {
+  const TemporaryFolder folder;
+  make_png(folder, "input/0.png", 8, 8, 4);
+  make_png(folder, "input/1.png", 8, 8, 4);
+  make_png(folder, "eval_2/0.png", 8, 8, 4);
+  expect_error([&] { read_scene(folder.path()); }, {"eval_2", "1 pictures", "2"});
+  SceneOptions options;
+  options.elevation = 90;
+  expect_error([&] { read_scene(folder.path(), options); }, {"elevation", "90"});
+  options.elevation = 0;
+  options.radius = 0;
+  expect_error([&] { read_scene(folder.path(), options); }, {"distance"});
+  options.radius = 1;
+  options.fov_y = 180;
+  expect_error([&] { read_scene(folder.path(), options); }, {"field of view"});
+}

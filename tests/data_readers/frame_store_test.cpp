@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/data/frame_store.hpp"
+
+#include <thread>
+
+#include "data_readers/made_scene.hpp"
+
+using namespace gflow;
+
+namespace {
+
+Scene make_scene(const TemporaryFolder& folder, int channels = 4, int frames = 3) {
+  for (int k = 0; k < frames; ++k) make_png(folder, fmt::format("{}.png", k), 8, 6, channels, k);
+  return read_scene(folder.path());
+}
+
+// A scene whose only camera is a video of four flat pictures.
+Scene video_scene(const TemporaryFolder& folder) {
+  std::vector<Image> frames;
+  for (int k = 0; k < 4; ++k)
+    frames.push_back({16, 12, 3, std::vector<uint8_t>(16 * 12 * 3, uint8_t(50 * k + 20))});
+  write_mp4(folder.file("cam00.mp4"), frames, 10);
+  Scene scene;
+  Camera camera;
+  camera.name = "cam00";
+  camera.width = 16;
+  camera.height = 12;
+  scene.cameras = {camera};
+  for (int k = 0; k < 4; ++k) {
+    Frame frame;
+    frame.path = folder.file("cam00.mp4");
+    frame.video_frame = k;
+    scene.train.push_back(frame);
+  }
+  return scene;
+}
+
+}  // namespace
+
+TEST(FrameStore, GivesRgbOnTheBackgroundAndAlpha) {
+  const TemporaryFolder folder;
+  const Scene scene = make_scene(folder);
+  FrameStoreOptions options;
+  options.background = {10, 20, 30};
+  FrameStore store(scene, options);
+  const Image rgba = pattern(8, 6, 4, 1);
+  EXPECT_EQ(store.rgb(scene.train[1])->pixels, over_background(rgba, {10, 20, 30}).pixels);
+  EXPECT_EQ(store.alpha(scene.train[1])->pixels[5], rgba.pixels[4 * 5 + 3]);
+  EXPECT_EQ(store.rgb_over(scene.train[1], {0, 0, 0}).pixels,
+            over_background(rgba, {0, 0, 0}).pixels);
+}
+
+TEST(FrameStore, PicturesWithoutAlphaHaveNone) {
+  const TemporaryFolder folder;
+  const Scene scene = make_scene(folder, 3);
+  FrameStore store(scene);
+  EXPECT_EQ(store.alpha(scene.train[0]), nullptr);
+  EXPECT_EQ(store.rgb(scene.train[0])->pixels, pattern(8, 6, 3, 0).pixels);
+}
+
+TEST(FrameStore, ReducesPicturesAndCamerasAlike) {
+  const TemporaryFolder folder;
+  const Scene scene = make_scene(folder, 3);
+  FrameStoreOptions options;
+  options.resolution = 2;
+  FrameStore store(scene, options);
+  EXPECT_EQ(store.rgb(scene.train[0])->width, 4);
+  EXPECT_EQ(store.camera(scene.train[0]).height, 3);
+  EXPECT_NEAR(store.cameras()[0].fx, scene.cameras[0].fx / 2, 1e-12);
+}
+
+TEST(FrameStore, ASmallCacheStillGivesEveryPictureToEveryThread) {
+  const TemporaryFolder folder;
+  const Scene scene = make_scene(folder, 3, 6);
+  FrameStoreOptions options;
+  options.cache_bytes = 200;  // one picture has 144 bytes
+  FrameStore store(scene, options);
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 3; ++t)
+    threads.emplace_back([&, t] {
+      for (int n = 0; n < 30; ++n) {
+        const int k = (n * 5 + t) % 6;
+        store.prefetch({&scene.train[size_t((k + 1) % 6)]});
+        EXPECT_EQ(store.rgb(scene.train[size_t(k)])->pixels, pattern(8, 6, 3, k).pixels);
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+}
+
+TEST(FrameStore, UnequalPicturesAreRefusedWithBothSizes) {
+  const TemporaryFolder folder;
+  const Scene scene = make_scene(folder, 3);
+  make_png(folder, "1.png", 8, 7);
+  expect_error([&] { FrameStore store(scene); }, {"1.png", "8x7", "8x6"});
+}
+
+TEST(FrameStore, APictureThatFailsInPrefetchIsReportedWhenItIsAskedFor) {
+  const TemporaryFolder folder;
+  const Scene scene = make_scene(folder, 3);
+  FrameStore store(scene);
+  folder.write("2.png", contents(folder.file("2.png")).substr(0, 60));
+  store.prefetch({&scene.train[2]});
+  expect_error([&] { store.rgb(scene.train[2]); }, {"2.png"});
+}
+
+TEST(FrameStore, VideoFramesAreUnpackedOnce) {
+  const TemporaryFolder folder;
+  const Scene scene = video_scene(folder);
+  FrameStoreOptions options;
+  options.resolution = 2;
+  options.unpack_folder = folder.path() + "/frames";
+  FrameStore store(scene, options);
+  const auto frame = store.rgb(scene.train[2]);
+  EXPECT_EQ(frame->width, 8);
+  EXPECT_NEAR(frame->pixels[0], 120, 8);  // flat grey survives the codec within a few levels
+  const std::string first = folder.path() + "/frames/cam00/00000.png";
+  EXPECT_TRUE(std::filesystem::exists(first));
+  // A changed file shows that the video is not decoded again.
+  write_png(first, pattern(8, 6));
+  EXPECT_EQ(store.rgb(scene.train[0])->pixels, pattern(8, 6).pixels);
+  EXPECT_NEAR(store.rgb(scene.train[3])->pixels[0], 170, 8);
+}
+
+TEST(FrameStore, VideoFramesCanStayInMemory) {
+  const TemporaryFolder folder;
+  const Scene scene = video_scene(folder);
+  FrameStore store(scene);
+  EXPECT_NEAR(store.rgb(scene.train[3])->pixels[0], 170, 8);
+  EXPECT_NEAR(store.rgb(scene.train[1])->pixels[0], 70, 8);
+  EXPECT_EQ(folder.count(), 1u);
+}

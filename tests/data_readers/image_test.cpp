@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/data/image.hpp"
+
+#include "data_readers/made_scene.hpp"
+#include "optim/data/image_header.hpp"
+#include "optim/data/video.hpp"
+
+using namespace gflow;
+
+namespace {
+
+std::string from_hex(const std::string& hex) {
+  std::string bytes;
+  for (size_t i = 0; i < hex.size(); i += 2)
+    bytes += char(std::stoi(hex.substr(i, 2), nullptr, 16));
+  return bytes;
+}
+
+// Made with another PNG writer (Python's zlib): 2x1 pixels each.
+const char* const palette_png =
+    "89504e470d0a1a0a0000000d4948445200000002000000010803000000c3fc8fb800000006504c54"
+    "45ff00000000ff6ca1fd8e0000000274524e53ff80080fb36a0000000b4944415478da6360600400"
+    "000400022cde48ad0000000049454e44ae426082";  // red opaque, blue half transparent
+const char* const grey16_png =
+    "89504e470d0a1a0a0000000d494844520000000200000001100000000081d9fc150000000d494441"
+    "5478da636860f8ff1f000502027fc900d6750000000049454e44ae426082";  // 0x8000, 0xffff
+const char* const grey_alpha_png =
+    "89504e470d0a1a0a0000000d49484452000000020000000108040000005e2bb7010000000d494441"
+    "5478da6348313af11f0004ba025eb45063140000000049454e44ae426082";  // 100 with alpha 50, 200 with
+                                                                     // 255
+const char* const kitti_png =
+    "89504e470d0a1a0a0000000d49484452000000020000000110020000002bd0349e00000011494441"
+    "5478da636870a86f606064000300124a01c15536afc50000000049454e44ae426082";  // (u, v) = (1, -2)
+                                                                             // valid; second not
+
+}  // namespace
+
+TEST(Image, PngsAreReadAgainAsWritten) {
+  const TemporaryFolder folder;
+  for (int channels : {3, 4}) {
+    const Image image = pattern(5, 3, channels);
+    write_png(folder.file("a.png"), image);
+    const Image back = read_image(folder.file("a.png"));
+    EXPECT_EQ(back.width, 5);
+    EXPECT_EQ(back.height, 3);
+    EXPECT_EQ(back.channels, channels);
+    EXPECT_EQ(back.pixels, image.pixels);
+  }
+  write_png(folder.file("g.png"), pattern(5, 3, 1));
+  EXPECT_EQ(read_grey(folder.file("g.png")).pixels, pattern(5, 3, 1).pixels);
+  EXPECT_EQ(read_image(folder.file("g.png")).channels, 3);
+}
+
+TEST(Image, PalettesAndGreyAndSixteenBitsBecomeRgb) {
+  const TemporaryFolder folder;
+  const Image palette = read_image(folder.write("p.png", from_hex(palette_png)));
+  EXPECT_EQ(palette.channels, 4);
+  EXPECT_EQ(palette.pixels, (std::vector<uint8_t>{255, 0, 0, 255, 0, 0, 255, 128}));
+  const Image grey = read_image(folder.write("g.png", from_hex(grey16_png)));
+  EXPECT_EQ(grey.pixels, (std::vector<uint8_t>{128, 128, 128, 255, 255, 255}));
+  const Image both = read_image(folder.write("ga.png", from_hex(grey_alpha_png)));
+  EXPECT_EQ(both.pixels, (std::vector<uint8_t>{100, 100, 100, 50, 200, 200, 200, 255}));
+}
+
+TEST(Image, HeadersTellSizeAndAlpha) {
+  const TemporaryFolder folder;
+  const ImageHeader palette = read_image_header(folder.write("p.png", from_hex(palette_png)));
+  EXPECT_EQ(palette.width, 2);
+  EXPECT_EQ(palette.height, 1);
+  EXPECT_TRUE(palette.has_alpha);
+  make_png(folder, "rgb.png", 9, 4);
+  const ImageHeader rgb = read_image_header(folder.file("rgb.png"));
+  EXPECT_EQ(rgb.width, 9);
+  EXPECT_EQ(rgb.height, 4);
+  EXPECT_FALSE(rgb.has_alpha);
+}
+
+TEST(Image, TheBackgroundShowsThroughStraightAlpha) {
+  const Image rgba{3, 1, 4, {200, 100, 0, 255, 200, 100, 0, 0, 200, 100, 0, 51}};
+  const Image rgb = over_background(rgba, {255, 255, 255});
+  // alpha 51/255 = 1/5: 200/5 + 255*4/5 = 244, 20 + 204 = 224, 204
+  EXPECT_EQ(rgb.pixels, (std::vector<uint8_t>{200, 100, 0, 255, 255, 255, 244, 224, 204}));
+  EXPECT_EQ(over_background(pattern(2, 2), {0, 0, 0}).pixels, pattern(2, 2).pixels);
+}
+
+TEST(Image, ShrinkingTakesTheMean) {
+  const Image image{4, 2, 1, {0, 4, 10, 10, 8, 12, 20, 20}};
+  EXPECT_EQ(resized(image, 2, 1).pixels, (std::vector<uint8_t>{6, 15}));
+}
+
+TEST(Image, ShrinkingDoesNotMixInHiddenColors) {
+  // Green hides behind alpha 0.
+  const Image image{2, 1, 4, {200, 0, 0, 255, 0, 255, 0, 0}};
+  EXPECT_EQ(resized(image, 1, 1).pixels, (std::vector<uint8_t>{200, 0, 0, 128}));
+}
+
+TEST(Image, SixteenBitPngsKeepTheirValues) {
+  const TemporaryFolder folder;
+  write_png16(folder.file("d.png"), 2, 1, {0x8000, 0xffff});
+  EXPECT_EQ(read_grey(folder.file("d.png")).pixels, (std::vector<uint8_t>{128, 255}));
+  expect_error([&] { write_png16(folder.file("e.png"), 2, 2, {1}); }, {"e.png", "2x2"});
+}
+
+TEST(Image, KittiFlowIsDecoded) {
+  const TemporaryFolder folder;
+  const FlowField flow = read_kitti_flow(folder.write("f.png", from_hex(kitti_png)));
+  EXPECT_EQ(flow.uv, (std::vector<float>{1, -2, 0, 0}));
+  EXPECT_EQ(flow.valid, (std::vector<uint8_t>{1, 0}));
+  make_png(folder, "8bit.png");
+  expect_error([&] { read_kitti_flow(folder.file("8bit.png")); }, {"8bit.png", "16-bit"});
+}
+
+TEST(Image, TruncatedPngsAreRefusedAtEveryLength) {
+  const TemporaryFolder folder;
+  make_png(folder, "a.png");
+  const std::string whole = contents(folder.file("a.png"));
+  for (size_t n = 0; n < whole.size(); ++n) {
+    const std::string path = folder.write("cut.png", whole.substr(0, n));
+    EXPECT_THROW(read_image(path), Error) << n << " of " << whole.size() << " bytes";
+  }
+}
+
+TEST(Image, WhatIsNoPictureIsRefused) {
+  const TemporaryFolder folder;
+  expect_error([&] { read_image(folder.path() + "/none.png"); }, {"none.png", "No such file"});
+  expect_error([&] { read_image(folder.write("a.png", "text")); }, {"a.png", "neither"});
+  std::string huge = from_hex(grey16_png);
+  huge[16] = 0x7f;  // first byte of the width
+  expect_error([&] { read_image(folder.write("h.png", huge)); }, {"h.png", "possible are 1 to"});
+}
+
+TEST(Image, TruncatedJpegsAreRefused) {
+  const std::string path = shared("data/dynerf_flame_steak_5v/images/1.jpg");
+  if (!std::filesystem::exists(path)) return;  // this program writes no JPEG to test with
+  const TemporaryFolder folder;
+  const ImageHeader header = read_image_header(path);
+  EXPECT_EQ(header.width, 2704);
+  EXPECT_EQ(header.height, 2028);
+  const std::string whole = contents(path);
+  const std::string cut = folder.write("cut.jpg", whole.substr(0, whole.size() / 2));
+  expect_error([&] { read_image(cut); }, {"cut.jpg", "truncated"});
+}
+
+TEST(Video, FramesAreReadAgainInAnyOrder) {
+  const TemporaryFolder folder;
+  std::vector<Image> frames;
+  for (int k = 0; k < 6; ++k) {
+    Image image{33, 17, 3, {}};  // odd: padded to 34x18
+    image.pixels.assign(33 * 17 * 3, uint8_t(40 * k + 20));
+    frames.push_back(image);
+  }
+  const std::string path = folder.file("a.mp4");
+  write_mp4(path, frames, 10);
+  EXPECT_EQ(folder.count(), 1u);
+  const VideoInfo info = video_info(path);
+  EXPECT_EQ(info.width, 34);
+  EXPECT_EQ(info.height, 18);
+  EXPECT_EQ(info.frames, 6);
+  EXPECT_NEAR(info.fps, 10, 1e-6);
+  Video video(path);
+  for (int k : {0, 3, 1, 5, 5}) {
+    // Flat grey survives the codec within a few levels; neighbours differ by 40.
+    EXPECT_NEAR(video.frame(k).pixels[900], 40 * k + 20, 8) << "frame " << k;
+  }
+  EXPECT_EQ(read_video(path).size(), 6u);
+  EXPECT_EQ(read_video(path, 2).size(), 2u);
+  expect_error([&] { video.frame(6); }, {"a.mp4", "no frame 6", "ends after 6"});
+}
+
+TEST(Video, WhatIsNoVideoIsRefused) {
+  const TemporaryFolder folder;
+  expect_error([&] { video_info(folder.path() + "/none.mp4"); }, {"none.mp4", "no such file"});
+  expect_error([&] { video_info(folder.write("a.mp4", "no video at all")); }, {"a.mp4"});
+  expect_error([&] { write_mp4(folder.file("b.mp4"), {}, 10); }, {"b.mp4", "no frames"});
+  expect_error(
+      [&] {
+        write_mp4(folder.file("b.mp4"), {pattern(4, 4), pattern(6, 4)}, 10);
+      },
+      {"one size"});
+  EXPECT_FALSE(std::filesystem::exists(folder.file("b.mp4")));
+}

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// A test scene on the device: uploaded once, drawn and differentiated by the engine, results read
+// back by name. And how results are compared.
+#pragma once
+#include "device.hpp"
+#include "optim/engine/engine.hpp"
+#include "optim/engine/posed.hpp"
+#include "scenes.hpp"
+
+namespace gflow {
+
+using FloatArrays = std::map<std::string, std::vector<float>>;
+
+inline std::vector<float> to_float(const std::vector<double>& a) {
+  return std::vector<float>(a.begin(), a.end());
+}
+
+class DeviceScene {
+ public:
+  DeviceScene(Queue& queue, const Scene& scene, Channels channels = {})
+      : engine(queue, scene.shot.settings),
+        queue_(queue),
+        posed_(queue),
+        channels_(channels),
+        view_{scene.shot.camera, scene.shot.camera_t2},
+        background_{float(scene.shot.background[0]), float(scene.shot.background[1]),
+                    float(scene.shot.background[2])} {
+    upload(scene);
+  }
+
+  void upload(const Scene& scene) {
+    const size_t n = scene.count();
+    const auto write = [&](Buffer<float>& buffer, const char* name) {
+      buffer.ensure(queue_, scene.p.at(name).size());
+      buffer.write(queue_, to_float(scene.p.at(name)));
+    };
+    t1_.ensure(queue_, n);
+    t2_.ensure(queue_, n);
+    write(t1_.means, "means");
+    write(t1_.opacities, "opacities");
+    write(t2_.means, "means_t2");
+    write(colors_, "colors");
+    write(quats_, "quats");
+    write(scales_, "scales");
+    write(quats2_, "quats_t2");
+    write(scales2_, "scales_t2");
+  }
+
+  // rgb, alpha, transmittance, and depth, flow where the channels have them.
+  FloatArrays forward() {
+    posed_.forward(queue_, quats_, scales_, t1_.factors);
+    posed_.forward(queue_, quats2_, scales2_, t2_.factors);
+    engine.forward(queue_, view_, channels_, background_, t1_, t2_, colors_);
+    const Images& images = engine.images();
+    FloatArrays out{{"rgb", images.rgb.read(queue_)},
+                    {"alpha", images.alpha.read(queue_)},
+                    {"transmittance", images.transmittance.read(queue_)}};
+    if (channels_.depth) out["depth"] = images.depth.read(queue_);
+    if (channels_.flow) out["flow"] = images.flow.read(queue_);
+    return out;
+  }
+
+  // Gradients of sum(images . v) of the last forward(), by parameter name.
+  FloatArrays backward(const reference::Planes& v) {
+    ImageGradients images;
+    const auto write = [&](Buffer<float>& buffer, const std::vector<double>& values) {
+      buffer.ensure(queue_, values.size());
+      buffer.write(queue_, to_float(values));
+    };
+    write(images.v_rgb, v.rgb);
+    write(images.v_alpha, v.alpha);
+    if (channels_.depth) write(images.v_depth, v.depth);
+    if (channels_.flow) write(images.v_flow, v.flow);
+    engine.backward(queue_, t1_, t2_, images, gradients);
+    Buffer<float> v_quats, v_scales;
+    posed_.backward(queue_, quats_, scales_, gradients.v_factors, v_quats, v_scales);
+    FloatArrays out{{"means", gradients.v_means.read(queue_)},
+                    {"quats", v_quats.read(queue_)},
+                    {"scales", v_scales.read(queue_)},
+                    {"opacities", gradients.v_opacities.read(queue_)},
+                    {"colors", gradients.v_colors.read(queue_)}};
+    if (!channels_.flow) return out;
+    posed_.backward(queue_, quats2_, scales2_, gradients.v_factors_t2, v_quats, v_scales);
+    out["means_t2"] = gradients.v_means_t2.read(queue_);
+    out["quats_t2"] = v_quats.read(queue_);
+    out["scales_t2"] = v_scales.read(queue_);
+    return out;
+  }
+
+  Engine engine;
+  GaussianGradients gradients;
+
+ private:
+  Queue& queue_;
+  Posed posed_;
+  Channels channels_;
+  View view_;
+  std::array<float, 3> background_;
+  GaussiansAt t1_, t2_;
+  Buffer<float> colors_{"colors"}, quats_{"quats"}, scales_{"scales"}, quats2_{"quats_t2"},
+      scales2_{"scales_t2"};
+};
+
+// |actual - expected| / |expected| as vectors; 0 where both are 0.
+template <class A, class E>
+double relative_l2(const std::vector<A>& actual, const std::vector<E>& expected) {
+  EXPECT_EQ(actual.size(), expected.size());
+  double difference = 0, size = 0;
+  for (size_t i = 0; i < expected.size(); ++i) {
+    difference += (double(actual[i]) - double(expected[i])) * (double(actual[i]) - double(expected[i]));
+    size += double(expected[i]) * double(expected[i]);
+  }
+  return difference == 0 ? 0 : std::sqrt(difference / std::max(size, 1e-60));
+}
+// The largest |actual - expected| over the pixels that are not doubtful; a NaN gives infinity.
+template <class E>
+double largest_error(const std::vector<float>& actual, const std::vector<E>& expected,
+                     const std::vector<uint8_t>& doubtful) {
+  EXPECT_EQ(actual.size(), expected.size());
+  double worst = 0;
+  for (size_t i = 0; i < expected.size(); ++i) {
+    if (doubtful[i % doubtful.size()]) continue;
+    const double error = std::fabs(double(actual[i]) - double(expected[i]));
+    worst = error <= 1e30 ? std::max(worst, error) : std::numeric_limits<double>::infinity();
+  }
+  return worst;
+}
+
+}  // namespace gflow

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+// The kernels against the double reference, images and gradients, for every lane width: scenes of
+// odd sizes, none, one, none visible, ties in depth, one splat over all tiles, hundreds of layers.
+#include <gtest/gtest.h>
+
+#include "compare.hpp"
+#include "device_scene.hpp"
+
+namespace gflow {
+namespace {
+
+using reference::Rendering;
+
+// How far float32 may be off. Images: alpha is exact to 1e-6 (exponent up to 8, polynomial 2e-7) and
+// a pixel sums weights that add to 1. Flow is in px, its error grows with the splats' size.
+// Gradients: relative L2 of a class, for the worst-conditioned one.
+struct Bounds {
+  double image = 5e-6, flow = 1e-4, gradient = 1e-5;
+};
+
+void expect_images(const Scene& s, const FloatArrays& actual, const Rendering& expected,
+                   Bounds bounds = {}) {
+  const auto& doubtful = expected.contributors.doubtful;
+  size_t left_out = 0;
+  for (uint8_t d : doubtful) left_out += d;
+  EXPECT_LE(left_out, s.pixels() / 20 + 1);
+  const reference::Planes& e = expected.images;
+  EXPECT_LT(largest_error(actual.at("rgb"), e.rgb, doubtful), bounds.image);
+  EXPECT_LT(largest_error(actual.at("alpha"), e.alpha, doubtful), bounds.image);
+  EXPECT_LT(largest_error(actual.at("depth"), e.depth, doubtful),
+            bounds.image * std::max(1., largest(e.depth)));
+  EXPECT_LT(largest_error(actual.at("flow"), e.flow, doubtful), bounds.flow);
+}
+
+// Draws and differentiates s on the device and in double.
+void expect_reference(Queue& queue, const Scene& s, Bounds bounds = {}) {
+  const reference::Gaussians g = reference::posed(s.p);
+  const Rendering expected = reference::render(s.shot, g);
+  DeviceScene device(queue, s);
+  expect_images(s, device.forward(), expected, bounds);
+
+  const reference::Planes all = random_cotangents(s, 11, expected.contributors.doubtful);
+  for (const std::string image : {"rgb", "depth", "flow"}) {
+    reference::Planes v = only(all, image);
+    if (image == "rgb") v.alpha = all.alpha;
+    const reference::Named v_expected =
+        reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, expected, v));
+    const FloatArrays v_actual = device.backward(v);
+    for (const auto& [name, values] : v_expected)
+      EXPECT_LE(relative_l2(v_actual.at(name), values), bounds.gradient) << image << " by " << name;
+  }
+}
+
+Scene scene_of(size_t n, int width, int height, unsigned seed = 1) {
+  SceneSpec spec;
+  spec.n = n;
+  spec.width = width;
+  spec.height = height;
+  spec.seed = seed;
+  Scene s = random_scene(spec);
+  s.shot.settings.transport = Transport::material;
+  return s;
+}
+
+class Splat : public testing::TestWithParam<int> {
+ protected:
+  Splat() : queue(test_queue(GetParam())) {}
+  bool narrow() const { return GetParam() == 1; }  // slow on a CPU: smaller scenes
+  Queue queue;
+};
+INSTANTIATE_TEST_SUITE_P(Lanes, Splat, testing::Values(16, 8, 4, 1), testing::PrintToStringParamName());
+
+TEST_P(Splat, MatchesTheReferenceOnImagesOfOddSizes) {
+  const int sizes[][2] = {{1, 1}, {17, 15}, {33, 1}, {2, 37}};
+  for (const auto [width, height] : sizes) {
+    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height));
+    expect_reference(queue, scene_of(60, width, height));
+  }
+}
+
+TEST_P(Splat, MatchesTheReferenceOnAWideImage) {  // T38: width and height must not be confused
+  expect_reference(queue, narrow() ? scene_of(150, 96, 29) : scene_of(400, 320, 96));
+}
+
+TEST_P(Splat, StopsBeforeTheSaturatingSplatIfToldTo) {
+  SceneSpec spec;
+  spec.cover = 60;
+  spec.opaque = .3;
+  Scene s = random_scene(spec);
+  s.shot.settings.stop = StopRule::exclude;
+  expect_reference(queue, s);
+}
+
+TEST_P(Splat, MakesTheFlowOfTheFirstContributorsOnly) {
+  Scene s = scene_of(100, 40, 24);
+  s.shot.settings.top_k = 3;
+  s.shot.settings.transport = Transport::paper;
+  expect_reference(queue, s, {5e-6, 1e-4, 2e-5});
+}
+
+TEST_P(Splat, DrawsTheBackgroundWhereNothingIs) {
+  for (Scene s : {scene_of(0, 19, 5), [] {
+                    Scene behind = scene_of(0, 19, 5);
+                    for (int i = 0; i < 9; ++i) add_gaussian(behind, {0, 0, -3}, {.5, .5, .5}, .9);
+                    return behind;
+                  }()}) {
+    DeviceScene device(queue, s);
+    const FloatArrays images = device.forward();
+    for (size_t i = 0; i < s.pixels(); ++i) {
+      for (int c = 0; c < 3; ++c)
+        EXPECT_EQ(images.at("rgb")[c * s.pixels() + i], float(s.shot.background[c]));
+      EXPECT_EQ(images.at("alpha")[i], 0);
+      EXPECT_EQ(images.at("depth")[i], 0);
+      EXPECT_EQ(images.at("flow")[i], 0);
+    }
+    for (const auto& [name, values] : device.backward(random_cotangents(s, 3)))
+      for (float v : values) EXPECT_EQ(v, 0) << name;
+  }
+}
+
+TEST_P(Splat, DrawsOneGaussian) {
+  Scene s = scene_of(0, 21, 13);
+  add_gaussian(s, {.05, -.02, 4}, {.4, .2, .3}, .8, {.05, .02, -.1});
+  expect_reference(queue, s);
+}
+
+// At one depth the index decides. The colours differ, so a wrong order shows at once.
+TEST_P(Splat, BreaksTiesInDepthByIndex) {
+  Scene s = scene_of(0, 24, 18);
+  s.shot.camera = s.shot.camera_t2 = test_camera(24, 18);  // not turned: z is exact
+  std::mt19937 rng(2);
+  for (int i = 0; i < 40; ++i) {
+    const double x = double(rng() % 100) / 100 - .5, y = double(rng() % 100) / 150 - .33;
+    add_gaussian(s, {2 * x, 2 * y, 2}, {.2, .1, .1}, .6, {.03, 0, 0});
+    for (int c = 0; c < 3; ++c) s.p["colors"][3 * i + c] = double(float(rng() % 100) / 100);
+  }
+  // so few shapes are alike that a splat's exponent may hit a threshold exactly: doubtful pixels
+  expect_reference(queue, s);
+}
+
+TEST_P(Splat, DrawsOneSplatOverAllTiles) {  // T22
+  Scene s = scene_of(60, 70, 50);
+  add_gaussian(s, {0, 0, 6}, {6, 5, 1}, .9, {.1, 0, 0});
+  // the big splat's moments sum 3500 pixels of random sign: more cancels
+  expect_reference(queue, s, {5e-6, 1e-4, 3e-5});
+}
+
+TEST_P(Splat, BlendsHundredsOfLayers) {  // T16: faint ones over an opaque one
+  Scene s = scene_of(0, 9, 9);
+  std::mt19937 rng(4);
+  for (int i = 0; i < 300; ++i) {
+    const double x = double(rng() % 1000) / 1000 - .5, y = double(rng() % 1000) / 1000 - .5;
+    add_gaussian(s, {x, y, 2 + .01 * i}, {1.5, 1.2, 1}, .02 + .04 * double(rng() % 100) / 100,
+                 {.02 * x, .01, 0});
+    for (int c = 0; c < 3; ++c) s.p["colors"][3 * i + c] = double(float(rng() % 100) / 100);
+  }
+  add_gaussian(s, {0, 0, 6}, {4, 4, 1}, 1);
+  // 300 multiplications of T: 300 x 6e-8; splats of 5 px with gentle slopes: differences cancel
+  expect_reference(queue, s, {2e-5, 1e-4, 5e-5});
+}
+
+TEST_P(Splat, DrawsAFewSplatsInAFullHdImage) {
+  Scene s = scene_of(0, narrow() ? 640 : 1920, narrow() ? 360 : 1080);
+  std::mt19937 rng(7);
+  for (int i = 0; i < 12; ++i) {
+    const double x = double(rng() % 1000) / 1000 - .5, y = .5 * (double(rng() % 1000) / 1000 - .5);
+    add_gaussian(s, {3 * x, 3 * y, 3. + .125 * i}, {.02, .004, .01}, .9, {.01, .005, .02});
+  }
+  // pixel coordinates of 1e3 have 6e-5 px of rounding; across a splat 2 px wide that is 3e-5 of z,
+  // 1e-4 of the exponent's slope there
+  const Bounds bounds{2e-4, 1e-3, 2e-3};
+  const Rendering expected = reference::render(s.shot, reference::posed(s.p));
+  DeviceScene device(queue, s);
+  expect_images(s, device.forward(), expected, bounds);
+}
+
+}  // namespace
+}  // namespace gflow

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/io/atomic_file.hpp"
+
+#include <sys/resource.h>
+
+#include <csignal>
+
+#include "io/temporary_folder.hpp"
+
+using namespace gflow;
+
+TEST(AtomicFile, WritesAndReplaces) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.txt");
+  write_file_atomically(path, std::string_view("first"));
+  write_file_atomically(path, std::string_view("second"));
+  EXPECT_EQ(contents(path), "second");
+  EXPECT_EQ(folder.count(), 1u);
+}
+
+TEST(AtomicFile, AFailedWriterLeavesTheOldFileAndNoTemporary) {
+  const TemporaryFolder folder;
+  const std::string path = folder.write("a.txt", "old");
+  EXPECT_THROW(replace_file(path,
+                            [](const std::string& temporary) {
+                              std::ofstream(temporary) << "half";
+                              throw Error("no more");
+                            }),
+               Error);
+  EXPECT_EQ(contents(path), "old");
+  EXPECT_EQ(folder.count(), 1u);
+}
+
+TEST(AtomicFile, AFullDiskIsAnErrorThatLeavesTheOldFile) {
+  const TemporaryFolder folder;
+  const std::string path = folder.write("a.txt", "old");
+  // A limit on file size stands for a full disk: write() fails after a part was written.
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small{1000, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &small);
+  expect_error([&] { write_file_atomically(path, Bytes(5000)); },
+               {"cannot write " + path, "File too large"});
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_EQ(contents(path), "old");
+  EXPECT_EQ(folder.count(), 1u);
+}
+
+TEST(AtomicFile, AMissingFolderIsNamed) {
+  expect_error([] { write_file_atomically("/no/such/folder/x", std::string_view("a")); },
+               {"/no/such/folder/x", "No such file or directory"});
+}
+
+TEST(AtomicFile, MissingFilesFoldersAndLongFilesAreRefused) {
+  const TemporaryFolder folder;
+  expect_error([&] { read_file(folder.path() + "/none"); }, {"none", "No such file"});
+  expect_error([&] { read_file(folder.path()); }, {"not a file"});
+  const std::string path = folder.write("long", std::string(100, 'x'));
+  expect_error([&] { read_file(path, 99); }, {"100 bytes", "at most 99"});
+}
+
+TEST(AtomicFile, GzipIsExpandedByContent) {
+  const TemporaryFolder folder;
+  std::string text;
+  for (int i = 0; i < 500000; ++i) text += char('a' + i * i % 26);
+  const std::string path = folder.file("plain.name");
+  write_file_atomically(path, gzip(text));
+  const Bytes back = read_file_or_gzip(path);
+  EXPECT_TRUE(std::equal(text.begin(), text.end(), back.begin(), back.end()));
+  expect_error([&] { read_file_or_gzip(path, 499999); }, {"more than 499999 bytes"});
+}
+
+TEST(AtomicFile, TruncatedAndDamagedGzipIsRefused) {
+  const TemporaryFolder folder;
+  const Bytes packed = gzip("a text that is packed, a text that is packed");
+  const std::string text(packed.begin(), packed.end());
+  const std::string cut = folder.write("cut.gz", text.substr(0, text.size() - 9));
+  expect_error([&] { read_file_or_gzip(cut); }, {"cut.gz", "truncated"});
+  std::string damaged = text;
+  damaged[text.size() - 6] ^= 1;  // in the checksum
+  folder.write("bad.gz", damaged);
+  expect_error([&] { read_file_or_gzip(folder.file("bad.gz")); }, {"bad.gz", "damaged"});
+}

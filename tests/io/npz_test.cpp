@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/io/npz.hpp"
+
+#include <cstdlib>
+
+#include "io/temporary_folder.hpp"
+
+using namespace gflow;
+
+TEST(Npz, WhatIsWrittenIsReadAgain) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.npz");
+  const Arrays arrays = {{"means", {{2, 3}, std::vector<float>{1, 2, 3, 4, 5, 6}}},
+                         {"n", {{}, std::vector<int64_t>{-7}}},
+                         {"none", {{0}, std::vector<double>{}}}};
+  write_npz(path, arrays);
+  const Arrays back = read_npz(path);
+  ASSERT_EQ(back.size(), 3u);
+  for (const auto& [name, array] : arrays) {
+    EXPECT_EQ(back.at(name).shape, array.shape) << name;
+    EXPECT_EQ(back.at(name).values, array.values) << name;
+  }
+  EXPECT_EQ(folder.count(), 1u);
+}
+
+TEST(Npz, EqualArraysGiveEqualFiles) {
+  const TemporaryFolder folder;
+  const Arrays arrays = {{"a", {{3}, std::vector<float>{1, 2, 3}}}};
+  write_npz(folder.file("a.npz"), arrays);
+  write_npz(folder.file("b.npz"), arrays);
+  EXPECT_EQ(contents(folder.file("a.npz")), contents(folder.file("b.npz")));
+}
+
+TEST(Npz, AMissingArrayIsNamedWithThoseThatAreThere) {
+  const Arrays arrays = {{"a", {{}, std::vector<float>{1}}}, {"b", {{}, std::vector<float>{2}}}};
+  EXPECT_EQ(array_named(arrays, "b", "x.npz").as_float()[0], 2);
+  expect_error([&] { array_named(arrays, "c", "x.npz"); }, {"x.npz", "'c'", "a, b"});
+}
+
+TEST(Npz, MissingAndTruncatedArchivesAreRefused) {
+  const TemporaryFolder folder;
+  expect_error([&] { read_npz(folder.path() + "/none.npz"); }, {"none.npz"});
+  const std::string path = folder.file("a.npz");
+  write_npz(path, {{"a", {{300}, std::vector<int32_t>(300, 1)}}});
+  const std::string whole = contents(path);
+  folder.write("cut.npz", whole.substr(0, whole.size() / 2));
+  expect_error([&] { read_npz(folder.file("cut.npz")); }, {"cut.npz"});
+}
+
+TEST(Npz, DamagedContentsAreRefused) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.npz");
+  std::vector<int32_t> values(300);
+  for (int i = 0; i < 300; ++i) values[size_t(i)] = i * i;
+  write_npz(path, {{"abc", {{300}, values}}});
+  std::string whole = contents(path);
+  whole[100] ^= 0x55;  // within the compressed values
+  folder.write("bad.npz", whole);
+  expect_error([&] { read_npz(folder.file("bad.npz")); }, {"'abc'", "bad.npz"});
+}
+
+TEST(Npz, AnUnwritablePlaceIsAnError) {
+  expect_error(
+      [] {
+        write_npz("/no/such/a.npz", {{"a", {{}, std::vector<float>{1}}}});
+      },
+      {"/no/such/a.npz"});
+  expect_error([] { write_npz("a.npz", {}); }, {"no arrays"});
+}

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/io/ply.hpp"
+
+#include <cstring>
+
+#include "io/temporary_folder.hpp"
+
+using namespace gflow;
+
+namespace {
+
+template <class T>
+std::string raw(T value) {
+  std::string bytes(sizeof value, '\0');
+  std::memcpy(bytes.data(), &value, sizeof value);
+  return bytes;
+}
+
+const char* const ascii_cloud =
+    "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex 2\nproperty float x\n"
+    "property float y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
+    "property uchar blue\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    "0 1 2 255 0 9\n-1.5 2e1 3 1 2 3\n3 0 1 0\n";
+
+}  // namespace
+
+TEST(Ply, ReadsAnAsciiCloud) {
+  const TemporaryFolder folder;
+  const PointCloud points = read_point_cloud(folder.write("a.ply", ascii_cloud));
+  EXPECT_EQ(points.xyz, (std::vector<float>{0, 1, 2, -1.5f, 20, 3}));
+  EXPECT_EQ(points.rgb, (std::vector<uint8_t>{255, 0, 9, 1, 2, 3}));
+}
+
+TEST(Ply, ReadsBinaryWithElementsBeforeAndPropertiesBetween) {
+  const TemporaryFolder folder;
+  std::string bytes =
+      "ply\r\nformat binary_little_endian 1.0\r\nelement chunk 1\r\n"
+      "property list uchar short ids\r\nelement vertex 2\r\nproperty double x\r\n"
+      "property float y\r\nproperty ushort label\r\nproperty float z\r\nend_header\r\n";
+  bytes += raw(uint8_t(2)) + raw(int16_t(5)) + raw(int16_t(6));
+  for (int i = 0; i < 2; ++i)
+    bytes += raw(1.0 + i) + raw(2.f + float(i)) + raw(uint16_t(60000)) + raw(3.f + float(i));
+  const std::string path = folder.write("a.ply", bytes);
+  EXPECT_EQ(read_point_cloud(path).xyz, (std::vector<float>{1, 2, 3, 2, 3, 4}));
+  EXPECT_TRUE(read_point_cloud(path).rgb.empty());
+  EXPECT_EQ(read_ply(path).column_values("label"), (std::vector<float>{60000, 60000}));
+}
+
+TEST(Ply, FloatColorsAreScaled) {
+  const TemporaryFolder folder;
+  const PointCloud points = read_point_cloud(folder.write(
+      "a.ply",
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+      "property float z\nproperty float red\nproperty float green\nproperty float blue\n"
+      "end_header\n0 0 0 0 1 0.5"));
+  EXPECT_EQ(points.rgb, (std::vector<uint8_t>{0, 255, 128}));
+}
+
+TEST(Ply, ATableIsReadAgainAsWritten) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.ply");
+  const PlyTable table{{"x", "opacity", "t_scale"}, 2, {1, 2, 3, 4, 5, -6.5f}, {"by gflow 1"}};
+  write_ply(path, table);
+  const PlyTable back = read_ply(path);
+  EXPECT_EQ(back.names, table.names);
+  EXPECT_EQ(back.rows, 2u);
+  EXPECT_EQ(back.values, table.values);
+  EXPECT_EQ(back.comments, table.comments);
+  EXPECT_EQ(back.column("opacity"), 1);
+  EXPECT_EQ(back.column("absent"), -1);
+  EXPECT_EQ(back.column_values("t_scale"), (std::vector<float>{3, -6.5f}));
+  expect_error([&] { back.column_values("absent"); }, {"'absent'"});
+}
+
+TEST(Ply, APointCloudIsReadAgainAsWritten) {
+  const TemporaryFolder folder;
+  const PointCloud points{{1, 2, 3, 4, 5, 6}, {10, 20, 30, 40, 50, 60}};
+  write_point_cloud(folder.file("a.ply"), points);
+  const PointCloud back = read_point_cloud(folder.file("a.ply"));
+  EXPECT_EQ(back.xyz, points.xyz);
+  EXPECT_EQ(back.rgb, points.rgb);
+}
+
+TEST(Ply, RefusesTruncatedFiles) {
+  const TemporaryFolder folder;
+  write_point_cloud(folder.file("a.ply"), {{1, 2, 3, 4, 5, 6}, {1, 2, 3, 4, 5, 6}});
+  const std::string whole = contents(folder.file("a.ply"));
+  for (size_t n = 0; n < whole.size(); ++n) {
+    const std::string path = folder.write("cut.ply", whole.substr(0, n));
+    EXPECT_THROW(read_ply(path), Error) << n << " bytes";
+  }
+  const std::string text = ascii_cloud;
+  folder.write("text.ply", text.substr(0, text.find("2e1")));  // within the second vertex
+  expect_error([&] { read_ply(folder.file("text.ply")); }, {"text.ply", "truncated"});
+}
+
+TEST(Ply, RefusesCountsThatCannotBeInTheFile) {
+  const TemporaryFolder folder;
+  const auto with = [&](const std::string& format, const std::string& count) {
+    return folder.write("a.ply", "ply\nformat " + format + " 1.0\nelement vertex " + count +
+                                     "\nproperty float x\nend_header\n1 2 3\n");
+  };
+  for (const char* format : {"ascii", "binary_little_endian"})
+    for (const char* count : {"4000000000", "9000000000000000000"})
+      expect_error([&] { read_ply(with(format, count)); }, {"a.ply", "truncated"});
+  expect_error([&] { read_ply(with("ascii", "-1")); }, {"number of rows"});
+  expect_error([&] { read_ply(with("binary_big_endian", "1")); }, {"binary_big_endian"});
+}
+
+TEST(Ply, RefusesHeadersThatMakeNoSense) {
+  const TemporaryFolder folder;
+  const auto read = [&](const std::string& text) { read_point_cloud(folder.write("a.ply", text)); };
+  const std::string start = "ply\nformat ascii 1.0\n";
+  expect_error([&] { read("plx"); }, {"a.ply", "'ply'"});
+  expect_error([&] { read(start + "element vertex 1\nproperty float x\n"); }, {"end_header"});
+  expect_error([&] { read(start + "end_header\n"); }, {"no element 'vertex'"});
+  expect_error([&] { read(start + "property float x\nend_header\n"); }, {"before any element"});
+  expect_error([&] { read(start + "element vertex 0\nproperty half x\nend_header\n"); },
+               {"'half'"});
+  expect_error([&] { read(start + "element vertex 9\nend_header\n"); }, {"no properties"});
+  expect_error(
+      [&] { read(start + "element vertex 1\nproperty list uchar int x\nend_header\n1 1\n"); },
+      {"is a list"});
+  expect_error([&] { read(start + "element vertex 1\nproperty float x\nend_header\nabc\n"); },
+               {"'abc' is no number"});
+  expect_error([&] { read(start + "element vertex 1\nproperty float x\nend_header\n1\n"); },
+               {"x, y and z"});
+}
+
+TEST(Ply, RefusesPositionsThatAreNotFinite) {
+  const TemporaryFolder folder;
+  expect_error(
+      [&] {
+        read_point_cloud(folder.write("a.ply",
+                                      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
+                                      "property float y\nproperty float z\nend_header\n0 nan 1\n"));
+      },
+      {"vertex 0", "not finite"});
+}
