@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 
@@ -18,8 +19,21 @@ struct TrainFlags {
   std::vector<std::string> settings;
   int iterations = 0;
   int64_t seed = 0;
-  bool list_settings = false;
+  bool profile = false;
 };
+
+// Where the device's time went, longest first.
+void print_timings(Queue& queue) {
+  std::vector<std::pair<std::string, KernelTiming>> rows(queue.timings().begin(),
+                                                         queue.timings().end());
+  std::sort(rows.begin(), rows.end(), [](const auto& a, const auto& b) {
+    return a.second.total_ms > b.second.total_ms;
+  });
+  fmt::print("{:<22} {:>9} {:>12} {:>10}\n", "kernel", "launches", "total [ms]", "each [ms]");
+  for (const auto& [name, t] : rows)
+    fmt::print("{:<22} {:>9} {:>12.1f} {:>10.3f}\n", name, t.count, t.total_ms,
+               t.total_ms / double(t.count));
+}
 
 TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
   TrainConfig config;
@@ -36,13 +50,16 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   const TrainConfig config = configured(flags, command);
   GlobalOptions device = options;
   if (device.device.empty()) device.device = config.train.device;
-  Queue queue = open_queue(device);
+  QueueOptions queue_options;
+  queue_options.profile = flags.profile;
+  Queue queue = open_queue(device, queue_options);
   const RunFolder run = RunFolder::create(flags.run);
   const Evaluation evaluation = train_run(queue, config, run, options.quiet);
   print_report(evaluation);
   fmt::print("model     {}\n", run.latest_model());
   if (!evaluation.views.empty())
     fmt::print("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
+  if (flags.profile) print_timings(queue);
 }
 
 }  // namespace
@@ -68,6 +85,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->default_str("10000");
   command->add_option("--seed", flags->seed, "Of every random choice (train.seed)")
       ->default_str("0");
+  command->add_flag("--profile", flags->profile, "Print the time each kernel took");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });
 }
 

@@ -101,16 +101,26 @@ class DeviceScene {
       scales2_{"scales_t2"};
 };
 
-// |actual - expected| / |expected| as vectors; 0 where both are 0.
+// Root of the sum of squares, of one vector or of the difference of two.
+template <class A>
+double norm(const std::vector<A>& a) {
+  double sum = 0;
+  for (A x : a) sum += double(x) * double(x);
+  return std::sqrt(sum);
+}
+template <class A, class E>
+double distance(const std::vector<A>& a, const std::vector<E>& b) {
+  EXPECT_EQ(a.size(), b.size());
+  double sum = 0;
+  for (size_t i = 0; i < b.size(); ++i)
+    sum += (double(a[i]) - double(b[i])) * (double(a[i]) - double(b[i]));
+  return std::sqrt(sum);
+}
+// |actual - expected| / |expected|; 0 where both are 0.
 template <class A, class E>
 double relative_l2(const std::vector<A>& actual, const std::vector<E>& expected) {
-  EXPECT_EQ(actual.size(), expected.size());
-  double difference = 0, size = 0;
-  for (size_t i = 0; i < expected.size(); ++i) {
-    difference += (double(actual[i]) - double(expected[i])) * (double(actual[i]) - double(expected[i]));
-    size += double(expected[i]) * double(expected[i]);
-  }
-  return difference == 0 ? 0 : std::sqrt(difference / std::max(size, 1e-60));
+  const double difference = distance(actual, expected);
+  return difference == 0 ? 0 : difference / std::max(norm(expected), 1e-30);
 }
 // The largest |actual - expected| over the pixels that are not doubtful; a NaN gives infinity.
 template <class E>

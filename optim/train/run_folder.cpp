@@ -70,6 +70,14 @@ std::string RunFolder::latest_model() const {
   return model_path(latest);
 }
 
+void RunFolder::forget_models_but(int iteration) const {
+  const fs::path keep = fs::path(model_path(iteration)).parent_path();
+  std::vector<fs::path> others;
+  for (const auto& entry : fs::directory_iterator(path("point_cloud")))
+    if (entry.path() != keep) others.push_back(entry.path());
+  for (const fs::path& other : others) fs::remove_all(other);
+}
+
 void RunFolder::write_config(const TrainConfig& config) const {
   write_text(path("config.toml"), to_toml(config));
 }

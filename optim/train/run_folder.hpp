@@ -27,6 +27,8 @@ class RunFolder {
   std::string model_path(int iteration) const;
   // The model of the latest iteration. Error when there is none.
   std::string latest_model() const;
+  // Removes models of other iterations, which an earlier training into this folder left.
+  void forget_models_but(int iteration) const;
 
   void write_config(const TrainConfig& config) const;
   TrainConfig read_config() const;

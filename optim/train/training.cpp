@@ -56,6 +56,7 @@ void save_model(Queue& queue, const Model& model, const RunFolder& run, int iter
   const std::string path = run.model_path(iteration);
   std::filesystem::create_directories(std::filesystem::path(path).parent_path());
   write_model(path, model.read(queue));
+  run.forget_models_but(iteration);
 }
 
 // The training loop; returns the number of steps made.

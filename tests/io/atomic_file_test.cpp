@@ -64,7 +64,7 @@ TEST(AtomicFile, MissingFilesFoldersAndLongFilesAreRefused) {
 TEST(AtomicFile, GzipIsExpandedByContent) {
   const TemporaryFolder folder;
   std::string text;
-  for (int i = 0; i < 500000; ++i) text += char('a' + i * i % 26);
+  for (unsigned i = 0; i < 500000; ++i) text += char('a' + i * i % 26);
   const std::string path = folder.file("plain.name");
   write_file_atomically(path, gzip(text));
   const Bytes back = read_file_or_gzip(path);

@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+// What must hold for the engine whatever its inner workings: losses add, switches cost nothing,
+// what does not move has no flow, what moves has the right one, each path carries its gradient, and
+// a broken Gaussian harms no other.
+#include "optim/engine/engine.hpp"
+
+#include <gtest/gtest.h>
+
+#include "compare.hpp"
+#include "device_scene.hpp"
+
+namespace gflow {
+namespace {
+
+const Transport TRANSPORTS[] = {Transport::paper, Transport::ot, Transport::material,
+                                Transport::translate};
+
+Scene small_scene(Transport transport = Transport::material) {
+  SceneSpec spec;
+  spec.n = 80;
+  spec.width = 45;
+  spec.height = 30;
+  spec.seed = 9;
+  Scene s = random_scene(spec);
+  s.shot.settings.transport = transport;
+  return s;
+}
+
+bool all_finite(const std::vector<float>& a) {
+  for (float x : a)
+    if (!std::isfinite(x)) return false;
+  return true;
+}
+
+TEST(Engine, GradientOfTwoLossesIsTheSumOfBoth) {  // T37
+  Queue queue = test_queue();
+  const Scene s = small_scene();
+  DeviceScene device(queue, s);
+  device.forward();
+  reference::Planes both = random_cotangents(s, 1);
+  std::fill(both.depth.begin(), both.depth.end(), 0.0);
+  reference::Planes photometric = both;
+  std::fill(photometric.flow.begin(), photometric.flow.end(), 0.0);
+  const FloatArrays sum = device.backward(both), a = device.backward(photometric),
+                    b = device.backward(only(both, "flow"));
+  for (const auto& [name, values] : sum) {
+    std::vector<double> expected;
+    for (size_t i = 0; i < values.size(); ++i)
+      expected.push_back(double(a.at(name)[i]) + double(b.at(name)[i]));
+    // float32 rounds three sums of some hundred terms
+    EXPECT_LT(relative_l2(values, expected), 1e-6) << name;
+    EXPECT_GT(norm(values), 0) << name;
+  }
+}
+
+TEST(Engine, PhotometricGradientsHaveTheSameBitsWithoutFlow) {
+  Queue queue = test_queue();
+  const Scene s = small_scene();
+  reference::Planes v = random_cotangents(s, 2);
+  std::fill(v.flow.begin(), v.flow.end(), 0.0);
+  DeviceScene with(queue, s), without(queue, s, {false, true});
+  FloatArrays images = with.forward();
+  images.erase("flow");
+  EXPECT_TRUE(images == without.forward());
+  const FloatArrays g = with.backward(v);
+  for (const auto& [name, values] : without.backward(v)) EXPECT_TRUE(g.at(name) == values) << name;
+}
+
+TEST(Engine, WhatDoesNotMoveHasExactlyNoFlowAndAFiniteGradient) {  // T9
+  Queue queue = test_queue();
+  for (Transport transport : TRANSPORTS) {
+    Scene s = small_scene(transport);
+    s.shot.camera_t2 = s.shot.camera;
+    for (const char* name : {"means", "quats", "scales"}) s.p[name + std::string("_t2")] = s.p[name];
+    DeviceScene device(queue, s);
+    for (float f : device.forward().at("flow")) ASSERT_EQ(f, 0.f) << int(transport);
+    for (const auto& [name, values] : device.backward(random_cotangents(s, 3)))
+      EXPECT_TRUE(all_finite(values)) << name << " " << int(transport);
+  }
+}
+
+// A flat splat parallel to the image keeps its shape when it moves sideways: every pixel under it
+// moves by f dx / z, whatever the transport.
+TEST(Engine, FlowOfAPureTranslationIsTheProjectedDisplacement) {
+  Queue queue = test_queue();
+  for (Transport transport : TRANSPORTS) {
+    Scene s = random_scene({0, 40, 30});
+    s.shot.camera = s.shot.camera_t2 = test_camera(40, 30);
+    s.shot.settings.transport = transport;
+    add_gaussian(s, {.1, -.2, 4}, {.5, .3, 0}, .8, {.25, .125, 0});
+    DeviceScene device(queue, s);
+    const FloatArrays images = device.forward();
+    size_t drawn = 0;
+    for (size_t i = 0; i < s.pixels(); ++i) {
+      if (images.at("alpha")[i] == 0) continue;
+      ++drawn;
+      // 1e-5 px: the means are pixel coordinates of some 20 px in float32
+      EXPECT_NEAR(images.at("flow")[i], 40 * .25 / 4, 1e-5);
+      EXPECT_NEAR(images.at("flow")[s.pixels() + i], 44 * .125 / 4, 1e-5);
+    }
+    EXPECT_GT(drawn, 100u);
+  }
+}
+
+// A camera that moves against a still world: the same, from camera_t2.
+TEST(Engine, FlowFollowsTheSecondCamera) {
+  Queue queue = test_queue();
+  Scene s = random_scene({0, 40, 30});
+  s.shot.camera = s.shot.camera_t2 = test_camera(40, 30);
+  s.shot.camera_t2.translation[0] = .25f;
+  add_gaussian(s, {.1, -.2, 4}, {.5, .3, 0}, .8);
+  DeviceScene device(queue, s);
+  const FloatArrays images = device.forward();
+  EXPECT_GT(images.at("alpha")[15 * 40 + 20], .1f);
+  for (size_t i = 0; i < s.pixels(); ++i) {
+    const double expected = images.at("alpha")[i] > 0 ? 40 * .25 / 4 : 0;
+    EXPECT_NEAR(images.at("flow")[i], expected, 1e-5);
+  }
+}
+
+TEST(Engine, FlowLossAloneReachesEveryParameterAtBothTimes) {  // T36
+  Queue queue = test_queue();
+  for (Transport transport : {Transport::paper, Transport::ot, Transport::material}) {
+    const Scene s = small_scene(transport);
+    DeviceScene device(queue, s);
+    device.forward();
+    const FloatArrays g = device.backward(only(random_cotangents(s, 4), "flow"));
+    for (const char* name : {"means", "quats", "scales", "opacities", "means_t2", "quats_t2",
+                             "scales_t2"})
+      EXPECT_GT(norm(g.at(name)), 1e-3) << name << " " << int(transport);
+    EXPECT_EQ(norm(g.at("colors")), 0);
+  }
+}
+
+TEST(Engine, DetachedFlowMatchesTheReference) {
+  Queue queue = test_queue();
+  Scene s = small_scene(Transport::paper);
+  s.shot.settings.detach_t1 = true;
+  const reference::Gaussians g = reference::posed(s.p);
+  const reference::Rendering r = reference::render(s.shot, g);
+  const reference::Planes v = only(random_cotangents(s, 5, r.contributors.doubtful), "flow");
+  DeviceScene device(queue, s);
+  device.forward();
+  const FloatArrays actual = device.backward(v);
+  for (const auto& [name, values] : reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, r, v)))
+    EXPECT_LE(relative_l2(actual.at(name), values), 2e-5) << name;
+}
+
+// With one Gaussian the weights cancel from the flow: what is left at t1 is rounding.
+TEST(Engine, DetachedFlowOfOneGaussianLeavesItAloneAtTheFirstTime) {
+  Queue queue = test_queue();
+  Scene s = random_scene({0, 40, 30});
+  s.shot.settings.detach_t1 = true;
+  add_gaussian(s, {.1, -.2, 4}, {.5, .3, .2}, .8, {.25, .125, 0});
+  s.shot.settings.transport = Transport::translate;  // the same flow at all its pixels
+  DeviceScene device(queue, s);
+  device.forward();
+  const FloatArrays g = device.backward(only(random_cotangents(s, 6), "flow"));
+  EXPECT_GT(norm(g.at("means_t2")), .1);
+  EXPECT_LT(norm(g.at("means")), 1e-6);
+  EXPECT_LT(norm(g.at("quats")), 1e-6);
+  EXPECT_LT(norm(g.at("scales")), 1e-6);
+}
+
+TEST(Engine, GaussiansThatAreNotSeenHaveExactlyNoGradient) {
+  Queue queue = test_queue();
+  Scene s = small_scene();
+  const size_t n = s.count();
+  add_gaussian(s, {0, 0, -2}, {.1, .1, .1}, .9);     // behind
+  add_gaussian(s, {0, 0, .001}, {.1, .1, .1}, .9);   // before the near plane
+  add_gaussian(s, {0, 0, 3}, {.1, .1, .1}, .003);    // too faint
+  add_gaussian(s, {50, 0, 3}, {.1, .1, .1}, .9);     // beside the image
+  DeviceScene device(queue, s);
+  device.forward();
+  for (const auto& [name, values] : device.backward(random_cotangents(s, 7))) {
+    const size_t width = values.size() / s.count();
+    for (size_t i = n * width; i < values.size(); ++i) EXPECT_EQ(values[i], 0.f) << name;
+  }
+  for (float v : device.gradients.v_means2d.read_range(queue, 2 * n, 8)) EXPECT_EQ(v, 0.f);
+}
+
+TEST(Engine, WhatPassesBehindTheSecondCameraHasNoFlow) {
+  Queue queue = test_queue();
+  Scene s = random_scene({0, 20, 20});
+  add_gaussian(s, {0, 0, 2}, {.3, .3, .3}, .9, {0, 0, -4});
+  DeviceScene device(queue, s);
+  const FloatArrays images = device.forward();
+  for (float f : images.at("flow")) EXPECT_EQ(f, 0.f);
+  EXPECT_GT(images.at("alpha")[10 * 20 + 10], .5f);
+  const FloatArrays g = device.backward(random_cotangents(s, 8));
+  EXPECT_EQ(norm(g.at("means_t2")), 0);
+  EXPECT_TRUE(all_finite(g.at("means")));
+}
+
+// T24: wide Gaussians whose centres lie beyond the margin, where J is held.
+TEST(Engine, GradientBesideTheImageMatchesTheReference) {
+  Queue queue = test_queue();
+  Scene s = random_scene({0, 48, 32});
+  for (int i = 0; i < 8; ++i) {
+    const double angle = .785 * i;
+    add_gaussian(s, {3.2 * std::cos(angle), 3. * std::sin(angle), 4 + .1 * i}, {1.5, 1, .7}, .8,
+                 {.1, .02 * i, .1});
+  }
+  const reference::Gaussians g = reference::posed(s.p);
+  const reference::Rendering r = reference::render(s.shot, g);
+  const reference::Planes v = random_cotangents(s, 9, r.contributors.doubtful);
+  size_t held = 0;
+  for (const auto& seen : r.seen) held += !seen.p.u_inside || !seen.p.v_inside;
+  EXPECT_GE(held, 6u);
+  DeviceScene device(queue, s);
+  device.forward();
+  const FloatArrays actual = device.backward(v);
+  for (const auto& [name, values] : reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, r, v)))
+    EXPECT_LE(relative_l2(actual.at(name), values), 3e-5) << name;  // the figure is 1e-4
+}
+
+// T29: one broken value in one Gaussian at the left. Nothing at the right may change by a bit, and
+// nothing anywhere, but the broken Gaussian's own gradient, may stop being finite.
+TEST(Engine, ABrokenGaussianHarmsNoOther) {
+  Queue queue = test_queue();
+  Scene clean = random_scene({0, 96, 32});
+  clean.shot.camera = clean.shot.camera_t2 = test_camera(96, 32);
+  add_gaussian(clean, {-1.6, .1, 4}, {.1, .08, .1}, .6, {.1, 0, 0});   // broken below
+  add_gaussian(clean, {-1.6, 0, 5}, {.2, .1, .1}, .7, {0, .1, 0});     // under it
+  for (int i = 0; i < 6; ++i)
+    add_gaussian(clean, {.6 + .2 * i, .1 * i - .2, 4. + .1 * i}, {.2, .1, .1}, .6, {.1, .05, .1});
+  const reference::Planes v = random_cotangents(clean, 10);
+  DeviceScene device(queue, clean);
+  const FloatArrays images = device.forward(), gradients = device.backward(v);
+  const float nan = std::nanf(""), inf = HUGE_VALF;
+  for (const auto& [slot, values] : clean.p)
+    for (size_t component = 0; component < values.size() / clean.count(); ++component)
+      for (float poison : {nan, inf, -inf, 1e30f, -1e30f, 3e38f, 1e-40f}) {
+        SCOPED_TRACE(slot + "[" + std::to_string(component) + "] = " + std::to_string(poison));
+        Scene s = clean;
+        s.p[slot][component] = poison;
+        device.upload(s);
+        for (const auto& [name, image] : device.forward()) {
+          EXPECT_TRUE(all_finite(image)) << name;
+          bool same = true;
+          for (size_t i = 0; i < image.size(); ++i)
+            same &= i % 96 < 48 || image[i] == images.at(name)[i];
+          EXPECT_TRUE(same) << name;
+        }
+        for (const auto& [name, gradient] : device.backward(v)) {
+          const size_t width = gradient.size() / clean.count();
+          const std::vector<float> others(gradient.begin() + width, gradient.end());
+          EXPECT_TRUE(all_finite(others)) << name;
+          EXPECT_TRUE(std::equal(gradient.begin() + 2 * width, gradient.end(),
+                                 gradients.at(name).begin() + 2 * width))
+              << name;
+        }
+      }
+}
+
+}  // namespace
+}  // namespace gflow
