@@ -27,6 +27,7 @@ struct NoUsableDevice : Error {
 Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options = {});
 
 // Each registers one sub-command with its options and what it runs; options must outlive app.
+void add_bench(CLI::App& app, const GlobalOptions& options);
 void add_devices(CLI::App& app, const GlobalOptions& options);
 void add_splat(CLI::App& app, const GlobalOptions& options);
 void add_train(CLI::App& app, const GlobalOptions& options);  // these three need OpenCV

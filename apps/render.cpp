@@ -1,6 +1,213 @@
 // SPDX-License-Identifier: Apache-2.0
+// `gflow render`: pictures and videos of a trained model. Where it looks from, in this order: the
+// scene (--scene, or that of the run), cameras.json beside or above the model, an orbit.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
 #include "apps/options.hpp"
+#include "optim/train/interrupt.hpp"
+#include "optim/train/progress.hpp"
+#include "optim/train/rendering.hpp"
+#include "optim/train/training.hpp"
+
 namespace gflow {
-void add_render(CLI::App&, const GlobalOptions&) {}
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RenderFlags {
+  std::string model, output, split, camera, times, scene, background, up = "-y";
+  int resolution = 0;
+  double fps = 0;
+  bool compare = true;
+};
+
+// The model, what its run says about it, and the scene when there is one.
+struct Source {
+  std::string model_path;
+  std::optional<RunFolder> run;
+  TrainConfig config;
+  std::optional<LoadedScene> loaded;
+};
+
+// The file `name` in the folder of a model or up to three above it (RUN/point_cloud/iteration_N).
+std::string found_above(const std::string& model, const std::string& name) {
+  fs::path folder = fs::absolute(model).parent_path();
+  for (int level = 0; level < 4; ++level, folder = folder.parent_path())
+    if (fs::exists(folder / name)) return (folder / name).string();
+  return "";
+}
+
+Source find_source(const RenderFlags& flags) {
+  Source source;
+  if (fs::is_directory(flags.model)) {
+    source.run = RunFolder::open(flags.model);
+    source.model_path = source.run->latest_model();
+  } else if (fs::is_regular_file(flags.model)) {
+    source.model_path = flags.model;
+    const std::string config = found_above(flags.model, "config.toml");
+    if (!config.empty()) source.run = RunFolder::open(fs::path(config).parent_path().string());
+  } else {
+    throw Error("there is no run folder and no PLY file " + flags.model);
+  }
+  if (source.run) source.config = source.run->read_config();
+  if (flags.background == "white") source.config.scene.background = Background::white;
+  if (flags.background == "black") source.config.scene.background = Background::black;
+  if (flags.resolution > 0) source.config.scene.resolution = flags.resolution;
+
+  std::string& path = source.config.scene.path;
+  if (!flags.scene.empty()) path = flags.scene;
+  const bool wanted = !flags.scene.empty() || !flags.split.empty();
+  if (path.empty() && wanted)
+    throw Error(fmt::format("the {} views belong to a scene, and {} is of none: --scene names it",
+                            flags.split, flags.model));
+  if (wanted || fs::is_directory(path)) {
+    // Frames of videos that training unpacked are used again.
+    const bool unpacked =
+        source.run && source.config.scene.resolution == source.run->read_config().scene.resolution;
+    source.loaded = load_scene(source.config.scene, unpacked ? source.run->path("frames") : "");
+  }
+  return source;
+}
+
+std::vector<double> times_wanted(const RenderFlags& flags, const Scene* scene, bool still) {
+  if (flags.times == "all" && !scene)
+    throw Error("--times all means the steps of a scene: --scene names it");
+  if (scene && (flags.times.empty() || flags.times == "all")) return step_times(*scene);
+  if (flags.times.empty()) return parse_times(still ? "0" : "0:1:40");
+  return parse_times(flags.times);
+}
+
+std::vector<Camera> cameras_wanted(const RenderFlags& flags, const std::vector<Camera>& cameras) {
+  if (flags.camera.empty()) return cameras;
+  return {camera_named(cameras, flags.camera)};
+}
+
+// The cameras of a split, each once.
+std::vector<Camera> cameras_of(const std::vector<Frame>& frames,
+                               const std::vector<Camera>& cameras) {
+  std::vector<Camera> used;
+  for (size_t i = 0; i < frames.size(); ++i)  // frames are sorted by camera
+    if (i == 0 || frames[i].camera != frames[i - 1].camera)
+      used.push_back(cameras[size_t(frames[i].camera)]);
+  return used;
+}
+
+std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& source,
+                                     const HostModel& model) {
+  const bool still = stands_still(model);
+  if (source.loaded) {
+    const Scene& scene = source.loaded->scene;
+    const std::vector<Camera>& cameras = source.loaded->frames->cameras();
+    if (!flags.camera.empty())
+      return camera_views(cameras_wanted(flags, cameras), times_wanted(flags, &scene, still),
+                          &scene);
+    const std::string split = flags.split.empty() ? "test" : flags.split;
+    const std::vector<Frame>& frames = frames_of_split(scene, split);
+    if (flags.times.empty()) return split_views(scene, frames, cameras, split);
+    return camera_views(cameras_of(frames, cameras), times_wanted(flags, &scene, still), &scene);
+  }
+  const std::string json = found_above(source.model_path, "cameras.json");
+  if (!json.empty())
+    return camera_views(
+        cameras_wanted(flags, read_cameras_json(json, source.config.scene.resolution)),
+        times_wanted(flags, nullptr, still), nullptr);
+  if (!flags.camera.empty())
+    throw Error(
+        fmt::format("camera {} is not known: there is no cameras.json beside {}, and no "
+                    "scene (--scene)",
+                    flags.camera, source.model_path));
+  const std::string times = flags.times.empty() ? "0:1:40" : flags.times;
+  return orbit_views(model, parse_times(times), flags.up);
+}
+
+void print_written(const RenderReport& report, const std::string& folder) {
+  fmt::print("pictures  {} views in {}/rgb, alpha, depth\n", report.views, folder);
+  if (report.flows) fmt::print("flow      {} views in {}/flow\n", report.flows, folder);
+  if (report.compared)
+    fmt::print("compared  {} views in {}/compare: truth, render, error x 4{}\n", report.compared,
+               folder, report.flows ? ", flow, reference flow" : "");
+  for (const std::string& movie : report.movies) fmt::print("video     {}\n", movie);
+}
+
+void run_render(const RenderFlags& flags, const GlobalOptions& options) {
+  if (!flags.split.empty() && !flags.camera.empty())
+    throw Error("--split and --camera exclude each other: a camera is shown at all of its times");
+  const Source source = find_source(flags);
+  const HostModel host = read_model(source.model_path);
+  std::vector<RenderView> views = views_wanted(flags, source, host);
+  if (stands_still(host))
+    for (RenderView& view : views) view.time_t2 = -1;
+
+  RenderOptions render;
+  render.settings.transport = source.config.flow.transport;
+  render.settings.stop = source.config.flow.stop;
+  render.settings.top_k = source.config.flow.top_k;
+  const float level = source.config.scene.background == Background::white ? 1.f : 0.f;
+  render.background = {level, level, level};
+  render.near = source.config.render.near;
+  if (source.loaded) render.fps = source.loaded->scene.fps;
+  if (flags.fps > 0) render.fps = flags.fps;
+  render.compare = flags.compare;
+
+  Queue queue = open_queue(options);
+  Model model(queue, host);
+  InterruptGuard guard;
+  Progress progress("render", long(views.size()), options.quiet);
+  const RenderReport report = render_views(
+      queue, model, views, source.loaded ? source.loaded->frames.get() : nullptr, flags.output,
+      render, [&](size_t done, size_t total) {
+        progress.update(long(done));
+        if (interrupted())
+          throw Interrupted(fmt::format("interrupted after {} of {} views, which are in {}", done,
+                                        total, flags.output));
+      });
+  progress.finish();
+  print_written(report, flags.output);
+}
+
+}  // namespace
+
+void add_render(CLI::App& app, const GlobalOptions& options) {
+  auto flags = std::make_shared<RenderFlags>();
+  CLI::App* command = app.add_subcommand(
+      "render",
+      "Draw a trained model: colour, alpha, depth, flow, comparison with the truth, and videos");
+  command->add_option("RUN|PLY", flags->model, "Run folder of `gflow train`, or a PLY of Gaussians")
+      ->required();
+  command->add_option("-o,--output", flags->output, "Folder that is written")->required();
+  command
+      ->add_option("--split", flags->split,
+                   "Views: test, train or val; without --camera and where there is a scene: test")
+      ->check(CLI::IsMember({"test", "train", "val"}));
+  command->add_option("--camera", flags->camera, "One camera of the scene, by name, at --times");
+  command
+      ->add_option("--times", flags->times,
+                   "0:1:40 (40 times from 0 to 1), a list 0,0.5,1, or all steps of the scene; "
+                   "empty: the views of the split, all steps of a camera, else 0:1:40. Flow leads "
+                   "to the next time")
+      ->type_name("TIMES");
+  command->add_option("--scene", flags->scene, "Scene folder, for a PLY alone or a moved scene");
+  command
+      ->add_option("--resolution", flags->resolution,
+                   "Divides width and height; 0: as in the run, else 1")
+      ->check(CLI::IsMember({0, 1, 2, 4, 8}));
+  command->add_option("--background", flags->background, "white or black; empty: as in the run")
+      ->check(CLI::IsMember({"", "white", "black"}));
+  command
+      ->add_option("--fps", flags->fps,
+                   "Frames a second of the videos; 0: as the scene says, else 24")
+      ->check(CLI::Range(0., 1000.));
+  command->add_option("--up", flags->up,
+                      "Axis that points up in the orbit shown where there are no cameras: x, y, z, "
+                      "-x, -y or -z");
+  command->add_flag("--compare,!--no-compare", flags->compare,
+                    "Pictures beside the scene's own, where it has them (default: on)");
+  command->callback([flags, &options] { run_render(*flags, options); });
+}
+
 }  // namespace gflow

@@ -82,13 +82,15 @@ kernel void native4d_bwd(const uint n, const float t, const int first,
   v_logit_opacities[i] += v.logit_opacity;
 }
 
-// What becomes of the two children of a Gaussian (child 1 and 2; 0 is left alone). Large ones
-// (longest axis above split_scale) are split: both children are drawn from the parent and smaller
-// by 1.6; small ones are cloned: child 2 is drawn from the parent. Lifetimes above `static_scale_t`
-// are left whole: what does not change needs no division of time. Two splats of opacity o' show what
-// one of opacity o does with 1 - o = (1 - o')^2.
+// What becomes of the two children of a Gaussian (child 1 and 2; rows with 0 are left alone):
+//   it travels further than split_travel x its longest axis while it is to be seen: split in time,
+//     one child for the first half of its life and one for the second, each on the parent's path;
+//   else it is larger than split_scale: both are drawn from it and smaller by 1.6;
+//   else it is cloned: child 2 is drawn from it.
+// Two splats of opacity o' in one place show what one of opacity o does with 1 - o = (1 - o')^2.
 kernel void native4d_split(const uint n, const uint seed, const float split_scale,
-                           const float static_scale_t, global const uint* restrict child,
+                           const float split_travel, const float min_lifetime,
+                           const float duration, global const uint* restrict child,
                            global float* restrict means, global float* restrict means_t,
                            global const float* restrict quats, global const float* restrict quats_r,
                            global float* restrict log_scales,
@@ -98,20 +100,33 @@ kernel void native4d_split(const uint n, const uint seed, const float split_scal
   const Native4d g =
       load_native4d(i, means, means_t, quats, quats_r, log_scales, logit_opacities);
   const real4 s = exp4(g.log_scales);
-  const int large = fmax(s.x, fmax(s.y, s.z)) > split_scale;
-  const int lasting = s.w > static_scale_t;
+  const Rows4 p = rows_of(frame4(quat_normalize(g.quat).q, quat_normalize(g.quat_r).q), s);
+  const Slice o = slice_rows(g, p, g.mean_t);
+  const float longest = fmax(s.x, fmax(s.y, s.z));
+
+  const int lasting = o.norm_t > 0.5f * duration;  // then it is seen in [0, duration]
+  const float window = lasting ? 0.5f * duration : o.norm_t;
+  const float travel = sqrt(dot(o.velocity, o.velocity)) * 2.f * window;
+  if (travel > split_travel * longest && 0.6f * window > min_lifetime) {
+    const float centre = lasting ? 0.5f * duration : g.mean_t;
+    const float t = centre + (child[i] == 1 ? -0.5f : 0.5f) * window;
+    store3(means, i, g.mean + o.velocity * (t - g.mean_t));
+    means_t[i] = t;
+    log_scales[4 * i + 3] = g.log_scales.w + log(0.6f * window / o.norm_t);
+    return;
+  }
+  const int large = longest > split_scale;
   if (large || child[i] == 2) {
-    const Rows4 p = rows_of(frame4(quat_normalize(g.quat).q, quat_normalize(g.quat_r).q), s);
     const real2 n1 = random_normal2(seed, 0u, i), n2 = random_normal2(seed, 2u, i);
-    const real4 draw = make_real4(n1.x, n1.y, n2.x, lasting ? 0.f : n2.y);
-    store3(means, i, g.mean + make_real3(dot(p.x, draw), dot(p.y, draw), dot(p.z, draw)));
-    if (!lasting) means_t[i] = g.mean_t + dot(p.t, draw);
+    const real3 draw = make_real3(n1.x, n1.y, n2.x);
+    store3(means, i, g.mean + make_real3(dot(o.factor.r1, draw), dot(o.factor.r2, draw),
+                                         dot(o.factor.r3, draw)));
   }
   if (large) {
     const real less = 0.470003629f;  // log 1.6
-    vstore4(g.log_scales - make_real4(less, less, less, lasting ? 0.f : less), i, log_scales);
+    vstore4(g.log_scales - make_real4(less, less, less, 0.f), i, log_scales);
   }
-  const float o = 1.f / (1.f + exp(-g.logit_opacity));
-  const float half_o = clamp(1.f - sqrt(1.f - o), 1e-4f, 0.999f);
-  logit_opacities[i] = log(half_o / (1.f - half_o));
+  const float opacity = 1.f / (1.f + exp(-g.logit_opacity));
+  const float half_opacity = clamp(1.f - sqrt(1.f - opacity), 1e-4f, 0.999f);
+  logit_opacities[i] = log(half_opacity / (1.f - half_opacity));
 }

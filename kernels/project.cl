@@ -46,8 +46,10 @@ kernel void project_fwd(const uint n, const PinholeCamera camera, const PinholeC
   const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
   if (!(p.p.z >= camera.near_plane)) return;
   const Whitening w = whiten(p.m);
+  const float3 c = load3(colors, i);
   const float sum = p.mean.x + p.mean.y + w.k1 + w.k2 + w.k3 + log2_opacity + w.det;
-  if (!is_finite_real(sum)) return;
+  // the colour too: 0 x NaN would reach pixels that the splat does not touch
+  if (!is_finite_real(sum) || !is_finite_real(c.x + c.y + c.z)) return;
 
   // alpha >= 1/255 within |z|^2 <= log2(255 o), an ellipse with half axes sqrt(reach S_xx), ...
   // (scaled z); a hair more than that, so that rounding cannot lose a pixel the pixel test keeps.
@@ -70,7 +72,6 @@ kernel void project_fwd(const uint n, const PinholeCamera camera, const PinholeC
     }
   }
 #endif
-  const float3 c = load3(colors, i);
   const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;
   vstore4((float4)(p.mean.x, p.mean.y, k.x, k.y), 4 * i, splats);
   vstore4((float4)(k.z, log2_opacity, p.p.z, m.x), 4 * i + 1, splats);

@@ -21,10 +21,10 @@ struct SceneSpec {
   size_t n = 100;
   int width = 32, height = 32;
   unsigned seed = 1;
-  double cover = 15;   // mean number of Gaussians that touch a pixel
-  double aspect = .5;  // spread of the logarithms of the three scales
+  double cover = 15;    // mean number of Gaussians that touch a pixel
+  double aspect = .5;   // spread of the logarithms of the three scales
   double spread = 1.2;  // how far centres lie from the middle, 1 = the image's border
-  double opaque = 0;   // share of Gaussians with opacity in (0.99, 1]
+  double opaque = 0;    // share of Gaussians with opacity in (0.99, 1]
 };
 
 // The world-to-camera part of a camera, from a quaternion (w x y z) and a translation.
@@ -70,7 +70,8 @@ inline Scene random_scene(const SceneSpec& spec) {
     return lo + (hi - lo) * (double(rng()) / 4294967296.0);
   };
   const auto normal = [&] {  // by hand: the standard's distribution differs between libraries
-    return std::sqrt(-2 * std::log(uniform(1e-12, 1))) * std::cos(6.283185307179586 * uniform(0, 1));
+    return std::sqrt(-2 * std::log(uniform(1e-12, 1))) *
+           std::cos(6.283185307179586 * uniform(0, 1));
   };
   Scene s;
   s.shot.camera = s.shot.camera_t2 = test_camera(spec.width, spec.height);
@@ -82,8 +83,8 @@ inline Scene random_scene(const SceneSpec& spec) {
   // area of alpha >= 1/255 at a typical opacity .3: 2 pi ln(76) sigma^2 = 27 sigma^2
   const double area = double(spec.width) * spec.height * spec.spread * spec.spread;
   const double sigma = std::sqrt(spec.cover * area / (27.0 * double(std::max<size_t>(spec.n, 1))));
-  for (const char* name : {"means", "quats", "scales", "opacities", "colors", "means_t2", "quats_t2",
-                           "scales_t2"})
+  for (const char* name :
+       {"means", "quats", "scales", "opacities", "colors", "means_t2", "quats_t2", "scales_t2"})
     s.p[name];
   for (size_t i = 0; i < spec.n; ++i) {
     const double z = uniform(2, 10);
@@ -102,19 +103,23 @@ inline Scene random_scene(const SceneSpec& spec) {
     append(s.p, "scales", {sx, sy, sz});
     append(s.p, "opacities", {opacity});
     append(s.p, "colors", {uniform(0, 1), uniform(0, 1), uniform(0, 1)});
-    append(s.p, "means_t2", {mean.x + .03 + .01 * normal(), mean.y - .02 + .01 * normal(),
-                             mean.z + .04 + .01 * normal()});
-    append(s.p, "quats_t2", {q.x + .03 * normal(), q.y + .03 * normal(), q.z + .03 * normal(),
-                             q.w + .03 * normal()});
-    append(s.p, "scales_t2", {sx * std::exp(.03 * normal()), sy * std::exp(.03 * normal()),
-                              sz * std::exp(.03 * normal())});
+    append(s.p, "means_t2",
+           {mean.x + .03 + .01 * normal(), mean.y - .02 + .01 * normal(),
+            mean.z + .04 + .01 * normal()});
+    append(
+        s.p, "quats_t2",
+        {q.x + .03 * normal(), q.y + .03 * normal(), q.z + .03 * normal(), q.w + .03 * normal()});
+    append(s.p, "scales_t2",
+           {sx * std::exp(.03 * normal()), sy * std::exp(.03 * normal()),
+            sz * std::exp(.03 * normal())});
   }
   return s;
 }
 
 // One Gaussian more, at camera coordinates `at`, with three scales and no rotation of its own; it
 // moves by `shift` (camera coordinates) until t2.
-inline void add_gaussian(Scene& s, real3 at, real3 scales, double opacity, real3 shift = {0, 0, 0}) {
+inline void add_gaussian(Scene& s, real3 at, real3 scales, double opacity,
+                         real3 shift = {0, 0, 0}) {
   const real3 a = world_of(s.shot.camera, at), b = world_of(s.shot.camera, at + shift);
   append(s.p, "means", {a.x, a.y, a.z});
   append(s.p, "means_t2", {b.x, b.y, b.z});

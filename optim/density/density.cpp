@@ -40,7 +40,7 @@ void Density::refine(Queue& queue, Parameters& p, Motion& motion, const DensityR
   order_.ensure(queue, n);
   density_rank_(queue, Range::over(n), n, rule.grad_threshold,
                 std::log(rule.min_opacity / (1 - rule.min_opacity)), std::log(rule.max_scale),
-                rule.duration, std::sqrt(-2 * std::log(rule.cutoff)), p["logit_opacities"].values,
+                rule.split.duration, std::sqrt(-2 * std::log(rule.cutoff)), p["logit_opacities"].values,
                 p["log_scales"].values, p["means_t"].values, pull_, views_, copies_, keys_, order_);
   sort_.sort(queue, keys_, order_, n);
   const cl_uint allowed = rule.cap > n ? cl_uint(rule.cap - n) : 0;
@@ -65,7 +65,7 @@ void Density::refine(Queue& queue, Parameters& p, Motion& motion, const DensityR
   rows_gather_counts_(queue, Range::over(count), m, source_, child_, p.rows.steps,
                       fresh.rows.steps);
   p = std::move(fresh);
-  motion.split(queue, p, child_, rule.split_scale, rule.static_lifetime * rule.duration, seed);
+  motion.split(queue, p, child_, rule.split, seed);
   forget(queue, count);
 }
 

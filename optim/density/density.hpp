@@ -13,10 +13,8 @@ struct DensityRule {
   float grad_threshold = 2e-4f;  // mean pull above which a Gaussian grows [1 / half the image]
   float min_opacity = 0.005f;    // fainter ones go
   float max_scale = 0;           // larger ones go [scene units]
-  float split_scale = 0;         // larger ones split, smaller ones are cloned [scene units]
-  float duration = 1;            // length of the video in the model's time
   float cutoff = 0.05f;          // what is below this temporal weight all the time goes
-  float static_lifetime = 1;     // temporal scale above which time is not split, as `duration`
+  SplitRule split;               // how what grows becomes two
   size_t cap = 30000;            // most Gaussians
 };
 

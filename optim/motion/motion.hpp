@@ -7,6 +7,14 @@
 
 namespace gflow {
 
+// How one Gaussian becomes two.
+struct SplitRule {
+  float split_scale = 0;   // larger ones are split, smaller ones cloned [scene units]
+  float split_travel = 1;  // one that moves further than this x its size is split in time
+  float min_lifetime = 0;  // but not to a temporal scale below this [model time]
+  float duration = 1;      // length of the video [model time]
+};
+
 class Motion {
  public:
   virtual ~Motion() = default;
@@ -27,10 +35,9 @@ class Motion {
                         const Buffer<float>& v_factors, const Buffer<float>& v_opacities) = 0;
 
   // Makes two different Gaussians of two equal rows: child [N] is 1 or 2 for such rows, 0 for the
-  // others. Those with a spatial scale above split_scale shrink; temporal scales above
-  // static_scale_t are left whole. Repeatable for a seed.
+  // others. Repeatable for a seed.
   virtual void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
-                     float split_scale, float static_scale_t, uint32_t seed) = 0;
+                     const SplitRule& rule, uint32_t seed) = 0;
 };
 
 }  // namespace gflow

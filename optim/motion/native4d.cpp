@@ -36,10 +36,11 @@ void Native4dMotion::backward(Queue& queue, Parameters& p, float t, bool first,
 }
 
 void Native4dMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
-                           float split_scale, float static_scale_t, uint32_t seed) {
-  native4d_split_(queue, Range::over(p.count), cl_uint(p.count), seed, split_scale, static_scale_t,
-                  child, p["means"].values, p["means_t"].values, p["quats"].values,
-                  p["quats_r"].values, p["log_scales"].values, p["logit_opacities"].values);
+                           const SplitRule& rule, uint32_t seed) {
+  native4d_split_(queue, Range::over(p.count), cl_uint(p.count), seed, rule.split_scale,
+                  rule.split_travel, rule.min_lifetime, rule.duration, child, p["means"].values,
+                  p["means_t"].values, p["quats"].values, p["quats_r"].values,
+                  p["log_scales"].values, p["logit_opacities"].values);
 }
 
 }  // namespace gflow

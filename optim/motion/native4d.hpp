@@ -17,8 +17,8 @@ class Native4dMotion : public Motion {
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities) override;
-  void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child, float split_scale,
-             float static_scale_t, uint32_t seed) override;
+  void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
+             const SplitRule& rule, uint32_t seed) override;
 
  private:
   float cutoff_;
@@ -30,8 +30,8 @@ class Native4dMotion : public Motion {
          In<float>, In<cl_uint>, In<float>, In<float>, In<float>, Out<cl_uint>, Out<float>,
          Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>
       native4d_bwd_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_float, In<cl_uint>, Out<float>, Out<float>, In<float>,
-         In<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_float, cl_float, In<cl_uint>, Out<float>,
+         Out<float>, In<float>, In<float>, Out<float>, Out<float>>
       native4d_split_;
 };
 

@@ -121,7 +121,7 @@ struct MotionConfig {
   int sh_degree = 2;
   int sh_interval = 1000;
   float cutoff = 0.05f;
-  float duration = 2;
+  float duration = 8;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -143,6 +143,8 @@ struct InitConfig {
   float opacity = 0.1f;
   float lifetime = 1;
   float box = 1;
+  int dynamic = 6000;
+  float dynamic_lifetime = 1;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -151,6 +153,11 @@ struct InitConfig {
     field("count", self.count, "random points", at_least(1));
     field("opacity", self.opacity, "first opacity", above_up_to(0, 0.99f));
     field("box", self.box, "side of the box of random points [x scene extent]", above(0));
+    field("dynamic", self.dynamic,
+          "short-lived Gaussians where three or more fixed cameras see something move; 0: none",
+          at_least(0));
+    field("dynamic_lifetime", self.dynamic_lifetime,
+          "their standard deviation in time [time steps]", above(0));
     field("lifetime", self.lifetime, "standard deviation in time [lengths of the video]", above(0));
   }
 };
@@ -207,6 +214,7 @@ struct LearningRates {
   float scales = 5e-3f;
   float scale_t = 5e-3f;
   float quats = 1e-3f;
+  float quats_final = 1e-4f;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -220,7 +228,9 @@ struct LearningRates {
     field("opacity", self.opacity, "before the sigmoid", at_least(0));
     field("scales", self.scales, "logarithm of the size in space", at_least(0));
     field("scale_t", self.scale_t, "logarithm of the size in time", at_least(0));
-    field("quats", self.quats, "both quaternions of the 4D rotation", at_least(0));
+    field("quats", self.quats, "both quaternions of the 4D rotation, at the first step",
+          at_least(0));
+    field("quats_final", self.quats_final, "at the last step, reached exponentially", above(0));
   }
 };
 
@@ -257,7 +267,8 @@ struct DensityConfig {
   int cap = 30000;
   float prune_opacity = 0.005f;
   float prune_scale = 0.5f;
-  float static_lifetime = 1;
+  float split_travel = 1;
+  float min_lifetime = 1;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -276,8 +287,10 @@ struct DensityConfig {
           above_up_to(0, 0.99f));
     field("prune_scale", self.prune_scale, "larger Gaussians are removed [x scene extent]",
           above(0));
-    field("static_lifetime", self.static_lifetime,
-          "a split leaves longer temporal scales whole [lengths of the video]", above(0));
+    field("split_travel", self.split_travel,
+          "a Gaussian that moves further than this splits in time [x its size]", above(0));
+    field("min_lifetime", self.min_lifetime, "shortest temporal scale a split makes [time steps]",
+          above(0));
   }
 };
 

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <nanoflann.hpp>
 
+#include "optim/train/dynamic_seeds.hpp"
 #include "shared/random.h"
 #include "shared/sh.h"
 
@@ -120,41 +121,56 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   return distance;
 }
 
-HostModel initial_model(const Scene& scene, FrameStore& frames, const TrainConfig& config) {
+HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<FlowPair>& pairs,
+                        FlowStore& flows, const TrainConfig& config) {
   const bool has_points = scene.points.size() > 0;
   if (config.init.from == InitFrom::points && !has_points)
     throw Error("init.from is \"points\", but scene " + scene.name +
                 " has none (points3D.ply or sparse/0/points3D.bin)");
   const bool use_points = has_points && config.init.from != InitFrom::random;
   const PointCloud points = use_points ? scene.points : random_points(scene, frames, config);
-  const size_t n = points.size();
+  const Seeds seeds = dynamic_seeds(scene, frames, pairs, flows, config);
+  const size_t n = points.size(), all = n + seeds.size();
 
   HostModel model;
-  model.count = n;
+  model.count = all;
   model.shape.sh_degree = config.motion.sh_degree;
   model.shape.duration = float(config.motion.duration * scene.extent);
   model.shape.cutoff = config.motion.cutoff;
   const float duration = model.shape.duration;
   const float lifetime = scene.steps > 1 ? config.init.lifetime * duration : 1000 * duration;
-  const std::vector<float> distance = neighbour_distance(points.xyz);
+  const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
+  const size_t rest = size_t((config.motion.sh_degree + 1) * (config.motion.sh_degree + 1) - 1);
   auto& g = model.groups;
   g["means"] = points.xyz;
-  g["means_t"].assign(n, duration / 2);
-  g["quats"].assign(4 * n, 0.f);
-  g["log_scales"].resize(4 * n);
-  g["logit_opacities"].assign(n, std::log(config.init.opacity / (1 - config.init.opacity)));
-  g["sh0"].assign(3 * n, 0.f);
-  const size_t rest = size_t((config.motion.sh_degree + 1) * (config.motion.sh_degree + 1) - 1);
-  g["sh_rest"].assign(3 * rest * n, 0.f);
-  for (size_t i = 0; i < n; ++i) {
-    g["quats"][4 * i] = 1;
-    for (size_t k = 0; k < 3; ++k) g["log_scales"][4 * i + k] = std::log(distance[i]);
-    g["log_scales"][4 * i + 3] = std::log(lifetime);
-    if (!points.rgb.empty())
-      for (size_t c = 0; c < 3; ++c)
-        g["sh0"][3 * i + c] = (float(points.rgb[3 * i + c]) / 255 - 0.5f) / SH_C0;
-  }
+  g["means"].insert(g["means"].end(), seeds.xyz.begin(), seeds.xyz.end());
+  g["means_t"].assign(all, duration / 2);
+  g["quats"].assign(4 * all, 0.f);
+  g["log_scales"].resize(4 * all);
+  g["logit_opacities"].assign(all, std::log(config.init.opacity / (1 - config.init.opacity)));
+  g["sh0"].assign(3 * all, 0.f);
+  g["sh_rest"].assign(3 * rest * all, 0.f);
+  for (size_t i = 0; i < all; ++i) g["quats"][4 * i] = 1;
   g["quats_r"] = g["quats"];
+  const auto place = [&](size_t i, float scale, float scale_t, const uint8_t* rgb) {
+    for (size_t k = 0; k < 3; ++k) g["log_scales"][4 * i + k] = std::log(scale);
+    g["log_scales"][4 * i + 3] = std::log(scale_t);
+    for (size_t c = 0; rgb && c < 3; ++c)
+      g["sh0"][3 * i + c] = (float(rgb[c]) / 255 - 0.5f) / SH_C0;
+  };
+  const std::vector<float> distance = neighbour_distance(points.xyz);
+  for (size_t i = 0; i < n; ++i)
+    place(i, distance[i], lifetime, points.rgb.empty() ? nullptr : &points.rgb[3 * i]);
+  for (size_t k = 0; k < seeds.size(); ++k) {
+    const size_t i = n + k;
+    place(i, seeds.spacing[k], short_life, &seeds.rgb[3 * k]);
+    g["means_t"][i] = seeds.time[k] * duration;
+    const float* v = &seeds.velocity[3 * k];
+    const QuatPair q = quats_for_velocity({v[0] / duration, v[1] / duration, v[2] / duration},
+                                          seeds.spacing[k], short_life);
+    std::copy(q.left.begin(), q.left.end(), &g["quats"][4 * i]);
+    std::copy(q.right.begin(), q.right.end(), &g["quats_r"][4 * i]);
+  }
   return model;
 }
 

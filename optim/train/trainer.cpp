@@ -149,8 +149,8 @@ void Trainer::update(Queue& queue, int step) {
   const std::map<std::string, AdamRate> rates{
       {"means", {extent * between_rates(lr.means, lr.means_final, share), eps.eps_means}},
       {"means_t", {lr.mean_t * model_.shape.duration, eps.eps_means}},
-      {"quats", {lr.quats, eps.eps_quats}},
-      {"quats_r", {lr.quats, eps.eps_quats}},
+      {"quats", {between_rates(lr.quats, lr.quats_final, share), eps.eps_quats}},
+      {"quats_r", {between_rates(lr.quats, lr.quats_final, share), eps.eps_quats}},
       {"log_scales", {lr.scales, eps.eps_scales}},
       {"logit_opacities", {lr.opacity, eps.eps_opacity}},
       {"sh0", {lr.sh, eps.eps_sh}},
@@ -174,10 +174,11 @@ void Trainer::refine_if_due(Queue& queue, int step) {
   rule.grad_threshold = d.grad_threshold;
   rule.min_opacity = d.prune_opacity;
   rule.max_scale = d.prune_scale * float(scene_.extent);
-  rule.split_scale = d.split_scale * float(scene_.extent);
-  rule.duration = model_.shape.duration;
+  rule.split.split_scale = d.split_scale * float(scene_.extent);
+  rule.split.split_travel = d.split_travel;
+  rule.split.duration = model_.shape.duration;
+  rule.split.min_lifetime = d.min_lifetime * model_.shape.duration / float(std::max(scene_.steps, 1));
   rule.cutoff = model_.shape.cutoff;
-  rule.static_lifetime = d.static_lifetime;
   rule.cap = size_t(d.cap);
   density_.refine(queue, model_.parameters, *model_.motion, rule,
                   random_bits(uint32_t(config_.train.seed), 7u, uint32_t(step)));

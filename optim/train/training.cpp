@@ -124,7 +124,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const std::vector<FlowPair> pairs = neighbour_pairs(scene);
   FlowStore flows = flows_for(config, loaded, pairs, run, quiet);
 
-  const HostModel start_model = initial_model(scene, *loaded.frames, config);
+  const HostModel start_model = initial_model(scene, *loaded.frames, pairs, flows, config);
   write_model(run.path("input.ply"), start_model);
   Model model(queue, start_model);
   Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows, model);

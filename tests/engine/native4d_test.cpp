@@ -51,7 +51,8 @@ TEST(Native4d, CutIsTheConditionalDistributionAtThatTime) {
     const Eigen::Matrix3d l = eigen(cut.factor);
     EXPECT_LT((l * l.transpose() - schur).norm(), 1e-12 * s.norm());
     EXPECT_LT((eigen(cut.mean) - (eigen(g.mean) + st * dt / var)).norm(), 1e-12);
-    EXPECT_NEAR(cut.opacity, std::exp(-.5 * dt * dt / var) / (1 + std::exp(-g.logit_opacity)), 1e-13);
+    EXPECT_NEAR(cut.opacity, std::exp(-.5 * dt * dt / var) / (1 + std::exp(-g.logit_opacity)),
+                1e-13);
   }
 }
 
@@ -67,9 +68,10 @@ TEST(Native4d, EqualQuaternionsTurnSpaceOnlyAndNothingMoves) {
 }
 
 std::vector<double> flat(const Native4d& g) {
-  return {g.mean.x,       g.mean.y,       g.mean.z,       g.mean_t,       g.quat.x,       g.quat.y,
-          g.quat.z,       g.quat.w,       g.quat_r.x,     g.quat_r.y,     g.quat_r.z,     g.quat_r.w,
-          g.log_scales.x, g.log_scales.y, g.log_scales.z, g.log_scales.w, g.logit_opacity};
+  return {g.mean.x,       g.mean.y,       g.mean.z,       g.mean_t,       g.quat.x,
+          g.quat.y,       g.quat.z,       g.quat.w,       g.quat_r.x,     g.quat_r.y,
+          g.quat_r.z,     g.quat_r.w,     g.log_scales.x, g.log_scales.y, g.log_scales.z,
+          g.log_scales.w, g.logit_opacity};
 }
 Native4d from_flat(const std::vector<double>& x) {
   Native4d g;
@@ -128,7 +130,8 @@ Model random_model(Queue& queue, const Native4dMotion& motion) {
     append(m.values, "means_t", {g.mean_t});
     append(m.values, "quats", {g.quat.x, g.quat.y, g.quat.z, g.quat.w});
     append(m.values, "quats_r", {g.quat_r.x, g.quat_r.y, g.quat_r.z, g.quat_r.w});
-    append(m.values, "log_scales", {g.log_scales.x, g.log_scales.y, g.log_scales.z, g.log_scales.w});
+    append(m.values, "log_scales",
+           {g.log_scales.x, g.log_scales.y, g.log_scales.z, g.log_scales.w});
     append(m.values, "logit_opacities", {g.logit_opacity});
   }
   for (const auto& [name, values] : m.values) m.p[name].values.write(queue, to_float(values));
@@ -182,15 +185,18 @@ TEST(Native4d, DeviceGradientOfTwoTimesIsTheSumForWhatWasSeenAndUntouchedElsewhe
     reference::add_native4d_row(expected, i,
                                 slice_vjp(g, .25, reference::row3(v["mean1"], i),
                                           reference::rows9(v["factor1"], i), v["opacity"][i]));
-    reference::add_native4d_row(expected, i,
-                                slice_vjp(g, .375, reference::row3(v["mean2"], i),
-                                          reference::rows9(v["factor2"], i), 0));
+    reference::add_native4d_row(
+        expected, i,
+        slice_vjp(g, .375, reference::row3(v["mean2"], i), reference::rows9(v["factor2"], i), 0));
   }
   for (auto& group : m.p.groups) group.grads.fill(queue, 7.f);
   const Buffer<cl_uint> tiles_touched(queue, touched, "tiles_touched");
-  const auto upload = [&](const char* name) { return Buffer<float>(queue, to_float(v[name]), name); };
+  const auto upload = [&](const char* name) {
+    return Buffer<float>(queue, to_float(v[name]), name);
+  };
   const Buffer<float> opacity = upload("opacity");
-  motion.backward(queue, m.p, .25f, true, tiles_touched, upload("mean1"), upload("factor1"), opacity);
+  motion.backward(queue, m.p, .25f, true, tiles_touched, upload("mean1"), upload("factor1"),
+                  opacity);
   motion.backward(queue, m.p, .375f, false, tiles_touched, upload("mean2"), upload("factor2"),
                   opacity);
   for (auto& [name, values] : expected) {

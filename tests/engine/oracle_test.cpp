@@ -86,7 +86,8 @@ void expect_case(const Case& c, int lanes) {
 TEST(Oracle, AgreesForEveryLaneWidth) {
   for (const Case& c : cases()) {
     expect_case(c, 16);
-    if (c.options.settings.stop == StopRule::exclude) continue;  // programs of their own: splat_test
+    if (c.options.settings.stop == StopRule::exclude)
+      continue;  // programs of their own: splat_test
     for (int lanes : {8, 4, 1}) expect_case(c, lanes);
   }
 }
@@ -112,8 +113,8 @@ TEST(Oracle, AgreesWithTheDoubleReference) {
   shot.settings.transport = Transport::paper;
   for (int i = 0; i < 3; ++i) shot.background[i] = input.at("background").as_double()[i];
   reference::Named p;
-  for (const char* name : {"means", "quats", "scales", "opacities", "colors", "means_t2", "quats_t2",
-                           "scales_t2"})
+  for (const char* name :
+       {"means", "quats", "scales", "opacities", "colors", "means_t2", "quats_t2", "scales_t2"})
     p[name] = input.at(name).as_double();
   const reference::Gaussians g = reference::posed(p);
   const reference::Rendering r = reference::render(shot, g);

@@ -2,13 +2,12 @@
 // The projection of one Gaussian against Eigen's matrices and against points pushed through the
 // camera; its derivative against central differences, inside the image and where J is held at the
 // margin; who is culled.
-#include "shared/projection.h"
-
 #include <gtest/gtest.h>
 
 #include "compare.hpp"
 #include "device_scene.hpp"
 #include "engine/eigen_maths.hpp"
+#include "shared/projection.h"
 
 namespace gflow {
 namespace {
@@ -60,8 +59,7 @@ TEST(Project, WhiteningIsTheTriangularRootOfTheInverseCovariance) {
   for (double size : {.01, 1., 30.})
     for (int i = 0; i < 20; ++i) {
       const Mat23 m = make_mat23(random.three() * size, random.three() * size);
-      const Matrix2d s =
-          eigen(m) * eigen(m).transpose() + double(DILATION) * Matrix2d::Identity();
+      const Matrix2d s = eigen(m) * eigen(m).transpose() + double(DILATION) * Matrix2d::Identity();
       const Whitening w = whiten(m);
       const Matrix2d k = eigen(whitening_k(w)), u = eigen(whitening_u(w));
       EXPECT_LT((eigen(w.s) - s).norm(), 1e-12 * s.norm());
@@ -100,14 +98,13 @@ TEST(Project, GradientEqualsCentralDifferencesInsideAndAtTheMargin) {
       EXPECT_EQ(bool(o.u_inside), where.x == 0);
       EXPECT_EQ(bool(o.v_inside), where.y == 0);
       const auto loss = [&](const std::vector<double>& x) {
-        const Projection p = project(c, {x[0], x[1], x[2]},
-                                     {{x[3], x[4], x[5]}, {x[6], x[7], x[8]}, {x[9], x[10], x[11]}});
+        const Projection p = project(
+            c, {x[0], x[1], x[2]}, {{x[3], x[4], x[5]}, {x[6], x[7], x[8]}, {x[9], x[10], x[11]}});
         return dot(p.mean, v_mean) + p.p.z * v_depth + dot(p.m.r1, v_m.r1) + dot(p.m.r2, v_m.r2);
       };
       const GaussianGradient g = project_vjp(c, l, o, v_mean, v_depth, v_m);
       const std::vector<double> expected = numeric_gradient(loss, flat(mean, l));
-      EXPECT_TRUE(
-          all_close(flat(g.mean, g.factor), expected, {1e-6, 1e-6 * largest(expected)}));
+      EXPECT_TRUE(all_close(flat(g.mean, g.factor), expected, {1e-6, 1e-6 * largest(expected)}));
     }
 }
 
@@ -119,9 +116,9 @@ TEST(Project, GradientOfTheCovarianceEqualsCentralDifferences) {
     return sym2_inner(whiten({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}}).s, v);
   };
   const Mat23 g = covariance_vjp(m, v);
-  EXPECT_TRUE(all_close(
-      std::vector<double>{g.r1.x, g.r1.y, g.r1.z, g.r2.x, g.r2.y, g.r2.z},
-      numeric_gradient(loss, {m.r1.x, m.r1.y, m.r1.z, m.r2.x, m.r2.y, m.r2.z}), {1e-7, 1e-8}));
+  EXPECT_TRUE(all_close(std::vector<double>{g.r1.x, g.r1.y, g.r1.z, g.r2.x, g.r2.y, g.r2.z},
+                        numeric_gradient(loss, {m.r1.x, m.r1.y, m.r1.z, m.r2.x, m.r2.y, m.r2.z}),
+                        {1e-7, 1e-8}));
 }
 
 // ---- on the device: who is drawn
@@ -141,22 +138,29 @@ TEST(Project, DrawsFromTheNearPlaneOn) {  // T23; the near plane is at .01f
   Queue queue = test_queue();
   const double plane = double(.01f), above = double(std::nextafter(.01f, 1.f));
   const double below = double(std::nextafter(.01f, 0.f));
-  const std::vector<cl_uint> touched =
-      touched_at(queue, {{0, 0, -1}, {0, 0, -0.}, {0, 0, 0}, {0, 0, 1e-30}, {0, 0, below},
-                         {0, 0, plane}, {0, 0, above}, {0, 0, 2}});
+  const std::vector<cl_uint> touched = touched_at(queue, {{0, 0, -1},
+                                                          {0, 0, -0.},
+                                                          {0, 0, 0},
+                                                          {0, 0, 1e-30},
+                                                          {0, 0, below},
+                                                          {0, 0, plane},
+                                                          {0, 0, above},
+                                                          {0, 0, 2}});
   for (int i = 0; i < 5; ++i) EXPECT_EQ(touched[i], 0u) << i;
   for (int i = 5; i < 8; ++i) EXPECT_GT(touched[i], 0u) << i;
 }
 
 TEST(Project, SkipsWhatIsFainterThanOneStepOf255) {
   Queue queue = test_queue();
-  for (double opacity : {0., -1., 1e-30, .0039}) EXPECT_EQ(touched_at(queue, {{0, 0, 2}}, opacity)[0], 0u);
+  for (double opacity : {0., -1., 1e-30, .0039})
+    EXPECT_EQ(touched_at(queue, {{0, 0, 2}}, opacity)[0], 0u);
   EXPECT_GT(touched_at(queue, {{0, 0, 2}}, .02)[0], 0u);
 }
 
 TEST(Project, SkipsWhatLiesBesideTheImage) {
   Queue queue = test_queue();
-  EXPECT_EQ(touched_at(queue, {{5, 0, 2}, {0, -5, 2}, {-1e30, 0, 2}}), (std::vector<cl_uint>{0, 0, 0}));
+  EXPECT_EQ(touched_at(queue, {{5, 0, 2}, {0, -5, 2}, {-1e30, 0, 2}}),
+            (std::vector<cl_uint>{0, 0, 0}));
 }
 
 }  // namespace

@@ -41,8 +41,8 @@ TEST(Quat, NormalizingSurvivesAnyLength) {
 
 TEST(Quat, TooShortOrNotFiniteMeansNoRotationAndNoGradient) {
   const double nan = std::nan(""), inf = HUGE_VAL;
-  for (const real4 q : {real4{0, 0, 0, 0}, real4{1e-30, 0, 0, 1e-19}, real4{nan, 1, 0, 0},
-                        real4{1, 0, inf, 0}}) {
+  for (const real4 q :
+       {real4{0, 0, 0, 0}, real4{1e-30, 0, 0, 1e-19}, real4{nan, 1, 0, 0}, real4{1, 0, inf, 0}}) {
     const UnitQuat u = quat_normalize(q);
     EXPECT_EQ(flat(u.q), (std::vector<double>{1, 0, 0, 0}));
     EXPECT_EQ(flat(quat_normalize_vjp(u, {1, 2, 3, 4})), (std::vector<double>{0, 0, 0, 0}));
@@ -69,8 +69,8 @@ TEST(Quat, GradientOfTheRotationEqualsCentralDifferences) {
     const auto loss = [&](const std::vector<double>& x) {
       return inner(quat_to_rotmat({x[0], x[1], x[2], x[3]}), v);
     };
-    EXPECT_TRUE(all_close(flat(quat_to_rotmat_vjp(q, v)), numeric_gradient(loss, flat(q)),
-                          {1e-8, 1e-8}));
+    EXPECT_TRUE(
+        all_close(flat(quat_to_rotmat_vjp(q, v)), numeric_gradient(loss, flat(q)), {1e-8, 1e-8}));
   }
 }
 
@@ -80,8 +80,7 @@ TEST(Quat, FactorIsTheRootOfEigensCovariance) {
     const real4 q = random.four();
     const real3 s = random.three() + make_real3(1.5, 1.5, 1.5);
     const Eigen::Matrix3d r = eigen_quat(q).normalized().toRotationMatrix();
-    const Eigen::Matrix3d expected =
-        r * eigen(s).cwiseAbs2().asDiagonal() * r.transpose();
+    const Eigen::Matrix3d expected = r * eigen(s).cwiseAbs2().asDiagonal() * r.transpose();
     const Eigen::Matrix3d l = eigen(factor_of(q, s));
     EXPECT_LT((l * l.transpose() - expected).norm(), 1e-13);
   }
@@ -97,8 +96,8 @@ TEST(Quat, GradientOfTheFactorEqualsCentralDifferences) {
     const auto loss = [&](const std::vector<double>& x) {
       return inner(factor_of({x[0], x[1], x[2], x[3]}, {x[4], x[5], x[6]}), v);
     };
-    const std::vector<double> flat_actual{actual.quat.x,   actual.quat.y,   actual.quat.z,
-                                          actual.quat.w,   actual.scales.x, actual.scales.y,
+    const std::vector<double> flat_actual{actual.quat.x,  actual.quat.y,   actual.quat.z,
+                                          actual.quat.w,  actual.scales.x, actual.scales.y,
                                           actual.scales.z};
     EXPECT_TRUE(all_close(flat_actual, numeric_gradient(loss, {q.x, q.y, q.z, q.w, s.x, s.y, s.z}),
                           {1e-7, 1e-7}));

@@ -29,7 +29,8 @@ double inner(const Planes& a, const Planes& v) {
 
 // Every gradient in `actual` equals the central difference of `loss` to 1e-6 of the largest of its
 // class (steps of 1e-6: rounding leaves 1e-10 of the loss, curvature less).
-void expect_gradient(Named p, const Named& actual, const std::function<double(const Named&)>& loss) {
+void expect_gradient(Named p, const Named& actual,
+                     const std::function<double(const Named&)>& loss) {
   for (const auto& [name, gradient] : actual) {
     Named moved = p;
     const std::vector<double> expected = numeric_gradient(
@@ -42,7 +43,6 @@ void expect_gradient(Named p, const Named& actual, const std::function<double(co
     EXPECT_TRUE(all_close(gradient, expected, {1e-6, 1e-6 * largest(expected)})) << name;
   }
 }
-
 
 // Small, deep and opaque, so that the cut at 0.99 and the stop are both met, and wide, so that some
 // projections are held at the field-of-view margin.
@@ -71,16 +71,15 @@ TEST(Reference, SceneForTheGradientMeetsEveryCase) {
   EXPECT_GT(stopped, 0u);
 }
 
-class ReferenceGradient
-    : public testing::TestWithParam<std::tuple<Transport, StopRule, int>> {};
+class ReferenceGradient : public testing::TestWithParam<std::tuple<Transport, StopRule, int>> {};
 
 TEST_P(ReferenceGradient, EqualsCentralDifferences) {
   Scene s = hard_scene();
   std::tie(s.shot.settings.transport, s.shot.settings.stop, s.shot.settings.top_k) = GetParam();
   const Rendering r = reference::render(s.shot, reference::posed(s.p));
   const Planes v = random_cotangents(s, 5);
-  Named actual = reference::posed_vjp(
-      s.p, reference::render_vjp(s.shot, reference::posed(s.p), r, v));
+  Named actual =
+      reference::posed_vjp(s.p, reference::render_vjp(s.shot, reference::posed(s.p), r, v));
   if (s.shot.settings.transport == Transport::translate) {  // shapes at t2 have no say
     EXPECT_EQ(largest(actual["quats_t2"]), 0);
     EXPECT_EQ(largest(actual["scales_t2"]), 0);
@@ -92,11 +91,12 @@ TEST_P(ReferenceGradient, EqualsCentralDifferences) {
   });
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    AllModes, ReferenceGradient,
-    testing::Combine(testing::Values(Transport::paper, Transport::ot, Transport::material,
-                                     Transport::translate),
-                     testing::Values(StopRule::include, StopRule::exclude), testing::Values(0, 3)));
+INSTANTIATE_TEST_SUITE_P(AllModes, ReferenceGradient,
+                         testing::Combine(testing::Values(Transport::paper, Transport::ot,
+                                                          Transport::material,
+                                                          Transport::translate),
+                                          testing::Values(StopRule::include, StopRule::exclude),
+                                          testing::Values(0, 3)));
 
 TEST(Reference, GradientOfNative4dAndSphericalHarmonicsEqualsCentralDifferences) {
   Scene s = hard_scene();
@@ -121,13 +121,12 @@ TEST(Reference, GradientOfNative4dAndSphericalHarmonicsEqualsCentralDifferences)
   const Gaussians g = reference::native4d(p, cut);
   const Rendering r = reference::render(s.shot, g);
   const Planes v = random_cotangents(s, 6);
-  expect_gradient(p, reference::native4d_vjp(p, cut, reference::render_vjp(s.shot, g, r, v)),
-                  [&](const Named& q) {
-                    return inner(reference::render(s.shot, reference::native4d(q, cut),
-                                                   &r.contributors)
-                                     .images,
-                                 v);
-                  });
+  expect_gradient(
+      p, reference::native4d_vjp(p, cut, reference::render_vjp(s.shot, g, r, v)),
+      [&](const Named& q) {
+        return inner(reference::render(s.shot, reference::native4d(q, cut), &r.contributors).images,
+                     v);
+      });
 }
 
 TEST(Reference, DetachedFlowLeavesOnlyItsWeightsAtTheFirstTime) {

@@ -35,7 +35,8 @@ TEST(Sh, BasisIsTheRealSphericalHarmonics) {
     const real3 d = unit(random.three());
     const ShBasis b = sh_basis(3, d);
     for (int l = 0, k = 0; l <= 3; ++l)
-      for (int m = -l; m <= l; ++m, ++k) EXPECT_NEAR(b.y[k], harmonic(l, m, d), 3e-7) << l << " " << m;
+      for (int m = -l; m <= l; ++m, ++k)
+        EXPECT_NEAR(b.y[k], harmonic(l, m, d), 3e-7) << l << " " << m;
   }
 }
 
@@ -150,7 +151,8 @@ TEST(Sh, DeviceColoursAndGradientsAreTheDoubleOnes) {
     // 16 products of order 1 in float32
     const Tolerance tolerance{2e-6, 2e-6};
     EXPECT_TRUE(all_close(colors.read(queue), expected_colors, tolerance)) << degree;
-    EXPECT_TRUE(all_close(parameters["sh0"].grads.read(queue), expected["sh0"], tolerance)) << degree;
+    EXPECT_TRUE(all_close(parameters["sh0"].grads.read(queue), expected["sh0"], tolerance))
+        << degree;
     EXPECT_TRUE(all_close(parameters["sh_rest"].grads.read(queue), expected["sh_rest"], tolerance))
         << degree;
     EXPECT_TRUE(all_close(g.v_means.read(queue), expected_means, tolerance)) << degree;

@@ -11,8 +11,8 @@ namespace {
 
 using reference::Rendering;
 
-// How far float32 may be off. Images: alpha is exact to 1e-6 (exponent up to 8, polynomial 2e-7) and
-// a pixel sums weights that add to 1. Flow is in px, its error grows with the splats' size.
+// How far float32 may be off. Images: alpha is exact to 1e-6 (exponent up to 8, polynomial 2e-7)
+// and a pixel sums weights that add to 1. Flow is in px, its error grows with the splats' size.
 // Gradients: relative L2 of a class, for the worst-conditioned one.
 struct Bounds {
   double image = 5e-6, flow = 1e-4, gradient = 1e-5;
@@ -46,7 +46,8 @@ void expect_reference(Queue& queue, const Scene& s, Bounds bounds = {}) {
     const reference::Named v_expected =
         reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, expected, v));
     const FloatArrays v_actual = device.backward(v);
-    // 3e-8: where exactly nothing is expected (the flow of one splat does not depend on its opacity)
+    // 3e-8: where exactly nothing is expected (the flow of one splat does not depend on its
+    // opacity)
     for (const auto& [name, values] : v_expected)
       EXPECT_LE(distance(v_actual.at(name), values), bounds.gradient * norm(values) + 3e-8)
           << image << " by " << name << ", " << norm(values);
@@ -70,7 +71,8 @@ class Splat : public testing::TestWithParam<int> {
   bool narrow() const { return GetParam() == 1; }  // slow on a CPU: smaller scenes
   Queue queue;
 };
-INSTANTIATE_TEST_SUITE_P(Lanes, Splat, testing::Values(16, 8, 4, 1), testing::PrintToStringParamName());
+INSTANTIATE_TEST_SUITE_P(Lanes, Splat, testing::Values(16, 8, 4, 1),
+                         testing::PrintToStringParamName());
 
 TEST_P(Splat, MatchesTheReferenceOnImagesOfOddSizes) {
   const int sizes[][2] = {{1, 1}, {17, 15}, {33, 1}, {2, 37}};
@@ -85,9 +87,11 @@ TEST_P(Splat, MatchesTheReferenceOnAWideImage) {  // T38: width and height must 
   expect_reference(queue, narrow() ? scene_of(150, 96, 29) : scene_of(400, 320, 96));
 }
 
-// The other stop rule and the paper's K. Programs are slow to compile: the widest and the narrowest.
+// The other stop rule and the paper's K. Programs are slow to compile: the widest and the
+// narrowest.
 class SplatModes : public Splat {};
-INSTANTIATE_TEST_SUITE_P(Lanes, SplatModes, testing::Values(16, 1), testing::PrintToStringParamName());
+INSTANTIATE_TEST_SUITE_P(Lanes, SplatModes, testing::Values(16, 1),
+                         testing::PrintToStringParamName());
 
 TEST_P(SplatModes, StopBeforeTheSaturatingSplatAndMakeFlowOfTheFirstContributors) {
   SceneSpec spec;

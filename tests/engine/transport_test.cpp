@@ -24,7 +24,9 @@ Mat23 ellipse(double a, double b, double angle) {
   m << a * std::cos(angle), -b * std::sin(angle), .1, a * std::sin(angle), b * std::cos(angle), 0;
   return mat23_from(m);
 }
-Matrix2d covariance(Mat23 m) { return eigen(m) * eigen(m).transpose() + DILATION * Matrix2d::Identity(); }
+Matrix2d covariance(Mat23 m) {
+  return eigen(m) * eigen(m).transpose() + DILATION * Matrix2d::Identity();
+}
 
 // A from H = (A - I) U.
 Matrix2d map_of(int mode, Mat23 m1, Mat23 m2) {
@@ -54,8 +56,8 @@ TEST(Transport, EveryMapIsItsDefinition) {
 }
 
 TEST(Transport, MapsOfNeedlesAreTheirDefinition) {
-  // 300 x .3 px: kappa 1e5, where eigenvectors in double still give 1e-10; not so for the Monge map,
-  // whose B1 S2 B1 has kappa 1e10, and which is checked by what it must do instead
+  // 300 x .3 px: kappa 1e5, where eigenvectors in double still give 1e-10; not so for the Monge
+  // map, whose B1 S2 B1 has kappa 1e10, and which is checked by what it must do instead
   for (double turn : {0., .01, 1.}) {
     const Mat23 m1 = ellipse(300, .3, .4), m2 = ellipse(290, .35, .4 + turn);
     const Matrix2d t = map_of(TRANSPORT_OT, m1, m2), s2 = covariance(m2);
@@ -107,7 +109,8 @@ TEST(Transport, MapsTurnWithTheImage) {
   turn << 0, -1, 1, 0;
   for (int mode : MODES) {
     const Mat23 m1 = random_factor(random, 8), m2 = random_factor(random, 8);
-    const Matrix2d turned = map_of(mode, mat23_from(turn * eigen(m1)), mat23_from(turn * eigen(m2)));
+    const Matrix2d turned =
+        map_of(mode, mat23_from(turn * eigen(m1)), mat23_from(turn * eigen(m2)));
     EXPECT_LT((turned - turn * map_of(mode, m1, m2) * turn.transpose()).norm(), 1e-11) << mode;
   }
 }
@@ -138,7 +141,8 @@ void expect_gradient(int mode, Mat23 m1, Mat23 m2, double step) {
                                b.r1.x, b.r1.y, b.r1.z, b.r2.x, b.r2.y, b.r2.z};
   };
   const auto loss = [&](const std::vector<double>& x) {
-    const Mat23 a{{x[0], x[1], x[2]}, {x[3], x[4], x[5]}}, b{{x[6], x[7], x[8]}, {x[9], x[10], x[11]}};
+    const Mat23 a{{x[0], x[1], x[2]}, {x[3], x[4], x[5]}},
+        b{{x[6], x[7], x[8]}, {x[9], x[10], x[11]}};
     const Whitening w = whiten(a);
     const Matrix2d map = eigen(transport(mode, a, w, b)) * eigen(whitening_k(w));
     double sum = 0;
@@ -188,7 +192,8 @@ TEST(Transport, DeviceFormsHOfNeedlesThatHardlyMove) {
         s.p["quats_t2"][4 * i + k] = double(float(q + 1e-3 * random()));
       }
       for (int k = 0; k < 3; ++k)
-        s.p["scales_t2"][3 * i + k] = double(float(s.p["scales"][3 * i + k] * (1 + 1e-3 * random())));
+        s.p["scales_t2"][3 * i + k] =
+            double(float(s.p["scales"][3 * i + k] * (1 + 1e-3 * random())));
     }
     DeviceScene device(queue, s, {true, false});
     device.forward();

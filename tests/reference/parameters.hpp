@@ -141,9 +141,9 @@ inline Named native4d_vjp(const Named& p, const Cut& cut, const Gaussians& v) {
   Named g = zeros_like(p);
   for (size_t i = 0; i < v.count(); ++i) {
     const Native4d row = native4d_row(p, i);
-    const real3 v_mean = row3(v.means, i) + sh_color_vjp(p, i, cut.degree, slice_at(row, cut.t1).mean,
-                                                         camera_centre(cut.camera),
-                                                         row3(v.colors, i), g);
+    const real3 v_mean =
+        row3(v.means, i) + sh_color_vjp(p, i, cut.degree, slice_at(row, cut.t1).mean,
+                                        camera_centre(cut.camera), row3(v.colors, i), g);
     add_native4d_row(g, i, slice_vjp(row, cut.t1, v_mean, rows9(v.factors, i), v.opacities[i]));
     add_native4d_row(g, i, slice_vjp(row, cut.t2, row3(v.means_t2, i), rows9(v.factors_t2, i), 0));
   }

@@ -109,8 +109,9 @@ inline double distance2(const Seen& s, real2 x) {
 inline Contributors decide(const Shot& shot, const std::vector<Seen>& seen) {
   std::vector<uint32_t> order(seen.size());
   std::iota(order.begin(), order.end(), 0u);
-  order.erase(std::remove_if(order.begin(), order.end(), [&](uint32_t i) { return !seen[i].drawn; }),
-              order.end());
+  order.erase(
+      std::remove_if(order.begin(), order.end(), [&](uint32_t i) { return !seen[i].drawn; }),
+      order.end());
   std::stable_sort(order.begin(), order.end(),
                    [&](uint32_t a, uint32_t b) { return seen[a].p.p.z < seen[b].p.p.z; });
   std::vector<double> reach(seen.size());  // largest distance2 that can matter
@@ -217,8 +218,8 @@ inline std::vector<SplatGradient> blend_vjp(const Shot& shot, const Gaussians& g
     const real2 flow{images.flow[i], images.flow[pixels + i]};
     double W = 0;
     for (const Layer& l : layers) W += l.flow_weight;
-    double behind = v_rgb.x * shot.background[0] + v_rgb.y * shot.background[1] +
-                    v_rgb.z * shot.background[2];
+    double behind =
+        v_rgb.x * shot.background[0] + v_rgb.y * shot.background[1] + v_rgb.z * shot.background[2];
     for (size_t k = layers.size(); k-- > 0;) {
       const Layer& l = layers[k];
       const Contributor who = c.list[c.first[i] + k];
@@ -272,8 +273,9 @@ inline Gaussians see_vjp(const Shot& shot, const Gaussians& g, const std::vector
       add_rows9(out.factors_t2, i, v2.factor);
       if (!shot.settings.detach_t1) {
         // flow = mu2 - mu1 + D (x - mu1)
-        v_mean = v_mean - v[i].m -
-                 make_real2(s.d.a * v[i].m.x + s.d.c * v[i].m.y, s.d.b * v[i].m.x + s.d.d * v[i].m.y);
+        v_mean =
+            v_mean - v[i].m -
+            make_real2(s.d.a * v[i].m.x + s.d.c * v[i].m.y, s.d.b * v[i].m.x + s.d.d * v[i].m.y);
         v_m = mat23_add(v_m, t.m1);
       }
     }

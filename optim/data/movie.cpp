@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/data/movie.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "optim/io/atomic_file.hpp"
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+// Opens the first encoder that works; avc1 (H.264) plays everywhere, mp4v is always built in.
+cv::VideoWriter open_writer(const std::string& temporary, const std::string& path, double fps,
+                            cv::Size size) {
+  cv::VideoWriter writer;
+  for (const char* code : {"avc1", "mp4v"}) {
+    const int fourcc = cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]);
+    try {
+      if (writer.open(temporary, cv::CAP_FFMPEG, fourcc, fps, size)) return writer;
+    } catch (const cv::Exception&) {
+      // An encoder that fails to open is one that is not there.
+    }
+  }
+  throw Error(
+      fmt::format("cannot write video {}: this OpenCV has no MP4 encoder (needs FFmpeg)", path));
+}
+
+// The picture as the encoder takes it: blue first, sides even.
+cv::Mat encodable(const Image& frame, cv::Size size) {
+  const cv::Mat rgb(frame.height, frame.width, CV_8UC3, const_cast<uint8_t*>(frame.pixels.data()));
+  cv::Mat bgr;
+  cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
+  cv::copyMakeBorder(bgr, bgr, 0, size.height - frame.height, 0, size.width - frame.width,
+                     cv::BORDER_REPLICATE);
+  return bgr;
+}
+
+}  // namespace
+
+void write_movie(const std::string& path, size_t count, const std::function<Image(size_t)>& frame,
+                 double fps) {
+  if (count == 0) throw Error(fmt::format("cannot write video {}: there are no frames", path));
+  if (!(fps > 0)) throw Error(fmt::format("cannot write video {}: {} frames a second", path, fps));
+  Image image = frame(0);
+  const int width = image.width, height = image.height;
+  const cv::Size size(width + width % 2, height + height % 2);
+  replace_file(path, [&](const std::string& temporary) {
+    cv::VideoWriter writer = open_writer(temporary, path, fps, size);
+    for (size_t i = 0; i < count; ++i) {
+      if (i > 0) image = frame(i);
+      if (image.channels != 3 || image.width != width || image.height != height)
+        throw Error(fmt::format("cannot write video {}: its frames must be RGB of one size", path));
+      writer.write(encodable(image, size));
+    }
+    writer.release();
+    std::error_code failed;
+    if (std::filesystem::file_size(temporary, failed) == 0 || failed)
+      throw Error(fmt::format("cannot write video {}: nothing was written (disk full?)", path));
+  });
+}
+
+}  // namespace gflow

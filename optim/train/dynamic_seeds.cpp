@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/dynamic_seeds.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "optim/train/init.hpp"
+#include "shared/random.h"
+
+namespace gflow {
+namespace {
+
+constexpr uint kSeedStream = 200;  // of random numbers; see init.cpp for the others
+constexpr int kChange = 20;        // grey levels from the usual colour that count as change
+constexpr size_t kLeastCameras = 3;
+
+// One fixed camera's pictures in time order, and where each differs from the median.
+struct Watcher {
+  Camera camera;
+  std::vector<const Frame*> frames;
+  std::vector<std::shared_ptr<const Image>> pictures;
+  std::vector<std::vector<uint8_t>> changed;  // a mask a frame
+};
+
+// Median over time, a channel of a pixel at a time.
+std::vector<uint8_t> median_picture(const std::vector<std::shared_ptr<const Image>>& pictures) {
+  std::vector<uint8_t> median(pictures[0]->pixels.size()), values(pictures.size());
+  for (size_t i = 0; i < median.size(); ++i) {
+    for (size_t k = 0; k < pictures.size(); ++k) values[k] = pictures[k]->pixels[i];
+    std::nth_element(values.begin(), values.begin() + long(values.size() / 2), values.end());
+    median[i] = values[values.size() / 2];
+  }
+  return median;
+}
+
+// Changed pixels, grown by one pixel: the hull must not lose the rim.
+std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t>& median) {
+  const int w = picture.width, h = picture.height;
+  std::vector<uint8_t> mask(size_t(w) * size_t(h));
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      const size_t i = 3 * (size_t(y) * size_t(w) + size_t(x));
+      int most = 0;
+      for (size_t c = 0; c < 3; ++c)
+        most = std::max(most, std::abs(int(picture.pixels[i + c]) - int(median[i + c])));
+      if (most < kChange) continue;
+      for (int v = std::max(0, y - 1); v <= std::min(h - 1, y + 1); ++v)
+        for (int u = std::max(0, x - 1); u <= std::min(w - 1, x + 1); ++u)
+          mask[size_t(v) * size_t(w) + size_t(u)] = 1;
+    }
+  return mask;
+}
+
+// Cameras that stand still over at least four steps.
+std::vector<Watcher> watchers_of(const Scene& scene, FrameStore& store) {
+  std::map<int, std::vector<const Frame*>> by_camera;
+  for (const Frame& frame : scene.train) by_camera[frame.camera].push_back(&frame);
+  std::vector<Watcher> watchers;
+  for (auto& [camera, frames] : by_camera) {
+    if (frames.size() < 4) continue;
+    Watcher w{store.camera(*frames[0]), frames, {}, {}};
+    for (const Frame* frame : frames) w.pictures.push_back(store.rgb(*frame));
+    const std::vector<uint8_t> median = median_picture(w.pictures);
+    for (const auto& picture : w.pictures) w.changed.push_back(change_mask(*picture, median));
+    watchers.push_back(std::move(w));
+  }
+  return watchers;
+}
+
+// The box that holds all but the outermost fiftieth of the points on each side of each axis.
+std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<float>& xyz) {
+  Eigen::Vector3d low, high;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<float> values;
+    for (size_t i = size_t(axis); i < xyz.size(); i += 3) values.push_back(xyz[i]);
+    std::sort(values.begin(), values.end());
+    low[axis] = values[values.size() / 50];
+    high[axis] = values[values.size() - 1 - values.size() / 50];
+  }
+  const Eigen::Vector3d margin = 0.05 * (high - low);
+  return {low - margin, high + margin};
+}
+
+// The frame of a watcher at a step, or -1.
+int frame_at(const Watcher& watcher, int step) {
+  for (size_t i = 0; i < watcher.frames.size(); ++i)
+    if (watcher.frames[i]->step == step) return int(i);
+  return -1;
+}
+
+// Where a camera sees a point, as an index into its pictures; -1 when it does not.
+long pixel_of(const Camera& camera, const Eigen::Vector3d& point) {
+  if ((camera.viewmat * point.homogeneous()).z() <= 0) return -1;
+  const Eigen::Vector2d at = camera.project(point);
+  if (!(at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height)) return -1;
+  return long(at.y()) * camera.width + long(at.x());
+}
+
+// What the cameras of one step say.
+struct StepViews {
+  std::vector<const Camera*> cameras;
+  std::vector<const Image*> pictures;
+  std::vector<const std::vector<uint8_t>*> changed;
+  std::vector<std::shared_ptr<const TeacherFlow>> flows;  // null where there is none
+  double flow_time = 0;  // length of the flow's step, in videos
+};
+
+// Whether every camera that has the point in view sees change there, and enough have it in view;
+// the mean colour they see.
+bool inside_hull(const StepViews& views, const Eigen::Vector3d& point, std::array<int, 3>& color) {
+  size_t seen = 0;
+  std::array<int, 3> sum{};
+  for (size_t c = 0; c < views.cameras.size(); ++c) {
+    const long at = pixel_of(*views.cameras[c], point);
+    if (at < 0) continue;
+    if (!(*views.changed[c])[size_t(at)]) return false;
+    ++seen;
+    for (size_t k = 0; k < 3; ++k) sum[k] += views.pictures[c]->pixels[3 * size_t(at) + k];
+  }
+  if (seen < kLeastCameras) return false;
+  for (size_t k = 0; k < 3; ++k) color[k] = sum[k] / int(seen);
+  return true;
+}
+
+// Least squares over the cameras: J v = flow, J the derivative of the pixel by the point. 0 where
+// fewer than three cameras trust their flow, or the answer does not fit within 2 px.
+Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  std::vector<std::pair<Eigen::Matrix<double, 2, 3>, Eigen::Vector2d>> rows;
+  for (size_t c = 0; c < views.cameras.size(); ++c) {
+    const long at = pixel_of(*views.cameras[c], point);
+    if (at < 0 || !views.flows[c] || !views.flows[c]->confidence[size_t(at)]) continue;
+    const Camera& camera = *views.cameras[c];
+    const Eigen::Matrix3d r = camera.viewmat.topLeftCorner<3, 3>();
+    const Eigen::Vector3d p = (camera.viewmat * point.homogeneous()).head<3>();
+    Eigen::Matrix<double, 2, 3> j;
+    j.row(0) = camera.fx / p.z() * (r.row(0) - p.x() / p.z() * r.row(2));
+    j.row(1) = camera.fy / p.z() * (r.row(1) - p.y() / p.z() * r.row(2));
+    const std::vector<float>& uv = views.flows[c]->flow.uv;
+    const Eigen::Vector2d f(uv[2 * size_t(at)], uv[2 * size_t(at) + 1]);
+    a += j.transpose() * j;
+    b += j.transpose() * f;
+    rows.emplace_back(j, f);
+  }
+  if (rows.size() < kLeastCameras) return Eigen::Vector3d::Zero();
+  a += 1e-3 * a.trace() / 3 * Eigen::Matrix3d::Identity();  // depth is seen weakly
+  const Eigen::Vector3d v = a.ldlt().solve(b);
+  double residual = 0;
+  for (const auto& [j, f] : rows) residual += (j * v - f).squaredNorm();
+  if (!(std::sqrt(residual / double(rows.size())) < 2)) return Eigen::Vector3d::Zero();
+  return v / views.flow_time;
+}
+
+// flow_of[frame] = index of the flow pair that starts there.
+std::map<const Frame*, size_t> flow_index(const Scene& scene, const std::vector<FlowPair>& pairs,
+                                          const FlowStore& flows) {
+  std::map<const Frame*, size_t> index;
+  for (size_t i = 0; i < pairs.size(); ++i)
+    if (flows.has(i) && pairs[i].next >= 0) index[&scene.train[size_t(pairs[i].frame)]] = i;
+  return index;
+}
+
+StepViews views_at(const std::vector<Watcher>& watchers, int step, const Scene& scene,
+                   const std::vector<FlowPair>& pairs, FlowStore& flows,
+                   const std::map<const Frame*, size_t>& flow_of) {
+  StepViews views;
+  for (const Watcher& watcher : watchers) {
+    const int k = frame_at(watcher, step);
+    if (k < 0) continue;
+    const Frame* frame = watcher.frames[size_t(k)];
+    views.cameras.push_back(&watcher.camera);
+    views.pictures.push_back(watcher.pictures[size_t(k)].get());
+    views.changed.push_back(&watcher.changed[size_t(k)]);
+    const auto found = flow_of.find(frame);
+    views.flows.push_back(found == flow_of.end() ? nullptr : flows.get(found->second));
+    if (found != flow_of.end())
+      views.flow_time =
+          scene.train[size_t(pairs[found->second].next)].time - frame->time;
+  }
+  return views;
+}
+
+}  // namespace
+
+Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<FlowPair>& pairs,
+                    FlowStore& flows, const TrainConfig& config) {
+  Seeds seeds;
+  if (config.init.dynamic == 0 || scene.points.size() < 50 || scene.steps < 4) return seeds;
+  const std::vector<Watcher> watchers = watchers_of(scene, frames);
+  if (watchers.size() < kLeastCameras) return seeds;
+  const auto [low, high] = box_of(scene.points.xyz);
+  const auto flow_of = flow_index(scene, pairs, flows);
+  const size_t wanted = std::max<size_t>(1, size_t(config.init.dynamic) / size_t(scene.steps));
+  const uint seed = uint(config.train.seed);
+  for (int step = 0; step < scene.steps; ++step) {
+    const StepViews views = views_at(watchers, step, scene, pairs, flows, flow_of);
+    if (views.cameras.size() < kLeastCameras) continue;
+    const Frame& any = *watchers[0].frames[size_t(std::max(0, frame_at(watchers[0], step)))];
+    std::vector<float> xyz;
+    for (uint i = 0; i < 500000 && xyz.size() < 3 * wanted; ++i) {
+      Eigen::Vector3d point;
+      for (int axis = 0; axis < 3; ++axis) {
+        const double u = random_uniform(seed, kSeedStream + uint(3 * step + axis), i);
+        point[axis] = low[axis] + (high[axis] - low[axis]) * u;
+      }
+      std::array<int, 3> color;
+      if (!inside_hull(views, point, color)) continue;
+      const Eigen::Vector3d v = velocity_at(views, point);
+      for (int axis = 0; axis < 3; ++axis) {
+        xyz.push_back(float(point[axis]));
+        seeds.rgb.push_back(uint8_t(color[size_t(axis)]));
+        seeds.velocity.push_back(float(v[axis]));
+      }
+      seeds.time.push_back(float(any.time));
+    }
+    const std::vector<float> spacing = neighbour_distance(xyz);
+    seeds.spacing.insert(seeds.spacing.end(), spacing.begin(), spacing.end());
+    seeds.xyz.insert(seeds.xyz.end(), xyz.begin(), xyz.end());
+  }
+  return seeds;
+}
+
+QuatPair quats_for_velocity(const std::array<double, 3>& v, double s, double s_t) {
+  const double speed = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+  if (speed == 0) return {{1, 0, 0, 0}, {1, 0, 0, 0}};
+  // speed = (1 - r^2) tau / (1 + r^2 tau^2), r = s/s_t, tau = tan of the angle between v and time
+  const double rr = (s / s_t) * (s / s_t), b = 1 - rr;
+  const double discriminant = b * b - 4 * speed * speed * rr;
+  const double tau = discriminant > 0 ? 2 * speed / (b + std::sqrt(discriminant)) : s_t / s;
+  const double half = 0.5 * std::atan(tau), k = std::sin(half) / speed;
+  const auto f = [](double value) { return float(value); };
+  const double w = std::cos(half);
+  return {{f(w), f(k * v[0]), f(k * v[1]), f(k * v[2])},
+          {f(w), f(-k * v[0]), f(-k * v[1]), f(-k * v[2])}};
+}
+
+}  // namespace gflow

@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/views.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "optim/io/atomic_file.hpp"
+
+namespace gflow {
+namespace {
+
+using Json = nlohmann::json;
+constexpr double same_time = 1e-6;
+
+// A number and nothing else, or NaN.
+double number_in(const std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  return !text.empty() && *end == '\0' ? value : std::nan("");
+}
+
+std::vector<std::string> pieces(const std::string& text, char separator) {
+  std::vector<std::string> result;
+  std::istringstream in(text);
+  for (std::string piece; std::getline(in, piece, separator);) result.push_back(piece);
+  return result;
+}
+
+// Time between two steps of the scene; 0 for a single one.
+double interval_of(const Scene& scene) {
+  const std::vector<double> times = step_times(scene);
+  return times.size() > 1 ? (times.back() - times[0]) / double(times.size() - 1) : 0;
+}
+
+// The frame of a camera at a time, of whatever split, or null.
+const Frame* frame_at(const Scene& scene, const std::string& camera, double time) {
+  for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
+    for (const Frame& frame : *split)
+      if (scene.cameras[size_t(frame.camera)].name == camera &&
+          std::fabs(frame.time - time) < same_time)
+        return &frame;
+  return nullptr;
+}
+
+void set_flow_target(RenderView& view, const Frame& frame, const Frame* next, double interval) {
+  if (!frame.flow_path.empty())
+    view.time_t2 = frame.flow_time;
+  else if (next)
+    view.time_t2 = next->time;
+  else if (interval > 0 && frame.time + interval <= 1 + same_time)
+    view.time_t2 = frame.time + interval;
+  if (next && std::fabs(next->time - view.time_t2) < same_time) view.truth_t2 = next;
+}
+
+// A camera's name as part of a file name.
+std::string file_name(std::string name) {
+  for (char& c : name)
+    if (c == '/' || c == '\\' || c == '\0') c = '_';
+  return name.empty() || name[0] == '.' ? "camera" + name : name;
+}
+
+double number_of(const Json& object, const char* key, const std::string& path) {
+  if (!object.contains(key) || !object[key].is_number())
+    throw Error(fmt::format("reading {}: a camera has no number '{}'", path, key));
+  return object[key].get<double>();
+}
+
+double entry(const Json& row, size_t i, const std::string& path) {
+  if (!row.is_array() || row.size() != 3 || !row[i].is_number())
+    throw Error("reading " + path + ": a camera's position or rotation is not made of 3 numbers");
+  return row[i].get<double>();
+}
+
+Camera camera_of(const Json& object, const std::string& path) {
+  if (!object.is_object()) throw Error("reading " + path + ": it is no list of cameras");
+  for (const char* key : {"position", "rotation"})
+    if (!object.contains(key) || !object[key].is_array() || object[key].size() != 3)
+      throw Error(fmt::format("reading {}: a camera has no '{}' with three entries", path, key));
+  Camera camera;
+  if (object.contains("img_name") && object["img_name"].is_string())
+    camera.name = object["img_name"].get<std::string>();
+  camera.width = int(number_of(object, "width", path));
+  camera.height = int(number_of(object, "height", path));
+  camera.fx = number_of(object, "fx", path);
+  camera.fy = number_of(object, "fy", path);
+  camera.cx = object.contains("cx") ? number_of(object, "cx", path) : 0.5 * camera.width;
+  camera.cy = object.contains("cy") ? number_of(object, "cy", path) : 0.5 * camera.height;
+  Eigen::Matrix3d rotation;  // camera to world
+  Eigen::Vector3d position;
+  for (size_t row = 0; row < 3; ++row) {
+    position[long(row)] = entry(object["position"], row, path);
+    for (size_t col = 0; col < 3; ++col)
+      rotation(long(row), long(col)) = entry(object["rotation"][row], col, path);
+  }
+  const bool sized = camera.width >= 1 && camera.height >= 1 && camera.width <= 16384 &&
+                     camera.height <= 16384 && camera.fx > 0 && camera.fy > 0;
+  const double error =
+      (rotation.transpose() * rotation - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!sized || !(error < 1e-3))
+    throw Error(
+        fmt::format("reading {}: camera {} has no size, focal length or rotation that a "
+                    "camera can have",
+                    path, camera.name));
+  camera.viewmat.topLeftCorner<3, 3>() = rotation.transpose();
+  camera.viewmat.topRightCorner<3, 1>() = -rotation.transpose() * position;
+  return camera;
+}
+
+// The quantile of some values.
+double quantile(std::vector<float> values, double share) {
+  const auto at = values.begin() + long(share * double(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return double(*at);
+}
+
+Eigen::Vector3d axis_named(const std::string& name) {
+  const bool minus = name.size() == 2 && name[0] == '-';
+  const std::string letter = minus ? name.substr(1) : name;
+  if (letter != "x" && letter != "y" && letter != "z")
+    throw Error("there is no axis '" + name + "': choose x, y, z, -x, -y or -z");
+  return Eigen::Vector3d::Unit(letter[0] - 'x') * (minus ? -1 : 1);
+}
+
+// World to camera of a camera at `position` that looks at `target`, `up` being up in the picture.
+Eigen::Matrix4d looking(const Eigen::Vector3d& position, const Eigen::Vector3d& target,
+                        const Eigen::Vector3d& up) {
+  const Eigen::Vector3d ahead = (target - position).normalized();
+  const Eigen::Vector3d right = ahead.cross(up).normalized();
+  Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();
+  viewmat.block<1, 3>(0, 0) = right.transpose();
+  viewmat.block<1, 3>(1, 0) = ahead.cross(right).transpose();  // down
+  viewmat.block<1, 3>(2, 0) = ahead.transpose();
+  viewmat.topRightCorner<3, 1>() = -viewmat.topLeftCorner<3, 3>() * position;
+  return viewmat;
+}
+
+}  // namespace
+
+std::vector<double> parse_times(const std::string& text) {
+  std::vector<double> times;
+  const std::vector<std::string> range = pieces(text, ':');
+  if (range.size() == 3) {
+    const double from = number_in(range[0]), to = number_in(range[1]), count = number_in(range[2]);
+    if (count >= 1 && count <= 1e6 && count == std::floor(count))
+      for (int i = 0; i < int(count); ++i)
+        times.push_back(count > 1 ? from + (to - from) * i / (count - 1) : from);
+  } else {
+    for (const std::string& piece : pieces(text, ',')) times.push_back(number_in(piece));
+  }
+  const bool fine =
+      std::all_of(times.begin(), times.end(), [](double t) { return t >= 0 && t <= 1; });
+  if (times.empty() || !fine)
+    throw Error(
+        fmt::format("--times {}: times lie in 0 to 1 and are written as 0:1:40 (40 times "
+                    "from 0 to 1), as a list 0,0.25,1, or as all",
+                    text));
+  return times;
+}
+
+std::vector<double> step_times(const Scene& scene) {
+  std::vector<double> times;
+  for (const Frame& frame : scene.train) times.push_back(frame.time);
+  std::sort(times.begin(), times.end());
+  const auto same = [](double a, double b) { return b - a < same_time; };
+  times.erase(std::unique(times.begin(), times.end(), same), times.end());
+  return times;
+}
+
+std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>& frames,
+                                    const std::vector<Camera>& cameras, const std::string& split) {
+  std::map<int, size_t> views_of_camera;
+  for (const Frame& frame : frames) ++views_of_camera[frame.camera];
+  const double interval = interval_of(scene);
+  std::vector<RenderView> views;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const Frame& frame = frames[i];
+    RenderView view;
+    view.name = frame.name;
+    view.camera = cameras[size_t(frame.camera)];
+    view.movie = views_of_camera[frame.camera] > 1 ? file_name(view.camera.name) : split;
+    view.time = frame.time;
+    view.truth = &frame;
+    const bool has_next = i + 1 < frames.size() && frames[i + 1].camera == frame.camera &&
+                          frames[i + 1].time > frame.time;
+    set_flow_target(view, frame, has_next ? &frames[i + 1] : nullptr, interval);
+    views.push_back(view);
+  }
+  return views;
+}
+
+std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
+                                     const std::vector<double>& times, const Scene* scene) {
+  std::vector<RenderView> views;
+  std::set<std::string> names;
+  for (const Camera& camera : cameras) {
+    std::string name = file_name(camera.name);
+    for (int n = 2; !names.insert(name).second; ++n)
+      name = fmt::format("{}_{}", file_name(camera.name), n);
+    for (size_t k = 0; k < times.size(); ++k) {
+      RenderView view;
+      view.name = times.size() > 1 ? fmt::format("{}_{:04}", name, k) : name;
+      view.movie = times.size() > 1 ? name : "cameras";
+      view.camera = camera;
+      view.time = times[k];
+      if (k + 1 < times.size()) view.time_t2 = times[k + 1];
+      if (scene) {
+        view.truth = frame_at(*scene, camera.name, view.time);
+        view.truth_t2 = frame_at(*scene, camera.name, view.time_t2);
+      }
+      views.push_back(view);
+    }
+  }
+  return views;
+}
+
+Camera camera_named(const std::vector<Camera>& cameras, const std::string& name) {
+  std::string names;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    if (cameras[i].name == name) return cameras[i];
+    if (i < 20) names += (i ? ", " : "") + cameras[i].name;
+  }
+  if (cameras.size() > 20) names += fmt::format(" and {} more", cameras.size() - 20);
+  throw Error(fmt::format("there is no camera '{}'; there are {}", name, names));
+}
+
+std::vector<Camera> read_cameras_json(const std::string& path, int resolution) {
+  const Bytes bytes = read_file(path);
+  const Json json = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
+  if (!json.is_array() || json.empty())
+    throw Error("reading " + path + ": it is no JSON list of cameras");
+  std::vector<Camera> cameras;
+  for (const Json& object : json) cameras.push_back(reduced(camera_of(object, path), resolution));
+  return cameras;
+}
+
+std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<double>& times,
+                                    const std::string& up) {
+  if (model.count == 0) throw Error("a model without Gaussians has nothing to look at");
+  const Eigen::Vector3d axis = axis_named(up);
+  Eigen::Vector3d low, high;
+  for (long k = 0; k < 3; ++k) {
+    std::vector<float> values(model.count);
+    for (size_t i = 0; i < model.count; ++i)
+      values[i] = model.groups.at("means")[3 * i + size_t(k)];
+    low[k] = quantile(values, 0.02);
+    high[k] = quantile(values, 0.98);
+  }
+  const Eigen::Vector3d middle = (low + high) / 2;
+  const double radius = std::max((high - low).norm() / 2, 1e-3 * (1 + middle.norm()));
+  Camera camera;
+  camera.name = "orbit";
+  camera.width = 640;
+  camera.height = 480;
+  camera.cx = 320;
+  camera.cy = 240;
+  const double half_fov = 25 * M_PI / 180, elevation = 15 * M_PI / 180;
+  camera.fx = camera.fy = 240 / std::tan(half_fov);
+  const Eigen::Vector3d side = axis.unitOrthogonal(), front = axis.cross(side);
+  std::vector<RenderView> views;
+  for (size_t k = 0; k < times.size(); ++k) {
+    const double azimuth = 2 * M_PI * double(k) / double(times.size());
+    const Eigen::Vector3d from =
+        std::cos(elevation) * (std::cos(azimuth) * side + std::sin(azimuth) * front) +
+        std::sin(elevation) * axis;
+    RenderView view;
+    view.name = fmt::format("orbit_{:04}", k);
+    view.movie = "orbit";
+    view.camera = camera;
+    view.camera.viewmat = looking(middle + from * (radius / std::sin(half_fov)), middle, axis);
+    view.time = times[k];
+    if (k + 1 < times.size()) view.time_t2 = times[k + 1];
+    views.push_back(view);
+  }
+  return views;
+}
+
+bool stands_still(const HostModel& model) {
+  const std::vector<float>& ql = model.groups.at("quats");
+  const std::vector<float>& log_scales = model.groups.at("log_scales");
+  for (size_t i = 0; i < model.count; ++i)
+    if (log_scales[4 * i + 3] < std::log(100 * model.shape.duration)) return false;
+  return ql == model.groups.at("quats_r");
+}
+
+}  // namespace gflow

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/evaluation.hpp"
+
+#include "optim/loss/metrics.hpp"
+#include "train/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+Evaluation judged(Queue& queue, const SmallScene& scene, const HostModel& host) {
+  const TrainConfig config = small_config(scene, 1);
+  LoadedScene loaded = load_scene(config.scene, "");
+  Model model(queue, host);
+  return evaluate(queue, model, config, *loaded.frames, loaded.scene.test, {});
+}
+
+// Against its own pictures a model errs by their rounding to 8 bits: uniform within half a step,
+// variance 1 / (12 x 255^2), that is 58.9 dB; and SSIM by less than 1e-3.
+TEST(Evaluate, FindsNoErrorInTheModelThatDrewThePictures) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const Evaluation evaluation = judged(queue, scene, scene.truth);
+  EXPECT_EQ(evaluation.flow_reference, "true");
+  ASSERT_EQ(evaluation.views.size(), size_t(SmallScene::steps));
+  for (const ViewFigures& view : evaluation.views) {
+    EXPECT_NEAR(view.psnr, 58.9, 1) << view.name;
+    EXPECT_GT(view.ssim, 0.999) << view.name;
+  }
+  // its own flow in the settings of the configuration, which are those it was drawn with
+  EXPECT_LT(evaluation.mean.flow_epe, 1e-5);
+  EXPECT_LT(evaluation.mean.flow_epe_dynamic, 1e-5);
+  EXPECT_NEAR(evaluation.mean.psnr_dynamic, 58.9, 1);
+}
+
+TEST(Evaluate, HasNoFlowFiguresWhereNoFlowLeads) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const Evaluation evaluation = judged(queue, scene, scene.truth);
+  const ViewFigures& last = evaluation.views.back();  // nothing follows the last step
+  EXPECT_TRUE(std::isnan(last.flow_epe));
+  EXPECT_TRUE(std::isnan(last.flow_epe_dynamic));
+  EXPECT_TRUE(std::isnan(last.psnr_dynamic));
+  EXPECT_TRUE(std::isfinite(evaluation.mean.flow_epe));  // the mean is over those that have it
+}
+
+// What a model at rest gets wrong is the whole flow: its error is the mean length of the truth,
+// over the pixels that move by more than 1 px.
+TEST(Evaluate, DynamicPixelsAreThoseWhoseTrueFlowExceedsOnePixel) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  HostModel still = scene.truth;
+  still.groups["quats"].clear();
+  for (size_t i = 0; i < still.count; ++i)
+    for (const float q : {1.f, 0.f, 0.f, 0.f}) still.groups["quats"].push_back(q);
+  still.groups["quats_r"] = still.groups["quats"];
+  const Evaluation evaluation = judged(queue, scene, still);
+
+  const LoadedScene loaded = load_scene(small_config(scene, 1).scene, "");
+  for (size_t k = 0; k + 1 < loaded.scene.test.size(); ++k) {
+    const FlowField truth = read_flo(loaded.scene.test[k].flow_path);
+    double all = 0, moving = 0;
+    size_t pixels = 0;
+    for (size_t i = 0; i < truth.valid.size(); ++i) {
+      const double length = std::hypot(truth.uv[2 * i], truth.uv[2 * i + 1]);
+      all += length;
+      if (length > 1) moving += length, ++pixels;
+    }
+    ASSERT_GT(pixels, 20u);
+    // the model's own flow is 0 to a rounding; sums of 2000 terms in double
+    EXPECT_NEAR(evaluation.views[k].flow_epe, all / double(truth.valid.size()), 1e-5);
+    EXPECT_NEAR(evaluation.views[k].flow_epe_dynamic, moving / double(pixels), 1e-5);
+    EXPECT_LT(evaluation.views[k].psnr_dynamic, evaluation.views[k].psnr);
+  }
+}
+
+TEST(Evaluate, UsesDisWhereTheSceneHasNoTrueFlow) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  std::filesystem::remove_all(scene.path() + "/flow");
+  const Evaluation evaluation = judged(queue, scene, scene.truth);
+  EXPECT_EQ(evaluation.flow_reference, "dis");
+  EXPECT_TRUE(std::isfinite(evaluation.mean.flow_epe));
+  EXPECT_TRUE(std::isnan(evaluation.mean.teacher_epe_dynamic));  // it would be its own judge
+}
+
+TEST(Evaluate, SaysHowFarItIs) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TrainConfig config = small_config(scene, 1);
+  LoadedScene loaded = load_scene(config.scene, "");
+  Model model(queue, scene.truth);
+  std::vector<size_t> calls;
+  evaluate(queue, model, config, *loaded.frames, loaded.scene.test, [&](size_t done, size_t total) {
+    EXPECT_EQ(total, 5u);
+    calls.push_back(done);
+  });
+  EXPECT_EQ(calls, (std::vector<size_t>{1, 2, 3, 4, 5}));
+}
+
+}  // namespace
+}  // namespace gflow

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/init.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <random>
+
+#include "compare.hpp"
+#include "optim/train/views.hpp"
+#include "train/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+// Mean of the three smallest distances to other points, by looking at all of them.
+std::vector<double> by_brute_force(const std::vector<float>& xyz) {
+  const size_t n = xyz.size() / 3;
+  std::vector<double> result;
+  for (size_t i = 0; i < n; ++i) {
+    std::vector<double> distances;
+    for (size_t j = 0; j < n; ++j) {
+      double squared = 0;
+      for (size_t k = 0; k < 3; ++k)
+        squared += std::pow(double(xyz[3 * i + k]) - double(xyz[3 * j + k]), 2);
+      if (j != i) distances.push_back(std::sqrt(squared));
+    }
+    std::sort(distances.begin(), distances.end());
+    const size_t count = std::min<size_t>(3, distances.size());
+    result.push_back(std::accumulate(distances.begin(), distances.begin() + long(count), 0.) /
+                     double(count));
+  }
+  return result;
+}
+
+std::vector<float> random_points(size_t n) {
+  std::mt19937 rng(1);
+  std::vector<float> xyz;
+  for (size_t i = 0; i < 3 * n; ++i) xyz.push_back(float(rng()) / 4294967296.f);
+  return xyz;
+}
+
+// A difference of two coordinates of about 1 is rounded by 1e-7, distances are above 1e-2: 1e-5.
+TEST(NeighbourDistance, IsTheMeanOfTheThreeNearest) {
+  for (const size_t n : {size_t(2), size_t(3), size_t(4), size_t(500)})
+    EXPECT_TRUE(all_close(neighbour_distance(random_points(n)), by_brute_force(random_points(n)),
+                          {1e-5, 1e-7}))
+        << n << " points";
+}
+
+TEST(NeighbourDistance, OfPointsThatCoincideIsTheSmallestThereIs) {
+  std::vector<float> xyz;
+  for (int i = 0; i < 4; ++i) xyz.insert(xyz.end(), {1, 1, 1});
+  xyz.insert(xyz.end(), {1, 1, 3});  // 2 away from its three nearest
+  for (const float d : neighbour_distance(xyz)) EXPECT_EQ(d, 2);
+}
+
+TEST(NeighbourDistance, IsNeverZero) {
+  EXPECT_TRUE(neighbour_distance({}).empty());
+  EXPECT_GT(neighbour_distance({1, 2, 3})[0], 0);
+  for (const float d : neighbour_distance({1, 2, 3, 1, 2, 3})) EXPECT_GT(d, 0);
+}
+
+struct Loaded {
+  explicit Loaded(const TrainConfig& config) : loaded(load_scene(config.scene, "")) {}
+  HostModel model(const TrainConfig& config) {
+    return initial_model(loaded.scene, *loaded.frames, config);
+  }
+  LoadedScene loaded;
+};
+
+TEST(InitialModel, StandsAtThePointsOfTheScene) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TrainConfig config = small_config(scene, 10);
+  Loaded loaded(config);
+  const HostModel model = loaded.model(config);
+  EXPECT_EQ(model.count, scene.truth.count);
+  EXPECT_EQ(model.groups.at("means"), loaded.loaded.scene.points.xyz);
+  EXPECT_EQ(model.groups.at("quats"), model.groups.at("quats_r"));  // at rest
+  EXPECT_EQ(model.groups.at("sh_rest").size(), 9 * model.count);    // degree 1
+  for (const float v : model.groups.at("logit_opacities"))
+    EXPECT_NEAR(1 / (1 + std::exp(-v)), config.init.opacity, 1e-6);
+}
+
+TEST(InitialModel, IsRandomWhenAskedForAndDeterministicForTheSeed) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  TrainConfig config = small_config(scene, 10);
+  config.init.from = InitFrom::random;
+  config.init.count = 50;
+  Loaded loaded(config);
+  const HostModel first = loaded.model(config);
+  EXPECT_EQ(first.count, 50u);
+  EXPECT_EQ(first.groups, loaded.model(config).groups);
+  config.train.seed = 4;
+  EXPECT_NE(first.groups, loaded.model(config).groups);
+}
+
+TEST(InitialModel, PutsRandomPointsOnTheObjectWherePicturesHaveAlpha) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue, true);
+  TrainConfig config = small_config(scene, 10);
+  config.init.from = InitFrom::random;
+  config.init.count = 100;
+  // The blob is there from x = -0.3 to 0.3 only for a part of the video: a point that most pictures
+  // see on it lies near the middle. Its Gaussians reach 0.25 + 3 sigma of 0.1 from it.
+  Loaded loaded(config);
+  ASSERT_TRUE(loaded.loaded.scene.has_alpha);
+  const HostModel model = loaded.model(config);
+  ASSERT_GT(model.count, 0u);
+  const float reach = 0.25f + 0.3f + blob_path / 2;
+  for (size_t i = 0; i < model.count; ++i) {
+    const float* p = &model.groups.at("means")[3 * i];
+    EXPECT_LT(std::hypot(p[0], p[1]), reach) << "point " << i;
+  }
+}
+
+TEST(InitialModel, OfOneTimeStepIsStaticForEver) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  TrainConfig config = small_config(scene, 10);
+  config.scene.max_steps = 1;
+  Loaded loaded(config);
+  EXPECT_TRUE(stands_still(loaded.model(config)));
+}
+
+TEST(InitialModel, NeedsPointsWhenTheyAreAskedFor) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  std::filesystem::remove(scene.folder().file("points3D.ply"));
+  TrainConfig config = small_config(scene, 10);
+  config.init.from = InitFrom::points;
+  Loaded loaded(config);
+  expect_error([&] { loaded.model(config); }, {"init.from", "points3D.ply"});
+}
+
+}  // namespace
+}  // namespace gflow

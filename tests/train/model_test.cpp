@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/model.hpp"
+
+#include <random>
+
+#include "device.hpp"
+#include "io/temporary_folder.hpp"
+#include "optim/io/ply.hpp"
+#include "optim/train/views.hpp"
+
+namespace gflow {
+namespace {
+
+// Random values; nothing here looks at what they mean.
+HostModel random_model(size_t count, int sh_degree) {
+  std::mt19937 rng(7);
+  HostModel model;
+  model.count = count;
+  model.shape = {sh_degree, 3.7f, 0.031f};
+  const size_t rest = size_t((sh_degree + 1) * (sh_degree + 1) - 1);
+  const std::map<std::string, size_t> widths{
+      {"means", 3},      {"means_t", 1},         {"quats", 4}, {"quats_r", 4},
+      {"log_scales", 4}, {"logit_opacities", 1}, {"sh0", 3},   {"sh_rest", 3 * rest}};
+  for (const auto& [name, width] : widths) {
+    model.groups[name];
+    for (size_t i = 0; i < width * count; ++i)
+      model.groups[name].push_back(float(rng()) / 4294967296.f * 4 - 2);
+  }
+  return model;
+}
+
+// A standard 3DGS PLY of two Gaussians with degree 1.
+PlyTable static_table() {
+  PlyTable table;
+  table.rows = 2;
+  table.names = {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
+  for (int i = 0; i < 9; ++i) table.names.push_back("f_rest_" + std::to_string(i));
+  for (const char* name :
+       {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
+    table.names.push_back(name);
+  for (size_t i = 0; i < 2 * table.names.size(); ++i)
+    table.values.push_back(0.5f + 0.03f * float(i % 40));
+  return table;
+}
+
+void set(PlyTable& table, size_t row, const std::string& name, float value) {
+  table.values[row * table.names.size() + size_t(table.column(name))] = value;
+}
+
+void drop(PlyTable& table, const std::string& name) {
+  PlyTable fewer;
+  fewer.rows = table.rows;
+  for (size_t i = 0; i < table.values.size(); ++i)
+    if (table.names[i % table.names.size()] != name) fewer.values.push_back(table.values[i]);
+  for (const std::string& n : table.names)
+    if (n != name) fewer.names.push_back(n);
+  table = fewer;
+}
+
+class EverySphericalHarmonicsDegree : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Model, EverySphericalHarmonicsDegree, testing::Values(0, 1, 2, 3));
+
+TEST_P(EverySphericalHarmonicsDegree, ComesBackFromAFileBitByBit) {
+  const TemporaryFolder folder;
+  const HostModel model = random_model(5, GetParam());
+  write_model(folder.file("model.ply"), model);
+  const HostModel back = read_model(folder.file("model.ply"));
+  EXPECT_EQ(back.count, 5u);
+  EXPECT_EQ(back.shape.sh_degree, GetParam());
+  EXPECT_EQ(back.shape.duration, 3.7f);
+  EXPECT_EQ(back.shape.cutoff, 0.031f);
+  EXPECT_EQ(back.groups, model.groups);
+}
+
+TEST_P(EverySphericalHarmonicsDegree, ComesBackFromTheDeviceBitByBit) {
+  Queue queue = test_queue();
+  const HostModel model = random_model(5, GetParam());
+  EXPECT_EQ(Model(queue, model).read(queue).groups, model.groups);
+}
+
+// The file's order is that of 3DGS: all coefficients of red, then green, then blue.
+TEST(Model, FileHasHigherHarmonicsChannelByChannel) {
+  const TemporaryFolder folder;
+  HostModel model = random_model(1, 1);
+  model.groups["sh_rest"] = {1, 2, 3, 4, 5, 6, 7, 8, 9};  // [3 coefficients, 3 channels]
+  write_model(folder.file("model.ply"), model);
+  const PlyTable table = read_ply(folder.file("model.ply"));
+  const float expected[9] = {1, 4, 7, 2, 5, 8, 3, 6, 9};
+  for (int i = 0; i < 9; ++i)
+    EXPECT_EQ(table.column_values("f_rest_" + std::to_string(i))[0], expected[i]);
+}
+
+TEST(Model, AnEmptyModelComesBackFromAFile) {
+  const TemporaryFolder folder;
+  write_model(folder.file("model.ply"), random_model(0, 2));
+  EXPECT_EQ(read_model(folder.file("model.ply")).count, 0u);
+}
+
+TEST(Model, AStandard3dgsFileIsReadAsOneThatStandsStill) {
+  const TemporaryFolder folder;
+  const PlyTable table = static_table();
+  write_ply(folder.file("static.ply"), table);
+  const HostModel model = read_model(folder.file("static.ply"));
+  EXPECT_EQ(model.count, 2u);
+  EXPECT_EQ(model.shape.sh_degree, 1);
+  EXPECT_EQ(model.groups.at("quats_r"), model.groups.at("quats"));
+  const float* v = table.values.data();
+  const size_t w = table.names.size();
+  EXPECT_EQ(model.groups.at("means"),
+            (std::vector<float>{v[0], v[1], v[2], v[w], v[w + 1], v[w + 2]}));
+  EXPECT_TRUE(stands_still(model));
+  EXPECT_FALSE(stands_still(random_model(3, 0)));
+}
+
+TEST(Model, AStandard3dgsFileIsTheSameAtAllTimes) {
+  const TemporaryFolder folder;
+  write_ply(folder.file("static.ply"), static_table());
+  Queue queue = test_queue();
+  Model model(queue, read_model(folder.file("static.ply")));
+  GaussiansAt first, last;
+  model.motion->at(queue, model.parameters, 0, false, first);
+  model.motion->at(queue, model.parameters, model.time(1), false, last);
+  EXPECT_EQ(first.means.read(queue), last.means.read(queue));
+  EXPECT_EQ(first.factors.read(queue), last.factors.read(queue));
+  EXPECT_EQ(first.opacities.read(queue), last.opacities.read(queue));
+}
+
+TEST(Model, APublished3dgsFileIsRead) {
+  const std::string path =
+      std::string(GFLOW_SOURCE_DIR) + "/../shared/data/splat_models/kacytran_iter7000.ply";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << "the published file is not on this machine";
+  const HostModel model = read_model(path);
+  EXPECT_EQ(model.count, read_ply(path).rows);
+  EXPECT_TRUE(stands_still(model));
+}
+
+TEST(Model, RefusesAFileWithoutAProperty) {
+  const TemporaryFolder folder;
+  for (const std::string name : {"x", "opacity", "scale_2", "rot_3", "f_dc_1"}) {
+    PlyTable table = static_table();
+    drop(table, name);
+    write_ply(folder.file("broken.ply"), table);
+    expect_error([&] { read_model(folder.file("broken.ply")); },
+                 {"broken.ply", "'" + name + "' is missing"});
+  }
+}
+
+TEST(Model, RefusesAMovingFileWithoutItsTime) {
+  const TemporaryFolder folder;
+  write_model(folder.file("model.ply"), random_model(2, 0));
+  PlyTable table = read_ply(folder.file("model.ply"));
+  drop(table, "scale_t");
+  write_ply(folder.file("broken.ply"), table);
+  expect_error([&] { read_model(folder.file("broken.ply")); }, {"'scale_t' is missing"});
+}
+
+TEST(Model, RefusesValuesThatAreNotFinite) {
+  const TemporaryFolder folder;
+  for (const float value : {std::nanf(""), HUGE_VALF}) {
+    PlyTable table = static_table();
+    set(table, 1, "scale_1", value);
+    write_ply(folder.file("broken.ply"), table);
+    expect_error([&] { read_model(folder.file("broken.ply")); },
+                 {"broken.ply", "Gaussian 1", "not finite"});
+  }
+}
+
+TEST(Model, RefusesANumberOfHarmonicsThatNoDegreeHas) {
+  const TemporaryFolder folder;
+  PlyTable table = static_table();
+  drop(table, "f_rest_8");
+  write_ply(folder.file("broken.ply"), table);
+  expect_error([&] { read_model(folder.file("broken.ply")); },
+               {"broken.ply", "8 f_rest columns", "0, 9, 24 or 45"});
+}
+
+TEST(Model, RefusesArraysOfTheWrongLength) {
+  Queue queue = test_queue();
+  HostModel model = random_model(3, 1);
+  model.groups["quats"].pop_back();
+  expect_error([&] { Model(queue, model); }, {"3 Gaussians", "12 values of quats"});
+  model.groups.erase("quats");
+  expect_error([&] { Model(queue, model); }, {"quats"});
+}
+
+}  // namespace
+}  // namespace gflow

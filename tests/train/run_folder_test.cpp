@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/run_folder.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include "io/temporary_folder.hpp"
+
+namespace gflow {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::vector<std::string> keys_of(const Json& object) {
+  std::vector<std::string> keys;
+  for (const auto& [key, value] : object.items()) keys.push_back(key);
+  return keys;
+}
+
+TEST(RunFolder, IsMadeWithTheFoldersAboveIt) {
+  const TemporaryFolder folder;
+  RunFolder::create(folder.path() + "/a/b");
+  EXPECT_TRUE(std::filesystem::is_directory(folder.path() + "/a/b"));
+}
+
+TEST(RunFolder, CannotLieBelowAFile) {
+  const TemporaryFolder folder;
+  folder.write("file", "");
+  expect_error([&] { RunFolder::create(folder.path() + "/file/run"); }, {"file/run"});
+}
+
+TEST(RunFolder, IsOpenedOnlyWhereThereIsAConfiguration) {
+  const TemporaryFolder folder;
+  expect_error([&] { RunFolder::open(folder.path()); }, {folder.path(), "config.toml"});
+  RunFolder::create(folder.path()).write_config({});
+  EXPECT_NO_THROW(RunFolder::open(folder.path()));
+}
+
+TEST(RunFolder, ConfigurationComesBack) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  TrainConfig config;
+  config.flow.weight = 0.125f;
+  config.scene.path = "a \"quoted\" path";
+  run.write_config(config);
+  EXPECT_EQ(to_toml(run.read_config()), to_toml(config));
+}
+
+TEST(RunFolder, LatestModelIsThatOfTheHighestIterationNotOfTheLastName) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  for (const int iteration : {3, 900, 10000}) {
+    const std::string path = run.model_path(iteration);
+    std::filesystem::create_directories(std::filesystem::path(path).parent_path());
+    std::ofstream(path) << "ply";
+  }
+  std::filesystem::create_directories(run.path("point_cloud/iteration_20000"));  // without a model
+  std::filesystem::create_directories(run.path("point_cloud/other"));
+  EXPECT_EQ(run.latest_model(), run.model_path(10000));
+}
+
+TEST(RunFolder, SaysWhenThereIsNoModel) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  expect_error([&] { run.latest_model(); }, {folder.path(), "no model"});
+}
+
+TEST(RunFolder, ForgetsModelsOfAnEarlierTraining) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  for (const int iteration : {100, 200}) {
+    std::filesystem::create_directories(
+        std::filesystem::path(run.model_path(iteration)).parent_path());
+    std::ofstream(run.model_path(iteration)) << "ply";
+  }
+  run.forget_models_but(100);
+  EXPECT_EQ(run.latest_model(), run.model_path(100));
+  EXPECT_EQ(folder.count(), 1u);
+}
+
+Evaluation some_evaluation() {
+  Evaluation evaluation;
+  ViewFigures view;
+  view.name = "cam00_0000";
+  view.psnr = 31.5;
+  view.ssim = 0.9;
+  view.psnr_dynamic = view.flow_epe = view.flow_epe_dynamic = view.teacher_epe_dynamic =
+      std::nan("");
+  evaluation.views = {view};
+  evaluation.mean = view;
+  evaluation.flow_reference = "none";
+  return evaluation;
+}
+
+TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  TrainConfig config;
+  config.scene.resolution = 2;
+  config.train.seed = 5;
+  run.write_results(some_evaluation(), {700, 12.5, "a device"}, config, 42);
+  const Json results = Json::parse(contents(run.path("results.json")));
+  EXPECT_EQ(keys_of(results),
+            (std::vector<std::string>{"test", "num_gaussians", "iterations", "train_seconds",
+                                      "device", "resolution", "background", "seed"}));
+  for (const char* key : {"psnr", "ssim", "psnr_dynamic", "flow_epe", "flow_epe_dynamic", "views"})
+    EXPECT_TRUE(results["test"].contains(key)) << key;
+  EXPECT_EQ(results["test"]["psnr"], 31.5);
+  EXPECT_TRUE(results["test"]["flow_epe"].is_null());  // not NaN, which is no JSON
+  EXPECT_EQ(results["test"]["views"], 1);
+  EXPECT_EQ(results["num_gaussians"], 42);
+  EXPECT_EQ(results["iterations"], 700);
+  EXPECT_EQ(results["train_seconds"], 12.5);
+  EXPECT_EQ(results["device"], "a device");
+  EXPECT_EQ(results["resolution"], 2);
+  EXPECT_EQ(results["background"], "white");
+  EXPECT_EQ(results["seed"], 5);
+}
+
+TEST(RunFolder, PerViewFiguresStandUnderTheNamesOfTheViews) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  run.write_results(some_evaluation(), {}, {}, 1);
+  const Json views = Json::parse(contents(run.path("per_view.json")));
+  EXPECT_EQ(keys_of(views), (std::vector<std::string>{"cam00_0000"}));
+  EXPECT_EQ(views["cam00_0000"]["psnr"], 31.5);
+}
+
+TEST(RunFolder, FactsOfTheTrainingComeBack) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  EXPECT_EQ(run.read_facts().iterations, 0);  // none yet
+  run.write_facts({30, 1.5, "some device"});
+  EXPECT_EQ(run.read_facts().iterations, 30);
+  EXPECT_EQ(run.read_facts().train_seconds, 1.5);
+  EXPECT_EQ(run.read_facts().device, "some device");
+}
+
+TEST(RunFolder, FactsThatAreNoJsonAreRefused) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  for (const char* text : {"{\"iterations\": 30", "[1]", "{\"iterations\": \"many\"}"}) {
+    folder.write("training.json", text);
+    expect_error([&] { run.read_facts(); }, {"training.json"});
+  }
+}
+
+TEST(RunFolder, MetricsAreOneObjectALineAndStartAgainWithATraining) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  StepFigures figures;
+  figures.psnr = 20;
+  figures.flow_loss = std::nan("");
+  for (const int iteration : {0, 100, 0, 100, 200}) run.append_metrics(iteration, 1, figures);
+  std::ifstream in(run.path("metrics.jsonl"));
+  std::vector<Json> lines;
+  for (std::string line; std::getline(in, line);) lines.push_back(Json::parse(line));
+  ASSERT_EQ(lines.size(), 3u);
+  EXPECT_EQ(lines[2]["iteration"], 200);
+  EXPECT_EQ(lines[2]["psnr"], 20);
+  EXPECT_TRUE(lines[2]["flow_loss"].is_null());
+}
+
+}  // namespace
+}  // namespace gflow
