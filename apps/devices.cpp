@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/options.hpp"
-#include "runtime/self_check.hpp"
+#include "optim/motion/gradient_check.hpp"
 
 namespace gflow {
 namespace {
@@ -39,7 +39,7 @@ CheckedDevice checked(const DeviceInfo& info) {
   CheckedDevice device{info, {}, ""};
   try {
     Queue queue(find_device(std::to_string(info.index)));
-    device.rows = self_check(queue);
+    device.rows = full_self_check(queue);
     for (const SelfCheckRow& row : device.rows)
       if (!row.passed && device.reason.empty())
         device.reason = fmt::format("{}: {:.3g} exceeds {:.3g}", row.name, row.figure, row.bound);

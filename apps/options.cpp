@@ -5,14 +5,14 @@
 
 #include <fmt/format.h>
 
-#include "runtime/self_check.hpp"
+#include "optim/motion/gradient_check.hpp"
 
 namespace gflow {
 
 Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options) {
   try {
     Queue queue(find_device(options.device), queue_options);
-    for (const SelfCheckRow& row : self_check(queue))
+    for (const SelfCheckRow& row : full_self_check(queue))
       if (!row.passed)
         throw Error(fmt::format(
             "the OpenCL device {} fails the self-check '{}': {} exceeds {}; `gflow devices` "

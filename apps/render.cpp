@@ -23,7 +23,7 @@ struct RenderFlags {
   std::string model, output, split, camera, times, scene, background, up = "-y";
   int resolution = 0;
   double fps = 0;
-  bool compare = true;
+  bool no_compare = false;
 };
 
 // The model, what its run says about it, and the scene when there is one.
@@ -152,7 +152,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   render.near = source.config.render.near;
   if (source.loaded) render.fps = source.loaded->scene.fps;
   if (flags.fps > 0) render.fps = flags.fps;
-  render.compare = flags.compare;
+  render.compare = !flags.no_compare;
 
   Queue queue = open_queue(options);
   Model model(queue, host);
@@ -205,8 +205,8 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
   command->add_option("--up", flags->up,
                       "Axis that points up in the orbit shown where there are no cameras: x, y, z, "
                       "-x, -y or -z");
-  command->add_flag("--compare,!--no-compare", flags->compare,
-                    "Pictures beside the scene's own, where it has them (default: on)");
+  command->add_flag("--no-compare", flags->no_compare,
+                    "No pictures beside the scene's own, where it has them");
   command->callback([flags, &options] { run_render(*flags, options); });
 }
 

@@ -27,10 +27,11 @@ static inline Projection project(PinholeCamera cam, real3 mean, Mat3 factor) {
                    dot(row3, mean) + cam.translation[2]);
   const real inv_z = (real)1 / o.p.z, x = o.p.x * inv_z, y = o.p.y * inv_z;
   const real fx = cam.fx, fy = cam.fy, cx = cam.cx, cy = cam.cy;
-  const real width = (real)cam.width, height = (real)cam.height;
+  const real width = (real)(cam.full_width ? cam.full_width : cam.width);
+  const real height = (real)(cam.full_height ? cam.full_height : cam.height);
   const real margin_x = (real)(FOV_MARGIN * 0.5f) * width / fx;
   const real margin_y = (real)(FOV_MARGIN * 0.5f) * height / fy;
-  o.mean = make_real2(fx * x + cx, fy * y + cy);
+  o.mean = make_real2(fx * x + (cx - cam.left), fy * y + (cy - cam.top));
   o.u = clamp(x, -(cx / fx + margin_x), (width - cx) / fx + margin_x);
   o.v = clamp(y, -(cy / fy + margin_y), (height - cy) / fy + margin_y);
   o.u_inside = o.u == x;

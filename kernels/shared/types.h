@@ -10,7 +10,11 @@ typedef struct PinholeCamera {
   float translation[3];
   float fx, fy, cx, cy;  // [px]
   float near_plane;      // a Gaussian whose centre is nearer is not drawn
-  int width, height;     // [px]
+  int width, height;     // [px] of what is drawn
+  // What is drawn may be a part of the picture: then its top left pixel, and the picture's size
+  // (0 x 0: it is the whole). Nothing else depends on the part, so neither do the splats.
+  float left, top;
+  int full_width, full_height;
 } PinholeCamera;
 
 #endif

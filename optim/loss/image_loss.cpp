@@ -63,7 +63,7 @@ void ImageLoss::resize(Queue& queue, int width, int height) {
 }
 
 void ImageLoss::run(Queue& queue, int width, int height, const Buffer<float>& rgb,
-                    const Buffer<cl_uchar>& truth, Buffer<float>& v_rgb) {
+                    const Buffer<cl_uchar>& truth, Buffer<float>& v_rgb, float weight) {
   resize(queue, width, height);
   const size_t values = size_t(3) * width * height;
   if (rgb.size() < values || truth.size() < values || v_rgb.size() < values)
@@ -72,8 +72,8 @@ void ImageLoss::run(Queue& queue, int width, int height, const Buffer<float>& rg
                     " {} has {}",
                     width, height, values, rgb.name(), rgb.size(), truth.name(), truth.size(),
                     v_rgb.name(), v_rgb.size()));
-  const float l1_scale = float((1 - double(ssim_weight_)) / double(values));
-  const float ssim_scale = float(-double(ssim_weight_) / double(values));
+  const float l1_scale = float(double(weight) * (1 - double(ssim_weight_)) / double(values));
+  const float ssim_scale = float(-double(weight) * double(ssim_weight_) / double(values));
   const Range strips = Range::over(strips_, lanes_ == 1 ? 64 : 1);
 
   image_loss_prepare_(queue, Range::grid(width, height, 64, 1), size_, rgb, truth, s_, d_);

@@ -24,8 +24,9 @@ class ImageLoss {
 
   // v_rgb [3, H, W] = dL/d rgb, overwritten. rgb [3, H, W] in [0, 1]; truth [H, W, 3], 255 = 1.
   // Where rgb equals the truth, |x - y| has derivative 0. The size may change from call to call.
+  // weight multiplies the gradient, not value(): the share of the whole when this is a part of it.
   void run(Queue& queue, int width, int height, const Buffer<float>& rgb,
-           const Buffer<cl_uchar>& truth, Buffer<float>& v_rgb);
+           const Buffer<cl_uchar>& truth, Buffer<float>& v_rgb, float weight = 1);
 
   // The loss of the last run(); waits for it. Error before the first.
   ImageLossValue value(Queue& queue);

@@ -98,6 +98,7 @@ struct SceneConfig {
 struct ScheduleConfig {
   int iterations = 10000;
   int batch = 1;
+  int focus = 3;
   int64_t seed = 0;
   float minutes = 0;
   int log_every = 100;
@@ -107,6 +108,10 @@ struct ScheduleConfig {
   static void fields(Self& self, Field&& field) {
     field("iterations", self.iterations, "training steps", at_least(1));
     field("batch", self.batch, "views in one step", at_least(1));
+    field("focus", self.focus,
+          "steps on the parts of pictures where things change (fixed cameras) or are (alpha), for "
+          "each step on whole pictures",
+          at_least(0));
     field("seed", self.seed, "of every random choice", at_least(0));
     field("minutes", self.minutes, "stop after this much training time [minutes]; 0: no limit",
           at_least(0));
@@ -205,8 +210,8 @@ struct FlowConfig {
 };
 
 struct LearningRates {
-  float means = 1.6e-4f;
-  float means_final = 1.6e-6f;
+  float means = 6e-4f;
+  float means_final = 6e-6f;
   float mean_t = 1.6e-4f;
   float sh = 2.5e-3f;
   float sh_rest_divisor = 20;
@@ -265,7 +270,7 @@ struct DensityConfig {
   float grad_threshold = 2e-4f;
   float split_scale = 0.01f;
   int cap = 30000;
-  float prune_opacity = 0.005f;
+  float prune_opacity = 0.02f;
   float prune_scale = 0.5f;
   float split_travel = 1;
   float min_lifetime = 1;

@@ -13,61 +13,7 @@ namespace gflow {
 namespace {
 
 constexpr uint kSeedStream = 200;  // of random numbers; see init.cpp for the others
-constexpr int kChange = 20;        // grey levels from the usual colour that count as change
 constexpr size_t kLeastCameras = 3;
-
-// One fixed camera's pictures in time order, and where each differs from the median.
-struct Watcher {
-  Camera camera;
-  std::vector<const Frame*> frames;
-  std::vector<std::shared_ptr<const Image>> pictures;
-  std::vector<std::vector<uint8_t>> changed;  // a mask a frame
-};
-
-// Median over time, a channel of a pixel at a time.
-std::vector<uint8_t> median_picture(const std::vector<std::shared_ptr<const Image>>& pictures) {
-  std::vector<uint8_t> median(pictures[0]->pixels.size()), values(pictures.size());
-  for (size_t i = 0; i < median.size(); ++i) {
-    for (size_t k = 0; k < pictures.size(); ++k) values[k] = pictures[k]->pixels[i];
-    std::nth_element(values.begin(), values.begin() + long(values.size() / 2), values.end());
-    median[i] = values[values.size() / 2];
-  }
-  return median;
-}
-
-// Changed pixels, grown by one pixel: the hull must not lose the rim.
-std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t>& median) {
-  const int w = picture.width, h = picture.height;
-  std::vector<uint8_t> mask(size_t(w) * size_t(h));
-  for (int y = 0; y < h; ++y)
-    for (int x = 0; x < w; ++x) {
-      const size_t i = 3 * (size_t(y) * size_t(w) + size_t(x));
-      int most = 0;
-      for (size_t c = 0; c < 3; ++c)
-        most = std::max(most, std::abs(int(picture.pixels[i + c]) - int(median[i + c])));
-      if (most < kChange) continue;
-      for (int v = std::max(0, y - 1); v <= std::min(h - 1, y + 1); ++v)
-        for (int u = std::max(0, x - 1); u <= std::min(w - 1, x + 1); ++u)
-          mask[size_t(v) * size_t(w) + size_t(u)] = 1;
-    }
-  return mask;
-}
-
-// Cameras that stand still over at least four steps.
-std::vector<Watcher> watchers_of(const Scene& scene, FrameStore& store) {
-  std::map<int, std::vector<const Frame*>> by_camera;
-  for (const Frame& frame : scene.train) by_camera[frame.camera].push_back(&frame);
-  std::vector<Watcher> watchers;
-  for (auto& [camera, frames] : by_camera) {
-    if (frames.size() < 4) continue;
-    Watcher w{store.camera(*frames[0]), frames, {}, {}};
-    for (const Frame* frame : frames) w.pictures.push_back(store.rgb(*frame));
-    const std::vector<uint8_t> median = median_picture(w.pictures);
-    for (const auto& picture : w.pictures) w.changed.push_back(change_mask(*picture, median));
-    watchers.push_back(std::move(w));
-  }
-  return watchers;
-}
 
 // The box that holds all but the outermost fiftieth of the points on each side of each axis.
 std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<float>& xyz) {
@@ -185,11 +131,11 @@ StepViews views_at(const std::vector<Watcher>& watchers, int step, const Scene& 
 
 }  // namespace
 
-Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<FlowPair>& pairs,
-                    FlowStore& flows, const TrainConfig& config) {
+Seeds dynamic_seeds(const Scene& scene, const std::vector<Watcher>& watchers,
+                    const std::vector<FlowPair>& pairs, FlowStore& flows,
+                    const TrainConfig& config) {
   Seeds seeds;
   if (config.init.dynamic == 0 || scene.points.size() < 50 || scene.steps < 4) return seeds;
-  const std::vector<Watcher> watchers = watchers_of(scene, frames);
   if (watchers.size() < kLeastCameras) return seeds;
   const auto [low, high] = box_of(scene.points.xyz);
   const auto flow_of = flow_index(scene, pairs, flows);

@@ -5,7 +5,7 @@
 // with the velocity that best explains the flow of all cameras.
 #pragma once
 #include "optim/data/flow_store.hpp"
-#include "optim/data/frame_store.hpp"
+#include "optim/train/change.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/model.hpp"
 
@@ -23,8 +23,9 @@ struct Seeds {
 // About config.init.dynamic seeds, spread evenly over the steps; none where fewer than three fixed
 // cameras see a step, or nothing changes. flows[i] belongs to pairs[i]; both may be empty. Candidates are
 // random in the box around the scene's points. Deterministic for config.train.seed.
-Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<FlowPair>& pairs,
-                    FlowStore& flows, const TrainConfig& config);
+Seeds dynamic_seeds(const Scene& scene, const std::vector<Watcher>& watchers,
+                    const std::vector<FlowPair>& pairs, FlowStore& flows,
+                    const TrainConfig& config);
 
 // The two unit quaternions (w x y z) of a 4D rotation that gives a Gaussian with spatial scale s and
 // temporal scale s_t the velocity v (kernels/shared/native4d.h), or the largest along v that those

@@ -121,7 +121,8 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   return distance;
 }
 
-HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<FlowPair>& pairs,
+HostModel initial_model(const Scene& scene, FrameStore& frames,
+                        const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config) {
   const bool has_points = scene.points.size() > 0;
   if (config.init.from == InitFrom::points && !has_points)
@@ -129,7 +130,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
                 " has none (points3D.ply or sparse/0/points3D.bin)");
   const bool use_points = has_points && config.init.from != InitFrom::random;
   const PointCloud points = use_points ? scene.points : random_points(scene, frames, config);
-  const Seeds seeds = dynamic_seeds(scene, frames, pairs, flows, config);
+  const Seeds seeds = dynamic_seeds(scene, watchers, pairs, flows, config);
   const size_t n = points.size(), all = n + seeds.size();
 
   HostModel model;

@@ -4,6 +4,7 @@
 #pragma once
 #include "optim/data/flow_store.hpp"
 #include "optim/data/frame_store.hpp"
+#include "optim/train/change.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/model.hpp"
 
@@ -13,7 +14,8 @@ namespace gflow {
 // points that most cameras see as part of the object are kept. Deterministic for config.train.seed.
 // Error when points are asked for and the scene has none.
 // flows[i] belongs to pairs[i]; both may be empty.
-HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<FlowPair>& pairs,
+HostModel initial_model(const Scene& scene, FrameStore& frames,
+                        const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config);
 
 // Mean distance to the three nearest other points, for each of xyz [n, 3]; never 0.

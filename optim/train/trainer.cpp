@@ -23,14 +23,41 @@ float between_rates(float a, float b, double share) {
   return a > 0 ? float(a * std::pow(double(b) / a, share)) : 0.f;
 }
 
-// [H, W, 2] to [2, H, W].
-void to_planes(const std::vector<float>& uv, std::vector<float>& planes) {
-  const size_t pixels = uv.size() / 2;
-  planes.resize(uv.size());
-  for (size_t i = 0; i < pixels; ++i) {
-    planes[i] = uv[2 * i];
-    planes[pixels + i] = uv[2 * i + 1];
+// A part of interleaved rows [H, W, channels].
+template <class T>
+void cut(const std::vector<T>& whole, int width, int channels, const Rect& part,
+         std::vector<T>& out) {
+  out.resize(size_t(part.width) * size_t(part.height) * size_t(channels));
+  const size_t row = size_t(part.width) * size_t(channels);
+  for (int y = 0; y < part.height; ++y) {
+    const auto from =
+        whole.begin() + (long(part.y + y) * width + part.x) * channels;
+    std::copy(from, from + long(row), out.begin() + long(row) * y);
   }
+}
+
+// A part of [H, W, 2] as planes [2, h, w].
+void cut_planes(const std::vector<float>& uv, int width, const Rect& part,
+                std::vector<float>& planes) {
+  const size_t pixels = size_t(part.width) * size_t(part.height);
+  planes.resize(2 * pixels);
+  size_t i = 0;
+  for (int y = part.y; y < part.y + part.height; ++y)
+    for (int x = part.x; x < part.x + part.width; ++x, ++i) {
+      const size_t at = 2 * (size_t(y) * size_t(width) + size_t(x));
+      planes[i] = uv[at];
+      planes[pixels + i] = uv[at + 1];
+    }
+}
+
+PinholeCamera part_of(PinholeCamera camera, const Rect& part) {
+  camera.full_width = camera.width;
+  camera.full_height = camera.height;
+  camera.left = float(part.x);
+  camera.top = float(part.y);
+  camera.width = part.width;
+  camera.height = part.height;
+  return camera;
 }
 
 }  // namespace
@@ -45,12 +72,14 @@ size_t shuffled(size_t n, uint32_t seed, size_t i) {
 }
 
 Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
-                 const std::vector<FlowPair>& pairs, FlowStore& flows, Model& model)
+                 const std::vector<FlowPair>& pairs, FlowStore& flows, std::vector<Rect> parts,
+                 Model& model)
     : config_(config),
       scene_(scene),
       frames_(frames),
       pairs_(pairs),
       flows_(flows),
+      parts_(std::move(parts)),
       model_(model),
       renderer_(queue, engine_settings(config.flow)),
       image_loss_(queue, config.loss.ssim),
@@ -61,6 +90,11 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       pair_of_frame_(scene.train.size(), -1) {
   const float level = config.scene.background == Background::white ? 1.f : 0.f;
   background_ = {level, level, level};
+  for (size_t i = 0; i < parts_.size(); ++i) {
+    const Camera& camera = frames.camera(scene.train[i]);
+    const double area = double(parts_[i].width) * parts_[i].height;
+    if (area > 0 && area < 0.6 * camera.width * camera.height) focus_frames_.push_back(i);
+  }
   if (!config.flow.enabled || config.flow.weight == 0) return;
   for (size_t i = 0; i < pairs.size(); ++i)
     if (flows.has(i)) pair_of_frame_[size_t(pairs[i].frame)] = int(i);
@@ -71,12 +105,20 @@ int Trainer::sh_degree(int step) const {
 }
 
 std::vector<Trainer::Sample> Trainer::samples(int step) const {
+  // One step in focus + 1 looks at whole pictures, the others at parts of interest.
+  const int focus = focus_frames_.empty() ? 0 : config_.train.focus;
+  const bool whole = step % (focus + 1) == 0;
+  const size_t turn = whole ? size_t(step) / size_t(focus + 1)
+                            : size_t(step) - size_t(step) / size_t(focus + 1) - 1;
   std::vector<Sample> samples;
   for (int b = 0; b < config_.train.batch; ++b) {
-    const size_t i = shuffled(scene_.train.size(), uint32_t(config_.train.seed),
-                              size_t(step) * size_t(config_.train.batch) + size_t(b));
-    samples.push_back(
-        {&scene_.train[i], step >= config_.flow.start ? pair_of_frame_[i] : -1});
+    const size_t at = turn * size_t(config_.train.batch) + size_t(b);
+    const uint32_t seed = uint32_t(config_.train.seed);
+    const size_t i = whole ? shuffled(scene_.train.size(), seed, at)
+                           : focus_frames_[shuffled(focus_frames_.size(), seed + 1000003u, at)];
+    const Camera& camera = frames_.camera(scene_.train[i]);
+    samples.push_back({&scene_.train[i], step >= config_.flow.start ? pair_of_frame_[i] : -1,
+                       whole ? Rect{0, 0, camera.width, camera.height} : parts_[i]});
   }
   return samples;
 }
@@ -93,9 +135,12 @@ void Trainer::step(Queue& queue, int step) {
 
 void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
   const Camera& camera = frames_.camera(*sample.frame);
-  const size_t pixels = size_t(camera.width) * size_t(camera.height);
+  const Rect& part = sample.part;
+  const size_t pixels = size_t(part.width) * size_t(part.height);
+  const float share = float(double(pixels) / (double(camera.width) * camera.height));
   Shot shot;
-  shot.view.camera = shot.view.camera_t2 = pinhole(camera, config_.render.near);
+  shot.view.camera = part_of(pinhole(camera, config_.render.near), part);
+  shot.view.camera_t2 = shot.view.camera;
   shot.time = sample.frame->time;
   shot.sh_degree = sh_degree(step);
   shot.background = background_;
@@ -104,7 +149,7 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
     const FlowPair& pair = pairs_[size_t(sample.pair)];
     if (pair.next >= 0) {
       const Frame& next = scene_.train[size_t(pair.next)];
-      shot.view.camera_t2 = pinhole(frames_.camera(next), config_.render.near);
+      shot.view.camera_t2 = part_of(pinhole(frames_.camera(next), config_.render.near), part);
       shot.time_t2 = next.time;
     } else {
       shot.time_t2 = sample.frame->flow_time;
@@ -114,24 +159,27 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
   renderer_.forward(queue, model_, shot);
 
   // The binning above waited for the queue: what earlier steps uploaded from is free now.
-  picture_ = frames_.rgb(*sample.frame);
+  cut(frames_.rgb(*sample.frame)->pixels, camera.width, 3, part, picture_part_);
   truth_.ensure(queue, 3 * pixels);
-  truth_.write_async(queue, picture_->pixels);
+  truth_.write_async(queue, picture_part_);
   v_.v_rgb.ensure(queue, 3 * pixels);
   v_.v_alpha.ensure(queue, pixels);
   v_.v_alpha.fill(queue, 0.f);
   const Images& images = renderer_.images();
-  image_loss_.run(queue, camera.width, camera.height, images.rgb, truth_, v_.v_rgb);
+  image_loss_.run(queue, part.width, part.height, images.rgb, truth_, v_.v_rgb, share);
   if (had_flow_) {
-    flow_ = flows_.get(size_t(sample.pair));
-    to_planes(flow_->flow.uv, flow_planes_);
+    const auto flow = flows_.get(size_t(sample.pair));
+    cut_planes(flow->flow.uv, camera.width, part, flow_planes_);
+    cut(config_.flow.confidence ? flow->confidence : flow->flow.valid, camera.width, 1, part,
+        confidence_part_);
+    if (!config_.flow.confidence)
+      for (cl_uchar& c : confidence_part_) c = c ? 255 : 0;
     teacher_.ensure(queue, 2 * pixels);
     teacher_.write_async(queue, flow_planes_);
     confidence_.ensure(queue, pixels);
-    confidence_.write_async(queue,
-                            config_.flow.confidence ? flow_->confidence : flow_->flow.valid);
+    confidence_.write_async(queue, confidence_part_);
     v_.v_flow.ensure(queue, 2 * pixels);
-    flow_loss_.run(queue, config_.flow.weight, camera.width, camera.height, images.flow,
+    flow_loss_.run(queue, share * config_.flow.weight, part.width, part.height, images.flow,
                    images.alpha, teacher_, confidence_, v_.v_flow);
   }
   renderer_.backward(queue, model_, v_);
@@ -204,7 +252,7 @@ StepFigures Trainer::figures(Queue& queue) {
   for (size_t c = 0; c < 3; ++c)
     for (size_t i = 0; i < pixels; ++i) {
       const double d = std::clamp(double(rgb[c * pixels + i]), 0.0, 1.0) -
-                       picture_->pixels[3 * i + c] / 255.0;
+                       picture_part_[3 * i + c] / 255.0;
       sum += d * d;
     }
   figures.psnr = -10 * std::log10(std::max(sum / double(rgb.size()), 1e-12));

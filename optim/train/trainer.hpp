@@ -8,6 +8,7 @@
 #include "optim/density/density.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
+#include "optim/train/change.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/renderer.hpp"
 
@@ -24,9 +25,11 @@ struct StepFigures {
 
 class Trainer {
  public:
-  // flows[i] belongs to pairs[i]; both may be empty. All references must outlive the trainer.
+  // flows[i] belongs to pairs[i]; both may be empty. parts[i] is the part of scene.train[i] that
+  // gets extra steps (train.focus), empty for none. All references must outlive the trainer.
   Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
-          const std::vector<FlowPair>& pairs, FlowStore& flows, Model& model);
+          const std::vector<FlowPair>& pairs, FlowStore& flows, std::vector<Rect> parts,
+          Model& model);
 
   // Step number `step`, from 0.
   void step(Queue& queue, int step);
@@ -39,7 +42,8 @@ class Trainer {
  private:
   struct Sample {  // one view of a step
     const Frame* frame;
-    int pair;  // index of the flow used, or -1
+    int pair;   // index of the flow used, or -1
+    Rect part;  // what of it is drawn
   };
   std::vector<Sample> samples(int step) const;
   void train_view(Queue& queue, const Sample& sample, int step);
@@ -51,6 +55,8 @@ class Trainer {
   FrameStore& frames_;
   const std::vector<FlowPair>& pairs_;
   FlowStore& flows_;
+  std::vector<Rect> parts_;
+  std::vector<size_t> focus_frames_;  // those with a part smaller than the whole
   Model& model_;
   Renderer renderer_;
   ImageLoss image_loss_;
@@ -64,8 +70,7 @@ class Trainer {
   ImageGradients v_;
   std::array<float, 3> background_;
   // what asynchronous writes read from
-  std::shared_ptr<const Image> picture_;
-  std::shared_ptr<const TeacherFlow> flow_;
+  std::vector<cl_uchar> picture_part_, confidence_part_;
   std::vector<float> flow_planes_;
   bool had_flow_ = false;
 };

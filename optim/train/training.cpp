@@ -124,10 +124,13 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const std::vector<FlowPair> pairs = neighbour_pairs(scene);
   FlowStore flows = flows_for(config, loaded, pairs, run, quiet);
 
-  const HostModel start_model = initial_model(scene, *loaded.frames, pairs, flows, config);
+  const std::vector<Watcher> watchers = watchers_of(scene, *loaded.frames);
+  const HostModel start_model =
+      initial_model(scene, *loaded.frames, watchers, pairs, flows, config);
   write_model(run.path("input.ply"), start_model);
   Model model(queue, start_model);
-  Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows, model);
+  Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows,
+                  parts_of_interest(scene, *loaded.frames, watchers), model);
   const Clock::time_point start = Clock::now();
   const int steps = train_steps(queue, config, run, trainer, quiet, start);
   const RunFacts facts{steps, seconds_since(start), queue.info.full_name()};

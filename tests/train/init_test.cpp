@@ -6,6 +6,7 @@
 #include <random>
 
 #include "compare.hpp"
+#include "optim/train/dynamic_seeds.hpp"
 #include "optim/train/views.hpp"
 #include "train/small_scene.hpp"
 
@@ -63,7 +64,8 @@ TEST(NeighbourDistance, IsNeverZero) {
 struct Loaded {
   explicit Loaded(const TrainConfig& config) : loaded(load_scene(config.scene, "")) {}
   HostModel model(const TrainConfig& config) {
-    return initial_model(loaded.scene, *loaded.frames, config);
+    FlowStore no_flows({});
+    return initial_model(loaded.scene, *loaded.frames, {}, {}, no_flows, config);
   }
   LoadedScene loaded;
 };
@@ -132,6 +134,48 @@ TEST(InitialModel, NeedsPointsWhenTheyAreAskedFor) {
   config.init.from = InitFrom::points;
   Loaded loaded(config);
   expect_error([&] { loaded.model(config); }, {"init.from", "points3D.ply"});
+}
+
+// The blob moves along x by blob_path; each seed stands where three cameras see it change.
+TEST(InitialModel, SeedsWhatMovesWithItsVelocity) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  TrainConfig config = small_config(scene, 10);
+  config.init.dynamic = 100;
+  const SmallTraining training(queue, config);
+  const HostModel model = training.model.read(queue);
+  ASSERT_GT(model.count, scene.truth.count + 20);
+  const auto& g = model.groups;
+  size_t moving = 0;
+  for (size_t i = scene.truth.count; i < model.count; ++i) {
+    EXPECT_LT(std::exp(g.at("log_scales")[4 * i + 3]), model.shape.duration);  // short lives
+    EXPECT_GE(g.at("means_t")[i], 0);
+    EXPECT_LE(g.at("means_t")[i], model.shape.duration);
+    moving += g.at("quats")[4 * i + 1] > 0.01f;  // towards +x, as small_scene.hpp explains
+    EXPECT_GT(g.at("quats")[4 * i + 1], -0.2f);
+  }
+  EXPECT_GT(moving, (model.count - scene.truth.count) / 4);
+}
+
+// A Gaussian with these quaternions is carried by v from t to t + 1.
+TEST(QuatsForVelocity, GiveTheGaussianThatVelocity) {
+  Queue queue = test_queue();
+  HostModel host;
+  append_gaussian(host, {0, 0, 0}, 0.05f, {0.5f, 0.5f, 0.5f}, 0);
+  host.groups["log_scales"][3] = std::log(0.4f);
+  for (const std::array<double, 3> v :
+       {std::array<double, 3>{0, 0, 0}, {0.3, 0, 0}, {-0.2, 0.5, 0.1}, {0, 0, -2}}) {
+    const QuatPair q = quats_for_velocity(v, 0.05, 0.4);
+    host.groups["quats"].assign(q.left.begin(), q.left.end());
+    host.groups["quats_r"].assign(q.right.begin(), q.right.end());
+    host.shape.sh_degree = 0;
+    Model model(queue, host);
+    GaussiansAt now, later;
+    model.motion->at(queue, model.parameters, 0.5f, true, now);
+    model.motion->at(queue, model.parameters, 1.5f, true, later);
+    const std::vector<float> a = now.means.read(queue), b = later.means.read(queue);
+    for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(b[k] - a[k], v[k], 1e-5);  // float32
+  }
 }
 
 }  // namespace

@@ -173,6 +173,7 @@ inline TrainConfig small_config(const SmallScene& scene, int iterations) {
   config.train.seed = 3;
   config.motion.sh_degree = 1;
   config.motion.sh_interval = 100;
+  config.init.dynamic = 0;
   config.flow.source = FlowSource::files;  // the scene's true flow
   config.density.start = 100;
   config.density.every = 50;
@@ -188,8 +189,10 @@ class SmallTraining {
         loaded(load_scene(config.scene, "")),
         pairs(config.flow.enabled ? neighbour_pairs(loaded.scene) : std::vector<FlowPair>{}),
         flows(true_flows(loaded.scene, pairs, *loaded.frames)),
-        model(queue, initial_model(loaded.scene, *loaded.frames, config)),
-        trainer(queue, this->config, loaded.scene, *loaded.frames, pairs, flows, model) {}
+        watchers(watchers_of(loaded.scene, *loaded.frames)),
+        model(queue, initial_model(loaded.scene, *loaded.frames, watchers, pairs, flows, config)),
+        trainer(queue, this->config, loaded.scene, *loaded.frames, pairs, flows,
+                parts_of_interest(loaded.scene, *loaded.frames, watchers), model) {}
 
   void steps(Queue& queue, int count) {
     for (int i = 0; i < count; ++i) trainer.step(queue, done_++);
@@ -212,6 +215,7 @@ class SmallTraining {
   LoadedScene loaded;
   std::vector<FlowPair> pairs;
   FlowStore flows;
+  std::vector<Watcher> watchers;
   Model model;
   Trainer trainer;
 

@@ -43,9 +43,10 @@ void expect_equal_bits(const std::map<std::string, std::vector<uint32_t>>& a,
 }
 
 TEST_F(TrainerTest, TwoRunsOf500StepsGiveTheSameBits) {
-  const TrainConfig config = small_config(scene(), 500);
+  TrainConfig config = small_config(scene(), 500);
+  config.init.dynamic = 60;
   const auto first = bits_after(queue(), config, 500);
-  EXPECT_NE(first.at("means_t").size(), scene().truth.count);  // density control took part
+  EXPECT_GT(first.at("means_t").size(), scene().truth.count);  // density control took part
   expect_equal_bits(first, bits_after(queue(), config, 500));
 }
 

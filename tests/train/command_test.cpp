@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: Apache-2.0
+// The gflow program as a user runs it: what it writes, what it says, how it exits.
+#include <fcntl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "optim/io/npz.hpp"
+#include "train/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Outcome {
+  int code = -1;  // 128 + signal when one ended it
+  std::string out, err;
+};
+
+// One run of the program; arguments as they are, no shell.
+class Command {
+ public:
+  explicit Command(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), GFLOW_BINARY);
+    std::vector<char*> argv;
+    for (std::string& argument : arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    const std::string out = folder_.file("out"), err = folder_.file("err");
+    pid_ = fork();
+    if (pid_ != 0) return;
+    dup2(open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
+    dup2(open(err.c_str(), O_WRONLY | O_CREAT, 0600), STDERR_FILENO);
+    execv(argv[0], argv.data());
+    _exit(127);
+  }
+  void send(int signal) const { kill(pid_, signal); }
+  Outcome wait() const {
+    int status = 0;
+    waitpid(pid_, &status, 0);
+    Outcome outcome;
+    outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    outcome.out = contents(folder_.file("out"));
+    outcome.err = contents(folder_.file("err"));
+    return outcome;
+  }
+
+ private:
+  TemporaryFolder folder_;
+  pid_t pid_ = -1;
+};
+
+Outcome gflow(const std::vector<std::string>& arguments) { return Command(arguments).wait(); }
+
+// One sentence on stderr, as "gflow: ...", with all the parts; exit code 1; nothing on stdout.
+void expect_refused(const std::vector<std::string>& arguments,
+                    std::initializer_list<std::string> parts) {
+  const Outcome outcome = gflow(arguments);
+  EXPECT_EQ(outcome.code, 1) << outcome.err;
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_EQ(outcome.err.rfind("gflow: ", 0), 0u) << outcome.err;
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  EXPECT_EQ(outcome.err.find("nobody foresaw"), std::string::npos) << outcome.err;
+  for (const std::string& part : parts)
+    EXPECT_NE(outcome.err.find(part), std::string::npos) << part << " in " << outcome.err;
+}
+
+// A scene and, where asked for, a run of three steps on it.
+class CommandTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    Queue queue = test_queue();
+    scene_ = new SmallScene(queue);
+    folder_ = new TemporaryFolder;
+    trained_ = gflow({"train", scene_->path(), "-o", run(), "--iterations", "3", "--quiet"});
+  }
+  static void TearDownTestSuite() {
+    delete scene_;
+    delete folder_;
+  }
+  static std::string run() { return folder_->path() + "/run"; }
+  static std::string model() { return run() + "/point_cloud/iteration_3/point_cloud.ply"; }
+  static const SmallScene& scene() { return *scene_; }
+  static const Outcome& trained() { return trained_; }
+
+ private:
+  static SmallScene* scene_;
+  static TemporaryFolder* folder_;
+  static Outcome trained_;
+};
+SmallScene* CommandTest::scene_ = nullptr;
+TemporaryFolder* CommandTest::folder_ = nullptr;
+Outcome CommandTest::trained_;
+
+TEST_F(CommandTest, TrainWritesTheRunAndNamesIt) {
+  EXPECT_EQ(trained().code, 0) << trained().err;
+  EXPECT_EQ(trained().err, "");  // --quiet
+  for (const std::string& path : {model(), run() + "/results.json", run() + "/per_view.json"}) {
+    EXPECT_TRUE(fs::exists(path)) << path;
+    EXPECT_NE(trained().out.find(path), std::string::npos) << path;
+  }
+  for (const char* name : {"config.toml", "cameras.json", "metrics.jsonl", "input.ply"})
+    EXPECT_TRUE(fs::exists(run() + "/" + name)) << name;
+  const auto results = nlohmann::json::parse(contents(run() + "/results.json"));
+  EXPECT_EQ(results["iterations"], 3);
+  EXPECT_EQ(results["test"]["views"], 5);
+}
+
+TEST_F(CommandTest, EvalFindsWhatTrainFound) {
+  const auto before = nlohmann::json::parse(contents(run() + "/results.json"));
+  fs::remove(run() + "/results.json");
+  const Outcome outcome = gflow({"eval", run(), "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("PSNR"), std::string::npos);
+  const auto after = nlohmann::json::parse(contents(run() + "/results.json"));
+  EXPECT_EQ(after, before);
+}
+
+TEST_F(CommandTest, RenderWritesThePicturesOfTheTestViews) {
+  const TemporaryFolder out;
+  const Outcome outcome = gflow({"render", run(), "-o", out.path(), "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  for (const char* name :
+       {"rgb/cam00_0004.png", "alpha/cam00_0000.png", "depth/cam00_0000.png",
+        "depth/cam00_0000.json", "depth/cam00_0000.npy", "flow/cam00_0000.flo",
+        "flow/cam00_0000.png", "compare/cam00_0000.png", "cam00.mp4", "compare_cam00.mp4"})
+    EXPECT_TRUE(fs::exists(out.path() + "/" + name)) << name;
+  EXPECT_NE(outcome.out.find(out.path() + "/cam00.mp4"), std::string::npos) << outcome.out;
+}
+
+TEST_F(CommandTest, RenderDrawsACameraAtTheTimesAskedFor) {
+  const TemporaryFolder out;
+  const Outcome outcome = gflow({"render", model(), "-o", out.path(), "--camera", "cam02",
+                                 "--times", "0:1:3", "--no-compare", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(fs::exists(out.path() + "/rgb/cam02_0002.png"));
+  EXPECT_FALSE(fs::exists(out.path() + "/rgb/cam02_0003.png"));
+  EXPECT_FALSE(fs::exists(out.path() + "/compare"));
+}
+
+TEST_F(CommandTest, RenderOfABarePlyGoesAroundIt) {
+  const TemporaryFolder folder, out;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  const Outcome outcome =
+      gflow({"render", folder.file("bare.ply"), "-o", out.path(), "--times", "0:1:2", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(fs::exists(out.path() + "/rgb/orbit_0001.png"));
+  EXPECT_TRUE(fs::exists(out.path() + "/orbit.mp4"));
+}
+
+TEST_F(CommandTest, RenderUsesCamerasBesideAPlyOfNoScene) {
+  const TemporaryFolder folder, out;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  fs::copy_file(run() + "/cameras.json", folder.file("cameras.json"));
+  const Outcome outcome =
+      gflow({"render", folder.file("bare.ply"), "-o", out.path(), "--times", "0.5", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  for (const char* name : {"rgb/cam00.png", "rgb/cam03.png", "cameras.mp4"})
+    EXPECT_TRUE(fs::exists(out.path() + "/" + name)) << name;
+}
+
+TEST_F(CommandTest, RenderSaysWhatIsMissing) {
+  const TemporaryFolder folder;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  const std::string out = folder.path() + "/out", bare = folder.file("bare.ply");
+  expect_refused({"render", folder.path() + "/none", "-o", out}, {"/none"});
+  expect_refused({"render", folder.path(), "-o", out}, {"config.toml"});
+  expect_refused({"render", bare, "-o", out, "--split", "test"}, {"--scene"});
+  expect_refused({"render", bare, "-o", out, "--camera", "cam00"}, {"cam00", "cameras.json"});
+  expect_refused({"render", run(), "-o", out, "--camera", "cam9"}, {"cam9", "cam00, cam01"});
+  expect_refused({"render", run(), "-o", out, "--split", "val"}, {"no val views"});
+  expect_refused({"render", run(), "-o", out, "--times", "2"}, {"--times 2", "0:1:40"});
+  EXPECT_FALSE(fs::exists(out));
+}
+
+// Keys as in the oracle's scenes; two Gaussians before a camera at the origin.
+Arrays small_npz() {
+  const auto floats = [](std::vector<size_t> shape, std::vector<float> values) {
+    return Array{std::move(shape), std::move(values)};
+  };
+  return {{"means", floats({2, 3}, {0, 0, 2, 0.2f, 0, 3})},
+          {"quats", floats({2, 4}, {1, 0, 0, 0, 1, 0, 0, 0})},
+          {"scales", floats({2, 3}, std::vector<float>(6, 0.1f))},
+          {"opacities", floats({2}, {0.5f, 0.5f})},
+          {"colors", floats({2, 3}, {1, 0, 0, 0, 1, 0})},
+          {"viewmat", floats({4, 4}, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1})},
+          {"K", floats({3, 3}, {16, 0, 8, 0, 16, 6, 0, 0, 1})},
+          {"size", Array{{2}, std::vector<int32_t>{16, 12}}}};
+}
+
+TEST_F(CommandTest, SplatDrawsAnArchive) {
+  const TemporaryFolder folder;
+  Arrays input = small_npz();
+  input["v_rgb"] = Array{{12, 16, 3}, std::vector<float>(12 * 16 * 3, 1.f)};
+  write_npz(folder.file("in.npz"), input);
+  const Outcome outcome = gflow({"splat", folder.file("in.npz"), "-o", folder.file("out.npz")});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  const Arrays output = read_npz(folder.file("out.npz"));
+  EXPECT_EQ(output.at("rgb").shape, (std::vector<size_t>{12, 16, 3}));
+  EXPECT_EQ(output.at("alpha").shape, (std::vector<size_t>{12, 16}));
+  EXPECT_EQ(output.at("g_rgb_means").shape, (std::vector<size_t>{2, 3}));
+}
+
+TEST_F(CommandTest, SplatRefusesArchivesThatAreBroken) {
+  const TemporaryFolder folder;
+  const std::string out = folder.path() + "/out.npz";
+  expect_refused({"splat", folder.path() + "/none.npz", "-o", out}, {"none.npz"});
+  folder.write("text.npz", "this is no archive");
+  expect_refused({"splat", folder.file("text.npz"), "-o", out}, {"text.npz"});
+  Arrays input = small_npz();
+  input.erase("scales");
+  write_npz(folder.file("less.npz"), input);
+  expect_refused({"splat", folder.file("less.npz"), "-o", out}, {"less.npz", "scales"});
+  input = small_npz();
+  input["opacities"] = Array{{3}, std::vector<float>(3, 0.5f)};
+  write_npz(folder.file("odd.npz"), input);
+  expect_refused({"splat", folder.file("odd.npz"), "-o", out}, {"odd.npz", "opacities"});
+  EXPECT_FALSE(fs::exists(out));
+}
+
+TEST_F(CommandTest, TrainSaysWhatIsWrongWithTheSceneOrTheSettings) {
+  const TemporaryFolder folder;
+  const std::string out = folder.path() + "/run";
+  expect_refused({"train", folder.path() + "/none", "-o", out}, {"/none", "no such folder"});
+  expect_refused({"train", folder.path(), "-o", out}, {"no scene gflow knows"});
+  expect_refused({"train", scene().path(), "-o", out, "--set", "flow.wieght=1"},
+                 {"flow.wieght", "flow.weight"});
+  expect_refused({"train", scene().path(), "-o", out, "--set", "flow.weight=-1"},
+                 {"flow.weight", "at least 0"});
+  expect_refused({"train", scene().path(), "-o", out, "--config", folder.path() + "/none.toml"},
+                 {"none.toml"});
+  folder.write("file", "");
+  expect_refused({"train", scene().path(), "-o", folder.path() + "/file/run"}, {"file/run"});
+}
+
+TEST_F(CommandTest, EvalSaysWhatIsMissing) {
+  const TemporaryFolder folder;
+  expect_refused({"eval", folder.path()}, {"config.toml"});
+  fs::copy_file(run() + "/config.toml", folder.file("config.toml"));
+  expect_refused({"eval", folder.path()}, {"no model"});
+  expect_refused({"eval", run(), "--split", "final"}, {"final", "train, test or val"});
+}
+
+TEST_F(CommandTest, AnUnknownDeviceHasACodeOfItsOwn) {
+  const Outcome outcome = gflow({"eval", run(), "--device", "no such device"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_NE(outcome.err.find("no such device"), std::string::npos) << outcome.err;
+}
+
+TEST_F(CommandTest, AWrongCommandLineIsNoSuccess) {
+  EXPECT_EQ(gflow({}).code, 1);
+  EXPECT_EQ(gflow({"trian"}).code, 1);
+  EXPECT_EQ(gflow({"--help"}).code, 0);
+  for (const char* command : {"train", "render", "eval", "splat", "devices"}) {
+    const Outcome outcome = gflow({command, "--help"});
+    EXPECT_EQ(outcome.code, 0) << command;
+    EXPECT_NE(outcome.out.find("--device"), std::string::npos) << command;
+  }
+}
+
+TEST_F(CommandTest, CtrlCDuringTrainingLeavesTheModelOfTheStepsMade) {
+  const TemporaryFolder folder;
+  const std::string out = folder.path() + "/run";
+  const Command command({"train", scene().path(), "-o", out, "--iterations", "100000000", "--set",
+                         "train.log_every=1", "--quiet"});
+  // The log's first line shows that steps are being made.
+  for (int i = 0; i < 1200 && !fs::exists(out + "/metrics.jsonl"); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  command.send(SIGINT);
+  const Outcome outcome = command.wait();
+  EXPECT_EQ(outcome.code, 130) << outcome.err;
+  EXPECT_NE(outcome.err.find("interrupted after"), std::string::npos) << outcome.err;
+  const std::string model = RunFolder::open(out).latest_model();
+  EXPECT_GT(read_model(model).count, 0u);
+  EXPECT_NE(outcome.err.find(model), std::string::npos) << outcome.err;
+  EXPECT_FALSE(fs::exists(out + "/results.json"));
+}
+
+}  // namespace
+}  // namespace gflow
