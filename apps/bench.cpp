@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow bench raster`: what the engine costs, stage by stage, on random splats. The scene: means
 // uniform in the picture, anisotropic, opacities sigmoid(N(-0.2, 1.5)), sizes such that a pixel has
-// about 48 contributors, whatever the number of Gaussians. CPU time stands beside wall time, because
-// on a shared machine only the former says what the work costs.
+// about 48 contributors, whatever the number of Gaussians. CPU time stands beside wall time,
+// because on a shared machine only the former says what the work costs.
 #include <fmt/format.h>
 #include <sys/resource.h>
 
@@ -135,8 +135,9 @@ double median(std::vector<double> v) {
 // The kernels of each stage, in the order they run.
 const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
     {"project", {"project_fwd"}},
-    {"bin", {"scan_sums", "scan_offsets", "scan_write", "sort_count", "sort_scatter", "tile_count",
-             "tile_columns", "tile_scatter"}},
+    {"bin",
+     {"scan_sums", "scan_offsets", "scan_write", "sort_count", "sort_scatter", "tile_count",
+      "tile_columns", "tile_scatter"}},
     {"mask", {"cell_mask"}},
     {"splat", {"splat_fwd"}},
     {"backward", {"splat_bwd"}},
@@ -170,8 +171,7 @@ void run_raster(const BenchOptions& o, const GlobalOptions& options) {
     queue.reset_timings();
     const auto start = std::chrono::steady_clock::now();
     const double cpu_start = cpu_ms();
-    engine.forward(queue, scene.view, {o.flow, false}, {0, 0, 0}, scene.t1, scene.t2,
-                   scene.colors);
+    engine.forward(queue, scene.view, {o.flow, false}, {0, 0, 0}, scene.t1, scene.t2, scene.colors);
     engine.backward(queue, scene.t1, scene.t2, v, gradients);
     queue.finish();
     if (i < 2) continue;  // compiling, growing buffers
@@ -191,7 +191,8 @@ void run_raster(const BenchOptions& o, const GlobalOptions& options) {
              queue.info.full_name(), queue.lanes, o.width, o.height, o.gaussians,
              engine.tiles().intersections, o.flow ? "on" : "off");
   fmt::print("medians of {} [ms]; stages: time on the device\n", o.repeats);
-  for (const auto& [stage, kernels] : stages) fmt::print("  {:<14}{:8.2f}\n", stage, median(ms[stage]));
+  for (const auto& [stage, kernels] : stages)
+    fmt::print("  {:<14}{:8.2f}\n", stage, median(ms[stage]));
   fmt::print("  {:<14}{:8.2f}  CPU time {:.2f}, half of it {:.2f}\n", "all, wall", median(wall),
              median(cpu), median(cpu) / 2);
   rusage usage;

@@ -17,10 +17,11 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
       "splat", "Draw Gaussians from an .npz file: images, flow, and gradients for each v_* in it");
-  command->add_option("IN", flags->input,
-                      "means quats scales opacities colors, viewmat K size [background], and for "
-                      "flow means_t2 quats_t2 scales_t2 [viewmat_t2]; cotangents v_rgb v_alpha "
-                      "v_depth v_flow")
+  command
+      ->add_option("IN", flags->input,
+                   "means quats scales opacities colors, viewmat K size [background], and for "
+                   "flow means_t2 quats_t2 scales_t2 [viewmat_t2]; cotangents v_rgb v_alpha "
+                   "v_depth v_flow")
       ->required();
   command->add_option("-o,--output", flags->output, "The .npz that is written")->required();
   command->add_option("--transport", flags->transport,
@@ -35,8 +36,9 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
                     "No flow gradient to the geometry at t1");
   command->add_option("--near", flags->splat.near_plane,
                       "Gaussians nearer than this are not drawn [scene units]");
-  command->add_option("--lanes", flags->lanes,
-                      "Pixels a work-item: 16, 8, 4, or 1 as on GPUs; 0: what suits the device")
+  command
+      ->add_option("--lanes", flags->lanes,
+                   "Pixels a work-item: 16, 8, 4, or 1 as on GPUs; 0: what suits the device")
       ->check(CLI::IsMember({0, 1, 4, 8, 16}));
   command->callback([flags, &options] {
     flags->splat.settings.transport = transport_named(flags->transport);

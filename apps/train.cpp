@@ -26,9 +26,8 @@ struct TrainFlags {
 void print_timings(Queue& queue) {
   std::vector<std::pair<std::string, KernelTiming>> rows(queue.timings().begin(),
                                                          queue.timings().end());
-  std::sort(rows.begin(), rows.end(), [](const auto& a, const auto& b) {
-    return a.second.total_ms > b.second.total_ms;
-  });
+  std::sort(rows.begin(), rows.end(),
+            [](const auto& a, const auto& b) { return a.second.total_ms > b.second.total_ms; });
   fmt::print("{:<22} {:>9} {:>12} {:>10}\n", "kernel", "launches", "total [ms]", "each [ms]");
   for (const auto& [name, t] : rows)
     fmt::print("{:<22} {:>9} {:>12.1f} {:>10.3f}\n", name, t.count, t.total_ms,
@@ -53,7 +52,7 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   QueueOptions queue_options;
   queue_options.profile = flags.profile;
   Queue queue = open_queue(device, queue_options);
-  const RunFolder run = RunFolder::create(flags.run);
+  const RunFolder run(flags.run);
   const Evaluation evaluation = train_run(queue, config, run, options.quiet);
   print_report(evaluation);
   fmt::print("model     {}\n", run.latest_model());
@@ -68,8 +67,10 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<TrainFlags>();
   CLI::App* command = app.add_subcommand(
       "train", "Train a scene: cameras and video in, a moving splat and its evaluation out");
-  command->add_option("SCENE", flags->scene, "Folder of the scene: D-NeRF/Blender, N3V, "
-                                             "Consistent4D or COLMAP")
+  command
+      ->add_option("SCENE", flags->scene,
+                   "Folder of the scene: D-NeRF/Blender, N3V, "
+                   "Consistent4D or COLMAP")
       ->required();
   command->add_option("-o,--output", flags->run, "Run folder that is written")->required();
   command->add_option("--config", flags->config_file, "Settings in a TOML file")

@@ -34,6 +34,7 @@ kernel void adam_step(const uint rows, const uint width, const AdamStep step, co
                       global const float* restrict corrections,  // [table_size, 2] by step count
                       global const uint* restrict seen,          // [rows]
                       global const uint* restrict steps,         // [rows] from 1
+                      global const float* restrict pace,         // [rows] multiplies the rate
                       global const float* restrict grads,        // [rows, width]
                       global float* restrict values,             // [rows, width]
                       global float* restrict exp_avg,            // [rows, width]
@@ -46,7 +47,8 @@ kernel void adam_step(const uint rows, const uint width, const AdamStep step, co
   const size_t begin = row * width, end = begin + width;
 #endif
   if (row >= rows || seen[row] == 0) return;
-  const float2 correction = vload2(min(steps[row], table_size - 1), corrections);
+  float2 correction = vload2(min(steps[row], table_size - 1), corrections);
+  correction.x *= pace[row];
   for (size_t i = begin; i < end; ++i) {
     AdamState s;
     s.value = values[i];

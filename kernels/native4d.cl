@@ -130,3 +130,15 @@ kernel void native4d_split(const uint n, const uint seed, const float split_scal
   const float half_opacity = clamp(1.f - sqrt(1.f - opacity), 1e-4f, 0.999f);
   logit_opacities[i] = log(half_opacity / (1.f - half_opacity));
 }
+
+// How much faster a Gaussian should learn that is seen in a part of the video only: Adam here skips
+// what is not seen, so without this it would move as much less as it is seen less.
+// pace = (length of the video / time it is seen)^power, at least 1 and at most `most`.
+kernel void native4d_pace(const uint n, const float duration, const float power, const float most,
+                          global const float* restrict log_scales,  // [N, 4]
+                          global float* restrict pace) {            // [N]
+  const uint i = get_global_id(0);
+  if (i >= n) return;
+  const float seen = 4.9f * exp(log_scales[4 * i + 3]);  // temporal weight above 1/20
+  pace[i] = clamp(pow(duration / seen, power), 1.f, most);
+}

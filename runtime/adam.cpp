@@ -63,7 +63,10 @@ ParameterGroup::ParameterGroup(Queue& queue, const std::string& name, size_t row
 RowState::RowState(Queue& queue, size_t rows)
     : seen(no_rows(queue, rows, "seen")),
       steps(no_rows(queue, rows, "steps")),
-      refused(no_rows(queue, rows, "refused")) {}
+      refused(no_rows(queue, rows, "refused")),
+      pace(queue, rows, "pace") {
+  pace.fill(queue, 1.f);
+}
 
 Adam::Adam(Queue& queue, const AdamConfig& config)
     : config_(config),
@@ -90,7 +93,7 @@ void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, size
   const AdamStep step{config_.beta1, config_.beta2, rate.lr, rate.epsilon};
   adam_step_(queue, Range::over(flat_ ? rows * group.width : rows), cl_uint(rows),
              cl_uint(group.width), step, cl_uint(table_size), corrections_, state.seen, state.steps,
-             group.grads, group.values, group.exp_avg, group.exp_avg_sq);
+             state.pace, group.grads, group.values, group.exp_avg, group.exp_avg_sq);
 }
 
 }  // namespace gflow

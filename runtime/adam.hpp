@@ -37,6 +37,7 @@ struct RowState {
   Buffer<cl_uint> seen;                 // 0: the row is not touched in this training step
   Buffer<cl_uint> steps;                // steps the row has made
   Buffer<cl_uint> refused;              // 1: had a gradient that Adam cannot take; never reset here
+  Buffer<float> pace;                   // multiplies the row's learning rates; 1 unless changed
 };
 
 // A training step is: refuse() for every group, advance() once, step() for every group.
@@ -60,7 +61,7 @@ class Adam {
   Kernel<cl_uint, cl_uint, In<float>, Out<cl_uint>, Out<cl_uint>> adam_refuse_;
   Kernel<cl_uint, In<cl_uint>, Out<cl_uint>> adam_advance_;
   Kernel<cl_uint, cl_uint, AdamStep, cl_uint, In<float>, In<cl_uint>, In<cl_uint>, In<float>,
-         Out<float>, Out<float>, Out<float>>
+         In<float>, Out<float>, Out<float>, Out<float>>
       adam_step_;
   Buffer<float> corrections_;  // [table, 2] by step count
 };

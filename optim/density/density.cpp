@@ -40,8 +40,9 @@ void Density::refine(Queue& queue, Parameters& p, Motion& motion, const DensityR
   order_.ensure(queue, n);
   density_rank_(queue, Range::over(n), n, rule.grad_threshold,
                 std::log(rule.min_opacity / (1 - rule.min_opacity)), std::log(rule.max_scale),
-                rule.split.duration, std::sqrt(-2 * std::log(rule.cutoff)), p["logit_opacities"].values,
-                p["log_scales"].values, p["means_t"].values, pull_, views_, copies_, keys_, order_);
+                rule.split.duration, std::sqrt(-2 * std::log(rule.cutoff)),
+                p["logit_opacities"].values, p["log_scales"].values, p["means_t"].values, pull_,
+                views_, copies_, keys_, order_);
   sort_.sort(queue, keys_, order_, n);
   const cl_uint allowed = rule.cap > n ? cl_uint(rule.cap - n) : 0;
   density_grow_(queue, Range::over(n), n, allowed, keys_, order_, copies_);
@@ -64,6 +65,9 @@ void Density::refine(Queue& queue, Parameters& p, Motion& motion, const DensityR
   }
   rows_gather_counts_(queue, Range::over(count), m, source_, child_, p.rows.steps,
                       fresh.rows.steps);
+  rows_gather_counts_(queue, Range::over(count), m, source_, child_, p.rows.refused,
+                      fresh.rows.refused);
+  rows_gather_(queue, Range::over(count), m, 1, 0, source_, child_, p.rows.pace, fresh.rows.pace);
   p = std::move(fresh);
   motion.split(queue, p, child_, rule.split, seed);
   forget(queue, count);

@@ -47,7 +47,8 @@ class Density {
   RadixSort sort_;
   size_t count_ = 0;  // rows the evidence is about
   Buffer<float> pull_{"pull"};
-  Buffer<cl_uint> views_{"views"}, copies_{"copies"}, keys_{"density keys"}, order_{"density order"};
+  Buffer<cl_uint> views_{"views"}, copies_{"copies"}, keys_{"density keys"},
+      order_{"density order"};
   Buffer<cl_uint> offsets_{"offsets"}, source_{"source"}, child_{"child"};
 };
 

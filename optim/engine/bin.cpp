@@ -47,9 +47,10 @@ void Bin::build(Queue& queue, int width, int height, Splats& splats, Tiles& tile
 
   const uint64_t total = scan_.total(queue);
   if (total >= (uint64_t(1) << 31))
-    throw Error(fmt::format("binning {} splats into {} tiles gives {} intersections, more than 2^31:"
-                            " render a smaller picture or fewer, smaller Gaussians",
-                            n, count, total));
+    throw Error(
+        fmt::format("binning {} splats into {} tiles gives {} intersections, more than 2^31:"
+                    " render a smaller picture or fewer, smaller Gaussians",
+                    n, count, total));
   tiles.intersections = size_t(total);
   tiles.isect_ids.ensure(queue, total);
   tiles.isect_slots.ensure(queue, total);

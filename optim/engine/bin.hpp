@@ -9,13 +9,13 @@ namespace gflow {
 // A tile t's splats are isect_ids[tile_offsets[t] .. tile_offsets[t + 1]), nearest first. The
 // intersections of Gaussian i have the slots slot_offsets[i] .. slot_offsets[i + 1].
 struct Tiles {
-  cl_uint x = 0, y = 0;                            // tiles across and down
-  size_t intersections = 0;                        // M
-  Buffer<cl_uint> slot_offsets{"slot_offsets"};    // [N + 1]
-  Buffer<cl_uint> tile_offsets{"tile_offsets"};    // [tiles + 1]
-  Buffer<cl_uint> isect_ids{"isect_ids"};          // [M]
-  Buffer<cl_uint> isect_slots{"isect_slots"};      // [M]
-  Buffer<cl_ushort> masks{"masks"};                // [M] one bit a 4x4 cell
+  cl_uint x = 0, y = 0;                          // tiles across and down
+  size_t intersections = 0;                      // M
+  Buffer<cl_uint> slot_offsets{"slot_offsets"};  // [N + 1]
+  Buffer<cl_uint> tile_offsets{"tile_offsets"};  // [tiles + 1]
+  Buffer<cl_uint> isect_ids{"isect_ids"};        // [M]
+  Buffer<cl_uint> isect_slots{"isect_slots"};    // [M]
+  Buffer<cl_ushort> masks{"masks"};              // [M] one bit a 4x4 cell
   size_t count() const { return size_t(x) * y; }
 };
 

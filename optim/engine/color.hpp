@@ -22,8 +22,8 @@ class Color {
   void forward(Queue& queue, const Parameters& p, int degree, const PinholeCamera& camera,
                const GaussiansAt& gaussians, Buffer<float>& colors) {
     colors.ensure(queue, 3 * p.count);
-    sh_fwd_(queue, Range::over(p.count), cl_uint(p.count), degree, stride_, camera,
-            gaussians.means, gaussians.opacities, p["sh0"].values, p["sh_rest"].values, colors);
+    sh_fwd_(queue, Range::over(p.count), cl_uint(p.count), degree, stride_, camera, gaussians.means,
+            gaussians.opacities, p["sh0"].values, p["sh_rest"].values, colors);
   }
 
   // From v.v_colors to the groups' gradients and to v.v_means (the view direction depends on the
@@ -31,9 +31,9 @@ class Color {
   void backward(Queue& queue, Parameters& p, int degree, const PinholeCamera& camera,
                 const GaussiansAt& gaussians, const Buffer<cl_uint>& tiles_touched,
                 GaussianGradients& v) {
-    sh_bwd_(queue, Range::over(p.count), cl_uint(p.count), degree, stride_, camera,
-            gaussians.means, p["sh0"].values, p["sh_rest"].values, tiles_touched, p.rows.seen,
-            v.v_colors, p["sh0"].grads, p["sh_rest"].grads, v.v_means);
+    sh_bwd_(queue, Range::over(p.count), cl_uint(p.count), degree, stride_, camera, gaussians.means,
+            p["sh0"].values, p["sh_rest"].values, tiles_touched, p.rows.seen, v.v_colors,
+            p["sh0"].grads, p["sh_rest"].grads, v.v_means);
   }
 
  private:

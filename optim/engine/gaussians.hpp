@@ -47,7 +47,7 @@ struct Images {
   Buffer<float> alpha{"alpha"};  // [H, W] sum of weights
   Buffer<float> depth{"depth"};  // [H, W] sum of weight x depth; with Channels::depth
   Buffer<float> flow{"flow"};    // [2, H, W] sum w f / sum w [px], 0 where nothing is drawn
-  Buffer<float> flow_weight{"flow_weight"};  // [H, W] with top_k only
+  Buffer<float> flow_weight{"flow_weight"};      // [H, W] with top_k only
   Buffer<float> transmittance{"transmittance"};  // [H, W] what passes through all splats
 };
 

@@ -26,8 +26,8 @@ void Project::forward(Queue& queue, const View& view, const GaussiansAt& at_t1,
 }
 
 void Project::backward(Queue& queue, const View& view, const GaussiansAt& at_t1,
-                       const GaussiansAt& at_t2, const Splats& splats,
-                       const Buffer<float>& moments, GaussianGradients& gradients) {
+                       const GaussiansAt& at_t2, const Splats& splats, const Buffer<float>& moments,
+                       GaussianGradients& gradients) {
   const size_t n = splats.count;
   gradients.ensure(queue, n);
   project_bwd_(queue, Range::over(n), cl_uint(n), view.camera, view.camera_t2, at_t1.means,

@@ -10,12 +10,12 @@ namespace gflow {
 
 // Splats and where they lie, an entry a Gaussian. tiles_touched = 0: not seen.
 struct Splats {
-  size_t count = 0;                                  // N
-  Buffer<float> records{"splats"};                   // [N, 16] shared/pixel.h
-  Buffer<cl_ushort> tile_boxes{"tile_boxes"};        // [N, 4] first x, first y, last x, last y
-  Buffer<cl_uint> tiles_touched{"tiles_touched"};    // [N]
-  Buffer<cl_uint> depth_keys{"depth_keys"};          // [N] sorted by binning
-  Buffer<cl_uint> depth_order{"depth_order"};        // [N] Gaussians, then sorted alike
+  size_t count = 0;                                // N
+  Buffer<float> records{"splats"};                 // [N, 16] shared/pixel.h
+  Buffer<cl_ushort> tile_boxes{"tile_boxes"};      // [N, 4] first x, first y, last x, last y
+  Buffer<cl_uint> tiles_touched{"tiles_touched"};  // [N]
+  Buffer<cl_uint> depth_keys{"depth_keys"};        // [N] sorted by binning
+  Buffer<cl_uint> depth_order{"depth_order"};      // [N] Gaussians, then sorted alike
 };
 
 // What is looked at: the camera at t1 and, for flow, at t2 (the same one when it stands still).
@@ -35,12 +35,12 @@ class Project {
 
  private:
   Program program_;
-  Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
-         Out<float>, Out<cl_ushort>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
+  Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
+         In<float>, In<float>, Out<float>, Out<cl_ushort>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
       project_fwd_;
-  Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
-         In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
-         Out<float>, Out<float>>
+  Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
+         In<float>, In<float>, In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>,
+         Out<float>, Out<float>, Out<float>, Out<float>>
       project_bwd_;
 };
 

@@ -51,8 +51,8 @@ void Splatting::backward(Queue& queue, const Splats& splats, const Tiles& tiles,
   moments.ensure(queue, MOMENTS * splats.count);
   splat_bwd_(queue, tile_groups(tiles, lanes_), images.width, images.height, splats.records,
              tiles.tile_offsets, tiles.isect_ids, tiles.isect_slots, tiles.masks, images.rgb,
-             images.alpha, images.depth, images.flow, images.flow_weight, images.transmittance, v.v_rgb, v.v_alpha,
-             v.v_depth, v.v_flow, partials);
+             images.alpha, images.depth, images.flow, images.flow_weight, images.transmittance,
+             v.v_rgb, v.v_alpha, v.v_depth, v.v_flow, partials);
   gather_(queue, Range::over(splats.count), cl_uint(splats.count), tiles.slot_offsets, partials,
           moments);
 }

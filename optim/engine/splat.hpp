@@ -26,9 +26,9 @@ class Splatting {
   Kernel<cl_int, cl_int, cl_float, cl_float, cl_float, In<float>, In<cl_uint>, In<cl_uint>,
          In<cl_ushort>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>
       splat_fwd_;
-  Kernel<cl_int, cl_int, In<float>, In<cl_uint>, In<cl_uint>, In<cl_uint>, In<cl_ushort>,
+  Kernel<cl_int, cl_int, In<float>, In<cl_uint>, In<cl_uint>, In<cl_uint>, In<cl_ushort>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, Out<float>>
+         In<float>, Out<float>>
       splat_bwd_;
   Kernel<cl_uint, In<cl_uint>, In<float>, Out<float>> gather_;
 };

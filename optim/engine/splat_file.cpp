@@ -28,7 +28,7 @@ std::vector<float> floats_or(const Arrays& input, const std::string& key, const 
 }
 
 PinholeCamera camera_of(const std::vector<float>& viewmat, const std::vector<float>& K, int width,
-                 int height, float near_plane) {
+                        int height, float near_plane) {
   PinholeCamera camera{};
   for (int row = 0; row < 3; ++row) {
     for (int col = 0; col < 3; ++col) camera.rotation[3 * row + col] = viewmat[4 * row + col];
@@ -77,8 +77,9 @@ Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& optio
                 size.shape_text());
   const int width = size.as_int()[0], height = size.as_int()[1];
   if (width < 1 || height < 1 || width > 65535 || height > 65535)
-    throw Error(fmt::format("reading {}: array 'size' says {} x {} pixels, each should be 1 to 65535",
-                            name, width, height));
+    throw Error(
+        fmt::format("reading {}: array 'size' says {} x {} pixels, each should be 1 to 65535", name,
+                    width, height));
   const size_t w = size_t(width), h = size_t(height);
   const Array& means = array_named(input, "means", name);
   const size_t n = means.shape.empty() ? 0 : means.shape[0];

@@ -34,6 +34,10 @@ class Motion {
                         const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                         const Buffer<float>& v_factors, const Buffer<float>& v_opacities) = 0;
 
+  // Sets parameters.rows.pace: (length of the video / time a Gaussian is seen)^power, in [1, most].
+  virtual void set_pace(Queue& queue, Parameters& parameters, float duration, float power,
+                        float most) = 0;
+
   // Makes two different Gaussians of two equal rows: child [N] is 1 or 2 for such rows, 0 for the
   // others. Repeatable for a seed.
   virtual void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,

@@ -8,7 +8,8 @@ Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
       program_(queue, "native4d.cl"),
       native4d_fwd_(program_, "native4d_fwd"),
       native4d_bwd_(program_, "native4d_bwd"),
-      native4d_split_(program_, "native4d_split") {}
+      native4d_split_(program_, "native4d_split"),
+      native4d_pace_(program_, "native4d_pace") {}
 
 std::vector<GroupSpec> Native4dMotion::groups() const {
   return {{"means", 3},   {"means_t", 1},    {"quats", 4},
@@ -28,11 +29,16 @@ void Native4dMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                               const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                               const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
   native4d_bwd_(queue, Range::over(p.count), cl_uint(p.count), t, int(first), p["means"].values,
-                p["means_t"].values, p["quats"].values, p["quats_r"].values,
-                p["log_scales"].values, p["logit_opacities"].values, tiles_touched, v_means,
-                v_factors, v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads,
-                p["quats"].grads, p["quats_r"].grads, p["log_scales"].grads,
-                p["logit_opacities"].grads);
+                p["means_t"].values, p["quats"].values, p["quats_r"].values, p["log_scales"].values,
+                p["logit_opacities"].values, tiles_touched, v_means, v_factors, v_opacities,
+                p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads,
+                p["quats_r"].grads, p["log_scales"].grads, p["logit_opacities"].grads);
+}
+
+void Native4dMotion::set_pace(Queue& queue, Parameters& p, float duration, float power,
+                              float most) {
+  native4d_pace_(queue, Range::over(p.count), cl_uint(p.count), duration, power, most,
+                 p["log_scales"].values, p.rows.pace);
 }
 
 void Native4dMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,

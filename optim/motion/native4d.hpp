@@ -17,14 +17,16 @@ class Native4dMotion : public Motion {
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities) override;
+  void set_pace(Queue& queue, Parameters& parameters, float duration, float power,
+                float most) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;
 
  private:
   float cutoff_;
   Program program_;
-  Kernel<cl_uint, cl_float, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_float, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>, In<float>,
+         In<float>, Out<float>, Out<float>, Out<float>>
       native4d_fwd_;
   Kernel<cl_uint, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<cl_uint>, In<float>, In<float>, In<float>, Out<cl_uint>, Out<float>,
@@ -33,6 +35,7 @@ class Native4dMotion : public Motion {
   Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_float, cl_float, In<cl_uint>, Out<float>,
          Out<float>, In<float>, In<float>, Out<float>, Out<float>>
       native4d_split_;
+  Kernel<cl_uint, cl_float, cl_float, cl_float, In<float>, Out<float>> native4d_pace_;
 };
 
 }  // namespace gflow

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// All arrays that training changes, by name: one row a Gaussian, one group an array. Losses, density
-// control, files and Adam go over the groups and need not know the motion model.
+// All arrays that training changes, by name: one row a Gaussian, one group an array. Losses,
+// density control, files and Adam go over the groups and need not know the motion model.
 #pragma once
 #include <string>
 #include <vector>

@@ -7,9 +7,10 @@
 namespace gflow {
 namespace {
 
-constexpr int kChange = 20;      // grey levels from the usual colour that count as change
-constexpr int kMargin = 12;      // [px] around what changes: SSIM's window and a little more
-constexpr size_t kNoise = 8;     // fewer changed pixels than this are noise
+constexpr int kChange = 20;       // grey levels from the usual colour that count as change
+constexpr int kMargin = 12;       // [px] around what changes: SSIM's window and a little more
+constexpr size_t kMedianOf = 25;  // pictures the usual one is made of
+constexpr size_t kNoise = 8;      // fewer changed pixels than this are noise
 
 // Median over time, a channel of a pixel at a time.
 std::vector<uint8_t> median_picture(const std::vector<std::shared_ptr<const Image>>& pictures) {
@@ -20,24 +21,6 @@ std::vector<uint8_t> median_picture(const std::vector<std::shared_ptr<const Imag
     median[i] = values[values.size() / 2];
   }
   return median;
-}
-
-// Changed pixels, grown by one pixel: a hull made of them must not lose the rim.
-std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t>& median) {
-  const int w = picture.width, h = picture.height;
-  std::vector<uint8_t> mask(size_t(w) * size_t(h));
-  for (int y = 0; y < h; ++y)
-    for (int x = 0; x < w; ++x) {
-      const size_t i = 3 * (size_t(y) * size_t(w) + size_t(x));
-      int most = 0;
-      for (size_t c = 0; c < 3; ++c)
-        most = std::max(most, std::abs(int(picture.pixels[i + c]) - int(median[i + c])));
-      if (most < kChange) continue;
-      for (int v = std::max(0, y - 1); v <= std::min(h - 1, y + 1); ++v)
-        for (int u = std::max(0, x - 1); u <= std::min(w - 1, x + 1); ++u)
-          mask[size_t(v) * size_t(w) + size_t(u)] = 1;
-    }
-  return mask;
 }
 
 // [low, low + size) with the margin, a multiple of 16 long, inside [0, length).
@@ -71,17 +54,33 @@ Rect around(const std::vector<uint8_t>& mask, int width, int height, uint8_t abo
 
 }  // namespace
 
+std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t>& usual) {
+  const int w = picture.width, h = picture.height;
+  std::vector<uint8_t> mask(size_t(w) * size_t(h));
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      const size_t i = 3 * (size_t(y) * size_t(w) + size_t(x));
+      int most = 0;
+      for (size_t c = 0; c < 3; ++c)
+        most = std::max(most, std::abs(int(picture.pixels[i + c]) - int(usual[i + c])));
+      if (most < kChange) continue;
+      for (int v = std::max(0, y - 1); v <= std::min(h - 1, y + 1); ++v)
+        for (int u = std::max(0, x - 1); u <= std::min(w - 1, x + 1); ++u)
+          mask[size_t(v) * size_t(w) + size_t(u)] = 1;
+    }
+  return mask;
+}
+
 std::vector<Watcher> watchers_of(const Scene& scene, FrameStore& store) {
   std::map<int, std::vector<const Frame*>> by_camera;
   for (const Frame& frame : scene.train) by_camera[frame.camera].push_back(&frame);
   std::vector<Watcher> watchers;
   for (auto& [camera, frames] : by_camera) {
     if (frames.size() < 4) continue;
-    Watcher w{store.camera(*frames[0]), frames, {}, {}};
-    for (const Frame* frame : frames) w.pictures.push_back(store.rgb(*frame));
-    const std::vector<uint8_t> median = median_picture(w.pictures);
-    for (const auto& picture : w.pictures) w.changed.push_back(change_mask(*picture, median));
-    watchers.push_back(std::move(w));
+    const size_t stride = (frames.size() + kMedianOf - 1) / kMedianOf;
+    std::vector<std::shared_ptr<const Image>> pictures;
+    for (size_t i = 0; i < frames.size(); i += stride) pictures.push_back(store.rgb(*frames[i]));
+    watchers.push_back({store.camera(*frames[0]), frames, median_picture(pictures)});
   }
   return watchers;
 }
@@ -100,7 +99,8 @@ std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
   for (const Watcher& watcher : watchers)
     for (size_t i = 0; i < watcher.frames.size(); ++i)
       parts[size_t(watcher.frames[i] - scene.train.data())] =
-          around(watcher.changed[i], watcher.camera.width, watcher.camera.height, 0);
+          around(change_mask(*store.rgb(*watcher.frames[i]), watcher.usual), watcher.camera.width,
+                 watcher.camera.height, 0);
   return parts;
 }
 

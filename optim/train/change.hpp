@@ -14,21 +14,23 @@ namespace gflow {
 struct Watcher {
   Camera camera;
   std::vector<const Frame*> frames;  // by time
-  std::vector<std::shared_ptr<const Image>> pictures;
-  std::vector<std::vector<uint8_t>> changed;  // [H, W] a frame: 1 where it differs from the median
+  std::vector<uint8_t> usual;        // [H, W, 3] median over at most 25 of them
 };
 
-// The cameras of scene.train that stand still over at least four steps. Holds all their pictures.
+// The cameras of scene.train that stand still over at least four steps.
 std::vector<Watcher> watchers_of(const Scene& scene, FrameStore& store);
+
+// [H, W] 1 where a picture of the watcher differs from the usual by more than noise, or next to it.
+std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t>& usual);
 
 // A part of a picture [px].
 struct Rect {
   int x = 0, y = 0, width = 0, height = 0;
 };
 
-// The part of each training frame worth a closer look, with a margin: around what changes at a fixed
-// camera, or around what is not transparent. The whole picture where neither is known; empty where
-// nothing changes. Sides are multiples of 16 where the picture allows it.
+// The part of each training frame worth a closer look, with a margin: around what changes at a
+// fixed camera, or around what is not transparent. The whole picture where neither is known; empty
+// where nothing changes. Sides are multiples of 16 where the picture allows it.
 std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
                                     const std::vector<Watcher>& watchers);
 

@@ -187,6 +187,7 @@ struct FlowConfig {
   bool detach_t1 = false;
   float robust_px = 0.5f;
   int start = 0;
+  int max_gap = 2;
   bool confidence = true;
 
   template <class Self, class Field>
@@ -205,6 +206,8 @@ struct FlowConfig {
     field("robust_px", self.robust_px,
           "knee of the robust norm: quadratic below, linear above [px]", above(0));
     field("start", self.start, "first step with the flow loss", at_least(0));
+    field("max_gap", self.max_gap, "frames further apart than this are not compared [time steps]",
+          at_least(1));
     field("confidence", self.confidence, "drop flow that fails the forward-backward check");
   }
 };
@@ -220,6 +223,8 @@ struct LearningRates {
   float scale_t = 5e-3f;
   float quats = 1e-3f;
   float quats_final = 1e-4f;
+  float pace = 0.5f;
+  float pace_most = 8;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -236,6 +241,10 @@ struct LearningRates {
     field("quats", self.quats, "both quaternions of the 4D rotation, at the first step",
           at_least(0));
     field("quats_final", self.quats_final, "at the last step, reached exponentially", above(0));
+    field("pace", self.pace,
+          "rates grow with (length of the video / time a Gaussian is seen) to this power; 0: not",
+          between(0, 1));
+    field("pace_most", self.pace_most, "but at most so many times", at_least(1));
   }
 };
 

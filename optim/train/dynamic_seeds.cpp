@@ -47,10 +47,11 @@ long pixel_of(const Camera& camera, const Eigen::Vector3d& point) {
 // What the cameras of one step say.
 struct StepViews {
   std::vector<const Camera*> cameras;
-  std::vector<const Image*> pictures;
-  std::vector<const std::vector<uint8_t>*> changed;
+  std::vector<std::shared_ptr<const Image>> pictures;
+  std::vector<std::vector<uint8_t>> changed;
   std::vector<std::shared_ptr<const TeacherFlow>> flows;  // null where there is none
-  double flow_time = 0;  // length of the flow's step, in videos
+  double time = 0;                                        // of the step, in [0, 1]
+  double flow_time = 0;                                   // length of the flow's step, in videos
 };
 
 // Whether every camera that has the point in view sees change there, and enough have it in view;
@@ -61,7 +62,7 @@ bool inside_hull(const StepViews& views, const Eigen::Vector3d& point, std::arra
   for (size_t c = 0; c < views.cameras.size(); ++c) {
     const long at = pixel_of(*views.cameras[c], point);
     if (at < 0) continue;
-    if (!(*views.changed[c])[size_t(at)]) return false;
+    if (!views.changed[c][size_t(at)]) return false;
     ++seen;
     for (size_t k = 0; k < 3; ++k) sum[k] += views.pictures[c]->pixels[3 * size_t(at) + k];
   }
@@ -110,7 +111,7 @@ std::map<const Frame*, size_t> flow_index(const Scene& scene, const std::vector<
 }
 
 StepViews views_at(const std::vector<Watcher>& watchers, int step, const Scene& scene,
-                   const std::vector<FlowPair>& pairs, FlowStore& flows,
+                   FrameStore& frames, const std::vector<FlowPair>& pairs, FlowStore& flows,
                    const std::map<const Frame*, size_t>& flow_of) {
   StepViews views;
   for (const Watcher& watcher : watchers) {
@@ -118,20 +119,20 @@ StepViews views_at(const std::vector<Watcher>& watchers, int step, const Scene& 
     if (k < 0) continue;
     const Frame* frame = watcher.frames[size_t(k)];
     views.cameras.push_back(&watcher.camera);
-    views.pictures.push_back(watcher.pictures[size_t(k)].get());
-    views.changed.push_back(&watcher.changed[size_t(k)]);
+    views.pictures.push_back(frames.rgb(*frame));
+    views.changed.push_back(change_mask(*views.pictures.back(), watcher.usual));
+    views.time = frame->time;
     const auto found = flow_of.find(frame);
     views.flows.push_back(found == flow_of.end() ? nullptr : flows.get(found->second));
     if (found != flow_of.end())
-      views.flow_time =
-          scene.train[size_t(pairs[found->second].next)].time - frame->time;
+      views.flow_time = scene.train[size_t(pairs[found->second].next)].time - frame->time;
   }
   return views;
 }
 
 }  // namespace
 
-Seeds dynamic_seeds(const Scene& scene, const std::vector<Watcher>& watchers,
+Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<Watcher>& watchers,
                     const std::vector<FlowPair>& pairs, FlowStore& flows,
                     const TrainConfig& config) {
   Seeds seeds;
@@ -142,9 +143,8 @@ Seeds dynamic_seeds(const Scene& scene, const std::vector<Watcher>& watchers,
   const size_t wanted = std::max<size_t>(1, size_t(config.init.dynamic) / size_t(scene.steps));
   const uint seed = uint(config.train.seed);
   for (int step = 0; step < scene.steps; ++step) {
-    const StepViews views = views_at(watchers, step, scene, pairs, flows, flow_of);
+    const StepViews views = views_at(watchers, step, scene, frames, pairs, flows, flow_of);
     if (views.cameras.size() < kLeastCameras) continue;
-    const Frame& any = *watchers[0].frames[size_t(std::max(0, frame_at(watchers[0], step)))];
     std::vector<float> xyz;
     for (uint i = 0; i < 500000 && xyz.size() < 3 * wanted; ++i) {
       Eigen::Vector3d point;
@@ -160,7 +160,7 @@ Seeds dynamic_seeds(const Scene& scene, const std::vector<Watcher>& watchers,
         seeds.rgb.push_back(uint8_t(color[size_t(axis)]));
         seeds.velocity.push_back(float(v[axis]));
       }
-      seeds.time.push_back(float(any.time));
+      seeds.time.push_back(float(views.time));
     }
     const std::vector<float> spacing = neighbour_distance(xyz);
     seeds.spacing.insert(seeds.spacing.end(), spacing.begin(), spacing.end());

@@ -21,15 +21,15 @@ struct Seeds {
 };
 
 // About config.init.dynamic seeds, spread evenly over the steps; none where fewer than three fixed
-// cameras see a step, or nothing changes. flows[i] belongs to pairs[i]; both may be empty. Candidates are
-// random in the box around the scene's points. Deterministic for config.train.seed.
-Seeds dynamic_seeds(const Scene& scene, const std::vector<Watcher>& watchers,
+// cameras see a step, or nothing changes. flows[i] belongs to pairs[i]; both may be empty.
+// Candidates are random in the box around the scene's points. Deterministic for config.train.seed.
+Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<Watcher>& watchers,
                     const std::vector<FlowPair>& pairs, FlowStore& flows,
                     const TrainConfig& config);
 
-// The two unit quaternions (w x y z) of a 4D rotation that gives a Gaussian with spatial scale s and
-// temporal scale s_t the velocity v (kernels/shared/native4d.h), or the largest along v that those
-// scales allow.
+// The two unit quaternions (w x y z) of a 4D rotation that gives a Gaussian with spatial scale s
+// and temporal scale s_t the velocity v (kernels/shared/native4d.h), or the largest along v that
+// those scales allow.
 struct QuatPair {
   std::array<float, 4> left, right;
 };

@@ -18,8 +18,8 @@ constexpr double kMoving = 1;  // [px] a pixel counts as dynamic above this
 struct Reference {
   std::vector<float> planes;
   std::vector<uint8_t> known, moving;
-  double time = 0;                // it leads to this time [0, 1]
-  const Frame* next = nullptr;    // the frame it leads to, if there is one
+  double time = 0;              // it leads to this time [0, 1]
+  const Frame* next = nullptr;  // the frame it leads to, if there is one
 };
 
 std::vector<float> planes_of(const FlowField& flow) {
@@ -43,13 +43,13 @@ Reference reference_of(const TeacherFlow& teacher, bool truth) {
   return r;
 }
 
-// For each frame the camera's next one among `frames`, or null.
-std::vector<const Frame*> followers(const std::vector<Frame>& frames) {
+// For each frame the camera's next one among `frames`, or null; no further than max_gap steps.
+std::vector<const Frame*> followers(const std::vector<Frame>& frames, int max_gap) {
   std::vector<const Frame*> next(frames.size(), nullptr);
   for (size_t i = 0; i < frames.size(); ++i)
     for (const Frame& other : frames)
       if (other.camera == frames[i].camera && other.time > frames[i].time &&
-          (!next[i] || other.time < next[i]->time))
+          other.step - frames[i].step <= max_gap && (!next[i] || other.time < next[i]->time))
         next[i] = &other;
   return next;
 }
@@ -82,7 +82,7 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, Frame
   settings.top_k = config.flow.top_k;
   Renderer renderer(queue, settings);
   const float level = config.scene.background == Background::white ? 1.f : 0.f;
-  const std::vector<const Frame*> next = followers(frames);
+  const std::vector<const Frame*> next = followers(frames, config.flow.max_gap);
   Evaluation result;
   result.flow_reference = "none";
   for (size_t i = 0; i < frames.size(); ++i) {
@@ -109,8 +109,7 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, Frame
     shot.background = {level, level, level};
     renderer.forward(queue, model, shot);
     const Images& images = renderer.images();
-    const Picture truth =
-        Picture::from_bytes(camera.width, camera.height, truth_image->pixels);
+    const Picture truth = Picture::from_bytes(camera.width, camera.height, truth_image->pixels);
     const Picture picture =
         Picture::from_planes(camera.width, camera.height, images.rgb.read(queue));
 

@@ -15,21 +15,21 @@ namespace gflow {
 struct ViewFigures {
   std::string name;
   double psnr = 0, ssim = 0;
-  double psnr_dynamic = 0;              // over pixels whose reference flow exceeds 1 px
-  double flow_epe = 0;                  // [px] over pixels where the reference is known
-  double flow_epe_dynamic = 0;          // and exceeds 1 px
-  double teacher_epe_dynamic = 0;       // error of DIS on the same pixels, with a true reference
+  double psnr_dynamic = 0;         // over pixels whose reference flow exceeds 1 px
+  double flow_epe = 0;             // [px] over pixels where the reference is known
+  double flow_epe_dynamic = 0;     // and exceeds 1 px
+  double teacher_epe_dynamic = 0;  // error of DIS on the same pixels, with a true reference
 };
 
 struct Evaluation {
-  ViewFigures mean;          // over the views that have the figure
+  ViewFigures mean;            // over the views that have the figure
   std::string flow_reference;  // "true", "dis" or "none"
   std::vector<ViewFigures> views;
 };
 
-// Judges `frames` (of scene.test, say). The reference flow is the scene's own where it has one, else
-// DIS between the frame and the camera's next one in `frames`, where consistent. `progress` may be
-// empty.
+// Judges `frames` (of scene.test, say). The reference flow is the scene's own where it has one,
+// else DIS between the frame and the camera's next one in `frames`, where consistent. `progress`
+// may be empty.
 Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
                     const std::vector<Frame>& frames, const ProgressCallback& progress);
 

@@ -27,9 +27,8 @@ struct PointAdaptor {
     return false;
   }
 };
-using Tree =
-    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointAdaptor>,
-                                        PointAdaptor, 3, size_t>;
+using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointAdaptor>,
+                                                 PointAdaptor, 3, size_t>;
 
 // The point nearest to all viewing rays, or one `extent` ahead of a single direction.
 Eigen::Vector3d looked_at(const Scene& scene) {
@@ -52,7 +51,7 @@ Eigen::Vector3d looked_at(const Scene& scene) {
 }
 
 // Whether at least nine of ten pictures that have the point in view see it on the object.
-bool on_object(const Scene& scene, FrameStore& frames, const std::vector<const Frame*>& views,
+bool on_object(FrameStore& frames, const std::vector<const Frame*>& views,
                const Eigen::Vector3d& point) {
   size_t seen = 0, inside = 0;
   for (const Frame* frame : views) {
@@ -65,8 +64,38 @@ bool on_object(const Scene& scene, FrameStore& frames, const std::vector<const F
     ++seen;
     inside += alpha->pixels[size_t(at.y()) * size_t(alpha->width) + size_t(at.x())] > 127;
   }
-  (void)scene;
   return seen > 0 && 10 * inside >= 9 * seen;
+}
+
+// At most 40 training frames, spread over time and cameras.
+std::vector<const Frame*> some_views(const Scene& scene) {
+  std::vector<const Frame*> views;
+  const size_t stride = (scene.train.size() + 39) / 40;
+  for (size_t i = 0; i < scene.train.size(); i += stride) views.push_back(&scene.train[i]);
+  return views;
+}
+
+void append(PointCloud& points, const PointCloud& from, size_t i) {
+  points.xyz.insert(points.xyz.end(), &from.xyz[3 * i], &from.xyz[3 * i] + 3);
+  if (!from.rgb.empty())
+    points.rgb.insert(points.rgb.end(), &from.rgb[3 * i], &from.rgb[3 * i] + 3);
+}
+
+// The points that lie on the object, at most `most` of them, evenly chosen.
+PointCloud fitting_points(const Scene& scene, FrameStore& frames, size_t most) {
+  PointCloud kept = scene.points;
+  if (scene.has_alpha) {
+    const std::vector<const Frame*> views = some_views(scene);
+    kept = {};
+    for (size_t i = 0; i < scene.points.size(); ++i) {
+      const float* p = &scene.points.xyz[3 * i];
+      if (on_object(frames, views, {p[0], p[1], p[2]})) append(kept, scene.points, i);
+    }
+  }
+  if (kept.size() <= most) return kept;
+  PointCloud thinned;
+  for (size_t k = 0; k < most; ++k) append(thinned, kept, k * kept.size() / most);
+  return thinned;
 }
 
 PointCloud random_points(const Scene& scene, FrameStore& frames, const TrainConfig& config) {
@@ -74,26 +103,24 @@ PointCloud random_points(const Scene& scene, FrameStore& frames, const TrainConf
   const uint seed = uint(config.train.seed);
   const Eigen::Vector3d centre = looked_at(scene);
   const double half = 0.5 * config.init.box * scene.extent;
-  std::vector<const Frame*> views;  // at most 40, spread over time and cameras
-  const size_t stride = std::max<size_t>(1, scene.train.size() / 40);
-  for (size_t i = 0; i < scene.train.size(); i += stride) views.push_back(&scene.train[i]);
-
+  const std::vector<const Frame*> views = some_views(scene);
   PointCloud points;
   const uint tries = uint(std::min<size_t>(100 * count, 4000000));
   for (uint i = 0; i < tries && points.size() < count; ++i) {
     Eigen::Vector3d p;
     for (uint axis = 0; axis < 3; ++axis)
       p[axis] = centre[axis] + half * (2 * random_uniform(seed, kPosition + axis, i) - 1);
-    if (scene.has_alpha && !on_object(scene, frames, views, p)) continue;
+    if (scene.has_alpha && !on_object(frames, views, p)) continue;
     for (uint axis = 0; axis < 3; ++axis) {
       points.xyz.push_back(float(p[axis]));
       points.rgb.push_back(uint8_t(255 * random_uniform(seed, kColor + axis, i)));
     }
   }
   if (points.size() == 0)
-    throw Error(fmt::format("no random point of scene {} lies on the object in nine of ten "
-                            "pictures: check its cameras and masks, or give it points3D.ply",
-                            scene.name));
+    throw Error(
+        fmt::format("no random point of scene {} lies on the object in nine of ten "
+                    "pictures: check its cameras and masks, or give it points3D.ply",
+                    scene.name));
   return points;
 }
 
@@ -128,9 +155,13 @@ HostModel initial_model(const Scene& scene, FrameStore& frames,
   if (config.init.from == InitFrom::points && !has_points)
     throw Error("init.from is \"points\", but scene " + scene.name +
                 " has none (points3D.ply or sparse/0/points3D.bin)");
-  const bool use_points = has_points && config.init.from != InitFrom::random;
-  const PointCloud points = use_points ? scene.points : random_points(scene, frames, config);
-  const Seeds seeds = dynamic_seeds(scene, watchers, pairs, flows, config);
+  PointCloud points;
+  if (has_points && config.init.from != InitFrom::random)
+    points = fitting_points(scene, frames, size_t(config.density.cap));
+  // Few of an object's many given points on the object: they were no surface points.
+  if (points.size() < std::min<size_t>(1000, std::max<size_t>(scene.points.size(), 1)))
+    points = random_points(scene, frames, config);
+  const Seeds seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
   const size_t n = points.size(), all = n + seeds.size();
 
   HostModel model;

@@ -46,16 +46,17 @@ std::vector<ColumnBlock> column_blocks(bool moving) {
   return blocks;
 }
 
-const std::map<std::string, size_t> widths{{"means", 3},           {"means_t", 1}, {"quats", 4},
-                                           {"quats_r", 4},         {"log_scales", 4},
-                                           {"logit_opacities", 1}, {"sh0", 3}};
+const std::map<std::string, size_t> widths{
+    {"means", 3},      {"means_t", 1},         {"quats", 4}, {"quats_r", 4},
+    {"log_scales", 4}, {"logit_opacities", 1}, {"sh0", 3}};
 
 int degree_of(size_t rest_columns, const std::string& path) {
   for (int degree = 0; degree <= 3; ++degree)
     if (rest_columns == size_t(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
-  throw Error(fmt::format("reading {}: it has {} f_rest columns; spherical harmonics have 0, 9, 24 "
-                          "or 45",
-                          path, rest_columns));
+  throw Error(
+      fmt::format("reading {}: it has {} f_rest columns; spherical harmonics have 0, 9, 24 "
+                  "or 45",
+                  path, rest_columns));
 }
 
 // A number from a comment "key value", or the default.
@@ -146,9 +147,10 @@ HostModel read_model(const std::string& path) {
     for (size_t c = 0; c < block.names.size(); ++c) {
       const int from = table.column(block.names[c]);
       if (from < 0)
-        throw Error(fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
-                                "Gaussians",
-                                path, block.names[c]));
+        throw Error(
+            fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
+                        "Gaussians",
+                        path, block.names[c]));
       for (size_t i = 0; i < table.rows; ++i)
         values[i * width + block.first + c] = table.values[i * columns + size_t(from)];
     }

@@ -8,8 +8,7 @@ namespace gflow {
 PinholeCamera pinhole(const Camera& camera, float near_plane) {
   PinholeCamera p{};
   for (int row = 0; row < 3; ++row) {
-    for (int col = 0; col < 3; ++col)
-      p.rotation[3 * row + col] = float(camera.viewmat(row, col));
+    for (int col = 0; col < 3; ++col) p.rotation[3 * row + col] = float(camera.viewmat(row, col));
     p.translation[row] = float(camera.viewmat(row, 3));
   }
   p.fx = float(camera.fx);

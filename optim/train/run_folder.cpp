@@ -34,19 +34,24 @@ Json figures_of(const ViewFigures& v) {
 
 }  // namespace
 
-RunFolder RunFolder::create(const std::string& path) {
+void RunFolder::make() const {
   std::error_code problem;
-  fs::create_directories(path, problem);
-  if (problem)
-    throw Error(fmt::format("making the run folder {}: {}", path, problem.message()));
-  return RunFolder(path);
+  fs::create_directories(folder_, problem);
+  if (problem) throw Error(fmt::format("making the run folder {}: {}", folder_, problem.message()));
+}
+
+RunFolder RunFolder::create(const std::string& path) {
+  const RunFolder run(path);
+  run.make();
+  return run;
 }
 
 RunFolder RunFolder::open(const std::string& path) {
   if (!fs::exists(fs::path(path) / "config.toml"))
-    throw Error(fmt::format("{} is no run folder: it has no config.toml, which `gflow train -o {}`"
-                            " writes",
-                            path, path));
+    throw Error(
+        fmt::format("{} is no run folder: it has no config.toml, which `gflow train -o {}`"
+                    " writes",
+                    path, path));
   return RunFolder(path);
 }
 
@@ -60,9 +65,9 @@ std::string RunFolder::latest_model() const {
   if (fs::is_directory(models))
     for (const auto& entry : fs::directory_iterator(models)) {
       const std::string name = entry.path().filename().string();
-      int iteration = -1;
-      if (std::sscanf(name.c_str(), "iteration_%d", &iteration) == 1 &&
-          fs::exists(entry.path() / "point_cloud.ply"))
+      int iteration = -1, length = 0;
+      if (std::sscanf(name.c_str(), "iteration_%d%n", &iteration, &length) == 1 &&
+          size_t(length) == name.size() && fs::exists(entry.path() / "point_cloud.ply"))
         latest = std::max(latest, iteration);
     }
   if (latest < 0)
@@ -112,10 +117,10 @@ void RunFolder::write_cameras(const Scene& scene) const {
 }
 
 void RunFolder::append_metrics(int iteration, double seconds, const StepFigures& f) const {
-  const Json line{{"iteration", iteration}, {"seconds", seconds},
-                  {"loss", number(f.loss)}, {"l1", number(f.l1)},
-                  {"ssim", number(f.ssim)}, {"flow_loss", number(f.flow_loss)},
-                  {"psnr", number(f.psnr)}, {"flow_epe", number(f.epe)},
+  const Json line{{"iteration", iteration},       {"seconds", seconds},
+                  {"loss", number(f.loss)},       {"l1", number(f.l1)},
+                  {"ssim", number(f.ssim)},       {"flow_loss", number(f.flow_loss)},
+                  {"psnr", number(f.psnr)},       {"flow_epe", number(f.epe)},
                   {"num_gaussians", f.gaussians}, {"refused", f.refused}};
   std::ofstream out(path("metrics.jsonl"), iteration == 0 ? std::ios::trunc : std::ios::app);
   out << line.dump() << "\n";
@@ -153,12 +158,15 @@ RunFacts RunFolder::read_facts() const {
   RunFacts facts;
   std::ifstream in(path("training.json"));
   if (!in) return facts;
-  const Json run = Json::parse(in, nullptr, false);
-  if (run.is_discarded() || !run.is_object())
-    throw Error("reading " + path("training.json") + ": it is not JSON; delete it to go on");
-  facts.iterations = run.value("iterations", 0);
-  facts.train_seconds = run.value("train_seconds", 0.0);
-  facts.device = run.value("device", "");
+  try {
+    const Json run = Json::parse(in);
+    facts.iterations = run.value("iterations", 0);
+    facts.train_seconds = run.value("train_seconds", 0.0);
+    facts.device = run.value("device", "");
+  } catch (const Json::exception&) {
+    throw Error("reading " + path("training.json") +
+                ": it is not the JSON that `gflow train` writes; delete it to go on");
+  }
   return facts;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a run leaves behind, and where: config.toml, cameras.json, metrics.jsonl, the model under
-// point_cloud/iteration_N, results.json and per_view.json. Each file appears complete or not at all.
+// point_cloud/iteration_N, results.json and per_view.json. Each file appears complete or not at
+// all.
 #pragma once
 #include <string>
 
@@ -18,10 +19,14 @@ struct RunFacts {
 
 class RunFolder {
  public:
-  // Error when the folder cannot be made.
-  static RunFolder create(const std::string& path);
+  // A folder that need not exist yet.
+  explicit RunFolder(std::string folder) : folder_(std::move(folder)) {}
   // An existing run. Error when it has no config.toml.
   static RunFolder open(const std::string& path);
+
+  // Creates it; Error when it cannot be made.
+  void make() const;
+  static RunFolder create(const std::string& path);  // both
 
   std::string path(const std::string& name) const { return folder_ + "/" + name; }
   std::string model_path(int iteration) const;
@@ -42,7 +47,6 @@ class RunFolder {
   void write_facts(const RunFacts& facts) const;
 
  private:
-  explicit RunFolder(std::string folder) : folder_(std::move(folder)) {}
   std::string folder_;
 };
 

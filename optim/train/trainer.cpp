@@ -30,8 +30,7 @@ void cut(const std::vector<T>& whole, int width, int channels, const Rect& part,
   out.resize(size_t(part.width) * size_t(part.height) * size_t(channels));
   const size_t row = size_t(part.width) * size_t(channels);
   for (int y = 0; y < part.height; ++y) {
-    const auto from =
-        whole.begin() + (long(part.y + y) * width + part.x) * channels;
+    const auto from = whole.begin() + (long(part.y + y) * width + part.x) * channels;
     std::copy(from, from + long(row), out.begin() + long(row) * y);
   }
 }
@@ -185,8 +184,8 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
   renderer_.backward(queue, model_, v_);
   if (config_.density.enabled)
     density_.accumulate(queue, camera.width, camera.height,
-                        renderer_.engine().splats().tiles_touched,
-                        renderer_.gradients().v_means2d, model_.parameters.count);
+                        renderer_.engine().splats().tiles_touched, renderer_.gradients().v_means2d,
+                        model_.parameters.count);
 }
 
 void Trainer::update(Queue& queue, int step) {
@@ -206,6 +205,8 @@ void Trainer::update(Queue& queue, int step) {
   Parameters& p = model_.parameters;
   for (const ParameterGroup& group : p.groups) adam_.refuse(queue, group, p.rows, p.count);
   adam_.advance(queue, p.rows, p.count);
+  if (step % 100 == 0 && lr.pace > 0)  // new Gaussians and changed lifetimes; density control too
+    model_.motion->set_pace(queue, p, model_.shape.duration, lr.pace, lr.pace_most);
   for (size_t g = 0; g < p.groups.size(); ++g) {
     if (p.specs[g].name == "sh_rest" && sh_degree(step) == 0) continue;
     adam_.step(queue, p.groups[g], p.rows, p.count, rates.at(p.specs[g].name));
@@ -225,7 +226,8 @@ void Trainer::refine_if_due(Queue& queue, int step) {
   rule.split.split_scale = d.split_scale * float(scene_.extent);
   rule.split.split_travel = d.split_travel;
   rule.split.duration = model_.shape.duration;
-  rule.split.min_lifetime = d.min_lifetime * model_.shape.duration / float(std::max(scene_.steps, 1));
+  rule.split.min_lifetime =
+      d.min_lifetime * model_.shape.duration / float(std::max(scene_.steps, 1));
   rule.cutoff = model_.shape.cutoff;
   rule.cap = size_t(d.cap);
   density_.refine(queue, model_.parameters, *model_.motion, rule,
@@ -251,8 +253,8 @@ StepFigures Trainer::figures(Queue& queue) {
   const size_t pixels = rgb.size() / 3;
   for (size_t c = 0; c < 3; ++c)
     for (size_t i = 0; i < pixels; ++i) {
-      const double d = std::clamp(double(rgb[c * pixels + i]), 0.0, 1.0) -
-                       picture_part_[3 * i + c] / 255.0;
+      const double d =
+          std::clamp(double(rgb[c * pixels + i]), 0.0, 1.0) - picture_part_[3 * i + c] / 255.0;
       sum += d * d;
     }
   figures.psnr = -10 * std::log10(std::max(sum / double(rgb.size()), 1e-12));

@@ -27,6 +27,16 @@ ProgressCallback counted(Progress& progress, const std::string& doing) {
   };
 }
 
+// Neighbours in time no further apart than max_gap steps: flow over more is a guess.
+std::vector<FlowPair> close_pairs(const Scene& scene, int max_gap) {
+  std::vector<FlowPair> close;
+  for (const FlowPair& pair : neighbour_pairs(scene))
+    if (pair.next < 0 ||
+        scene.train[size_t(pair.next)].step - scene.train[size_t(pair.frame)].step <= max_gap)
+      close.push_back(pair);
+  return close;
+}
+
 FlowStore flows_for(const TrainConfig& config, const LoadedScene& loaded,
                     const std::vector<FlowPair>& pairs, const RunFolder& run, bool quiet) {
   if (!config.flow.enabled || pairs.empty())
@@ -108,8 +118,7 @@ const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string&
   if (split == "test") frames = &scene.test;
   if (split == "val") frames = &scene.val;
   if (!frames) throw Error("there is no split '" + split + "': choose train, test or val");
-  if (frames->empty())
-    throw Error(fmt::format("scene {} has no {} views", scene.name, split));
+  if (frames->empty()) throw Error(fmt::format("scene {} has no {} views", scene.name, split));
   return *frames;
 }
 
@@ -119,12 +128,15 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const Scene& scene = loaded.scene;
   if (scene.train.empty()) throw Error("scene " + scene.name + " has no training views");
+  run.make();
   run.write_config(config);
   run.write_cameras(scene);
-  const std::vector<FlowPair> pairs = neighbour_pairs(scene);
+  const std::vector<FlowPair> pairs = close_pairs(scene, config.flow.max_gap);
   FlowStore flows = flows_for(config, loaded, pairs, run, quiet);
 
-  const std::vector<Watcher> watchers = watchers_of(scene, *loaded.frames);
+  std::vector<Watcher> watchers;
+  if (config.init.dynamic > 0 || config.train.focus > 0)
+    watchers = watchers_of(scene, *loaded.frames);
   const HostModel start_model =
       initial_model(scene, *loaded.frames, watchers, pairs, flows, config);
   write_model(run.path("input.ply"), start_model);
@@ -141,8 +153,8 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
                                   config.train.iterations, run.model_path(steps)));
   if (scene.test.empty()) return {};
   Progress progress("eval ", long(scene.test.size()), quiet);
-  const Evaluation evaluation = evaluate(queue, model, config, *loaded.frames, scene.test,
-                                         counted(progress, "evaluating"));
+  const Evaluation evaluation =
+      evaluate(queue, model, config, *loaded.frames, scene.test, counted(progress, "evaluating"));
   progress.finish();
   run.write_results(evaluation, facts, config, model.parameters.count);
   return evaluation;

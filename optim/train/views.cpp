@@ -19,6 +19,7 @@ namespace {
 
 using Json = nlohmann::json;
 constexpr double same_time = 1e-6;
+constexpr size_t few = 4;  // fewer views of a camera make no video
 
 // A number and nothing else, or NaN.
 double number_in(const std::string& text) {
@@ -185,7 +186,7 @@ std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>
     RenderView view;
     view.name = frame.name;
     view.camera = cameras[size_t(frame.camera)];
-    view.movie = views_of_camera[frame.camera] > 1 ? file_name(view.camera.name) : split;
+    view.movie = views_of_camera[frame.camera] >= few ? file_name(view.camera.name) : split;
     view.time = frame.time;
     view.truth = &frame;
     const bool has_next = i + 1 < frames.size() && frames[i + 1].camera == frame.camera &&
@@ -193,6 +194,10 @@ std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>
     set_flow_target(view, frame, has_next ? &frames[i + 1] : nullptr, interval);
     views.push_back(view);
   }
+  if (std::all_of(views.begin(), views.end(),
+                  [&](const RenderView& view) { return view.movie == split; }))
+    std::stable_sort(views.begin(), views.end(),
+                     [](const RenderView& a, const RenderView& b) { return a.time < b.time; });
   return views;
 }
 

@@ -29,7 +29,8 @@ std::vector<double> step_times(const Scene& scene);
 
 // The frames of a split (scene.test, say). cameras: the scene's, in the size that is drawn. Flow
 // leads to where the true flow does, else to the camera's next frame, else one step on in time. One
-// video a camera; cameras with a single frame share one named `split`.
+// video a camera; cameras with fewer than four frames share one named `split`, and where all do,
+// the views come in the order of time.
 std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>& frames,
                                     const std::vector<Camera>& cameras, const std::string& split);
 

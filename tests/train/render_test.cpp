@@ -144,7 +144,7 @@ TEST(Views, OfACameraHaveThePicturesOfItsFrames) {
   EXPECT_LT(views[2].time_t2, 0);
 }
 
-TEST(Views, CamerasWithASingleFrameShareAMovie) {
+TEST(Views, CamerasWithFewFramesShareAMovie) {
   const Made made;
   std::vector<Frame> frames;
   for (const Frame& frame : made.loaded.scene.train)
