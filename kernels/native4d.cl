@@ -20,8 +20,11 @@ static inline Native4d load_native4d(uint i, global const float* means, global c
   return g;
 }
 
-// ignore_window = 1 keeps every Gaussian (for t2: what is seen at t1 still moves when it fades).
-kernel void native4d_fwd(const uint n, const float t, const float cutoff, const int ignore_window,
+// At the first time of a view: opacity 0, and nothing else written, for those outside their window.
+// At a second time (first = 0): the rows with tiles_touched > 0 only, whether still there or not:
+// what is seen at t1 moves also while it fades.
+kernel void native4d_fwd(const uint n, const float t, const float cutoff, const int first,
+                         global const uint* restrict tiles_touched,     // [N] read if not first
                          global const float* restrict means,            // [N, 3]
                          global const float* restrict means_t,          // [N]
                          global const float* restrict quats,            // [N, 4] ql
@@ -32,11 +35,14 @@ kernel void native4d_fwd(const uint n, const float t, const float cutoff, const 
                          global float* restrict factors_at,             // [N, 3, 3]
                          global float* restrict opacities_at) {         // [N]
   const uint i = get_global_id(0);
-  if (i >= n) return;
+  if (i >= n || (!first && tiles_touched[i] == 0)) return;
   const Native4d g = load_native4d(i, means, means_t, quats, quats_r, log_scales, logit_opacities);
+  if (first && !(marginal_at(g, t) > cutoff)) {
+    opacities_at[i] = 0.f;
+    return;
+  }
   const Slice s = slice_at(g, t);
-  const int there = s.marginal > cutoff || ignore_window;
-  opacities_at[i] = there ? s.opacity : 0.f;
+  opacities_at[i] = s.opacity;
   store3(means_at, i, s.mean);
   store_mat3(factors_at, i, s.factor);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians at t1 (and t2, for flow) to packed splats: the only place that decides what is drawn.
-// tiles_touched[i] = 0 means "not seen"; every later step skips it. One work-item a Gaussian.
+// Gaussians at t1 to packed splats, then their colour and, from t2, their flow: in two kernels, so
+// that colour and t2 need be known for what is seen only. project_fwd decides that:
+// tiles_touched[i] = 0 means "not seen", and every later step skips it. One work-item a Gaussian.
 // Defines: FLOW 0|1, TRANSPORT (shared/transport.h), DETACH_T1 0|1.
 #include "shared/arrays.h"
 #include "shared/transport.h"
@@ -23,18 +24,16 @@ static inline int2 tile_span(float centre, float reach, int pixels) {
   return hi >= lo ? (int2)((int)lo / TILE, (int)hi / TILE) : (int2)(1, 0);
 }
 
-kernel void project_fwd(const uint n, const PinholeCamera camera, const PinholeCamera camera2,
-                        global const float* restrict means,       // [N, 3] world, at t1
-                        global const float* restrict factors,     // [N, 3, 3] covariance = L L^T
-                        global const float* restrict opacities,   // [N] 0: not there at t1
-                        global const float* restrict colors,      // [N, 3]
-                        global const float* restrict means_t2,    // [N, 3]
-                        global const float* restrict factors_t2,  // [N, 3, 3]
-                        global float* restrict splats,            // [N, 16] see shared/pixel.h
-                        global ushort* restrict tile_boxes,       // [N, 4] first x y, last x y
-                        global uint* restrict tiles_touched,      // [N]
-                        global uint* restrict depth_keys,         // [N] monotone in depth
-                        global uint* restrict indices) {          // [N] 0 1 2 ...
+// Where the splats lie and what they cover.
+kernel void project_fwd(const uint n, const PinholeCamera camera,
+                        global const float* restrict means,      // [N, 3] world, at t1
+                        global const float* restrict factors,    // [N, 3, 3] covariance = L L^T
+                        global const float* restrict opacities,  // [N] 0: not there at t1
+                        global float* restrict splats,           // [N, 16] see shared/pixel.h
+                        global ushort* restrict tile_boxes,      // [N, 4] first x y, last x y
+                        global uint* restrict tiles_touched,     // [N]
+                        global uint* restrict depth_keys,        // [N] monotone in depth
+                        global uint* restrict indices) {         // [N] 0 1 2 ...
   const uint i = get_global_id(0);
   if (i >= n) return;
   indices[i] = i;
@@ -46,10 +45,8 @@ kernel void project_fwd(const uint n, const PinholeCamera camera, const PinholeC
   const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
   if (!(p.p.z >= camera.near_plane)) return;
   const Whitening w = whiten(p.m);
-  const float3 c = load3(colors, i);
   const float sum = p.mean.x + p.mean.y + w.k1 + w.k2 + w.k3 + log2_opacity + w.det;
-  // the colour too: 0 x NaN would reach pixels that the splat does not touch
-  if (!is_finite_real(sum) || !is_finite_real(c.x + c.y + c.z)) return;
+  if (!is_finite_real(sum)) return;
 
   // alpha >= 1/255 within |z|^2 <= log2(255 o), an ellipse with half axes sqrt(reach S_xx), ...
   // (scaled z); a hair more than that, so that rounding cannot lose a pixel the pixel test keeps.
@@ -58,12 +55,34 @@ kernel void project_fwd(const uint n, const PinholeCamera camera, const PinholeC
   const int2 y = tile_span(p.mean.y, sqrt(reach * w.s.c), camera.height);
   if (x.x > x.y || y.x > y.y) return;
 
+  const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;
+  vstore4((float4)(p.mean.x, p.mean.y, k.x, k.y), 4 * i, splats);
+  vstore4((float4)(k.z, log2_opacity, p.p.z, 0.f), 4 * i + 1, splats);
+  vstore4((ushort4)(x.x, y.x, x.y, y.y), i, tile_boxes);
+  tiles_touched[i] = (uint)(x.y - x.x + 1) * (uint)(y.y - y.x + 1);
+  depth_keys[i] = as_uint(p.p.z);  // z > 0: the bits are ordered
+}
+
+// Completes the splats that are seen by colour and flow.
+kernel void transport_fwd(const uint n, const PinholeCamera camera, const PinholeCamera camera2,
+                          global const float* restrict means, global const float* restrict factors,
+                          global const float* restrict colors,      // [N, 3]
+                          global const float* restrict means_t2,    // [N, 3]
+                          global const float* restrict factors_t2,  // [N, 3, 3]
+                          global const uint* restrict tiles_touched,
+                          global float* restrict splats) {
+  const uint i = get_global_id(0);
+  if (i >= n || tiles_touched[i] == 0) return;
+  const float3 c = load3(colors, i);
+  // A colour that is not finite must not be drawn: 0 x NaN would reach pixels far off.
+  if (!is_finite_real(c.x + c.y + c.z)) splats[16 * i + 5] = -INFINITY;
   float2 m = (float2)(0.f);
   float4 h = (float4)(0.f);
 #if FLOW
   const Projection p2 = project(camera2, load3(means_t2, i), load_mat3(factors_t2, i));
   if (p2.p.z >= camera.near_plane) {  // behind camera 2 there is no flow to speak of
-    const Mat2 h2 = transport(TRANSPORT, p.m, w, p2.m);
+    const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
+    const Mat2 h2 = transport(TRANSPORT, p.m, whiten(p.m), p2.m);
     m = p2.mean - p.mean;
     h = (float4)(h2.a, h2.b, h2.c, h2.d) * (1.f / SQRT_HALF_LOG2_E);
     if (!is_finite_real(m.x + m.y + h.x + h.y + h.z + h.w)) {
@@ -72,14 +91,9 @@ kernel void project_fwd(const uint n, const PinholeCamera camera, const PinholeC
     }
   }
 #endif
-  const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;
-  vstore4((float4)(p.mean.x, p.mean.y, k.x, k.y), 4 * i, splats);
-  vstore4((float4)(k.z, log2_opacity, p.p.z, m.x), 4 * i + 1, splats);
+  splats[16 * i + 7] = m.x;
   vstore4((float4)(c.x, c.y, c.z, m.y), 4 * i + 2, splats);
   vstore4(h, 4 * i + 3, splats);
-  vstore4((ushort4)(x.x, y.x, x.y, y.y), i, tile_boxes);
-  tiles_touched[i] = (uint)(x.y - x.x + 1) * (uint)(y.y - y.x + 1);
-  depth_keys[i] = as_uint(p.p.z);  // z > 0: the bits are ordered
 }
 
 // From the 16 moments of each splat (kernel gather) back to the Gaussians at both times.

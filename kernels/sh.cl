@@ -25,12 +25,12 @@ static inline real3 sh_sum(ShBasis b, int count, real3 band0, global const float
 // stride: coefficients stored a Gaussian beside the first.
 kernel void sh_fwd(const uint n, const int degree, const int stride, const PinholeCamera camera,
                    global const float* restrict means,      // [N, 3]
-                   global const float* restrict opacities,  // [N] 0: skipped
+                   global const uint* restrict tiles_touched,  // [N] 0: skipped
                    global const float* restrict sh0,        // [N, 3]
                    global const float* restrict sh_rest,    // [N, stride, 3]
                    global float* restrict colors) {         // [N, 3] >= 0
   const uint i = get_global_id(0);
-  if (i >= n || !(opacities[i] > 0.f)) return;
+  if (i >= n || tiles_touched[i] == 0) return;
   const Direction o = direction_to(load3(means, i), camera_centre(camera));
   const int count = (degree + 1) * (degree + 1);
   const real3 c =

@@ -108,6 +108,15 @@ static inline Slice slice_rows(Native4d g, Rows4 p, real t) {
 
 static inline real4 exp4(real4 x) { return make_real4(exp(x.x), exp(x.y), exp(x.z), exp(x.w)); }
 
+// exp(-(t - mu_t)^2 / (2 |p_t|^2)) alone, to know cheaply who is there.
+static inline real marginal_at(Native4d g, real t) {
+  const Frame4 f = frame4(quat_normalize(g.quat).q, quat_normalize(g.quat_r).q);
+  const real4 s = exp4(g.log_scales);
+  const real4 p_t = make_real4(f.x.x * s.x, f.y.x * s.y, f.z.x * s.z, f.t.x * s.w);
+  const real dt = t - g.mean_t;
+  return exp((real)-0.5f * dt * dt / dot(p_t, p_t));
+}
+
 static inline Slice slice_at(Native4d g, real t) {
   const Frame4 f = frame4(quat_normalize(g.quat).q, quat_normalize(g.quat_r).q);
   return slice_rows(g, rows_of(f, exp4(g.log_scales)), t);

@@ -18,12 +18,13 @@ class Color {
 
   std::vector<GroupSpec> groups() const { return {{"sh0", 3}, {"sh_rest", size_t(3 * stride_)}}; }
 
-  // colors [N, 3] with the bands up to `degree`; undefined where the opacity is 0.
+  // colors [N, 3] with the bands up to `degree`, of what is seen; the others are undefined.
   void forward(Queue& queue, const Parameters& p, int degree, const PinholeCamera& camera,
-               const GaussiansAt& gaussians, Buffer<float>& colors) {
+               const GaussiansAt& gaussians, const Buffer<cl_uint>& tiles_touched,
+               Buffer<float>& colors) {
     colors.ensure(queue, 3 * p.count);
     sh_fwd_(queue, Range::over(p.count), cl_uint(p.count), degree, stride_, camera, gaussians.means,
-            gaussians.opacities, p["sh0"].values, p["sh_rest"].values, colors);
+            tiles_touched, p["sh0"].values, p["sh_rest"].values, colors);
   }
 
   // From v.v_colors to the groups' gradients and to v.v_means (the view direction depends on the
@@ -39,7 +40,7 @@ class Color {
  private:
   int stride_;
   Program program_;
-  Kernel<cl_uint, cl_int, cl_int, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
+  Kernel<cl_uint, cl_int, cl_int, PinholeCamera, In<float>, In<cl_uint>, In<float>, In<float>,
          Out<float>>
       sh_fwd_;
   Kernel<cl_uint, cl_int, cl_int, PinholeCamera, In<float>, In<float>, In<float>, In<cl_uint>,

@@ -19,15 +19,18 @@ Engine::Steps& Engine::steps_for(Queue& queue, Channels channels) {
   return *steps;
 }
 
-void Engine::forward(Queue& queue, const View& view, Channels channels,
-                     const std::array<float, 3>& background, const GaussiansAt& at_t1,
-                     const GaussiansAt& at_t2, const Buffer<float>& colors) {
-  Steps& steps = steps_for(queue, channels);
+void Engine::project(Queue& queue, const View& view, Channels channels, const GaussiansAt& at_t1) {
   view_ = view;
   channels_ = channels;
   images_.width = view.camera.width;
   images_.height = view.camera.height;
-  steps.project.forward(queue, view, at_t1, at_t2, colors, splats_);
+  steps_for(queue, channels).project.forward(queue, view, at_t1, splats_);
+}
+
+void Engine::draw(Queue& queue, const std::array<float, 3>& background, const GaussiansAt& at_t1,
+                  const GaussiansAt& at_t2, const Buffer<float>& colors) {
+  Steps& steps = steps_for(queue, channels_);
+  steps.project.complete(queue, view_, at_t1, at_t2, colors, splats_);
   bin_.build(queue, images_.width, images_.height, splats_, tiles_);
   steps.splatting.forward(queue, background, splats_, tiles_, images_);
 }

@@ -14,13 +14,21 @@ class Engine {
   explicit Engine(Queue& queue, const EngineSettings& settings = {});
   ~Engine();
 
-  // Draws what `view` sees. at_t2 is needed with channels.flow, else it may be at_t1 again.
-  // The result stays in images() until the next forward().
+  // Decides what `view` sees of the Gaussians at t1: splats().tiles_touched.
+  void project(Queue& queue, const View& view, Channels channels, const GaussiansAt& at_t1);
+  // Draws it. Of colors and, with channels.flow, at_t2 only the rows that are seen are read;
+  // without flow at_t1 may be passed again. The result stays in images() until the next draw().
+  void draw(Queue& queue, const std::array<float, 3>& background, const GaussiansAt& at_t1,
+            const GaussiansAt& at_t2, const Buffer<float>& colors);
+  // Both, when everything is known beforehand.
   void forward(Queue& queue, const View& view, Channels channels,
                const std::array<float, 3>& background, const GaussiansAt& at_t1,
-               const GaussiansAt& at_t2, const Buffer<float>& colors);
+               const GaussiansAt& at_t2, const Buffer<float>& colors) {
+    project(queue, view, channels, at_t1);
+    draw(queue, background, at_t1, at_t2, colors);
+  }
 
-  // Gradients of sum(images . v) for the last forward(), of which the inputs are given again.
+  // Gradients of sum(images . v) for the last draw(), of which the inputs are given again.
   void backward(Queue& queue, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
                 const ImageGradients& v, GaussianGradients& gradients);
 

@@ -9,10 +9,10 @@ Project::Project(Queue& queue, const EngineSettings& settings, bool flow)
                 {"TRANSPORT", int(settings.transport)},
                 {"DETACH_T1", int(settings.detach_t1)}}),
       project_fwd_(program_, "project_fwd"),
+      transport_fwd_(program_, "transport_fwd"),
       project_bwd_(program_, "project_bwd") {}
 
-void Project::forward(Queue& queue, const View& view, const GaussiansAt& at_t1,
-                      const GaussiansAt& at_t2, const Buffer<float>& colors, Splats& splats) {
+void Project::forward(Queue& queue, const View& view, const GaussiansAt& at_t1, Splats& splats) {
   const size_t n = at_t1.opacities.size();
   splats.count = n;
   splats.records.ensure(queue, SPLAT_FLOATS * n);
@@ -20,9 +20,17 @@ void Project::forward(Queue& queue, const View& view, const GaussiansAt& at_t1,
   splats.tiles_touched.ensure(queue, n);
   splats.depth_keys.ensure(queue, n);
   splats.depth_order.ensure(queue, n);
-  project_fwd_(queue, Range::over(n), cl_uint(n), view.camera, view.camera_t2, at_t1.means,
-               at_t1.factors, at_t1.opacities, colors, at_t2.means, at_t2.factors, splats.records,
-               splats.tile_boxes, splats.tiles_touched, splats.depth_keys, splats.depth_order);
+  project_fwd_(queue, Range::over(n), cl_uint(n), view.camera, at_t1.means, at_t1.factors,
+               at_t1.opacities, splats.records, splats.tile_boxes, splats.tiles_touched,
+               splats.depth_keys, splats.depth_order);
+}
+
+void Project::complete(Queue& queue, const View& view, const GaussiansAt& at_t1,
+                       const GaussiansAt& at_t2, const Buffer<float>& colors, Splats& splats) {
+  const size_t n = splats.count;
+  transport_fwd_(queue, Range::over(n), cl_uint(n), view.camera, view.camera_t2, at_t1.means,
+                 at_t1.factors, colors, at_t2.means, at_t2.factors, splats.tiles_touched,
+                 splats.records);
 }
 
 void Project::backward(Queue& queue, const View& view, const GaussiansAt& at_t1,

@@ -26,18 +26,24 @@ struct View {
 class Project {
  public:
   Project(Queue& queue, const EngineSettings& settings, bool flow);
-  // at_t2 is read only with flow; without, at_t1 may be passed again.
-  void forward(Queue& queue, const View& view, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
-               const Buffer<float>& colors, Splats& splats);
+  // Splats without colour and flow; decides what is seen.
+  void forward(Queue& queue, const View& view, const GaussiansAt& at_t1, Splats& splats);
+  // Adds colour and, with flow, motion for what is seen; nothing else of colors and at_t2 is read.
+  // Without flow at_t1 may be passed for at_t2.
+  void complete(Queue& queue, const View& view, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
+                const Buffer<float>& colors, Splats& splats);
   // moments [N, 16] are what Splatting::backward collected.
   void backward(Queue& queue, const View& view, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
                 const Splats& splats, const Buffer<float>& moments, GaussianGradients& gradients);
 
  private:
   Program program_;
-  Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, Out<float>, Out<cl_ushort>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
+  Kernel<cl_uint, PinholeCamera, In<float>, In<float>, In<float>, Out<float>, Out<cl_ushort>,
+         Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
       project_fwd_;
+  Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
+         In<float>, In<cl_uint>, Out<float>>
+      transport_fwd_;
   Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>,
          Out<float>, Out<float>, Out<float>, Out<float>>

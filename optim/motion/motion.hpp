@@ -22,9 +22,11 @@ class Motion {
   // The arrays this model trains, beside colour.
   virtual std::vector<GroupSpec> groups() const = 0;
 
-  // Gaussians at time t. Those outside their time window have opacity 0, unless `whole_time`:
-  // for the second time of a flow, where what was seen at the first still moves.
-  virtual void at(Queue& queue, const Parameters& parameters, float t, bool whole_time,
+  // Gaussians at time t. With seen = nullptr (the time that is drawn) those outside their time
+  // window have opacity 0 and else undefined rows. Otherwise t is the second time of a flow: rows
+  // with
+  // (*seen)[i] > 0 are set, in their window or not, the others undefined.
+  virtual void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
                   GaussiansAt& gaussians) = 0;
 
   // Gradients of the last loss by the parameters, from those by the Gaussians at time t, for the

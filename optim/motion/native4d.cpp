@@ -16,13 +16,14 @@ std::vector<GroupSpec> Native4dMotion::groups() const {
           {"quats_r", 4}, {"log_scales", 4}, {"logit_opacities", 1}};
 }
 
-void Native4dMotion::at(Queue& queue, const Parameters& p, float t, bool whole_time,
+void Native4dMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
                         GaussiansAt& gaussians) {
   gaussians.ensure(queue, p.count);
-  native4d_fwd_(queue, Range::over(p.count), cl_uint(p.count), t, cutoff_, int(whole_time),
-                p["means"].values, p["means_t"].values, p["quats"].values, p["quats_r"].values,
-                p["log_scales"].values, p["logit_opacities"].values, gaussians.means,
-                gaussians.factors, gaussians.opacities);
+  native4d_fwd_(queue, Range::over(p.count), cl_uint(p.count), t, cutoff_, int(!seen),
+                seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+                p["quats"].values, p["quats_r"].values, p["log_scales"].values,
+                p["logit_opacities"].values, gaussians.means, gaussians.factors,
+                gaussians.opacities);
 }
 
 void Native4dMotion::backward(Queue& queue, Parameters& p, float t, bool first,

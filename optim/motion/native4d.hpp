@@ -12,7 +12,7 @@ class Native4dMotion : public Motion {
   // cutoff: temporal weight, in [0, 1), at or below which a Gaussian is skipped.
   Native4dMotion(Queue& queue, float cutoff);
   std::vector<GroupSpec> groups() const override;
-  void at(Queue& queue, const Parameters& parameters, float t, bool whole_time,
+  void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
@@ -25,8 +25,8 @@ class Native4dMotion : public Motion {
  private:
   float cutoff_;
   Program program_;
-  Kernel<cl_uint, cl_float, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>, In<float>,
-         In<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
       native4d_fwd_;
   Kernel<cl_uint, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<cl_uint>, In<float>, In<float>, In<float>, Out<cl_uint>, Out<float>,

@@ -24,11 +24,13 @@ PinholeCamera pinhole(const Camera& camera, float near_plane) {
 void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   shot_ = shot;
   shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
-  model.motion->at(queue, model.parameters, model.time(shot.time), false, t1_);
-  if (shot.flow) model.motion->at(queue, model.parameters, model.time(shot.time_t2), true, t2_);
-  model.color.forward(queue, model.parameters, shot_.sh_degree, shot.view.camera, t1_, colors_);
-  engine_.forward(queue, shot.view, {shot.flow, shot.depth}, shot.background, t1_,
-                  shot.flow ? t2_ : t1_, colors_);
+  model.motion->at(queue, model.parameters, model.time(shot.time), nullptr, t1_);
+  engine_.project(queue, shot.view, {shot.flow, shot.depth}, t1_);
+  const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
+  if (shot.flow) model.motion->at(queue, model.parameters, model.time(shot.time_t2), &seen, t2_);
+  model.color.forward(queue, model.parameters, shot_.sh_degree, shot.view.camera, t1_, seen,
+                      colors_);
+  engine_.draw(queue, shot.background, t1_, shot.flow ? t2_ : t1_, colors_);
 }
 
 void Renderer::backward(Queue& queue, Model& model, const ImageGradients& v) {

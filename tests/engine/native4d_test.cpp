@@ -147,8 +147,9 @@ TEST(Native4d, DeviceCutsAsTheDoubleFormulas) {
   Native4dMotion motion(queue, .5f);
   Model m = random_model(queue, motion);
   GaussiansAt windowed, whole;
-  motion.at(queue, m.p, .25f, false, windowed);
-  motion.at(queue, m.p, .25f, true, whole);
+  const Buffer<cl_uint> all(queue, std::vector<cl_uint>(N, 1u), "seen");
+  motion.at(queue, m.p, .25f, nullptr, windowed);
+  motion.at(queue, m.p, .25f, &all, whole);
   std::vector<double> means, factors, opacities, windowed_opacities;
   for (size_t i = 0; i < N; ++i) {
     const Slice s = slice_at(reference::native4d_row(m.values, i), .25);

@@ -118,7 +118,8 @@ TEST(Sh, DeviceColoursAndGradientsAreTheDoubleOnes) {
     for (const char* name : {"sh0", "sh_rest"})
       parameters[name].values.write(queue, to_float(p[name]));
     Buffer<float> colors;
-    color.forward(queue, parameters, degree, camera, gaussians, colors);
+    const Buffer<cl_uint> all(queue, std::vector<cl_uint>(N, 1u), "seen");
+    color.forward(queue, parameters, degree, camera, gaussians, all, colors);
 
     // v_means starts at 2, gradients of rows seen before at 1, of others at 7: those are set
     GaussianGradients g;

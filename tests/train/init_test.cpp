@@ -171,8 +171,9 @@ TEST(QuatsForVelocity, GiveTheGaussianThatVelocity) {
     host.shape.sh_degree = 0;
     Model model(queue, host);
     GaussiansAt now, later;
-    model.motion->at(queue, model.parameters, 0.5f, true, now);
-    model.motion->at(queue, model.parameters, 1.5f, true, later);
+    const Buffer<cl_uint> seen(queue, std::vector<cl_uint>{1}, "seen");
+    model.motion->at(queue, model.parameters, 0.5f, &seen, now);
+    model.motion->at(queue, model.parameters, 1.5f, &seen, later);
     const std::vector<float> a = now.means.read(queue), b = later.means.read(queue);
     for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(b[k] - a[k], v[k], 1e-5);  // float32
   }

@@ -118,8 +118,8 @@ TEST(Model, AStandard3dgsFileIsTheSameAtAllTimes) {
   Queue queue = test_queue();
   Model model(queue, read_model(folder.file("static.ply")));
   GaussiansAt first, last;
-  model.motion->at(queue, model.parameters, 0, false, first);
-  model.motion->at(queue, model.parameters, model.time(1), false, last);
+  model.motion->at(queue, model.parameters, 0, nullptr, first);
+  model.motion->at(queue, model.parameters, model.time(1), nullptr, last);
   EXPECT_EQ(first.means.read(queue), last.means.read(queue));
   EXPECT_EQ(first.factors.read(queue), last.factors.read(queue));
   EXPECT_EQ(first.opacities.read(queue), last.opacities.read(queue));
