@@ -20,6 +20,9 @@
 #ifndef EXCLUDE
 #define EXCLUDE 0
 #endif
+#ifndef DETACH_WEIGHTS
+#define DETACH_WEIGHTS 0  // 1: no flow gradient to what is drawn where, only to how it moves
+#endif
 
 // The packed splat as four float4:
 //   a = mean x, y [px], k1, k2   b = k3, log2 opacity, depth, m_x
@@ -181,12 +184,16 @@ static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, lane dx, 
 #endif
 #if FLOW
   const lane w = FLOW_WEIGHT(c, p->n);
+#if !DETACH_WEIGHTS
   lane gf = fma(p->vfx, flow_x(s, c), fma(p->vfy, flow_y(s, c), p->v0));
 #if TOP_K
   gf = LANE_SELECT(TO_LANE(0.f), gf, p->n < TO_LANE((float)TOP_K));
-  p->n = COUNT_CONTRIBUTOR(c, p->n);
 #endif
   gc += gf;
+#endif
+#if TOP_K
+  p->n = COUNT_CONTRIBUTOR(c, p->n);
+#endif
 #endif
   const lane wgc = c.weight * gc;
   const lane R = p->R - wgc;

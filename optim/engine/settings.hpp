@@ -23,6 +23,7 @@ struct EngineSettings {
   StopRule stop = StopRule::include;
   int top_k = 0;           // contributors a pixel's flow is made of; 0 = all, the paper has 20
   bool detach_t1 = false;  // no flow gradient to the geometry at t1
+  bool detach_weights = false;  // no flow gradient to the weights, i.e. to what is drawn where
 };
 
 // Which images are wanted beside colour and alpha; what is not wanted costs nothing.

@@ -9,7 +9,8 @@ Defines defines(const Queue& queue, const EngineSettings& settings, Channels cha
           {"FLOW", int(channels.flow)},
           {"DEPTH", int(channels.depth)},
           {"TOP_K", channels.flow ? settings.top_k : 0},
-          {"EXCLUDE", int(settings.stop == StopRule::exclude)}};
+          {"EXCLUDE", int(settings.stop == StopRule::exclude)},
+          {"DETACH_WEIGHTS", int(channels.flow && settings.detach_weights)}};
 }
 
 // One group a tile: a single work-item where it holds LANES pixels, one a pixel otherwise.

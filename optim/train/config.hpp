@@ -98,7 +98,7 @@ struct SceneConfig {
 struct ScheduleConfig {
   int iterations = 10000;
   int batch = 1;
-  int focus = 3;
+  int focus = 5;
   int64_t seed = 0;
   float minutes = 0;
   int log_every = 100;
@@ -185,6 +185,7 @@ struct FlowConfig {
   int top_k = 0;
   StopRule stop = StopRule::include;
   bool detach_t1 = false;
+  bool detach_weights = true;
   float robust_px = 0.5f;
   int start = 0;
   int max_gap = 2;
@@ -203,6 +204,8 @@ struct FlowConfig {
     field("stop", self.stop, "whether the Gaussian that makes a pixel opaque still counts");
     field("detach_t1", self.detach_t1,
           "let the flow loss move the Gaussians at the later time only");
+    field("detach_weights", self.detach_weights,
+          "let the flow loss change how Gaussians move, not what they cover");
     field("robust_px", self.robust_px,
           "knee of the robust norm: quadratic below, linear above [px]", above(0));
     field("start", self.start, "first step with the flow loss", at_least(0));
@@ -223,7 +226,7 @@ struct LearningRates {
   float scale_t = 5e-3f;
   float quats = 1e-3f;
   float quats_final = 1e-4f;
-  float pace = 0.5f;
+  float pace = 1;
   float pace_most = 8;
 
   template <class Self, class Field>

@@ -15,6 +15,7 @@ EngineSettings engine_settings(const FlowConfig& flow) {
   settings.stop = flow.stop;
   settings.top_k = flow.top_k;
   settings.detach_t1 = flow.detach_t1;
+  settings.detach_weights = flow.detach_weights;
   return settings;
 }
 
