@@ -204,6 +204,8 @@ void FrameStore::prefetch(const std::vector<const Frame*>& frames) {
   state_->queue_changed.notify_one();
 }
 
+std::array<uint8_t, 3> FrameStore::background() const { return state_->options.background; }
+
 const Camera& FrameStore::camera(const Frame& frame) const {
   return state_->reduced_cameras[size_t(frame.camera)];
 }

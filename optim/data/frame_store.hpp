@@ -39,6 +39,9 @@ class FrameStore {
   // Its alpha as a one-channel picture; null when the picture has none.
   std::shared_ptr<const Image> alpha(const Frame& frame);
 
+  // Behind rgb().
+  std::array<uint8_t, 3> background() const;
+
   // RGB before another background.
   Image rgb_over(const Frame& frame, std::array<uint8_t, 3> background);
 

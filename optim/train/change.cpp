@@ -85,6 +85,21 @@ std::vector<Watcher> watchers_of(const Scene& scene, FrameStore& store) {
   return watchers;
 }
 
+namespace {
+
+// Around what differs from the background; around what is opaque where nothing does. Alpha alone
+// says little where a floor is in the picture.
+Rect around_object(FrameStore& store, const Frame& frame, const Image& alpha) {
+  const auto picture = store.rgb(frame);
+  const std::array<uint8_t, 3> background = store.background();
+  std::vector<uint8_t> usual(picture->pixels.size());
+  for (size_t i = 0; i < usual.size(); ++i) usual[i] = background[i % 3];
+  const Rect shown = around(change_mask(*picture, usual), picture->width, picture->height, 0);
+  return shown.width > 0 ? shown : around(alpha.pixels, alpha.width, alpha.height, 0);
+}
+
+}  // namespace
+
 std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
                                     const std::vector<Watcher>& watchers) {
   std::vector<Rect> parts;
@@ -92,8 +107,7 @@ std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
     const Camera& camera = store.camera(frame);
     parts.push_back({0, 0, camera.width, camera.height});
     if (!scene.has_alpha) continue;
-    if (const auto alpha = store.alpha(frame))
-      parts.back() = around(alpha->pixels, alpha->width, alpha->height, 0);
+    if (const auto alpha = store.alpha(frame)) parts.back() = around_object(store, frame, *alpha);
   }
   if (scene.has_alpha) return parts;
   for (const Watcher& watcher : watchers)

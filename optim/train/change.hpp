@@ -29,8 +29,9 @@ struct Rect {
 };
 
 // The part of each training frame worth a closer look, with a margin: around what changes at a
-// fixed camera, or around what is not transparent. The whole picture where neither is known; empty
-// where nothing changes. Sides are multiples of 16 where the picture allows it.
+// fixed camera, or around what stands out from the background of a picture with transparency. The
+// whole picture where neither is known; empty where nothing changes. Sides are multiples of 16
+// where the picture allows it.
 std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
                                     const std::vector<Watcher>& watchers);
 

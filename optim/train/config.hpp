@@ -223,7 +223,6 @@ struct LearningRates {
   float sh_rest_divisor = 20;
   float opacity = 0.05f;
   float scales = 5e-3f;
-  float scale_t = 5e-3f;
   float quats = 1e-3f;
   float quats_final = 1e-4f;
   float pace = 1;
@@ -239,8 +238,7 @@ struct LearningRates {
     field("sh_rest_divisor", self.sh_rest_divisor, "degrees above 0 learn this much slower",
           at_least(1));
     field("opacity", self.opacity, "before the sigmoid", at_least(0));
-    field("scales", self.scales, "logarithm of the size in space", at_least(0));
-    field("scale_t", self.scale_t, "logarithm of the size in time", at_least(0));
+    field("scales", self.scales, "logarithm of the size in space and time", at_least(0));
     field("quats", self.quats, "both quaternions of the 4D rotation, at the first step",
           at_least(0));
     field("quats_final", self.quats_final, "at the last step, reached exponentially", above(0));

@@ -16,7 +16,10 @@ namespace gflow {
 namespace {
 
 // Streams of random numbers, so that no two uses share one.
-enum Stream : uint { kPosition = 100, kColor = 110 };
+enum Stream : uint { kPosition = 100, kColor = 110, kTime = 120 };
+
+// What is known of the object at a time of the video.
+constexpr size_t kViewsAtATime = 12;
 
 struct PointAdaptor {
   const std::vector<float>& xyz;
@@ -50,30 +53,60 @@ Eigen::Vector3d looked_at(const Scene& scene) {
   return a.ldlt().solve(b);
 }
 
+// A training frame and the part of it that shows the object.
+struct ObjectView {
+  const Frame* frame;
+  Rect part;
+};
+
 // Whether at least nine of ten pictures that have the point in view see it on the object.
-bool on_object(FrameStore& frames, const std::vector<const Frame*>& views,
+bool on_object(FrameStore& frames, const std::vector<ObjectView>& views,
                const Eigen::Vector3d& point) {
   size_t seen = 0, inside = 0;
-  for (const Frame* frame : views) {
-    const Camera& camera = frames.camera(*frame);
+  for (const ObjectView& view : views) {
+    const Camera& camera = frames.camera(*view.frame);
     if ((camera.viewmat * point.homogeneous()).z() <= 0) continue;
     const Eigen::Vector2d at = camera.project(point);
     if (!(at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height)) continue;
-    const auto alpha = frames.alpha(*frame);
+    const auto alpha = frames.alpha(*view.frame);
     if (!alpha) return true;
     ++seen;
-    inside += alpha->pixels[size_t(at.y()) * size_t(alpha->width) + size_t(at.x())] > 127;
+    const int x = int(at.x()) - view.part.x, y = int(at.y()) - view.part.y;
+    inside += x >= 0 && y >= 0 && x < view.part.width && y < view.part.height &&
+              alpha->pixels[size_t(at.y()) * size_t(alpha->width) + size_t(at.x())] > 127;
   }
   return seen > 0 && 10 * inside >= 9 * seen;
 }
 
-// At most 40 training frames, spread over time and cameras.
-std::vector<const Frame*> some_views(const Scene& scene) {
-  std::vector<const Frame*> views;
-  const size_t stride = (scene.train.size() + 39) / 40;
-  for (size_t i = 0; i < scene.train.size(); i += stride) views.push_back(&scene.train[i]);
+// The training frames by time.
+std::vector<ObjectView> views_by_time(const Scene& scene, const std::vector<Rect>& parts) {
+  std::vector<ObjectView> views;
+  for (size_t i = 0; i < scene.train.size(); ++i) views.push_back({&scene.train[i], parts[i]});
+  std::stable_sort(views.begin(), views.end(), [](const ObjectView& a, const ObjectView& b) {
+    return a.frame->time < b.frame->time;
+  });
   return views;
 }
+
+// The at most kViewsAtATime views nearest to a place in the order of time, 0 to 1.
+std::vector<ObjectView> views_near(const std::vector<ObjectView>& by_time, double place) {
+  const size_t count = std::min(by_time.size(), kViewsAtATime);
+  const size_t first = size_t(place * double(by_time.size() - count) + 0.5);
+  return {by_time.begin() + long(first), by_time.begin() + long(first + count)};
+}
+
+// At most 40 of them, spread over time.
+std::vector<ObjectView> some_of(const std::vector<ObjectView>& by_time) {
+  std::vector<ObjectView> views;
+  const size_t stride = (by_time.size() + 39) / 40;
+  for (size_t i = 0; i < by_time.size(); i += stride) views.push_back(by_time[i]);
+  return views;
+}
+
+// Points and the time at which each is known to be on the object, in [0, 1].
+struct FirstPoints : PointCloud {
+  std::vector<float> time;
+};
 
 void append(PointCloud& points, const PointCloud& from, size_t i) {
   points.xyz.insert(points.xyz.end(), &from.xyz[3 * i], &from.xyz[3 * i] + 3);
@@ -82,35 +115,41 @@ void append(PointCloud& points, const PointCloud& from, size_t i) {
 }
 
 // The points that lie on the object, at most `most` of them, evenly chosen.
-PointCloud fitting_points(const Scene& scene, FrameStore& frames, size_t most) {
+FirstPoints fitting_points(const Scene& scene, FrameStore& frames,
+                           const std::vector<ObjectView>& by_time, size_t most) {
   PointCloud kept = scene.points;
   if (scene.has_alpha) {
-    const std::vector<const Frame*> views = some_views(scene);
+    const std::vector<ObjectView> views = some_of(by_time);
     kept = {};
     for (size_t i = 0; i < scene.points.size(); ++i) {
       const float* p = &scene.points.xyz[3 * i];
       if (on_object(frames, views, {p[0], p[1], p[2]})) append(kept, scene.points, i);
     }
   }
-  if (kept.size() <= most) return kept;
-  PointCloud thinned;
-  for (size_t k = 0; k < most; ++k) append(thinned, kept, k * kept.size() / most);
-  return thinned;
+  FirstPoints points;
+  const size_t count = std::min(kept.size(), most);
+  for (size_t k = 0; k < count; ++k) append(points, kept, k * kept.size() / count);
+  points.time.assign(count, 0.5f);
+  return points;
 }
 
-PointCloud random_points(const Scene& scene, FrameStore& frames, const TrainConfig& config) {
+// Objects move: a point of an object needs to lie on it at its own time only.
+FirstPoints random_points(const Scene& scene, FrameStore& frames,
+                          const std::vector<ObjectView>& by_time, const TrainConfig& config) {
   const size_t count = size_t(config.init.count);
   const uint seed = uint(config.train.seed);
   const Eigen::Vector3d centre = looked_at(scene);
   const double half = 0.5 * config.init.box * scene.extent;
-  const std::vector<const Frame*> views = some_views(scene);
-  PointCloud points;
+  FirstPoints points;
   const uint tries = uint(std::min<size_t>(100 * count, 4000000));
   for (uint i = 0; i < tries && points.size() < count; ++i) {
     Eigen::Vector3d p;
     for (uint axis = 0; axis < 3; ++axis)
       p[axis] = centre[axis] + half * (2 * random_uniform(seed, kPosition + axis, i) - 1);
+    const float place = scene.has_alpha ? random_uniform(seed, kTime, i) : 0.5f;
+    const std::vector<ObjectView> views = views_near(by_time, place);
     if (scene.has_alpha && !on_object(frames, views, p)) continue;
+    points.time.push_back(float(views[views.size() / 2].frame->time));
     for (uint axis = 0; axis < 3; ++axis) {
       points.xyz.push_back(float(p[axis]));
       points.rgb.push_back(uint8_t(255 * random_uniform(seed, kColor + axis, i)));
@@ -148,19 +187,20 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   return distance;
 }
 
-HostModel initial_model(const Scene& scene, FrameStore& frames,
+HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config) {
   const bool has_points = scene.points.size() > 0;
   if (config.init.from == InitFrom::points && !has_points)
     throw Error("init.from is \"points\", but scene " + scene.name +
                 " has none (points3D.ply or sparse/0/points3D.bin)");
-  PointCloud points;
+  const std::vector<ObjectView> by_time = views_by_time(scene, parts);
+  FirstPoints points;
   if (has_points && config.init.from != InitFrom::random)
-    points = fitting_points(scene, frames, size_t(config.density.cap));
+    points = fitting_points(scene, frames, by_time, size_t(config.density.cap));
   // Few of an object's many given points on the object: they were no surface points.
   if (points.size() < std::min<size_t>(1000, std::max<size_t>(scene.points.size(), 1)))
-    points = random_points(scene, frames, config);
+    points = random_points(scene, frames, by_time, config);
   const Seeds seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
   const size_t n = points.size(), all = n + seeds.size();
 
@@ -191,8 +231,10 @@ HostModel initial_model(const Scene& scene, FrameStore& frames,
       g["sh0"][3 * i + c] = (float(rgb[c]) / 255 - 0.5f) / SH_C0;
   };
   const std::vector<float> distance = neighbour_distance(points.xyz);
-  for (size_t i = 0; i < n; ++i)
+  for (size_t i = 0; i < n; ++i) {
     place(i, distance[i], lifetime, points.rgb.empty() ? nullptr : &points.rgb[3 * i]);
+    g["means_t"][i] = points.time[i] * duration;
+  }
   for (size_t k = 0; k < seeds.size(); ++k) {
     const size_t i = n + k;
     place(i, seeds.spacing[k], short_life, &seeds.rgb[3 * k]);

@@ -11,10 +11,11 @@
 namespace gflow {
 
 // Random points fill a box around the place the cameras look at; where pictures have alpha, only
-// points that most cameras see as part of the object are kept. Deterministic for config.train.seed.
-// Error when points are asked for and the scene has none.
-// flows[i] belongs to pairs[i]; both may be empty.
-HostModel initial_model(const Scene& scene, FrameStore& frames,
+// points are kept that most cameras see as part of the object around a time, which becomes theirs.
+// Deterministic for config.train.seed. Error when points are asked for and the scene has none.
+// parts[i] is the part of interest of training frame i; flows[i] belongs to pairs[i], and both of
+// these may be empty.
+HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config);
 

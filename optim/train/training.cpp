@@ -137,12 +137,12 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   std::vector<Watcher> watchers;
   if (config.init.dynamic > 0 || config.train.focus > 0)
     watchers = watchers_of(scene, *loaded.frames);
+  const std::vector<Rect> parts = parts_of_interest(scene, *loaded.frames, watchers);
   const HostModel start_model =
-      initial_model(scene, *loaded.frames, watchers, pairs, flows, config);
+      initial_model(scene, *loaded.frames, parts, watchers, pairs, flows, config);
   write_model(run.path("input.ply"), start_model);
   Model model(queue, start_model);
-  Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows,
-                  parts_of_interest(scene, *loaded.frames, watchers), model);
+  Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows, parts, model);
   const Clock::time_point start = Clock::now();
   const int steps = train_steps(queue, config, run, trainer, quiet, start);
   const RunFacts facts{steps, seconds_since(start), queue.info.full_name()};

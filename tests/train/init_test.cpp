@@ -65,7 +65,9 @@ struct Loaded {
   explicit Loaded(const TrainConfig& config) : loaded(load_scene(config.scene, "")) {}
   HostModel model(const TrainConfig& config) {
     FlowStore no_flows({});
-    return initial_model(loaded.scene, *loaded.frames, {}, {}, no_flows, config);
+    return initial_model(loaded.scene, *loaded.frames,
+                         parts_of_interest(loaded.scene, *loaded.frames, {}), {}, {}, no_flows,
+                         config);
   }
   LoadedScene loaded;
 };

@@ -190,9 +190,10 @@ class SmallTraining {
         pairs(config.flow.enabled ? neighbour_pairs(loaded.scene) : std::vector<FlowPair>{}),
         flows(true_flows(loaded.scene, pairs, *loaded.frames)),
         watchers(watchers_of(loaded.scene, *loaded.frames)),
-        model(queue, initial_model(loaded.scene, *loaded.frames, watchers, pairs, flows, config)),
-        trainer(queue, this->config, loaded.scene, *loaded.frames, pairs, flows,
-                parts_of_interest(loaded.scene, *loaded.frames, watchers), model) {}
+        parts(parts_of_interest(loaded.scene, *loaded.frames, watchers)),
+        model(queue,
+              initial_model(loaded.scene, *loaded.frames, parts, watchers, pairs, flows, config)),
+        trainer(queue, this->config, loaded.scene, *loaded.frames, pairs, flows, parts, model) {}
 
   void steps(Queue& queue, int count) {
     for (int i = 0; i < count; ++i) trainer.step(queue, done_++);
@@ -216,6 +217,7 @@ class SmallTraining {
   std::vector<FlowPair> pairs;
   FlowStore flows;
   std::vector<Watcher> watchers;
+  std::vector<Rect> parts;
   Model model;
   Trainer trainer;
 
