@@ -155,6 +155,9 @@ Bytes read_file_or_gzip(const std::string& path, size_t limit) {
 
 void replace_file(const std::string& path,
                   const std::function<void(const std::string& temporary)>& write) {
+  // A device or pipe must not be replaced by a file of its name.
+  if (std::filesystem::exists(path) && !std::filesystem::is_regular_file(path))
+    throw Error(fmt::format("writing {}: there is something of that name that is no file", path));
   Temporary temporary(temporary_name(path));
   write(temporary.path());
   flush_to_disk(temporary.path(), path);

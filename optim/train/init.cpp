@@ -136,7 +136,7 @@ FirstPoints fitting_points(const Scene& scene, FrameStore& frames,
 // Objects move: a point of an object needs to lie on it at its own time only.
 FirstPoints random_points(const Scene& scene, FrameStore& frames,
                           const std::vector<ObjectView>& by_time, const TrainConfig& config) {
-  const size_t count = size_t(config.init.count);
+  const size_t count = size_t(std::min(config.init.count, config.density.cap));
   const uint seed = uint(config.train.seed);
   const Eigen::Vector3d centre = looked_at(scene);
   const double half = 0.5 * config.init.box * scene.extent;
@@ -198,8 +198,9 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   FirstPoints points;
   if (has_points && config.init.from != InitFrom::random)
     points = fitting_points(scene, frames, by_time, size_t(config.density.cap));
-  // Few of an object's many given points on the object: they were no surface points.
-  if (points.size() < std::min<size_t>(1000, std::max<size_t>(scene.points.size(), 1)))
+  // None given, or few of many on the object: those were no surface points.
+  const size_t enough = std::min({size_t(1000), scene.points.size(), size_t(config.density.cap)});
+  if (points.size() == 0 || points.size() < enough)
     points = random_points(scene, frames, by_time, config);
   const Seeds seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
   const size_t n = points.size(), all = n + seeds.size();

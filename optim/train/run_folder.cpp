@@ -75,12 +75,22 @@ std::string RunFolder::latest_model() const {
   return model_path(latest);
 }
 
-void RunFolder::forget_models_but(int iteration) const {
-  const fs::path keep = fs::path(model_path(iteration)).parent_path();
-  std::vector<fs::path> others;
-  for (const auto& entry : fs::directory_iterator(path("point_cloud")))
-    if (entry.path() != keep) others.push_back(entry.path());
-  for (const fs::path& other : others) fs::remove_all(other);
+void RunFolder::forget_model(int iteration) const {
+  fs::remove_all(fs::path(model_path(iteration)).parent_path());
+}
+
+void RunFolder::forget_results() const {
+  fs::remove(path("results.json"));
+  fs::remove(path("per_view.json"));
+}
+
+void RunFolder::forget_stale_caches(const std::string& stamp) const {
+  std::ifstream in(path("caches.stamp"));
+  const std::string old{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  if (old == stamp) return;
+  fs::remove_all(path("flow"));
+  fs::remove_all(path("frames"));
+  write_text(path("caches.stamp"), stamp);
 }
 
 void RunFolder::write_config(const TrainConfig& config) const {
@@ -128,15 +138,17 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
   if (!out) throw Error("writing " + path("metrics.jsonl") + ": is the disk full?");
 }
 
-void RunFolder::write_results(const Evaluation& evaluation, const RunFacts& facts,
-                              const TrainConfig& config, size_t gaussians) const {
+void RunFolder::write_results(const Evaluation& evaluation, const std::string& split,
+                              const RunFacts& facts, const TrainConfig& config,
+                              size_t gaussians) const {
+  const std::string suffix = split == "test" ? ".json" : "_" + split + ".json";
   Json views = Json::object();
   for (const ViewFigures& view : evaluation.views) views[view.name] = figures_of(view);
-  write_text(path("per_view.json"), views.dump(1) + "\n");
+  write_text(path("per_view" + suffix), views.dump(1) + "\n");
   Json test = figures_of(evaluation.mean);
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
-  const Json results{{"test", test},
+  const Json results{{split, test},
                      {"num_gaussians", gaussians},
                      {"iterations", facts.iterations},
                      {"train_seconds", facts.train_seconds},
@@ -144,7 +156,7 @@ void RunFolder::write_results(const Evaluation& evaluation, const RunFacts& fact
                      {"resolution", config.scene.resolution},
                      {"background", name_of(config.scene.background)},
                      {"seed", config.train.seed}};
-  write_text(path("results.json"), results.dump(1) + "\n");
+  write_text(path("results" + suffix), results.dump(1) + "\n");
 }
 
 void RunFolder::write_facts(const RunFacts& facts) const {

@@ -32,16 +32,21 @@ class RunFolder {
   std::string model_path(int iteration) const;
   // The model of the latest iteration. Error when there is none.
   std::string latest_model() const;
-  // Removes models of other iterations, which an earlier training into this folder left.
-  void forget_models_but(int iteration) const;
+  // Removes the model of an iteration, if there is one.
+  void forget_model(int iteration) const;
+  // Removes results.json and per_view.json: they are about to be untrue.
+  void forget_results() const;
+  // Removes cached flow and video frames unless they were made under the same stamp.
+  void forget_stale_caches(const std::string& stamp) const;
 
   void write_config(const TrainConfig& config) const;
   TrainConfig read_config() const;
   void write_cameras(const Scene& scene) const;
   // One line of metrics.jsonl.
   void append_metrics(int iteration, double seconds, const StepFigures& figures) const;
-  void write_results(const Evaluation& evaluation, const RunFacts& facts, const TrainConfig& config,
-                     size_t gaussians) const;
+  // results.json and per_view.json for the test views, results_SPLIT.json and so on for others.
+  void write_results(const Evaluation& evaluation, const std::string& split, const RunFacts& facts,
+                     const TrainConfig& config, size_t gaussians) const;
   // Of the last training, for an evaluation made later; zeros when there was none.
   RunFacts read_facts() const;
   void write_facts(const RunFacts& facts) const;

@@ -66,7 +66,25 @@ void save_model(Queue& queue, const Model& model, const RunFolder& run, int iter
   const std::string path = run.model_path(iteration);
   std::filesystem::create_directories(std::filesystem::path(path).parent_path());
   write_model(path, model.read(queue));
-  run.forget_models_but(iteration);
+  const int previous = run.read_facts().iterations;  // of an earlier training into this folder
+  if (previous != iteration) run.forget_model(previous);
+}
+
+// Everything that cached flow and video frames depend on: pictures by path, size and time of
+// change.
+std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
+  namespace fs = std::filesystem;
+  std::string stamp =
+      fmt::format("resolution {} background {}\n", config.resolution, name_of(config.background));
+  std::string last;
+  for (const std::vector<Frame>* frames : {&scene.train, &scene.test})
+    for (const Frame& frame : *frames) {
+      if (frame.path == last) continue;  // the next frame of one video
+      last = frame.path;
+      stamp += fmt::format("{} {} {}\n", frame.path, fs::file_size(frame.path),
+                           fs::last_write_time(frame.path).time_since_epoch().count());
+    }
+  return stamp;
 }
 
 // The training loop; returns the number of steps made.
@@ -77,7 +95,7 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
   int step = 0;
   for (; step < config.train.iterations && !interrupted(); ++step) {
     trainer.step(queue, step);
-    if (step % config.train.log_every == 0) {
+    if (step % config.train.log_every == 0 || step + 1 == config.train.iterations) {
       figures = trainer.figures(queue);
       run.append_metrics(step, seconds_since(start), figures);
     }
@@ -129,6 +147,8 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const Scene& scene = loaded.scene;
   if (scene.train.empty()) throw Error("scene " + scene.name + " has no training views");
   run.make();
+  run.forget_results();
+  run.forget_stale_caches(cache_stamp(scene, config.scene));
   run.write_config(config);
   run.write_cameras(scene);
   const std::vector<FlowPair> pairs = close_pairs(scene, config.flow.max_gap);
@@ -156,7 +176,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const Evaluation evaluation =
       evaluate(queue, model, config, *loaded.frames, scene.test, counted(progress, "evaluating"));
   progress.finish();
-  run.write_results(evaluation, facts, config, model.parameters.count);
+  run.write_results(evaluation, "test", facts, config, model.parameters.count);
   return evaluation;
 }
 
@@ -170,9 +190,8 @@ Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& s
   const Evaluation evaluation =
       evaluate(queue, model, config, *loaded.frames, frames, counted(progress, "evaluating"));
   progress.finish();
-  RunFacts facts = run.read_facts();
-  facts.device = queue.info.full_name();
-  run.write_results(evaluation, facts, config, model.parameters.count);
+  const RunFacts facts = run.read_facts();
+  run.write_results(evaluation, split, facts, config, model.parameters.count);
   return evaluation;
 }
 

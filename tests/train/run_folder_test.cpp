@@ -72,9 +72,22 @@ TEST(RunFolder, ForgetsModelsOfAnEarlierTraining) {
         std::filesystem::path(run.model_path(iteration)).parent_path());
     std::ofstream(run.model_path(iteration)) << "ply";
   }
-  run.forget_models_but(100);
+  run.forget_model(200);
+  run.forget_model(300);  // there is none
   EXPECT_EQ(run.latest_model(), run.model_path(100));
   EXPECT_EQ(folder.count(), 1u);
+}
+
+TEST(RunFolder, CachesMadeUnderAnotherStampAreForgotten) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  run.forget_stale_caches("one");
+  for (const char* name : {"flow", "frames"}) std::filesystem::create_directories(run.path(name));
+  run.forget_stale_caches("one");
+  EXPECT_TRUE(std::filesystem::exists(run.path("flow")));
+  run.forget_stale_caches("two");
+  EXPECT_FALSE(std::filesystem::exists(run.path("flow")));
+  EXPECT_FALSE(std::filesystem::exists(run.path("frames")));
 }
 
 Evaluation some_evaluation() {
@@ -97,7 +110,7 @@ TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
   TrainConfig config;
   config.scene.resolution = 2;
   config.train.seed = 5;
-  run.write_results(some_evaluation(), {700, 12.5, "a device"}, config, 42);
+  run.write_results(some_evaluation(), "test", {700, 12.5, "a device"}, config, 42);
   const Json results = Json::parse(contents(run.path("results.json")));
   EXPECT_EQ(keys_of(results),
             (std::vector<std::string>{"test", "num_gaussians", "iterations", "train_seconds",
@@ -119,7 +132,7 @@ TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
 TEST(RunFolder, PerViewFiguresStandUnderTheNamesOfTheViews) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  run.write_results(some_evaluation(), {}, {}, 1);
+  run.write_results(some_evaluation(), "test", {}, {}, 1);
   const Json views = Json::parse(contents(run.path("per_view.json")));
   EXPECT_EQ(keys_of(views), (std::vector<std::string>{"cam00_0000"}));
   EXPECT_EQ(views["cam00_0000"]["psnr"], 31.5);
