@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow splat`: the raw engine on arrays from a file, for scripts and for checks against other
-// implementations. Keys and layouts: README, "gflow splat".
+// implementations. Keys and layouts stand below.
 #pragma once
 #include "optim/engine/engine.hpp"
 #include "optim/io/npz.hpp"

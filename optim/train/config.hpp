@@ -178,7 +178,7 @@ struct LossConfig {
 
 struct FlowConfig {
   bool enabled = true;
-  float weight = 0.5f;
+  float weight = 0.1f;
   FlowSource source = FlowSource::dis;
   std::string folder;
   Transport transport = Transport::material;
@@ -194,7 +194,8 @@ struct FlowConfig {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("enabled", self.enabled, "supervise the motion with optical flow");
-    field("weight", self.weight, "of the flow loss beside the image loss", at_least(0));
+    field("weight", self.weight, "of the flow loss beside the image loss (the paper: 0.5)",
+          at_least(0));
     field("source", self.source, "dis: computed from the pictures; files: read from the folder");
     field("folder", self.folder,
           "flow files <camera>/<step>.flo, .flo.gz, .png, .npy; empty: flow/ in the scene");
