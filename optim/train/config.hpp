@@ -113,7 +113,7 @@ struct ScheduleConfig {
           "each step on whole pictures",
           at_least(0));
     field("seed", self.seed, "of every random choice", at_least(0));
-    field("minutes", self.minutes, "stop after this much training time [minutes]; 0: no limit",
+    field("minutes", self.minutes, "stop after this much training time [minutes], not repeatably; 0: no limit",
           at_least(0));
     field("log_every", self.log_every, "steps between two lines of the log", at_least(1));
     field("device", self.device,
