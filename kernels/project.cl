@@ -147,6 +147,8 @@ kernel void project_bwd(const uint n, const PinholeCamera camera, const PinholeC
   Mat23 v_m = covariance_vjp(p.m, v_s);
   v_opacities[i] = s0.x / opacities[i];
   store3(v_colors, i, make_real3(s1.z, s1.w, s2.x));
+  // What covers a pixel wrongly asks for more Gaussians; what moves wrongly does not.
+  vstore2(v_mean, i, v_means2d);
 
 #if FLOW
   Mat3 v_factor2 = zero;
@@ -177,5 +179,4 @@ kernel void project_bwd(const uint n, const PinholeCamera camera, const PinholeC
   const GaussianGradient v = project_vjp(camera, factor, p, v_mean, s2.y, v_m);
   store3(v_means, i, v.mean);
   store_mat3(v_factors, i, v.factor);
-  vstore2(v_mean, i, v_means2d);
 }

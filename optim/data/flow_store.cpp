@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <mutex>
 #include <opencv2/core/utility.hpp>
+#include <set>
 #include <thread>
 
 #include "optim/data/image_header.hpp"
@@ -81,9 +82,13 @@ FlowField read_any_flow(const std::string& path) {
 // Where the estimate of a frame is kept.
 struct CacheFiles {
   std::string flow, mask;
-  CacheFiles(const std::string& folder, const Frame& frame)
-      : flow((fs::path(folder) / (frame.name + ".flo")).string()),
-        mask((fs::path(folder) / (frame.name + "_mask.png")).string()) {}
+  CacheFiles(const std::string& folder, const Scene& scene, const FlowPair& pair) {
+    const Frame& a = scene.train[size_t(pair.frame)];
+    const std::string name =
+        (fs::path(folder) / a.name).string() + (leads_back(scene, pair) ? "_back" : "");
+    flow = name + ".flo";
+    mask = name + "_mask.png";
+  }
 };
 
 // True when both files are whole and of the camera's size.
@@ -96,11 +101,32 @@ bool is_cached(const CacheFiles& files, const Camera& camera) {
   return header.width == camera.width && header.height == camera.height;
 }
 
-void estimate_into(const CacheFiles& files, FrameStore& frames, const Frame& a, const Frame& b) {
-  const TeacherFlow teacher =
-      estimate_teacher_flow(frames.rgb_over(a, mid_grey), frames.rgb_over(b, mid_grey));
+void write_teacher(const CacheFiles& files, const TeacherFlow& teacher) {
   write_flo(files.flow, teacher.flow);
   write_png(files.mask, {teacher.flow.width, teacher.flow.height, 1, teacher.confidence});
+}
+
+// The flows of a pair both ways: the check of one needs the other.
+void estimate_into(const std::string& folder, const Scene& scene, const FlowPair& pair,
+                   FrameStore& frames) {
+  const Frame& a = scene.train[size_t(pair.frame)];
+  const Frame& b = scene.train[size_t(pair.next)];
+  const CacheFiles there(folder, scene, pair), back(folder, scene, {pair.next, pair.frame});
+  if (is_cached(there, frames.camera(a)) && is_cached(back, frames.camera(b))) return;
+  const auto [forward, backward] =
+      estimate_teacher_flows(frames.rgb_over(a, mid_grey), frames.rgb_over(b, mid_grey));
+  write_teacher(there, forward);
+  write_teacher(back, backward);
+}
+
+// The pairs with two frames, each once, as {earlier, later} index.
+std::vector<FlowPair> without_direction(const std::vector<FlowPair>& pairs) {
+  std::set<std::pair<int, int>> seen;
+  for (const FlowPair& pair : pairs)
+    if (pair.next >= 0) seen.insert(std::minmax(pair.frame, pair.next));
+  std::vector<FlowPair> once;
+  for (const auto& [a, b] : seen) once.push_back({a, b});
+  return once;
 }
 
 // Runs work(i) for i in 0..n-1 on several threads. The first exception ends the work and is thrown
@@ -175,16 +201,12 @@ FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs
   const OneOpenCvThread guard;
   std::mutex progress_mutex;
   size_t done = 0;
-  for_each_parallel(pairs.size(), threads, [&](size_t i) {
-    if (pairs[i].next >= 0) {
-      const Frame& a = scene.train[size_t(pairs[i].frame)];
-      const CacheFiles files(cache, a);
-      if (!is_cached(files, frames.camera(a)))
-        estimate_into(files, frames, a, scene.train[size_t(pairs[i].next)]);
-    }
+  const std::vector<FlowPair> work = without_direction(pairs);
+  for_each_parallel(work.size(), threads, [&](size_t i) {
+    estimate_into(cache, scene, work[i], frames);
     const std::lock_guard<std::mutex> lock(progress_mutex);
     ++done;
-    if (progress) progress(done, pairs.size());
+    if (progress) progress(done, work.size());
   });
 
   std::vector<FlowStore::Loader> loaders;
@@ -193,7 +215,7 @@ FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs
       loaders.emplace_back();
       continue;
     }
-    const CacheFiles files(cache, scene.train[size_t(pair.frame)]);
+    const CacheFiles files(cache, scene, pair);
     loaders.emplace_back([files] {
       TeacherFlow teacher{read_flo(files.flow), {}};
       teacher.confidence = read_mask(files.mask, teacher.flow, 128);
@@ -219,7 +241,7 @@ FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
   for (const FlowPair& pair : pairs) {
     const Frame frame = scene.train[size_t(pair.frame)];
     const Camera camera = frames.camera(frame);
-    if (frame.flow_path.empty())
+    if (frame.flow_path.empty() || leads_back(scene, pair))
       loaders.emplace_back();
     else
       loaders.emplace_back([=] { return read_true_flow(frame, camera.width, camera.height); });
@@ -231,6 +253,10 @@ FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pai
                             const FrameStore& frames, const std::string& folder) {
   std::vector<FlowStore::Loader> loaders;
   for (const FlowPair& pair : pairs) {
+    if (leads_back(scene, pair)) {
+      loaders.emplace_back();
+      continue;
+    }
     const Frame& frame = scene.train[size_t(pair.frame)];
     const Camera camera = frames.camera(frame);
     const std::string base =

@@ -100,10 +100,15 @@ std::vector<uint8_t> consistency(const FlowField& forward, const FlowField& back
   return confidence;
 }
 
+std::pair<TeacherFlow, TeacherFlow> estimate_teacher_flows(const Image& a, const Image& b) {
+  TeacherFlow there{estimate_flow(a, b), {}}, back{estimate_flow(b, a), {}};
+  there.confidence = consistency(there.flow, back.flow);
+  back.confidence = consistency(back.flow, there.flow);
+  return {there, back};
+}
+
 TeacherFlow estimate_teacher_flow(const Image& a, const Image& b) {
-  TeacherFlow teacher{estimate_flow(a, b), {}};
-  teacher.confidence = consistency(teacher.flow, estimate_flow(b, a));
-  return teacher;
+  return estimate_teacher_flows(a, b).first;
 }
 
 TeacherFlow resized(const TeacherFlow& teacher, int width, int height) {

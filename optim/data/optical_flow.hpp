@@ -3,6 +3,7 @@
 // says where it can be trusted.
 #pragma once
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "optim/data/image.hpp"
@@ -24,7 +25,9 @@ FlowField estimate_flow(const Image& a, const Image& b);
 // the picture, and where f is not valid.
 std::vector<uint8_t> consistency(const FlowField& forward, const FlowField& backward);
 
-// Both of the above for one pair of pictures.
+// Both of the above for one pair of pictures, from a to b and from b to a.
+std::pair<TeacherFlow, TeacherFlow> estimate_teacher_flows(const Image& a, const Image& b);
+// From a to b only.
 TeacherFlow estimate_teacher_flow(const Image& a, const Image& b);
 
 // The flow on a smaller or larger grid, vectors scaled along; the nearest sample, because a mean

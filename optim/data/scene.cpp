@@ -102,4 +102,16 @@ std::vector<FlowPair> neighbour_pairs(const Scene& scene) {
   return pairs;
 }
 
+bool leads_back(const Scene& scene, const FlowPair& pair) {
+  return pair.next >= 0 &&
+         scene.train[size_t(pair.next)].time < scene.train[size_t(pair.frame)].time;
+}
+
+std::vector<FlowPair> reversed(const std::vector<FlowPair>& pairs) {
+  std::vector<FlowPair> back;
+  for (const FlowPair& pair : pairs)
+    if (pair.next >= 0) back.push_back({pair.next, pair.frame});
+  return back;
+}
+
 }  // namespace gflow

@@ -55,7 +55,8 @@ struct SceneOptions {
 // when a file is missing, truncated or contradicts another.
 Scene read_scene(const std::string& path, const SceneOptions& options = {});
 
-// Two neighbouring frames of one physical camera.
+// Two neighbouring frames of one physical camera; a flow leads from `frame` to `next`, which may be
+// the earlier of the two.
 struct FlowPair {
   int frame = 0;  // index into Scene::train
   int next = -1;  // index into Scene::train; -1 when only Frame::flow_path gives the flow
@@ -65,5 +66,11 @@ struct FlowPair {
 // intrinsics, neighbours in time; and pairs with next = -1 for frames whose camera has no later
 // frame but which come with a true flow. In the order of Scene::train.
 std::vector<FlowPair> neighbour_pairs(const Scene& scene);
+
+// Whether the flow of a pair leads back in time.
+bool leads_back(const Scene& scene, const FlowPair& pair);
+
+// Each pair that has two frames again, from `next` to `frame`.
+std::vector<FlowPair> reversed(const std::vector<FlowPair>& pairs);
 
 }  // namespace gflow

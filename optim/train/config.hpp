@@ -113,8 +113,8 @@ struct ScheduleConfig {
           "each step on whole pictures",
           at_least(0));
     field("seed", self.seed, "of every random choice", at_least(0));
-    field("minutes", self.minutes, "stop after this much training time [minutes], not repeatably; 0: no limit",
-          at_least(0));
+    field("minutes", self.minutes,
+          "stop after this much training time [minutes], not repeatably; 0: no limit", at_least(0));
     field("log_every", self.log_every, "steps between two lines of the log", at_least(1));
     field("device", self.device,
           "OpenCL device by index or part of its name; empty: GFLOW_DEVICE, then any");
@@ -190,6 +190,7 @@ struct FlowConfig {
   int start = 0;
   int max_gap = 2;
   bool confidence = true;
+  bool backward = true;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -213,6 +214,7 @@ struct FlowConfig {
     field("max_gap", self.max_gap, "frames further apart than this are not compared [time steps]",
           at_least(1));
     field("confidence", self.confidence, "drop flow that fails the forward-backward check");
+    field("backward", self.backward, "also compare with the frame before (source dis)");
   }
 };
 

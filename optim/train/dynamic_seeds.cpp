@@ -106,7 +106,8 @@ std::map<const Frame*, size_t> flow_index(const Scene& scene, const std::vector<
                                           const FlowStore& flows) {
   std::map<const Frame*, size_t> index;
   for (size_t i = 0; i < pairs.size(); ++i)
-    if (flows.has(i) && pairs[i].next >= 0) index[&scene.train[size_t(pairs[i].frame)]] = i;
+    if (flows.has(i) && pairs[i].next >= 0 && !leads_back(scene, pairs[i]))
+      index[&scene.train[size_t(pairs[i].frame)]] = i;
   return index;
 }
 

@@ -9,6 +9,8 @@
 namespace gflow {
 namespace {
 
+constexpr uint kSplitStream = 7, kPairStream = 8;  // of random numbers
+
 EngineSettings engine_settings(const FlowConfig& flow) {
   EngineSettings settings;
   settings.transport = flow.transport;
@@ -87,7 +89,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
       density_(queue),
       reduce_(queue),
-      pair_of_frame_(scene.train.size(), -1) {
+      pairs_of_frame_(scene.train.size()) {
   const float level = config.scene.background == Background::white ? 1.f : 0.f;
   background_ = {level, level, level};
   for (size_t i = 0; i < parts_.size(); ++i) {
@@ -97,11 +99,17 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
   }
   if (!config.flow.enabled || config.flow.weight == 0) return;
   for (size_t i = 0; i < pairs.size(); ++i)
-    if (flows.has(i)) pair_of_frame_[size_t(pairs[i].frame)] = int(i);
+    if (flows.has(i)) pairs_of_frame_[size_t(pairs[i].frame)].push_back(int(i));
 }
 
 int Trainer::sh_degree(int step) const {
   return std::min(config_.motion.sh_degree, step / config_.motion.sh_interval);
+}
+
+int Trainer::pair_at(size_t frame, int step, size_t turn) const {
+  const std::vector<int>& pairs = pairs_of_frame_[frame];
+  if (pairs.empty() || step < config_.flow.start) return -1;
+  return pairs[random_bits(uint(config_.train.seed), kPairStream, uint(turn)) % pairs.size()];
 }
 
 std::vector<Trainer::Sample> Trainer::samples(int step) const {
@@ -117,7 +125,7 @@ std::vector<Trainer::Sample> Trainer::samples(int step) const {
     const size_t i = whole ? shuffled(scene_.train.size(), seed, at)
                            : focus_frames_[shuffled(focus_frames_.size(), seed + 1000003u, at)];
     const Camera& camera = frames_.camera(scene_.train[i]);
-    samples.push_back({&scene_.train[i], step >= config_.flow.start ? pair_of_frame_[i] : -1,
+    samples.push_back({&scene_.train[i], pair_at(i, step, at),
                        whole ? Rect{0, 0, camera.width, camera.height} : parts_[i]});
   }
   return samples;
@@ -232,7 +240,7 @@ void Trainer::refine_if_due(Queue& queue, int step) {
   rule.cutoff = model_.shape.cutoff;
   rule.cap = size_t(d.cap);
   density_.refine(queue, model_.parameters, *model_.motion, rule,
-                  random_bits(uint32_t(config_.train.seed), 7u, uint32_t(step)));
+                  random_bits(uint32_t(config_.train.seed), kSplitStream, uint32_t(step)));
 }
 
 StepFigures Trainer::figures(Queue& queue) {

@@ -46,6 +46,8 @@ class Trainer {
     Rect part;  // what of it is drawn
   };
   std::vector<Sample> samples(int step) const;
+  // The flow pair a frame is shown with, forward or back, or -1.
+  int pair_at(size_t frame, int step, size_t turn) const;
   void train_view(Queue& queue, const Sample& sample, int step);
   void update(Queue& queue, int step);
   void refine_if_due(Queue& queue, int step);
@@ -64,7 +66,7 @@ class Trainer {
   Adam adam_;
   Density density_;
   Reduce reduce_;
-  std::vector<int> pair_of_frame_;  // -1: none
+  std::vector<std::vector<int>> pairs_of_frame_;  // with a flow, forward and back
   Buffer<cl_uchar> truth_{"truth"}, confidence_{"confidence"};
   Buffer<float> teacher_{"teacher flow"};
   ImageGradients v_;

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 
@@ -45,7 +46,10 @@ FlowStore flows_for(const TrainConfig& config, const LoadedScene& loaded,
     if (config.flow.folder.empty()) return true_flows(loaded.scene, pairs, *loaded.frames);
     return flows_from_folder(loaded.scene, pairs, *loaded.frames, config.flow.folder);
   }
-  Progress progress("flow ", long(pairs.size()), quiet);
+  const auto forward = std::count_if(pairs.begin(), pairs.end(), [&](const FlowPair& pair) {
+    return pair.next >= 0 && !leads_back(loaded.scene, pair);
+  });
+  Progress progress("flow ", long(forward), quiet);
   FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, run.path("flow"), 0,
                                     counted(progress, "computing optical flow"));
   progress.finish();
@@ -151,7 +155,9 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   run.forget_stale_caches(cache_stamp(scene, config.scene));
   run.write_config(config);
   run.write_cameras(scene);
-  const std::vector<FlowPair> pairs = close_pairs(scene, config.flow.max_gap);
+  std::vector<FlowPair> pairs = close_pairs(scene, config.flow.max_gap);
+  if (config.flow.backward)
+    for (const FlowPair& pair : reversed(pairs)) pairs.push_back(pair);
   FlowStore flows = flows_for(config, loaded, pairs, run, quiet);
 
   std::vector<Watcher> watchers;

@@ -103,6 +103,25 @@ TEST(FlowStore, EstimatesAreKeptAndUsedAgain) {
   EXPECT_NEAR(again.get(1)->flow.uv[2 * centre], 2, 0.2);
 }
 
+TEST(FlowStore, TheFlowBackInTimeComesWithTheOtherAndIsKeptBesideIt) {
+  const TemporaryFolder folder;
+  const Scene scene = make_scene(folder);
+  std::vector<FlowPair> pairs = neighbour_pairs(scene);
+  for (const FlowPair& pair : reversed(pairs)) pairs.push_back(pair);
+  ASSERT_EQ(pairs.size(), 4u);
+  EXPECT_FALSE(leads_back(scene, pairs[0]));
+  EXPECT_TRUE(leads_back(scene, pairs[2]));
+  FrameStore frames(scene);
+  std::vector<size_t> steps;
+  FlowStore flows = estimated_flows(scene, pairs, frames, folder.path() + "/cache", 1,
+                                    [&](size_t done, size_t) { steps.push_back(done); });
+  EXPECT_EQ(steps, (std::vector<size_t>{1, 2}));  // two pairs of pictures
+  const size_t centre = 20 * 48 + 24;
+  EXPECT_NEAR(flows.get(0)->flow.uv[2 * centre], 2, 0.2);
+  EXPECT_NEAR(flows.get(2)->flow.uv[2 * centre], -2, 0.2);
+  EXPECT_EQ(flows.get(2)->confidence[centre], 255);
+}
+
 TEST(FlowStore, AnExceptionInProgressEndsTheWork) {
   const TemporaryFolder folder;
   const Scene scene = make_scene(folder);
