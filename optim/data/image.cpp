@@ -5,10 +5,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
 
 #include "optim/data/image_header.hpp"
 #include "optim/io/atomic_file.hpp"
@@ -71,19 +69,6 @@ void write_mat(const std::string& path, const cv::Mat& mat) {
   }
   if (!ok) throw Error(fmt::format("cannot encode {}: OpenCV has no PNG writer", path));
   write_file_atomically(path, bytes);
-}
-
-// Opens the first encoder that works; avc1 (H.264) plays everywhere, mp4v is always built in.
-bool open_writer(cv::VideoWriter& writer, const std::string& path, double fps, cv::Size size) {
-  for (const char* code : {"avc1", "mp4v"}) {
-    const int fourcc = cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]);
-    try {
-      if (writer.open(path, cv::CAP_FFMPEG, fourcc, fps, size)) return true;
-    } catch (const cv::Exception&) {
-      // An encoder that fails to open is one that is not there.
-    }
-  }
-  return false;
 }
 
 }  // namespace
@@ -157,34 +142,6 @@ void write_png16(const std::string& path, int width, int height,
     throw Error(fmt::format("cannot write {}: {}x{} pixels are not {} values", path, width, height,
                             values.size()));
   write_mat(path, cv::Mat(height, width, CV_16UC1, const_cast<uint16_t*>(values.data())));
-}
-
-void write_mp4(const std::string& path, const std::vector<Image>& frames, double fps) {
-  if (frames.empty()) throw Error(fmt::format("cannot write video {}: there are no frames", path));
-  if (!(fps > 0)) throw Error(fmt::format("cannot write video {}: {} frames a second", path, fps));
-  for (const Image& frame : frames) {
-    check_pixels(frame, "write video " + path);
-    if (frame.channels != 3 || frame.width != frames[0].width || frame.height != frames[0].height)
-      throw Error(fmt::format("cannot write video {}: its frames must be RGB of one size", path));
-  }
-  const int right = frames[0].width % 2, below = frames[0].height % 2;
-  const cv::Size size(frames[0].width + right, frames[0].height + below);
-  replace_file(path, [&](const std::string& temporary) {
-    cv::VideoWriter writer;
-    if (!open_writer(writer, temporary, fps, size))
-      throw Error(fmt::format(
-          "cannot write video {}: this OpenCV has no MP4 encoder (needs FFmpeg)", path));
-    cv::Mat bgr;
-    for (const Image& frame : frames) {
-      cv::cvtColor(as_mat(frame), bgr, cv::COLOR_RGB2BGR);
-      cv::copyMakeBorder(bgr, bgr, 0, below, 0, right, cv::BORDER_REPLICATE);
-      writer.write(bgr);
-    }
-    writer.release();
-    std::error_code failed;
-    if (std::filesystem::file_size(temporary, failed) == 0 || failed)
-      throw Error(fmt::format("cannot write video {}: nothing was written (disk full?)", path));
-  });
 }
 
 FlowField read_kitti_flow(const std::string& path) {

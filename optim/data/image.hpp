@@ -40,10 +40,6 @@ void write_png(const std::string& path, const Image& image);
 void write_png16(const std::string& path, int width, int height,
                  const std::vector<uint16_t>& values);
 
-// RGB pictures of one size as an MP4 (avc1 or mp4v, whichever this OpenCV can write). Sizes are
-// padded to even numbers by repeating the last row or column. Error when OpenCV has no encoder.
-void write_mp4(const std::string& path, const std::vector<Image>& frames, double fps);
-
 // KITTI flow: 16-bit RGB PNG, u = (R - 2^15) / 64, v = (G - 2^15) / 64, valid where B > 0.
 FlowField read_kitti_flow(const std::string& path);
 

@@ -52,7 +52,8 @@ void write_movie(const std::string& path, size_t count, const std::function<Imag
     cv::VideoWriter writer = open_writer(temporary, path, fps, size);
     for (size_t i = 0; i < count; ++i) {
       if (i > 0) image = frame(i);
-      if (image.channels != 3 || image.width != width || image.height != height)
+      if (image.channels != 3 || image.width != width || image.height != height ||
+          image.pixels.size() != 3 * size_t(width) * size_t(height))
         throw Error(fmt::format("cannot write video {}: its frames must be RGB of one size", path));
       writer.write(encodable(image, size));
     }

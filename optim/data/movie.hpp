@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Long videos, a frame at a time: no more than one picture is in memory.
+// Videos written a frame at a time: no more than one picture is in memory.
 #pragma once
 #include <functional>
 #include <string>
@@ -8,8 +8,9 @@
 
 namespace gflow {
 
-// `count` RGB pictures of one size as an MP4, frame(0), frame(1), ...; encoders, padding and errors
-// as write_mp4. The file appears complete or not at all.
+// `count` RGB pictures of one size, frame(0), frame(1), ..., as an MP4 (avc1 or mp4v, whichever
+// this OpenCV can write). Sizes are padded to even numbers by repeating the last row or column.
+// Error when OpenCV has no encoder. The file appears complete or not at all.
 void write_movie(const std::string& path, size_t count, const std::function<Image(size_t)>& frame,
                  double fps);
 

@@ -19,7 +19,7 @@ Scene video_scene(const TemporaryFolder& folder) {
   std::vector<Image> frames;
   for (int k = 0; k < 4; ++k)
     frames.push_back({16, 12, 3, std::vector<uint8_t>(16 * 12 * 3, uint8_t(50 * k + 20))});
-  write_mp4(folder.file("cam00.mp4"), frames, 10);
+  make_mp4(folder.file("cam00.mp4"), frames, 10);
   Scene scene;
   Camera camera;
   camera.name = "cam00";

@@ -150,7 +150,7 @@ TEST(Video, FramesAreReadAgainInAnyOrder) {
     frames.push_back(image);
   }
   const std::string path = folder.file("a.mp4");
-  write_mp4(path, frames, 10);
+  make_mp4(path, frames, 10);
   EXPECT_EQ(folder.count(), 1u);
   const VideoInfo info = video_info(path);
   EXPECT_EQ(info.width, 34);
@@ -171,10 +171,10 @@ TEST(Video, WhatIsNoVideoIsRefused) {
   const TemporaryFolder folder;
   expect_error([&] { video_info(folder.path() + "/none.mp4"); }, {"none.mp4", "no such file"});
   expect_error([&] { video_info(folder.write("a.mp4", "no video at all")); }, {"a.mp4"});
-  expect_error([&] { write_mp4(folder.file("b.mp4"), {}, 10); }, {"b.mp4", "no frames"});
+  expect_error([&] { make_mp4(folder.file("b.mp4"), {}, 10); }, {"b.mp4", "no frames"});
   expect_error(
       [&] {
-        write_mp4(folder.file("b.mp4"), {pattern(4, 4), pattern(6, 4)}, 10);
+        make_mp4(folder.file("b.mp4"), {pattern(4, 4), pattern(6, 4)}, 10);
       },
       {"one size"});
   EXPECT_FALSE(std::filesystem::exists(folder.file("b.mp4")));

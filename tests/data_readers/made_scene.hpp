@@ -8,6 +8,7 @@
 
 #include "io/temporary_folder.hpp"
 #include "optim/data/image.hpp"
+#include "optim/data/movie.hpp"
 
 // A picture whose pixels depend on position and seed.
 inline gflow::Image pattern(int width, int height, int channels = 3, int seed = 0) {
@@ -22,6 +23,11 @@ inline gflow::Image pattern(int width, int height, int channels = 3, int seed = 
 inline void make_png(const TemporaryFolder& folder, const std::string& name, int width = 8,
                      int height = 6, int channels = 3, int seed = 0) {
   gflow::write_png(folder.file(name), pattern(width, height, channels, seed));
+}
+
+inline void make_mp4(const std::string& path, const std::vector<gflow::Image>& frames, double fps) {
+  gflow::write_movie(
+      path, frames.size(), [&](size_t i) { return frames[i]; }, fps);
 }
 
 // The folder of the shared scenes and data; tests look whether it exists.

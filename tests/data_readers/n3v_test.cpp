@@ -79,8 +79,8 @@ TEST(N3v, IntrinsicsFollowThePictureSize) {
 TEST(N3v, VideosServeWhereThereAreNoPictures) {
   const TemporaryFolder folder;
   const std::vector<Image> frames(3, pattern(8, 6));
-  write_mp4(folder.file("cam00.mp4"), frames, 20);
-  write_mp4(folder.file("cam01.mp4"), frames, 20);
+  make_mp4(folder.file("cam00.mp4"), frames, 20);
+  make_mp4(folder.file("cam01.mp4"), frames, 20);
   make_png(folder, "cam00/images/0000.png");  // pictures are preferred: one step in common
   make_poses(folder, 2);
   Scene scene = read_scene(folder.path());
