@@ -8,6 +8,7 @@
 #include <new>
 
 #include "apps/options.hpp"
+#include "apps/signals.hpp"
 #include "optim/train/interrupt.hpp"
 
 namespace {
@@ -51,6 +52,7 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  gflow::set_signals();
   CLI::App app("gflow trains moving 3D Gaussian scenes from video on any OpenCL device.", "gflow");
   gflow::GlobalOptions options;
   try {

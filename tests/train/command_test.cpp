@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -32,12 +33,27 @@ class Command {
     const std::string out = folder_.file("out"), err = folder_.file("err");
     pid_ = fork();
     if (pid_ != 0) return;
+    std::signal(SIGINT, SIG_DFL);  // shells ignore it in what they start in the background
     dup2(open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
     dup2(open(err.c_str(), O_WRONLY | O_CREAT, 0600), STDERR_FILENO);
     execv(argv[0], argv.data());
     _exit(127);
   }
   void send(int signal) const { kill(pid_, signal); }
+  // Waits until the program, no longer this one, has a handler for the signal.
+  void wait_for_handler(int signal) const {
+    for (int i = 0; i < 2000; ++i) {
+      std::error_code gone;
+      const std::string process = "/proc/" + std::to_string(pid_);
+      const bool started = fs::read_symlink(process + "/exe", gone) == fs::canonical(GFLOW_BINARY);
+      std::ifstream status(process + "/status");
+      for (std::string line; started && std::getline(status, line);)
+        if (line.rfind("SigCgt:", 0) == 0 &&
+            std::stoull(line.substr(7), nullptr, 16) >> (signal - 1) & 1)
+          return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
   Outcome wait() const {
     int status = 0;
     waitpid(pid_, &status, 0);
@@ -259,6 +275,22 @@ TEST_F(CommandTest, AWrongCommandLineIsNoSuccess) {
     EXPECT_EQ(outcome.code, 0) << command;
     EXPECT_NE(outcome.out.find("--device"), std::string::npos) << command;
   }
+}
+
+TEST_F(CommandTest, CtrlCBeforeAnyWorkIsOneSentenceToo) {
+  const TemporaryFolder folder;
+  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+           {"train", scene().path(), "-o", folder.path() + "/run"},
+           {"devices"},
+           {"bench", "raster"}}) {
+    const Command command(arguments);
+    command.wait_for_handler(SIGINT);
+    command.send(SIGINT);
+    const Outcome outcome = command.wait();
+    EXPECT_EQ(outcome.code, 130) << arguments[0];
+    EXPECT_EQ(outcome.err, "gflow: interrupted\n") << arguments[0];
+  }
+  EXPECT_FALSE(fs::exists(folder.path() + "/run"));
 }
 
 TEST_F(CommandTest, CtrlCDuringTrainingLeavesTheModelOfTheStepsMade) {

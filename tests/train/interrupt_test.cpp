@@ -23,7 +23,7 @@ TEST_P(Interrupt, TheSecondSignalEndsTheProgramWith130) {
         std::raise(GetParam());
         std::raise(GetParam());
       },
-      testing::ExitedWithCode(130), "");
+      testing::ExitedWithCode(130), "^gflow: interrupted twice and stopped at once\n$");
 }
 
 TEST_P(Interrupt, AfterTheGuardTheSignalDoesWhatItDidBefore) {

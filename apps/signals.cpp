@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/signals.hpp"
+
+#include <unistd.h>
+
+#include <csignal>
+
+#include "optim/train/interrupt.hpp"
+
+namespace gflow {
+namespace {
+
+// Calls nothing but what POSIX allows in a handler.
+void stop_at_once(int) {
+  constexpr char sentence[] = "gflow: interrupted\n";
+  if (::write(STDERR_FILENO, sentence, sizeof sentence - 1) < 0) _exit(interrupted_exit_code);
+  _exit(interrupted_exit_code);
+}
+
+}  // namespace
+
+void set_signals() {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP})
+    if (std::signal(signal, stop_at_once) == SIG_IGN) std::signal(signal, SIG_IGN);
+}
+
+}  // namespace gflow

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// What signals do to the program while no InterruptGuard lives: at start, between stages, and in
+// commands too short to stop in the middle.
+#pragma once
+
+namespace gflow {
+
+// From now on SIGINT, SIGTERM and SIGHUP end the program with one sentence and exit code 130; those
+// that were ignored, as under nohup, stay so.
+void set_signals();
+
+}  // namespace gflow
