@@ -4,8 +4,12 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
+#include <filesystem>
 #include <new>
+#include <system_error>
 
 #include "apps/options.hpp"
 #include "apps/signals.hpp"
@@ -49,10 +53,8 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   for (CLI::App* command : app.get_subcommands({})) command->footer(global_help(app));
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  gflow::set_signals();
+// The exit code, where nothing is thrown.
+int run(int argc, char** argv) {
   CLI::App app("gflow trains moving 3D Gaussian scenes from video on any OpenCL device.", "gflow");
   gflow::GlobalOptions options;
   try {
@@ -60,6 +62,18 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& problem) {
     return app.exit(problem) == 0 ? 0 : 1;  // --help and --version come this way, too
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  gflow::set_signals();
+  try {
+    const int code = run(argc, argv);
+    if (std::fflush(stdout) == 0) return code;
+    return say(fmt::format("cannot write to standard output: {}", std::strerror(errno)), 1);
   } catch (const gflow::Interrupted& stop) {
     return say(stop.what(), gflow::interrupted_exit_code);
   } catch (const gflow::NoUsableDevice& problem) {
@@ -71,8 +85,12 @@ int main(int argc, char** argv) {
         "there is not enough memory for this; a higher scene.resolution or a lower density.cap "
         "needs less",
         1);
+  } catch (const std::filesystem::filesystem_error& problem) {
+    return say(fmt::format("cannot use {}: {}", problem.path1().string(), problem.code().message()),
+               1);
+  } catch (const std::system_error& problem) {  // fmt::print to a full disk, a thread refused
+    return say(problem.what(), 1);
   } catch (const std::exception& problem) {
     return say(fmt::format("an error nobody foresaw: {}", problem.what()), 1);
   }
-  return 0;
 }

@@ -3,7 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <cstdint>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
@@ -25,6 +28,7 @@ cv::VideoWriter open_writer(const std::string& temporary, const std::string& pat
       // An encoder that fails to open is one that is not there.
     }
   }
+  require_room(temporary, path);
   throw Error(
       fmt::format("cannot write video {}: this OpenCV has no MP4 encoder (needs FFmpeg)", path));
 }
@@ -37,6 +41,31 @@ cv::Mat encodable(const Image& frame, cv::Size size) {
   cv::copyMakeBorder(bgr, bgr, 0, size.height - frame.height, 0, size.width - frame.width,
                      cv::BORDER_REPLICATE);
   return bgr;
+}
+
+// Whether an MP4 is complete: its boxes (length, name, contents) end where the file does, and the
+// index, which FFmpeg writes last, is among them. OpenCV does not tell of writes that failed.
+bool is_whole(const std::string& file) {
+  std::ifstream in(file, std::ios::binary);
+  const uint64_t size = std::filesystem::file_size(file);
+  bool has_index = false;
+  uint64_t at = 0;
+  while (at < size) {
+    uint8_t head[16] = {};
+    in.seekg(std::streamoff(at));
+    in.read(reinterpret_cast<char*>(head), size - at < 16 ? 8 : 16);
+    if (!in) return false;
+    const auto number = [&](int first, int bytes) {  // big-endian
+      uint64_t value = 0;
+      for (int i = first; i < first + bytes; ++i) value = value << 8 | head[i];
+      return value;
+    };
+    const uint64_t length = number(0, 4) == 1 ? number(8, 8) : number(0, 4);
+    if (length < 8 || length > size - at) return false;
+    has_index |= std::memcmp(head + 4, "moov", 4) == 0;
+    at += length;
+  }
+  return has_index;
 }
 
 }  // namespace
@@ -58,9 +87,9 @@ void write_movie(const std::string& path, size_t count, const std::function<Imag
       writer.write(encodable(image, size));
     }
     writer.release();
-    std::error_code failed;
-    if (std::filesystem::file_size(temporary, failed) == 0 || failed)
-      throw Error(fmt::format("cannot write video {}: nothing was written (disk full?)", path));
+    if (is_whole(temporary)) return;
+    require_room(temporary, path);
+    throw Error(fmt::format("cannot write video {}: FFmpeg did not write all of it", path));
   });
 }
 

@@ -80,8 +80,11 @@ void flush_to_disk(const std::string& temporary, const std::string& path) {
     throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
 }
 
-void write_all(const std::string& temporary, std::string_view bytes, const std::string& path) {
-  const Descriptor file(::open(temporary.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC));
+// flag: O_TRUNC for the whole file, O_APPEND for more of it. Some libraries remove what they failed
+// to write, hence O_CREAT.
+void write_all(const std::string& temporary, int flag, std::string_view bytes,
+               const std::string& path) {
+  const Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | flag | O_CLOEXEC, 0666));
   bool ok = file.get() >= 0;
   while (ok && !bytes.empty()) {
     const ssize_t written = ::write(file.get(), bytes.data(), bytes.size());
@@ -164,8 +167,14 @@ void replace_file(const std::string& path,
   temporary.rename_to(path);
 }
 
+void require_room(const std::string& temporary, const std::string& path) {
+  write_all(temporary, O_APPEND, std::string(size_t{1} << 20, '\0'), path);
+  flush_to_disk(temporary, path);
+}
+
 void write_file_atomically(const std::string& path, std::string_view bytes) {
-  replace_file(path, [&](const std::string& temporary) { write_all(temporary, bytes, path); });
+  replace_file(path,
+               [&](const std::string& temporary) { write_all(temporary, O_TRUNC, bytes, path); });
 }
 
 void write_file_atomically(const std::string& path, const Bytes& bytes) {

@@ -3,7 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -132,10 +134,17 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
                   {"ssim", number(f.ssim)},       {"flow_loss", number(f.flow_loss)},
                   {"psnr", number(f.psnr)},       {"flow_epe", number(f.epe)},
                   {"num_gaussians", f.gaussians}, {"refused", f.refused}};
-  std::ofstream out(path("metrics.jsonl"), iteration == 0 ? std::ios::trunc : std::ios::app);
+  const std::string file = path("metrics.jsonl");
+  std::error_code none;
+  const uintmax_t before = iteration > 0 && fs::exists(file) ? fs::file_size(file, none) : 0;
+  std::ofstream out(file, iteration == 0 ? std::ios::trunc : std::ios::app);
   out << line.dump() << "\n";
   out.flush();
-  if (!out) throw Error("writing " + path("metrics.jsonl") + ": is the disk full?");
+  if (out) return;
+  const Error error(fmt::format("cannot write {}: {}", file, std::strerror(errno)));
+  out.close();
+  fs::resize_file(file, before, none);  // no half a line
+  throw error;
 }
 
 void RunFolder::write_results(const Evaluation& evaluation, const std::string& split,

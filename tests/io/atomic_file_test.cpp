@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/io/atomic_file.hpp"
 
-#include <sys/resource.h>
-
-#include <csignal>
-
+#include "io/file_size_limit.hpp"
 #include "io/temporary_folder.hpp"
 
 using namespace gflow;
@@ -35,15 +32,11 @@ TEST(AtomicFile, AFullDiskIsAnErrorThatLeavesTheOldFile) {
   const TemporaryFolder folder;
   const std::string path = folder.write("a.txt", "old");
   // A limit on file size stands for a full disk: write() fails after a part was written.
-  rlimit before{};
-  getrlimit(RLIMIT_FSIZE, &before);
-  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-  const rlimit small{1000, before.rlim_max};
-  setrlimit(RLIMIT_FSIZE, &small);
-  expect_error([&] { write_file_atomically(path, Bytes(5000)); },
-               {"cannot write " + path, "File too large"});
-  setrlimit(RLIMIT_FSIZE, &before);
-  std::signal(SIGXFSZ, handler);
+  {
+    const FileSizeLimit limit(1000);
+    expect_error([&] { write_file_atomically(path, Bytes(5000)); },
+                 {"cannot write " + path, "File too large"});
+  }
   EXPECT_EQ(contents(path), "old");
   EXPECT_EQ(folder.count(), 1u);
 }

@@ -22,11 +22,14 @@ struct Outcome {
   std::string out, err;
 };
 
-// One run of the program; arguments as they are, no shell.
+// One run of the program; arguments as they are. `first` is what a shell does before it becomes the
+// program, a limit it sets, say; without it there is no shell.
 class Command {
  public:
-  explicit Command(std::vector<std::string> arguments) {
+  explicit Command(std::vector<std::string> arguments, const std::string& first = "") {
     arguments.insert(arguments.begin(), GFLOW_BINARY);
+    if (!first.empty())
+      arguments.insert(arguments.begin(), {"/bin/sh", "-c", first + "; exec \"$0\" \"$@\""});
     std::vector<char*> argv;
     for (std::string& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);
@@ -69,12 +72,14 @@ class Command {
   pid_t pid_ = -1;
 };
 
-Outcome gflow(const std::vector<std::string>& arguments) { return Command(arguments).wait(); }
+Outcome gflow(const std::vector<std::string>& arguments, const std::string& first = "") {
+  return Command(arguments, first).wait();
+}
 
 // One sentence on stderr, as "gflow: ...", with all the parts; exit code 1; nothing on stdout.
 void expect_refused(const std::vector<std::string>& arguments,
-                    std::initializer_list<std::string> parts) {
-  const Outcome outcome = gflow(arguments);
+                    std::initializer_list<std::string> parts, const std::string& first = "") {
+  const Outcome outcome = gflow(arguments, first);
   EXPECT_EQ(outcome.code, 1) << outcome.err;
   EXPECT_EQ(outcome.out, "");
   EXPECT_EQ(outcome.err.rfind("gflow: ", 0), 0u) << outcome.err;
@@ -275,6 +280,32 @@ TEST_F(CommandTest, AWrongCommandLineIsNoSuccess) {
     EXPECT_EQ(outcome.code, 0) << command;
     EXPECT_NE(outcome.out.find("--device"), std::string::npos) << command;
   }
+}
+
+TEST_F(CommandTest, AFileThatCannotBeWrittenIsOneSentenceAndLeavesNothing) {
+  const TemporaryFolder folder, out;
+  Arrays input = small_npz();
+  input["size"] = Array{{2}, std::vector<int32_t>{160, 120}};
+  write_npz(folder.file("in.npz"), input);
+  const std::vector<std::string> splat{"splat", folder.file("in.npz"), "-o", out.file("out.npz")};
+  // First without the limit, so that the driver has written files of its own.
+  ASSERT_EQ(gflow(splat).code, 0);
+  ASSERT_EQ(gflow({"render", run(), "-o", folder.path(), "--quiet"}).code, 0);
+  fs::remove(out.file("out.npz"));
+  expect_refused(splat, {"out.npz", "File too large"}, "ulimit -f 2");  // 1 or 2 KiB
+  EXPECT_EQ(out.count(), 0u);
+  expect_refused({"render", run(), "-o", out.path(), "--quiet"}, {"cannot write", "File too large"},
+                 "ulimit -f 2");
+  EXPECT_EQ(out.count(), 0u);
+  expect_refused({"train", scene().path(), "-o", out.path(), "--iterations", "1", "--quiet"},
+                 {"cannot write", "File too large"}, "ulimit -f 2");
+  EXPECT_EQ(RunFolder(out.path()).read_facts().iterations, 0);
+}
+
+TEST_F(CommandTest, AFullStandardOutputIsNoSuccess) {
+  const Outcome outcome = gflow({"--help"}, "exec >/dev/full");
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find("No space left"), std::string::npos) << outcome.err;
 }
 
 TEST_F(CommandTest, CtrlCBeforeAnyWorkIsOneSentenceToo) {

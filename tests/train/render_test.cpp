@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "compare.hpp"
+#include "io/file_size_limit.hpp"
 #include "optim/data/movie.hpp"
 #include "optim/data/video.hpp"
 #include "optim/train/interrupt.hpp"
@@ -91,6 +92,24 @@ TEST(WriteMovie, LeavesNothingWhenAFrameFails) {
   };
   expect_error([&] { write_movie(folder.file("a.mp4"), 2, frame, 10); }, {"no such picture"});
   EXPECT_EQ(folder.count(), 0u);
+}
+
+TEST(WriteMovie, SaysWhyTheDiskTakesNoMore) {
+  const auto noisy = [](size_t i) {
+    Image image{64, 64, 3, std::vector<uint8_t>(64 * 64 * 3)};
+    for (size_t k = 0; k < image.pixels.size(); ++k)
+      image.pixels[k] = uint8_t(127 + 127 * noise(uint(i), uint(k)));
+    return image;
+  };
+  const TemporaryFolder folder;
+  for (const size_t bytes : {0, 1000, 20000, 60000}) {
+    const FileSizeLimit limit(bytes);
+    expect_error([&] { write_movie(folder.file("a.mp4"), 30, noisy, 10); },
+                 {"a.mp4", "File too large"});
+    EXPECT_EQ(folder.count(), 0u) << bytes;
+  }
+  write_movie(folder.file("a.mp4"), 30, noisy, 10);
+  EXPECT_GT(fs::file_size(folder.file("a.mp4")), 60000u);
 }
 
 // --- which views

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "io/file_size_limit.hpp"
 #include "io/temporary_folder.hpp"
 
 namespace gflow {
@@ -76,6 +77,18 @@ TEST(RunFolder, ForgetsModelsOfAnEarlierTraining) {
   run.forget_model(300);  // there is none
   EXPECT_EQ(run.latest_model(), run.model_path(100));
   EXPECT_EQ(folder.count(), 1u);
+}
+
+TEST(RunFolder, MetricsThatDoNotFitLeaveNoHalfALine) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  run.append_metrics(0, 1, {});
+  const std::string one = contents(run.path("metrics.jsonl"));
+  {
+    const FileSizeLimit limit(one.size() + 10);
+    expect_error([&] { run.append_metrics(1, 2, {}); }, {"metrics.jsonl", "File too large"});
+  }
+  EXPECT_EQ(contents(run.path("metrics.jsonl")), one);
 }
 
 TEST(RunFolder, CachesMadeUnderAnotherStampAreForgotten) {
