@@ -15,6 +15,7 @@
 #include <memory>
 #include <random>
 
+#include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "optim/engine/engine.hpp"
 
@@ -23,7 +24,7 @@ namespace {
 
 struct BenchOptions {
   int width = 512, height = 512, gaussians = 100000, repeats = 15, lanes = 0;
-  bool flow = true;
+  bool no_flow = false;
 };
 
 // The projected shape of one splat: covariance before the dilation, opacity.
@@ -171,7 +172,8 @@ void run_raster(const BenchOptions& o, const GlobalOptions& options) {
     queue.reset_timings();
     const auto start = std::chrono::steady_clock::now();
     const double cpu_start = cpu_ms();
-    engine.forward(queue, scene.view, {o.flow, false}, {0, 0, 0}, scene.t1, scene.t2, scene.colors);
+    engine.forward(queue, scene.view, {!o.no_flow, false}, {0, 0, 0}, scene.t1, scene.t2,
+                   scene.colors);
     engine.backward(queue, scene.t1, scene.t2, v, gradients);
     queue.finish();
     if (i < 2) continue;  // compiling, growing buffers
@@ -189,7 +191,7 @@ void run_raster(const BenchOptions& o, const GlobalOptions& options) {
   }
   fmt::print("{}, {} lanes, {} x {} pixels, {} Gaussians, {} intersections, flow {}\n",
              queue.info.full_name(), queue.lanes, o.width, o.height, o.gaussians,
-             engine.tiles().intersections, o.flow ? "on" : "off");
+             engine.tiles().intersections, o.no_flow ? "off" : "on");
   fmt::print("medians of {} [ms]; stages: time on the device\n", o.repeats);
   for (const auto& [stage, kernels] : stages)
     fmt::print("  {:<14}{:8.2f}\n", stage, median(ms[stage]));
@@ -206,13 +208,13 @@ void add_bench(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<BenchOptions>();
   CLI::App* bench = app.add_subcommand("bench", "Measure what the engine costs on this device");
   CLI::App* raster = bench->add_subcommand("raster", "One image and its gradients, by stage");
-  raster->add_option("--width", flags->width, "[px]")->check(CLI::Range(1, 16384));
-  raster->add_option("--height", flags->height, "[px]")->check(CLI::Range(1, 16384));
-  raster->add_option("--gaussians", flags->gaussians, "How many")->check(CLI::Range(1, 20000000));
-  raster->add_option("--repeats", flags->repeats, "Measured runs")->check(CLI::Range(1, 1000));
+  raster->add_option("--width", flags->width, "Of the image [px]")->check(number_in(1, 16384));
+  raster->add_option("--height", flags->height, "Of the image [px]")->check(number_in(1, 16384));
+  raster->add_option("--gaussians", flags->gaussians, "How many")->check(number_in(1, 20000000));
+  raster->add_option("--repeats", flags->repeats, "Measured runs")->check(number_in(1, 1000));
   raster->add_option("--lanes", flags->lanes, "Pixels a work-item: 16, 8, 4, 1; 0: the device's")
-      ->check(CLI::IsMember({0, 1, 4, 8, 16}));
-  raster->add_flag("!--no-flow", flags->flow, "Colour only");
+      ->check(choice_of({"0", "1", "4", "8", "16"}));
+  raster->add_flag("--no-flow", flags->no_flow, "Colour only");
   bench->require_subcommand(1);
   raster->callback([flags, &options] { run_raster(*flags, options); });
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 
+#include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "apps/report.hpp"
 #include "optim/train/training.hpp"
@@ -35,8 +36,11 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
       "eval", "Judge the latest model of a run; writes results.json and per_view.json");
-  command->add_option("RUN", flags->run, "Run folder of `gflow train`")->required();
-  command->add_option("--split", flags->split, "Views: test, train or val");
+  command->add_option("RUN", flags->run, "Run folder of `gflow train`")
+      ->required()
+      ->type_name("FOLDER");
+  command->add_option("--split", flags->split, "Views: test, train or val")
+      ->check(choice_of({"test", "train", "val"}));
   command->callback([flags, &options] {
     const RunFolder run = RunFolder::open(flags->run);
     Queue queue = open_queue(options);

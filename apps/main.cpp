@@ -11,6 +11,7 @@
 #include <new>
 #include <system_error>
 
+#include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "apps/signals.hpp"
 #include "optim/train/interrupt.hpp"
@@ -61,7 +62,8 @@ int run(int argc, char** argv) {
     add_commands(app, options);
     app.parse(argc, argv);
   } catch (const CLI::ParseError& problem) {
-    return app.exit(problem) == 0 ? 0 : 1;  // --help and --version come this way, too
+    if (problem.get_exit_code() == 0) return app.exit(problem);  // --help and --version
+    return say(gflow::sentence_for(app, problem), 1);
   }
   return 0;
 }

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 
+#include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "optim/train/interrupt.hpp"
 #include "optim/train/progress.hpp"
@@ -178,33 +179,47 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
       "render",
       "Draw a trained model: colour, alpha, depth, flow, comparison with the truth, and videos");
   command->add_option("RUN|PLY", flags->model, "Run folder of `gflow train`, or a PLY of Gaussians")
-      ->required();
-  command->add_option("-o,--output", flags->output, "Folder that is written")->required();
+      ->required()
+      ->type_name("PATH");
+  command->add_option("-o,--output", flags->output, "Folder that is written")
+      ->required()
+      ->type_name("FOLDER");
   command
       ->add_option("--split", flags->split,
                    "Views: test, train or val; without --camera and where there is a scene: test")
-      ->check(CLI::IsMember({"test", "train", "val"}));
-  command->add_option("--camera", flags->camera, "One camera of the scene, by name, at --times");
+      ->check(choice_of({"test", "train", "val"}));
+  command
+      ->add_option("--camera", flags->camera,
+                   "One camera of the scene, by name, at --times; empty: those of the split, else "
+                   "all")
+      ->type_name("NAME");
   command
       ->add_option("--times", flags->times,
                    "0:1:40 (40 times from 0 to 1), a list 0,0.5,1, or all steps of the scene; "
                    "empty: the views of the split, all steps of a camera, else 0:1:40. Flow leads "
                    "to the next time")
       ->type_name("TIMES");
-  command->add_option("--scene", flags->scene, "Scene folder, for a PLY alone or a moved scene");
+  command
+      ->add_option("--scene", flags->scene,
+                   "Scene folder, for a PLY alone or a moved scene; empty: as in the run")
+      ->type_name("FOLDER");
   command
       ->add_option("--resolution", flags->resolution,
-                   "Divides width and height; 0: as in the run, else 1")
-      ->check(CLI::IsMember({0, 1, 2, 4, 8}));
+                   "Divides width and height: 1, 2, 4 or 8; 0: as in the run, else 1")
+      ->check(choice_of({"0", "1", "2", "4", "8"}));
   command->add_option("--background", flags->background, "white or black; empty: as in the run")
-      ->check(CLI::IsMember({"", "white", "black"}));
+      ->check(choice_of({"white", "black"}));
   command
       ->add_option("--fps", flags->fps,
                    "Frames a second of the videos; 0: as the scene says, else 24")
-      ->check(CLI::Range(0., 1000.));
-  command->add_option("--up", flags->up,
-                      "Axis that points up in the orbit shown where there are no cameras: x, y, z, "
-                      "-x, -y or -z");
+      ->check(number_in(0, 1000));
+  command
+      ->add_option(
+          "--up", flags->up,
+          "Axis that points up in the orbit shown where there are no cameras: x, y, z, -x, "
+          "-y or -z, written --up=-y")
+      ->check(choice_of({"x", "y", "z", "-x", "-y", "-z"}))
+      ->type_name("AXIS");
   command->add_flag("--no-compare", flags->no_compare,
                     "No pictures beside the scene's own, where it has them");
   command->callback([flags, &options] { run_render(*flags, options); });

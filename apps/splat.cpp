@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "optim/engine/splat_file.hpp"
 
@@ -22,24 +23,33 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
                    "means quats scales opacities colors, viewmat K size [background], and for "
                    "flow means_t2 quats_t2 scales_t2 [viewmat_t2]; cotangents v_rgb v_alpha "
                    "v_depth v_flow")
-      ->required();
-  command->add_option("-o,--output", flags->output, "The .npz that is written")->required();
-  command->add_option("--transport", flags->transport,
-                      "How a pixel moves with a Gaussian: paper, ot, material or translate");
-  command->add_option("--stop", flags->stop,
-                      "Whether the splat that saturates a pixel is drawn: include or exclude");
+      ->required()
+      ->type_name("FILE.npz");
+  command->add_option("-o,--output", flags->output, "The .npz that is written")
+      ->required()
+      ->type_name("FILE.npz");
+  command
+      ->add_option("--transport", flags->transport,
+                   "How a pixel moves with a Gaussian: paper, ot, material or translate")
+      ->check(choice_of({"paper", "ot", "material", "translate"}));
+  command
+      ->add_option("--stop", flags->stop,
+                   "Whether the splat that saturates a pixel is drawn: include or exclude")
+      ->check(choice_of({"include", "exclude"}));
   command
       ->add_option("--top-k", flags->splat.settings.top_k,
                    "Gaussians that make a pixel's flow, in depth order; 0: all")
-      ->check(CLI::Range(0, 1000000));
+      ->check(number_in(0, 1000000));
   command->add_flag("--detach-t1", flags->splat.settings.detach_t1,
                     "No flow gradient to the geometry at t1");
-  command->add_option("--near", flags->splat.near_plane,
-                      "Gaussians nearer than this are not drawn [scene units]");
+  command
+      ->add_option("--near", flags->splat.near_plane,
+                   "Gaussians nearer than this are not drawn [scene units]")
+      ->check(number_in(0, 1e9));
   command
       ->add_option("--lanes", flags->lanes,
                    "Pixels a work-item: 16, 8, 4, or 1 as on GPUs; 0: what suits the device")
-      ->check(CLI::IsMember({0, 1, 4, 8, 16}));
+      ->check(choice_of({"0", "1", "4", "8", "16"}));
   command->callback([flags, &options] {
     flags->splat.settings.transport = transport_named(flags->transport);
     flags->splat.settings.stop = stop_rule_named(flags->stop);

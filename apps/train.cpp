@@ -71,9 +71,12 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->add_option("SCENE", flags->scene,
                    "Folder of the scene: D-NeRF/Blender, N3V, "
                    "Consistent4D or COLMAP")
-      ->required();
-  command->add_option("-o,--output", flags->run, "Run folder that is written")->required();
-  command->add_option("--config", flags->config_file, "Settings in a TOML file")
+      ->required()
+      ->type_name("FOLDER");
+  command->add_option("-o,--output", flags->run, "Run folder that is written")
+      ->required()
+      ->type_name("FOLDER");
+  command->add_option("--config", flags->config_file, "Settings in a TOML file; empty: defaults")
       ->type_name("FILE.toml");
   command
       ->add_option("--set", flags->settings,
@@ -81,11 +84,13 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
                    "their meaning are in the config.toml of any run")
       ->type_name("SECTION.KEY=VALUE")
       ->expected(1)
+      ->default_str("")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  const TrainConfig defaults;
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")
-      ->default_str("10000");
+      ->default_str(std::to_string(defaults.train.iterations));
   command->add_option("--seed", flags->seed, "Of every random choice (train.seed)")
-      ->default_str("0");
+      ->default_str(std::to_string(defaults.train.seed));
   command->add_flag("--profile", flags->profile, "Print the time each kernel took");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });
 }

@@ -262,7 +262,7 @@ TEST_F(CommandTest, EvalSaysWhatIsMissing) {
   expect_refused({"eval", folder.path()}, {"config.toml"});
   fs::copy_file(run() + "/config.toml", folder.file("config.toml"));
   expect_refused({"eval", folder.path()}, {"no model"});
-  expect_refused({"eval", run(), "--split", "final"}, {"final", "train, test or val"});
+  expect_refused({"eval", run(), "--split", "final"}, {"final", "test, train or val"});
 }
 
 TEST_F(CommandTest, AnUnknownDeviceHasACodeOfItsOwn) {
@@ -271,14 +271,36 @@ TEST_F(CommandTest, AnUnknownDeviceHasACodeOfItsOwn) {
   EXPECT_NE(outcome.err.find("no such device"), std::string::npos) << outcome.err;
 }
 
-TEST_F(CommandTest, AWrongCommandLineIsNoSuccess) {
-  EXPECT_EQ(gflow({}).code, 1);
-  EXPECT_EQ(gflow({"trian"}).code, 1);
+TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
+  const std::string out = "/nowhere/out";
+  expect_refused({}, {"a command is missing", "train, render, eval, splat, bench or devices"});
+  expect_refused({"trian", "scene", "-o", out}, {"`gflow trian`", "nearest is train", "splat"});
+  expect_refused({"--quiet", "device"}, {"`gflow device`", "nearest is devices"});
+  expect_refused({"--device"}, {"--device", "missing", "gflow --help"});
+  expect_refused({"--zzzzzz"}, {"no option --zzzzzz (see"});
+  expect_refused({"bench"}, {"a command is missing", "gflow bench raster"});
+  expect_refused({"bench", "rastr"}, {"`gflow bench rastr`", "raster"});
+  expect_refused({"eval", run(), "--splt=test"}, {"no option --splt,", "--split", "--help"});
+  expect_refused({"devices", "--jsn"}, {"--jsn", "nearest is --json"});
+  expect_refused({"eval", run(), "more"}, {"`gflow eval`", "'more'"});
+  expect_refused({"train", "scene"}, {"--output is required", "gflow train --help"});
+  expect_refused({"splat", "a.npz", "-o", out, "--transport", "papr"},
+                 {"--transport", "'papr'", "paper, ot, material or translate"});
+  expect_refused({"splat", "a.npz", "-o", out, "--stop", "x"}, {"'x'", "include or exclude"});
+  expect_refused({"splat", "a.npz", "-o", out, "--lanes", "3"}, {"'3'", "0, 1, 4, 8 or 16"});
+  expect_refused({"render", run(), "-o", out, "--up", "w"}, {"'w'", "-y or -z"});
+  expect_refused({"render", run(), "-o", out, "--fps", "nan"}, {"'nan'", "from 0 to 1000"});
+  expect_refused({"bench", "raster", "--width", "0"}, {"'0'", "from 1 to 16384"});
+}
+
+TEST_F(CommandTest, HelpIsThereForEveryCommand) {
   EXPECT_EQ(gflow({"--help"}).code, 0);
+  EXPECT_EQ(gflow({"--version"}).code, 0);
   for (const char* command : {"train", "render", "eval", "splat", "devices"}) {
     const Outcome outcome = gflow({command, "--help"});
     EXPECT_EQ(outcome.code, 0) << command;
     EXPECT_NE(outcome.out.find("--device"), std::string::npos) << command;
+    EXPECT_EQ(outcome.out.find("=[]"), std::string::npos) << command;
   }
 }
 

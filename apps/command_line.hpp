@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// Checks of options, and what a wrong command line is answered with. Unlike CLI11's own, they leave
+// no ranges and lists in the help and say what would be right in one sentence.
+#pragma once
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+namespace gflow {
+
+// The value is one of the words.
+CLI::Validator choice_of(std::vector<std::string> words);
+// The value is a number from low to high.
+CLI::Validator number_in(double low, double high);
+
+// The sentence for a command line that `app` refused with `problem`: it names the nearest command
+// or option when the one given does not exist.
+std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem);
+
+}  // namespace gflow
