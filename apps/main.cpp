@@ -37,8 +37,10 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   app.option_defaults()->always_capture_default();
   app.add_option(
          "--device", options.device,
-         "OpenCL device: its index in `gflow devices` or a part of its name; empty: the variable "
-         "GFLOW_DEVICE, else the first GPU, else the first device")
+         "OpenCL device: its index in `gflow devices` or a part of its name; empty: train.device "
+         "of "
+         "the settings (`gflow train` alone), else the variable GFLOW_DEVICE, else the first GPU, "
+         "else the first device")
       ->type_name("INDEX|NAME");
   app.add_flag("--quiet", options.quiet, "No progress on stderr");
   app.require_subcommand(1);

@@ -271,6 +271,17 @@ TEST_F(CommandTest, AnUnknownDeviceHasACodeOfItsOwn) {
   EXPECT_NE(outcome.err.find("no such device"), std::string::npos) << outcome.err;
 }
 
+TEST_F(CommandTest, TheDeviceInTheSettingsIsForTrainingAlone) {
+  const TemporaryFolder folder;
+  const std::string copy = folder.path() + "/run", wanted = "train.device=no such device";
+  EXPECT_EQ(gflow({"train", scene().path(), "-o", copy, "--set", wanted}).code, 2);
+  fs::copy(run(), copy, fs::copy_options::recursive);
+  TrainConfig config = RunFolder::open(copy).read_config();
+  config.train.device = "no such device";
+  RunFolder(copy).write_config(config);
+  EXPECT_EQ(gflow({"eval", copy, "--quiet"}).code, 0);
+}
+
 TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   const std::string out = "/nowhere/out";
   expect_refused({}, {"a command is missing", "train, render, eval, splat, bench or devices"});
