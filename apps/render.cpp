@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -126,13 +127,26 @@ std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& sou
   return orbit_views(model, parse_times(times), flags.up);
 }
 
-void print_written(const RenderReport& report, const std::string& folder) {
+// views: what was drawn; still: whether nothing in the model moves.
+void print_written(const RenderReport& report, const std::vector<RenderView>& views, bool still,
+                   const std::string& folder) {
+  const bool one_time = std::all_of(views.begin(), views.end(), [&](const RenderView& view) {
+    return view.time == views[0].time;
+  });
   fmt::print("pictures  {} views in {}/rgb, alpha, depth\n", report.views, folder);
-  if (report.flows) fmt::print("flow      {} views in {}/flow\n", report.flows, folder);
+  if (report.flows)
+    fmt::print("flow      {} views in {}/flow\n", report.flows, folder);
+  else if (still)
+    fmt::print("flow      none: nothing in the model moves\n");
+  else if (one_time)
+    fmt::print("flow      none: no step of a scene follows the one time {}\n", views[0].time);
   if (report.compared)
     fmt::print("compared  {} views in {}/compare: truth, render, error x 4{}\n", report.compared,
                folder, report.flows ? ", flow, reference flow" : "");
   for (const std::string& movie : report.movies) fmt::print("video     {}\n", movie);
+  if (report.movies.empty())
+    fmt::print("video     none: it takes two pictures of one size{}\n",
+               one_time ? ", so more than one of --times" : "");
 }
 
 void run_render(const RenderFlags& flags, const GlobalOptions& options) {
@@ -141,7 +155,8 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   const Source source = find_source(flags);
   const HostModel host = read_model(source.model_path);
   std::vector<RenderView> views = views_wanted(flags, source, host);
-  if (stands_still(host))
+  const bool still = stands_still(host);
+  if (still)
     for (RenderView& view : views) view.time_t2 = -1;
 
   RenderOptions render;
@@ -168,7 +183,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
                                         total, flags.output));
       });
   progress.finish();
-  print_written(report, flags.output);
+  print_written(report, views, still, flags.output);
 }
 
 }  // namespace
@@ -197,7 +212,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
       ->add_option("--times", flags->times,
                    "0:1:40 (40 times from 0 to 1), a list 0,0.5,1, or all steps of the scene; "
                    "empty: the views of the split, all steps of a camera, else 0:1:40. Flow leads "
-                   "to the next time")
+                   "to the next time, that of a single one to the scene's next step")
       ->type_name("TIMES");
   command
       ->add_option("--scene", flags->scene,

@@ -203,6 +203,7 @@ std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>
 
 std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
                                      const std::vector<double>& times, const Scene* scene) {
+  const double interval = scene && times.size() == 1 ? interval_of(*scene) : 0;
   std::vector<RenderView> views;
   std::set<std::string> names;
   for (const Camera& camera : cameras) {
@@ -215,7 +216,10 @@ std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
       view.movie = times.size() > 1 ? name : "cameras";
       view.camera = camera;
       view.time = times[k];
-      if (k + 1 < times.size()) view.time_t2 = times[k + 1];
+      if (k + 1 < times.size())
+        view.time_t2 = times[k + 1];
+      else if (interval > 0 && view.time + interval <= 1 + same_time)
+        view.time_t2 = view.time + interval;
       if (scene) {
         view.truth = frame_at(*scene, camera.name, view.time);
         view.truth_t2 = frame_at(*scene, camera.name, view.time_t2);

@@ -35,7 +35,8 @@ std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>
                                     const std::vector<Camera>& cameras, const std::string& split);
 
 // Cameras at all of the times; flow leads to the next one. With a scene, `cameras` are some of the
-// scene's, and views get their pictures where a frame has the same camera and time.
+// scene's, views get their pictures where a frame has the same camera and time, and flow of a
+// single time leads one step on.
 std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
                                      const std::vector<double>& times, const Scene* scene);
 

@@ -357,6 +357,24 @@ TEST_F(CommandTest, CtrlCBeforeAnyWorkIsOneSentenceToo) {
   EXPECT_FALSE(fs::exists(folder.path() + "/run"));
 }
 
+TEST_F(CommandTest, ASingleTimeHasFlowWhereTheSceneHasANextStep) {
+  const TemporaryFolder out;
+  const auto render = [&](const std::string& model, const std::string& time) {
+    const Outcome outcome =
+        gflow({"render", model, "-o", out.path(), "--camera", "cam02", "--times", time, "--quiet"});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_NE(outcome.out.find("video     none"), std::string::npos) << outcome.out;
+    return outcome.out;
+  };
+  EXPECT_NE(render(run(), "0.5").find("flow      1 views"), std::string::npos);
+  EXPECT_TRUE(fs::exists(out.path() + "/flow/cam02.flo"));
+  EXPECT_NE(render(run(), "1").find("flow      none"), std::string::npos);
+  const TemporaryFolder folder;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  fs::copy_file(run() + "/cameras.json", folder.file("cameras.json"));
+  EXPECT_NE(render(folder.file("bare.ply"), "0.5").find("flow      none"), std::string::npos);
+}
+
 TEST_F(CommandTest, CtrlCDuringTrainingLeavesTheModelOfTheStepsMade) {
   const TemporaryFolder folder;
   const std::string out = folder.path() + "/run";

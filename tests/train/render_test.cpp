@@ -163,6 +163,16 @@ TEST(Views, OfACameraHaveThePicturesOfItsFrames) {
   EXPECT_LT(views[2].time_t2, 0);
 }
 
+TEST(Views, OfASingleTimeLeadToTheNextStep) {
+  const Made made;
+  const Camera camera = camera_named(made.loaded.frames->cameras(), "cam02");
+  const RenderView view = camera_views({camera}, {0.5}, &made.loaded.scene)[0];
+  EXPECT_DOUBLE_EQ(view.time_t2, 0.75);
+  EXPECT_EQ(view.truth_t2->name, "cam02_0003");
+  EXPECT_LT(camera_views({camera}, {1}, &made.loaded.scene)[0].time_t2, 0);
+  EXPECT_LT(camera_views({camera}, {0.5}, nullptr)[0].time_t2, 0);
+}
+
 TEST(Views, CamerasWithFewFramesShareAMovie) {
   const Made made;
   std::vector<Frame> frames;
