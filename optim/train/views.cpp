@@ -288,11 +288,10 @@ std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<do
 }
 
 bool stands_still(const HostModel& model) {
-  const std::vector<float>& ql = model.groups.at("quats");
   const std::vector<float>& log_scales = model.groups.at("log_scales");
   for (size_t i = 0; i < model.count; ++i)
     if (log_scales[4 * i + 3] < std::log(100 * model.shape.duration)) return false;
-  return ql == model.groups.at("quats_r");
+  return at_rest(model.shape.motion, model.groups);
 }
 
 }  // namespace gflow
