@@ -101,12 +101,14 @@ Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point
   return v / views.flow_time;
 }
 
-// flow_of[frame] = index of the flow pair that starts there.
+// flow_of[frame] = index of the flow pair that starts there; the camera rests, so that all flow is
+// the scene's.
 std::map<const Frame*, size_t> flow_index(const Scene& scene, const std::vector<FlowPair>& pairs,
                                           const FlowStore& flows) {
   std::map<const Frame*, size_t> index;
   for (size_t i = 0; i < pairs.size(); ++i)
-    if (flows.has(i) && pairs[i].next >= 0 && !leads_back(scene, pairs[i]))
+    if (flows.has(i) && pairs[i].next >= 0 && !leads_back(scene, pairs[i]) &&
+        scene.train[size_t(pairs[i].frame)].camera == scene.train[size_t(pairs[i].next)].camera)
       index[&scene.train[size_t(pairs[i].frame)]] = i;
   return index;
 }
