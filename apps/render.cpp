@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
@@ -93,9 +94,9 @@ std::vector<Camera> cameras_wanted(const RenderFlags& flags, const std::vector<C
 std::vector<Camera> cameras_of(const std::vector<Frame>& frames,
                                const std::vector<Camera>& cameras) {
   std::vector<Camera> used;
-  for (size_t i = 0; i < frames.size(); ++i)  // frames are sorted by camera
-    if (i == 0 || frames[i].camera != frames[i - 1].camera)
-      used.push_back(cameras[size_t(frames[i].camera)]);
+  std::set<int> seen;  // a camera that moves may come back to a pose
+  for (const Frame& frame : frames)
+    if (seen.insert(frame.camera).second) used.push_back(cameras[size_t(frame.camera)]);
   return used;
 }
 

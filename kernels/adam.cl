@@ -30,11 +30,13 @@ kernel void adam_advance(const uint rows, global const uint* restrict seen,  // 
 }
 
 // One work-item per row, or per scalar if FLAT.
-kernel void adam_step(const uint rows, const uint width, const AdamStep step, const uint table_size,
+kernel void adam_step(const uint rows, const uint width, const AdamStep step, const int per_time,
+                      const uint table_size,
                       global const float* restrict corrections,  // [table_size, 2] by step count
                       global const uint* restrict seen,          // [rows]
                       global const uint* restrict steps,         // [rows] from 1
                       global const float* restrict pace,         // [rows] multiplies the rate
+                      global const float* restrict reach,        // [rows] divides it, per_time times
                       global const float* restrict grads,        // [rows, width]
                       global float* restrict values,             // [rows, width]
                       global float* restrict exp_avg,            // [rows, width]
@@ -49,6 +51,7 @@ kernel void adam_step(const uint rows, const uint width, const AdamStep step, co
   if (row >= rows || seen[row] == 0) return;
   float2 correction = vload2(min(steps[row], table_size - 1), corrections);
   correction.x *= pace[row];
+  for (int k = 0; k < per_time; ++k) correction.x /= reach[row];
   for (size_t i = begin; i < end; ++i) {
     AdamState s;
     s.value = values[i];

@@ -42,7 +42,7 @@ kernel void native4d_fwd(const uint n, const float t, const float cutoff, const 
     return;
   }
   const Slice s = slice_at(g, t);
-  opacities_at[i] = s.opacity;
+  opacities_at[i] = s.life.opacity;
   store3(means_at, i, s.mean);
   store_mat3(factors_at, i, s.factor);
 }
@@ -93,7 +93,6 @@ kernel void native4d_bwd(const uint n, const float t, const int first,
 //     one child for the first half of its life and one for the second, each on the parent's path;
 //   else it is larger than split_scale: both are drawn from it and smaller by 1.6;
 //   else it is cloned: child 2 is drawn from it.
-// Two splats of opacity o' in one place show what one of opacity o does with 1 - o = (1 - o')^2.
 kernel void native4d_split(const uint n, const uint seed, const float split_scale,
                            const float split_travel, const float min_lifetime,
                            const float duration, global const uint* restrict child,
@@ -132,19 +131,14 @@ kernel void native4d_split(const uint n, const uint seed, const float split_scal
     const real less = 0.470003629f;  // log 1.6
     vstore4(g.log_scales - make_real4(less, less, less, 0.f), i, log_scales);
   }
-  const float opacity = 1.f / (1.f + exp(-g.logit_opacity));
-  const float half_opacity = clamp(1.f - sqrt(1.f - opacity), 1e-4f, 0.999f);
-  logit_opacities[i] = log(half_opacity / (1.f - half_opacity));
+  logit_opacities[i] = half_opacity_logit(g.logit_opacity);
 }
 
-// How much faster a Gaussian should learn that is seen in a part of the video only: Adam here skips
-// what is not seen, so without this it would move as much less as it is seen less.
-// pace = (length of the video / time it is seen)^power, at least 1 and at most `most`.
+// How much faster each Gaussian learns (life_pace).
 kernel void native4d_pace(const uint n, const float duration, const float power, const float most,
                           global const float* restrict log_scales,  // [N, 4]
                           global float* restrict pace) {            // [N]
   const uint i = get_global_id(0);
   if (i >= n) return;
-  const float seen = 4.9f * exp(log_scales[4 * i + 3]);  // temporal weight above 1/20
-  pace[i] = clamp(pow(duration / seen, power), 1.f, most);
+  pace[i] = life_pace(exp(log_scales[4 * i + 3]), duration, power, most);
 }

@@ -64,8 +64,10 @@ RowState::RowState(Queue& queue, size_t rows)
     : seen(no_rows(queue, rows, "seen")),
       steps(no_rows(queue, rows, "steps")),
       refused(no_rows(queue, rows, "refused")),
-      pace(queue, rows, "pace") {
+      pace(queue, rows, "pace"),
+      reach(queue, rows, "reach") {
   pace.fill(queue, 1.f);
+  reach.fill(queue, 1.f);
 }
 
 Adam::Adam(Queue& queue, const AdamConfig& config)
@@ -92,8 +94,9 @@ void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, size
   check_rows(group, state, rows);
   const AdamStep step{config_.beta1, config_.beta2, rate.lr, rate.epsilon};
   adam_step_(queue, Range::over(flat_ ? rows * group.width : rows), cl_uint(rows),
-             cl_uint(group.width), step, cl_uint(table_size), corrections_, state.seen, state.steps,
-             state.pace, group.grads, group.values, group.exp_avg, group.exp_avg_sq);
+             cl_uint(group.width), step, rate.per_time, cl_uint(table_size), corrections_,
+             state.seen, state.steps, state.pace, state.reach, group.grads, group.values,
+             group.exp_avg, group.exp_avg_sq);
 }
 
 }  // namespace gflow

@@ -19,8 +19,9 @@ struct AdamConfig {
 
 // Step size and noise floor of one parameter group at one training step.
 struct AdamRate {
-  float lr;       // the step's length in units of the parameter
-  float epsilon;  // gradients well below it do not move the parameter
+  float lr;          // the step's length in units of the parameter
+  float epsilon;     // gradients well below it do not move the parameter
+  int per_time = 0;  // the row's rate is lr * pace / reach^per_time
 };
 
 // One parameter array with its gradients and Adam's moments, all [rows, width].
@@ -38,6 +39,7 @@ struct RowState {
   Buffer<cl_uint> steps;                // steps the row has made
   Buffer<cl_uint> refused;              // 1: had a gradient that Adam cannot take; never reset here
   Buffer<float> pace;                   // multiplies the row's learning rates; 1 unless changed
+  Buffer<float> reach;                  // divides those of groups per time; 1 unless changed
 };
 
 // A training step is: refuse() for every group, advance() once, step() for every group.
@@ -60,8 +62,8 @@ class Adam {
   Program program_;
   Kernel<cl_uint, cl_uint, In<float>, Out<cl_uint>, Out<cl_uint>> adam_refuse_;
   Kernel<cl_uint, In<cl_uint>, Out<cl_uint>> adam_advance_;
-  Kernel<cl_uint, cl_uint, AdamStep, cl_uint, In<float>, In<cl_uint>, In<cl_uint>, In<float>,
-         In<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, AdamStep, cl_int, cl_uint, In<float>, In<cl_uint>, In<cl_uint>,
+         In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
       adam_step_;
   Buffer<float> corrections_;  // [table, 2] by step count
 };

@@ -9,6 +9,7 @@
 //   opacity   sigmoid(logit) exp(-(t - mu_t)^2 / (2 |p_t|^2))
 #ifndef GFLOW_NATIVE4D_H
 #define GFLOW_NATIVE4D_H
+#include "shared/life.h"
 #include "shared/quat.h"
 
 // One Gaussian's parameters as the optimiser sees them.
@@ -68,10 +69,8 @@ static inline Rows4 rows_of(Frame4 f, real4 s) {
 typedef struct Slice {
   real3 mean;
   Mat3 factor;
-  real opacity;
-  real marginal;  // exp(...) above, in (0, 1]
+  Life life;
   // kept for the derivative
-  real sigmoid;
   real dt, var_t, norm_t;  // t - mu_t, |p_t|^2, |p_t|
   real3 velocity;
   real4 u;
@@ -89,9 +88,7 @@ static inline Slice slice_rows(Native4d g, Rows4 p, real t) {
   o.var_t = dot(p.t, p.t);
   o.norm_t = sqrt(o.var_t);
   o.dt = t - g.mean_t;
-  o.marginal = exp((real)-0.5f * o.dt * o.dt / o.var_t);
-  o.sigmoid = (real)1 / ((real)1 + exp(-g.logit_opacity));
-  o.opacity = o.sigmoid * o.marginal;
+  o.life = life_at(g.logit_opacity, o.dt, o.var_t);
   const real inv_var = (real)1 / o.var_t;
   o.velocity = make_real3(dot(p.x, p.t), dot(p.y, p.t), dot(p.z, p.t)) * inv_var;
   o.mean = g.mean + o.velocity * o.dt;
@@ -137,17 +134,12 @@ static inline Native4d slice_vjp(Native4d g, real t, real3 v_mean, Mat3 v_l, rea
   const Slice o = slice_rows(g, p, t);
   Native4d v;
 
-  // opacity = sigmoid * marginal; 1 - sigmoid is formed without cancellation
-  const real one_minus = (real)1 / ((real)1 + exp(g.logit_opacity));
-  v.logit_opacity = v_opacity * o.opacity * one_minus;
-  const real v_exponent = v_opacity * o.opacity;
-  const real relative = o.dt / o.var_t;
-  real v_var = v_exponent * (real)0.5f * relative * relative;
-  real v_dt = -v_exponent * relative + dot(v_mean, o.velocity);
+  const LifeGradient life = life_vjp(o.life, g.logit_opacity, o.dt, o.var_t, v_opacity);
+  v.logit_opacity = life.logit;
   v.mean = v_mean;
-  v.mean_t = -v_dt;
+  v.mean_t = -(life.dt + dot(v_mean, o.velocity));
   const real3 v_velocity = v_mean * o.dt;
-  v_var -= dot(v_velocity, o.velocity) / o.var_t;
+  const real v_var = life.var - dot(v_velocity, o.velocity) / o.var_t;
 
   // factor rows: l = p - beta d u (space part)
   const real3 u3 = make_real3(o.u.x, o.u.y, o.u.z);

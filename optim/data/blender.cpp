@@ -12,6 +12,7 @@
 #include "optim/data/image_header.hpp"
 #include "optim/data/reader_util.hpp"
 #include "optim/data/readers.hpp"
+#include "optim/data/tracks.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "runtime/error.hpp"
 
@@ -192,6 +193,7 @@ Scene read_blender(const std::string& folder, const SceneOptions&) {
   add_truth(folder, "test", interval, scene.test);
   add_truth(folder, "val", interval, scene.val);
   scene.points = find_points(folder);
+  for (auto* split : {&scene.train, &scene.test, &scene.val}) find_tracks(scene, *split);
   return scene;
 }
 

@@ -38,7 +38,7 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
     scene.has_alpha |= header.has_alpha;
     frame.name = fs::path(image.name).replace_extension().generic_string();
     std::replace(frame.name.begin(), frame.name.end(), '/', '_');
-    frame.camera = int(i);
+    frame.camera = frame.track = int(i);  // without times nothing says what follows what
     scene.cameras.push_back(
         fitted_to(image.camera, header.width, header.height, sparse, frame.path));
     const bool tested = options.test_every > 0 && i % size_t(options.test_every) == 0;

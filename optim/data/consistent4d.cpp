@@ -71,7 +71,7 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& pictu
   for (const std::string& name : names) {
     Frame frame;
     frame.path = (fs::path(pictures) / name).string();
-    frame.camera = int(scene.cameras.size());
+    frame.camera = frame.track = int(scene.cameras.size());
     frame.step = int(frames.size());
     frame.time = names.size() > 1 ? double(frame.step) / double(names.size() - 1) : 0;
     frame.name = fmt::format("{}_{:04}", view, frame.step);

@@ -241,7 +241,8 @@ FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
   for (const FlowPair& pair : pairs) {
     const Frame frame = scene.train[size_t(pair.frame)];
     const Camera camera = frames.camera(frame);
-    if (frame.flow_path.empty() || leads_back(scene, pair))
+    const bool rests = pair.next < 0 || scene.train[size_t(pair.next)].camera == frame.camera;
+    if (frame.flow_path.empty() || leads_back(scene, pair) || !rests)
       loaders.emplace_back();
     else
       loaders.emplace_back([=] { return read_true_flow(frame, camera.width, camera.height); });
@@ -251,9 +252,12 @@ FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
 
 FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pairs,
                             const FrameStore& frames, const std::string& folder) {
+  std::set<int> have_next;
+  for (const FlowPair& pair : pairs)
+    if (pair.next >= 0) have_next.insert(pair.frame);
   std::vector<FlowStore::Loader> loaders;
   for (const FlowPair& pair : pairs) {
-    if (leads_back(scene, pair)) {
+    if (leads_back(scene, pair) || (pair.next < 0 && have_next.count(pair.frame))) {
       loaders.emplace_back();
       continue;
     }

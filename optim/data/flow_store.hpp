@@ -38,19 +38,22 @@ using ProgressCallback = std::function<void(size_t done, size_t total)>;
 
 // DIS flow for every pair with next >= 0 at the resolution of `frames`, computed by `threads`
 // workers (0: all cores) and kept in folder `cache` (made when missing) as NAME.flo and
-// NAME_mask.png, NAME_back.flo and NAME_back_mask.png where it leads back in time; what is there in the right size is not computed again.
+// NAME_mask.png, NAME_back.flo and NAME_back_mask.png where it leads back in time; what is there in
+// the right size is not computed again.
 FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                           FrameStore& frames, const std::string& cache, int threads = 0,
                           const ProgressCallback& progress = {});
 
 // The scene's own true flow where a frame has it; confidence where the mask is 255. None for pairs
-// that lead back in time.
+// that lead back in time or to another pose: a true flow is that seen by a camera at rest.
 FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                      const FrameStore& frames);
 
 // Flow made elsewhere: FOLDER/<camera name>/<step, 4 digits>.{flo,flo.gz,png,npy} (png: KITTI;
 // npy: [H,W,2]); confidence 255 where valid, or NNNN_mask.png where there is one (> 127).
-// Error when a pair's file is missing, naming what was tried; none for pairs that lead back in time.
+// Error when a pair's file is missing, naming what was tried; none for pairs that lead back in
+// time. It leads from picture to picture: where a frame has a pair with a next frame, the other has
+// none.
 FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pairs,
                             const FrameStore& frames, const std::string& folder);
 

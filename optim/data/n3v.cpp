@@ -189,7 +189,7 @@ std::vector<Frame> frames_of(const std::string& folder, int camera, const Footag
   const double last = std::max(1., double(steps.size()) - 1);
   for (size_t k = 0; k < steps.size(); ++k) {
     Frame frame;
-    frame.camera = camera;
+    frame.camera = frame.track = camera;
     frame.step = int(k);
     frame.time = double(k) / last;
     frame.name = fmt::format("{}_{:04}", footage.name, k);

@@ -8,7 +8,8 @@
 namespace gflow {
 
 // D-NeRF / Blender: transforms_train.json, optionally transforms_{test,val}.json. OpenGL
-// camera-to-world matrices, times in [0, 1] (0 when absent), intrinsics for all or each frame.
+// camera-to-world matrices, times in [0, 1] (0 when absent), intrinsics for all or each frame. What
+// belongs to one moving camera is found by find_tracks.
 bool is_blender(const std::string& folder);
 Scene read_blender(const std::string& folder, const SceneOptions& options);
 

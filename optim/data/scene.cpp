@@ -42,7 +42,7 @@ void order_frames(Scene& scene) {
   std::set<std::string> names;
   for (std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val}) {
     std::stable_sort(split->begin(), split->end(), [](const Frame& a, const Frame& b) {
-      return std::tie(a.camera, a.time) < std::tie(b.camera, b.time);
+      return std::tie(a.track, a.time) < std::tie(b.track, b.time);
     });
     for (Frame& frame : *split) {
       const std::string name = frame.name;
@@ -88,15 +88,14 @@ Scene read_scene(const std::string& path, const SceneOptions& options) {
 }
 
 std::vector<FlowPair> neighbour_pairs(const Scene& scene) {
-  // Frames are sorted by camera, then time, and readers give equal cameras one index.
+  // Frames are sorted by track, then time, and readers give equal cameras one index.
   std::vector<FlowPair> pairs;
   for (size_t i = 0; i < scene.train.size(); ++i) {
     const Frame& frame = scene.train[i];
-    const bool has_next = i + 1 < scene.train.size() && scene.train[i + 1].camera == frame.camera &&
-                          scene.train[i + 1].time > frame.time;
-    if (has_next)
-      pairs.push_back({int(i), int(i) + 1});
-    else if (!frame.flow_path.empty())
+    const Frame* next = i + 1 < scene.train.size() ? &scene.train[i + 1] : nullptr;
+    const bool has_next = next && next->track == frame.track && next->time > frame.time;
+    if (has_next) pairs.push_back({int(i), int(i) + 1});
+    if (!frame.flow_path.empty() && !(has_next && next->camera == frame.camera))
       pairs.push_back({int(i), -1});
   }
   return pairs;

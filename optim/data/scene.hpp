@@ -12,7 +12,8 @@ namespace gflow {
 
 // One picture of one camera at one time.
 struct Frame {
-  int camera = 0;         // index into Scene::cameras
+  int camera = 0;         // index into Scene::cameras: the pose it was taken from
+  int track = 0;          // which camera of its split filmed it, at rest or moving
   int step = 0;           // number of the time step, from 0
   double time = 0;        // [0, 1]
   std::string path;       // picture, or video when video_frame >= 0
@@ -25,7 +26,7 @@ struct Frame {
   std::string name;        // unique in the scene, e.g. cam03_0007; usable as a file name
 };
 
-// Everything a scene folder says. Frames of train, test and val are sorted by camera, then step.
+// Everything a scene folder says. Frames of train, test and val are sorted by track, then time.
 struct Scene {
   std::string name;    // the folder's name
   std::string layout;  // blender, n3v, consistent4d or colmap
@@ -55,16 +56,16 @@ struct SceneOptions {
 // when a file is missing, truncated or contradicts another.
 Scene read_scene(const std::string& path, const SceneOptions& options = {});
 
-// Two neighbouring frames of one physical camera; a flow leads from `frame` to `next`, which may be
-// the earlier of the two.
+// Two neighbouring frames of one track; a flow leads from `frame`, seen by its camera, to `next`,
+// seen by that frame's camera. `next` may be the earlier of the two.
 struct FlowPair {
   int frame = 0;  // index into Scene::train
-  int next = -1;  // index into Scene::train; -1 when only Frame::flow_path gives the flow
+  int next = -1;  // index into Scene::train; -1: along Frame::flow_path, the camera at rest
 };
 
-// All pairs (frame, following frame) where both were taken by cameras of equal pose and
-// intrinsics, neighbours in time; and pairs with next = -1 for frames whose camera has no later
-// frame but which come with a true flow. In the order of Scene::train.
+// All pairs (frame, following frame) of a track, neighbours in time; and pairs with next = -1 for
+// frames which come with a true flow and whose track has no later frame or one from another pose:
+// a true flow is that seen by a camera at rest. In the order of Scene::train.
 std::vector<FlowPair> neighbour_pairs(const Scene& scene);
 
 // Whether the flow of a pair leads back in time.

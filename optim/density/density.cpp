@@ -68,6 +68,7 @@ void Density::refine(Queue& queue, Parameters& p, Motion& motion, const DensityR
   rows_gather_counts_(queue, Range::over(count), m, source_, child_, p.rows.refused,
                       fresh.rows.refused);
   rows_gather_(queue, Range::over(count), m, 1, 0, source_, child_, p.rows.pace, fresh.rows.pace);
+  rows_gather_(queue, Range::over(count), m, 1, 0, source_, child_, p.rows.reach, fresh.rows.reach);
   p = std::move(fresh);
   motion.split(queue, p, child_, rule.split, seed);
   forget(queue, count);

@@ -16,7 +16,9 @@ class Color {
         sh_fwd_(program_, "sh_fwd"),
         sh_bwd_(program_, "sh_bwd") {}
 
-  std::vector<GroupSpec> groups() const { return {{"sh0", 3}, {"sh_rest", size_t(3 * stride_)}}; }
+  std::vector<GroupSpec> groups() const {
+    return {{"sh0", 3, Quantity::color}, {"sh_rest", size_t(3 * stride_), Quantity::color_rest}};
+  }
 
   // colors [N, 3] with the bands up to `degree`, of what is seen; the others are undefined.
   void forward(Queue& queue, const Parameters& p, int degree, const PinholeCamera& camera,

@@ -15,6 +15,15 @@ struct SplitRule {
   float duration = 1;      // length of the video [model time]
 };
 
+// How fast each Gaussian learns: (duration / time it is seen)^power, in [1, most].
+struct PaceRule {
+  float duration = 1;   // length of the video [model time]
+  float time_step = 1;  // between two pictures [model time]
+  float power = 1, most = 8;
+};
+
+// Groups that every model has, and density control reads: means [N,3], means_t [N,1] (a Gaussian's
+// own moment), log_scales [N,4] (x y z and its life), logit_opacities [N,1].
 class Motion {
  public:
   virtual ~Motion() = default;
@@ -24,8 +33,7 @@ class Motion {
 
   // Gaussians at time t. With seen = nullptr (the time that is drawn) those outside their time
   // window have opacity 0 and else undefined rows. Otherwise t is the second time of a flow: rows
-  // with
-  // (*seen)[i] > 0 are set, in their window or not, the others undefined.
+  // with (*seen)[i] > 0 are set, in their window or not, the others undefined.
   virtual void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
                   GaussiansAt& gaussians) = 0;
 
@@ -36,9 +44,8 @@ class Motion {
                         const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                         const Buffer<float>& v_factors, const Buffer<float>& v_opacities) = 0;
 
-  // Sets parameters.rows.pace: (length of the video / time a Gaussian is seen)^power, in [1, most].
-  virtual void set_pace(Queue& queue, Parameters& parameters, float duration, float power,
-                        float most) = 0;
+  // Sets parameters.rows.pace and reach, by which Adam's rates become those of each Gaussian.
+  virtual void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) = 0;
 
   // Makes two different Gaussians of two equal rows: child [N] is 1 or 2 for such rows, 0 for the
   // others. Repeatable for a seed.

@@ -12,8 +12,12 @@ Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
       native4d_pace_(program_, "native4d_pace") {}
 
 std::vector<GroupSpec> Native4dMotion::groups() const {
-  return {{"means", 3},   {"means_t", 1},    {"quats", 4},
-          {"quats_r", 4}, {"log_scales", 4}, {"logit_opacities", 1}};
+  return {{"means", 3},
+          {"means_t", 1, Quantity::time},
+          {"quats", 4, Quantity::rotation},
+          {"quats_r", 4, Quantity::rotation},
+          {"log_scales", 4, Quantity::scale},
+          {"logit_opacities", 1, Quantity::opacity}};
 }
 
 void Native4dMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
@@ -36,10 +40,9 @@ void Native4dMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                 p["quats_r"].grads, p["log_scales"].grads, p["logit_opacities"].grads);
 }
 
-void Native4dMotion::set_pace(Queue& queue, Parameters& p, float duration, float power,
-                              float most) {
-  native4d_pace_(queue, Range::over(p.count), cl_uint(p.count), duration, power, most,
-                 p["log_scales"].values, p.rows.pace);
+void Native4dMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
+  native4d_pace_(queue, Range::over(p.count), cl_uint(p.count), rule.duration, rule.power,
+                 rule.most, p["log_scales"].values, p.rows.pace);
 }
 
 void Native4dMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,

@@ -17,8 +17,7 @@ class Native4dMotion : public Motion {
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities) override;
-  void set_pace(Queue& queue, Parameters& parameters, float duration, float power,
-                float most) override;
+  void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;
 

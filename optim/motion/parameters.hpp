@@ -9,10 +9,15 @@
 
 namespace gflow {
 
+// What a group's values are; says at which rate they learn.
+enum class Quantity { position, time, rotation, scale, opacity, color, color_rest };
+
 // A group's name and width, e.g. {"means", 3}.
 struct GroupSpec {
   std::string name;
   size_t width;
+  Quantity quantity = Quantity::position;
+  int per_time = 0;  // 1 for its change in a unit of time (a velocity), 2 for that of its change
 };
 
 class Parameters {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "optim/engine/settings.hpp"
+#include "optim/motion/models.hpp"
 
 namespace gflow {
 
@@ -41,12 +42,10 @@ Allowed one_of(std::vector<float> values);
 // Choices. names_of() gives the words of the file, in the order of the enumerators, which
 // count from 0.
 enum class Background { white, black };
-enum class MotionModelKind { native4d };
 enum class InitFrom { automatic, points, random };
 enum class FlowSource { dis, files };
 
 constexpr std::array<const char*, 2> names_of(Background) { return {"white", "black"}; }
-constexpr std::array<const char*, 1> names_of(MotionModelKind) { return {"native4d"}; }
 constexpr std::array<const char*, 3> names_of(InitFrom) { return {"auto", "points", "random"}; }
 constexpr std::array<const char*, 2> names_of(FlowSource) { return {"dis", "files"}; }
 constexpr std::array<const char*, 4> names_of(Transport) {
@@ -122,7 +121,7 @@ struct ScheduleConfig {
 };
 
 struct MotionConfig {
-  MotionModelKind model = MotionModelKind::native4d;
+  MotionModelKind model = MotionModelKind::spacetime;
   int sh_degree = 2;
   int sh_interval = 1000;
   float cutoff = 0.05f;
@@ -130,7 +129,8 @@ struct MotionConfig {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("model", self.model, "how the Gaussians move");
+    field("model", self.model,
+          "how the Gaussians move: spacetime (curved paths, turning) or native4d (4D Gaussians)");
     field("duration", self.duration,
           "length of the video in the model's time [x scene extent]: a speed of 1 crosses so much",
           above(0));
@@ -228,6 +228,7 @@ struct LearningRates {
   float scales = 5e-3f;
   float quats = 1e-3f;
   float quats_final = 1e-4f;
+  float motion = 1;
   float pace = 1;
   float pace_most = 8;
 
@@ -245,6 +246,10 @@ struct LearningRates {
     field("quats", self.quats, "both quaternions of the 4D rotation, at the first step",
           at_least(0));
     field("quats_final", self.quats_final, "at the last step, reached exponentially", above(0));
+    field("motion", self.motion,
+          "velocities, accelerations and turns: at the ends of its life a Gaussian moves so many "
+          "times what it does in its middle",
+          at_least(0));
     field("pace", self.pace,
           "rates grow with (length of the video / time a Gaussian is seen) to this power; 0: not",
           between(0, 1));

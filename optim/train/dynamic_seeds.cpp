@@ -101,12 +101,14 @@ Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point
   return v / views.flow_time;
 }
 
-// flow_of[frame] = index of the flow pair that starts there.
+// flow_of[frame] = index of the flow pair that starts there; the camera rests, so that all flow is
+// the scene's.
 std::map<const Frame*, size_t> flow_index(const Scene& scene, const std::vector<FlowPair>& pairs,
                                           const FlowStore& flows) {
   std::map<const Frame*, size_t> index;
   for (size_t i = 0; i < pairs.size(); ++i)
-    if (flows.has(i) && pairs[i].next >= 0 && !leads_back(scene, pairs[i]))
+    if (flows.has(i) && pairs[i].next >= 0 && !leads_back(scene, pairs[i]) &&
+        scene.train[size_t(pairs[i].frame)].camera == scene.train[size_t(pairs[i].next)].camera)
       index[&scene.train[size_t(pairs[i].frame)]] = i;
   return index;
 }
@@ -168,20 +170,6 @@ Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<Wa
     seeds.xyz.insert(seeds.xyz.end(), xyz.begin(), xyz.end());
   }
   return seeds;
-}
-
-QuatPair quats_for_velocity(const std::array<double, 3>& v, double s, double s_t) {
-  const double speed = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-  if (speed == 0) return {{1, 0, 0, 0}, {1, 0, 0, 0}};
-  // speed = (1 - r^2) tau / (1 + r^2 tau^2), r = s/s_t, tau = tan of the angle between v and time
-  const double rr = (s / s_t) * (s / s_t), b = 1 - rr;
-  const double discriminant = b * b - 4 * speed * speed * rr;
-  const double tau = discriminant > 0 ? 2 * speed / (b + std::sqrt(discriminant)) : s_t / s;
-  const double half = 0.5 * std::atan(tau), k = std::sin(half) / speed;
-  const auto f = [](double value) { return float(value); };
-  const double w = std::cos(half);
-  return {{f(w), f(k * v[0]), f(k * v[1]), f(k * v[2])},
-          {f(w), f(-k * v[0]), f(-k * v[1]), f(-k * v[2])}};
 }
 
 }  // namespace gflow

@@ -27,12 +27,4 @@ Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<Wa
                     const std::vector<FlowPair>& pairs, FlowStore& flows,
                     const TrainConfig& config);
 
-// The two unit quaternions (w x y z) of a 4D rotation that gives a Gaussian with spatial scale s
-// and temporal scale s_t the velocity v (kernels/shared/native4d.h), or the largest along v that
-// those scales allow.
-struct QuatPair {
-  std::array<float, 4> left, right;
-};
-QuatPair quats_for_velocity(const std::array<double, 3>& v, double s, double s_t);
-
 }  // namespace gflow

@@ -19,7 +19,7 @@ struct Reference {
   std::vector<float> planes;
   std::vector<uint8_t> known, moving;
   double time = 0;              // it leads to this time [0, 1]
-  const Frame* next = nullptr;  // the frame it leads to, if there is one
+  const Frame* next = nullptr;  // the picture it leads to; null: the camera rests
 };
 
 std::vector<float> planes_of(const FlowField& flow) {
@@ -43,12 +43,12 @@ Reference reference_of(const TeacherFlow& teacher, bool truth) {
   return r;
 }
 
-// For each frame the camera's next one among `frames`, or null; no further than max_gap steps.
+// For each frame the track's next one among `frames`, or null; no further than max_gap steps.
 std::vector<const Frame*> followers(const std::vector<Frame>& frames, int max_gap) {
   std::vector<const Frame*> next(frames.size(), nullptr);
   for (size_t i = 0; i < frames.size(); ++i)
     for (const Frame& other : frames)
-      if (other.camera == frames[i].camera && other.time > frames[i].time &&
+      if (other.track == frames[i].track && other.time > frames[i].time &&
           other.step - frames[i].step <= max_gap && (!next[i] || other.time < next[i]->time))
         next[i] = &other;
   return next;
@@ -98,11 +98,14 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, Frame
     } else if (next[i]) {
       reference = reference_of(estimate_teacher_flow(*truth_image, *store.rgb(*next[i])), false);
       reference.time = next[i]->time;
+      reference.next = next[i];
       if (result.flow_reference == "none") result.flow_reference = "dis";
     }
 
     Shot shot;
-    shot.view.camera = shot.view.camera_t2 = pinhole(camera, config.render.near);
+    shot.view.camera = pinhole(camera, config.render.near);
+    shot.view.camera_t2 =
+        pinhole(store.camera(reference.next ? *reference.next : frame), config.render.near);
     shot.time = frame.time;
     shot.time_t2 = reference.time;
     shot.flow = !reference.planes.empty();
@@ -124,7 +127,7 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, Frame
       if (any(reference.moving)) {
         view.psnr_dynamic = psnr(picture, truth, reference.moving);
         view.flow_epe_dynamic = flow_metrics(flow, reference.planes, reference.moving).epe;
-        if (has_truth && next[i])
+        if (has_truth && next[i] && next[i]->camera == frame.camera)
           view.teacher_epe_dynamic =
               flow_metrics(planes_of(estimate_flow(*truth_image, *store.rgb(*next[i]))),
                            reference.planes, reference.moving)

@@ -28,8 +28,8 @@ struct Evaluation {
 };
 
 // Judges `frames` (of scene.test, say). The reference flow is the scene's own where it has one,
-// else DIS between the frame and the camera's next one in `frames`, where consistent. `progress`
-// may be empty.
+// else DIS between the frame and its track's next one in `frames`, where consistent; a camera that
+// moved in between is part of it. `progress` may be empty.
 Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
                     const std::vector<Frame>& frames, const ProgressCallback& progress);
 

@@ -207,6 +207,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
 
   HostModel model;
   model.count = all;
+  model.shape.motion = config.motion.model;
   model.shape.sh_degree = config.motion.sh_degree;
   model.shape.duration = float(config.motion.duration * scene.extent);
   model.shape.cutoff = config.motion.cutoff;
@@ -224,7 +225,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   g["sh0"].assign(3 * all, 0.f);
   g["sh_rest"].assign(3 * rest * all, 0.f);
   for (size_t i = 0; i < all; ++i) g["quats"][4 * i] = 1;
-  g["quats_r"] = g["quats"];
+  add_rest(config.motion.model, g, all);
   const auto place = [&](size_t i, float scale, float scale_t, const uint8_t* rgb) {
     for (size_t k = 0; k < 3; ++k) g["log_scales"][4 * i + k] = std::log(scale);
     g["log_scales"][4 * i + 3] = std::log(scale_t);
@@ -241,10 +242,8 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
     place(i, seeds.spacing[k], short_life, &seeds.rgb[3 * k]);
     g["means_t"][i] = seeds.time[k] * duration;
     const float* v = &seeds.velocity[3 * k];
-    const QuatPair q = quats_for_velocity({v[0] / duration, v[1] / duration, v[2] / duration},
-                                          seeds.spacing[k], short_life);
-    std::copy(q.left.begin(), q.left.end(), &g["quats"][4 * i]);
-    std::copy(q.right.begin(), q.right.end(), &g["quats_r"][4 * i]);
+    set_velocity(config.motion.model, g, i, {v[0] / duration, v[1] / duration, v[2] / duration},
+                 seeds.spacing[k], short_life);
   }
   return model;
 }

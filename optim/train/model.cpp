@@ -7,7 +7,6 @@
 #include <cstdlib>
 
 #include "optim/io/ply.hpp"
-#include "optim/motion/native4d.hpp"
 
 namespace gflow {
 namespace {
@@ -32,7 +31,7 @@ std::vector<std::string> numbered(const std::string& stem, size_t count) {
 }
 
 // All columns but f_rest, whose order in the file is channel by channel.
-std::vector<ColumnBlock> column_blocks(bool moving) {
+std::vector<ColumnBlock> column_blocks(bool moving, MotionModelKind kind) {
   std::vector<ColumnBlock> blocks{{"means", 0, {"x", "y", "z"}},
                                   {"sh0", 0, numbered("f_dc_", 3)},
                                   {"logit_opacities", 0, {"opacity"}},
@@ -41,14 +40,19 @@ std::vector<ColumnBlock> column_blocks(bool moving) {
   if (moving) {
     blocks.push_back({"means_t", 0, {"t"}});
     blocks.push_back({"log_scales", 3, {"scale_t"}});
-    blocks.push_back({"quats_r", 0, numbered("rot_r_", 4)});
+    for (const MotionColumns& columns : motion_columns(kind))
+      blocks.push_back({columns.group, 0, columns.properties});
   }
   return blocks;
 }
 
-const std::map<std::string, size_t> widths{
-    {"means", 3},      {"means_t", 1},         {"quats", 4}, {"quats_r", 4},
-    {"log_scales", 4}, {"logit_opacities", 1}, {"sh0", 3}};
+std::map<std::string, size_t> widths_of(MotionModelKind kind) {
+  std::map<std::string, size_t> widths{{"means", 3},      {"means_t", 1},         {"quats", 4},
+                                       {"log_scales", 4}, {"logit_opacities", 1}, {"sh0", 3}};
+  for (const MotionColumns& columns : motion_columns(kind))
+    widths[columns.group] = columns.properties.size();
+  return widths;
+}
 
 int degree_of(size_t rest_columns, const std::string& path) {
   for (int degree = 0; degree <= 3; ++degree)
@@ -73,7 +77,7 @@ double comment_value(const PlyTable& table, const std::string& key, double other
 
 Model::Model(Queue& queue, const HostModel& host)
     : shape(host.shape),
-      motion(std::make_unique<Native4dMotion>(queue, host.shape.cutoff)),
+      motion(make_motion(queue, host.shape.motion, host.shape.cutoff)),
       color(queue, host.shape.sh_degree),
       parameters(queue, host.count, all_groups(*motion, color)) {
   for (size_t g = 0; g < parameters.specs.size(); ++g) {
@@ -99,7 +103,9 @@ void write_model(const std::string& path, const HostModel& model) {
   const size_t rest = size_t((model.shape.sh_degree + 1) * (model.shape.sh_degree + 1) - 1);
   PlyTable table;
   table.rows = model.count;
-  table.comments = {"gflow native4d", fmt::format("duration {}", model.shape.duration),
+  const MotionModelKind kind = model.shape.motion;
+  table.comments = {std::string("gflow ") + names_of(kind)[size_t(kind)],
+                    fmt::format("duration {}", model.shape.duration),
                     fmt::format("cutoff {}", model.shape.cutoff)};
   table.names = {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
   const auto append = [&](const std::vector<std::string>& names) {
@@ -107,10 +113,12 @@ void write_model(const std::string& path, const HostModel& model) {
   };
   append(numbered("f_rest_", 3 * rest));
   append({"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"});
-  append({"t", "scale_t", "rot_r_0", "rot_r_1", "rot_r_2", "rot_r_3"});
+  append({"t", "scale_t"});
+  for (const MotionColumns& motion : motion_columns(kind)) append(motion.properties);
   const size_t columns = table.names.size();
   table.values.assign(columns * table.rows, 0.f);
-  for (const ColumnBlock& block : column_blocks(true)) {
+  const auto widths = widths_of(kind);
+  for (const ColumnBlock& block : column_blocks(true, kind)) {
     const std::vector<float>& values = model.groups.at(block.group);
     const size_t width = widths.at(block.group), to = size_t(table.column(block.names[0]));
     for (size_t i = 0; i < table.rows; ++i)
@@ -132,16 +140,21 @@ HostModel read_model(const std::string& path) {
   const PlyTable table = read_ply(path);
   HostModel model;
   model.count = table.rows;
-  const bool moving = table.column("rot_r_0") >= 0;
+  const auto has = [&](const char* name) { return table.column(name) >= 0; };
+  const bool moving = has("scale_t") || has("rot_r_0") || has("motion_0");
+  const MotionModelKind kind =
+      has("rot_r_0") ? MotionModelKind::native4d : MotionModelKind::spacetime;
+  model.shape.motion = kind;
   size_t rest_columns = 0;
   while (table.column("f_rest_" + std::to_string(rest_columns)) >= 0) ++rest_columns;
   model.shape.sh_degree = degree_of(rest_columns, path);
   model.shape.duration = float(comment_value(table, "duration", 1));
   model.shape.cutoff = float(comment_value(table, "cutoff", 0.05));
 
+  const auto widths = widths_of(kind);
   for (const auto& [name, width] : widths) model.groups[name].assign(width * model.count, 0.f);
   const size_t columns = table.names.size();
-  for (const ColumnBlock& block : column_blocks(moving)) {
+  for (const ColumnBlock& block : column_blocks(moving, kind)) {
     const size_t width = widths.at(block.group);
     std::vector<float>& values = model.groups[block.group];
     for (size_t c = 0; c < block.names.size(); ++c) {
@@ -164,8 +177,8 @@ HostModel read_model(const std::string& path) {
       for (size_t i = 0; i < table.rows; ++i)
         sh_rest[(i * rest + k) * 3 + c] = table.values[i * columns + from];
     }
-  if (!moving) {  // a static scene: turned in space alone, and there for ever
-    model.groups["quats_r"] = model.groups["quats"];
+  if (!moving) {  // a static scene is there for ever
+    add_rest(kind, model.groups, model.count);
     for (size_t i = 0; i < model.count; ++i) {
       model.groups["log_scales"][4 * i + 3] = std::log(1000 * model.shape.duration);
       model.groups["means_t"][i] = model.shape.duration / 2;

@@ -8,22 +8,22 @@
 #include <vector>
 
 #include "optim/engine/color.hpp"
-#include "optim/motion/motion.hpp"
+#include "optim/motion/models.hpp"
 
 namespace gflow {
 
 // What must be known before the arrays can be read.
 struct ModelShape {
+  MotionModelKind motion = MotionModelKind::spacetime;
   int sh_degree = 2;     // highest, 0 to 3
   float duration = 1;    // length of the video in the model's time; > 0
   float cutoff = 0.05f;  // temporal weight below which a Gaussian is skipped
 };
 
-// Parameter arrays on the host by group name, a row a Gaussian.
 struct HostModel {
   ModelShape shape;
   size_t count = 0;
-  std::map<std::string, std::vector<float>> groups;
+  HostGroups groups;
 };
 
 class Model {
@@ -42,7 +42,8 @@ class Model {
 };
 
 // Standard 3DGS properties (x y z, nx ny nz, f_dc_*, f_rest_*, opacity, scale_*, rot_*) and for the
-// motion t, scale_t, rot_r_0..3: a viewer of static splats shows every Gaussian at its own moment.
+// motion t, scale_t, and rot_r_0..3 (native4d) or motion_0..5, omega_0..3 (spacetime; names and
+// meaning as Spacetime Gaussians): a viewer of static splats shows each Gaussian at its own moment.
 // shape is kept in comments. The file appears complete or not at all.
 void write_model(const std::string& path, const HostModel& model);
 

@@ -32,7 +32,8 @@ class Painter {
 
   Drawn draw(const RenderView& view) {
     Shot shot;
-    shot.view.camera = shot.view.camera_t2 = pinhole(view.camera, options_.near);
+    shot.view.camera = pinhole(view.camera, options_.near);
+    shot.view.camera_t2 = pinhole(view.camera_t2, options_.near);
     shot.time = view.time;
     shot.time_t2 = view.time_t2;
     shot.flow = view.time_t2 >= 0;

@@ -202,23 +202,39 @@ void Trainer::update(Queue& queue, int step) {
   const AdamGroups& eps = config_.adam;
   const double share = double(step) / config_.train.iterations;
   const float extent = float(scene_.extent);
-  const std::map<std::string, AdamRate> rates{
-      {"means", {extent * between_rates(lr.means, lr.means_final, share), eps.eps_means}},
-      {"means_t", {lr.mean_t * model_.shape.duration, eps.eps_means}},
-      {"quats", {between_rates(lr.quats, lr.quats_final, share), eps.eps_quats}},
-      {"quats_r", {between_rates(lr.quats, lr.quats_final, share), eps.eps_quats}},
-      {"log_scales", {lr.scales, eps.eps_scales}},
-      {"logit_opacities", {lr.opacity, eps.eps_opacity}},
-      {"sh0", {lr.sh, eps.eps_sh}},
-      {"sh_rest", {lr.sh / lr.sh_rest_divisor, eps.eps_sh}}};
+  const auto rate_of = [&](const GroupSpec& spec) -> AdamRate {
+    switch (spec.quantity) {
+      case Quantity::position:
+        return {extent * between_rates(lr.means, lr.means_final, share), eps.eps_means};
+      case Quantity::time:
+        return {lr.mean_t * model_.shape.duration, eps.eps_means};
+      case Quantity::rotation:
+        return {between_rates(lr.quats, lr.quats_final, share), eps.eps_quats};
+      case Quantity::scale:
+        return {lr.scales, eps.eps_scales};
+      case Quantity::opacity:
+        return {lr.opacity, eps.eps_opacity};
+      case Quantity::color:
+        return {lr.sh, eps.eps_sh};
+      case Quantity::color_rest:
+        return {lr.sh / lr.sh_rest_divisor, eps.eps_sh};
+    }
+    throw Error("group " + spec.name + " has no learning rate");
+  };
   Parameters& p = model_.parameters;
   for (const ParameterGroup& group : p.groups) adam_.refuse(queue, group, p.rows, p.count);
   adam_.advance(queue, p.rows, p.count);
-  if (step % 100 == 0 && lr.pace > 0)  // new Gaussians and changed lifetimes; density control too
-    model_.motion->set_pace(queue, p, model_.shape.duration, lr.pace, lr.pace_most);
+  if (step % 100 == 0) {  // new Gaussians and changed lifetimes; density control too
+    const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
+    model_.motion->set_pace(queue, p, {model_.shape.duration, time_step, lr.pace, lr.pace_most});
+  }
   for (size_t g = 0; g < p.groups.size(); ++g) {
-    if (p.specs[g].name == "sh_rest" && sh_degree(step) == 0) continue;
-    adam_.step(queue, p.groups[g], p.rows, p.count, rates.at(p.specs[g].name));
+    const GroupSpec& spec = p.specs[g];
+    if (spec.quantity == Quantity::color_rest && sh_degree(step) == 0) continue;
+    AdamRate rate = rate_of(spec);
+    rate.per_time = spec.per_time;
+    if (spec.per_time > 0) rate.lr *= lr.motion;
+    adam_.step(queue, p.groups[g], p.rows, p.count, rate);
   }
 }
 

@@ -51,14 +51,19 @@ const Frame* frame_at(const Scene& scene, const std::string& camera, double time
   return nullptr;
 }
 
-void set_flow_target(RenderView& view, const Frame& frame, const Frame* next, double interval) {
-  if (!frame.flow_path.empty())
+// The camera goes along to the next picture; a true flow is that seen by a camera at rest.
+void set_flow_target(RenderView& view, const Frame& frame, const Frame* next,
+                     const std::vector<Camera>& cameras, double interval) {
+  const bool truth = !frame.flow_path.empty();
+  if (truth)
     view.time_t2 = frame.flow_time;
   else if (next)
     view.time_t2 = next->time;
   else if (interval > 0 && frame.time + interval <= 1 + same_time)
     view.time_t2 = frame.time + interval;
-  if (next && std::fabs(next->time - view.time_t2) < same_time) view.truth_t2 = next;
+  view.camera_t2 = cameras[size_t(next && !truth ? next->camera : frame.camera)];
+  const bool shows_it = next && std::fabs(next->time - view.time_t2) < same_time;
+  if (shows_it && (!truth || next->camera == frame.camera)) view.truth_t2 = next;
 }
 
 // A camera's name as part of a file name.
@@ -177,8 +182,12 @@ std::vector<double> step_times(const Scene& scene) {
 
 std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>& frames,
                                     const std::vector<Camera>& cameras, const std::string& split) {
-  std::map<int, size_t> views_of_camera;
-  for (const Frame& frame : frames) ++views_of_camera[frame.camera];
+  std::map<int, size_t> views_of_track;
+  std::map<int, std::set<int>> cameras_of_track;
+  for (const Frame& frame : frames) {
+    ++views_of_track[frame.track];
+    cameras_of_track[frame.track].insert(frame.camera);
+  }
   const double interval = interval_of(scene);
   std::vector<RenderView> views;
   for (size_t i = 0; i < frames.size(); ++i) {
@@ -186,12 +195,13 @@ std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>
     RenderView view;
     view.name = frame.name;
     view.camera = cameras[size_t(frame.camera)];
-    view.movie = views_of_camera[frame.camera] >= few ? file_name(view.camera.name) : split;
+    const bool rests = cameras_of_track[frame.track].size() == 1;
+    view.movie = rests && views_of_track[frame.track] >= few ? file_name(view.camera.name) : split;
     view.time = frame.time;
     view.truth = &frame;
-    const bool has_next = i + 1 < frames.size() && frames[i + 1].camera == frame.camera &&
+    const bool has_next = i + 1 < frames.size() && frames[i + 1].track == frame.track &&
                           frames[i + 1].time > frame.time;
-    set_flow_target(view, frame, has_next ? &frames[i + 1] : nullptr, interval);
+    set_flow_target(view, frame, has_next ? &frames[i + 1] : nullptr, cameras, interval);
     views.push_back(view);
   }
   if (std::all_of(views.begin(), views.end(),
@@ -214,7 +224,7 @@ std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
       RenderView view;
       view.name = times.size() > 1 ? fmt::format("{}_{:04}", name, k) : name;
       view.movie = times.size() > 1 ? name : "cameras";
-      view.camera = camera;
+      view.camera = view.camera_t2 = camera;
       view.time = times[k];
       if (k + 1 < times.size())
         view.time_t2 = times[k + 1];
@@ -284,6 +294,7 @@ std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<do
     view.movie = "orbit";
     view.camera = camera;
     view.camera.viewmat = looking(middle + from * (radius / std::sin(half_fov)), middle, axis);
+    view.camera_t2 = view.camera;
     view.time = times[k];
     if (k + 1 < times.size()) view.time_t2 = times[k + 1];
     views.push_back(view);
@@ -292,11 +303,10 @@ std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<do
 }
 
 bool stands_still(const HostModel& model) {
-  const std::vector<float>& ql = model.groups.at("quats");
   const std::vector<float>& log_scales = model.groups.at("log_scales");
   for (size_t i = 0; i < model.count; ++i)
     if (log_scales[4 * i + 3] < std::log(100 * model.shape.duration)) return false;
-  return ql == model.groups.at("quats_r");
+  return at_rest(model.shape.motion, model.groups);
 }
 
 }  // namespace gflow

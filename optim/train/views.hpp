@@ -15,10 +15,11 @@ struct RenderView {
   std::string name;                 // of its files, unique in a rendering
   std::string movie;                // views of one name make a video, in order
   Camera camera;                    // in the size that is drawn
+  Camera camera_t2;                 // at time_t2: where the flow's end is seen from
   double time = 0;                  // [0, 1]
   double time_t2 = -1;              // where the flow leads; negative: nowhere
   const Frame* truth = nullptr;     // the scene's picture of this view, if there is one
-  const Frame* truth_t2 = nullptr;  // and of the same camera at time_t2
+  const Frame* truth_t2 = nullptr;  // and of camera_t2 at time_t2
 };
 
 // Times in [0, 1] as users write them: "0:1:40" is 40 times from 0 to 1, "0,0.25,1" a list. Error
@@ -28,14 +29,14 @@ std::vector<double> parse_times(const std::string& text);
 std::vector<double> step_times(const Scene& scene);
 
 // The frames of a split (scene.test, say). cameras: the scene's, in the size that is drawn. Flow
-// leads to where the true flow does, else to the camera's next frame, else one step on in time. One
-// video a camera; cameras with fewer than four frames share one named `split`, and where all do,
-// the views come in the order of time.
+// leads to where the true flow does, else to the track's next frame and its camera, else one step
+// on in time. One video a camera at rest; moving ones and those with fewer than four frames share
+// one named `split`, and where all do, the views come in the order of time.
 std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>& frames,
                                     const std::vector<Camera>& cameras, const std::string& split);
 
-// Cameras at all of the times; flow leads to the next one. With a scene, `cameras` are some of the
-// scene's, views get their pictures where a frame has the same camera and time, and flow of a
+// Cameras, at rest, at all of the times; flow leads to the next one. With a scene, they are some of
+// the scene's, views get their pictures where a frame has the same camera and time, and flow of a
 // single time leads one step on.
 std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
                                      const std::vector<double>& times, const Scene* scene);

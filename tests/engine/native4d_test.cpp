@@ -51,7 +51,7 @@ TEST(Native4d, CutIsTheConditionalDistributionAtThatTime) {
     const Eigen::Matrix3d l = eigen(cut.factor);
     EXPECT_LT((l * l.transpose() - schur).norm(), 1e-12 * s.norm());
     EXPECT_LT((eigen(cut.mean) - (eigen(g.mean) + st * dt / var)).norm(), 1e-12);
-    EXPECT_NEAR(cut.opacity, std::exp(-.5 * dt * dt / var) / (1 + std::exp(-g.logit_opacity)),
+    EXPECT_NEAR(cut.life.opacity, std::exp(-.5 * dt * dt / var) / (1 + std::exp(-g.logit_opacity)),
                 1e-13);
   }
 }
@@ -93,7 +93,7 @@ TEST(Native4d, GradientEqualsCentralDifferences) {
     const Mat3 v_l = random.nine();
     const auto loss = [&](const std::vector<double>& x) {
       const Slice o = slice_at(from_flat(x), t);
-      return dot(o.mean, v_mean) + o.opacity * v_opacity + dot(o.factor.r1, v_l.r1) +
+      return dot(o.mean, v_mean) + o.life.opacity * v_opacity + dot(o.factor.r1, v_l.r1) +
              dot(o.factor.r2, v_l.r2) + dot(o.factor.r3, v_l.r3);
     };
     const std::vector<double> expected = numeric_gradient(loss, flat(g));
@@ -156,8 +156,8 @@ TEST(Native4d, DeviceCutsAsTheDoubleFormulas) {
     for (double x : {s.mean.x, s.mean.y, s.mean.z}) means.push_back(x);
     for (real3 r : {s.factor.r1, s.factor.r2, s.factor.r3})
       for (double x : {r.x, r.y, r.z}) factors.push_back(x);
-    opacities.push_back(s.opacity);
-    windowed_opacities.push_back(s.marginal > .5 ? s.opacity : 0);
+    opacities.push_back(s.life.opacity);
+    windowed_opacities.push_back(s.life.marginal > .5 ? s.life.opacity : 0);
   }
   EXPECT_TRUE(all_close(whole.means.read(queue), means, FLOAT_MATHS));
   EXPECT_TRUE(all_close(whole.factors.read(queue), factors, FLOAT_MATHS));

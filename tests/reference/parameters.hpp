@@ -130,7 +130,7 @@ inline Gaussians native4d(const Named& p, const Cut& cut) {
     const Slice a = slice_at(row, cut.t1), b = slice_at(row, cut.t2);
     add_row3(g.means, i, a.mean);
     add_rows9(g.factors, i, a.factor);
-    g.opacities[i] = a.opacity;
+    g.opacities[i] = a.life.opacity;
     add_row3(g.colors, i, sh_color(p, i, cut.degree, a.mean, camera_centre(cut.camera)));
     add_row3(g.means_t2, i, b.mean);
     add_rows9(g.factors_t2, i, b.factor);

@@ -49,10 +49,7 @@ TEST(Evaluate, DynamicPixelsAreThoseWhoseTrueFlowExceedsOnePixel) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   HostModel still = scene.truth;
-  still.groups["quats"].clear();
-  for (size_t i = 0; i < still.count; ++i)
-    for (const float q : {1.f, 0.f, 0.f, 0.f}) still.groups["quats"].push_back(q);
-  still.groups["quats_r"] = still.groups["quats"];
+  add_rest(still.shape.motion, still.groups, still.count);
   const Evaluation evaluation = judged(queue, scene, still);
 
   const LoadedScene loaded = load_scene(small_config(scene, 1).scene, "");

@@ -80,8 +80,8 @@ TEST(InitialModel, StandsAtThePointsOfTheScene) {
   const HostModel model = loaded.model(config);
   EXPECT_EQ(model.count, scene.truth.count);
   EXPECT_EQ(model.groups.at("means"), loaded.loaded.scene.points.xyz);
-  EXPECT_EQ(model.groups.at("quats"), model.groups.at("quats_r"));  // at rest
-  EXPECT_EQ(model.groups.at("sh_rest").size(), 9 * model.count);    // degree 1
+  EXPECT_TRUE(at_rest(model.shape.motion, model.groups));
+  EXPECT_EQ(model.groups.at("sh_rest").size(), 9 * model.count);  // degree 1
   for (const float v : model.groups.at("logit_opacities"))
     EXPECT_NEAR(1 / (1 + std::exp(-v)), config.init.opacity, 1e-6);
 }
@@ -153,24 +153,28 @@ TEST(InitialModel, SeedsWhatMovesWithItsVelocity) {
     EXPECT_LT(std::exp(g.at("log_scales")[4 * i + 3]), model.shape.duration);  // short lives
     EXPECT_GE(g.at("means_t")[i], 0);
     EXPECT_LE(g.at("means_t")[i], model.shape.duration);
-    moving += g.at("quats")[4 * i + 1] > 0.01f;  // towards +x, as small_scene.hpp explains
-    EXPECT_GT(g.at("quats")[4 * i + 1], -0.2f);
+    moving += g.at("velocities")[3 * i] > 0.02f;  // towards +x, as small_scene.hpp explains
+    EXPECT_GT(g.at("velocities")[3 * i], -0.4f);
   }
   EXPECT_GT(moving, (model.count - scene.truth.count) / 4);
 }
 
-// A Gaussian with these quaternions is carried by v from t to t + 1.
-TEST(QuatsForVelocity, GiveTheGaussianThatVelocity) {
+// What set_velocity says of a Gaussian at rest carries it by v from t to t + 1.
+class EveryMotionModel : public testing::TestWithParam<MotionModelKind> {};
+
+TEST_P(EveryMotionModel, IsGivenAVelocityOnTheHostAndMovesByItOnTheDevice) {
   Queue queue = test_queue();
-  HostModel host;
-  append_gaussian(host, {0, 0, 0}, 0.05f, {0.5f, 0.5f, 0.5f}, 0);
-  host.groups["log_scales"][3] = std::log(0.4f);
   for (const std::array<double, 3> v :
        {std::array<double, 3>{0, 0, 0}, {0.3, 0, 0}, {-0.2, 0.5, 0.1}, {0, 0, -2}}) {
-    const QuatPair q = quats_for_velocity(v, 0.05, 0.4);
-    host.groups["quats"].assign(q.left.begin(), q.left.end());
-    host.groups["quats_r"].assign(q.right.begin(), q.right.end());
+    HostModel host;
+    append_gaussian(host, {0, 0, 0}, 0.05f, {0.5f, 0.5f, 0.5f}, 0);
+    host.shape.motion = GetParam();
     host.shape.sh_degree = 0;
+    host.groups["log_scales"][3] = std::log(0.4f);
+    add_rest(GetParam(), host.groups, 1);
+    EXPECT_TRUE(at_rest(GetParam(), host.groups));
+    set_velocity(GetParam(), host.groups, 0, v, 0.05, 0.4);
+    EXPECT_EQ(at_rest(GetParam(), host.groups), v == (std::array<double, 3>{0, 0, 0}));
     Model model(queue, host);
     GaussiansAt now, later;
     const Buffer<cl_uint> seen(queue, std::vector<cl_uint>{1}, "seen");
@@ -180,6 +184,11 @@ TEST(QuatsForVelocity, GiveTheGaussianThatVelocity) {
     for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(b[k] - a[k], v[k], 1e-5);  // float32
   }
 }
+INSTANTIATE_TEST_SUITE_P(All, EveryMotionModel,
+                         testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d),
+                         [](const auto& test) {
+                           return std::string(names_of(test.param)[size_t(test.param)]);
+                         });
 
 }  // namespace
 }  // namespace gflow

@@ -34,11 +34,10 @@ inline void append_gaussian(HostModel& model, const Eigen::Vector3f& mean, float
   };
   put("means", {mean.x(), mean.y(), mean.z()});
   put("means_t", {0.5f * model.shape.duration});
-  // With ql = (cos a, sin a, 0, 0) and qr its conjugate the time axis tilts by 2 a towards x; a
-  // long life makes the velocity tan 2a.
-  const float a = 0.5f * std::atan(speed);
-  put("quats", {std::cos(a), std::sin(a), 0, 0});
-  put("quats_r", {std::cos(a), -std::sin(a), 0, 0});
+  put("quats", {1, 0, 0, 0});
+  put("velocities", {speed, 0, 0});
+  put("half_accelerations", {0, 0, 0});
+  put("turns", {0, 0, 0, 0});
   const float s = std::log(scale);
   put("log_scales", {s, s, s, std::log(1000 * model.shape.duration)});
   put("logit_opacities", {3});
@@ -174,6 +173,7 @@ inline TrainConfig small_config(const SmallScene& scene, int iterations) {
   config.motion.sh_degree = 1;
   config.motion.sh_interval = 100;
   config.init.dynamic = 0;
+  config.lr.motion = 8;  // all live as long as the video: they have their whole path to learn
   config.flow.source = FlowSource::files;  // the scene's true flow
   config.density.start = 100;
   config.density.every = 50;

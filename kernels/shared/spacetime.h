@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// A Gaussian on a path (Spacetime Gaussians, Li et al. 2024, with a path of degree 2): with
+// tau = t - mean_t, the time since its own moment,
+//   mean      mean + velocity tau + half_acceleration tau^2
+//   factor    R((quat + turn tau)/|...|) diag(scales)
+//   opacity   sigmoid(logit) exp(-tau^2 / (2 scale_t^2))
+// With half_acceleration = turn = 0 this is exactly the set of 4D Gaussians of native4d.h, written
+// by its cut and its velocity: then what a step changes of the motion leaves the shape alone.
+#ifndef GFLOW_SPACETIME_H
+#define GFLOW_SPACETIME_H
+#include "shared/life.h"
+#include "shared/quat.h"
+
+// One Gaussian's parameters as the optimiser sees them.
+typedef struct Spacetime {
+  real3 mean;
+  real mean_t;
+  real3 velocity, half_acceleration;
+  real4 quat, turn;  // at mean_t, any length; its change in a unit of time
+  real4 log_scales;  // x y z t
+  real logit_opacity;
+} Spacetime;
+
+typedef struct SpacetimeCut {
+  real3 mean;
+  Mat3 factor;
+  Life life;
+} SpacetimeCut;
+
+static inline real3 spacetime_scales(Spacetime g) {
+  return make_real3(exp(g.log_scales.x), exp(g.log_scales.y), exp(g.log_scales.z));
+}
+static inline real spacetime_var_t(Spacetime g) { return exp((real)2 * g.log_scales.w); }
+static inline real3 spacetime_velocity(Spacetime g, real tau) {
+  return g.velocity + g.half_acceleration * ((real)2 * tau);
+}
+
+static inline SpacetimeCut spacetime_at(Spacetime g, real t) {
+  const real tau = t - g.mean_t;
+  SpacetimeCut o;
+  o.mean = g.mean + (g.velocity + g.half_acceleration * tau) * tau;
+  o.factor = factor_of(g.quat + g.turn * tau, spacetime_scales(g));
+  o.life = life_at(g.logit_opacity, tau, spacetime_var_t(g));
+  return o;
+}
+
+// Gradient by the parameters, in a Spacetime, from the gradient by mean, factor and opacity.
+static inline Spacetime spacetime_vjp(Spacetime g, real t, real3 v_mean, Mat3 v_factor,
+                                      real v_opacity) {
+  const real tau = t - g.mean_t, var = spacetime_var_t(g);
+  const real3 scales = spacetime_scales(g);
+  const LifeGradient life =
+      life_vjp(life_at(g.logit_opacity, tau, var), g.logit_opacity, tau, var, v_opacity);
+  const FactorGradient factor = factor_of_vjp(g.quat + g.turn * tau, scales, v_factor);
+  Spacetime v;
+  v.mean = v_mean;
+  v.velocity = v_mean * tau;
+  v.half_acceleration = v_mean * (tau * tau);
+  v.quat = factor.quat;
+  v.turn = factor.quat * tau;
+  v.mean_t = -(life.dt + dot(v_mean, spacetime_velocity(g, tau)) + dot(factor.quat, g.turn));
+  v.log_scales = make_real4(factor.scales.x * scales.x, factor.scales.y * scales.y,
+                            factor.scales.z * scales.z, (real)2 * var * life.var);
+  v.logit_opacity = life.logit;
+  return v;
+}
+
+#endif

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+// The spacetime motion model on the device: Gaussians on their paths at time t, and back. Windows,
+// first and second time, and what is written are as in native4d.cl. One work-item a Gaussian.
+#include "shared/arrays.h"
+#include "shared/random.h"
+#include "shared/spacetime.h"
+
+#define SPACETIME_IN                                                                            \
+  global const float* restrict means, global const float* restrict means_t,                     \
+      global const float* restrict velocities, global const float* restrict half_accelerations, \
+      global const float* restrict quats, global const float* restrict turns,                   \
+      global const float* restrict log_scales, global const float* restrict logit_opacities
+#define SPACETIME_ROWS \
+  means, means_t, velocities, half_accelerations, quats, turns, log_scales, logit_opacities
+
+static inline Spacetime load_spacetime(uint i, SPACETIME_IN) {
+  Spacetime g;
+  g.mean = load3(means, i);
+  g.mean_t = means_t[i];
+  g.velocity = load3(velocities, i);
+  g.half_acceleration = load3(half_accelerations, i);
+  g.quat = load4(quats, i);
+  g.turn = load4(turns, i);
+  g.log_scales = load4(log_scales, i);
+  g.logit_opacity = logit_opacities[i];
+  return g;
+}
+
+// At the first time of a view: opacity 0, and nothing else written, for those outside their window.
+// At a second time (first = 0): the rows with tiles_touched > 0 only, in their window or not.
+kernel void spacetime_fwd(const uint n, const float t, const float cutoff, const int first,
+                          global const uint* restrict tiles_touched,  // [N] read if not first
+                          SPACETIME_IN,                       // as in optim/motion/spacetime.hpp
+                          global float* restrict means_at,    // [N, 3]
+                          global float* restrict factors_at,  // [N, 3, 3]
+                          global float* restrict opacities_at) {  // [N]
+  const uint i = get_global_id(0);
+  if (i >= n || (!first && tiles_touched[i] == 0)) return;
+  const float life = exp(log_scales[4 * i + 3]), tau = (t - means_t[i]) / life;
+  if (first && !(exp(-0.5f * tau * tau) > cutoff)) {
+    opacities_at[i] = 0.f;
+    return;
+  }
+  const SpacetimeCut cut = spacetime_at(load_spacetime(i, SPACETIME_ROWS), t);
+  opacities_at[i] = cut.life.opacity;
+  store3(means_at, i, cut.mean);
+  store_mat3(factors_at, i, cut.factor);
+}
+
+// For what was seen in this view; the rest is left alone. first = 1 (the call for t1) sets the
+// gradients of Gaussians not `seen` before in this training step; else they are added to.
+kernel void spacetime_bwd(const uint n, const float t, const int first, SPACETIME_IN,
+                          global const uint* restrict tiles_touched,
+                          global const float* restrict v_means_at,      // [N, 3]
+                          global const float* restrict v_factors_at,    // [N, 3, 3]
+                          global const float* restrict v_opacities_at,  // [N] read if first
+                          global uint* restrict seen,                   // [N]
+                          global float* restrict v_means, global float* restrict v_means_t,
+                          global float* restrict v_velocities,
+                          global float* restrict v_half_accelerations,
+                          global float* restrict v_quats, global float* restrict v_turns,
+                          global float* restrict v_log_scales,
+                          global float* restrict v_logit_opacities) {
+  const uint i = get_global_id(0);
+  if (i >= n || tiles_touched[i] == 0) return;
+  const Spacetime v = spacetime_vjp(load_spacetime(i, SPACETIME_ROWS), t, load3(v_means_at, i),
+                                    load_mat3(v_factors_at, i), first ? v_opacities_at[i] : 0.f);
+  if (first && !seen[i]) {
+    seen[i] = 1;
+    store3(v_means, i, v.mean);
+    v_means_t[i] = v.mean_t;
+    store3(v_velocities, i, v.velocity);
+    store3(v_half_accelerations, i, v.half_acceleration);
+    vstore4(v.quat, i, v_quats);
+    vstore4(v.turn, i, v_turns);
+    vstore4(v.log_scales, i, v_log_scales);
+    v_logit_opacities[i] = v.logit_opacity;
+    return;
+  }
+  add3(v_means, i, v.mean);
+  v_means_t[i] += v.mean_t;
+  add3(v_velocities, i, v.velocity);
+  add3(v_half_accelerations, i, v.half_acceleration);
+  add4(v_quats, i, v.quat);
+  add4(v_turns, i, v.turn);
+  add4(v_log_scales, i, v.log_scales);
+  v_logit_opacities[i] += v.logit_opacity;
+}
+
+// What becomes of the two children of a Gaussian, as native4d_split: in time, each on the parent's
+// path, where it travels far in its life; else in space.
+kernel void spacetime_split(const uint n, const uint seed, const float split_scale,
+                            const float split_travel, const float min_lifetime,
+                            const float duration, global const uint* restrict child,
+                            global float* restrict means, global float* restrict means_t,
+                            global float* restrict velocities,
+                            global const float* restrict half_accelerations,
+                            global float* restrict quats, global const float* restrict turns,
+                            global float* restrict log_scales,
+                            global float* restrict logit_opacities) {
+  const uint i = get_global_id(0);
+  if (i >= n || child[i] == 0) return;
+  const Spacetime g = load_spacetime(i, SPACETIME_ROWS);
+  const real3 s = spacetime_scales(g);
+  const float life = exp(g.log_scales.w), longest = fmax(s.x, fmax(s.y, s.z));
+  const int lasting = life > 0.5f * duration;  // then it is seen in [0, duration]
+  const float window = lasting ? 0.5f * duration : life;
+  const float travel = sqrt(dot(g.velocity, g.velocity)) * 2.f * window;
+  if (travel > split_travel * longest && 0.6f * window > min_lifetime) {
+    const float centre = lasting ? 0.5f * duration : g.mean_t;
+    const float t = centre + (child[i] == 1 ? -0.5f : 0.5f) * window, tau = t - g.mean_t;
+    store3(means, i, spacetime_at(g, t).mean);
+    means_t[i] = t;
+    store3(velocities, i, spacetime_velocity(g, tau));
+    vstore4(g.quat + g.turn * tau, i, quats);
+    log_scales[4 * i + 3] = log(0.6f * window);
+    return;
+  }
+  const int large = longest > split_scale;
+  if (large || child[i] == 2) {
+    const Mat3 factor = factor_of(g.quat, s);
+    const real2 n1 = random_normal2(seed, 0u, i), n2 = random_normal2(seed, 2u, i);
+    const real3 draw = make_real3(n1.x, n1.y, n2.x);
+    store3(means, i,
+           g.mean + make_real3(dot(factor.r1, draw), dot(factor.r2, draw), dot(factor.r3, draw)));
+  }
+  if (large) {
+    const real less = 0.470003629f;  // log 1.6
+    vstore4(g.log_scales - make_real4(less, less, less, 0.f), i, log_scales);
+  }
+  logit_opacities[i] = half_opacity_logit(g.logit_opacity);
+}
+
+// How fast a Gaussian learns. pace as native4d_pace; reach = how far from its own moment it matters
+// where it is: its life, at least a step of the video (a flow leads that far), at most the video.
+kernel void spacetime_pace(const uint n, const float duration, const float time_step,
+                           const float power, const float most,
+                           global const float* restrict log_scales,  // [N, 4]
+                           global float* restrict pace,              // [N]
+                           global float* restrict reach) {           // [N]
+  const uint i = get_global_id(0);
+  if (i >= n) return;
+  const float life = exp(log_scales[4 * i + 3]);
+  pace[i] = life_pace(life, duration, power, most);
+  reach[i] = clamp(life, time_step, duration);
+}

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/motion/spacetime.hpp"
+
+namespace gflow {
+
+SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
+    : cutoff_(cutoff),
+      program_(queue, "spacetime.cl"),
+      spacetime_fwd_(program_, "spacetime_fwd"),
+      spacetime_bwd_(program_, "spacetime_bwd"),
+      spacetime_split_(program_, "spacetime_split"),
+      spacetime_pace_(program_, "spacetime_pace") {}
+
+std::vector<GroupSpec> SpacetimeMotion::groups() const {
+  return {{"means", 3},
+          {"means_t", 1, Quantity::time},
+          {"velocities", 3, Quantity::position, 1},
+          {"half_accelerations", 3, Quantity::position, 2},
+          {"quats", 4, Quantity::rotation},
+          {"turns", 4, Quantity::rotation, 1},
+          {"log_scales", 4, Quantity::scale},
+          {"logit_opacities", 1, Quantity::opacity}};
+}
+
+void SpacetimeMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
+                         GaussiansAt& gaussians) {
+  gaussians.ensure(queue, p.count);
+  spacetime_fwd_(queue, Range::over(p.count), cl_uint(p.count), t, cutoff_, int(!seen),
+                 seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+                 p["velocities"].values, p["half_accelerations"].values, p["quats"].values,
+                 p["turns"].values, p["log_scales"].values, p["logit_opacities"].values,
+                 gaussians.means, gaussians.factors, gaussians.opacities);
+}
+
+void SpacetimeMotion::backward(Queue& queue, Parameters& p, float t, bool first,
+                               const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
+                               const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
+  spacetime_bwd_(queue, Range::over(p.count), cl_uint(p.count), t, int(first), p["means"].values,
+                 p["means_t"].values, p["velocities"].values, p["half_accelerations"].values,
+                 p["quats"].values, p["turns"].values, p["log_scales"].values,
+                 p["logit_opacities"].values, tiles_touched, v_means, v_factors, v_opacities,
+                 p.rows.seen, p["means"].grads, p["means_t"].grads, p["velocities"].grads,
+                 p["half_accelerations"].grads, p["quats"].grads, p["turns"].grads,
+                 p["log_scales"].grads, p["logit_opacities"].grads);
+}
+
+void SpacetimeMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
+  spacetime_pace_(queue, Range::over(p.count), cl_uint(p.count), rule.duration, rule.time_step,
+                  rule.power, rule.most, p["log_scales"].values, p.rows.pace, p.rows.reach);
+}
+
+void SpacetimeMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
+                            const SplitRule& rule, uint32_t seed) {
+  spacetime_split_(queue, Range::over(p.count), cl_uint(p.count), seed, rule.split_scale,
+                   rule.split_travel, rule.min_lifetime, rule.duration, child, p["means"].values,
+                   p["means_t"].values, p["velocities"].values, p["half_accelerations"].values,
+                   p["quats"].values, p["turns"].values, p["log_scales"].values,
+                   p["logit_opacities"].values);
+}
+
+}  // namespace gflow
