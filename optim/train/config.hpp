@@ -178,14 +178,14 @@ struct LossConfig {
 
 struct FlowConfig {
   bool enabled = true;
-  float weight = 0.1f;
+  float weight = 0.05f;
   FlowSource source = FlowSource::dis;
   std::string folder;
   Transport transport = Transport::material;
   int top_k = 0;
   StopRule stop = StopRule::include;
   bool detach_t1 = false;
-  bool detach_weights = true;
+  bool detach_weights = false;
   float robust_px = 0.5f;
   int start = 0;
   int max_gap = 2;
