@@ -161,9 +161,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
     for (RenderView& view : views) view.time_t2 = -1;
 
   RenderOptions render;
-  render.settings.transport = source.config.flow.transport;
-  render.settings.stop = source.config.flow.stop;
-  render.settings.top_k = source.config.flow.top_k;
+  render.settings = engine_settings(source.config.flow);
   const float level = source.config.scene.background == Background::white ? 1.f : 0.f;
   render.background = {level, level, level};
   render.near = source.config.render.near;

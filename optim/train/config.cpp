@@ -7,10 +7,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <optional>
 #include <sstream>
 #include <type_traits>
 
+#include "optim/train/edit_distance.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -112,21 +114,6 @@ void assign(const Incoming& in, Enum& member) {
   member = static_cast<Enum>(found - names.begin());
 }
 
-size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<size_t> row(b.size() + 1);
-  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (size_t i = 1; i <= a.size(); ++i) {
-    size_t diagonal = row[0];
-    row[0] = i;
-    for (size_t j = 1; j <= b.size(); ++j) {
-      const size_t substituted = diagonal + (a[i - 1] != b[j - 1]);
-      diagonal = row[j];
-      row[j] = std::min({substituted, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row.back();
-}
-
 // Calls visit("section", "key", member, help[, range]) for every setting.
 template <class Config, class Visit>
 void for_each_setting(Config& config, Visit&& visit) {
@@ -182,11 +169,15 @@ void assign_setting(TrainConfig& config, const std::string& section, const std::
                             nearest_setting(section, key)));
 }
 
-// A node for the text of --set: TOML where it is TOML, otherwise a piece of text.
+// A node for the text of --set: TOML where it is TOML, else a number where it is one (.5),
+// otherwise a piece of text.
 toml::table value_table(const std::string& text) {
   try {
     return toml::parse("value = " + text);
   } catch (const toml::parse_error&) {
+    char* end = nullptr;
+    const double number = std::strtod(text.c_str(), &end);
+    if (!text.empty() && *end == '\0') return toml::table{{"value", number}};
     return toml::table{{"value", text}};
   }
 }
@@ -221,6 +212,16 @@ std::string Allowed::text() const {
   if (above_min)
     return bounded ? fmt::format("above {}, at most {}", min, max) : fmt::format("above {}", min);
   return bounded ? fmt::format("{} to {}", min, max) : fmt::format("at least {}", min);
+}
+
+EngineSettings engine_settings(const FlowConfig& flow) {
+  EngineSettings settings;
+  settings.transport = flow.transport;
+  settings.stop = flow.stop;
+  settings.top_k = flow.top_k;
+  settings.detach_t1 = flow.detach_t1;
+  settings.detach_weights = flow.detach_weights;
+  return settings;
 }
 
 void apply_file(TrainConfig& config, const std::string& path) {

@@ -354,6 +354,9 @@ struct TrainConfig {
   }
 };
 
+// What the engine needs of the flow's settings.
+EngineSettings engine_settings(const FlowConfig& flow);
+
 // The functions below throw Error: an unknown setting is named with the nearest known one, a wrong
 // type or value with what is allowed, and each message starts with the file and line or the option
 // it comes from.

@@ -76,11 +76,7 @@ bool any(const std::vector<uint8_t>& mask) {
 
 Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
                     const std::vector<Frame>& frames, const ProgressCallback& progress) {
-  EngineSettings settings;
-  settings.transport = config.flow.transport;
-  settings.stop = config.flow.stop;
-  settings.top_k = config.flow.top_k;
-  Renderer renderer(queue, settings);
+  Renderer renderer(queue, engine_settings(config.flow));
   const float level = config.scene.background == Background::white ? 1.f : 0.f;
   const std::vector<const Frame*> next = followers(frames, config.flow.max_gap);
   Evaluation result;

@@ -11,16 +11,6 @@ namespace {
 
 constexpr uint kSplitStream = 7, kPairStream = 8;  // of random numbers
 
-EngineSettings engine_settings(const FlowConfig& flow) {
-  EngineSettings settings;
-  settings.transport = flow.transport;
-  settings.stop = flow.stop;
-  settings.top_k = flow.top_k;
-  settings.detach_t1 = flow.detach_t1;
-  settings.detach_weights = flow.detach_weights;
-  return settings;
-}
-
 // a at 0, b at 1, geometrically between.
 float between_rates(float a, float b, double share) {
   return a > 0 ? float(a * std::pow(double(b) / a, share)) : 0.f;

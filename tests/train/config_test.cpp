@@ -46,6 +46,14 @@ std::string message_of_setting(const std::string& assignment) {
 
 #define EXPECT_CONTAINS(text, part) EXPECT_NE((text).find(part), std::string::npos) << (text)
 
+TEST(ApplySetting, TakesNumbersAsPeopleWriteThem) {
+  TrainConfig config;
+  apply_setting(config, "flow.weight=.25");
+  EXPECT_EQ(config.flow.weight, 0.25f);
+  apply_setting(config, "flow.weight=2.");
+  EXPECT_EQ(config.flow.weight, 2.f);
+}
+
 TEST(Config, AFileChangesWhatItNamesAndNothingElse) {
   const TemporaryFile file("[train]\niterations = 77\n[flow]\nweight = 1\ntransport = \"ot\"\n");
   TrainConfig config;
