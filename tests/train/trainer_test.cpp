@@ -89,11 +89,11 @@ Evaluation judged(Queue& queue, const TrainConfig& config) {
                   training.loaded.scene.test, {});
 }
 
-// Measured: 11.5 dB and 2.2 px before, 25.9 dB and 0.06 px after, 0.54 px without flow. The bounds
+// Measured: 11.5 dB and 2.2 px before, 25.2 dB and 0.18 px after. The bounds
 // lie about half way (in the logarithm): a wrong gradient falls short of them, another machine's
 // rounding does not. Flow must halve the error, as on the scenes gflow is judged by.
 TEST_F(TrainerTest, LearnsTheSceneAndItsMotion) {
-  TrainConfig config = small_config(scene(), 800);
+  TrainConfig config = small_config(scene(), 1200);
   config.density.enabled = false;
   SmallTraining untrained(queue(), config);
   const ViewFigures before = evaluate(queue(), untrained.model, config, *untrained.loaded.frames,
@@ -109,13 +109,14 @@ TEST_F(TrainerTest, LearnsTheSceneAndItsMotion) {
   EXPECT_LT(with.flow_epe_dynamic, 0.5 * without.flow_epe_dynamic);
 }
 
-// Half way from the 11.5 dB before to what each reaches.
-TEST_F(TrainerTest, LearnsWithEveryMotionModel) {
-  for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d}) {
-    TrainConfig config = small_config(scene(), 300);
-    config.motion.model = kind;
-    EXPECT_GT(judged(queue(), config).mean.psnr, 16) << name_of(kind);
-  }
+// native4d: 25.7 dB and 0.16 px.
+TEST_F(TrainerTest, LearnsWithTheOtherMotionModelToo) {
+  TrainConfig config = small_config(scene(), 1200);
+  config.density.enabled = false;
+  config.motion.model = MotionModelKind::native4d;
+  const ViewFigures with = judged(queue(), config).mean;
+  EXPECT_GT(with.psnr, 21);
+  EXPECT_LT(with.flow_epe_dynamic, 0.3);
 }
 
 TEST_F(TrainerTest, FiguresDescribeTheLastView) {
