@@ -257,8 +257,10 @@ struct LearningRates {
   }
 };
 
-// The epsilons bound the step on noise: far below a group's usual gradient, far above its rounding
-// errors.
+// The epsilons bound the step on noise: well below a group's usual gradient, far above its rounding
+// errors. Median rms of the gradients on n3v-baton: means 1e-5, velocities 3e-5, means_t 5e-8,
+// rotations 2e-7, scales 3e-7, opacities 6e-7, colour 8e-7. 1e-3 of each instead of 1e-8 changed
+// PSNR and flow error by less than 0.1 dB and 0.002 px; the larger one is the steadier.
 struct AdamGroups {
   float beta1 = 0.9f;
   float beta2 = 0.999f;
