@@ -221,6 +221,8 @@ void Trainer::update(Queue& queue, int step) {
   for (size_t g = 0; g < p.groups.size(); ++g) {
     const GroupSpec& spec = p.specs[g];
     if (spec.quantity == Quantity::color_rest && sh_degree(step) == 0) continue;
+    const bool motion = spec.per_time > 0 || spec.quantity == Quantity::time;
+    if (motion && scene_.steps < 2) continue;  // photographs of one moment
     AdamRate rate = rate_of(spec);
     rate.per_time = spec.per_time;
     if (spec.per_time > 0) rate.lr *= lr.motion;

@@ -119,6 +119,18 @@ TEST_F(TrainerTest, LearnsWithTheOtherMotionModelToo) {
   EXPECT_LT(with.flow_epe_dynamic, 0.3);
 }
 
+TEST_F(TrainerTest, PhotographsOfOneMomentTrainAModelThatStandsStill) {
+  TrainConfig config = small_config(scene(), 30);
+  config.scene.max_steps = 1;
+  SmallTraining training(queue(), config);
+  const HostModel before = training.model.read(queue());
+  training.steps(queue(), 30);
+  const HostModel after = training.model.read(queue());
+  EXPECT_NE(after.groups.at("means"), before.groups.at("means"));
+  EXPECT_EQ(after.groups.at("means_t"), before.groups.at("means_t"));
+  EXPECT_TRUE(at_rest(after.shape.motion, after.groups));
+}
+
 TEST_F(TrainerTest, FiguresDescribeTheLastView) {
   SmallTraining training(queue(), small_config(scene(), 10));
   training.steps(queue(), 1);
