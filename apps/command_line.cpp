@@ -84,6 +84,10 @@ CLI::Validator number_in(double low, double high) {
       "");
 }
 
+std::string without_prefix(const std::string& text, const std::string& prefix) {
+  return text.rfind(prefix, 0) == 0 ? text.substr(prefix.size()) : text;
+}
+
 std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
   const std::vector<const CLI::App*> path = understood(app);
   std::vector<std::string> commands;
@@ -95,6 +99,9 @@ std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
   if (!commands.empty() && (word != extras.end() || missing))
     return unknown_command(path, word == extras.end() ? "" : *word, commands);
   const std::string name = full_name(path);
+  if (dynamic_cast<const CLI::ConversionError*>(&problem))
+    return fmt::format("{}: that is no number the option can take (see `{} --help`)",
+                       without_prefix(problem.what(), "Could not convert: "), name);
   if (extras.empty()) return fmt::format("{} (see `{} --help`)", problem.what(), name);
   if (!is_option(extras[0]))
     return fmt::format("`{}` does not know what to do with '{}'", name, extras[0]);

@@ -40,18 +40,22 @@ static inline uint touched_cells(float4 a, float4 b, float x0, float y0) {
 #define CELL_BIT ((lane_int)(1, 2, 4, 8))
 #endif
 
+// fmin and fmax that need not mind NaN: a fifth of this kernel's time on PoCL, AVX-512.
+static inline lane lane_min(lane a, lane b) { return LANE_SELECT(b, a, a < b); }
+static inline lane lane_max(lane a, lane b) { return LANE_SELECT(b, a, a > b); }
+
 static inline uint touched_cells(float4 a, float4 b, float x0, float y0) {
   uint mask = 0;
   const lane k1 = TO_LANE(a.z), k2 = TO_LANE(a.w), k3 = TO_LANE(b.x), zero = TO_LANE(0.f);
   const lane ky = TO_LANE(-a.z * a.w / (a.w * a.w + b.x * b.x)), kx = TO_LANE(-a.w / a.z);
   const lane lx = CELL_X + TO_LANE(x0 + 0.5f - a.x), hx = lx + TO_LANE(3.f);
-  const lane ex = fmin(fmax(zero, lx), hx);
+  const lane ex = lane_min(lane_max(zero, lx), hx);
   for (int g = 0; g < 16 / LANES; ++g) {
     const lane ly = CELL_Y + TO_LANE(y0 + 0.5f - a.y + (float)(g * LANES)), hy = ly + TO_LANE(3.f);
-    const lane ey = fmin(fmax(zero, ly), hy);
-    const lane y1 = fmin(fmax(ex * ky, ly), hy), x2 = fmin(fmax(ey * kx, lx), hx);
+    const lane ey = lane_min(lane_max(zero, ly), hy);
+    const lane y1 = lane_min(lane_max(ex * ky, ly), hy), x2 = lane_min(lane_max(ey * kx, lx), hx);
     const lane p1 = fma(k1, ex, k2 * y1), p2 = k3 * y1, q1 = fma(k1, x2, k2 * ey), q2 = k3 * ey;
-    const lane least = fmin(fma(p1, p1, p2 * p2), fma(q1, q1, q2 * q2));
+    const lane least = lane_min(fma(p1, p1, p2 * p2), fma(q1, q1, q2 * q2));
     const lane_int in = TO_LANE(b.y) - least >= TO_LANE(ALPHA_MIN_LOG2 - 1e-3f);
     mask |= (uint)lane_any(in & CELL_BIT) << (g * LANES);
   }

@@ -109,6 +109,17 @@ Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& optio
   const auto viewmat2 = floats_or(input, "viewmat_t2", {4, 4}, name, viewmat);
   const auto K = floats(input, "K", {3, 3}, name);
   const auto background = floats_or(input, "background", {3}, name, {0, 0, 0});
+  for (const std::vector<float>* pose : {&viewmat, &viewmat2})
+    for (const float x : *pose)
+      if (!std::isfinite(x))
+        throw Error("reading " + name + ": a camera pose (viewmat) has a value that is not finite");
+  if (!(std::isfinite(K[2]) && std::isfinite(K[5]) && K[0] > 0 && K[4] > 0 && std::isfinite(K[0]) &&
+        std::isfinite(K[4])))
+    throw Error("reading " + name +
+                ": K should hold two focal lengths above 0 and a finite centre");
+  if (!moves && input.count("v_flow"))
+    throw Error("reading " + name +
+                ": v_flow needs the second time: means_t2, quats_t2, scales_t2");
   const View view{camera_of(viewmat, K, width, height, options.near_plane),
                   camera_of(viewmat2, K, width, height, options.near_plane)};
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A motion model: parameters to Gaussians at a time, and gradients back. Everything else sees this
-// interface only. Times are in the model's own unit (Native4d: the video is [0, duration]).
+// interface only. Times are in the model's own unit: the video is [0, duration].
 #pragma once
 #include "optim/engine/gaussians.hpp"
 #include "optim/motion/parameters.hpp"
@@ -18,7 +18,7 @@ struct SplitRule {
 // How fast each Gaussian learns: (duration / time it is seen)^power, in [1, most].
 struct PaceRule {
   float duration = 1;   // length of the video [model time]
-  float time_step = 1;  // between two pictures [model time]
+  float time_step = 1;  // duration / steps of the video [model time]
   float power = 1, most = 8;
 };
 

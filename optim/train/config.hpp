@@ -243,7 +243,7 @@ struct LearningRates {
           at_least(1));
     field("opacity", self.opacity, "before the sigmoid", at_least(0));
     field("scales", self.scales, "logarithm of the size in space and time", at_least(0));
-    field("quats", self.quats, "both quaternions of the 4D rotation, at the first step",
+    field("quats", self.quats, "rotation (native4d: both quaternions), at the first step",
           at_least(0));
     field("quats_final", self.quats_final, "at the last step, reached exponentially", above(0));
     field("motion", self.motion,
@@ -272,13 +272,13 @@ struct AdamGroups {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("beta1", self.beta1, "memory of the mean gradient", between(0, 0.9999f));
-    field("beta2", self.beta2, "memory of its square", between(0, 0.999999f));
+    field("beta1", self.beta1, "memory of the mean gradient", between(0, 0.9994f));
+    field("beta2", self.beta2, "memory of its square", between(0, 0.9994f));
     field("eps_means", self.eps_means, "in space and time", above(0));
     field("eps_sh", self.eps_sh, "colour", above(0));
     field("eps_opacity", self.eps_opacity, "opacity", above(0));
     field("eps_scales", self.eps_scales, "in space and time", above(0));
-    field("eps_quats", self.eps_quats, "both quaternions", above(0));
+    field("eps_quats", self.eps_quats, "rotation", above(0));
   }
 };
 

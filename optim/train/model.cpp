@@ -140,6 +140,10 @@ HostModel read_model(const std::string& path) {
   const PlyTable table = read_ply(path);
   HostModel model;
   model.count = table.rows;
+  if (table.column("packed_position") >= 0)
+    throw Error("reading " + path +
+                ": this is PlayCanvas' compressed PLY, which gflow does not read; export it as a "
+                "standard PLY");
   const auto has = [&](const char* name) { return table.column(name) >= 0; };
   const bool moving = has("scale_t") || has("rot_r_0") || has("motion_0");
   const MotionModelKind kind =

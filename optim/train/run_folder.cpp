@@ -15,6 +15,8 @@
 namespace gflow {
 namespace {
 
+constexpr const char* kStamp = "caches.stamp";  // every run folder has it
+
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
@@ -38,6 +40,13 @@ Json figures_of(const ViewFigures& v) {
 
 void RunFolder::make() const {
   std::error_code problem;
+  // Training replaces what is in a run folder; what is in any other folder is not ours.
+  if (fs::exists(folder_, problem) && !fs::is_empty(folder_, problem) && !problem &&
+      !fs::exists(path(kStamp)))
+    throw Error(
+        fmt::format("training into {}: it is not empty and no run folder; name a new folder,"
+                    " or an earlier run to train it anew",
+                    folder_));
   fs::create_directories(folder_, problem);
   if (problem) throw Error(fmt::format("making the run folder {}: {}", folder_, problem.message()));
 }
@@ -82,17 +91,18 @@ void RunFolder::forget_model(int iteration) const {
 }
 
 void RunFolder::forget_results() const {
-  fs::remove(path("results.json"));
-  fs::remove(path("per_view.json"));
+  for (const char* split : {"", "_train", "_val"})
+    for (const char* name : {"results", "per_view"})
+      fs::remove(path(fmt::format("{}{}.json", name, split)));
 }
 
 void RunFolder::forget_stale_caches(const std::string& stamp) const {
-  std::ifstream in(path("caches.stamp"));
+  std::ifstream in(path(kStamp));
   const std::string old{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
   if (old == stamp) return;
   fs::remove_all(path("flow"));
   fs::remove_all(path("frames"));
-  write_text(path("caches.stamp"), stamp);
+  write_text(path(kStamp), stamp);
 }
 
 void RunFolder::write_config(const TrainConfig& config) const {

@@ -153,6 +153,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   run.make();
   run.forget_results();
   run.forget_stale_caches(cache_stamp(scene, config.scene));
+  for (const Frame& frame : scene.test) loaded.frames->rgb(frame);  // broken ones are named now
   run.write_config(config);
   run.write_cameras(scene);
   std::vector<FlowPair> pairs = close_pairs(scene, config.flow.max_gap);

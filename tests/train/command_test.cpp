@@ -198,10 +198,10 @@ TEST_F(CommandTest, RenderSaysWhatIsMissing) {
 }
 
 // Keys as in the oracle's scenes; two Gaussians before a camera at the origin.
+Array floats(std::vector<size_t> shape, std::vector<float> values) {
+  return {std::move(shape), std::move(values)};
+}
 Arrays small_npz() {
-  const auto floats = [](std::vector<size_t> shape, std::vector<float> values) {
-    return Array{std::move(shape), std::move(values)};
-  };
   return {{"means", floats({2, 3}, {0, 0, 2, 0.2f, 0, 3})},
           {"quats", floats({2, 4}, {1, 0, 0, 0, 1, 0, 0, 0})},
           {"scales", floats({2, 3}, std::vector<float>(6, 0.1f))},
@@ -239,6 +239,18 @@ TEST_F(CommandTest, SplatRefusesArchivesThatAreBroken) {
   input["opacities"] = Array{{3}, std::vector<float>(3, 0.5f)};
   write_npz(folder.file("odd.npz"), input);
   expect_refused({"splat", folder.file("odd.npz"), "-o", out}, {"odd.npz", "opacities"});
+  input = small_npz();
+  input["viewmat"] = floats({4, 4}, {1, 0, 0, NAN, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1});
+  write_npz(folder.file("nan.npz"), input);
+  expect_refused({"splat", folder.file("nan.npz"), "-o", out}, {"nan.npz", "viewmat", "finite"});
+  input = small_npz();
+  input["K"] = floats({3, 3}, {-16, 0, 8, 0, 16, 6, 0, 0, 1});
+  write_npz(folder.file("flip.npz"), input);
+  expect_refused({"splat", folder.file("flip.npz"), "-o", out}, {"flip.npz", "focal length"});
+  input = small_npz();
+  input["v_flow"] = Array{{12, 16, 2}, std::vector<float>(12 * 16 * 2, 1.f)};
+  write_npz(folder.file("still.npz"), input);
+  expect_refused({"splat", folder.file("still.npz"), "-o", out}, {"still.npz", "means_t2"});
   EXPECT_FALSE(fs::exists(out));
 }
 
@@ -330,9 +342,10 @@ TEST_F(CommandTest, AFileThatCannotBeWrittenIsOneSentenceAndLeavesNothing) {
   expect_refused({"render", run(), "-o", out.path(), "--quiet"}, {"cannot write", "File too large"},
                  "ulimit -f 2");
   EXPECT_EQ(out.count(), 0u);
-  expect_refused({"train", scene().path(), "-o", out.path(), "--iterations", "1", "--quiet"},
+  const std::string fresh = out.path() + "/run";
+  expect_refused({"train", scene().path(), "-o", fresh, "--iterations", "1", "--quiet"},
                  {"cannot write", "File too large"}, "ulimit -f 2");
-  EXPECT_EQ(RunFolder(out.path()).read_facts().iterations, 0);
+  EXPECT_EQ(RunFolder(fresh).read_facts().iterations, 0);
 }
 
 TEST_F(CommandTest, AFullStandardOutputIsNoSuccess) {

@@ -29,6 +29,26 @@ TEST(RunFolder, CannotLieBelowAFile) {
   expect_error([&] { RunFolder::create(folder.path() + "/file/run"); }, {"file/run"});
 }
 
+TEST(RunFolder, IsNotMadeOfAFolderThatHoldsSomethingElse) {
+  const TemporaryFolder folder;
+  folder.write("scene/flow/mine", "true flow");
+  expect_error([&] { RunFolder::create(folder.path() + "/scene"); }, {"/scene", "not empty"});
+  EXPECT_TRUE(std::filesystem::exists(folder.file("scene/flow/mine")));
+  const RunFolder run = RunFolder::create(folder.path() + "/run");
+  run.forget_stale_caches("a scene");
+  run.write_config({});
+  EXPECT_NO_THROW(RunFolder::create(folder.path() + "/run"));  // to be trained anew
+}
+
+TEST(RunFolder, ForgetsTheResultsOfEverySplit) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  for (const char* name : {"results.json", "results_train.json", "per_view_val.json"})
+    folder.write(name, "{}");
+  run.forget_results();
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
 TEST(RunFolder, IsOpenedOnlyWhereThereIsAConfiguration) {
   const TemporaryFolder folder;
   expect_error([&] { RunFolder::open(folder.path()); }, {folder.path(), "config.toml"});
