@@ -49,7 +49,7 @@ FlowStore flows_for(const TrainConfig& config, const LoadedScene& loaded,
   const auto forward = std::count_if(pairs.begin(), pairs.end(), [&](const FlowPair& pair) {
     return pair.next >= 0 && !leads_back(loaded.scene, pair);
   });
-  Progress progress("flow ", long(forward), quiet);
+  Progress progress("flow ", long(forward), quiet || forward == 0);
   FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, run.path("flow"), 0,
                                     counted(progress, "computing optical flow"));
   progress.finish();
