@@ -60,6 +60,10 @@ std::string unknown_command(const std::vector<const CLI::App*>& path, const std:
                      nearest(word, commands), listing(commands));
 }
 
+std::string without_prefix(const std::string& text, const std::string& prefix) {
+  return text.rfind(prefix, 0) == 0 ? text.substr(prefix.size()) : text;
+}
+
 bool is_option(const std::string& word) { return word.size() > 1 && word[0] == '-'; }
 
 }  // namespace
@@ -82,10 +86,6 @@ CLI::Validator number_in(double low, double high) {
         return in_range ? "" : fmt::format("'{}' is no number from {} to {}", text, low, high);
       },
       "");
-}
-
-std::string without_prefix(const std::string& text, const std::string& prefix) {
-  return text.rfind(prefix, 0) == 0 ? text.substr(prefix.size()) : text;
 }
 
 std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {

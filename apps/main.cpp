@@ -38,8 +38,8 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   app.add_option(
          "--device", options.device,
          "OpenCL device: its index in `gflow devices` or a part of its name; empty: train.device "
-         "of "
-         "the settings (`gflow train` alone), else the variable GFLOW_DEVICE, else the first GPU, "
+         "of the settings (`gflow train` alone), else the variable GFLOW_DEVICE, else the first "
+         "GPU, "
          "else the first device")
       ->type_name("INDEX|NAME");
   app.add_flag("--quiet", options.quiet, "No progress on stderr");

@@ -19,7 +19,7 @@ std::unique_ptr<Motion> make_motion(Queue& queue, MotionModelKind kind, float cu
 // Parameter arrays on the host by group name, a row a Gaussian.
 using HostGroups = std::map<std::string, std::vector<float>>;
 
-// The groups beside those every model has: name, width, and the properties of a PLY that hold them.
+// A group that only this model has, and the properties of a PLY that hold its columns.
 struct MotionColumns {
   std::string group;
   std::vector<std::string> properties;

@@ -4,8 +4,8 @@
 // [N,4], log_scales [N,4] (x y z t), logit_opacities [N,1]; 23 floats a Gaussian.
 //
 // The default model. Against native4d, whose velocity and shape share two quaternions, on a baton
-// that spins 13 degrees a frame (5000 steps, flow on): moving pixels 32.3 against 29.2 dB, flow
-// error 0.69 against 1.37 px, and a tenth less time, because nothing is rotated in four dimensions.
+// that spins 13 degrees a frame (5000 steps, flow.weight 0.1): moving pixels 32.2 against 29.2 dB,
+// flow error 0.68 against 1.37 px, and a tenth less time, because nothing is rotated in four dimensions.
 #pragma once
 #include "optim/motion/motion.hpp"
 

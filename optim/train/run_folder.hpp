@@ -24,7 +24,7 @@ class RunFolder {
   // An existing run. Error when it has no config.toml.
   static RunFolder open(const std::string& path);
 
-  // Creates it; Error when it cannot be made.
+  // Creates it; Error when it cannot be made, or when it holds something and no training made it.
   void make() const;
   static RunFolder create(const std::string& path);  // both
 

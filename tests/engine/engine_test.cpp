@@ -165,6 +165,19 @@ TEST(Engine, DetachedFlowOfOneGaussianLeavesItAloneAtTheFirstTime) {
   EXPECT_LT(norm(g.at("scales")), 1e-6);
 }
 
+// Density control must not split what only moves wrongly.
+TEST(Engine, TheFlowsOwnPullMovesAGaussianButIsNoPullOfThePictures) {
+  Queue queue = test_queue();
+  Scene s = random_scene({0, 40, 30});
+  add_gaussian(s, {.1, -.2, 4}, {.5, .3, .2}, .8, {.25, .125, 0});
+  s.shot.settings.transport = Transport::translate;  // weights cancel from the flow of one Gaussian
+  DeviceScene device(queue, s);
+  device.forward();
+  const FloatArrays g = device.backward(only(random_cotangents(s, 6), "flow"));
+  EXPECT_GT(norm(g.at("means")), .1);
+  for (const float v : device.gradients.v_means2d.read_range(queue, 0, 2)) EXPECT_NEAR(v, 0, 1e-5);
+}
+
 TEST(Engine, GaussiansThatAreNotSeenHaveExactlyNoGradient) {
   Queue queue = test_queue();
   Scene s = small_scene();

@@ -175,6 +175,18 @@ TEST_P(AdamTest, TreatsOnlyTheRowsInUse) {
   EXPECT_THROW(f.adam.step(f.queue, f.group, f.state, 4, {1, 1e-15f}), Error);
 }
 
+TEST_P(AdamTest, RatesOfARowGrowWithItsPaceAndShrinkWithItsReach) {
+  Fixture f(GetParam(), 2, 1);
+  f.state.pace.write(f.queue, {3, 3});
+  f.state.reach.write(f.queue, {2, 4});
+  f.group.grads.fill(f.queue, 1);
+  f.adam.advance(f.queue, f.state, 2);
+  f.adam.step(f.queue, f.group, f.state, 2, {1, 1e-15f, 2});
+  const auto values = f.group.values.read(f.queue);
+  EXPECT_NEAR(values[0], -3. / 4, 1e-6);  // pace / reach^2
+  EXPECT_NEAR(values[1], -3. / 16, 1e-6);
+}
+
 TEST_P(AdamTest, StepsBeyondTheTableUseNoCorrection) {
   Fixture f(GetParam(), 1, 1);
   f.state.steps.write(f.queue, {1000000});
