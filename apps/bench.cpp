@@ -24,7 +24,7 @@ namespace {
 
 struct BenchOptions {
   int width = 512, height = 512, gaussians = 100000, repeats = 15, lanes = 0;
-  bool no_flow = false;
+  bool no_flow = false, depth = false, kernels = false;
 };
 
 // The projected shape of one splat: covariance before the dilation, opacity.
@@ -163,16 +163,17 @@ void run_raster(const BenchOptions& o, const GlobalOptions& options) {
   v.v_rgb = Buffer<float>(queue, noise(3 * pixels), "v_rgb");
   v.v_alpha = Buffer<float>(queue, noise(pixels), "v_alpha");
   v.v_flow = Buffer<float>(queue, noise(2 * pixels), "v_flow");
+  if (o.depth) v.v_depth = Buffer<float>(queue, noise(pixels), "v_depth");
   Engine engine(queue);
   GaussianGradients gradients;
-  std::map<std::string, std::vector<double>> ms;
+  std::map<std::string, std::vector<double>> ms, kernel_ms;
   std::vector<double> wall, cpu;
   for (int i = 0; i < o.repeats + 2; ++i) {
     queue.finish();
     queue.reset_timings();
     const auto start = std::chrono::steady_clock::now();
     const double cpu_start = cpu_ms();
-    engine.forward(queue, scene.view, {!o.no_flow, false}, {0, 0, 0}, scene.t1, scene.t2,
+    engine.forward(queue, scene.view, {!o.no_flow, o.depth}, {0, 0, 0}, scene.t1, scene.t2,
                    scene.colors);
     engine.backward(queue, scene.t1, scene.t2, v, gradients);
     queue.finish();
@@ -185,16 +186,24 @@ void run_raster(const BenchOptions& o, const GlobalOptions& options) {
     for (const auto& [stage, kernels] : stages) {
       double sum = 0;
       for (const std::string& kernel : kernels)
-        if (timings.count(kernel)) sum += timings.at(kernel).total_ms;
+        if (timings.count(kernel)) {
+          sum += timings.at(kernel).total_ms;
+          kernel_ms[kernel].push_back(timings.at(kernel).total_ms);
+        }
       ms[stage].push_back(sum);
     }
   }
-  fmt::print("{}, {} lanes, {} x {} pixels, {} Gaussians, {} intersections, flow {}\n",
+  fmt::print("{}, {} lanes, {} x {} pixels, {} Gaussians, {} intersections, flow {}, depth"
+             " {}\n",
              queue.info.full_name(), queue.lanes, o.width, o.height, o.gaussians,
-             engine.tiles().intersections, o.no_flow ? "off" : "on");
+             engine.tiles().intersections, o.no_flow ? "off" : "on", o.depth ? "on" : "off");
   fmt::print("medians of {} [ms]; stages: time on the device\n", o.repeats);
-  for (const auto& [stage, kernels] : stages)
+  for (const auto& [stage, kernels] : stages) {
     fmt::print("  {:<14}{:8.2f}\n", stage, median(ms[stage]));
+    if (!o.kernels || kernels.size() == 1) continue;
+    for (const std::string& kernel : kernels)
+      fmt::print("    {:<20}{:8.3f}\n", kernel, median(kernel_ms[kernel]));
+  }
   fmt::print("  {:<14}{:8.2f}  CPU time {:.2f}, half of it {:.2f}\n", "all, wall", median(wall),
              median(cpu), median(cpu) / 2);
   rusage usage;
@@ -214,7 +223,9 @@ void add_bench(CLI::App& app, const GlobalOptions& options) {
   raster->add_option("--repeats", flags->repeats, "Measured runs")->check(number_in(1, 1000));
   raster->add_option("--lanes", flags->lanes, "Pixels a work-item: 16, 8, 4, 1; 0: the device's")
       ->check(choice_of({"0", "1", "4", "8", "16"}));
-  raster->add_flag("--no-flow", flags->no_flow, "Colour only");
+  raster->add_flag("--no-flow", flags->no_flow, "No flow image");
+  raster->add_flag("--depth", flags->depth, "Expected depth as well");
+  raster->add_flag("--kernels", flags->kernels, "Show the kernels of each stage");
   bench->require_subcommand(1);
   raster->callback([flags, &options] { run_raster(*flags, options); });
 }

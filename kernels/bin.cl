@@ -2,6 +2,8 @@
 // Splats into tiles, each tile's list in depth order, ties by index. The Gaussians come sorted by
 // depth once; chunks of that order are counted a tile, the counts summed over chunks and tiles, and
 // the chunks scattered in order: stable, no atomics, bitwise repeatable (kernels.md 4, S3).
+// Measured (PoCL 3.1, 2 cores, 100 000 splats, 287 000 intersections): counting .9 ms, scattering .9;
+// with unsigned loops over y * tiles_x + x 1.1 each.
 #include "shared/constants.h"
 
 // The part [x, y) of n items that chunk c of `chunks` takes.
@@ -23,8 +25,11 @@ kernel void tile_count(const uint n, const uint chunks, const uint tiles_x, cons
   const uint2 range = chunk_range(n, c, chunks);
   for (uint k = range.x; k < range.y; ++k) {
     const ushort4 box = vload4(order[k], tile_boxes);
-    for (uint y = box.y; y <= box.w; ++y)
-      for (uint x = box.x; x <= box.z; ++x) ++h[y * tiles_x + x];
+    const int x0 = box.x, x1 = box.z, y1 = box.w;
+    for (int y = box.y; y <= y1; ++y) {
+      global uint* row = h + y * (int)tiles_x;
+      for (int x = x0; x <= x1; ++x) ++row[x];
+    }
   }
 }
 
@@ -61,11 +66,14 @@ kernel void tile_scatter(const uint n, const uint chunks, const uint tiles_x, co
     const uint id = order[k];
     const ushort4 box = vload4(id, tile_boxes);
     uint slot = slot_offsets[id];
-    for (uint y = box.y; y <= box.w; ++y)
-      for (uint x = box.x; x <= box.z; ++x) {
-        const uint at = h[y * tiles_x + x]++;
+    const int x0 = box.x, x1 = box.z, y1 = box.w;
+    for (int y = box.y; y <= y1; ++y) {
+      global uint* row = h + y * (int)tiles_x;
+      for (int x = x0; x <= x1; ++x) {
+        const uint at = row[x]++;
         isect_ids[at] = id;
         isect_slots[at] = slot++;
       }
+    }
   }
 }
