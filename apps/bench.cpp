@@ -193,10 +193,11 @@ void run_raster(const BenchOptions& o, const GlobalOptions& options) {
       ms[stage].push_back(sum);
     }
   }
-  fmt::print("{}, {} lanes, {} x {} pixels, {} Gaussians, {} intersections, flow {}, depth"
-             " {}\n",
-             queue.info.full_name(), queue.lanes, o.width, o.height, o.gaussians,
-             engine.tiles().intersections, o.no_flow ? "off" : "on", o.depth ? "on" : "off");
+  fmt::print(
+      "{}, {} lanes, {} x {} pixels, {} Gaussians, {} intersections, flow {}, depth"
+      " {}\n",
+      queue.info.full_name(), queue.lanes, o.width, o.height, o.gaussians,
+      engine.tiles().intersections, o.no_flow ? "off" : "on", o.depth ? "on" : "off");
   fmt::print("medians of {} [ms]; stages: time on the device\n", o.repeats);
   for (const auto& [stage, kernels] : stages) {
     fmt::print("  {:<14}{:8.2f}\n", stage, median(ms[stage]));

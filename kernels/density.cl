@@ -20,8 +20,7 @@ kernel void density_accumulate(const uint n, const float half_width, const float
 
 // copies: 0 for what goes, 1 for the rest; keys sort the candidates for growth, hardest pull first.
 kernel void density_rank(const uint n, const float threshold, const float min_logit_opacity,
-                         const float max_log_scale, const float duration,
-                         const float cutoff_sigmas,
+                         const float max_log_scale, const float duration, const float cutoff_sigmas,
                          global const float* restrict logit_opacities,
                          global const float* restrict log_scales,  // [N, 4]
                          global const float* restrict means_t, global const float* restrict pull,
@@ -61,19 +60,25 @@ kernel void density_sources(const uint n, global const uint* restrict copies,
   }
 }
 
-// fresh[j, k] = old[source[j], k]; 0 for children where `only_old`.
-kernel void rows_gather(const uint n, const uint width, const int only_old,
-                        global const uint* restrict source, global const uint* restrict child,
-                        global const float* restrict old, global float* restrict fresh) {
-  const uint at = get_global_id(0);
-  if (at >= n * width) return;
-  const uint j = at / width;
-  fresh[at] = only_old && child[j] ? 0.f : old[source[j] * width + at % width];
+// New rows from old, in tables of `keys` rows a Gaussian: fresh[k, j, c] = old[k, source[j], c],
+// n and old_n Gaussians; 0 for children where `only_old`.
+kernel void rows_gather(const uint keys, const uint n, const uint old_n, const uint width,
+                        const int only_old, global const uint* restrict source,
+                        global const uint* restrict child, global const float* restrict old,
+                        global float* restrict fresh) {
+  const size_t at = get_global_id(0), row = at / width;
+  if (row >= (size_t)keys * n) return;
+  const uint j = row % n, k = row / n;
+  fresh[at] =
+      only_old && child[j] ? 0.f : old[((size_t)k * old_n + source[j]) * width + at % width];
 }
 
-kernel void rows_gather_counts(const uint n, global const uint* restrict source,
+kernel void rows_gather_counts(const uint keys, const uint n, const uint old_n,
+                               global const uint* restrict source,
                                global const uint* restrict child, global const uint* restrict old,
                                global uint* restrict fresh) {
-  const uint j = get_global_id(0);
-  if (j < n) fresh[j] = child[j] ? 0u : old[source[j]];
+  const size_t row = get_global_id(0);
+  if (row >= (size_t)keys * n) return;
+  const uint j = row % n, k = row / n;
+  fresh[row] = child[j] ? 0u : old[(size_t)k * old_n + source[j]];
 }

@@ -37,13 +37,14 @@ Buffer<cl_uint> no_rows(Queue& queue, size_t rows, const std::string& name) {
   return buffer;
 }
 
-void check_rows(const ParameterGroup& group, const RowState& state, size_t rows) {
-  if (rows * group.width <= group.values.size() && rows * group.width <= group.grads.size() &&
-      rows * group.width <= group.exp_avg.size() && rows * group.width <= group.exp_avg_sq.size() &&
-      rows <= state.seen.size() && rows <= state.steps.size() && rows <= state.refused.size())
+void check_rows(const ParameterGroup& group, const RowState& state, const RowRange& rows) {
+  const size_t end = rows.first + rows.count, values = end * group.width;
+  if (values <= group.values.size() && values <= group.grads.size() &&
+      values <= group.exp_avg.size() && values <= group.exp_avg_sq.size() &&
+      end <= state.seen.size() && end <= state.steps.size() && end <= state.refused.size())
     return;
   throw Error(fmt::format("Adam was asked for {} rows of {} values in {}, whose arrays are shorter",
-                          rows, group.width, group.values.name()));
+                          end, group.width, group.values.name()));
 }
 
 }  // namespace
@@ -79,24 +80,25 @@ Adam::Adam(Queue& queue, const AdamConfig& config)
       adam_step_(program_, "adam_step"),
       corrections_(queue, correction_table(config), "adam corrections") {}
 
-void Adam::refuse(Queue& queue, const ParameterGroup& group, RowState& state, size_t rows) {
+void Adam::refuse(Queue& queue, const ParameterGroup& group, RowState& state, RowRange rows) {
   check_rows(group, state, rows);
-  adam_refuse_(queue, Range::over(rows), cl_uint(rows), cl_uint(group.width), group.grads,
-               state.seen, state.refused);
+  adam_refuse_(queue, Range::over(rows.count), cl_uint(rows.first), cl_uint(rows.count),
+               cl_uint(group.width), group.grads, state.seen, state.refused);
 }
 
-void Adam::advance(Queue& queue, RowState& state, size_t rows) {
-  adam_advance_(queue, Range::over(rows, 256), cl_uint(rows), state.seen, state.steps);
+void Adam::advance(Queue& queue, RowState& state, RowRange rows) {
+  adam_advance_(queue, Range::over(rows.count, 256), cl_uint(rows.first), cl_uint(rows.count),
+                state.seen, state.steps);
 }
 
-void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, size_t rows,
+void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, RowRange rows,
                 AdamRate rate) {
   check_rows(group, state, rows);
   const AdamStep step{config_.beta1, config_.beta2, rate.lr, rate.epsilon};
-  adam_step_(queue, Range::over(flat_ ? rows * group.width : rows), cl_uint(rows),
-             cl_uint(group.width), step, rate.per_time, cl_uint(table_size), corrections_,
-             state.seen, state.steps, state.pace, state.reach, group.grads, group.values,
-             group.exp_avg, group.exp_avg_sq);
+  adam_step_(queue, Range::over(flat_ ? rows.count * group.width : rows.count), cl_uint(rows.first),
+             cl_uint(rows.count), cl_uint(group.width), step, rate.per_time, cl_uint(table_size),
+             corrections_, state.seen, state.steps, state.pace, state.reach, group.grads,
+             group.values, group.exp_avg, group.exp_avg_sq);
 }
 
 }  // namespace gflow

@@ -3,6 +3,7 @@
 // was not seen keeps every bit, and each row has its own step count, so that a row seen seldom gets
 // the bias correction of its own history.
 #pragma once
+#include <algorithm>
 #include <string>
 
 #include "runtime/kernel.hpp"
@@ -24,6 +25,20 @@ struct AdamRate {
   int per_time = 0;  // the row's rate is lr * pace / reach^per_time
 };
 
+// Rows first, first + 1, ...; a number alone means that many from the first on.
+struct RowRange {
+  RowRange(size_t count) : RowRange(0, count) {}
+  RowRange(size_t first, size_t count) : first(first), count(count) {}
+  // The smallest range that holds both.
+  RowRange joined(const RowRange& other) const {
+    if (count == 0) return other;
+    if (other.count == 0) return *this;
+    const size_t from = std::min(first, other.first);
+    return {from, std::max(first + count, other.first + other.count) - from};
+  }
+  size_t first, count;
+};
+
 // One parameter array with its gradients and Adam's moments, all [rows, width].
 struct ParameterGroup {
   // Moments and gradients are zero, values undefined.
@@ -43,26 +58,27 @@ struct RowState {
 };
 
 // A training step is: refuse() for every group, advance() once, step() for every group.
-// `rows` is how many rows are in use; the buffers may be longer.
+// `rows` are those that may have been seen; the buffers may be longer.
 class Adam {
  public:
   explicit Adam(Queue& queue, const AdamConfig& config = {});
 
   // Rows with a gradient in this group that is not finite (or whose square is not) become unseen
   // and refused, so that they are skipped in all groups.
-  void refuse(Queue& queue, const ParameterGroup& group, RowState& state, size_t rows);
+  void refuse(Queue& queue, const ParameterGroup& group, RowState& state, RowRange rows);
   // Counts one step for the rows seen.
-  void advance(Queue& queue, RowState& state, size_t rows);
+  void advance(Queue& queue, RowState& state, RowRange rows);
   // Moves the values of the rows seen against their gradients.
-  void step(Queue& queue, ParameterGroup& group, const RowState& state, size_t rows, AdamRate rate);
+  void step(Queue& queue, ParameterGroup& group, const RowState& state, RowRange rows,
+            AdamRate rate);
 
  private:
   AdamConfig config_;
   bool flat_;
   Program program_;
-  Kernel<cl_uint, cl_uint, In<float>, Out<cl_uint>, Out<cl_uint>> adam_refuse_;
-  Kernel<cl_uint, In<cl_uint>, Out<cl_uint>> adam_advance_;
-  Kernel<cl_uint, cl_uint, AdamStep, cl_int, cl_uint, In<float>, In<cl_uint>, In<cl_uint>,
+  Kernel<cl_uint, cl_uint, cl_uint, In<float>, Out<cl_uint>, Out<cl_uint>> adam_refuse_;
+  Kernel<cl_uint, cl_uint, In<cl_uint>, Out<cl_uint>> adam_advance_;
+  Kernel<cl_uint, cl_uint, cl_uint, AdamStep, cl_int, cl_uint, In<float>, In<cl_uint>, In<cl_uint>,
          In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
       adam_step_;
   Buffer<float> corrections_;  // [table, 2] by step count

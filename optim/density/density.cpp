@@ -31,6 +31,28 @@ void Density::accumulate(Queue& queue, int width, int height, const Buffer<cl_ui
                       0.5f * float(height), tiles_touched, v_means2d, pull_, views_);
 }
 
+void Density::gather(Queue& queue, size_t keys, const Table& from, Table& to) {
+  const cl_uint k = cl_uint(keys), n = cl_uint(to.count / keys), old_n = cl_uint(from.count / keys);
+  const auto values = [&](size_t width, bool only_old, const Buffer<float>& old,
+                          Buffer<float>& fresh) {
+    rows_gather_(queue, Range::over(to.count * width), k, n, old_n, cl_uint(width), int(only_old),
+                 source_, child_, old, fresh);
+  };
+  const auto counts = [&](const Buffer<cl_uint>& old, Buffer<cl_uint>& fresh) {
+    rows_gather_counts_(queue, Range::over(to.count), k, n, old_n, source_, child_, old, fresh);
+  };
+  for (size_t g = 0; g < from.groups.size(); ++g) {
+    const ParameterGroup& group = from.groups[g];
+    values(group.width, false, group.values, to.groups[g].values);
+    values(group.width, true, group.exp_avg, to.groups[g].exp_avg);
+    values(group.width, true, group.exp_avg_sq, to.groups[g].exp_avg_sq);
+  }
+  counts(from.rows.steps, to.rows.steps);
+  counts(from.rows.refused, to.rows.refused);
+  values(1, false, from.rows.pace, to.rows.pace);
+  values(1, false, from.rows.reach, to.rows.reach);
+}
+
 void Density::refine(Queue& queue, Parameters& p, Motion& motion, const DensityRule& rule,
                      uint32_t seed) {
   if (count_ != p.count) forget(queue, p.count);
@@ -52,23 +74,19 @@ void Density::refine(Queue& queue, Parameters& p, Motion& motion, const DensityR
   child_.ensure(queue, count);
   density_sources_(queue, Range::over(n), n, copies_, offsets_, source_, child_);
 
-  const cl_uint m = cl_uint(count);
   Parameters fresh(queue, count, p.specs);
-  for (size_t g = 0; g < p.groups.size(); ++g) {
-    const cl_uint width = cl_uint(p.specs[g].width);
-    const Range range = Range::over(count * width);
-    const ParameterGroup& from = p.groups[g];
-    ParameterGroup& to = fresh.groups[g];
-    rows_gather_(queue, range, m, width, 0, source_, child_, from.values, to.values);
-    rows_gather_(queue, range, m, width, 1, source_, child_, from.exp_avg, to.exp_avg);
-    rows_gather_(queue, range, m, width, 1, source_, child_, from.exp_avg_sq, to.exp_avg_sq);
+  gather(queue, 1, p, fresh);
+  fresh.more_specs = p.more_specs;
+  for (size_t t = 0; t < p.more.size(); ++t) {
+    const TableSpec& spec = p.more_specs[t];
+    if (spec.keys == 0) {  // not the Gaussians' own
+      fresh.more.push_back(std::move(p.more[t]));
+      continue;
+    }
+    fresh.more.emplace_back(queue, spec.count(count), spec.groups);
+    fresh.more.back().active = {0, 0};
+    gather(queue, spec.keys, p.more[t], fresh.more.back());
   }
-  rows_gather_counts_(queue, Range::over(count), m, source_, child_, p.rows.steps,
-                      fresh.rows.steps);
-  rows_gather_counts_(queue, Range::over(count), m, source_, child_, p.rows.refused,
-                      fresh.rows.refused);
-  rows_gather_(queue, Range::over(count), m, 1, 0, source_, child_, p.rows.pace, fresh.rows.pace);
-  rows_gather_(queue, Range::over(count), m, 1, 0, source_, child_, p.rows.reach, fresh.rows.reach);
   p = std::move(fresh);
   motion.split(queue, p, child_, rule.split, seed);
   forget(queue, count);

@@ -32,6 +32,8 @@ class Density {
 
  private:
   void forget(Queue& queue, size_t count);
+  // Rows of a table with `keys` rows a Gaussian, to those of the new Gaussians.
+  void gather(Queue& queue, size_t keys, const Table& from, Table& to);
 
   Program program_;
   Kernel<cl_uint, cl_float, cl_float, In<cl_uint>, In<float>, Out<float>, Out<cl_uint>>
@@ -41,8 +43,11 @@ class Density {
       density_rank_;
   Kernel<cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>> density_grow_;
   Kernel<cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>, Out<cl_uint>> density_sources_;
-  Kernel<cl_uint, cl_uint, cl_int, In<cl_uint>, In<cl_uint>, In<float>, Out<float>> rows_gather_;
-  Kernel<cl_uint, In<cl_uint>, In<cl_uint>, In<cl_uint>, Out<cl_uint>> rows_gather_counts_;
+  Kernel<cl_uint, cl_uint, cl_uint, cl_uint, cl_int, In<cl_uint>, In<cl_uint>, In<float>,
+         Out<float>>
+      rows_gather_;
+  Kernel<cl_uint, cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, In<cl_uint>, Out<cl_uint>>
+      rows_gather_counts_;
   Scan scan_;
   RadixSort sort_;
   size_t count_ = 0;  // rows the evidence is about

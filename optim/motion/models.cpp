@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "optim/motion/keyframes.hpp"
 #include "optim/motion/native4d.hpp"
 #include "optim/motion/spacetime.hpp"
 
@@ -31,42 +32,78 @@ QuatPair quats_for_velocity(const std::array<double, 3>& v, double s, double s_t
 
 }  // namespace
 
-std::unique_ptr<Motion> make_motion(Queue& queue, MotionModelKind kind, float cutoff) {
-  if (kind == MotionModelKind::native4d) return std::make_unique<Native4dMotion>(queue, cutoff);
-  return std::make_unique<SpacetimeMotion>(queue, cutoff);
+std::unique_ptr<Motion> make_motion(Queue& queue, const MotionShape& shape) {
+  switch (shape.motion) {
+    case MotionModelKind::spacetime:
+      return std::make_unique<SpacetimeMotion>(queue, shape.cutoff);
+    case MotionModelKind::native4d:
+      return std::make_unique<Native4dMotion>(queue, shape.cutoff);
+    case MotionModelKind::keyframes:
+      return std::make_unique<KeyframesMotion>(queue, shape);
+  }
+  throw Error("there is no such motion model");
 }
 
 std::vector<MotionColumns> motion_columns(MotionModelKind kind) {
-  if (kind == MotionModelKind::native4d)
-    return {{"quats_r", {"rot_r_0", "rot_r_1", "rot_r_2", "rot_r_3"}}};
-  return {{"velocities", {"motion_0", "motion_1", "motion_2"}},
-          {"half_accelerations", {"motion_3", "motion_4", "motion_5"}},
-          {"turns", {"omega_0", "omega_1", "omega_2", "omega_3"}}};
+  switch (kind) {
+    case MotionModelKind::spacetime:
+      return {{"velocities", {"motion_0", "motion_1", "motion_2"}},
+              {"half_accelerations", {"motion_3", "motion_4", "motion_5"}},
+              {"turns", {"omega_0", "omega_1", "omega_2", "omega_3"}}};
+    case MotionModelKind::native4d:
+      return {{"quats_r", {"rot_r_0", "rot_r_1", "rot_r_2", "rot_r_3"}}};
+    case MotionModelKind::keyframes:
+      return {};
+  }
+  return {};
 }
 
-void add_rest(MotionModelKind kind, HostGroups& groups, size_t count) {
-  for (const MotionColumns& columns : motion_columns(kind))
+std::vector<TableSpec> motion_tables(const MotionShape& shape) {
+  if (shape.motion == MotionModelKind::keyframes) return keyframes_tables(shape.keys);
+  return {};
+}
+
+void add_rest(const MotionShape& shape, HostGroups& groups, size_t count) {
+  for (const MotionColumns& columns : motion_columns(shape.motion))
     groups[columns.group].assign(columns.properties.size() * count, 0.f);
-  if (kind == MotionModelKind::native4d) groups["quats_r"] = groups.at("quats");
+  for (const TableSpec& table : motion_tables(shape))
+    for (const GroupSpec& group : table.groups)
+      groups[group.name].assign(group.width * table.count(count), 0.f);
+  if (shape.motion == MotionModelKind::native4d) groups["quats_r"] = groups.at("quats");
 }
 
-void set_velocity(MotionModelKind kind, HostGroups& groups, size_t i,
+void set_velocity(const MotionShape& shape, HostGroups& groups, size_t i,
                   const std::array<double, 3>& v, double s, double s_t) {
-  if (kind == MotionModelKind::native4d) {
+  const auto set3 = [&](const char* group, size_t row, double times) {
+    for (size_t c = 0; c < 3; ++c) groups.at(group)[3 * row + c] = float(times * v[c]);
+  };
+  if (shape.motion == MotionModelKind::native4d) {
     const QuatPair q = quats_for_velocity(v, s, s_t);
     std::copy(q.left.begin(), q.left.end(), &groups.at("quats")[4 * i]);
     std::copy(q.right.begin(), q.right.end(), &groups.at("quats_r")[4 * i]);
-    return;
   }
-  for (size_t k = 0; k < 3; ++k) groups.at("velocities")[3 * i + k] = float(v[k]);
+  if (shape.motion == MotionModelKind::spacetime) set3("velocities", i, 1);
+  if (shape.motion == MotionModelKind::keyframes) {
+    const size_t count = groups.at("means_t").size();
+    const double own = groups.at("means_t")[i];
+    const double step = double(shape.duration) / std::max(shape.keys - 1, 1);
+    const double most = std::max(3 * s_t, 2 * step);  // nobody knows what it does later
+    for (size_t k = 0; k < size_t(shape.keys); ++k)
+      set3("key_shifts", k * count + i, std::clamp(double(k) * step - own, -most, most));
+  }
 }
 
-bool at_rest(MotionModelKind kind, const HostGroups& groups) {
-  if (kind == MotionModelKind::native4d) return groups.at("quats") == groups.at("quats_r");
-  for (const MotionColumns& columns : motion_columns(kind)) {
-    const std::vector<float>& values = groups.at(columns.group);
-    if (std::any_of(values.begin(), values.end(), [](float x) { return x != 0; })) return false;
-  }
+bool at_rest(const MotionShape& shape, const HostGroups& groups) {
+  if (shape.motion == MotionModelKind::native4d) return groups.at("quats") == groups.at("quats_r");
+  const auto zero = [&](const std::string& group) {
+    const std::vector<float>& values = groups.at(group);
+    return std::all_of(values.begin(), values.end(), [](float x) { return x == 0; });
+  };
+  for (const MotionColumns& columns : motion_columns(shape.motion))
+    if (!zero(columns.group)) return false;
+  for (const TableSpec& table : motion_tables(shape))
+    for (const GroupSpec& group : table.groups)
+      if (!zero(group.name)) return false;
   return true;
 }
 

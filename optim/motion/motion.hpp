@@ -28,8 +28,9 @@ class Motion {
  public:
   virtual ~Motion() = default;
 
-  // The arrays this model trains, beside colour.
+  // The arrays this model trains with a row a Gaussian, beside colour; and those with other rows.
   virtual std::vector<GroupSpec> groups() const = 0;
+  virtual std::vector<TableSpec> tables() const { return {}; }
 
   // Gaussians at time t. With seen = nullptr (the time that is drawn) those outside their time
   // window have opacity 0 and else undefined rows. Otherwise t is the second time of a flow: rows
@@ -39,7 +40,8 @@ class Motion {
 
   // Gradients of the last loss by the parameters, from those by the Gaussians at time t, for the
   // rows with tiles_touched > 0. `first`: t is the time drawn; marks the rows as seen in this
-  // training step and starts their gradients. Otherwise t is the second time: adds.
+  // training step and starts their gradients. Otherwise t is the second time: adds. Rows of other
+  // tables start when they are first seen in a step, and their range joins the table's `active`.
   virtual void backward(Queue& queue, Parameters& parameters, float t, bool first,
                         const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                         const Buffer<float>& v_factors, const Buffer<float>& v_opacities) = 0;

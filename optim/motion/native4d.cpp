@@ -13,7 +13,7 @@ Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
 
 std::vector<GroupSpec> Native4dMotion::groups() const {
   return {{"means", 3},
-          {"means_t", 1, Quantity::time},
+          {"means_t", 1, Quantity::time, 0, true},
           {"quats", 4, Quantity::rotation},
           {"quats_r", 4, Quantity::rotation},
           {"log_scales", 4, Quantity::scale},

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// All arrays that training changes, by name: one row a Gaussian, one group an array. Losses,
-// density control, files and Adam go over the groups and need not know the motion model.
+// All arrays that training changes, by name, in tables: one with a row a Gaussian, and those of a
+// motion model that have other rows. Losses, density control, files and Adam go over tables and
+// groups and need not know the motion model.
 #pragma once
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "runtime/adam.hpp"
@@ -17,39 +19,88 @@ struct GroupSpec {
   std::string name;
   size_t width;
   Quantity quantity = Quantity::position;
-  int per_time = 0;  // 1 for its change in a unit of time (a velocity), 2 for that of its change
+  int per_time = 0;     // 1 for its change in a unit of time (a velocity), 2 for that of its change
+  bool motion = false;  // nothing but motion: left alone where there is one moment only
 };
 
-class Parameters {
+// Groups that share their rows.
+class Table {
  public:
   // `count` rows of undefined values, zero gradients and moments.
-  Parameters(Queue& queue, size_t count, std::vector<GroupSpec> specs)
-      : count(count), specs(std::move(specs)), rows(queue, count) {
+  Table(Queue& queue, size_t count, std::vector<GroupSpec> specs)
+      : count(count), specs(std::move(specs)), rows(queue, count), active{0, count} {
     groups.reserve(this->specs.size());
     for (const GroupSpec& spec : this->specs)
       groups.emplace_back(queue, spec.name, count, spec.width);
   }
 
-  // Error when there is no such group.
-  ParameterGroup& operator[](const std::string& name) { return groups[index_of(name)]; }
-  const ParameterGroup& operator[](const std::string& name) const { return groups[index_of(name)]; }
-  bool has(const std::string& name) const {
-    for (const GroupSpec& spec : specs)
-      if (spec.name == name) return true;
-    return false;
+  // nullptr when there is no such group.
+  const ParameterGroup* find(const std::string& name) const {
+    for (size_t i = 0; i < specs.size(); ++i)
+      if (specs[i].name == name) return &groups[i];
+    return nullptr;
   }
 
-  size_t count;  // N
+  size_t count;
   std::vector<GroupSpec> specs;
   std::vector<ParameterGroup> groups;  // as specs
   RowState rows;
+  RowRange active;  // rows this training step may have seen; all others have rows.seen = 0
+};
 
- private:
-  size_t index_of(const std::string& name) const {
-    for (size_t i = 0; i < specs.size(); ++i)
-      if (specs[i].name == name) return i;
+// A table beside that of the Gaussians: either `rows` rows that all of them share, or `keys` rows a
+// Gaussian, row k N + i being key k of Gaussian i.
+struct TableSpec {
+  std::vector<GroupSpec> groups;
+  size_t rows = 0, keys = 0;
+  size_t count(size_t gaussians) const { return rows + keys * gaussians; }
+};
+
+// The table of the Gaussians, and the others.
+class Parameters : public Table {
+ public:
+  Parameters(Queue& queue, size_t count, std::vector<GroupSpec> specs,
+             std::vector<TableSpec> more_specs = {})
+      : Table(queue, count, std::move(specs)), more_specs(std::move(more_specs)) {
+    for (const TableSpec& spec : this->more_specs) {
+      more.emplace_back(queue, spec.count(count), spec.groups);
+      more.back().active = {0, 0};
+    }
+  }
+
+  // A group of any table. Error when there is none of that name.
+  const ParameterGroup& operator[](const std::string& name) const {
+    if (const ParameterGroup* group = find(name)) return *group;
+    for (const Table& table : more)
+      if (const ParameterGroup* group = table.find(name)) return *group;
     throw Error("there is no parameter group '" + name + "' in this model");
   }
+  ParameterGroup& operator[](const std::string& name) {
+    return const_cast<ParameterGroup&>(std::as_const(*this)[name]);
+  }
+
+  // Every table, that of the Gaussians first.
+  std::vector<Table*> tables() {
+    std::vector<Table*> all{this};
+    for (Table& table : more) all.push_back(&table);
+    return all;
+  }
+  std::vector<const Table*> tables() const {
+    std::vector<const Table*> all{this};
+    for (const Table& table : more) all.push_back(&table);
+    return all;
+  }
+  // Before a training step: nothing was seen yet.
+  void forget_seen(Queue& queue) {
+    rows.seen.fill(queue, 0u);
+    for (Table& table : more) {
+      table.rows.seen.fill_range(queue, table.active.first, table.active.count, 0u);
+      table.active = {0, 0};
+    }
+  }
+
+  std::vector<TableSpec> more_specs;
+  std::vector<Table> more;  // as more_specs
 };
 
 }  // namespace gflow

@@ -13,11 +13,11 @@ SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
 
 std::vector<GroupSpec> SpacetimeMotion::groups() const {
   return {{"means", 3},
-          {"means_t", 1, Quantity::time},
-          {"velocities", 3, Quantity::position, 1},
-          {"half_accelerations", 3, Quantity::position, 2},
+          {"means_t", 1, Quantity::time, 0, true},
+          {"velocities", 3, Quantity::position, 1, true},
+          {"half_accelerations", 3, Quantity::position, 2, true},
           {"quats", 4, Quantity::rotation},
-          {"turns", 4, Quantity::rotation, 1},
+          {"turns", 4, Quantity::rotation, 1, true},
           {"log_scales", 4, Quantity::scale},
           {"logit_opacities", 1, Quantity::opacity}};
 }

@@ -5,7 +5,8 @@
 //
 // The default model. Against native4d, whose velocity and shape share two quaternions, on a baton
 // that spins 13 degrees a frame (5000 steps, flow.weight 0.1): moving pixels 32.2 against 29.2 dB,
-// flow error 0.68 against 1.37 px, and a tenth less time, because nothing is rotated in four dimensions.
+// flow error 0.68 against 1.37 px, and a tenth less time, because nothing is rotated in four
+// dimensions.
 #pragma once
 #include "optim/motion/motion.hpp"
 

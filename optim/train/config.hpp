@@ -122,6 +122,7 @@ struct ScheduleConfig {
 
 struct MotionConfig {
   MotionModelKind model = MotionModelKind::spacetime;
+  int keys = 0;
   int sh_degree = 2;
   int sh_interval = 1000;
   float cutoff = 0.05f;
@@ -130,7 +131,10 @@ struct MotionConfig {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("model", self.model,
-          "how the Gaussians move: spacetime (curved paths, turning) or native4d (4D Gaussians)");
+          "how the Gaussians move: spacetime (curved paths, turning), native4d (4D Gaussians) or "
+          "keyframes (free paths through keys)");
+    field("keys", self.keys, "keyframes: moments that hold the paths; 0: one a time step",
+          at_least(0));
     field("duration", self.duration,
           "length of the video in the model's time [x scene extent]: a speed of 1 crosses so much",
           above(0));

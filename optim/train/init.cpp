@@ -211,6 +211,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   model.shape.sh_degree = config.motion.sh_degree;
   model.shape.duration = float(config.motion.duration * scene.extent);
   model.shape.cutoff = config.motion.cutoff;
+  model.shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
   const float duration = model.shape.duration;
   const float lifetime = scene.steps > 1 ? config.init.lifetime * duration : 1000 * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
@@ -225,7 +226,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   g["sh0"].assign(3 * all, 0.f);
   g["sh_rest"].assign(3 * rest * all, 0.f);
   for (size_t i = 0; i < all; ++i) g["quats"][4 * i] = 1;
-  add_rest(config.motion.model, g, all);
+  add_rest(model.shape, g, all);
   const auto place = [&](size_t i, float scale, float scale_t, const uint8_t* rgb) {
     for (size_t k = 0; k < 3; ++k) g["log_scales"][4 * i + k] = std::log(scale);
     g["log_scales"][4 * i + 3] = std::log(scale_t);
@@ -242,7 +243,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
     place(i, seeds.spacing[k], short_life, &seeds.rgb[3 * k]);
     g["means_t"][i] = seeds.time[k] * duration;
     const float* v = &seeds.velocity[3 * k];
-    set_velocity(config.motion.model, g, i, {v[0] / duration, v[1] / duration, v[2] / duration},
+    set_velocity(model.shape, g, i, {v[0] / duration, v[1] / duration, v[2] / duration},
                  seeds.spacing[k], short_life);
   }
   return model;

@@ -5,7 +5,9 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 
+#include "optim/io/npz.hpp"
 #include "optim/io/ply.hpp"
 
 namespace gflow {
@@ -73,29 +75,70 @@ double comment_value(const PlyTable& table, const std::string& key, double other
   return otherwise;
 }
 
+// The model that a file was written by: its comment "gflow MODEL"; files without one that move are
+// told apart by their properties.
+MotionModelKind kind_of(const PlyTable& table) {
+  const auto names = names_of(MotionModelKind{});
+  for (const std::string& comment : table.comments)
+    for (size_t k = 0; k < names.size(); ++k)
+      if (comment == std::string("gflow ") + names[k]) return MotionModelKind(k);
+  return table.column("rot_r_0") >= 0 ? MotionModelKind::native4d : MotionModelKind::spacetime;
+}
+
+void write_tables(const std::string& path, const HostModel& model) {
+  Arrays arrays;
+  for (const TableSpec& table : motion_tables(model.shape))
+    for (const GroupSpec& group : table.groups)
+      arrays[group.name] =
+          Array{{table.count(model.count), group.width}, model.groups.at(group.name)};
+  if (!arrays.empty()) write_npz(path, arrays);
+}
+
+void read_tables(const std::string& path, HostModel& model) {
+  const std::vector<TableSpec> tables = motion_tables(model.shape);
+  if (tables.empty()) return;
+  const Arrays arrays = read_npz(path);
+  for (const TableSpec& table : tables)
+    for (const GroupSpec& group : table.groups) {
+      const Array& array = array_named(arrays, group.name, path);
+      const std::vector<size_t> expected{table.count(model.count), group.width};
+      if (array.shape != expected)
+        throw Error(fmt::format("reading {}: {} has shape {}, its model needs ({}, {})", path,
+                                group.name, array.shape_text(), expected[0], expected[1]));
+      model.groups[group.name] = array.as_float();
+    }
+}
+
 }  // namespace
+
+std::string tables_path(const std::string& path) {
+  return std::filesystem::path(path).replace_extension(".motion.npz").string();
+}
 
 Model::Model(Queue& queue, const HostModel& host)
     : shape(host.shape),
-      motion(make_motion(queue, host.shape.motion, host.shape.cutoff)),
+      motion(make_motion(queue, host.shape)),
       color(queue, host.shape.sh_degree),
-      parameters(queue, host.count, all_groups(*motion, color)) {
-  for (size_t g = 0; g < parameters.specs.size(); ++g) {
-    const GroupSpec& spec = parameters.specs[g];
-    const auto found = host.groups.find(spec.name);
-    if (found == host.groups.end() || found->second.size() != spec.width * host.count)
-      throw Error(fmt::format("a model of {} Gaussians needs {} values of {}", host.count,
-                              spec.width * host.count, spec.name));
-    parameters.groups[g].values.write(queue, found->second);
-  }
+      parameters(queue, host.count, all_groups(*motion, color), motion->tables()) {
+  for (Table* table : parameters.tables())
+    for (size_t g = 0; g < table->specs.size(); ++g) {
+      const GroupSpec& spec = table->specs[g];
+      const size_t size = spec.width * table->count;
+      const auto found = host.groups.find(spec.name);
+      if (found == host.groups.end() || found->second.size() != size)
+        throw Error(fmt::format("a model of {} Gaussians needs {} values of {}", host.count, size,
+                                spec.name));
+      table->groups[g].values.write(queue, found->second);
+    }
 }
 
 HostModel Model::read(Queue& queue) const {
   HostModel host;
   host.shape = shape;
   host.count = parameters.count;
-  for (size_t g = 0; g < parameters.specs.size(); ++g)
-    host.groups[parameters.specs[g].name] = parameters.groups[g].values.read(queue);
+  for (const Table* table : parameters.tables())
+    for (size_t g = 0; g < table->specs.size(); ++g)
+      host.groups[table->specs[g].name] = table->groups[g].values.read(queue);
   return host;
 }
 
@@ -104,9 +147,10 @@ void write_model(const std::string& path, const HostModel& model) {
   PlyTable table;
   table.rows = model.count;
   const MotionModelKind kind = model.shape.motion;
-  table.comments = {std::string("gflow ") + names_of(kind)[size_t(kind)],
-                    fmt::format("duration {}", model.shape.duration),
-                    fmt::format("cutoff {}", model.shape.cutoff)};
+  table.comments = {std::string("gflow ") + names_of(kind)[size_t(kind)]};
+  MotionShape::fields(model.shape, [&](const char* name, auto value) {
+    table.comments.push_back(fmt::format("{} {}", name, value));
+  });
   table.names = {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
   const auto append = [&](const std::vector<std::string>& names) {
     table.names.insert(table.names.end(), names.begin(), names.end());
@@ -133,6 +177,7 @@ void write_model(const std::string& path, const HostModel& model) {
         for (size_t c = 0; c < 3; ++c)
           table.values[i * columns + to + c * rest + k] = values[(i * rest + k) * 3 + c];
   }
+  write_tables(tables_path(path), model);
   write_ply(path, table);
 }
 
@@ -145,15 +190,15 @@ HostModel read_model(const std::string& path) {
                 ": this is PlayCanvas' compressed PLY, which gflow does not read; export it as a "
                 "standard PLY");
   const auto has = [&](const char* name) { return table.column(name) >= 0; };
+  const MotionModelKind kind = kind_of(table);
   const bool moving = has("scale_t") || has("rot_r_0") || has("motion_0");
-  const MotionModelKind kind =
-      has("rot_r_0") ? MotionModelKind::native4d : MotionModelKind::spacetime;
   model.shape.motion = kind;
   size_t rest_columns = 0;
   while (table.column("f_rest_" + std::to_string(rest_columns)) >= 0) ++rest_columns;
   model.shape.sh_degree = degree_of(rest_columns, path);
-  model.shape.duration = float(comment_value(table, "duration", 1));
-  model.shape.cutoff = float(comment_value(table, "cutoff", 0.05));
+  MotionShape::fields(model.shape, [&](const char* name, auto& value) {
+    value = std::decay_t<decltype(value)>(comment_value(table, name, double(value)));
+  });
 
   const auto widths = widths_of(kind);
   for (const auto& [name, width] : widths) model.groups[name].assign(width * model.count, 0.f);
@@ -181,8 +226,9 @@ HostModel read_model(const std::string& path) {
       for (size_t i = 0; i < table.rows; ++i)
         sh_rest[(i * rest + k) * 3 + c] = table.values[i * columns + from];
     }
+  if (moving) read_tables(tables_path(path), model);
   if (!moving) {  // a static scene is there for ever
-    add_rest(kind, model.groups, model.count);
+    add_rest(model.shape, model.groups, model.count);
     for (size_t i = 0; i < model.count; ++i) {
       model.groups["log_scales"][4 * i + 3] = std::log(1000 * model.shape.duration);
       model.groups["means_t"][i] = model.shape.duration / 2;

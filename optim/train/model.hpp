@@ -13,11 +13,8 @@
 namespace gflow {
 
 // What must be known before the arrays can be read.
-struct ModelShape {
-  MotionModelKind motion = MotionModelKind::spacetime;
-  int sh_degree = 2;     // highest, 0 to 3
-  float duration = 1;    // length of the video in the model's time; > 0
-  float cutoff = 0.05f;  // temporal weight below which a Gaussian is skipped
+struct ModelShape : MotionShape {
+  int sh_degree = 2;  // highest, 0 to 3
 };
 
 struct HostModel {
@@ -44,8 +41,12 @@ class Model {
 // Standard 3DGS properties (x y z, nx ny nz, f_dc_*, f_rest_*, opacity, scale_*, rot_*) and for the
 // motion t, scale_t, and rot_r_0..3 (native4d) or motion_0..5, omega_0..3 (spacetime; names and
 // meaning as Spacetime Gaussians): a viewer of static splats shows each Gaussian at its own moment.
-// shape is kept in comments. The file appears complete or not at all.
+// shape is kept in comments. What has other rows than one a Gaussian stands in a second file beside
+// it, tables_path(path). Each file appears complete or not at all.
 void write_model(const std::string& path, const HostModel& model);
+
+// "a/b.ply" -> "a/b.motion.npz".
+std::string tables_path(const std::string& path);
 
 // Reads what write_model wrote, or any static 3DGS PLY (then nothing moves). Error when properties
 // are missing or values are not finite.

@@ -125,7 +125,7 @@ void Trainer::step(Queue& queue, int step) {
   std::vector<const Frame*> next;
   for (const Sample& sample : samples(step + 1)) next.push_back(sample.frame);
   frames_.prefetch(next);
-  model_.parameters.rows.seen.fill(queue, 0u);
+  model_.parameters.forget_seen(queue);
   for (const Sample& sample : samples(step)) train_view(queue, sample, step);
   update(queue, step);
   refine_if_due(queue, step);
@@ -212,21 +212,23 @@ void Trainer::update(Queue& queue, int step) {
     throw Error("group " + spec.name + " has no learning rate");
   };
   Parameters& p = model_.parameters;
-  for (const ParameterGroup& group : p.groups) adam_.refuse(queue, group, p.rows, p.count);
-  adam_.advance(queue, p.rows, p.count);
   if (step % 100 == 0) {  // new Gaussians and changed lifetimes; density control too
     const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
     model_.motion->set_pace(queue, p, {model_.shape.duration, time_step, lr.pace, lr.pace_most});
   }
-  for (size_t g = 0; g < p.groups.size(); ++g) {
-    const GroupSpec& spec = p.specs[g];
-    if (spec.quantity == Quantity::color_rest && sh_degree(step) == 0) continue;
-    const bool motion = spec.per_time > 0 || spec.quantity == Quantity::time;
-    if (motion && scene_.steps < 2) continue;  // photographs of one moment
-    AdamRate rate = rate_of(spec);
-    rate.per_time = spec.per_time;
-    if (spec.per_time > 0) rate.lr *= lr.motion;
-    adam_.step(queue, p.groups[g], p.rows, p.count, rate);
+  for (Table* table : p.tables()) {
+    for (const ParameterGroup& group : table->groups)
+      adam_.refuse(queue, group, table->rows, table->active);
+    adam_.advance(queue, table->rows, table->active);
+    for (size_t g = 0; g < table->groups.size(); ++g) {
+      const GroupSpec& spec = table->specs[g];
+      if (spec.quantity == Quantity::color_rest && sh_degree(step) == 0) continue;
+      if (spec.motion && scene_.steps < 2) continue;  // photographs of one moment
+      AdamRate rate = rate_of(spec);
+      rate.per_time = spec.per_time;
+      if (spec.motion && spec.quantity != Quantity::time) rate.lr *= lr.motion;
+      adam_.step(queue, table->groups[g], table->rows, table->active, rate);
+    }
   }
 }
 

@@ -306,7 +306,7 @@ bool stands_still(const HostModel& model) {
   const std::vector<float>& log_scales = model.groups.at("log_scales");
   for (size_t i = 0; i < model.count; ++i)
     if (log_scales[4 * i + 3] < std::log(100 * model.shape.duration)) return false;
-  return at_rest(model.shape.motion, model.groups);
+  return at_rest(model.shape, model.groups);
 }
 
 }  // namespace gflow

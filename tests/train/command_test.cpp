@@ -337,7 +337,8 @@ TEST_F(CommandTest, AFileThatCannotBeWrittenIsOneSentenceAndLeavesNothing) {
   const auto train = [](const std::string& folder) -> std::vector<std::string> {
     return {"train", scene().path(), "-o", folder, "--iterations", "1", "--quiet"};
   };
-  // First without the limit, so that all kernels are in a cache, wherever this machine keeps its own.
+  // First without the limit, so that all kernels are in a cache, wherever this machine keeps its
+  // own.
   const std::string cache = "export GFLOW_CACHE_DIR='" + folder.file("cache") + "'";
   const std::string limited = cache + "; ulimit -f 2";  // 1 or 2 KiB
   ASSERT_EQ(gflow(splat, cache).code, 0);

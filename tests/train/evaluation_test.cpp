@@ -49,7 +49,7 @@ TEST(Evaluate, DynamicPixelsAreThoseWhoseTrueFlowExceedsOnePixel) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   HostModel still = scene.truth;
-  add_rest(still.shape.motion, still.groups, still.count);
+  add_rest(still.shape, still.groups, still.count);
   const Evaluation evaluation = judged(queue, scene, still);
 
   const LoadedScene loaded = load_scene(small_config(scene, 1).scene, "");

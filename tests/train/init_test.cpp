@@ -80,7 +80,7 @@ TEST(InitialModel, StandsAtThePointsOfTheScene) {
   const HostModel model = loaded.model(config);
   EXPECT_EQ(model.count, scene.truth.count);
   EXPECT_EQ(model.groups.at("means"), loaded.loaded.scene.points.xyz);
-  EXPECT_TRUE(at_rest(model.shape.motion, model.groups));
+  EXPECT_TRUE(at_rest(model.shape, model.groups));
   EXPECT_EQ(model.groups.at("sh_rest").size(), 9 * model.count);  // degree 1
   for (const float v : model.groups.at("logit_opacities"))
     EXPECT_NEAR(1 / (1 + std::exp(-v)), config.init.opacity, 1e-6);
@@ -169,12 +169,14 @@ TEST_P(EveryMotionModel, IsGivenAVelocityOnTheHostAndMovesByItOnTheDevice) {
     HostModel host;
     append_gaussian(host, {0, 0, 0}, 0.05f, {0.5f, 0.5f, 0.5f}, 0);
     host.shape.motion = GetParam();
+    host.shape.duration = 2;
+    host.shape.keys = 5;
     host.shape.sh_degree = 0;
     host.groups["log_scales"][3] = std::log(0.4f);
-    add_rest(GetParam(), host.groups, 1);
-    EXPECT_TRUE(at_rest(GetParam(), host.groups));
-    set_velocity(GetParam(), host.groups, 0, v, 0.05, 0.4);
-    EXPECT_EQ(at_rest(GetParam(), host.groups), v == (std::array<double, 3>{0, 0, 0}));
+    add_rest(host.shape, host.groups, 1);
+    EXPECT_TRUE(at_rest(host.shape, host.groups));
+    set_velocity(host.shape, host.groups, 0, v, 0.05, 0.4);
+    EXPECT_EQ(at_rest(host.shape, host.groups), v == (std::array<double, 3>{0, 0, 0}));
     Model model(queue, host);
     GaussiansAt now, later;
     const Buffer<cl_uint> seen(queue, std::vector<cl_uint>{1}, "seen");
@@ -185,7 +187,8 @@ TEST_P(EveryMotionModel, IsGivenAVelocityOnTheHostAndMovesByItOnTheDevice) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(All, EveryMotionModel,
-                         testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d),
+                         testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
+                                         MotionModelKind::keyframes),
                          [](const auto& test) {
                            return std::string(names_of(test.param)[size_t(test.param)]);
                          });

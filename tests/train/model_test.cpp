@@ -6,6 +6,7 @@
 #include "device.hpp"
 #include "io/temporary_folder.hpp"
 #include "optim/io/ply.hpp"
+#include "optim/train/config.hpp"
 #include "optim/train/views.hpp"
 
 namespace gflow {
@@ -17,16 +18,25 @@ HostModel random_model(size_t count, int sh_degree,
   std::mt19937 rng(7);
   HostModel model;
   model.count = count;
-  model.shape = {kind, sh_degree, 3.7f, 0.031f};
+  model.shape.motion = kind;
+  model.shape.sh_degree = sh_degree;
+  model.shape.duration = 3.7f;
+  model.shape.cutoff = 0.031f;
+  if (kind == MotionModelKind::keyframes) model.shape.keys = 3;
   const size_t rest = size_t((sh_degree + 1) * (sh_degree + 1) - 1);
   std::map<std::string, size_t> widths{{"means", 3},         {"means_t", 1},         {"quats", 4},
                                        {"log_scales", 4},    {"logit_opacities", 1}, {"sh0", 3},
                                        {"sh_rest", 3 * rest}};
   for (const MotionColumns& columns : motion_columns(kind))
     widths[columns.group] = columns.properties.size();
-  for (const auto& [name, width] : widths) {
+  std::map<std::string, size_t> sizes;
+  for (const auto& [name, width] : widths) sizes[name] = width * count;
+  for (const TableSpec& table : motion_tables(model.shape))
+    for (const GroupSpec& group : table.groups)
+      sizes[group.name] = group.width * table.count(count);
+  for (const auto& [name, size] : sizes) {
     model.groups[name];
-    for (size_t i = 0; i < width * count; ++i)
+    for (size_t i = 0; i < size; ++i)
       model.groups[name].push_back(float(rng()) / 4294967296.f * 4 - 2);
   }
   return model;
@@ -81,15 +91,33 @@ TEST_P(EverySphericalHarmonicsDegree, ComesBackFromTheDeviceBitByBit) {
   EXPECT_EQ(Model(queue, model).read(queue).groups, model.groups);
 }
 
-TEST(Model, EachKindOfMotionComesBackFromAFileBitByBit) {
+class EachMotionModel : public testing::TestWithParam<MotionModelKind> {};
+INSTANTIATE_TEST_SUITE_P(Model, EachMotionModel,
+                         testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
+                                         MotionModelKind::keyframes),
+                         [](const auto& info) { return std::string(name_of(info.param)); });
+
+TEST_P(EachMotionModel, ComesBackFromAFileAndFromTheDeviceBitByBit) {
+  Queue queue = test_queue();
   const TemporaryFolder folder;
-  for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d}) {
-    const HostModel model = random_model(5, 1, kind);
-    write_model(folder.file("model.ply"), model);
-    const HostModel back = read_model(folder.file("model.ply"));
-    EXPECT_EQ(back.shape.motion, kind);
-    EXPECT_EQ(back.groups, model.groups);
-  }
+  const HostModel model = random_model(5, 1, GetParam());
+  write_model(folder.file("model.ply"), model);
+  const HostModel back = read_model(folder.file("model.ply"));
+  EXPECT_EQ(back.shape.motion, GetParam());
+  EXPECT_EQ(back.shape.keys, model.shape.keys);
+  EXPECT_EQ(back.groups, model.groups);
+  EXPECT_EQ(Model(queue, back).read(queue).groups, model.groups);
+}
+
+TEST(Model, TablesOfAnotherModelOrNoneAreRefused) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("model.ply");
+  write_model(path, random_model(5, 1, MotionModelKind::keyframes));
+  write_model(folder.file("other.ply"), random_model(4, 1, MotionModelKind::keyframes));
+  std::filesystem::rename(folder.file("other.motion.npz"), tables_path(path));
+  EXPECT_THROW(read_model(path), Error);
+  std::filesystem::remove(tables_path(path));
+  EXPECT_THROW(read_model(path), Error);
 }
 
 // The file's order is that of 3DGS: all coefficients of red, then green, then blue.
@@ -117,7 +145,7 @@ TEST(Model, AStandard3dgsFileIsReadAsOneThatStandsStill) {
   const HostModel model = read_model(folder.file("static.ply"));
   EXPECT_EQ(model.count, 2u);
   EXPECT_EQ(model.shape.sh_degree, 1);
-  EXPECT_TRUE(at_rest(model.shape.motion, model.groups));
+  EXPECT_TRUE(at_rest(model.shape, model.groups));
   const float* v = table.values.data();
   const size_t w = table.names.size();
   EXPECT_EQ(model.groups.at("means"),

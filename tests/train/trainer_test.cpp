@@ -128,7 +128,7 @@ TEST_F(TrainerTest, PhotographsOfOneMomentTrainAModelThatStandsStill) {
   const HostModel after = training.model.read(queue());
   EXPECT_NE(after.groups.at("means"), before.groups.at("means"));
   EXPECT_EQ(after.groups.at("means_t"), before.groups.at("means_t"));
-  EXPECT_TRUE(at_rest(after.shape.motion, after.groups));
+  EXPECT_TRUE(at_rest(after.shape, after.groups));
 }
 
 TEST_F(TrainerTest, FiguresDescribeTheLastView) {

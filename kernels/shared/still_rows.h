@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// The arrays that every motion model has, read and written a Gaussian at a time (OpenCL C only).
+#ifndef GFLOW_STILL_ROWS_H
+#define GFLOW_STILL_ROWS_H
+#include "shared/arrays.h"
+#include "shared/shifted.h"
+
+#define STILL_IN                                                                   \
+  global const float* restrict means, global const float* restrict means_t,        \
+      global const float* restrict quats, global const float* restrict log_scales, \
+      global const float* restrict logit_opacities
+#define STILL_ROWS means, means_t, quats, log_scales, logit_opacities
+
+#define V_STILL_OUT                                                        \
+  global float* restrict v_means, global float* restrict v_means_t,        \
+      global float* restrict v_quats, global float* restrict v_log_scales, \
+      global float* restrict v_logit_opacities
+#define V_STILL_ROWS v_means, v_means_t, v_quats, v_log_scales, v_logit_opacities
+
+static inline Still load_still(uint i, STILL_IN) {
+  Still g;
+  g.mean = load3(means, i);
+  g.mean_t = means_t[i];
+  g.quat = load4(quats, i);
+  g.log_scales = load4(log_scales, i);
+  g.logit_opacity = logit_opacities[i];
+  return g;
+}
+
+// Whether the Gaussian counts at time t, drawn first, or was seen then. Sets its opacity to 0 where
+// it is drawn and outside its window.
+static inline int still_in_window(uint i, float t, float cutoff, int first,
+                                  global const uint* restrict tiles_touched,
+                                  global const float* restrict means_t,
+                                  global const float* restrict log_scales,
+                                  global float* restrict opacities_at) {
+  if (!first) return tiles_touched[i] != 0;
+  const float tau = (t - means_t[i]) / exp(log_scales[4 * i + 3]);
+  if (exp(-0.5f * tau * tau) > cutoff) return 1;
+  opacities_at[i] = 0.f;
+  return 0;
+}
+
+static inline void store_shifted(uint i, Shifted o, global float* restrict means_at,
+                                 global float* restrict factors_at,
+                                 global float* restrict opacities_at) {
+  opacities_at[i] = o.life.opacity;
+  store3(means_at, i, o.mean);
+  store_mat3(factors_at, i, o.factor);
+}
+
+// Sets the gradients (fresh) or adds to them.
+static inline void put_still(uint i, Still v, int fresh, V_STILL_OUT) {
+  if (fresh) {
+    store3(v_means, i, v.mean);
+    v_means_t[i] = v.mean_t;
+    vstore4(v.quat, i, v_quats);
+    vstore4(v.log_scales, i, v_log_scales);
+    v_logit_opacities[i] = v.logit_opacity;
+    return;
+  }
+  add3(v_means, i, v.mean);
+  v_means_t[i] += v.mean_t;
+  add4(v_quats, i, v.quat);
+  add4(v_log_scales, i, v.log_scales);
+  v_logit_opacities[i] += v.logit_opacity;
+}
+
+#endif

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/motion/keyframes.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace gflow {
+
+std::vector<TableSpec> keyframes_tables(int keys) {
+  TableSpec table;
+  table.groups = {{"key_shifts", 3, Quantity::position, 0, true},
+                  {"key_turns", 4, Quantity::rotation, 0, true}};
+  table.keys = size_t(keys);
+  return {table};
+}
+
+KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
+    : shape_(shape),
+      program_(queue, "keyframes.cl"),
+      keyframes_fwd_(program_, "keyframes_fwd"),
+      keyframes_bwd_(program_, "keyframes_bwd"),
+      still_rows_(queue) {
+  if (shape.keys < 1) throw Error("a keyframes model needs at least one key");
+}
+
+std::vector<GroupSpec> KeyframesMotion::groups() const { return still_groups(); }
+
+void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
+                         GaussiansAt& gaussians) {
+  gaussians.ensure(queue, p.count);
+  keyframes_fwd_(queue, Range::over(p.count), cl_uint(p.count), t, shape_.cutoff, int(!seen),
+                 key_weights(t, shape_.duration, shape_.keys), seen ? *seen : p.rows.seen,
+                 p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
+                 p["logit_opacities"].values, p["key_shifts"].values, p["key_turns"].values,
+                 gaussians.means, gaussians.factors, gaussians.opacities);
+}
+
+void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
+                               const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
+                               const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
+  const KeyWeights keys = key_weights(t, shape_.duration, shape_.keys);
+  Table& table = p.more[0];
+  keyframes_bwd_(
+      queue, Range::over(p.count), cl_uint(p.count), t, int(first), keys, p["means"].values,
+      p["means_t"].values, p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
+      p["key_shifts"].values, p["key_turns"].values, tiles_touched, v_means, v_factors, v_opacities,
+      p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
+      p["logit_opacities"].grads, table.rows.seen, p["key_shifts"].grads, p["key_turns"].grads);
+  const RowRange touched{size_t(keys.first) * p.count, size_t(keys.count) * p.count};
+  table.active = table.active.joined(touched);
+}
+
+void KeyframesMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
+  still_rows_.set_pace(queue, p, rule);
+  // A key is touched by the times around it only: two parts of `keys`.
+  const float seldom = std::pow(std::max(0.5f * float(shape_.keys), 1.f), rule.power);
+  p.more[0].rows.pace.fill(queue, std::min(seldom, rule.most));
+}
+
+void KeyframesMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
+                            const SplitRule& rule, uint32_t seed) {
+  still_rows_.split(queue, p, child, rule, seed);
+}
+
+}  // namespace gflow

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// What all models share whose Gaussians rest somewhere and are shifted from there
+// (kernels/shared/shifted.h): their arrays, and what density control and Adam ask.
+#pragma once
+#include "optim/motion/motion.hpp"
+
+namespace gflow {
+
+// means [N,3], means_t [N,1], quats [N,4], log_scales [N,4] (x y z t), logit_opacities [N,1].
+std::vector<GroupSpec> still_groups();
+
+class StillRows {
+ public:
+  explicit StillRows(Queue& queue);
+  // Motion::set_pace and split. A split keeps the path and the life.
+  void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule);
+  void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
+             const SplitRule& rule, uint32_t seed);
+
+ private:
+  Program program_;
+  Kernel<cl_uint, cl_uint, cl_float, In<cl_uint>, Out<float>, In<float>, Out<float>, Out<float>>
+      still_split_;
+  Kernel<cl_uint, cl_float, cl_float, cl_float, In<float>, Out<float>> still_pace_;
+};
+
+}  // namespace gflow
