@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/motion/keyframes.hpp"
 
-#include <algorithm>
-#include <cmath>
-
 namespace gflow {
 
 std::vector<TableSpec> keyframes_tables(int keys) {
@@ -52,9 +49,7 @@ void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
 
 void KeyframesMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
   still_rows_.set_pace(queue, p, rule);
-  // A key is touched by the times around it only: two parts of `keys`.
-  const float seldom = std::pow(std::max(0.5f * float(shape_.keys), 1.f), rule.power);
-  p.more[0].rows.pace.fill(queue, std::min(seldom, rule.most));
+  p.more[0].rows.pace.fill(queue, key_pace(shape_.keys, rule));
 }
 
 void KeyframesMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,

@@ -123,6 +123,7 @@ struct ScheduleConfig {
 struct MotionConfig {
   MotionModelKind model = MotionModelKind::spacetime;
   int keys = 0;
+  int bases = 8;
   int sh_degree = 2;
   int sh_interval = 1000;
   float cutoff = 0.05f;
@@ -131,10 +132,11 @@ struct MotionConfig {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("model", self.model,
-          "how the Gaussians move: spacetime (curved paths, turning), native4d (4D Gaussians) or "
-          "keyframes (free paths through keys)");
-    field("keys", self.keys, "keyframes: moments that hold the paths; 0: one a time step",
+          "how the Gaussians move: spacetime (curved paths, turning), native4d (4D Gaussians), "
+          "keyframes (free paths through keys) or bases (a few rigid motions shared by all)");
+    field("keys", self.keys, "keyframes, bases: moments that hold the paths; 0: one a time step",
           at_least(0));
+    field("bases", self.bases, "bases: rigid motions", between(1, 32));
     field("duration", self.duration,
           "length of the video in the model's time [x scene extent]: a speed of 1 crosses so much",
           above(0));
@@ -232,6 +234,7 @@ struct LearningRates {
   float scales = 5e-3f;
   float quats = 1e-3f;
   float quats_final = 1e-4f;
+  float weights = 1e-2f;
   float motion = 1;
   float pace = 1;
   float pace_most = 8;
@@ -250,6 +253,8 @@ struct LearningRates {
     field("quats", self.quats, "rotation (native4d: both quaternions), at the first step",
           at_least(0));
     field("quats_final", self.quats_final, "at the last step, reached exponentially", above(0));
+    field("weights", self.weights, "how much a Gaussian follows each basis, before the softmax",
+          at_least(0));
     field("motion", self.motion,
           "velocities, accelerations and turns: at the ends of its life a Gaussian moves so many "
           "times what it does in its middle",

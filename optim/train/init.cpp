@@ -8,6 +8,7 @@
 #include <cmath>
 #include <nanoflann.hpp>
 
+#include "optim/motion/bases.hpp"
 #include "optim/train/dynamic_seeds.hpp"
 #include "shared/random.h"
 #include "shared/sh.h"
@@ -212,6 +213,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   model.shape.duration = float(config.motion.duration * scene.extent);
   model.shape.cutoff = config.motion.cutoff;
   model.shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
+  model.shape.bases = config.motion.bases;
   const float duration = model.shape.duration;
   const float lifetime = scene.steps > 1 ? config.init.lifetime * duration : 1000 * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
@@ -227,6 +229,8 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   g["sh_rest"].assign(3 * rest * all, 0.f);
   for (size_t i = 0; i < all; ++i) g["quats"][4 * i] = 1;
   add_rest(model.shape, g, all);
+  if (model.shape.motion == MotionModelKind::bases)
+    place_bases(model.shape, g, seeds.size() ? n : 0);
   const auto place = [&](size_t i, float scale, float scale_t, const uint8_t* rgb) {
     for (size_t k = 0; k < 3; ++k) g["log_scales"][4 * i + k] = std::log(scale);
     g["log_scales"][4 * i + 3] = std::log(scale_t);

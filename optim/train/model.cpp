@@ -33,7 +33,7 @@ std::vector<std::string> numbered(const std::string& stem, size_t count) {
 }
 
 // All columns but f_rest, whose order in the file is channel by channel.
-std::vector<ColumnBlock> column_blocks(bool moving, MotionModelKind kind) {
+std::vector<ColumnBlock> column_blocks(bool moving, const MotionShape& shape) {
   std::vector<ColumnBlock> blocks{{"means", 0, {"x", "y", "z"}},
                                   {"sh0", 0, numbered("f_dc_", 3)},
                                   {"logit_opacities", 0, {"opacity"}},
@@ -42,16 +42,16 @@ std::vector<ColumnBlock> column_blocks(bool moving, MotionModelKind kind) {
   if (moving) {
     blocks.push_back({"means_t", 0, {"t"}});
     blocks.push_back({"log_scales", 3, {"scale_t"}});
-    for (const MotionColumns& columns : motion_columns(kind))
+    for (const MotionColumns& columns : motion_columns(shape))
       blocks.push_back({columns.group, 0, columns.properties});
   }
   return blocks;
 }
 
-std::map<std::string, size_t> widths_of(MotionModelKind kind) {
+std::map<std::string, size_t> widths_of(const MotionShape& shape) {
   std::map<std::string, size_t> widths{{"means", 3},      {"means_t", 1},         {"quats", 4},
                                        {"log_scales", 4}, {"logit_opacities", 1}, {"sh0", 3}};
-  for (const MotionColumns& columns : motion_columns(kind))
+  for (const MotionColumns& columns : motion_columns(shape))
     widths[columns.group] = columns.properties.size();
   return widths;
 }
@@ -158,11 +158,11 @@ void write_model(const std::string& path, const HostModel& model) {
   append(numbered("f_rest_", 3 * rest));
   append({"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"});
   append({"t", "scale_t"});
-  for (const MotionColumns& motion : motion_columns(kind)) append(motion.properties);
+  for (const MotionColumns& motion : motion_columns(model.shape)) append(motion.properties);
   const size_t columns = table.names.size();
   table.values.assign(columns * table.rows, 0.f);
-  const auto widths = widths_of(kind);
-  for (const ColumnBlock& block : column_blocks(true, kind)) {
+  const auto widths = widths_of(model.shape);
+  for (const ColumnBlock& block : column_blocks(true, model.shape)) {
     const std::vector<float>& values = model.groups.at(block.group);
     const size_t width = widths.at(block.group), to = size_t(table.column(block.names[0]));
     for (size_t i = 0; i < table.rows; ++i)
@@ -200,10 +200,10 @@ HostModel read_model(const std::string& path) {
     value = std::decay_t<decltype(value)>(comment_value(table, name, double(value)));
   });
 
-  const auto widths = widths_of(kind);
+  const auto widths = widths_of(model.shape);
   for (const auto& [name, width] : widths) model.groups[name].assign(width * model.count, 0.f);
   const size_t columns = table.names.size();
-  for (const ColumnBlock& block : column_blocks(moving, kind)) {
+  for (const ColumnBlock& block : column_blocks(moving, model.shape)) {
     const size_t width = widths.at(block.group);
     std::vector<float>& values = model.groups[block.group];
     for (size_t c = 0; c < block.names.size(); ++c) {

@@ -208,6 +208,8 @@ void Trainer::update(Queue& queue, int step) {
         return {lr.sh, eps.eps_sh};
       case Quantity::color_rest:
         return {lr.sh / lr.sh_rest_divisor, eps.eps_sh};
+      case Quantity::weight:
+        return {lr.weights, eps.eps_quats};
     }
     throw Error("group " + spec.name + " has no learning rate");
   };
