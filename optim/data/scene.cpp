@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "optim/data/reader_util.hpp"
@@ -80,6 +81,7 @@ Scene read_scene(const std::string& path, const SceneOptions& options) {
   scene.folder = path;
   const fs::path absolute = fs::absolute(path).lexically_normal();
   scene.name = (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
+  scene.tracks_path = first_existing(path, {"tracks3d.npy"});
   if (options.max_steps > 0) drop_late_steps(scene, options.max_steps);
   order_frames(scene);
   check(scene);
@@ -98,6 +100,20 @@ std::vector<FlowPair> neighbour_pairs(const Scene& scene) {
     if (!frame.flow_path.empty() && !(has_next && next->camera == frame.camera))
       pairs.push_back({int(i), -1});
   }
+  return pairs;
+}
+
+std::vector<FlowPair> pairs_in_time(const Scene& scene) {
+  std::map<double, int> by_time;
+  for (size_t i = 0; i < scene.train.size(); ++i)
+    if (!by_time.emplace(scene.train[i].time, int(i)).second)
+      throw Error(fmt::format(
+          "flow.pairs is \"time\", which needs one picture at a time, but scene {} has {} and "
+          "another at time {}",
+          scene.name, scene.train[i].name, scene.train[i].time));
+  std::vector<FlowPair> pairs;
+  for (auto at = by_time.begin(); at != by_time.end() && std::next(at) != by_time.end(); ++at)
+    pairs.push_back({at->second, std::next(at)->second});
   return pairs;
 }
 

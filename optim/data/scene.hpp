@@ -33,12 +33,13 @@ struct Scene {
   std::string folder;
   std::vector<Camera> cameras;
   std::vector<Frame> train, test, val;
-  PointCloud points;       // initial points, empty when the scene has none
-  double extent = 0;       // > 0, world: radius of the training cameras about their mean position,
-                           // or, where they are one camera, its distance from the scene
-  int steps = 0;           // number of distinct training times; steps of others are the nearest
-  double fps = 0;          // frames per second, > 0; 24 where the scene does not tell
-  bool has_alpha = false;  // pictures carry straight alpha
+  PointCloud points;        // initial points, empty when the scene has none
+  double extent = 0;        // > 0, world: radius of the training cameras about their mean position,
+                            // or, where they are one camera, its distance from the scene
+  std::string tracks_path;  // true paths of surface points, .npy [steps, points, 3], or empty
+  int steps = 0;            // number of distinct training times; steps of others are the nearest
+  double fps = 0;           // frames per second, > 0; 24 where the scene does not tell
+  bool has_alpha = false;   // pictures carry straight alpha
 };
 
 // What a user may say about a scene. Values that do not concern the layout found are ignored.
@@ -67,6 +68,10 @@ struct FlowPair {
 // frames which come with a true flow and whose track has no later frame or one from another pose:
 // a true flow is that seen by a camera at rest. In the order of Scene::train.
 std::vector<FlowPair> neighbour_pairs(const Scene& scene);
+
+// Each frame and the next in time, whichever camera took them. Error where several frames have one
+// time.
+std::vector<FlowPair> pairs_in_time(const Scene& scene);
 
 // Whether the flow of a pair leads back in time.
 bool leads_back(const Scene& scene, const FlowPair& pair);

@@ -58,7 +58,7 @@ void place_bases(const MotionShape& shape, HostGroups& groups, size_t first) {
   for (size_t i = 0; i < n; ++i)
     for (size_t b = 0; b < bases; ++b) {
       const double d = squared_distance(means, i, chosen[b]) / spacing;
-      groups["basis_logits"][i * bases + b] = float(std::max(2 - 2 * d, -10.0));
+      groups["basis_logits"][i * bases + b] = float(std::max(3 - 5 * d, -10.0));
     }
 }
 

@@ -44,10 +44,12 @@ Allowed one_of(std::vector<float> values);
 enum class Background { white, black };
 enum class InitFrom { automatic, points, random };
 enum class FlowSource { dis, files };
+enum class FlowPairs { track, time };
 
 constexpr std::array<const char*, 2> names_of(Background) { return {"white", "black"}; }
 constexpr std::array<const char*, 3> names_of(InitFrom) { return {"auto", "points", "random"}; }
 constexpr std::array<const char*, 2> names_of(FlowSource) { return {"dis", "files"}; }
+constexpr std::array<const char*, 2> names_of(FlowPairs) { return {"track", "time"}; }
 constexpr std::array<const char*, 4> names_of(Transport) {
   return {"paper", "ot", "material", "translate"};
 }
@@ -187,6 +189,7 @@ struct FlowConfig {
   float weight = 0.05f;
   FlowSource source = FlowSource::dis;
   std::string folder;
+  FlowPairs pairs = FlowPairs::track;
   Transport transport = Transport::material;
   int top_k = 0;
   StopRule stop = StopRule::include;
@@ -205,7 +208,12 @@ struct FlowConfig {
           at_least(0));
     field("source", self.source, "dis: computed from the pictures; files: read from the folder");
     field("folder", self.folder,
-          "flow files <camera>/<step>.flo, .flo.gz, .png, .npy; empty: flow/ in the scene");
+          "flow files <camera>/<step>.flo, .flo.gz, .png, .npy, or <picture>.flo ...; empty: the "
+          "scene's own true flow");
+    field(
+        "pairs", self.pairs,
+        "which pictures are compared: track, neighbours from one camera, at rest or moving; time, "
+        "each and the next in time, whoever took it (source files)");
     field("transport", self.transport, "how a pixel moves with a Gaussian");
     field("top_k", self.top_k,
           "Gaussians that count for the flow of a pixel, in depth order; 0: all", at_least(0));

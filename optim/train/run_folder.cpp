@@ -167,6 +167,12 @@ void RunFolder::write_results(const Evaluation& evaluation, const std::string& s
   Json test = figures_of(evaluation.mean);
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
+  if (const auto& tracks = evaluation.tracks)
+    test["tracks"] = {{"mean", tracks->mean},
+                      {"median", tracks->median},
+                      {"end", tracks->end},
+                      {"still", tracks->still},
+                      {"lost", tracks->lost}};
   const Json results{{split, test},
                      {"num_gaussians", gaussians},
                      {"iterations", facts.iterations},

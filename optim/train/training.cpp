@@ -29,11 +29,16 @@ ProgressCallback counted(Progress& progress, const std::string& doing) {
 }
 
 // Neighbours in time no further apart than max_gap steps: flow over more is a guess.
-std::vector<FlowPair> close_pairs(const Scene& scene, int max_gap) {
+std::vector<FlowPair> close_pairs(const Scene& scene, const FlowConfig& flow) {
+  const bool by_track = flow.pairs == FlowPairs::track;
+  if (!by_track && flow.source != FlowSource::files)
+    throw Error(
+        "flow.pairs = \"time\" compares pictures of different cameras, whose flow is not "
+        "estimated: set flow.source = \"files\" and flow.folder");
   std::vector<FlowPair> close;
-  for (const FlowPair& pair : neighbour_pairs(scene))
+  for (const FlowPair& pair : by_track ? neighbour_pairs(scene) : pairs_in_time(scene))
     if (pair.next < 0 ||
-        scene.train[size_t(pair.next)].step - scene.train[size_t(pair.frame)].step <= max_gap)
+        scene.train[size_t(pair.next)].step - scene.train[size_t(pair.frame)].step <= flow.max_gap)
       close.push_back(pair);
   return close;
 }
@@ -89,6 +94,18 @@ std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
                            fs::last_write_time(frame.path).time_since_epoch().count());
     }
   return stamp;
+}
+
+// The views, and the paths in space where the scene has true ones.
+Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
+                 const std::vector<Frame>& frames, bool quiet) {
+  Progress progress("eval ", long(frames.size()), quiet);
+  Evaluation evaluation =
+      evaluate(queue, model, config, *loaded.frames, frames, counted(progress, "evaluating"));
+  progress.finish();
+  if (!loaded.scene.tracks_path.empty())
+    evaluation.tracks = track_error(queue, model, read_tracks(loaded.scene.tracks_path));
+  return evaluation;
 }
 
 // The training loop; returns the number of steps made.
@@ -156,7 +173,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   for (const Frame& frame : scene.test) loaded.frames->rgb(frame);  // broken ones are named now
   run.write_config(config);
   run.write_cameras(scene);
-  std::vector<FlowPair> pairs = close_pairs(scene, config.flow.max_gap);
+  std::vector<FlowPair> pairs = close_pairs(scene, config.flow);
   if (config.flow.backward)
     for (const FlowPair& pair : reversed(pairs)) pairs.push_back(pair);
   FlowStore flows = flows_for(config, loaded, pairs, run, quiet);
@@ -179,10 +196,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}", steps,
                                   config.train.iterations, run.model_path(steps)));
   if (scene.test.empty()) return {};
-  Progress progress("eval ", long(scene.test.size()), quiet);
-  const Evaluation evaluation =
-      evaluate(queue, model, config, *loaded.frames, scene.test, counted(progress, "evaluating"));
-  progress.finish();
+  const Evaluation evaluation = judge(queue, model, config, loaded, scene.test, quiet);
   run.write_results(evaluation, "test", facts, config, model.parameters.count);
   return evaluation;
 }
@@ -193,10 +207,7 @@ Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& s
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, read_model(run.latest_model()));
-  Progress progress("eval ", long(frames.size()), quiet);
-  const Evaluation evaluation =
-      evaluate(queue, model, config, *loaded.frames, frames, counted(progress, "evaluating"));
-  progress.finish();
+  const Evaluation evaluation = judge(queue, model, config, loaded, frames, quiet);
   const RunFacts facts = run.read_facts();
   run.write_results(evaluation, split, facts, config, model.parameters.count);
   return evaluation;
