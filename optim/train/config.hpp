@@ -100,6 +100,8 @@ struct ScheduleConfig {
   int iterations = 10000;
   int batch = 1;
   int focus = 5;
+  bool sequential = false;
+  float first_share = 0.3f;
   int64_t seed = 0;
   float minutes = 0;
   int log_every = 100;
@@ -113,6 +115,11 @@ struct ScheduleConfig {
           "steps on the parts of pictures where things change (fixed cameras) or are (alpha), for "
           "each step on whole pictures",
           at_least(0));
+    field("sequential", self.sequential,
+          "one time step after the other, as Dynamic 3D Gaussians: the first fits the scene, each "
+          "next only moves it (motion.model keyframes, motion.keys 0)");
+    field("first_share", self.first_share,
+          "sequential: share of the iterations that the first time step gets", between(0, 1));
     field("seed", self.seed, "of every random choice", at_least(0));
     field("minutes", self.minutes,
           "stop after this much training time [minutes], not repeatably; 0: no limit", at_least(0));

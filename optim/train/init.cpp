@@ -203,7 +203,9 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   const size_t enough = std::min({size_t(1000), scene.points.size(), size_t(config.density.cap)});
   if (points.size() == 0 || points.size() < enough)
     points = random_points(scene, frames, by_time, config);
-  const Seeds seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
+  Seeds seeds;  // short-lived, so none where each Gaussian is followed through the video
+  if (!config.train.sequential)
+    seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
   const size_t n = points.size(), all = n + seeds.size();
 
   HostModel model;
@@ -215,7 +217,8 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   model.shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
   model.shape.bases = config.motion.bases;
   const float duration = model.shape.duration;
-  const float lifetime = scene.steps > 1 ? config.init.lifetime * duration : 1000 * duration;
+  const bool lasting = scene.steps < 2 || config.train.sequential;
+  const float lifetime = lasting ? 1000 * duration : config.init.lifetime * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
   const size_t rest = size_t((config.motion.sh_degree + 1) * (config.motion.sh_degree + 1) - 1);
   auto& g = model.groups;

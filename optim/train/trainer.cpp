@@ -82,14 +82,24 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       pairs_of_frame_(scene.train.size()) {
   const float level = config.scene.background == Background::white ? 1.f : 0.f;
   background_ = {level, level, level};
-  for (size_t i = 0; i < parts_.size(); ++i) {
+  const bool sequential = config.train.sequential;
+  if (sequential && (model.shape.motion != MotionModelKind::keyframes ||
+                     model.shape.keys != std::max(scene.steps, 1)))
+    throw Error(
+        "train.sequential moves the Gaussians key by key: it needs motion.model = "
+        "\"keyframes\" and motion.keys = 0 (a key a time step)");
+  choices_.resize(sequential ? size_t(model.shape.keys) : 1);
+  for (size_t i = 0; i < scene.train.size(); ++i) {
     const Camera& camera = frames.camera(scene.train[i]);
-    const double area = double(parts_[i].width) * parts_[i].height;
-    if (area > 0 && area < 0.6 * camera.width * camera.height) focus_frames_.push_back(i);
+    const double area = i < parts_.size() ? double(parts_[i].width) * parts_[i].height : 0;
+    Choice& choice = choices_[sequential ? size_t(scene.train[i].step) : 0];
+    choice.frames.push_back(i);
+    if (area > 0 && area < 0.6 * camera.width * camera.height) choice.focus.push_back(i);
   }
   if (!config.flow.enabled || config.flow.weight == 0) return;
   for (size_t i = 0; i < pairs.size(); ++i)
-    if (flows.has(i)) pairs_of_frame_[size_t(pairs[i].frame)].push_back(int(i));
+    if (flows.has(i) && (!sequential || leads_back(scene, pairs[i])))
+      pairs_of_frame_[size_t(pairs[i].frame)].push_back(int(i));
 }
 
 int Trainer::sh_degree(int step) const {
@@ -98,13 +108,14 @@ int Trainer::sh_degree(int step) const {
 
 int Trainer::pair_at(size_t frame, int step, size_t turn) const {
   const std::vector<int>& pairs = pairs_of_frame_[frame];
-  if (pairs.empty() || step < config_.flow.start) return -1;
+  if (pairs.empty() || step < config_.flow.start || stage(step).time_step == 0) return -1;
   return pairs[random_bits(uint(config_.train.seed), kPairStream, uint(turn)) % pairs.size()];
 }
 
 std::vector<Trainer::Sample> Trainer::samples(int step) const {
   // One step in focus + 1 looks at whole pictures, the others at parts of interest.
-  const int focus = focus_frames_.empty() ? 0 : config_.train.focus;
+  const Choice& choice = choices_[size_t(std::max(stage(step).time_step, 0))];
+  const int focus = choice.focus.empty() ? 0 : config_.train.focus;
   const bool whole = step % (focus + 1) == 0;
   const size_t turn = whole ? size_t(step) / size_t(focus + 1)
                             : size_t(step) - size_t(step) / size_t(focus + 1) - 1;
@@ -112,8 +123,8 @@ std::vector<Trainer::Sample> Trainer::samples(int step) const {
   for (int b = 0; b < config_.train.batch; ++b) {
     const size_t at = turn * size_t(config_.train.batch) + size_t(b);
     const uint32_t seed = uint32_t(config_.train.seed);
-    const size_t i = whole ? shuffled(scene_.train.size(), seed, at)
-                           : focus_frames_[shuffled(focus_frames_.size(), seed + 1000003u, at)];
+    const size_t i = whole ? choice.frames[shuffled(choice.frames.size(), seed, at)]
+                           : choice.focus[shuffled(choice.focus.size(), seed + 1000003u, at)];
     const Camera& camera = frames_.camera(scene_.train[i]);
     samples.push_back({&scene_.train[i], pair_at(i, step, at),
                        whole ? Rect{0, 0, camera.width, camera.height} : parts_[i]});
@@ -126,6 +137,9 @@ void Trainer::step(Queue& queue, int step) {
   for (const Sample& sample : samples(step + 1)) next.push_back(sample.frame);
   frames_.prefetch(next);
   model_.parameters.forget_seen(queue);
+  const Stage now = stage(step);
+  if (now.begins && now.time_step > 0)
+    model_.motion->start_key(queue, model_.parameters, now.time_step);
   for (const Sample& sample : samples(step)) train_view(queue, sample, step);
   update(queue, step);
   refine_if_due(queue, step);
@@ -190,7 +204,8 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
 void Trainer::update(Queue& queue, int step) {
   const LearningRates& lr = config_.lr;
   const AdamGroups& eps = config_.adam;
-  const double share = double(step) / config_.train.iterations;
+  const Stage now = stage(step);
+  const double share = now.share;
   const float extent = float(scene_.extent);
   const auto rate_of = [&](const GroupSpec& spec) -> AdamRate {
     switch (spec.quantity) {
@@ -218,14 +233,21 @@ void Trainer::update(Queue& queue, int step) {
     const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
     model_.motion->set_pace(queue, p, {model_.shape.duration, time_step, lr.pace, lr.pace_most});
   }
+  if (now.time_step > 0) {  // one key alone; a flow leads to the one before
+    Table& keys = p.more[0];
+    keys.rows.seen.fill_range(queue, 0, size_t(now.time_step) * p.count, 0u);
+  }
   for (Table* table : p.tables()) {
+    const bool moving = table != &p;
+    if (moving ? !now.moves() : !now.fits()) continue;
     for (const ParameterGroup& group : table->groups)
       adam_.refuse(queue, group, table->rows, table->active);
     adam_.advance(queue, table->rows, table->active);
     for (size_t g = 0; g < table->groups.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
       if (spec.quantity == Quantity::color_rest && sh_degree(step) == 0) continue;
-      if (spec.motion && scene_.steps < 2) continue;  // photographs of one moment
+      // Photographs of one moment; and who is trained moment by moment has no time of its own.
+      if (spec.motion && (scene_.steps < 2 || now.time_step == 0)) continue;
       AdamRate rate = rate_of(spec);
       rate.per_time = spec.per_time;
       if (spec.motion && spec.quantity != Quantity::time) rate.lr *= lr.motion;
@@ -238,7 +260,7 @@ void Trainer::refine_if_due(Queue& queue, int step) {
   const DensityConfig& d = config_.density;
   const int done = step + 1;
   if (!d.enabled || done < d.start || done % d.every != 0 ||
-      done > d.stop_fraction * float(config_.train.iterations))
+      done > d.stop_fraction * float(config_.train.iterations) || !stage(step).fits())
     return;
   DensityRule rule;
   rule.grad_threshold = d.grad_threshold;

@@ -11,6 +11,7 @@
 #include "optim/train/change.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/renderer.hpp"
+#include "optim/train/sequence.hpp"
 
 namespace gflow {
 
@@ -38,6 +39,8 @@ class Trainer {
 
   // Bands of spherical harmonics in use at a step.
   int sh_degree(int step) const;
+  // Which time steps a training step is about.
+  Stage stage(int step) const { return stage_at(config_.train, std::max(scene_.steps, 1), step); }
 
  private:
   struct Sample {  // one view of a step
@@ -46,7 +49,8 @@ class Trainer {
     Rect part;  // what of it is drawn
   };
   std::vector<Sample> samples(int step) const;
-  // The flow pair a frame is shown with, forward or back, or -1.
+  // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,
+  // or -1.
   int pair_at(size_t frame, int step, size_t turn) const;
   void train_view(Queue& queue, const Sample& sample, int step);
   void update(Queue& queue, int step);
@@ -58,7 +62,12 @@ class Trainer {
   const std::vector<FlowPair>& pairs_;
   FlowStore& flows_;
   std::vector<Rect> parts_;
-  std::vector<size_t> focus_frames_;  // those with a part smaller than the whole
+  // Training frames to choose from, all and those with a part smaller than the whole, of all time
+  // steps or, when trained one after the other, of each.
+  struct Choice {
+    std::vector<size_t> frames, focus;
+  };
+  std::vector<Choice> choices_;
   Model& model_;
   Renderer renderer_;
   ImageLoss image_loss_;

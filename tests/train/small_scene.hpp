@@ -202,13 +202,16 @@ class SmallTraining {
   // All that a training step changes, by name, as bits.
   std::map<std::string, std::vector<uint32_t>> bits(Queue& queue) const {
     std::map<std::string, std::vector<uint32_t>> all;
-    const Parameters& p = model.parameters;
-    for (size_t g = 0; g < p.groups.size(); ++g) {
-      all[p.specs[g].name] = bits_of(p.groups[g].values.read(queue));
-      all[p.specs[g].name + " exp_avg"] = bits_of(p.groups[g].exp_avg.read(queue));
-      all[p.specs[g].name + " exp_avg_sq"] = bits_of(p.groups[g].exp_avg_sq.read(queue));
+    for (const Table* table : model.parameters.tables()) {
+      for (size_t g = 0; g < table->groups.size(); ++g) {
+        const ParameterGroup& group = table->groups[g];
+        const std::string& name = table->specs[g].name;
+        all[name] = bits_of(group.values.read(queue));
+        all[name + " exp_avg"] = bits_of(group.exp_avg.read(queue));
+        all[name + " exp_avg_sq"] = bits_of(group.exp_avg_sq.read(queue));
+      }
+      all["steps of " + table->specs[0].name] = table->rows.steps.read(queue);
     }
-    all["steps"] = p.rows.steps.read(queue);
     return all;
   }
 
