@@ -141,11 +141,14 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
   options.elevation = config.elevation;
   options.radius = config.radius;
   options.fov_y = config.fovy;
+  options.masks = config.masks;
+  options.first_step = config.first_step;
+  options.stride = config.stride;
   options.max_steps = config.max_steps;
   LoadedScene loaded{read_scene(config.path, options), nullptr};
   FrameStoreOptions store;
   store.resolution = config.resolution;
-  if (config.background == Background::black) store.background = {0, 0, 0};
+  store.background.fill(shown_level(config.background));
   store.unpack_folder = unpack_folder;
   loaded.frames = std::make_unique<FrameStore>(loaded.scene, store);
   return loaded;
