@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/data/video.hpp"
-
 #include <opencv2/videoio.hpp>
 
 #include "data_readers/made_scene.hpp"
 #include "optim/data/frame_store.hpp"
 #include "optim/data/scene.hpp"
+#include "optim/data/video.hpp"
 
 using namespace gflow;
 
