@@ -152,14 +152,16 @@ struct FrameStore::State {
       return header.width == camera.width && header.height == camera.height;
     };
     if (is_there(frame.video_frame)) return read_image(file(frame.video_frame));
-    Image image;
-    for (const int k : used[frame.path]) {
-      if (k > frame.video_frame) break;
-      if (k < frame.video_frame && is_there(k)) continue;
-      image = prepared(unpacked.video.frame(k), frame);
+    const auto unpack = [&](int k) {
+      Image image = prepared(unpacked.video.frame(k), frame);
       write_png(file(k), image);
+      return image;
+    };
+    for (const int k : used.at(frame.path)) {
+      if (k >= frame.video_frame) break;
+      if (!is_there(k)) unpack(k);
     }
-    return image;
+    return unpack(frame.video_frame);
   }
 
   Decoded load(const Frame& frame) {
