@@ -87,6 +87,7 @@ void select_steps(Scene& scene, const SceneOptions& options) {
   }
   scene.steps = count;
   scene.fps /= stride;
+  scene.tracks_path.clear();  // they are of all steps
 }
 
 // Sorts the splits, and makes names unique by appending a number where paths gave equal ones.

@@ -29,6 +29,7 @@ Scene read(const TemporaryFolder& folder, int first, int stride, int most) {
 TEST(Steps, ARangeBecomesAVideoOfItsOwn) {
   const TemporaryFolder folder;
   make(folder);
+  folder.write("tracks3d.npy", "not read here");
   const Scene scene = read(folder, 2, 1, 5);
   EXPECT_EQ(scene.steps, 5);
   ASSERT_EQ(scene.train.size(), 5u);
@@ -42,6 +43,7 @@ TEST(Steps, ARangeBecomesAVideoOfItsOwn) {
   EXPECT_NEAR(scene.train[3].flow_time, 1, 1e-12);
   EXPECT_EQ(scene.train[4].flow_path, "");  // it leads out of the range
   EXPECT_EQ(scene.fps, 24);
+  EXPECT_EQ(scene.tracks_path, "");  // tracks are of all steps
 }
 
 TEST(Steps, AStrideForgetsFlowThatLeadsToAStepLeftOut) {
