@@ -68,7 +68,7 @@ Source find_source(const RenderFlags& flags) {
   if (path.empty() && wanted)
     throw Error(fmt::format("the {} views belong to a scene, and {} is of none: --scene names it",
                             flags.split, flags.model));
-  if (wanted || fs::is_directory(path)) {
+  if (wanted || (!path.empty() && fs::exists(path))) {
     // Frames of videos that training unpacked are used again.
     const bool unpacked =
         source.run && source.config.scene.resolution == source.run->read_config().scene.resolution;
@@ -162,7 +162,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
 
   RenderOptions render;
   render.settings = engine_settings(source.config.flow);
-  const float level = source.config.scene.background == Background::white ? 1.f : 0.f;
+  const float level = float(shown_level(source.config.scene.background)) / 255;
   render.background = {level, level, level};
   render.near = source.config.render.near;
   if (source.loaded) render.fps = source.loaded->scene.fps;

@@ -17,7 +17,7 @@ namespace {
 struct TrainFlags {
   std::string scene, run, config_file;
   std::vector<std::string> settings;
-  int iterations = 0;
+  int iterations = 0, resolution = 1;
   int64_t seed = 0;
   bool profile = false;
 };
@@ -40,6 +40,7 @@ TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
   for (const std::string& setting : flags.settings) apply_setting(config, setting);
   config.scene.path = std::filesystem::absolute(flags.scene).lexically_normal().string();
   if (command.count("--iterations")) config.train.iterations = flags.iterations;
+  if (command.count("--resolution")) config.scene.resolution = flags.resolution;
   if (command.count("--seed")) config.train.seed = flags.seed;
   check(config);
   return config;
@@ -69,10 +70,10 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       "train", "Train a scene: cameras and video in, a moving splat and its evaluation out");
   command
       ->add_option("SCENE", flags->scene,
-                   "Folder of the scene: D-NeRF/Blender, N3V, "
-                   "Consistent4D or COLMAP")
+                   "Folder of the scene (N3V, Panoptic, nerfies, Consistent4D, D-NeRF/Blender, "
+                   "nerfstudio, COLMAP, numbered pictures), or a video file")
       ->required()
-      ->type_name("FOLDER");
+      ->type_name("PATH");
   command->add_option("-o,--output", flags->run, "Run folder that is written")
       ->required()
       ->type_name("FOLDER");
@@ -89,6 +90,10 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
   const TrainConfig defaults;
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")
       ->default_str(std::to_string(defaults.train.iterations));
+  command
+      ->add_option("-r,--resolution", flags->resolution,
+                   "Divides width and height of the pictures: 1, 2, 4 or 8 (scene.resolution)")
+      ->default_str(std::to_string(defaults.scene.resolution));
   command->add_option("--seed", flags->seed, "Of every random choice (train.seed)")
       ->default_str(std::to_string(defaults.train.seed));
   command->add_flag("--profile", flags->profile, "Print the time each kernel took");

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "optim/data/scene.hpp"
 #include "optim/engine/settings.hpp"
 #include "optim/motion/models.hpp"
 
@@ -41,12 +42,13 @@ Allowed one_of(std::vector<float> values);
 
 // Choices. names_of() gives the words of the file, in the order of the enumerators, which
 // count from 0.
-enum class Background { white, black };
+enum class Background { white, black, random };
 enum class InitFrom { automatic, points, random };
 enum class FlowSource { dis, files };
 enum class FlowPairs { track, time };
 
-constexpr std::array<const char*, 2> names_of(Background) { return {"white", "black"}; }
+constexpr std::array<const char*, 3> names_of(Background) { return {"white", "black", "random"}; }
+constexpr std::array<const char*, 3> names_of(Masks) { return {"auto", "all", "none"}; }
 constexpr std::array<const char*, 3> names_of(InitFrom) { return {"auto", "points", "random"}; }
 constexpr std::array<const char*, 2> names_of(FlowSource) { return {"dis", "files"}; }
 constexpr std::array<const char*, 2> names_of(FlowPairs) { return {"track", "time"}; }
@@ -60,6 +62,12 @@ const char* name_of(Enum value) {
   return names_of(value)[static_cast<size_t>(value)];
 }
 
+// The grey, 0 to 255, behind pictures where they are shown or judged: random is for training steps
+// only, and white elsewhere.
+constexpr uint8_t shown_level(Background background) {
+  return background == Background::black ? 0 : 255;
+}
+
 // In every struct, fields(self, field) calls field(key, member, help[, range]) for each setting in
 // the order of the file; self is the struct, const or not.
 
@@ -69,10 +77,13 @@ struct SceneConfig {
   Background background = Background::white;
   int holdout = 0;
   std::string images;
+  Masks masks = Masks::automatic;
   float elevation = 0;
   float radius = 2;
   float fovy = 49.1f;
   int test_every = 8;
+  int first_step = 0;
+  int stride = 1;
   int max_steps = 0;
 
   template <class Self, class Field>
@@ -80,19 +91,28 @@ struct SceneConfig {
     field("path", self.path, "folder of the scene; `gflow train SCENE` sets it");
     field("resolution", self.resolution, "divides the width and height of the pictures",
           one_of({1, 2, 4, 8}));
-    field("background", self.background, "behind pictures with transparency");
+    field("background", self.background,
+          "behind pictures with transparency; random: a new colour in each training step, white "
+          "elsewhere");
     field("holdout", self.holdout, "camera kept for the test, by number; -1: none (N3V)",
           at_least(-1));
-    field("images", self.images, "folder with one picture a camera; empty: found by name");
-    field("elevation", self.elevation, "of the camera above the horizon [degrees] (Consistent4D)",
-          between(-90, 90));
+    field("images", self.images,
+          "folder with one picture a camera (N3V, COLMAP), or of rgb/ (nerfies); empty: found by "
+          "name");
+    field("masks", self.masks,
+          "mask pictures as transparency; auto: mask_path (nerfstudio), masks/ (COLMAP); all: also "
+          "seg/ (Panoptic)");
+    field("elevation", self.elevation,
+          "of the camera above the horizon [degrees] (Consistent4D, video)", between(-90, 90));
     field("radius", self.radius,
-          "distance of the camera from the origin [scene units] (Consistent4D)", above(0));
-    field("fovy", self.fovy, "vertical field of view [degrees] (Consistent4D)", between(1, 170));
-    field("test_every", self.test_every, "every n-th picture is for the test; 0: none (COLMAP)",
-          at_least(0));
-    field("max_steps", self.max_steps, "read only the first so many time steps; 0: all",
-          at_least(0));
+          "distance of the camera from the origin [scene units] (Consistent4D, video)", above(0));
+    field("fovy", self.fovy, "vertical field of view [degrees] (Consistent4D, video)",
+          between(1, 170));
+    field("test_every", self.test_every,
+          "every n-th picture is for the test; 0: none (COLMAP, nerfstudio)", at_least(0));
+    field("first_step", self.first_step, "first time step that is used, from 0", at_least(0));
+    field("stride", self.stride, "of the time steps from there, use every n-th", at_least(1));
+    field("max_steps", self.max_steps, "use at most so many time steps; 0: all", at_least(0));
   }
 };
 

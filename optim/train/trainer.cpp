@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-constexpr uint kSplitStream = 7, kPairStream = 8;  // of random numbers
+constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9;  // of random numbers
 
 // a at 0, b at 1, geometrically between.
 float between_rates(float a, float b, double share) {
@@ -80,8 +80,6 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       density_(queue),
       reduce_(queue),
       pairs_of_frame_(scene.train.size()) {
-  const float level = config.scene.background == Background::white ? 1.f : 0.f;
-  background_ = {level, level, level};
   const bool sequential = config.train.sequential;
   if (sequential && (model.shape.motion != MotionModelKind::keyframes ||
                      model.shape.keys != std::max(scene.steps, 1)))
@@ -110,6 +108,15 @@ int Trainer::pair_at(size_t frame, int step, size_t turn) const {
   const std::vector<int>& pairs = pairs_of_frame_[frame];
   if (pairs.empty() || step < config_.flow.start || stage(step).time_step == 0) return -1;
   return pairs[random_bits(uint(config_.train.seed), kPairStream, uint(turn)) % pairs.size()];
+}
+
+std::array<uint8_t, 3> Trainer::background(int step) const {
+  if (config_.scene.background != Background::random || !scene_.has_alpha) {
+    const uint8_t level = shown_level(config_.scene.background);
+    return {level, level, level};
+  }
+  const uint bits = random_bits(uint(config_.train.seed), kBackgroundStream, uint(step));
+  return {uint8_t(bits >> 8), uint8_t(bits >> 16), uint8_t(bits >> 24)};
 }
 
 std::vector<Trainer::Sample> Trainer::samples(int step) const {
@@ -155,7 +162,8 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
   shot.view.camera_t2 = shot.view.camera;
   shot.time = sample.frame->time;
   shot.sh_degree = sh_degree(step);
-  shot.background = background_;
+  const std::array<uint8_t, 3> behind = background(step);
+  for (size_t c = 0; c < 3; ++c) shot.background[c] = float(behind[c]) / 255;
   had_flow_ = sample.pair >= 0;
   if (had_flow_) {
     const FlowPair& pair = pairs_[size_t(sample.pair)];
@@ -171,7 +179,13 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
   renderer_.forward(queue, model_, shot);
 
   // The binning above waited for the queue: what earlier steps uploaded from is free now.
-  cut(frames_.rgb(*sample.frame)->pixels, camera.width, 3, part, picture_part_);
+  // The store keeps pictures on its own background; another is put behind the part that is drawn.
+  const bool as_shown = behind == frames_.background();
+  const auto picture = as_shown ? frames_.rgb(*sample.frame) : frames_.picture(*sample.frame);
+  cut(picture->pixels, camera.width, picture->channels, part, picture_part_);
+  if (picture->channels == 4)
+    picture_part_ =
+        over_background({part.width, part.height, 4, std::move(picture_part_)}, behind).pixels;
   truth_.ensure(queue, 3 * pixels);
   truth_.write_async(queue, picture_part_);
   v_.v_rgb.ensure(queue, 3 * pixels);

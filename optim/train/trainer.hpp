@@ -49,6 +49,8 @@ class Trainer {
     Rect part;  // what of it is drawn
   };
   std::vector<Sample> samples(int step) const;
+  // Behind pictures with alpha, sRGB.
+  std::array<uint8_t, 3> background(int step) const;
   // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,
   // or -1.
   int pair_at(size_t frame, int step, size_t turn) const;
@@ -79,7 +81,6 @@ class Trainer {
   Buffer<cl_uchar> truth_{"truth"}, confidence_{"confidence"};
   Buffer<float> teacher_{"teacher flow"};
   ImageGradients v_;
-  std::array<float, 3> background_;
   // what asynchronous writes read from
   std::vector<cl_uchar> picture_part_, confidence_part_;
   std::vector<float> flow_planes_;

@@ -2,6 +2,7 @@
 #include "optim/train/training.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <chrono>
@@ -79,20 +80,30 @@ void save_model(Queue& queue, const Model& model, const RunFolder& run, int iter
   if (previous != iteration) run.forget_model(previous);
 }
 
-// Everything that cached flow and video frames depend on: pictures by path, size and time of
-// change.
+// Everything that cached flow and video frames depend on: pictures and masks by path, size and time
+// of change, which picture follows which, and what is undone of the lens.
 std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
   namespace fs = std::filesystem;
   std::string stamp =
       fmt::format("resolution {} background {}\n", config.resolution, name_of(config.background));
+  const auto add_file = [&](const std::string& path) {
+    stamp += fmt::format("{} {} {}\n", path, fs::file_size(path),
+                         fs::last_write_time(path).time_since_epoch().count());
+  };
   std::string last;
   for (const std::vector<Frame>* frames : {&scene.train, &scene.test})
     for (const Frame& frame : *frames) {
+      stamp += frame.name + "\n";
+      if (!frame.mask_path.empty()) add_file(frame.mask_path);
       if (frame.path == last) continue;  // the next frame of one video
+      add_file(frame.path);
       last = frame.path;
-      stamp += fmt::format("{} {} {}\n", frame.path, fs::file_size(frame.path),
-                           fs::last_write_time(frame.path).time_since_epoch().count());
     }
+  for (const Camera& camera : scene.cameras)
+    if (camera.lens.kind != Lens::Kind::none)
+      stamp += fmt::format("lens {} {} of {} {} {} {} as {} {}\n", int(camera.lens.kind),
+                           fmt::join(camera.lens.k, " "), camera.lens.fx, camera.lens.fy,
+                           camera.lens.cx, camera.lens.cy, camera.fx, camera.fy);
   return stamp;
 }
 
@@ -141,11 +152,14 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
   options.elevation = config.elevation;
   options.radius = config.radius;
   options.fov_y = config.fovy;
+  options.masks = config.masks;
+  options.first_step = config.first_step;
+  options.stride = config.stride;
   options.max_steps = config.max_steps;
   LoadedScene loaded{read_scene(config.path, options), nullptr};
   FrameStoreOptions store;
   store.resolution = config.resolution;
-  if (config.background == Background::black) store.background = {0, 0, 0};
+  store.background.fill(shown_level(config.background));
   store.unpack_folder = unpack_folder;
   loaded.frames = std::make_unique<FrameStore>(loaded.scene, store);
   return loaded;

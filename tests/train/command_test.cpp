@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "optim/data/movie.hpp"
 #include "optim/io/npz.hpp"
 #include "train/small_scene.hpp"
 
@@ -128,6 +129,31 @@ TEST_F(CommandTest, TrainWritesTheRunAndNamesIt) {
   const auto results = nlohmann::json::parse(contents(run() + "/results.json"));
   EXPECT_EQ(results["iterations"], 3);
   EXPECT_EQ(results["test"]["views"], 5);
+}
+
+TEST_F(CommandTest, TrainTakesAVideoFileAndADivisor) {
+  const TemporaryFolder folder;
+  const std::string video = folder.file("video.mp4"), run = folder.file("run");
+  write_movie(
+      video, 3,
+      [](size_t k) {
+        Image image{64, 48, 3, std::vector<uint8_t>(64 * 48 * 3, 200)};
+        for (size_t i = 0; i < 3000; ++i) image.pixels[1000 + 300 * k + i] = 50;
+        return image;
+      },
+      10);
+  const Outcome outcome =
+      gflow({"train", video, "-o", run, "-r", "2", "--iterations", "2", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  const Image frame = read_image(run + "/frames/input/00002.png");
+  EXPECT_EQ(frame.width, 32);
+  const auto results = nlohmann::json::parse(contents(run + "/results.json"));
+  EXPECT_EQ(results["resolution"], 2);
+  EXPECT_EQ(results["test"]["views"], 3);
+  EXPECT_EQ(gflow({"render", run, "-o", folder.file("pictures"), "--quiet"}).code, 0);
+  EXPECT_TRUE(fs::exists(folder.path() + "/pictures/compare"));
+  expect_refused({"train", video, "-o", run, "-r", "3"}, {"scene.resolution", "3", "1, 2, 4, 8"});
+  expect_refused({"train", folder.file("none.mp4"), "-o", run}, {"none.mp4", "no such"});
 }
 
 TEST_F(CommandTest, EvalFindsWhatTrainFound) {
