@@ -34,6 +34,7 @@ void add_import(CLI::App& app, const GlobalOptions& options);
 void add_train(CLI::App& app, const GlobalOptions& options);  // these need OpenCV
 void add_render(CLI::App& app, const GlobalOptions& options);
 void add_export(CLI::App& app, const GlobalOptions& options);
+void add_info(CLI::App& app, const GlobalOptions& options);
 void add_eval(CLI::App& app, const GlobalOptions& options);
 
 }  // namespace gflow

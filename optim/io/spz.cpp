@@ -104,7 +104,7 @@ PlyTable read_spz(const std::string& path) {
     const SplatRow row = table.row(i);
     for (size_t k = 0; k < 3; ++k) {
       const double p = fixed24(positions + 9 * i + 3 * k, header.fraction_bits);
-      row.mean[k] = float(k == 0 ? p : -p);
+      row.mean[k] = float(k == 0 ? p : 0 - p);
       row.log_scales[k] = float(scales[3 * i + k]) / 16 - 10;
       row.sh0[k] = float((colors[3 * i + k] / 255.0 - 0.5) / 0.15);
       for (size_t c = 0; c < coefficients; ++c)
