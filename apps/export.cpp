@@ -13,6 +13,7 @@
 #include "optim/train/interrupt.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/slice.hpp"
+#include "optim/train/splatv.hpp"
 #include "optim/train/training.hpp"
 #include "optim/train/views.hpp"
 
@@ -97,9 +98,30 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
   fmt::print("written   {} PLY files in {}\n", times.size(), folder);
 }
 
+// Where a viewer may begin: the cameras of the run, else those beside the file, else one before it.
+std::vector<Camera> viewer_cameras(const Source& source, const HostModel& model) {
+  const fs::path beside = source.run ? fs::path(source.run->path("cameras.json"))
+                                     : fs::path(source.path).replace_filename("cameras.json");
+  if (fs::exists(beside)) return read_cameras_json(beside.string(), 1);
+  return {orbit_views(model, {0}, "-y")[0].camera};
+}
+
+void require_no_times(const ExportFlags& flags) {
+  if (!flags.times.empty() || flags.steps > 0)
+    throw Error(fmt::format("--format {} holds all times; --times and --steps are for the others",
+                            flags.format));
+}
+
 void run_export(const ExportFlags& flags, const GlobalOptions& options) {
   const Source source = find_source(flags.model);
   const bool sequence = flags.format == "ply-sequence";
+  if (flags.format == "splatv") {
+    require_no_times(flags);
+    const HostModel host = read_model(source.path);
+    write_splatv(flags.output, host, viewer_cameras(source, host));
+    fmt::print("written   {}, {} Gaussians\n", flags.output, host.count);
+    return;
+  }
   std::vector<double> times;
   if (sequence) {
     times = sequence_times(flags, source);
@@ -133,8 +155,9 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option("--format", flags->format,
                    "ply: one time, for every 3DGS viewer; ply-sequence: a PLY a step, which "
-                   "SuperSplat plays; splat: one time, without view-dependent colour")
-      ->check(choice_of({"ply", "ply-sequence", "splat"}));
+                   "SuperSplat plays; splat: one time, without view-dependent colour; "
+                   "splatv: all times of a spacetime model for splaTV and gsplat.js")
+      ->check(choice_of({"ply", "ply-sequence", "splat", "splatv"}));
   command
       ->add_option("--times", flags->times,
                    "ply, splat: the time, 0 to 1; empty: 0.5. ply-sequence: 0:1:40 (40 times from "

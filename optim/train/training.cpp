@@ -10,6 +10,7 @@
 #include "optim/train/init.hpp"
 #include "optim/train/interrupt.hpp"
 #include "optim/train/progress.hpp"
+#include "optim/train/rendering.hpp"
 
 namespace gflow {
 namespace {
@@ -131,6 +132,19 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
   return step;
 }
 
+// compare.png: the middle one of the views, beside its truth.
+void write_comparison(Queue& queue, Model& model, const TrainConfig& config,
+                      const LoadedScene& loaded, const RunFolder& run) {
+  const std::vector<RenderView> views =
+      split_views(loaded.scene, loaded.scene.test, loaded.frames->cameras(), "test");
+  RenderOptions options;
+  options.settings = engine_settings(config.flow);
+  options.near = config.render.near;
+  if (config.scene.background == Background::black) options.background = {0, 0, 0};
+  write_png(run.path("compare.png"),
+            comparison_picture(queue, model, views[views.size() / 2], *loaded.frames, options));
+}
+
 }  // namespace
 
 LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder) {
@@ -198,6 +212,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   if (scene.test.empty()) return {};
   const Evaluation evaluation = judge(queue, model, config, loaded, scene.test, quiet);
   run.write_results(evaluation, "test", facts, config, model.parameters.count);
+  write_comparison(queue, model, config, loaded, run);
   return evaluation;
 }
 
@@ -210,6 +225,7 @@ Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& s
   const Evaluation evaluation = judge(queue, model, config, loaded, frames, quiet);
   const RunFacts facts = run.read_facts();
   run.write_results(evaluation, split, facts, config, model.parameters.count);
+  if (split == "test") write_comparison(queue, model, config, loaded, run);
   return evaluation;
 }
 
