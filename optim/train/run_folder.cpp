@@ -106,6 +106,7 @@ void RunFolder::forget_model(int iteration) const {
 }
 
 void RunFolder::forget_results() const {
+  fs::remove(path("compare.png"));
   for (const char* split : {"", "_train", "_val"})
     for (const char* name : {"results", "per_view"})
       fs::remove(path(fmt::format("{}{}.json", name, split)));

@@ -34,7 +34,7 @@ class RunFolder {
   std::string latest_model() const;
   // Removes the model of an iteration, if there is one.
   void forget_model(int iteration) const;
-  // Removes results.json and per_view.json: they are about to be untrue.
+  // Removes results.json, per_view.json and compare.png: they are about to be untrue.
   void forget_results() const;
   // Removes cached flow and video frames unless they were made under the same stamp.
   void forget_stale_caches(const std::string& stamp) const;
