@@ -225,9 +225,12 @@ void append_ball(HostModel& model, const float* xyz, float scale, float time, fl
   ++model.count;
 }
 
-// The Gaussians of init.file as they are, in the scene's coordinates; bands of colour that the
-// model has not are left out, those that the file has not are 0.
-void append_file(HostModel& model, float time, float scale_t, const TrainConfig& config) {
+// Whether init.file says where to begin.
+bool begins_from_file(const InitConfig& init) {
+  return init.from == InitFrom::file || (init.from == InitFrom::automatic && !init.file.empty());
+}
+
+HostModel read_init_file(const TrainConfig& config) {
   const std::string& path = config.init.file;
   if (path.empty()) throw Error("init.from is \"file\", but init.file names none");
   const HostModel file = read_model(path);
@@ -240,6 +243,13 @@ void append_file(HostModel& model, float time, float scale_t, const TrainConfig&
   if (file.count > size_t(config.density.cap))
     throw Error(fmt::format("init.file {} has {} Gaussians, more than density.cap = {}", path,
                             file.count, config.density.cap));
+  return file;
+}
+
+// The Gaussians of init.file as they are, in the scene's coordinates; bands of colour that the
+// model has not are left out, those that the file has not are 0.
+void append_file(HostModel& model, float time, float scale_t, const TrainConfig& config) {
+  const HostModel file = read_init_file(config);
   HostGroups& g = model.groups;
   for (const char* name : {"means", "quats", "log_scales", "logit_opacities", "sh0"})
     g[name] = file.groups.at(name);
@@ -278,6 +288,10 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   return distance;
 }
 
+void require_init_file(const TrainConfig& config) {
+  if (begins_from_file(config.init)) read_init_file(config);
+}
+
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config) {
@@ -285,9 +299,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   const float duration = model.shape.duration;
   const float lifetime = scene.steps > 1 ? config.init.lifetime * duration : 1000 * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
-  const bool from_file = config.init.from == InitFrom::file ||
-                         (config.init.from == InitFrom::automatic && !config.init.file.empty());
-  if (from_file) {
+  if (begins_from_file(config.init)) {
     append_file(model, duration / 2, lifetime, config);
   } else {
     const FirstPoints points = first_points(scene, frames, parts, config);

@@ -177,6 +177,7 @@ const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string&
 
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet) {
   check(config);
+  require_init_file(config);
   InterruptGuard guard;
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const Scene& scene = loaded.scene;

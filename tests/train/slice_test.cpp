@@ -38,6 +38,7 @@ HostModel lively_model(MotionModelKind kind) {
   model.shape.sh_degree = 1;
   model.shape.duration = 2;
   model.shape.keys = 4;
+  model.shape.bases = 3;
   for (uint i = 0; i < 60; ++i)
     append_gaussian(model, {noise(20, i), noise(21, i), 0.5f * noise(22, i)}, 0.1f, some_color(i),
                     0);
@@ -52,7 +53,7 @@ HostModel lively_model(MotionModelKind kind) {
     for (uint k = 0; k < 9; ++k) g["sh_rest"].push_back(0.3f * noise(33 + k, i));
   }
   add_rest(model.shape, g, 60);
-  for (const MotionColumns& columns : motion_columns(kind))
+  for (const MotionColumns& columns : motion_columns(model.shape))
     for (size_t k = 0; k < g[columns.group].size(); ++k)
       g[columns.group][k] += 0.4f * noise(50, uint(k));
   for (const TableSpec& table : motion_tables(model.shape))
@@ -99,7 +100,7 @@ TEST_P(EverySlicedModel, LooksFromAFileLikeTheModelAtItsTime) {
 }
 INSTANTIATE_TEST_SUITE_P(All, EverySlicedModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
-                                         MotionModelKind::keyframes),
+                                         MotionModelKind::keyframes, MotionModelKind::bases),
                          [](const auto& test) {
                            return std::string(names_of(test.param)[size_t(test.param)]);
                          });
