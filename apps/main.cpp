@@ -49,7 +49,10 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   gflow::add_train(app, options);
   gflow::add_render(app, options);
   gflow::add_eval(app, options);
+  gflow::add_export(app, options);
+  gflow::add_info(app, options);
 #endif
+  gflow::add_import(app, options);
   gflow::add_splat(app, options);
   gflow::add_bench(app, options);
   gflow::add_devices(app, options);

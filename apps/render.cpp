@@ -55,7 +55,7 @@ Source find_source(const RenderFlags& flags) {
     const std::string config = found_above(flags.model, "config.toml");
     if (!config.empty()) source.run = RunFolder::open(fs::path(config).parent_path().string());
   } else {
-    throw Error("there is no run folder and no PLY file " + flags.model);
+    throw Error("there is no run folder and no splat file " + flags.model);
   }
   if (source.run) source.config = source.run->read_config();
   if (flags.background == "white") source.config.scene.background = Background::white;
@@ -192,7 +192,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
   CLI::App* command = app.add_subcommand(
       "render",
       "Draw a trained model: colour, alpha, depth, flow, comparison with the truth, and videos");
-  command->add_option("RUN|PLY", flags->model, "Run folder of `gflow train`, or a PLY of Gaussians")
+  command->add_option("RUN|FILE", flags->model, "Run folder of `gflow train`, or any splat file")
       ->required()
       ->type_name("PATH");
   command->add_option("-o,--output", flags->output, "Folder that is written")

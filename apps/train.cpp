@@ -15,7 +15,7 @@ namespace gflow {
 namespace {
 
 struct TrainFlags {
-  std::string scene, run, config_file;
+  std::string scene, run, config_file, init;
   std::vector<std::string> settings;
   int iterations = 0, resolution = 1;
   int64_t seed = 0;
@@ -39,6 +39,10 @@ TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
   if (!flags.config_file.empty()) apply_file(config, flags.config_file);
   for (const std::string& setting : flags.settings) apply_setting(config, setting);
   config.scene.path = std::filesystem::absolute(flags.scene).lexically_normal().string();
+  if (!flags.init.empty()) {
+    config.init.from = InitFrom::file;
+    config.init.file = std::filesystem::absolute(flags.init).lexically_normal().string();
+  }
   if (command.count("--iterations")) config.train.iterations = flags.iterations;
   if (command.count("--resolution")) config.scene.resolution = flags.resolution;
   if (command.count("--seed")) config.train.seed = flags.seed;
@@ -87,6 +91,11 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->expected(1)
       ->default_str("")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  command
+      ->add_option("--init", flags->init,
+                   "First Gaussians from a splat file that stands still: .ply, compressed .ply, "
+                   ".splat, .spz (init.file)")
+      ->type_name("FILE");
   const TrainConfig defaults;
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")
       ->default_str(std::to_string(defaults.train.iterations));

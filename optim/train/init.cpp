@@ -10,6 +10,7 @@
 
 #include "optim/motion/bases.hpp"
 #include "optim/train/dynamic_seeds.hpp"
+#include "optim/train/views.hpp"
 #include "shared/random.h"
 #include "shared/sh.h"
 
@@ -18,6 +19,9 @@ namespace {
 
 // Streams of random numbers, so that no two uses share one.
 enum Stream : uint { kPosition = 100, kColor = 110, kTime = 120 };
+
+// Coefficients of a colour channel above degree 0.
+size_t rest_coefficients(int sh_degree) { return size_t((sh_degree + 1) * (sh_degree + 1) - 1); }
 
 // What is known of the object at a time of the video.
 constexpr size_t kViewsAtATime = 12;
@@ -134,9 +138,11 @@ FirstPoints fitting_points(const Scene& scene, FrameStore& frames,
   return points;
 }
 
-// Objects move: a point of an object needs to lie on it at its own time only.
+// In a box; with `hull` only those that the pictures' alpha has on the object. Objects move: a
+// point of an object needs to lie on it at its own time only.
 FirstPoints random_points(const Scene& scene, FrameStore& frames,
-                          const std::vector<ObjectView>& by_time, const TrainConfig& config) {
+                          const std::vector<ObjectView>& by_time, bool hull,
+                          const TrainConfig& config) {
   const size_t count = size_t(std::min(config.init.count, config.density.cap));
   const uint seed = uint(config.train.seed);
   const Eigen::Vector3d centre = looked_at(scene);
@@ -147,9 +153,9 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
     Eigen::Vector3d p;
     for (uint axis = 0; axis < 3; ++axis)
       p[axis] = centre[axis] + half * (2 * random_uniform(seed, kPosition + axis, i) - 1);
-    const float place = scene.has_alpha ? random_uniform(seed, kTime, i) : 0.5f;
+    const float place = hull ? random_uniform(seed, kTime, i) : 0.5f;
     const std::vector<ObjectView> views = views_near(by_time, place);
-    if (scene.has_alpha && !on_object(frames, views, p)) continue;
+    if (hull && !on_object(frames, views, p)) continue;
     points.time.push_back(float(views[views.size() / 2].frame->time));
     for (uint axis = 0; axis < 3; ++axis) {
       points.xyz.push_back(float(p[axis]));
@@ -162,6 +168,100 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
                     "pictures: check its cameras and masks, or give it points3D.ply",
                     scene.name));
   return points;
+}
+
+// The points that init.from asks for.
+FirstPoints first_points(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
+                         const TrainConfig& config) {
+  const InitFrom from = config.init.from;
+  const std::vector<ObjectView> by_time = views_by_time(scene, parts);
+  const bool given = from == InitFrom::points || from == InitFrom::automatic;
+  if (from == InitFrom::points && scene.points.size() == 0)
+    throw Error("init.from is \"points\", but scene " + scene.name +
+                " has none (points3D.ply or sparse/0/points3D.bin)");
+  if (from == InitFrom::visual_hull && !scene.has_alpha)
+    throw Error("init.from is \"visual-hull\", but the pictures of scene " + scene.name +
+                " have no alpha that shows the object");
+  FirstPoints points;
+  if (given && scene.points.size() > 0)
+    points = fitting_points(scene, frames, by_time, size_t(config.density.cap));
+  // None given, or few of many on the object: those were no surface points.
+  const size_t enough = std::min({size_t(1000), scene.points.size(), size_t(config.density.cap)});
+  if (points.size() == 0 || points.size() < enough)
+    points =
+        random_points(scene, frames, by_time, scene.has_alpha && from != InitFrom::random, config);
+  return points;
+}
+
+// A model without Gaussians, and without what only its motion model has.
+HostModel empty_model(const Scene& scene, const TrainConfig& config) {
+  HostModel model;
+  model.shape.motion = config.motion.model;
+  model.shape.sh_degree = config.motion.sh_degree;
+  model.shape.duration = float(config.motion.duration * scene.extent);
+  model.shape.cutoff = config.motion.cutoff;
+  model.shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
+  model.shape.bases = config.motion.bases;
+  for (const char* name :
+       {"means", "means_t", "quats", "log_scales", "logit_opacities", "sh0", "sh_rest"})
+    model.groups[name];
+  return model;
+}
+
+// A ball of the first opacity; time and its standard deviation in the model's unit. rgb: or null.
+void append_ball(HostModel& model, const float* xyz, float scale, float time, float scale_t,
+                 const uint8_t* rgb, const TrainConfig& config) {
+  HostGroups& g = model.groups;
+  const auto append = [&](const char* name, std::initializer_list<float> values) {
+    g[name].insert(g[name].end(), values);
+  };
+  append("means", {xyz[0], xyz[1], xyz[2]});
+  append("means_t", {time});
+  append("quats", {1, 0, 0, 0});
+  append("log_scales", {std::log(scale), std::log(scale), std::log(scale), std::log(scale_t)});
+  append("logit_opacities", {std::log(config.init.opacity / (1 - config.init.opacity))});
+  for (size_t c = 0; c < 3; ++c) append("sh0", {rgb ? (float(rgb[c]) / 255 - 0.5f) / SH_C0 : 0.f});
+  g["sh_rest"].resize(g["sh_rest"].size() + 3 * rest_coefficients(config.motion.sh_degree));
+  ++model.count;
+}
+
+// Whether init.file says where to begin.
+bool begins_from_file(const InitConfig& init) {
+  return init.from == InitFrom::file || (init.from == InitFrom::automatic && !init.file.empty());
+}
+
+HostModel read_init_file(const TrainConfig& config) {
+  const std::string& path = config.init.file;
+  if (path.empty()) throw Error("init.from is \"file\", but init.file names none");
+  const HostModel file = read_model(path);
+  if (!stands_still(file))
+    throw Error(
+        fmt::format("init.file {} moves, first Gaussians stand still: `gflow export --format "
+                    "ply --times T` makes a PLY of one of its times",
+                    path));
+  if (file.count == 0) throw Error("init.file " + path + " has no Gaussians");
+  if (file.count > size_t(config.density.cap))
+    throw Error(fmt::format("init.file {} has {} Gaussians, more than density.cap = {}", path,
+                            file.count, config.density.cap));
+  return file;
+}
+
+// The Gaussians of init.file as they are, in the scene's coordinates; bands of colour that the
+// model has not are left out, those that the file has not are 0.
+void append_file(HostModel& model, float time, float scale_t, const TrainConfig& config) {
+  const HostModel file = read_init_file(config);
+  HostGroups& g = model.groups;
+  for (const char* name : {"means", "quats", "log_scales", "logit_opacities", "sh0"})
+    g[name] = file.groups.at(name);
+  g["means_t"].assign(file.count, time);
+  for (size_t i = 0; i < file.count; ++i) g["log_scales"][4 * i + 3] = std::log(scale_t);
+  const size_t from = 3 * rest_coefficients(file.shape.sh_degree);
+  const size_t to = 3 * rest_coefficients(config.motion.sh_degree);
+  g["sh_rest"].assign(to * file.count, 0.f);
+  for (size_t i = 0; i < file.count; ++i)
+    std::copy_n(file.groups.at("sh_rest").begin() + long(from * i), std::min(from, to),
+                g["sh_rest"].begin() + long(to * i));
+  model.count = file.count;
 }
 
 }  // namespace
@@ -188,70 +288,41 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   return distance;
 }
 
+void require_init_file(const TrainConfig& config) {
+  if (begins_from_file(config.init)) read_init_file(config);
+}
+
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config) {
-  const bool has_points = scene.points.size() > 0;
-  if (config.init.from == InitFrom::points && !has_points)
-    throw Error("init.from is \"points\", but scene " + scene.name +
-                " has none (points3D.ply or sparse/0/points3D.bin)");
-  const std::vector<ObjectView> by_time = views_by_time(scene, parts);
-  FirstPoints points;
-  if (has_points && config.init.from != InitFrom::random)
-    points = fitting_points(scene, frames, by_time, size_t(config.density.cap));
-  // None given, or few of many on the object: those were no surface points.
-  const size_t enough = std::min({size_t(1000), scene.points.size(), size_t(config.density.cap)});
-  if (points.size() == 0 || points.size() < enough)
-    points = random_points(scene, frames, by_time, config);
-  Seeds seeds;  // short-lived, so none where each Gaussian is followed through the video
-  if (!config.train.sequential)
-    seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
-  const size_t n = points.size(), all = n + seeds.size();
-
-  HostModel model;
-  model.count = all;
-  model.shape.motion = config.motion.model;
-  model.shape.sh_degree = config.motion.sh_degree;
-  model.shape.duration = float(config.motion.duration * scene.extent);
-  model.shape.cutoff = config.motion.cutoff;
-  model.shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
-  model.shape.bases = config.motion.bases;
+  HostModel model = empty_model(scene, config);
   const float duration = model.shape.duration;
   const bool lasting = scene.steps < 2 || config.train.sequential;
   const float lifetime = lasting ? 1000 * duration : config.init.lifetime * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
-  const size_t rest = size_t((config.motion.sh_degree + 1) * (config.motion.sh_degree + 1) - 1);
-  auto& g = model.groups;
-  g["means"] = points.xyz;
-  g["means"].insert(g["means"].end(), seeds.xyz.begin(), seeds.xyz.end());
-  g["means_t"].assign(all, duration / 2);
-  g["quats"].assign(4 * all, 0.f);
-  g["log_scales"].resize(4 * all);
-  g["logit_opacities"].assign(all, std::log(config.init.opacity / (1 - config.init.opacity)));
-  g["sh0"].assign(3 * all, 0.f);
-  g["sh_rest"].assign(3 * rest * all, 0.f);
-  for (size_t i = 0; i < all; ++i) g["quats"][4 * i] = 1;
-  add_rest(model.shape, g, all);
-  if (model.shape.motion == MotionModelKind::bases)
-    place_bases(model.shape, g, seeds.size() ? n : 0);
-  const auto place = [&](size_t i, float scale, float scale_t, const uint8_t* rgb) {
-    for (size_t k = 0; k < 3; ++k) g["log_scales"][4 * i + k] = std::log(scale);
-    g["log_scales"][4 * i + 3] = std::log(scale_t);
-    for (size_t c = 0; rgb && c < 3; ++c)
-      g["sh0"][3 * i + c] = (float(rgb[c]) / 255 - 0.5f) / SH_C0;
-  };
-  const std::vector<float> distance = neighbour_distance(points.xyz);
-  for (size_t i = 0; i < n; ++i) {
-    place(i, distance[i], lifetime, points.rgb.empty() ? nullptr : &points.rgb[3 * i]);
-    g["means_t"][i] = points.time[i] * duration;
+  if (begins_from_file(config.init)) {
+    append_file(model, duration / 2, lifetime, config);
+  } else {
+    const FirstPoints points = first_points(scene, frames, parts, config);
+    const std::vector<float> distance = neighbour_distance(points.xyz);
+    for (size_t i = 0; i < points.size(); ++i)
+      append_ball(model, &points.xyz[3 * i], distance[i], points.time[i] * duration, lifetime,
+                  points.rgb.empty() ? nullptr : &points.rgb[3 * i], config);
   }
+  const size_t n = model.count;
+  Seeds seeds;  // short-lived, so none where each Gaussian is followed through the video
+  if (!config.train.sequential)
+    seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
+  for (size_t k = 0; k < seeds.size(); ++k)
+    append_ball(model, &seeds.xyz[3 * k], seeds.spacing[k], seeds.time[k] * duration, short_life,
+                &seeds.rgb[3 * k], config);
+  add_rest(model.shape, model.groups, model.count);
+  if (model.shape.motion == MotionModelKind::bases)
+    place_bases(model.shape, model.groups, seeds.size() ? n : 0);
   for (size_t k = 0; k < seeds.size(); ++k) {
-    const size_t i = n + k;
-    place(i, seeds.spacing[k], short_life, &seeds.rgb[3 * k]);
-    g["means_t"][i] = seeds.time[k] * duration;
     const float* v = &seeds.velocity[3 * k];
-    set_velocity(model.shape, g, i, {v[0] / duration, v[1] / duration, v[2] / duration},
-                 seeds.spacing[k], short_life);
+    set_velocity(model.shape, model.groups, n + k,
+                 {v[0] / duration, v[1] / duration, v[2] / duration}, seeds.spacing[k], short_life);
   }
   return model;
 }

@@ -8,7 +8,7 @@
 #include <filesystem>
 
 #include "optim/io/npz.hpp"
-#include "optim/io/ply.hpp"
+#include "optim/io/splat_table.hpp"
 
 namespace gflow {
 namespace {
@@ -54,15 +54,6 @@ std::map<std::string, size_t> widths_of(const MotionShape& shape) {
   for (const MotionColumns& columns : motion_columns(shape))
     widths[columns.group] = columns.properties.size();
   return widths;
-}
-
-int degree_of(size_t rest_columns, const std::string& path) {
-  for (int degree = 0; degree <= 3; ++degree)
-    if (rest_columns == size_t(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
-  throw Error(
-      fmt::format("reading {}: it has {} f_rest columns; spherical harmonics have 0, 9, 24 "
-                  "or 45",
-                  path, rest_columns));
 }
 
 // A number from a comment "key value", or the default.
@@ -182,20 +173,14 @@ void write_model(const std::string& path, const HostModel& model) {
 }
 
 HostModel read_model(const std::string& path) {
-  const PlyTable table = read_ply(path);
+  const PlyTable table = read_splats(path);
   HostModel model;
   model.count = table.rows;
-  if (table.column("packed_position") >= 0)
-    throw Error("reading " + path +
-                ": this is PlayCanvas' compressed PLY, which gflow does not read; export it as a "
-                "standard PLY");
   const auto has = [&](const char* name) { return table.column(name) >= 0; };
   const MotionModelKind kind = kind_of(table);
   const bool moving = has("scale_t") || has("rot_r_0") || has("motion_0");
   model.shape.motion = kind;
-  size_t rest_columns = 0;
-  while (table.column("f_rest_" + std::to_string(rest_columns)) >= 0) ++rest_columns;
-  model.shape.sh_degree = degree_of(rest_columns, path);
+  model.shape.sh_degree = sh_degree_of(table, path);
   MotionShape::fields(model.shape, [&](const char* name, auto& value) {
     value = std::decay_t<decltype(value)>(comment_value(table, name, double(value)));
   });
@@ -217,7 +202,7 @@ HostModel read_model(const std::string& path) {
         values[i * width + block.first + c] = table.values[i * columns + size_t(from)];
     }
   }
-  const size_t rest = rest_columns / 3;
+  const size_t rest = size_t((model.shape.sh_degree + 1) * (model.shape.sh_degree + 1) - 1);
   std::vector<float>& sh_rest = model.groups["sh_rest"];
   sh_rest.resize(3 * rest * model.count);
   for (size_t k = 0; k < rest; ++k)

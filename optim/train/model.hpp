@@ -48,8 +48,8 @@ void write_model(const std::string& path, const HostModel& model);
 // "a/b.ply" -> "a/b.motion.npz".
 std::string tables_path(const std::string& path);
 
-// Reads what write_model wrote, or any static 3DGS PLY (then nothing moves). Error when properties
-// are missing or values are not finite.
+// Reads what write_model wrote, or any splat file that read_splats reads (then nothing moves).
+// Error when properties are missing or values are not finite.
 HostModel read_model(const std::string& path);
 
 }  // namespace gflow

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/train/views.hpp"
 
 namespace gflow {
 namespace {
@@ -25,6 +26,20 @@ void write_text(const std::string& path, const std::string& text) {
 }
 
 // NaN has no place in JSON.
+// A line at the end of a file, or a new file of one line. On failure no half a line is left.
+void append_line(const std::string& file, bool anew, const std::string& line) {
+  std::error_code none;
+  const uintmax_t before = !anew && fs::exists(file) ? fs::file_size(file, none) : 0;
+  std::ofstream out(file, anew ? std::ios::trunc : std::ios::app);
+  out << line << "\n";
+  out.flush();
+  if (out) return;
+  const Error error(fmt::format("cannot write {}: {}", file, std::strerror(errno)));
+  out.close();
+  fs::resize_file(file, before, none);
+  throw error;
+}
+
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json figures_of(const ViewFigures& v) {
@@ -91,6 +106,7 @@ void RunFolder::forget_model(int iteration) const {
 }
 
 void RunFolder::forget_results() const {
+  fs::remove(path("compare.png"));
   for (const char* split : {"", "_train", "_val"})
     for (const char* name : {"results", "per_view"})
       fs::remove(path(fmt::format("{}{}.json", name, split)));
@@ -117,25 +133,7 @@ TrainConfig RunFolder::read_config() const {
 }
 
 void RunFolder::write_cameras(const Scene& scene) const {
-  Json cameras = Json::array();
-  for (size_t i = 0; i < scene.cameras.size(); ++i) {
-    const Camera& c = scene.cameras[i];
-    const Eigen::Vector3d p = c.position();
-    Json rotation = Json::array();  // camera to world, as 3DGS viewers read it
-    for (int row = 0; row < 3; ++row)
-      rotation.push_back({c.viewmat(0, row), c.viewmat(1, row), c.viewmat(2, row)});
-    cameras.push_back({{"id", i},
-                       {"img_name", c.name},
-                       {"width", c.width},
-                       {"height", c.height},
-                       {"position", {p.x(), p.y(), p.z()}},
-                       {"rotation", rotation},
-                       {"fx", c.fx},
-                       {"fy", c.fy},
-                       {"cx", c.cx},
-                       {"cy", c.cy}});
-  }
-  write_text(path("cameras.json"), cameras.dump(1) + "\n");
+  write_text(path("cameras.json"), cameras_json(scene.cameras));
 }
 
 void RunFolder::append_metrics(int iteration, double seconds, const StepFigures& f) const {
@@ -144,17 +142,14 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
                   {"ssim", number(f.ssim)},       {"flow_loss", number(f.flow_loss)},
                   {"psnr", number(f.psnr)},       {"flow_epe", number(f.epe)},
                   {"num_gaussians", f.gaussians}, {"refused", f.refused}};
-  const std::string file = path("metrics.jsonl");
-  std::error_code none;
-  const uintmax_t before = iteration > 0 && fs::exists(file) ? fs::file_size(file, none) : 0;
-  std::ofstream out(file, iteration == 0 ? std::ios::trunc : std::ios::app);
-  out << line.dump() << "\n";
-  out.flush();
-  if (out) return;
-  const Error error(fmt::format("cannot write {}: {}", file, std::strerror(errno)));
-  out.close();
-  fs::resize_file(file, before, none);  // no half a line
-  throw error;
+  append_line(path("metrics.jsonl"), iteration == 0, line.dump());
+  std::string names, values;
+  for (const auto& [name, value] : line.items()) {
+    names += (names.empty() ? "" : ",") + name;
+    values += (values.empty() ? "" : ",") + (value.is_null() ? "" : value.dump());
+  }
+  if (iteration == 0) append_line(path("metrics.csv"), true, names);
+  append_line(path("metrics.csv"), false, values);
 }
 
 void RunFolder::write_results(const Evaluation& evaluation, const std::string& split,

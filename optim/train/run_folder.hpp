@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run leaves behind, and where: config.toml, cameras.json, metrics.jsonl, the model under
-// point_cloud/iteration_N, results.json and per_view.json. Each file appears complete or not at
-// all.
+// What a run leaves behind, and where: config.toml, cameras.json, metrics.jsonl and .csv, the model
+// under point_cloud/iteration_N, results.json and per_view.json. Each file appears complete or not
+// at all.
 #pragma once
 #include <string>
 
@@ -34,7 +34,7 @@ class RunFolder {
   std::string latest_model() const;
   // Removes the model of an iteration, if there is one.
   void forget_model(int iteration) const;
-  // Removes results.json and per_view.json: they are about to be untrue.
+  // Removes results.json, per_view.json and compare.png: they are about to be untrue.
   void forget_results() const;
   // Removes cached flow and video frames unless they were made under the same stamp.
   void forget_stale_caches(const std::string& stamp) const;
@@ -42,7 +42,7 @@ class RunFolder {
   void write_config(const TrainConfig& config) const;
   TrainConfig read_config() const;
   void write_cameras(const Scene& scene) const;
-  // One line of metrics.jsonl.
+  // One line of metrics.jsonl, and the same figures in metrics.csv.
   void append_metrics(int iteration, double seconds, const StepFigures& figures) const;
   // results.json and per_view.json for the test views, results_SPLIT.json and so on for others.
   void write_results(const Evaluation& evaluation, const std::string& split, const RunFacts& facts,

@@ -11,6 +11,7 @@
 #include "optim/train/init.hpp"
 #include "optim/train/interrupt.hpp"
 #include "optim/train/progress.hpp"
+#include "optim/train/rendering.hpp"
 
 namespace gflow {
 namespace {
@@ -142,6 +143,19 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
   return step;
 }
 
+// compare.png: the middle one of the views, beside its truth.
+void write_comparison(Queue& queue, Model& model, const TrainConfig& config,
+                      const LoadedScene& loaded, const RunFolder& run) {
+  const std::vector<RenderView> views =
+      split_views(loaded.scene, loaded.scene.test, loaded.frames->cameras(), "test");
+  RenderOptions options;
+  options.settings = engine_settings(config.flow);
+  options.near = config.render.near;
+  if (config.scene.background == Background::black) options.background = {0, 0, 0};
+  write_png(run.path("compare.png"),
+            comparison_picture(queue, model, views[views.size() / 2], *loaded.frames, options));
+}
+
 }  // namespace
 
 LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder) {
@@ -177,6 +191,7 @@ const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string&
 
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet) {
   check(config);
+  require_init_file(config);
   InterruptGuard guard;
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const Scene& scene = loaded.scene;
@@ -212,6 +227,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   if (scene.test.empty()) return {};
   const Evaluation evaluation = judge(queue, model, config, loaded, scene.test, quiet);
   run.write_results(evaluation, "test", facts, config, model.parameters.count);
+  write_comparison(queue, model, config, loaded, run);
   return evaluation;
 }
 
@@ -224,6 +240,7 @@ Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& s
   const Evaluation evaluation = judge(queue, model, config, loaded, frames, quiet);
   const RunFacts facts = run.read_facts();
   run.write_results(evaluation, split, facts, config, model.parameters.count);
+  if (split == "test") write_comparison(queue, model, config, loaded, run);
   return evaluation;
 }
 

@@ -124,7 +124,8 @@ TEST_F(CommandTest, TrainWritesTheRunAndNamesIt) {
     EXPECT_TRUE(fs::exists(path)) << path;
     EXPECT_NE(trained().out.find(path), std::string::npos) << path;
   }
-  for (const char* name : {"config.toml", "cameras.json", "metrics.jsonl", "input.ply"})
+  for (const char* name :
+       {"config.toml", "cameras.json", "metrics.jsonl", "metrics.csv", "compare.png", "input.ply"})
     EXPECT_TRUE(fs::exists(run() + "/" + name)) << name;
   const auto results = nlohmann::json::parse(contents(run() + "/results.json"));
   EXPECT_EQ(results["iterations"], 3);
@@ -238,6 +239,68 @@ Arrays small_npz() {
           {"size", Array{{2}, std::vector<int32_t>{16, 12}}}};
 }
 
+TEST_F(CommandTest, ExportWritesOneTimeThatInfoAndImportAndTrainRead) {
+  const TemporaryFolder folder;
+  const std::string ply = folder.file("now.ply"), splat = folder.file("now.splat");
+  EXPECT_EQ(gflow({"export", run(), "-o", ply, "--times", "0.25"}).err, "");
+  EXPECT_EQ(gflow({"export", model(), "-o", splat, "--format", "splat", "--times", "0.25"}).err,
+            "");
+  const auto moving = nlohmann::json::parse(gflow({"info", run(), "--json"}).out);
+  EXPECT_EQ(moving["motion"], "spacetime");
+  EXPECT_EQ(moving["iterations"], 3);
+  const auto still = nlohmann::json::parse(gflow({"info", ply, "--json"}).out);
+  EXPECT_EQ(still["motion"], "none");
+  EXPECT_EQ(still["format"], "ply");
+  EXPECT_GT(still["gaussians"], 0);
+  EXPECT_EQ(gflow({"import", splat, "-o", folder.file("back.ply")}).err, "");
+  const auto back = nlohmann::json::parse(gflow({"info", folder.file("back.ply"), "--json"}).out);
+  EXPECT_EQ(back["gaussians"], still["gaussians"]);
+  const Outcome again = gflow({"train", scene().path(), "-o", folder.file("run"), "--iterations",
+                               "1", "--init", splat, "--set", "init.dynamic=0", "--quiet"});
+  EXPECT_EQ(again.code, 0) << again.err;
+  const auto first =
+      nlohmann::json::parse(gflow({"info", folder.file("run/input.ply"), "--json"}).out);
+  EXPECT_EQ(first["gaussians"], still["gaussians"]);
+}
+
+TEST_F(CommandTest, ExportWritesASequenceOfTheStepsOfTheScene) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(
+      gflow({"export", run(), "--format", "ply-sequence", "-o", folder.file("a"), "--quiet"}).code,
+      0);
+  for (const char* name : {"a/frame_0001.ply", "a/frame_0005.ply"})
+    EXPECT_TRUE(fs::exists(folder.file(name))) << name;
+  EXPECT_EQ(folder.count(), 5u);
+  expect_refused({"export", run(), "--format", "ply-sequence", "-o", folder.file("a")},
+                 {"not an empty folder"});
+  EXPECT_EQ(gflow({"export", run(), "--format", "splatv", "-o", folder.file("a.splatv")}).code, 0);
+  EXPECT_EQ(contents(folder.file("a.splatv")).substr(0, 2), "Kg");
+}
+
+TEST_F(CommandTest, FilesInAndOutSayWhatIsWrong) {
+  const TemporaryFolder folder;
+  const std::string out = folder.file("out.ply");
+  expect_refused({"export", run(), "-o", out, "--times", "0,1"}, {"--format ply", "one time"});
+  expect_refused({"export", run(), "-o", out, "--steps", "3"}, {"--steps", "ply-sequence"});
+  expect_refused({"export", run(), "-o", out, "--format", "splatv", "--times", "0"}, {"all times"});
+  expect_refused({"export", model(), "-o", out, "--format", "ply-sequence"},
+                 {"--steps or --times"});
+  expect_refused({"export", folder.file("none.ply"), "-o", out}, {"none.ply", "missing"});
+  expect_refused({"import", model(), "-o", out}, {"moving model", "gflow export"});
+  expect_refused({"import", folder.write("a.splat", "what?"), "-o", out}, {"a.splat", "32 bytes"});
+  expect_refused({"info", folder.write("b.xyz", "what?")}, {"b.xyz", ".spz"});
+  expect_refused({"train", scene().path(), "-o", folder.file("run"), "--init", model()},
+                 {"moves", "gflow export"});
+  EXPECT_FALSE(fs::exists(out));
+}
+
+TEST_F(CommandTest, InfoTellsWhatAnySceneIs) {
+  const auto info = nlohmann::json::parse(gflow({"info", scene().path(), "--json"}).out);
+  EXPECT_EQ(info["layout"], "n3v");
+  EXPECT_EQ(info["steps"], 5);
+  EXPECT_NE(gflow({"info", scene().path()}).out.find("n3v"), std::string::npos);
+}
+
 TEST_F(CommandTest, SplatDrawsAnArchive) {
   const TemporaryFolder folder;
   Arrays input = small_npz();
@@ -322,7 +385,8 @@ TEST_F(CommandTest, TheDeviceInTheSettingsIsForTrainingAlone) {
 
 TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   const std::string out = "/nowhere/out";
-  expect_refused({}, {"a command is missing", "train, render, eval, splat, bench or devices"});
+  expect_refused({}, {"a command is missing",
+                      "train, render, eval, export, info, import, splat, bench or devices"});
   expect_refused({"trian", "scene", "-o", out}, {"`gflow trian`", "nearest is train", "splat"});
   expect_refused({"--quiet", "device"}, {"`gflow device`", "nearest is devices"});
   expect_refused({"--device"}, {"--device", "missing", "gflow --help"});

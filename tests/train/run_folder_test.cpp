@@ -204,6 +204,15 @@ TEST(RunFolder, MetricsAreOneObjectALineAndStartAgainWithATraining) {
   EXPECT_EQ(lines[2]["iteration"], 200);
   EXPECT_EQ(lines[2]["psnr"], 20);
   EXPECT_TRUE(lines[2]["flow_loss"].is_null());
+  std::ifstream csv(run.path("metrics.csv"));
+  std::vector<std::string> rows;
+  for (std::string row; std::getline(csv, row);) rows.push_back(row);
+  ASSERT_EQ(rows.size(), 4u);
+  EXPECT_EQ(rows[0].rfind("iteration,seconds,loss,", 0), 0u);
+  EXPECT_EQ(rows[3].rfind("200,1.0,0.0,", 0), 0u);
+  EXPECT_NE(rows[3].find(",,20.0,"), std::string::npos);  // a figure that is none is left empty
+  EXPECT_EQ(std::count(rows[0].begin(), rows[0].end(), ','),
+            std::count(rows[3].begin(), rows[3].end(), ','));
 }
 
 }  // namespace
