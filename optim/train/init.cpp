@@ -188,6 +188,17 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   return distance;
 }
 
+ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
+  ModelShape shape;
+  shape.motion = config.motion.model;
+  shape.sh_degree = config.motion.sh_degree;
+  shape.duration = float(config.motion.duration * scene.extent);
+  shape.cutoff = config.motion.cutoff;
+  shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
+  shape.bases = config.motion.bases;
+  return shape;
+}
+
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config) {
@@ -208,12 +219,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
 
   HostModel model;
   model.count = all;
-  model.shape.motion = config.motion.model;
-  model.shape.sh_degree = config.motion.sh_degree;
-  model.shape.duration = float(config.motion.duration * scene.extent);
-  model.shape.cutoff = config.motion.cutoff;
-  model.shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
-  model.shape.bases = config.motion.bases;
+  model.shape = model_shape(scene, config);
   const float duration = model.shape.duration;
   const float lifetime = scene.steps > 1 ? config.init.lifetime * duration : 1000 * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);

@@ -19,6 +19,9 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config);
 
+// What the configuration and the scene say of the model.
+ModelShape model_shape(const Scene& scene, const TrainConfig& config);
+
 // Mean distance to the three nearest other points, for each of xyz [n, 3]; never 0.
 std::vector<float> neighbour_distance(const std::vector<float>& xyz);
 
