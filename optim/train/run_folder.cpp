@@ -182,7 +182,9 @@ void RunFolder::keep_metrics_before(int iteration) const {
   for (std::string line; std::getline(in, line); kept += line + "\n") {
     const Json parsed = Json::parse(line, nullptr, false);
     // The last line of a killed process may be cut off.
-    if (parsed.is_discarded() || parsed.value("iteration", iteration) >= iteration) break;
+    if (!parsed.is_object() || !parsed.contains("iteration") ||
+        !parsed["iteration"].is_number_integer() || parsed["iteration"] >= iteration)
+      break;
   }
   if (in.is_open()) write_text(path("metrics.jsonl"), kept);
 }
