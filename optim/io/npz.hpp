@@ -18,8 +18,8 @@ using Arrays = std::map<std::string, Array>;
 // entry is no array that gflow reads.
 Arrays read_npz(const std::string& path);
 
-// Deflating noise, as trained parameters are, saves a tenth of the space and takes thirty times as
-// long.
+// Deflating trained parameters and their moments saves a third of the space and takes thirty times
+// as long.
 enum class Packing { deflated, stored };
 
 // Writes all arrays; the file appears complete or not at all.

@@ -59,8 +59,8 @@ TEST_F(TrainerTest, TwoRunsInBatchesOfTwoGiveTheSameBits) {
 
 // Rounds of density control at 100, 150 ...: step 130 has evidence for the next one.
 TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
-  for (const MotionModelKind kind :
-       {MotionModelKind::spacetime, MotionModelKind::native4d, MotionModelKind::keyframes}) {
+  for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
+                                     MotionModelKind::keyframes, MotionModelKind::bases}) {
     TrainConfig config = small_config(scene(), 260);
     config.motion.model = kind;
     config.train.batch = kind == MotionModelKind::native4d ? 2 : 1;
