@@ -58,8 +58,7 @@ CheckpointFacts facts_of(const Json& json, const Arrays& arrays, const std::stri
 
 void write_checkpoint(const std::string& path, const Checkpoint& checkpoint) {
   // A path need not be UTF-8, and JSON must.
-  const std::string text =
-      json_of(checkpoint).dump(-1, ' ', false, Json::error_handler_t::replace);
+  const std::string text = json_of(checkpoint).dump(-1, ' ', false, Json::error_handler_t::replace);
   Arrays arrays = checkpoint.arrays;
   arrays[kFacts] = {{text.size()}, std::vector<uint8_t>(text.begin(), text.end())};
   write_npz(path, arrays, Packing::stored);

@@ -23,7 +23,8 @@ TEST_P(Interrupt, TheSecondSignalEndsTheProgramWithItsExitCode) {
         std::raise(GetParam());
         std::raise(GetParam());
       },
-      testing::ExitedWithCode(128 + GetParam()), "^gflow: interrupted twice and stopped at once\n$");
+      testing::ExitedWithCode(128 + GetParam()),
+      "^gflow: interrupted twice and stopped at once\n$");
 }
 
 TEST_P(Interrupt, AfterTheGuardTheSignalDoesWhatItDidBefore) {
