@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -127,6 +128,7 @@ struct ScheduleConfig {
   int64_t seed = 0;
   float minutes = 0;
   int log_every = 100;
+  int checkpoint_every = 1000;
   std::string device;
 
   template <class Self, class Field>
@@ -146,6 +148,11 @@ struct ScheduleConfig {
     field("minutes", self.minutes,
           "stop after this much training time [minutes], not repeatably; 0: no limit", at_least(0));
     field("log_every", self.log_every, "steps between two lines of the log", at_least(1));
+    field(
+        "checkpoint_every", self.checkpoint_every,
+        "steps between two checkpoints, from which --resume goes on; 0: only when training ends or "
+        "is interrupted",
+        at_least(0));
     field("device", self.device,
           "OpenCL device by index or part of its name; empty: GFLOW_DEVICE, then any");
   }
@@ -419,11 +426,15 @@ EngineSettings engine_settings(const FlowConfig& flow);
 
 // Changes the settings that a TOML file gives.
 void apply_file(TrainConfig& config, const std::string& path);
+// The same for TOML text, called `name` in errors.
+void apply_text(TrainConfig& config, const std::string& text, const std::string& name);
 // Changes one setting: "section.key=value". Text needs no quotes.
 void apply_setting(TrainConfig& config, const std::string& assignment);
 // Checks every value against its range; needed after members were set by hand.
 void check(const TrainConfig& config);
 // The whole configuration as TOML with a comment a line; reading it back gives the same values.
 std::string to_toml(const TrainConfig& config);
+// Every setting as "section.key" and its value as TOML.
+std::map<std::string, std::string> setting_values(const TrainConfig& config);
 
 }  // namespace gflow

@@ -196,12 +196,7 @@ FirstPoints first_points(const Scene& scene, FrameStore& frames, const std::vect
 // A model without Gaussians, and without what only its motion model has.
 HostModel empty_model(const Scene& scene, const TrainConfig& config) {
   HostModel model;
-  model.shape.motion = config.motion.model;
-  model.shape.sh_degree = config.motion.sh_degree;
-  model.shape.duration = float(config.motion.duration * scene.extent);
-  model.shape.cutoff = config.motion.cutoff;
-  model.shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
-  model.shape.bases = config.motion.bases;
+  model.shape = model_shape(scene, config);
   for (const char* name :
        {"means", "means_t", "quats", "log_scales", "logit_opacities", "sh0", "sh_rest"})
     model.groups[name];
@@ -286,6 +281,17 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   if (least == std::numeric_limits<float>::max()) least = 1e-2f;
   for (float& d : distance) d = std::max(d, least);
   return distance;
+}
+
+ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
+  ModelShape shape;
+  shape.motion = config.motion.model;
+  shape.sh_degree = config.motion.sh_degree;
+  shape.duration = float(config.motion.duration * scene.extent);
+  shape.cutoff = config.motion.cutoff;
+  shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
+  shape.bases = config.motion.bases;
+  return shape;
 }
 
 void require_init_file(const TrainConfig& config) {

@@ -23,6 +23,8 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
 
 // The Error that initial_model would throw for init.file, before time is spent on anything else.
 void require_init_file(const TrainConfig& config);
+// What the configuration and the scene say of the model.
+ModelShape model_shape(const Scene& scene, const TrainConfig& config);
 
 // Mean distance to the three nearest other points, for each of xyz [n, 3]; never 0.
 std::vector<float> neighbour_distance(const std::vector<float>& xyz);

@@ -106,11 +106,13 @@ std::string tables_path(const std::string& path) {
   return std::filesystem::path(path).replace_extension(".motion.npz").string();
 }
 
-Model::Model(Queue& queue, const HostModel& host)
-    : shape(host.shape),
-      motion(make_motion(queue, host.shape)),
-      color(queue, host.shape.sh_degree),
-      parameters(queue, host.count, all_groups(*motion, color), motion->tables()) {
+Model::Model(Queue& queue, const ModelShape& shape, size_t count)
+    : shape(shape),
+      motion(make_motion(queue, shape)),
+      color(queue, shape.sh_degree),
+      parameters(queue, count, all_groups(*motion, color), motion->tables()) {}
+
+Model::Model(Queue& queue, const HostModel& host) : Model(queue, host.shape, host.count) {
   for (Table* table : parameters.tables())
     for (size_t g = 0; g < table->specs.size(); ++g) {
       const GroupSpec& spec = table->specs[g];

@@ -25,6 +25,8 @@ struct HostModel {
 
 class Model {
  public:
+  // `count` Gaussians of undefined values.
+  Model(Queue& queue, const ModelShape& shape, size_t count);
   // Error when a group is missing or has the wrong length.
   Model(Queue& queue, const HostModel& host);
 

@@ -17,6 +17,7 @@ namespace gflow {
 namespace {
 
 constexpr const char* kStamp = "caches.stamp";  // every run folder has it
+constexpr const char* kLock = ".lock";
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
@@ -51,13 +52,22 @@ Json figures_of(const ViewFigures& v) {
           {"teacher_epe_dynamic", number(v.teacher_epe_dynamic)}};
 }
 
+// Whether a folder has files that no training, killed at its very start, left behind.
+bool holds_something(const std::string& folder) {
+  std::error_code problem;
+  for (const auto& entry : fs::directory_iterator(folder, problem)) {
+    const std::string name = entry.path().filename().string();
+    if (name != kLock && !is_temporary_name(name)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 void RunFolder::make() const {
   std::error_code problem;
   // Training replaces what is in a run folder; what is in any other folder is not ours.
-  if (fs::exists(folder_, problem) && !fs::is_empty(folder_, problem) && !problem &&
-      !fs::exists(path(kStamp)))
+  if (holds_something(folder_) && !fs::exists(path(kStamp)))
     throw Error(
         fmt::format("training into {}: it is not empty and no run folder; name a new folder,"
                     " or an earlier run to train it anew",
@@ -71,6 +81,8 @@ RunFolder RunFolder::create(const std::string& path) {
   run.make();
   return run;
 }
+
+FileLock RunFolder::lock() const { return FileLock(path(kLock), folder_); }
 
 RunFolder RunFolder::open(const std::string& path) {
   if (!fs::exists(fs::path(path) / "config.toml"))
@@ -112,6 +124,13 @@ void RunFolder::forget_results() const {
       fs::remove(path(fmt::format("{}{}.json", name, split)));
 }
 
+void RunFolder::forget_unfinished_files() const {
+  std::vector<fs::path> unfinished;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_))
+    if (is_temporary_name(entry.path().filename().string())) unfinished.push_back(entry.path());
+  for (const fs::path& file : unfinished) fs::remove(file);
+}
+
 void RunFolder::forget_stale_caches(const std::string& stamp) const {
   std::ifstream in(path(kStamp));
   const std::string old{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
@@ -150,6 +169,19 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
   }
   if (iteration == 0) append_line(path("metrics.csv"), true, names);
   append_line(path("metrics.csv"), false, values);
+}
+
+void RunFolder::keep_metrics_before(int iteration) const {
+  std::ifstream in(path("metrics.jsonl"));
+  std::string kept;
+  for (std::string line; std::getline(in, line); kept += line + "\n") {
+    const Json parsed = Json::parse(line, nullptr, false);
+    // The last line of a killed process may be cut off.
+    if (!parsed.is_object() || !parsed.contains("iteration") ||
+        !parsed["iteration"].is_number_integer() || parsed["iteration"] >= iteration)
+      break;
+  }
+  if (in.is_open()) write_text(path("metrics.jsonl"), kept);
 }
 
 void RunFolder::write_results(const Evaluation& evaluation, const std::string& split,

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "optim/motion/parameters_state.hpp"
 #include "shared/random.h"
 
 namespace gflow {
@@ -289,6 +290,18 @@ void Trainer::refine_if_due(Queue& queue, int step) {
   rule.cap = size_t(d.cap);
   density_.refine(queue, model_.parameters, *model_.motion, rule,
                   random_bits(uint32_t(config_.train.seed), kSplitStream, uint32_t(step)));
+}
+
+Arrays Trainer::state(Queue& queue) const {
+  Arrays arrays;
+  save_state(queue, model_.parameters, arrays);
+  density_.save_state(queue, arrays);
+  return arrays;
+}
+
+void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& path) {
+  load_state(queue, model_.parameters, arrays, path);
+  density_.load_state(queue, arrays, path);
 }
 
 StepFigures Trainer::figures(Queue& queue) {

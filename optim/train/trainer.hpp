@@ -37,6 +37,12 @@ class Trainer {
   // Waits.
   StepFigures figures(Queue& queue);
 
+  // All that a later step depends on beside configuration, scene and step number. Waits.
+  Arrays state(Queue& queue) const;
+  // Goes on from there, whatever the model was. Error when the arrays are not those of such a
+  // model; `path`: the file they come from, for messages.
+  void set_state(Queue& queue, const Arrays& arrays, const std::string& path);
+
   // Bands of spherical harmonics in use at a step.
   int sh_degree(int step) const;
   // Which time steps a training step is about.

@@ -12,21 +12,30 @@
 #include "optim/train/interrupt.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
+#include "optim/train/resume.hpp"
 
 namespace gflow {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+// Training time, that of earlier processes included.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double before) : before_(before) {}
+  double seconds() const {
+    return before_ + std::chrono::duration<double>(Clock::now() - start_).count();
+  }
 
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
+ private:
+  using Clock = std::chrono::steady_clock;
+  double before_;
+  Clock::time_point start_ = Clock::now();
+};
 
-// Passes counts on to a progress line and stops the work on Ctrl-C.
-ProgressCallback counted(Progress& progress, const std::string& doing) {
-  return [&progress, doing](size_t done, size_t) {
+// Passes counts on to a progress line and stops the work on Ctrl-C; `kept` says what comes of it.
+ProgressCallback counted(Progress& progress, const std::string& doing, const std::string& kept) {
+  return [&progress, doing, kept](size_t done, size_t) {
     progress.update(long(done));
-    if (interrupted()) throw Interrupted("interrupted while " + doing + "; nothing was lost");
+    if (interrupted()) throw Interrupted("interrupted while " + doing + "; " + kept);
   };
 }
 
@@ -58,7 +67,7 @@ FlowStore flows_for(const TrainConfig& config, const LoadedScene& loaded,
   });
   Progress progress("flow ", long(forward), quiet || forward == 0);
   FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, run.path("flow"), 0,
-                                    counted(progress, "computing optical flow"));
+                                    counted(progress, "computing optical flow", how_to_go_on(run)));
   progress.finish();
   return flows;
 }
@@ -108,35 +117,38 @@ std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
   return stamp;
 }
 
-// The views, and the paths in space where the scene has true ones.
+// The views, and the paths in space where the scene has true ones; `kept`: as in counted().
 Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
-                 const std::vector<Frame>& frames, bool quiet) {
+                 const std::vector<Frame>& frames, bool quiet, const std::string& kept) {
   Progress progress("eval ", long(frames.size()), quiet);
   Evaluation evaluation =
-      evaluate(queue, model, config, *loaded.frames, frames, counted(progress, "evaluating"));
+      evaluate(queue, model, config, *loaded.frames, frames, counted(progress, "evaluating", kept));
   progress.finish();
   if (!loaded.scene.tracks_path.empty())
     evaluation.tracks = track_error(queue, model, read_tracks(loaded.scene.tracks_path));
   return evaluation;
 }
 
-// The training loop; returns the number of steps made.
+// The training loop from step number `step`; returns the number of steps made, earlier ones
+// included.
 int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, Trainer& trainer,
-                bool quiet, Clock::time_point start) {
-  Progress progress("train", config.train.iterations, quiet);
+                int step, const Stopwatch& watch, Checkpointer& checkpoints, bool quiet) {
+  const ScheduleConfig& plan = config.train;
+  Progress progress("train", plan.iterations, quiet, step);
   StepFigures figures;
-  int step = 0;
-  for (; step < config.train.iterations && !interrupted(); ++step) {
+  const auto time_is_over = [&] {
+    return plan.minutes > 0 && watch.seconds() > 60 * double(plan.minutes);
+  };
+  for (; step < plan.iterations && !interrupted() && !time_is_over(); ++step) {
     trainer.step(queue, step);
-    if (step % config.train.log_every == 0 || step + 1 == config.train.iterations) {
+    if (step % plan.log_every == 0 || step + 1 == plan.iterations) {
       figures = trainer.figures(queue);
-      run.append_metrics(step, seconds_since(start), figures);
+      run.append_metrics(step, watch.seconds(), figures);
     }
     progress.update(step + 1, terms_of(figures));
-    if (config.train.minutes > 0 && seconds_since(start) > 60 * double(config.train.minutes)) {
-      ++step;
-      break;
-    }
+    const int done = step + 1;
+    if (plan.checkpoint_every > 0 && done % plan.checkpoint_every == 0 && done < plan.iterations)
+      checkpoints.try_write(done, watch.seconds());
   }
   queue.finish();
   progress.finish();
@@ -189,7 +201,8 @@ const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string&
   return *frames;
 }
 
-Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet) {
+Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
+                     Start start) {
   check(config);
   require_init_file(config);
   InterruptGuard guard;
@@ -197,6 +210,13 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const Scene& scene = loaded.scene;
   if (scene.train.empty()) throw Error("scene " + scene.name + " has no training views");
   run.make();
+  const FileLock lock = run.lock();
+  run.forget_unfinished_files();
+  std::optional<CheckpointFolder::Found> resumed;
+  if (start == Start::resume)
+    resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
+  else
+    run.checkpoints().clear();
   run.forget_results();
   run.forget_stale_caches(cache_stamp(scene, config.scene));
   for (const Frame& frame : scene.test) loaded.frames->rgb(frame);  // broken ones are named now
@@ -211,21 +231,36 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   if (config.init.dynamic > 0 || config.train.focus > 0)
     watchers = watchers_of(scene, *loaded.frames);
   const std::vector<Rect> parts = parts_of_interest(scene, *loaded.frames, watchers);
-  const HostModel start_model =
-      initial_model(scene, *loaded.frames, parts, watchers, pairs, flows, config);
-  write_model(run.path("input.ply"), start_model);
-  Model model(queue, start_model);
+  const auto first_model = [&] {
+    const HostModel first =
+        initial_model(scene, *loaded.frames, parts, watchers, pairs, flows, config);
+    write_model(run.path("input.ply"), first);
+    return Model(queue, first);
+  };
+  Model model = resumed ? Model(queue, model_shape(scene, config), 0) : first_model();
   Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows, parts, model);
-  const Clock::time_point start = Clock::now();
-  const int steps = train_steps(queue, config, run, trainer, quiet, start);
-  const RunFacts facts{steps, seconds_since(start), queue.info.full_name()};
+  CheckpointFacts former;
+  if (resumed) {
+    trainer.set_state(queue, resumed->checkpoint.arrays, resumed->path);
+    former = resumed->checkpoint.facts;
+    resumed.reset();  // its arrays are as large as the model
+    run.keep_metrics_before(former.step);
+  }
+  Checkpointer checkpoints(queue, config, scene, run, trainer);
+  const Stopwatch watch(former.seconds);
+  const int steps =
+      train_steps(queue, config, run, trainer, former.step, watch, checkpoints, quiet);
+  const RunFacts facts{steps, watch.seconds(), queue.info.full_name()};
   save_model(queue, model, run, steps);
   run.write_facts(facts);
+  checkpoints.write(steps, facts.train_seconds);
   if (interrupted())
-    throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}", steps,
-                                  config.train.iterations, run.model_path(steps)));
+    throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}, {}", steps,
+                                  config.train.iterations, run.model_path(steps),
+                                  how_to_go_on(run)));
   if (scene.test.empty()) return {};
-  const Evaluation evaluation = judge(queue, model, config, loaded, scene.test, quiet);
+  const Evaluation evaluation =
+      judge(queue, model, config, loaded, scene.test, quiet, how_to_go_on(run));
   run.write_results(evaluation, "test", facts, config, model.parameters.count);
   write_comparison(queue, model, config, loaded, run);
   return evaluation;
@@ -233,11 +268,13 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
 
 Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet) {
   InterruptGuard guard;
+  const FileLock lock = run.lock();
   const TrainConfig config = run.read_config();
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, read_model(run.latest_model()));
-  const Evaluation evaluation = judge(queue, model, config, loaded, frames, quiet);
+  const Evaluation evaluation =
+      judge(queue, model, config, loaded, frames, quiet, "nothing was lost");
   const RunFacts facts = run.read_facts();
   run.write_results(evaluation, split, facts, config, model.parameters.count);
   if (split == "test") write_comparison(queue, model, config, loaded, run);

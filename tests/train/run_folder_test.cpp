@@ -40,6 +40,32 @@ TEST(RunFolder, IsNotMadeOfAFolderThatHoldsSomethingElse) {
   EXPECT_NO_THROW(RunFolder::create(folder.path() + "/run"));  // to be trained anew
 }
 
+TEST(RunFolder, OfATrainingKilledAtItsVeryStartIsUsedAgain) {
+  const TemporaryFolder folder;
+  folder.write(".lock", "123");
+  folder.write(".caches.123-0.part.stamp", "reso");
+  const RunFolder run = RunFolder::create(folder.path());
+  run.forget_unfinished_files();
+  EXPECT_EQ(folder.count(), 1u);
+  folder.write(".profile", "of somebody");
+  expect_error([&] { RunFolder::create(folder.path()); }, {"not empty"});
+}
+
+TEST(RunFolder, KeepsMetricsOfTheStepsBeforeACheckpoint) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  EXPECT_NO_THROW(run.keep_metrics_before(10));  // none yet
+  for (const int iteration : {0, 10}) run.append_metrics(iteration, 1, {});
+  const std::string expected = contents(run.path("metrics.jsonl"));
+  for (const int iteration : {20, 30}) run.append_metrics(iteration, 1, {});
+  std::ofstream(run.path("metrics.jsonl"), std::ios::app) << "{\"iteration\":40,\"sec";
+  run.keep_metrics_before(20);
+  EXPECT_EQ(contents(run.path("metrics.jsonl")), expected);
+  std::ofstream(run.path("metrics.jsonl"), std::ios::app) << "7\n";
+  run.keep_metrics_before(1000);
+  EXPECT_EQ(contents(run.path("metrics.jsonl")), expected);
+}
+
 TEST(RunFolder, ForgetsTheResultsOfEverySplit) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());

@@ -202,17 +202,15 @@ class SmallTraining {
   // All that a training step changes, by name, as bits.
   std::map<std::string, std::vector<uint32_t>> bits(Queue& queue) const {
     std::map<std::string, std::vector<uint32_t>> all;
-    for (const Table* table : model.parameters.tables()) {
-      for (size_t g = 0; g < table->groups.size(); ++g) {
-        const ParameterGroup& group = table->groups[g];
-        const std::string& name = table->specs[g].name;
-        all[name] = bits_of(group.values.read(queue));
-        all[name + " exp_avg"] = bits_of(group.exp_avg.read(queue));
-        all[name + " exp_avg_sq"] = bits_of(group.exp_avg_sq.read(queue));
-      }
-      all["steps of " + table->specs[0].name] = table->rows.steps.read(queue);
-    }
+    for (const auto& [name, array] : trainer.state(queue))
+      std::visit([&, &name = name](const auto& values) { all[name] = bits_of(values); },
+                 array.values);
     return all;
+  }
+  // Goes on from there as if `done` steps had been made here.
+  void go_on(Queue& queue, const Arrays& state, int done) {
+    trainer.set_state(queue, state, "a state");
+    done_ = done;
   }
 
   TrainConfig config;
@@ -225,9 +223,10 @@ class SmallTraining {
   Trainer trainer;
 
  private:
-  static std::vector<uint32_t> bits_of(const std::vector<float>& values) {
-    std::vector<uint32_t> bits(values.size());
-    if (!bits.empty()) std::memcpy(bits.data(), values.data(), 4 * values.size());
+  template <class T>
+  static std::vector<uint32_t> bits_of(const std::vector<T>& values) {
+    std::vector<uint32_t> bits(values.size() * sizeof(T) / 4);
+    if (!bits.empty()) std::memcpy(bits.data(), values.data(), 4 * bits.size());
     return bits;
   }
   int done_ = 0;

@@ -46,7 +46,8 @@ TEST_F(TrainerTest, TwoRunsOf500StepsGiveTheSameBits) {
   TrainConfig config = small_config(scene(), 500);
   config.init.dynamic = 60;
   const auto first = bits_after(queue(), config, 500);
-  EXPECT_GT(first.at("means_t").size(), scene().truth.count);  // density control took part
+  EXPECT_GT(first.at("gaussians/means_t").size(),
+            scene().truth.count);  // density control took part
   expect_equal_bits(first, bits_after(queue(), config, 500));
 }
 
@@ -56,11 +57,50 @@ TEST_F(TrainerTest, TwoRunsInBatchesOfTwoGiveTheSameBits) {
   expect_equal_bits(bits_after(queue(), config, 200), bits_after(queue(), config, 200));
 }
 
+// Rounds of density control at 100, 150 ...: step 130 has evidence for the next one.
+TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
+  for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
+                                     MotionModelKind::keyframes, MotionModelKind::bases}) {
+    TrainConfig config = small_config(scene(), 260);
+    config.motion.model = kind;
+    config.train.batch = kind == MotionModelKind::native4d ? 2 : 1;
+    SmallTraining training(queue(), config);
+    training.steps(queue(), 130);
+    const Arrays state = training.trainer.state(queue());
+    training.steps(queue(), 90);
+    SmallTraining other(queue(), config);
+    other.steps(queue(), 7);  // whatever it was before
+    other.go_on(queue(), state, 130);
+    other.steps(queue(), 90);
+    expect_equal_bits(training.bits(queue()), other.bits(queue()));
+  }
+}
+
+TEST_F(TrainerTest, AStateOfAnotherModelIsRefusedAndChangesNothing) {
+  TrainConfig config = small_config(scene(), 20);
+  SmallTraining training(queue(), config);
+  training.steps(queue(), 3);
+  const auto before = training.bits(queue());
+  Arrays state = training.trainer.state(queue());
+  Array& means = state.at("gaussians/means");
+  means.shape[1] = 2;
+  expect_error([&] { training.trainer.set_state(queue(), state, "some.npz"); },
+               {"some.npz", "'gaussians/means'", "3)"});
+  means.shape[1] = 3;
+  means.values = std::vector<double>(means.size());
+  expect_error([&] { training.trainer.set_state(queue(), state, "some.npz"); },
+               {"some.npz", "'gaussians/means'", "number type"});
+  state.erase("gaussians/means");
+  expect_error([&] { training.trainer.set_state(queue(), state, "some.npz"); },
+               {"some.npz", "no array 'gaussians/means'"});
+  expect_equal_bits(before, training.bits(queue()));
+}
+
 TEST_F(TrainerTest, AnotherSeedGivesAnotherModel) {
   TrainConfig config = small_config(scene(), 20);
   const auto first = bits_after(queue(), config, 20);
   config.train.seed = 4;
-  EXPECT_NE(first.at("means"), bits_after(queue(), config, 20).at("means"));
+  EXPECT_NE(first.at("gaussians/means"), bits_after(queue(), config, 20).at("gaussians/means"));
 }
 
 TEST_F(TrainerTest, FlowOfWeightZeroChangesNoBit) {
@@ -79,7 +119,7 @@ TEST_F(TrainerTest, FlowOfPositiveWeightChangesTheModel) {
   TrainConfig config = small_config(scene(), 20);
   const auto with = bits_after(queue(), config, 20);
   config.flow.enabled = false;
-  EXPECT_NE(with.at("quats"), bits_after(queue(), config, 20).at("quats"));
+  EXPECT_NE(with.at("gaussians/quats"), bits_after(queue(), config, 20).at("gaussians/quats"));
 }
 
 Evaluation judged(Queue& queue, const TrainConfig& config) {
@@ -180,7 +220,7 @@ TEST_F(TrainerTest, SphericalHarmonicsRiseByOneDegreePerIntervalUpToTheHighest) 
 
 TEST_F(TrainerTest, BandsAboveTheDegreeInUseStayZero) {
   const auto bits = bits_after(queue(), small_config(scene(), 200), 90);
-  for (const uint32_t b : bits.at("sh_rest")) ASSERT_EQ(b, 0u);
+  for (const uint32_t b : bits.at("gaussians/sh_rest")) ASSERT_EQ(b, 0u);
 }
 
 TEST(Shuffled, GivesEveryItemOnceARound) {
