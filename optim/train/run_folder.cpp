@@ -139,11 +139,17 @@ void RunFolder::write_cameras(const Scene& scene) const {
 }
 
 void RunFolder::append_metrics(int iteration, double seconds, const StepFigures& f) const {
-  const Json line{{"iteration", iteration},       {"seconds", seconds},
-                  {"loss", number(f.loss)},       {"l1", number(f.l1)},
-                  {"ssim", number(f.ssim)},       {"flow_loss", number(f.flow_loss)},
-                  {"psnr", number(f.psnr)},       {"flow_epe", number(f.epe)},
-                  {"num_gaussians", f.gaussians}, {"refused", f.refused}};
+  Json line{{"iteration", iteration},       {"seconds", seconds},
+            {"loss", number(f.loss)},       {"l1", number(f.l1)},
+            {"ssim", number(f.ssim)},       {"flow_loss", number(f.flow_loss)},
+            {"psnr", number(f.psnr)},       {"flow_epe", number(f.epe)},
+            {"num_gaussians", f.gaussians}, {"refused", f.refused}};
+  if (f.motion)
+    line.update({{"rigidity", number(f.motion->rigidity)},
+                 {"rotation", number(f.motion->rotation)},
+                 {"isometry", number(f.motion->isometry)},
+                 {"velocity", number(f.motion->velocity)},
+                 {"acceleration", number(f.motion->acceleration)}});
   const std::string file = path("metrics.jsonl");
   std::error_code none;
   const uintmax_t before = iteration > 0 && fs::exists(file) ? fs::file_size(file, none) : 0;
