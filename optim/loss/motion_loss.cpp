@@ -62,7 +62,7 @@ void MotionLoss::run(Queue& queue, const Buffer<cl_uint>& seen, const GaussiansA
                               knee};
     turns_.ensure(queue, 9 * n);
     pair_terms_.ensure(queue, 4 * n);
-    if (weights_.rigidity > 0 || weights_.rotation > 0)
+    if (weights_.any_turns())
       motion_turns_(queue, Range::over(n), cl_uint(n), seen, at_t1.factors, at_t2.factors, turns_);
     motion_pairs_(queue, Range::over(n), cl_uint(n), rule, seen, offsets_, others_, distances_,
                   pair_weights_, at_t1.means, at_t2.means, at_t1.factors, at_t2.factors, turns_,

@@ -21,7 +21,8 @@ struct MotionLossWeights {
   float falloff = 2000;  // a pair at distance d has the weight exp(-falloff (d / extent)^2)
   float extent = 1;      // of the scene [scene units]
 
-  bool any_pairs() const { return rigidity > 0 || rotation > 0 || isometry > 0 || velocity > 0; }
+  bool any_turns() const { return rigidity > 0 || rotation > 0; }
+  bool any_pairs() const { return any_turns() || isometry > 0 || velocity > 0; }
 };
 
 // The terms of one view, times their weights.
