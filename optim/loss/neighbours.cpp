@@ -101,4 +101,33 @@ NeighbourPairs neighbour_pairs(Queue& queue, const Parameters& parameters, Motio
   return listed_with_both(std::move(pairs), parameters.count);
 }
 
+void save_state(const NeighbourPairs& pairs, Arrays& arrays) {
+  arrays["neighbours/offsets"] = {{pairs.offsets.size()}, pairs.offsets};
+  arrays["neighbours/others"] = {{pairs.others.size()}, pairs.others};
+  arrays["neighbours/distances"] = {{pairs.distances.size()}, pairs.distances};
+}
+
+NeighbourPairs load_neighbour_pairs(const Arrays& arrays, size_t count, const std::string& path) {
+  const auto take = [&](const char* name, auto& values) {
+    const Array& array = array_named(arrays, name, path);
+    if (const auto* found = std::get_if<std::decay_t<decltype(values)>>(&array.values))
+      values = *found;
+  };
+  NeighbourPairs pairs;
+  take("neighbours/offsets", pairs.offsets);
+  take("neighbours/others", pairs.others);
+  take("neighbours/distances", pairs.distances);
+  const auto& offsets = pairs.offsets;
+  const bool fits = offsets.size() == count + 1 && offsets.front() == 0 &&
+                    std::is_sorted(offsets.begin(), offsets.end()) &&
+                    offsets.back() == pairs.others.size() &&
+                    pairs.distances.size() == pairs.others.size() &&
+                    std::all_of(pairs.others.begin(), pairs.others.end(),
+                                [&](cl_uint other) { return other < count; });
+  if (!fits)
+    throw Error(
+        fmt::format("{}: the arrays neighbours/... are no pairs of {} Gaussians", path, count));
+  return pairs;
+}
+
 }  // namespace gflow

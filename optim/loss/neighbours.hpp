@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which Gaussians are neighbours: pairs that should move alike.
 #pragma once
+#include "optim/io/npz.hpp"
 #include "optim/motion/motion.hpp"
 
 namespace gflow {
@@ -25,5 +26,11 @@ struct NeighbourRule {
 // other, else at that of the higher one's. Waits; a function of the parameters alone.
 NeighbourPairs neighbour_pairs(Queue& queue, const Parameters& parameters, Motion& motion,
                                const NeighbourRule& rule);
+
+// For a checkpoint, since they are those of an earlier step: neighbours/offsets, others, distances.
+void save_state(const NeighbourPairs& pairs, Arrays& arrays);
+// The reverse. Error when arrays are missing or are no pairs of `count` Gaussians; `path`: the
+// file, for messages.
+NeighbourPairs load_neighbour_pairs(const Arrays& arrays, size_t count, const std::string& path);
 
 }  // namespace gflow

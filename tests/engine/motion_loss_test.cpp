@@ -448,6 +448,22 @@ TEST(NeighbourPairs, OfOneGaussianOrManyInOnePlaceExist) {
   EXPECT_TRUE(neighbour_pairs(queue, one, lives.motion, rule).others.empty());
 }
 
+TEST(NeighbourPairs, GoThroughACheckpointAndDamagedOnesAreRefused) {
+  const NeighbourPairs pairs = ring(random_moments());
+  Arrays arrays;
+  save_state(pairs, arrays);
+  const NeighbourPairs back = load_neighbour_pairs(arrays, kCount, "c.npz");
+  EXPECT_EQ(back.offsets, pairs.offsets);
+  EXPECT_EQ(back.others, pairs.others);
+  EXPECT_EQ(back.distances, pairs.distances);
+  EXPECT_THROW(load_neighbour_pairs(arrays, kCount + 1, "c.npz"), Error);
+  NeighbourPairs outside = pairs;
+  outside.others[3] = kCount;
+  save_state(outside, arrays);
+  EXPECT_THROW(load_neighbour_pairs(arrays, kCount, "c.npz"), Error);
+  EXPECT_THROW(load_neighbour_pairs({}, kCount, "c.npz"), Error);
+}
+
 TEST(NearestPoints, AreAtMostAsManyAsThereAre) {
   const std::vector<float> xyz = {0, 0, 0, 3, 0, 0, 1, 0, 0};
   NearestPoints tree(xyz);

@@ -204,6 +204,21 @@ TEST(RunFolder, MetricsAreOneObjectALineAndStartAgainWithATraining) {
   EXPECT_EQ(lines[2]["iteration"], 200);
   EXPECT_EQ(lines[2]["psnr"], 20);
   EXPECT_TRUE(lines[2]["flow_loss"].is_null());
+  EXPECT_FALSE(lines[2].contains("rigidity"));
+}
+
+TEST(RunFolder, MetricsHoldTheMotionLossesThatThereAre) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  StepFigures figures;
+  figures.motion = MotionLossValue{1, 2, 3, 4, 5};
+  run.append_metrics(0, 1, figures);
+  const Json line = Json::parse(contents(run.path("metrics.jsonl")));
+  EXPECT_EQ(line["rigidity"], 1);
+  EXPECT_EQ(line["rotation"], 2);
+  EXPECT_EQ(line["isometry"], 3);
+  EXPECT_EQ(line["velocity"], 4);
+  EXPECT_EQ(line["acceleration"], 5);
 }
 
 }  // namespace
