@@ -86,7 +86,7 @@ NeighbourPairs listed_with_both(std::vector<FoundPair> pairs, size_t n) {
 
 }  // namespace
 
-NeighbourPairs neighbour_pairs(Queue& queue, const Parameters& parameters, Motion& motion,
+NeighbourPairs find_neighbours(Queue& queue, const Parameters& parameters, Motion& motion,
                                const NeighbourRule& rule) {
   const auto by_moment = seekers(parameters["means_t"].values.read(queue), rule);
   GaussiansAt at;
@@ -107,7 +107,7 @@ void save_state(const NeighbourPairs& pairs, Arrays& arrays) {
   arrays["neighbours/distances"] = {{pairs.distances.size()}, pairs.distances};
 }
 
-NeighbourPairs load_neighbour_pairs(const Arrays& arrays, size_t count, const std::string& path) {
+NeighbourPairs load_neighbours(const Arrays& arrays, size_t count, const std::string& path) {
   const auto take = [&](const char* name, auto& values) {
     const Array& array = array_named(arrays, name, path);
     if (const auto* found = std::get_if<std::decay_t<decltype(values)>>(&array.values))

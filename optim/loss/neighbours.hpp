@@ -24,13 +24,13 @@ struct NeighbourRule {
 // nearest to the middle of its life, among those who are there then; one who is nowhere finds none.
 // A pair's distance is that at the moment of the lower number's search, if that one found the
 // other, else at that of the higher one's. Waits; a function of the parameters alone.
-NeighbourPairs neighbour_pairs(Queue& queue, const Parameters& parameters, Motion& motion,
+NeighbourPairs find_neighbours(Queue& queue, const Parameters& parameters, Motion& motion,
                                const NeighbourRule& rule);
 
 // For a checkpoint, since they are those of an earlier step: neighbours/offsets, others, distances.
 void save_state(const NeighbourPairs& pairs, Arrays& arrays);
 // The reverse. Error when arrays are missing or are no pairs of `count` Gaussians; `path`: the
 // file, for messages.
-NeighbourPairs load_neighbour_pairs(const Arrays& arrays, size_t count, const std::string& path);
+NeighbourPairs load_neighbours(const Arrays& arrays, size_t count, const std::string& path);
 
 }  // namespace gflow

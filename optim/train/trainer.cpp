@@ -217,7 +217,7 @@ void Trainer::renew_neighbours_if_due(Queue& queue, int step) {
   // Each looks for its own in the middle of its life; ten moments tell lives apart well enough.
   const NeighbourRule rule{size_t(loss.neighbours), model_.shape.duration,
                            size_t(std::min(scene_.steps, 10))};
-  motion_loss_->set_pairs(queue, neighbour_pairs(queue, model_.parameters, *model_.motion, rule));
+  motion_loss_->set_pairs(queue, find_neighbours(queue, model_.parameters, *model_.motion, rule));
   neighbours_known_ = true;
 }
 

@@ -409,7 +409,7 @@ TEST(NeighbourPairs, AreTheNearestAmongThoseThereAtTheSameTime) {
   NeighbourRule rule;
   rule.count = 3;
   rule.moments = 10;
-  const NeighbourPairs pairs = neighbour_pairs(queue, lives.p, lives.motion, rule);
+  const NeighbourPairs pairs = find_neighbours(queue, lives.p, lives.motion, rule);
   const auto distance = [&](size_t i, size_t j) {
     double sum = 0;
     for (size_t c = 0; c < 3; ++c)
@@ -441,27 +441,27 @@ TEST(NeighbourPairs, OfOneGaussianOrManyInOnePlaceExist) {
   Lives lives(queue);
   lives.p["means"].values.fill(queue, 1);
   NeighbourRule rule;
-  const NeighbourPairs pairs = neighbour_pairs(queue, lives.p, lives.motion, rule);
+  const NeighbourPairs pairs = find_neighbours(queue, lives.p, lives.motion, rule);
   for (const float d : pairs.distances) EXPECT_EQ(d, 0);
   Parameters one(queue, 1, lives.motion.groups());
   for (ParameterGroup& group : one.groups) group.values.fill(queue, 0);
-  EXPECT_TRUE(neighbour_pairs(queue, one, lives.motion, rule).others.empty());
+  EXPECT_TRUE(find_neighbours(queue, one, lives.motion, rule).others.empty());
 }
 
 TEST(NeighbourPairs, GoThroughACheckpointAndDamagedOnesAreRefused) {
   const NeighbourPairs pairs = ring(random_moments());
   Arrays arrays;
   save_state(pairs, arrays);
-  const NeighbourPairs back = load_neighbour_pairs(arrays, kCount, "c.npz");
+  const NeighbourPairs back = load_neighbours(arrays, kCount, "c.npz");
   EXPECT_EQ(back.offsets, pairs.offsets);
   EXPECT_EQ(back.others, pairs.others);
   EXPECT_EQ(back.distances, pairs.distances);
-  EXPECT_THROW(load_neighbour_pairs(arrays, kCount + 1, "c.npz"), Error);
+  EXPECT_THROW(load_neighbours(arrays, kCount + 1, "c.npz"), Error);
   NeighbourPairs outside = pairs;
   outside.others[3] = kCount;
   save_state(outside, arrays);
-  EXPECT_THROW(load_neighbour_pairs(arrays, kCount, "c.npz"), Error);
-  EXPECT_THROW(load_neighbour_pairs({}, kCount, "c.npz"), Error);
+  EXPECT_THROW(load_neighbours(arrays, kCount, "c.npz"), Error);
+  EXPECT_THROW(load_neighbours({}, kCount, "c.npz"), Error);
 }
 
 TEST(NearestPoints, AreAtMostAsManyAsThereAre) {
