@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/loss/motion_loss.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace gflow {
 namespace {
@@ -9,6 +11,13 @@ namespace {
 // The knee of lengths: smaller misfits count by their square. A thousandth of the scene is a third
 // of a pixel in a picture of 300.
 constexpr float kKnee = 1e-3f;  // [x extent]
+
+float median(std::vector<float> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + long(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
 
 }  // namespace
 
@@ -28,8 +37,9 @@ void MotionLoss::set_pairs(Queue& queue, NeighbourPairs pairs) {
   pairs_ = std::move(pairs);
   std::vector<float> weights;
   weights.reserve(pairs_.distances.size());
+  const double usual = std::max(median(pairs_.distances), std::numeric_limits<float>::min());
   for (const float distance : pairs_.distances) {
-    const double share = double(distance) / weights_.extent;
+    const double share = double(distance) / usual;
     weights.push_back(float(std::exp(-weights_.falloff * share * share)));
   }
   const auto upload = [&](auto& buffer, const auto& values) {

@@ -18,7 +18,7 @@ namespace gflow {
 // part.
 struct MotionLossWeights {
   float rigidity = 0, rotation = 0, isometry = 0, velocity = 0, acceleration = 0;  // 0: off
-  float falloff = 2000;  // a pair at distance d has the weight exp(-falloff (d / extent)^2)
+  float falloff = 0.5f;  // a pair at distance d weighs exp(-falloff (d / median of all pairs)^2)
   float extent = 1;      // of the scene [scene units]
 
   bool any_turns() const { return rigidity > 0 || rotation > 0; }

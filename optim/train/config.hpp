@@ -183,9 +183,9 @@ struct LossConfig {
   float velocity = 0;
   float acceleration = 0;
   int neighbours = 8;
-  float neighbour_falloff = 2000;
+  float neighbour_falloff = 0.5f;
   int neighbours_every = 500;
-  int motion_every = 1;
+  int motion_every = 6;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -200,12 +200,14 @@ struct LossConfig {
     field("neighbours", self.neighbours, "nearest Gaussians that each is a neighbour of",
           between(1, 100));
     field("neighbour_falloff", self.neighbour_falloff,
-          "neighbours at distance d count exp(-this (d / scene extent)^2)", at_least(0));
+          "neighbours at distance d count exp(-this (d / median of the distances)^2)", at_least(0));
     field("neighbours_every", self.neighbours_every,
           "steps between two searches for neighbours; also after each round of density control",
           at_least(1));
     field("motion_every", self.motion_every,
-          "the weights above count in every n-th step only, n times as much", at_least(1));
+          "the weights above count in every n-th step only, n times as much (6: with train.focus = "
+          "5 those on whole pictures)",
+          at_least(1));
   }
 };
 

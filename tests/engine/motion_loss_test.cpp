@@ -123,6 +123,9 @@ double plain_loss(const MotionLossWeights& w, const NeighbourPairs& pairs, const
     };
     turns.push_back(rotation(m.factors1) * rotation(m.factors2).inverse());
   }
+  std::vector<float> distances = pairs.distances;
+  std::sort(distances.begin(), distances.end());
+  const double median = double(distances[distances.size() / 2]);
   double sum = 0, bends = 0;
   for (cl_uint i = 0; i < kCount; ++i)
     for (size_t k = pairs.offsets[i]; k < pairs.offsets[i + 1]; ++k) {
@@ -131,7 +134,7 @@ double plain_loss(const MotionLossWeights& w, const NeighbourPairs& pairs, const
       const Eigen::Vector3d d1 = eigen_row(m.means1, j) - eigen_row(m.means1, i);
       const Eigen::Vector3d d2 = eigen_row(m.means2, j) - eigen_row(m.means2, i);
       const double l = double(pairs.distances[k]);
-      const double weight = std::exp(-double(w.falloff) * l * l / (extent * extent));
+      const double weight = std::exp(-double(w.falloff) * l * l / (median * median));
       const double rigidity = 0.5 * (rho((d1 - turns[i] * d2).squaredNorm(), knee) +
                                      rho((d1 - turns[j] * d2).squaredNorm(), knee));
       const double isometry = 0.5 * (rho((d1.norm() - l) * (d1.norm() - l), knee) +

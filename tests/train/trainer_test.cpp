@@ -89,6 +89,7 @@ TrainConfig with_motion_losses(TrainConfig config) {
   config.loss.velocity = 1;
   config.loss.acceleration = 1;
   config.loss.neighbours_every = 40;
+  config.loss.motion_every = 1;
   return config;
 }
 
@@ -140,6 +141,7 @@ TEST_F(TrainerTest, RigidityMakesNeighboursMoveTogether) {
   config.flow.enabled = false;
   const auto misfit = [&](float weight) {
     config.loss.rigidity = weight;
+    config.loss.motion_every = 1;
     SmallTraining training(queue(), config);
     training.steps(queue(), 400);
     return training.trainer.figures(queue()).motion->rigidity / double(weight);
