@@ -221,10 +221,37 @@ struct InitConfig {
 
 struct LossConfig {
   float ssim = 0.2f;
+  float rigidity = 0;
+  float rotation = 0;
+  float isometry = 0;
+  float velocity = 0;
+  float acceleration = 0;
+  int neighbours = 8;
+  float neighbour_falloff = 0.5f;
+  int neighbours_every = 500;
+  int motion_every = 6;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("ssim", self.ssim, "share of 1 - SSIM in the image loss; the rest is L1", between(0, 1));
+    field("rigidity", self.rigidity,
+          "weight: neighbours move as the turn of each says; 0: off, as the next four",
+          at_least(0));
+    field("rotation", self.rotation, "weight: neighbours turn alike", at_least(0));
+    field("isometry", self.isometry, "weight: neighbours keep their distance", at_least(0));
+    field("velocity", self.velocity, "weight: neighbours move alike", at_least(0));
+    field("acceleration", self.acceleration, "weight: paths do not bend", at_least(0));
+    field("neighbours", self.neighbours, "nearest Gaussians that each is a neighbour of",
+          between(1, 100));
+    field("neighbour_falloff", self.neighbour_falloff,
+          "neighbours at distance d count exp(-this (d / median of the distances)^2)", at_least(0));
+    field("neighbours_every", self.neighbours_every,
+          "steps between two searches for neighbours; also after each round of density control",
+          at_least(1));
+    field("motion_every", self.motion_every,
+          "the weights above count in every n-th step only, n times as much (6: with train.focus = "
+          "5 those on whole pictures)",
+          at_least(1));
   }
 };
 
@@ -408,7 +435,7 @@ struct TrainConfig {
     section("train", self.train, "how long, on what");
     section("motion", self.motion, "the Gaussians in time");
     section("init", self.init, "the first Gaussians");
-    section("loss", self.loss, "pictures");
+    section("loss", self.loss, "pictures, and motion among neighbours");
     section("flow", self.flow, "optical flow");
     section("lr", self.lr, "learning rates");
     section("adam", self.adam, "the optimiser");

@@ -6,8 +6,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <nanoflann.hpp>
 
+#include "optim/loss/nearest_points.hpp"
 #include "optim/motion/bases.hpp"
 #include "optim/train/dynamic_seeds.hpp"
 #include "optim/train/views.hpp"
@@ -25,18 +25,6 @@ size_t rest_coefficients(int sh_degree) { return size_t((sh_degree + 1) * (sh_de
 
 // What is known of the object at a time of the video.
 constexpr size_t kViewsAtATime = 12;
-
-struct PointAdaptor {
-  const std::vector<float>& xyz;
-  size_t kdtree_get_point_count() const { return xyz.size() / 3; }
-  float kdtree_get_pt(size_t i, size_t dim) const { return xyz[3 * i + dim]; }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointAdaptor>,
-                                                 PointAdaptor, 3, size_t>;
 
 // The point nearest to all viewing rays, or one `extent` ahead of a single direction.
 Eigen::Vector3d looked_at(const Scene& scene) {
@@ -263,16 +251,13 @@ void append_file(HostModel& model, float time, float scale_t, const TrainConfig&
 
 std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   const size_t n = xyz.size() / 3;
-  const PointAdaptor adaptor{xyz};
-  const Tree tree(3, adaptor);
+  NearestPoints tree(xyz);
   std::vector<float> distance(n);
   for (size_t i = 0; i < n; ++i) {
-    size_t index[4];
-    float squared[4];
-    const size_t found = tree.knnSearch(&xyz[3 * i], 4, index, squared);
+    const std::vector<NearestPoints::Near>& near = tree.of(&xyz[3 * i], 4);
     double sum = 0;
-    for (size_t k = 1; k < found; ++k) sum += std::sqrt(double(squared[k]));
-    distance[i] = float(found > 1 ? sum / double(found - 1) : 0);
+    for (size_t k = 1; k < near.size(); ++k) sum += std::sqrt(double(near[k].squared));
+    distance[i] = float(near.size() > 1 ? sum / double(near.size() - 1) : 0);
   }
   // coincident points get the smallest distance there is
   float least = std::numeric_limits<float>::max();

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -156,11 +158,17 @@ void RunFolder::write_cameras(const Scene& scene) const {
 }
 
 void RunFolder::append_metrics(int iteration, double seconds, const StepFigures& f) const {
-  const Json line{{"iteration", iteration},       {"seconds", seconds},
+  Json line{{"iteration", iteration},       {"seconds", seconds},
                   {"loss", number(f.loss)},       {"l1", number(f.l1)},
                   {"ssim", number(f.ssim)},       {"flow_loss", number(f.flow_loss)},
                   {"psnr", number(f.psnr)},       {"flow_epe", number(f.epe)},
                   {"num_gaussians", f.gaussians}, {"refused", f.refused}};
+  if (f.motion)
+    line.update({{"rigidity", number(f.motion->rigidity)},
+                 {"rotation", number(f.motion->rotation)},
+                 {"isometry", number(f.motion->isometry)},
+                 {"velocity", number(f.motion->velocity)},
+                 {"acceleration", number(f.motion->acceleration)}});
   append_line(path("metrics.jsonl"), iteration == 0, line.dump());
   std::string names, values;
   for (const auto& [name, value] : line.items()) {
@@ -182,6 +190,12 @@ void RunFolder::keep_metrics_before(int iteration) const {
       break;
   }
   if (in.is_open()) write_text(path("metrics.jsonl"), kept);
+  // The same lines below the header of metrics.csv.
+  std::ifstream table(path("metrics.csv"));
+  std::string rows;
+  auto left = std::count(kept.begin(), kept.end(), '\n') + 1;
+  for (std::string row; left > 0 && std::getline(table, row); --left) rows += row + "\n";
+  if (table.is_open()) write_text(path("metrics.csv"), rows);
 }
 
 void RunFolder::write_results(const Evaluation& evaluation, const std::string& split,

@@ -43,6 +43,22 @@ void cut_planes(const std::vector<float>& uv, int width, const Rect& part,
     }
 }
 
+// nullptr when nothing is asked of the motion, or nothing can move.
+std::unique_ptr<MotionLoss> motion_loss_for(Queue& queue, const LossConfig& loss,
+                                            const Scene& scene) {
+  MotionLossWeights w;
+  const float times = float(loss.motion_every);
+  w.rigidity = times * loss.rigidity;
+  w.rotation = times * loss.rotation;
+  w.isometry = times * loss.isometry;
+  w.velocity = times * loss.velocity;
+  w.acceleration = times * loss.acceleration;
+  w.falloff = loss.neighbour_falloff;
+  w.extent = float(scene.extent);
+  if (scene.steps < 2 || !(w.any_pairs() || w.acceleration > 0)) return nullptr;
+  return std::make_unique<MotionLoss>(queue, w);
+}
+
 PinholeCamera part_of(PinholeCamera camera, const Rect& part) {
   camera.full_width = camera.width;
   camera.full_height = camera.height;
@@ -77,6 +93,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       renderer_(queue, engine_settings(config.flow)),
       image_loss_(queue, config.loss.ssim),
       flow_loss_(queue, config.flow.robust_px),
+      motion_loss_(motion_loss_for(queue, config.loss, scene)),
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
       density_(queue),
       reduce_(queue),
@@ -144,6 +161,7 @@ void Trainer::step(Queue& queue, int step) {
   std::vector<const Frame*> next;
   for (const Sample& sample : samples(step + 1)) next.push_back(sample.frame);
   frames_.prefetch(next);
+  renew_neighbours_if_due(queue, step);
   model_.parameters.forget_seen(queue);
   const Stage now = stage(step);
   if (now.begins && now.time_step > 0)
@@ -176,7 +194,12 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
       shot.time_t2 = sample.frame->flow_time;
     }
     shot.flow = true;
+  } else {  // for a motion loss: the next step in time, or the one before
+    const double later = shot.time + 1.0 / std::max(scene_.steps - 1, 1);
+    shot.time_t2 = later < 1 + 1e-6 ? later : 2 * shot.time - later;
   }
+  if (step % config_.loss.motion_every == 0) shot.motion_loss = motion_loss_.get();
+  had_motion_loss_ = shot.motion_loss;
   renderer_.forward(queue, model_, shot);
 
   // The binning above waited for the queue: what earlier steps uploaded from is free now.
@@ -214,6 +237,17 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
     density_.accumulate(queue, camera.width, camera.height,
                         renderer_.engine().splats().tiles_touched, renderer_.gradients().v_means2d,
                         model_.parameters.count);
+}
+
+void Trainer::renew_neighbours_if_due(Queue& queue, int step) {
+  if (!motion_loss_ || !motion_loss_->weights().any_pairs()) return;
+  const LossConfig& loss = config_.loss;
+  if (neighbours_known_ && step % loss.neighbours_every != 0) return;
+  // Each looks for its own in the middle of its life; ten moments tell lives apart well enough.
+  const NeighbourRule rule{size_t(loss.neighbours), model_.shape.duration,
+                           size_t(std::min(scene_.steps, 10))};
+  motion_loss_->set_pairs(queue, find_neighbours(queue, model_.parameters, *model_.motion, rule));
+  neighbours_known_ = true;
 }
 
 void Trainer::update(Queue& queue, int step) {
@@ -290,6 +324,7 @@ void Trainer::refine_if_due(Queue& queue, int step) {
   rule.cap = size_t(d.cap);
   density_.refine(queue, model_.parameters, *model_.motion, rule,
                   random_bits(uint32_t(config_.train.seed), kSplitStream, uint32_t(step)));
+  neighbours_known_ = false;
 }
 
 Arrays Trainer::state(Queue& queue) const {
@@ -316,6 +351,8 @@ StepFigures Trainer::figures(Queue& queue) {
     figures.epe = flow.epe;
     figures.loss += flow.loss;
   }
+  if (motion_loss_) figures.motion = motion_loss_->value(queue);
+  if (had_motion_loss_) figures.loss += figures.motion->total();
   figures.gaussians = model_.parameters.count;
   figures.refused = reduce_.count_nonzero(queue, model_.parameters.rows.refused);
   const std::vector<float> rgb = renderer_.images().rgb.read(queue);

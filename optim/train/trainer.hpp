@@ -2,12 +2,15 @@
 // The training step, and nothing around it: which views, losses, gradients, Adam, density control.
 // What a step does is a function of configuration, seed and step number alone.
 #pragma once
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include "optim/data/flow_store.hpp"
 #include "optim/density/density.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
+#include "optim/loss/motion_loss.hpp"
 #include "optim/train/change.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/renderer.hpp"
@@ -18,8 +21,9 @@ namespace gflow {
 // What the last step looked like; read back only when asked for.
 struct StepFigures {
   double l1 = 0, ssim = 0, loss = 0;
-  double psnr = 0;                // of the last view [dB]
-  double flow_loss = 0, epe = 0;  // of the last view with flow [px]; 0 when there was none
+  double psnr = 0;                        // of the last view [dB]
+  double flow_loss = 0, epe = 0;          // of the last view with flow [px]; 0 when there was none
+  std::optional<MotionLossValue> motion;  // of the last view that had any such loss
   size_t gaussians = 0;
   size_t refused = 0;  // rows that had a gradient Adam could not take, so far
 };
@@ -61,6 +65,7 @@ class Trainer {
   // or -1.
   int pair_at(size_t frame, int step, size_t turn) const;
   void train_view(Queue& queue, const Sample& sample, int step);
+  void renew_neighbours_if_due(Queue& queue, int step);
   void update(Queue& queue, int step);
   void refine_if_due(Queue& queue, int step);
 
@@ -80,6 +85,7 @@ class Trainer {
   Renderer renderer_;
   ImageLoss image_loss_;
   FlowLoss flow_loss_;
+  std::unique_ptr<MotionLoss> motion_loss_;  // nullptr: all its weights are 0
   Adam adam_;
   Density density_;
   Reduce reduce_;
@@ -90,7 +96,8 @@ class Trainer {
   // what asynchronous writes read from
   std::vector<cl_uchar> picture_part_, confidence_part_;
   std::vector<float> flow_planes_;
-  bool had_flow_ = false;
+  bool had_flow_ = false, had_motion_loss_ = false;
+  bool neighbours_known_ = false;
 };
 
 // Order of training views: index i of the endless sequence in which each of n items comes once a

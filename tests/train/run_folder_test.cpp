@@ -239,6 +239,21 @@ TEST(RunFolder, MetricsAreOneObjectALineAndStartAgainWithATraining) {
   EXPECT_NE(rows[3].find(",,20.0,"), std::string::npos);  // a figure that is none is left empty
   EXPECT_EQ(std::count(rows[0].begin(), rows[0].end(), ','),
             std::count(rows[3].begin(), rows[3].end(), ','));
+  EXPECT_FALSE(lines[2].contains("rigidity"));
+}
+
+TEST(RunFolder, MetricsHoldTheMotionLossesThatThereAre) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  StepFigures figures;
+  figures.motion = MotionLossValue{1, 2, 3, 4, 5};
+  run.append_metrics(0, 1, figures);
+  const Json line = Json::parse(contents(run.path("metrics.jsonl")));
+  EXPECT_EQ(line["rigidity"], 1);
+  EXPECT_EQ(line["rotation"], 2);
+  EXPECT_EQ(line["isometry"], 3);
+  EXPECT_EQ(line["velocity"], 4);
+  EXPECT_EQ(line["acceleration"], 5);
 }
 
 }  // namespace

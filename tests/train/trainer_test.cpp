@@ -122,6 +122,73 @@ TEST_F(TrainerTest, FlowOfPositiveWeightChangesTheModel) {
   EXPECT_NE(with.at("gaussians/quats"), bits_after(queue(), config, 20).at("gaussians/quats"));
 }
 
+TrainConfig with_motion_losses(TrainConfig config) {
+  config.loss.rigidity = 1;
+  config.loss.rotation = 0.01f;
+  config.loss.isometry = 1;
+  config.loss.velocity = 1;
+  config.loss.acceleration = 1;
+  config.loss.neighbours_every = 40;
+  config.loss.motion_every = 1;
+  return config;
+}
+
+TEST_F(TrainerTest, MotionLossesRepeatBitByBitThroughDensityControl) {
+  const TrainConfig config = with_motion_losses(small_config(scene(), 250));
+  const auto first = bits_after(queue(), config, 250);
+  EXPECT_GT(first.at("means_t").size(), scene().truth.count);
+  expect_equal_bits(first, bits_after(queue(), config, 250));
+}
+
+TEST_F(TrainerTest, MotionLossesOfWeightZeroChangeNoBitAndOthersDo) {
+  TrainConfig config = small_config(scene(), 30);
+  const auto without = bits_after(queue(), config, 30);
+  config.loss.neighbours = 3;  // asked for by nobody
+  config.loss.motion_every = 2;
+  expect_equal_bits(without, bits_after(queue(), config, 30));
+  for (float LossConfig::*weight :
+       {&LossConfig::rigidity, &LossConfig::rotation, &LossConfig::isometry, &LossConfig::velocity,
+        &LossConfig::acceleration}) {
+    TrainConfig with = config;
+    with.loss.*weight = 1;
+    EXPECT_NE(without.at("velocities"), bits_after(queue(), with, 30).at("velocities"));
+  }
+}
+
+// With flow and without: then the second moment is made for these losses alone.
+TEST_F(TrainerTest, MotionLossesTeachEveryMotionModel) {
+  for (size_t kind = 0; kind < names_of(MotionModelKind{}).size(); ++kind)
+    for (const bool flow : {true, false}) {
+      TrainConfig config = with_motion_losses(small_config(scene(), 12));
+      config.motion.model = MotionModelKind(kind);
+      config.flow.enabled = flow;
+      SmallTraining training(queue(), config);
+      training.steps(queue(), 12);
+      const StepFigures f = training.trainer.figures(queue());
+      EXPECT_EQ(f.refused, 0u);
+      ASSERT_TRUE(f.motion);
+      EXPECT_GE(f.motion->total(), 0);
+      EXPECT_TRUE(std::isfinite(f.loss));
+      for (const auto& [name, values] : training.model.read(queue()).groups)
+        for (const float value : values) ASSERT_TRUE(std::isfinite(value)) << name;
+    }
+}
+
+// The blob goes as one. What each of its Gaussians learns from its own pixels does not.
+TEST_F(TrainerTest, RigidityMakesNeighboursMoveTogether) {
+  TrainConfig config = small_config(scene(), 400);
+  config.density.enabled = false;
+  config.flow.enabled = false;
+  const auto misfit = [&](float weight) {
+    config.loss.rigidity = weight;
+    config.loss.motion_every = 1;
+    SmallTraining training(queue(), config);
+    training.steps(queue(), 400);
+    return training.trainer.figures(queue()).motion->rigidity / double(weight);
+  };
+  EXPECT_LT(misfit(1), 0.5 * misfit(1e-6f));
+}
+
 Evaluation judged(Queue& queue, const TrainConfig& config) {
   SmallTraining training(queue, config);
   training.steps(queue, config.train.iterations);
@@ -184,6 +251,7 @@ TEST_F(TrainerTest, ARandomBackgroundChangesNoBitWherePicturesAreOpaque) {
 TEST_F(TrainerTest, PhotographsOfOneMomentTrainAModelThatStandsStill) {
   TrainConfig config = small_config(scene(), 30);
   config.scene.max_steps = 1;
+  config.loss.rigidity = config.loss.acceleration = 1;  // of what does not move
   SmallTraining training(queue(), config);
   const HostModel before = training.model.read(queue());
   training.steps(queue(), 30);
