@@ -331,12 +331,16 @@ Arrays Trainer::state(Queue& queue) const {
   Arrays arrays;
   save_state(queue, model_.parameters, arrays);
   density_.save_state(queue, arrays);
+  if (motion_loss_ && neighbours_known_) save_state(motion_loss_->pairs(), arrays);
   return arrays;
 }
 
 void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& path) {
   load_state(queue, model_.parameters, arrays, path);
   density_.load_state(queue, arrays, path);
+  neighbours_known_ = motion_loss_ && arrays.count("neighbours/offsets");
+  if (neighbours_known_)
+    motion_loss_->set_pairs(queue, load_neighbours(arrays, model_.parameters.count, path));
 }
 
 StepFigures Trainer::figures(Queue& queue) {
