@@ -186,12 +186,14 @@ TEST(SharedScenes, VideosShowWhatThePicturesShow) {
   if (!there(folder)) return;
   const Scene scene = read_scene(folder);
   const std::vector<size_t> steps = {0, 7, 19};
-  FrameStore store(scene);
-  Frame video = scene.train[0];
-  video.path = folder + "/cam01.mp4";
+  Scene filmed = scene;
   for (size_t k : steps) {
-    video.video_frame = int(k);
-    const auto a = store.rgb(video), b = store.rgb(scene.train[k]);
+    filmed.train[k].path = folder + "/cam01.mp4";
+    filmed.train[k].video_frame = int(k);
+  }
+  FrameStore videos(filmed), pictures(scene);
+  for (size_t k : steps) {
+    const auto a = videos.rgb(filmed.train[k]), b = pictures.rgb(scene.train[k]);
     double sum = 0;
     for (size_t i = 0; i < a->pixels.size(); ++i)
       sum += std::pow(double(a->pixels[i]) - double(b->pixels[i]), 2);
