@@ -103,16 +103,17 @@ kernel void mcmc_shrink(const uint n, const float opacity_weight, const float sc
   vstore4(v + scale_weight * (float4)(exp(s.x), exp(s.y), exp(s.z), 0.f), i, v_log_scales);
 }
 
-// means += scale gate(opacity) covariance (three normal numbers), where the Gaussian is at the time
-// drawn; gate = 1 / (1 + exp(100 (opacity - min_opacity))): those about to die search, what is opaque
-// stays. Beyond 0.2 above the least it is below 3e-9 and left out.
+// means += scale gate(opacity) covariance (three normal numbers), for rows seen in this step, so that
+// noise and gradients keep their proportion; gate = 1 / (1 + exp(100 (opacity - min_opacity))): those
+// about to die search, what is opaque stays. Beyond 0.2 above the least it is below 3e-9, left out.
 kernel void mcmc_noise(const uint n, const uint seed, const float scale, const float min_opacity,
+                       global const uint* restrict seen,  // [N]
                        global const float* restrict logit_opacities,
-                       global const float* restrict opacities_at,  // [N] 0: not there
+                       global const float* restrict opacities_at,  // [N] 0: not in the last view
                        global const float* restrict factors_at,    // [N, 3, 3]
                        global float* restrict means) {             // [N, 3]
   const uint i = get_global_id(0);
-  if (i >= n || !(opacities_at[i] > 0.f)) return;
+  if (i >= n || seen[i] == 0 || !(opacities_at[i] > 0.f)) return;
   const float above = 1.f / (1.f + exp(-logit_opacities[i])) - min_opacity;
   if (!(above < 0.2f)) return;
   const float2 a = random_normal2(seed, 0u, i), b = random_normal2(seed, 2u, i);

@@ -30,8 +30,8 @@ void McmcDensity::after_step(Queue& queue, Parameters& p, const GaussiansAt& dra
                              const DensityRule& rule, const DensityStep& step) {
   if (rule.noise == 0) return;
   mcmc_noise_(queue, Range::over(p.count), cl_uint(p.count), step.seed,
-              rule.noise * step.position_rate, rule.min_opacity, p["logit_opacities"].values,
-              drawn.opacities, drawn.factors, p["means"].values);
+              rule.noise * step.position_rate, rule.min_opacity, p.rows.seen,
+              p["logit_opacities"].values, drawn.opacities, drawn.factors, p["means"].values);
 }
 
 void McmcDensity::refine(Queue& queue, Parameters& p, Motion&, const DensityRule& rule,
@@ -50,8 +50,7 @@ void McmcDensity::refine(Queue& queue, Parameters& p, Motion&, const DensityRule
   const cl_uint dead = cl_uint(scan_.total(queue));
   scan_.exclusive(queue, weights_, offsets_, n);
   const cl_uint total = cl_uint(scan_.total(queue));
-  const size_t wanted =
-      std::min(rule.cap, size_t(std::ceil(double(n) * (1 + double(rule.growth)))));
+  const size_t wanted = std::min(rule.cap, n + size_t(std::ceil(float(n) * rule.growth)));
   const cl_uint fresh_n = cl_uint(std::max(size_t(n), wanted)), count = dead + fresh_n - n;
   if (count == 0 || total == 0) return;
 

@@ -5,8 +5,8 @@
 // opacity and size cost a little, so that what is not needed dies. Kernels: kernels/mcmc.cl.
 //
 // Where this differs from the authors' program: relocation and growth draw together, in one round,
-// and from the whole line of opacities in equal parts; noise reaches a Gaussian, as Adam does, at
-// the times at which it is there; what lives wholly outside of the video counts as dead.
+// and from the whole line of opacities in equal parts; noise reaches a Gaussian, as Adam does, in
+// the steps that see it; what lives wholly outside of the video counts as dead.
 #pragma once
 #include "optim/density/density.hpp"
 #include "optim/density/rows.hpp"
@@ -38,7 +38,8 @@ class McmcDensity : public Density {
   Kernel<cl_uint, cl_float, In<cl_uint>, Out<float>, Out<float>> mcmc_share_;
   Kernel<cl_uint, cl_float, cl_float, In<cl_uint>, In<float>, In<float>, Out<float>, Out<float>>
       mcmc_shrink_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_float, In<float>, In<float>, In<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, In<cl_uint>, In<float>, In<float>, In<float>,
+         Out<float>>
       mcmc_noise_;
   RowMover rows_;
   Scan scan_;

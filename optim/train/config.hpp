@@ -388,7 +388,7 @@ struct DensityConfig {
   float prune_scale = 0.5f;
   int opacity_reset_every = 0;
   float growth = 0.05f;
-  float noise = 5e5f;
+  float noise = 1e5f;
   float opacity_weight = 0.01f;
   float scale_weight = 0.01f;
 
@@ -430,7 +430,7 @@ struct DensityConfig {
     field("growth", self.growth, "mcmc: share of their number that is added in a round",
           at_least(0));
     field("noise", self.noise,
-          "mcmc: of the positions at each step [x their learning rate x covariance, in extents]",
+          "mcmc: of the positions that a step sees [x their learning rate x covariance, in extents]",
           at_least(0));
     field("opacity_weight", self.opacity_weight, "mcmc: of the mean opacity beside the image loss",
           at_least(0));

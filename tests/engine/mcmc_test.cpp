@@ -88,9 +88,9 @@ TEST(Mcmc, WhatIsAliveStaysToTheBit) {
 
 TEST(Mcmc, TheFaintTheNeverVisibleAndTheBrokenMoveToTheLive) {
   Field field({0.5f, 0.01f, 0.5f, 0.5f, 0.5f});
-  // Gone where exp(-d^2 / 2 s^2) < 0.05, 2.45 deviations away: 2 is outside, 0.9 within.
-  field.parameters["means_t"].values.write(field.queue, {0.5f, 0.5f, 2.f, NAN, -0.9f});
-  field.parameters["log_scales"].values.fill(field.queue, std::log(0.5f));
+  // Gone where exp(-d^2 / 2 s^2) < 0.05, 2.45 deviations away: 0.49.
+  field.parameters["means_t"].values.write(field.queue, {0.5f, 0.5f, 1.5f, NAN, -0.48f});
+  field.parameters["log_scales"].values.fill(field.queue, std::log(0.2f));
   field.refine();
   const std::vector<int> rows = field.sources();
   ASSERT_EQ(rows.size(), 5u);
@@ -223,8 +223,8 @@ TEST(Mcmc, WithoutMemoryForMoreEverythingStaysAsItWas) {
 struct Noised {
   std::vector<float> before, after;
 };
-// n Gaussians of one opacity with the factor diag(1, 2, 0.5), there at the time drawn but for the
-// last.
+// n Gaussians of one opacity with the factor diag(1, 2, 0.5), seen but for the first, there at the
+// time drawn last but for the last.
 Noised noised(size_t n, float opacity, float noise, uint32_t seed) {
   Field field(std::vector<float>(n, opacity));
   field.rule.noise = noise;
@@ -236,6 +236,9 @@ Noised noised(size_t n, float opacity, float noise, uint32_t seed) {
   drawn.factors.write(field.queue, factors);
   drawn.opacities.write(field.queue, there);
   field.parameters["means"].values.fill(field.queue, 0);
+  std::vector<cl_uint> seen(n, 1);
+  seen[0] = 0;
+  field.parameters.rows.seen.write(field.queue, seen);
   Noised result;
   result.before = field.values("means");
   field.density.after_step(field.queue, field.parameters, drawn, field.rule,
@@ -247,12 +250,12 @@ Noised noised(size_t n, float opacity, float noise, uint32_t seed) {
 // Covariance diag(1, 4, 0.25), noise x rate = 1, gate 1/2 at the least opacity: deviations 0.5, 2
 // and 0.125. Of 20 000 numbers: mean within 5 / sqrt(20000), deviation within 5 / sqrt(40000).
 TEST(Mcmc, NoiseHasTheShapeOfTheCovariance) {
-  const size_t n = 20001;
+  const size_t n = 20002;
   const Noised result = noised(n, 0.02f, 4, 7);
   const double deviation[] = {0.5, 2, 0.125};
   for (size_t k = 0; k < 3; ++k) {
     double sum = 0, squares = 0, cross = 0;
-    for (size_t i = 0; i + 1 < n; ++i) {
+    for (size_t i = 1; i + 1 < n; ++i) {
       const double x = double(result.after[3 * i + k]) / deviation[k];
       sum += x;
       squares += x * x;
@@ -267,8 +270,9 @@ TEST(Mcmc, NoiseHasTheShapeOfTheCovariance) {
 TEST(Mcmc, NoiseLeavesAloneWhatIsNotThereAndWhatIsOpaque) {
   const Noised faint = noised(3, 0.02f, 4, 7), opaque = noised(3, 0.5f, 4, 7);
   for (size_t k = 0; k < 3; ++k) {
-    EXPECT_NE(faint.after[k], 0);
-    EXPECT_EQ(faint.after[6 + k], 0);  // the last is not there
+    EXPECT_EQ(faint.after[k], 0);  // not seen
+    EXPECT_NE(faint.after[3 + k], 0);
+    EXPECT_EQ(faint.after[6 + k], 0);  // not there
   }
   EXPECT_EQ(opaque.after, opaque.before);
 }
