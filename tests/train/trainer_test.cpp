@@ -70,7 +70,7 @@ TEST_F(TrainerTest, TwoRunsOfEveryDensityStrategyGiveTheSameBits) {
 TEST_F(TrainerTest, StopsGrowingAtTheMemoryBudgetAndSaysSoOnce) {
   TrainConfig config = small_config(scene(), 300);
   config.density.strategy = DensityKind::mcmc;
-  config.density.growth = 1;
+  config.density.growth = 10;
   config.density.cap = 1000000;
   config.density.memory = 1;
   SmallTraining training(queue(), config);
