@@ -354,12 +354,9 @@ TEST(Adc, ResetsOpacitiesAndTheirMomentsOnlyWhenDueAndWhereHigher) {
 TEST(Adc, EvidenceSurvivesBeingSavedAndLoaded) {
   Field saved({pulled(2), pulled(0.5f)}), loaded({pulled(2), pulled(0.5f)});
   saved.see();
-  const auto from = saved.density.state(), to = loaded.density.state();
-  ASSERT_EQ(from.size(), to.size());
-  for (size_t i = 0; i < from.size(); ++i) {
-    to[i]->ensure(loaded.queue, from[i]->size());
-    to[i]->write(loaded.queue, from[i]->read(saved.queue));
-  }
+  Arrays arrays;
+  saved.density.save_state(saved.queue, arrays);
+  loaded.density.load_state(loaded.queue, arrays, "a file");
   loaded.refine();
   EXPECT_EQ(loaded.sources(), (std::vector<int>{0, 0, 1}));
 }
