@@ -2,7 +2,8 @@
 // Gaussians at t1 to packed splats, then their colour and, from t2, their flow: in two kernels, so
 // that colour and t2 need be known for what is seen only. project_fwd decides that:
 // tiles_touched[i] = 0 means "not seen", and every later step skips it. One work-item a Gaussian.
-// Defines: FLOW 0|1, TRANSPORT (shared/transport.h), DETACH_T1 0|1.
+// Defines: FLOW 0|1, TRANSPORT (shared/transport.h), DETACH_T1 0|1,
+// ABSGRAD 0|1 (shared/pixel.h).
 #include "shared/arrays.h"
 #include "shared/transport.h"
 
@@ -12,6 +13,10 @@
 #ifndef TRANSPORT
 #define TRANSPORT TRANSPORT_PAPER
 #endif
+#ifndef ABSGRAD
+#define ABSGRAD 0
+#endif
+#define SQRT_2 1.41421356f
 #ifndef DETACH_T1
 #define DETACH_T1 0
 #endif
@@ -148,7 +153,13 @@ kernel void project_bwd(const uint n, const PinholeCamera camera, const PinholeC
   v_opacities[i] = s0.x / opacities[i];
   store3(v_colors, i, make_real3(s1.z, s1.w, s2.x));
   // What covers a pixel wrongly asks for more Gaussians; what moves wrongly does not.
+#if ABSGRAD
+  const float v_depth = 0.f;
+  vstore2((float2)(SQRT_2 * LN_2 * s2.y), i, v_means2d);
+#else
+  const float v_depth = s2.y;
   vstore2(v_mean, i, v_means2d);
+#endif
 
 #if FLOW
   Mat3 v_factor2 = zero;
@@ -176,7 +187,7 @@ kernel void project_bwd(const uint n, const PinholeCamera camera, const PinholeC
   store3(v_means_t2, i, v_mean2);
   store_mat3(v_factors_t2, i, v_factor2);
 #endif
-  const GaussianGradient v = project_vjp(camera, factor, p, v_mean, s2.y, v_m);
+  const GaussianGradient v = project_vjp(camera, factor, p, v_mean, v_depth, v_m);
   store3(v_means, i, v.mean);
   store_mat3(v_factors, i, v.factor);
 }

@@ -122,7 +122,7 @@ class Buffer {
   void allocate(Queue& queue, size_t size, size_t capacity) {
     const uint64_t have = queue.info.max_allocation;
     if (size > have / sizeof(T))
-      throw Error(
+      throw OutOfMemory(
           fmt::format("allocating {} needs {} elements of {} bytes, {:.1f} MiB in one piece,"
                       " and {} gives at most {:.1f} MiB",
                       name_, size, sizeof(T), double(size) * sizeof(T) / (1 << 20),

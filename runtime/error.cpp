@@ -19,6 +19,14 @@ std::string sentence(const std::string& doing, const cl::Error& cause) {
 ClError::ClError(const std::string& doing, const cl::Error& cause)
     : Error(sentence(doing, cause)), code(cause.err()) {}
 
+bool is_out_of_memory(const Error& error) {
+  if (const auto* cl_error = dynamic_cast<const ClError*>(&error))
+    return cl_error->code == CL_MEM_OBJECT_ALLOCATION_FAILURE ||
+           cl_error->code == CL_OUT_OF_RESOURCES || cl_error->code == CL_OUT_OF_HOST_MEMORY ||
+           cl_error->code == CL_INVALID_BUFFER_SIZE;
+  return dynamic_cast<const OutOfMemory*>(&error) != nullptr;
+}
+
 const char* cl_code_name(cl_int code) {
   switch (code) {
 #define NAME(c) \

@@ -15,12 +15,21 @@ struct Error : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// An array that is larger than the device gives.
+struct OutOfMemory : Error {
+  using Error::Error;
+};
+
 // An OpenCL call that failed: what we were doing, which call, its code by name, and for a failed
 // build the compiler's log.
 struct ClError : Error {
   ClError(const std::string& doing, const cl::Error& cause);
   cl_int code;
 };
+
+// Whether it is for want of device memory that something failed: an OutOfMemory, or a ClError with
+// one of OpenCL's codes for that.
+bool is_out_of_memory(const Error& error);
 
 // "CL_INVALID_VALUE" for -30, and so on; "an unknown OpenCL error" for codes outside OpenCL 1.2.
 const char* cl_code_name(cl_int code);

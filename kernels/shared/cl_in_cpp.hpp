@@ -44,9 +44,11 @@ inline real3 cross(real3 a, real3 b) {
 using std::cos;
 using std::exp;
 using std::exp2;
+using std::expm1;
 using std::fabs;
 using std::fma;
 using std::log;
+using std::log1p;
 using std::log2;
 using std::sin;
 using std::sqrt;

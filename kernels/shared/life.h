@@ -28,12 +28,22 @@ static inline LifeGradient life_vjp(Life o, real logit, real dt, real var, real 
   return v;
 }
 
-// The logit of the opacity o' of two splats in one place that show what one of opacity o does:
-// 1 - o = (1 - o')^2.
+// Whether it is to be seen at all in [0, duration]: not where its window, `sigmas` standard deviations
+// each way, lies wholly outside. NaN: no.
+static inline int life_meets(real mean_t, real life, real duration, real sigmas) {
+  const real outside = fmax(fmax(-mean_t, mean_t - duration), (real)0);
+  return outside <= sigmas * life && is_finite_real(mean_t);
+}
+
+// The logit of the opacity o' of n splats in one place that show what one of opacity o does:
+//   1 - o = (1 - o')^n.  With s = softplus(logit) / n: o' = 1 - exp(-s), logit' = s + log o'.
+static inline real shared_opacity_logit(real logit, real n) {
+  const real s = (fmax(logit, (real)0) + log1p(exp(-fabs(logit)))) / n;
+  return s + log(-expm1(-s));
+}
+// For n = 2, within opacities 1e-4 and 0.999.
 static inline real half_opacity_logit(real logit) {
-  const real opacity = (real)1 / ((real)1 + exp(-logit));
-  const real half_opacity = clamp((real)1 - sqrt((real)1 - opacity), (real)1e-4f, (real)0.999f);
-  return log(half_opacity / ((real)1 - half_opacity));
+  return clamp(shared_opacity_logit(logit, (real)2), (real)-9.2102404f, (real)6.9067548f);
 }
 
 // How much faster a Gaussian should learn that is seen in a part of the video only: Adam here skips

@@ -24,6 +24,10 @@
 #define DETACH_WEIGHTS 0  // 1: no flow gradient to what is drawn where, only to how it moves
 #endif
 
+#ifndef ABSGRAD
+#define ABSGRAD 0  // 1, without depth: the moment wd is the sum of |v_mean| / (2 ln 2) over pixels
+#endif
+
 // The packed splat as four float4:
 //   a = mean x, y [px], k1, k2   b = k3, log2 opacity, depth, m_x
 //   c = r, g, b, m_y             d = h11, h12, h21, h22
@@ -213,6 +217,10 @@ static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, lane dx, 
   m.wb = fma(c.weight, p->vb, m.wb);
 #if DEPTH
   m.wd = fma(c.weight, p->vd, m.wd);
+#elif ABSGRAD
+  // K^T (q z): the pixel's own pull at the mean, before pulls of other pixels cancel it.
+  const lane ax = TO_LANE(s.a.z) * qz1, ay = fma(TO_LANE(s.a.w), qz1, TO_LANE(s.b.x) * qz2);
+  m.wd += sqrt(fma(ax, ax, ay * ay));
 #endif
 #if FLOW
   const lane wx = w * p->vfx, wy = w * p->vfy;

@@ -1,66 +1,82 @@
 // SPDX-License-Identifier: Apache-2.0
-// Density control, clone / split / prune: Gaussians the loss pulls at hard become two, faint, huge
-// or never visible ones go, the number stays below a cap by taking the hardest pulls first.
-// Kernels: kernels/density.cl.
+// Density control: how many Gaussians there are, and where. The strategies by name, and the one
+// interface through which training uses them. A new strategy is one more word here, beside its own
+// files.
 #pragma once
+#include <array>
+#include <cmath>
+#include <memory>
+#include <vector>
+
 #include "optim/engine/gaussians.hpp"
 #include "optim/io/npz.hpp"
 #include "optim/motion/motion.hpp"
-#include "runtime/sort.hpp"
 
 namespace gflow {
 
+enum class DensityKind { adc, mcmc };
+constexpr std::array<const char*, 2> names_of(DensityKind) { return {"adc", "mcmc"}; }
+
+// In scene units and the model's time. Each strategy reads what concerns it.
 struct DensityRule {
+  size_t cap = 30000;          // most Gaussians
+  float min_opacity = 0.005f;  // fainter ones go
+  float cutoff = 0.05f;        // what is below this temporal weight all the time goes
+  SplitRule split;             // how what grows becomes two; the length of the video
+  // adc
   float grad_threshold = 2e-4f;  // mean pull above which a Gaussian grows [1 / half the image]
-  float min_opacity = 0.005f;    // fainter ones go
   float max_scale = 0;           // larger ones go [scene units]
-  float cutoff = 0.05f;          // what is below this temporal weight all the time goes
-  SplitRule split;               // how what grows becomes two
-  size_t cap = 30000;            // most Gaussians
+  int opacity_reset_every = 0;   // steps; 0: never
+  // mcmc
+  float growth = 0.05f;      // of their number, a round
+  float noise = 0;           // of the means, beside their learning rate
+  float opacity_weight = 0;  // of the mean opacity in the loss
+  float scale_weight = 0;    // of the mean size [1 / scene unit]
+};
+
+inline float logit(float p) { return std::log(p / (1 - p)); }
+// Standard deviations in time from a Gaussian's own moment to where its temporal weight has fallen
+// to the cutoff.
+inline float window_sigmas(float cutoff) { return std::sqrt(-2 * std::log(cutoff)); }
+
+// What one view says.
+struct DensityView {
+  int width, height;  // of the whole picture
+  const Buffer<cl_uint>& tiles_touched;
+  const Buffer<float>& v_means2d;  // [N, 2] [1/px]
+};
+
+// The training step just made.
+struct DensityStep {
+  int done;             // steps so far
+  bool refining;        // density control has not stopped
+  float position_rate;  // learning rate of the means
+  uint32_t seed;        // of this step
 };
 
 class Density {
  public:
-  explicit Density(Queue& queue);
+  virtual ~Density() = default;
 
-  // Adds one view's evidence.
-  void accumulate(Queue& queue, int width, int height, const Buffer<cl_uint>& tiles_touched,
-                  const Buffer<float>& v_means2d, size_t count);
-  // Rebuilds all arrays of `parameters` by the evidence since the last call and forgets it.
-  // Children start with zero moments and step counts. Waits once. Seed: of the children's places.
-  void refine(Queue& queue, Parameters& parameters, Motion& motion, const DensityRule& rule,
-              uint32_t seed);
+  // After the gradients of a view.
+  virtual void see(Queue&, const DensityView&) {}
+  // Adds what the strategy wants of the parameters to their gradients; before Adam.
+  virtual void add_gradients(Queue&, Parameters&, const DensityRule&) {}
+  // After Adam. `drawn`: the Gaussians of the step's last view.
+  virtual void after_step(Queue&, Parameters&, const GaussiansAt& drawn, const DensityRule&,
+                          const DensityStep&) {
+    (void)drawn;
+  }
+  // A round: rebuilds all arrays of `parameters`. Repeatable for a seed. If memory runs out it
+  // throws (is_out_of_memory) and the parameters are as they were.
+  virtual void refine(Queue&, Parameters&, Motion&, const DensityRule&, uint32_t seed) = 0;
 
-  // The evidence so far, for a checkpoint: density/pull and density/views [N].
-  void save_state(Queue& queue, Arrays& arrays) const;
+  // What lives from step to step, for a checkpoint.
+  virtual void save_state(Queue&, Arrays&) const {}
   // The reverse. Error when the arrays are missing or do not fit; `path`: the file, for messages.
-  void load_state(Queue& queue, const Arrays& arrays, const std::string& path);
-
- private:
-  void forget(Queue& queue, size_t count);
-  // Rows of a table with `keys` rows a Gaussian, to those of the new Gaussians.
-  void gather(Queue& queue, size_t keys, const Table& from, Table& to);
-
-  Program program_;
-  Kernel<cl_uint, cl_float, cl_float, In<cl_uint>, In<float>, Out<float>, Out<cl_uint>>
-      density_accumulate_;
-  Kernel<cl_uint, cl_float, cl_float, cl_float, cl_float, cl_float, In<float>, In<float>, In<float>,
-         In<float>, In<cl_uint>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
-      density_rank_;
-  Kernel<cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>> density_grow_;
-  Kernel<cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>, Out<cl_uint>> density_sources_;
-  Kernel<cl_uint, cl_uint, cl_uint, cl_uint, cl_int, In<cl_uint>, In<cl_uint>, In<float>,
-         Out<float>>
-      rows_gather_;
-  Kernel<cl_uint, cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, In<cl_uint>, Out<cl_uint>>
-      rows_gather_counts_;
-  Scan scan_;
-  RadixSort sort_;
-  size_t count_ = 0;  // rows the evidence is about
-  Buffer<float> pull_{"pull"};
-  Buffer<cl_uint> views_{"views"}, copies_{"copies"}, keys_{"density keys"},
-      order_{"density order"};
-  Buffer<cl_uint> offsets_{"offsets"}, source_{"source"}, child_{"child"};
+  virtual void load_state(Queue&, const Arrays&, const std::string& path) { (void)path; }
 };
+
+std::unique_ptr<Density> make_density(Queue& queue, DensityKind kind);
 
 }  // namespace gflow

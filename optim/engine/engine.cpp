@@ -5,7 +5,7 @@ namespace gflow {
 
 struct Engine::Steps {
   Steps(Queue& queue, const EngineSettings& settings, Channels channels)
-      : project(queue, settings, channels.flow), splatting(queue, settings, channels) {}
+      : project(queue, settings, channels), splatting(queue, settings, channels) {}
   Project project;
   Splatting splatting;
 };

@@ -29,7 +29,8 @@ struct GaussianGradients {
   Buffer<float> v_colors{"v_colors"};                                    // [N, 3]
   Buffer<float> v_means_t2{"v_means_t2"}, v_factors_t2{"v_factors_t2"};  // with flow only
   Buffer<float> v_means_t0{"v_means_t0"}, v_factors_t0{"v_factors_t0"};  // by a motion loss only
-  Buffer<float> v_means2d{"v_means2d"};  // [N, 2] by the projected mean, from the pictures [1/px]
+  Buffer<float> v_means2d{"v_means2d"};  // [N, 2] by the projected mean, from the pictures [1/px];
+                                         // (a, a) with absgrad: sqrt(2) a = sum of |gradient|
 
   void ensure(Queue& queue, size_t n) {
     v_means.ensure(queue, 3 * n);

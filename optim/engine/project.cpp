@@ -3,10 +3,11 @@
 
 namespace gflow {
 
-Project::Project(Queue& queue, const EngineSettings& settings, bool flow)
+Project::Project(Queue& queue, const EngineSettings& settings, Channels channels)
     : program_(queue, "project.cl",
-               {{"FLOW", int(flow)},
+               {{"FLOW", int(channels.flow)},
                 {"TRANSPORT", int(settings.transport)},
+                {"ABSGRAD", int(absgrad(settings, channels))},
                 {"DETACH_T1", int(settings.detach_t1)}}),
       project_fwd_(program_, "project_fwd"),
       transport_fwd_(program_, "transport_fwd"),

@@ -25,7 +25,7 @@ struct View {
 
 class Project {
  public:
-  Project(Queue& queue, const EngineSettings& settings, bool flow);
+  Project(Queue& queue, const EngineSettings& settings, Channels channels);
   // Splats without colour and flow; decides what is seen.
   void forward(Queue& queue, const View& view, const GaussiansAt& at_t1, Splats& splats);
   // Adds colour and, with flow, motion for what is seen; nothing else of colors and at_t2 is read.

@@ -21,9 +21,10 @@ enum class StopRule { include, exclude };
 struct EngineSettings {
   Transport transport = Transport::material;
   StopRule stop = StopRule::include;
-  int top_k = 0;           // contributors a pixel's flow is made of; 0 = all, the paper has 20
-  bool detach_t1 = false;  // no flow gradient to the geometry at t1
+  int top_k = 0;                // contributors a pixel's flow is made of; 0 = all, the paper has 20
+  bool detach_t1 = false;       // no flow gradient to the geometry at t1
   bool detach_weights = false;  // no flow gradient to the weights, i.e. to what is drawn where
+  bool absgrad = false;         // v_means2d from sums of |gradient| over pixels; not with depth
 };
 
 // Which images are wanted beside colour and alpha; what is not wanted costs nothing.
@@ -31,6 +32,11 @@ struct Channels {
   bool flow = true;
   bool depth = true;
 };
+
+// The moment of the depth carries the sums of |gradient|: one or the other.
+inline bool absgrad(const EngineSettings& settings, Channels channels) {
+  return settings.absgrad && !channels.depth;
+}
 
 // Names as on the command line; Error that lists the choices.
 inline Transport transport_named(const std::string& name) {

@@ -10,6 +10,7 @@ Defines defines(const Queue& queue, const EngineSettings& settings, Channels cha
           {"DEPTH", int(channels.depth)},
           {"TOP_K", channels.flow ? settings.top_k : 0},
           {"EXCLUDE", int(settings.stop == StopRule::exclude)},
+          {"ABSGRAD", int(absgrad(settings, channels))},
           {"DETACH_WEIGHTS", int(channels.flow && settings.detach_weights)}};
 }
 

@@ -86,6 +86,12 @@ void Progress::advance() {
   draw_if_due();
 }
 
+void Progress::say(const std::string& sentence) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const bool drawn = terminal_ && !quiet_;  // a line that is being redrawn must go first
+  std::fputs(((drawn ? "\r\x1b[K" : "") + sentence + "\n").c_str(), stderr);
+}
+
 void Progress::finish() {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (finished_) return;

@@ -44,6 +44,8 @@ class Progress {
   void update(long done, std::vector<ProgressTerm> terms = {});
   // Adds one to the count.
   void advance();
+  // Writes a sentence on a line of its own, quiet or not.
+  void say(const std::string& sentence);
   // Draws the last state and ends the line.
   void finish();
 

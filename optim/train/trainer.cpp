@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/trainer.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <numeric>
 
+#include "optim/density/memory.hpp"
 #include "optim/motion/parameters_state.hpp"
 #include "shared/random.h"
 
 namespace gflow {
 namespace {
 
-constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9;  // of random numbers
+constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9,
+               kNoiseStream = 10;  // of random numbers
 
 // a at 0, b at 1, geometrically between.
 float between_rates(float a, float b, double share) {
@@ -69,6 +73,32 @@ PinholeCamera part_of(PinholeCamera camera, const Rect& part) {
   return camera;
 }
 
+DensityRule density_rule(const DensityConfig& d, const Scene& scene, const MotionShape& shape) {
+  const float extent = float(scene.extent);
+  DensityRule rule;
+  rule.cap = size_t(d.cap);
+  rule.min_opacity = d.prune_opacity;
+  rule.cutoff = shape.cutoff;
+  rule.split.split_scale = d.split_scale * extent;
+  rule.split.split_travel = d.split_travel;
+  rule.split.duration = shape.duration;
+  rule.split.min_lifetime = d.min_lifetime * shape.duration / float(std::max(scene.steps, 1));
+  rule.grad_threshold = d.grad_threshold;
+  rule.max_scale = d.prune_scale * extent;
+  rule.opacity_reset_every = d.opacity_reset_every;
+  rule.growth = d.growth;
+  rule.noise = d.noise / (extent * extent);  // the rate is in scene units, the covariance squared
+  rule.opacity_weight = d.opacity_weight;
+  rule.scale_weight = d.scale_weight / extent;
+  return rule;
+}
+
+EngineSettings training_settings(const TrainConfig& config) {
+  EngineSettings settings = engine_settings(config.flow);
+  settings.absgrad = config.density.strategy == DensityKind::adc && config.density.absgrad;
+  return settings;
+}
+
 }  // namespace
 
 size_t shuffled(size_t n, uint32_t seed, size_t i) {
@@ -90,12 +120,13 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       flows_(flows),
       parts_(std::move(parts)),
       model_(model),
-      renderer_(queue, engine_settings(config.flow)),
+      renderer_(queue, training_settings(config)),
       image_loss_(queue, config.loss.ssim),
       flow_loss_(queue, config.flow.robust_px),
       motion_loss_(motion_loss_for(queue, config.loss, scene)),
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
-      density_(queue),
+      density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
+      density_rule_(density_rule(config.density, scene, model.shape)),
       reduce_(queue),
       pairs_of_frame_(scene.train.size()) {
   const bool sequential = config.train.sequential;
@@ -168,7 +199,14 @@ void Trainer::step(Queue& queue, int step) {
     model_.motion->start_key(queue, model_.parameters, now.time_step);
   for (const Sample& sample : samples(step)) train_view(queue, sample, step);
   update(queue, step);
-  refine_if_due(queue, step);
+  if (!density_ || !now.fits()) return;
+  const uint32_t seed = uint32_t(config_.train.seed);
+  const int done = step + 1;
+  density_->after_step(
+      queue, model_.parameters, renderer_.gaussians(), density_rule_,
+      {done, refining(done), position_rate(step), random_bits(seed, kNoiseStream, uint32_t(step))});
+  if (refining(done) && done % config_.density.every == 0)
+    refine(queue, random_bits(seed, kSplitStream, uint32_t(step)));
 }
 
 void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
@@ -233,10 +271,14 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
                    images.alpha, teacher_, confidence_, v_.v_flow);
   }
   renderer_.backward(queue, model_, v_);
-  if (config_.density.enabled)
-    density_.accumulate(queue, camera.width, camera.height,
-                        renderer_.engine().splats().tiles_touched, renderer_.gradients().v_means2d,
-                        model_.parameters.count);
+  if (density_)
+    density_->see(queue, {camera.width, camera.height, renderer_.engine().splats().tiles_touched,
+                          renderer_.gradients().v_means2d});
+}
+
+float Trainer::position_rate(int step) const {
+  return float(scene_.extent) *
+         between_rates(config_.lr.means, config_.lr.means_final, stage(step).share);
 }
 
 void Trainer::renew_neighbours_if_due(Queue& queue, int step) {
@@ -255,11 +297,10 @@ void Trainer::update(Queue& queue, int step) {
   const AdamGroups& eps = config_.adam;
   const Stage now = stage(step);
   const double share = now.share;
-  const float extent = float(scene_.extent);
   const auto rate_of = [&](const GroupSpec& spec) -> AdamRate {
     switch (spec.quantity) {
       case Quantity::position:
-        return {extent * between_rates(lr.means, lr.means_final, share), eps.eps_means};
+        return {position_rate(step), eps.eps_means};
       case Quantity::time:
         return {lr.mean_t * model_.shape.duration, eps.eps_means};
       case Quantity::rotation:
@@ -286,6 +327,7 @@ void Trainer::update(Queue& queue, int step) {
     Table& keys = p.more[0];
     keys.rows.seen.fill_range(queue, 0, size_t(now.time_step) * p.count, 0u);
   }
+  if (density_) density_->add_gradients(queue, p, density_rule_);
   for (Table* table : p.tables()) {
     const bool moving = table != &p;
     if (moving ? !now.moves() : !now.fits()) continue;
@@ -305,39 +347,47 @@ void Trainer::update(Queue& queue, int step) {
   }
 }
 
-void Trainer::refine_if_due(Queue& queue, int step) {
+bool Trainer::refining(int done) const {
   const DensityConfig& d = config_.density;
-  const int done = step + 1;
-  if (!d.enabled || done < d.start || done % d.every != 0 ||
-      done > d.stop_fraction * float(config_.train.iterations) || !stage(step).fits())
-    return;
-  DensityRule rule;
-  rule.grad_threshold = d.grad_threshold;
-  rule.min_opacity = d.prune_opacity;
-  rule.max_scale = d.prune_scale * float(scene_.extent);
-  rule.split.split_scale = d.split_scale * float(scene_.extent);
-  rule.split.split_travel = d.split_travel;
-  rule.split.duration = model_.shape.duration;
-  rule.split.min_lifetime =
-      d.min_lifetime * model_.shape.duration / float(std::max(scene_.steps, 1));
-  rule.cutoff = model_.shape.cutoff;
-  rule.cap = size_t(d.cap);
-  density_.refine(queue, model_.parameters, *model_.motion, rule,
-                  random_bits(uint32_t(config_.train.seed), kSplitStream, uint32_t(step)));
-  neighbours_known_ = false;
+  return done >= d.start && done <= d.stop_fraction * float(config_.train.iterations);
+}
+
+void Trainer::refine(Queue& queue, uint32_t seed) {
+  Parameters& p = model_.parameters;
+  DensityRule rule = density_rule_;
+  const size_t budget = size_t(config_.density.memory);
+  memory_holds_ = std::min(memory_holds_, most_gaussians(queue.info, p, budget));
+  rule.cap = std::min(rule.cap, memory_holds_);
+  std::string short_of;
+  try {
+    density_->refine(queue, p, *model_.motion, rule, seed);
+    neighbours_known_ = false;
+    if (rule.cap < density_rule_.cap && p.count >= rule.cap)
+      short_of = fmt::format("density.memory = {} MiB{} holds {} Gaussians, fewer than density.cap",
+                             budget ? budget : size_t(queue.info.global_memory / 4 * 3 >> 20),
+                             budget ? "" : " (three quarters of the device's)", memory_holds_);
+  } catch (const Error& problem) {
+    if (!is_out_of_memory(problem)) throw;
+    memory_holds_ = p.count;  // no more are tried for
+    short_of = problem.what();
+  }
+  if (short_of.empty() || memory_was_short_) return;
+  memory_was_short_ = true;
+  notice_ =
+      fmt::format("memory is short, training goes on with {} Gaussians: {}", p.count, short_of);
 }
 
 Arrays Trainer::state(Queue& queue) const {
   Arrays arrays;
   save_state(queue, model_.parameters, arrays);
-  density_.save_state(queue, arrays);
+  if (density_) density_->save_state(queue, arrays);
   if (motion_loss_ && neighbours_known_) save_state(motion_loss_->pairs(), arrays);
   return arrays;
 }
 
 void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& path) {
   load_state(queue, model_.parameters, arrays, path);
-  density_.load_state(queue, arrays, path);
+  if (density_) density_->load_state(queue, arrays, path);
   neighbours_known_ = motion_loss_ && arrays.count("neighbours/offsets");
   if (neighbours_known_)
     motion_loss_->set_pairs(queue, load_neighbours(arrays, model_.parameters.count, path));

@@ -2,8 +2,11 @@
 // The training step, and nothing around it: which views, losses, gradients, Adam, density control.
 // What a step does is a function of configuration, seed and step number alone.
 #pragma once
+#include <limits>
 #include <memory>
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "optim/data/flow_store.hpp"
@@ -40,6 +43,8 @@ class Trainer {
   void step(Queue& queue, int step);
   // Waits.
   StepFigures figures(Queue& queue);
+  // A sentence for the user about something that happened since the last call, or "".
+  std::string take_notice() { return std::exchange(notice_, ""); }
 
   // All that a later step depends on beside configuration, scene and step number. Waits.
   Arrays state(Queue& queue) const;
@@ -67,7 +72,9 @@ class Trainer {
   void train_view(Queue& queue, const Sample& sample, int step);
   void renew_neighbours_if_due(Queue& queue, int step);
   void update(Queue& queue, int step);
-  void refine_if_due(Queue& queue, int step);
+  float position_rate(int step) const;
+  bool refining(int done) const;
+  void refine(Queue& queue, uint32_t seed);
 
   const TrainConfig& config_;
   const Scene& scene_;
@@ -87,7 +94,11 @@ class Trainer {
   FlowLoss flow_loss_;
   std::unique_ptr<MotionLoss> motion_loss_;  // nullptr: all its weights are 0
   Adam adam_;
-  Density density_;
+  std::unique_ptr<Density> density_;
+  DensityRule density_rule_;
+  size_t memory_holds_ = std::numeric_limits<size_t>::max();  // Gaussians
+  bool memory_was_short_ = false;
+  std::string notice_;
   Reduce reduce_;
   std::vector<std::vector<int>> pairs_of_frame_;  // with a flow, forward and back
   Buffer<cl_uchar> truth_{"truth"}, confidence_{"confidence"};

@@ -142,6 +142,8 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
   };
   for (; step < plan.iterations && !interrupted() && !time_is_over(); ++step) {
     trainer.step(queue, step);
+    const std::string notice = trainer.take_notice();
+    if (!notice.empty()) progress.say("gflow: " + notice);
     if (step % plan.log_every == 0 || step + 1 == plan.iterations) {
       figures = trainer.figures(queue);
       run.append_metrics(step, watch.seconds(), figures);

@@ -32,6 +32,45 @@ bool all_finite(const std::vector<float>& a) {
   return true;
 }
 
+// The image gradient of one pixel at a time gives each pixel's own pull; absgrad adds up their
+// lengths in one go, and changes no other gradient.
+TEST(Engine, AbsgradIsTheSumOfTheLengthsOfAllPixelsPulls) {
+  Queue queue = test_queue();
+  SceneSpec spec;
+  spec.n = 30;
+  spec.width = 19;  // two tiles
+  spec.height = 7;
+  Scene s = random_scene(spec);
+  const Channels channels{true, false};
+  DeviceScene plain(queue, s, channels);
+  s.shot.settings.absgrad = true;
+  DeviceScene absolute(queue, s, channels);
+  plain.forward();
+  absolute.forward();
+  const reference::Planes all = random_cotangents(s, 1);
+  const FloatArrays signed_gradients = plain.backward(all);
+  EXPECT_EQ(absolute.backward(all), signed_gradients);
+  const std::vector<float> got = absolute.gradients.v_means2d.read(queue);
+
+  std::vector<double> expected(2 * spec.n);
+  const size_t pixels = s.pixels();
+  for (size_t pixel = 0; pixel < pixels; ++pixel) {
+    reference::Planes one = all;
+    for (std::vector<double>* plane : {&one.rgb, &one.alpha, &one.depth, &one.flow})
+      for (size_t i = 0; i < plane->size(); ++i)
+        if (i % pixels != pixel) (*plane)[i] = 0;
+    plain.backward(one);
+    const std::vector<float> v = plain.gradients.v_means2d.read(queue);
+    for (size_t i = 0; i < spec.n; ++i) {
+      const double each = std::hypot(double(v[2 * i]), double(v[2 * i + 1])) / std::sqrt(2.);
+      expected[2 * i] += each;
+      expected[2 * i + 1] += each;
+    }
+  }
+  EXPECT_GT(norm(expected), 1.5 * norm(plain.gradients.v_means2d.read(queue)));
+  EXPECT_LT(relative_l2(got, expected), 1e-5);  // rounding of sums of 133 positive terms
+}
+
 TEST(Engine, GradientOfTwoLossesIsTheSumOfBoth) {  // T37
   Queue queue = test_queue();
   const Scene s = small_scene();

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "engine/motion_check.hpp"
-#include "optim/density/density.hpp"
+#include "optim/density/adc.hpp"
 #include "reference/flat_still.hpp"
 
 namespace gflow {
@@ -143,13 +143,14 @@ TEST(Keyframes, ChildrenKeepTheirParentsPathThroughDensityControl) {
   p["log_scales"].values.fill(queue, -2);
   p["logit_opacities"].values.write(queue, {1, 1, -20, 1});  // the third goes
   p["means_t"].values.fill(queue, 0.5f);
-  Density density(queue);
+  AdcDensity density(queue);
   DensityRule rule;
   rule.grad_threshold = 1;
   rule.max_scale = 10;
   rule.split.split_scale = 1;
-  density.accumulate(queue, 20, 10, Buffer<cl_uint>(queue, {1, 1, 1, 1}, "tiles"),
-                     Buffer<float>(queue, {0, 0, 9, 0, 0, 0, 0, 0}, "v"), 4);
+  const Buffer<cl_uint> touched(queue, {1, 1, 1, 1}, "tiles");
+  const Buffer<float> v(queue, {0, 0, 9, 0, 0, 0, 0, 0}, "v");
+  density.see(queue, {20, 10, touched, v});
   density.refine(queue, p, check.motion(), rule, 1);
   ASSERT_EQ(p.count, 4u);  // 0, 1, 1 again, 3
   const size_t source[] = {0, 1, 1, 3};

@@ -3,6 +3,7 @@
 
 #include <set>
 
+#include "optim/density/memory.hpp"
 #include "train/small_scene.hpp"
 
 namespace gflow {
@@ -46,9 +47,58 @@ TEST_F(TrainerTest, TwoRunsOf500StepsGiveTheSameBits) {
   TrainConfig config = small_config(scene(), 500);
   config.init.dynamic = 60;
   const auto first = bits_after(queue(), config, 500);
-  EXPECT_GT(first.at("gaussians/means_t").size(),
-            scene().truth.count);  // density control took part
+  EXPECT_GT(first.at("gaussians/means_t").size(), scene().truth.count);  // density control
   expect_equal_bits(first, bits_after(queue(), config, 500));
+}
+
+TEST_F(TrainerTest, TwoRunsOfEveryDensityStrategyGiveTheSameBits) {
+  TrainConfig resetting = small_config(scene(), 300);
+  resetting.density.opacity_reset_every = 70;  // within the rounds, not at one
+  resetting.density.absgrad = true;
+  resetting.density.grad_threshold = 4e-4f;
+  TrainConfig mcmc = small_config(scene(), 300);
+  mcmc.density.strategy = DensityKind::mcmc;
+  for (const TrainConfig& config : {resetting, mcmc}) {
+    const auto first = bits_after(queue(), config, 300);
+    const size_t count = first.at("gaussians/means_t").size();
+    EXPECT_NE(count, scene().truth.count);  // density control took part
+    EXPECT_LE(count, 300u);                 // the cap
+    expect_equal_bits(first, bits_after(queue(), config, 300));
+  }
+}
+
+TEST_F(TrainerTest, StopsGrowingAtTheMemoryBudgetAndSaysSoOnce) {
+  TrainConfig config = small_config(scene(), 300);
+  config.density.strategy = DensityKind::mcmc;
+  config.density.growth = 10;
+  config.density.cap = 1000000;
+  config.density.memory = 1;
+  SmallTraining training(queue(), config);
+  size_t notices = 0;
+  for (int i = 0; i < 150; ++i) {
+    training.steps(queue(), 1);
+    notices += !training.trainer.take_notice().empty();
+  }
+  const Parameters& p = training.model.parameters;
+  EXPECT_EQ(p.count, most_gaussians(queue().info, p, 1));
+  EXPECT_GT(p.count, scene().truth.count);
+  EXPECT_EQ(notices, 1u);
+}
+
+TEST_F(TrainerTest, GoesOnWithTheGaussiansItHasWhenMemoryRunsOut) {
+  Queue small = test_queue();
+  SmallTraining training(small, small_config(scene(), 300));
+  training.steps(small, 99);
+  const size_t before = training.model.parameters.count;
+  // As if someone else had taken the memory: what is allocated stays, new arrays of rows fail.
+  const uint64_t all = std::exchange(small.info.max_allocation, 2048);
+  training.steps(small, 1);  // a round of density control
+  small.info.max_allocation = all;
+  EXPECT_EQ(training.model.parameters.count, before);
+  EXPECT_NE(training.trainer.take_notice().find("allocating"), std::string::npos);
+  training.steps(small, 60);  // past the next round
+  EXPECT_LE(training.model.parameters.count, before);
+  EXPECT_EQ(training.trainer.take_notice(), "");
 }
 
 TEST_F(TrainerTest, TwoRunsInBatchesOfTwoGiveTheSameBits) {
@@ -64,6 +114,7 @@ TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
     TrainConfig config = small_config(scene(), 260);
     config.motion.model = kind;
     config.train.batch = kind == MotionModelKind::native4d ? 2 : 1;
+    if (kind == MotionModelKind::bases) config.density.strategy = DensityKind::mcmc;
     SmallTraining training(queue(), config);
     training.steps(queue(), 130);
     const Arrays state = training.trainer.state(queue());

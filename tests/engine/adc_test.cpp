@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/density/density.hpp"
+#include "optim/density/adc.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,6 @@
 namespace gflow {
 namespace {
 
-float logit(float p) { return std::log(p / (1 - p)); }
 double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
 
 // A Gaussian as density control sees it. The video lasts from 0 to 1.
@@ -71,8 +70,9 @@ class Field {
       tiles.push_back(m.tiles);
       v_means2d.insert(v_means2d.end(), {factor * m.pull / 10, 0});
     }
-    density.accumulate(queue, 20, 10, Buffer<cl_uint>(queue, tiles, "tiles"),
-                       Buffer<float>(queue, v_means2d, "v_means2d"), made_.size());
+    const Buffer<cl_uint> touched(queue, tiles, "tiles");
+    const Buffer<float> v(queue, v_means2d, "v_means2d");
+    density.see(queue, {20, 10, touched, v});
   }
   void refine(uint32_t seed = 1) { density.refine(queue, parameters, motion, rule, seed); }
 
@@ -87,7 +87,7 @@ class Field {
 
   Queue queue;
   Native4dMotion motion;
-  Density density;
+  AdcDensity density;
   DensityRule rule;
   Parameters parameters;
 
@@ -107,7 +107,7 @@ Made pulled(float pull, float scale = 0.1f) {
   return m;
 }
 
-TEST(Density, KeepsWhatIsSeenAndLeftInPeace) {
+TEST(Adc, KeepsWhatIsSeenAndLeftInPeace) {
   Field field({pulled(0), pulled(0.9f), pulled(0.5f)});
   const auto before = field.values("means");
   field.see();
@@ -116,7 +116,7 @@ TEST(Density, KeepsWhatIsSeenAndLeftInPeace) {
   EXPECT_EQ(field.values("means"), before);
 }
 
-TEST(Density, RemovesTheFaintTheHugeAndTheNeverVisible) {
+TEST(Adc, RemovesTheFaintTheHugeAndTheNeverVisible) {
   Made faint, huge, early, late, nearly;
   faint.opacity = 0.004f;
   huge.scale = 11;
@@ -130,14 +130,14 @@ TEST(Density, RemovesTheFaintTheHugeAndTheNeverVisible) {
   EXPECT_EQ(field.sources(), (std::vector<int>{1, 5, 6}));
 }
 
-TEST(Density, MakesTwoOfWhatIsPulledAtMoreThanTheThreshold) {
+TEST(Adc, MakesTwoOfWhatIsPulledAtMoreThanTheThreshold) {
   Field field({pulled(0.99f), pulled(1.01f), pulled(2, 1.f), pulled(0)});
   field.see();
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 1, 2, 2, 3}));
 }
 
-TEST(Density, JudgesTheMeanOverTheViewsThatSawIt) {
+TEST(Adc, JudgesTheMeanOverTheViewsThatSawIt) {
   Made hidden = pulled(50);
   hidden.tiles = 0;
   Field field({pulled(1.2f), pulled(1.8f), hidden});
@@ -147,7 +147,7 @@ TEST(Density, JudgesTheMeanOverTheViewsThatSawIt) {
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 1, 2}));
 }
 
-TEST(Density, ForgetsTheEvidenceOnceUsed) {
+TEST(Adc, ForgetsTheEvidenceOnceUsed) {
   Field field({pulled(2)});
   field.see();
   field.refine();
@@ -156,7 +156,7 @@ TEST(Density, ForgetsTheEvidenceOnceUsed) {
   EXPECT_EQ(field.parameters.count, 2u);
 }
 
-TEST(Density, GivesTheRoomBelowTheCapToTheHardestPulls) {
+TEST(Adc, GivesTheRoomBelowTheCapToTheHardestPulls) {
   std::vector<Made> made;
   for (const float pull : {2.f, 9.f, 3.f, 7.f, 0.f, 5.f}) made.push_back(pulled(pull));
   Field field(made);
@@ -166,7 +166,7 @@ TEST(Density, GivesTheRoomBelowTheCapToTheHardestPulls) {
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 1, 2, 3, 3, 4, 5}));
 }
 
-TEST(Density, GrowsNothingAtOrAboveTheCap) {
+TEST(Adc, GrowsNothingAtOrAboveTheCap) {
   for (const size_t cap : {size_t(1), size_t(2)}) {
     Field field({pulled(2), pulled(3)});
     field.rule.cap = cap;
@@ -176,7 +176,7 @@ TEST(Density, GrowsNothingAtOrAboveTheCap) {
   }
 }
 
-TEST(Density, AmongEqualPullsTheFirstGrow) {
+TEST(Adc, AmongEqualPullsTheFirstGrow) {
   Field field(std::vector<Made>(6, pulled(2)));
   field.rule.cap = 8;
   field.see();
@@ -184,7 +184,7 @@ TEST(Density, AmongEqualPullsTheFirstGrow) {
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 0, 1, 1, 2, 3, 4, 5}));
 }
 
-TEST(Density, SurvivorsKeepTheirMomentsAndStepsChildrenStartWithNone) {
+TEST(Adc, SurvivorsKeepTheirMomentsAndStepsChildrenStartWithNone) {
   Made faint;
   faint.opacity = 0.001f;
   Field field({faint, pulled(0), pulled(2), pulled(0)});
@@ -202,7 +202,7 @@ TEST(Density, SurvivorsKeepTheirMomentsAndStepsChildrenStartWithNone) {
     }
 }
 
-TEST(Density, ChildrenOfALargeOneAreSmallerAndLiveAsLong) {
+TEST(Adc, ChildrenOfALargeOneAreSmallerAndLiveAsLong) {
   Made made = pulled(2, 1.f);
   made.lifetime = 50;
   Field field({made});
@@ -224,7 +224,7 @@ Made traveller() {
   return made;
 }
 
-TEST(Density, OneThatTravelsFarIsSplitInTimeAlongItsPath) {
+TEST(Adc, OneThatTravelsFarIsSplitInTimeAlongItsPath) {
   Field field({pulled(0), traveller()});
   const std::vector<float> opacities = field.values("logit_opacities");
   field.see();
@@ -244,7 +244,7 @@ TEST(Density, OneThatTravelsFarIsSplitInTimeAlongItsPath) {
   }
 }
 
-TEST(Density, LivesAreNotCutShorterThanAllowed) {
+TEST(Adc, LivesAreNotCutShorterThanAllowed) {
   Field field({traveller()});
   field.rule.split.min_lifetime = 0.13f;  // above 0.6 x 0.2
   field.see();
@@ -253,7 +253,7 @@ TEST(Density, LivesAreNotCutShorterThanAllowed) {
   for (const float t : field.values("means_t")) EXPECT_EQ(t, 0.5f);
 }
 
-TEST(Density, ChildrenOfASmallOneKeepItsSizeAndOneOfThemItsPlace) {
+TEST(Adc, ChildrenOfASmallOneKeepItsSizeAndOneOfThemItsPlace) {
   Field field({pulled(0), pulled(2)});
   const std::vector<float> scales = field.values("log_scales");
   field.see();
@@ -270,7 +270,7 @@ TEST(Density, ChildrenOfASmallOneKeepItsSizeAndOneOfThemItsPlace) {
 
 // Drawn from the parent: over 2 x 400 children the mean is within 5 / sqrt(800) deviations of the
 // parent's, the deviation within 5 / sqrt(1600) of it.
-TEST(Density, ChildrenOfLargeOnesSpreadAsTheParentDoes) {
+TEST(Adc, ChildrenOfLargeOnesSpreadAsTheParentDoes) {
   Field field(std::vector<Made>(400, pulled(2, 0.8f)));
   field.see();
   field.refine();
@@ -287,7 +287,7 @@ TEST(Density, ChildrenOfLargeOnesSpreadAsTheParentDoes) {
 }
 
 // 1 - o = (1 - o')^2: two children at one place show what the parent did. o' of a float logit.
-TEST(Density, TwoChildrenTogetherAreAsOpaqueAsTheParent) {
+TEST(Adc, TwoChildrenTogetherAreAsOpaqueAsTheParent) {
   for (const float opacity : {0.01f, 0.3f, 0.9f, 0.99f}) {
     Made made = pulled(2);
     made.opacity = opacity;
@@ -299,14 +299,14 @@ TEST(Density, TwoChildrenTogetherAreAsOpaqueAsTheParent) {
   }
 }
 
-TEST(Density, IgnoresPullsThatAreNotFinite) {
+TEST(Adc, IgnoresPullsThatAreNotFinite) {
   Field field({pulled(std::nanf("")), pulled(HUGE_VALF), pulled(2)});
   field.see();
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 2, 2}));
 }
 
-TEST(Density, WorksOnNoneAndOne) {
+TEST(Adc, WorksOnNoneAndOne) {
   Field none(std::vector<Made>{});
   none.see();
   none.refine();
@@ -317,7 +317,7 @@ TEST(Density, WorksOnNoneAndOne) {
   EXPECT_EQ(one.parameters.count, 1u);
 }
 
-TEST(Density, MayRemoveEverything) {
+TEST(Adc, MayRemoveEverything) {
   Made faint;
   faint.opacity = 0.001f;
   Field field({faint, faint});
@@ -326,6 +326,56 @@ TEST(Density, MayRemoveEverything) {
   EXPECT_EQ(field.parameters.count, 0u);
   field.refine();
   EXPECT_EQ(field.parameters.count, 0u);
+}
+
+TEST(Adc, ResetsOpacitiesAndTheirMomentsOnlyWhenDueAndWhereHigher) {
+  Made low;
+  low.opacity = 0.008f;
+  Field field({low, Made{}});
+  field.rule.opacity_reset_every = 300;
+  const std::vector<float> before = field.values("logit_opacities");
+  const GaussiansAt drawn;
+  const auto after = [&](int done, bool refining) {
+    field.density.after_step(field.queue, field.parameters, drawn, field.rule,
+                             {done, refining, 0, 0});
+    return field.values("logit_opacities");
+  };
+  EXPECT_EQ(after(299, true), before);
+  EXPECT_EQ(after(600, false), before);
+  const std::vector<float> reset = after(600, true);
+  EXPECT_EQ(reset[0], before[0]);
+  EXPECT_NEAR(sigmoid(double(reset[1])), 2 * 0.005, 1e-8);  // rounding of a logit near -5
+  const ParameterGroup& opacities = field.parameters["logit_opacities"];
+  EXPECT_EQ(opacities.exp_avg.read(field.queue), (std::vector<float>{0, 0}));  // row 0 had 0
+  EXPECT_EQ(opacities.exp_avg_sq.read(field.queue), (std::vector<float>{0, 0}));
+  EXPECT_EQ(field.parameters["means"].exp_avg.read(field.queue)[3], 1);
+}
+
+TEST(Adc, EvidenceSurvivesBeingSavedAndLoaded) {
+  Field saved({pulled(2), pulled(0.5f)}), loaded({pulled(2), pulled(0.5f)});
+  saved.see();
+  Arrays arrays;
+  saved.density.save_state(saved.queue, arrays);
+  loaded.density.load_state(loaded.queue, arrays, "a file");
+  loaded.refine();
+  EXPECT_EQ(loaded.sources(), (std::vector<int>{0, 0, 1}));
+}
+
+TEST(Adc, WithoutMemoryForMoreEverythingStaysAsItWas) {
+  Field field({pulled(2), pulled(3), pulled(0)});
+  field.see();
+  field.queue.info.max_allocation = 4 * 4 * 4;  // log_scales of 4 Gaussians; 5 are wanted
+  try {
+    field.refine();
+    ADD_FAILURE() << "it fitted";
+  } catch (const Error& problem) {
+    EXPECT_TRUE(is_out_of_memory(problem)) << problem.what();
+  }
+  EXPECT_EQ(field.parameters.count, 3u);
+  EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 2}));
+  field.queue.info.max_allocation = 1 << 20;
+  field.refine();  // the evidence is still there
+  EXPECT_EQ(field.sources(), (std::vector<int>{0, 0, 1, 1, 2}));
 }
 
 std::vector<uint32_t> bits_after(uint32_t seed) {
@@ -345,7 +395,7 @@ std::vector<uint32_t> bits_after(uint32_t seed) {
   return bits;
 }
 
-TEST(Density, GivesTheSameBitsForASeedAndOthersForAnother) {
+TEST(Adc, GivesTheSameBitsForASeedAndOthersForAnother) {
   EXPECT_EQ(bits_after(5), bits_after(5));
   EXPECT_NE(bits_after(5), bits_after(6));
 }

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Density strategy "adc" (adaptive density control, Kerbl et al. 2023): Gaussians the loss pulls at
+// hard become two, faint, huge or never visible ones go, the number stays below a cap by taking the
+// hardest pulls first. Kernels: kernels/adc.cl.
+#pragma once
+#include "optim/density/density.hpp"
+#include "optim/density/rows.hpp"
+#include "runtime/sort.hpp"
+
+namespace gflow {
+
+class AdcDensity : public Density {
+ public:
+  explicit AdcDensity(Queue& queue);
+
+  void see(Queue& queue, const DensityView& view) override;
+  // Lowers all opacities to twice the least when a reset is due.
+  void after_step(Queue& queue, Parameters& parameters, const GaussiansAt& drawn,
+                  const DensityRule& rule, const DensityStep& step) override;
+  // By the evidence since the last call, which is forgotten. Children start with zero moments and
+  // step counts. Waits once. Seed: of the children's places.
+  void refine(Queue& queue, Parameters& parameters, Motion& motion, const DensityRule& rule,
+              uint32_t seed) override;
+  // The evidence so far: density/pull and density/views [N].
+  void save_state(Queue& queue, Arrays& arrays) const override;
+  void load_state(Queue& queue, const Arrays& arrays, const std::string& path) override;
+
+ private:
+  void forget(Queue& queue, size_t count);
+
+  Program program_;
+  Kernel<cl_uint, cl_float, cl_float, In<cl_uint>, In<float>, Out<float>, Out<float>>
+      adc_accumulate_;
+  Kernel<cl_uint, cl_float, cl_float, cl_float, cl_float, cl_float, In<float>, In<float>, In<float>,
+         In<float>, In<float>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
+      adc_rank_;
+  Kernel<cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>> adc_grow_;
+  Kernel<cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>, Out<cl_uint>> adc_sources_;
+  Kernel<cl_uint, cl_float, Out<float>, Out<float>, Out<float>> adc_reset_;
+  RowMover rows_;
+  Scan scan_;
+  RadixSort sort_;
+  Buffer<float> pull_{"pull"}, views_{"views"};  // [N] sums over the views since the last round
+  Buffer<cl_uint> copies_{"copies"}, keys_{"density keys"}, order_{"density order"};
+  Buffer<cl_uint> offsets_{"offsets"}, source_{"source"}, child_{"child"};
+};
+
+}  // namespace gflow

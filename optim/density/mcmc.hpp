@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Density strategy "mcmc" (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte
+// Carlo"): training as sampling. No thresholds: dead Gaussians move to live ones drawn by opacity,
+// the number grows by a share a round up to the cap, noise on the means lets faint ones search, and
+// opacity and size cost a little, so that what is not needed dies. Kernels: kernels/mcmc.cl.
+//
+// Where this differs from the authors' program: relocation and growth draw together, in one round,
+// and from the whole line of opacities in equal parts; noise reaches a Gaussian, as Adam does, in
+// the steps that see it; what lives wholly outside of the video counts as dead.
+#pragma once
+#include "optim/density/density.hpp"
+#include "optim/density/rows.hpp"
+#include "runtime/scan.hpp"
+
+namespace gflow {
+
+class McmcDensity : public Density {
+ public:
+  explicit McmcDensity(Queue& queue);
+
+  void add_gradients(Queue& queue, Parameters& parameters, const DensityRule& rule) override;
+  void after_step(Queue& queue, Parameters& parameters, const GaussiansAt& drawn,
+                  const DensityRule& rule, const DensityStep& step) override;
+  // A row that moves or is moved to starts with zero moments and step counts. Waits twice. The
+  // number never shrinks; where all are dead nothing changes. Seed: of the draws.
+  void refine(Queue& queue, Parameters& parameters, Motion& motion, const DensityRule& rule,
+              uint32_t seed) override;
+
+ private:
+  Program program_;
+  Kernel<cl_uint, cl_float, cl_float, cl_float, cl_float, In<float>, In<float>, In<float>,
+         Out<cl_uint>, Out<cl_uint>>
+      mcmc_weigh_;
+  Kernel<cl_uint, cl_uint, cl_uint, cl_uint, In<cl_uint>, Out<cl_uint>> mcmc_draw_;
+  Kernel<cl_uint, cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, In<cl_uint>, Out<cl_uint>,
+         Out<cl_uint>, Out<cl_uint>>
+      mcmc_sources_;
+  Kernel<cl_uint, cl_float, In<cl_uint>, Out<float>, Out<float>> mcmc_share_;
+  Kernel<cl_uint, cl_float, cl_float, In<cl_uint>, In<float>, In<float>, Out<float>, Out<float>>
+      mcmc_shrink_;
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, In<cl_uint>, In<float>, In<float>, In<float>,
+         Out<float>>
+      mcmc_noise_;
+  RowMover rows_;
+  Scan scan_;
+  Buffer<cl_uint> dead_{"dead"}, dead_offsets_{"dead offsets"};
+  Buffer<cl_uint> weights_{"weights"}, offsets_{"weight offsets"}, drawn_{"drawn"};
+  Buffer<cl_uint> source_{"source"}, child_{"child"}, copies_{"copies"};
+};
+
+}  // namespace gflow

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/density/memory.hpp"
+
+#include <algorithm>
+
+namespace gflow {
+namespace {
+
+// A Gaussian has with tiles: `gflow bench raster`, 30 000 at 512 x 512 pixels: 5.5.
+constexpr size_t intersections = 6;
+
+// Words of four bytes a Gaussian that draw it and carry its gradients (optim/engine).
+constexpr size_t drawing_words = 2 * 13                       // GaussiansAt, at two times
+                                 + 3 + 30                     // colours, GaussianGradients
+                                 + 16 + 2 + 3                 // Splats
+                                 + 16 + 1                     // moments, slot_offsets
+                                 + 6                          // sorts; density control's own
+                                 + intersections * (16 + 3);  // partials; ids, slots and masks
+
+// Gaussians' own tables: their rows a Gaussian.
+template <class Visit>
+void for_each_own_table(const Parameters& p, Visit&& visit) {
+  visit(static_cast<const Table&>(p), size_t(1));
+  for (size_t t = 0; t < p.more.size(); ++t)
+    if (p.more_specs[t].keys) visit(p.more[t], p.more_specs[t].keys);
+}
+
+}  // namespace
+
+size_t bytes_per_gaussian(const Parameters& parameters) {
+  size_t words = 0;
+  for_each_own_table(parameters, [&](const Table& table, size_t keys) {
+    for (const GroupSpec& spec : table.specs)
+      words += keys * 4 * spec.width;  // values, gradients, two moments
+    words += keys * 5;                 // RowState
+  });
+  // Twice the tables: the old and the new. What draws has a quarter to spare (Buffer::ensure).
+  return 4 * (2 * words + drawing_words * 5 / 4);
+}
+
+size_t most_gaussians(const DeviceInfo& device, const Parameters& parameters, size_t budget) {
+  const uint64_t bytes = budget ? uint64_t(budget) << 20 : device.global_memory / 4 * 3;
+  size_t widest = intersections * 16 * 5 / 4;  // words a Gaussian in one array: the partials
+  for_each_own_table(parameters, [&](const Table& table, size_t keys) {
+    for (const GroupSpec& spec : table.specs) widest = std::max(widest, keys * spec.width);
+  });
+  return size_t(
+      std::min(bytes / bytes_per_gaussian(parameters), device.max_allocation / (4 * widest)));
+}
+
+}  // namespace gflow
