@@ -65,12 +65,13 @@ int degree_of(size_t rest_columns, const std::string& path) {
                   path, rest_columns));
 }
 
-// A number from a comment "key value", or the default.
-double comment_value(const PlyTable& table, const std::string& key, double otherwise) {
+// A number above `lowest` from a comment "key value", or the default.
+double comment_value(const PlyTable& table, const std::string& key, double otherwise,
+                     double lowest) {
   for (const std::string& comment : table.comments)
     if (comment.rfind(key + " ", 0) == 0) {
       const double value = std::strtod(comment.c_str() + key.size() + 1, nullptr);
-      if (std::isfinite(value) && value > 0) return value;
+      if (std::isfinite(value) && value > lowest) return value;
     }
   return otherwise;
 }
@@ -148,7 +149,7 @@ void write_model(const std::string& path, const HostModel& model) {
   table.rows = model.count;
   const MotionModelKind kind = model.shape.motion;
   table.comments = {std::string("gflow ") + names_of(kind)[size_t(kind)]};
-  MotionShape::fields(model.shape, [&](const char* name, auto value) {
+  MotionShape::fields(model.shape, [&](const char* name, auto value, double) {
     table.comments.push_back(fmt::format("{} {}", name, value));
   });
   table.names = {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
@@ -196,8 +197,8 @@ HostModel read_model(const std::string& path) {
   size_t rest_columns = 0;
   while (table.column("f_rest_" + std::to_string(rest_columns)) >= 0) ++rest_columns;
   model.shape.sh_degree = degree_of(rest_columns, path);
-  MotionShape::fields(model.shape, [&](const char* name, auto& value) {
-    value = std::decay_t<decltype(value)>(comment_value(table, name, double(value)));
+  MotionShape::fields(model.shape, [&](const char* name, auto& value, double lowest) {
+    value = std::decay_t<decltype(value)>(comment_value(table, name, double(value), lowest));
   });
 
   const auto widths = widths_of(kind);

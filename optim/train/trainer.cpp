@@ -206,6 +206,10 @@ void Trainer::update(Queue& queue, int step) {
         return {lr.opacity, eps.eps_opacity};
       case Quantity::color:
         return {lr.sh, eps.eps_sh};
+      case Quantity::plane:
+        return {between_rates(lr.planes, lr.planes_final, share), eps.eps_field};
+      case Quantity::network:
+        return {between_rates(lr.network, lr.network_final, share), eps.eps_field};
       case Quantity::color_rest:
         return {lr.sh / lr.sh_rest_divisor, eps.eps_sh};
     }
