@@ -22,14 +22,10 @@
 #define OUTPUTS HEXPLANE_OUTPUTS
 #if LANES == 1
 #define BLOCK 1  // Gaussians at once
-#define ROWS 1   // of which are held in registers, for WIDE vectors
-#define WIDE 1
-#define INPUT_ROWS 1
+#define ROWS 1   // of which a layer holds so many in registers, two vectors each
 #else
 #define BLOCK 32
-#define ROWS 8
-#define WIDE 2
-#define INPUT_ROWS 8
+#define ROWS (LANES == 16 ? 8 : 4)
 #endif
 
 // ---- one Gaussian and the planes
@@ -97,34 +93,37 @@ static inline lane features_of(HexplaneGrid grid, int level, Corner c, int part,
 
 // ---- the network on a block of Gaussians
 
-// out [BLOCK, outputs] = in [BLOCK, inputs] w [inputs, outputs] (+ w's next row, the bias).
+// out [BLOCK, outputs] = in [BLOCK, inputs] w [inputs, outputs] (+ w's next row, the bias). Two
+// vectors of outputs at a time; a last one without a partner is its own.
 static inline void layer_fwd(const float* in, const int inputs, global const float* w,
-                             const int outputs, const int biased, float* out, const int wide) {
-  for (int j = 0; j < outputs; j += wide * LANES)
+                             const int outputs, const int biased, float* out) {
+  for (int j = 0; j < outputs; j += 2 * LANES) {
+    const int j2 = j + LANES < outputs ? j + LANES : j;
+    global const float* bias = w + (size_t)inputs * outputs;
     for (int b = 0; b < BLOCK; b += ROWS) {
-      lane sum[ROWS * WIDE];
+      lane one[ROWS], two[ROWS];
 #pragma unroll
-      for (int v = 0; v < wide; ++v) {
-        const lane bias =
-            biased ? ROW_LOAD(w + (size_t)inputs * outputs + j + v * LANES) : TO_LANE(0.f);
-#pragma unroll
-        for (int u = 0; u < ROWS; ++u) sum[u * WIDE + v] = bias;
+      for (int u = 0; u < ROWS; ++u) {
+        one[u] = biased ? ROW_LOAD(bias + j) : TO_LANE(0.f);
+        two[u] = biased ? ROW_LOAD(bias + j2) : TO_LANE(0.f);
       }
       for (int k = 0; k < inputs; ++k) {
+        const lane w1 = ROW_LOAD(w + (size_t)k * outputs + j);
+        const lane w2 = ROW_LOAD(w + (size_t)k * outputs + j2);
 #pragma unroll
-        for (int v = 0; v < wide; ++v) {
-          const lane row = ROW_LOAD(w + (size_t)k * outputs + j + v * LANES);
-#pragma unroll
-          for (int u = 0; u < ROWS; ++u)
-            sum[u * WIDE + v] = fma(TO_LANE(in[(b + u) * inputs + k]), row, sum[u * WIDE + v]);
+        for (int u = 0; u < ROWS; ++u) {
+          const lane x = TO_LANE(in[(b + u) * inputs + k]);
+          one[u] = fma(x, w1, one[u]);
+          two[u] = fma(x, w2, two[u]);
         }
       }
 #pragma unroll
-      for (int v = 0; v < wide; ++v)
-#pragma unroll
-        for (int u = 0; u < ROWS; ++u)
-          ROW_STORE(sum[u * WIDE + v], out + (b + u) * outputs + j + v * LANES);
+      for (int u = 0; u < ROWS; ++u) {
+        ROW_STORE(one[u], out + (b + u) * outputs + j);
+        ROW_STORE(two[u], out + (b + u) * outputs + j2);
+      }
     }
+  }
 }
 
 #if LANES > 1
@@ -132,18 +131,18 @@ static inline void layer_fwd(const float* in, const int inputs, global const flo
 static inline void layer_bwd_weights(const float* in, const int inputs, const float* v_out,
                                      const int outputs, global float* v_w) {
   for (int j = 0; j < outputs; j += LANES) {
-    for (int k = 0; k < inputs; k += INPUT_ROWS) {
-      lane sum[INPUT_ROWS];
+    for (int k = 0; k < inputs; k += ROWS) {
+      lane sum[ROWS];
 #pragma unroll
-      for (int u = 0; u < INPUT_ROWS; ++u) sum[u] = ROW_LOAD(v_w + (size_t)(k + u) * outputs + j);
+      for (int u = 0; u < ROWS; ++u) sum[u] = ROW_LOAD(v_w + (size_t)(k + u) * outputs + j);
       for (int b = 0; b < BLOCK; ++b) {
         const lane v = ROW_LOAD(v_out + b * outputs + j);
 #pragma unroll
-        for (int u = 0; u < INPUT_ROWS; ++u)
+        for (int u = 0; u < ROWS; ++u)
           sum[u] = fma(TO_LANE(in[b * inputs + k + u]), v, sum[u]);
       }
 #pragma unroll
-      for (int u = 0; u < INPUT_ROWS; ++u) ROW_STORE(sum[u], v_w + (size_t)(k + u) * outputs + j);
+      for (int u = 0; u < ROWS; ++u) ROW_STORE(sum[u], v_w + (size_t)(k + u) * outputs + j);
     }
     lane sum = ROW_LOAD(v_w + (size_t)inputs * outputs + j);
     for (int b = 0; b < BLOCK; ++b) sum += ROW_LOAD(v_out + b * outputs + j);
@@ -178,16 +177,15 @@ static inline void network_fwd(const uint* rows, int count, HexplaneGrid grid,
                   a->features + b * FEATURES + level * CHANNELS + part * LANES);
     }
   }
-  layer_fwd(a->features, FEATURES, network, HIDDEN, 1, a->hidden[0], WIDE);
+  layer_fwd(a->features, FEATURES, network, HIDDEN, 1, a->hidden[0]);
   for (int layer = 1; layer <= LAYERS; ++layer) {
     float* in = a->hidden[layer - 1];
     for (int k = 0; k < BLOCK * HIDDEN; k += LANES)
       ROW_STORE(fmax(ROW_LOAD(in + k), TO_LANE(0.f)), in + k);
     if (layer < LAYERS)
-      layer_fwd(in, HIDDEN, network + LAYER_START(layer), HIDDEN, 1, a->hidden[layer], WIDE);
+      layer_fwd(in, HIDDEN, network + LAYER_START(layer), HIDDEN, 1, a->hidden[layer]);
   }
-  layer_fwd(a->hidden[LAYERS - 1], HIDDEN, network + LAYER_START(LAYERS), OUTPUTS, 1, a->outputs,
-            1);
+  layer_fwd(a->hidden[LAYERS - 1], HIDDEN, network + LAYER_START(LAYERS), OUTPUTS, 1, a->outputs);
 }
 
 static inline Shift shift_of(const float* o, HexplaneGrid grid) {
@@ -329,7 +327,7 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
     layer_bwd_weights(a.hidden[LAYERS - 1], HIDDEN, v_out, OUTPUTS,
                       v_network + LAYER_START(LAYERS));
 #endif
-    layer_fwd(v_out, OUTPUTS, transposed + LAYER_START(LAYERS), HIDDEN, 0, v_in, WIDE);
+    layer_fwd(v_out, OUTPUTS, transposed + LAYER_START(LAYERS), HIDDEN, 0, v_in);
     for (int layer = LAYERS - 1; layer >= 0; --layer) {
       const float* out = a.hidden[layer];
       for (int k = 0; k < BLOCK * HIDDEN; k += LANES)
@@ -342,13 +340,13 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
 #if LANES > 1
       layer_bwd_weights(a.hidden[layer - 1], HIDDEN, v_in, HIDDEN, v_network + LAYER_START(layer));
 #endif
-      layer_fwd(v_in, HIDDEN, transposed + LAYER_START(layer), HIDDEN, 0, v_next, WIDE);
+      layer_fwd(v_in, HIDDEN, transposed + LAYER_START(layer), HIDDEN, 0, v_next);
       for (int k = 0; k < BLOCK * HIDDEN; k += LANES) ROW_STORE(ROW_LOAD(v_next + k), v_in + k);
     }
 #if LANES > 1
     layer_bwd_weights(a.features, FEATURES, v_in, HIDDEN, v_network);
 #endif
-    layer_fwd(v_in, HIDDEN, transposed, FEATURES, 0, v_x, 1);
+    layer_fwd(v_in, HIDDEN, transposed, FEATURES, 0, v_x);
     for (int b = 0; b < count; ++b)
       for (int k = 0; k < FEATURES; k += LANES)
         ROW_STORE(ROW_LOAD(v_x + b * FEATURES + k), v_features + (size_t)rows[b] * FEATURES + k);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <nanoflann.hpp>
 
+#include "optim/motion/hexplane.hpp"
 #include "optim/train/dynamic_seeds.hpp"
 #include "shared/random.h"
 #include "shared/sh.h"
@@ -163,6 +164,21 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
   return points;
 }
 
+HexplaneShape hexplane_shape(const HexplaneConfig& config, int steps,
+                             const std::vector<float>& xyz) {
+  HexplaneShape shape;
+  shape.levels = config.levels;
+  shape.channels = config.channels;
+  shape.resolution = config.resolution;
+  shape.times = config.times > 0 ? config.times : std::max((steps + 1) / 2, 1);
+  shape.hidden = config.hidden;
+  shape.layers = config.layers;
+  shape.turn = config.turn;
+  shape.resize = config.resize;
+  set_box(shape, xyz, config.slack);
+  return shape;
+}
+
 }  // namespace
 
 std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
@@ -202,7 +218,9 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   const size_t enough = std::min({size_t(1000), scene.points.size(), size_t(config.density.cap)});
   if (points.size() == 0 || points.size() < enough)
     points = random_points(scene, frames, by_time, config);
-  const Seeds seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
+  const bool permanent = is_permanent(config.motion.model);
+  Seeds seeds;
+  if (!permanent) seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
   const size_t n = points.size(), all = n + seeds.size();
 
   HostModel model;
@@ -212,8 +230,9 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   model.shape.duration = float(config.motion.duration * scene.extent);
   model.shape.cutoff = config.motion.cutoff;
   model.shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
+  model.shape.hexplane = hexplane_shape(config.hexplane, scene.steps, points.xyz);
   const float duration = model.shape.duration;
-  const float lifetime = scene.steps > 1 ? config.init.lifetime * duration : 1000 * duration;
+  const float lifetime = scene.steps > 1 && !permanent ? config.init.lifetime * duration : 1000 * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
   const size_t rest = size_t((config.motion.sh_degree + 1) * (config.motion.sh_degree + 1) - 1);
   auto& g = model.groups;
@@ -226,7 +245,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   g["sh0"].assign(3 * all, 0.f);
   g["sh_rest"].assign(3 * rest * all, 0.f);
   for (size_t i = 0; i < all; ++i) g["quats"][4 * i] = 1;
-  add_rest(model.shape, g, all);
+  add_rest(model.shape, g, all, uint32_t(config.train.seed));
   const auto place = [&](size_t i, float scale, float scale_t, const uint8_t* rgb) {
     for (size_t k = 0; k < 3; ++k) g["log_scales"][4 * i + k] = std::log(scale);
     g["log_scales"][4 * i + 3] = std::log(scale_t);
@@ -236,7 +255,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   const std::vector<float> distance = neighbour_distance(points.xyz);
   for (size_t i = 0; i < n; ++i) {
     place(i, distance[i], lifetime, points.rgb.empty() ? nullptr : &points.rgb[3 * i]);
-    g["means_t"][i] = points.time[i] * duration;
+    g["means_t"][i] = (permanent ? 0.5f : points.time[i]) * duration;
   }
   for (size_t k = 0; k < seeds.size(); ++k) {
     const size_t i = n + k;

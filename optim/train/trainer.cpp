@@ -220,14 +220,21 @@ void Trainer::update(Queue& queue, int step) {
     const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
     model_.motion->set_pace(queue, p, {model_.shape.duration, time_step, lr.pace, lr.pace_most});
   }
+  model_.motion->regularize(queue, p, {config_.hexplane.plane_tv, config_.hexplane.time_smoothness,
+                                       config_.hexplane.l1_time});
+  // Photographs of one moment, and first steps, teach no motion.
+  const bool moving = scene_.steps > 1 && step >= config_.motion.warmup;
   for (Table* table : p.tables()) {
+    const bool motion_only = std::all_of(table->specs.begin(), table->specs.end(),
+                                         [](const GroupSpec& spec) { return spec.motion; });
+    if (motion_only && !moving) continue;
     for (const ParameterGroup& group : table->groups)
       adam_.refuse(queue, group, table->rows, table->active);
     adam_.advance(queue, table->rows, table->active);
     for (size_t g = 0; g < table->groups.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
       if (spec.quantity == Quantity::color_rest && sh_degree(step) == 0) continue;
-      if (spec.motion && scene_.steps < 2) continue;  // photographs of one moment
+      if (spec.motion && !moving) continue;
       AdamRate rate = rate_of(spec);
       rate.per_time = spec.per_time;
       if (spec.motion && spec.quantity != Quantity::time) rate.lr *= lr.motion;
