@@ -156,6 +156,7 @@ struct HexplaneConfig {
   int hidden = 64;
   int layers = 2;
   float slack = 0.5f;
+  float unfold = 0.3f;
   bool turn = true;
   bool resize = true;
   float plane_tv = 0;
@@ -173,6 +174,10 @@ struct HexplaneConfig {
     field("hidden", self.hidden, "neurons of a hidden layer", one_of({32, 64, 128, 256}));
     field("layers", self.layers, "hidden layers", between(1, 4));
     field("slack", self.slack, "room around the first Gaussians [x their extent]", at_least(0));
+    field("unfold", self.unfold,
+          "share of the training in which the views widen from the middle of the video to all of "
+          "it; 0: all at once",
+          between(0, 1));
     field("turn", self.turn, "learn how Gaussians turn");
     field("resize", self.resize, "learn how Gaussians change their size");
     field("plane_tv", self.plane_tv,

@@ -79,6 +79,25 @@ bool on_object(FrameStore& frames, const std::vector<ObjectView>& views,
   return seen > 0 && 10 * inside >= 9 * seen;
 }
 
+// Whether two thirds of the views show something other than the background at the point, and at
+// least half of them have it in their picture: the object's hull while it moves little.
+bool in_hull(FrameStore& frames, const std::vector<ObjectView>& views,
+             const Eigen::Vector3d& point) {
+  const std::array<uint8_t, 3> background = frames.background();
+  size_t seen = 0, inside = 0;
+  for (const ObjectView& view : views) {
+    const Camera& camera = frames.camera(*view.frame);
+    if ((camera.viewmat * point.homogeneous()).z() <= 0) continue;
+    const Eigen::Vector2d at = camera.project(point);
+    if (!(at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height)) continue;
+    const auto picture = frames.rgb(*view.frame);
+    const size_t pixel = size_t(at.y()) * size_t(picture->width) + size_t(at.x());
+    ++seen;
+    inside += differs(&picture->pixels[3 * pixel], background.data());
+  }
+  return 2 * seen >= views.size() && 3 * inside >= 2 * seen;
+}
+
 // The training frames by time.
 std::vector<ObjectView> views_by_time(const Scene& scene, const std::vector<Rect>& parts) {
   std::vector<ObjectView> views;
@@ -141,15 +160,17 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
   const uint seed = uint(config.train.seed);
   const Eigen::Vector3d centre = looked_at(scene);
   const double half = 0.5 * config.init.box * scene.extent;
+  const bool hull = scene.has_alpha && is_permanent(config.motion.model);  // at one time
   FirstPoints points;
   const uint tries = uint(std::min<size_t>(100 * count, 4000000));
   for (uint i = 0; i < tries && points.size() < count; ++i) {
     Eigen::Vector3d p;
     for (uint axis = 0; axis < 3; ++axis)
       p[axis] = centre[axis] + half * (2 * random_uniform(seed, kPosition + axis, i) - 1);
-    const float place = scene.has_alpha ? random_uniform(seed, kTime, i) : 0.5f;
+    const float place = scene.has_alpha && !hull ? random_uniform(seed, kTime, i) : 0.5f;
     const std::vector<ObjectView> views = views_near(by_time, place);
-    if (scene.has_alpha && !on_object(frames, views, p)) continue;
+    if (hull ? !in_hull(frames, views, p) : scene.has_alpha && !on_object(frames, views, p))
+      continue;
     points.time.push_back(float(views[views.size() / 2].frame->time));
     for (uint axis = 0; axis < 3; ++axis) {
       points.xyz.push_back(float(p[axis]));

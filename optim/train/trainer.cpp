@@ -9,11 +9,16 @@
 namespace gflow {
 namespace {
 
+constexpr size_t kFirstViews = 12;  // with which a model that unfolds starts
 constexpr uint kSplitStream = 7, kPairStream = 8;  // of random numbers
 
 // a at 0, b at 1, geometrically between.
 float between_rates(float a, float b, double share) {
   return a > 0 ? float(a * std::pow(double(b) / a, share)) : 0.f;
+}
+
+bool unfolds(const TrainConfig& config) {
+  return is_permanent(config.motion.model) && config.hexplane.unfold > 0;
 }
 
 // A part of interleaved rows [H, W, channels].
@@ -87,6 +92,13 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
     const double area = double(parts_[i].width) * parts_[i].height;
     if (area > 0 && area < 0.6 * camera.width * camera.height) focus_frames_.push_back(i);
   }
+  whole_frames_.resize(scene.train.size());
+  std::iota(whole_frames_.begin(), whole_frames_.end(), size_t(0));
+  if (unfolds(config))
+    for (std::vector<size_t>* order : {&whole_frames_, &focus_frames_})
+      std::stable_sort(order->begin(), order->end(), [&](size_t a, size_t b) {
+        return std::fabs(scene.train[a].time - 0.5) < std::fabs(scene.train[b].time - 0.5);
+      });
   if (!config.flow.enabled || config.flow.weight == 0) return;
   for (size_t i = 0; i < pairs.size(); ++i)
     if (flows.has(i)) pairs_of_frame_[size_t(pairs[i].frame)].push_back(int(i));
@@ -94,6 +106,14 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
 
 int Trainer::sh_degree(int step) const {
   return std::min(config_.motion.sh_degree, step / config_.motion.sh_interval);
+}
+
+size_t Trainer::unfolded(size_t n, int step) const {
+  if (!unfolds(config_)) return n;
+  const double all = double(config_.hexplane.unfold) * config_.train.iterations;
+  const double share = std::clamp((step - config_.motion.warmup) / all, 0.0, 1.0);
+  const size_t least = std::min(n, kFirstViews);
+  return least + size_t(share * double(n - least));
 }
 
 int Trainer::pair_at(size_t frame, int step, size_t turn) const {
@@ -112,8 +132,9 @@ std::vector<Trainer::Sample> Trainer::samples(int step) const {
   for (int b = 0; b < config_.train.batch; ++b) {
     const size_t at = turn * size_t(config_.train.batch) + size_t(b);
     const uint32_t seed = uint32_t(config_.train.seed);
-    const size_t i = whole ? shuffled(scene_.train.size(), seed, at)
-                           : focus_frames_[shuffled(focus_frames_.size(), seed + 1000003u, at)];
+    const std::vector<size_t>& frames = whole ? whole_frames_ : focus_frames_;
+    const uint32_t stream = whole ? seed : seed + 1000003u;
+    const size_t i = frames[shuffled(unfolded(frames.size(), step), stream, at)];
     const Camera& camera = frames_.camera(scene_.train[i]);
     samples.push_back({&scene_.train[i], pair_at(i, step, at),
                        whole ? Rect{0, 0, camera.width, camera.height} : parts_[i]});

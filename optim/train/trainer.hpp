@@ -46,6 +46,9 @@ class Trainer {
     Rect part;  // what of it is drawn
   };
   std::vector<Sample> samples(int step) const;
+  // How many of n views count at a step, those nearest to the middle of the video: a common pose
+  // that moves far is followed from there, not searched for at all times at once.
+  size_t unfolded(size_t n, int step) const;
   // The flow pair a frame is shown with, forward or back, or -1.
   int pair_at(size_t frame, int step, size_t turn) const;
   void train_view(Queue& queue, const Sample& sample, int step);
@@ -58,7 +61,9 @@ class Trainer {
   const std::vector<FlowPair>& pairs_;
   FlowStore& flows_;
   std::vector<Rect> parts_;
-  std::vector<size_t> focus_frames_;  // those with a part smaller than the whole
+  // Training frames, all and those with a part smaller than the whole; from the middle of the video
+  // outwards where the model unfolds.
+  std::vector<size_t> whole_frames_, focus_frames_;
   Model& model_;
   Renderer renderer_;
   ImageLoss image_loss_;
