@@ -81,9 +81,9 @@ static inline lane features_of(HexplaneGrid grid, int level, Corner c, int part,
                                global const float* planes, global const float* lines) {
   lane product = TO_LANE(1.f);
   for (int plane = 0; plane < 3; ++plane)
-    product *= patch_value(load_patch(planes + cell_at(grid, level, plane, c, part),
-                                      (uint)grid.resolution << level),
-                           c.at[PLANE_U(plane)].share, c.at[PLANE_V(plane)].share);
+    product *= patch_value(
+        load_patch(planes + cell_at(grid, level, plane, c, part), (uint)grid.resolution << level),
+        c.at[PLANE_U(plane)].share, c.at[PLANE_V(plane)].share);
   for (int axis = 0; axis < 3; ++axis) {
     global const float* p = lines + line_at(grid, level, axis, c, part);
     product *= between(ROW_LOAD(p), ROW_LOAD(p + CHANNELS), c.at[axis].share);
@@ -138,8 +138,7 @@ static inline void layer_bwd_weights(const float* in, const int inputs, const fl
       for (int b = 0; b < BLOCK; ++b) {
         const lane v = ROW_LOAD(v_out + b * outputs + j);
 #pragma unroll
-        for (int u = 0; u < ROWS; ++u)
-          sum[u] = fma(TO_LANE(in[b * inputs + k + u]), v, sum[u]);
+        for (int u = 0; u < ROWS; ++u) sum[u] = fma(TO_LANE(in[b * inputs + k + u]), v, sum[u]);
       }
 #pragma unroll
       for (int u = 0; u < ROWS; ++u) ROW_STORE(sum[u], v_w + (size_t)(k + u) * outputs + j);
@@ -221,8 +220,10 @@ kernel void hexplane_cut(const HexplaneGrid grid, const int row, const float sha
     if (cell < 3 * r) {
       const uint start = hexplane_level_start(grid.resolution, grid.times, level) + 3 * r * r;
       const int next = min(row + 1, grid.times - 1);
-      const lane a = ROW_LOAD(planes + (size_t)(start + row * 3 * r + cell) * CHANNELS + part * LANES);
-      const lane b = ROW_LOAD(planes + (size_t)(start + next * 3 * r + cell) * CHANNELS + part * LANES);
+      const lane a =
+          ROW_LOAD(planes + (size_t)(start + row * 3 * r + cell) * CHANNELS + part * LANES);
+      const lane b =
+          ROW_LOAD(planes + (size_t)(start + next * 3 * r + cell) * CHANNELS + part * LANES);
       ROW_STORE(between(a, b, share), lines + (size_t)id * LANES);
       return;
     }
@@ -249,10 +250,10 @@ kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const
     if (count == 0 || (count < BLOCK && i + 1 < end)) continue;
     network_fwd(rows, count, grid, means, planes, lines, network, &a);
     for (int b = 0; b < count; ++b)
-      store_shifted(rows[b],
-                    shifted_at(load_still(rows[b], STILL_ROWS),
-                               shift_of(a.outputs + b * OUTPUTS, grid), t),
-                    means_at, factors_at, opacities_at);
+      store_shifted(
+          rows[b],
+          shifted_at(load_still(rows[b], STILL_ROWS), shift_of(a.outputs + b * OUTPUTS, grid), t),
+          means_at, factors_at, opacities_at);
     count = 0;
   }
 }
@@ -308,10 +309,9 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
     for (int k = 0; k < BLOCK * OUTPUTS; ++k) v_out[k] = 0.f;
     for (int b = 0; b < count; ++b) {
       const uint row = rows[b];
-      const Still v =
-          shifted_vjp(load_still(row, STILL_ROWS), shift_of(a.outputs + b * OUTPUTS, grid), t,
-                      load3(v_means_at, row), load_mat3(v_factors_at, row),
-                      first ? v_opacities_at[row] : 0.f);
+      const Still v = shifted_vjp(
+          load_still(row, STILL_ROWS), shift_of(a.outputs + b * OUTPUTS, grid), t,
+          load3(v_means_at, row), load_mat3(v_factors_at, row), first ? v_opacities_at[row] : 0.f);
       const int fresh = first && !seen[row];
       if (fresh) seen[row] = 1;
       put_still(row, v, fresh, V_STILL_ROWS);
@@ -393,7 +393,8 @@ kernel void hexplane_bwd_planes(const uint n, const uint length, const HexplaneG
   const uint r = (uint)grid.resolution << level;
   const uint cells = hexplane_level_start(grid.resolution, 1, LEVELS);
   global float* v_cut =
-      v_cuts + ((size_t)chunk * cells + hexplane_level_start(grid.resolution, 1, level)) * CHANNELS +
+      v_cuts +
+      ((size_t)chunk * cells + hexplane_level_start(grid.resolution, 1, level)) * CHANNELS +
       part * LANES;
   for (uint cell = 0; cell < hexplane_level_rows(r, 1); ++cell)
     ROW_STORE(TO_LANE(0.f), v_cut + (size_t)cell * CHANNELS);
@@ -433,7 +434,8 @@ kernel void hexplane_bwd_planes(const uint n, const uint length, const HexplaneG
       global float* cell =
           v_cut + (size_t)((p * r + c.at[axis_v].cell) * r + c.at[axis_u].cell) * CHANNELS;
       global float* next = cell + (size_t)r * CHANNELS;
-      const lane far = v * share_v, near = v - far, near_far = near * share_u, far_far = far * share_u;
+      const lane far = v * share_v, near = v - far, near_far = near * share_u,
+                 far_far = far * share_u;
       ROW_STORE(ROW_LOAD(cell) + (near - near_far), cell);
       ROW_STORE(ROW_LOAD(cell + CHANNELS) + near_far, cell + CHANNELS);
       ROW_STORE(ROW_LOAD(next) + (far - far_far), next);
@@ -494,7 +496,8 @@ kernel void hexplane_sum_planes(const uint chunks, const HexplaneGrid grid, cons
   }
   if (size == 0.f) return;  // NaN goes on, for Adam to refuse
   for (int level = 0; level < LEVELS; ++level) {
-    const uint r = (uint)grid.resolution << level, start = hexplane_level_start(grid.resolution, grid.times, level);
+    const uint r = (uint)grid.resolution << level,
+               start = hexplane_level_start(grid.resolution, grid.times, level);
     if (cell < 3 * r * r) {
       put_cell(seen, v_planes, start + cell, sum, 1.f);
       return;
@@ -565,9 +568,9 @@ kernel void hexplane_regularize(const HexplaneGrid grid, const float plane_tv,
       if (k < times - 2) g += here - 2.f * ROW_LOAD(p + step) + ROW_LOAD(p + 2 * step);
       g *= TO_LANE(2.f * time_smoothness * mean);
       const lane away = here - TO_LANE(1.f);
-      const lane direction = LANE_SELECT(
-          LANE_SELECT(TO_LANE(0.f), TO_LANE(-1.f), away < TO_LANE(0.f)), TO_LANE(1.f),
-          away > TO_LANE(0.f));
+      const lane direction =
+          LANE_SELECT(LANE_SELECT(TO_LANE(0.f), TO_LANE(-1.f), away < TO_LANE(0.f)), TO_LANE(1.f),
+                      away > TO_LANE(0.f));
       g = fma(TO_LANE(l1_time / ((float)times * r * CHANNELS)), direction, g);
     }
     sum[part] = g;

@@ -44,8 +44,8 @@ const HexplaneShape& checked(const HexplaneShape& s) {
 }
 
 Defines defines(const Queue& queue, const HexplaneShape& s) {
-  return {{"LANES", queue.lanes}, {"LEVELS", s.levels},    {"CHANNELS", s.channels},
-          {"HIDDEN", s.hidden},   {"LAYERS", s.layers},    {"TURN", int(s.turn)},
+  return {{"LANES", queue.lanes},   {"LEVELS", s.levels}, {"CHANNELS", s.channels},
+          {"HIDDEN", s.hidden},     {"LAYERS", s.layers}, {"TURN", int(s.turn)},
           {"RESIZE", int(s.resize)}};
 }
 
@@ -165,8 +165,8 @@ void HexplaneMotion::at(Queue& queue, const Parameters& p, float t, const Buffer
                 cl_uint(p.count), cl_uint(per_item), t, cutoff_, int(!seen), grid_,
                 seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                 p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
-                p["planes"].values, lines_, p["network"].values, gaussians.means,
-                gaussians.factors, gaussians.opacities);
+                p["planes"].values, lines_, p["network"].values, gaussians.means, gaussians.factors,
+                gaussians.opacities);
 }
 
 void HexplaneMotion::backward(Queue& queue, Parameters& p, float t, bool first,

@@ -127,7 +127,6 @@ struct MotionConfig {
   int sh_interval = 1000;
   float cutoff = 0.05f;
   float duration = 8;
-  int warmup = 0;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -139,7 +138,6 @@ struct MotionConfig {
     field("duration", self.duration,
           "length of the video in the model's time [x scene extent]: a speed of 1 crosses so much",
           above(0));
-    field("warmup", self.warmup, "first steps, in which nothing learns to move", at_least(0));
     field("sh_degree", self.sh_degree, "highest degree of the spherical harmonics", between(0, 3));
     field("sh_interval", self.sh_interval, "steps between two rises of the degree in use",
           at_least(1));
@@ -156,11 +154,13 @@ struct HexplaneConfig {
   int hidden = 64;
   int layers = 2;
   float slack = 0.5f;
-  float unfold = 0.3f;
+  int warmup = 300;
+  float unfold = 0.5f;
+  float opacity = 0.01f;
   bool turn = true;
   bool resize = true;
   float plane_tv = 0;
-  float time_smoothness = 0;
+  float time_smoothness = 0.01f;
   float l1_time = 0;
 
   template <class Self, class Field>
@@ -174,18 +174,24 @@ struct HexplaneConfig {
     field("hidden", self.hidden, "neurons of a hidden layer", one_of({32, 64, 128, 256}));
     field("layers", self.layers, "hidden layers", between(1, 4));
     field("slack", self.slack, "room around the first Gaussians [x their extent]", at_least(0));
+    field("warmup", self.warmup, "first steps, in which nothing learns to move", at_least(0));
     field("unfold", self.unfold,
           "share of the training in which the views widen from the middle of the video to all of "
           "it; 0: all at once",
           between(0, 1));
+    field(
+        "opacity", self.opacity,
+        "learning rate instead of lr.opacity: what lasts must not fade before it has learnt where "
+        "to be",
+        at_least(0));
     field("turn", self.turn, "learn how Gaussians turn");
     field("resize", self.resize, "learn how Gaussians change their size");
     field("plane_tv", self.plane_tv,
           "weight of the squared differences between neighbours on planes of space", at_least(0));
     field("time_smoothness", self.time_smoothness,
           "weight of the squared second differences of planes in time", at_least(0));
-    field("l1_time", self.l1_time, "weight of how far planes of time are from 1, that is, from rest",
-          at_least(0));
+    field("l1_time", self.l1_time,
+          "weight of how far planes of time are from 1, that is, from rest", at_least(0));
   }
 };
 
@@ -276,8 +282,8 @@ struct LearningRates {
   float quats = 1e-3f;
   float quats_final = 1e-4f;
   float motion = 1;
-  float planes = 8e-3f;
-  float planes_final = 8e-4f;
+  float planes = 4e-3f;
+  float planes_final = 4e-4f;
   float network = 8e-4f;
   float network_final = 8e-5f;
   float pace = 1;

@@ -253,7 +253,8 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   model.shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
   model.shape.hexplane = hexplane_shape(config.hexplane, scene.steps, points.xyz);
   const float duration = model.shape.duration;
-  const float lifetime = scene.steps > 1 && !permanent ? config.init.lifetime * duration : 1000 * duration;
+  const float lifetime =
+      scene.steps > 1 && !permanent ? config.init.lifetime * duration : 1000 * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
   const size_t rest = size_t((config.motion.sh_degree + 1) * (config.motion.sh_degree + 1) - 1);
   auto& g = model.groups;

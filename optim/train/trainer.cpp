@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-constexpr size_t kFirstViews = 12;  // with which a model that unfolds starts
+constexpr size_t kFrontViews = 12;                 // the newest ones of a model that unfolds
 constexpr uint kSplitStream = 7, kPairStream = 8;  // of random numbers
 
 // a at 0, b at 1, geometrically between.
@@ -19,6 +19,12 @@ float between_rates(float a, float b, double share) {
 
 bool unfolds(const TrainConfig& config) {
   return is_permanent(config.motion.model) && config.hexplane.unfold > 0;
+}
+
+// The share of the training after which it covers the video.
+double unfolding_end(const TrainConfig& config) {
+  if (!unfolds(config)) return 0;
+  return config.hexplane.warmup / double(config.train.iterations) + double(config.hexplane.unfold);
 }
 
 // A part of interleaved rows [H, W, channels].
@@ -108,12 +114,19 @@ int Trainer::sh_degree(int step) const {
   return std::min(config_.motion.sh_degree, step / config_.motion.sh_interval);
 }
 
-size_t Trainer::unfolded(size_t n, int step) const {
-  if (!unfolds(config_)) return n;
+double Trainer::unfolded(int step) const {
+  if (!unfolds(config_)) return 1;
   const double all = double(config_.hexplane.unfold) * config_.train.iterations;
-  const double share = std::clamp((step - config_.motion.warmup) / all, 0.0, 1.0);
-  const size_t least = std::min(n, kFirstViews);
-  return least + size_t(share * double(n - least));
+  return std::clamp((step - config_.hexplane.warmup) / all, 0.0, 1.0);
+}
+
+size_t Trainer::view_at(size_t n, int step, uint32_t stream, size_t turn) const {
+  const double share = unfolded(step);
+  if (share >= 1) return shuffled(n, stream, turn);
+  const size_t front = std::min(n, kFrontViews);
+  const size_t count = front + size_t(share * double(n - front));
+  // every other step looks at the front
+  return turn % 2 ? shuffled(count, stream, turn) : count - front + shuffled(front, stream, turn);
 }
 
 int Trainer::pair_at(size_t frame, int step, size_t turn) const {
@@ -134,7 +147,7 @@ std::vector<Trainer::Sample> Trainer::samples(int step) const {
     const uint32_t seed = uint32_t(config_.train.seed);
     const std::vector<size_t>& frames = whole ? whole_frames_ : focus_frames_;
     const uint32_t stream = whole ? seed : seed + 1000003u;
-    const size_t i = frames[shuffled(unfolded(frames.size(), step), stream, at)];
+    const size_t i = frames[view_at(frames.size(), step, stream, at)];
     const Camera& camera = frames_.camera(scene_.train[i]);
     samples.push_back({&scene_.train[i], pair_at(i, step, at),
                        whole ? Rect{0, 0, camera.width, camera.height} : parts_[i]});
@@ -213,6 +226,11 @@ void Trainer::update(Queue& queue, int step) {
   const AdamGroups& eps = config_.adam;
   const double share = double(step) / config_.train.iterations;
   const float extent = float(scene_.extent);
+  const bool permanent = is_permanent(config_.motion.model);
+  // A field that unfolds learns at its first rate until it covers the video.
+  const double covered = unfolded(step);
+  const double start = unfolding_end(config_);
+  const double field_share = covered < 1 ? 0 : (share - start) / std::max(1 - start, 1e-6);
   const auto rate_of = [&](const GroupSpec& spec) -> AdamRate {
     switch (spec.quantity) {
       case Quantity::position:
@@ -224,13 +242,13 @@ void Trainer::update(Queue& queue, int step) {
       case Quantity::scale:
         return {lr.scales, eps.eps_scales};
       case Quantity::opacity:
-        return {lr.opacity, eps.eps_opacity};
+        return {permanent ? config_.hexplane.opacity : lr.opacity, eps.eps_opacity};
       case Quantity::color:
         return {lr.sh, eps.eps_sh};
       case Quantity::plane:
-        return {between_rates(lr.planes, lr.planes_final, share), eps.eps_field};
+        return {between_rates(lr.planes, lr.planes_final, field_share), eps.eps_field};
       case Quantity::network:
-        return {between_rates(lr.network, lr.network_final, share), eps.eps_field};
+        return {between_rates(lr.network, lr.network_final, field_share), eps.eps_field};
       case Quantity::color_rest:
         return {lr.sh / lr.sh_rest_divisor, eps.eps_sh};
     }
@@ -241,10 +259,11 @@ void Trainer::update(Queue& queue, int step) {
     const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
     model_.motion->set_pace(queue, p, {model_.shape.duration, time_step, lr.pace, lr.pace_most});
   }
-  model_.motion->regularize(queue, p, {config_.hexplane.plane_tv, config_.hexplane.time_smoothness,
-                                       config_.hexplane.l1_time});
+  model_.motion->regularize(
+      queue, p,
+      {config_.hexplane.plane_tv, config_.hexplane.time_smoothness, config_.hexplane.l1_time});
   // Photographs of one moment, and first steps, teach no motion.
-  const bool moving = scene_.steps > 1 && step >= config_.motion.warmup;
+  const bool moving = scene_.steps > 1 && (!permanent || step >= config_.hexplane.warmup);
   for (Table* table : p.tables()) {
     const bool motion_only = std::all_of(table->specs.begin(), table->specs.end(),
                                          [](const GroupSpec& spec) { return spec.motion; });

@@ -46,9 +46,12 @@ class Trainer {
     Rect part;  // what of it is drawn
   };
   std::vector<Sample> samples(int step) const;
-  // How many of n views count at a step, those nearest to the middle of the video: a common pose
-  // that moves far is followed from there, not searched for at all times at once.
-  size_t unfolded(size_t n, int step) const;
+  // The place, among n views from the middle of the video outwards, of the one for a turn of a
+  // step. A common pose that moves far is followed from the middle, not searched for at all times
+  // at once.
+  size_t view_at(size_t n, int step, uint32_t stream, size_t turn) const;
+  // How much of the unfolding is done, 0 to 1.
+  double unfolded(int step) const;
   // The flow pair a frame is shown with, forward or back, or -1.
   int pair_at(size_t frame, int step, size_t turn) const;
   void train_view(Queue& queue, const Sample& sample, int step);

@@ -76,8 +76,8 @@ TEST(Hexplane, GradientsOfManyGaussiansAreTheSumOfThoseOfFew) {
   const Buffer<float> v_all(queue, v, "v");
   const auto gradients = [&](const std::vector<cl_uint>& touched) {
     p.forget_seen(queue);
-    check.motion().backward(queue, p, 0.7f, true, Buffer<cl_uint>(queue, touched, "touched"),
-                            v_all, v_all, v_all);
+    check.motion().backward(queue, p, 0.7f, true, Buffer<cl_uint>(queue, touched, "touched"), v_all,
+                            v_all, v_all);
     return std::pair{p["network"].grads.read(queue), p["planes"].grads.read(queue)};
   };
   std::vector<cl_uint> all(n), odd(n), even(n);

@@ -73,8 +73,7 @@ inline Shift hexplane_shift(const HexplaneShape& shape, double duration, const N
         double sum = 0;
         for (size_t b = 0; b < 2; ++b)
           for (size_t a = 0; a < 2; ++a) {
-            const double weight =
-                (a ? u.share : 1 - u.share) * (b ? time.share : 1 - time.share);
+            const double weight = (a ? u.share : 1 - u.share) * (b ? time.share : 1 - time.share);
             if (weight != 0) sum += weight * level.time(time.cell + b, axis, u.cell + a, c);
           }
         product *= sum;
