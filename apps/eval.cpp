@@ -27,6 +27,9 @@ void print_report(const Evaluation& evaluation) {
   line("flow error", m.flow_epe, "px");
   line("flow error, moving", m.flow_epe_dynamic, "px");
   line("  DIS there", m.teacher_epe_dynamic, "px");
+  if (!evaluation.tracks) return;
+  line("3D tracks, error", evaluation.tracks->mean, "scene units");
+  line("  if nothing moved", evaluation.tracks->still, "scene units");
 }
 
 void add_eval(CLI::App& app, const GlobalOptions& options) {

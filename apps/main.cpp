@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gflow command. Every failure becomes one sentence on stderr and an exit code:
-// 0 done, 1 an error or a wrong command line, 2 no usable device, 130 interrupted.
+// 0 done, 1 an error or a wrong command line, 2 no usable device, 128 + signal interrupted.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -49,7 +49,10 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   gflow::add_train(app, options);
   gflow::add_render(app, options);
   gflow::add_eval(app, options);
+  gflow::add_export(app, options);
+  gflow::add_info(app, options);
 #endif
+  gflow::add_import(app, options);
   gflow::add_splat(app, options);
   gflow::add_bench(app, options);
   gflow::add_devices(app, options);
@@ -79,7 +82,7 @@ int main(int argc, char** argv) {
     if (std::fflush(stdout) == 0) return code;
     return say(fmt::format("cannot write to standard output: {}", std::strerror(errno)), 1);
   } catch (const gflow::Interrupted& stop) {
-    return say(stop.what(), gflow::interrupted_exit_code);
+    return say(stop.what(), gflow::interrupted_exit_code());
   } catch (const gflow::NoUsableDevice& problem) {
     return say(problem.what(), 2);
   } catch (const gflow::Error& problem) {

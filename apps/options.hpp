@@ -30,8 +30,11 @@ Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options
 void add_bench(CLI::App& app, const GlobalOptions& options);
 void add_devices(CLI::App& app, const GlobalOptions& options);
 void add_splat(CLI::App& app, const GlobalOptions& options);
-void add_train(CLI::App& app, const GlobalOptions& options);  // these three need OpenCV
+void add_import(CLI::App& app, const GlobalOptions& options);
+void add_train(CLI::App& app, const GlobalOptions& options);  // these need OpenCV
 void add_render(CLI::App& app, const GlobalOptions& options);
+void add_export(CLI::App& app, const GlobalOptions& options);
+void add_info(CLI::App& app, const GlobalOptions& options);
 void add_eval(CLI::App& app, const GlobalOptions& options);
 
 }  // namespace gflow

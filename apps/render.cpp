@@ -55,7 +55,7 @@ Source find_source(const RenderFlags& flags) {
     const std::string config = found_above(flags.model, "config.toml");
     if (!config.empty()) source.run = RunFolder::open(fs::path(config).parent_path().string());
   } else {
-    throw Error("there is no run folder and no PLY file " + flags.model);
+    throw Error("there is no run folder and no splat file " + flags.model);
   }
   if (source.run) source.config = source.run->read_config();
   if (flags.background == "white") source.config.scene.background = Background::white;
@@ -68,7 +68,7 @@ Source find_source(const RenderFlags& flags) {
   if (path.empty() && wanted)
     throw Error(fmt::format("the {} views belong to a scene, and {} is of none: --scene names it",
                             flags.split, flags.model));
-  if (wanted || fs::is_directory(path)) {
+  if (wanted || (!path.empty() && fs::exists(path))) {
     // Frames of videos that training unpacked are used again.
     const bool unpacked =
         source.run && source.config.scene.resolution == source.run->read_config().scene.resolution;
@@ -162,7 +162,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
 
   RenderOptions render;
   render.settings = engine_settings(source.config.flow);
-  const float level = source.config.scene.background == Background::white ? 1.f : 0.f;
+  const float level = float(shown_level(source.config.scene.background)) / 255;
   render.background = {level, level, level};
   render.near = source.config.render.near;
   if (source.loaded) render.fps = source.loaded->scene.fps;
@@ -192,7 +192,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
   CLI::App* command = app.add_subcommand(
       "render",
       "Draw a trained model: colour, alpha, depth, flow, comparison with the truth, and videos");
-  command->add_option("RUN|PLY", flags->model, "Run folder of `gflow train`, or a PLY of Gaussians")
+  command->add_option("RUN|FILE", flags->model, "Run folder of `gflow train`, or any splat file")
       ->required()
       ->type_name("PATH");
   command->add_option("-o,--output", flags->output, "Folder that is written")

@@ -11,10 +11,10 @@ namespace gflow {
 namespace {
 
 // Calls nothing but what POSIX allows in a handler.
-void stop_at_once(int) {
+void stop_at_once(int signal) {
   constexpr char sentence[] = "gflow: interrupted\n";
-  if (::write(STDERR_FILENO, sentence, sizeof sentence - 1) < 0) _exit(interrupted_exit_code);
-  _exit(interrupted_exit_code);
+  if (::write(STDERR_FILENO, sentence, sizeof sentence - 1) < 0) _exit(exit_code_of(signal));
+  _exit(exit_code_of(signal));
 }
 
 }  // namespace

@@ -5,9 +5,9 @@
 
 namespace gflow {
 
-// From now on SIGINT, SIGTERM and SIGHUP end the program with one sentence and exit code 130 (those
-// that were ignored, as under nohup, stay so), and a file that meets a size limit (ulimit -f) fails
-// to be written, with a reason, instead of killing the program.
+// From now on SIGINT, SIGTERM and SIGHUP end the program with one sentence and exit code 128 +
+// signal (those that were ignored, as under nohup, stay so), and a file that meets a size limit
+// (ulimit -f) fails to be written, with a reason, instead of killing the program.
 void set_signals();
 
 }  // namespace gflow

@@ -15,11 +15,12 @@ namespace gflow {
 namespace {
 
 struct TrainFlags {
-  std::string scene, run, config_file;
+  std::string scene, run, config_file, init;
   std::vector<std::string> settings;
-  int iterations = 0;
+  int iterations = 0, resolution = 1;
   int64_t seed = 0;
   bool profile = false;
+  bool resume = false;
 };
 
 // Where the device's time went, longest first.
@@ -36,10 +37,25 @@ void print_timings(Queue& queue) {
 
 TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
   TrainConfig config;
+  const RunFolder run(flags.run);
+  if (flags.resume && std::filesystem::exists(run.path("config.toml"))) config = run.read_config();
   if (!flags.config_file.empty()) apply_file(config, flags.config_file);
   for (const std::string& setting : flags.settings) apply_setting(config, setting);
-  config.scene.path = std::filesystem::absolute(flags.scene).lexically_normal().string();
+  if (!flags.scene.empty())
+    config.scene.path = std::filesystem::absolute(flags.scene).lexically_normal().string();
+  else if (!flags.resume)
+    throw CLI::RequiredError("SCENE");
+  else if (config.scene.path.empty())
+    throw Error(
+        fmt::format("resuming {}: it has no config.toml that names the scene; give it: "
+                    "gflow train SCENE -o {} --resume",
+                    flags.run, flags.run));
+  if (!flags.init.empty()) {
+    config.init.from = InitFrom::file;
+    config.init.file = std::filesystem::absolute(flags.init).lexically_normal().string();
+  }
   if (command.count("--iterations")) config.train.iterations = flags.iterations;
+  if (command.count("--resolution")) config.scene.resolution = flags.resolution;
   if (command.count("--seed")) config.train.seed = flags.seed;
   check(config);
   return config;
@@ -53,7 +69,8 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   queue_options.profile = flags.profile;
   Queue queue = open_queue(device, queue_options);
   const RunFolder run(flags.run);
-  const Evaluation evaluation = train_run(queue, config, run, options.quiet);
+  const Evaluation evaluation =
+      train_run(queue, config, run, options.quiet, flags.resume ? Start::resume : Start::anew);
   print_report(evaluation);
   fmt::print("model     {}\n", run.latest_model());
   if (!evaluation.views.empty())
@@ -69,10 +86,10 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       "train", "Train a scene: cameras and video in, a moving splat and its evaluation out");
   command
       ->add_option("SCENE", flags->scene,
-                   "Folder of the scene: D-NeRF/Blender, N3V, "
-                   "Consistent4D or COLMAP")
-      ->required()
-      ->type_name("FOLDER");
+                   "Folder of the scene (N3V, Panoptic, nerfies, Consistent4D, D-NeRF/Blender, "
+                   "nerfstudio, COLMAP, numbered pictures), or a video file; with --resume "
+                   "it may be left out")
+      ->type_name("PATH");
   command->add_option("-o,--output", flags->run, "Run folder that is written")
       ->required()
       ->type_name("FOLDER");
@@ -86,11 +103,23 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->expected(1)
       ->default_str("")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  command
+      ->add_option("--init", flags->init,
+                   "First Gaussians from a splat file that stands still: .ply, compressed .ply, "
+                   ".splat, .spz (init.file)")
+      ->type_name("FILE");
   const TrainConfig defaults;
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")
       ->default_str(std::to_string(defaults.train.iterations));
+  command
+      ->add_option("-r,--resolution", flags->resolution,
+                   "Divides width and height of the pictures: 1, 2, 4 or 8 (scene.resolution)")
+      ->default_str(std::to_string(defaults.scene.resolution));
   command->add_option("--seed", flags->seed, "Of every random choice (train.seed)")
       ->default_str(std::to_string(defaults.train.seed));
+  command->add_flag("--resume", flags->resume,
+                    "Go on with the run in the output folder from its last checkpoint, with its "
+                    "settings; starts it where there is none");
   command->add_flag("--profile", flags->profile, "Print the time each kernel took");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });
 }

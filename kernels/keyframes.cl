@@ -68,3 +68,13 @@ kernel void keyframes_bwd(const uint n, const float t, const int first, const Ke
     }
   }
 }
+
+// Key `key` of all Gaussians goes on from the two before it, or from rest. One work-item a float.
+kernel void keyframes_start(const uint n, const uint width, const uint key,
+                            global float* restrict values) {  // [K, N, width]
+  const uint at = get_global_id(0), block = n * width;
+  if (at >= block) return;
+  const float last = values[(key - 1) * block + at];
+  const float before = key > 1 ? values[(key - 2) * block + at] : last;
+  values[key * block + at] = 2.f * last - before;
+}

@@ -74,4 +74,47 @@ static inline Mat2 mat23_outer(Mat23 x, Mat23 y) {
 static inline Mat23 mat23_sub(Mat23 x, Mat23 y) { return make_mat23(x.r1 - y.r1, x.r2 - y.r2); }
 static inline Mat23 mat23_add(Mat23 x, Mat23 y) { return make_mat23(x.r1 + y.r1, x.r2 + y.r2); }
 
+static inline real3 mat3_mul_vec(Mat3 a, real3 x) {
+  return make_real3(dot(a.r1, x), dot(a.r2, x), dot(a.r3, x));
+}
+static inline real3 mat3_transpose_mul_vec(Mat3 a, real3 x) {
+  return a.r1 * x.x + a.r2 * x.y + a.r3 * x.z;
+}
+static inline Mat3 mat3_transpose(Mat3 a) {
+  Mat3 t;
+  t.r1 = make_real3(a.r1.x, a.r2.x, a.r3.x);
+  t.r2 = make_real3(a.r1.y, a.r2.y, a.r3.y);
+  t.r3 = make_real3(a.r1.z, a.r2.z, a.r3.z);
+  return t;
+}
+static inline Mat3 mat3_mul(Mat3 a, Mat3 b) {
+  Mat3 c;
+  c.r1 = mat3_transpose_mul_vec(b, a.r1);
+  c.r2 = mat3_transpose_mul_vec(b, a.r2);
+  c.r3 = mat3_transpose_mul_vec(b, a.r3);
+  return c;
+}
+static inline Mat3 mat3_add(Mat3 a, Mat3 b) {
+  Mat3 c;
+  c.r1 = a.r1 + b.r1;
+  c.r2 = a.r2 + b.r2;
+  c.r3 = a.r3 + b.r3;
+  return c;
+}
+static inline Mat3 mat3_scale(Mat3 a, real s) {
+  Mat3 c;
+  c.r1 = a.r1 * s;
+  c.r2 = a.r2 * s;
+  c.r3 = a.r3 * s;
+  return c;
+}
+static inline Mat3 mat3_identity(void) {
+  const real o = 0, i = 1;
+  Mat3 e;
+  e.r1 = make_real3(i, o, o);
+  e.r2 = make_real3(o, i, o);
+  e.r3 = make_real3(o, o, i);
+  return e;
+}
+
 #endif

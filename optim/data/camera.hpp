@@ -5,9 +5,23 @@
 #pragma once
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <string>
 
 namespace gflow {
+
+// What a lens did to the stored pictures of a camera: optim/data/lens.hpp has the formulas.
+struct Lens {
+  enum class Kind { none, radial, fisheye };
+  Kind kind = Kind::none;
+  std::array<double, 8> k = {};           // radial: k1 k2 p1 p2 k3 k4 k5 k6; fisheye: k1 k2 k3 k4
+  double fx = 0, fy = 0, cx = 0, cy = 0;  // of the stored picture [px]; 0 without a lens
+
+  bool operator==(const Lens& other) const {
+    return kind == other.kind && k == other.k && fx == other.fx && fy == other.fy &&
+           cx == other.cx && cy == other.cy;
+  }
+};
 
 // One physical camera, or one pose of a moving one.
 struct Camera {
@@ -15,6 +29,8 @@ struct Camera {
   int width = 0, height = 0;                              // [px]
   double fx = 0, fy = 0, cx = 0, cy = 0;                  // [px]
   Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();  // world to camera, OpenCV axes, +z ahead
+
+  Lens lens;  // FrameStore takes its effect out of the pictures
 
   // Where the camera stands, world.
   Eigen::Vector3d position() const {

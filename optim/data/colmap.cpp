@@ -13,6 +13,17 @@
 
 namespace gflow {
 namespace fs = std::filesystem;
+namespace {
+
+// masks/NAME, or NAME.png as COLMAP calls it, or NAME with .png for its extension; or empty.
+std::string mask_of(const std::string& folder, const std::string& name, const std::string& source) {
+  const std::string masks = (fs::path(folder) / "masks").string();
+  const std::string path = path_inside(masks, name, source);
+  return first_existing("",
+                        {path, path + ".png", fs::path(path).replace_extension(".png").string()});
+}
+
+}  // namespace
 
 bool is_colmap(const std::string& folder) {
   return fs::is_directory(fs::path(folder) / "sparse/0");
@@ -36,6 +47,8 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
                               frame.path));
     const ImageHeader header = read_image_header(frame.path);
     scene.has_alpha |= header.has_alpha;
+    if (options.masks != Masks::none) frame.mask_path = mask_of(folder, image.name, sparse);
+    scene.has_alpha |= !frame.mask_path.empty();
     frame.name = fs::path(image.name).replace_extension().generic_string();
     std::replace(frame.name.begin(), frame.name.end(), '/', '_');
     frame.camera = frame.track = int(i);  // without times nothing says what follows what

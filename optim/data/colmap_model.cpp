@@ -14,6 +14,7 @@
 #include <map>
 #include <sstream>
 
+#include "optim/data/lens.hpp"
 #include "optim/data/reader_util.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "runtime/error.hpp"
@@ -92,29 +93,54 @@ std::vector<std::string> text_lines(const std::string& path) {
       fmt::format("{} has a line that is not in COLMAP's format: '{}'", path, line.substr(0, 60)));
 }
 
-Camera make_camera(const std::string& model, int64_t width, int64_t height,
+// COLMAP's models with one or two focal lengths first, then the centre, then the coefficients at
+// these places of Lens::k.
+struct CameraModel {
+  const char* name;
+  size_t focal_lengths;
+  Lens::Kind kind;
+  std::vector<size_t> places;
+};
+
+const CameraModel& model_named(const std::string& name, const std::string& path) {
+  using Kind = Lens::Kind;
+  static const CameraModel known[] = {{"SIMPLE_PINHOLE", 1, Kind::none, {}},
+                                      {"PINHOLE", 2, Kind::none, {}},
+                                      {"SIMPLE_RADIAL", 1, Kind::radial, {0}},
+                                      {"RADIAL", 1, Kind::radial, {0, 1}},
+                                      {"OPENCV", 2, Kind::radial, {0, 1, 2, 3}},
+                                      {"FULL_OPENCV", 2, Kind::radial, {0, 1, 2, 3, 4, 5, 6, 7}},
+                                      {"SIMPLE_RADIAL_FISHEYE", 1, Kind::fisheye, {0}},
+                                      {"RADIAL_FISHEYE", 1, Kind::fisheye, {0, 1}},
+                                      {"OPENCV_FISHEYE", 2, Kind::fisheye, {0, 1, 2, 3}}};
+  std::string names;
+  for (const CameraModel& model : known) {
+    if (model.name == name) return model;
+    names += names.empty() ? model.name : std::string(", ") + model.name;
+  }
+  throw Error(
+      fmt::format("{} has a camera of model {}, known are {}; undistort the pictures with colmap "
+                  "image_undistorter",
+                  path, name, names));
+}
+
+// p: the parameters in COLMAP's order.
+Camera make_camera(const CameraModel& model, int64_t width, int64_t height,
                    const std::vector<double>& p, const std::string& path) {
   if (width < 1 || height < 1 || width > 1 << 20 || height > 1 << 20)
     throw Error(fmt::format("{} has a camera of {}x{} pixels", path, width, height));
   Camera camera;
   camera.width = int(width);
   camera.height = int(height);
-  if (model == "PINHOLE") {
-    camera.fx = p[0], camera.fy = p[1], camera.cx = p[2], camera.cy = p[3];
-  } else {
-    camera.fx = camera.fy = p[0], camera.cx = p[1], camera.cy = p[2];
-  }
-  return camera;
+  const size_t n = model.focal_lengths;
+  camera.fx = p[0], camera.fy = p[n - 1], camera.cx = p[n], camera.cy = p[n + 1];
+  std::array<double, 8> k = {};
+  for (size_t i = 0; i < model.places.size(); ++i) k[model.places[i]] = p[n + 2 + i];
+  return behind_lens(camera, model.kind, k, "a camera in " + path);
 }
 
-// Number of parameters. Error for a model with distortion.
-size_t parameter_count(const std::string& model, const std::string& path) {
-  if (model == "PINHOLE") return 4;
-  if (model == "SIMPLE_PINHOLE") return 3;
-  throw Error(fmt::format(
-      "{} has a camera of model {}, known are SIMPLE_PINHOLE and PINHOLE; undistort the pictures "
-      "with colmap image_undistorter",
-      path, model));
+std::vector<double> room_for_parameters(const CameraModel& model) {
+  return std::vector<double>(model.focal_lengths + 2 + model.places.size());
 }
 
 using Cameras = std::map<uint32_t, Camera>;
@@ -126,9 +152,10 @@ Cameras cameras_bin(const std::string& path) {
     const auto id = file.next<uint32_t>();
     const auto model_id = file.next<int32_t>();
     const bool named = model_id >= 0 && size_t(model_id) < std::size(model_names);
-    const std::string model = named ? model_names[model_id] : fmt::format("number {}", model_id);
+    const std::string name = named ? model_names[model_id] : fmt::format("number {}", model_id);
+    const CameraModel& model = model_named(name, path);
     const auto width = file.next<uint64_t>(), height = file.next<uint64_t>();
-    std::vector<double> parameters(parameter_count(model, path));
+    std::vector<double> parameters = room_for_parameters(model);
     for (double& value : parameters) value = file.next<double>();
     cameras[id] = make_camera(model, int64_t(width), int64_t(height), parameters, path);
   }
@@ -141,10 +168,11 @@ Cameras cameras_txt(const std::string& path) {
     if (line.empty()) continue;
     std::istringstream words(line);
     uint32_t id;
-    std::string model;
+    std::string name;
     int64_t width, height;
-    if (!(words >> id >> model >> width >> height)) bad_line(path, line);
-    std::vector<double> parameters(parameter_count(model, path));
+    if (!(words >> id >> name >> width >> height)) bad_line(path, line);
+    const CameraModel& model = model_named(name, path);
+    std::vector<double> parameters = room_for_parameters(model);
     for (double& value : parameters)
       if (!(words >> value)) bad_line(path, line);
     cameras[id] = make_camera(model, width, height, parameters, path);

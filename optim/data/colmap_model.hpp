@@ -22,7 +22,7 @@ struct ColmapModel {
 };
 
 // Reads the model in folder. Error when a file is missing, truncated or contradicts another, and
-// for camera models with distortion: known are SIMPLE_PINHOLE and PINHOLE.
+// for a camera model that is not known. Distortion becomes Camera::lens.
 ColmapModel read_colmap_model(const std::string& folder);
 
 // Only points3D.{bin,txt} of the folder.

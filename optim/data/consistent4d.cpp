@@ -1,65 +1,52 @@
 // SPDX-License-Identifier: Apache-2.0
-// Consistent4D scenes: one static camera that looks at the origin, z up. The camera is not in the
-// files; it follows from elevation, radius and field of view.
+// Consistent4D scenes, and any folder of numbered pictures: one static camera that looks at the
+// origin, z up. The camera is not in the files; it follows from elevation, radius and field of
+// view.
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
-#include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <filesystem>
+#include <set>
 
 #include "optim/data/image_header.hpp"
 #include "optim/data/reader_util.hpp"
 #include "optim/data/readers.hpp"
+#include "optim/data/static_camera.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr double degree = M_PI / 180;
+// How a picture is numbered: "frame_0012" is {"frame_", "0012"}; no number is an empty one.
+struct Numbered {
+  std::string prefix, number;
+};
 
-bool is_number(const std::string& text) {
-  return !text.empty() && std::all_of(text.begin(), text.end(),
-                                      [](unsigned char c) { return std::isdigit(c) != 0; });
+Numbered split_number(const std::string& stem) {
+  size_t at = stem.size();
+  while (at > 0 && std::isdigit(static_cast<unsigned char>(stem[at - 1]))) --at;
+  return {stem.substr(0, at), stem.substr(at)};
 }
 
-// Pictures of a folder that are named by a number only.
+// Pictures of a folder that are named by a number only; where there are none, those with a number
+// behind one and the same word.
 std::vector<std::string> numbered_pictures(const std::string& folder) {
-  std::vector<std::string> names = list_pictures(folder);
-  names.erase(std::remove_if(names.begin(), names.end(),
-                             [](const std::string& name) { return !is_number(stem(name)); }),
-              names.end());
-  return names;
+  const std::vector<std::string> all = list_pictures(folder);
+  std::vector<std::string> plain, named;
+  std::set<std::string> prefixes;
+  for (const std::string& name : all) {
+    const Numbered parts = split_number(stem(name));
+    if (parts.number.empty()) continue;
+    (parts.prefix.empty() ? plain : named).push_back(name);
+    prefixes.insert(parts.prefix);
+  }
+  if (!plain.empty()) return plain;
+  return prefixes.size() == 1 ? named : std::vector<std::string>{};
 }
 
-// Folder with the input view: input/ or the scene folder itself; empty when neither fits.
-std::string input_folder(const std::string& folder) {
-  const std::string input = (fs::path(folder) / "input").string();
-  if (!numbered_pictures(input).empty()) return input;
-  return numbered_pictures(folder).empty() ? "" : folder;
-}
-
-// Position r (cos el cos az, cos el sin az, sin el), looking at the origin.
-Camera orbit_camera(const std::string& name, double azimuth, const SceneOptions& options,
-                    const ImageHeader& header) {
-  const double el = options.elevation * degree, az = azimuth * degree;
-  const Eigen::Vector3d away(std::cos(el) * std::cos(az), std::cos(el) * std::sin(az),
-                             std::sin(el));
-  Eigen::Matrix3d rotation;
-  rotation.col(2) = -away;
-  rotation.col(0) = rotation.col(2).cross(Eigen::Vector3d::UnitZ()).normalized();
-  rotation.col(1) = rotation.col(2).cross(rotation.col(0));
-  Camera camera;
-  camera.name = name;
-  camera.width = header.width;
-  camera.height = header.height;
-  camera.fx = camera.fy = 0.5 * header.height / std::tan(0.5 * options.fov_y * degree);
-  camera.cx = 0.5 * header.width;
-  camera.cy = 0.5 * header.height;
-  camera.viewmat = viewmat_from_pose(rotation, options.radius * away, "the camera of " + name);
-  return camera;
+std::string join(const std::string& folder, const std::string& name) {
+  return (fs::path(folder) / name).string();
 }
 
 // The frames of one view, in natural order of their names; `view` is input or eval_k.
@@ -83,32 +70,24 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& pictu
   }
   const ImageHeader header = read_image_header(frames[0].path);
   scene.has_alpha |= header.has_alpha;
-  scene.cameras.push_back(orbit_camera(view, azimuth, options, header));
+  scene.cameras.push_back(static_camera(view, azimuth, options, header.width, header.height));
   return frames;
-}
-
-void check_options(const SceneOptions& options) {
-  if (!(std::fabs(options.elevation) < 89.9))
-    throw Error(fmt::format("the camera's elevation is {} degrees, possible is -89.9 to 89.9",
-                            options.elevation));
-  if (!(options.radius > 0) || !std::isfinite(options.radius))
-    throw Error(
-        fmt::format("the camera's distance is {}, expected is a positive number", options.radius));
-  if (!(options.fov_y > 0 && options.fov_y < 180))
-    throw Error(fmt::format("the camera's field of view is {} degrees, possible is 0 to 180",
-                            options.fov_y));
 }
 
 }  // namespace
 
-bool is_consistent4d(const std::string& folder) { return !input_folder(folder).empty(); }
+bool has_input_view(const std::string& folder) {
+  return !numbered_pictures(join(folder, "input")).empty() && !is_colmap(folder);
+}
+
+bool has_numbered_pictures(const std::string& folder) { return !numbered_pictures(folder).empty(); }
 
 Scene read_consistent4d(const std::string& folder, const SceneOptions& options) {
-  check_options(options);
+  const std::string input = has_input_view(folder) ? join(folder, "input") : folder;
   Scene scene;
   scene.layout = "consistent4d";
   scene.fps = 24;
-  scene.train = read_view(folder, input_folder(folder), "input", 0, options, scene);
+  scene.train = read_view(folder, input, "input", 0, options, scene);
   scene.steps = int(scene.train.size());
 
   const double azimuths[] = {-75, 15, 105, 195};

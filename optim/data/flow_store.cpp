@@ -263,14 +263,18 @@ FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pai
     }
     const Frame& frame = scene.train[size_t(pair.frame)];
     const Camera camera = frames.camera(frame);
-    const std::string base =
+    const std::string step =
         (fs::path(folder) / camera.name / fmt::format("{:04}", frame.step)).string();
-    const std::vector<std::string> names = {base + ".flo", base + ".flo.gz", base + ".png",
-                                            base + ".npy"};
+    const std::string picture = (fs::path(folder) / fs::path(frame.path).stem()).string();
+    std::vector<std::string> names;
+    for (const std::string& base : {step, picture})
+      for (const char* extension : {".flo", ".flo.gz", ".png", ".npy"})
+        names.push_back(base + extension);
     const std::string path = first_existing("", names);
     if (path.empty())
       throw Error(fmt::format("there is no flow of camera {} at step {}: looked for {}",
                               camera.name, frame.step, fmt::join(names, ", ")));
+    const std::string& base = path.compare(0, step.size(), step) == 0 ? step : picture;
     const std::string mask = first_existing("", {base + "_mask.png"});
     loaders.emplace_back([=] {
       TeacherFlow teacher{read_any_flow(path), {}};

@@ -50,7 +50,8 @@ FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                      const FrameStore& frames);
 
 // Flow made elsewhere: FOLDER/<camera name>/<step, 4 digits>.{flo,flo.gz,png,npy} (png: KITTI;
-// npy: [H,W,2]); confidence 255 where valid, or NNNN_mask.png where there is one (> 127).
+// npy: [H,W,2]) or FOLDER/<picture's name>.{...}; confidence 255 where valid, or where the
+// ..._mask.png beside it is > 127.
 // Error when a pair's file is missing, naming what was tried; none for pairs that lead back in
 // time. It leads from picture to picture: where a frame has a pair with a next frame, the other has
 // none.

@@ -7,13 +7,16 @@
 
 #include <algorithm>
 #include <condition_variable>
+#include <cstdlib>
 #include <deque>
 #include <filesystem>
 #include <map>
 #include <mutex>
+#include <set>
 #include <thread>
 
 #include "optim/data/image_header.hpp"
+#include "optim/data/lens.hpp"
 #include "optim/data/lru_cache.hpp"
 #include "optim/data/video.hpp"
 #include "runtime/error.hpp"
@@ -41,12 +44,45 @@ Image alpha_of(const Image& rgba) {
   return alpha;
 }
 
-// The frames of one video at the store's size: as PNG files in a folder, or in memory.
+// A picture with its mask as alpha, times the alpha it has. A mask of zeros and ones, as labels are
+// often stored, counts as one of 0 and 255.
+Image masked(const Image& image, Image mask) {
+  const uint8_t most = *std::max_element(mask.pixels.begin(), mask.pixels.end());
+  if (most == 1)
+    for (uint8_t& value : mask.pixels) value = uint8_t(255 * value);
+  Image rgba{image.width, image.height, 4, {}};
+  rgba.pixels.reserve(4 * mask.pixels.size());
+  for (size_t i = 0; i < mask.pixels.size(); ++i) {
+    const uint8_t* p = &image.pixels[i * size_t(image.channels)];
+    const int alpha = image.channels == 4 ? p[3] : 255;
+    rgba.pixels.insert(rgba.pixels.end(),
+                       {p[0], p[1], p[2], uint8_t((alpha * mask.pixels[i] + 127) / 255)});
+  }
+  return rgba;
+}
+
+// One video, read by one thread at a time.
 struct Unpacked {
   std::mutex mutex;
   Video video;
-  std::vector<Image> frames;  // in memory, from frame 0
   explicit Unpacked(const std::string& path) : video(path) {}
+};
+
+// A folder of its own, removed with all it holds.
+struct TemporaryFolder {
+  std::string path;
+  TemporaryFolder() {
+    path = (fs::temp_directory_path() / "gflow-frames-XXXXXX").string();
+    if (!mkdtemp(path.data()))
+      throw Error(fmt::format("cannot make a folder for video frames in {}",
+                              fs::temp_directory_path().string()));
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    fs::remove_all(path, ignored);
+  }
 };
 
 void check_size(int width, int height, const Camera& camera, const std::string& path) {
@@ -64,6 +100,8 @@ struct FrameStore::State {
 
   std::mutex videos_mutex;
   std::map<std::string, std::unique_ptr<Unpacked>> videos;
+  std::map<std::string, std::set<int>> used;  // frames of each video that the scene has
+  std::unique_ptr<TemporaryFolder> temporary;
 
   std::mutex queue_mutex;
   std::condition_variable queue_changed;
@@ -73,11 +111,21 @@ struct FrameStore::State {
 
   explicit State(const FrameStoreOptions& o) : options(o), cache(o.cache_bytes) {}
 
-  Image load_picture(const Frame& frame) {
-    Image image = read_image(frame.path);
+  // As the scene's camera sees it, at the store's resolution. `image` is what was stored.
+  Image prepared(const Image& image, const Frame& frame) const {
+    const Camera& camera = full[size_t(frame.camera)];
+    check_size(image.width, image.height, camera, frame.path);
+    const Camera& small = reduced_cameras[size_t(frame.camera)];
+    return resized(undistorted(image, camera), small.width, small.height);
+  }
+
+  Image load_picture(const Frame& frame) const {
+    const Image image = read_image(frame.path);
+    if (frame.mask_path.empty()) return prepared(image, frame);
+    const Image mask = read_grey(frame.mask_path);
+    check_size(mask.width, mask.height, full[size_t(frame.camera)], frame.mask_path);
     check_size(image.width, image.height, full[size_t(frame.camera)], frame.path);
-    const Camera& camera = reduced_cameras[size_t(frame.camera)];
-    return resized(image, camera.width, camera.height);
+    return prepared(masked(image, mask), frame);
   }
 
   Unpacked& video_of(const std::string& path) {
@@ -87,43 +135,33 @@ struct FrameStore::State {
     return *slot;
   }
 
-  Image decode_video_frame(Unpacked& unpacked, const Frame& frame, int k) {
-    Image image = unpacked.video.frame(k);
-    check_size(image.width, image.height, full[size_t(frame.camera)], frame.path);
-    const Camera& camera = reduced_cameras[size_t(frame.camera)];
-    return resized(image, camera.width, camera.height);
-  }
-
-  // Every frame up to the wanted one is decoded once, in order.
+  // Every used frame up to the wanted one is unpacked once, in order.
   Image load_video_frame(const Frame& frame) {
     Unpacked& unpacked = video_of(frame.path);
     const std::lock_guard<std::mutex> lock(unpacked.mutex);
-    const int wanted = frame.video_frame;
-    if (options.unpack_folder.empty()) {
-      while (int(unpacked.frames.size()) <= wanted)
-        unpacked.frames.push_back(decode_video_frame(unpacked, frame, int(unpacked.frames.size())));
-      return unpacked.frames[size_t(wanted)];
-    }
-    const fs::path folder = fs::path(options.unpack_folder) / full[size_t(frame.camera)].name;
+    const Camera& camera = reduced_cameras[size_t(frame.camera)];
+    const fs::path folder = fs::path(options.unpack_folder) / camera.name;
     const auto file = [&](int k) { return (folder / fmt::format("{:05}.png", k)).string(); };
     std::error_code failed;
     fs::create_directories(folder, failed);
     if (failed)
       throw Error(fmt::format("cannot make folder {}: {}", folder.string(), failed.message()));
-    const Camera& camera = reduced_cameras[size_t(frame.camera)];
     const auto is_there = [&](int k) {
       if (!fs::exists(file(k))) return false;
       const ImageHeader header = read_image_header(file(k));
       return header.width == camera.width && header.height == camera.height;
     };
-    if (is_there(wanted)) return read_image(file(wanted));
-    Image image;
-    for (int k = 0; k <= wanted; ++k) {
-      if (k < wanted && is_there(k)) continue;
-      image = decode_video_frame(unpacked, frame, k);
+    if (is_there(frame.video_frame)) return read_image(file(frame.video_frame));
+    const auto unpack = [&](int k) {
+      Image image = prepared(unpacked.video.frame(k), frame);
       write_png(file(k), image);
+      return image;
+    };
+    for (const int k : used.at(frame.path)) {
+      if (k >= frame.video_frame) break;
+      if (!is_there(k)) unpack(k);
     }
-    return image;
+    return unpack(frame.video_frame);
   }
 
   Decoded load(const Frame& frame) {
@@ -140,7 +178,7 @@ struct FrameStore::State {
   }
 
   std::shared_ptr<const Decoded> get(const Frame& frame) {
-    const std::string key = fmt::format("{}#{}", frame.path, frame.video_frame);
+    const std::string key = fmt::format("{}#{}#{}", frame.path, frame.video_frame, frame.mask_path);
     return cache.get(
         key, [&] { return load(frame); }, bytes_of);
   }
@@ -168,14 +206,26 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
     throw Error(
         fmt::format("the resolution divisor is {}, expected is 1 or more", options.resolution));
   state_->full = scene.cameras;
-  for (const Camera& camera : scene.cameras)
+  for (const Camera& camera : scene.cameras) {
     state_->reduced_cameras.push_back(reduced(camera, options.resolution));
+    state_->reduced_cameras.back().lens = {};
+  }
   for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
     for (const Frame& frame : *split) {
-      if (frame.video_frame >= 0) continue;
-      const ImageHeader header = read_image_header(frame.path);
-      check_size(header.width, header.height, scene.cameras[size_t(frame.camera)], frame.path);
+      if (frame.video_frame >= 0) {
+        state_->used[frame.path].insert(frame.video_frame);
+        continue;
+      }
+      for (const std::string& path : {frame.path, frame.mask_path}) {
+        if (path.empty()) continue;
+        const ImageHeader header = read_image_header(path);
+        check_size(header.width, header.height, scene.cameras[size_t(frame.camera)], path);
+      }
     }
+  if (!state_->used.empty() && options.unpack_folder.empty()) {
+    state_->temporary = std::make_unique<TemporaryFolder>();
+    state_->options.unpack_folder = state_->temporary->path;
+  }
   state_->worker = std::thread([state = state_.get()] { state->run_prefetch(); });
 }
 
@@ -194,12 +244,17 @@ std::shared_ptr<const Image> FrameStore::alpha(const Frame& frame) {
   return state_->get(frame)->alpha;
 }
 
+std::shared_ptr<const Image> FrameStore::picture(const Frame& frame) {
+  return state_->get(frame)->stored;
+}
+
 Image FrameStore::rgb_over(const Frame& frame, std::array<uint8_t, 3> background) {
   return over_background(*state_->get(frame)->stored, background);
 }
 
 void FrameStore::prefetch(const std::vector<const Frame*>& frames) {
   const std::lock_guard<std::mutex> lock(state_->queue_mutex);
+  state_->queue.clear();
   for (const Frame* frame : frames) state_->queue.push_back(*frame);
   state_->queue_changed.notify_one();
 }

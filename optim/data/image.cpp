@@ -71,6 +71,28 @@ void write_mat(const std::string& path, const cv::Mat& mat) {
   write_file_atomically(path, bytes);
 }
 
+// sample(in, out) on the picture; on colours times alpha where it has alpha, so that the hidden
+// colours of transparent pixels do not bleed in.
+template <class Sample>
+Image resampled(const Image& image, Sample sample) {
+  cv::Mat result;
+  if (image.channels != 4) {
+    sample(as_mat(image), result);
+    return from_mat(result);
+  }
+  cv::Mat mat;
+  as_mat(image).convertTo(mat, CV_32F);
+  mat.forEach<cv::Vec4f>([](cv::Vec4f& p, const int*) {
+    for (int c = 0; c < 3; ++c) p[c] *= p[3];
+  });
+  sample(mat, result);
+  result.forEach<cv::Vec4f>([](cv::Vec4f& p, const int*) {
+    for (int c = 0; c < 3; ++c) p[c] = p[3] > 0 ? p[c] / p[3] : 0;
+  });
+  result.convertTo(result, CV_8U);
+  return from_mat(result);
+}
+
 }  // namespace
 
 Image read_image(const std::string& path) {
@@ -108,23 +130,19 @@ Image resized(const Image& image, int width, int height) {
   if (width == image.width && height == image.height) return image;
   const bool shrinks = width <= image.width && height <= image.height;
   const int filter = shrinks ? cv::INTER_AREA : cv::INTER_LINEAR;
-  const cv::Size size(width, height);
-  cv::Mat result;
-  if (image.channels != 4) {
-    cv::resize(as_mat(image), result, size, 0, 0, filter);
-    return from_mat(result);
-  }
-  cv::Mat mat;
-  as_mat(image).convertTo(mat, CV_32F);
-  mat.forEach<cv::Vec4f>([](cv::Vec4f& p, const int*) {
-    for (int c = 0; c < 3; ++c) p[c] *= p[3];
+  return resampled(image, [&](const cv::Mat& in, cv::Mat& out) {
+    cv::resize(in, out, cv::Size(width, height), 0, 0, filter);
   });
-  cv::resize(mat, result, size, 0, 0, filter);
-  result.forEach<cv::Vec4f>([](cv::Vec4f& p, const int*) {
-    for (int c = 0; c < 3; ++c) p[c] = p[3] > 0 ? p[c] / p[3] : 0;
+}
+
+Image remapped(const Image& image, int width, int height, const std::vector<float>& from) {
+  check_pixels(image, "resample a picture");
+  // OpenCV's pixel centres are at whole numbers.
+  const cv::Mat map =
+      cv::Mat(height, width, CV_32FC2, const_cast<float*>(from.data())) - cv::Scalar(0.5, 0.5);
+  return resampled(image, [&](const cv::Mat& in, cv::Mat& out) {
+    cv::remap(in, out, map, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
   });
-  result.convertTo(result, CV_8U);
-  return from_mat(result);
 }
 
 void write_png(const std::string& path, const Image& image) {

@@ -33,6 +33,11 @@ Image over_background(Image image, std::array<uint8_t, 3> background);
 // Colours are weighted by alpha, so that hidden colours of transparent pixels do not bleed in.
 Image resized(const Image& image, int width, int height);
 
+// A picture of the given size whose pixel i is that of `image` at the place (x, y) = from[2 i],
+// from[2 i + 1] (pixel centres at .5), between pixels linearly, outside as at the nearest border.
+// Colours are weighted by alpha.
+Image remapped(const Image& image, int width, int height, const std::vector<float>& from);
+
 // 8-bit PNG, grey, RGB or RGBA by channels. The file appears complete or not at all.
 void write_png(const std::string& path, const Image& image);
 

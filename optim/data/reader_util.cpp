@@ -121,10 +121,8 @@ Camera fitted_to(Camera camera, int width, int height, const std::string& source
                             width, height, source, camera.width, camera.height));
   camera.width = width;
   camera.height = height;
-  camera.fx *= sx;
-  camera.cx *= sx;
-  camera.fy *= sy;
-  camera.cy *= sy;
+  for (double* x : {&camera.fx, &camera.cx, &camera.lens.fx, &camera.lens.cx}) *x *= sx;
+  for (double* y : {&camera.fy, &camera.cy, &camera.lens.fy, &camera.lens.cy}) *y *= sy;
   return camera;
 }
 
@@ -132,7 +130,7 @@ int find_or_add(std::vector<Camera>& cameras, const Camera& camera) {
   const auto same = [&](const Camera& other) {
     return other.width == camera.width && other.height == camera.height && other.fx == camera.fx &&
            other.fy == camera.fy && other.cx == camera.cx && other.cy == camera.cy &&
-           other.viewmat.isApprox(camera.viewmat, 1e-9);
+           other.lens == camera.lens && other.viewmat.isApprox(camera.viewmat, 1e-9);
   };
   const auto found = std::find_if(cameras.begin(), cameras.end(), same);
   if (found != cameras.end()) return int(found - cameras.begin());
@@ -151,6 +149,25 @@ PointCloud find_points(const std::string& folder) {
   if (has_colmap_points(sparse)) return read_colmap_points(sparse);
   const std::string sparse_ply = first_existing(sparse, {"points3D.ply"});
   return sparse_ply.empty() ? PointCloud{} : read_point_cloud(sparse_ply);
+}
+
+std::vector<double> distinct_times(const std::vector<Frame>& frames) {
+  std::vector<double> times;
+  for (const Frame& frame : frames) times.push_back(frame.time);
+  std::sort(times.begin(), times.end());
+  times.erase(
+      std::unique(times.begin(), times.end(), [](double a, double b) { return b - a < 1e-9; }),
+      times.end());
+  return times;
+}
+
+void set_steps(const std::vector<double>& times, std::vector<Frame>& frames) {
+  for (Frame& frame : frames) {
+    const auto nearer = [&](double a, double b) {
+      return std::fabs(a - frame.time) < std::fabs(b - frame.time);
+    };
+    frame.step = int(std::min_element(times.begin(), times.end(), nearer) - times.begin());
+  }
 }
 
 void find_true_flow(Frame& frame, const std::string& base, double flow_time) {

@@ -41,7 +41,8 @@ Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::
 Camera fitted_to(Camera camera, int width, int height, const std::string& source,
                  const std::string& picture);
 
-// Index of an equal camera (size, intrinsics, pose) in the list, which gets it when it is new.
+// Index of an equal camera (size, intrinsics, lens, pose) in the list, which gets it when it is
+// new.
 int find_or_add(std::vector<Camera>& cameras, const Camera& camera);
 
 // The first of points3D.ply, points3d.ply, points_t0.ply, fused.ply in the folder, or empty.
@@ -50,6 +51,12 @@ std::string find_points_ply(const std::string& folder);
 // Initial points of the scene: that PLY, else sparse/0/points3D.{bin,txt,ply}; none when there is
 // no such file.
 PointCloud find_points(const std::string& folder);
+
+// Times of the frames, rising, each once.
+std::vector<double> distinct_times(const std::vector<Frame>& frames);
+
+// Gives each frame the number of the nearest of these times.
+void set_steps(const std::vector<double>& times, std::vector<Frame>& frames);
 
 // Sets the flow and mask of a frame when BASE.flo or BASE.flo.gz is there.
 void find_true_flow(Frame& frame, const std::string& base, double flow_time);

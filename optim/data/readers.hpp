@@ -7,6 +7,11 @@
 
 namespace gflow {
 
+// A video file of one static camera, which stands as in read_consistent4d: options.elevation,
+// radius, fov_y. Frames and their times are counted by decoding. The test views are the training
+// views.
+Scene read_video_file(const std::string& path, const SceneOptions& options);
+
 // D-NeRF / Blender: transforms_train.json, optionally transforms_{test,val}.json. OpenGL
 // camera-to-world matrices, times in [0, 1] (0 when absent), intrinsics for all or each frame. What
 // belongs to one moving camera is found by find_tracks.
@@ -20,13 +25,34 @@ Scene read_blender(const std::string& folder, const SceneOptions& options);
 bool is_n3v(const std::string& folder);
 Scene read_n3v(const std::string& folder, const SceneOptions& options);
 
-// Consistent4D: numbered RGBA pictures of one static camera in the folder itself or in input/,
-// with test views in eval_0 ... eval_3 at azimuths -75, 15, 105 and 195 degrees. Without those the
-// input view is the test view.
-bool is_consistent4d(const std::string& folder);
+// Consistent4D: numbered pictures (0.png, 1.png, ... or frame_0001.jpg, ...) of one static camera
+// in input/ or the folder itself, RGBA or plain, with test views in eval_0 ... eval_3 at azimuths
+// -75, 15, 105 and 195 degrees. Without those the input view is the test view. An input/ beside
+// sparse/0/ holds what COLMAP was given, and is no such view.
+bool has_input_view(const std::string& folder);
+bool has_numbered_pictures(const std::string& folder);
 Scene read_consistent4d(const std::string& folder, const SceneOptions& options);
 
+// nerfstudio: transforms.json. As Blender, with lens distortion (k1 ... k4, p1, p2; fisheye by
+// camera_model) and mask_path; train_filenames, val_filenames and test_filenames where the file has
+// them, else every options.test_every-th picture by name is a test picture. Points of
+// ply_file_path. Without times a static scene.
+bool is_nerfstudio(const std::string& folder);
+Scene read_nerfstudio(const std::string& folder, const SceneOptions& options);
+
+// nerfies, HyperNeRF: dataset.json (train_ids, val_ids), metadata.json (time_id, warp_id or
+// appearance_id: the time), scene.json (scale, center), camera/ID.json, rgb/Nx/ID.png
+// (options.images, else the largest pictures). Views of val_ids are for the test.
+bool is_nerfies(const std::string& folder);
+Scene read_nerfies(const std::string& folder, const SceneOptions& options);
+
+// Panoptic Studio as in Dynamic 3D Gaussians: train_meta.json and test_meta.json (w, h, k, w2c, fn,
+// cam_id), pictures in ims/, points in init_pt_cld.npz. seg/ counts as masks for Masks::all.
+bool is_panoptic(const std::string& folder);
+Scene read_panoptic(const std::string& folder, const SceneOptions& options);
+
 // COLMAP: sparse/0/ and a picture folder (options.images, else images). A static scene, one step.
+// masks/NAME or masks/NAME.png is the alpha of picture NAME.
 bool is_colmap(const std::string& folder);
 Scene read_colmap(const std::string& folder, const SceneOptions& options);
 

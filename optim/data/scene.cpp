@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "optim/data/reader_util.hpp"
@@ -17,24 +18,76 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-Scene read_recognised(const std::string& folder, const SceneOptions& options) {
-  // Most specific first: poses_bounds.npy may have transforms and a COLMAP model beside it.
-  if (is_n3v(folder)) return read_n3v(folder, options);
-  if (is_consistent4d(folder)) return read_consistent4d(folder, options);
-  if (is_blender(folder)) return read_blender(folder, options);
-  if (is_colmap(folder)) return read_colmap(folder, options);
+Scene read_recognised(const std::string& path, const SceneOptions& options) {
+  if (fs::is_regular_file(path)) return read_video_file(path, options);
+  // Most specific first: many folders hold transforms or a COLMAP model, or both, beside what makes
+  // them what they are; numbered pictures may lie anywhere.
+  if (is_n3v(path)) return read_n3v(path, options);
+  if (is_panoptic(path)) return read_panoptic(path, options);
+  if (is_nerfies(path)) return read_nerfies(path, options);
+  if (has_input_view(path)) return read_consistent4d(path, options);
+  if (is_blender(path)) return read_blender(path, options);
+  if (is_nerfstudio(path)) return read_nerfstudio(path, options);
+  if (is_colmap(path)) return read_colmap(path, options);
+  if (has_numbered_pictures(path)) return read_consistent4d(path, options);
   throw Error(fmt::format(
-      "{} is no scene gflow knows: looked for poses_bounds.npy (N3V), input/ or numbered pictures "
-      "0.png, 1.png, ... (Consistent4D), transforms_train.json (Blender, D-NeRF) and sparse/0/ "
-      "(COLMAP)",
-      folder));
+      "{} is no scene gflow knows: looked for poses_bounds.npy (N3V), train_meta.json (Panoptic), "
+      "dataset.json and metadata.json (nerfies), input/ (Consistent4D), transforms_train.json "
+      "(Blender, D-NeRF), transforms.json (nerfstudio), sparse/0/ (COLMAP) and numbered pictures "
+      "0.png, 1.png, ...; a video file may be given itself",
+      path));
 }
 
-void drop_late_steps(Scene& scene, int max_steps) {
-  const auto late = [&](const Frame& frame) { return frame.step >= max_steps; };
-  for (std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
-    split->erase(std::remove_if(split->begin(), split->end(), late), split->end());
-  scene.steps = std::min(scene.steps, max_steps);
+void check(const SceneOptions& options) {
+  if (options.first_step < 0)
+    throw Error(
+        fmt::format("the first step to use is {}, expected is 0 or more", options.first_step));
+  if (options.stride < 1)
+    throw Error(
+        fmt::format("every {}-th step is to be used, expected is 1 (all) or more", options.stride));
+  if (options.max_steps < 0)
+    throw Error(fmt::format("the number of steps to use is {}, expected is 0 (all) or more",
+                            options.max_steps));
+}
+
+// Keeps the steps that the options name: they become steps 0, 1, ... at times from 0 to 1.
+void select_steps(Scene& scene, const SceneOptions& options) {
+  const int first = options.first_step, stride = options.stride;
+  if (first >= scene.steps)
+    throw Error(fmt::format("the first step to use is {}, but scene {} has {} (from 0)", first,
+                            scene.folder, scene.steps));
+  const int left = (scene.steps - 1 - first) / stride + 1;
+  const int count = options.max_steps > 0 ? std::min(options.max_steps, left) : left;
+  if (count == scene.steps) return;
+  const auto unused = [&](const Frame& frame) {
+    const int after = frame.step - first;
+    return after < 0 || after % stride != 0 || after / stride >= count;
+  };
+  double begin = 1, end = 0;
+  for (const Frame& frame : scene.train)
+    if (!unused(frame)) begin = std::min(begin, frame.time), end = std::max(end, frame.time);
+  const double length = end > begin ? end - begin : 1;
+  constexpr double tolerance = 1e-9;
+  for (std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val}) {
+    split->erase(std::remove_if(split->begin(), split->end(), unused), split->end());
+    for (Frame& frame : *split) {
+      frame.step = (frame.step - first) / stride;
+      frame.time = (frame.time - begin) / length;
+      frame.flow_time = (frame.flow_time - begin) / length;
+      const bool skips = stride > 1 && split == &scene.train;
+      if (skips || frame.flow_time > 1 + tolerance)
+        frame.flow_path.clear(), frame.flow_mask_path.clear(), frame.flow_time = 0;
+    }
+    // Views between two training times, nearest to a used step but outside of the range.
+    split->erase(std::remove_if(split->begin(), split->end(),
+                                [&](const Frame& frame) {
+                                  return frame.time < -tolerance || frame.time > 1 + tolerance;
+                                }),
+                 split->end());
+  }
+  scene.steps = count;
+  scene.fps /= stride;
+  scene.tracks_path.clear();  // they are of all steps
 }
 
 // Sorts the splits, and makes names unique by appending a number where paths gave equal ones.
@@ -71,16 +124,16 @@ void check(const Scene& scene) {
 }  // namespace
 
 Scene read_scene(const std::string& path, const SceneOptions& options) {
-  if (!fs::is_directory(path))
-    throw Error(fmt::format("cannot read scene {}: there is no such folder", path));
-  if (options.max_steps < 0)
-    throw Error(fmt::format("the number of steps to use is {}, expected is 0 (all) or more",
-                            options.max_steps));
+  if (!fs::exists(path))
+    throw Error(fmt::format("cannot read scene {}: there is no such folder or video", path));
+  check(options);
   Scene scene = read_recognised(path, options);
   scene.folder = path;
   const fs::path absolute = fs::absolute(path).lexically_normal();
-  scene.name = (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
-  if (options.max_steps > 0) drop_late_steps(scene, options.max_steps);
+  const fs::path last = (absolute.has_filename() ? absolute : absolute.parent_path()).filename();
+  scene.name = (fs::is_directory(path) ? last : last.stem()).string();
+  scene.tracks_path = first_existing(path, {"tracks3d.npy"});
+  select_steps(scene, options);
   order_frames(scene);
   check(scene);
   scene.extent = scene_extent(scene);
@@ -98,6 +151,20 @@ std::vector<FlowPair> neighbour_pairs(const Scene& scene) {
     if (!frame.flow_path.empty() && !(has_next && next->camera == frame.camera))
       pairs.push_back({int(i), -1});
   }
+  return pairs;
+}
+
+std::vector<FlowPair> pairs_in_time(const Scene& scene) {
+  std::map<double, int> by_time;
+  for (size_t i = 0; i < scene.train.size(); ++i)
+    if (!by_time.emplace(scene.train[i].time, int(i)).second)
+      throw Error(fmt::format(
+          "flow.pairs is \"time\", which needs one picture at a time, but scene {} has {} and "
+          "another at time {}",
+          scene.name, scene.train[i].name, scene.train[i].time));
+  std::vector<FlowPair> pairs;
+  for (auto at = by_time.begin(); at != by_time.end() && std::next(at) != by_time.end(); ++at)
+    pairs.push_back({at->second, std::next(at)->second});
   return pairs;
 }
 

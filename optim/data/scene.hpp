@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene as training sees it: cameras, frames with times, initial points. read_scene recognises
-// the folder's layout; nothing here opens a picture except to learn its size.
+// the layout; nothing here opens a picture except to learn its size.
 #pragma once
 #include <string>
 #include <vector>
@@ -17,6 +17,7 @@ struct Frame {
   int step = 0;           // number of the time step, from 0
   double time = 0;        // [0, 1]
   std::string path;       // picture, or video when video_frame >= 0
+  std::string mask_path;  // picture that becomes its alpha (times its own, if any), or empty
   int video_frame = -1;   // which frame of the video
   std::string flow_path;  // true flow to the next step at this camera, or empty
   double flow_time = 0;   // [0, 1] time the true flow leads to
@@ -28,32 +29,41 @@ struct Frame {
 
 // Everything a scene folder says. Frames of train, test and val are sorted by track, then time.
 struct Scene {
-  std::string name;    // the folder's name
-  std::string layout;  // blender, n3v, consistent4d or colmap
-  std::string folder;
+  std::string name;    // the folder's name, or the video's without extension
+  std::string layout;  // video, n3v, panoptic, nerfies, consistent4d, blender, nerfstudio or colmap
+  std::string folder;  // or the video
   std::vector<Camera> cameras;
   std::vector<Frame> train, test, val;
-  PointCloud points;       // initial points, empty when the scene has none
-  double extent = 0;       // > 0, world: radius of the training cameras about their mean position,
-                           // or, where they are one camera, its distance from the scene
-  int steps = 0;           // number of distinct training times; steps of others are the nearest
-  double fps = 0;          // frames per second, > 0; 24 where the scene does not tell
-  bool has_alpha = false;  // pictures carry straight alpha
+  PointCloud points;        // initial points, empty when the scene has none
+  double extent = 0;        // > 0, world: radius of the training cameras about their mean position,
+                            // or, where they are one camera, its distance from the scene
+  std::string tracks_path;  // true paths of surface points, .npy [steps, points, 3], or empty
+  int steps = 0;            // number of distinct training times; steps of others are the nearest
+  double fps = 0;           // frames per second, > 0; 24 where the scene does not tell
+  bool has_alpha = false;   // pictures carry straight alpha or have masks
 };
+
+// Which mask pictures count: those that are meant as transparency, also those that label what moves
+// (Panoptic's seg/), or none.
+enum class Masks { automatic, all, none };
 
 // What a user may say about a scene. Values that do not concern the layout found are ignored.
 struct SceneOptions {
-  std::string images;    // n3v/colmap: picture folder, e.g. images_4; empty: see read_n3v
-  int holdout = 0;       // n3v: index of the camera kept for testing; -1 keeps none
-  int test_every = 8;    // colmap: every n-th picture is a test picture; 0 none
-  double elevation = 0;  // consistent4d: of the input camera [deg]
-  double radius = 2.0;   // consistent4d: its distance from the origin
-  double fov_y = 49.1;   // consistent4d: vertical field of view [deg]
-  int max_steps = 0;     // > 0: only the first so many time steps (times stay as stored)
+  std::string images;  // n3v/colmap/nerfies: picture folder, e.g. images_4, 2x; empty: see there
+  Masks masks = Masks::automatic;  // colmap, nerfstudio, panoptic
+  int holdout = 0;                 // n3v: index of the camera kept for testing; -1 keeps none
+  int test_every = 8;    // colmap/nerfstudio: every n-th picture is a test picture; 0 none
+  double elevation = 0;  // consistent4d/video: of the input camera [deg]
+  double radius = 2.0;   // consistent4d/video: its distance from the origin
+  double fov_y = 49.1;   // consistent4d/video: vertical field of view [deg]
+  // The time steps that are used: first_step, first_step + stride, ..., at most max_steps of them
+  // (0: all). Unless that is all, the times of the first and the last become 0 and 1, and true flow
+  // between neighbouring steps is forgotten where the stride leaves some out.
+  int first_step = 0, stride = 1, max_steps = 0;
 };
 
-// Reads the scene in folder `path`. Error when no layout fits (it says what was looked for), and
-// when a file is missing, truncated or contradicts another.
+// Reads the scene in folder, or video file, `path`. Error when no layout fits (it says what was
+// looked for), and when a file is missing, truncated or contradicts another.
 Scene read_scene(const std::string& path, const SceneOptions& options = {});
 
 // Two neighbouring frames of one track; a flow leads from `frame`, seen by its camera, to `next`,
@@ -67,6 +77,10 @@ struct FlowPair {
 // frames which come with a true flow and whose track has no later frame or one from another pose:
 // a true flow is that seen by a camera at rest. In the order of Scene::train.
 std::vector<FlowPair> neighbour_pairs(const Scene& scene);
+
+// Each frame and the next in time, whichever camera took them. Error where several frames have one
+// time.
+std::vector<FlowPair> pairs_in_time(const Scene& scene);
 
 // Whether the flow of a pair leads back in time.
 bool leads_back(const Scene& scene, const FlowPair& pair);

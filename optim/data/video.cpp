@@ -64,6 +64,24 @@ VideoInfo video_info(const std::string& path) {
   return info;
 }
 
+std::vector<double> frame_times(const std::string& path, int limit) {
+  const VideoInfo info = video_info(path);
+  cv::VideoCapture capture = open_video(path);
+  std::vector<double> times;
+  bool rising = true;
+  while ((limit <= 0 || int(times.size()) < limit) && grab(capture)) {
+    // Stamps count from the first frame, whose own is not always told.
+    const double stamp = times.empty() ? 0 : 1e-3 * capture.get(cv::CAP_PROP_POS_MSEC);
+    rising &= times.empty() || stamp > times.back();
+    times.push_back(stamp);
+  }
+  if (times.empty())
+    throw Error(fmt::format("cannot read video {}: no frame of it can be decoded", path));
+  if (!rising)
+    for (size_t k = 0; k < times.size(); ++k) times[k] = double(k) / info.fps;
+  return times;
+}
+
 struct Video::State {
   std::string path;
   cv::VideoCapture capture;

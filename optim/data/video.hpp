@@ -20,6 +20,11 @@ struct VideoInfo {
 // Error when the file is missing, is no video OpenCV can open, or has no frames.
 VideoInfo video_info(const std::string& path);
 
+// When each frame is shown, in seconds from the first, strictly rising: the container's time
+// stamps, or k / fps where it has none that rise. Every frame is decoded, so there are as many as
+// frame() gives, whatever the header says; at most `limit` when > 0. Error as video_info.
+std::vector<double> frame_times(const std::string& path, int limit = 0);
+
 // An open video. Reading frames in rising order is fast; going back starts again.
 class Video {
  public:

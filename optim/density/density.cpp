@@ -24,6 +24,20 @@ void Density::forget(Queue& queue, size_t count) {
   views_.fill(queue, 0u);
 }
 
+void Density::save_state(Queue& queue, Arrays& arrays) const {
+  arrays["density/pull"] = {{count_}, pull_.read_range(queue, 0, count_)};
+  arrays["density/views"] = {{count_}, views_.read_range(queue, 0, count_)};
+}
+
+void Density::load_state(Queue& queue, const Arrays& arrays, const std::string& path) {
+  const size_t count = array_named(arrays, "density/pull", path).size();
+  const auto& pull = exact_values<float>(arrays, "density/pull", {count}, path);
+  const auto& views = exact_values<cl_uint>(arrays, "density/views", {count}, path);
+  forget(queue, count);
+  pull_.write(queue, pull);
+  views_.write(queue, views);
+}
+
 void Density::accumulate(Queue& queue, int width, int height, const Buffer<cl_uint>& tiles_touched,
                          const Buffer<float>& v_means2d, size_t count) {
   if (count != count_) forget(queue, count);

@@ -4,6 +4,7 @@
 // Kernels: kernels/density.cl.
 #pragma once
 #include "optim/engine/gaussians.hpp"
+#include "optim/io/npz.hpp"
 #include "optim/motion/motion.hpp"
 #include "runtime/sort.hpp"
 
@@ -29,6 +30,11 @@ class Density {
   // Children start with zero moments and step counts. Waits once. Seed: of the children's places.
   void refine(Queue& queue, Parameters& parameters, Motion& motion, const DensityRule& rule,
               uint32_t seed);
+
+  // The evidence so far, for a checkpoint: density/pull and density/views [N].
+  void save_state(Queue& queue, Arrays& arrays) const;
+  // The reverse. Error when the arrays are missing or do not fit; `path`: the file, for messages.
+  void load_state(Queue& queue, const Arrays& arrays, const std::string& path);
 
  private:
   void forget(Queue& queue, size_t count);

@@ -28,6 +28,7 @@ struct GaussianGradients {
   Buffer<float> v_means{"v_means"}, v_factors{"v_factors"}, v_opacities{"v_opacities"};
   Buffer<float> v_colors{"v_colors"};                                    // [N, 3]
   Buffer<float> v_means_t2{"v_means_t2"}, v_factors_t2{"v_factors_t2"};  // with flow only
+  Buffer<float> v_means_t0{"v_means_t0"}, v_factors_t0{"v_factors_t0"};  // by a motion loss only
   Buffer<float> v_means2d{"v_means2d"};  // [N, 2] by the projected mean, from the pictures [1/px]
 
   void ensure(Queue& queue, size_t n) {

@@ -14,6 +14,7 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <regex>
 
 #include "runtime/error.hpp"
 
@@ -60,7 +61,7 @@ class Temporary {
 // libraries choose the format by it.
 std::string temporary_name(const std::string& path) {
   const std::filesystem::path full(path);
-  for (unsigned n = 0;; ++n) {
+  for (unsigned n = 0;; ++n) {  // as is_temporary_name() knows it
     const std::string name = fmt::format(".{}.{}-{}.part{}", full.stem().string(), ::getpid(), n,
                                          full.extension().string());
     const std::string candidate = (full.parent_path() / name).string();
@@ -165,6 +166,11 @@ void replace_file(const std::string& path,
   write(temporary.path());
   flush_to_disk(temporary.path(), path);
   temporary.rename_to(path);
+}
+
+bool is_temporary_name(const std::string& filename) {
+  static const std::regex pattern(R"(\..*\.\d+-\d+\.part(\..*)?)");
+  return std::regex_match(filename, pattern);
 }
 
 void require_room(const std::string& temporary, const std::string& path) {

@@ -34,6 +34,10 @@ void write_file_atomically(const std::string& path, const Bytes& bytes);
 void replace_file(const std::string& path,
                   const std::function<void(const std::string& temporary)>& write);
 
+// Whether a file has the name of a temporary: one that a killed process left behind is worth
+// nothing.
+bool is_temporary_name(const std::string& filename);
+
 // For libraries that fail without a reason: Error with the system's if the temporary of path cannot
 // grow by 1 MiB (disk full, file size limit). What it holds is spoiled.
 void require_room(const std::string& temporary, const std::string& path);

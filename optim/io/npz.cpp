@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "optim/io/atomic_file.hpp"
-#include "runtime/error.hpp"
 
 namespace gflow {
 namespace {
@@ -81,7 +80,7 @@ Arrays read_npz(const std::string& path) {
   return arrays;
 }
 
-void write_npz(const std::string& path, const Arrays& arrays) {
+void write_npz(const std::string& path, const Arrays& arrays, Packing packing) {
   if (arrays.empty()) throw Error(fmt::format("cannot write {}: there are no arrays", path));
   // libzip reads its sources when it closes the archive: they must live until then.
   std::vector<Bytes> contents;
@@ -102,6 +101,8 @@ void write_npz(const std::string& path, const Arrays& arrays) {
       }
       // A fixed time, so that equal arrays give equal files: 1980-01-01, the first of the format.
       zip_file_set_dostime(archive.get(), zip_uint64_t(index), 0, 1 << 5 | 1, 0);
+      if (packing == Packing::stored)
+        zip_set_file_compression(archive.get(), zip_uint64_t(index), ZIP_CM_STORE, 0);
     }
     if (zip_close(archive.get()) != 0)
       throw Error(fmt::format("cannot write {}: {}", path, zip_strerror(archive.get())));

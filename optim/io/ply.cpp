@@ -230,20 +230,33 @@ class Rows {
   const std::string& path_;
 };
 
-// Refuses a vertex element that cannot be in the bytes that are left: each ASCII value takes two
-// at least (a digit and a space), but for the last.
-void check_vertices(const Element& vertex, bool ascii, size_t bytes_left, const std::string& path) {
+// Refuses an element that cannot be in the bytes that are left: each ASCII value takes two at least
+// (a digit and a space), but for the last.
+void check_rows(const Element& element, bool ascii, size_t bytes_left, const std::string& path) {
   size_t stride = 0;
-  for (const Property& property : vertex.properties) {
+  for (const Property& property : element.properties) {
     if (property.is_list)
-      refuse(path,
-             fmt::format("property '{}' of vertex is a list, expected are numbers", property.name));
+      refuse(path, fmt::format("property '{}' of {} is a list, expected are numbers", property.name,
+                               element.name));
     stride += ascii ? 2 : size_of(property.type);
   }
-  if (!stride) refuse(path, "its element 'vertex' has no properties");
-  if (vertex.rows > (bytes_left + 1) / stride)
-    refuse(path, fmt::format("it is truncated: {} vertices need {} bytes, {} follow the header",
-                             vertex.rows, double(vertex.rows) * double(stride), bytes_left));
+  if (!stride) refuse(path, fmt::format("its element '{}' has no properties", element.name));
+  const bool vertices = element.name == "vertex";
+  if (element.rows > (bytes_left + 1) / stride)
+    refuse(path, fmt::format("it is truncated: {} {} need {} bytes, {} follow the header",
+                             element.rows, vertices ? "vertices" : "rows of " + element.name,
+                             double(element.rows) * double(stride), bytes_left));
+}
+
+template <class T>
+std::vector<T> read_rows(const Element& element, bool ascii, Rows& rows, const std::string& path) {
+  check_rows(element, ascii, rows.bytes_left(), path);
+  std::vector<T> values;
+  values.reserve(element.rows * element.properties.size());
+  for (size_t row = 0; row < element.rows; ++row)
+    for (const Property& property : element.properties)
+      values.push_back(T(rows.next(property.type)));
+  return values;
 }
 
 TypedTable read_typed(const std::string& path) {
@@ -255,7 +268,6 @@ TypedTable read_typed(const std::string& path) {
       rows.step_over(element);
       continue;
     }
-    check_vertices(element, header.ascii, rows.bytes_left(), path);
     TypedTable result;
     result.table.comments = header.comments;
     result.table.rows = element.rows;
@@ -263,10 +275,7 @@ TypedTable read_typed(const std::string& path) {
       result.table.names.push_back(property.name);
       result.types.push_back(property.type);
     }
-    result.table.values.reserve(element.rows * element.properties.size());
-    for (size_t row = 0; row < element.rows; ++row)
-      for (const Property& property : element.properties)
-        result.table.values.push_back(float(rows.next(property.type)));
+    result.table.values = read_rows<float>(element, header.ascii, rows, path);
     return result;
   }
   refuse(path, "it has no element 'vertex'");
@@ -297,7 +306,34 @@ std::vector<float> PlyTable::column_values(const std::string& name) const {
   return result;
 }
 
+std::vector<std::string> ply_vertex_properties(const std::string& path) {
+  std::vector<std::string> names;
+  for (const Element& element : parse_header(read_file(path), path).elements)
+    if (element.name == "vertex")
+      for (const Property& property : element.properties) names.push_back(property.name);
+  return names;
+}
+
 PlyTable read_ply(const std::string& path) { return read_typed(path).table; }
+
+int PlyElement::property(const std::string& name) const {
+  const auto found = std::find(properties.begin(), properties.end(), name);
+  return found == properties.end() ? -1 : int(found - properties.begin());
+}
+
+std::vector<PlyElement> read_ply_elements(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  const Header header = parse_header(bytes, path);
+  Rows rows(bytes, header, path);
+  std::vector<PlyElement> elements;
+  for (const Element& element : header.elements) {
+    PlyElement result{element.name, {}, element.rows, {}};
+    for (const Property& property : element.properties) result.properties.push_back(property.name);
+    result.values = read_rows<double>(element, header.ascii, rows, path);
+    elements.push_back(std::move(result));
+  }
+  return elements;
+}
 
 void write_ply(const std::string& path, const PlyTable& table) {
   if (table.names.empty() || table.values.size() != table.rows * table.names.size())

@@ -33,8 +33,28 @@ struct PlyTable {
 // of vertex that is a list.
 PlyTable read_ply(const std::string& path);
 
+// The properties of element "vertex" by name; empty when there is no such element. Reads the
+// header.
+std::vector<std::string> ply_vertex_properties(const std::string& path);
+
 // Binary little-endian, all properties float.
 void write_ply(const std::string& path, const PlyTable& table);
+
+// One element of a PLY with its scalar properties, each value exact: also 32-bit integers that hold
+// packed bits, which a float would round.
+struct PlyElement {
+  std::string name;
+  std::vector<std::string> properties;
+  size_t rows = 0;
+  std::vector<double> values;  // [rows, properties]
+
+  // Index of a property, or -1.
+  int property(const std::string& name) const;
+};
+
+// Every element, in the file's order. Errors as read_ply, but lists are refused in all of them and
+// no element is demanded.
+std::vector<PlyElement> read_ply_elements(const std::string& path);
 
 // x y z and, when present, red green blue (uchar 0..255, or float 0..1). Error on positions that
 // are not finite.

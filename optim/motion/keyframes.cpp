@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/motion/keyframes.hpp"
 
-#include <algorithm>
-#include <cmath>
-
 namespace gflow {
 
 std::vector<TableSpec> keyframes_tables(int keys) {
@@ -19,6 +16,7 @@ KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
       program_(queue, "keyframes.cl"),
       keyframes_fwd_(program_, "keyframes_fwd"),
       keyframes_bwd_(program_, "keyframes_bwd"),
+      keyframes_start_(program_, "keyframes_start"),
       still_rows_(queue) {
   if (shape.keys < 1) throw Error("a keyframes model needs at least one key");
 }
@@ -52,9 +50,15 @@ void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
 
 void KeyframesMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
   still_rows_.set_pace(queue, p, rule);
-  // A key is touched by the times around it only: two parts of `keys`.
-  const float seldom = std::pow(std::max(0.5f * float(shape_.keys), 1.f), rule.power);
-  p.more[0].rows.pace.fill(queue, std::min(seldom, rule.most));
+  p.more[0].rows.pace.fill(queue, key_pace(shape_.keys, rule));
+}
+
+void KeyframesMotion::start_key(Queue& queue, Parameters& p, int key) {
+  if (key < 1 || key >= shape_.keys)
+    throw Error(fmt::format("key {} of {} cannot be started", key, shape_.keys));
+  for (ParameterGroup& group : p.more[0].groups)
+    keyframes_start_(queue, Range::over(p.count * group.width), cl_uint(p.count),
+                     cl_uint(group.width), cl_uint(key), group.values);
 }
 
 void KeyframesMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,

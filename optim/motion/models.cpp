@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "optim/motion/bases.hpp"
 #include "optim/motion/hexplane.hpp"
 #include "optim/motion/keyframes.hpp"
 #include "optim/motion/native4d.hpp"
@@ -43,12 +44,14 @@ std::unique_ptr<Motion> make_motion(Queue& queue, const MotionShape& shape) {
       return std::make_unique<KeyframesMotion>(queue, shape);
     case MotionModelKind::hexplane:
       return std::make_unique<HexplaneMotion>(queue, shape);
+    case MotionModelKind::bases:
+      return std::make_unique<BasesMotion>(queue, shape);
   }
   throw Error("there is no such motion model");
 }
 
-std::vector<MotionColumns> motion_columns(MotionModelKind kind) {
-  switch (kind) {
+std::vector<MotionColumns> motion_columns(const MotionShape& shape) {
+  switch (shape.motion) {
     case MotionModelKind::spacetime:
       return {{"velocities", {"motion_0", "motion_1", "motion_2"}},
               {"half_accelerations", {"motion_3", "motion_4", "motion_5"}},
@@ -58,18 +61,25 @@ std::vector<MotionColumns> motion_columns(MotionModelKind kind) {
     case MotionModelKind::keyframes:
     case MotionModelKind::hexplane:
       return {};
+    case MotionModelKind::bases: {
+      MotionColumns columns{"basis_logits", {}};
+      for (int b = 0; b < shape.bases; ++b)
+        columns.properties.push_back(fmt::format("basis_{}", b));
+      return {columns};
+    }
   }
   return {};
 }
 
 std::vector<TableSpec> motion_tables(const MotionShape& shape) {
   if (shape.motion == MotionModelKind::keyframes) return keyframes_tables(shape.keys);
+  if (shape.motion == MotionModelKind::bases) return bases_tables(shape.keys, shape.bases);
   if (shape.motion == MotionModelKind::hexplane) return hexplane_tables(shape.hexplane);
   return {};
 }
 
 void add_rest(const MotionShape& shape, HostGroups& groups, size_t count, uint32_t seed) {
-  for (const MotionColumns& columns : motion_columns(shape.motion))
+  for (const MotionColumns& columns : motion_columns(shape))
     groups[columns.group].assign(columns.properties.size() * count, 0.f);
   for (const TableSpec& table : motion_tables(shape))
     for (const GroupSpec& group : table.groups)
@@ -106,7 +116,8 @@ bool at_rest(const MotionShape& shape, const HostGroups& groups) {
     const std::vector<float>& values = groups.at(group);
     return std::all_of(values.begin(), values.end(), [](float x) { return x == 0; });
   };
-  for (const MotionColumns& columns : motion_columns(shape.motion))
+  if (shape.motion == MotionModelKind::bases) return zero("basis_shifts") && zero("basis_turns");
+  for (const MotionColumns& columns : motion_columns(shape))
     if (!zero(columns.group)) return false;
   for (const TableSpec& table : motion_tables(shape))
     for (const GroupSpec& group : table.groups)

@@ -10,9 +10,9 @@
 
 namespace gflow {
 
-enum class MotionModelKind { spacetime, native4d, keyframes, hexplane };
-constexpr std::array<const char*, 4> names_of(MotionModelKind) {
-  return {"spacetime", "native4d", "keyframes", "hexplane"};
+enum class MotionModelKind { spacetime, native4d, keyframes, bases, hexplane };
+constexpr std::array<const char*, 5> names_of(MotionModelKind) {
+  return {"spacetime", "native4d", "keyframes", "bases", "hexplane"};
 }
 
 // What a motion model must know beside its arrays.
@@ -20,7 +20,8 @@ struct MotionShape {
   MotionModelKind motion = MotionModelKind::spacetime;
   float duration = 1;    // length of the video in the model's time; > 0
   float cutoff = 0.05f;  // temporal weight, in [0, 1), at or below which a Gaussian is skipped
-  int keys = 0;          // keyframes: moments at which the paths are held
+  int keys = 0;          // keyframes, bases: moments at which the paths are held
+  int bases = 0;         // bases: motions that all Gaussians share
   HexplaneShape hexplane;
 
   // Calls field(name, member, lowest) for each number that this model's files hold; all are above
@@ -29,7 +30,10 @@ struct MotionShape {
   static void fields(Self& self, Field&& field) {
     field("duration", self.duration, 0.0);
     field("cutoff", self.cutoff, 0.0);
-    if (self.motion == MotionModelKind::keyframes) field("keys", self.keys, 0.0);
+    const bool keyed =
+        self.motion == MotionModelKind::keyframes || self.motion == MotionModelKind::bases;
+    if (keyed) field("keys", self.keys, 0.0);
+    if (self.motion == MotionModelKind::bases) field("bases", self.bases, 0.0);
     if (self.motion != MotionModelKind::hexplane) return;
     auto& h = self.hexplane;
     field("resolution", h.resolution, 1.0);
@@ -58,7 +62,7 @@ struct MotionColumns {
   std::string group;
   std::vector<std::string> properties;
 };
-std::vector<MotionColumns> motion_columns(MotionModelKind kind);
+std::vector<MotionColumns> motion_columns(const MotionShape& shape);
 
 // Its tables with other rows.
 std::vector<TableSpec> motion_tables(const MotionShape& shape);
@@ -73,7 +77,7 @@ constexpr bool is_permanent(MotionModelKind kind) { return kind == MotionModelKi
 
 // Gives Gaussian i, at rest, not turned, of spatial scale s and temporal scale s_t, the velocity v;
 // native4d: or the largest along v that those scales allow; keyframes: around its own moment;
-// hexplane: none, its Gaussians have no velocity of their own.
+// bases and hexplane: none, as no Gaussian has a motion of its own.
 void set_velocity(const MotionShape& shape, HostGroups& groups, size_t i,
                   const std::array<double, 3>& v, double s, double s_t);
 

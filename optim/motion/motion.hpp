@@ -53,6 +53,12 @@ class Motion {
   // Sets parameters.rows.pace and reach, by which Adam's rates become those of each Gaussian.
   virtual void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) = 0;
 
+  // Before a key is trained alone: it goes on from the two before it at the same velocity. Error
+  // for models without keys of each Gaussian.
+  virtual void start_key(Queue&, Parameters&, int /*key*/) {
+    throw Error("this motion model has no keys of each Gaussian to start: use keyframes");
+  }
+
   // Makes two different Gaussians of two equal rows: child [N] is 1 or 2 for such rows, 0 for the
   // others. Repeatable for a seed.
   virtual void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,

@@ -191,6 +191,36 @@ void check_value(const std::string& name, const Number& value, const Allowed& ra
         fmt::format("{} = {} is not allowed; it must be {}", name, toml_text(value), range.text()));
 }
 
+// parse() gives the table or throws toml::parse_error.
+template <class Parse>
+void apply_toml(TrainConfig& config, const std::string& path, Parse&& parse) {
+  toml::table file;
+  try {
+    file = parse();
+  } catch (const toml::parse_error& problem) {
+    const auto at = problem.source().begin;
+    throw Error(fmt::format("reading the configuration {}{}: {}", path,
+                            at.line ? fmt::format(", line {}", at.line) : "",
+                            problem.description()));
+  }
+  const auto where = [&](const toml::node& node) {
+    return fmt::format("{}, line {}", path, node.source().begin.line);
+  };
+  for (const auto& [section, node] : file) {
+    const std::string name(section.str());
+    const toml::table* table = node.as_table();
+    if (!table) assign_setting(config, "", name, {where(node), "", &node, {}});
+    bool known = false;
+    TrainConfig::sections(
+        config, [&](const char* its_name, auto&, const char*) { known |= name == its_name; });
+    if (!known && table->empty())
+      throw Error(fmt::format("{}: there is no section [{}]; the nearest is [{}]", where(node),
+                              name, nearest_section(name)));
+    for (const auto& [key, value] : *table)
+      assign_setting(config, name, std::string(key.str()), {where(value), "", &value, {}});
+  }
+}
+
 }  // namespace
 
 Allowed one_of(std::vector<float> values) {
@@ -225,31 +255,11 @@ EngineSettings engine_settings(const FlowConfig& flow) {
 }
 
 void apply_file(TrainConfig& config, const std::string& path) {
-  toml::table file;
-  try {
-    file = toml::parse_file(path);
-  } catch (const toml::parse_error& problem) {
-    const auto at = problem.source().begin;
-    throw Error(fmt::format("reading the configuration {}{}: {}", path,
-                            at.line ? fmt::format(", line {}", at.line) : "",
-                            problem.description()));
-  }
-  const auto where = [&](const toml::node& node) {
-    return fmt::format("{}, line {}", path, node.source().begin.line);
-  };
-  for (const auto& [section, node] : file) {
-    const std::string name(section.str());
-    const toml::table* table = node.as_table();
-    if (!table) assign_setting(config, "", name, {where(node), "", &node, {}});
-    bool known = false;
-    TrainConfig::sections(
-        config, [&](const char* its_name, auto&, const char*) { known |= name == its_name; });
-    if (!known && table->empty())
-      throw Error(fmt::format("{}: there is no section [{}]; the nearest is [{}]", where(node),
-                              name, nearest_section(name)));
-    for (const auto& [key, value] : *table)
-      assign_setting(config, name, std::string(key.str()), {where(value), "", &value, {}});
-  }
+  apply_toml(config, path, [&] { return toml::parse_file(path); });
+}
+
+void apply_text(TrainConfig& config, const std::string& text, const std::string& name) {
+  apply_toml(config, name, [&] { return toml::parse(text); });
 }
 
 void apply_setting(TrainConfig& config, const std::string& assignment) {
@@ -292,6 +302,14 @@ std::string to_toml(const TrainConfig& config) {
         });
   });
   return text;
+}
+
+std::map<std::string, std::string> setting_values(const TrainConfig& config) {
+  std::map<std::string, std::string> values;
+  for_each_setting(config,
+                   [&](const std::string& section, const std::string& key, const auto& member,
+                       const auto&...) { values[section + "." + key] = toml_text(member); });
+  return values;
 }
 
 }  // namespace gflow

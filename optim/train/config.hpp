@@ -6,9 +6,11 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <string>
 #include <vector>
 
+#include "optim/data/scene.hpp"
 #include "optim/engine/settings.hpp"
 #include "optim/motion/models.hpp"
 
@@ -41,13 +43,18 @@ Allowed one_of(std::vector<float> values);
 
 // Choices. names_of() gives the words of the file, in the order of the enumerators, which
 // count from 0.
-enum class Background { white, black };
-enum class InitFrom { automatic, points, random };
+enum class Background { white, black, random };
+enum class InitFrom { automatic, points, random, visual_hull, file };
 enum class FlowSource { dis, files };
+enum class FlowPairs { track, time };
 
-constexpr std::array<const char*, 2> names_of(Background) { return {"white", "black"}; }
-constexpr std::array<const char*, 3> names_of(InitFrom) { return {"auto", "points", "random"}; }
+constexpr std::array<const char*, 3> names_of(Background) { return {"white", "black", "random"}; }
+constexpr std::array<const char*, 3> names_of(Masks) { return {"auto", "all", "none"}; }
+constexpr std::array<const char*, 5> names_of(InitFrom) {
+  return {"auto", "points", "random", "visual-hull", "file"};
+}
 constexpr std::array<const char*, 2> names_of(FlowSource) { return {"dis", "files"}; }
+constexpr std::array<const char*, 2> names_of(FlowPairs) { return {"track", "time"}; }
 constexpr std::array<const char*, 4> names_of(Transport) {
   return {"paper", "ot", "material", "translate"};
 }
@@ -56,6 +63,12 @@ constexpr std::array<const char*, 2> names_of(StopRule) { return {"include", "ex
 template <class Enum>
 const char* name_of(Enum value) {
   return names_of(value)[static_cast<size_t>(value)];
+}
+
+// The grey, 0 to 255, behind pictures where they are shown or judged: random is for training steps
+// only, and white elsewhere.
+constexpr uint8_t shown_level(Background background) {
+  return background == Background::black ? 0 : 255;
 }
 
 // In every struct, fields(self, field) calls field(key, member, help[, range]) for each setting in
@@ -67,10 +80,13 @@ struct SceneConfig {
   Background background = Background::white;
   int holdout = 0;
   std::string images;
+  Masks masks = Masks::automatic;
   float elevation = 0;
   float radius = 2;
   float fovy = 49.1f;
   int test_every = 8;
+  int first_step = 0;
+  int stride = 1;
   int max_steps = 0;
 
   template <class Self, class Field>
@@ -78,19 +94,28 @@ struct SceneConfig {
     field("path", self.path, "folder of the scene; `gflow train SCENE` sets it");
     field("resolution", self.resolution, "divides the width and height of the pictures",
           one_of({1, 2, 4, 8}));
-    field("background", self.background, "behind pictures with transparency");
+    field("background", self.background,
+          "behind pictures with transparency; random: a new colour in each training step, white "
+          "elsewhere");
     field("holdout", self.holdout, "camera kept for the test, by number; -1: none (N3V)",
           at_least(-1));
-    field("images", self.images, "folder with one picture a camera; empty: found by name");
-    field("elevation", self.elevation, "of the camera above the horizon [degrees] (Consistent4D)",
-          between(-90, 90));
+    field("images", self.images,
+          "folder with one picture a camera (N3V, COLMAP), or of rgb/ (nerfies); empty: found by "
+          "name");
+    field("masks", self.masks,
+          "mask pictures as transparency; auto: mask_path (nerfstudio), masks/ (COLMAP); all: also "
+          "seg/ (Panoptic)");
+    field("elevation", self.elevation,
+          "of the camera above the horizon [degrees] (Consistent4D, video)", between(-90, 90));
     field("radius", self.radius,
-          "distance of the camera from the origin [scene units] (Consistent4D)", above(0));
-    field("fovy", self.fovy, "vertical field of view [degrees] (Consistent4D)", between(1, 170));
-    field("test_every", self.test_every, "every n-th picture is for the test; 0: none (COLMAP)",
-          at_least(0));
-    field("max_steps", self.max_steps, "read only the first so many time steps; 0: all",
-          at_least(0));
+          "distance of the camera from the origin [scene units] (Consistent4D, video)", above(0));
+    field("fovy", self.fovy, "vertical field of view [degrees] (Consistent4D, video)",
+          between(1, 170));
+    field("test_every", self.test_every,
+          "every n-th picture is for the test; 0: none (COLMAP, nerfstudio)", at_least(0));
+    field("first_step", self.first_step, "first time step that is used, from 0", at_least(0));
+    field("stride", self.stride, "of the time steps from there, use every n-th", at_least(1));
+    field("max_steps", self.max_steps, "use at most so many time steps; 0: all", at_least(0));
   }
 };
 
@@ -98,9 +123,12 @@ struct ScheduleConfig {
   int iterations = 10000;
   int batch = 1;
   int focus = 5;
+  bool sequential = false;
+  float first_share = 0.3f;
   int64_t seed = 0;
   float minutes = 0;
   int log_every = 100;
+  int checkpoint_every = 1000;
   std::string device;
 
   template <class Self, class Field>
@@ -111,10 +139,20 @@ struct ScheduleConfig {
           "steps on the parts of pictures where things change (fixed cameras) or are (alpha), for "
           "each step on whole pictures",
           at_least(0));
+    field("sequential", self.sequential,
+          "one time step after the other, as Dynamic 3D Gaussians: the first fits the scene, each "
+          "next only moves it (motion.model keyframes, motion.keys 0)");
+    field("first_share", self.first_share,
+          "sequential: share of the iterations that the first time step gets", between(0, 1));
     field("seed", self.seed, "of every random choice", at_least(0));
     field("minutes", self.minutes,
           "stop after this much training time [minutes], not repeatably; 0: no limit", at_least(0));
     field("log_every", self.log_every, "steps between two lines of the log", at_least(1));
+    field(
+        "checkpoint_every", self.checkpoint_every,
+        "steps between two checkpoints, from which --resume goes on; 0: only when training ends or "
+        "is interrupted",
+        at_least(0));
     field("device", self.device,
           "OpenCL device by index or part of its name; empty: GFLOW_DEVICE, then any");
   }
@@ -123,6 +161,7 @@ struct ScheduleConfig {
 struct MotionConfig {
   MotionModelKind model = MotionModelKind::spacetime;
   int keys = 0;
+  int bases = 8;
   int sh_degree = 2;
   int sh_interval = 1000;
   float cutoff = 0.05f;
@@ -132,9 +171,11 @@ struct MotionConfig {
   static void fields(Self& self, Field&& field) {
     field("model", self.model,
           "how the Gaussians move: spacetime (curved paths, turning), native4d (4D Gaussians), "
-          "keyframes (free paths through keys) or hexplane (one pose and a field that shifts it)");
-    field("keys", self.keys, "keyframes: moments that hold the paths; 0: one a time step",
+          "keyframes (free paths through keys), bases (a few rigid motions shared by all) or "
+          "hexplane (one pose and a field that shifts it)");
+    field("keys", self.keys, "keyframes, bases: moments that hold the paths; 0: one a time step",
           at_least(0));
+    field("bases", self.bases, "bases: rigid motions", between(1, 32));
     field("duration", self.duration,
           "length of the video in the model's time [x scene extent]: a speed of 1 crosses so much",
           above(0));
@@ -197,6 +238,7 @@ struct HexplaneConfig {
 
 struct InitConfig {
   InitFrom from = InitFrom::automatic;
+  std::string file;
   int count = 10000;
   float opacity = 0.1f;
   float lifetime = 1;
@@ -206,8 +248,15 @@ struct InitConfig {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("from", self.from,
-          "first positions: the scene's points, random ones, or points where there are any");
+    field(
+        "from", self.from,
+        "first Gaussians: the scene's points; random ones in a box; visual-hull: random ones on "
+        "the "
+        "object, by the pictures' alpha; those of a file; auto: file, points, visual-hull, random, "
+        "the first of these that there is");
+    field(
+        "file", self.file,
+        "splat that stands still, in the scene's coordinates: .ply, compressed .ply, .splat, .spz");
     field("count", self.count, "random points", at_least(1));
     field("opacity", self.opacity, "first opacity", above_up_to(0, 0.99f));
     field("box", self.box, "side of the box of random points [x scene extent]", above(0));
@@ -222,10 +271,37 @@ struct InitConfig {
 
 struct LossConfig {
   float ssim = 0.2f;
+  float rigidity = 0;
+  float rotation = 0;
+  float isometry = 0;
+  float velocity = 0;
+  float acceleration = 0;
+  int neighbours = 8;
+  float neighbour_falloff = 0.5f;
+  int neighbours_every = 500;
+  int motion_every = 6;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("ssim", self.ssim, "share of 1 - SSIM in the image loss; the rest is L1", between(0, 1));
+    field("rigidity", self.rigidity,
+          "weight: neighbours move as the turn of each says; 0: off, as the next four",
+          at_least(0));
+    field("rotation", self.rotation, "weight: neighbours turn alike", at_least(0));
+    field("isometry", self.isometry, "weight: neighbours keep their distance", at_least(0));
+    field("velocity", self.velocity, "weight: neighbours move alike", at_least(0));
+    field("acceleration", self.acceleration, "weight: paths do not bend", at_least(0));
+    field("neighbours", self.neighbours, "nearest Gaussians that each is a neighbour of",
+          between(1, 100));
+    field("neighbour_falloff", self.neighbour_falloff,
+          "neighbours at distance d count exp(-this (d / median of the distances)^2)", at_least(0));
+    field("neighbours_every", self.neighbours_every,
+          "steps between two searches for neighbours; also after each round of density control",
+          at_least(1));
+    field("motion_every", self.motion_every,
+          "the weights above count in every n-th step only, n times as much (6: with train.focus = "
+          "5 those on whole pictures)",
+          at_least(1));
   }
 };
 
@@ -234,6 +310,7 @@ struct FlowConfig {
   float weight = 0.05f;
   FlowSource source = FlowSource::dis;
   std::string folder;
+  FlowPairs pairs = FlowPairs::track;
   Transport transport = Transport::material;
   int top_k = 0;
   StopRule stop = StopRule::include;
@@ -252,7 +329,12 @@ struct FlowConfig {
           at_least(0));
     field("source", self.source, "dis: computed from the pictures; files: read from the folder");
     field("folder", self.folder,
-          "flow files <camera>/<step>.flo, .flo.gz, .png, .npy; empty: flow/ in the scene");
+          "flow files <camera>/<step>.flo, .flo.gz, .png, .npy, or <picture>.flo ...; empty: the "
+          "scene's own true flow");
+    field(
+        "pairs", self.pairs,
+        "which pictures are compared: track, neighbours from one camera, at rest or moving; time, "
+        "each and the next in time, whoever took it (source files)");
     field("transport", self.transport, "how a pixel moves with a Gaussian");
     field("top_k", self.top_k,
           "Gaussians that count for the flow of a pixel, in depth order; 0: all", at_least(0));
@@ -281,6 +363,7 @@ struct LearningRates {
   float scales = 5e-3f;
   float quats = 1e-3f;
   float quats_final = 1e-4f;
+  float weights = 1e-2f;
   float motion = 1;
   float planes = 4e-3f;
   float planes_final = 4e-4f;
@@ -303,6 +386,8 @@ struct LearningRates {
     field("quats", self.quats, "rotation (native4d: both quaternions), at the first step",
           at_least(0));
     field("quats_final", self.quats_final, "at the last step, reached exponentially", above(0));
+    field("weights", self.weights, "how much a Gaussian follows each basis, before the softmax",
+          at_least(0));
     field("motion", self.motion,
           "velocities, accelerations and turns: at the ends of its life a Gaussian moves so many "
           "times what it does in its middle",
@@ -412,7 +497,7 @@ struct TrainConfig {
     section("motion", self.motion, "the Gaussians in time");
     section("hexplane", self.hexplane, "the field of motion.model = hexplane");
     section("init", self.init, "the first Gaussians");
-    section("loss", self.loss, "pictures");
+    section("loss", self.loss, "pictures, and motion among neighbours");
     section("flow", self.flow, "optical flow");
     section("lr", self.lr, "learning rates");
     section("adam", self.adam, "the optimiser");
@@ -430,11 +515,15 @@ EngineSettings engine_settings(const FlowConfig& flow);
 
 // Changes the settings that a TOML file gives.
 void apply_file(TrainConfig& config, const std::string& path);
+// The same for TOML text, called `name` in errors.
+void apply_text(TrainConfig& config, const std::string& text, const std::string& name);
 // Changes one setting: "section.key=value". Text needs no quotes.
 void apply_setting(TrainConfig& config, const std::string& assignment);
 // Checks every value against its range; needed after members were set by hand.
 void check(const TrainConfig& config);
 // The whole configuration as TOML with a comment a line; reading it back gives the same values.
 std::string to_toml(const TrainConfig& config);
+// Every setting as "section.key" and its value as TOML.
+std::map<std::string, std::string> setting_values(const TrainConfig& config);
 
 }  // namespace gflow

@@ -77,7 +77,7 @@ bool any(const std::vector<uint8_t>& mask) {
 Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
                     const std::vector<Frame>& frames, const ProgressCallback& progress) {
   Renderer renderer(queue, engine_settings(config.flow));
-  const float level = config.scene.background == Background::white ? 1.f : 0.f;
+  const float level = float(shown_level(config.scene.background)) / 255;
   const std::vector<const Frame*> next = followers(frames, config.flow.max_gap);
   Evaluation result;
   result.flow_reference = "none";

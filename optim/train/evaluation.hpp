@@ -2,12 +2,14 @@
 // How good a model is on pictures it was not trained on: PSNR, SSIM, flow error, whole and where
 // things move.
 #pragma once
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "optim/data/flow_store.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/renderer.hpp"
+#include "optim/train/track_error.hpp"
 
 namespace gflow {
 
@@ -25,11 +27,12 @@ struct Evaluation {
   ViewFigures mean;            // over the views that have the figure
   std::string flow_reference;  // "true", "dis" or "none"
   std::vector<ViewFigures> views;
+  std::optional<TrackError> tracks;  // where the scene has true tracks
 };
 
 // Judges `frames` (of scene.test, say). The reference flow is the scene's own where it has one,
 // else DIS between the frame and its track's next one in `frames`, where consistent; a camera that
-// moved in between is part of it. `progress` may be empty.
+// moved in between is part of it. `progress` may be empty. Does not set `tracks`.
 Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
                     const std::vector<Frame>& frames, const ProgressCallback& progress);
 

@@ -6,10 +6,12 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <nanoflann.hpp>
 
+#include "optim/loss/nearest_points.hpp"
+#include "optim/motion/bases.hpp"
 #include "optim/motion/hexplane.hpp"
 #include "optim/train/dynamic_seeds.hpp"
+#include "optim/train/views.hpp"
 #include "shared/random.h"
 #include "shared/sh.h"
 
@@ -19,20 +21,11 @@ namespace {
 // Streams of random numbers, so that no two uses share one.
 enum Stream : uint { kPosition = 100, kColor = 110, kTime = 120 };
 
+// Coefficients of a colour channel above degree 0.
+size_t rest_coefficients(int sh_degree) { return size_t((sh_degree + 1) * (sh_degree + 1) - 1); }
+
 // What is known of the object at a time of the video.
 constexpr size_t kViewsAtATime = 12;
-
-struct PointAdaptor {
-  const std::vector<float>& xyz;
-  size_t kdtree_get_point_count() const { return xyz.size() / 3; }
-  float kdtree_get_pt(size_t i, size_t dim) const { return xyz[3 * i + dim]; }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointAdaptor>,
-                                                 PointAdaptor, 3, size_t>;
 
 // The point nearest to all viewing rays, or one `extent` ahead of a single direction.
 Eigen::Vector3d looked_at(const Scene& scene) {
@@ -153,24 +146,25 @@ FirstPoints fitting_points(const Scene& scene, FrameStore& frames,
   return points;
 }
 
-// Objects move: a point of an object needs to lie on it at its own time only.
+// In a box; with `hull` only those that the pictures' alpha has on the object. Objects move: a
+// point of an object needs to lie on it at its own time only.
 FirstPoints random_points(const Scene& scene, FrameStore& frames,
-                          const std::vector<ObjectView>& by_time, const TrainConfig& config) {
+                          const std::vector<ObjectView>& by_time, bool hull,
+                          const TrainConfig& config) {
   const size_t count = size_t(std::min(config.init.count, config.density.cap));
   const uint seed = uint(config.train.seed);
   const Eigen::Vector3d centre = looked_at(scene);
   const double half = 0.5 * config.init.box * scene.extent;
-  const bool hull = scene.has_alpha && is_permanent(config.motion.model);  // at one time
+  const bool one_pose = is_permanent(config.motion.model);  // that of the middle of the video
   FirstPoints points;
   const uint tries = uint(std::min<size_t>(100 * count, 4000000));
   for (uint i = 0; i < tries && points.size() < count; ++i) {
     Eigen::Vector3d p;
     for (uint axis = 0; axis < 3; ++axis)
       p[axis] = centre[axis] + half * (2 * random_uniform(seed, kPosition + axis, i) - 1);
-    const float place = scene.has_alpha && !hull ? random_uniform(seed, kTime, i) : 0.5f;
+    const float place = hull && !one_pose ? random_uniform(seed, kTime, i) : 0.5f;
     const std::vector<ObjectView> views = views_near(by_time, place);
-    if (hull ? !in_hull(frames, views, p) : scene.has_alpha && !on_object(frames, views, p))
-      continue;
+    if (hull && !(one_pose ? in_hull(frames, views, p) : on_object(frames, views, p))) continue;
     points.time.push_back(float(views[views.size() / 2].frame->time));
     for (uint axis = 0; axis < 3; ++axis) {
       points.xyz.push_back(float(p[axis]));
@@ -185,35 +179,106 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
   return points;
 }
 
-HexplaneShape hexplane_shape(const HexplaneConfig& config, int steps,
-                             const std::vector<float>& xyz) {
-  HexplaneShape shape;
-  shape.levels = config.levels;
-  shape.channels = config.channels;
-  shape.resolution = config.resolution;
-  shape.times = config.times > 0 ? config.times : std::max((steps + 1) / 2, 1);
-  shape.hidden = config.hidden;
-  shape.layers = config.layers;
-  shape.turn = config.turn;
-  shape.resize = config.resize;
-  set_box(shape, xyz, config.slack);
-  return shape;
+// The points that init.from asks for.
+FirstPoints first_points(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
+                         const TrainConfig& config) {
+  const InitFrom from = config.init.from;
+  const std::vector<ObjectView> by_time = views_by_time(scene, parts);
+  const bool given = from == InitFrom::points || from == InitFrom::automatic;
+  if (from == InitFrom::points && scene.points.size() == 0)
+    throw Error("init.from is \"points\", but scene " + scene.name +
+                " has none (points3D.ply or sparse/0/points3D.bin)");
+  if (from == InitFrom::visual_hull && !scene.has_alpha)
+    throw Error("init.from is \"visual-hull\", but the pictures of scene " + scene.name +
+                " have no alpha that shows the object");
+  FirstPoints points;
+  if (given && scene.points.size() > 0)
+    points = fitting_points(scene, frames, by_time, size_t(config.density.cap));
+  // None given, or few of many on the object: those were no surface points.
+  const size_t enough = std::min({size_t(1000), scene.points.size(), size_t(config.density.cap)});
+  if (points.size() == 0 || points.size() < enough)
+    points =
+        random_points(scene, frames, by_time, scene.has_alpha && from != InitFrom::random, config);
+  return points;
+}
+
+// A model without Gaussians, and without what only its motion model has.
+HostModel empty_model(const Scene& scene, const TrainConfig& config) {
+  HostModel model;
+  model.shape = model_shape(scene, config);
+  for (const char* name :
+       {"means", "means_t", "quats", "log_scales", "logit_opacities", "sh0", "sh_rest"})
+    model.groups[name];
+  return model;
+}
+
+// A ball of the first opacity; time and its standard deviation in the model's unit. rgb: or null.
+void append_ball(HostModel& model, const float* xyz, float scale, float time, float scale_t,
+                 const uint8_t* rgb, const TrainConfig& config) {
+  HostGroups& g = model.groups;
+  const auto append = [&](const char* name, std::initializer_list<float> values) {
+    g[name].insert(g[name].end(), values);
+  };
+  append("means", {xyz[0], xyz[1], xyz[2]});
+  append("means_t", {time});
+  append("quats", {1, 0, 0, 0});
+  append("log_scales", {std::log(scale), std::log(scale), std::log(scale), std::log(scale_t)});
+  append("logit_opacities", {std::log(config.init.opacity / (1 - config.init.opacity))});
+  for (size_t c = 0; c < 3; ++c) append("sh0", {rgb ? (float(rgb[c]) / 255 - 0.5f) / SH_C0 : 0.f});
+  g["sh_rest"].resize(g["sh_rest"].size() + 3 * rest_coefficients(config.motion.sh_degree));
+  ++model.count;
+}
+
+// Whether init.file says where to begin.
+bool begins_from_file(const InitConfig& init) {
+  return init.from == InitFrom::file || (init.from == InitFrom::automatic && !init.file.empty());
+}
+
+HostModel read_init_file(const TrainConfig& config) {
+  const std::string& path = config.init.file;
+  if (path.empty()) throw Error("init.from is \"file\", but init.file names none");
+  const HostModel file = read_model(path);
+  if (!stands_still(file))
+    throw Error(
+        fmt::format("init.file {} moves, first Gaussians stand still: `gflow export --format "
+                    "ply --times T` makes a PLY of one of its times",
+                    path));
+  if (file.count == 0) throw Error("init.file " + path + " has no Gaussians");
+  if (file.count > size_t(config.density.cap))
+    throw Error(fmt::format("init.file {} has {} Gaussians, more than density.cap = {}", path,
+                            file.count, config.density.cap));
+  return file;
+}
+
+// The Gaussians of init.file as they are, in the scene's coordinates; bands of colour that the
+// model has not are left out, those that the file has not are 0.
+void append_file(HostModel& model, float time, float scale_t, const TrainConfig& config) {
+  const HostModel file = read_init_file(config);
+  HostGroups& g = model.groups;
+  for (const char* name : {"means", "quats", "log_scales", "logit_opacities", "sh0"})
+    g[name] = file.groups.at(name);
+  g["means_t"].assign(file.count, time);
+  for (size_t i = 0; i < file.count; ++i) g["log_scales"][4 * i + 3] = std::log(scale_t);
+  const size_t from = 3 * rest_coefficients(file.shape.sh_degree);
+  const size_t to = 3 * rest_coefficients(config.motion.sh_degree);
+  g["sh_rest"].assign(to * file.count, 0.f);
+  for (size_t i = 0; i < file.count; ++i)
+    std::copy_n(file.groups.at("sh_rest").begin() + long(from * i), std::min(from, to),
+                g["sh_rest"].begin() + long(to * i));
+  model.count = file.count;
 }
 
 }  // namespace
 
 std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   const size_t n = xyz.size() / 3;
-  const PointAdaptor adaptor{xyz};
-  const Tree tree(3, adaptor);
+  NearestPoints tree(xyz);
   std::vector<float> distance(n);
   for (size_t i = 0; i < n; ++i) {
-    size_t index[4];
-    float squared[4];
-    const size_t found = tree.knnSearch(&xyz[3 * i], 4, index, squared);
+    const std::vector<NearestPoints::Near>& near = tree.of(&xyz[3 * i], 4);
     double sum = 0;
-    for (size_t k = 1; k < found; ++k) sum += std::sqrt(double(squared[k]));
-    distance[i] = float(found > 1 ? sum / double(found - 1) : 0);
+    for (size_t k = 1; k < near.size(); ++k) sum += std::sqrt(double(near[k].squared));
+    distance[i] = float(near.size() > 1 ? sum / double(near.size() - 1) : 0);
   }
   // coincident points get the smallest distance there is
   float least = std::numeric_limits<float>::max();
@@ -224,68 +289,64 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   return distance;
 }
 
+ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
+  ModelShape shape;
+  shape.motion = config.motion.model;
+  shape.sh_degree = config.motion.sh_degree;
+  shape.duration = float(config.motion.duration * scene.extent);
+  shape.cutoff = config.motion.cutoff;
+  shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
+  shape.bases = config.motion.bases;
+  HexplaneShape& h = shape.hexplane;  // but for its box
+  h.levels = config.hexplane.levels;
+  h.channels = config.hexplane.channels;
+  h.resolution = config.hexplane.resolution;
+  h.times = config.hexplane.times > 0 ? config.hexplane.times : std::max((scene.steps + 1) / 2, 1);
+  h.hidden = config.hexplane.hidden;
+  h.layers = config.hexplane.layers;
+  h.turn = config.hexplane.turn;
+  h.resize = config.hexplane.resize;
+  return shape;
+}
+
+void require_init_file(const TrainConfig& config) {
+  if (begins_from_file(config.init)) read_init_file(config);
+}
+
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config) {
-  const bool has_points = scene.points.size() > 0;
-  if (config.init.from == InitFrom::points && !has_points)
-    throw Error("init.from is \"points\", but scene " + scene.name +
-                " has none (points3D.ply or sparse/0/points3D.bin)");
-  const std::vector<ObjectView> by_time = views_by_time(scene, parts);
-  FirstPoints points;
-  if (has_points && config.init.from != InitFrom::random)
-    points = fitting_points(scene, frames, by_time, size_t(config.density.cap));
-  // None given, or few of many on the object: those were no surface points.
-  const size_t enough = std::min({size_t(1000), scene.points.size(), size_t(config.density.cap)});
-  if (points.size() == 0 || points.size() < enough)
-    points = random_points(scene, frames, by_time, config);
-  const bool permanent = is_permanent(config.motion.model);
-  Seeds seeds;
-  if (!permanent) seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
-  const size_t n = points.size(), all = n + seeds.size();
-
-  HostModel model;
-  model.count = all;
-  model.shape.motion = config.motion.model;
-  model.shape.sh_degree = config.motion.sh_degree;
-  model.shape.duration = float(config.motion.duration * scene.extent);
-  model.shape.cutoff = config.motion.cutoff;
-  model.shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
-  model.shape.hexplane = hexplane_shape(config.hexplane, scene.steps, points.xyz);
+  HostModel model = empty_model(scene, config);
   const float duration = model.shape.duration;
-  const float lifetime =
-      scene.steps > 1 && !permanent ? config.init.lifetime * duration : 1000 * duration;
+  const bool permanent = is_permanent(config.motion.model);
+  const bool lasting = permanent || scene.steps < 2 || config.train.sequential;
+  const float lifetime = lasting ? 1000 * duration : config.init.lifetime * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
-  const size_t rest = size_t((config.motion.sh_degree + 1) * (config.motion.sh_degree + 1) - 1);
-  auto& g = model.groups;
-  g["means"] = points.xyz;
-  g["means"].insert(g["means"].end(), seeds.xyz.begin(), seeds.xyz.end());
-  g["means_t"].assign(all, duration / 2);
-  g["quats"].assign(4 * all, 0.f);
-  g["log_scales"].resize(4 * all);
-  g["logit_opacities"].assign(all, std::log(config.init.opacity / (1 - config.init.opacity)));
-  g["sh0"].assign(3 * all, 0.f);
-  g["sh_rest"].assign(3 * rest * all, 0.f);
-  for (size_t i = 0; i < all; ++i) g["quats"][4 * i] = 1;
-  add_rest(model.shape, g, all, uint32_t(config.train.seed));
-  const auto place = [&](size_t i, float scale, float scale_t, const uint8_t* rgb) {
-    for (size_t k = 0; k < 3; ++k) g["log_scales"][4 * i + k] = std::log(scale);
-    g["log_scales"][4 * i + 3] = std::log(scale_t);
-    for (size_t c = 0; rgb && c < 3; ++c)
-      g["sh0"][3 * i + c] = (float(rgb[c]) / 255 - 0.5f) / SH_C0;
-  };
-  const std::vector<float> distance = neighbour_distance(points.xyz);
-  for (size_t i = 0; i < n; ++i) {
-    place(i, distance[i], lifetime, points.rgb.empty() ? nullptr : &points.rgb[3 * i]);
-    g["means_t"][i] = (permanent ? 0.5f : points.time[i]) * duration;
+  if (begins_from_file(config.init)) {
+    append_file(model, duration / 2, lifetime, config);
+  } else {
+    const FirstPoints points = first_points(scene, frames, parts, config);
+    const std::vector<float> distance = neighbour_distance(points.xyz);
+    for (size_t i = 0; i < points.size(); ++i)
+      append_ball(model, &points.xyz[3 * i], distance[i],
+                  (permanent ? 0.5f : points.time[i]) * duration, lifetime,
+                  points.rgb.empty() ? nullptr : &points.rgb[3 * i], config);
   }
+  const size_t n = model.count;
+  set_box(model.shape.hexplane, model.groups["means"], config.hexplane.slack);
+  Seeds seeds;  // short-lived, so none where each Gaussian is followed through the video
+  if (!config.train.sequential && !permanent)
+    seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
+  for (size_t k = 0; k < seeds.size(); ++k)
+    append_ball(model, &seeds.xyz[3 * k], seeds.spacing[k], seeds.time[k] * duration, short_life,
+                &seeds.rgb[3 * k], config);
+  add_rest(model.shape, model.groups, model.count, uint32_t(config.train.seed));
+  if (model.shape.motion == MotionModelKind::bases)
+    place_bases(model.shape, model.groups, seeds.size() ? n : 0);
   for (size_t k = 0; k < seeds.size(); ++k) {
-    const size_t i = n + k;
-    place(i, seeds.spacing[k], short_life, &seeds.rgb[3 * k]);
-    g["means_t"][i] = seeds.time[k] * duration;
     const float* v = &seeds.velocity[3 * k];
-    set_velocity(model.shape, g, i, {v[0] / duration, v[1] / duration, v[2] / duration},
-                 seeds.spacing[k], short_life);
+    set_velocity(model.shape, model.groups, n + k,
+                 {v[0] / duration, v[1] / duration, v[2] / duration}, seeds.spacing[k], short_life);
   }
   return model;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The first Gaussians: at the scene's points, or random ones where it has none, standing still and
-// lasting for the whole video; and short-lived ones where fixed cameras see something move.
+// The first Gaussians: at the scene's points, random ones where it has none, or those of a splat
+// file, standing still and lasting for the whole video; and short-lived ones where fixed cameras
+// see something move.
 #pragma once
 #include "optim/data/flow_store.hpp"
 #include "optim/data/frame_store.hpp"
@@ -10,14 +11,20 @@
 
 namespace gflow {
 
-// Random points fill a box around the place the cameras look at; where pictures have alpha, only
-// points are kept that most cameras see as part of the object around a time, which becomes theirs.
-// Deterministic for config.train.seed. Error when points are asked for and the scene has none.
-// parts[i] is the part of interest of training frame i; flows[i] belongs to pairs[i], and both of
-// these may be empty.
+// Random points fill a box around the place the cameras look at; those of a visual hull are the
+// ones that most cameras, by the alpha of their pictures, see as part of the object around a time,
+// which becomes theirs. A file's Gaussians are taken as they are, lasting and at rest.
+// Deterministic for config.train.seed. Error when the scene has not what init.from asks for, or the
+// file is no splat that stands still, or has more than density.cap Gaussians. parts[i] is the part
+// of interest of training frame i; flows[i] belongs to pairs[i], and both of these may be empty.
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config);
+
+// The Error that initial_model would throw for init.file, before time is spent on anything else.
+void require_init_file(const TrainConfig& config);
+// What the configuration and the scene say of the model.
+ModelShape model_shape(const Scene& scene, const TrainConfig& config);
 
 // Mean distance to the three nearest other points, for each of xyz [n, 3]; never 0.
 std::vector<float> neighbour_distance(const std::vector<float>& xyz);

@@ -10,20 +10,20 @@
 namespace gflow {
 namespace {
 
-std::atomic<bool> signal_came{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may not wait for a lock");
+std::atomic<int> signal_that_came{0};
+static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait for a lock");
 
-void on_signal(int) {
-  if (!signal_came.exchange(true)) return;
+void on_signal(int signal) {
+  if (!signal_that_came.exchange(signal)) return;
   constexpr char sentence[] = "gflow: interrupted twice and stopped at once\n";
-  if (::write(STDERR_FILENO, sentence, sizeof sentence - 1) < 0) _exit(interrupted_exit_code);
-  _exit(interrupted_exit_code);
+  if (::write(STDERR_FILENO, sentence, sizeof sentence - 1) < 0) _exit(exit_code_of(signal));
+  _exit(exit_code_of(signal));
 }
 
 }  // namespace
 
 InterruptGuard::InterruptGuard() {
-  signal_came = false;
+  signal_that_came = 0;
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     struct sigaction former = {};
     sigaction(signal, nullptr, &former);
@@ -41,6 +41,11 @@ InterruptGuard::~InterruptGuard() {
   for (const auto& [signal, former] : former_) sigaction(signal, &former, nullptr);
 }
 
-bool interrupted() { return signal_came; }
+bool interrupted() { return signal_that_came != 0; }
+
+int interrupted_exit_code() {
+  const int signal = signal_that_came;
+  return exit_code_of(signal ? signal : SIGINT);
+}
 
 }  // namespace gflow

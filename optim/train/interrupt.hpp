@@ -30,7 +30,10 @@ class InterruptGuard {
 // Whether a signal came since the guard was built. Cheap: ask once a step.
 bool interrupted();
 
-// Exit code of a program that was interrupted.
-constexpr int interrupted_exit_code = 130;
+// Exit code of a program that this signal interrupted, as shells have it: 130 for Ctrl-C (SIGINT),
+// 143 for SIGTERM, 129 for SIGHUP.
+constexpr int exit_code_of(int signal) { return 128 + signal; }
+// That of the last signal; 130 if none came.
+int interrupted_exit_code();
 
 }  // namespace gflow

@@ -8,7 +8,7 @@
 #include <filesystem>
 
 #include "optim/io/npz.hpp"
-#include "optim/io/ply.hpp"
+#include "optim/io/splat_table.hpp"
 
 namespace gflow {
 namespace {
@@ -33,7 +33,7 @@ std::vector<std::string> numbered(const std::string& stem, size_t count) {
 }
 
 // All columns but f_rest, whose order in the file is channel by channel.
-std::vector<ColumnBlock> column_blocks(bool moving, MotionModelKind kind) {
+std::vector<ColumnBlock> column_blocks(bool moving, const MotionShape& shape) {
   std::vector<ColumnBlock> blocks{{"means", 0, {"x", "y", "z"}},
                                   {"sh0", 0, numbered("f_dc_", 3)},
                                   {"logit_opacities", 0, {"opacity"}},
@@ -42,27 +42,18 @@ std::vector<ColumnBlock> column_blocks(bool moving, MotionModelKind kind) {
   if (moving) {
     blocks.push_back({"means_t", 0, {"t"}});
     blocks.push_back({"log_scales", 3, {"scale_t"}});
-    for (const MotionColumns& columns : motion_columns(kind))
+    for (const MotionColumns& columns : motion_columns(shape))
       blocks.push_back({columns.group, 0, columns.properties});
   }
   return blocks;
 }
 
-std::map<std::string, size_t> widths_of(MotionModelKind kind) {
+std::map<std::string, size_t> widths_of(const MotionShape& shape) {
   std::map<std::string, size_t> widths{{"means", 3},      {"means_t", 1},         {"quats", 4},
                                        {"log_scales", 4}, {"logit_opacities", 1}, {"sh0", 3}};
-  for (const MotionColumns& columns : motion_columns(kind))
+  for (const MotionColumns& columns : motion_columns(shape))
     widths[columns.group] = columns.properties.size();
   return widths;
-}
-
-int degree_of(size_t rest_columns, const std::string& path) {
-  for (int degree = 0; degree <= 3; ++degree)
-    if (rest_columns == size_t(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
-  throw Error(
-      fmt::format("reading {}: it has {} f_rest columns; spherical harmonics have 0, 9, 24 "
-                  "or 45",
-                  path, rest_columns));
 }
 
 // A number above `lowest` from a comment "key value", or the default.
@@ -116,11 +107,13 @@ std::string tables_path(const std::string& path) {
   return std::filesystem::path(path).replace_extension(".motion.npz").string();
 }
 
-Model::Model(Queue& queue, const HostModel& host)
-    : shape(host.shape),
-      motion(make_motion(queue, host.shape)),
-      color(queue, host.shape.sh_degree),
-      parameters(queue, host.count, all_groups(*motion, color), motion->tables()) {
+Model::Model(Queue& queue, const ModelShape& shape, size_t count)
+    : shape(shape),
+      motion(make_motion(queue, shape)),
+      color(queue, shape.sh_degree),
+      parameters(queue, count, all_groups(*motion, color), motion->tables()) {}
+
+Model::Model(Queue& queue, const HostModel& host) : Model(queue, host.shape, host.count) {
   for (Table* table : parameters.tables())
     for (size_t g = 0; g < table->specs.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
@@ -159,11 +152,11 @@ void write_model(const std::string& path, const HostModel& model) {
   append(numbered("f_rest_", 3 * rest));
   append({"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"});
   append({"t", "scale_t"});
-  for (const MotionColumns& motion : motion_columns(kind)) append(motion.properties);
+  for (const MotionColumns& motion : motion_columns(model.shape)) append(motion.properties);
   const size_t columns = table.names.size();
   table.values.assign(columns * table.rows, 0.f);
-  const auto widths = widths_of(kind);
-  for (const ColumnBlock& block : column_blocks(true, kind)) {
+  const auto widths = widths_of(model.shape);
+  for (const ColumnBlock& block : column_blocks(true, model.shape)) {
     const std::vector<float>& values = model.groups.at(block.group);
     const size_t width = widths.at(block.group), to = size_t(table.column(block.names[0]));
     for (size_t i = 0; i < table.rows; ++i)
@@ -183,28 +176,22 @@ void write_model(const std::string& path, const HostModel& model) {
 }
 
 HostModel read_model(const std::string& path) {
-  const PlyTable table = read_ply(path);
+  const PlyTable table = read_splats(path);
   HostModel model;
   model.count = table.rows;
-  if (table.column("packed_position") >= 0)
-    throw Error("reading " + path +
-                ": this is PlayCanvas' compressed PLY, which gflow does not read; export it as a "
-                "standard PLY");
   const auto has = [&](const char* name) { return table.column(name) >= 0; };
   const MotionModelKind kind = kind_of(table);
   const bool moving = has("scale_t") || has("rot_r_0") || has("motion_0");
   model.shape.motion = kind;
-  size_t rest_columns = 0;
-  while (table.column("f_rest_" + std::to_string(rest_columns)) >= 0) ++rest_columns;
-  model.shape.sh_degree = degree_of(rest_columns, path);
+  model.shape.sh_degree = sh_degree_of(table, path);
   MotionShape::fields(model.shape, [&](const char* name, auto& value, double lowest) {
     value = std::decay_t<decltype(value)>(comment_value(table, name, double(value), lowest));
   });
 
-  const auto widths = widths_of(kind);
+  const auto widths = widths_of(model.shape);
   for (const auto& [name, width] : widths) model.groups[name].assign(width * model.count, 0.f);
   const size_t columns = table.names.size();
-  for (const ColumnBlock& block : column_blocks(moving, kind)) {
+  for (const ColumnBlock& block : column_blocks(moving, model.shape)) {
     const size_t width = widths.at(block.group);
     std::vector<float>& values = model.groups[block.group];
     for (size_t c = 0; c < block.names.size(); ++c) {
@@ -218,7 +205,7 @@ HostModel read_model(const std::string& path) {
         values[i * width + block.first + c] = table.values[i * columns + size_t(from)];
     }
   }
-  const size_t rest = rest_columns / 3;
+  const size_t rest = size_t((model.shape.sh_degree + 1) * (model.shape.sh_degree + 1) - 1);
   std::vector<float>& sh_rest = model.groups["sh_rest"];
   sh_rest.resize(3 * rest * model.count);
   for (size_t k = 0; k < rest; ++k)

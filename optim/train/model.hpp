@@ -25,6 +25,8 @@ struct HostModel {
 
 class Model {
  public:
+  // `count` Gaussians of undefined values.
+  Model(Queue& queue, const ModelShape& shape, size_t count);
   // Error when a group is missing or has the wrong length.
   Model(Queue& queue, const HostModel& host);
 
@@ -48,8 +50,8 @@ void write_model(const std::string& path, const HostModel& model);
 // "a/b.ply" -> "a/b.motion.npz".
 std::string tables_path(const std::string& path);
 
-// Reads what write_model wrote, or any static 3DGS PLY (then nothing moves). Error when properties
-// are missing or values are not finite.
+// Reads what write_model wrote, or any splat file that read_splats reads (then nothing moves).
+// Error when properties are missing or values are not finite.
 HostModel read_model(const std::string& path);
 
 }  // namespace gflow

@@ -21,13 +21,20 @@ PinholeCamera pinhole(const Camera& camera, float near_plane) {
   return p;
 }
 
+bool Renderer::bends() const {
+  return shot_.motion_loss && shot_.motion_loss->weights().acceleration > 0 && time_t0() > -1e-6 &&
+         time_t0() < 1 + 1e-6;
+}
+
 void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   shot_ = shot;
   shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
   model.motion->at(queue, model.parameters, model.time(shot.time), nullptr, t1_);
   engine_.project(queue, shot.view, {shot.flow, shot.depth}, t1_);
   const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
-  if (shot.flow) model.motion->at(queue, model.parameters, model.time(shot.time_t2), &seen, t2_);
+  if (shot.flow || shot.motion_loss)
+    model.motion->at(queue, model.parameters, model.time(shot.time_t2), &seen, t2_);
+  if (bends()) model.motion->at(queue, model.parameters, model.time(time_t0()), &seen, t0_);
   model.color.forward(queue, model.parameters, shot_.sh_degree, shot.view.camera, t1_, seen,
                       colors_);
   engine_.draw(queue, shot.background, t1_, shot.flow ? t2_ : t1_, colors_);
@@ -38,12 +45,20 @@ void Renderer::backward(Queue& queue, Model& model, const ImageGradients& v) {
   GaussianGradients& g = gradients_;
   engine_.backward(queue, t1_, shot_.flow ? t2_ : t1_, v, g);
   const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
+  if (shot_.motion_loss && !shot_.flow) {
+    g.v_means_t2.fill(queue, 0);
+    g.v_factors_t2.fill(queue, 0);
+  }
+  if (shot_.motion_loss) shot_.motion_loss->run(queue, seen, bends() ? &t0_ : nullptr, t1_, t2_, g);
   model.color.backward(queue, p, shot_.sh_degree, shot_.view.camera, t1_, seen, g);
   model.motion->backward(queue, p, model.time(shot_.time), true, seen, g.v_means, g.v_factors,
                          g.v_opacities);
-  if (shot_.flow)
+  if (shot_.flow || shot_.motion_loss)
     model.motion->backward(queue, p, model.time(shot_.time_t2), false, seen, g.v_means_t2,
                            g.v_factors_t2, g.v_opacities);
+  if (bends())
+    model.motion->backward(queue, p, model.time(time_t0()), false, seen, g.v_means_t0,
+                           g.v_factors_t0, g.v_opacities);
 }
 
 }  // namespace gflow

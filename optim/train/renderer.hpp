@@ -4,6 +4,7 @@
 #pragma once
 #include "optim/data/camera.hpp"
 #include "optim/engine/engine.hpp"
+#include "optim/loss/motion_loss.hpp"
 #include "optim/train/model.hpp"
 
 namespace gflow {
@@ -15,9 +16,10 @@ PinholeCamera pinhole(const Camera& camera, float near_plane);
 struct Shot {
   View view;
   double time = 0;
-  double time_t2 = 0;  // with flow: where the flow leads
+  double time_t2 = 0;  // with flow: where the flow leads; with a motion loss: its second moment
   bool flow = false, depth = false;
-  int sh_degree = 3;  // bands in use; at most what the model has
+  MotionLoss* motion_loss = nullptr;  // joins the backward pass
+  int sh_degree = 3;                  // bands in use; at most what the model has
   std::array<float, 3> background = {1, 1, 1};
 };
 
@@ -35,9 +37,12 @@ class Renderer {
   const GaussianGradients& gradients() const { return gradients_; }
 
  private:
+  bool bends() const;  // whether the motion loss has a third moment within the video
+  double time_t0() const { return 2 * shot_.time - shot_.time_t2; }
+
   Engine engine_;
   Shot shot_;
-  GaussiansAt t1_, t2_;
+  GaussiansAt t0_, t1_, t2_;
   Buffer<float> colors_{"colors"};
   GaussianGradients gradients_;
 };

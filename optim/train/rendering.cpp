@@ -152,6 +152,14 @@ void write_movies(const std::vector<RenderView>& views, const std::string& folde
 
 }  // namespace
 
+Image comparison_picture(Queue& queue, Model& model, const RenderView& view, FrameStore& frames,
+                         const RenderOptions& options) {
+  if (!view.truth) throw Error("view " + view.name + " has no picture to be compared with");
+  Painter painter(queue, model, options);
+  return comparison(view, frames, painter.draw(view), view.time_t2 >= 0,
+                    painter.flow_scale({view}));
+}
+
 RenderReport render_views(Queue& queue, Model& model, const std::vector<RenderView>& views,
                           FrameStore* frames, const std::string& folder,
                           const RenderOptions& options, const ProgressCallback& progress) {

@@ -21,6 +21,11 @@ struct RenderOptions {
   bool compare = true;  // pictures beside the truth; the reference flow is the scene's, else DIS
 };
 
+// One view beside its truth: truth | render | error x 4, and flow | reference flow where there is
+// one. Error when the view has no truth.
+Image comparison_picture(Queue& queue, Model& model, const RenderView& view, FrameStore& frames,
+                         const RenderOptions& options);
+
 // What was written; paths begin with the folder.
 struct RenderReport {
   size_t views = 0, flows = 0, compared = 0;

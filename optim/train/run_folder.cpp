@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -11,11 +13,13 @@
 #include <nlohmann/json.hpp>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/train/views.hpp"
 
 namespace gflow {
 namespace {
 
 constexpr const char* kStamp = "caches.stamp";  // every run folder has it
+constexpr const char* kLock = ".lock";
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
@@ -25,6 +29,20 @@ void write_text(const std::string& path, const std::string& text) {
 }
 
 // NaN has no place in JSON.
+// A line at the end of a file, or a new file of one line. On failure no half a line is left.
+void append_line(const std::string& file, bool anew, const std::string& line) {
+  std::error_code none;
+  const uintmax_t before = !anew && fs::exists(file) ? fs::file_size(file, none) : 0;
+  std::ofstream out(file, anew ? std::ios::trunc : std::ios::app);
+  out << line << "\n";
+  out.flush();
+  if (out) return;
+  const Error error(fmt::format("cannot write {}: {}", file, std::strerror(errno)));
+  out.close();
+  fs::resize_file(file, before, none);
+  throw error;
+}
+
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json figures_of(const ViewFigures& v) {
@@ -36,13 +54,22 @@ Json figures_of(const ViewFigures& v) {
           {"teacher_epe_dynamic", number(v.teacher_epe_dynamic)}};
 }
 
+// Whether a folder has files that no training, killed at its very start, left behind.
+bool holds_something(const std::string& folder) {
+  std::error_code problem;
+  for (const auto& entry : fs::directory_iterator(folder, problem)) {
+    const std::string name = entry.path().filename().string();
+    if (name != kLock && !is_temporary_name(name)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 void RunFolder::make() const {
   std::error_code problem;
   // Training replaces what is in a run folder; what is in any other folder is not ours.
-  if (fs::exists(folder_, problem) && !fs::is_empty(folder_, problem) && !problem &&
-      !fs::exists(path(kStamp)))
+  if (holds_something(folder_) && !fs::exists(path(kStamp)))
     throw Error(
         fmt::format("training into {}: it is not empty and no run folder; name a new folder,"
                     " or an earlier run to train it anew",
@@ -56,6 +83,8 @@ RunFolder RunFolder::create(const std::string& path) {
   run.make();
   return run;
 }
+
+FileLock RunFolder::lock() const { return FileLock(path(kLock), folder_); }
 
 RunFolder RunFolder::open(const std::string& path) {
   if (!fs::exists(fs::path(path) / "config.toml"))
@@ -91,9 +120,17 @@ void RunFolder::forget_model(int iteration) const {
 }
 
 void RunFolder::forget_results() const {
+  fs::remove(path("compare.png"));
   for (const char* split : {"", "_train", "_val"})
     for (const char* name : {"results", "per_view"})
       fs::remove(path(fmt::format("{}{}.json", name, split)));
+}
+
+void RunFolder::forget_unfinished_files() const {
+  std::vector<fs::path> unfinished;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_))
+    if (is_temporary_name(entry.path().filename().string())) unfinished.push_back(entry.path());
+  for (const fs::path& file : unfinished) fs::remove(file);
 }
 
 void RunFolder::forget_stale_caches(const std::string& stamp) const {
@@ -117,44 +154,48 @@ TrainConfig RunFolder::read_config() const {
 }
 
 void RunFolder::write_cameras(const Scene& scene) const {
-  Json cameras = Json::array();
-  for (size_t i = 0; i < scene.cameras.size(); ++i) {
-    const Camera& c = scene.cameras[i];
-    const Eigen::Vector3d p = c.position();
-    Json rotation = Json::array();  // camera to world, as 3DGS viewers read it
-    for (int row = 0; row < 3; ++row)
-      rotation.push_back({c.viewmat(0, row), c.viewmat(1, row), c.viewmat(2, row)});
-    cameras.push_back({{"id", i},
-                       {"img_name", c.name},
-                       {"width", c.width},
-                       {"height", c.height},
-                       {"position", {p.x(), p.y(), p.z()}},
-                       {"rotation", rotation},
-                       {"fx", c.fx},
-                       {"fy", c.fy},
-                       {"cx", c.cx},
-                       {"cy", c.cy}});
-  }
-  write_text(path("cameras.json"), cameras.dump(1) + "\n");
+  write_text(path("cameras.json"), cameras_json(scene.cameras));
 }
 
 void RunFolder::append_metrics(int iteration, double seconds, const StepFigures& f) const {
-  const Json line{{"iteration", iteration},       {"seconds", seconds},
+  Json line{{"iteration", iteration},       {"seconds", seconds},
                   {"loss", number(f.loss)},       {"l1", number(f.l1)},
                   {"ssim", number(f.ssim)},       {"flow_loss", number(f.flow_loss)},
                   {"psnr", number(f.psnr)},       {"flow_epe", number(f.epe)},
                   {"num_gaussians", f.gaussians}, {"refused", f.refused}};
-  const std::string file = path("metrics.jsonl");
-  std::error_code none;
-  const uintmax_t before = iteration > 0 && fs::exists(file) ? fs::file_size(file, none) : 0;
-  std::ofstream out(file, iteration == 0 ? std::ios::trunc : std::ios::app);
-  out << line.dump() << "\n";
-  out.flush();
-  if (out) return;
-  const Error error(fmt::format("cannot write {}: {}", file, std::strerror(errno)));
-  out.close();
-  fs::resize_file(file, before, none);  // no half a line
-  throw error;
+  if (f.motion)
+    line.update({{"rigidity", number(f.motion->rigidity)},
+                 {"rotation", number(f.motion->rotation)},
+                 {"isometry", number(f.motion->isometry)},
+                 {"velocity", number(f.motion->velocity)},
+                 {"acceleration", number(f.motion->acceleration)}});
+  append_line(path("metrics.jsonl"), iteration == 0, line.dump());
+  std::string names, values;
+  for (const auto& [name, value] : line.items()) {
+    names += (names.empty() ? "" : ",") + name;
+    values += (values.empty() ? "" : ",") + (value.is_null() ? "" : value.dump());
+  }
+  if (iteration == 0) append_line(path("metrics.csv"), true, names);
+  append_line(path("metrics.csv"), false, values);
+}
+
+void RunFolder::keep_metrics_before(int iteration) const {
+  std::ifstream in(path("metrics.jsonl"));
+  std::string kept;
+  for (std::string line; std::getline(in, line); kept += line + "\n") {
+    const Json parsed = Json::parse(line, nullptr, false);
+    // The last line of a killed process may be cut off.
+    if (!parsed.is_object() || !parsed.contains("iteration") ||
+        !parsed["iteration"].is_number_integer() || parsed["iteration"] >= iteration)
+      break;
+  }
+  if (in.is_open()) write_text(path("metrics.jsonl"), kept);
+  // The same lines below the header of metrics.csv.
+  std::ifstream table(path("metrics.csv"));
+  std::string rows;
+  auto left = std::count(kept.begin(), kept.end(), '\n') + 1;
+  for (std::string row; left > 0 && std::getline(table, row); --left) rows += row + "\n";
+  if (table.is_open()) write_text(path("metrics.csv"), rows);
 }
 
 void RunFolder::write_results(const Evaluation& evaluation, const std::string& split,
@@ -167,6 +208,12 @@ void RunFolder::write_results(const Evaluation& evaluation, const std::string& s
   Json test = figures_of(evaluation.mean);
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
+  if (const auto& tracks = evaluation.tracks)
+    test["tracks"] = {{"mean", tracks->mean},
+                      {"median", tracks->median},
+                      {"end", tracks->end},
+                      {"still", tracks->still},
+                      {"lost", tracks->lost}};
   const Json results{{split, test},
                      {"num_gaussians", gaussians},
                      {"iterations", facts.iterations},

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run leaves behind, and where: config.toml, cameras.json, metrics.jsonl, the model under
-// point_cloud/iteration_N, results.json and per_view.json. Each file appears complete or not at
-// all.
+// What a run leaves behind, and where: config.toml, cameras.json, metrics.jsonl and .csv, the model
+// under point_cloud/iteration_N, checkpoints, results.json and per_view.json. Each file appears
+// complete or not at all.
 #pragma once
 #include <string>
 
+#include "optim/io/file_lock.hpp"
+#include "optim/train/checkpoint.hpp"
 #include "optim/train/evaluation.hpp"
 #include "optim/train/trainer.hpp"
 
@@ -27,23 +29,31 @@ class RunFolder {
   // Creates it; Error when it cannot be made, or when it holds something and no training made it.
   void make() const;
   static RunFolder create(const std::string& path);  // both
+  // While the result lives no other process writes this folder. Error when one does already.
+  FileLock lock() const;
 
   std::string path(const std::string& name) const { return folder_ + "/" + name; }
+  const std::string& folder() const { return folder_; }
+  CheckpointFolder checkpoints() const { return CheckpointFolder(path("checkpoints")); }
   std::string model_path(int iteration) const;
   // The model of the latest iteration. Error when there is none.
   std::string latest_model() const;
   // Removes the model of an iteration, if there is one.
   void forget_model(int iteration) const;
-  // Removes results.json and per_view.json: they are about to be untrue.
+  // Removes results.json, per_view.json and compare.png: they are about to be untrue.
   void forget_results() const;
+  // Removes what a killed process had begun to write.
+  void forget_unfinished_files() const;
   // Removes cached flow and video frames unless they were made under the same stamp.
   void forget_stale_caches(const std::string& stamp) const;
 
   void write_config(const TrainConfig& config) const;
   TrainConfig read_config() const;
   void write_cameras(const Scene& scene) const;
-  // One line of metrics.jsonl.
+  // One line of metrics.jsonl, and the same figures in metrics.csv.
   void append_metrics(int iteration, double seconds, const StepFigures& figures) const;
+  // Removes the lines of this iteration and later ones.
+  void keep_metrics_before(int iteration) const;
   // results.json and per_view.json for the test views, results_SPLIT.json and so on for others.
   void write_results(const Evaluation& evaluation, const std::string& split, const RunFacts& facts,
                      const TrainConfig& config, size_t gaussians) const;

@@ -4,13 +4,14 @@
 #include <cmath>
 #include <numeric>
 
+#include "optim/motion/parameters_state.hpp"
 #include "shared/random.h"
 
 namespace gflow {
 namespace {
 
-constexpr size_t kFrontViews = 12;                 // the newest ones of a model that unfolds
-constexpr uint kSplitStream = 7, kPairStream = 8;  // of random numbers
+constexpr size_t kFrontViews = 12;  // the newest ones of a model that unfolds
+constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9;  // of random numbers
 
 // a at 0, b at 1, geometrically between.
 float between_rates(float a, float b, double share) {
@@ -53,6 +54,22 @@ void cut_planes(const std::vector<float>& uv, int width, const Rect& part,
     }
 }
 
+// nullptr when nothing is asked of the motion, or nothing can move.
+std::unique_ptr<MotionLoss> motion_loss_for(Queue& queue, const LossConfig& loss,
+                                            const Scene& scene) {
+  MotionLossWeights w;
+  const float times = float(loss.motion_every);
+  w.rigidity = times * loss.rigidity;
+  w.rotation = times * loss.rotation;
+  w.isometry = times * loss.isometry;
+  w.velocity = times * loss.velocity;
+  w.acceleration = times * loss.acceleration;
+  w.falloff = loss.neighbour_falloff;
+  w.extent = float(scene.extent);
+  if (scene.steps < 2 || !(w.any_pairs() || w.acceleration > 0)) return nullptr;
+  return std::make_unique<MotionLoss>(queue, w);
+}
+
 PinholeCamera part_of(PinholeCamera camera, const Rect& part) {
   camera.full_width = camera.width;
   camera.full_height = camera.height;
@@ -87,27 +104,34 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       renderer_(queue, engine_settings(config.flow)),
       image_loss_(queue, config.loss.ssim),
       flow_loss_(queue, config.flow.robust_px),
+      motion_loss_(motion_loss_for(queue, config.loss, scene)),
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
       density_(queue),
       reduce_(queue),
       pairs_of_frame_(scene.train.size()) {
-  const float level = config.scene.background == Background::white ? 1.f : 0.f;
-  background_ = {level, level, level};
-  for (size_t i = 0; i < parts_.size(); ++i) {
+  const bool sequential = config.train.sequential;
+  if (sequential && (model.shape.motion != MotionModelKind::keyframes ||
+                     model.shape.keys != std::max(scene.steps, 1)))
+    throw Error(
+        "train.sequential moves the Gaussians key by key: it needs motion.model = "
+        "\"keyframes\" and motion.keys = 0 (a key a time step)");
+  choices_.resize(sequential ? size_t(model.shape.keys) : 1);
+  for (size_t i = 0; i < scene.train.size(); ++i) {
     const Camera& camera = frames.camera(scene.train[i]);
-    const double area = double(parts_[i].width) * parts_[i].height;
-    if (area > 0 && area < 0.6 * camera.width * camera.height) focus_frames_.push_back(i);
+    const double area = i < parts_.size() ? double(parts_[i].width) * parts_[i].height : 0;
+    Choice& choice = choices_[sequential ? size_t(scene.train[i].step) : 0];
+    choice.frames.push_back(i);
+    if (area > 0 && area < 0.6 * camera.width * camera.height) choice.focus.push_back(i);
   }
-  whole_frames_.resize(scene.train.size());
-  std::iota(whole_frames_.begin(), whole_frames_.end(), size_t(0));
   if (unfolds(config))
-    for (std::vector<size_t>* order : {&whole_frames_, &focus_frames_})
+    for (std::vector<size_t>* order : {&choices_[0].frames, &choices_[0].focus})
       std::stable_sort(order->begin(), order->end(), [&](size_t a, size_t b) {
         return std::fabs(scene.train[a].time - 0.5) < std::fabs(scene.train[b].time - 0.5);
       });
   if (!config.flow.enabled || config.flow.weight == 0) return;
   for (size_t i = 0; i < pairs.size(); ++i)
-    if (flows.has(i)) pairs_of_frame_[size_t(pairs[i].frame)].push_back(int(i));
+    if (flows.has(i) && (!sequential || leads_back(scene, pairs[i])))
+      pairs_of_frame_[size_t(pairs[i].frame)].push_back(int(i));
 }
 
 int Trainer::sh_degree(int step) const {
@@ -131,13 +155,23 @@ size_t Trainer::view_at(size_t n, int step, uint32_t stream, size_t turn) const 
 
 int Trainer::pair_at(size_t frame, int step, size_t turn) const {
   const std::vector<int>& pairs = pairs_of_frame_[frame];
-  if (pairs.empty() || step < config_.flow.start) return -1;
+  if (pairs.empty() || step < config_.flow.start || stage(step).time_step == 0) return -1;
   return pairs[random_bits(uint(config_.train.seed), kPairStream, uint(turn)) % pairs.size()];
+}
+
+std::array<uint8_t, 3> Trainer::background(int step) const {
+  if (config_.scene.background != Background::random || !scene_.has_alpha) {
+    const uint8_t level = shown_level(config_.scene.background);
+    return {level, level, level};
+  }
+  const uint bits = random_bits(uint(config_.train.seed), kBackgroundStream, uint(step));
+  return {uint8_t(bits >> 8), uint8_t(bits >> 16), uint8_t(bits >> 24)};
 }
 
 std::vector<Trainer::Sample> Trainer::samples(int step) const {
   // One step in focus + 1 looks at whole pictures, the others at parts of interest.
-  const int focus = focus_frames_.empty() ? 0 : config_.train.focus;
+  const Choice& choice = choices_[size_t(std::max(stage(step).time_step, 0))];
+  const int focus = choice.focus.empty() ? 0 : config_.train.focus;
   const bool whole = step % (focus + 1) == 0;
   const size_t turn = whole ? size_t(step) / size_t(focus + 1)
                             : size_t(step) - size_t(step) / size_t(focus + 1) - 1;
@@ -145,7 +179,7 @@ std::vector<Trainer::Sample> Trainer::samples(int step) const {
   for (int b = 0; b < config_.train.batch; ++b) {
     const size_t at = turn * size_t(config_.train.batch) + size_t(b);
     const uint32_t seed = uint32_t(config_.train.seed);
-    const std::vector<size_t>& frames = whole ? whole_frames_ : focus_frames_;
+    const std::vector<size_t>& frames = whole ? choice.frames : choice.focus;
     const uint32_t stream = whole ? seed : seed + 1000003u;
     const size_t i = frames[view_at(frames.size(), step, stream, at)];
     const Camera& camera = frames_.camera(scene_.train[i]);
@@ -159,7 +193,11 @@ void Trainer::step(Queue& queue, int step) {
   std::vector<const Frame*> next;
   for (const Sample& sample : samples(step + 1)) next.push_back(sample.frame);
   frames_.prefetch(next);
+  renew_neighbours_if_due(queue, step);
   model_.parameters.forget_seen(queue);
+  const Stage now = stage(step);
+  if (now.begins && now.time_step > 0)
+    model_.motion->start_key(queue, model_.parameters, now.time_step);
   for (const Sample& sample : samples(step)) train_view(queue, sample, step);
   update(queue, step);
   refine_if_due(queue, step);
@@ -175,7 +213,8 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
   shot.view.camera_t2 = shot.view.camera;
   shot.time = sample.frame->time;
   shot.sh_degree = sh_degree(step);
-  shot.background = background_;
+  const std::array<uint8_t, 3> behind = background(step);
+  for (size_t c = 0; c < 3; ++c) shot.background[c] = float(behind[c]) / 255;
   had_flow_ = sample.pair >= 0;
   if (had_flow_) {
     const FlowPair& pair = pairs_[size_t(sample.pair)];
@@ -187,11 +226,22 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
       shot.time_t2 = sample.frame->flow_time;
     }
     shot.flow = true;
+  } else {  // for a motion loss: the next step in time, or the one before
+    const double later = shot.time + 1.0 / std::max(scene_.steps - 1, 1);
+    shot.time_t2 = later < 1 + 1e-6 ? later : 2 * shot.time - later;
   }
+  if (step % config_.loss.motion_every == 0) shot.motion_loss = motion_loss_.get();
+  had_motion_loss_ = shot.motion_loss;
   renderer_.forward(queue, model_, shot);
 
   // The binning above waited for the queue: what earlier steps uploaded from is free now.
-  cut(frames_.rgb(*sample.frame)->pixels, camera.width, 3, part, picture_part_);
+  // The store keeps pictures on its own background; another is put behind the part that is drawn.
+  const bool as_shown = behind == frames_.background();
+  const auto picture = as_shown ? frames_.rgb(*sample.frame) : frames_.picture(*sample.frame);
+  cut(picture->pixels, camera.width, picture->channels, part, picture_part_);
+  if (picture->channels == 4)
+    picture_part_ =
+        over_background({part.width, part.height, 4, std::move(picture_part_)}, behind).pixels;
   truth_.ensure(queue, 3 * pixels);
   truth_.write_async(queue, picture_part_);
   v_.v_rgb.ensure(queue, 3 * pixels);
@@ -221,10 +271,22 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
                         model_.parameters.count);
 }
 
+void Trainer::renew_neighbours_if_due(Queue& queue, int step) {
+  if (!motion_loss_ || !motion_loss_->weights().any_pairs()) return;
+  const LossConfig& loss = config_.loss;
+  if (neighbours_known_ && step % loss.neighbours_every != 0) return;
+  // Each looks for its own in the middle of its life; ten moments tell lives apart well enough.
+  const NeighbourRule rule{size_t(loss.neighbours), model_.shape.duration,
+                           size_t(std::min(scene_.steps, 10))};
+  motion_loss_->set_pairs(queue, find_neighbours(queue, model_.parameters, *model_.motion, rule));
+  neighbours_known_ = true;
+}
+
 void Trainer::update(Queue& queue, int step) {
   const LearningRates& lr = config_.lr;
   const AdamGroups& eps = config_.adam;
-  const double share = double(step) / config_.train.iterations;
+  const Stage now = stage(step);
+  const double share = now.share;
   const float extent = float(scene_.extent);
   const bool permanent = is_permanent(config_.motion.model);
   // A field that unfolds learns at its first rate until it covers the video.
@@ -251,6 +313,8 @@ void Trainer::update(Queue& queue, int step) {
         return {between_rates(lr.network, lr.network_final, field_share), eps.eps_field};
       case Quantity::color_rest:
         return {lr.sh / lr.sh_rest_divisor, eps.eps_sh};
+      case Quantity::weight:
+        return {lr.weights, eps.eps_quats};
     }
     throw Error("group " + spec.name + " has no learning rate");
   };
@@ -262,19 +326,22 @@ void Trainer::update(Queue& queue, int step) {
   model_.motion->regularize(
       queue, p,
       {config_.hexplane.plane_tv, config_.hexplane.time_smoothness, config_.hexplane.l1_time});
-  // Photographs of one moment, and first steps, teach no motion.
-  const bool moving = scene_.steps > 1 && (!permanent || step >= config_.hexplane.warmup);
+  const bool warming = permanent && step < config_.hexplane.warmup;
+  if (now.time_step > 0) {  // one key alone; a flow leads to the one before
+    Table& keys = p.more[0];
+    keys.rows.seen.fill_range(queue, 0, size_t(now.time_step) * p.count, 0u);
+  }
   for (Table* table : p.tables()) {
-    const bool motion_only = std::all_of(table->specs.begin(), table->specs.end(),
-                                         [](const GroupSpec& spec) { return spec.motion; });
-    if (motion_only && !moving) continue;
+    const bool moving = table != &p;
+    if (moving ? !now.moves() || warming : !now.fits()) continue;
     for (const ParameterGroup& group : table->groups)
       adam_.refuse(queue, group, table->rows, table->active);
     adam_.advance(queue, table->rows, table->active);
     for (size_t g = 0; g < table->groups.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
       if (spec.quantity == Quantity::color_rest && sh_degree(step) == 0) continue;
-      if (spec.motion && !moving) continue;
+      // Photographs of one moment; and who is trained moment by moment has no time of its own.
+      if (spec.motion && (scene_.steps < 2 || now.time_step == 0)) continue;
       AdamRate rate = rate_of(spec);
       rate.per_time = spec.per_time;
       if (spec.motion && spec.quantity != Quantity::time) rate.lr *= lr.motion;
@@ -287,7 +354,7 @@ void Trainer::refine_if_due(Queue& queue, int step) {
   const DensityConfig& d = config_.density;
   const int done = step + 1;
   if (!d.enabled || done < d.start || done % d.every != 0 ||
-      done > d.stop_fraction * float(config_.train.iterations))
+      done > d.stop_fraction * float(config_.train.iterations) || !stage(step).fits())
     return;
   DensityRule rule;
   rule.grad_threshold = d.grad_threshold;
@@ -302,6 +369,19 @@ void Trainer::refine_if_due(Queue& queue, int step) {
   rule.cap = size_t(d.cap);
   density_.refine(queue, model_.parameters, *model_.motion, rule,
                   random_bits(uint32_t(config_.train.seed), kSplitStream, uint32_t(step)));
+  neighbours_known_ = false;
+}
+
+Arrays Trainer::state(Queue& queue) const {
+  Arrays arrays;
+  save_state(queue, model_.parameters, arrays);
+  density_.save_state(queue, arrays);
+  return arrays;
+}
+
+void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& path) {
+  load_state(queue, model_.parameters, arrays, path);
+  density_.load_state(queue, arrays, path);
 }
 
 StepFigures Trainer::figures(Queue& queue) {
@@ -316,6 +396,8 @@ StepFigures Trainer::figures(Queue& queue) {
     figures.epe = flow.epe;
     figures.loss += flow.loss;
   }
+  if (motion_loss_) figures.motion = motion_loss_->value(queue);
+  if (had_motion_loss_) figures.loss += figures.motion->total();
   figures.gaussians = model_.parameters.count;
   figures.refused = reduce_.count_nonzero(queue, model_.parameters.rows.refused);
   const std::vector<float> rgb = renderer_.images().rgb.read(queue);

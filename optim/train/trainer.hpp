@@ -2,23 +2,28 @@
 // The training step, and nothing around it: which views, losses, gradients, Adam, density control.
 // What a step does is a function of configuration, seed and step number alone.
 #pragma once
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include "optim/data/flow_store.hpp"
 #include "optim/density/density.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
+#include "optim/loss/motion_loss.hpp"
 #include "optim/train/change.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/renderer.hpp"
+#include "optim/train/sequence.hpp"
 
 namespace gflow {
 
 // What the last step looked like; read back only when asked for.
 struct StepFigures {
   double l1 = 0, ssim = 0, loss = 0;
-  double psnr = 0;                // of the last view [dB]
-  double flow_loss = 0, epe = 0;  // of the last view with flow [px]; 0 when there was none
+  double psnr = 0;                        // of the last view [dB]
+  double flow_loss = 0, epe = 0;          // of the last view with flow [px]; 0 when there was none
+  std::optional<MotionLossValue> motion;  // of the last view that had any such loss
   size_t gaussians = 0;
   size_t refused = 0;  // rows that had a gradient Adam could not take, so far
 };
@@ -36,8 +41,16 @@ class Trainer {
   // Waits.
   StepFigures figures(Queue& queue);
 
+  // All that a later step depends on beside configuration, scene and step number. Waits.
+  Arrays state(Queue& queue) const;
+  // Goes on from there, whatever the model was. Error when the arrays are not those of such a
+  // model; `path`: the file they come from, for messages.
+  void set_state(Queue& queue, const Arrays& arrays, const std::string& path);
+
   // Bands of spherical harmonics in use at a step.
   int sh_degree(int step) const;
+  // Which time steps a training step is about.
+  Stage stage(int step) const { return stage_at(config_.train, std::max(scene_.steps, 1), step); }
 
  private:
   struct Sample {  // one view of a step
@@ -52,9 +65,13 @@ class Trainer {
   size_t view_at(size_t n, int step, uint32_t stream, size_t turn) const;
   // How much of the unfolding is done, 0 to 1.
   double unfolded(int step) const;
-  // The flow pair a frame is shown with, forward or back, or -1.
+  // Behind pictures with alpha, sRGB.
+  std::array<uint8_t, 3> background(int step) const;
+  // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,
+  // or -1.
   int pair_at(size_t frame, int step, size_t turn) const;
   void train_view(Queue& queue, const Sample& sample, int step);
+  void renew_neighbours_if_due(Queue& queue, int step);
   void update(Queue& queue, int step);
   void refine_if_due(Queue& queue, int step);
 
@@ -64,13 +81,18 @@ class Trainer {
   const std::vector<FlowPair>& pairs_;
   FlowStore& flows_;
   std::vector<Rect> parts_;
-  // Training frames, all and those with a part smaller than the whole; from the middle of the video
-  // outwards where the model unfolds.
-  std::vector<size_t> whole_frames_, focus_frames_;
+  // Training frames to choose from, all and those with a part smaller than the whole, of all time
+  // steps or, when trained one after the other, of each; from the middle of the
+  // video outwards where the model unfolds.
+  struct Choice {
+    std::vector<size_t> frames, focus;
+  };
+  std::vector<Choice> choices_;
   Model& model_;
   Renderer renderer_;
   ImageLoss image_loss_;
   FlowLoss flow_loss_;
+  std::unique_ptr<MotionLoss> motion_loss_;  // nullptr: all its weights are 0
   Adam adam_;
   Density density_;
   Reduce reduce_;
@@ -78,11 +100,11 @@ class Trainer {
   Buffer<cl_uchar> truth_{"truth"}, confidence_{"confidence"};
   Buffer<float> teacher_{"teacher flow"};
   ImageGradients v_;
-  std::array<float, 3> background_;
   // what asynchronous writes read from
   std::vector<cl_uchar> picture_part_, confidence_part_;
   std::vector<float> flow_planes_;
-  bool had_flow_ = false;
+  bool had_flow_ = false, had_motion_loss_ = false;
+  bool neighbours_known_ = false;
 };
 
 // Order of training views: index i of the endless sequence in which each of n items comes once a

@@ -2,6 +2,7 @@
 #include "optim/train/training.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <chrono>
@@ -10,30 +11,45 @@
 #include "optim/train/init.hpp"
 #include "optim/train/interrupt.hpp"
 #include "optim/train/progress.hpp"
+#include "optim/train/rendering.hpp"
+#include "optim/train/resume.hpp"
 
 namespace gflow {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+// Training time, that of earlier processes included.
+class Stopwatch {
+ public:
+  explicit Stopwatch(double before) : before_(before) {}
+  double seconds() const {
+    return before_ + std::chrono::duration<double>(Clock::now() - start_).count();
+  }
 
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
+ private:
+  using Clock = std::chrono::steady_clock;
+  double before_;
+  Clock::time_point start_ = Clock::now();
+};
 
-// Passes counts on to a progress line and stops the work on Ctrl-C.
-ProgressCallback counted(Progress& progress, const std::string& doing) {
-  return [&progress, doing](size_t done, size_t) {
+// Passes counts on to a progress line and stops the work on Ctrl-C; `kept` says what comes of it.
+ProgressCallback counted(Progress& progress, const std::string& doing, const std::string& kept) {
+  return [&progress, doing, kept](size_t done, size_t) {
     progress.update(long(done));
-    if (interrupted()) throw Interrupted("interrupted while " + doing + "; nothing was lost");
+    if (interrupted()) throw Interrupted("interrupted while " + doing + "; " + kept);
   };
 }
 
 // Neighbours in time no further apart than max_gap steps: flow over more is a guess.
-std::vector<FlowPair> close_pairs(const Scene& scene, int max_gap) {
+std::vector<FlowPair> close_pairs(const Scene& scene, const FlowConfig& flow) {
+  const bool by_track = flow.pairs == FlowPairs::track;
+  if (!by_track && flow.source != FlowSource::files)
+    throw Error(
+        "flow.pairs = \"time\" compares pictures of different cameras, whose flow is not "
+        "estimated: set flow.source = \"files\" and flow.folder");
   std::vector<FlowPair> close;
-  for (const FlowPair& pair : neighbour_pairs(scene))
+  for (const FlowPair& pair : by_track ? neighbour_pairs(scene) : pairs_in_time(scene))
     if (pair.next < 0 ||
-        scene.train[size_t(pair.next)].step - scene.train[size_t(pair.frame)].step <= max_gap)
+        scene.train[size_t(pair.next)].step - scene.train[size_t(pair.frame)].step <= flow.max_gap)
       close.push_back(pair);
   return close;
 }
@@ -51,7 +67,7 @@ FlowStore flows_for(const TrainConfig& config, const LoadedScene& loaded,
   });
   Progress progress("flow ", long(forward), quiet || forward == 0);
   FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, run.path("flow"), 0,
-                                    counted(progress, "computing optical flow"));
+                                    counted(progress, "computing optical flow", how_to_go_on(run)));
   progress.finish();
   return flows;
 }
@@ -61,6 +77,7 @@ std::vector<ProgressTerm> terms_of(const StepFigures& f) {
                                   {"L1", fmt::format("{:.4f}", f.l1)},
                                   {"psnr", fmt::format("{:.1f}", f.psnr)}};
   if (f.epe > 0) terms.push_back({"epe", fmt::format("{:.2f} px", f.epe)});
+  if (f.motion) terms.push_back({"motion", fmt::format("{:.4f}", f.motion->total())});
   terms.push_back({"", fmt::format("{} Gaussians", f.gaussians)});
   if (f.refused) terms.push_back({"refused", std::to_string(f.refused)});
   return terms;
@@ -74,44 +91,82 @@ void save_model(Queue& queue, const Model& model, const RunFolder& run, int iter
   if (previous != iteration) run.forget_model(previous);
 }
 
-// Everything that cached flow and video frames depend on: pictures by path, size and time of
-// change.
+// Everything that cached flow and video frames depend on: pictures and masks by path, size and time
+// of change, which picture follows which, and what is undone of the lens.
 std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
   namespace fs = std::filesystem;
   std::string stamp =
       fmt::format("resolution {} background {}\n", config.resolution, name_of(config.background));
+  const auto add_file = [&](const std::string& path) {
+    stamp += fmt::format("{} {} {}\n", path, fs::file_size(path),
+                         fs::last_write_time(path).time_since_epoch().count());
+  };
   std::string last;
   for (const std::vector<Frame>* frames : {&scene.train, &scene.test})
     for (const Frame& frame : *frames) {
+      stamp += frame.name + "\n";
+      if (!frame.mask_path.empty()) add_file(frame.mask_path);
       if (frame.path == last) continue;  // the next frame of one video
+      add_file(frame.path);
       last = frame.path;
-      stamp += fmt::format("{} {} {}\n", frame.path, fs::file_size(frame.path),
-                           fs::last_write_time(frame.path).time_since_epoch().count());
     }
+  for (const Camera& camera : scene.cameras)
+    if (camera.lens.kind != Lens::Kind::none)
+      stamp += fmt::format("lens {} {} of {} {} {} {} as {} {}\n", int(camera.lens.kind),
+                           fmt::join(camera.lens.k, " "), camera.lens.fx, camera.lens.fy,
+                           camera.lens.cx, camera.lens.cy, camera.fx, camera.fy);
   return stamp;
 }
 
-// The training loop; returns the number of steps made.
+// The views, and the paths in space where the scene has true ones; `kept`: as in counted().
+Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
+                 const std::vector<Frame>& frames, bool quiet, const std::string& kept) {
+  Progress progress("eval ", long(frames.size()), quiet);
+  Evaluation evaluation =
+      evaluate(queue, model, config, *loaded.frames, frames, counted(progress, "evaluating", kept));
+  progress.finish();
+  if (!loaded.scene.tracks_path.empty())
+    evaluation.tracks = track_error(queue, model, read_tracks(loaded.scene.tracks_path));
+  return evaluation;
+}
+
+// The training loop from step number `step`; returns the number of steps made, earlier ones
+// included.
 int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, Trainer& trainer,
-                bool quiet, Clock::time_point start) {
-  Progress progress("train", config.train.iterations, quiet);
+                int step, const Stopwatch& watch, Checkpointer& checkpoints, bool quiet) {
+  const ScheduleConfig& plan = config.train;
+  Progress progress("train", plan.iterations, quiet, step);
   StepFigures figures;
-  int step = 0;
-  for (; step < config.train.iterations && !interrupted(); ++step) {
+  const auto time_is_over = [&] {
+    return plan.minutes > 0 && watch.seconds() > 60 * double(plan.minutes);
+  };
+  for (; step < plan.iterations && !interrupted() && !time_is_over(); ++step) {
     trainer.step(queue, step);
-    if (step % config.train.log_every == 0 || step + 1 == config.train.iterations) {
+    if (step % plan.log_every == 0 || step + 1 == plan.iterations) {
       figures = trainer.figures(queue);
-      run.append_metrics(step, seconds_since(start), figures);
+      run.append_metrics(step, watch.seconds(), figures);
     }
     progress.update(step + 1, terms_of(figures));
-    if (config.train.minutes > 0 && seconds_since(start) > 60 * double(config.train.minutes)) {
-      ++step;
-      break;
-    }
+    const int done = step + 1;
+    if (plan.checkpoint_every > 0 && done % plan.checkpoint_every == 0 && done < plan.iterations)
+      checkpoints.try_write(done, watch.seconds());
   }
   queue.finish();
   progress.finish();
   return step;
+}
+
+// compare.png: the middle one of the views, beside its truth.
+void write_comparison(Queue& queue, Model& model, const TrainConfig& config,
+                      const LoadedScene& loaded, const RunFolder& run) {
+  const std::vector<RenderView> views =
+      split_views(loaded.scene, loaded.scene.test, loaded.frames->cameras(), "test");
+  RenderOptions options;
+  options.settings = engine_settings(config.flow);
+  options.near = config.render.near;
+  if (config.scene.background == Background::black) options.background = {0, 0, 0};
+  write_png(run.path("compare.png"),
+            comparison_picture(queue, model, views[views.size() / 2], *loaded.frames, options));
 }
 
 }  // namespace
@@ -124,11 +179,14 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
   options.elevation = config.elevation;
   options.radius = config.radius;
   options.fov_y = config.fovy;
+  options.masks = config.masks;
+  options.first_step = config.first_step;
+  options.stride = config.stride;
   options.max_steps = config.max_steps;
   LoadedScene loaded{read_scene(config.path, options), nullptr};
   FrameStoreOptions store;
   store.resolution = config.resolution;
-  if (config.background == Background::black) store.background = {0, 0, 0};
+  store.background.fill(shown_level(config.background));
   store.unpack_folder = unpack_folder;
   loaded.frames = std::make_unique<FrameStore>(loaded.scene, store);
   return loaded;
@@ -144,19 +202,28 @@ const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string&
   return *frames;
 }
 
-Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet) {
+Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
+                     Start start) {
   check(config);
+  require_init_file(config);
   InterruptGuard guard;
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const Scene& scene = loaded.scene;
   if (scene.train.empty()) throw Error("scene " + scene.name + " has no training views");
   run.make();
+  const FileLock lock = run.lock();
+  run.forget_unfinished_files();
+  std::optional<CheckpointFolder::Found> resumed;
+  if (start == Start::resume)
+    resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
+  else
+    run.checkpoints().clear();
   run.forget_results();
   run.forget_stale_caches(cache_stamp(scene, config.scene));
   for (const Frame& frame : scene.test) loaded.frames->rgb(frame);  // broken ones are named now
   run.write_config(config);
   run.write_cameras(scene);
-  std::vector<FlowPair> pairs = close_pairs(scene, config.flow.max_gap);
+  std::vector<FlowPair> pairs = close_pairs(scene, config.flow);
   if (config.flow.backward)
     for (const FlowPair& pair : reversed(pairs)) pairs.push_back(pair);
   FlowStore flows = flows_for(config, loaded, pairs, run, quiet);
@@ -165,40 +232,61 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   if (config.init.dynamic > 0 || config.train.focus > 0)
     watchers = watchers_of(scene, *loaded.frames);
   const std::vector<Rect> parts = parts_of_interest(scene, *loaded.frames, watchers);
-  const HostModel start_model =
-      initial_model(scene, *loaded.frames, parts, watchers, pairs, flows, config);
-  write_model(run.path("input.ply"), start_model);
-  Model model(queue, start_model);
+  const auto first_model = [&] {
+    const HostModel first =
+        initial_model(scene, *loaded.frames, parts, watchers, pairs, flows, config);
+    write_model(run.path("input.ply"), first);
+    return Model(queue, first);
+  };
+  const auto shape_to_resume = [&] {
+    ModelShape shape = model_shape(scene, config);
+    if (shape.motion != MotionModelKind::hexplane) return shape;
+    const HexplaneShape first = read_model(run.path("input.ply")).shape.hexplane;
+    shape.hexplane.centre = first.centre;
+    shape.hexplane.half_size = first.half_size;
+    return shape;
+  };
+  Model model = resumed ? Model(queue, shape_to_resume(), 0) : first_model();
   Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows, parts, model);
-  const Clock::time_point start = Clock::now();
-  const int steps = train_steps(queue, config, run, trainer, quiet, start);
-  const RunFacts facts{steps, seconds_since(start), queue.info.full_name()};
+  CheckpointFacts former;
+  if (resumed) {
+    trainer.set_state(queue, resumed->checkpoint.arrays, resumed->path);
+    former = resumed->checkpoint.facts;
+    resumed.reset();  // its arrays are as large as the model
+    run.keep_metrics_before(former.step);
+  }
+  Checkpointer checkpoints(queue, config, scene, run, trainer);
+  const Stopwatch watch(former.seconds);
+  const int steps =
+      train_steps(queue, config, run, trainer, former.step, watch, checkpoints, quiet);
+  const RunFacts facts{steps, watch.seconds(), queue.info.full_name()};
   save_model(queue, model, run, steps);
   run.write_facts(facts);
+  checkpoints.write(steps, facts.train_seconds);
   if (interrupted())
-    throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}", steps,
-                                  config.train.iterations, run.model_path(steps)));
+    throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}, {}", steps,
+                                  config.train.iterations, run.model_path(steps),
+                                  how_to_go_on(run)));
   if (scene.test.empty()) return {};
-  Progress progress("eval ", long(scene.test.size()), quiet);
   const Evaluation evaluation =
-      evaluate(queue, model, config, *loaded.frames, scene.test, counted(progress, "evaluating"));
-  progress.finish();
+      judge(queue, model, config, loaded, scene.test, quiet, how_to_go_on(run));
   run.write_results(evaluation, "test", facts, config, model.parameters.count);
+  write_comparison(queue, model, config, loaded, run);
   return evaluation;
 }
 
 Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet) {
   InterruptGuard guard;
+  const FileLock lock = run.lock();
   const TrainConfig config = run.read_config();
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, read_model(run.latest_model()));
-  Progress progress("eval ", long(frames.size()), quiet);
   const Evaluation evaluation =
-      evaluate(queue, model, config, *loaded.frames, frames, counted(progress, "evaluating"));
-  progress.finish();
+      judge(queue, model, config, loaded, frames, quiet, "nothing was lost");
   const RunFacts facts = run.read_facts();
   run.write_results(evaluation, split, facts, config, model.parameters.count);
+  if (split == "test") write_comparison(queue, model, config, loaded, run);
   return evaluation;
 }
 

@@ -16,9 +16,17 @@ struct LoadedScene {
 // unpack_folder: where frames of videos are kept as pictures; made when needed.
 LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder);
 
+// anew: what an earlier training left in the run folder is replaced. resume: it is continued from
+// its last checkpoint, or from the start where it had not come to one.
+enum class Start { anew, resume };
+
 // Trains config.scene.path into `run`, writing as it goes; evaluates on the test views at the end.
-// On Ctrl-C the step is finished, the model written, and Interrupted thrown.
-Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet);
+// On Ctrl-C the step is finished, checkpoint and model written, and Interrupted thrown. A training
+// that was stopped, in whichever way, and resumed gives the bits of one that was not. Error when
+// another process writes the folder, and when there is a checkpoint and settings or scene are not
+// its own.
+Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
+                     Start start = Start::anew);
 
 // Evaluates the latest model of a run on its scene's test views (or "train", "val") and writes
 // results.json and per_view.json.

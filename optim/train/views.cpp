@@ -260,6 +260,28 @@ std::vector<Camera> read_cameras_json(const std::string& path, int resolution) {
   return cameras;
 }
 
+std::string cameras_json(const std::vector<Camera>& cameras) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i];
+    const Eigen::Vector3d p = c.position();
+    nlohmann::ordered_json rotation;  // camera to world, as 3DGS viewers read it
+    for (int row = 0; row < 3; ++row)
+      rotation.push_back({c.viewmat(0, row), c.viewmat(1, row), c.viewmat(2, row)});
+    list.push_back({{"id", i},
+                    {"img_name", c.name},
+                    {"width", c.width},
+                    {"height", c.height},
+                    {"position", {p.x(), p.y(), p.z()}},
+                    {"rotation", rotation},
+                    {"fx", c.fx},
+                    {"fy", c.fy},
+                    {"cx", c.cx},
+                    {"cy", c.cy}});
+  }
+  return list.dump(1) + "\n";
+}
+
 std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<double>& times,
                                     const std::string& up) {
   if (model.count == 0) throw Error("a model without Gaussians has nothing to look at");

@@ -107,7 +107,7 @@ TEST(Blender, FilesThatContradictThemselvesAreRefused) {
                {"transform_matrix", "frame 0"});
   expect_error([&] { with(a("[[1,0,0,1e999],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); },
                {"transforms_train.json", "1e999"});
-  expect_error([&] { with(a("[[1,0],[0,1]]")); }, {"4 rows of 4"});
+  expect_error([&] { with(a("[[1,0],[0,1]]")); }, {"transform_matrix", "rows of 4 finite numbers"});
   expect_error([&] { with(a("[[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); }, {"no rotation"});
   expect_error([&] { with(a("[[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); }, {"right-handed"});
   expect_error([&] { with(a(pose), R"("x": 1)"); }, {"camera_angle_x", "fl_x"});

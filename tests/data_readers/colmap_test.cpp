@@ -86,11 +86,84 @@ TEST(Colmap, TruncatedBinaryModelsAreRefusedAtEveryLength) {
   }
 }
 
-TEST(Colmap, DistortedCamerasAreRefusedByName) {
+TEST(Colmap, ModelsThatAreNotKnownAreRefusedByName) {
   const TemporaryFolder folder;
-  make_binary(folder, 4);
+  make_binary(folder, 7);
   expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
-               {"cameras.bin", "model OPENCV", "PINHOLE"});
+               {"cameras.bin", "model FOV", "PINHOLE", "OPENCV_FISHEYE", "image_undistorter"});
+  make_binary(folder, 77);
+  expect_error([&] { read_colmap_model(folder.file("sparse/0")); }, {"model number 77"});
+}
+
+TEST(Colmap, EveryDistortionHasItsCoefficientsInTheirPlaces) {
+  const TemporaryFolder folder;
+  const auto camera_of = [&](const std::string& model, const std::string& parameters) {
+    make_text(folder);
+    folder.write("sparse/0/cameras.txt", fmt::format("7 {} 8 6 {}\n", model, parameters));
+    return read_colmap_model(folder.file("sparse/0")).images[0].camera;
+  };
+  using Kind = Lens::Kind;
+  using Coefficients = std::array<double, 8>;
+  const auto expect = [](const Camera& camera, Kind kind, const Coefficients& k, double fy) {
+    EXPECT_EQ(camera.lens.kind, kind);
+    EXPECT_EQ(camera.lens.k, k);
+    EXPECT_EQ(camera.lens.fx, 10);
+    EXPECT_EQ(camera.lens.fy, fy);
+    EXPECT_EQ(camera.cx, 4);
+    EXPECT_EQ(camera.cy, 3);
+  };
+  expect(camera_of("SIMPLE_RADIAL", "10 4 3 -.1"), Kind::radial, {-.1}, 10);
+  expect(camera_of("RADIAL", "10 4 3 -.1 .02"), Kind::radial, {-.1, .02}, 10);
+  expect(camera_of("OPENCV", "10 11 4 3 -.1 .02 .003 .004"), Kind::radial, {-.1, .02, .003, .004},
+         11);
+  expect(camera_of("FULL_OPENCV", "10 11 4 3 -.1 .02 .003 .004 .05 .06 .07 .08"), Kind::radial,
+         {-.1, .02, .003, .004, .05, .06, .07, .08}, 11);
+  expect(camera_of("SIMPLE_RADIAL_FISHEYE", "10 4 3 -.1"), Kind::fisheye, {-.1}, 10);
+  expect(camera_of("RADIAL_FISHEYE", "10 4 3 -.1 .02"), Kind::fisheye, {-.1, .02}, 10);
+  expect(camera_of("OPENCV_FISHEYE", "10 11 4 3 -.1 .02 .003 .004"), Kind::fisheye,
+         {-.1, .02, .003, .004}, 11);
+  EXPECT_EQ(camera_of("RADIAL", "10 4 3 0 0").lens.kind, Kind::none);
+  expect_error([&] { camera_of("RADIAL", "10 4 3 .1"); }, {"cameras.txt", "7 RADIAL"});
+}
+
+TEST(Colmap, PicturesOfAnotherSizeKeepTheirLens) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  folder.write("sparse/0/cameras.txt", "7 SIMPLE_RADIAL 16 12 20 8 6 -.1\n");
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  const Camera camera = read_scene(folder.path()).cameras[0];
+  EXPECT_EQ(camera.width, 8);
+  EXPECT_EQ(camera.fx, 10);
+  EXPECT_EQ(camera.lens.fx, 10);
+  EXPECT_EQ(camera.lens.cy, 3);
+}
+
+TEST(Colmap, MasksBesideThePicturesBecomeAlpha) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  make_png(folder, "masks/a.png", 8, 6, 1);
+  make_png(folder, "masks/b.png.png", 8, 6, 1);
+  Scene scene = read_scene(folder.path());
+  EXPECT_TRUE(scene.has_alpha);
+  EXPECT_EQ(std::filesystem::path(scene.test[0].mask_path).filename(), "a.png");
+  EXPECT_EQ(std::filesystem::path(scene.train[0].mask_path).filename(), "b.png.png");
+  SceneOptions options;
+  options.masks = Masks::none;
+  scene = read_scene(folder.path(), options);
+  EXPECT_FALSE(scene.has_alpha);
+  EXPECT_EQ(scene.train[0].mask_path, "");
+}
+
+TEST(Colmap, WhatColmapWasGivenIsNoInputView) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  make_png(folder, "input/0.png");
+  EXPECT_EQ(read_scene(folder.path()).layout, "colmap");
 }
 
 TEST(Colmap, ModelsThatContradictThemselvesAreRefused) {
@@ -128,6 +201,7 @@ TEST(Colmap, AFolderOfPicturesIsAStaticScene) {
 TEST(Scene, AnUnknownLayoutSaysWhatWasLookedFor) {
   const TemporaryFolder folder;
   expect_error([&] { read_scene(folder.path()); },
-               {folder.path(), "poses_bounds.npy", "transforms_train.json", "sparse/0", "0.png"});
+               {folder.path(), "poses_bounds.npy", "transforms_train.json", "transforms.json",
+                "train_meta.json", "dataset.json", "sparse/0", "0.png", "video"});
   expect_error([&] { read_scene(folder.path() + "/none"); }, {"no such folder"});
 }

@@ -57,3 +57,31 @@ TEST(Consistent4d, UnequalViewsAndImpossibleCamerasAreRefused) {
   options.fov_y = 180;
   expect_error([&] { read_scene(folder.path(), options); }, {"field of view"});
 }
+
+TEST(Consistent4d, PlainPicturesNamedByAWordAndANumberAreAVideoToo) {
+  const TemporaryFolder folder;
+  for (int k : {2, 10, 1})  // ffmpeg's names; JPEG by its first bytes, not its name
+    make_png(folder, fmt::format("frame_{}.jpg", k), 8, 6, 3);
+  make_png(folder, "cover.png", 4, 4, 3);  // has no number
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.layout, "consistent4d");
+  EXPECT_FALSE(scene.has_alpha);
+  ASSERT_EQ(scene.train.size(), 3u);
+  EXPECT_EQ(std::filesystem::path(scene.train[2].path).filename(), "frame_10.jpg");
+  make_png(folder, "other_1.png", 8, 6, 3);  // which of the two is the video?
+  expect_error([&] { read_scene(folder.path()); }, {"no scene gflow knows"});
+}
+
+TEST(Consistent4d, TransformsBesideTheInputViewDoNotMatter) {
+  const TemporaryFolder folder;
+  make_png(folder, "input/0.png", 8, 8, 4);
+  folder.write("transforms_train.json", "not read");
+  EXPECT_EQ(read_scene(folder.path()).layout, "consistent4d");
+}
+
+TEST(Consistent4d, TransformsWinOverNumberedPicturesInTheFolderItself) {
+  const TemporaryFolder folder;
+  make_png(folder, "0.png", 8, 8, 4);
+  folder.write("transforms_train.json", "is read");
+  expect_error([&] { read_scene(folder.path()); }, {"transforms_train.json", "no JSON"});
+}

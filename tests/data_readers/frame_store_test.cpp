@@ -4,6 +4,7 @@
 #include <thread>
 
 #include "data_readers/made_scene.hpp"
+#include "environment.hpp"
 
 using namespace gflow;
 
@@ -121,11 +122,68 @@ TEST(FrameStore, VideoFramesAreUnpackedOnce) {
   EXPECT_NEAR(store.rgb(scene.train[3])->pixels[0], 170, 8);
 }
 
-TEST(FrameStore, VideoFramesCanStayInMemory) {
-  const TemporaryFolder folder;
+TEST(FrameStore, VideoFramesWithoutAFolderLieInOneThatGoesWithTheStore) {
+  const TemporaryFolder folder, temporary;
+  const Environment there("TMPDIR", temporary.path());
   const Scene scene = video_scene(folder);
-  FrameStore store(scene);
-  EXPECT_NEAR(store.rgb(scene.train[3])->pixels[0], 170, 8);
-  EXPECT_NEAR(store.rgb(scene.train[1])->pixels[0], 70, 8);
+  {
+    FrameStore store(scene);
+    EXPECT_NEAR(store.rgb(scene.train[3])->pixels[0], 170, 8);
+    EXPECT_NEAR(store.rgb(scene.train[1])->pixels[0], 70, 8);
+    EXPECT_EQ(temporary.count(), 4u);
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(temporary.path()));
   EXPECT_EQ(folder.count(), 1u);
+}
+
+TEST(FrameStore, OnlyVideoFramesOfTheSceneAreUnpacked) {
+  const TemporaryFolder folder;
+  Scene scene = video_scene(folder);
+  scene.train = {scene.train[1], scene.train[3]};
+  FrameStoreOptions options;
+  options.unpack_folder = folder.path() + "/frames";
+  FrameStore store(scene, options);
+  EXPECT_NEAR(store.rgb(scene.train[1])->pixels[0], 170, 8);
+  EXPECT_NEAR(store.rgb(scene.train[0])->pixels[0], 70, 8);
+  EXPECT_EQ(folder.count(), 3u);  // the video and two frames
+}
+
+TEST(FrameStore, AMaskIsAlphaTimesThePicturesOwn) {
+  const TemporaryFolder folder;
+  for (const int channels : {3, 4}) {
+    Scene scene = make_scene(folder, channels);
+    const Image mask = pattern(8, 6, 1, 7);
+    write_png(folder.file("masks/m.png"), mask);
+    scene.train[1].mask_path = folder.file("masks/m.png");
+    FrameStore store(scene);
+    const Image plain = pattern(8, 6, channels, 1);
+    const auto rgba = store.picture(scene.train[1]);
+    ASSERT_EQ(rgba->channels, 4);
+    for (size_t i = 0; i < 48; ++i) {
+      const double own = channels == 4 ? plain.pixels[4 * i + 3] : 255;
+      EXPECT_NEAR(rgba->pixels[4 * i + 3], own * mask.pixels[i] / 255, 0.5) << i;
+      EXPECT_EQ(rgba->pixels[4 * i + 1], plain.pixels[size_t(channels) * i + 1]);
+    }
+    EXPECT_EQ(store.rgb(scene.train[1])->pixels, over_background(*rgba, {255, 255, 255}).pixels);
+  }
+}
+
+TEST(FrameStore, AMaskOfZerosAndOnesIsWhole) {
+  const TemporaryFolder folder;
+  Scene scene = make_scene(folder, 3);
+  Image mask{8, 6, 1, std::vector<uint8_t>(48)};
+  mask.pixels[5] = 1;
+  write_png(folder.file("masks/m.png"), mask);
+  scene.train[0].mask_path = folder.file("masks/m.png");
+  FrameStore store(scene);
+  EXPECT_EQ(store.alpha(scene.train[0])->pixels[5], 255);
+  EXPECT_EQ(store.alpha(scene.train[0])->pixels[6], 0);
+}
+
+TEST(FrameStore, AMaskOfAnotherSizeIsRefusedWithBothSizes) {
+  const TemporaryFolder folder;
+  Scene scene = make_scene(folder, 3);
+  make_png(folder, "masks/m.png", 4, 6, 1);
+  scene.train[0].mask_path = folder.file("masks/m.png");
+  expect_error([&] { FrameStore store(scene); }, {"m.png", "4x6", "8x6"});
 }

@@ -114,6 +114,25 @@ TEST(Tracks, TrueFlowOfAMovingCameraIsAPairOfItsOwn) {
   EXPECT_TRUE(flows.has(3));
 }
 
+TEST(Tracks, FlowFilesMayLeadFromOneCameraToTheNextInTime) {
+  const TemporaryFolder folder;
+  make(folder, {pose(-40), pose(0), pose(40)});
+  for (const char* name : {"0", "1"})
+    write_flo(folder.file(std::string("flow/") + name + ".flo"), zero_flow(20, 16));
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(pairs_of(scene), "");  // cameras too far apart for an estimate
+  const std::vector<FlowPair> pairs = pairs_in_time(scene);
+  ASSERT_EQ(pairs.size(), 2u);
+  EXPECT_EQ(pairs[1].frame, 1);
+  EXPECT_EQ(pairs[1].next, 2);
+  const FrameStore frames(scene);
+  const FlowStore flows = flows_from_folder(scene, pairs, frames, folder.path() + "/flow");
+  EXPECT_TRUE(flows.has(0) && flows.has(1));
+  Scene twice = scene;
+  twice.train[2].time = twice.train[1].time;
+  EXPECT_THROW(pairs_in_time(twice), Error);
+}
+
 TEST(Tracks, FlowFilesOfTheUsersLeadFromPictureToPicture) {
   const TemporaryFolder folder;
   make(folder, {pose(-2), pose(0)});

@@ -31,6 +31,30 @@ TEST(Npz, EqualArraysGiveEqualFiles) {
   EXPECT_EQ(contents(folder.file("a.npz")), contents(folder.file("b.npz")));
 }
 
+TEST(Npz, StoredArraysComeBackAndAreCheckedToo) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.npz");
+  const Arrays arrays = {{"abc", {{300}, std::vector<float>(300, 1.f)}}};
+  write_npz(path, arrays, Packing::stored);
+  std::string whole = contents(path);
+  EXPECT_GT(whole.size(), 1200u);
+  EXPECT_EQ(read_npz(path).at("abc").values, arrays.at("abc").values);
+  whole[500] ^= 1;
+  folder.write("bad.npz", whole);
+  expect_error([&] { read_npz(folder.file("bad.npz")); }, {"'abc'", "bad.npz"});
+}
+
+TEST(Npz, ExactValuesHaveTheTypeAndShapeAskedFor) {
+  const Arrays arrays = {{"a", {{2, 1}, std::vector<float>{1, 2}}}};
+  EXPECT_EQ(exact_values<float>(arrays, "a", {2, 1}, "x.npz")[1], 2);
+  expect_error(
+      [&] {
+        exact_values<float>(arrays, "a", {1, 2}, "x.npz");
+      },
+      {"x.npz", "'a'", "(2, 1)", "(1, 2)"});
+  expect_error([&] { exact_values<double>(arrays, "a", {2, 1}, "x.npz"); }, {"number type"});
+}
+
 TEST(Npz, AMissingArrayIsNamedWithThoseThatAreThere) {
   const Arrays arrays = {{"a", {{}, std::vector<float>{1}}}, {"b", {{}, std::vector<float>{2}}}};
   EXPECT_EQ(array_named(arrays, "b", "x.npz").as_float()[0], 2);

@@ -1,93 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gflow program as a user runs it: what it writes, what it says, how it exits.
-#include <fcntl.h>
-#include <sys/wait.h>
-#include <unistd.h>
+#include "train/command.hpp"
 
-#include <csignal>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <thread>
 
+#include "optim/data/movie.hpp"
 #include "optim/io/npz.hpp"
 #include "train/small_scene.hpp"
 
 namespace gflow {
 namespace {
-
-namespace fs = std::filesystem;
-
-struct Outcome {
-  int code = -1;  // 128 + signal when one ended it
-  std::string out, err;
-};
-
-// One run of the program; arguments as they are. `first` is what a shell does before it becomes the
-// program, a limit it sets, say; without it there is no shell.
-class Command {
- public:
-  explicit Command(std::vector<std::string> arguments, const std::string& first = "") {
-    arguments.insert(arguments.begin(), GFLOW_BINARY);
-    if (!first.empty())
-      arguments.insert(arguments.begin(), {"/bin/sh", "-c", first + "; exec \"$0\" \"$@\""});
-    std::vector<char*> argv;
-    for (std::string& argument : arguments) argv.push_back(argument.data());
-    argv.push_back(nullptr);
-    const std::string out = folder_.file("out"), err = folder_.file("err");
-    pid_ = fork();
-    if (pid_ != 0) return;
-    std::signal(SIGINT, SIG_DFL);  // shells ignore it in what they start in the background
-    dup2(open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
-    dup2(open(err.c_str(), O_WRONLY | O_CREAT, 0600), STDERR_FILENO);
-    execv(argv[0], argv.data());
-    _exit(127);
-  }
-  void send(int signal) const { kill(pid_, signal); }
-  // Waits until the program, no longer this one, has a handler for the signal.
-  void wait_for_handler(int signal) const {
-    for (int i = 0; i < 2000; ++i) {
-      std::error_code gone;
-      const std::string process = "/proc/" + std::to_string(pid_);
-      const bool started = fs::read_symlink(process + "/exe", gone) == fs::canonical(GFLOW_BINARY);
-      std::ifstream status(process + "/status");
-      for (std::string line; started && std::getline(status, line);)
-        if (line.rfind("SigCgt:", 0) == 0 &&
-            std::stoull(line.substr(7), nullptr, 16) >> (signal - 1) & 1)
-          return;
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
-  }
-  Outcome wait() const {
-    int status = 0;
-    waitpid(pid_, &status, 0);
-    Outcome outcome;
-    outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    outcome.out = contents(folder_.file("out"));
-    outcome.err = contents(folder_.file("err"));
-    return outcome;
-  }
-
- private:
-  TemporaryFolder folder_;
-  pid_t pid_ = -1;
-};
-
-Outcome gflow(const std::vector<std::string>& arguments, const std::string& first = "") {
-  return Command(arguments, first).wait();
-}
-
-// One sentence on stderr, as "gflow: ...", with all the parts; exit code 1; nothing on stdout.
-void expect_refused(const std::vector<std::string>& arguments,
-                    std::initializer_list<std::string> parts, const std::string& first = "") {
-  const Outcome outcome = gflow(arguments, first);
-  EXPECT_EQ(outcome.code, 1) << outcome.err;
-  EXPECT_EQ(outcome.out, "");
-  EXPECT_EQ(outcome.err.rfind("gflow: ", 0), 0u) << outcome.err;
-  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-  EXPECT_EQ(outcome.err.find("nobody foresaw"), std::string::npos) << outcome.err;
-  for (const std::string& part : parts)
-    EXPECT_NE(outcome.err.find(part), std::string::npos) << part << " in " << outcome.err;
-}
 
 // A scene and, where asked for, a run of three steps on it.
 class CommandTest : public testing::Test {
@@ -123,11 +45,37 @@ TEST_F(CommandTest, TrainWritesTheRunAndNamesIt) {
     EXPECT_TRUE(fs::exists(path)) << path;
     EXPECT_NE(trained().out.find(path), std::string::npos) << path;
   }
-  for (const char* name : {"config.toml", "cameras.json", "metrics.jsonl", "input.ply"})
+  for (const char* name :
+       {"config.toml", "cameras.json", "metrics.jsonl", "metrics.csv", "compare.png", "input.ply"})
     EXPECT_TRUE(fs::exists(run() + "/" + name)) << name;
   const auto results = nlohmann::json::parse(contents(run() + "/results.json"));
   EXPECT_EQ(results["iterations"], 3);
   EXPECT_EQ(results["test"]["views"], 5);
+}
+
+TEST_F(CommandTest, TrainTakesAVideoFileAndADivisor) {
+  const TemporaryFolder folder;
+  const std::string video = folder.file("video.mp4"), run = folder.file("run");
+  write_movie(
+      video, 3,
+      [](size_t k) {
+        Image image{64, 48, 3, std::vector<uint8_t>(64 * 48 * 3, 200)};
+        for (size_t i = 0; i < 3000; ++i) image.pixels[1000 + 300 * k + i] = 50;
+        return image;
+      },
+      10);
+  const Outcome outcome =
+      gflow({"train", video, "-o", run, "-r", "2", "--iterations", "2", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  const Image frame = read_image(run + "/frames/input/00002.png");
+  EXPECT_EQ(frame.width, 32);
+  const auto results = nlohmann::json::parse(contents(run + "/results.json"));
+  EXPECT_EQ(results["resolution"], 2);
+  EXPECT_EQ(results["test"]["views"], 3);
+  EXPECT_EQ(gflow({"render", run, "-o", folder.file("pictures"), "--quiet"}).code, 0);
+  EXPECT_TRUE(fs::exists(folder.path() + "/pictures/compare"));
+  expect_refused({"train", video, "-o", run, "-r", "3"}, {"scene.resolution", "3", "1, 2, 4, 8"});
+  expect_refused({"train", folder.file("none.mp4"), "-o", run}, {"none.mp4", "no such"});
 }
 
 TEST_F(CommandTest, EvalFindsWhatTrainFound) {
@@ -210,6 +158,68 @@ Arrays small_npz() {
           {"viewmat", floats({4, 4}, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1})},
           {"K", floats({3, 3}, {16, 0, 8, 0, 16, 6, 0, 0, 1})},
           {"size", Array{{2}, std::vector<int32_t>{16, 12}}}};
+}
+
+TEST_F(CommandTest, ExportWritesOneTimeThatInfoAndImportAndTrainRead) {
+  const TemporaryFolder folder;
+  const std::string ply = folder.file("now.ply"), splat = folder.file("now.splat");
+  EXPECT_EQ(gflow({"export", run(), "-o", ply, "--times", "0.25"}).err, "");
+  EXPECT_EQ(gflow({"export", model(), "-o", splat, "--format", "splat", "--times", "0.25"}).err,
+            "");
+  const auto moving = nlohmann::json::parse(gflow({"info", run(), "--json"}).out);
+  EXPECT_EQ(moving["motion"], "spacetime");
+  EXPECT_EQ(moving["iterations"], 3);
+  const auto still = nlohmann::json::parse(gflow({"info", ply, "--json"}).out);
+  EXPECT_EQ(still["motion"], "none");
+  EXPECT_EQ(still["format"], "ply");
+  EXPECT_GT(still["gaussians"], 0);
+  EXPECT_EQ(gflow({"import", splat, "-o", folder.file("back.ply")}).err, "");
+  const auto back = nlohmann::json::parse(gflow({"info", folder.file("back.ply"), "--json"}).out);
+  EXPECT_EQ(back["gaussians"], still["gaussians"]);
+  const Outcome again = gflow({"train", scene().path(), "-o", folder.file("run"), "--iterations",
+                               "1", "--init", splat, "--set", "init.dynamic=0", "--quiet"});
+  EXPECT_EQ(again.code, 0) << again.err;
+  const auto first =
+      nlohmann::json::parse(gflow({"info", folder.file("run/input.ply"), "--json"}).out);
+  EXPECT_EQ(first["gaussians"], still["gaussians"]);
+}
+
+TEST_F(CommandTest, ExportWritesASequenceOfTheStepsOfTheScene) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(
+      gflow({"export", run(), "--format", "ply-sequence", "-o", folder.file("a"), "--quiet"}).code,
+      0);
+  for (const char* name : {"a/frame_0001.ply", "a/frame_0005.ply"})
+    EXPECT_TRUE(fs::exists(folder.file(name))) << name;
+  EXPECT_EQ(folder.count(), 5u);
+  expect_refused({"export", run(), "--format", "ply-sequence", "-o", folder.file("a")},
+                 {"not an empty folder"});
+  EXPECT_EQ(gflow({"export", run(), "--format", "splatv", "-o", folder.file("a.splatv")}).code, 0);
+  EXPECT_EQ(contents(folder.file("a.splatv")).substr(0, 2), "Kg");
+}
+
+TEST_F(CommandTest, FilesInAndOutSayWhatIsWrong) {
+  const TemporaryFolder folder;
+  const std::string out = folder.file("out.ply");
+  expect_refused({"export", run(), "-o", out, "--times", "0,1"}, {"--format ply", "one time"});
+  expect_refused({"export", run(), "-o", out, "--steps", "3"}, {"--steps", "ply-sequence"});
+  expect_refused({"export", run(), "-o", out, "--format", "splatv", "--times", "0"}, {"all times"});
+  expect_refused({"export", model(), "-o", out, "--format", "ply-sequence"},
+                 {"--steps or --times"});
+  expect_refused({"export", folder.file("none.ply"), "-o", out}, {"none.ply", "missing"});
+  expect_refused({"import", model(), "-o", out}, {"moving model", "gflow export"});
+  expect_refused({"import", folder.write("a.splat", "what?"), "-o", out}, {"a.splat", "32 bytes"});
+  expect_refused({"info", folder.write("b.xyz", "what?")}, {"b.xyz", ".spz"});
+  expect_refused({"train", scene().path(), "-o", folder.file("run"), "--init", model()},
+                 {"moves", "gflow export"});
+  EXPECT_FALSE(fs::exists(out));
+}
+
+TEST_F(CommandTest, InfoTellsWhatAnySceneIs) {
+  const auto info = nlohmann::json::parse(gflow({"info", scene().path(), "--json"}).out);
+  EXPECT_EQ(info["layout"], "n3v");
+  EXPECT_EQ(info["steps"], 5);
+  EXPECT_NE(gflow({"info", scene().path()}).out.find("n3v"), std::string::npos);
 }
 
 TEST_F(CommandTest, SplatDrawsAnArchive) {
@@ -296,7 +306,8 @@ TEST_F(CommandTest, TheDeviceInTheSettingsIsForTrainingAlone) {
 
 TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   const std::string out = "/nowhere/out";
-  expect_refused({}, {"a command is missing", "train, render, eval, splat, bench or devices"});
+  expect_refused({}, {"a command is missing",
+                      "train, render, eval, export, info, import, splat, bench or devices"});
   expect_refused({"trian", "scene", "-o", out}, {"`gflow trian`", "nearest is train", "splat"});
   expect_refused({"--quiet", "device"}, {"`gflow device`", "nearest is devices"});
   expect_refused({"--device"}, {"--device", "missing", "gflow --help"});

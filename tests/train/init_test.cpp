@@ -6,6 +6,7 @@
 #include <random>
 
 #include "compare.hpp"
+#include "optim/io/splat_table.hpp"
 #include "optim/train/dynamic_seeds.hpp"
 #include "optim/train/views.hpp"
 #include "train/small_scene.hpp"
@@ -104,7 +105,7 @@ TEST(InitialModel, PutsRandomPointsOnTheObjectWherePicturesHaveAlpha) {
   Queue queue = test_queue();
   const SmallScene scene(queue, true);
   TrainConfig config = small_config(scene, 10);
-  config.init.from = InitFrom::random;
+  config.init.from = InitFrom::visual_hull;
   config.init.count = 100;
   // The blob is there from x = -0.3 to 0.3 only for a part of the video: a point that most pictures
   // see on it lies near the middle. Its Gaussians reach 0.25 + 3 sigma of 0.1 from it.
@@ -117,6 +118,82 @@ TEST(InitialModel, PutsRandomPointsOnTheObjectWherePicturesHaveAlpha) {
     const float* p = &model.groups.at("means")[3 * i];
     EXPECT_LT(std::hypot(p[0], p[1]), reach) << "point " << i;
   }
+}
+
+TEST(InitialModel, RandomPointsFillTheBoxEvenWherePicturesHaveAlpha) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue, true);
+  TrainConfig config = small_config(scene, 10);
+  config.init.from = InitFrom::random;
+  config.init.count = 100;
+  EXPECT_EQ(Loaded(config).model(config).count, 100u);
+}
+
+TEST(InitialModel, OfAVisualHullNeedsAlpha) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  TrainConfig config = small_config(scene, 10);
+  config.init.from = InitFrom::visual_hull;
+  Loaded loaded(config);
+  expect_error([&] { loaded.model(config); }, {"visual-hull", "alpha"});
+}
+
+// A static splat of degree 2 with unlike values in every column.
+PlyTable static_splat(size_t count) {
+  SplatTable table(count, 2);
+  for (size_t i = 0; i < table.table.values.size(); ++i)
+    table.table.values[i] = 0.1f + 0.01f * float(i % 97);
+  return table.table;
+}
+
+TEST(InitialModel, TakesTheGaussiansOfAFileAsTheyAre) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  TrainConfig config = small_config(scene, 10);
+  write_ply(scene.folder().file("first.ply"), static_splat(7));
+  config.init.file = scene.folder().file("first.ply");
+  Loaded loaded(config);
+  for (const int degree : {1, 3}) {
+    config.motion.sh_degree = degree;
+    for (const InitFrom from : {InitFrom::file, InitFrom::automatic}) {
+      config.init.from = from;
+      const HostModel model = loaded.model(config), file = read_model(config.init.file);
+      ASSERT_EQ(model.count, 7u);
+      for (const char* name : {"means", "quats", "logit_opacities", "sh0"})
+        EXPECT_EQ(model.groups.at(name), file.groups.at(name)) << name;
+      const size_t width = degree == 1 ? 9 : 45, common = degree == 1 ? 9 : 24;
+      for (size_t i = 0; i < 7; ++i) {
+        for (size_t k = 0; k < width; ++k)
+          EXPECT_EQ(model.groups.at("sh_rest")[width * i + k],
+                    k < common ? file.groups.at("sh_rest")[24 * i + k] : 0.f);
+        for (size_t k = 0; k < 3; ++k)
+          EXPECT_EQ(model.groups.at("log_scales")[4 * i + k],
+                    file.groups.at("log_scales")[4 * i + k]);
+        EXPECT_FLOAT_EQ(std::exp(model.groups.at("log_scales")[4 * i + 3]),
+                        config.init.lifetime * model.shape.duration);
+      }
+      EXPECT_TRUE(at_rest(model.shape, model.groups));
+    }
+  }
+}
+
+TEST(InitialModel, RefusesAFileThatCannotBeginAScene) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  TrainConfig config = small_config(scene, 10);
+  config.init.from = InitFrom::file;
+  Loaded loaded(config);
+  expect_error([&] { loaded.model(config); }, {"init.from", "init.file names none"});
+  const std::string path = config.init.file = scene.folder().file("first.ply");
+  expect_error([&] { loaded.model(config); }, {"first.ply", "missing"});
+  write_ply(path, static_splat(7));
+  config.density.cap = 6;
+  expect_error([&] { loaded.model(config); }, {"first.ply", "7 Gaussians", "density.cap = 6"});
+  config.density.cap = 100;
+  HostModel moving = read_model(path);
+  moving.groups["velocities"][4] = 1;
+  write_model(path, moving);
+  expect_error([&] { loaded.model(config); }, {"first.ply", "moves", "gflow export"});
 }
 
 TEST(InitialModel, OfOneTimeStepIsStaticForEver) {

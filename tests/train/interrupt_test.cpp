@@ -16,14 +16,15 @@ TEST_P(Interrupt, TheFirstSignalOnlyRaisesTheFlag) {
   EXPECT_TRUE(interrupted());
 }
 
-TEST_P(Interrupt, TheSecondSignalEndsTheProgramWith130) {
+TEST_P(Interrupt, TheSecondSignalEndsTheProgramWithItsExitCode) {
   EXPECT_EXIT(
       {
         const InterruptGuard guard;
         std::raise(GetParam());
         std::raise(GetParam());
       },
-      testing::ExitedWithCode(130), "^gflow: interrupted twice and stopped at once\n$");
+      testing::ExitedWithCode(128 + GetParam()),
+      "^gflow: interrupted twice and stopped at once\n$");
 }
 
 TEST_P(Interrupt, AfterTheGuardTheSignalDoesWhatItDidBefore) {

@@ -22,7 +22,8 @@ HostModel random_model(size_t count, int sh_degree,
   model.shape.sh_degree = sh_degree;
   model.shape.duration = 3.7f;
   model.shape.cutoff = 0.031f;
-  if (kind == MotionModelKind::keyframes) model.shape.keys = 3;
+  if (kind == MotionModelKind::keyframes || kind == MotionModelKind::bases) model.shape.keys = 3;
+  if (kind == MotionModelKind::bases) model.shape.bases = 2;
   model.shape.hexplane.resolution = 4;
   model.shape.hexplane.times = 3;
   model.shape.hexplane.levels = 1;
@@ -34,7 +35,7 @@ HostModel random_model(size_t count, int sh_degree,
   std::map<std::string, size_t> widths{{"means", 3},         {"means_t", 1},         {"quats", 4},
                                        {"log_scales", 4},    {"logit_opacities", 1}, {"sh0", 3},
                                        {"sh_rest", 3 * rest}};
-  for (const MotionColumns& columns : motion_columns(kind))
+  for (const MotionColumns& columns : motion_columns(model.shape))
     widths[columns.group] = columns.properties.size();
   std::map<std::string, size_t> sizes;
   for (const auto& [name, width] : widths) sizes[name] = width * count;
@@ -101,7 +102,8 @@ TEST_P(EverySphericalHarmonicsDegree, ComesBackFromTheDeviceBitByBit) {
 class EachMotionModel : public testing::TestWithParam<MotionModelKind> {};
 INSTANTIATE_TEST_SUITE_P(Model, EachMotionModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
-                                         MotionModelKind::keyframes, MotionModelKind::hexplane),
+                                         MotionModelKind::keyframes, MotionModelKind::bases,
+                                         MotionModelKind::hexplane),
                          [](const auto& info) { return std::string(name_of(info.param)); });
 
 TEST_P(EachMotionModel, ComesBackFromAFileAndFromTheDeviceBitByBit) {

@@ -40,6 +40,32 @@ TEST(RunFolder, IsNotMadeOfAFolderThatHoldsSomethingElse) {
   EXPECT_NO_THROW(RunFolder::create(folder.path() + "/run"));  // to be trained anew
 }
 
+TEST(RunFolder, OfATrainingKilledAtItsVeryStartIsUsedAgain) {
+  const TemporaryFolder folder;
+  folder.write(".lock", "123");
+  folder.write(".caches.123-0.part.stamp", "reso");
+  const RunFolder run = RunFolder::create(folder.path());
+  run.forget_unfinished_files();
+  EXPECT_EQ(folder.count(), 1u);
+  folder.write(".profile", "of somebody");
+  expect_error([&] { RunFolder::create(folder.path()); }, {"not empty"});
+}
+
+TEST(RunFolder, KeepsMetricsOfTheStepsBeforeACheckpoint) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  EXPECT_NO_THROW(run.keep_metrics_before(10));  // none yet
+  for (const int iteration : {0, 10}) run.append_metrics(iteration, 1, {});
+  const std::string expected = contents(run.path("metrics.jsonl"));
+  for (const int iteration : {20, 30}) run.append_metrics(iteration, 1, {});
+  std::ofstream(run.path("metrics.jsonl"), std::ios::app) << "{\"iteration\":40,\"sec";
+  run.keep_metrics_before(20);
+  EXPECT_EQ(contents(run.path("metrics.jsonl")), expected);
+  std::ofstream(run.path("metrics.jsonl"), std::ios::app) << "7\n";
+  run.keep_metrics_before(1000);
+  EXPECT_EQ(contents(run.path("metrics.jsonl")), expected);
+}
+
 TEST(RunFolder, ForgetsTheResultsOfEverySplit) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
@@ -204,6 +230,30 @@ TEST(RunFolder, MetricsAreOneObjectALineAndStartAgainWithATraining) {
   EXPECT_EQ(lines[2]["iteration"], 200);
   EXPECT_EQ(lines[2]["psnr"], 20);
   EXPECT_TRUE(lines[2]["flow_loss"].is_null());
+  std::ifstream csv(run.path("metrics.csv"));
+  std::vector<std::string> rows;
+  for (std::string row; std::getline(csv, row);) rows.push_back(row);
+  ASSERT_EQ(rows.size(), 4u);
+  EXPECT_EQ(rows[0].rfind("iteration,seconds,loss,", 0), 0u);
+  EXPECT_EQ(rows[3].rfind("200,1.0,0.0,", 0), 0u);
+  EXPECT_NE(rows[3].find(",,20.0,"), std::string::npos);  // a figure that is none is left empty
+  EXPECT_EQ(std::count(rows[0].begin(), rows[0].end(), ','),
+            std::count(rows[3].begin(), rows[3].end(), ','));
+  EXPECT_FALSE(lines[2].contains("rigidity"));
+}
+
+TEST(RunFolder, MetricsHoldTheMotionLossesThatThereAre) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  StepFigures figures;
+  figures.motion = MotionLossValue{1, 2, 3, 4, 5};
+  run.append_metrics(0, 1, figures);
+  const Json line = Json::parse(contents(run.path("metrics.jsonl")));
+  EXPECT_EQ(line["rigidity"], 1);
+  EXPECT_EQ(line["rotation"], 2);
+  EXPECT_EQ(line["isometry"], 3);
+  EXPECT_EQ(line["velocity"], 4);
+  EXPECT_EQ(line["acceleration"], 5);
 }
 
 }  // namespace

@@ -202,14 +202,15 @@ class SmallTraining {
   // All that a training step changes, by name, as bits.
   std::map<std::string, std::vector<uint32_t>> bits(Queue& queue) const {
     std::map<std::string, std::vector<uint32_t>> all;
-    const Parameters& p = model.parameters;
-    for (size_t g = 0; g < p.groups.size(); ++g) {
-      all[p.specs[g].name] = bits_of(p.groups[g].values.read(queue));
-      all[p.specs[g].name + " exp_avg"] = bits_of(p.groups[g].exp_avg.read(queue));
-      all[p.specs[g].name + " exp_avg_sq"] = bits_of(p.groups[g].exp_avg_sq.read(queue));
-    }
-    all["steps"] = p.rows.steps.read(queue);
+    for (const auto& [name, array] : trainer.state(queue))
+      std::visit([&, &name = name](const auto& values) { all[name] = bits_of(values); },
+                 array.values);
     return all;
+  }
+  // Goes on from there as if `done` steps had been made here.
+  void go_on(Queue& queue, const Arrays& state, int done) {
+    trainer.set_state(queue, state, "a state");
+    done_ = done;
   }
 
   TrainConfig config;
@@ -222,9 +223,10 @@ class SmallTraining {
   Trainer trainer;
 
  private:
-  static std::vector<uint32_t> bits_of(const std::vector<float>& values) {
-    std::vector<uint32_t> bits(values.size());
-    if (!bits.empty()) std::memcpy(bits.data(), values.data(), 4 * values.size());
+  template <class T>
+  static std::vector<uint32_t> bits_of(const std::vector<T>& values) {
+    std::vector<uint32_t> bits(values.size() * sizeof(T) / 4);
+    if (!bits.empty()) std::memcpy(bits.data(), values.data(), 4 * bits.size());
     return bits;
   }
   int done_ = 0;

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow export`: a model as files that other programs show.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "apps/command_line.hpp"
+#include "apps/options.hpp"
+#include "optim/io/dot_splat.hpp"
+#include "optim/train/interrupt.hpp"
+#include "optim/train/progress.hpp"
+#include "optim/train/slice.hpp"
+#include "optim/train/splatv.hpp"
+#include "optim/train/training.hpp"
+#include "optim/train/views.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ExportFlags {
+  std::string model, output, format = "ply", times;
+  int steps = 0;
+};
+
+// A model's file, and its run when it is part of one.
+struct Source {
+  std::string path;
+  std::optional<RunFolder> run;
+};
+
+Source find_source(const std::string& model) {
+  if (!fs::is_directory(model)) return {model, std::nullopt};
+  const RunFolder run = RunFolder::open(model);
+  return {run.latest_model(), run};
+}
+
+// Times of a sequence: as asked for, else the steps of the run's scene.
+std::vector<double> sequence_times(const ExportFlags& flags, const Source& source) {
+  if (!flags.times.empty() && flags.steps > 0)
+    throw Error("--times and --steps exclude each other: both say which times are written");
+  if (!flags.times.empty()) return parse_times(flags.times);
+  if (flags.steps > 0) return parse_times(fmt::format("0:1:{}", flags.steps));
+  if (source.run) {
+    const TrainConfig config = source.run->read_config();
+    if (fs::is_directory(config.scene.path))
+      return step_times(load_scene(config.scene, source.run->path("frames")).scene);
+  }
+  throw Error(
+      fmt::format("how many steps {} has is not known without its scene: --steps or --times "
+                  "says it",
+                  flags.model));
+}
+
+double single_time(const ExportFlags& flags) {
+  if (flags.steps > 0)
+    throw Error(
+        fmt::format("--format {} shows one time, which --times gives; --steps is for "
+                    "ply-sequence",
+                    flags.format));
+  if (flags.times.empty()) return 0.5;
+  const std::vector<double> times = parse_times(flags.times);
+  if (times.size() > 1)
+    throw Error(
+        fmt::format("--format {} shows one time, --times {} gives {}; ply-sequence shows "
+                    "several",
+                    flags.format, flags.times, times.size()));
+  return times[0];
+}
+
+// A frame of an earlier, longer sequence would be played with this one.
+void require_no_other_frames(const std::string& folder) {
+  if (fs::exists(folder) && (!fs::is_directory(folder) || !fs::is_empty(folder)))
+    throw Error(fmt::format(
+        "exporting into {}: it is there and not an empty folder; name a new one", folder));
+}
+
+void export_sequence(Queue& queue, Model& model, const std::vector<double>& times,
+                     const std::string& folder, bool quiet) {
+  std::error_code problem;
+  fs::create_directories(folder, problem);
+  if (problem) throw Error(fmt::format("making the folder {}: {}", folder, problem.message()));
+  InterruptGuard guard;
+  Progress progress("export", long(times.size()), quiet);
+  for (size_t k = 0; k < times.size(); ++k) {
+    write_ply(fmt::format("{}/frame_{:04}.ply", folder, k + 1),
+              slice(queue, model, times[k]).table);
+    progress.advance();
+    if (interrupted())
+      throw Interrupted(fmt::format("interrupted after {} of {} files, which are in {}", k + 1,
+                                    times.size(), folder));
+  }
+  progress.finish();
+  fmt::print("written   {} PLY files in {}\n", times.size(), folder);
+}
+
+// Where a viewer may begin: the cameras of the run, else those beside the file, else one before it.
+std::vector<Camera> viewer_cameras(const Source& source, const HostModel& model) {
+  const fs::path beside = source.run ? fs::path(source.run->path("cameras.json"))
+                                     : fs::path(source.path).replace_filename("cameras.json");
+  if (fs::exists(beside)) return read_cameras_json(beside.string(), 1);
+  return {orbit_views(model, {0}, "-y")[0].camera};
+}
+
+void require_no_times(const ExportFlags& flags) {
+  if (!flags.times.empty() || flags.steps > 0)
+    throw Error(fmt::format("--format {} holds all times; --times and --steps are for the others",
+                            flags.format));
+}
+
+void run_export(const ExportFlags& flags, const GlobalOptions& options) {
+  const Source source = find_source(flags.model);
+  const bool sequence = flags.format == "ply-sequence";
+  if (flags.format == "splatv") {
+    require_no_times(flags);
+    const HostModel host = read_model(source.path);
+    write_splatv(flags.output, host, viewer_cameras(source, host));
+    fmt::print("written   {}, {} Gaussians\n", flags.output, host.count);
+    return;
+  }
+  std::vector<double> times;
+  if (sequence) {
+    times = sequence_times(flags, source);
+    require_no_other_frames(flags.output);
+  } else {
+    times = {single_time(flags)};
+  }
+  const HostModel host = read_model(source.path);
+  Queue queue = open_queue(options);
+  Model model(queue, host);
+  if (sequence) return export_sequence(queue, model, times, flags.output, options.quiet);
+  const PlyTable table = slice(queue, model, times[0]).table;
+  if (flags.format == "ply") write_ply(flags.output, table);
+  if (flags.format == "splat") write_dot_splat(flags.output, table);
+  fmt::print("written   {}, {} of {} Gaussians, at time {}\n", flags.output, table.rows, host.count,
+             times[0]);
+}
+
+}  // namespace
+
+void add_export(CLI::App& app, const GlobalOptions& options) {
+  auto flags = std::make_shared<ExportFlags>();
+  CLI::App* command =
+      app.add_subcommand("export", "Write a model as files that other programs show");
+  command->add_option("RUN|FILE", flags->model, "Run folder of `gflow train`, or any splat file")
+      ->required()
+      ->type_name("PATH");
+  command->add_option("-o,--output", flags->output, "File that is written; ply-sequence: folder")
+      ->required()
+      ->type_name("PATH");
+  command
+      ->add_option("--format", flags->format,
+                   "ply: one time, for every 3DGS viewer; ply-sequence: a PLY a step, which "
+                   "SuperSplat plays; splat: one time, without view-dependent colour; "
+                   "splatv: all times of a spacetime model for splaTV and gsplat.js")
+      ->check(choice_of({"ply", "ply-sequence", "splat", "splatv"}));
+  command
+      ->add_option("--times", flags->times,
+                   "ply, splat: the time, 0 to 1; empty: 0.5. ply-sequence: 0:1:40 (40 times from "
+                   "0 to 1) or a list 0,0.5,1")
+      ->type_name("TIMES");
+  command
+      ->add_option("--steps", flags->steps,
+                   "ply-sequence: so many times from 0 to 1; 0: the steps of the run's scene")
+      ->check(number_in(0, 100000));
+  command->callback([flags, &options] { run_export(*flags, options); });
+}
+
+}  // namespace gflow

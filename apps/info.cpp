@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow info`: what is in a splat file, a run or a scene. Needs no device.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "apps/command_line.hpp"
+#include "apps/options.hpp"
+#include "optim/io/splat_table.hpp"
+#include "optim/train/run_folder.hpp"
+#include "optim/train/views.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+// {"min", "median", "max"}; empty for no values.
+Json range_of(std::vector<double> values) {
+  if (values.empty()) return Json::object();
+  std::sort(values.begin(), values.end());
+  return {{"min", values.front()}, {"median", values[values.size() / 2]}, {"max", values.back()}};
+}
+
+std::vector<double> opacities_of(const HostModel& model) {
+  std::vector<double> values;
+  for (const float logit : model.groups.at("logit_opacities"))
+    values.push_back(opacity_of_logit(logit));
+  return values;
+}
+
+// exp of some columns of log_scales [N, 4].
+std::vector<double> scales_of(const HostModel& model, size_t first, size_t last, double unit) {
+  std::vector<double> values;
+  const std::vector<float>& log_scales = model.groups.at("log_scales");
+  for (size_t i = 0; i < model.count; ++i)
+    for (size_t k = first; k <= last; ++k)
+      values.push_back(std::exp(double(log_scales[4 * i + k])) / unit);
+  return values;
+}
+
+Json bounds_of(const HostModel& model) {
+  Json low = Json::array(), high = Json::array();
+  const std::vector<float>& means = model.groups.at("means");
+  for (size_t k = 0; k < 3 && model.count > 0; ++k) {
+    std::vector<float> values;
+    for (size_t i = 0; i < model.count; ++i) values.push_back(means[3 * i + k]);
+    low.push_back(*std::min_element(values.begin(), values.end()));
+    high.push_back(*std::max_element(values.begin(), values.end()));
+  }
+  return {{"min", low}, {"max", high}};
+}
+
+Json info_of_model(const std::string& path) {
+  const SplatFormat format = splat_format(path);
+  const HostModel model = read_model(path);
+  const bool still = stands_still(model);
+  size_t floats = 0;
+  for (const auto& group : model.groups) floats += group.second.size();
+  Json info{{"file", path},
+            {"format", names_of(format)[size_t(format)]},
+            {"size_bytes", fs::file_size(path)},
+            {"gaussians", model.count},
+            {"sh_degree", model.shape.sh_degree},
+            {"motion", still ? "none" : name_of(model.shape.motion)},
+            {"memory_bytes", floats * sizeof(float)},
+            {"bounds", bounds_of(model)},
+            {"opacity", range_of(opacities_of(model))},
+            {"scale", range_of(scales_of(model, 0, 2, 1))}};
+  if (!still) {
+    info["duration"] = model.shape.duration;
+    info["cutoff"] = model.shape.cutoff;
+    info["lifetime"] = range_of(scales_of(model, 3, 3, model.shape.duration));
+  }
+  return info;
+}
+
+Json info_of_run(const std::string& path) {
+  const RunFolder run = RunFolder::open(path);
+  const RunFacts facts = run.read_facts();
+  Json info{{"run", path},
+            {"scene", run.read_config().scene.path},
+            {"iterations", facts.iterations},
+            {"train_seconds", facts.train_seconds},
+            {"device", facts.device}};
+  info.update(info_of_model(run.latest_model()));
+  return info;
+}
+
+Json info_of_scene(const std::string& path) {
+  const Scene scene = read_scene(path);
+  std::set<std::string> sizes;
+  for (const Camera& camera : scene.cameras)
+    sizes.insert(fmt::format("{}x{}", camera.width, camera.height));
+  return {{"scene", path},
+          {"layout", scene.layout},
+          {"cameras", scene.cameras.size()},
+          {"resolutions", sizes},
+          {"train_frames", scene.train.size()},
+          {"test_frames", scene.test.size()},
+          {"val_frames", scene.val.size()},
+          {"steps", scene.steps},
+          {"fps", scene.fps},
+          {"alpha", scene.has_alpha},
+          {"points", scene.points.size()},
+          {"extent", scene.extent}};
+}
+
+Json info_of(const std::string& path) {
+  if (!fs::is_directory(path)) return info_of_model(path);
+  if (fs::exists(fs::path(path) / "config.toml")) return info_of_run(path);
+  return info_of_scene(path);
+}
+
+std::string text_of(const Json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  if (value.is_number_float()) return fmt::format("{:.5g}", value.get<double>());
+  std::string text;
+  if (value.is_array()) {
+    for (const Json& item : value) text += (text.empty() ? "" : ", ") + text_of(item);
+    return value.empty() ? "none" : text;
+  }
+  if (!value.is_object()) return value.dump();
+  for (const auto& [key, item] : value.items())
+    text += fmt::format("{}{} {}", text.empty() ? "" : "; ", key, text_of(item));
+  return value.empty() ? "none" : text;
+}
+
+// Units of what is printed; the same keys as in the JSON.
+std::string unit_of(const std::string& key) {
+  if (key == "bounds" || key == "scale" || key == "extent") return " [scene units]";
+  if (key == "lifetime") return " [lengths of the video]";
+  if (key == "duration") return " [model time]";
+  return "";
+}
+
+void print_info(const Json& info) {
+  for (const auto& [key, value] : info.items()) {
+    std::string name = key, text = text_of(value);
+    if (key.size() > 6 && key.substr(key.size() - 6) == "_bytes") {
+      name = key.substr(0, key.size() - 6);
+      const double bytes = value.get<double>();
+      text =
+          bytes < 1e5 ? fmt::format("{} bytes", bytes) : fmt::format("{:.1f} MiB", bytes / 1048576);
+    }
+    std::replace(name.begin(), name.end(), '_', ' ');
+    fmt::print("{:<15} {}{}\n", name, text, unit_of(key));
+  }
+}
+
+}  // namespace
+
+void add_info(CLI::App& app, const GlobalOptions&) {
+  struct Flags {
+    std::string path;
+    bool json = false;
+  };
+  auto flags = std::make_shared<Flags>();
+  CLI::App* command = app.add_subcommand("info", "Say what is in a splat file, a run or a scene");
+  command->add_option("PATH", flags->path, "Splat file, run folder or scene folder")
+      ->required()
+      ->type_name("PATH");
+  command->add_flag("--json", flags->json, "As JSON");
+  command->callback([flags] {
+    const Json info = info_of(flags->path);
+    if (flags->json)
+      fmt::print("{}\n", info.dump(1));
+    else
+      print_info(info);
+  });
+}
+
+}  // namespace gflow

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+// The bases motion model on the device: the poses of the shared motions at a time, Gaussians that
+// follow them, and back. Windows, first and second time are as in native4d.cl. Gradients of the
+// poses are summed over chunks of Gaussians, then over chunks in order: bitwise repeatable.
+#include "shared/bases.h"
+#include "shared/keys.h"
+#include "shared/still_rows.h"
+
+#define POSE 7  // floats of a pose: unit quaternion, shift
+
+// Not normalised; row k B + b of the tables is key k of basis b, and 0 is no motion.
+static inline real4 basis_quat(int bases, int b, KeyWeights keys, global const float* basis_turns) {
+  real4 q = make_real4(1.f, 0.f, 0.f, 0.f);
+  for (int k = 0; k < keys.count; ++k)
+    q += load4(basis_turns, (keys.first + k) * bases + b) * keys.weight[k];
+  return q;
+}
+
+// One work-item a basis.
+kernel void bases_pose(const int bases, const KeyWeights keys,
+                       global const float* restrict basis_shifts,  // [K, B, 3]
+                       global const float* restrict basis_turns,   // [K, B, 4]
+                       global float* restrict poses) {             // [B, POSE]
+  const int b = get_global_id(0);
+  if (b >= bases) return;
+  real3 shift = make_real3(0.f, 0.f, 0.f);
+  for (int k = 0; k < keys.count; ++k)
+    shift += load3(basis_shifts, (keys.first + k) * bases + b) * keys.weight[k];
+  const real4 q = quat_normalize(basis_quat(bases, b, keys, basis_turns)).q;
+  global float* o = poses + POSE * b;
+  vstore4(q, 0, o);
+  store3(o + 4, 0, shift);
+}
+
+static inline BasisPose load_pose(int b, global const float* poses, global const float* pivots) {
+  BasisPose p;
+  p.quat = vload4(0, poses + POSE * b);
+  p.shift = load3(poses + POSE * b + 4, 0);
+  p.pivot = load3(pivots, b);
+  return p;
+}
+
+// Weights of Gaussian i and what they make of its pose.
+static inline Still follow(uint i, Still g, int bases, global const float* basis_logits,
+                           global const float* poses, global const float* pivots, float* weights) {
+  float logits[MAX_BASES];
+  for (int b = 0; b < bases; ++b) logits[b] = basis_logits[i * bases + b];
+  basis_weights(bases, logits, weights);
+  real3 shift = make_real3(0.f, 0.f, 0.f);
+  real4 turn = make_real4(0.f, 0.f, 0.f, 0.f);
+  for (int b = 0; b < bases; ++b) {
+    const BasisPose p = load_pose(b, poses, pivots);
+    shift += basis_shift(p, g.mean) * weights[b];
+    turn += basis_turn(p) * weights[b];
+  }
+  return blended(g, shift, turn);
+}
+
+static inline Shift no_shift(void) {
+  Shift d;
+  d.mean = d.log_scales = make_real3(0.f, 0.f, 0.f);
+  d.quat = make_real4(0.f, 0.f, 0.f, 0.f);
+  return d;
+}
+
+kernel void bases_fwd(const uint n, const int bases, const float t, const float cutoff,
+                      const int first,
+                      global const uint* restrict tiles_touched,            // [N] read if not first
+                      STILL_IN, global const float* restrict basis_logits,  // [N, B]
+                      global const float* restrict poses,                   // [B, POSE]
+                      global const float* restrict pivots,                  // [B, 3]
+                      global float* restrict means_at,                      // [N, 3]
+                      global float* restrict factors_at,                    // [N, 3, 3]
+                      global float* restrict opacities_at) {                // [N]
+  const uint i = get_global_id(0);
+  if (i >= n ||
+      !still_in_window(i, t, cutoff, first, tiles_touched, means_t, log_scales, opacities_at))
+    return;
+  float weights[MAX_BASES];
+  const Still g = follow(i, load_still(i, STILL_ROWS), bases, basis_logits, poses, pivots, weights);
+  store_shifted(i, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
+}
+
+// One work-item a chunk of `length` Gaussians.
+kernel void bases_bwd(const uint n, const uint length, const int bases, const float t,
+                      const int first, STILL_IN, global const float* restrict basis_logits,
+                      global const float* restrict poses, global const float* restrict pivots,
+                      global const uint* restrict tiles_touched,
+                      global const float* restrict v_means_at,      // [N, 3]
+                      global const float* restrict v_factors_at,    // [N, 3, 3]
+                      global const float* restrict v_opacities_at,  // [N] read if first
+                      global uint* restrict seen, V_STILL_OUT,
+                      global float* restrict v_basis_logits,  // [N, B]
+                      global float* restrict partials) {      // [chunks, B, POSE]
+  const uint chunk = get_global_id(0), begin = chunk * length, end = min(n, begin + length);
+  if (begin >= n) return;
+  float sums[MAX_BASES * POSE];
+  for (int k = 0; k < bases * POSE; ++k) sums[k] = 0.f;
+  for (uint i = begin; i < end; ++i) {
+    if (tiles_touched[i] == 0) continue;
+    float weights[MAX_BASES], v_weights[MAX_BASES];
+    const Still rest = load_still(i, STILL_ROWS);
+    const Still g = follow(i, rest, bases, basis_logits, poses, pivots, weights);
+    Still v = shifted_vjp(g, no_shift(), t, load3(v_means_at, i), load_mat3(v_factors_at, i),
+                          first ? v_opacities_at[i] : 0.f);
+    // g.quat = blend * rest.quat
+    const real4 v_turn = quat_mul(v.quat, quat_conj(rest.quat)), v_quat = v.quat;
+    const real3 v_mean = v.mean;
+    real4 blend = make_real4(1.f, 0.f, 0.f, 0.f);
+    float mean_v = 0.f;  // of v_weights
+    for (int b = 0; b < bases; ++b) {
+      const BasisPose p = load_pose(b, poses, pivots);
+      const BasisPose v_p = basis_pose_vjp(p, weights[b], rest.mean, v_mean, v_turn);
+      const Mat3 r = quat_to_rotmat(p.quat);
+      v.mean += (mat3_transposed_times(r, v_mean) - v_mean) * weights[b];
+      blend += basis_turn(p) * weights[b];
+      v_weights[b] = dot(v_mean, basis_shift(p, rest.mean)) + dot(v_turn, basis_turn(p));
+      mean_v += weights[b] * v_weights[b];
+      float* sum = sums + POSE * b;
+      sum[0] += v_p.quat.x, sum[1] += v_p.quat.y, sum[2] += v_p.quat.z, sum[3] += v_p.quat.w;
+      sum[4] += v_p.shift.x, sum[5] += v_p.shift.y, sum[6] += v_p.shift.z;
+    }
+    v.quat = quat_mul(quat_conj(blend), v_quat);
+    const int fresh = first && !seen[i];
+    if (fresh) seen[i] = 1;
+    put_still(i, v, fresh, V_STILL_ROWS);
+    for (int b = 0; b < bases; ++b) {
+      const float v_logit = weights[b] * (v_weights[b] - mean_v);
+      global float* o = v_basis_logits + i * bases + b;
+      *o = fresh ? v_logit : *o + v_logit;
+    }
+  }
+  for (int k = 0; k < bases * POSE; ++k) partials[chunk * bases * POSE + k] = sums[k];
+}
+
+// One work-item a basis: its chunks' sums to the keys that made its pose.
+kernel void bases_gather(const uint chunks, const int bases, const KeyWeights keys,
+                         global const float* restrict basis_turns,
+                         global const float* restrict partials,
+                         global uint* restrict keys_seen,  // [K, B]
+                         global float* restrict v_basis_shifts,
+                         global float* restrict v_basis_turns) {
+  const int b = get_global_id(0);
+  if (b >= bases) return;
+  real4 v_unit = make_real4(0.f, 0.f, 0.f, 0.f);
+  real3 v_shift = make_real3(0.f, 0.f, 0.f);
+  for (uint c = 0; c < chunks; ++c) {
+    global const float* p = partials + (c * bases + b) * POSE;
+    v_unit += vload4(0, p);
+    v_shift += load3(p + 4, 0);
+  }
+  const real4 v_quat =
+      quat_normalize_vjp(quat_normalize(basis_quat(bases, b, keys, basis_turns)), v_unit);
+  for (int k = 0; k < keys.count; ++k) {
+    const float w = keys.weight[k];
+    const uint row = (keys.first + k) * bases + b;
+    if (w == 0.f) continue;
+    if (keys_seen[row]) {
+      add3(v_basis_shifts, row, v_shift * w);
+      add4(v_basis_turns, row, v_quat * w);
+    } else {
+      keys_seen[row] = 1;
+      store3(v_basis_shifts, row, v_shift * w);
+      vstore4(v_quat * w, row, v_basis_turns);
+    }
+  }
+}

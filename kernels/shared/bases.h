@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rigid motions shared by all Gaussians, which each follows by weights of its own (as Shape of
+// Motion, Wang et al. 2024, with pivots). With basis b at a time turned by the unit quaternion q_b
+// about its pivot c_b and shifted by s_b, and weights a = softmax over (rest, bases), rest being 0:
+//   mean   m + sum_b a_b (R(q_b) (m - c_b) + c_b + s_b - m)
+//   quat   (1 + sum_b a_b (q_b - 1)) quat
+// One weight of 1 is that rigid motion exactly.
+#ifndef GFLOW_BASES_H
+#define GFLOW_BASES_H
+#include "shared/shifted.h"
+
+#define MAX_BASES 32
+
+typedef struct BasisPose {
+  real4 quat;  // unit
+  real3 shift, pivot;
+} BasisPose;
+
+// Softmax over the logits and a 0, which is left out of `weights`.
+static inline void basis_weights(int bases, const real* logits, real* weights) {
+  real most = 0, sum;
+  for (int b = 0; b < bases; ++b) most = fmax(most, logits[b]);
+  sum = exp(-most);
+  for (int b = 0; b < bases; ++b) sum += weights[b] = exp(logits[b] - most);
+  for (int b = 0; b < bases; ++b) weights[b] /= sum;
+}
+
+static inline real3 mat3_times(Mat3 r, real3 x) {
+  return make_real3(dot(r.r1, x), dot(r.r2, x), dot(r.r3, x));
+}
+static inline real3 mat3_transposed_times(Mat3 r, real3 x) {
+  return r.r1 * x.x + r.r2 * x.y + r.r3 * x.z;
+}
+
+// How far a basis moves the point m.
+static inline real3 basis_shift(BasisPose p, real3 m) {
+  return mat3_times(quat_to_rotmat(p.quat), m - p.pivot) + p.pivot + p.shift - m;
+}
+static inline real4 basis_turn(BasisPose p) {
+  return p.quat - make_real4((real)1, (real)0, (real)0, (real)0);
+}
+
+// A Gaussian moved by the blend `shift` (sum of a_b basis_shift) and `turn`.
+static inline Still blended(Still g, real3 shift, real4 turn) {
+  g.mean = g.mean + shift;
+  g.quat = quat_mul(turn + make_real4((real)1, (real)0, (real)0, (real)0), g.quat);
+  return g;
+}
+
+// Gradient by one basis' pose (v.pivot is not set) from that by the moved mean and the blend's
+// turn.
+static inline BasisPose basis_pose_vjp(BasisPose p, real weight, real3 m, real3 v_mean,
+                                       real4 v_turn) {
+  const real3 arm = m - p.pivot, v = v_mean * weight;
+  Mat3 v_r;
+  v_r.r1 = arm * v.x;
+  v_r.r2 = arm * v.y;
+  v_r.r3 = arm * v.z;
+  BasisPose o;
+  o.quat = quat_to_rotmat_vjp(p.quat, v_r) + v_turn * weight;
+  o.shift = v;
+  o.pivot = make_real3((real)0, (real)0, (real)0);
+  return o;
+}
+
+#endif

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+// Regularisers of motion between two moments t1 and t2 (Dynamic 3D Gaussians, Luiten et al. 2024,
+// equations 6 to 10, here between all pairs {i, j} of neighbours rather than from i to its own).
+// With m the means, d = m_j - m_i, T the turn from t2 back to t1, l the distance of reference and
+// rho(r) = sqrt(|r|^2 + knee^2) - knee:
+//   rigidity   (rho(d1 - T_i d2) + rho(d1 - T_j d2)) / 2   the pair goes as each of the two turns
+//   rotation   rho(T_i - T_j), over all nine elements      the two turn alike
+//   isometry   (rho(|d1| - l) + rho(|d2| - l)) / 2         their distance stays
+//   velocity   rho(d2 - d1)                                they move alike
+// and of one Gaussian at three moments, evenly spaced: acceleration rho(m0 - 2 m1 + m2).
+#ifndef GFLOW_MOTION_LOSS_H
+#define GFLOW_MOTION_LOSS_H
+#include "shared/linear.h"
+
+// Weights of the terms of one pair, one Gaussian; 0: not computed. By value from the host.
+typedef struct MotionLossRule {
+  float rigidity, rotation, isometry, velocity, acceleration;
+  float knee;  // of lengths [scene units]
+} MotionLossRule;
+
+#define TURN_KNEE 0.01f  // of rotations, no unit: 0.4 degrees
+
+// The axes of a factor L = R diag(s): its columns at length 1, here as rows.
+typedef struct Axes {
+  Mat3 unit;
+  real3 inverse_length;  // all 0 when a column is too short, too long or no number
+} Axes;
+static inline Axes axes_of(Mat3 factor) {
+  const Mat3 columns = mat3_transpose(factor);
+  const real least = (real)1e-15f, most = (real)1e15f;  // their squares are floats
+  Axes a;
+  const real l1 = sqrt(dot(columns.r1, columns.r1)), l2 = sqrt(dot(columns.r2, columns.r2));
+  const real l3 = sqrt(dot(columns.r3, columns.r3));
+  a.unit = mat3_identity();
+  a.inverse_length = make_real3((real)0, (real)0, (real)0);
+  if (!(fmin(l1, fmin(l2, l3)) > least && l1 < most && l2 < most && l3 < most))
+    return a;  // NaN too
+  a.inverse_length = make_real3((real)1 / l1, (real)1 / l2, (real)1 / l3);
+  a.unit.r1 = columns.r1 * a.inverse_length.x;
+  a.unit.r2 = columns.r2 * a.inverse_length.y;
+  a.unit.r3 = columns.r3 * a.inverse_length.z;
+  return a;
+}
+// Gradient by the factor from that by the unit axes.
+static inline Mat3 axes_vjp(Axes a, Mat3 v) {
+  Mat3 columns;
+  columns.r1 = (v.r1 - a.unit.r1 * dot(a.unit.r1, v.r1)) * a.inverse_length.x;
+  columns.r2 = (v.r2 - a.unit.r2 * dot(a.unit.r2, v.r2)) * a.inverse_length.y;
+  columns.r3 = (v.r3 - a.unit.r3 * dot(a.unit.r3, v.r3)) * a.inverse_length.z;
+  return mat3_transpose(columns);
+}
+
+// T = U1 inverse(U2) with the axes as columns of U. With factors R diag(s) this is R1 R2^T whatever
+// the scales at the two times; with a factor that does not change it is the identity, whatever the
+// factor. Where axes are not known, or nearly in a plane, nothing turns and nothing is learned.
+typedef struct Turn {
+  Axes axes1, axes2;
+  Mat3 inverse2;  // inverse(U2)
+  Mat3 t;
+  int known;
+} Turn;
+static inline Turn turn_between(Mat3 factor1, Mat3 factor2) {
+  Turn o;
+  o.axes1 = axes_of(factor1);
+  o.axes2 = axes_of(factor2);
+  const Mat3 u = o.axes2.unit;
+  const real det = dot(u.r1, cross(u.r2, u.r3));
+  o.known = o.axes1.inverse_length.x > (real)0 && o.axes2.inverse_length.x > (real)0 &&
+            fabs(det) > (real)0.05f;
+  o.inverse2 = mat3_identity();
+  o.t = o.inverse2;
+  if (!o.known) return o;
+  const real inverse = (real)1 / det;
+  o.inverse2.r1 = cross(u.r2, u.r3) * inverse;
+  o.inverse2.r2 = cross(u.r3, u.r1) * inverse;
+  o.inverse2.r3 = cross(u.r1, u.r2) * inverse;
+  o.t = mat3_mul(mat3_transpose(o.axes1.unit), o.inverse2);
+  return o;
+}
+typedef struct TurnGradient {
+  Mat3 factor1, factor2;
+} TurnGradient;
+static inline TurnGradient turn_vjp(Turn o, Mat3 v) {
+  TurnGradient g;
+  g.factor1 = g.factor2 = mat3_scale(mat3_identity(), (real)0);
+  if (!o.known) return g;
+  // v_U1 = v inverse(U2)^T, v_U2 = -T^T v_U1; transposed, as axes are rows here
+  const Mat3 v_axes1 = mat3_mul(o.inverse2, mat3_transpose(v));
+  const Mat3 v_axes2 = mat3_scale(mat3_mul(v_axes1, o.t), (real)-1);
+  g.factor1 = axes_vjp(o.axes1, v_axes1);
+  g.factor2 = axes_vjp(o.axes2, v_axes2);
+  return g;
+}
+
+// rho and 1 / sqrt(|r|^2 + knee^2), by which r becomes its gradient. Of what is not finite or has a
+// square that is not: both 0, so that a broken Gaussian does not reach its neighbours.
+typedef struct Rho {
+  real value, factor;
+} Rho;
+static inline Rho rho_of_square(real square, real knee) {
+  Rho o;
+  o.value = o.factor = (real)0;
+  if (!(square < (real)1e30f)) return o;
+  const real root = sqrt(square + knee * knee);
+  o.value = square / (root + knee);
+  o.factor = (real)1 / root;
+  return o;
+}
+
+// One of a pair, at both times.
+typedef struct Mover {
+  real3 mean1, mean2;
+  Mat3 turn;
+} Mover;
+
+// Its share of what the pair costs (of rigidity the term with its own turn, of the others half),
+// and the gradient of the whole by it.
+typedef struct PairTerms {
+  real rigidity, rotation, isometry, velocity;
+} PairTerms;
+typedef struct PairShare {
+  PairTerms terms;
+  Mover gradient;
+} PairShare;
+
+static inline PairShare pair_share(MotionLossRule rule, real weight, real distance, Mover i,
+                                   Mover j) {
+  const real half_of = (real)0.5f;
+  const real knee = rule.knee;
+  const real3 d1 = j.mean1 - i.mean1, d2 = j.mean2 - i.mean2;
+  PairShare o;
+  o.terms.rigidity = o.terms.rotation = o.terms.isometry = o.terms.velocity = (real)0;
+  o.gradient.mean1 = o.gradient.mean2 = make_real3((real)0, (real)0, (real)0);
+  o.gradient.turn = mat3_scale(mat3_identity(), (real)0);
+  if (rule.rigidity > 0.f) {
+    const real w = half_of * weight * rule.rigidity;
+    const real3 r_i = d1 - mat3_mul_vec(i.turn, d2), r_j = d1 - mat3_mul_vec(j.turn, d2);
+    const Rho rho_i = rho_of_square(dot(r_i, r_i), knee),
+              rho_j = rho_of_square(dot(r_j, r_j), knee);
+    const real3 g_i = r_i * (w * rho_i.factor), g_j = r_j * (w * rho_j.factor);
+    if (rho_i.factor > (real)0 && rho_j.factor > (real)0) {
+      o.terms.rigidity = w * rho_i.value;
+      o.gradient.mean1 = -(g_i + g_j);
+      o.gradient.mean2 = mat3_transpose_mul_vec(i.turn, g_i) + mat3_transpose_mul_vec(j.turn, g_j);
+      o.gradient.turn.r1 = d2 * -g_i.x;
+      o.gradient.turn.r2 = d2 * -g_i.y;
+      o.gradient.turn.r3 = d2 * -g_i.z;
+    }
+  }
+  if (rule.rotation > 0.f) {
+    const real w = weight * rule.rotation;
+    const Mat3 r = mat3_add(i.turn, mat3_scale(j.turn, (real)-1));
+    const Rho rho =
+        rho_of_square(dot(r.r1, r.r1) + dot(r.r2, r.r2) + dot(r.r3, r.r3), (real)TURN_KNEE);
+    o.terms.rotation = half_of * w * rho.value;
+    if (rho.factor > (real)0)
+      o.gradient.turn = mat3_add(o.gradient.turn, mat3_scale(r, w * rho.factor));
+  }
+  if (rule.isometry > 0.f) {
+    const real w = half_of * weight * rule.isometry;
+    const real l1 = sqrt(dot(d1, d1)), l2 = sqrt(dot(d2, d2));
+    const real e1 = l1 - distance, e2 = l2 - distance;
+    const Rho rho1 = rho_of_square(e1 * e1, knee), rho2 = rho_of_square(e2 * e2, knee);
+    o.terms.isometry = half_of * w * (rho1.value + rho2.value);
+    // no direction where the two coincide
+    if (l1 > (real)0 && rho1.factor > (real)0)
+      o.gradient.mean1 = o.gradient.mean1 - d1 * (w * rho1.factor * e1 / l1);
+    if (l2 > (real)0 && rho2.factor > (real)0)
+      o.gradient.mean2 = o.gradient.mean2 - d2 * (w * rho2.factor * e2 / l2);
+  }
+  if (rule.velocity > 0.f) {
+    const real w = weight * rule.velocity;
+    const real3 r = d2 - d1;
+    const Rho rho = rho_of_square(dot(r, r), knee);
+    o.terms.velocity = half_of * w * rho.value;
+    if (rho.factor > (real)0) {
+      const real3 g = r * (w * rho.factor);
+      o.gradient.mean1 = o.gradient.mean1 + g;
+      o.gradient.mean2 = o.gradient.mean2 - g;
+    }
+  }
+  return o;
+}
+
+// Of the second difference of a path at evenly spaced moments; the gradient by m0 and m2 is
+// `gradient`, by m1 -2 times that.
+typedef struct Bend {
+  real value;
+  real3 gradient;
+} Bend;
+static inline Bend bend_of(MotionLossRule rule, real3 m0, real3 m1, real3 m2) {
+  const real3 r = m0 - m1 * (real)2 + m2;
+  const Rho rho = rho_of_square(dot(r, r), rule.knee);
+  Bend o;
+  o.value = rule.acceleration * rho.value;
+  o.gradient = make_real3((real)0, (real)0, (real)0);
+  if (rho.factor > (real)0) o.gradient = r * (rule.acceleration * rho.factor);
+  return o;
+}
+
+#endif

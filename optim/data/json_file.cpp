@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/data/json_file.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "optim/io/atomic_file.hpp"
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+bool is_finite_number(const Json& value) {
+  return value.is_number() && std::isfinite(value.get<double>());
+}
+
+}  // namespace
+
+Json read_json(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  try {
+    return Json::parse(bytes.begin(), bytes.end());
+  } catch (const Json::exception& cause) {
+    throw Error(fmt::format("cannot read {}: it is no JSON ({})", path, cause.what()));
+  }
+}
+
+const Json& member(const Json& object, const std::string& key, const std::string& where) {
+  if (!object.is_object() || !object.contains(key))
+    throw Error(fmt::format("{} has no '{}'", where, key));
+  return object[key];
+}
+
+std::optional<double> number(const Json& object, const std::string& key, const std::string& where) {
+  if (!object.contains(key)) return std::nullopt;
+  const Json& value = object[key];
+  if (!is_finite_number(value))
+    throw Error(fmt::format("'{}' of {} is no finite number", key, where));
+  return value.get<double>();
+}
+
+double needed_number(const Json& object, const std::string& key, const std::string& where) {
+  member(object, key, where);
+  return *number(object, key, where);
+}
+
+std::string text(const Json& value, const std::string& what) {
+  if (!value.is_string()) throw Error(what + " is no text");
+  return value.get<std::string>();
+}
+
+std::vector<std::string> texts(const Json& value, const std::string& what) {
+  if (!value.is_array()) throw Error(what + " is no list");
+  std::vector<std::string> list;
+  for (const Json& one : value) list.push_back(text(one, "an entry of " + what));
+  return list;
+}
+
+std::vector<double> numbers(const Json& value, size_t count, const std::string& what) {
+  std::vector<double> list;
+  if (value.is_array())
+    for (const Json& one : value)
+      if (is_finite_number(one)) list.push_back(one.get<double>());
+  if (!value.is_array() || list.size() != count || value.size() != count)
+    throw Error(fmt::format("{} is not {} finite numbers", what, count));
+  return list;
+}
+
+Eigen::MatrixXd matrix(const Json& value, int rows, int columns, const std::string& what) {
+  const auto bad = [&] {
+    throw Error(fmt::format("{} is not {} rows of {} finite numbers", what, rows, columns));
+  };
+  if (!value.is_array() || int(value.size()) < rows) bad();
+  Eigen::MatrixXd result(rows, columns);
+  for (int r = 0; r < rows; ++r) {
+    const Json& row = value[size_t(r)];
+    if (!row.is_array() || int(row.size()) != columns) bad();
+    for (int c = 0; c < columns; ++c) {
+      if (!is_finite_number(row[size_t(c)])) bad();  // NaN is no JSON number; null stands for it
+      result(r, c) = row[size_t(c)].get<double>();
+    }
+  }
+  return result;
+}
+
+}  // namespace gflow

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// JSON of scene files: what is missing or of another kind is named with the place it was looked
+// for.
+#pragma once
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace gflow {
+
+using Json = nlohmann::json;
+
+// The whole file. Error when it is missing or no JSON (NaN is none).
+Json read_json(const std::string& path);
+
+// A member of an object. Error when there is none; `where` names the object.
+const Json& member(const Json& object, const std::string& key, const std::string& where);
+
+// A finite number, or none where the object has no such member. Error when it is anything else.
+std::optional<double> number(const Json& object, const std::string& key, const std::string& where);
+
+// The same where it must be there.
+double needed_number(const Json& object, const std::string& key, const std::string& where);
+
+// A text. Error when `value` is anything else; `what` names it.
+std::string text(const Json& value, const std::string& what);
+
+// A list of texts.
+std::vector<std::string> texts(const Json& value, const std::string& what);
+
+// A list of `count` finite numbers.
+std::vector<double> numbers(const Json& value, size_t count, const std::string& what);
+
+// rows x columns finite numbers, row by row; more rows than asked for are passed over.
+Eigen::MatrixXd matrix(const Json& value, int rows, int columns, const std::string& what);
+
+}  // namespace gflow

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// nerfstudio scenes: one transforms file for all pictures.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "optim/data/reader_util.hpp"
+#include "optim/data/readers.hpp"
+#include "optim/data/tracks.hpp"
+#include "optim/data/transforms_file.hpp"
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+// The pictures that 'train_filenames' or its like names; empty where the file has no such list.
+std::set<std::string> listed(const std::string& folder, const Transforms& file,
+                             const std::string& key) {
+  std::set<std::string> paths;
+  if (!file.json.contains(key)) return paths;
+  for (const std::string& name : texts(file.json[key], fmt::format("'{}' of {}", key, file.path)))
+    paths.insert(path_inside(folder, name, file.path));
+  return paths;
+}
+
+// By the file's own lists, else every n-th picture by name for the test.
+void split_frames(const std::string& folder, const Transforms& file, int test_every,
+                  const std::vector<Frame>& frames, Scene& scene) {
+  const std::set<std::string> train = listed(folder, file, "train_filenames"),
+                              test = listed(folder, file, "test_filenames"),
+                              val = listed(folder, file, "val_filenames");
+  if (!train.empty()) {
+    for (const Frame& frame : frames) {
+      if (train.count(frame.path)) scene.train.push_back(frame);
+      if (test.count(frame.path)) scene.test.push_back(frame);
+      if (val.count(frame.path)) scene.val.push_back(frame);
+    }
+    return;
+  }
+  for (size_t i = 0; i < frames.size(); ++i)
+    (test_every > 0 && i % size_t(test_every) == 0 ? scene.test : scene.train).push_back(frames[i]);
+}
+
+PointCloud points_of(const std::string& folder, const Transforms& file) {
+  if (!file.json.contains("ply_file_path")) return find_points(folder);
+  const std::string relative = text(file.json["ply_file_path"], "'ply_file_path' of " + file.path);
+  return read_point_cloud(path_inside(folder, relative, file.path));
+}
+
+}  // namespace
+
+bool is_nerfstudio(const std::string& folder) {
+  return fs::exists(fs::path(folder) / "transforms.json");
+}
+
+Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
+  const Transforms file = read_transforms((fs::path(folder) / "transforms.json").string());
+  Scene scene;
+  scene.layout = "nerfstudio";
+  scene.fps = 24;
+  std::vector<Frame> frames = read_frames(folder, file, options, scene);
+  std::stable_sort(frames.begin(), frames.end(),
+                   [](const Frame& a, const Frame& b) { return natural_less(a.path, b.path); });
+  split_frames(folder, file, options.test_every, frames, scene);
+  if (scene.train.empty())
+    throw Error(
+        fmt::format("{} names no training pictures: it has {} frames", file.path, frames.size()));
+  const std::vector<double> times = distinct_times(scene.train);
+  scene.steps = int(times.size());
+  scene.points = points_of(folder, file);
+  for (auto* split : {&scene.train, &scene.test, &scene.val}) {
+    set_steps(times, *split);
+    find_tracks(scene, *split);
+  }
+  return scene;
+}
+
+}  // namespace gflow

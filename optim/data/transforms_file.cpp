@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+// transform_matrix is camera-to-world with OpenGL axes (y up, looking along -z): columns y and z
+// change sign for ours.
+#include "optim/data/transforms_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "optim/data/image_header.hpp"
+#include "optim/data/lens.hpp"
+#include "optim/data/reader_util.hpp"
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+// From the frame, else from the top of the file.
+std::optional<double> inherited(const Transforms& file, const Json& frame, const char* key,
+                                const std::string& where) {
+  const auto own = number(frame, key, where);
+  return own ? own : number(file.json, key, file.path);
+}
+
+Eigen::Matrix4d viewmat_of(const Json& frame, const std::string& where) {
+  const std::string what = "transform_matrix of " + where;
+  Eigen::MatrixXd pose = matrix(member(frame, "transform_matrix", where), 3, 4, what);
+  pose.middleCols(1, 2) *= -1;
+  return viewmat_from_pose(pose.leftCols(3), pose.col(3), what);
+}
+
+std::string picture_of(const std::string& folder, const Transforms& file, const Json& frame,
+                       const std::string& where) {
+  const std::string relative = text(member(frame, "file_path", where), "'file_path' of " + where);
+  const std::string base = path_inside(folder, relative, file.path);
+  for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG"})
+    if (fs::is_regular_file(base + extension)) return base + extension;
+  throw Error(fmt::format("{} names the picture '{}', but there is no {} (nor .png, .jpg)",
+                          file.path, relative, base));
+}
+
+// The file of 'mask_path', or empty.
+std::string mask_of(const std::string& folder, const Transforms& file, const Json& frame,
+                    const std::string& where) {
+  if (!frame.contains("mask_path")) return "";
+  const std::string relative = text(frame["mask_path"], "'mask_path' of " + where);
+  const std::string path = path_inside(folder, relative, file.path);
+  if (!fs::is_regular_file(path))
+    throw Error(
+        fmt::format("{} names the mask '{}', but there is no {}", file.path, relative, path));
+  return path;
+}
+
+// nerfstudio's camera models; a file without the word has OPENCV's coefficients or none.
+Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera,
+                 const std::string& where) {
+  const Json& holder = frame.contains("camera_model") ? frame : file.json;
+  const std::string model = holder.contains("camera_model")
+                                ? text(holder["camera_model"], "'camera_model' of " + where)
+                                : "OPENCV";
+  const auto k = [&](const char* key) { return inherited(file, frame, key, where).value_or(0); };
+  const std::string what = "the camera of " + where;
+  if (model == "OPENCV_FISHEYE")
+    return behind_lens(camera, Lens::Kind::fisheye, {k("k1"), k("k2"), k("k3"), k("k4")}, what);
+  if (model == "OPENCV" || model == "PINHOLE" || model == "SIMPLE_PINHOLE")
+    return behind_lens(camera, Lens::Kind::radial,
+                       {k("k1"), k("k2"), k("p1"), k("p2"), k("k3"), k("k4"), k("k5"), k("k6")},
+                       what);
+  throw Error(fmt::format(
+      "{} has the camera_model {}, known are PINHOLE, OPENCV and OPENCV_FISHEYE", where, model));
+}
+
+Camera camera_of(const Transforms& file, const Json& frame, const std::string& where,
+                 const std::string& picture, const ImageHeader& header) {
+  Camera camera;
+  const double width = inherited(file, frame, "w", where).value_or(header.width);
+  const double height = inherited(file, frame, "h", where).value_or(header.height);
+  if (!(width >= 1 && height >= 1 && width < 1e6 && height < 1e6))
+    throw Error(fmt::format("{} has the size {}x{}", where, width, height));
+  camera.width = int(std::lround(width));
+  camera.height = int(std::lround(height));
+  const auto fl_x = inherited(file, frame, "fl_x", where),
+             fl_y = inherited(file, frame, "fl_y", where);
+  const auto angle_x = inherited(file, frame, "camera_angle_x", where);
+  if (!fl_x && !angle_x)
+    throw Error(fmt::format("{} has neither 'camera_angle_x' nor 'fl_x'", where));
+  if (!fl_x && !(*angle_x > 0 && *angle_x < M_PI))
+    throw Error(fmt::format("'camera_angle_x' of {} is {}, expected is an angle within (0, pi)",
+                            where, *angle_x));
+  camera.fx = fl_x ? *fl_x : 0.5 * camera.width / std::tan(0.5 * *angle_x);
+  camera.fy = fl_y ? *fl_y : camera.fx;
+  camera.cx = inherited(file, frame, "cx", where).value_or(0.5 * camera.width);
+  camera.cy = inherited(file, frame, "cy", where).value_or(0.5 * camera.height);
+  camera.viewmat = viewmat_of(frame, where);
+  return with_lens(file, frame, fitted_to(camera, header.width, header.height, file.path, picture),
+                   where);
+}
+
+// train/r_000 -> train_r_000
+std::string frame_name(const std::string& folder, const std::string& picture) {
+  fs::path relative = fs::path(picture).lexically_relative(folder).replace_extension();
+  std::string name = relative.generic_string();
+  std::replace(name.begin(), name.end(), '/', '_');
+  return name;
+}
+
+}  // namespace
+
+Transforms read_transforms(const std::string& path) {
+  Transforms file{path, read_json(path)};
+  if (!file.json.is_object() || !file.json.contains("frames") || !file.json["frames"].is_array())
+    throw Error(fmt::format("{} has no list 'frames'", path));
+  return file;
+}
+
+std::vector<Frame> read_frames(const std::string& folder, const Transforms& file,
+                               const SceneOptions& options, Scene& scene) {
+  std::vector<Frame> frames;
+  for (const Json& entry : file.json["frames"]) {
+    const std::string where = fmt::format("frame {} of {}", frames.size(), file.path);
+    if (!entry.is_object()) throw Error(where + " is no object");
+    Frame frame;
+    frame.path = picture_of(folder, file, entry, where);
+    if (options.masks != Masks::none) frame.mask_path = mask_of(folder, file, entry, where);
+    frame.time = number(entry, "time", where).value_or(0);
+    if (frame.time < 0 || frame.time > 1)
+      throw Error(fmt::format("'time' of {} is {}, expected is 0 to 1", where, frame.time));
+    const ImageHeader header = read_image_header(frame.path);
+    scene.has_alpha |= header.has_alpha || !frame.mask_path.empty();
+    Camera camera = camera_of(file, entry, where, frame.path, header);
+    frame.name = frame_name(folder, frame.path);
+    camera.name = frame.name;
+    frame.camera = find_or_add(scene.cameras, camera);
+    frames.push_back(frame);
+  }
+  return frames;
+}
+
+}  // namespace gflow

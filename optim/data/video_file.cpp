@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// A plain video: one static camera, placed as that of Consistent4D. Times are those of the
+// container, so that a variable frame rate keeps its rhythm.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <climits>
+#include <cstdint>
+
+#include "optim/data/readers.hpp"
+#include "optim/data/static_camera.hpp"
+#include "optim/data/video.hpp"
+
+namespace gflow {
+
+Scene read_video_file(const std::string& path, const SceneOptions& options) {
+  const VideoInfo info = video_info(path);
+  // What lies behind the last step in use need not be decoded.
+  const int64_t used =
+      options.max_steps > 0
+          ? options.first_step + int64_t(options.stride) * (options.max_steps - 1) + 1
+          : 0;
+  const std::vector<double> stamps = frame_times(path, int(std::min<int64_t>(used, INT_MAX)));
+  Scene scene;
+  scene.layout = "video";
+  scene.steps = int(stamps.size());
+  scene.fps = info.fps;
+  scene.cameras = {static_camera("input", 0, options, info.width, info.height)};
+  for (size_t k = 0; k < stamps.size(); ++k) {
+    Frame frame;
+    frame.step = frame.video_frame = int(k);
+    frame.time = stamps.size() > 1 ? stamps[k] / stamps.back() : 0;
+    frame.path = path;
+    frame.name = fmt::format("input_{:04}", k);
+    scene.train.push_back(frame);
+  }
+  scene.test = scene.train;
+  for (Frame& frame : scene.test) frame.name = "test_" + frame.name;
+  return scene;
+}
+
+}  // namespace gflow

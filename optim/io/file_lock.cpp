@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/io/file_lock.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+// "process 1234", as the holder wrote it; it may not have come to that yet.
+std::string holder(int file) {
+  char text[16] = {};
+  const ssize_t length = ::pread(file, text, sizeof text - 1, 0);
+  return length > 0 ? fmt::format("process {}", text) : "another process";
+}
+
+}  // namespace
+
+FileLock::FileLock(const std::string& path, const std::string& what)
+    : file_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666)) {
+  if (file_ < 0) throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+  if (::flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    const std::string who = holder(file_);
+    ::close(file_);
+    throw Error(
+        fmt::format("{} is being written by {}: wait for it or choose another folder", what, who));
+  }
+  // Who holds it is only said, so that a full disk is no reason to stop.
+  const std::string pid = std::to_string(::getpid());
+  if (::ftruncate(file_, 0) != 0 || ::pwrite(file_, pid.data(), pid.size(), 0) < 0) errno = 0;
+}
+
+FileLock::~FileLock() { ::close(file_); }
+
+}  // namespace gflow

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// One process at a time: a lock that ends with the process that holds it, however it ends.
+#pragma once
+#include <string>
+
+namespace gflow {
+
+class FileLock {
+ public:
+  // Locks the file, which is made where it is missing and stays behind: what counts is the lock of
+  // the system, not that the file is there. Error, with the number of the process, when another
+  // process or another FileLock has it; `what` is the folder or file it stands for. On a file
+  // system without locks nothing is locked.
+  FileLock(const std::string& path, const std::string& what);
+  ~FileLock();
+  FileLock(const FileLock&) = delete;
+  FileLock& operator=(const FileLock&) = delete;
+
+ private:
+  int file_;
+};
+
+}  // namespace gflow

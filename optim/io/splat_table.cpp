@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/io/splat_table.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "optim/io/compressed_ply.hpp"
+#include "optim/io/dot_splat.hpp"
+#include "optim/io/spz.hpp"
+#include "runtime/error.hpp"
+#include "shared/sh.h"
+
+namespace gflow {
+namespace {
+
+constexpr double kOpacityEnd = 1e-6;
+
+void append_numbered(std::vector<std::string>& names, const std::string& stem, size_t count) {
+  for (size_t i = 0; i < count; ++i) names.push_back(stem + std::to_string(i));
+}
+
+// Formats that compute what they give: a NaN in the file must not get far.
+PlyTable finite(PlyTable table, const std::string& path) {
+  for (size_t i = 0; i < table.values.size(); ++i)
+    if (!std::isfinite(table.values[i]))
+      throw Error(fmt::format("reading {}: Gaussian {} has a value that is not finite ({})", path,
+                              i / table.names.size(), table.names[i % table.names.size()]));
+  return table;
+}
+
+}  // namespace
+
+SplatTable::SplatTable(size_t rows, int sh_degree)
+    : rest(size_t(3 * ((sh_degree + 1) * (sh_degree + 1) - 1))) {
+  table.rows = rows;
+  table.names = {"x", "y", "z", "nx", "ny", "nz"};
+  append_numbered(table.names, "f_dc_", 3);
+  append_numbered(table.names, "f_rest_", rest);
+  table.names.push_back("opacity");
+  append_numbered(table.names, "scale_", 3);
+  append_numbered(table.names, "rot_", 4);
+  table.values.assign(rows * table.names.size(), 0.f);
+}
+
+SplatRow SplatTable::row(size_t i) {
+  float* v = table.values.data() + i * table.names.size();
+  float* after = v + 9 + rest;
+  return {v, v + 6, v + 9, after, after + 1, after + 4};
+}
+
+int sh_degree_of(size_t rest_columns) {
+  for (int degree = 0; degree <= 3; ++degree)
+    if (rest_columns == size_t(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
+  return -1;
+}
+
+int sh_degree_of(const PlyTable& table, const std::string& path) {
+  size_t columns = 0;
+  while (table.column("f_rest_" + std::to_string(columns)) >= 0) ++columns;
+  const int degree = sh_degree_of(columns);
+  if (degree < 0)
+    throw Error(
+        fmt::format("reading {}: it has {} f_rest columns; spherical harmonics have 0, 9, "
+                    "24 or 45",
+                    path, columns));
+  return degree;
+}
+
+SplatTable standard_table(const PlyTable& table, const std::string& path) {
+  SplatTable result(table.rows, sh_degree_of(table, path));
+  const std::vector<std::string>& names = result.table.names;
+  for (size_t to = 0; to < names.size(); ++to) {
+    const int from = table.column(names[to]);
+    if (from < 0 && names[to][0] == 'n') continue;  // normals mean nothing here
+    if (from < 0)
+      throw Error(
+          fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
+                      "Gaussians",
+                      path, names[to]));
+    for (size_t i = 0; i < table.rows; ++i)
+      result.table.values[i * names.size() + to] =
+          table.values[i * table.names.size() + size_t(from)];
+  }
+  return result;
+}
+
+float sh0_of_color(double color) { return float((color - 0.5) / SH_C0); }
+double color_of_sh0(double sh0) { return 0.5 + SH_C0 * sh0; }
+
+float logit_of_opacity(double opacity) {
+  const double inside = std::clamp(opacity, kOpacityEnd, 1 - kOpacityEnd);
+  return float(std::log(inside / (1 - inside)));
+}
+double opacity_of_logit(double logit) { return 1 / (1 + std::exp(-logit)); }
+
+SplatFormat splat_format(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  char start[4] = {};
+  if (!file.read(start, 3)) throw Error("cannot read " + path + ": it is missing or empty");
+  const std::string first(start, 3);
+  if (first == "ply")
+    return is_compressed(ply_vertex_properties(path)) ? SplatFormat::compressed_ply
+                                                      : SplatFormat::ply;
+  if (first == "NGS" || first.substr(0, 2) == "\x1f\x8b") return SplatFormat::spz;
+  std::string extension = std::filesystem::path(path).extension().string();
+  for (char& c : extension) c = char(std::tolower(c));
+  if (extension == ".splat") return SplatFormat::splat;
+  throw Error(
+      fmt::format("cannot read {} as a splat: gflow reads .ply, compressed .ply, .splat and "
+                  ".spz (versions 2 and 3)",
+                  path));
+}
+
+PlyTable read_splats(const std::string& path) { return read_splats(path, splat_format(path)); }
+
+PlyTable read_splats(const std::string& path, SplatFormat format) {
+  if (format == SplatFormat::ply) return read_ply(path);
+  if (format == SplatFormat::compressed_ply) return finite(read_compressed_ply(path), path);
+  if (format == SplatFormat::spz) return finite(read_spz(path), path);
+  return finite(read_dot_splat(path), path);
+}
+
+}  // namespace gflow

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/motion/bases.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/chunks.hpp"
+#include "shared/bases.h"
+
+namespace gflow {
+namespace {
+
+constexpr size_t kPose = 7;
+
+double squared_distance(const std::vector<float>& xyz, size_t i, size_t j) {
+  double sum = 0;
+  for (size_t c = 0; c < 3; ++c) {
+    const double d = double(xyz[3 * i + c]) - double(xyz[3 * j + c]);
+    sum += d * d;
+  }
+  return sum;
+}
+
+}  // namespace
+
+std::vector<TableSpec> bases_tables(int keys, int bases) {
+  TableSpec path, fixed;
+  path.groups = {{"basis_shifts", 3, Quantity::position, 0, true},
+                 {"basis_turns", 4, Quantity::rotation, 0, true}};
+  path.rows = size_t(keys) * size_t(bases);
+  fixed.groups = {{"pivots", 3, Quantity::position, 0, true}};
+  fixed.rows = size_t(bases);
+  return {path, fixed};
+}
+
+void place_bases(const MotionShape& shape, HostGroups& groups, size_t first) {
+  const std::vector<float>& means = groups.at("means");
+  const size_t n = means.size() / 3, bases = size_t(shape.bases);
+  if (n == 0) return;
+  if (first >= n) first = 0;
+  // each pivot as far from those before as can be
+  std::vector<size_t> chosen{first};
+  std::vector<double> nearest(n, std::numeric_limits<double>::max());
+  double spacing = 0;
+  for (size_t b = 1; b <= bases; ++b) {  // one turn more: a single pivot needs a spacing too
+    size_t farthest = first;
+    for (size_t i = first; i < n; ++i) {
+      nearest[i] = std::min(nearest[i], squared_distance(means, i, chosen.back()));
+      if (nearest[i] > nearest[farthest]) farthest = i;
+    }
+    if (b == bases && bases > 1) break;
+    spacing = nearest[farthest];  // squared, of the last one
+    if (b < bases) chosen.push_back(farthest);
+  }
+  spacing = std::max(spacing, 1e-12);
+  for (size_t b = 0; b < bases; ++b)
+    for (size_t c = 0; c < 3; ++c) groups["pivots"][3 * b + c] = means[3 * chosen[b] + c];
+  for (size_t i = 0; i < n; ++i)
+    for (size_t b = 0; b < bases; ++b) {
+      const double d = squared_distance(means, i, chosen[b]) / spacing;
+      groups["basis_logits"][i * bases + b] = float(std::max(3 - 5 * d, -10.0));
+    }
+}
+
+BasesMotion::BasesMotion(Queue& queue, const MotionShape& shape)
+    : shape_(shape),
+      program_(queue, "bases.cl"),
+      bases_pose_(program_, "bases_pose"),
+      bases_fwd_(program_, "bases_fwd"),
+      bases_bwd_(program_, "bases_bwd"),
+      bases_gather_(program_, "bases_gather"),
+      still_rows_(queue) {
+  if (shape.keys < 1 || shape.bases < 1 || shape.bases > MAX_BASES)
+    throw Error(fmt::format("a bases model needs at least one key and 1 to {} bases, not {} and {}",
+                            MAX_BASES, shape.keys, shape.bases));
+}
+
+std::vector<GroupSpec> BasesMotion::groups() const {
+  std::vector<GroupSpec> groups = still_groups();
+  groups.push_back({"basis_logits", size_t(shape_.bases), Quantity::weight, 0, true});
+  return groups;
+}
+
+KeyWeights BasesMotion::pose(Queue& queue, const Parameters& p, float t) {
+  const KeyWeights keys = key_weights(t, shape_.duration, shape_.keys);
+  poses_.ensure(queue, kPose * size_t(shape_.bases));
+  bases_pose_(queue, Range::over(size_t(shape_.bases)), shape_.bases, keys,
+              p["basis_shifts"].values, p["basis_turns"].values, poses_);
+  return keys;
+}
+
+void BasesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
+                     GaussiansAt& gaussians) {
+  gaussians.ensure(queue, p.count);
+  pose(queue, p, t);
+  bases_fwd_(queue, Range::over(p.count), cl_uint(p.count), shape_.bases, t, shape_.cutoff,
+             int(!seen), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+             p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
+             p["basis_logits"].values, poses_, p["pivots"].values, gaussians.means,
+             gaussians.factors, gaussians.opacities);
+}
+
+void BasesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
+                           const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
+                           const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
+  const KeyWeights keys = pose(queue, p, t);
+  const Chunks chunks = chunks_for(queue, p.count, 64);
+  partials_.ensure(queue, chunks.count * kPose * size_t(shape_.bases));
+  partials_.fill(queue, 0.f);  // the last chunks may be empty
+  bases_bwd_(queue, Range::over(chunks.count, chunk_group(queue) == 1 ? 1 : 64), cl_uint(p.count),
+             chunks.length, shape_.bases, t, int(first), p["means"].values, p["means_t"].values,
+             p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
+             p["basis_logits"].values, poses_, p["pivots"].values, tiles_touched, v_means,
+             v_factors, v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads,
+             p["quats"].grads, p["log_scales"].grads, p["logit_opacities"].grads,
+             p["basis_logits"].grads, partials_);
+  Table& path = p.more[0];
+  bases_gather_(queue, Range::over(size_t(shape_.bases)), chunks.count, shape_.bases, keys,
+                p["basis_turns"].values, partials_, path.rows.seen, p["basis_shifts"].grads,
+                p["basis_turns"].grads);
+  const size_t bases = size_t(shape_.bases);
+  path.active = path.active.joined({size_t(keys.first) * bases, size_t(keys.count) * bases});
+}
+
+void BasesMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
+  still_rows_.set_pace(queue, p, rule);
+  p.more[0].rows.pace.fill(queue, key_pace(shape_.keys, rule));
+}
+
+void BasesMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
+                        const SplitRule& rule, uint32_t seed) {
+  still_rows_.split(queue, p, child, rule, seed);
+}
+
+}  // namespace gflow

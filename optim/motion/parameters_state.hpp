@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a checkpoint keeps of parameters: everything that a later training step reads.
+#pragma once
+#include "optim/io/npz.hpp"
+#include "optim/motion/parameters.hpp"
+
+namespace gflow {
+
+// Adds for each group of each table TABLE/GROUP, TABLE/GROUP/exp_avg and TABLE/GROUP/exp_avg_sq
+// [rows, width], and of the rows TABLE/rows/steps, refused, pace and reach [rows]. TABLE is
+// gaussians, table1, table2 and so on. Gradients and what was seen are a step's own. Waits.
+void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays);
+
+// The reverse; the number of Gaussians becomes that of the arrays. Error that names the array when
+// one is missing or has another type or shape; then nothing is changed. `path`: the file, for
+// messages.
+void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
+                const std::string& path);
+
+}  // namespace gflow

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/checkpoint.hpp"
+
+#include <fmt/format.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "optim/train/warning.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr int kFormat = 1;  // rises when what the arrays mean changes
+constexpr const char* kFacts = "facts";
+
+Json json_of(const Checkpoint& checkpoint) {
+  const CheckpointFacts& facts = checkpoint.facts;
+  Json shapes = Json::object();
+  for (const auto& [name, array] : checkpoint.arrays) shapes[name] = array.shape;
+  return {{"format", kFormat},        {"step", facts.step},   {"seconds", facts.seconds},
+          {"config", facts.config},   {"scene", facts.scene}, {"device", facts.device},
+          {"program", facts.program}, {"arrays", shapes}};
+}
+
+// Facts from their JSON; checks that the arrays are all there.
+CheckpointFacts facts_of(const Json& json, const Arrays& arrays, const std::string& path) {
+  const int format = json.at("format");
+  if (format != kFormat)
+    throw Error(
+        fmt::format("{} has checkpoint format {} and this gflow reads format {}: go on with the "
+                    "gflow that wrote it, or train anew without --resume",
+                    path, format, kFormat));
+  const Json& shapes = json.at("arrays");
+  for (const auto& [name, shape] : shapes.items())
+    if (array_named(arrays, name, path).shape != shape.get<std::vector<size_t>>())
+      throw Error(fmt::format("{} is damaged: array '{}' has not the shape it was written with",
+                              path, name));
+  if (shapes.size() != arrays.size())
+    throw Error(fmt::format("{} is damaged: it has {} arrays and was written with {}", path,
+                            arrays.size(), shapes.size()));
+  CheckpointFacts facts;
+  facts.step = json.at("step");
+  facts.seconds = json.at("seconds");
+  facts.config = json.at("config");
+  facts.scene = json.at("scene");
+  facts.device = json.at("device");
+  facts.program = json.at("program");
+  return facts;
+}
+
+}  // namespace
+
+void write_checkpoint(const std::string& path, const Checkpoint& checkpoint) {
+  // A path need not be UTF-8, and JSON must.
+  const std::string text = json_of(checkpoint).dump(-1, ' ', false, Json::error_handler_t::replace);
+  Arrays arrays = checkpoint.arrays;
+  arrays[kFacts] = {{text.size()}, std::vector<uint8_t>(text.begin(), text.end())};
+  write_npz(path, arrays, Packing::stored);
+}
+
+Checkpoint read_checkpoint(const std::string& path) {
+  Checkpoint checkpoint;
+  checkpoint.arrays = read_npz(path);
+  const auto found = checkpoint.arrays.find(kFacts);
+  const auto* text = found == checkpoint.arrays.end()
+                         ? nullptr
+                         : std::get_if<std::vector<uint8_t>>(&found->second.values);
+  if (!text) throw Error(path + " is no checkpoint: it does not say what it holds ('facts')");
+  try {
+    const Json json = Json::parse(text->begin(), text->end());
+    checkpoint.arrays.erase(found);
+    checkpoint.facts = facts_of(json, checkpoint.arrays, path);
+  } catch (const Json::exception& problem) {
+    throw Error(fmt::format("{} is no checkpoint: {}", path, problem.what()));
+  }
+  return checkpoint;
+}
+
+std::string crc32_text(const void* bytes, size_t length) {
+  return fmt::format("{:08x}", crc32_z(0, static_cast<const Bytef*>(bytes), length));
+}
+
+std::string device_stamp(const DeviceInfo& device) {
+  return fmt::format("{}, driver {}, {} lanes", device.full_name(), device.driver, device.lanes);
+}
+
+// The program itself: whatever was changed, compiler and flags included, it shows here.
+std::string program_stamp() {
+  try {
+    const Bytes program = read_file("/proc/self/exe");
+    return crc32_text(program.data(), program.size());
+  } catch (const Error&) {
+    return "unknown";
+  }
+}
+
+std::string CheckpointFolder::path(int step) const {
+  return fmt::format("{}/iteration_{}.npz", folder_, step);
+}
+
+std::vector<int> CheckpointFolder::steps() const {
+  std::vector<int> steps;
+  if (!fs::is_directory(folder_)) return steps;
+  for (const auto& entry : fs::directory_iterator(folder_)) {
+    int step = -1;
+    const std::string name = entry.path().filename().string();
+    if (std::sscanf(name.c_str(), "iteration_%d", &step) == 1 && entry.path() == path(step))
+      steps.push_back(step);
+  }
+  std::sort(steps.rbegin(), steps.rend());
+  return steps;
+}
+
+void CheckpointFolder::write(const Checkpoint& checkpoint) const {
+  std::error_code problem;
+  fs::create_directories(folder_, problem);
+  if (problem) throw Error(fmt::format("cannot make {}: {}", folder_, problem.message()));
+  const int step = checkpoint.facts.step;
+  write_checkpoint(path(step), checkpoint);
+  bool kept_one = false;  // later ones are those that could not be read
+  for (const int other : steps()) {
+    if (other == step) continue;
+    if (other < step && !kept_one)
+      kept_one = true;
+    else
+      fs::remove(path(other), problem);
+  }
+}
+
+std::optional<CheckpointFolder::Found> CheckpointFolder::latest() const {
+  std::string reason;
+  for (const int step : steps()) {
+    if (!reason.empty()) warn(reason + "; the checkpoint before it is tried");
+    try {
+      return Found{path(step), read_checkpoint(path(step))};
+    } catch (const Error& problem) {
+      reason = problem.what();
+    }
+  }
+  if (reason.empty()) return std::nullopt;
+  throw Error(
+      fmt::format("no checkpoint in {} can be used: {}; without --resume, training starts "
+                  "anew and replaces them",
+                  folder_, reason));
+}
+
+void CheckpointFolder::clear() const { fs::remove_all(folder_); }
+
+}  // namespace gflow

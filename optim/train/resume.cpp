@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/resume.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "optim/train/warning.hpp"
+
+namespace gflow {
+namespace {
+
+// What a training depends on beside the settings, wherever it lies: cameras, times, and pictures by
+// name and size.
+std::string scene_stamp(const Scene& scene) {
+  std::string stamp =
+      fmt::format("{} {} {} {}\n", scene.layout, scene.extent, scene.steps, scene.train.size());
+  for (const Camera& c : scene.cameras) {
+    stamp += fmt::format("{} {} {} {} {} {} {}", c.name, c.width, c.height, c.fx, c.fy, c.cx, c.cy);
+    for (const double value : c.viewmat.reshaped()) stamp += fmt::format(" {}", value);
+    stamp += "\n";
+  }
+  for (const Frame& f : scene.train) {
+    stamp += fmt::format("{} {} {} {} {} {}\n", f.name, f.camera, f.step, f.time, f.video_frame,
+                         std::filesystem::file_size(f.path));
+    if (!f.flow_path.empty()) stamp += fmt::format("{}\n", std::filesystem::file_size(f.flow_path));
+  }
+  return crc32_text(stamp.data(), stamp.size());
+}
+
+// Error when going on with these settings would not be the training that was begun.
+void require_same_training(const CheckpointFolder::Found& found, const TrainConfig& config,
+                           const std::string& scene, const RunFolder& run) {
+  const CheckpointFacts& facts = found.checkpoint.facts;
+  TrainConfig former;
+  apply_text(former, facts.config, "the settings in " + found.path);
+  const auto before = setting_values(former);
+  auto now = setting_values(config);
+  for (const char* free :
+       {"scene.path", "train.minutes", "train.log_every", "train.checkpoint_every", "train.device"})
+    now.erase(free);
+  for (const auto& [name, value] : now)
+    if (value != before.at(name))
+      throw Error(
+          fmt::format("resuming {}: it was begun with {} = {}, not {}, which would have changed "
+                      "what is trained already; leave the setting as it was, or train anew "
+                      "without --resume",
+                      run.folder(), name, before.at(name), value));
+  if (scene != facts.scene)
+    throw Error(
+        fmt::format("resuming {}: cameras or pictures of {} are not those it was begun with; "
+                    "give it the scene as it was, or train anew without --resume",
+                    run.folder(), config.scene.path));
+}
+
+// The result is right on another device or by another build, but for the last bits.
+void warn_of_other_bits(const CheckpointFacts& facts, const DeviceInfo& device) {
+  const auto other = [](const char* what, const std::string& before, const std::string& now) {
+    if (before != now)
+      warn(
+          fmt::format("the checkpoint was written {} {}, this is {}: the result will not be bit "
+                      "by bit that of a training without a stop",
+                      what, before, now));
+  };
+  other("on", facts.device, device_stamp(device));
+  other("by gflow build", facts.program, program_stamp());
+}
+
+}  // namespace
+
+std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
+                                                            const TrainConfig& config,
+                                                            const Scene& scene,
+                                                            const RunFolder& run, bool quiet) {
+  auto found = run.checkpoints().latest();
+  if (found) {
+    require_same_training(*found, config, scene_stamp(scene), run);
+    warn_of_other_bits(found->checkpoint.facts, queue.info);
+  }
+  if (!quiet)
+    fmt::print(stderr, "{}\n",
+               found ? fmt::format("going on from {}", found->path)
+                     : fmt::format("{} has no checkpoint: training starts at the first step",
+                                   run.folder()));
+  return found;
+}
+
+std::string how_to_go_on(const RunFolder& run) {
+  return fmt::format("`gflow train -o {} --resume` goes on from there", run.folder());
+}
+
+Checkpointer::Checkpointer(Queue& queue, const TrainConfig& config, const Scene& scene,
+                           const RunFolder& run, const Trainer& trainer)
+    : queue_(queue), folder_(run.checkpoints()), trainer_(trainer) {
+  facts_.config = to_toml(config);
+  facts_.scene = scene_stamp(scene);
+  facts_.device = device_stamp(queue.info);
+  facts_.program = program_stamp();
+}
+
+void Checkpointer::write(int step, double seconds) {
+  facts_.step = step;
+  facts_.seconds = seconds;
+  folder_.write({facts_, trainer_.state(queue_)});
+}
+
+void Checkpointer::try_write(int step, double seconds) {
+  try {
+    write(step, seconds);
+  } catch (const Error& problem) {
+    warn(fmt::format("no checkpoint of step {}: {}; training goes on", step, problem.what()));
+  }
+}
+
+}  // namespace gflow

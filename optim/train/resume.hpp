@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Between the training loop and its checkpoints: which one may be gone on from, and the saving.
+#pragma once
+#include "optim/train/run_folder.hpp"
+
+namespace gflow {
+
+// The checkpoint to go on from; none when the run has not come to one, which is said unless quiet.
+// Warns where the result will not be bit by bit that of a training without a stop. Error when there
+// are checkpoints and none can be read, or when a setting that the result depends on, the cameras
+// or the pictures are not those the training was begun with.
+std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
+                                                            const TrainConfig& config,
+                                                            const Scene& scene,
+                                                            const RunFolder& run, bool quiet);
+
+// "`gflow train -o RUN --resume` goes on from there"
+std::string how_to_go_on(const RunFolder& run);
+
+// Writes the checkpoints of one training; all references must outlive it.
+class Checkpointer {
+ public:
+  Checkpointer(Queue& queue, const TrainConfig& config, const Scene& scene, const RunFolder& run,
+               const Trainer& trainer);
+  // After `step` steps that took so many seconds. Waits.
+  void write(int step, double seconds);
+  // Warns instead of throwing: a training that cannot be saved is worth finishing, and there may be
+  // room later.
+  void try_write(int step, double seconds);
+
+ private:
+  Queue& queue_;
+  CheckpointFolder folder_;
+  const Trainer& trainer_;
+  CheckpointFacts facts_;
+};
+
+}  // namespace gflow

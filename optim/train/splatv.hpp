@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// .splatv files: moving splats for web viewers (antimatter15/splaTV, gsplat.js).
+#pragma once
+#include "optim/data/camera.hpp"
+#include "optim/train/model.hpp"
+
+namespace gflow {
+
+// A spacetime model's paths, turns and lives are the format's own: exact up to its half floats.
+// Colour is that of degree 0, the same from all sides. The viewer starts at the first camera; at
+// least one is needed. Error for other motion
+// models.
+void write_splatv(const std::string& path, const HostModel& model,
+                  const std::vector<Camera>& cameras);
+
+}  // namespace gflow

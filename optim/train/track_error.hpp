@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// How far a model's motion carries points away from their true paths in space.
+#pragma once
+#include "optim/train/model.hpp"
+
+namespace gflow {
+
+// Paths of `points` points over `steps` equal steps of the video, xyz [steps, points, 3], world.
+struct Tracks {
+  size_t steps = 0, points = 0;
+  std::vector<float> xyz;
+};
+// Error when the file holds no such array.
+Tracks read_tracks(const std::string& path);
+
+struct TrackError {
+  double mean = 0;    // distance from the true path, over all points and later steps [scene units]
+  double median = 0;  // over the points, of their mean
+  double end = 0;     // at the last step
+  double still = 0;   // mean for points that never move, for comparison
+  double lost = 0;    // share of the steps at which no Gaussian was there to carry a point
+};
+
+// Each point starts on its true place and is carried from step to step by the Gaussians around it
+// as material is, each by its own affine motion L(t') L(t)^-1, by the share they have in the
+// density there: a point may be handed from one short-lived Gaussian to the next.
+TrackError track_error(Queue& queue, Model& model, const Tracks& tracks);
+
+}  // namespace gflow

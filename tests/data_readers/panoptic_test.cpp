@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/ranges.h>
+
+#include "data_readers/made_scene.hpp"
+#include "optim/data/scene.hpp"
+#include "optim/io/npz.hpp"
+
+using namespace gflow;
+
+namespace {
+
+const char* const k = "[[10, 0, 4.5], [0, 11, 3.5], [0, 0, 1]]";
+
+// World-to-camera: camera c stands at (-c, 0, -5), unturned.
+std::string w2c(int c) { return fmt::format("[[1,0,0,{}],[0,1,0,0],[0,0,1,5],[0,0,0,1]]", c); }
+
+// For each time t and camera c the text of it(t, c), as nested lists.
+template <class It>
+std::string by_time(int times, const std::vector<int>& cameras, It it) {
+  std::vector<std::string> rows;
+  for (int t = 0; t < times; ++t) {
+    std::vector<std::string> row;
+    for (const int c : cameras) row.push_back(it(t, c));
+    rows.push_back(fmt::format("[{}]", fmt::join(row, ", ")));
+  }
+  return fmt::format("[{}]", fmt::join(rows, ", "));
+}
+
+std::string meta(int times, const std::vector<int>& cameras,
+                 const std::string& size = R"("w": 8, "h": 6)") {
+  return fmt::format(
+      R"({{{}, "k": {}, "w2c": {}, "fn": {}, "cam_id": {}}})", size,
+      by_time(times, cameras, [](int, int) { return std::string(k); }),
+      by_time(times, cameras, [](int, int c) { return w2c(c); }),
+      by_time(times, cameras, [](int t, int c) { return fmt::format("\"{}/{:06}.jpg\"", c, t); }),
+      by_time(times, cameras, [](int, int c) { return fmt::format("{}", c); }));
+}
+
+// Cameras 1 and 3 for training, 0 for the test, three times.
+void make(const TemporaryFolder& folder) {
+  for (const int c : {0, 1, 3})
+    for (int t = 0; t < 3; ++t) {
+      make_png(folder, fmt::format("ims/{}/{:06}.jpg", c, t));
+      make_png(folder, fmt::format("seg/{}/{:06}.png", c, t), 8, 6, 1);
+    }
+  folder.write("train_meta.json", meta(3, {1, 3}));
+  folder.write("test_meta.json", meta(3, {0}));
+}
+
+void replace(const TemporaryFolder& folder, const std::string& what, const std::string& by) {
+  std::string text = meta(3, {1, 3});
+  const size_t at = text.find(what);
+  ASSERT_NE(at, std::string::npos);
+  folder.write("train_meta.json", text.replace(at, what.size(), by));
+}
+
+}  // namespace
+
+TEST(Panoptic, CamerasByTimeBecomeTracks) {
+  const TemporaryFolder folder;
+  make(folder);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.layout, "panoptic");
+  EXPECT_EQ(scene.steps, 3);
+  EXPECT_EQ(scene.fps, 30);
+  EXPECT_FALSE(scene.has_alpha);
+  ASSERT_EQ(scene.train.size(), 6u);
+  ASSERT_EQ(scene.test.size(), 3u);
+  EXPECT_EQ(scene.cameras.size(), 3u);
+  EXPECT_EQ(scene.train[4].name, "cam03_0001");
+  EXPECT_EQ(scene.train[4].path, folder.file("ims/3/000001.jpg"));
+  EXPECT_EQ(scene.train[4].time, 0.5);
+  EXPECT_EQ(neighbour_pairs(scene).size(), 4u);
+  const Camera& camera = scene.cameras[size_t(scene.train[4].camera)];
+  EXPECT_EQ(camera.name, "cam03");
+  EXPECT_TRUE(camera.position().isApprox(Eigen::Vector3d(-3, 0, -5)));
+  // One to the right of the camera's axis, 5 + 5 ahead.
+  EXPECT_TRUE(camera.project({-2, 1, 5}).isApprox(Eigen::Vector2d(4.5 + 1, 3.5 + 1.1)));
+}
+
+TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
+  const TemporaryFolder folder;
+  make(folder);
+  write_npz(folder.file("init_pt_cld.npz"),
+            {{"data", {{1, 7}, std::vector<double>{1, 2, 3, 0, 0.5, 1, 1}}}});
+  SceneOptions options;
+  options.masks = Masks::all;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.points.xyz, (std::vector<float>{1, 2, 3}));
+  EXPECT_EQ(scene.points.rgb, (std::vector<uint8_t>{0, 128, 255}));
+  EXPECT_TRUE(scene.has_alpha);
+  EXPECT_EQ(scene.train[4].mask_path, folder.file("seg/3/000001.png"));
+}
+
+TEST(Panoptic, FilesThatContradictThemselvesAreRefused) {
+  const TemporaryFolder folder;
+  make(folder);
+  const auto read = [&] { read_scene(folder.path()); };
+  replace(folder, "[[1,0,0,1]", "[[NaN,0,0,1]");
+  expect_error(read, {"train_meta.json", "no JSON"});
+  replace(folder, "[[1,0,0,1]", "[[null,0,0,1]");
+  expect_error(read, {"'w2c' of camera 0 at time 0", "train_meta.json", "finite numbers"});
+  replace(folder, "[[1,0,0,1]", "[[2,0,0,1]");
+  expect_error(read, {"'w2c' of camera 0 at time 0", "no rotation"});
+  replace(folder, "[[10, 0, 4.5]", "[[10, 4.5]");
+  expect_error(read, {"'k' of camera 0 at time 0", "3 rows of 3"});
+  replace(folder, "[\"1/000000.jpg\", ", "[");
+  expect_error(read, {"train_meta.json", "other cameras", "time 0"});
+  replace(folder, "\"cam_id\": [[1, 3], ", "\"cam_id\": [");
+  expect_error(read, {"'cam_id'", "3 times"});
+  replace(folder, "\"cam_id\": [[1, ", "\"cam_id\": [[1.5, ");
+  expect_error(read, {"'cam_id'", "no whole number"});
+  replace(folder, "\"w\": 8", "\"w\": 9");
+  expect_error(read, {"8x6", "9x6"});
+  replace(folder, "\"w\": 8, ", "");
+  expect_error(read, {"train_meta.json", "no 'w'"});
+  replace(folder, "1/000000.jpg", "1/none.jpg");
+  expect_error(read, {"1/none.jpg", "there is no"});
+  replace(folder, "1/000000.jpg", "../../000000.jpg");
+  expect_error(read, {"relative path"});
+  folder.write("train_meta.json", meta(3, {1, 3}).substr(0, 200));
+  expect_error(read, {"train_meta.json", "no JSON"});
+  folder.write("train_meta.json", meta(2, {1, 3}));
+  expect_error(read, {"test_meta.json", "more than the 2 times"});
+  folder.write("train_meta.json", meta(0, {}));
+  expect_error(read, {"train_meta.json", "no pictures"});
+  make(folder);
+  write_npz(folder.file("init_pt_cld.npz"), {{"data", {{1, 3}, std::vector<double>{1, 2, 3}}}});
+  expect_error(read, {"init_pt_cld.npz", "(1, 3)"});
+}

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shared rigid motions: what one weight of 1 means, the device against double and differences.
+#include "optim/motion/bases.hpp"
+
+#include <gtest/gtest.h>
+
+#include "engine/motion_check.hpp"
+#include "shared/bases.h"
+
+namespace gflow {
+namespace {
+
+BasisPose pose_at(const MotionShape& shape, const Named& p, int b, double t) {
+  const KeyWeights keys = key_weights(t, double(shape.duration), shape.keys);
+  BasisPose pose{{1, 0, 0, 0}, {0, 0, 0}, reference::row3(p.at("pivots"), size_t(b))};
+  for (int k = 0; k < keys.count; ++k) {
+    const size_t row = size_t(keys.first + k) * size_t(shape.bases) + size_t(b);
+    const double w = double(keys.weight[k]);
+    pose.shift = pose.shift + reference::row3(p.at("basis_shifts"), row) * w;
+    pose.quat = pose.quat + reference::row4(p.at("basis_turns"), row) * w;
+  }
+  pose.quat = quat_normalize(pose.quat).q;
+  return pose;
+}
+
+Shifted bases_at(const MotionShape& shape, const Named& p, size_t i, double t) {
+  const Still rest = still_row(p, i);
+  double weights[MAX_BASES];
+  basis_weights(shape.bases, &p.at("basis_logits")[i * size_t(shape.bases)], weights);
+  real3 shift{0, 0, 0};
+  real4 turn{0, 0, 0, 0};
+  for (int b = 0; b < shape.bases; ++b) {
+    const BasisPose pose = pose_at(shape, p, b, t);
+    shift = shift + basis_shift(pose, rest.mean) * weights[b];
+    turn = turn + basis_turn(pose) * weights[b];
+  }
+  return shifted_at(blended(rest, shift, turn), {{0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0}}, t);
+}
+
+MotionShape shape_of(int keys, int bases) {
+  MotionShape shape;
+  shape.motion = MotionModelKind::bases;
+  shape.duration = 2;
+  shape.keys = keys;
+  shape.bases = bases;
+  return shape;
+}
+
+TEST(Bases, WeightsAreASoftmaxBesideARestOfZeroAndStandLargeLogits) {
+  const double logits[] = {1, -2, .5};
+  double weights[3];
+  basis_weights(3, logits, weights);
+  const double sum = 1 + std::exp(1) + std::exp(-2) + std::exp(.5);
+  for (int b = 0; b < 3; ++b) EXPECT_NEAR(weights[b], std::exp(logits[b]) / sum, 1e-15);
+  const double far[] = {900, -900, 899};
+  basis_weights(3, far, weights);
+  EXPECT_NEAR(weights[0], 1 / (1 + std::exp(-1)), 1e-12);
+  EXPECT_EQ(weights[1], 0);
+}
+
+TEST(Bases, OneFullWeightIsThatRigidMotion) {
+  Random random(3);
+  for (int i = 0; i < 20; ++i) {
+    Still g;
+    g.mean = random.three();
+    g.quat = random.four();
+    BasisPose pose{quat_normalize(random.four()).q, random.three(), random.three()};
+    const Still moved = blended(g, basis_shift(pose, g.mean), basis_turn(pose));
+    const Eigen::Matrix3d r = eigen_quat(pose.quat).toRotationMatrix();
+    const Eigen::Vector3d at = r * eigen(g.mean - pose.pivot) + eigen(pose.pivot + pose.shift);
+    EXPECT_LT((eigen(moved.mean) - at).norm(), 1e-12);
+    const Eigen::Matrix3d before = eigen_quat(g.quat).normalized().toRotationMatrix();
+    const Eigen::Matrix3d after = eigen_quat(moved.quat).normalized().toRotationMatrix();
+    EXPECT_LT((after - r * before).norm(), 1e-12);
+  }
+}
+
+class BasesOfSomeSizes : public testing::TestWithParam<std::pair<int, int>> {};
+INSTANTIATE_TEST_SUITE_P(Motion, BasesOfSomeSizes,
+                         testing::Values(std::pair{1, 1}, std::pair{5, 1}, std::pair{4, 3},
+                                         std::pair{3, 32}));
+
+TEST_P(BasesOfSomeSizes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
+  Queue queue = test_queue();
+  const MotionShape shape = shape_of(GetParam().first, GetParam().second);
+  MotionCheck check(queue, shape, 150,
+                    [&](const Named& p, size_t i, double t) { return bases_at(shape, p, i, t); },
+                    {{"basis_turns", 0.2}});
+  for (const double t : {0.0, 0.3, 1.0, 1.7, 2.0}) check.expect_same_gaussians(t, {1e-5, 1e-5});
+  check.expect_same_gradients(0.4, 0.9, 1e-5, {"pivots"});  // float32
+}
+
+TEST(Bases, PivotsLieFarApartAmongWhatMovesAndGaussiansFollowThoseNear) {
+  const MotionShape shape = shape_of(3, 2);
+  HostGroups groups;
+  groups["means"] = {50, 0, 0, 0, 0, 0, .1f, 0, 0, 5, 0, 0, 5.1f, 0, 0};
+  groups["basis_logits"].assign(10, 0.f);
+  groups["pivots"].assign(6, 0.f);
+  place_bases(shape, groups, 1);
+  EXPECT_EQ(groups["pivots"], (std::vector<float>{0, 0, 0, 5.1f, 0, 0}));
+  const auto logit = [&](size_t i, size_t b) { return groups["basis_logits"][2 * i + b]; };
+  EXPECT_LT(std::max(logit(0, 0), logit(0, 1)), -5);  // rests
+  EXPECT_GT(logit(2, 0), 1);
+  EXPECT_LT(logit(2, 1), 0);
+  EXPECT_GT(logit(3, 1), 1);
+}
+
+}  // namespace
+}  // namespace gflow

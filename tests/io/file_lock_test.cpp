@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/io/file_lock.hpp"
+
+#include <sys/wait.h>
+
+#include <csignal>
+
+#include "io/temporary_folder.hpp"
+
+using namespace gflow;
+
+TEST(FileLock, ASecondOneIsRefusedWithTheNumberOfTheProcess) {
+  const TemporaryFolder folder;
+  const FileLock lock(folder.file("lock"), "the folder");
+  expect_error([&] { FileLock(folder.file("lock"), "the folder"); },
+               {"the folder", "process " + std::to_string(getpid())});
+}
+
+TEST(FileLock, EndsWithTheObject) {
+  const TemporaryFolder folder;
+  { const FileLock lock(folder.file("lock"), "the folder"); }
+  EXPECT_NO_THROW(FileLock(folder.file("lock"), "the folder"));
+}
+
+TEST(FileLock, EndsWithAProcessThatIsKilled) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("lock");
+  int ready[2];
+  ASSERT_EQ(pipe(ready), 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    const FileLock lock(path, "the folder");
+    if (write(ready[1], "x", 1) == 1) pause();
+    _exit(0);
+  }
+  char byte;
+  ASSERT_EQ(read(ready[0], &byte, 1), 1);
+  expect_error([&] { FileLock(path, "the folder"); }, {"process " + std::to_string(child)});
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  EXPECT_NO_THROW(FileLock(path, "the folder"));
+}
+
+TEST(FileLock, WhereNoFileCanBeMadeTheReasonIsSaid) {
+  const TemporaryFolder folder;
+  expect_error([&] { FileLock(folder.path() + "/none/lock", "the folder"); },
+               {"/none/lock", "No such file"});
+}

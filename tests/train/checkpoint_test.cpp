@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// The file itself: nothing but what was written is ever read from it.
+#include "optim/train/checkpoint.hpp"
+
+#include "io/file_size_limit.hpp"
+#include "io/temporary_folder.hpp"
+
+namespace gflow {
+namespace {
+
+Checkpoint some_checkpoint(int step) {
+  Checkpoint checkpoint;
+  checkpoint.facts = {step, 12.5, "[train]\nseed = 3\n", "0badcafe", "a device", "12345678"};
+  std::vector<float> means(300);
+  for (size_t i = 0; i < means.size(); ++i) means[i] = 0.1f * float(i + size_t(step));
+  checkpoint.arrays = {{"gaussians/means", {{100, 3}, means}},
+                       {"gaussians/rows/steps", {{100}, std::vector<uint32_t>(100, 7)}},
+                       {"density/pull", {{0}, std::vector<float>{}}}};
+  return checkpoint;
+}
+
+bool same(const Checkpoint& a, const Checkpoint& b) {
+  const auto facts = [](const CheckpointFacts& f) {
+    return std::tie(f.step, f.seconds, f.config, f.scene, f.device, f.program);
+  };
+  if (facts(a.facts) != facts(b.facts) || a.arrays.size() != b.arrays.size()) return false;
+  for (const auto& [name, array] : a.arrays) {
+    const auto found = b.arrays.find(name);
+    if (found == b.arrays.end() || found->second.shape != array.shape ||
+        found->second.values != array.values)
+      return false;
+  }
+  return true;
+}
+
+TEST(Checkpoint, WhatIsWrittenIsReadAgain) {
+  const TemporaryFolder folder;
+  write_checkpoint(folder.file("a.npz"), some_checkpoint(20));
+  EXPECT_TRUE(same(read_checkpoint(folder.file("a.npz")), some_checkpoint(20)));
+}
+
+TEST(Checkpoint, APathThatIsNotUtf8IsNoObstacle) {
+  const TemporaryFolder folder;
+  Checkpoint checkpoint = some_checkpoint(1);
+  checkpoint.facts.config = "[scene]\npath = \"/caf\xe9\"\n";
+  write_checkpoint(folder.file("a.npz"), checkpoint);
+  EXPECT_EQ(read_checkpoint(folder.file("a.npz")).facts.step, 1);
+}
+
+// A bit of the few bytes that say nothing (times and versions of the archive) may change, nothing
+// else: what is read is what was written, or there is a reason.
+TEST(Checkpoint, EveryByteThatChangesIsNoticedOrMeansNothing) {
+  const TemporaryFolder folder;
+  const Checkpoint written = some_checkpoint(20);
+  write_checkpoint(folder.file("a.npz"), written);
+  const std::string whole = contents(folder.file("a.npz"));
+  size_t refused = 0;
+  for (size_t i = 0; i < whole.size(); ++i) {
+    std::string damaged = whole;
+    damaged[i] = char(damaged[i] ^ (1 << i % 8));
+    folder.write("damaged.npz", damaged);
+    try {
+      EXPECT_TRUE(same(read_checkpoint(folder.file("damaged.npz")), written)) << "byte " << i;
+    } catch (const Error& error) {
+      EXPECT_NE(std::string(error.what()).find("damaged.npz"), std::string::npos) << error.what();
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, whole.size() * 4 / 5);
+}
+
+TEST(Checkpoint, CutOffAnywhereItIsRefused) {
+  const TemporaryFolder folder;
+  write_checkpoint(folder.file("a.npz"), some_checkpoint(20));
+  const std::string whole = contents(folder.file("a.npz"));
+  for (size_t length = 0; length < whole.size(); length += length < 64 ? 1 : 13) {
+    folder.write("cut.npz", whole.substr(0, length));
+    expect_error([&] { read_checkpoint(folder.file("cut.npz")); }, {"cut.npz"});
+  }
+}
+
+// Another archive in its place, or one of a format to come.
+TEST(Checkpoint, OtherArchivesAndFormatsAreRefusedWithTheReason) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.npz");
+  const auto with_facts = [&](const std::string& text) {
+    write_npz(path, {{"facts", {{text.size()}, std::vector<uint8_t>(text.begin(), text.end())}}});
+  };
+  write_npz(path, {{"means", {{1}, std::vector<float>{1}}}});
+  expect_error([&] { read_checkpoint(path); }, {"a.npz", "no checkpoint"});
+  with_facts("{");
+  expect_error([&] { read_checkpoint(path); }, {"a.npz", "no checkpoint"});
+  with_facts("{\"format\": \"new\"}");
+  expect_error([&] { read_checkpoint(path); }, {"a.npz", "no checkpoint"});
+  for (const char* format : {"0", "2"}) {
+    with_facts("{\"format\": " + std::string(format) + "}");
+    expect_error([&] { read_checkpoint(path); },
+                 {"a.npz", std::string("format ") + format, "reads format 1"});
+  }
+  with_facts("{\"format\": 1, \"arrays\": {\"gone\": [3]}}");
+  expect_error([&] { read_checkpoint(path); }, {"a.npz", "'gone'"});
+}
+
+TEST(CheckpointFolder, KeepsTheLastTwo) {
+  const TemporaryFolder folder;
+  const CheckpointFolder checkpoints(folder.path() + "/checkpoints");
+  EXPECT_FALSE(checkpoints.latest());
+  for (const int step : {5, 10, 100}) checkpoints.write(some_checkpoint(step));
+  EXPECT_EQ(folder.count(), 2u);
+  EXPECT_TRUE(std::filesystem::exists(checkpoints.path(10)));
+  EXPECT_TRUE(same(checkpoints.latest()->checkpoint, some_checkpoint(100)));
+  checkpoints.clear();
+  EXPECT_FALSE(checkpoints.latest());
+}
+
+TEST(CheckpointFolder, TakesTheOneBeforeADamagedOneAndSaysSo) {
+  const TemporaryFolder folder;
+  const CheckpointFolder checkpoints(folder.path());
+  for (const int step : {10, 20}) checkpoints.write(some_checkpoint(step));
+  std::filesystem::resize_file(checkpoints.path(20), 1000);
+  testing::internal::CaptureStderr();
+  const auto found = checkpoints.latest();
+  const std::string said = testing::internal::GetCapturedStderr();
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->checkpoint.facts.step, 10);
+  EXPECT_EQ(said.rfind("gflow: warning: ", 0), 0u) << said;
+  EXPECT_NE(said.find("iteration_20.npz"), std::string::npos) << said;
+  // The next one is kept with the sound one, not with the damaged one.
+  checkpoints.write(some_checkpoint(15));
+  EXPECT_TRUE(std::filesystem::exists(checkpoints.path(10)));
+  EXPECT_FALSE(std::filesystem::exists(checkpoints.path(20)));
+}
+
+TEST(CheckpointFolder, WithNoneThatCanBeReadIsAnError) {
+  const TemporaryFolder folder;
+  const CheckpointFolder checkpoints(folder.path());
+  for (const int step : {10, 20}) folder.write("iteration_" + std::to_string(step) + ".npz", "PK");
+  testing::internal::CaptureStderr();
+  expect_error([&] { checkpoints.latest(); }, {"no checkpoint in", "iteration_10.npz", "--resume"});
+  testing::internal::GetCapturedStderr();
+}
+
+TEST(CheckpointFolder, OnAFullDiskTheOlderOnesRemain) {
+  const TemporaryFolder folder;
+  const CheckpointFolder checkpoints(folder.path());
+  for (const int step : {10, 20}) checkpoints.write(some_checkpoint(step));
+  {
+    const FileSizeLimit limit(1000);
+    expect_error([&] { checkpoints.write(some_checkpoint(30)); },
+                 {"iteration_30.npz", "File too large"});
+  }
+  EXPECT_EQ(folder.count(), 2u);
+  EXPECT_EQ(checkpoints.latest()->checkpoint.facts.step, 20);
+}
+
+}  // namespace
+}  // namespace gflow

@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+// Trainings that are stopped in every way and go on. tests/kill_and_resume does the same at random
+// moments.
+#include "train/command.hpp"
+#include "train/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+// A scene and an uninterrupted run, without checkpoints on the way.
+class Resume : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    Queue queue = test_queue();
+    scene_ = new SmallScene(queue);
+    folder_ = new TemporaryFolder;
+    write_config();
+    ASSERT_EQ(gflow(train("whole", {"--set", "train.checkpoint_every=0"})).code, 0);
+  }
+  static void TearDownTestSuite() {
+    delete scene_;
+    delete folder_;
+  }
+  void SetUp() override { fs::remove_all(run("run")); }
+
+  static std::string run(const std::string& name) { return folder_->path() + "/" + name; }
+  static std::vector<std::string> train(const std::string& name,
+                                        const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{"train",    scene_->path(),     "-o",     run(name),
+                                       "--config", run("config.toml"), "--quiet"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+  static std::vector<std::string> resume(const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{"train", "-o", run("run"), "--resume", "--quiet"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+  static std::string checkpoint(int step) { return RunFolder(run("run")).checkpoints().path(step); }
+
+  // A run that was ended by this signal right after its checkpoint of this step.
+  static Outcome stopped_after(int step, int signal) {
+    const Command command(train("run"));
+    EXPECT_TRUE(wait_until([&] { return fs::exists(checkpoint(step)); }));
+    command.send(signal);
+    return command.wait();
+  }
+  // What a run leaves but for times.
+  static std::vector<std::string> left_in(const std::string& name) {
+    std::vector<std::string> left{contents(RunFolder(run(name)).latest_model()),
+                                  contents(run(name) + "/per_view.json")};
+    std::ifstream metrics(run(name) + "/metrics.jsonl");
+    for (std::string line; std::getline(metrics, line);) {
+      const size_t seconds = line.find("\"seconds\"");
+      left.push_back(line.erase(seconds, line.find(',', seconds) - seconds));
+    }
+    return left;
+  }
+  static void expect_as_uninterrupted() {
+    EXPECT_TRUE(left_in("run") == left_in("whole"));
+    size_t unfinished = 0;
+    for (const auto& entry : fs::recursive_directory_iterator(run("run")))
+      unfinished += is_temporary_name(entry.path().filename().string());
+    EXPECT_EQ(unfinished, 0u);
+  }
+
+  static SmallScene* scene_;
+
+ private:
+  static void write_config() {
+    TrainConfig config = small_config(*scene_, 240);
+    config.train.log_every = 10;
+    config.train.checkpoint_every = 20;
+    folder_->write("config.toml", to_toml(config));
+  }
+  static TemporaryFolder* folder_;
+};
+SmallScene* Resume::scene_ = nullptr;
+TemporaryFolder* Resume::folder_ = nullptr;
+
+TEST_F(Resume, CheckpointsChangeNoBitOfTheTraining) {
+  ASSERT_EQ(gflow(train("run")).code, 0);
+  expect_as_uninterrupted();
+}
+
+TEST_F(Resume, AKilledTrainingGoesOnAsIfNothingHadHappened) {
+  EXPECT_EQ(stopped_after(40, SIGKILL).code, 128 + SIGKILL);
+  // As if it had been within a line of the log, and within its next checkpoint.
+  std::ofstream(run("run") + "/metrics.jsonl", std::ios::app) << "{\"iteration\":5";
+  std::ofstream(run("run") + "/checkpoints/.iteration_60.77-0.part.npz") << "PK";
+  const Outcome outcome = gflow(resume());
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(outcome.err, "");
+  expect_as_uninterrupted();
+}
+
+TEST_F(Resume, ATrainingKilledTwiceGoesOn) {
+  EXPECT_EQ(stopped_after(20, SIGKILL).code, 128 + SIGKILL);
+  const Command command(resume());
+  EXPECT_TRUE(wait_until([&] { return fs::exists(checkpoint(160)); }));
+  command.send(SIGKILL);
+  command.wait();
+  EXPECT_EQ(gflow(resume()).code, 0);
+  expect_as_uninterrupted();
+}
+
+TEST_F(Resume, ATrainingKilledBeforeItsFirstCheckpointStartsAgain) {
+  const Command command(train("run"));
+  EXPECT_TRUE(wait_until([&] { return fs::exists(run("run") + "/config.toml"); }));
+  command.send(SIGKILL);
+  command.wait();
+  fs::remove_all(run("run") + "/checkpoints");  // it may have been quick
+  EXPECT_EQ(gflow(resume()).code, 0);
+  expect_as_uninterrupted();
+}
+
+TEST_F(Resume, AnInterruptedTrainingSavesFirstAndSaysHowToGoOn) {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    fs::remove_all(run("run"));
+    const Outcome outcome = stopped_after(40, signal);
+    EXPECT_EQ(outcome.code, 128 + signal) << outcome.err;
+    EXPECT_NE(outcome.err.find("`gflow train -o " + run("run") + " --resume`"), std::string::npos)
+        << outcome.err;
+    const int steps = RunFolder(run("run")).read_facts().iterations;
+    EXPECT_TRUE(fs::exists(checkpoint(steps))) << steps;
+    EXPECT_EQ(gflow(resume()).code, 0);
+    expect_as_uninterrupted();
+  }
+}
+
+TEST_F(Resume, AFinishedTrainingIsEvaluatedAgainAndNothingElse) {
+  ASSERT_EQ(gflow(train("run")).code, 0);
+  fs::remove(run("run") + "/results.json");
+  EXPECT_EQ(gflow(resume()).code, 0);
+  EXPECT_TRUE(fs::exists(run("run") + "/results.json"));
+  expect_as_uninterrupted();
+}
+
+TEST_F(Resume, TheCheckpointBeforeADamagedOneIsUsed) {
+  stopped_after(60, SIGKILL);
+  const auto found = RunFolder(run("run")).checkpoints().latest();
+  std::fstream file(found->path, std::ios::in | std::ios::out | std::ios::binary);
+  file.seekp(2000).write("damage", 6);
+  file.close();
+  const Outcome outcome = gflow(resume());
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.err.find("warning: "), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find(found->path), std::string::npos) << outcome.err;
+  expect_as_uninterrupted();
+}
+
+TEST_F(Resume, SettingsThatChangeTheResultAreRefusedOthersAreNot) {
+  stopped_after(20, SIGKILL);
+  expect_refused(resume({"--set", "flow.weight=0.3"}), {"flow.weight", "0.05", "0.3"});
+  expect_refused(resume({"--iterations", "300"}), {"train.iterations", "240", "300"});
+  expect_refused(resume({"--seed", "4"}), {"train.seed"});
+  const Outcome outcome =
+      gflow(resume({"--set", "train.checkpoint_every=7", "--set", "train.minutes=60"}));
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  expect_as_uninterrupted();
+}
+
+TEST_F(Resume, ASceneMayMoveButNotChange) {
+  stopped_after(20, SIGKILL);
+  const std::string moved = run("moved");
+  fs::copy(scene_->path(), moved, fs::copy_options::recursive);
+  std::ofstream(moved + "/cam01/images/0001.png", std::ios::app) << "more";
+  expect_refused({"train", moved, "-o", run("run"), "--resume", "--quiet"},
+                 {moved, "cameras or pictures"});
+  fs::copy(scene_->path(), moved,
+           fs::copy_options::recursive | fs::copy_options::overwrite_existing);
+  EXPECT_EQ(gflow({"train", moved, "-o", run("run"), "--resume", "--quiet"}).code, 0);
+  expect_as_uninterrupted();
+}
+
+TEST_F(Resume, ASecondProcessIsRefused) {
+  const Command command(train("run", {"--iterations", "100000000"}));
+  EXPECT_TRUE(wait_until([&] { return fs::exists(checkpoint(20)); }));
+  for (const auto& arguments :
+       {train("run"), resume(), std::vector<std::string>{"eval", run("run"), "--quiet"}})
+    expect_refused(arguments, {run("run"), "being written by process"});
+  command.send(SIGINT);
+  EXPECT_EQ(command.wait().code, 130);
+}
+
+TEST_F(Resume, WithoutARunTheSceneIsNeeded) {
+  expect_refused(resume(), {run("run"), "no config.toml", "gflow train SCENE"});
+  expect_refused({"train", "-o", run("run")}, {"SCENE is required"});
+}
+
+TEST_F(Resume, ANewTrainingForgetsTheCheckpointsOfTheFormerOne) {
+  stopped_after(60, SIGKILL);
+  EXPECT_EQ(gflow(train("run", {"--iterations", "1", "--seed", "5"})).code, 0);
+  EXPECT_FALSE(fs::exists(checkpoint(60)));
+  EXPECT_TRUE(fs::exists(checkpoint(1)));
+}
+
+// The checkpoints do not fit, the rest does: training goes on, and only the last one is an error.
+TEST_F(Resume, AFullDiskStopsNoTraining) {
+  const std::string cache = "export GFLOW_CACHE_DIR='" + run("cache") + "'";
+  const std::vector<std::string> fixed{"--set", "density.enabled=false", "--set",
+                                       "train.checkpoint_every=100"};
+  ASSERT_EQ(gflow(train("run", fixed), cache).code, 0);
+  // A shell counts in blocks of 512 or of 1024 bytes.
+  const uintmax_t blocks = fs::file_size(run("run") + "/input.ply") / 512 + 1;
+  ASSERT_LT(1024 * blocks, fs::file_size(checkpoint(200)));
+  const Outcome outcome =
+      gflow(train("run", fixed), cache + "; ulimit -f " + std::to_string(blocks));
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find("warning: no checkpoint of step 200"), std::string::npos)
+      << outcome.err;
+  EXPECT_NE(outcome.err.find("iteration_240.npz: "), std::string::npos) << outcome.err;
+  EXPECT_EQ(RunFolder(run("run")).latest_model(), RunFolder(run("run")).model_path(240));
+}
+
+}  // namespace
+}  // namespace gflow

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// Points carried through space by Gaussians whose motion is known.
+#include "optim/train/track_error.hpp"
+
+#include "device.hpp"
+#include "io/temporary_folder.hpp"
+#include "optim/io/npy.hpp"
+#include "train/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+// A ball of Gaussians at the origin that moves by v in each unit of time, and a still one far off.
+HostModel moving_ball(const std::array<double, 3>& v, float turn, float life) {
+  HostModel host;
+  append_gaussian(host, {0, 0, 0}, 0.2f, {0.5f, 0.5f, 0.5f}, 0);
+  append_gaussian(host, {0, 3, 0}, 0.2f, {0.5f, 0.5f, 0.5f}, 0);
+  host.shape.sh_degree = 0;
+  host.shape.duration = 2;
+  add_rest(host.shape, host.groups, host.count);
+  for (size_t i = 0; i < 2; ++i) {
+    host.groups["means_t"][i] = 0;
+    host.groups["log_scales"][4 * i + 3] = std::log(life);
+  }
+  set_velocity(host.shape, host.groups, 0, v, 0.2, double(life));
+  host.groups["turns"][3] = turn;  // about z
+  return host;
+}
+
+TEST(TrackError, IsNoneOnTheTruePathsAndThePathsLengthWhereNothingMoves) {
+  Queue queue = test_queue();
+  const size_t steps = 5, points = 3;
+  Tracks tracks{steps, points, {}};
+  for (size_t k = 0; k < steps; ++k) {
+    const float t = 2 * float(k) / 4;
+    for (const std::array<float, 3>& p :
+         {std::array<float, 3>{0, 0, 0}, {.1f, .05f, 0}, {0, 3.1f, 0}}) {
+      const bool moves = p[1] < 1;
+      tracks.xyz.insert(tracks.xyz.end(), {p[0] + (moves ? .4f * t : 0), p[1], p[2]});
+    }
+  }
+  Model right(queue, moving_ball({.4, 0, 0}, 0, 100));
+  const TrackError none = track_error(queue, right, tracks);
+  EXPECT_LT(none.mean, 1e-5);
+  EXPECT_EQ(none.lost, 0);
+  const double far = (0.2 + 0.4 + 0.6 + 0.8) / 4;  // mean over the later steps
+  EXPECT_NEAR(none.still, far * 2 / 3, 1e-5);
+  Model still(queue, moving_ball({0, 0, 0}, 0, 100));
+  const TrackError all = track_error(queue, still, tracks);
+  EXPECT_NEAR(all.mean, all.still, 1e-5);
+  EXPECT_NEAR(all.median, far, 1e-5);
+  EXPECT_NEAR(all.end, 0.8 * 2 / 3, 1e-5);
+}
+
+TEST(TrackError, ATurningGaussianTakesItsPointsAround) {
+  Queue queue = test_queue();
+  Model model(queue, moving_ball({0, 0, 0}, 1, 100));  // quaternion (1, 0, 0, t): angle 2 atan t
+  Tracks tracks{3, 1, {}};
+  for (const double t : {0.0, 1.0, 2.0}) {
+    const double angle = 2 * std::atan(t);
+    tracks.xyz.insert(tracks.xyz.end(),
+                      {float(.15 * std::cos(angle)), float(.15 * std::sin(angle)), 0});
+  }
+  EXPECT_LT(track_error(queue, model, tracks).mean, 1e-5);
+}
+
+TEST(TrackError, APointThatNothingCarriesIsLostAndStays) {
+  Queue queue = test_queue();
+  Model model(queue, moving_ball({.4, 0, 0}, 0, .05f));  // gone after the first step
+  Tracks tracks{5, 1, {}};
+  for (int k = 0; k < 5; ++k) tracks.xyz.insert(tracks.xyz.end(), {.2f * float(k), 0, 0});
+  const TrackError error = track_error(queue, model, tracks);
+  EXPECT_NEAR(error.lost, 0.75, 1e-12);
+  EXPECT_NEAR(error.end, 0.6, 1e-5);
+}
+
+TEST(TrackError, FilesThatHoldNoTracksAreRefused) {
+  const TemporaryFolder folder;
+  write_npy(folder.file("a.npy"), Array{{4, 3}, std::vector<float>(12)});
+  EXPECT_THROW(read_tracks(folder.file("a.npy")), Error);
+  write_npy(folder.file("b.npy"), Array{{2, 1, 3}, std::vector<float>(6, NAN)});
+  EXPECT_THROW(read_tracks(folder.file("b.npy")), Error);
+  write_npy(folder.file("c.npy"), Array{{2, 1, 3}, std::vector<double>(6, .5)});
+  EXPECT_EQ(read_tracks(folder.file("c.npy")).points, 1u);
+}
+
+}  // namespace
+}  // namespace gflow
