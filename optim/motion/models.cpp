@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "optim/motion/bases.hpp"
+#include "optim/motion/hexplane.hpp"
 #include "optim/motion/keyframes.hpp"
 #include "optim/motion/native4d.hpp"
 #include "optim/motion/spacetime.hpp"
@@ -41,6 +42,8 @@ std::unique_ptr<Motion> make_motion(Queue& queue, const MotionShape& shape) {
       return std::make_unique<Native4dMotion>(queue, shape.cutoff);
     case MotionModelKind::keyframes:
       return std::make_unique<KeyframesMotion>(queue, shape);
+    case MotionModelKind::hexplane:
+      return std::make_unique<HexplaneMotion>(queue, shape);
     case MotionModelKind::bases:
       return std::make_unique<BasesMotion>(queue, shape);
   }
@@ -56,6 +59,7 @@ std::vector<MotionColumns> motion_columns(const MotionShape& shape) {
     case MotionModelKind::native4d:
       return {{"quats_r", {"rot_r_0", "rot_r_1", "rot_r_2", "rot_r_3"}}};
     case MotionModelKind::keyframes:
+    case MotionModelKind::hexplane:
       return {};
     case MotionModelKind::bases: {
       MotionColumns columns{"basis_logits", {}};
@@ -70,16 +74,18 @@ std::vector<MotionColumns> motion_columns(const MotionShape& shape) {
 std::vector<TableSpec> motion_tables(const MotionShape& shape) {
   if (shape.motion == MotionModelKind::keyframes) return keyframes_tables(shape.keys);
   if (shape.motion == MotionModelKind::bases) return bases_tables(shape.keys, shape.bases);
+  if (shape.motion == MotionModelKind::hexplane) return hexplane_tables(shape.hexplane);
   return {};
 }
 
-void add_rest(const MotionShape& shape, HostGroups& groups, size_t count) {
+void add_rest(const MotionShape& shape, HostGroups& groups, size_t count, uint32_t seed) {
   for (const MotionColumns& columns : motion_columns(shape))
     groups[columns.group].assign(columns.properties.size() * count, 0.f);
   for (const TableSpec& table : motion_tables(shape))
     for (const GroupSpec& group : table.groups)
       groups[group.name].assign(group.width * table.count(count), 0.f);
   if (shape.motion == MotionModelKind::native4d) groups["quats_r"] = groups.at("quats");
+  if (shape.motion == MotionModelKind::hexplane) set_hexplane_rest(shape.hexplane, groups, seed);
 }
 
 void set_velocity(const MotionShape& shape, HostGroups& groups, size_t i,
@@ -105,6 +111,7 @@ void set_velocity(const MotionShape& shape, HostGroups& groups, size_t i,
 
 bool at_rest(const MotionShape& shape, const HostGroups& groups) {
   if (shape.motion == MotionModelKind::native4d) return groups.at("quats") == groups.at("quats_r");
+  if (shape.motion == MotionModelKind::hexplane) return hexplane_at_rest(shape.hexplane, groups);
   const auto zero = [&](const std::string& group) {
     const std::vector<float>& values = groups.at(group);
     return std::all_of(values.begin(), values.end(), [](float x) { return x == 0; });

@@ -10,9 +10,9 @@
 
 namespace gflow {
 
-enum class MotionModelKind { spacetime, native4d, keyframes, bases };
-constexpr std::array<const char*, 4> names_of(MotionModelKind) {
-  return {"spacetime", "native4d", "keyframes", "bases"};
+enum class MotionModelKind { spacetime, native4d, keyframes, bases, hexplane };
+constexpr std::array<const char*, 5> names_of(MotionModelKind) {
+  return {"spacetime", "native4d", "keyframes", "bases", "hexplane"};
 }
 
 // What a motion model must know beside its arrays.
@@ -22,14 +22,32 @@ struct MotionShape {
   float cutoff = 0.05f;  // temporal weight, in [0, 1), at or below which a Gaussian is skipped
   int keys = 0;          // keyframes, bases: moments at which the paths are held
   int bases = 0;         // bases: motions that all Gaussians share
+  HexplaneShape hexplane;
 
-  // Calls field(name, member) for each number that this model's files hold; all are above 0.
+  // Calls field(name, member, lowest) for each number that this model's files hold; all are above
+  // `lowest`.
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("duration", self.duration);
-    field("cutoff", self.cutoff);
-    if (self.motion >= MotionModelKind::keyframes) field("keys", self.keys);
-    if (self.motion == MotionModelKind::bases) field("bases", self.bases);
+    field("duration", self.duration, 0.0);
+    field("cutoff", self.cutoff, 0.0);
+    const bool keyed =
+        self.motion == MotionModelKind::keyframes || self.motion == MotionModelKind::bases;
+    if (keyed) field("keys", self.keys, 0.0);
+    if (self.motion == MotionModelKind::bases) field("bases", self.bases, 0.0);
+    if (self.motion != MotionModelKind::hexplane) return;
+    auto& h = self.hexplane;
+    field("resolution", h.resolution, 1.0);
+    field("times", h.times, 0.0);
+    field("levels", h.levels, 0.0);
+    field("channels", h.channels, 0.0);
+    field("hidden", h.hidden, 0.0);
+    field("layers", h.layers, 0.0);
+    const char* const centre[] = {"centre_x", "centre_y", "centre_z"};
+    const char* const half_size[] = {"half_size_x", "half_size_y", "half_size_z"};
+    for (size_t axis = 0; axis < 3; ++axis) {
+      field(centre[axis], h.centre[axis], -1e30);
+      field(half_size[axis], h.half_size[axis], 0.0);
+    }
   }
 };
 
@@ -49,12 +67,17 @@ std::vector<MotionColumns> motion_columns(const MotionShape& shape);
 // Its tables with other rows.
 std::vector<TableSpec> motion_tables(const MotionShape& shape);
 
-// Fills all of those for `count` Gaussians that stand still, turned as "quats" says.
-void add_rest(const MotionShape& shape, HostGroups& groups, size_t count);
+// Fills all of those for `count` Gaussians that stand still, turned as "quats" says. `seed`: of
+// what starts at random.
+void add_rest(const MotionShape& shape, HostGroups& groups, size_t count, uint32_t seed = 0);
+
+// Whether every Gaussian lasts for the whole video: there is one common pose, and what moves is
+// that, not which Gaussians there are.
+constexpr bool is_permanent(MotionModelKind kind) { return kind == MotionModelKind::hexplane; }
 
 // Gives Gaussian i, at rest, not turned, of spatial scale s and temporal scale s_t, the velocity v;
 // native4d: or the largest along v that those scales allow; keyframes: around its own moment;
-// bases: none, as no Gaussian has a motion of its own.
+// bases and hexplane: none, as no Gaussian has a motion of its own.
 void set_velocity(const MotionShape& shape, HostGroups& groups, size_t i,
                   const std::array<double, 3>& v, double s, double s_t);
 

@@ -3,6 +3,7 @@
 // interface only. Times are in the model's own unit: the video is [0, duration].
 #pragma once
 #include "optim/engine/gaussians.hpp"
+#include "optim/motion/hexplane_shape.hpp"
 #include "optim/motion/parameters.hpp"
 
 namespace gflow {
@@ -45,6 +46,9 @@ class Motion {
   virtual void backward(Queue& queue, Parameters& parameters, float t, bool first,
                         const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                         const Buffer<float>& v_factors, const Buffer<float>& v_opacities) = 0;
+
+  // After all backward() of a training step: adds the gradients of what keeps the model simple.
+  virtual void regularize(Queue&, Parameters&, const PlaneRule&) {}
 
   // Sets parameters.rows.pace and reach, by which Adam's rates become those of each Gaussian.
   virtual void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) = 0;

@@ -12,7 +12,18 @@
 namespace gflow {
 
 // What a group's values are; says at which rate they learn.
-enum class Quantity { position, time, rotation, scale, opacity, color, color_rest, weight };
+enum class Quantity {
+  position,
+  time,
+  rotation,
+  scale,
+  opacity,
+  color,
+  color_rest,
+  weight,
+  plane,
+  network
+};
 
 // A group's name and width, e.g. {"means", 3}.
 struct GroupSpec {

@@ -54,16 +54,19 @@ Rect around(const std::vector<uint8_t>& mask, int width, int height, uint8_t abo
 
 }  // namespace
 
+bool differs(const uint8_t* rgb, const uint8_t* usual) {
+  int most = 0;
+  for (size_t c = 0; c < 3; ++c) most = std::max(most, std::abs(int(rgb[c]) - int(usual[c])));
+  return most >= kChange;
+}
+
 std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t>& usual) {
   const int w = picture.width, h = picture.height;
   std::vector<uint8_t> mask(size_t(w) * size_t(h));
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
       const size_t i = 3 * (size_t(y) * size_t(w) + size_t(x));
-      int most = 0;
-      for (size_t c = 0; c < 3; ++c)
-        most = std::max(most, std::abs(int(picture.pixels[i + c]) - int(usual[i + c])));
-      if (most < kChange) continue;
+      if (!differs(&picture.pixels[i], &usual[i])) continue;
       for (int v = std::max(0, y - 1); v <= std::min(h - 1, y + 1); ++v)
         for (int u = std::max(0, x - 1); u <= std::min(w - 1, x + 1); ++u)
           mask[size_t(v) * size_t(w) + size_t(u)] = 1;

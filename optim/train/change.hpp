@@ -20,6 +20,9 @@ struct Watcher {
 // The cameras of scene.train that stand still over at least four steps.
 std::vector<Watcher> watchers_of(const Scene& scene, FrameStore& store);
 
+// Whether two colours differ by more than noise.
+bool differs(const uint8_t* rgb, const uint8_t* usual);
+
 // [H, W] 1 where a picture of the watcher differs from the usual by more than noise, or next to it.
 std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t>& usual);
 

@@ -172,7 +172,8 @@ struct MotionConfig {
   static void fields(Self& self, Field&& field) {
     field("model", self.model,
           "how the Gaussians move: spacetime (curved paths, turning), native4d (4D Gaussians), "
-          "keyframes (free paths through keys) or bases (a few rigid motions shared by all)");
+          "keyframes (free paths through keys), bases (a few rigid motions shared by all) or "
+          "hexplane (one pose and a field that shifts it)");
     field("keys", self.keys, "keyframes, bases: moments that hold the paths; 0: one a time step",
           at_least(0));
     field("bases", self.bases, "bases: rigid motions", between(1, 32));
@@ -184,6 +185,55 @@ struct MotionConfig {
           at_least(1));
     field("cutoff", self.cutoff, "a Gaussian whose temporal opacity is lower is skipped",
           between(0, 0.5f));
+  }
+};
+
+struct HexplaneConfig {
+  int levels = 2;
+  int channels = 16;
+  int resolution = 32;
+  int times = 0;
+  int hidden = 64;
+  int layers = 2;
+  float slack = 0.5f;
+  int warmup = 300;
+  float unfold = 0.5f;
+  float opacity = 0.01f;
+  bool turn = true;
+  bool resize = true;
+  float plane_tv = 0;
+  float time_smoothness = 0.01f;
+  float l1_time = 0;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("levels", self.levels, "sets of planes, each twice as fine in space", between(1, 4));
+    field("channels", self.channels, "features of a level", one_of({16, 32, 64}));
+    field("resolution", self.resolution, "cells along x, y and z at the first level",
+          between(2, 1024));
+    field("times", self.times, "rows of the planes in time; 0: one for two time steps",
+          between(0, 10000));
+    field("hidden", self.hidden, "neurons of a hidden layer", one_of({32, 64, 128, 256}));
+    field("layers", self.layers, "hidden layers", between(1, 4));
+    field("slack", self.slack, "room around the first Gaussians [x their extent]", at_least(0));
+    field("warmup", self.warmup, "first steps, in which nothing learns to move", at_least(0));
+    field("unfold", self.unfold,
+          "share of the training in which the views widen from the middle of the video to all of "
+          "it; 0: all at once",
+          between(0, 1));
+    field(
+        "opacity", self.opacity,
+        "learning rate instead of lr.opacity: what lasts must not fade before it has learnt where "
+        "to be",
+        at_least(0));
+    field("turn", self.turn, "learn how Gaussians turn");
+    field("resize", self.resize, "learn how Gaussians change their size");
+    field("plane_tv", self.plane_tv,
+          "weight of the squared differences between neighbours on planes of space", at_least(0));
+    field("time_smoothness", self.time_smoothness,
+          "weight of the squared second differences of planes in time", at_least(0));
+    field("l1_time", self.l1_time,
+          "weight of how far planes of time are from 1, that is, from rest", at_least(0));
   }
 };
 
@@ -316,6 +366,10 @@ struct LearningRates {
   float quats_final = 1e-4f;
   float weights = 1e-2f;
   float motion = 1;
+  float planes = 4e-3f;
+  float planes_final = 4e-4f;
+  float network = 8e-4f;
+  float network_final = 8e-5f;
   float pace = 1;
   float pace_most = 8;
 
@@ -339,6 +393,10 @@ struct LearningRates {
           "velocities, accelerations and turns: at the ends of its life a Gaussian moves so many "
           "times what it does in its middle",
           at_least(0));
+    field("planes", self.planes, "hexplane's planes, at the first step", at_least(0));
+    field("planes_final", self.planes_final, "at the last step, reached exponentially", above(0));
+    field("network", self.network, "hexplane's network, at the first step", at_least(0));
+    field("network_final", self.network_final, "at the last step, reached exponentially", above(0));
     field("pace", self.pace,
           "rates grow with (length of the video / time a Gaussian is seen) to this power; 0: not",
           between(0, 1));
@@ -358,6 +416,7 @@ struct AdamGroups {
   float eps_opacity = 1e-8f;
   float eps_scales = 1e-8f;
   float eps_quats = 1e-8f;
+  float eps_field = 1e-12f;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -368,6 +427,7 @@ struct AdamGroups {
     field("eps_opacity", self.eps_opacity, "opacity", above(0));
     field("eps_scales", self.eps_scales, "in space and time", above(0));
     field("eps_quats", self.eps_quats, "rotation", above(0));
+    field("eps_field", self.eps_field, "planes and network", above(0));
   }
 };
 
@@ -452,6 +512,7 @@ struct TrainConfig {
   SceneConfig scene;
   ScheduleConfig train;
   MotionConfig motion;
+  HexplaneConfig hexplane;
   InitConfig init;
   LossConfig loss;
   FlowConfig flow;
@@ -466,6 +527,7 @@ struct TrainConfig {
     section("scene", self.scene, "what is read");
     section("train", self.train, "how long, on what");
     section("motion", self.motion, "the Gaussians in time");
+    section("hexplane", self.hexplane, "the field of motion.model = hexplane");
     section("init", self.init, "the first Gaussians");
     section("loss", self.loss, "pictures, and motion among neighbours");
     section("flow", self.flow, "optical flow");

@@ -9,6 +9,7 @@
 
 #include "optim/loss/nearest_points.hpp"
 #include "optim/motion/bases.hpp"
+#include "optim/motion/hexplane.hpp"
 #include "optim/train/dynamic_seeds.hpp"
 #include "optim/train/views.hpp"
 #include "shared/random.h"
@@ -69,6 +70,25 @@ bool on_object(FrameStore& frames, const std::vector<ObjectView>& views,
               alpha->pixels[size_t(at.y()) * size_t(alpha->width) + size_t(at.x())] > 127;
   }
   return seen > 0 && 10 * inside >= 9 * seen;
+}
+
+// Whether two thirds of the views show something other than the background at the point, and at
+// least half of them have it in their picture: the object's hull while it moves little.
+bool in_hull(FrameStore& frames, const std::vector<ObjectView>& views,
+             const Eigen::Vector3d& point) {
+  const std::array<uint8_t, 3> background = frames.background();
+  size_t seen = 0, inside = 0;
+  for (const ObjectView& view : views) {
+    const Camera& camera = frames.camera(*view.frame);
+    if ((camera.viewmat * point.homogeneous()).z() <= 0) continue;
+    const Eigen::Vector2d at = camera.project(point);
+    if (!(at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height)) continue;
+    const auto picture = frames.rgb(*view.frame);
+    const size_t pixel = size_t(at.y()) * size_t(picture->width) + size_t(at.x());
+    ++seen;
+    inside += differs(&picture->pixels[3 * pixel], background.data());
+  }
+  return 2 * seen >= views.size() && 3 * inside >= 2 * seen;
 }
 
 // The training frames by time.
@@ -135,15 +155,16 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
   const uint seed = uint(config.train.seed);
   const Eigen::Vector3d centre = looked_at(scene);
   const double half = 0.5 * config.init.box * scene.extent;
+  const bool one_pose = is_permanent(config.motion.model);  // that of the middle of the video
   FirstPoints points;
   const uint tries = uint(std::min<size_t>(100 * count, 4000000));
   for (uint i = 0; i < tries && points.size() < count; ++i) {
     Eigen::Vector3d p;
     for (uint axis = 0; axis < 3; ++axis)
       p[axis] = centre[axis] + half * (2 * random_uniform(seed, kPosition + axis, i) - 1);
-    const float place = hull ? random_uniform(seed, kTime, i) : 0.5f;
+    const float place = hull && !one_pose ? random_uniform(seed, kTime, i) : 0.5f;
     const std::vector<ObjectView> views = views_near(by_time, place);
-    if (hull && !on_object(frames, views, p)) continue;
+    if (hull && !(one_pose ? in_hull(frames, views, p) : on_object(frames, views, p))) continue;
     points.time.push_back(float(views[views.size() / 2].frame->time));
     for (uint axis = 0; axis < 3; ++axis) {
       points.xyz.push_back(float(p[axis]));
@@ -276,6 +297,15 @@ ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
   shape.cutoff = config.motion.cutoff;
   shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
   shape.bases = config.motion.bases;
+  HexplaneShape& h = shape.hexplane;  // but for its box
+  h.levels = config.hexplane.levels;
+  h.channels = config.hexplane.channels;
+  h.resolution = config.hexplane.resolution;
+  h.times = config.hexplane.times > 0 ? config.hexplane.times : std::max((scene.steps + 1) / 2, 1);
+  h.hidden = config.hexplane.hidden;
+  h.layers = config.hexplane.layers;
+  h.turn = config.hexplane.turn;
+  h.resize = config.hexplane.resize;
   return shape;
 }
 
@@ -288,7 +318,8 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
                         FlowStore& flows, const TrainConfig& config) {
   HostModel model = empty_model(scene, config);
   const float duration = model.shape.duration;
-  const bool lasting = scene.steps < 2 || config.train.sequential;
+  const bool permanent = is_permanent(config.motion.model);
+  const bool lasting = permanent || scene.steps < 2 || config.train.sequential;
   const float lifetime = lasting ? 1000 * duration : config.init.lifetime * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
   if (begins_from_file(config.init)) {
@@ -297,17 +328,19 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
     const FirstPoints points = first_points(scene, frames, parts, config);
     const std::vector<float> distance = neighbour_distance(points.xyz);
     for (size_t i = 0; i < points.size(); ++i)
-      append_ball(model, &points.xyz[3 * i], distance[i], points.time[i] * duration, lifetime,
+      append_ball(model, &points.xyz[3 * i], distance[i],
+                  (permanent ? 0.5f : points.time[i]) * duration, lifetime,
                   points.rgb.empty() ? nullptr : &points.rgb[3 * i], config);
   }
   const size_t n = model.count;
+  set_box(model.shape.hexplane, model.groups["means"], config.hexplane.slack);
   Seeds seeds;  // short-lived, so none where each Gaussian is followed through the video
-  if (!config.train.sequential)
+  if (!config.train.sequential && !permanent)
     seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
   for (size_t k = 0; k < seeds.size(); ++k)
     append_ball(model, &seeds.xyz[3 * k], seeds.spacing[k], seeds.time[k] * duration, short_life,
                 &seeds.rgb[3 * k], config);
-  add_rest(model.shape, model.groups, model.count);
+  add_rest(model.shape, model.groups, model.count, uint32_t(config.train.seed));
   if (model.shape.motion == MotionModelKind::bases)
     place_bases(model.shape, model.groups, seeds.size() ? n : 0);
   for (size_t k = 0; k < seeds.size(); ++k) {

@@ -56,12 +56,13 @@ std::map<std::string, size_t> widths_of(const MotionShape& shape) {
   return widths;
 }
 
-// A number from a comment "key value", or the default.
-double comment_value(const PlyTable& table, const std::string& key, double otherwise) {
+// A number above `lowest` from a comment "key value", or the default.
+double comment_value(const PlyTable& table, const std::string& key, double otherwise,
+                     double lowest) {
   for (const std::string& comment : table.comments)
     if (comment.rfind(key + " ", 0) == 0) {
       const double value = std::strtod(comment.c_str() + key.size() + 1, nullptr);
-      if (std::isfinite(value) && value > 0) return value;
+      if (std::isfinite(value) && value > lowest) return value;
     }
   return otherwise;
 }
@@ -141,7 +142,7 @@ void write_model(const std::string& path, const HostModel& model) {
   table.rows = model.count;
   const MotionModelKind kind = model.shape.motion;
   table.comments = {std::string("gflow ") + names_of(kind)[size_t(kind)]};
-  MotionShape::fields(model.shape, [&](const char* name, auto value) {
+  MotionShape::fields(model.shape, [&](const char* name, auto value, double) {
     table.comments.push_back(fmt::format("{} {}", name, value));
   });
   table.names = {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
@@ -183,8 +184,8 @@ HostModel read_model(const std::string& path) {
   const bool moving = has("scale_t") || has("rot_r_0") || has("motion_0");
   model.shape.motion = kind;
   model.shape.sh_degree = sh_degree_of(table, path);
-  MotionShape::fields(model.shape, [&](const char* name, auto& value) {
-    value = std::decay_t<decltype(value)>(comment_value(table, name, double(value)));
+  MotionShape::fields(model.shape, [&](const char* name, auto& value, double lowest) {
+    value = std::decay_t<decltype(value)>(comment_value(table, name, double(value), lowest));
   });
 
   const auto widths = widths_of(model.shape);

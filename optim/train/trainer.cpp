@@ -13,12 +13,23 @@
 namespace gflow {
 namespace {
 
+constexpr size_t kFrontViews = 12;  // the newest ones of a model that unfolds
 constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9,
                kNoiseStream = 10;  // of random numbers
 
 // a at 0, b at 1, geometrically between.
 float between_rates(float a, float b, double share) {
   return a > 0 ? float(a * std::pow(double(b) / a, share)) : 0.f;
+}
+
+bool unfolds(const TrainConfig& config) {
+  return is_permanent(config.motion.model) && config.hexplane.unfold > 0;
+}
+
+// The share of the training after which it covers the video.
+double unfolding_end(const TrainConfig& config) {
+  if (!unfolds(config)) return 0;
+  return config.hexplane.warmup / double(config.train.iterations) + double(config.hexplane.unfold);
 }
 
 // A part of interleaved rows [H, W, channels].
@@ -143,6 +154,11 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
     choice.frames.push_back(i);
     if (area > 0 && area < 0.6 * camera.width * camera.height) choice.focus.push_back(i);
   }
+  if (unfolds(config))
+    for (std::vector<size_t>* order : {&choices_[0].frames, &choices_[0].focus})
+      std::stable_sort(order->begin(), order->end(), [&](size_t a, size_t b) {
+        return std::fabs(scene.train[a].time - 0.5) < std::fabs(scene.train[b].time - 0.5);
+      });
   if (!config.flow.enabled || config.flow.weight == 0) return;
   for (size_t i = 0; i < pairs.size(); ++i)
     if (flows.has(i) && (!sequential || leads_back(scene, pairs[i])))
@@ -151,6 +167,21 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
 
 int Trainer::sh_degree(int step) const {
   return std::min(config_.motion.sh_degree, step / config_.motion.sh_interval);
+}
+
+double Trainer::unfolded(int step) const {
+  if (!unfolds(config_)) return 1;
+  const double all = double(config_.hexplane.unfold) * config_.train.iterations;
+  return std::clamp((step - config_.hexplane.warmup) / all, 0.0, 1.0);
+}
+
+size_t Trainer::view_at(size_t n, int step, uint32_t stream, size_t turn) const {
+  const double share = unfolded(step);
+  if (share >= 1) return shuffled(n, stream, turn);
+  const size_t front = std::min(n, kFrontViews);
+  const size_t count = front + size_t(share * double(n - front));
+  // every other step looks at the front
+  return turn % 2 ? shuffled(count, stream, turn) : count - front + shuffled(front, stream, turn);
 }
 
 int Trainer::pair_at(size_t frame, int step, size_t turn) const {
@@ -179,8 +210,9 @@ std::vector<Trainer::Sample> Trainer::samples(int step) const {
   for (int b = 0; b < config_.train.batch; ++b) {
     const size_t at = turn * size_t(config_.train.batch) + size_t(b);
     const uint32_t seed = uint32_t(config_.train.seed);
-    const size_t i = whole ? choice.frames[shuffled(choice.frames.size(), seed, at)]
-                           : choice.focus[shuffled(choice.focus.size(), seed + 1000003u, at)];
+    const std::vector<size_t>& frames = whole ? choice.frames : choice.focus;
+    const uint32_t stream = whole ? seed : seed + 1000003u;
+    const size_t i = frames[view_at(frames.size(), step, stream, at)];
     const Camera& camera = frames_.camera(scene_.train[i]);
     samples.push_back({&scene_.train[i], pair_at(i, step, at),
                        whole ? Rect{0, 0, camera.width, camera.height} : parts_[i]});
@@ -297,6 +329,11 @@ void Trainer::update(Queue& queue, int step) {
   const AdamGroups& eps = config_.adam;
   const Stage now = stage(step);
   const double share = now.share;
+  const bool permanent = is_permanent(config_.motion.model);
+  // A field that unfolds learns at its first rate until it covers the video.
+  const double covered = unfolded(step);
+  const double start = unfolding_end(config_);
+  const double field_share = covered < 1 ? 0 : (share - start) / std::max(1 - start, 1e-6);
   const auto rate_of = [&](const GroupSpec& spec) -> AdamRate {
     switch (spec.quantity) {
       case Quantity::position:
@@ -308,9 +345,13 @@ void Trainer::update(Queue& queue, int step) {
       case Quantity::scale:
         return {lr.scales, eps.eps_scales};
       case Quantity::opacity:
-        return {lr.opacity, eps.eps_opacity};
+        return {permanent ? config_.hexplane.opacity : lr.opacity, eps.eps_opacity};
       case Quantity::color:
         return {lr.sh, eps.eps_sh};
+      case Quantity::plane:
+        return {between_rates(lr.planes, lr.planes_final, field_share), eps.eps_field};
+      case Quantity::network:
+        return {between_rates(lr.network, lr.network_final, field_share), eps.eps_field};
       case Quantity::color_rest:
         return {lr.sh / lr.sh_rest_divisor, eps.eps_sh};
       case Quantity::weight:
@@ -323,6 +364,10 @@ void Trainer::update(Queue& queue, int step) {
     const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
     model_.motion->set_pace(queue, p, {model_.shape.duration, time_step, lr.pace, lr.pace_most});
   }
+  model_.motion->regularize(
+      queue, p,
+      {config_.hexplane.plane_tv, config_.hexplane.time_smoothness, config_.hexplane.l1_time});
+  const bool warming = permanent && step < config_.hexplane.warmup;
   if (now.time_step > 0) {  // one key alone; a flow leads to the one before
     Table& keys = p.more[0];
     keys.rows.seen.fill_range(queue, 0, size_t(now.time_step) * p.count, 0u);
@@ -330,7 +375,7 @@ void Trainer::update(Queue& queue, int step) {
   if (density_) density_->add_gradients(queue, p, density_rule_);
   for (Table* table : p.tables()) {
     const bool moving = table != &p;
-    if (moving ? !now.moves() : !now.fits()) continue;
+    if (moving ? !now.moves() || warming : !now.fits()) continue;
     for (const ParameterGroup& group : table->groups)
       adam_.refuse(queue, group, table->rows, table->active);
     adam_.advance(queue, table->rows, table->active);

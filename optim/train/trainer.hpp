@@ -64,6 +64,12 @@ class Trainer {
     Rect part;  // what of it is drawn
   };
   std::vector<Sample> samples(int step) const;
+  // The place, among n views from the middle of the video outwards, of the one for a turn of a
+  // step. A common pose that moves far is followed from the middle, not searched for at all times
+  // at once.
+  size_t view_at(size_t n, int step, uint32_t stream, size_t turn) const;
+  // How much of the unfolding is done, 0 to 1.
+  double unfolded(int step) const;
   // Behind pictures with alpha, sRGB.
   std::array<uint8_t, 3> background(int step) const;
   // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,
@@ -83,7 +89,8 @@ class Trainer {
   FlowStore& flows_;
   std::vector<Rect> parts_;
   // Training frames to choose from, all and those with a part smaller than the whole, of all time
-  // steps or, when trained one after the other, of each.
+  // steps or, when trained one after the other, of each; from the middle of the
+  // video outwards where the model unfolds.
   struct Choice {
     std::vector<size_t> frames, focus;
   };

@@ -240,7 +240,15 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     write_model(run.path("input.ply"), first);
     return Model(queue, first);
   };
-  Model model = resumed ? Model(queue, model_shape(scene, config), 0) : first_model();
+  const auto shape_to_resume = [&] {
+    ModelShape shape = model_shape(scene, config);
+    if (shape.motion != MotionModelKind::hexplane) return shape;
+    const HexplaneShape first = read_model(run.path("input.ply")).shape.hexplane;
+    shape.hexplane.centre = first.centre;
+    shape.hexplane.half_size = first.half_size;
+    return shape;
+  };
+  Model model = resumed ? Model(queue, shape_to_resume(), 0) : first_model();
   Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows, parts, model);
   CheckpointFacts former;
   if (resumed) {

@@ -57,7 +57,7 @@ class MotionCheck {
 
   Parameters& parameters() { return p_; }
   Motion& motion() { return *motion_; }
-  const Named& values() const { return values_; }
+  Named& values() { return values_; }
 
   // The device at time t against the double forward.
   void expect_same_gaussians(double t, Tolerance tolerance) {

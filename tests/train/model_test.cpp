@@ -22,8 +22,15 @@ HostModel random_model(size_t count, int sh_degree,
   model.shape.sh_degree = sh_degree;
   model.shape.duration = 3.7f;
   model.shape.cutoff = 0.031f;
-  if (kind >= MotionModelKind::keyframes) model.shape.keys = 3;
+  if (kind == MotionModelKind::keyframes || kind == MotionModelKind::bases) model.shape.keys = 3;
   if (kind == MotionModelKind::bases) model.shape.bases = 2;
+  model.shape.hexplane.resolution = 4;
+  model.shape.hexplane.times = 3;
+  model.shape.hexplane.levels = 1;
+  model.shape.hexplane.hidden = 32;
+  model.shape.hexplane.layers = 1;
+  model.shape.hexplane.centre = {-1.7f, 0.f, 0.1f};  // of either sign, and 0
+  model.shape.hexplane.half_size = {0.3f, 2.f, 5.f};
   const size_t rest = size_t((sh_degree + 1) * (sh_degree + 1) - 1);
   std::map<std::string, size_t> widths{{"means", 3},         {"means_t", 1},         {"quats", 4},
                                        {"log_scales", 4},    {"logit_opacities", 1}, {"sh0", 3},
@@ -95,7 +102,8 @@ TEST_P(EverySphericalHarmonicsDegree, ComesBackFromTheDeviceBitByBit) {
 class EachMotionModel : public testing::TestWithParam<MotionModelKind> {};
 INSTANTIATE_TEST_SUITE_P(Model, EachMotionModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
-                                         MotionModelKind::keyframes, MotionModelKind::bases),
+                                         MotionModelKind::keyframes, MotionModelKind::bases,
+                                         MotionModelKind::hexplane),
                          [](const auto& info) { return std::string(name_of(info.param)); });
 
 TEST_P(EachMotionModel, ComesBackFromAFileAndFromTheDeviceBitByBit) {
@@ -106,6 +114,11 @@ TEST_P(EachMotionModel, ComesBackFromAFileAndFromTheDeviceBitByBit) {
   const HostModel back = read_model(folder.file("model.ply"));
   EXPECT_EQ(back.shape.motion, GetParam());
   EXPECT_EQ(back.shape.keys, model.shape.keys);
+  if (GetParam() == MotionModelKind::hexplane) {
+    EXPECT_EQ(back.shape.hexplane.times, 3);
+    EXPECT_EQ(back.shape.hexplane.centre, model.shape.hexplane.centre);
+    EXPECT_EQ(back.shape.hexplane.half_size, model.shape.hexplane.half_size);
+  }
   EXPECT_EQ(back.groups, model.groups);
   EXPECT_EQ(Model(queue, back).read(queue).groups, model.groups);
 }

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// The deformation field of the hexplane model (Cao & Johnson 2023; Wu et al. 2024, 4DGaussians):
+// six planes of features over the pairs of x y z t at each of L levels, read bilinearly at a
+// Gaussian's resting place and the time, multiplied within a level,
+//   f_l = XY_l(x, y) XZ_l(x, z) YZ_l(y, z) XT_l(x, t) YT_l(y, t) ZT_l(z, t)   [C channels]
+// the levels side by side into a network of one or more hidden layers,
+//   h = relu(W_0 f + b_0),  h = relu(W_k h + b_k) ...,  o = W h + b
+// which gives the shift: mean half_size o[0..2], quat o[3..6], log_scales o[7..9].
+//
+// Level l has R_l = resolution 2^l cells in x, y and z and `times` rows in time; the corners of the
+// box are cell centres, and outside of it the nearest place counts. Rows of the planes, level by
+// level: XY [y][x], XZ [z][x], YZ [z][y], then the planes of time, [time][axis][cell]. At one time
+// only three lines of each level are left of them.
+//
+// Weights of a layer: [inputs + 1][outputs], the last row the bias; layers one after the other.
+// The last one has HEXPLANE_OUTPUTS columns, of which the first ten are used.
+#ifndef GFLOW_HEXPLANE_H
+#define GFLOW_HEXPLANE_H
+#include "shared/dialect.h"
+
+#define HEXPLANE_OUTPUTS 16
+
+typedef struct HexplaneGrid {
+  int resolution, times;  // at level 0, at least 2; rows in time, at least 1
+  float centre[3];        // of the box [world]
+  float half_size[3];     // [world] > 0
+} HexplaneGrid;
+
+// Rows of a level with this many rows in time (1: of the planes' cut at one time), and of all the
+// levels before it.
+static inline uint hexplane_level_rows(uint resolution, uint times) {
+  return 3 * resolution * (resolution + times);
+}
+static inline uint hexplane_level_start(uint resolution, uint times, int level) {
+  uint rows = 0;
+  for (int l = 0; l < level; ++l) rows += hexplane_level_rows(resolution << l, times);
+  return rows;
+}
+
+// Between cells `cell` and cell + 1, by share; per_world = d (cell + share) / d x.
+typedef struct GridPlace {
+  uint cell;
+  real share, per_world;
+} GridPlace;
+static inline GridPlace grid_place(real x, real centre, real half_size, int resolution) {
+  GridPlace p;
+  const real u = (real)0.5f * ((x - centre) / half_size + (real)1);
+  const real inside = fmin(fmax(u, (real)0), (real)1);  // NaN becomes 0
+  const real place = inside * (real)(resolution - 1);
+  const uint cell = (uint)place, last = (uint)resolution - 2;
+  p.cell = cell < last ? cell : last;
+  p.share = place - (real)p.cell;
+  p.per_world = u == inside ? (real)0.5f * (real)(resolution - 1) / half_size : (real)0;
+  return p;
+}
+
+// Number of weights of a network; `layer` weights start after hexplane_weights(..., layer).
+static inline uint hexplane_weights(uint features, uint hidden, int layers) {
+  return layers == 0 ? 0 : (features + 1) * hidden + ((uint)layers - 1) * (hidden + 1) * hidden;
+}
+
+#endif

@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/motion/hexplane.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/chunks.hpp"
+#include "shared/random.h"
+
+namespace gflow {
+namespace {
+
+constexpr size_t kGroup = 64;
+enum Stream : uint { kPlanes = 200, kNetwork = 201 };
+
+uint planes_rows(const HexplaneShape& s) {
+  return hexplane_level_start(uint(s.resolution), uint(s.times), s.levels);
+}
+uint weights_before_last(const HexplaneShape& s) {
+  return hexplane_weights(uint(s.levels * s.channels), uint(s.hidden), s.layers);
+}
+uint all_weights(const HexplaneShape& s) {
+  return weights_before_last(s) + uint(s.hidden + 1) * HEXPLANE_OUTPUTS;
+}
+
+// The shape; Error when there cannot be such a model.
+const HexplaneShape& checked(const HexplaneShape& s) {
+  const auto among = [](int value, std::initializer_list<int> values) {
+    return std::find(values.begin(), values.end(), value) != values.end();
+  };
+  const auto check = [](bool right, const char* what, auto value, const char* allowed) {
+    if (!right)
+      throw Error(fmt::format("a hexplane model has {} {}; it must be {}", what, value, allowed));
+  };
+  check(s.levels >= 1 && s.levels <= 4, "levels", s.levels, "1 to 4");
+  check(s.resolution >= 2 && s.resolution <= 1024, "resolution", s.resolution, "2 to 1024");
+  check(s.times >= 1 && s.times <= 10000, "rows in time", s.times, "1 to 10000");
+  check(among(s.channels, {16, 32, 64}), "channels", s.channels, "16, 32 or 64");
+  check(among(s.hidden, {32, 64, 128, 256}), "hidden neurons", s.hidden, "32, 64, 128 or 256");
+  check(s.layers >= 1 && s.layers <= 4, "hidden layers", s.layers, "1 to 4");
+  for (const float h : s.half_size)
+    check(h > 0 && std::isfinite(h), "half size", h, "above 0 and finite");
+  return s;
+}
+
+Defines defines(const Queue& queue, const HexplaneShape& s) {
+  return {{"LANES", queue.lanes},   {"LEVELS", s.levels}, {"CHANNELS", s.channels},
+          {"HIDDEN", s.hidden},     {"LAYERS", s.layers}, {"TURN", int(s.turn)},
+          {"RESIZE", int(s.resize)}};
+}
+
+// Chunks of Gaussians with a copy of the planes of their own: few, for the copies must be summed.
+Chunks plane_chunks(const Queue& queue, size_t n) {
+  const size_t most = queue.lanes == 1 ? 64 : std::min<size_t>(queue.info.compute_units, 16);
+  const size_t count = std::clamp<size_t>(n / 256, 1, most);
+  return {cl_uint(count), cl_uint((n + count - 1) / count)};
+}
+// Chunks with a copy of the network.
+Chunks network_chunks(const Queue& queue, size_t n) {
+  const size_t most = queue.lanes == 1 ? 32 : std::min<size_t>(4 * queue.info.compute_units, 64);
+  const size_t count = std::clamp<size_t>(n / 128, 1, most);
+  return {cl_uint(count), cl_uint((n + count - 1) / count)};
+}
+
+}  // namespace
+
+HexplaneGrid grid_of(const HexplaneShape& s) {
+  HexplaneGrid grid{s.resolution, s.times, {}, {}};
+  std::copy(s.centre.begin(), s.centre.end(), grid.centre);
+  std::copy(s.half_size.begin(), s.half_size.end(), grid.half_size);
+  return grid;
+}
+
+std::vector<TableSpec> hexplane_tables(const HexplaneShape& shape) {
+  const HexplaneShape& s = checked(shape);
+  TableSpec planes, network;
+  planes.groups = {{"planes", size_t(s.channels), Quantity::plane, 0, true}};
+  planes.rows = planes_rows(s);
+  network.groups = {{"network", 1, Quantity::network, 0, true}};
+  network.rows = all_weights(s);
+  return {planes, network};
+}
+
+void set_hexplane_rest(const HexplaneShape& s, HostGroups& groups, uint32_t seed) {
+  std::vector<float>& planes = groups["planes"];
+  const size_t channels = size_t(s.channels);
+  planes.assign(planes_rows(s) * channels, 1.f);
+  for (int level = 0; level < s.levels; ++level) {
+    const size_t first = hexplane_level_start(uint(s.resolution), uint(s.times), level) * channels;
+    const size_t r = size_t(s.resolution) << level;
+    for (size_t i = first; i < first + 3 * r * r * channels; ++i)
+      planes[i] = float(0.1 + 0.4 * random_uniform(seed, kPlanes, uint(i)));
+  }
+  std::vector<float>& network = groups["network"];
+  network.assign(all_weights(s), 0.f);
+  size_t w = 0;
+  for (int layer = 0; layer < s.layers; ++layer) {
+    const size_t inputs = size_t(layer ? s.hidden : s.levels * s.channels);
+    const double bound = std::sqrt(6.0 / double(inputs));
+    for (const size_t end = w + inputs * size_t(s.hidden); w < end; ++w)
+      network[w] = float(bound * (2 * random_uniform(seed, kNetwork, uint(w)) - 1));
+    w += size_t(s.hidden);  // biases
+  }
+}
+
+bool hexplane_at_rest(const HexplaneShape& s, const HostGroups& groups) {
+  const std::vector<float>& network = groups.at("network");
+  return std::all_of(network.begin() + long(weights_before_last(s)), network.end(),
+                     [](float x) { return x == 0; });
+}
+
+void set_box(HexplaneShape& shape, const std::vector<float>& xyz, float slack) {
+  const size_t n = xyz.size() / 3;
+  if (n == 0) return;
+  for (size_t axis = 0; axis < 3; ++axis) {
+    std::vector<float> places;
+    for (size_t i = 0; i < n; ++i) places.push_back(xyz[3 * i + axis]);
+    std::sort(places.begin(), places.end());
+    const float low = places[n / 100], high = places[n - 1 - n / 100];
+    shape.centre[axis] = 0.5f * (low + high);
+    shape.half_size[axis] = std::max(0.5f * (1 + slack) * (high - low), 1e-6f);
+  }
+}
+
+HexplaneMotion::HexplaneMotion(Queue& queue, const MotionShape& shape)
+    : shape_(checked(shape.hexplane)),
+      grid_(grid_of(shape_)),
+      duration_(shape.duration),
+      cutoff_(shape.cutoff),
+      lanes_(size_t(queue.lanes)),
+      weights_(all_weights(shape_)),
+      cells_(hexplane_level_start(uint(shape_.resolution), 1, shape_.levels)),
+      program_(queue, "hexplane.cl", defines(queue, shape_)),
+      hexplane_cut_(program_, "hexplane_cut"),
+      hexplane_fwd_(program_, "hexplane_fwd"),
+      hexplane_transpose_(program_, "hexplane_transpose"),
+      hexplane_bwd_(program_, "hexplane_bwd"),
+      hexplane_bwd_network_(program_, "hexplane_bwd_network"),
+      hexplane_bwd_planes_(program_, "hexplane_bwd_planes"),
+      hexplane_bwd_means_(program_, "hexplane_bwd_means"),
+      hexplane_sum_planes_(program_, "hexplane_sum_planes"),
+      hexplane_sum_network_(program_, "hexplane_sum_network"),
+      hexplane_regularize_(program_, "hexplane_regularize"),
+      still_rows_(queue) {}
+
+HexplaneMotion::TimePlace HexplaneMotion::cut(Queue& queue, const Parameters& p, float t) {
+  const double place = std::clamp(double(t) / duration_, 0.0, 1.0) * (shape_.times - 1);
+  const int row = std::min(int(place), std::max(shape_.times - 2, 0));
+  const TimePlace at{row, float(place - row)};
+  const size_t r = size_t(shape_.resolution);
+  const size_t vectors =
+      3 * r * ((size_t(1) << shape_.levels) - 1) * size_t(shape_.channels) / lanes_;
+  lines_.ensure(queue, vectors * lanes_);
+  hexplane_cut_(queue, Range::over(vectors, kGroup), grid_, at.row, at.share, p["planes"].values,
+                lines_);
+  return at;
+}
+
+void HexplaneMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
+                        GaussiansAt& gaussians) {
+  gaussians.ensure(queue, p.count);
+  cut(queue, p, t);
+  const size_t per_item = lanes_ == 1 ? 1 : 256;
+  hexplane_fwd_(queue, Range::over((p.count + per_item - 1) / per_item, lanes_ == 1 ? kGroup : 1),
+                cl_uint(p.count), cl_uint(per_item), t, cutoff_, int(!seen), grid_,
+                seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+                p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
+                p["planes"].values, lines_, p["network"].values, gaussians.means, gaussians.factors,
+                gaussians.opacities);
+}
+
+void HexplaneMotion::backward(Queue& queue, Parameters& p, float t, bool first,
+                              const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
+                              const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
+  const size_t n = p.count, features = size_t(shape_.levels * shape_.channels);
+  const bool gpu = lanes_ == 1;
+  const TimePlace place = cut(queue, p, t);
+  transposed_.ensure(queue, weights_);
+  hexplane_transpose_(queue, Range::over(weights_, kGroup), p["network"].values, transposed_);
+
+  const Chunks chunks = network_chunks(queue, n);
+  const size_t kept = features + 2 * size_t(shape_.layers * shape_.hidden) + HEXPLANE_OUTPUTS;
+  v_features_.ensure(queue, n * features);
+  v_networks_.ensure(queue, chunks.count * weights_);
+  kept_.ensure(queue, gpu ? n * kept : 0);
+  hexplane_bwd_(queue, gpu ? Range::over(n, kGroup) : Range::groups(chunks.count, 1), cl_uint(n),
+                gpu ? 1u : chunks.length, t, int(first), grid_, p["means"].values,
+                p["means_t"].values, p["quats"].values, p["log_scales"].values,
+                p["logit_opacities"].values, p["planes"].values, lines_, p["network"].values,
+                transposed_, tiles_touched, v_means, v_factors, v_opacities, p.rows.seen,
+                p["means"].grads, p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
+                p["logit_opacities"].grads, v_features_, v_networks_, kept_);
+  if (gpu)
+    hexplane_bwd_network_(queue, Range::groups(chunks.count * weights_, 1), cl_uint(n),
+                          chunks.length, tiles_touched, kept_, v_networks_);
+  Table &planes = p.more[0], &network = p.more[1];
+  hexplane_sum_network_(queue, Range::over(weights_, kGroup), chunks.count, v_networks_,
+                        network.rows.seen, p["network"].grads);
+  network.active = {0, weights_};
+
+  const Chunks copies = plane_chunks(queue, n);
+  const size_t parts = features / lanes_;
+  v_cuts_.ensure(queue, copies.count * cells_ * size_t(shape_.channels));
+  v_places_.ensure(queue, n * parts * 3);
+  hexplane_bwd_planes_(queue, Range::groups(copies.count * parts, 1), cl_uint(n), copies.length,
+                       grid_, tiles_touched, p["means"].values, p["planes"].values, lines_,
+                       v_features_, v_cuts_, v_places_);
+  hexplane_bwd_means_(queue, Range::over(n, kGroup), cl_uint(n), tiles_touched, v_places_,
+                      p["means"].grads);
+  hexplane_sum_planes_(queue, Range::over(cells_, kGroup), copies.count, grid_, place.row,
+                       place.share, v_cuts_, planes.rows.seen, p["planes"].grads);
+  planes.active = {0, planes.count};
+}
+
+void HexplaneMotion::regularize(Queue& queue, Parameters& p, const PlaneRule& rule) {
+  if (rule.plane_tv == 0 && rule.time_smoothness == 0 && rule.l1_time == 0) return;
+  Table& planes = p.more[0];
+  hexplane_regularize_(queue, Range::over(planes.count, kGroup), grid_, rule.plane_tv,
+                       rule.time_smoothness, rule.l1_time, p["planes"].values, planes.rows.seen,
+                       p["planes"].grads);
+  planes.active = {0, planes.count};
+}
+
+void HexplaneMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
+  still_rows_.set_pace(queue, p, rule);
+}
+
+void HexplaneMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
+                           const SplitRule& rule, uint32_t seed) {
+  still_rows_.split(queue, p, child, rule, seed);
+}
+
+}  // namespace gflow

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gaussians that rest in one common pose and are shifted, turned and resized from there by a field:
+// features from planes over x y z t and a small network (kernels/shared/hexplane.h; HexPlane, Cao &
+// Johnson 2023; 4DGaussians, Wu et al. 2024; DreamGaussian4D, Ren et al. 2023). 13 floats a
+// Gaussian, however long the video is; the planes and the network are shared.
+#pragma once
+#include "optim/motion/models.hpp"
+#include "optim/motion/still_rows.hpp"
+#include "shared/hexplane.h"
+
+GFLOW_KERNEL_STRUCT(HexplaneGrid);
+
+namespace gflow {
+
+HexplaneGrid grid_of(const HexplaneShape& shape);
+
+// "planes" [rows, channels] and "network" [weights, 1].
+std::vector<TableSpec> hexplane_tables(const HexplaneShape& shape);
+
+// Sets both so that nothing moves: planes of time 1, of space uniform in [0.1, 0.5] as 4DGaussians,
+// hidden layers uniform in +-sqrt(6 / inputs) (He et al. 2015), the last layer 0.
+void set_hexplane_rest(const HexplaneShape& shape, HostGroups& groups, uint32_t seed);
+
+// Whether the last layer is 0.
+bool hexplane_at_rest(const HexplaneShape& shape, const HostGroups& groups);
+
+// The box of the planes around most of the points [n, 3]: all but a hundredth at each side of each
+// axis, and `slack` times its size.
+void set_box(HexplaneShape& shape, const std::vector<float>& xyz, float slack);
+
+class HexplaneMotion : public Motion {
+ public:
+  // Error when the shape is none.
+  HexplaneMotion(Queue& queue, const MotionShape& shape);
+  std::vector<GroupSpec> groups() const override { return still_groups(); }
+  std::vector<TableSpec> tables() const override { return hexplane_tables(shape_); }
+  void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
+          GaussiansAt& gaussians) override;
+  void backward(Queue& queue, Parameters& parameters, float t, bool first,
+                const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
+                const Buffer<float>& v_factors, const Buffer<float>& v_opacities) override;
+  void regularize(Queue& queue, Parameters& parameters, const PlaneRule& rule) override;
+  void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
+  void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
+             const SplitRule& rule, uint32_t seed) override;
+
+ private:
+  // Cuts the planes of time at t, into lines_; the row before t and the share of the next one.
+  struct TimePlace {
+    int row;
+    float share;
+  };
+  TimePlace cut(Queue& queue, const Parameters& parameters, float t);
+
+  HexplaneShape shape_;
+  HexplaneGrid grid_;
+  float duration_, cutoff_;
+  size_t lanes_, weights_, cells_;  // cells_: of the planes at one time
+  Program program_;
+  Kernel<HexplaneGrid, cl_int, cl_float, In<float>, Out<float>> hexplane_cut_;
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, HexplaneGrid, In<cl_uint>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>,
+         Out<float>, Out<float>>
+      hexplane_fwd_;
+  Kernel<In<float>, Out<float>> hexplane_transpose_;
+  Kernel<cl_uint, cl_uint, cl_float, cl_int, HexplaneGrid, In<float>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>,
+         In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>,
+         Out<float>, Out<float>, Out<float>, Out<float>>
+      hexplane_bwd_;
+  Kernel<cl_uint, cl_uint, In<cl_uint>, In<float>, Out<float>> hexplane_bwd_network_;
+  Kernel<cl_uint, cl_uint, HexplaneGrid, In<cl_uint>, In<float>, In<float>, In<float>, In<float>,
+         Out<float>, Out<float>>
+      hexplane_bwd_planes_;
+  Kernel<cl_uint, In<cl_uint>, In<float>, Out<float>> hexplane_bwd_means_;
+  Kernel<cl_uint, HexplaneGrid, cl_int, cl_float, In<float>, Out<cl_uint>, Out<float>>
+      hexplane_sum_planes_;
+  Kernel<cl_uint, In<float>, Out<cl_uint>, Out<float>> hexplane_sum_network_;
+  Kernel<HexplaneGrid, cl_float, cl_float, cl_float, In<float>, Out<cl_uint>, Out<float>>
+      hexplane_regularize_;
+  StillRows still_rows_;
+  Buffer<float> lines_{"hexplane lines"}, transposed_{"hexplane transposed"};
+  Buffer<float> v_features_{"v_features"}, v_places_{"v_places"}, kept_{"hexplane kept"};
+  Buffer<float> v_networks_{"v_networks"}, v_cuts_{"v_cuts"};
+};
+
+}  // namespace gflow
