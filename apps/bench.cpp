@@ -4,13 +4,11 @@
 // about 48 contributors, whatever the number of Gaussians. CPU time stands beside wall time,
 // because on a shared machine only the former says what the work costs.
 #include <fmt/format.h>
-#include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <ctime>
 #include <map>
 #include <memory>
 #include <random>
@@ -18,6 +16,7 @@
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "optim/engine/engine.hpp"
+#include "runtime/usage.hpp"
 
 namespace gflow {
 namespace {
@@ -122,12 +121,6 @@ BenchScene make_scene(Queue& queue, const BenchOptions& o) {
   return scene;
 }
 
-double cpu_ms() {
-  timespec t;
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return 1e3 * double(t.tv_sec) + 1e-6 * double(t.tv_nsec);
-}
-
 double median(std::vector<double> v) {
   std::sort(v.begin(), v.end());
   return v.empty() ? 0 : v[v.size() / 2];
@@ -172,13 +165,13 @@ void run_raster(const BenchOptions& o, const GlobalOptions& options) {
     queue.finish();
     queue.reset_timings();
     const auto start = std::chrono::steady_clock::now();
-    const double cpu_start = cpu_ms();
+    const double cpu_start = cpu_seconds();
     engine.forward(queue, scene.view, {!o.no_flow, o.depth}, {0, 0, 0}, scene.t1, scene.t2,
                    scene.colors);
     engine.backward(queue, scene.t1, scene.t2, v, gradients);
     queue.finish();
     if (i < 2) continue;  // compiling, growing buffers
-    cpu.push_back(cpu_ms() - cpu_start);
+    cpu.push_back(1e3 * (cpu_seconds() - cpu_start));
     wall.push_back(
         std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
             .count());
@@ -207,9 +200,7 @@ void run_raster(const BenchOptions& o, const GlobalOptions& options) {
   }
   fmt::print("  {:<14}{:8.2f}  CPU time {:.2f}, half of it {:.2f}\n", "all, wall", median(wall),
              median(cpu), median(cpu) / 2);
-  rusage usage;
-  getrusage(RUSAGE_SELF, &usage);
-  fmt::print("  peak memory   {:8.0f} MiB\n", double(usage.ru_maxrss) / 1024);
+  fmt::print("  peak memory   {:8.0f} MiB\n", peak_memory_mib());
 }
 
 }  // namespace

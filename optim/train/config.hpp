@@ -54,6 +54,13 @@ constexpr std::array<const char*, 3> names_of(Masks) { return {"auto", "all", "n
 constexpr std::array<const char*, 5> names_of(InitFrom) {
   return {"auto", "points", "random", "visual-hull", "file"};
 }
+// motion.model: MotionModelKind with a choice before it that leaves it to the scene.
+enum class MotionChoice { automatic, spacetime, native4d, keyframes, bases, hexplane };
+constexpr std::array<const char*, 6> names_of(MotionChoice) {
+  return {"auto", "spacetime", "native4d", "keyframes", "bases", "hexplane"};
+}
+constexpr MotionChoice choice_of(MotionModelKind kind) { return MotionChoice(int(kind) + 1); }
+
 constexpr std::array<const char*, 2> names_of(FlowSource) { return {"dis", "files"}; }
 constexpr std::array<const char*, 2> names_of(FlowPairs) { return {"track", "time"}; }
 constexpr std::array<const char*, 4> names_of(Transport) {
@@ -160,7 +167,7 @@ struct ScheduleConfig {
 };
 
 struct MotionConfig {
-  MotionModelKind model = MotionModelKind::spacetime;
+  MotionChoice model = MotionChoice::automatic;
   int keys = 0;
   int bases = 8;
   int sh_degree = 2;
@@ -172,8 +179,9 @@ struct MotionConfig {
   static void fields(Self& self, Field&& field) {
     field("model", self.model,
           "how the Gaussians move: spacetime (curved paths, turning), native4d (4D Gaussians), "
-          "keyframes (free paths through keys), bases (a few rigid motions shared by all) or "
-          "hexplane (one pose and a field that shifts it)");
+          "keyframes (free paths through keys), bases (a few rigid motions shared by all), "
+          "hexplane (one pose and a field that shifts it); auto: hexplane where one camera at a "
+          "time sees the scene, else spacetime");
     field("keys", self.keys, "keyframes, bases: moments that hold the paths; 0: one a time step",
           at_least(0));
     field("bases", self.bases, "bases: rigid motions", between(1, 32));
@@ -489,9 +497,10 @@ struct DensityConfig {
           at_least(0));
     field("growth", self.growth, "mcmc: share of their number that is added in a round",
           at_least(0));
-    field("noise", self.noise,
-          "mcmc: of the positions that a step sees [x their learning rate x covariance, in extents]",
-          at_least(0));
+    field(
+        "noise", self.noise,
+        "mcmc: of the positions that a step sees [x their learning rate x covariance, in extents]",
+        at_least(0));
     field("opacity_weight", self.opacity_weight, "mcmc: of the mean opacity beside the image loss",
           at_least(0));
     field("scale_weight", self.scale_weight,

@@ -155,7 +155,8 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
   const uint seed = uint(config.train.seed);
   const Eigen::Vector3d centre = looked_at(scene);
   const double half = 0.5 * config.init.box * scene.extent;
-  const bool one_pose = is_permanent(config.motion.model);  // that of the middle of the video
+  const bool one_pose =
+      is_permanent(motion_model(scene, config.motion));  // that of the middle of the video
   FirstPoints points;
   const uint tries = uint(std::min<size_t>(100 * count, 4000000));
   for (uint i = 0; i < tries && points.size() < count; ++i) {
@@ -289,9 +290,16 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   return distance;
 }
 
+MotionModelKind motion_model(const Scene& scene, const MotionConfig& config) {
+  if (config.model != MotionChoice::automatic)
+    return MotionModelKind(int(config.model) - int(choice_of(MotionModelKind{})));
+  const bool alone = scene.steps > 1 && scene.train.size() < 2 * size_t(scene.steps);
+  return alone ? MotionModelKind::hexplane : MotionModelKind::spacetime;
+}
+
 ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
   ModelShape shape;
-  shape.motion = config.motion.model;
+  shape.motion = motion_model(scene, config.motion);
   shape.sh_degree = config.motion.sh_degree;
   shape.duration = float(config.motion.duration * scene.extent);
   shape.cutoff = config.motion.cutoff;
@@ -318,7 +326,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
                         FlowStore& flows, const TrainConfig& config) {
   HostModel model = empty_model(scene, config);
   const float duration = model.shape.duration;
-  const bool permanent = is_permanent(config.motion.model);
+  const bool permanent = is_permanent(model.shape.motion);
   const bool lasting = permanent || scene.steps < 2 || config.train.sequential;
   const float lifetime = lasting ? 1000 * duration : config.init.lifetime * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);

@@ -23,6 +23,9 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
 
 // The Error that initial_model would throw for init.file, before time is spent on anything else.
 void require_init_file(const TrainConfig& config);
+// The motion model that is asked for, or that suits the scene: from one camera at a time, only a
+// common pose shows what a Gaussian does while it is not seen (README, How Gaussians move).
+MotionModelKind motion_model(const Scene& scene, const MotionConfig& config);
 // What the configuration and the scene say of the model.
 ModelShape model_shape(const Scene& scene, const TrainConfig& config);
 

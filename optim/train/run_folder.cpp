@@ -218,6 +218,7 @@ void RunFolder::write_results(const Evaluation& evaluation, const std::string& s
                      {"num_gaussians", gaussians},
                      {"iterations", facts.iterations},
                      {"train_seconds", facts.train_seconds},
+                     {"peak_memory_mib", facts.peak_memory_mib},
                      {"device", facts.device},
                      {"resolution", config.scene.resolution},
                      {"background", name_of(config.scene.background)},
@@ -228,6 +229,7 @@ void RunFolder::write_results(const Evaluation& evaluation, const std::string& s
 void RunFolder::write_facts(const RunFacts& facts) const {
   const Json run{{"iterations", facts.iterations},
                  {"train_seconds", facts.train_seconds},
+                 {"peak_memory_mib", facts.peak_memory_mib},
                  {"device", facts.device}};
   write_text(path("training.json"), run.dump(1) + "\n");
 }
@@ -240,6 +242,7 @@ RunFacts RunFolder::read_facts() const {
     const Json run = Json::parse(in);
     facts.iterations = run.value("iterations", 0);
     facts.train_seconds = run.value("train_seconds", 0.0);
+    facts.peak_memory_mib = run.value("peak_memory_mib", 0.0);
     facts.device = run.value("device", "");
   } catch (const Json::exception&) {
     throw Error("reading " + path("training.json") +

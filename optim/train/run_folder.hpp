@@ -16,6 +16,7 @@ namespace gflow {
 struct RunFacts {
   int iterations = 0;
   double train_seconds = 0;
+  double peak_memory_mib = 0;  // of the process that trained it, or the last one that went on
   std::string device;
 };
 

@@ -13,23 +13,12 @@
 namespace gflow {
 namespace {
 
-constexpr size_t kFrontViews = 12;  // the newest ones of a model that unfolds
 constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9,
                kNoiseStream = 10;  // of random numbers
 
 // a at 0, b at 1, geometrically between.
 float between_rates(float a, float b, double share) {
   return a > 0 ? float(a * std::pow(double(b) / a, share)) : 0.f;
-}
-
-bool unfolds(const TrainConfig& config) {
-  return is_permanent(config.motion.model) && config.hexplane.unfold > 0;
-}
-
-// The share of the training after which it covers the video.
-double unfolding_end(const TrainConfig& config) {
-  if (!unfolds(config)) return 0;
-  return config.hexplane.warmup / double(config.train.iterations) + double(config.hexplane.unfold);
 }
 
 // A part of interleaved rows [H, W, channels].
@@ -112,15 +101,6 @@ EngineSettings training_settings(const TrainConfig& config) {
 
 }  // namespace
 
-size_t shuffled(size_t n, uint32_t seed, size_t i) {
-  const uint round = uint(i / n);
-  std::vector<size_t> order(n);
-  std::iota(order.begin(), order.end(), size_t(0));
-  for (size_t k = n - 1; k > 0; --k)  // Fisher, Yates
-    std::swap(order[k], order[random_bits(seed, round, uint(k)) % (k + 1)]);
-  return order[i % n];
-}
-
 Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
                  const std::vector<FlowPair>& pairs, FlowStore& flows, std::vector<Rect> parts,
                  Model& model)
@@ -130,6 +110,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       pairs_(pairs),
       flows_(flows),
       parts_(std::move(parts)),
+      unfolding_(Unfolding::of(config, is_permanent(model.shape.motion))),
       model_(model),
       renderer_(queue, training_settings(config)),
       image_loss_(queue, config.loss.ssim),
@@ -154,7 +135,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
     choice.frames.push_back(i);
     if (area > 0 && area < 0.6 * camera.width * camera.height) choice.focus.push_back(i);
   }
-  if (unfolds(config))
+  if (unfolding_.steps > 0)
     for (std::vector<size_t>* order : {&choices_[0].frames, &choices_[0].focus})
       std::stable_sort(order->begin(), order->end(), [&](size_t a, size_t b) {
         return std::fabs(scene.train[a].time - 0.5) < std::fabs(scene.train[b].time - 0.5);
@@ -167,21 +148,6 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
 
 int Trainer::sh_degree(int step) const {
   return std::min(config_.motion.sh_degree, step / config_.motion.sh_interval);
-}
-
-double Trainer::unfolded(int step) const {
-  if (!unfolds(config_)) return 1;
-  const double all = double(config_.hexplane.unfold) * config_.train.iterations;
-  return std::clamp((step - config_.hexplane.warmup) / all, 0.0, 1.0);
-}
-
-size_t Trainer::view_at(size_t n, int step, uint32_t stream, size_t turn) const {
-  const double share = unfolded(step);
-  if (share >= 1) return shuffled(n, stream, turn);
-  const size_t front = std::min(n, kFrontViews);
-  const size_t count = front + size_t(share * double(n - front));
-  // every other step looks at the front
-  return turn % 2 ? shuffled(count, stream, turn) : count - front + shuffled(front, stream, turn);
 }
 
 int Trainer::pair_at(size_t frame, int step, size_t turn) const {
@@ -212,7 +178,7 @@ std::vector<Trainer::Sample> Trainer::samples(int step) const {
     const uint32_t seed = uint32_t(config_.train.seed);
     const std::vector<size_t>& frames = whole ? choice.frames : choice.focus;
     const uint32_t stream = whole ? seed : seed + 1000003u;
-    const size_t i = frames[view_at(frames.size(), step, stream, at)];
+    const size_t i = frames[unfolding_.view_at(frames.size(), step, stream, at)];
     const Camera& camera = frames_.camera(scene_.train[i]);
     samples.push_back({&scene_.train[i], pair_at(i, step, at),
                        whole ? Rect{0, 0, camera.width, camera.height} : parts_[i]});
@@ -329,11 +295,8 @@ void Trainer::update(Queue& queue, int step) {
   const AdamGroups& eps = config_.adam;
   const Stage now = stage(step);
   const double share = now.share;
-  const bool permanent = is_permanent(config_.motion.model);
-  // A field that unfolds learns at its first rate until it covers the video.
-  const double covered = unfolded(step);
-  const double start = unfolding_end(config_);
-  const double field_share = covered < 1 ? 0 : (share - start) / std::max(1 - start, 1e-6);
+  const bool permanent = is_permanent(model_.shape.motion);
+  const double field_share = unfolding_.share_after(step);
   const auto rate_of = [&](const GroupSpec& spec) -> AdamRate {
     switch (spec.quantity) {
       case Quantity::position:
@@ -367,7 +330,7 @@ void Trainer::update(Queue& queue, int step) {
   model_.motion->regularize(
       queue, p,
       {config_.hexplane.plane_tv, config_.hexplane.time_smoothness, config_.hexplane.l1_time});
-  const bool warming = permanent && step < config_.hexplane.warmup;
+  const bool warming = unfolding_.warming(step);
   if (now.time_step > 0) {  // one key alone; a flow leads to the one before
     Table& keys = p.more[0];
     keys.rows.seen.fill_range(queue, 0, size_t(now.time_step) * p.count, 0u);

@@ -18,6 +18,7 @@
 #include "optim/train/config.hpp"
 #include "optim/train/renderer.hpp"
 #include "optim/train/sequence.hpp"
+#include "optim/train/unfolding.hpp"
 
 namespace gflow {
 
@@ -64,12 +65,6 @@ class Trainer {
     Rect part;  // what of it is drawn
   };
   std::vector<Sample> samples(int step) const;
-  // The place, among n views from the middle of the video outwards, of the one for a turn of a
-  // step. A common pose that moves far is followed from the middle, not searched for at all times
-  // at once.
-  size_t view_at(size_t n, int step, uint32_t stream, size_t turn) const;
-  // How much of the unfolding is done, 0 to 1.
-  double unfolded(int step) const;
   // Behind pictures with alpha, sRGB.
   std::array<uint8_t, 3> background(int step) const;
   // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,
@@ -95,6 +90,7 @@ class Trainer {
     std::vector<size_t> frames, focus;
   };
   std::vector<Choice> choices_;
+  Unfolding unfolding_;
   Model& model_;
   Renderer renderer_;
   ImageLoss image_loss_;
@@ -117,9 +113,5 @@ class Trainer {
   bool had_flow_ = false, had_motion_loss_ = false;
   bool neighbours_known_ = false;
 };
-
-// Order of training views: index i of the endless sequence in which each of n items comes once a
-// round, in a new order every round. Deterministic in (seed, i).
-size_t shuffled(size_t n, uint32_t seed, size_t i);
 
 }  // namespace gflow

@@ -13,6 +13,7 @@
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
 #include "optim/train/resume.hpp"
+#include "runtime/usage.hpp"
 
 namespace gflow {
 namespace {
@@ -59,8 +60,17 @@ FlowStore flows_for(const TrainConfig& config, const LoadedScene& loaded,
   if (!config.flow.enabled || pairs.empty())
     return FlowStore(std::vector<FlowStore::Loader>(pairs.size()));
   if (config.flow.source == FlowSource::files) {
-    if (config.flow.folder.empty()) return true_flows(loaded.scene, pairs, *loaded.frames);
-    return flows_from_folder(loaded.scene, pairs, *loaded.frames, config.flow.folder);
+    if (!config.flow.folder.empty())
+      return flows_from_folder(loaded.scene, pairs, *loaded.frames, config.flow.folder);
+    FlowStore flows = true_flows(loaded.scene, pairs, *loaded.frames);
+    bool any = false;
+    for (size_t i = 0; i < pairs.size(); ++i) any |= flows.has(i);
+    if (!any)
+      throw Error(fmt::format(
+          "flow.source is \"files\", but scene {} has no true flow that leads from a training "
+          "picture to one it is compared with: name the files' folder in flow.folder",
+          loaded.scene.name));
+    return flows;
   }
   const auto forward = std::count_if(pairs.begin(), pairs.end(), [&](const FlowPair& pair) {
     return pair.next >= 0 && !leads_back(loaded.scene, pair);
@@ -249,6 +259,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     return shape;
   };
   Model model = resumed ? Model(queue, shape_to_resume(), 0) : first_model();
+  if (!quiet) fmt::print(stderr, "motion model: {}\n", name_of(model.shape.motion));
   Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows, parts, model);
   CheckpointFacts former;
   if (resumed) {
@@ -261,7 +272,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const Stopwatch watch(former.seconds);
   const int steps =
       train_steps(queue, config, run, trainer, former.step, watch, checkpoints, quiet);
-  const RunFacts facts{steps, watch.seconds(), queue.info.full_name()};
+  const RunFacts facts{steps, watch.seconds(), peak_memory_mib(), queue.info.full_name()};
   save_model(queue, model, run, steps);
   run.write_facts(facts);
   checkpoints.write(steps, facts.train_seconds);

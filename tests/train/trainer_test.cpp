@@ -112,7 +112,7 @@ TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
   for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
                                      MotionModelKind::keyframes, MotionModelKind::bases}) {
     TrainConfig config = small_config(scene(), 260);
-    config.motion.model = kind;
+    config.motion.model = choice_of(kind);
     config.train.batch = kind == MotionModelKind::native4d ? 2 : 1;
     if (kind == MotionModelKind::bases) config.density.strategy = DensityKind::mcmc;
     SmallTraining training(queue(), config);
@@ -226,7 +226,7 @@ TEST_F(TrainerTest, MotionLossesTeachEveryMotionModel) {
   for (size_t kind = 0; kind < names_of(MotionModelKind{}).size(); ++kind)
     for (const bool flow : {true, false}) {
       TrainConfig config = with_motion_losses(small_config(scene(), 12));
-      config.motion.model = MotionModelKind(kind);
+      config.motion.model = choice_of(MotionModelKind(kind));
       config.flow.enabled = flow;
       SmallTraining training(queue(), config);
       training.steps(queue(), 12);
@@ -286,7 +286,7 @@ TEST_F(TrainerTest, LearnsTheSceneAndItsMotion) {
 TEST_F(TrainerTest, LearnsWithTheOtherMotionModelToo) {
   TrainConfig config = small_config(scene(), 1200);
   config.density.enabled = false;
-  config.motion.model = MotionModelKind::native4d;
+  config.motion.model = MotionChoice::native4d;
   const ViewFigures with = judged(queue(), config).mean;
   EXPECT_GT(with.psnr, 21);
   EXPECT_LT(with.flow_epe_dynamic, 0.3);

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "runtime/usage.hpp"
+
+#include <sys/resource.h>
+
+namespace gflow {
+namespace {
+
+rusage usage() {
+  rusage u{};
+  getrusage(RUSAGE_SELF, &u);
+  return u;
+}
+
+double seconds(const timeval& t) { return double(t.tv_sec) + 1e-6 * double(t.tv_usec); }
+
+}  // namespace
+
+double cpu_seconds() {
+  const rusage u = usage();
+  return seconds(u.ru_utime) + seconds(u.ru_stime);
+}
+
+double peak_memory_mib() { return double(usage().ru_maxrss) / 1024; }
+
+}  // namespace gflow

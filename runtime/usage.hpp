@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+// What this process has cost so far.
+#pragma once
+
+namespace gflow {
+
+// Of all its threads [s].
+double cpu_seconds();
+// Most memory it had at once [MiB]; with a device that has none of its own, such as a CPU, the
+// device's buffers are in it.
+double peak_memory_mib();
+
+}  // namespace gflow
