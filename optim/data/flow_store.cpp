@@ -17,6 +17,7 @@
 #include "optim/data/image_header.hpp"
 #include "optim/data/lru_cache.hpp"
 #include "optim/data/reader_util.hpp"
+#include "optim/io/atomic_file.hpp"
 #include "optim/io/npy.hpp"
 #include "runtime/error.hpp"
 
@@ -129,6 +130,24 @@ std::vector<FlowPair> without_direction(const std::vector<FlowPair>& pairs) {
   return once;
 }
 
+// Error when the estimates that are not there yet will not fit on the disk: better now than hours
+// later.
+void require_room(const std::string& folder, const Scene& scene, const std::vector<FlowPair>& work,
+                  const FrameStore& frames) {
+  uint64_t bytes = 0;
+  for (const FlowPair& pair : work)
+    for (const FlowPair& way : {pair, FlowPair{pair.next, pair.frame}}) {
+      const Camera& camera = frames.camera(scene.train[size_t(way.frame)]);
+      if (!is_cached(CacheFiles(folder, scene, way), camera))
+        bytes += 12 + 8 * uint64_t(camera.width) * uint64_t(camera.height);
+    }
+  require_free_space(folder, bytes,
+                     fmt::format("optical flow of {} pairs of pictures", work.size()),
+                     "train smaller pictures (-r 2) or fewer of them (scene.stride, "
+                     "scene.max_steps), without flow (flow.enabled = false), or into a folder on "
+                     "another disk");
+}
+
 // Runs work(i) for i in 0..n-1 on several threads. The first exception ends the work and is thrown
 // here.
 void for_each_parallel(size_t n, int threads, const std::function<void(size_t)>& work) {
@@ -202,6 +221,7 @@ FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs
   std::mutex progress_mutex;
   size_t done = 0;
   const std::vector<FlowPair> work = without_direction(pairs);
+  require_room(cache, scene, work, frames);
   for_each_parallel(work.size(), threads, [&](size_t i) {
     estimate_into(cache, scene, work[i], frames);
     const std::lock_guard<std::mutex> lock(progress_mutex);

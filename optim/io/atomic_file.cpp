@@ -187,6 +187,16 @@ void write_file_atomically(const std::string& path, const Bytes& bytes) {
   write_file_atomically(path, view(bytes));
 }
 
+void require_free_space(const std::string& folder, uint64_t bytes, const std::string& what,
+                        const std::string& instead) {
+  std::error_code failed;
+  const std::filesystem::space_info space = std::filesystem::space(folder, failed);
+  if (failed || bytes <= space.available) return;
+  throw Error(fmt::format("{} would take {:.1f} GB in folder {}, where {:.1f} GB are free: {}",
+                          what, 1e-9 * double(bytes), folder, 1e-9 * double(space.available),
+                          instead));
+}
+
 Bytes gzip(std::string_view bytes) {
   z_stream stream{};
   if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, 16 + MAX_WBITS, 8,

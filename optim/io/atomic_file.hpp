@@ -42,6 +42,12 @@ bool is_temporary_name(const std::string& filename);
 // grow by 1 MiB (disk full, file size limit). What it holds is spoiled.
 void require_room(const std::string& temporary, const std::string& path);
 
+// Before long work whose results fill a disk: Error when `folder` has not `bytes` free for them.
+// what: they are, e.g. "optical flow"; instead: what the user can do. Where the system does not
+// tell there is no Error.
+void require_free_space(const std::string& folder, uint64_t bytes, const std::string& what,
+                        const std::string& instead);
+
 // Bytes gzipped, without name or time: equal input gives equal output.
 Bytes gzip(std::string_view bytes);
 

@@ -76,3 +76,14 @@ TEST(AtomicFile, TruncatedAndDamagedGzipIsRefused) {
   folder.write("bad.gz", damaged);
   expect_error([&] { read_file_or_gzip(folder.file("bad.gz")); }, {"bad.gz", "damaged"});
 }
+
+TEST(RequireFreeSpace, RefusesWhatNoDiskHolds) {
+  const TemporaryFolder folder;
+  EXPECT_NO_THROW(require_free_space(folder.path(), 1, "a byte", "nothing"));
+  expect_error(
+      [&] {
+        require_free_space(folder.path(), uint64_t{1} << 62, "optical flow", "train without it");
+      },
+      {"optical flow would take 4611686018.4 GB", folder.path(), "train without it"});
+  EXPECT_NO_THROW(require_free_space(folder.file("missing"), 1, "a byte", "nothing"));
+}

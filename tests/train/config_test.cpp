@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <functional>
 
@@ -62,6 +63,19 @@ TEST(Config, AFileChangesWhatItNamesAndNothingElse) {
   EXPECT_EQ(config.flow.weight, 1.0f);  // a whole number is a number
   EXPECT_EQ(config.flow.transport, Transport::ot);
   EXPECT_EQ(config.train.batch, TrainConfig().train.batch);
+}
+
+TEST(Config, EveryPresetIsAHexplaneThatPassesTheCheck) {
+  size_t presets = 0;
+  for (const auto& file : std::filesystem::directory_iterator(GFLOW_SOURCE_DIR "/apps/presets")) {
+    TrainConfig config;
+    apply_file(config, file.path().string());
+    EXPECT_NO_THROW(check(config)) << file.path();
+    EXPECT_EQ(config.motion.model, MotionChoice::hexplane) << file.path();
+    EXPECT_EQ(config.hexplane.unfold, 0) << file.path();
+    ++presets;
+  }
+  EXPECT_EQ(presets, 3u);
 }
 
 TEST(Config, PrintedInFullAndReadBackItIsTheSame) {
