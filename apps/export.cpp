@@ -10,7 +10,9 @@
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "optim/io/dot_splat.hpp"
+#include "optim/io/four_dgs.hpp"
 #include "optim/train/interrupt.hpp"
+#include "optim/train/linear_pieces.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/slice.hpp"
 #include "optim/train/splatv.hpp"
@@ -25,6 +27,7 @@ namespace fs = std::filesystem;
 struct ExportFlags {
   std::string model, output, format = "ply", times;
   int steps = 0;
+  double fps = 0;
 };
 
 // A model's file, and its run when it is part of one.
@@ -39,17 +42,21 @@ Source find_source(const std::string& model) {
   return {run.latest_model(), run};
 }
 
+// The scene of a run, if it is still there.
+std::optional<Scene> scene_of(const Source& source) {
+  if (!source.run) return std::nullopt;
+  const TrainConfig config = source.run->read_config();
+  if (!fs::exists(config.scene.path)) return std::nullopt;
+  return load_scene(config.scene, source.run->path("frames")).scene;
+}
+
 // Times of a sequence: as asked for, else the steps of the run's scene.
 std::vector<double> sequence_times(const ExportFlags& flags, const Source& source) {
   if (!flags.times.empty() && flags.steps > 0)
     throw Error("--times and --steps exclude each other: both say which times are written");
   if (!flags.times.empty()) return parse_times(flags.times);
   if (flags.steps > 0) return parse_times(fmt::format("0:1:{}", flags.steps));
-  if (source.run) {
-    const TrainConfig config = source.run->read_config();
-    if (fs::is_directory(config.scene.path))
-      return step_times(load_scene(config.scene, source.run->path("frames")).scene);
-  }
+  if (const auto scene = scene_of(source)) return step_times(*scene);
   throw Error(
       fmt::format("how many steps {} has is not known without its scene: --steps or --times "
                   "says it",
@@ -60,7 +67,7 @@ double single_time(const ExportFlags& flags) {
   if (flags.steps > 0)
     throw Error(
         fmt::format("--format {} shows one time, which --times gives; --steps is for "
-                    "ply-sequence",
+                    "ply-sequence and 4dgs",
                     flags.format));
   if (flags.times.empty()) return 0.5;
   const std::vector<double> times = parse_times(flags.times);
@@ -112,6 +119,46 @@ void require_no_times(const ExportFlags& flags) {
                             flags.format));
 }
 
+// The camera looks at the place on its axis that is nearest to the middle of the Gaussians.
+Viewpoint viewpoint_of(const Camera& camera, const HostModel& model) {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  const std::vector<float>& means = model.groups.at("means");
+  for (size_t i = 0; i < model.count; ++i)
+    middle += Eigen::Map<const Eigen::Vector3f>(&means[3 * i]).cast<double>() / double(model.count);
+  const Eigen::Vector3d position = camera.position(), ahead = camera.viewmat.block<1, 3>(2, 0);
+  const double distance = std::max(ahead.dot(middle - position), 1e-3);
+  const Eigen::Vector3d target = position + distance * ahead;
+  constexpr double kDegrees = 57.29577951308232;
+  return {2 * kDegrees * std::atan(0.5 * camera.height / camera.fy),
+          {position.x(), position.y(), position.z()},
+          {target.x(), target.y(), target.z()}};
+}
+
+void export_four_dgs(const ExportFlags& flags, const Source& source, const GlobalOptions& options) {
+  if (!flags.times.empty())
+    throw Error("--format 4dgs holds all times; --steps says how often its paths are looked at");
+  PieceRule rule;
+  rule.steps = int(sequence_times(flags, source).size());
+  if (flags.fps > 0)
+    rule.fps = flags.fps;
+  else if (const auto scene = scene_of(source))
+    rule.fps = scene->fps;
+  const HostModel host = read_model(source.path);
+  Queue queue = open_queue(options);
+  Model model(queue, host);
+  InterruptGuard guard;
+  Progress progress("export", rule.steps, options.quiet);
+  MovingSplats scene = linear_pieces(queue, model, rule, [&] {
+    progress.advance();
+    if (interrupted()) throw Interrupted("interrupted, nothing was written");
+  });
+  progress.finish();
+  scene.viewpoint = viewpoint_of(viewer_cameras(source, host)[0], host);
+  write_four_dgs(flags.output, scene);
+  fmt::print("written   {}, {} Gaussians in {} straight pieces, {:.4g} s\n", flags.output,
+             host.count, scene.splats.size(), scene.duration);
+}
+
 void run_export(const ExportFlags& flags, const GlobalOptions& options) {
   const Source source = find_source(flags.model);
   const bool sequence = flags.format == "ply-sequence";
@@ -122,6 +169,7 @@ void run_export(const ExportFlags& flags, const GlobalOptions& options) {
     fmt::print("written   {}, {} Gaussians\n", flags.output, host.count);
     return;
   }
+  if (flags.format == "4dgs") return export_four_dgs(flags, source, options);
   std::vector<double> times;
   if (sequence) {
     times = sequence_times(flags, source);
@@ -156,8 +204,9 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
       ->add_option("--format", flags->format,
                    "ply: one time, for every 3DGS viewer; ply-sequence: a PLY a step, which "
                    "SuperSplat plays; splat: one time, without view-dependent colour; "
-                   "splatv: all times of a spacetime model for splaTV and gsplat.js")
-      ->check(choice_of({"ply", "ply-sequence", "splat", "splatv"}));
+                   "splatv: all times of a spacetime model for splaTV and gsplat.js; 4dgs: all "
+                   "times of any model, for players of 4dgs.dev")
+      ->check(choice_of({"ply", "ply-sequence", "splat", "splatv", "4dgs"}));
   command
       ->add_option("--times", flags->times,
                    "ply, splat: the time, 0 to 1; empty: 0.5. ply-sequence: 0:1:40 (40 times from "
@@ -165,8 +214,12 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
       ->type_name("TIMES");
   command
       ->add_option("--steps", flags->steps,
-                   "ply-sequence: so many times from 0 to 1; 0: the steps of the run's scene")
+                   "ply-sequence, 4dgs: so many times from 0 to 1; 0: the steps of the run's scene")
       ->check(number_in(0, 100000));
+  command
+      ->add_option("--fps", flags->fps,
+                   "4dgs: steps a second; 0: as the run's scene has them, else 24")
+      ->check(number_in(0, 1000));
   command->callback([flags, &options] { run_export(*flags, options); });
 }
 

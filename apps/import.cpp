@@ -5,9 +5,11 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
+#include <optional>
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
+#include "optim/io/four_dgs.hpp"
 #include "optim/io/splat_table.hpp"
 
 namespace gflow {
@@ -15,6 +17,7 @@ namespace {
 
 struct ImportFlags {
   std::string input, output, format = "auto";
+  std::optional<double> time;  // [s]
 };
 
 SplatFormat format_wanted(const ImportFlags& flags) {
@@ -23,9 +26,23 @@ SplatFormat format_wanted(const ImportFlags& flags) {
   return SplatFormat(std::find(names.begin(), names.end(), flags.format) - names.begin());
 }
 
+// One moment of a file whose Gaussians move; half-way where none is asked for.
+PlyTable moment_of(const ImportFlags& flags) {
+  const MovingSplats scene = read_four_dgs(flags.input);
+  const double time = flags.time.value_or(scene.duration / 2);
+  if (!(time >= 0 && time < scene.duration))
+    throw Error(fmt::format("--time {} lies outside of {}, which lasts from 0 to before {:.6g} s",
+                            time, flags.input, scene.duration));
+  return splats_at(scene, time);
+}
+
 void run_import(const ImportFlags& flags) {
   const SplatFormat format = format_wanted(flags);
-  const PlyTable table = read_splats(flags.input, format);
+  if (flags.time && format != SplatFormat::four_dgs)
+    throw Error(fmt::format("--time is for .4dgs files, whose Gaussians move; {} is {}",
+                            flags.input, names_of(format)[size_t(format)]));
+  const PlyTable table =
+      format == SplatFormat::four_dgs ? moment_of(flags) : read_splats(flags.input, format);
   if (table.column("scale_t") >= 0)
     throw Error(
         fmt::format("{} is a moving model of gflow; `gflow export --format ply --times T` "
@@ -43,7 +60,9 @@ void add_import(CLI::App& app, const GlobalOptions&) {
   auto flags = std::make_shared<ImportFlags>();
   CLI::App* command =
       app.add_subcommand("import", "Turn a splat file of another program into a standard PLY");
-  command->add_option("FILE", flags->input, "3DGS PLY, compressed PLY (SuperSplat), .splat or .spz")
+  command
+      ->add_option("FILE", flags->input,
+                   "3DGS PLY, compressed PLY (SuperSplat), .splat, .spz or .4dgs")
       ->required()
       ->type_name("PATH");
   command->add_option("-o,--output", flags->output, "PLY that is written")
@@ -54,8 +73,12 @@ void add_import(CLI::App& app, const GlobalOptions&) {
   command
       ->add_option("--format", flags->format,
                    "What FILE is: auto (by its first bytes, .splat by its name), ply, "
-                   "compressed-ply, splat or spz")
+                   "compressed-ply, splat, spz or 4dgs")
       ->check(choice_of(formats));
+  command
+      ->add_option("--time", flags->time,
+                   "4dgs: the moment that is taken, in seconds; default: half-way")
+      ->type_name("SECONDS");
   command->callback([flags] { run_import(*flags); });
 }
 

@@ -12,6 +12,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
+#include "optim/io/four_dgs.hpp"
 #include "optim/io/splat_table.hpp"
 #include "optim/train/run_folder.hpp"
 #include "optim/train/views.hpp"
@@ -33,6 +34,13 @@ std::vector<double> opacities_of(const HostModel& model) {
   std::vector<double> values;
   for (const float logit : model.groups.at("logit_opacities"))
     values.push_back(opacity_of_logit(logit));
+  return values;
+}
+
+std::vector<double> column_values(const PlyTable& table, size_t column) {
+  std::vector<double> values;
+  for (size_t i = 0; i < table.rows; ++i)
+    values.push_back(double(table.values[i * table.names.size() + column]));
   return values;
 }
 
@@ -58,8 +66,39 @@ Json bounds_of(const HostModel& model) {
   return {{"min", low}, {"max", high}};
 }
 
+Json info_of_four_dgs(const std::string& path) {
+  const MovingSplats scene = read_four_dgs(path);
+  Json low = Json::array(), high = Json::array();
+  std::vector<double> opacities, scales, shown;
+  for (const MovingSplat& s : scene.splats) {
+    opacities.push_back(s.opacity);
+    scales.insert(scales.end(), s.scales.begin(), s.scales.end());
+    shown.push_back(s.end - s.begin);
+  }
+  // Of what is there half-way: places at moments outside of a window are not meant to be seen.
+  const PlyTable now = splats_at(scene, scene.duration / 2);
+  for (size_t k = 0; k < 3 && now.rows > 0; ++k) {
+    const Json range = range_of(column_values(now, k));
+    low.push_back(range["min"]);
+    high.push_back(range["max"]);
+  }
+  return {{"file", path},
+          {"format", "4dgs"},
+          {"size_bytes", fs::file_size(path)},
+          {"gaussians", scene.splats.size()},
+          {"gaussians_half_way", now.rows},
+          {"sh_degree", scene.sh_degree},
+          {"seconds", scene.duration},
+          {"cutoff", scene.cutoff},
+          {"bounds", {{"min", low}, {"max", high}}},
+          {"opacity", range_of(opacities)},
+          {"scale", range_of(scales)},
+          {"window_seconds", range_of(shown)}};
+}
+
 Json info_of_model(const std::string& path) {
   const SplatFormat format = splat_format(path);
+  if (format == SplatFormat::four_dgs) return info_of_four_dgs(path);
   const HostModel model = read_model(path);
   const bool still = stands_still(model);
   size_t floats = 0;

@@ -10,6 +10,7 @@
 
 #include "optim/io/compressed_ply.hpp"
 #include "optim/io/dot_splat.hpp"
+#include "optim/io/four_dgs.hpp"
 #include "optim/io/spz.hpp"
 #include "runtime/error.hpp"
 #include "shared/sh.h"
@@ -99,8 +100,10 @@ double opacity_of_logit(double logit) { return 1 / (1 + std::exp(-logit)); }
 
 SplatFormat splat_format(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  char start[4] = {};
-  if (!file.read(start, 3)) throw Error("cannot read " + path + ": it is missing or empty");
+  char start[6] = {};
+  file.read(start, 5);
+  if (file.gcount() < 3) throw Error("cannot read " + path + ": it is missing or empty");
+  if (is_four_dgs(start)) return SplatFormat::four_dgs;
   const std::string first(start, 3);
   if (first == "ply")
     return is_compressed(ply_vertex_properties(path)) ? SplatFormat::compressed_ply
@@ -110,8 +113,8 @@ SplatFormat splat_format(const std::string& path) {
   for (char& c : extension) c = char(std::tolower(c));
   if (extension == ".splat") return SplatFormat::splat;
   throw Error(
-      fmt::format("cannot read {} as a splat: gflow reads .ply, compressed .ply, .splat and "
-                  ".spz (versions 2 and 3)",
+      fmt::format("cannot read {} as a splat: gflow reads .ply, compressed .ply, .splat, "
+                  ".spz (versions 2 and 3) and .4dgs",
                   path));
 }
 
@@ -121,6 +124,11 @@ PlyTable read_splats(const std::string& path, SplatFormat format) {
   if (format == SplatFormat::ply) return read_ply(path);
   if (format == SplatFormat::compressed_ply) return finite(read_compressed_ply(path), path);
   if (format == SplatFormat::spz) return finite(read_spz(path), path);
+  if (format == SplatFormat::four_dgs)
+    throw Error(
+        fmt::format("{} is a .4dgs file, whose Gaussians move in a way of their own; `gflow import "
+                    "{} --time SECONDS -o now.ply` makes a PLY of one of its moments",
+                    path, path));
   return finite(read_dot_splat(path), path);
 }
 

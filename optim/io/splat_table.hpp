@@ -45,9 +45,9 @@ double color_of_sh0(double sh0);
 float logit_of_opacity(double opacity);
 double opacity_of_logit(double logit);
 
-enum class SplatFormat { ply, compressed_ply, splat, spz };
-constexpr std::array<const char*, 4> names_of(SplatFormat) {
-  return {"ply", "compressed-ply", "splat", "spz"};
+enum class SplatFormat { ply, compressed_ply, splat, spz, four_dgs };
+constexpr std::array<const char*, 5> names_of(SplatFormat) {
+  return {"ply", "compressed-ply", "splat", "spz", "4dgs"};
 }
 
 // Format of a file: by its first bytes, and a .splat, which has none of its own, by its name. Error
@@ -56,7 +56,7 @@ SplatFormat splat_format(const std::string& path);
 
 // The Gaussians of any splat file. A PLY may have more columns than the standard's, or fewer: they
 // are what is in the file. Error when it cannot be read as what splat_format says, or values that
-// are computed are not finite.
+// are computed are not finite; and for a .4dgs, whose Gaussians move (four_dgs.hpp reads it).
 PlyTable read_splats(const std::string& path);
 PlyTable read_splats(const std::string& path, SplatFormat format);
 

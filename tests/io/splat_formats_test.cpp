@@ -382,7 +382,7 @@ TEST(SplatFormats, AreKnownByTheirFirstBytes) {
   write_dot_splat(folder.file("c.SPLAT"), table.table);
   EXPECT_EQ(splat_format(folder.file("c.SPLAT")), SplatFormat::splat);
   expect_error([&] { splat_format(folder.write("d.ksplat", "what is this?")); },
-               {"d.ksplat", ".splat and .spz"});
+               {"d.ksplat", ".splat, .spz"});
   expect_error([&] { splat_format(folder.file("missing")); }, {"missing"});
 }
 
