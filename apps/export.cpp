@@ -51,16 +51,14 @@ std::optional<Scene> scene_of(const Source& source) {
 }
 
 // Times of a sequence: as asked for, else the steps of the run's scene.
-std::vector<double> sequence_times(const ExportFlags& flags, const Source& source) {
+std::vector<double> sequence_times(const ExportFlags& flags, const std::optional<Scene>& scene) {
   if (!flags.times.empty() && flags.steps > 0)
     throw Error("--times and --steps exclude each other: both say which times are written");
   if (!flags.times.empty()) return parse_times(flags.times);
   if (flags.steps > 0) return parse_times(fmt::format("0:1:{}", flags.steps));
-  if (const auto scene = scene_of(source)) return step_times(*scene);
-  throw Error(
-      fmt::format("how many steps {} has is not known without its scene: --steps or --times "
-                  "says it",
-                  flags.model));
+  if (scene) return step_times(*scene);
+  throw Error(fmt::format("how many steps {} has is not known without its scene: {} says it",
+                          flags.model, flags.format == "4dgs" ? "--steps" : "--steps or --times"));
 }
 
 double single_time(const ExportFlags& flags) {
@@ -105,12 +103,16 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
   fmt::print("written   {} PLY files in {}\n", times.size(), folder);
 }
 
-// Where a viewer may begin: the cameras of the run, else those beside the file, else one before it.
+// Where a viewer may begin: the cameras of the run, else those beside the file, else some around
+// it.
 std::vector<Camera> viewer_cameras(const Source& source, const HostModel& model) {
   const fs::path beside = source.run ? fs::path(source.run->path("cameras.json"))
                                      : fs::path(source.path).replace_filename("cameras.json");
   if (fs::exists(beside)) return read_cameras_json(beside.string(), 1);
-  return {orbit_views(model, {0}, "-y")[0].camera};
+  std::vector<Camera> cameras;
+  for (const RenderView& view : orbit_views(model, parse_times("0:1:8"), "-y"))
+    cameras.push_back(view.camera);
+  return cameras;
 }
 
 void require_no_times(const ExportFlags& flags) {
@@ -134,29 +136,41 @@ Viewpoint viewpoint_of(const Camera& camera, const HostModel& model) {
           {target.x(), target.y(), target.z()}};
 }
 
+// Where cameras stand; 16 of them, if there are more.
+std::vector<std::array<double, 3>> eyes_of(const std::vector<Camera>& cameras) {
+  const size_t count = std::min<size_t>(cameras.size(), 16);
+  std::vector<std::array<double, 3>> eyes;
+  for (size_t i = 0; i < count; ++i) {
+    const Eigen::Vector3d p = cameras[i * cameras.size() / count].position();
+    eyes.push_back({p.x(), p.y(), p.z()});
+  }
+  return eyes;
+}
+
 void export_four_dgs(const ExportFlags& flags, const Source& source, const GlobalOptions& options) {
   if (!flags.times.empty())
     throw Error("--format 4dgs holds all times; --steps says how often its paths are looked at");
+  const std::optional<Scene> scene = scene_of(source);
   PieceRule rule;
-  rule.steps = int(sequence_times(flags, source).size());
-  if (flags.fps > 0)
-    rule.fps = flags.fps;
-  else if (const auto scene = scene_of(source))
-    rule.fps = scene->fps;
+  rule.steps = int(sequence_times(flags, scene).size());
+  if (scene) rule.fps = scene->fps;
+  if (flags.fps > 0) rule.fps = flags.fps;
   const HostModel host = read_model(source.path);
   Queue queue = open_queue(options);
   Model model(queue, host);
   InterruptGuard guard;
   Progress progress("export", rule.steps, options.quiet);
-  MovingSplats scene = linear_pieces(queue, model, rule, [&] {
+  MovingSplats pieces = linear_pieces(queue, model, rule, [&] {
     progress.advance();
     if (interrupted()) throw Interrupted("interrupted, nothing was written");
   });
   progress.finish();
-  scene.viewpoint = viewpoint_of(viewer_cameras(source, host)[0], host);
-  write_four_dgs(flags.output, scene);
+  const std::vector<Camera> cameras = viewer_cameras(source, host);
+  pieces.viewpoint = viewpoint_of(cameras[0], host);
+  pieces.eyes = eyes_of(cameras);
+  write_four_dgs(flags.output, pieces);
   fmt::print("written   {}, {} Gaussians in {} straight pieces, {:.4g} s\n", flags.output,
-             host.count, scene.splats.size(), scene.duration);
+             host.count, pieces.splats.size(), pieces.duration);
 }
 
 void run_export(const ExportFlags& flags, const GlobalOptions& options) {
@@ -172,7 +186,7 @@ void run_export(const ExportFlags& flags, const GlobalOptions& options) {
   if (flags.format == "4dgs") return export_four_dgs(flags, source, options);
   std::vector<double> times;
   if (sequence) {
-    times = sequence_times(flags, source);
+    times = sequence_times(flags, scene_of(source));
     require_no_other_frames(flags.output);
   } else {
     times = {single_time(flags)};

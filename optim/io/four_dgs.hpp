@@ -38,7 +38,9 @@ struct MovingSplats {
   int sh_degree = 0;     // 0 to 3
   std::vector<MovingSplat> splats;
   std::vector<float> sh_rest;  // [rows, 3, K - 1] channel by channel, K = (sh_degree + 1)^2
-  Viewpoint viewpoint;         // written, not read
+  // What is written only: where viewers begin, and from where the scene was seen.
+  Viewpoint viewpoint;
+  std::vector<std::array<double, 3>> eyes;
 };
 
 // Whether these are the first bytes of such a file, of any version.
@@ -46,7 +48,8 @@ bool is_four_dgs(const std::string& first_bytes);
 
 // Values lie on grids: positions to a fiftieth of a usual Gaussian's size, scales and lives to
 // 1/400, turns to 1/2000, colours and opacities to 1/1020, coefficients of spherical harmonics to
-// 1/64, those outside of [-4, 4] cut off. Error when a value is not finite or the scene too large
+// 1/64, those outside of [-4, 4] cut off; these are rounded so that the colours seen from the eyes
+// change least. Error when a value is not finite or the scene too large
 // for such a grid.
 void write_four_dgs(const std::string& path, const MovingSplats& scene);
 

@@ -175,7 +175,8 @@ class FileReader {
     if (scene_.sh_degree > 3)
       in.refuse(fmt::format("its spherical harmonics have degree {}, gflow reads 0 to 3",
                             scene_.sh_degree));
-    if (!(scene_.cutoff > 0 && scene_.cutoff <= 1) || scene_.duration < 0)
+    if (!(scene_.cutoff > 0 && scene_.cutoff <= 1) ||
+        !(scene_.duration >= 0 && scene_.duration < kLargest))
       in.refuse(
           fmt::format("it is damaged: cutoff {}, duration {} s", scene_.cutoff, scene_.duration));
     if (declared_ > kMostSplats)

@@ -15,6 +15,7 @@
 #include "optim/io/four_dgs.hpp"
 #include "optim/io/four_dgs_grid.hpp"
 #include "runtime/error.hpp"
+#include "shared/sh.h"
 
 namespace gflow {
 namespace {
@@ -22,6 +23,8 @@ namespace {
 using namespace four_dgs;
 
 constexpr int kDeepest = 5;
+// How much rounding to the farther side counts beside colours seen: other eyes may come.
+constexpr double kStray = 0.01;
 
 // A record's content, or a part of it; little-endian as the machine is.
 class Content {
@@ -157,10 +160,71 @@ int32_t bin_of(double value, double step, size_t i) {
   return int32_t(bin);
 }
 
+// Spherical harmonics as bytes, and what is added to the colour of degree 0 for their sake. The
+// format's grid of 1/32 is coarse: a coefficient is rounded up or down by which of the two makes
+// the colours seen from the eyes differ from the true ones by the same for all, and by little; the
+// colour of degree 0, whose grid is fine, takes back what is the same.
+struct Harmonics {
+  std::vector<uint8_t> bytes;  // [3, K - 1]
+  std::array<double, 3> shift{};
+};
+
+Harmonics harmonics_of(const MovingSplats& scene, size_t i) {
+  const MovingSplat& s = scene.splats[i];
+  const size_t rest = size_t((scene.sh_degree + 1) * (scene.sh_degree + 1) - 1);
+  Harmonics out;
+  out.bytes.resize(3 * rest);
+  if (rest == 0) return out;
+  const double seen_at = std::clamp(s.mean_t, s.begin, s.end) - s.mean_t;
+  std::vector<ShBasis> views;
+  std::array<double, 15> mean{};
+  for (const auto& eye : scene.eyes) {
+    std::array<double, 3> d;
+    for (size_t k = 0; k < 3; ++k) d[k] = s.mean[k] + s.velocity[k] * seen_at - eye[k];
+    const double length = std::hypot(d[0], d[1], d[2]);
+    if (!(length > 0)) continue;
+    views.push_back(sh_basis(scene.sh_degree, make_real3(d[0], d[1], d[2]) * (1 / length)));
+  }
+  for (const ShBasis& view : views)
+    for (size_t k = 0; k < rest; ++k) mean[k] += view.y[k + 1] / double(views.size());
+  for (size_t c = 0; c < 3; ++c) {
+    std::array<double, 15> error{};              // of the coefficients
+    std::vector<double> off(views.size(), 0.0);  // colours seen, but for what all have in common
+    uint8_t* const bytes = &out.bytes[c * rest];
+    const auto change = [&](size_t k, double by) {
+      error[k] += by;
+      for (size_t v = 0; v < views.size(); ++v) off[v] += by * (views[v].y[k + 1] - mean[k]);
+    };
+    for (size_t k = 0; k < rest; ++k) {
+      const double sh = double(scene.sh_rest[(3 * s.sh_row + c) * rest + k]);
+      if (!std::isfinite(sh)) too_far(i);
+      const double bin = std::clamp((sh - kShLowest) / kShStep, 0.0, 255.0);
+      bytes[k] = uint8_t(std::round(bin));
+      change(k, (bytes[k] - bin) * kShStep);
+    }
+    for (int sweep = 0; sweep < 2; ++sweep)
+      for (size_t k = 0; k < rest; ++k) {
+        const int to = bytes[k] + (error[k] > 0 ? -1 : 1);
+        const double by = (to - bytes[k]) * kShStep;
+        double gain = kStray * double(views.size()) * (2 * error[k] + by) * by;
+        for (size_t v = 0; v < views.size(); ++v) {
+          const double step = by * (views[v].y[k + 1] - mean[k]);
+          gain += (2 * off[v] + step) * step;
+        }
+        if (gain >= 0 || to < 0 || to > 255) continue;
+        bytes[k] = uint8_t(to);
+        change(k, by);
+      }
+    for (size_t k = 0; k < rest; ++k) out.shift[c] -= error[k] * mean[k];
+  }
+  return out;
+}
+
 // The values of one Gaussian for each stream.
 using Bins = std::array<std::array<int32_t, 3>, attribute_count>;
 
-Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t window_index) {
+Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t window_index,
+             const std::array<double, 3>& color_shift) {
   const MovingSplat& s = scene.splats[i];
   Bins bins{};
   const bool never_fades = std::isinf(s.life);
@@ -183,7 +247,8 @@ Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t wind
   }
   // Colours as green, red - green, blue - green.
   std::array<int32_t, 3> rgb;
-  for (size_t k = 0; k < 3; ++k) rgb[k] = bin_of(std::clamp(s.color[k], 0.0, 1.0), grid.color, i);
+  for (size_t k = 0; k < 3; ++k)
+    rgb[k] = bin_of(std::clamp(s.color[k] + color_shift[k], 0.0, 1.0), grid.color, i);
   bins[color] = {rgb[1], rgb[0] - rgb[1], rgb[2] - rgb[1]};
   bins[opacity][0] = bin_of(std::clamp(s.opacity, 0.0, 1.0), grid.opacity, i);
   // x y z w without its largest, which is made positive.
@@ -227,7 +292,8 @@ struct Written {
 };
 
 Written put_chunk(Content& file, const MovingSplats& scene, const std::vector<Bins>& bins,
-                  int level, const std::vector<size_t>& members) {
+                  const std::vector<Harmonics>& harmonics, int level,
+                  const std::vector<size_t>& members) {
   Written chunk_written;
   chunk_written.count = uint32_t(members.size());
   chunk_written.begin = std::numeric_limits<double>::infinity();
@@ -254,12 +320,8 @@ Written put_chunk(Content& file, const MovingSplats& scene, const std::vector<Bi
     std::vector<int32_t> values;
     for (const size_t i : members)
       for (size_t c = 0; c < 3; ++c)
-        for (size_t k = 0; k < band_size(band); ++k) {
-          const double sh =
-              double(scene.sh_rest[(3 * scene.splats[i].sh_row + c) * rest + band_first(band) + k]);
-          if (!std::isfinite(sh)) too_far(i);
-          values.push_back(int32_t(std::clamp(std::round((sh - kShLowest) / kShStep), 0.0, 255.0)));
-        }
+        for (size_t k = 0; k < band_size(band); ++k)
+          values.push_back(harmonics[i].bytes[c * rest + band_first(band) + k]);
     Content stream;
     stream.put(band);
     put_stream(stream, sh_band, values, uint8_t(3 * band_size(band)));
@@ -320,10 +382,12 @@ void write_four_dgs(const std::string& path, const MovingSplats& scene) {
     table.put(span.first).put(span.second);
   }
   std::vector<Bins> bins;
+  std::vector<Harmonics> harmonics;
   int32_t furthest = 1;
   for (size_t i = 0; i < scene.splats.size(); ++i) {
     const MovingSplat& s = scene.splats[i];
-    bins.push_back(bins_of(scene, grid, i, window_of.at({s.begin, s.end})));
+    harmonics.push_back(harmonics_of(scene, i));
+    bins.push_back(bins_of(scene, grid, i, window_of.at({s.begin, s.end}), harmonics[i].shift));
     for (const int32_t b : bins[i][position]) furthest = std::max(furthest, b);
   }
   int shift = 0;
@@ -347,7 +411,7 @@ void write_four_dgs(const std::string& path, const MovingSplats& scene) {
     for (const size_t i : members) order.emplace_back(along_a_curve(bins[i][position], shift), i);
     std::sort(order.begin(), order.end());
     for (size_t k = 0; k < order.size(); ++k) members[k] = order[k].second;
-    chunks.push_back(put_chunk(file, scene, bins, interval.first, members));
+    chunks.push_back(put_chunk(file, scene, bins, harmonics, interval.first, members));
   }
   const uint64_t summary = file.bytes().size();
   for (const Written& c : chunks) {

@@ -198,6 +198,27 @@ TEST_F(CommandTest, ExportWritesASequenceOfTheStepsOfTheScene) {
   EXPECT_EQ(contents(folder.file("a.splatv")).substr(0, 2), "Kg");
 }
 
+TEST_F(CommandTest, AMovingFileGoesOutAndItsMomentsComeIn) {
+  const TemporaryFolder folder;
+  const std::string moving = folder.file("a.4dgs"), now = folder.file("now.ply");
+  const Outcome written =
+      gflow({"export", run(), "--format", "4dgs", "-o", moving, "--fps", "10", "--quiet"});
+  EXPECT_EQ(written.code, 0);
+  EXPECT_NE(written.out.find("0.5 s"), std::string::npos) << written.out;  // 5 steps
+  const auto info = nlohmann::json::parse(gflow({"info", moving, "--json"}).out);
+  EXPECT_EQ(info["format"], "4dgs");
+  EXPECT_EQ(info["seconds"], 0.5);
+  EXPECT_GT(info["gaussians"], 0);
+  EXPECT_EQ(gflow({"import", moving, "-o", now, "--time", "0.2"}).code, 0);
+  EXPECT_EQ(nlohmann::json::parse(gflow({"info", now, "--json"}).out)["motion"], "none");
+  expect_refused({"import", moving, "-o", now, "--time", "0.5"}, {"--time 0.5", "0.5 s"});
+  expect_refused({"import", now, "-o", folder.file("b.ply"), "--time", "0"}, {"--time", "is ply"});
+  expect_refused({"render", moving, "-o", folder.file("r")}, {"a.4dgs", "gflow import"});
+  expect_refused({"export", run(), "--format", "4dgs", "-o", moving, "--times", "0,1"},
+                 {"all times", "--steps"});
+  expect_refused({"export", model(), "--format", "4dgs", "-o", moving}, {"--steps says it"});
+}
+
 TEST_F(CommandTest, FilesInAndOutSayWhatIsWrong) {
   const TemporaryFolder folder;
   const std::string out = folder.file("out.ply");
