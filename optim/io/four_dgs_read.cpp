@@ -21,7 +21,7 @@ using namespace four_dgs;
 constexpr uint64_t kMostSplats = uint64_t{1} << 25;
 constexpr uint64_t kMostInflated = 1032;  // times; what deflate can do
 
-constexpr double kLargest = 1e15;  // place, velocity, ...: their products fit a float
+constexpr double kLargest = 1e15;  // place, velocity and time: their products fit a float
 
 // A stretch of the file, read from its beginning; names the file in its errors.
 class Reader {
@@ -283,7 +283,7 @@ class FileReader {
     bool good = norm > 0 && (never_fades || s.life > 0) && sound(s.mean_t) && sound(s.opacity);
     for (size_t k = 0; k < 3; ++k)
       good = good && sound(s.mean[k]) && sound(s.velocity[k]) && sound(s.color[k]) &&
-             sound(s.scales[k]) && s.scales[k] > 0;
+             std::isfinite(s.scales[k]) && s.scales[k] > 0;
     if (!good) in.refuse("it is damaged: a Gaussian has a value without sense");
   }
 

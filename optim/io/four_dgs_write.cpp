@@ -23,8 +23,9 @@ namespace {
 using namespace four_dgs;
 
 constexpr int kDeepest = 5;
-// How much rounding to the farther side counts beside colours seen: other eyes may come.
+// How much a coefficient's error counts beside that of colours seen: other eyes may come.
 constexpr double kStray = 0.01;
+constexpr int kSweeps = 3;
 
 // A record's content, or a part of it; little-endian as the machine is.
 class Content {
@@ -161,9 +162,10 @@ int32_t bin_of(double value, double step, size_t i) {
 }
 
 // Spherical harmonics as bytes, and what is added to the colour of degree 0 for their sake. The
-// format's grid of 1/32 is coarse: a coefficient is rounded up or down by which of the two makes
-// the colours seen from the eyes differ from the true ones by the same for all, and by little; the
-// colour of degree 0, whose grid is fine, takes back what is the same.
+// format's grid of 1/32 is coarse, and its colours of degree 0 end at 0 and 1, which those of a
+// model need not. So bytes are chosen, one coefficient after the other, for the least squared
+// difference of the colours seen from the eyes. What all eyes have in common the colour of degree 0
+// takes back, whose grid is fine; if that colour is cut off, coefficients make up for it.
 struct Harmonics {
   std::vector<uint8_t> bytes;  // [3, K - 1]
   std::array<double, 3> shift{};
@@ -188,12 +190,14 @@ Harmonics harmonics_of(const MovingSplats& scene, size_t i) {
   for (const ShBasis& view : views)
     for (size_t k = 0; k < rest; ++k) mean[k] += view.y[k + 1] / double(views.size());
   for (size_t c = 0; c < 3; ++c) {
+    const double cut = std::clamp(s.color[c], 0.0, 1.0) - s.color[c];
+    const std::array<double, 15> common = cut == 0 ? mean : std::array<double, 15>{};
     std::array<double, 15> error{};              // of the coefficients
-    std::vector<double> off(views.size(), 0.0);  // colours seen, but for what all have in common
+    std::vector<double> off(views.size(), cut);  // colours seen, but for what is taken back
     uint8_t* const bytes = &out.bytes[c * rest];
     const auto change = [&](size_t k, double by) {
       error[k] += by;
-      for (size_t v = 0; v < views.size(); ++v) off[v] += by * (views[v].y[k + 1] - mean[k]);
+      for (size_t v = 0; v < views.size(); ++v) off[v] += by * (views[v].y[k + 1] - common[k]);
     };
     for (size_t k = 0; k < rest; ++k) {
       const double sh = double(scene.sh_rest[(3 * s.sh_row + c) * rest + k]);
@@ -202,20 +206,21 @@ Harmonics harmonics_of(const MovingSplats& scene, size_t i) {
       bytes[k] = uint8_t(std::round(bin));
       change(k, (bytes[k] - bin) * kShStep);
     }
-    for (int sweep = 0; sweep < 2; ++sweep)
+    for (int sweep = 0; sweep < kSweeps && !views.empty(); ++sweep)
       for (size_t k = 0; k < rest; ++k) {
-        const int to = bytes[k] + (error[k] > 0 ? -1 : 1);
-        const double by = (to - bytes[k]) * kShStep;
-        double gain = kStray * double(views.size()) * (2 * error[k] + by) * by;
+        const double stray = kStray * double(views.size());
+        double slope = stray * error[k], curvature = stray;
         for (size_t v = 0; v < views.size(); ++v) {
-          const double step = by * (views[v].y[k + 1] - mean[k]);
-          gain += (2 * off[v] + step) * step;
+          const double y = views[v].y[k + 1] - common[k];
+          slope += y * off[v];
+          curvature += y * y;
         }
-        if (gain >= 0 || to < 0 || to > 255) continue;
-        bytes[k] = uint8_t(to);
-        change(k, by);
+        const double best = bytes[k] - std::round(slope / curvature / kShStep);
+        const auto to = uint8_t(std::clamp(best, 0.0, 255.0));
+        change(k, (to - bytes[k]) * kShStep);
+        bytes[k] = to;
       }
-    for (size_t k = 0; k < rest; ++k) out.shift[c] -= error[k] * mean[k];
+    for (size_t k = 0; k < rest; ++k) out.shift[c] -= error[k] * common[k];
   }
   return out;
 }

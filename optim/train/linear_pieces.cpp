@@ -166,9 +166,9 @@ class PathCutter {
     if (std::isinf(s.life)) s.mean_t = s.begin;
     const Eigen::Matrix<float, 3, 3, Eigen::RowMajor> factor = path.shape.factor;
     const FactorParts parts = parts_of_factor(factor.data());
-    s.scales = parts.scales;
     s.quat = parts.quat;
     for (size_t axis = 0; axis < 3; ++axis) {
+      s.scales[axis] = std::max(parts.scales[axis], double(std::numeric_limits<float>::min()));
       s.velocity[axis] = velocity[long(axis)];
       s.mean[axis] = path.start.mean[long(axis)] + s.velocity[axis] * (s.mean_t - s.begin);
     }

@@ -11,6 +11,7 @@
 
 #include "io/temporary_folder.hpp"
 #include "optim/io/splat_table.hpp"
+#include "shared/sh.h"
 
 namespace gflow {
 namespace {
@@ -236,6 +237,44 @@ TEST(FourDgs, ComesBackToThePrecisionOfItsGrid) {
       EXPECT_NEAR(scene.sh_rest[45 * a->sh_row + k], back.sh_rest[45 * b.sh_row + k], 4.01 / 255);
   }
   EXPECT_EQ(std::count(found.begin(), found.end(), true), 200);
+}
+
+// Harmonics are bytes of 1/32 and colours end at 1: what cameras see is kept all the same.
+TEST(FourDgs, ColoursSeenFromTheEyesAreKept) {
+  const TemporaryFolder folder;
+  MovingSplats scene = some_scene(40, 2);
+  for (int e = 0; e < 9; ++e) scene.eyes.push_back({0.8 * (e % 3) - 1, 0.8 * (e / 3) - 1, -15.0});
+  for (MovingSplat& s : scene.splats) {
+    s.color[0] = 1.2;
+    s.velocity = {};
+  }
+  const auto off = [&](const MovingSplats& written) {  // root mean square
+    write_four_dgs(folder.file("a.4dgs"), written);
+    const MovingSplats back = read_four_dgs(folder.file("a.4dgs"));
+    double sum = 0;
+    for (const MovingSplat& b : back.splats) {
+      const auto a = std::find_if(scene.splats.begin(), scene.splats.end(), [&](const auto& s) {
+        return std::fabs(s.scales[0] / b.scales[0] - 1) + std::fabs(s.scales[1] / b.scales[1] - 1) <
+               0.01;
+      });
+      for (double x = -0.9; x < 0.6; x += 0.3) {  // between the eyes
+        const real3 d = make_real3(a->mean[0] - x, a->mean[1], a->mean[2] + 15);
+        const ShBasis basis = sh_basis(2, d * (1 / std::sqrt(dot(d, d))));
+        for (size_t c = 0; c < 3; ++c) {
+          double difference = a->color[c] - b.color[c];
+          for (size_t k = 0; k < 8; ++k)
+            difference += basis.y[k + 1] * double(scene.sh_rest[8 * (3 * a->sh_row + c) + k] -
+                                                  back.sh_rest[8 * (3 * b.sh_row + c) + k]);
+          sum += difference * difference;
+        }
+      }
+    }
+    return std::sqrt(sum / (40 * 5 * 3));
+  };
+  MovingSplats blind = scene;
+  blind.eyes.clear();
+  EXPECT_GT(off(blind), 0.1);
+  EXPECT_LT(off(scene), 0.004);
 }
 
 TEST(FourDgs, WhatTheFormatCannotHoldIsCutOff) {
