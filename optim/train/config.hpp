@@ -199,7 +199,7 @@ struct MotionConfig {
     field("rest", self.rest,
           "a Gaussian that moves and turns by less than this loses the parameters of its motion "
           "[its own size]; 0: all keep them",
-          between(0, 1));
+          at_least(0));
     field("rest_every", self.rest_every, "steps between two rounds that decide who rests",
           at_least(1));
     field("rest_wake", self.rest_wake,
