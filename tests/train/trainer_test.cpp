@@ -132,7 +132,7 @@ TEST_F(TrainerTest, GoesOnWithThoseThatRestWithTheSameBits) {
   for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
                                      MotionModelKind::keyframes, MotionModelKind::bases}) {
     TrainConfig config = small_config(scene(), 260);
-    config.motion.model = kind;
+    config.motion.model = choice_of(kind);
     config.motion.rest = 4;  // it has learnt little yet
     config.motion.rest_every = 60;
     config.motion.rest_wake = 2;
