@@ -69,3 +69,13 @@ kernel void adc_reset(const uint n, const float most_logit, global float* restri
   exp_avg[i] = 0.f;
   exp_avg_sq[i] = 0.f;
 }
+
+kernel void adc_reorder(const uint n, global const uint* restrict source,
+                        global const float* restrict old_pull,
+                        global const float* restrict old_views, global float* restrict pull,
+                        global float* restrict views) {
+  const uint i = get_global_id(0);
+  if (i >= n) return;
+  pull[i] = old_pull[source[i]];
+  views[i] = old_views[source[i]];
+}

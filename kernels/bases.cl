@@ -40,7 +40,7 @@ static inline BasisPose load_pose(int b, global const float* poses, global const
   return p;
 }
 
-// Weights of Gaussian i and what they make of its pose.
+// Weights of Gaussian i, one of the first M, and what they make of its pose. The others rest.
 static inline Still follow(uint i, Still g, int bases, global const float* basis_logits,
                            global const float* poses, global const float* pivots, float* weights) {
   float logits[MAX_BASES];
@@ -63,10 +63,10 @@ static inline Shift no_shift(void) {
   return d;
 }
 
-kernel void bases_fwd(const uint n, const int bases, const float t, const float cutoff,
+kernel void bases_fwd(const uint n, const uint moving, const int bases, const float t, const float cutoff,
                       const int first,
                       global const uint* restrict tiles_touched,            // [N] read if not first
-                      STILL_IN, global const float* restrict basis_logits,  // [N, B]
+                      STILL_IN, global const float* restrict basis_logits,  // [M, B]
                       global const float* restrict poses,                   // [B, POSE]
                       global const float* restrict pivots,                  // [B, 3]
                       global float* restrict means_at,                      // [N, 3]
@@ -77,12 +77,13 @@ kernel void bases_fwd(const uint n, const int bases, const float t, const float 
       !still_in_window(i, t, cutoff, first, tiles_touched, means_t, log_scales, opacities_at))
     return;
   float weights[MAX_BASES];
-  const Still g = follow(i, load_still(i, STILL_ROWS), bases, basis_logits, poses, pivots, weights);
+  Still g = load_still(i, STILL_ROWS);
+  if (i < moving) g = follow(i, g, bases, basis_logits, poses, pivots, weights);
   store_shifted(i, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
 }
 
 // One work-item a chunk of `length` Gaussians.
-kernel void bases_bwd(const uint n, const uint length, const int bases, const float t,
+kernel void bases_bwd(const uint n, const uint moving, const uint length, const int bases, const float t,
                       const int first, STILL_IN, global const float* restrict basis_logits,
                       global const float* restrict poses, global const float* restrict pivots,
                       global const uint* restrict tiles_touched,
@@ -90,7 +91,7 @@ kernel void bases_bwd(const uint n, const uint length, const int bases, const fl
                       global const float* restrict v_factors_at,    // [N, 3, 3]
                       global const float* restrict v_opacities_at,  // [N] read if first
                       global uint* restrict seen, V_STILL_OUT,
-                      global float* restrict v_basis_logits,  // [N, B]
+                      global float* restrict v_basis_logits,  // [M, B]
                       global float* restrict partials) {      // [chunks, B, POSE]
   const uint chunk = get_global_id(0), begin = chunk * length, end = min(n, begin + length);
   if (begin >= n) return;
@@ -100,9 +101,16 @@ kernel void bases_bwd(const uint n, const uint length, const int bases, const fl
     if (tiles_touched[i] == 0) continue;
     float weights[MAX_BASES], v_weights[MAX_BASES];
     const Still rest = load_still(i, STILL_ROWS);
-    const Still g = follow(i, rest, bases, basis_logits, poses, pivots, weights);
+    const Still g =
+        i < moving ? follow(i, rest, bases, basis_logits, poses, pivots, weights) : rest;
     Still v = shifted_vjp(g, no_shift(), t, load3(v_means_at, i), load_mat3(v_factors_at, i),
                           first ? v_opacities_at[i] : 0.f);
+    const int fresh = first && !seen[i];
+    if (fresh) seen[i] = 1;
+    if (i >= moving) {
+      put_still(i, v, fresh, V_STILL_ROWS);
+      continue;
+    }
     // g.quat = blend * rest.quat
     const real4 v_turn = quat_mul(v.quat, quat_conj(rest.quat)), v_quat = v.quat;
     const real3 v_mean = v.mean;
@@ -121,8 +129,6 @@ kernel void bases_bwd(const uint n, const uint length, const int bases, const fl
       sum[4] += v_p.shift.x, sum[5] += v_p.shift.y, sum[6] += v_p.shift.z;
     }
     v.quat = quat_mul(quat_conj(blend), v_quat);
-    const int fresh = first && !seen[i];
-    if (fresh) seen[i] = 1;
     put_still(i, v, fresh, V_STILL_ROWS);
     for (int b = 0; b < bases; ++b) {
       const float v_logit = weights[b] * (v_weights[b] - mean_v);

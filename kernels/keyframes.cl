@@ -4,26 +4,27 @@
 #include "shared/keys.h"
 #include "shared/still_rows.h"
 
-// Row k N + i of the tables is key k of Gaussian i.
-static inline Shift shift_at(uint n, uint i, KeyWeights keys, global const float* key_shifts,
+// Row k M + i of the tables is key k of Gaussian i of the M that move; the others rest.
+static inline Shift shift_at(uint moving, uint i, KeyWeights keys, global const float* key_shifts,
                              global const float* key_turns) {
   Shift d;
   d.mean = make_real3(0.f, 0.f, 0.f);
   d.quat = make_real4(0.f, 0.f, 0.f, 0.f);
   d.log_scales = make_real3(0.f, 0.f, 0.f);
+  if (i >= moving) return d;
   for (int k = 0; k < keys.count; ++k) {
-    const uint row = (keys.first + k) * n + i;
+    const uint row = (keys.first + k) * moving + i;
     d.mean += load3(key_shifts, row) * keys.weight[k];
     d.quat += load4(key_turns, row) * keys.weight[k];
   }
   return d;
 }
 
-kernel void keyframes_fwd(const uint n, const float t, const float cutoff, const int first,
+kernel void keyframes_fwd(const uint n, const uint moving, const float t, const float cutoff, const int first,
                           const KeyWeights keys,
                           global const uint* restrict tiles_touched,  // [N] read if not first
-                          STILL_IN, global const float* restrict key_shifts,  // [K, N, 3]
-                          global const float* restrict key_turns,             // [K, N, 4]
+                          STILL_IN, global const float* restrict key_shifts,  // [K, M, 3]
+                          global const float* restrict key_turns,             // [K, M, 4]
                           global float* restrict means_at,                    // [N, 3]
                           global float* restrict factors_at,                  // [N, 3, 3]
                           global float* restrict opacities_at) {              // [N]
@@ -31,12 +32,12 @@ kernel void keyframes_fwd(const uint n, const float t, const float cutoff, const
   if (i >= n ||
       !still_in_window(i, t, cutoff, first, tiles_touched, means_t, log_scales, opacities_at))
     return;
-  const Shift d = shift_at(n, i, keys, key_shifts, key_turns);
+  const Shift d = shift_at(moving, i, keys, key_shifts, key_turns);
   store_shifted(i, shifted_at(load_still(i, STILL_ROWS), d, t), means_at, factors_at, opacities_at);
 }
 
 // Rows of keys start when they are first seen in a training step, whichever time it is for.
-kernel void keyframes_bwd(const uint n, const float t, const int first, const KeyWeights keys,
+kernel void keyframes_bwd(const uint n, const uint moving, const float t, const int first, const KeyWeights keys,
                           STILL_IN, global const float* restrict key_shifts,
                           global const float* restrict key_turns,
                           global const uint* restrict tiles_touched,
@@ -44,19 +45,20 @@ kernel void keyframes_bwd(const uint n, const float t, const int first, const Ke
                           global const float* restrict v_factors_at,    // [N, 3, 3]
                           global const float* restrict v_opacities_at,  // [N] read if first
                           global uint* restrict seen, V_STILL_OUT,
-                          global uint* restrict keys_seen,  // [K, N]
+                          global uint* restrict keys_seen,  // [K, M]
                           global float* restrict v_key_shifts, global float* restrict v_key_turns) {
   const uint i = get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
-  const Shift d = shift_at(n, i, keys, key_shifts, key_turns);
+  const Shift d = shift_at(moving, i, keys, key_shifts, key_turns);
   const Still v = shifted_vjp(load_still(i, STILL_ROWS), d, t, load3(v_means_at, i),
                               load_mat3(v_factors_at, i), first ? v_opacities_at[i] : 0.f);
   const int fresh = first && !seen[i];
   if (fresh) seen[i] = 1;
   put_still(i, v, fresh, V_STILL_ROWS);
+  if (i >= moving) return;
   for (int k = 0; k < keys.count; ++k) {
     const float w = keys.weight[k];
-    const uint row = (keys.first + k) * n + i;
+    const uint row = (keys.first + k) * moving + i;
     if (w == 0.f) continue;
     if (keys_seen[row]) {
       add3(v_key_shifts, row, v.mean * w);
@@ -69,10 +71,11 @@ kernel void keyframes_bwd(const uint n, const float t, const int first, const Ke
   }
 }
 
-// Key `key` of all Gaussians goes on from the two before it, or from rest. One work-item a float.
-kernel void keyframes_start(const uint n, const uint width, const uint key,
-                            global float* restrict values) {  // [K, N, width]
-  const uint at = get_global_id(0), block = n * width;
+// Key `key` of the Gaussians that move goes on from the two before it, or from rest. One work-item
+// a float.
+kernel void keyframes_start(const uint moving, const uint width, const uint key,
+                            global float* restrict values) {  // [K, M, width]
+  const uint at = get_global_id(0), block = moving * width;
   if (at >= block) return;
   const float last = values[(key - 1) * block + at];
   const float before = key > 1 ? values[(key - 2) * block + at] : last;

@@ -58,11 +58,11 @@ static inline uint drawn_below(global const uint* drawn, uint count, uint i) {
 }
 
 // One work-item a new row: rows of the dead take the first draws, rows behind the old n the rest.
-// copies: how many share the place of this row's source; child is 0 where that is the row alone.
+// child: how many others share the place of this row's source.
 kernel void mcmc_sources(const uint n, const uint fresh_n, const uint count,
                          global const uint* restrict dead, global const uint* restrict dead_offsets,
                          global const uint* restrict drawn, global uint* restrict source,
-                         global uint* restrict child, global uint* restrict copies) {
+                         global uint* restrict child) {
   const uint j = get_global_id(0);
   if (j >= fresh_n) return;
   uint from = j;
@@ -70,22 +70,21 @@ kernel void mcmc_sources(const uint n, const uint fresh_n, const uint count,
     from = drawn[dead_offsets[n] + j - n];
   else if (dead[j])
     from = drawn[dead_offsets[j]];
-  const uint hits = drawn_below(drawn, count, from + 1) - drawn_below(drawn, count, from);
   source[j] = from;
-  child[j] = hits > 0;
-  copies[j] = 1 + hits;
+  child[j] = drawn_below(drawn, count, from + 1) - drawn_below(drawn, count, from);
 }
 
 // Those that share a place show together what the one did; none starts out dead.
 kernel void mcmc_share(const uint n, const float min_logit_opacity,
-                       global const uint* restrict copies, global float* restrict logit_opacities,
+                       global const uint* restrict child, global float* restrict logit_opacities,
                        global float* restrict log_scales) {  // [N, 4]
   const uint i = get_global_id(0);
-  if (i >= n || copies[i] < 2) return;
-  const float logit = logit_opacities[i], less = log(shared_scale(logit, (float)copies[i]));
+  if (i >= n || child[i] == 0) return;
+  const float copies = 1.f + child[i], logit = logit_opacities[i];
+  const float less = log(shared_scale(logit, copies));
   const float4 s = vload4(i, log_scales);
   vstore4(s + (float4)(less, less, less, 0.f), i, log_scales);
-  logit_opacities[i] = fmax(shared_opacity_logit(logit, (float)copies[i]), min_logit_opacity);
+  logit_opacities[i] = fmax(shared_opacity_logit(logit, copies), min_logit_opacity);
 }
 
 // Gradient of opacity_weight sum(opacities) + scale_weight sum(scales), for the rows seen.

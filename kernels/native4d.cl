@@ -6,7 +6,8 @@
 #include "shared/native4d.h"
 #include "shared/random.h"
 
-static inline Native4d load_native4d(uint i, global const float* means, global const float* means_t,
+// Gaussians from `moving` on rest: they have no row of quats_r, which is quats for them.
+static inline Native4d load_native4d(uint i, uint moving, global const float* means, global const float* means_t,
                                      global const float* quats, global const float* quats_r,
                                      global const float* log_scales,
                                      global const float* logit_opacities) {
@@ -14,7 +15,7 @@ static inline Native4d load_native4d(uint i, global const float* means, global c
   g.mean = load3(means, i);
   g.mean_t = means_t[i];
   g.quat = load4(quats, i);
-  g.quat_r = load4(quats_r, i);
+  g.quat_r = i < moving ? load4(quats_r, i) : g.quat;
   g.log_scales = load4(log_scales, i);
   g.logit_opacity = logit_opacities[i];
   return g;
@@ -23,7 +24,7 @@ static inline Native4d load_native4d(uint i, global const float* means, global c
 // At the first time of a view: opacity 0, and nothing else written, for those outside their window.
 // At a second time (first = 0): the rows with tiles_touched > 0 only, whether still there or not:
 // what is seen at t1 moves also while it fades.
-kernel void native4d_fwd(const uint n, const float t, const float cutoff, const int first,
+kernel void native4d_fwd(const uint n, const uint moving, const float t, const float cutoff, const int first,
                          global const uint* restrict tiles_touched,     // [N] read if not first
                          global const float* restrict means,            // [N, 3]
                          global const float* restrict means_t,          // [N]
@@ -36,7 +37,7 @@ kernel void native4d_fwd(const uint n, const float t, const float cutoff, const 
                          global float* restrict opacities_at) {         // [N]
   const uint i = get_global_id(0);
   if (i >= n || (!first && tiles_touched[i] == 0)) return;
-  const Native4d g = load_native4d(i, means, means_t, quats, quats_r, log_scales, logit_opacities);
+  const Native4d g = load_native4d(i, moving, means, means_t, quats, quats_r, log_scales, logit_opacities);
   if (first && !(marginal_at(g, t) > cutoff)) {
     opacities_at[i] = 0.f;
     return;
@@ -50,7 +51,7 @@ kernel void native4d_fwd(const uint n, const float t, const float cutoff, const 
 // For what was seen in this view; the rest is left alone. With first = 1 (the call for t1) the
 // gradients are set for Gaussians not `seen` before in this training step, which then are; else
 // they are added to, and opacities_at has no say (t2 moves, it does not show).
-kernel void native4d_bwd(const uint n, const float t, const int first,
+kernel void native4d_bwd(const uint n, const uint moving, const float t, const int first,
                          global const float* restrict means, global const float* restrict means_t,
                          global const float* restrict quats, global const float* restrict quats_r,
                          global const float* restrict log_scales,
@@ -67,15 +68,16 @@ kernel void native4d_bwd(const uint n, const float t, const int first,
   const uint i = get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
   const Native4d g =
-      load_native4d(i, means, means_t, quats, quats_r, log_scales, logit_opacities);
-  const Native4d v = slice_vjp(g, t, load3(v_means_at, i), load_mat3(v_factors_at, i),
-                               first ? v_opacities_at[i] : 0.f);
+      load_native4d(i, moving, means, means_t, quats, quats_r, log_scales, logit_opacities);
+  Native4d v = slice_vjp(g, t, load3(v_means_at, i), load_mat3(v_factors_at, i),
+                         first ? v_opacities_at[i] : 0.f);
+  if (i >= moving) v.quat += v.quat_r;
   if (first && !seen[i]) {
     seen[i] = 1;
     store3(v_means, i, v.mean);
     v_means_t[i] = v.mean_t;
     vstore4(v.quat, i, v_quats);
-    vstore4(v.quat_r, i, v_quats_r);
+    if (i < moving) vstore4(v.quat_r, i, v_quats_r);
     vstore4(v.log_scales, i, v_log_scales);
     v_logit_opacities[i] = v.logit_opacity;
     return;
@@ -83,7 +85,7 @@ kernel void native4d_bwd(const uint n, const float t, const int first,
   add3(v_means, i, v.mean);
   v_means_t[i] += v.mean_t;
   add4(v_quats, i, v.quat);
-  add4(v_quats_r, i, v.quat_r);
+  if (i < moving) add4(v_quats_r, i, v.quat_r);
   add4(v_log_scales, i, v.log_scales);
   v_logit_opacities[i] += v.logit_opacity;
 }
@@ -93,7 +95,7 @@ kernel void native4d_bwd(const uint n, const float t, const int first,
 //     one child for the first half of its life and one for the second, each on the parent's path;
 //   else it is larger than split_scale: both are drawn from it and smaller by 1.6;
 //   else it is cloned: child 2 is drawn from it.
-kernel void native4d_split(const uint n, const uint seed, const float split_scale,
+kernel void native4d_split(const uint n, const uint moving, const uint seed, const float split_scale,
                            const float split_travel, const float min_lifetime,
                            const float duration, global const uint* restrict child,
                            global float* restrict means, global float* restrict means_t,
@@ -103,7 +105,7 @@ kernel void native4d_split(const uint n, const uint seed, const float split_scal
   const uint i = get_global_id(0);
   if (i >= n || child[i] == 0) return;
   const Native4d g =
-      load_native4d(i, means, means_t, quats, quats_r, log_scales, logit_opacities);
+      load_native4d(i, moving, means, means_t, quats, quats_r, log_scales, logit_opacities);
   const real4 s = exp4(g.log_scales);
   const Rows4 p = rows_of(frame4(quat_normalize(g.quat).q, quat_normalize(g.quat_r).q), s);
   const Slice o = slice_rows(g, p, g.mean_t);

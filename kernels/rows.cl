@@ -3,16 +3,24 @@
 // One work-item an element; no two share one, so bitwise repeatable.
 
 // New rows from old, in tables of `keys` rows a Gaussian: fresh[k, j, c] = old[k, source[j], c],
-// n and old_n Gaussians; 0 for children (child[j] > 0) where `only_old`.
+// n and old_n Gaussians; 0 for children (child[j] > 0) where `only_old`. A source from old_n on has
+// no such row, it rested: then rest_rows[source[j], c] with has_rest_rows, else `rest`.
 kernel void rows_gather(const uint keys, const uint n, const uint old_n, const uint width,
-                        const int only_old, global const uint* restrict source,
-                        global const uint* restrict child, global const float* restrict old,
+                        const int only_old, const float rest, const int has_rest_rows,
+                        global const uint* restrict source, global const uint* restrict child,
+                        global const float* old, global const float* rest_rows,
                         global float* restrict fresh) {
   const size_t at = get_global_id(0), row = at / width;
   if (row >= (size_t)keys * n) return;
-  const uint j = row % n, k = row / n;
-  fresh[at] =
-      only_old && child[j] ? 0.f : old[((size_t)k * old_n + source[j]) * width + at % width];
+  const uint j = row % n, k = row / n, from = source[j], c = at % width;
+  float value = rest;
+  if (only_old && (child[j] || from >= old_n))
+    value = 0.f;
+  else if (from < old_n)
+    value = old[((size_t)k * old_n + from) * width + c];
+  else if (has_rest_rows)
+    value = rest_rows[(size_t)from * width + c];
+  fresh[at] = value;
 }
 
 kernel void rows_gather_counts(const uint keys, const uint n, const uint old_n,
@@ -21,6 +29,26 @@ kernel void rows_gather_counts(const uint keys, const uint n, const uint old_n,
                                global uint* restrict fresh) {
   const size_t row = get_global_id(0);
   if (row >= (size_t)keys * n) return;
-  const uint j = row % n, k = row / n;
-  fresh[row] = child[j] ? 0u : old[(size_t)k * old_n + source[j]];
+  const uint j = row % n, k = row / n, from = source[j];
+  fresh[row] = child[j] || from >= old_n ? 0u : old[(size_t)k * old_n + from];
+}
+
+// Who moves of what density control makes: who did, and who grows.
+kernel void rows_movers(const uint n, const uint moving, global const uint* restrict source,
+                        global const uint* restrict child, global uint* restrict moves) {
+  const uint j = get_global_id(0);
+  if (j < n) moves[j] = source[j] < moving || child[j] > 0;
+}
+
+// Those that move first, all else in the order it had; before[n] is how many they are.
+kernel void rows_partition(const uint n, global const uint* restrict moves,
+                           global const uint* restrict before,  // [N + 1] movers below
+                           global const uint* restrict source,
+                           global const uint* restrict child, global uint* restrict sorted_source,
+                           global uint* restrict sorted_child) {
+  const uint j = get_global_id(0);
+  if (j >= n) return;
+  const uint at = moves[j] ? before[j] : before[n] + j - before[j];
+  sorted_source[at] = source[j];
+  sorted_child[at] = child[j];
 }

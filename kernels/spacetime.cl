@@ -13,14 +13,19 @@
 #define SPACETIME_ROWS \
   means, means_t, velocities, half_accelerations, quats, turns, log_scales, logit_opacities
 
-static inline Spacetime load_spacetime(uint i, SPACETIME_IN) {
+// Gaussians from `moving` on rest: they have no rows of velocities, half_accelerations and turns.
+static inline Spacetime load_spacetime(uint i, uint moving, SPACETIME_IN) {
   Spacetime g;
   g.mean = load3(means, i);
   g.mean_t = means_t[i];
-  g.velocity = load3(velocities, i);
-  g.half_acceleration = load3(half_accelerations, i);
+  g.velocity = g.half_acceleration = make_real3(0.f, 0.f, 0.f);
+  g.turn = make_real4(0.f, 0.f, 0.f, 0.f);
+  if (i < moving) {
+    g.velocity = load3(velocities, i);
+    g.half_acceleration = load3(half_accelerations, i);
+    g.turn = load4(turns, i);
+  }
   g.quat = load4(quats, i);
-  g.turn = load4(turns, i);
   g.log_scales = load4(log_scales, i);
   g.logit_opacity = logit_opacities[i];
   return g;
@@ -28,7 +33,7 @@ static inline Spacetime load_spacetime(uint i, SPACETIME_IN) {
 
 // At the first time of a view: opacity 0, and nothing else written, for those outside their window.
 // At a second time (first = 0): the rows with tiles_touched > 0 only, in their window or not.
-kernel void spacetime_fwd(const uint n, const float t, const float cutoff, const int first,
+kernel void spacetime_fwd(const uint n, const uint moving, const float t, const float cutoff, const int first,
                           global const uint* restrict tiles_touched,  // [N] read if not first
                           SPACETIME_IN,                       // as in optim/motion/spacetime.hpp
                           global float* restrict means_at,    // [N, 3]
@@ -41,7 +46,7 @@ kernel void spacetime_fwd(const uint n, const float t, const float cutoff, const
     opacities_at[i] = 0.f;
     return;
   }
-  const SpacetimeCut cut = spacetime_at(load_spacetime(i, SPACETIME_ROWS), t);
+  const SpacetimeCut cut = spacetime_at(load_spacetime(i, moving, SPACETIME_ROWS), t);
   opacities_at[i] = cut.life.opacity;
   store3(means_at, i, cut.mean);
   store_mat3(factors_at, i, cut.factor);
@@ -49,7 +54,7 @@ kernel void spacetime_fwd(const uint n, const float t, const float cutoff, const
 
 // For what was seen in this view; the rest is left alone. first = 1 (the call for t1) sets the
 // gradients of Gaussians not `seen` before in this training step; else they are added to.
-kernel void spacetime_bwd(const uint n, const float t, const int first, SPACETIME_IN,
+kernel void spacetime_bwd(const uint n, const uint moving, const float t, const int first, SPACETIME_IN,
                           global const uint* restrict tiles_touched,
                           global const float* restrict v_means_at,      // [N, 3]
                           global const float* restrict v_factors_at,    // [N, 3, 3]
@@ -63,33 +68,35 @@ kernel void spacetime_bwd(const uint n, const float t, const int first, SPACETIM
                           global float* restrict v_logit_opacities) {
   const uint i = get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
-  const Spacetime v = spacetime_vjp(load_spacetime(i, SPACETIME_ROWS), t, load3(v_means_at, i),
+  const Spacetime v = spacetime_vjp(load_spacetime(i, moving, SPACETIME_ROWS), t, load3(v_means_at, i),
                                     load_mat3(v_factors_at, i), first ? v_opacities_at[i] : 0.f);
   if (first && !seen[i]) {
     seen[i] = 1;
     store3(v_means, i, v.mean);
     v_means_t[i] = v.mean_t;
-    store3(v_velocities, i, v.velocity);
-    store3(v_half_accelerations, i, v.half_acceleration);
     vstore4(v.quat, i, v_quats);
-    vstore4(v.turn, i, v_turns);
     vstore4(v.log_scales, i, v_log_scales);
     v_logit_opacities[i] = v.logit_opacity;
+    if (i >= moving) return;
+    store3(v_velocities, i, v.velocity);
+    store3(v_half_accelerations, i, v.half_acceleration);
+    vstore4(v.turn, i, v_turns);
     return;
   }
   add3(v_means, i, v.mean);
   v_means_t[i] += v.mean_t;
-  add3(v_velocities, i, v.velocity);
-  add3(v_half_accelerations, i, v.half_acceleration);
   add4(v_quats, i, v.quat);
-  add4(v_turns, i, v.turn);
   add4(v_log_scales, i, v.log_scales);
   v_logit_opacities[i] += v.logit_opacity;
+  if (i >= moving) return;
+  add3(v_velocities, i, v.velocity);
+  add3(v_half_accelerations, i, v.half_acceleration);
+  add4(v_turns, i, v.turn);
 }
 
 // What becomes of the two children of a Gaussian, as native4d_split: in time, each on the parent's
 // path, where it travels far in its life; else in space.
-kernel void spacetime_split(const uint n, const uint seed, const float split_scale,
+kernel void spacetime_split(const uint n, const uint moving, const uint seed, const float split_scale,
                             const float split_travel, const float min_lifetime,
                             const float duration, global const uint* restrict child,
                             global float* restrict means, global float* restrict means_t,
@@ -100,13 +107,13 @@ kernel void spacetime_split(const uint n, const uint seed, const float split_sca
                             global float* restrict logit_opacities) {
   const uint i = get_global_id(0);
   if (i >= n || child[i] == 0) return;
-  const Spacetime g = load_spacetime(i, SPACETIME_ROWS);
+  const Spacetime g = load_spacetime(i, moving, SPACETIME_ROWS);
   const real3 s = spacetime_scales(g);
   const float life = exp(g.log_scales.w), longest = fmax(s.x, fmax(s.y, s.z));
   const int lasting = life > 0.5f * duration;  // then it is seen in [0, duration]
   const float window = lasting ? 0.5f * duration : life;
   const float travel = sqrt(dot(g.velocity, g.velocity)) * 2.f * window;
-  if (travel > split_travel * longest && 0.6f * window > min_lifetime) {
+  if (i < moving && travel > split_travel * longest && 0.6f * window > min_lifetime) {
     const float centre = lasting ? 0.5f * duration : g.mean_t;
     const float t = centre + (child[i] == 1 ? -0.5f : 0.5f) * window, tau = t - g.mean_t;
     store3(means, i, spacetime_at(g, t).mean);

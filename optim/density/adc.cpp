@@ -12,6 +12,7 @@ AdcDensity::AdcDensity(Queue& queue)
       adc_grow_(program_, "adc_grow"),
       adc_sources_(program_, "adc_sources"),
       adc_reset_(program_, "adc_reset"),
+      adc_reorder_(program_, "adc_reorder"),
       rows_(queue),
       scan_(queue),
       sort_(queue) {}
@@ -42,6 +43,15 @@ void AdcDensity::see(Queue& queue, const DensityView& view) {
   if (count != pull_.size()) forget(queue, count);
   adc_accumulate_(queue, Range::over(count), cl_uint(count), 0.5f * float(view.width),
                   0.5f * float(view.height), view.tiles_touched, view.v_means2d, pull_, views_);
+}
+
+void AdcDensity::reorder(Queue& queue, const Buffer<cl_uint>& source) {
+  const size_t count = pull_.size();
+  if (count == 0) return;  // nothing was seen yet
+  Buffer<float> pull(queue, count, "pull"), views(queue, count, "views");
+  adc_reorder_(queue, Range::over(count), cl_uint(count), source, pull_, views_, pull, views);
+  pull_ = std::move(pull);
+  views_ = std::move(views);
 }
 
 void AdcDensity::after_step(Queue& queue, Parameters& p, const GaussiansAt&,

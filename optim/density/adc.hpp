@@ -21,6 +21,7 @@ class AdcDensity : public Density {
   // step counts. Waits once. Seed: of the children's places.
   void refine(Queue& queue, Parameters& parameters, Motion& motion, const DensityRule& rule,
               uint32_t seed) override;
+  void reorder(Queue& queue, const Buffer<cl_uint>& source) override;
   // The evidence so far: density/pull and density/views [N].
   void save_state(Queue& queue, Arrays& arrays) const override;
   void load_state(Queue& queue, const Arrays& arrays, const std::string& path) override;
@@ -37,6 +38,7 @@ class AdcDensity : public Density {
   Kernel<cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>> adc_grow_;
   Kernel<cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>, Out<cl_uint>> adc_sources_;
   Kernel<cl_uint, cl_float, Out<float>, Out<float>, Out<float>> adc_reset_;
+  Kernel<cl_uint, In<cl_uint>, In<float>, In<float>, Out<float>, Out<float>> adc_reorder_;
   RowMover rows_;
   Scan scan_;
   RadixSort sort_;

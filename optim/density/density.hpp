@@ -71,6 +71,9 @@ class Density {
   // throws (is_out_of_memory) and the parameters are as they were.
   virtual void refine(Queue&, Parameters&, Motion&, const DensityRule&, uint32_t seed) = 0;
 
+  // When others have moved the rows: new row i was source[i].
+  virtual void reorder(Queue&, const Buffer<cl_uint>& source) { (void)source; }
+
   // What lives from step to step, for a checkpoint.
   virtual void save_state(Queue&, Arrays&) const {}
   // The reverse. Error when the arrays are missing or do not fit; `path`: the file, for messages.

@@ -57,12 +57,11 @@ void McmcDensity::refine(Queue& queue, Parameters& p, Motion&, const DensityRule
   drawn_.ensure(queue, count);
   source_.ensure(queue, fresh_n);
   child_.ensure(queue, fresh_n);
-  copies_.ensure(queue, fresh_n);
   mcmc_draw_(queue, Range::over(count), n, count, total, seed, offsets_, drawn_);
   mcmc_sources_(queue, Range::over(fresh_n), n, fresh_n, count, dead_, dead_offsets_, drawn_,
-                source_, child_, copies_);
+                source_, child_);
   rows_.move(queue, p, fresh_n, source_, child_);
-  mcmc_share_(queue, Range::over(fresh_n), fresh_n, min_logit, copies_, p["logit_opacities"].values,
+  mcmc_share_(queue, Range::over(fresh_n), fresh_n, min_logit, child_, p["logit_opacities"].values,
               p["log_scales"].values);
 }
 

@@ -33,7 +33,7 @@ class McmcDensity : public Density {
       mcmc_weigh_;
   Kernel<cl_uint, cl_uint, cl_uint, cl_uint, In<cl_uint>, Out<cl_uint>> mcmc_draw_;
   Kernel<cl_uint, cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, In<cl_uint>, Out<cl_uint>,
-         Out<cl_uint>, Out<cl_uint>>
+         Out<cl_uint>>
       mcmc_sources_;
   Kernel<cl_uint, cl_float, In<cl_uint>, Out<float>, Out<float>> mcmc_share_;
   Kernel<cl_uint, cl_float, cl_float, In<cl_uint>, In<float>, In<float>, Out<float>, Out<float>>
@@ -45,7 +45,7 @@ class McmcDensity : public Density {
   Scan scan_;
   Buffer<cl_uint> dead_{"dead"}, dead_offsets_{"dead offsets"};
   Buffer<cl_uint> weights_{"weights"}, offsets_{"weight offsets"}, drawn_{"drawn"};
-  Buffer<cl_uint> source_{"source"}, child_{"child"}, copies_{"copies"};
+  Buffer<cl_uint> source_{"source"}, child_{"child"};
 };
 
 }  // namespace gflow

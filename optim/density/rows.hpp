@@ -2,6 +2,7 @@
 // Moves, drops and copies the Gaussians' rows in every table. Kernels: kernels/rows.cl.
 #pragma once
 #include "optim/motion/parameters.hpp"
+#include "runtime/scan.hpp"
 
 namespace gflow {
 
@@ -11,21 +12,37 @@ class RowMover {
 
   // Makes `count` Gaussians: the j-th gets the values of source[j], and its moments and step counts
   // unless child[j] > 0: then zeros. In tables with keys so do all its rows; tables that all
-  // Gaussians share stay. If this throws, `parameters` are as they were.
-  void move(Queue& queue, Parameters& parameters, size_t count, const Buffer<cl_uint>& source,
-            const Buffer<cl_uint>& child);
+  // Gaussians share stay. Those that move are what moved and the children; where some rest, they
+  // are put first, and source and child with them, and it waits. If this throws, `parameters` are
+  // as they were.
+  void move(Queue& queue, Parameters& parameters, size_t count, Buffer<cl_uint>& source,
+            Buffer<cl_uint>& child);
+
+  // The same for moves [N] from now on: 0 for who rests, else it moves. Source and child as above,
+  // of all N Gaussians in any order; moves [N] is by place there. Waits.
+  void move(Queue& queue, Parameters& parameters, size_t count, const Buffer<cl_uint>& moves,
+            Buffer<cl_uint>& source, Buffer<cl_uint>& child);
 
  private:
-  // Rows of a table with `keys` rows a Gaussian.
-  void gather(Queue& queue, size_t keys, const Buffer<cl_uint>& source,
-              const Buffer<cl_uint>& child, const Table& from, Table& to);
+  // Rows of Gaussians [0, n), of old ones [0, old_n), each `keys` rows, of the groups chosen.
+  void gather(Queue& queue, const Parameters& parameters, size_t keys,
+              const Buffer<cl_uint>& source, const Buffer<cl_uint>& child, const Table& from,
+              Table& to);
+  void rebuild(Queue& queue, Parameters& parameters, size_t count, size_t moving,
+               const Buffer<cl_uint>& source, const Buffer<cl_uint>& child);
 
   Program program_;
-  Kernel<cl_uint, cl_uint, cl_uint, cl_uint, cl_int, In<cl_uint>, In<cl_uint>, In<float>,
-         Out<float>>
+  Kernel<cl_uint, cl_uint, cl_uint, cl_uint, cl_int, cl_float, cl_int, In<cl_uint>, In<cl_uint>,
+         In<float>, In<float>, Out<float>>
       rows_gather_;
   Kernel<cl_uint, cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, In<cl_uint>, Out<cl_uint>>
       rows_gather_counts_;
+  Kernel<cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>> rows_movers_;
+  Kernel<cl_uint, In<cl_uint>, In<cl_uint>, In<cl_uint>, In<cl_uint>, Out<cl_uint>, Out<cl_uint>>
+      rows_partition_;
+  Scan scan_;
+  Buffer<cl_uint> moves_{"moves"}, before_{"movers before"};
+  Buffer<cl_uint> sorted_source_{"source"}, sorted_child_{"child"};
 };
 
 }  // namespace gflow

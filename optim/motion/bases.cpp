@@ -11,6 +11,7 @@ namespace gflow {
 namespace {
 
 constexpr size_t kPose = 7;
+constexpr float kLeastLogit = -10;  // of who follows no basis
 
 double squared_distance(const std::vector<float>& xyz, size_t i, size_t j) {
   double sum = 0;
@@ -58,7 +59,7 @@ void place_bases(const MotionShape& shape, HostGroups& groups, size_t first) {
   for (size_t i = 0; i < n; ++i)
     for (size_t b = 0; b < bases; ++b) {
       const double d = squared_distance(means, i, chosen[b]) / spacing;
-      groups["basis_logits"][i * bases + b] = float(std::max(3 - 5 * d, -10.0));
+      groups["basis_logits"][i * bases + b] = float(std::max(3 - 5 * d, double(kLeastLogit)));
     }
 }
 
@@ -77,7 +78,8 @@ BasesMotion::BasesMotion(Queue& queue, const MotionShape& shape)
 
 std::vector<GroupSpec> BasesMotion::groups() const {
   std::vector<GroupSpec> groups = still_groups();
-  groups.push_back({"basis_logits", size_t(shape_.bases), Quantity::weight, 0, true});
+  groups.push_back(
+      {"basis_logits", size_t(shape_.bases), Quantity::weight, 0, true, true, kLeastLogit});
   return groups;
 }
 
@@ -93,11 +95,11 @@ void BasesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl
                      GaussiansAt& gaussians) {
   gaussians.ensure(queue, p.count);
   pose(queue, p, t);
-  bases_fwd_(queue, Range::over(p.count), cl_uint(p.count), shape_.bases, t, shape_.cutoff,
-             int(!seen), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
-             p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
-             p["basis_logits"].values, poses_, p["pivots"].values, gaussians.means,
-             gaussians.factors, gaussians.opacities);
+  bases_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), shape_.bases, t,
+             shape_.cutoff, int(!seen), seen ? *seen : p.rows.seen, p["means"].values,
+             p["means_t"].values, p["quats"].values, p["log_scales"].values,
+             p["logit_opacities"].values, p["basis_logits"].values, poses_, p["pivots"].values,
+             gaussians.means, gaussians.factors, gaussians.opacities);
 }
 
 void BasesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
@@ -108,12 +110,12 @@ void BasesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   partials_.ensure(queue, chunks.count * kPose * size_t(shape_.bases));
   partials_.fill(queue, 0.f);  // the last chunks may be empty
   bases_bwd_(queue, Range::over(chunks.count, chunk_group(queue) == 1 ? 1 : 64), cl_uint(p.count),
-             chunks.length, shape_.bases, t, int(first), p["means"].values, p["means_t"].values,
-             p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
-             p["basis_logits"].values, poses_, p["pivots"].values, tiles_touched, v_means,
-             v_factors, v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads,
-             p["quats"].grads, p["log_scales"].grads, p["logit_opacities"].grads,
-             p["basis_logits"].grads, partials_);
+             cl_uint(p.moving), chunks.length, shape_.bases, t, int(first), p["means"].values,
+             p["means_t"].values, p["quats"].values, p["log_scales"].values,
+             p["logit_opacities"].values, p["basis_logits"].values, poses_, p["pivots"].values,
+             tiles_touched, v_means, v_factors, v_opacities, p.rows.seen, p["means"].grads,
+             p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
+             p["logit_opacities"].grads, p["basis_logits"].grads, partials_);
   Table& path = p.more[0];
   bases_gather_(queue, Range::over(size_t(shape_.bases)), chunks.count, shape_.bases, keys,
                 p["basis_turns"].values, partials_, path.rows.seen, p["basis_shifts"].grads,

@@ -38,13 +38,14 @@ class BasesMotion : public Motion {
   MotionShape shape_;
   Program program_;
   Kernel<cl_int, KeyWeights, In<float>, In<float>, Out<float>> bases_pose_;
-  Kernel<cl_uint, cl_int, cl_float, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
-      bases_fwd_;
-  Kernel<cl_uint, cl_uint, cl_int, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>,
-         Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
+  Kernel<cl_uint, cl_uint, cl_int, cl_float, cl_float, cl_int, In<cl_uint>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
          Out<float>>
+      bases_fwd_;
+  Kernel<cl_uint, cl_uint, cl_uint, cl_int, cl_float, cl_int, In<float>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>,
+         In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
+         Out<float>, Out<float>>
       bases_bwd_;
   Kernel<cl_uint, cl_int, KeyWeights, In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>>
       bases_gather_;

@@ -26,11 +26,12 @@ std::vector<GroupSpec> KeyframesMotion::groups() const { return still_groups(); 
 void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
                          GaussiansAt& gaussians) {
   gaussians.ensure(queue, p.count);
-  keyframes_fwd_(queue, Range::over(p.count), cl_uint(p.count), t, shape_.cutoff, int(!seen),
-                 key_weights(t, shape_.duration, shape_.keys), seen ? *seen : p.rows.seen,
-                 p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
-                 p["logit_opacities"].values, p["key_shifts"].values, p["key_turns"].values,
-                 gaussians.means, gaussians.factors, gaussians.opacities);
+  keyframes_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, shape_.cutoff,
+                 int(!seen), key_weights(t, shape_.duration, shape_.keys),
+                 seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+                 p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
+                 p["key_shifts"].values, p["key_turns"].values, gaussians.means, gaussians.factors,
+                 gaussians.opacities);
 }
 
 void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
@@ -38,13 +39,14 @@ void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                                const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
   const KeyWeights keys = key_weights(t, shape_.duration, shape_.keys);
   Table& table = p.more[0];
-  keyframes_bwd_(
-      queue, Range::over(p.count), cl_uint(p.count), t, int(first), keys, p["means"].values,
-      p["means_t"].values, p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
-      p["key_shifts"].values, p["key_turns"].values, tiles_touched, v_means, v_factors, v_opacities,
-      p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
-      p["logit_opacities"].grads, table.rows.seen, p["key_shifts"].grads, p["key_turns"].grads);
-  const RowRange touched{size_t(keys.first) * p.count, size_t(keys.count) * p.count};
+  keyframes_bwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, int(first),
+                 keys, p["means"].values, p["means_t"].values, p["quats"].values,
+                 p["log_scales"].values, p["logit_opacities"].values, p["key_shifts"].values,
+                 p["key_turns"].values, tiles_touched, v_means, v_factors, v_opacities, p.rows.seen,
+                 p["means"].grads, p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
+                 p["logit_opacities"].grads, table.rows.seen, p["key_shifts"].grads,
+                 p["key_turns"].grads);
+  const RowRange touched{size_t(keys.first) * p.moving, size_t(keys.count) * p.moving};
   table.active = table.active.joined(touched);
 }
 
@@ -57,7 +59,7 @@ void KeyframesMotion::start_key(Queue& queue, Parameters& p, int key) {
   if (key < 1 || key >= shape_.keys)
     throw Error(fmt::format("key {} of {} cannot be started", key, shape_.keys));
   for (ParameterGroup& group : p.more[0].groups)
-    keyframes_start_(queue, Range::over(p.count * group.width), cl_uint(p.count),
+    keyframes_start_(queue, Range::over(p.moving * group.width), cl_uint(p.moving),
                      cl_uint(group.width), cl_uint(key), group.values);
 }
 

@@ -32,10 +32,11 @@ class KeyframesMotion : public Motion {
  private:
   MotionShape shape_;
   Program program_;
-  Kernel<cl_uint, cl_float, cl_float, cl_int, KeyWeights, In<cl_uint>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, KeyWeights, In<cl_uint>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
+         Out<float>>
       keyframes_fwd_;
-  Kernel<cl_uint, cl_float, cl_int, KeyWeights, In<float>, In<float>, In<float>, In<float>,
+  Kernel<cl_uint, cl_uint, cl_float, cl_int, KeyWeights, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>,
          Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<cl_uint>,
          Out<float>, Out<float>>

@@ -15,7 +15,7 @@ std::vector<GroupSpec> Native4dMotion::groups() const {
   return {{"means", 3},
           {"means_t", 1, Quantity::time, 0, true},
           {"quats", 4, Quantity::rotation},
-          {"quats_r", 4, Quantity::rotation},
+          {"quats_r", 4, Quantity::rotation, 0, false, true, 0, "quats"},
           {"log_scales", 4, Quantity::scale},
           {"logit_opacities", 1, Quantity::opacity}};
 }
@@ -23,8 +23,8 @@ std::vector<GroupSpec> Native4dMotion::groups() const {
 void Native4dMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
                         GaussiansAt& gaussians) {
   gaussians.ensure(queue, p.count);
-  native4d_fwd_(queue, Range::over(p.count), cl_uint(p.count), t, cutoff_, int(!seen),
-                seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+  native4d_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, cutoff_,
+                int(!seen), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                 p["quats"].values, p["quats_r"].values, p["log_scales"].values,
                 p["logit_opacities"].values, gaussians.means, gaussians.factors,
                 gaussians.opacities);
@@ -33,11 +33,12 @@ void Native4dMotion::at(Queue& queue, const Parameters& p, float t, const Buffer
 void Native4dMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                               const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                               const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
-  native4d_bwd_(queue, Range::over(p.count), cl_uint(p.count), t, int(first), p["means"].values,
-                p["means_t"].values, p["quats"].values, p["quats_r"].values, p["log_scales"].values,
-                p["logit_opacities"].values, tiles_touched, v_means, v_factors, v_opacities,
-                p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads,
-                p["quats_r"].grads, p["log_scales"].grads, p["logit_opacities"].grads);
+  native4d_bwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, int(first),
+                p["means"].values, p["means_t"].values, p["quats"].values, p["quats_r"].values,
+                p["log_scales"].values, p["logit_opacities"].values, tiles_touched, v_means,
+                v_factors, v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads,
+                p["quats"].grads, p["quats_r"].grads, p["log_scales"].grads,
+                p["logit_opacities"].grads);
 }
 
 void Native4dMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
@@ -47,9 +48,9 @@ void Native4dMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule)
 
 void Native4dMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
                            const SplitRule& rule, uint32_t seed) {
-  native4d_split_(queue, Range::over(p.count), cl_uint(p.count), seed, rule.split_scale,
-                  rule.split_travel, rule.min_lifetime, rule.duration, child, p["means"].values,
-                  p["means_t"].values, p["quats"].values, p["quats_r"].values,
+  native4d_split_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), seed,
+                  rule.split_scale, rule.split_travel, rule.min_lifetime, rule.duration, child,
+                  p["means"].values, p["means_t"].values, p["quats"].values, p["quats_r"].values,
                   p["log_scales"].values, p["logit_opacities"].values);
 }
 

@@ -3,6 +3,8 @@
 // motion model that have other rows. Losses, density control, files and Adam go over tables and
 // groups and need not know the motion model.
 #pragma once
+#include <algorithm>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,17 +34,32 @@ struct GroupSpec {
   Quantity quantity = Quantity::position;
   int per_time = 0;     // 1 for its change in a unit of time (a velocity), 2 for that of its change
   bool motion = false;  // nothing but motion: left alone where there is one moment only
+  bool moving = false;  // Gaussians at rest have no rows in it
+  float rest = 0;       // such a group's values where nothing moves,
+  std::string rest_of = "";  // or the group that has them; empty: none
 };
 
 // Groups that share their rows.
 class Table {
  public:
-  // `count` rows of undefined values, zero gradients and moments.
-  Table(Queue& queue, size_t count, std::vector<GroupSpec> specs)
-      : count(count), specs(std::move(specs)), rows(queue, count), active{0, count} {
+  // `count` rows of undefined values, zero gradients and moments; the first `moving` of them in
+  // groups of what moves.
+  Table(Queue& queue, size_t count, size_t moving, std::vector<GroupSpec> specs)
+      : count(count),
+        moving(moving),
+        specs(std::move(specs)),
+        rows(queue, count),
+        active{0, count} {
     groups.reserve(this->specs.size());
     for (const GroupSpec& spec : this->specs)
-      groups.emplace_back(queue, spec.name, count, spec.width);
+      groups.emplace_back(queue, spec.name, rows_of(spec), spec.width);
+  }
+
+  size_t rows_of(const GroupSpec& spec) const { return spec.moving ? moving : count; }
+  // Of the active rows, those that the group has.
+  RowRange active_in(const GroupSpec& spec) const {
+    const size_t end = std::min(active.first + active.count, rows_of(spec));
+    return {active.first, end - std::min(active.first, end)};
   }
 
   // nullptr when there is no such group.
@@ -52,7 +69,7 @@ class Table {
     return nullptr;
   }
 
-  size_t count;
+  size_t count, moving;
   std::vector<GroupSpec> specs;
   std::vector<ParameterGroup> groups;  // as specs
   RowState rows;
@@ -60,21 +77,26 @@ class Table {
 };
 
 // A table beside that of the Gaussians: either `rows` rows that all of them share, or `keys` rows a
-// Gaussian, row k N + i being key k of Gaussian i.
+// Gaussian that moves, row k M + i being key k of Gaussian i of M.
 struct TableSpec {
   std::vector<GroupSpec> groups;
   size_t rows = 0, keys = 0;
-  size_t count(size_t gaussians) const { return rows + keys * gaussians; }
+  size_t count(size_t moving) const { return rows + keys * moving; }
 };
 
-// The table of the Gaussians, and the others.
+// The table of the Gaussians, and the others. The first `moving` Gaussians move; the others rest
+// where "means" and "quats" say, with no rows for their motion.
 class Parameters : public Table {
  public:
+  static constexpr size_t all = std::numeric_limits<size_t>::max();
+
   Parameters(Queue& queue, size_t count, std::vector<GroupSpec> specs,
-             std::vector<TableSpec> more_specs = {})
-      : Table(queue, count, std::move(specs)), more_specs(std::move(more_specs)) {
+             std::vector<TableSpec> more_specs = {}, size_t moving = all)
+      : Table(queue, count, std::min(count, moving), std::move(specs)),
+        more_specs(std::move(more_specs)) {
     for (const TableSpec& spec : this->more_specs) {
-      more.emplace_back(queue, spec.count(count), spec.groups);
+      const size_t table_rows = spec.count(this->moving);
+      more.emplace_back(queue, table_rows, table_rows, spec.groups);
       more.back().active = {0, 0};
     }
   }
@@ -101,6 +123,14 @@ class Parameters : public Table {
     for (const Table& table : more) all.push_back(&table);
     return all;
   }
+  // Whether there is anything that a Gaussian at rest does without.
+  bool can_rest() const {
+    const auto own = [](const GroupSpec& spec) { return spec.moving; };
+    const auto keyed = [](const TableSpec& table) { return table.keys > 0; };
+    return std::any_of(specs.begin(), specs.end(), own) ||
+           std::any_of(more_specs.begin(), more_specs.end(), keyed);
+  }
+
   // Before a training step: nothing was seen yet.
   void forget_seen(Queue& queue) {
     rows.seen.fill(queue, 0u);

@@ -8,7 +8,8 @@ namespace gflow {
 
 // Adds for each group of each table TABLE/GROUP, TABLE/GROUP/exp_avg and TABLE/GROUP/exp_avg_sq
 // [rows, width], and of the rows TABLE/rows/steps, refused, pace and reach [rows]. TABLE is
-// gaussians, table1, table2 and so on. Gradients and what was seen are a step's own. Waits.
+// gaussians, table1, table2 and so on. And gaussians/moving [1], how many move. Gradients and what
+// was seen are a step's own. Waits.
 void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays);
 
 // The reverse; the number of Gaussians becomes that of the arrays. Error that names the array when

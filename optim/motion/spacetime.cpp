@@ -14,10 +14,10 @@ SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
 std::vector<GroupSpec> SpacetimeMotion::groups() const {
   return {{"means", 3},
           {"means_t", 1, Quantity::time, 0, true},
-          {"velocities", 3, Quantity::position, 1, true},
-          {"half_accelerations", 3, Quantity::position, 2, true},
+          {"velocities", 3, Quantity::position, 1, true, true},
+          {"half_accelerations", 3, Quantity::position, 2, true, true},
           {"quats", 4, Quantity::rotation},
-          {"turns", 4, Quantity::rotation, 1, true},
+          {"turns", 4, Quantity::rotation, 1, true, true},
           {"log_scales", 4, Quantity::scale},
           {"logit_opacities", 1, Quantity::opacity}};
 }
@@ -25,8 +25,8 @@ std::vector<GroupSpec> SpacetimeMotion::groups() const {
 void SpacetimeMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
                          GaussiansAt& gaussians) {
   gaussians.ensure(queue, p.count);
-  spacetime_fwd_(queue, Range::over(p.count), cl_uint(p.count), t, cutoff_, int(!seen),
-                 seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+  spacetime_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, cutoff_,
+                 int(!seen), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                  p["velocities"].values, p["half_accelerations"].values, p["quats"].values,
                  p["turns"].values, p["log_scales"].values, p["logit_opacities"].values,
                  gaussians.means, gaussians.factors, gaussians.opacities);
@@ -35,13 +35,13 @@ void SpacetimeMotion::at(Queue& queue, const Parameters& p, float t, const Buffe
 void SpacetimeMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                                const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                                const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
-  spacetime_bwd_(queue, Range::over(p.count), cl_uint(p.count), t, int(first), p["means"].values,
-                 p["means_t"].values, p["velocities"].values, p["half_accelerations"].values,
-                 p["quats"].values, p["turns"].values, p["log_scales"].values,
-                 p["logit_opacities"].values, tiles_touched, v_means, v_factors, v_opacities,
-                 p.rows.seen, p["means"].grads, p["means_t"].grads, p["velocities"].grads,
-                 p["half_accelerations"].grads, p["quats"].grads, p["turns"].grads,
-                 p["log_scales"].grads, p["logit_opacities"].grads);
+  spacetime_bwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, int(first),
+                 p["means"].values, p["means_t"].values, p["velocities"].values,
+                 p["half_accelerations"].values, p["quats"].values, p["turns"].values,
+                 p["log_scales"].values, p["logit_opacities"].values, tiles_touched, v_means,
+                 v_factors, v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads,
+                 p["velocities"].grads, p["half_accelerations"].grads, p["quats"].grads,
+                 p["turns"].grads, p["log_scales"].grads, p["logit_opacities"].grads);
 }
 
 void SpacetimeMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
@@ -51,11 +51,11 @@ void SpacetimeMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule
 
 void SpacetimeMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
                             const SplitRule& rule, uint32_t seed) {
-  spacetime_split_(queue, Range::over(p.count), cl_uint(p.count), seed, rule.split_scale,
-                   rule.split_travel, rule.min_lifetime, rule.duration, child, p["means"].values,
-                   p["means_t"].values, p["velocities"].values, p["half_accelerations"].values,
-                   p["quats"].values, p["turns"].values, p["log_scales"].values,
-                   p["logit_opacities"].values);
+  spacetime_split_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), seed,
+                   rule.split_scale, rule.split_travel, rule.min_lifetime, rule.duration, child,
+                   p["means"].values, p["means_t"].values, p["velocities"].values,
+                   p["half_accelerations"].values, p["quats"].values, p["turns"].values,
+                   p["log_scales"].values, p["logit_opacities"].values);
 }
 
 }  // namespace gflow

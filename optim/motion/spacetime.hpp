@@ -29,15 +29,15 @@ class SpacetimeMotion : public Motion {
  private:
   float cutoff_;
   Program program_;
-  Kernel<cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
       spacetime_fwd_;
-  Kernel<cl_uint, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>, In<float>,
+  Kernel<cl_uint, cl_uint, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>,
          Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
          Out<float>, Out<float>>
       spacetime_bwd_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_float, cl_float, In<cl_uint>, Out<float>,
+  Kernel<cl_uint, cl_uint, cl_uint, cl_float, cl_float, cl_float, cl_float, In<cl_uint>, Out<float>,
          Out<float>, Out<float>, In<float>, Out<float>, In<float>, Out<float>, Out<float>>
       spacetime_split_;
   Kernel<cl_uint, cl_float, cl_float, cl_float, cl_float, In<float>, Out<float>, Out<float>>

@@ -174,6 +174,9 @@ struct MotionConfig {
   int sh_interval = 1000;
   float cutoff = 0.05f;
   float duration = 8;
+  float rest = 0;
+  int rest_every = 500;
+  float rest_wake = 5;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -193,6 +196,16 @@ struct MotionConfig {
           at_least(1));
     field("cutoff", self.cutoff, "a Gaussian whose temporal opacity is lower is skipped",
           between(0, 0.5f));
+    field("rest", self.rest,
+          "a Gaussian that moves and turns by less than this loses the parameters of its motion "
+          "[its own size]; 0: all keep them",
+          at_least(0));
+    field("rest_every", self.rest_every, "steps between two rounds that decide who rests",
+          at_least(1));
+    field("rest_wake", self.rest_wake,
+          "who rests moves again when what pulls at it adds up to so many times what chance would; "
+          "0: only by growing",
+          at_least(0));
   }
 };
 

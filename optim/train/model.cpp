@@ -101,6 +101,19 @@ void read_tables(const std::string& path, HostModel& model) {
     }
 }
 
+// Values of a group with `blocks` blocks of rows, one a Gaussian that moves, for all Gaussians:
+// files hold every one's motion.
+std::vector<float> for_all(const std::vector<float>& values, size_t blocks, size_t moving,
+                           size_t count, const GroupSpec& spec, const HostGroups& groups) {
+  std::vector<float> all(blocks * count * spec.width, spec.rest);
+  if (!spec.rest_of.empty()) all = groups.at(spec.rest_of);
+  for (size_t k = 0; k < blocks; ++k) {
+    const auto from = values.begin() + long(k * moving * spec.width);
+    std::copy(from, from + long(moving * spec.width), all.begin() + long(k * count * spec.width));
+  }
+  return all;
+}
+
 }  // namespace
 
 std::string tables_path(const std::string& path) {
@@ -117,7 +130,7 @@ Model::Model(Queue& queue, const HostModel& host) : Model(queue, host.shape, hos
   for (Table* table : parameters.tables())
     for (size_t g = 0; g < table->specs.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
-      const size_t size = spec.width * table->count;
+      const size_t size = spec.width * table->count;  // all move
       const auto found = host.groups.find(spec.name);
       if (found == host.groups.end() || found->second.size() != size)
         throw Error(fmt::format("a model of {} Gaussians needs {} values of {}", host.count, size,
@@ -133,6 +146,17 @@ HostModel Model::read(Queue& queue) const {
   for (const Table* table : parameters.tables())
     for (size_t g = 0; g < table->specs.size(); ++g)
       host.groups[table->specs[g].name] = table->groups[g].values.read(queue);
+  const Parameters& p = parameters;
+  if (p.moving == p.count) return host;
+  const auto widen = [&](const GroupSpec& spec, size_t blocks) {
+    std::vector<float>& values = host.groups[spec.name];
+    values = for_all(values, blocks, p.moving, p.count, spec, host.groups);
+  };
+  for (const GroupSpec& spec : p.specs)
+    if (spec.moving) widen(spec, 1);
+  for (const TableSpec& table : p.more_specs)
+    if (table.keys)
+      for (const GroupSpec& spec : table.groups) widen(spec, table.keys);
   return host;
 }
 

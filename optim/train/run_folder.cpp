@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -158,11 +157,11 @@ void RunFolder::write_cameras(const Scene& scene) const {
 }
 
 void RunFolder::append_metrics(int iteration, double seconds, const StepFigures& f) const {
-  Json line{{"iteration", iteration},       {"seconds", seconds},
-                  {"loss", number(f.loss)},       {"l1", number(f.l1)},
-                  {"ssim", number(f.ssim)},       {"flow_loss", number(f.flow_loss)},
-                  {"psnr", number(f.psnr)},       {"flow_epe", number(f.epe)},
-                  {"num_gaussians", f.gaussians}, {"refused", f.refused}};
+  Json line{
+      {"iteration", iteration}, {"seconds", seconds},        {"loss", number(f.loss)},
+      {"l1", number(f.l1)},     {"ssim", number(f.ssim)},    {"flow_loss", number(f.flow_loss)},
+      {"psnr", number(f.psnr)}, {"flow_epe", number(f.epe)}, {"num_gaussians", f.gaussians},
+      {"num_moving", f.moving}, {"refused", f.refused}};
   if (f.motion)
     line.update({{"rigidity", number(f.motion->rigidity)},
                  {"rotation", number(f.motion->rotation)},

@@ -13,6 +13,7 @@
 namespace gflow {
 namespace {
 
+constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
 constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9,
                kNoiseStream = 10;  // of random numbers
 
@@ -61,6 +62,14 @@ std::unique_ptr<MotionLoss> motion_loss_for(Queue& queue, const LossConfig& loss
   w.extent = float(scene.extent);
   if (scene.steps < 2 || !(w.any_pairs() || w.acceleration > 0)) return nullptr;
   return std::make_unique<MotionLoss>(queue, w);
+}
+
+// nullptr when nobody may rest, or has a motion of its own, or its keys are trained one by one:
+// then nobody knows yet what it will do.
+std::unique_ptr<Rest> rest_for(Queue& queue, const TrainConfig& config, const Scene& scene,
+                               const Parameters& parameters) {
+  if (config.motion.rest == 0 || scene.steps < 2 || config.train.sequential) return nullptr;
+  return parameters.can_rest() ? std::make_unique<Rest>(queue) : nullptr;
 }
 
 PinholeCamera part_of(PinholeCamera camera, const Rect& part) {
@@ -119,6 +128,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
       density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
       density_rule_(density_rule(config.density, scene, model.shape)),
+      rest_(rest_for(queue, config, scene, model.parameters)),
       reduce_(queue),
       pairs_of_frame_(scene.train.size()) {
   const bool sequential = config.train.sequential;
@@ -197,13 +207,14 @@ void Trainer::step(Queue& queue, int step) {
     model_.motion->start_key(queue, model_.parameters, now.time_step);
   for (const Sample& sample : samples(step)) train_view(queue, sample, step);
   update(queue, step);
-  if (!density_ || !now.fits()) return;
   const uint32_t seed = uint32_t(config_.train.seed);
   const int done = step + 1;
-  density_->after_step(
-      queue, model_.parameters, renderer_.gaussians(), density_rule_,
-      {done, refining(done), position_rate(step), random_bits(seed, kNoiseStream, uint32_t(step))});
-  if (refining(done) && done % config_.density.every == 0)
+  if (density_ && now.fits())
+    density_->after_step(queue, model_.parameters, renderer_.gaussians(), density_rule_,
+                         {done, refining(done), position_rate(step),
+                          random_bits(seed, kNoiseStream, uint32_t(step))});
+  if (settling(done)) settle(queue);
+  if (density_ && now.fits() && refining(done) && done % config_.density.every == 0)
     refine(queue, random_bits(seed, kSplitStream, uint32_t(step)));
 }
 
@@ -272,6 +283,11 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
   if (density_)
     density_->see(queue, {camera.width, camera.height, renderer_.engine().splats().tiles_touched,
                           renderer_.gradients().v_means2d});
+  if (!rest_) return;
+  const float t2 = model_.time(shot.time_t2);
+  const GaussianGradients& g = renderer_.gradients();
+  rest_->see(queue, model_.parameters, renderer_.engine().splats().tiles_touched,
+             model_.time(shot.time), g.v_means, shot.flow ? &t2 : nullptr, g.v_means_t2);
 }
 
 float Trainer::position_rate(int step) const {
@@ -333,14 +349,14 @@ void Trainer::update(Queue& queue, int step) {
   const bool warming = unfolding_.warming(step);
   if (now.time_step > 0) {  // one key alone; a flow leads to the one before
     Table& keys = p.more[0];
-    keys.rows.seen.fill_range(queue, 0, size_t(now.time_step) * p.count, 0u);
+    keys.rows.seen.fill_range(queue, 0, size_t(now.time_step) * p.moving, 0u);
   }
   if (density_) density_->add_gradients(queue, p, density_rule_);
   for (Table* table : p.tables()) {
     const bool moving = table != &p;
     if (moving ? !now.moves() || warming : !now.fits()) continue;
-    for (const ParameterGroup& group : table->groups)
-      adam_.refuse(queue, group, table->rows, table->active);
+    for (size_t g = 0; g < table->groups.size(); ++g)
+      adam_.refuse(queue, table->groups[g], table->rows, table->active_in(table->specs[g]));
     adam_.advance(queue, table->rows, table->active);
     for (size_t g = 0; g < table->groups.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
@@ -350,7 +366,7 @@ void Trainer::update(Queue& queue, int step) {
       AdamRate rate = rate_of(spec);
       rate.per_time = spec.per_time;
       if (spec.motion && spec.quantity != Quantity::time) rate.lr *= lr.motion;
-      adam_.step(queue, table->groups[g], table->rows, table->active, rate);
+      adam_.step(queue, table->groups[g], table->rows, table->active_in(spec), rate);
     }
   }
 }
@@ -369,6 +385,7 @@ void Trainer::refine(Queue& queue, uint32_t seed) {
   std::string short_of;
   try {
     density_->refine(queue, p, *model_.motion, rule, seed);
+    if (rest_) rest_->forget();
     neighbours_known_ = false;
     if (rule.cap < density_rule_.cap && p.count >= rule.cap)
       short_of = fmt::format("density.memory = {} MiB{} holds {} Gaussians, fewer than density.cap",
@@ -379,16 +396,42 @@ void Trainer::refine(Queue& queue, uint32_t seed) {
     memory_holds_ = p.count;  // no more are tried for
     short_of = problem.what();
   }
-  if (short_of.empty() || memory_was_short_) return;
+  if (!short_of.empty()) memory_is_short(short_of);
+}
+
+void Trainer::memory_is_short(const std::string& sentence) {
+  if (memory_was_short_) return;
   memory_was_short_ = true;
-  notice_ =
-      fmt::format("memory is short, training goes on with {} Gaussians: {}", p.count, short_of);
+  notice_ = fmt::format("memory is short, training goes on with {} Gaussians: {}",
+                        model_.parameters.count, sentence);
+}
+
+// Not after the last step: what comes to rest changes a little, and nothing would make up for it.
+bool Trainer::settling(int done) const {
+  return rest_ && done % config_.motion.rest_every == 0 && done < config_.train.iterations;
+}
+
+void Trainer::settle(Queue& queue) {
+  RestRule rule;
+  rule.most = config_.motion.rest;
+  rule.wake = config_.motion.rest_wake;
+  rule.duration = model_.shape.duration;
+  rule.moments = std::clamp(scene_.steps, 2, kRestMoments);
+  try {
+    const Buffer<cl_uint>& source = rest_->refine(queue, model_.parameters, *model_.motion, rule);
+    if (density_) density_->reorder(queue, source);
+    neighbours_known_ = false;
+  } catch (const Error& problem) {  // they go on as they were
+    if (!is_out_of_memory(problem)) throw;
+    memory_is_short(problem.what());
+  }
 }
 
 Arrays Trainer::state(Queue& queue) const {
   Arrays arrays;
   save_state(queue, model_.parameters, arrays);
   if (density_) density_->save_state(queue, arrays);
+  if (rest_) rest_->save_state(queue, model_.parameters, arrays);
   if (motion_loss_ && neighbours_known_) save_state(motion_loss_->pairs(), arrays);
   return arrays;
 }
@@ -396,6 +439,7 @@ Arrays Trainer::state(Queue& queue) const {
 void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& path) {
   load_state(queue, model_.parameters, arrays, path);
   if (density_) density_->load_state(queue, arrays, path);
+  if (rest_) rest_->load_state(queue, model_.parameters, arrays, path);
   neighbours_known_ = motion_loss_ && arrays.count("neighbours/offsets");
   if (neighbours_known_)
     motion_loss_->set_pairs(queue, load_neighbours(arrays, model_.parameters.count, path));
@@ -416,6 +460,7 @@ StepFigures Trainer::figures(Queue& queue) {
   if (motion_loss_) figures.motion = motion_loss_->value(queue);
   if (had_motion_loss_) figures.loss += figures.motion->total();
   figures.gaussians = model_.parameters.count;
+  figures.moving = model_.parameters.moving;
   figures.refused = reduce_.count_nonzero(queue, model_.parameters.rows.refused);
   const std::vector<float> rgb = renderer_.images().rgb.read(queue);
   double sum = 0;

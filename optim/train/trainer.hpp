@@ -11,6 +11,7 @@
 
 #include "optim/data/flow_store.hpp"
 #include "optim/density/density.hpp"
+#include "optim/density/rest.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
 #include "optim/loss/motion_loss.hpp"
@@ -28,7 +29,7 @@ struct StepFigures {
   double psnr = 0;                        // of the last view [dB]
   double flow_loss = 0, epe = 0;          // of the last view with flow [px]; 0 when there was none
   std::optional<MotionLossValue> motion;  // of the last view that had any such loss
-  size_t gaussians = 0;
+  size_t gaussians = 0, moving = 0;
   size_t refused = 0;  // rows that had a gradient Adam could not take, so far
 };
 
@@ -76,6 +77,9 @@ class Trainer {
   float position_rate(int step) const;
   bool refining(int done) const;
   void refine(Queue& queue, uint32_t seed);
+  bool settling(int done) const;
+  void settle(Queue& queue);
+  void memory_is_short(const std::string& sentence);
 
   const TrainConfig& config_;
   const Scene& scene_;
@@ -99,6 +103,7 @@ class Trainer {
   Adam adam_;
   std::unique_ptr<Density> density_;
   DensityRule density_rule_;
+  std::unique_ptr<Rest> rest_;                                // nullptr: all move
   size_t memory_holds_ = std::numeric_limits<size_t>::max();  // Gaussians
   bool memory_was_short_ = false;
   std::string notice_;

@@ -89,6 +89,7 @@ std::vector<ProgressTerm> terms_of(const StepFigures& f) {
   if (f.epe > 0) terms.push_back({"epe", fmt::format("{:.2f} px", f.epe)});
   if (f.motion) terms.push_back({"motion", fmt::format("{:.4f}", f.motion->total())});
   terms.push_back({"", fmt::format("{} Gaussians", f.gaussians)});
+  if (f.moving < f.gaussians) terms.push_back({"", fmt::format("{} move", f.moving)});
   if (f.refused) terms.push_back({"refused", std::to_string(f.refused)});
   return terms;
 }

@@ -127,6 +127,84 @@ TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
   }
 }
 
+// Rounds at 60, 120 and 180: step 130 has evidence for the next one. Density control from 150 on.
+TEST_F(TrainerTest, GoesOnWithThoseThatRestWithTheSameBits) {
+  for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
+                                     MotionModelKind::keyframes, MotionModelKind::bases}) {
+    TrainConfig config = small_config(scene(), 260);
+    config.motion.model = choice_of(kind);
+    config.motion.rest = 4;  // it has learnt little yet
+    config.motion.rest_every = 60;
+    config.motion.rest_wake = 2;
+    config.density.start = 140;
+    if (kind == MotionModelKind::bases) config.density.strategy = DensityKind::mcmc;
+    SmallTraining training(queue(), config);
+    training.steps(queue(), 130);
+    const Parameters& p = training.model.parameters;
+    EXPECT_LT(p.moving, p.count) << int(kind);
+    EXPECT_GT(p.moving, 0u);
+    const Arrays state = training.trainer.state(queue());
+    training.steps(queue(), 90);
+    SmallTraining other(queue(), config);
+    other.steps(queue(), 70);  // whatever it was before
+    other.go_on(queue(), state, 130);
+    other.steps(queue(), 90);
+    expect_equal_bits(training.bits(queue()), other.bits(queue()));
+    expect_equal_bits(training.bits(queue()), bits_after(queue(), config, 220));
+  }
+}
+
+TEST_F(TrainerTest, WhereNobodyRestsNoBitChanges) {
+  TrainConfig config = small_config(scene(), 200);
+  const auto before = bits_after(queue(), config, 200);
+  config.motion.rest = 1e-12f;
+  config.motion.rest_every = 60;
+  auto after = bits_after(queue(), config, 200);
+  after.erase("rest/pulls");
+  expect_equal_bits(before, after);
+}
+
+// The wall rests, the blob does not, and what is learnt is as good.
+TEST_F(TrainerTest, TheWallRestsAndTheBlobMoves) {
+  TrainConfig config = small_config(scene(), 400);
+  config.density.enabled = false;
+  config.motion.rest = 0.5f;
+  config.motion.rest_every = 100;
+  SmallTraining training(queue(), config);
+  training.steps(queue(), 400);
+  const Parameters& p = training.model.parameters;
+  EXPECT_GE(p.moving, 14u);
+  EXPECT_LT(p.moving, p.count / 2);
+  EXPECT_EQ(training.trainer.figures(queue()).moving, p.moving);
+  // A file holds everyone's motion.
+  const HostModel host = training.model.read(queue());
+  EXPECT_EQ(host.groups.at("velocities").size(), 3 * p.count);
+  Model again(queue(), host);
+  const auto drawn = [&](Model& model) {
+    GaussiansAt at;
+    model.motion->at(queue(), model.parameters, 0.7f, nullptr, at);
+    return at.opacities.read(queue());
+  };
+  EXPECT_EQ(drawn(training.model), drawn(again));
+}
+
+TEST_F(TrainerTest, WhereMemoryIsShortARoundOfRestChangesNothing) {
+  Queue small = test_queue();
+  TrainConfig config = small_config(scene(), 300);
+  config.density.enabled = false;
+  config.motion.rest = 1;
+  config.motion.rest_every = 100;
+  SmallTraining training(small, config);
+  training.steps(small, 99);
+  const uint64_t all = std::exchange(small.info.max_allocation, 2048);
+  training.steps(small, 1);
+  small.info.max_allocation = all;
+  EXPECT_EQ(training.model.parameters.moving, training.model.parameters.count);
+  EXPECT_NE(training.trainer.take_notice().find("allocating"), std::string::npos);
+  training.steps(small, 100);
+  EXPECT_LT(training.model.parameters.moving, training.model.parameters.count);
+}
+
 TEST_F(TrainerTest, AStateOfAnotherModelIsRefusedAndChangesNothing) {
   TrainConfig config = small_config(scene(), 20);
   SmallTraining training(queue(), config);

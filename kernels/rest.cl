@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// The static/dynamic split: which Gaussians need no motion, where they rest, and which of those at
+// rest are pulled into motion. One work-item a Gaussian; bitwise repeatable.
+#include "shared/arrays.h"
+#include "shared/rest.h"
+
+// One moment of the Gaussians that move (rows [0, moving)) joins their mean pose, by opacity.
+kernel void rest_add(const uint moving, global const float* restrict means_at,
+                     global const float* restrict factors_at,
+                     global const float* restrict opacities_at,  // 0: not there
+                     global float* restrict means,               // [M, 3] sums
+                     global float* restrict factors,             // [M, 3, 3] sums
+                     global float* restrict weights,             // [M] sums
+                     global uint* restrict moments) {            // [M] number
+  const uint i = get_global_id(0);
+  if (i >= moving) return;
+  const float w = opacities_at[i];
+  if (!(w > 0.f)) return;
+  add3(means, i, load3(means_at, i) * w);
+  store_mat3(factors, i, mat3_add(load_mat3(factors, i), mat3_scale(load_mat3(factors_at, i), w)));
+  weights[i] += w;
+  moments[i] += 1;
+}
+
+static inline float3 scales_of(uint i, global const float* log_scales) {
+  return make_real3(exp(log_scales[4 * i]), exp(log_scales[4 * i + 1]), exp(log_scales[4 * i + 2]));
+}
+
+// The sums become the pose: the mean place, and the rotation nearest to the mean factor.
+kernel void rest_pose(const uint moving, global const float* restrict log_scales,  // [N, 4]
+                      global const float* restrict factors, global const float* restrict weights,
+                      global float* restrict means,    // [M, 3]
+                      global float* restrict quats) {  // [M, 4]
+  const uint i = get_global_id(0);
+  if (i >= moving || !(weights[i] > 0.f)) return;
+  const float inverse = 1.f / weights[i];
+  const float3 s = scales_of(i, log_scales);
+  Mat3 r = mat3_scale(load_mat3(factors, i), inverse);
+  const float3 columns = make_real3(1.f / s.x, 1.f / s.y, 1.f / s.z);
+  r.r1 *= columns;
+  r.r2 *= columns;
+  r.r3 *= columns;
+  store3(means, i, load3(means, i) * inverse);
+  vstore4(quat_of_rotmat(r), i, quats);
+}
+
+// How far each is from that pose at one moment.
+kernel void rest_travel(const uint moving, global const float* restrict log_scales,  // [N, 4]
+                        global const float* restrict means, global const float* restrict quats,
+                        global const float* restrict means_at,
+                        global const float* restrict factors_at,
+                        global const float* restrict opacities_at,
+                        global float* restrict travel) {  // [M] largest so far
+  const uint i = get_global_id(0);
+  if (i >= moving || !(opacities_at[i] > 0.f)) return;
+  const float d = distance_from_rest(load3(means, i), load4(quats, i), scales_of(i, log_scales),
+                                     load3(means_at, i), load_mat3(factors_at, i));
+  travel[i] = d >= travel[i] ? d : (d == d ? travel[i] : INFINITY);
+}
+
+// What a view would change of the velocities of those that rest (rows [moving, N), which `pulls` has):
+// x y z the sum of the gradients, w that of their squares.
+kernel void rest_pull(const uint n, const uint moving, const float t, const float t2, const int flow,
+                      global const uint* restrict tiles_touched,
+                      global const float* restrict means_t,     // [N]
+                      global const float* restrict v_means,     // [N, 3] at t
+                      global const float* restrict v_means_t2,  // [N, 3] at t2 with flow
+                      global float* restrict pulls) {           // [N - M, 4]
+  const uint i = moving + get_global_id(0);
+  if (i >= n || tiles_touched[i] == 0) return;
+  float3 v = load3(v_means, i) * (t - means_t[i]);
+  if (flow) v += load3(v_means_t2, i) * (t2 - means_t[i]);
+  const float square = dot(v, v);
+  if (is_finite_real(square)) add4(pulls, i - moving, (float4)(v.x, v.y, v.z, square));
+}
+
+// moves: 0 for who rests from now on. Who had `trial` steps and never was further than `most` from
+// its mean pose comes to rest; who rests moves again where what pulls at it agrees: noise would add
+// up to a sum of about the square root of the sum of squares, and this is `wake` times as long. Also
+// source and child (1: starts anew) of each row, for RowMover.
+kernel void rest_decide(const uint n, const uint moving, const float most, const uint trial,
+                        const float wake, global const float* restrict travel,
+                        global const uint* restrict moments, global const uint* restrict steps,
+                        global const float* restrict pulls, global uint* restrict moves,
+                        global uint* restrict source, global uint* restrict child) {
+  const uint i = get_global_id(0);
+  if (i >= n) return;
+  source[i] = i;
+  child[i] = 0;
+  if (i >= moving) {
+    const float4 p = vload4(i - moving, pulls);
+    moves[i] = child[i] = wake > 0.f && dot(p.xyz, p.xyz) > wake * wake * p.w;
+    return;
+  }
+  moves[i] = !(steps[i] >= trial && moments[i] > 1 && travel[i] <= most);
+}
+
+// After the rows have moved: those of the old [0, old_moving) that rest now (from `moving` on) take
+// their pose. A quaternion keeps its length, on which its pace in Adam depends.
+kernel void rest_settle(const uint n, const uint moving, const uint old_moving,
+                        global const uint* restrict source,
+                        global const float* restrict rest_means,  // [old_moving, 3]
+                        global const float* restrict rest_quats,  // [old_moving, 4]
+                        global float* restrict means, global float* restrict quats) {
+  const uint i = moving + get_global_id(0);
+  if (i >= n || source[i] >= old_moving) return;
+  const float4 q = vload4(i, quats);
+  store3(means, i, load3(rest_means, source[i]));
+  vstore4(vload4(source[i], rest_quats) * sqrt(dot(q, q)), i, quats);
+}
