@@ -4,9 +4,13 @@
 #include "shared/keys.h"
 #include "shared/still_rows.h"
 
+#ifndef SCALES  // whether sizes follow keys, too; only for the syntax check, the host always says
+#define SCALES 1
+#endif
+
 // Row k M + i of the tables is key k of Gaussian i of the M that move; the others rest.
 static inline Shift shift_at(uint moving, uint i, KeyWeights keys, global const float* key_shifts,
-                             global const float* key_turns) {
+                             global const float* key_turns, global const float* key_scales) {
   Shift d;
   d.mean = make_real3(0.f, 0.f, 0.f);
   d.quat = make_real4(0.f, 0.f, 0.f, 0.f);
@@ -16,15 +20,17 @@ static inline Shift shift_at(uint moving, uint i, KeyWeights keys, global const 
     const uint row = (keys.first + k) * moving + i;
     d.mean += load3(key_shifts, row) * keys.weight[k];
     d.quat += load4(key_turns, row) * keys.weight[k];
+    if (SCALES) d.log_scales += load3(key_scales, row) * keys.weight[k];
   }
   return d;
 }
 
-kernel void keyframes_fwd(const uint n, const uint moving, const float t, const float cutoff, const int first,
-                          const KeyWeights keys,
+kernel void keyframes_fwd(const uint n, const uint moving, const float t, const float cutoff,
+                          const int first, const KeyWeights keys,
                           global const uint* restrict tiles_touched,  // [N] read if not first
                           STILL_IN, global const float* restrict key_shifts,  // [K, M, 3]
                           global const float* restrict key_turns,             // [K, M, 4]
+                          global const float* restrict key_scales,  // [K, M, 3] read if SCALES
                           global float* restrict means_at,                    // [N, 3]
                           global float* restrict factors_at,                  // [N, 3, 3]
                           global float* restrict opacities_at) {              // [N]
@@ -32,24 +38,26 @@ kernel void keyframes_fwd(const uint n, const uint moving, const float t, const 
   if (i >= n ||
       !still_in_window(i, t, cutoff, first, tiles_touched, means_t, log_scales, opacities_at))
     return;
-  const Shift d = shift_at(moving, i, keys, key_shifts, key_turns);
+  const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
   store_shifted(i, shifted_at(load_still(i, STILL_ROWS), d, t), means_at, factors_at, opacities_at);
 }
 
 // Rows of keys start when they are first seen in a training step, whichever time it is for.
-kernel void keyframes_bwd(const uint n, const uint moving, const float t, const int first, const KeyWeights keys,
-                          STILL_IN, global const float* restrict key_shifts,
+kernel void keyframes_bwd(const uint n, const uint moving, const float t, const int first,
+                          const KeyWeights keys, STILL_IN, global const float* restrict key_shifts,
                           global const float* restrict key_turns,
+                          global const float* restrict key_scales,
                           global const uint* restrict tiles_touched,
                           global const float* restrict v_means_at,      // [N, 3]
                           global const float* restrict v_factors_at,    // [N, 3, 3]
                           global const float* restrict v_opacities_at,  // [N] read if first
                           global uint* restrict seen, V_STILL_OUT,
                           global uint* restrict keys_seen,  // [K, M]
-                          global float* restrict v_key_shifts, global float* restrict v_key_turns) {
+                          global float* restrict v_key_shifts, global float* restrict v_key_turns,
+                          global float* restrict v_key_scales) {  // written if SCALES
   const uint i = get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
-  const Shift d = shift_at(moving, i, keys, key_shifts, key_turns);
+  const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
   const Still v = shifted_vjp(load_still(i, STILL_ROWS), d, t, load3(v_means_at, i),
                               load_mat3(v_factors_at, i), first ? v_opacities_at[i] : 0.f);
   const int fresh = first && !seen[i];
@@ -59,14 +67,17 @@ kernel void keyframes_bwd(const uint n, const uint moving, const float t, const 
   for (int k = 0; k < keys.count; ++k) {
     const float w = keys.weight[k];
     const uint row = (keys.first + k) * moving + i;
+    const real3 v_scales = make_real3(v.log_scales.x, v.log_scales.y, v.log_scales.z) * w;
     if (w == 0.f) continue;
     if (keys_seen[row]) {
       add3(v_key_shifts, row, v.mean * w);
       add4(v_key_turns, row, v.quat * w);
+      if (SCALES) add3(v_key_scales, row, v_scales);
     } else {
       keys_seen[row] = 1;
       store3(v_key_shifts, row, v.mean * w);
       vstore4(v.quat * w, row, v_key_turns);
+      if (SCALES) store3(v_key_scales, row, v_scales);
     }
   }
 }

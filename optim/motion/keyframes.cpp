@@ -3,22 +3,28 @@
 
 namespace gflow {
 
-std::vector<TableSpec> keyframes_tables(int keys) {
+std::vector<TableSpec> keyframes_tables(const MotionShape& shape) {
   TableSpec table;
   table.groups = {{"key_shifts", 3, Quantity::position, 0, true},
                   {"key_turns", 4, Quantity::rotation, 0, true}};
-  table.keys = size_t(keys);
+  if (shape.key_scales) table.groups.push_back({"key_scales", 3, Quantity::scale, 0, true});
+  table.keys = size_t(shape.keys);
   return {table};
 }
 
 KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
     : shape_(shape),
-      program_(queue, "keyframes.cl"),
+      program_(queue, "keyframes.cl", {{"SCALES", shape.key_scales}}),
       keyframes_fwd_(program_, "keyframes_fwd"),
       keyframes_bwd_(program_, "keyframes_bwd"),
       keyframes_start_(program_, "keyframes_start"),
       still_rows_(queue) {
   if (shape.keys < 1) throw Error("a keyframes model needs at least one key");
+}
+
+// What the kernels take as the keys' sizes: another group where there are none, which is not read.
+const ParameterGroup& KeyframesMotion::scales(const Parameters& p) const {
+  return p[shape_.key_scales ? "key_scales" : "key_shifts"];
 }
 
 std::vector<GroupSpec> KeyframesMotion::groups() const { return still_groups(); }
@@ -30,8 +36,8 @@ void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffe
                  int(!seen), key_weights(t, shape_.duration, shape_.keys),
                  seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                  p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
-                 p["key_shifts"].values, p["key_turns"].values, gaussians.means, gaussians.factors,
-                 gaussians.opacities);
+                 p["key_shifts"].values, p["key_turns"].values, scales(p).values, gaussians.means,
+                 gaussians.factors, gaussians.opacities);
 }
 
 void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
@@ -42,10 +48,10 @@ void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   keyframes_bwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, int(first),
                  keys, p["means"].values, p["means_t"].values, p["quats"].values,
                  p["log_scales"].values, p["logit_opacities"].values, p["key_shifts"].values,
-                 p["key_turns"].values, tiles_touched, v_means, v_factors, v_opacities, p.rows.seen,
-                 p["means"].grads, p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
-                 p["logit_opacities"].grads, table.rows.seen, p["key_shifts"].grads,
-                 p["key_turns"].grads);
+                 p["key_turns"].values, scales(p).values, tiles_touched, v_means, v_factors,
+                 v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads,
+                 p["log_scales"].grads, p["logit_opacities"].grads, table.rows.seen,
+                 p["key_shifts"].grads, p["key_turns"].grads, scales(p).grads);
   const RowRange touched{size_t(keys.first) * p.moving, size_t(keys.count) * p.moving};
   table.active = table.active.joined(touched);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians on free paths, held at keys: each rests at means, quats and is shifted from there by
-// the cubic through key_shifts [K, N, 3] and key_turns [K, N, 4] (added to the quaternion)
+// the cubic through key_shifts [K, N, 3], key_turns [K, N, 4] (added to the quaternion) and, where
+// shape.key_scales says so, key_scales [K, N, 3] (added to the log_scales)
 // (kernels/shared/shifted.h, keys.hpp). With a key a frame this is the per-frame model of Dynamic
 // 3D Gaussians (Luiten et al. 2024), beside the place where it rests, which all frames train. 13
 // floats a Gaussian and 7 a key; a step touches two to five keys only.
@@ -11,14 +12,14 @@
 
 namespace gflow {
 
-// key_shifts and key_turns, a row a key and Gaussian.
-std::vector<TableSpec> keyframes_tables(int keys);
+// key_shifts, key_turns and perhaps key_scales, a row a key and Gaussian.
+std::vector<TableSpec> keyframes_tables(const MotionShape& shape);
 
 class KeyframesMotion : public Motion {
  public:
   KeyframesMotion(Queue& queue, const MotionShape& shape);
   std::vector<GroupSpec> groups() const override;
-  std::vector<TableSpec> tables() const override { return keyframes_tables(shape_.keys); }
+  std::vector<TableSpec> tables() const override { return keyframes_tables(shape_); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
@@ -30,6 +31,8 @@ class KeyframesMotion : public Motion {
              const SplitRule& rule, uint32_t seed) override;
 
  private:
+  const ParameterGroup& scales(const Parameters& parameters) const;
+
   MotionShape shape_;
   Program program_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, KeyWeights, In<cl_uint>, In<float>,
@@ -37,9 +40,9 @@ class KeyframesMotion : public Motion {
          Out<float>>
       keyframes_fwd_;
   Kernel<cl_uint, cl_uint, cl_float, cl_int, KeyWeights, In<float>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>,
          Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<cl_uint>,
-         Out<float>, Out<float>>
+         Out<float>, Out<float>, Out<float>>
       keyframes_bwd_;
   Kernel<cl_uint, cl_uint, cl_uint, Out<float>> keyframes_start_;
   StillRows still_rows_;

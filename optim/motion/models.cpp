@@ -72,7 +72,7 @@ std::vector<MotionColumns> motion_columns(const MotionShape& shape) {
 }
 
 std::vector<TableSpec> motion_tables(const MotionShape& shape) {
-  if (shape.motion == MotionModelKind::keyframes) return keyframes_tables(shape.keys);
+  if (shape.motion == MotionModelKind::keyframes) return keyframes_tables(shape);
   if (shape.motion == MotionModelKind::bases) return bases_tables(shape.keys, shape.bases);
   if (shape.motion == MotionModelKind::hexplane) return hexplane_tables(shape.hexplane);
   return {};

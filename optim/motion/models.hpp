@@ -21,6 +21,7 @@ struct MotionShape {
   float duration = 1;    // length of the video in the model's time; > 0
   float cutoff = 0.05f;  // temporal weight, in [0, 1), at or below which a Gaussian is skipped
   int keys = 0;          // keyframes, bases: moments at which the paths are held
+  int key_scales = 0;    // keyframes: 1 where sizes have keys, too
   int bases = 0;         // bases: motions that all Gaussians share
   HexplaneShape hexplane;
 
@@ -33,6 +34,7 @@ struct MotionShape {
     const bool keyed =
         self.motion == MotionModelKind::keyframes || self.motion == MotionModelKind::bases;
     if (keyed) field("keys", self.keys, 0.0);
+    if (self.motion == MotionModelKind::keyframes) field("key_scales", self.key_scales, -1.0);
     if (self.motion == MotionModelKind::bases) field("bases", self.bases, 0.0);
     if (self.motion != MotionModelKind::hexplane) return;
     auto& h = self.hexplane;

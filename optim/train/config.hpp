@@ -169,6 +169,7 @@ struct ScheduleConfig {
 struct MotionConfig {
   MotionChoice model = MotionChoice::automatic;
   int keys = 0;
+  bool key_scales = false;
   int bases = 8;
   int sh_degree = 2;
   int sh_interval = 1000;
@@ -187,6 +188,7 @@ struct MotionConfig {
           "time sees the scene, else spacetime");
     field("keys", self.keys, "keyframes, bases: moments that hold the paths; 0: one a time step",
           at_least(0));
+    field("key_scales", self.key_scales, "keyframes: sizes change along the keys, too");
     field("bases", self.bases, "bases: rigid motions", between(1, 32));
     field("duration", self.duration,
           "length of the video in the model's time [x scene extent]: a speed of 1 crosses so much",

@@ -304,6 +304,7 @@ ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
   shape.duration = float(config.motion.duration * scene.extent);
   shape.cutoff = config.motion.cutoff;
   shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
+  shape.key_scales = config.motion.key_scales;
   shape.bases = config.motion.bases;
   HexplaneShape& h = shape.hexplane;  // but for its box
   h.levels = config.hexplane.levels;

@@ -93,19 +93,24 @@ Shifted keyframes_at(const MotionShape& shape, const Named& p, size_t i, double 
     const size_t row = size_t(keys.first + k) * n + i;
     d.mean = d.mean + reference::row3(p.at("key_shifts"), row) * w;
     d.quat = d.quat + reference::row4(p.at("key_turns"), row) * w;
+    if (shape.key_scales)
+      d.log_scales = d.log_scales + reference::row3(p.at("key_scales"), row) * w;
   }
   return shifted_at(still_row(p, i), d, t);
 }
 
-class KeyframesOfSomeKeys : public testing::TestWithParam<int> {};
-INSTANTIATE_TEST_SUITE_P(Motion, KeyframesOfSomeKeys, testing::Values(1, 2, 3, 7));
+// Number of keys, and whether sizes have them, too.
+class KeyframesOfSomeKeys : public testing::TestWithParam<std::tuple<int, bool>> {};
+INSTANTIATE_TEST_SUITE_P(Motion, KeyframesOfSomeKeys,
+                         testing::Combine(testing::Values(1, 2, 3, 7), testing::Bool()));
 
 TEST_P(KeyframesOfSomeKeys, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
   Queue queue = test_queue();
   MotionShape shape;
   shape.motion = MotionModelKind::keyframes;
   shape.duration = 2;
-  shape.keys = GetParam();
+  shape.keys = std::get<0>(GetParam());
+  shape.key_scales = std::get<1>(GetParam());
   MotionCheck check(
       queue, shape, 37,
       [&](const Named& p, size_t i, double t) { return keyframes_at(shape, p, i, t); },

@@ -23,6 +23,7 @@ HostModel random_model(size_t count, int sh_degree,
   model.shape.duration = 3.7f;
   model.shape.cutoff = 0.031f;
   if (kind == MotionModelKind::keyframes || kind == MotionModelKind::bases) model.shape.keys = 3;
+  model.shape.key_scales = kind == MotionModelKind::keyframes;
   if (kind == MotionModelKind::bases) model.shape.bases = 2;
   model.shape.hexplane.resolution = 4;
   model.shape.hexplane.times = 3;
