@@ -14,17 +14,13 @@ std::vector<TableSpec> keyframes_tables(const MotionShape& shape) {
 
 KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
     : shape_(shape),
+      scales_(shape.key_scales ? "key_scales" : "key_shifts"),
       program_(queue, "keyframes.cl", {{"SCALES", shape.key_scales}}),
       keyframes_fwd_(program_, "keyframes_fwd"),
       keyframes_bwd_(program_, "keyframes_bwd"),
       keyframes_start_(program_, "keyframes_start"),
       still_rows_(queue) {
   if (shape.keys < 1) throw Error("a keyframes model needs at least one key");
-}
-
-// What the kernels take as the keys' sizes: another group where there are none, which is not read.
-const ParameterGroup& KeyframesMotion::scales(const Parameters& p) const {
-  return p[shape_.key_scales ? "key_scales" : "key_shifts"];
 }
 
 std::vector<GroupSpec> KeyframesMotion::groups() const { return still_groups(); }
@@ -36,7 +32,7 @@ void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffe
                  int(!seen), key_weights(t, shape_.duration, shape_.keys),
                  seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                  p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
-                 p["key_shifts"].values, p["key_turns"].values, scales(p).values, gaussians.means,
+                 p["key_shifts"].values, p["key_turns"].values, p[scales_].values, gaussians.means,
                  gaussians.factors, gaussians.opacities);
 }
 
@@ -48,10 +44,10 @@ void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   keyframes_bwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, int(first),
                  keys, p["means"].values, p["means_t"].values, p["quats"].values,
                  p["log_scales"].values, p["logit_opacities"].values, p["key_shifts"].values,
-                 p["key_turns"].values, scales(p).values, tiles_touched, v_means, v_factors,
+                 p["key_turns"].values, p[scales_].values, tiles_touched, v_means, v_factors,
                  v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads,
                  p["log_scales"].grads, p["logit_opacities"].grads, table.rows.seen,
-                 p["key_shifts"].grads, p["key_turns"].grads, scales(p).grads);
+                 p["key_shifts"].grads, p["key_turns"].grads, p[scales_].grads);
   const RowRange touched{size_t(keys.first) * p.moving, size_t(keys.count) * p.moving};
   table.active = table.active.joined(touched);
 }

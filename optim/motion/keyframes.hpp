@@ -31,13 +31,12 @@ class KeyframesMotion : public Motion {
              const SplitRule& rule, uint32_t seed) override;
 
  private:
-  const ParameterGroup& scales(const Parameters& parameters) const;
-
   MotionShape shape_;
+  std::string scales_;  // the group that kernels take as key_scales: another where there is none
   Program program_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, KeyWeights, In<cl_uint>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
-         Out<float>>
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>,
+         Out<float>, Out<float>>
       keyframes_fwd_;
   Kernel<cl_uint, cl_uint, cl_float, cl_int, KeyWeights, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>,
