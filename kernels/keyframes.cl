@@ -20,8 +20,8 @@ static inline Shift shift_at(uint moving, uint i, KeyWeights keys, global const 
   return d;
 }
 
-kernel void keyframes_fwd(const uint n, const uint moving, const float t, const float cutoff, const int first,
-                          const KeyWeights keys,
+kernel void keyframes_fwd(const uint n, const uint moving, const float t, const float cutoff,
+                          const int first, const KeyWeights keys,
                           global const uint* restrict tiles_touched,  // [N] read if not first
                           STILL_IN, global const float* restrict key_shifts,  // [K, M, 3]
                           global const float* restrict key_turns,             // [K, M, 4]
@@ -37,8 +37,8 @@ kernel void keyframes_fwd(const uint n, const uint moving, const float t, const 
 }
 
 // Rows of keys start when they are first seen in a training step, whichever time it is for.
-kernel void keyframes_bwd(const uint n, const uint moving, const float t, const int first, const KeyWeights keys,
-                          STILL_IN, global const float* restrict key_shifts,
+kernel void keyframes_bwd(const uint n, const uint moving, const float t, const int first,
+                          const KeyWeights keys, STILL_IN, global const float* restrict key_shifts,
                           global const float* restrict key_turns,
                           global const uint* restrict tiles_touched,
                           global const float* restrict v_means_at,      // [N, 3]

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians on free paths, held at keys: each rests at means, quats and is shifted from there by
-// the cubic through key_shifts [K, N, 3] and key_turns [K, N, 4] (added to the quaternion)
+// the cubic through key_shifts [K, M, 3] and key_turns [K, M, 4] (added to the quaternion)
 // (kernels/shared/shifted.h, keys.hpp). With a key a frame this is the per-frame model of Dynamic
 // 3D Gaussians (Luiten et al. 2024), beside the place where it rests, which all frames train. 13
 // floats a Gaussian and 7 a key; a step touches two to five keys only.
