@@ -63,8 +63,8 @@ static inline Shift no_shift(void) {
   return d;
 }
 
-kernel void bases_fwd(const uint n, const uint moving, const int bases, const float t, const float cutoff,
-                      const int first,
+kernel void bases_fwd(const uint n, const uint moving, const int bases, const float t,
+                      const float cutoff, const int first,
                       global const uint* restrict tiles_touched,            // [N] read if not first
                       STILL_IN, global const float* restrict basis_logits,  // [M, B]
                       global const float* restrict poses,                   // [B, POSE]
@@ -83,9 +83,10 @@ kernel void bases_fwd(const uint n, const uint moving, const int bases, const fl
 }
 
 // One work-item a chunk of `length` Gaussians.
-kernel void bases_bwd(const uint n, const uint moving, const uint length, const int bases, const float t,
-                      const int first, STILL_IN, global const float* restrict basis_logits,
-                      global const float* restrict poses, global const float* restrict pivots,
+kernel void bases_bwd(const uint n, const uint moving, const uint length, const int bases,
+                      const float t, const int first, STILL_IN,
+                      global const float* restrict basis_logits, global const float* restrict poses,
+                      global const float* restrict pivots,
                       global const uint* restrict tiles_touched,
                       global const float* restrict v_means_at,      // [N, 3]
                       global const float* restrict v_factors_at,    // [N, 3, 3]

@@ -7,9 +7,9 @@
 #include "shared/random.h"
 
 // Gaussians from `moving` on rest: they have no row of quats_r, which is quats for them.
-static inline Native4d load_native4d(uint i, uint moving, global const float* means, global const float* means_t,
-                                     global const float* quats, global const float* quats_r,
-                                     global const float* log_scales,
+static inline Native4d load_native4d(uint i, uint moving, global const float* means,
+                                     global const float* means_t, global const float* quats,
+                                     global const float* quats_r, global const float* log_scales,
                                      global const float* logit_opacities) {
   Native4d g;
   g.mean = load3(means, i);
@@ -24,7 +24,8 @@ static inline Native4d load_native4d(uint i, uint moving, global const float* me
 // At the first time of a view: opacity 0, and nothing else written, for those outside their window.
 // At a second time (first = 0): the rows with tiles_touched > 0 only, whether still there or not:
 // what is seen at t1 moves also while it fades.
-kernel void native4d_fwd(const uint n, const uint moving, const float t, const float cutoff, const int first,
+kernel void native4d_fwd(const uint n, const uint moving, const float t, const float cutoff,
+                         const int first,
                          global const uint* restrict tiles_touched,     // [N] read if not first
                          global const float* restrict means,            // [N, 3]
                          global const float* restrict means_t,          // [N]
@@ -37,7 +38,8 @@ kernel void native4d_fwd(const uint n, const uint moving, const float t, const f
                          global float* restrict opacities_at) {         // [N]
   const uint i = get_global_id(0);
   if (i >= n || (!first && tiles_touched[i] == 0)) return;
-  const Native4d g = load_native4d(i, moving, means, means_t, quats, quats_r, log_scales, logit_opacities);
+  const Native4d g =
+      load_native4d(i, moving, means, means_t, quats, quats_r, log_scales, logit_opacities);
   if (first && !(marginal_at(g, t) > cutoff)) {
     opacities_at[i] = 0.f;
     return;
@@ -95,12 +97,12 @@ kernel void native4d_bwd(const uint n, const uint moving, const float t, const i
 //     one child for the first half of its life and one for the second, each on the parent's path;
 //   else it is larger than split_scale: both are drawn from it and smaller by 1.6;
 //   else it is cloned: child 2 is drawn from it.
-kernel void native4d_split(const uint n, const uint moving, const uint seed, const float split_scale,
-                           const float split_travel, const float min_lifetime,
-                           const float duration, global const uint* restrict child,
-                           global float* restrict means, global float* restrict means_t,
-                           global const float* restrict quats, global const float* restrict quats_r,
-                           global float* restrict log_scales,
+kernel void native4d_split(const uint n, const uint moving, const uint seed,
+                           const float split_scale, const float split_travel,
+                           const float min_lifetime, const float duration,
+                           global const uint* restrict child, global float* restrict means,
+                           global float* restrict means_t, global const float* restrict quats,
+                           global const float* restrict quats_r, global float* restrict log_scales,
                            global float* restrict logit_opacities) {
   const uint i = get_global_id(0);
   if (i >= n || child[i] == 0) return;

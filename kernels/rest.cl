@@ -58,10 +58,10 @@ kernel void rest_travel(const uint moving, global const float* restrict log_scal
   travel[i] = d >= travel[i] ? d : (d == d ? travel[i] : INFINITY);
 }
 
-// What a view would change of the velocities of those that rest (rows [moving, N), which `pulls` has):
-// x y z the sum of the gradients, w that of their squares.
-kernel void rest_pull(const uint n, const uint moving, const float t, const float t2, const int flow,
-                      global const uint* restrict tiles_touched,
+// What a view would change of the velocities of those that rest (rows [moving, N), which `pulls`
+// has): x y z the sum of the gradients, w that of their squares.
+kernel void rest_pull(const uint n, const uint moving, const float t, const float t2,
+                      const int flow, global const uint* restrict tiles_touched,
                       global const float* restrict means_t,     // [N]
                       global const float* restrict v_means,     // [N, 3] at t
                       global const float* restrict v_means_t2,  // [N, 3] at t2 with flow
@@ -76,8 +76,8 @@ kernel void rest_pull(const uint n, const uint moving, const float t, const floa
 
 // moves: 0 for who rests from now on. Who had `trial` steps and never was further than `most` from
 // its mean pose comes to rest; who rests moves again where what pulls at it agrees: noise would add
-// up to a sum of about the square root of the sum of squares, and this is `wake` times as long. Also
-// source and child (1: starts anew) of each row, for RowMover.
+// up to a sum of about the square root of the sum of squares, and this is `wake` times as long.
+// Also source and child (1: starts anew) of each row, for RowMover.
 kernel void rest_decide(const uint n, const uint moving, const float most, const uint trial,
                         const float wake, global const float* restrict travel,
                         global const uint* restrict moments, global const uint* restrict steps,

@@ -33,7 +33,8 @@ static inline Spacetime load_spacetime(uint i, uint moving, SPACETIME_IN) {
 
 // At the first time of a view: opacity 0, and nothing else written, for those outside their window.
 // At a second time (first = 0): the rows with tiles_touched > 0 only, in their window or not.
-kernel void spacetime_fwd(const uint n, const uint moving, const float t, const float cutoff, const int first,
+kernel void spacetime_fwd(const uint n, const uint moving, const float t, const float cutoff,
+                          const int first,
                           global const uint* restrict tiles_touched,  // [N] read if not first
                           SPACETIME_IN,                       // as in optim/motion/spacetime.hpp
                           global float* restrict means_at,    // [N, 3]
@@ -54,8 +55,8 @@ kernel void spacetime_fwd(const uint n, const uint moving, const float t, const 
 
 // For what was seen in this view; the rest is left alone. first = 1 (the call for t1) sets the
 // gradients of Gaussians not `seen` before in this training step; else they are added to.
-kernel void spacetime_bwd(const uint n, const uint moving, const float t, const int first, SPACETIME_IN,
-                          global const uint* restrict tiles_touched,
+kernel void spacetime_bwd(const uint n, const uint moving, const float t, const int first,
+                          SPACETIME_IN, global const uint* restrict tiles_touched,
                           global const float* restrict v_means_at,      // [N, 3]
                           global const float* restrict v_factors_at,    // [N, 3, 3]
                           global const float* restrict v_opacities_at,  // [N] read if first
@@ -68,8 +69,9 @@ kernel void spacetime_bwd(const uint n, const uint moving, const float t, const 
                           global float* restrict v_logit_opacities) {
   const uint i = get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
-  const Spacetime v = spacetime_vjp(load_spacetime(i, moving, SPACETIME_ROWS), t, load3(v_means_at, i),
-                                    load_mat3(v_factors_at, i), first ? v_opacities_at[i] : 0.f);
+  const Spacetime v =
+      spacetime_vjp(load_spacetime(i, moving, SPACETIME_ROWS), t, load3(v_means_at, i),
+                    load_mat3(v_factors_at, i), first ? v_opacities_at[i] : 0.f);
   if (first && !seen[i]) {
     seen[i] = 1;
     store3(v_means, i, v.mean);
@@ -96,11 +98,11 @@ kernel void spacetime_bwd(const uint n, const uint moving, const float t, const 
 
 // What becomes of the two children of a Gaussian, as native4d_split: in time, each on the parent's
 // path, where it travels far in its life; else in space.
-kernel void spacetime_split(const uint n, const uint moving, const uint seed, const float split_scale,
-                            const float split_travel, const float min_lifetime,
-                            const float duration, global const uint* restrict child,
-                            global float* restrict means, global float* restrict means_t,
-                            global float* restrict velocities,
+kernel void spacetime_split(const uint n, const uint moving, const uint seed,
+                            const float split_scale, const float split_travel,
+                            const float min_lifetime, const float duration,
+                            global const uint* restrict child, global float* restrict means,
+                            global float* restrict means_t, global float* restrict velocities,
                             global const float* restrict half_accelerations,
                             global float* restrict quats, global const float* restrict turns,
                             global float* restrict log_scales,

@@ -29,10 +29,11 @@ static inline Mat3 in_its_axes(Mat3 rotation, real3 scales, Mat3 factor) {
   return m;
 }
 
-// d = |S^-1 R^T (mean - rest)| + |S^-1 R^T L - I|, in standard deviations, for a Gaussian that rests
-// at `rest` with factor R S and is at `mean` with factor L. Its density exp(-|z|^2 / 2) at no place
-// differs by more than .74 d from that at rest: the shift changes it by |z| exp(-|z|^2 / 2) <= .61
-// times the first term, the turn by |z|^2 exp(-|z|^2 / 2) <= .74 times the second; to first order.
+// d = |S^-1 R^T (mean - rest)| + |S^-1 R^T L - I|, in standard deviations, for a Gaussian that
+// rests at `rest` with factor R S and is at `mean` with factor L. Its density exp(-|z|^2 / 2) at no
+// place differs by more than .74 d from that at rest: the shift changes it by |z| exp(-|z|^2 / 2)
+// <= .61 times the first term, the turn by |z|^2 exp(-|z|^2 / 2) <= .74 times the second; to first
+// order.
 static inline real distance_from_rest(real3 rest, real4 quat, real3 scales, real3 mean,
                                       Mat3 factor) {
   const Mat3 rotation = quat_to_rotmat(quat_normalize(quat).q);

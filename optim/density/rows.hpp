@@ -18,13 +18,14 @@ class RowMover {
   void move(Queue& queue, Parameters& parameters, size_t count, Buffer<cl_uint>& source,
             Buffer<cl_uint>& child);
 
-  // The same for moves [N] from now on: 0 for who rests, else it moves. Source and child as above,
-  // of all N Gaussians in any order; moves [N] is by place there. Waits.
+  // The same, but moves[j] says whether the j-th moves (0: it rests), before they are put in order.
+  // One that begins to move has the values of rest and zero moments in what only those that move
+  // have.
   void move(Queue& queue, Parameters& parameters, size_t count, const Buffer<cl_uint>& moves,
             Buffer<cl_uint>& source, Buffer<cl_uint>& child);
 
  private:
-  // Rows of Gaussians [0, n), of old ones [0, old_n), each `keys` rows, of the groups chosen.
+  // Fills a table with `keys` rows a Gaussian from the one that `parameters` had.
   void gather(Queue& queue, const Parameters& parameters, size_t keys,
               const Buffer<cl_uint>& source, const Buffer<cl_uint>& child, const Table& from,
               Table& to);
