@@ -48,7 +48,8 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
     const RunFolder run = RunFolder::open(flags->run);
     Queue queue = open_queue(options);
     print_report(evaluate_run(queue, run, flags->split, options.quiet));
-    fmt::print("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
+    const std::string suffix = flags->split == "test" ? ".json" : "_" + flags->split + ".json";
+    fmt::print("metrics   {}, {}\n", run.path("results" + suffix), run.path("per_view" + suffix));
   });
 }
 

@@ -12,6 +12,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
+#include "optim/data/video.hpp"
 #include "optim/io/four_dgs.hpp"
 #include "optim/io/splat_table.hpp"
 #include "optim/train/run_folder.hpp"
@@ -152,8 +153,23 @@ Json info_of_scene(const std::string& path) {
           {"extent", scene.extent}};
 }
 
+// A video is a scene, too.
+Json info_of_file(const std::string& path) {
+  try {
+    splat_format(path);
+  } catch (const Error&) {
+    try {
+      video_info(path);
+    } catch (const Error&) {
+      return info_of_model(path);  // says what it reads
+    }
+    return info_of_scene(path);
+  }
+  return info_of_model(path);
+}
+
 Json info_of(const std::string& path) {
-  if (!fs::is_directory(path)) return info_of_model(path);
+  if (!fs::is_directory(path)) return info_of_file(path);
   if (fs::exists(fs::path(path) / "config.toml")) return info_of_run(path);
   return info_of_scene(path);
 }

@@ -89,8 +89,9 @@ int main(int argc, char** argv) {
     return say(problem.what(), 1);
   } catch (const std::bad_alloc&) {
     return say(
-        "there is not enough memory for this; a higher scene.resolution or a lower density.cap "
-        "needs less",
+        "there is not enough memory for this; a higher scene.resolution, a lower density.cap or, "
+        "of "
+        "a motion model, fewer keys or smaller planes need less",
         1);
   } catch (const std::filesystem::filesystem_error& problem) {
     return say(fmt::format("cannot use {}: {}", problem.path1().string(), problem.code().message()),

@@ -20,7 +20,7 @@ struct TrainFlags {
   int iterations = 0, resolution = 1;
   int64_t seed = 0;
   bool profile = false;
-  bool resume = false;
+  bool resume = false, overwrite = false;
 };
 
 // Where the device's time went, longest first.
@@ -50,7 +50,11 @@ TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
         fmt::format("resuming {}: it has no config.toml that names the scene; give it: "
                     "gflow train SCENE -o {} --resume",
                     flags.run, flags.run));
-  if (!flags.init.empty()) {
+  const auto words = names_of(InitFrom{});
+  const auto word = std::find(words.begin(), words.end(), flags.init);
+  if (word != words.end() && flags.init != name_of(InitFrom::file)) {
+    config.init.from = InitFrom(word - words.begin());
+  } else if (!flags.init.empty()) {
     config.init.from = InitFrom::file;
     config.init.file = std::filesystem::absolute(flags.init).lexically_normal().string();
   }
@@ -69,8 +73,10 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   queue_options.profile = flags.profile;
   Queue queue = open_queue(device, queue_options);
   const RunFolder run(flags.run);
-  const Evaluation evaluation =
-      train_run(queue, config, run, options.quiet, flags.resume ? Start::resume : Start::anew);
+  const Evaluation evaluation = train_run(queue, config, run, options.quiet,
+                                          flags.resume      ? Start::resume
+                                          : flags.overwrite ? Start::overwrite
+                                                            : Start::anew);
   print_report(evaluation);
   fmt::print("model     {}\n", run.latest_model());
   if (!evaluation.views.empty())
@@ -104,10 +110,11 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->default_str("")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command
-      ->add_option("--init", flags->init,
-                   "First Gaussians from a splat file that stands still: .ply, compressed .ply, "
-                   ".splat, .spz (init.file)")
-      ->type_name("FILE");
+      ->add_option(
+          "--init", flags->init,
+          "First Gaussians: points, random, visual-hull or auto (init.from), or a splat file "
+          "that stands still: .ply, compressed .ply, .splat, .spz (init.file)")
+      ->type_name("FILE|WORD");
   const TrainConfig defaults;
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")
       ->default_str(std::to_string(defaults.train.iterations));
@@ -120,6 +127,10 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
   command->add_flag("--resume", flags->resume,
                     "Go on with the run in the output folder from its last checkpoint, with its "
                     "settings; starts it where there is none");
+  command
+      ->add_flag("--overwrite", flags->overwrite,
+                 "Begin anew where the output folder holds a training that was stopped")
+      ->excludes("--resume");
   command->add_flag("--profile", flags->profile, "Print the time each kernel took");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });
 }

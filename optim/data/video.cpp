@@ -116,13 +116,4 @@ Image Video::frame(int k) {
   return image;
 }
 
-std::vector<Image> read_video(const std::string& path, int limit) {
-  const VideoInfo info = video_info(path);
-  const int n = limit > 0 ? std::min(limit, info.frames) : info.frames;
-  Video video(path);
-  std::vector<Image> frames;
-  for (int k = 0; k < n; ++k) frames.push_back(video.frame(k));
-  return frames;
-}
-
 }  // namespace gflow

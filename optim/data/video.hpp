@@ -41,7 +41,4 @@ class Video {
   std::unique_ptr<State> state_;
 };
 
-// All frames that the video says it has, at most `limit` when > 0.
-std::vector<Image> read_video(const std::string& path, int limit = 0);
-
 }  // namespace gflow

@@ -142,7 +142,7 @@ struct ScheduleConfig {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("iterations", self.iterations, "training steps", at_least(1));
-    field("batch", self.batch, "views in one step", at_least(1));
+    field("batch", self.batch, "views in one step", between(1, 256));
     field("focus", self.focus,
           "steps on the parts of pictures where things change (fixed cameras) or are (alpha), for "
           "each step on whole pictures",
@@ -187,7 +187,7 @@ struct MotionConfig {
           "hexplane (one pose and a field that shifts it); auto: hexplane where one camera at a "
           "time sees the scene, else spacetime");
     field("keys", self.keys, "keyframes, bases: moments that hold the paths; 0: one a time step",
-          at_least(0));
+          between(0, 10000));
     field("key_scales", self.key_scales, "keyframes: sizes change along the keys, too");
     field("bases", self.bases, "bases: rigid motions", between(1, 32));
     field("duration", self.duration,
@@ -239,7 +239,8 @@ struct HexplaneConfig {
     field("hidden", self.hidden, "neurons of a hidden layer", one_of({32, 64, 128, 256}));
     field("layers", self.layers, "hidden layers", between(1, 4));
     field("slack", self.slack, "room around the first Gaussians [x their extent]", at_least(0));
-    field("warmup", self.warmup, "first steps, in which nothing learns to move", at_least(0));
+    field("warmup", self.warmup,
+          "first steps, in which nothing learns to move; at most a fifth of all", at_least(0));
     field("unfold", self.unfold,
           "share of the training in which the views widen from the middle of the video to all of "
           "it; 0: all at once",

@@ -7,6 +7,7 @@
 
 #include "optim/data/optical_flow.hpp"
 #include "optim/loss/metrics.hpp"
+#include "optim/train/pictures.hpp"
 
 namespace gflow {
 namespace {
@@ -75,7 +76,8 @@ bool any(const std::vector<uint8_t>& mask) {
 }  // namespace
 
 Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
-                    const std::vector<Frame>& frames, const ProgressCallback& progress) {
+                    const std::vector<Frame>& frames, const ProgressCallback& progress,
+                    const std::string& folder) {
   Renderer renderer(queue, engine_settings(config.flow));
   const float level = float(shown_level(config.scene.background)) / 255;
   const std::vector<const Frame*> next = followers(frames, config.flow.max_gap);
@@ -109,8 +111,11 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, Frame
     renderer.forward(queue, model, shot);
     const Images& images = renderer.images();
     const Picture truth = Picture::from_bytes(camera.width, camera.height, truth_image->pixels);
-    const Picture picture =
-        Picture::from_planes(camera.width, camera.height, images.rgb.read(queue));
+    const std::vector<float> planes = images.rgb.read(queue);
+    const Picture picture = Picture::from_planes(camera.width, camera.height, planes);
+    if (!folder.empty())
+      write_png(folder + "/" + frame.name + ".png",
+                picture_of_rgb(camera.width, camera.height, planes));
 
     ViewFigures view;
     view.name = frame.name;

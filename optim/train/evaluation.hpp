@@ -32,8 +32,10 @@ struct Evaluation {
 
 // Judges `frames` (of scene.test, say). The reference flow is the scene's own where it has one,
 // else DIS between the frame and its track's next one in `frames`, where consistent; a camera that
-// moved in between is part of it. `progress` may be empty. Does not set `tracks`.
+// moved in between is part of it. `progress` may be empty. Does not set `tracks`. What is drawn is
+// written as FOLDER/NAME.png unless `folder`, which must exist, is empty.
 Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
-                    const std::vector<Frame>& frames, const ProgressCallback& progress);
+                    const std::vector<Frame>& frames, const ProgressCallback& progress,
+                    const std::string& folder = "");
 
 }  // namespace gflow

@@ -89,6 +89,11 @@ void write_tables(const std::string& path, const HostModel& model) {
 void read_tables(const std::string& path, HostModel& model) {
   const std::vector<TableSpec> tables = motion_tables(model.shape);
   if (tables.empty()) return;
+  if (!std::filesystem::exists(path))
+    throw Error(
+        fmt::format("the motion of this {} model lies in {}, which is not there: it belongs "
+                    "beside the PLY",
+                    names_of(model.shape.motion)[size_t(model.shape.motion)], path));
   const Arrays arrays = read_npz(path);
   for (const TableSpec& table : tables)
     for (const GroupSpec& group : table.groups) {

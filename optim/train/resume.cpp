@@ -85,6 +85,25 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
   return found;
 }
 
+void require_nothing_to_resume(const RunFolder& run) {
+  namespace fs = std::filesystem;
+  if (fs::exists(run.path("results.json"))) return;  // it ended
+  int step = 0, all = 0;
+  try {
+    const auto found = run.checkpoints().latest();
+    if (!found) return;
+    step = found->checkpoint.facts.step;
+    all = run.read_config().train.iterations;
+  } catch (const Error&) {
+    return;  // nothing that could be gone on from
+  }
+  if (step < all)
+    throw Error(fmt::format(
+        "{} holds a training that was stopped at step {} of {}: `gflow train -o {} --resume` goes "
+        "on with it, --overwrite begins anew",
+        run.folder(), step, all, run.folder()));
+}
+
 std::string how_to_go_on(const RunFolder& run) {
   return fmt::format("`gflow train -o {} --resume` goes on from there", run.folder());
 }

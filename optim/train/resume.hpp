@@ -14,6 +14,9 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
                                                             const Scene& scene,
                                                             const RunFolder& run, bool quiet);
 
+// Error when the folder holds a training that was stopped before its end.
+void require_nothing_to_resume(const RunFolder& run);
+
 // "`gflow train -o RUN --resume` goes on from there"
 std::string how_to_go_on(const RunFolder& run);
 

@@ -27,7 +27,6 @@ void write_text(const std::string& path, const std::string& text) {
   write_file_atomically(path, Bytes(text.begin(), text.end()));
 }
 
-// NaN has no place in JSON.
 // A line at the end of a file, or a new file of one line. On failure no half a line is left.
 void append_line(const std::string& file, bool anew, const std::string& line) {
   std::error_code none;
@@ -42,6 +41,7 @@ void append_line(const std::string& file, bool anew, const std::string& line) {
   throw error;
 }
 
+// NaN has no place in JSON.
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json figures_of(const ViewFigures& v) {
@@ -120,6 +120,7 @@ void RunFolder::forget_model(int iteration) const {
 
 void RunFolder::forget_results() const {
   fs::remove(path("compare.png"));
+  fs::remove_all(path("test"));
   for (const char* split : {"", "_train", "_val"})
     for (const char* name : {"results", "per_view"})
       fs::remove(path(fmt::format("{}{}.json", name, split)));
@@ -219,6 +220,7 @@ void RunFolder::write_results(const Evaluation& evaluation, const std::string& s
                      {"train_seconds", facts.train_seconds},
                      {"peak_memory_mib", facts.peak_memory_mib},
                      {"device", facts.device},
+                     {"motion", facts.motion},
                      {"resolution", config.scene.resolution},
                      {"background", name_of(config.scene.background)},
                      {"seed", config.train.seed}};
@@ -229,7 +231,8 @@ void RunFolder::write_facts(const RunFacts& facts) const {
   const Json run{{"iterations", facts.iterations},
                  {"train_seconds", facts.train_seconds},
                  {"peak_memory_mib", facts.peak_memory_mib},
-                 {"device", facts.device}};
+                 {"device", facts.device},
+                 {"motion", facts.motion}};
   write_text(path("training.json"), run.dump(1) + "\n");
 }
 
@@ -243,6 +246,7 @@ RunFacts RunFolder::read_facts() const {
     facts.train_seconds = run.value("train_seconds", 0.0);
     facts.peak_memory_mib = run.value("peak_memory_mib", 0.0);
     facts.device = run.value("device", "");
+    facts.motion = run.value("motion", "");
   } catch (const Json::exception&) {
     throw Error("reading " + path("training.json") +
                 ": it is not the JSON that `gflow train` writes; delete it to go on");

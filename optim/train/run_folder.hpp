@@ -18,6 +18,7 @@ struct RunFacts {
   double train_seconds = 0;
   double peak_memory_mib = 0;  // of the process that trained it, or the last one that went on
   std::string device;
+  std::string motion;  // name of the motion model
 };
 
 class RunFolder {
@@ -41,7 +42,7 @@ class RunFolder {
   std::string latest_model() const;
   // Removes the model of an iteration, if there is one.
   void forget_model(int iteration) const;
-  // Removes results.json, per_view.json and compare.png: they are about to be untrue.
+  // Removes results.json, per_view.json, compare.png and test/: they are about to be untrue.
   void forget_results() const;
   // Removes what a killed process had begun to write.
   void forget_unfinished_files() const;

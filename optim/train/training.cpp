@@ -55,23 +55,27 @@ std::vector<FlowPair> close_pairs(const Scene& scene, const FlowConfig& flow) {
   return close;
 }
 
-FlowStore flows_for(const TrainConfig& config, const LoadedScene& loaded,
-                    const std::vector<FlowPair>& pairs, const RunFolder& run, bool quiet) {
+// The flow that need not be computed: none at all, or that of files.
+std::optional<FlowStore> flows_at_hand(const TrainConfig& config, const LoadedScene& loaded,
+                                       const std::vector<FlowPair>& pairs) {
   if (!config.flow.enabled || pairs.empty())
     return FlowStore(std::vector<FlowStore::Loader>(pairs.size()));
-  if (config.flow.source == FlowSource::files) {
-    if (!config.flow.folder.empty())
-      return flows_from_folder(loaded.scene, pairs, *loaded.frames, config.flow.folder);
-    FlowStore flows = true_flows(loaded.scene, pairs, *loaded.frames);
-    bool any = false;
-    for (size_t i = 0; i < pairs.size(); ++i) any |= flows.has(i);
-    if (!any)
-      throw Error(fmt::format(
-          "flow.source is \"files\", but scene {} has no true flow that leads from a training "
-          "picture to one it is compared with: name the files' folder in flow.folder",
-          loaded.scene.name));
-    return flows;
-  }
+  if (config.flow.source != FlowSource::files) return {};
+  if (!config.flow.folder.empty())
+    return flows_from_folder(loaded.scene, pairs, *loaded.frames, config.flow.folder);
+  FlowStore flows = true_flows(loaded.scene, pairs, *loaded.frames);
+  bool any = false;
+  for (size_t i = 0; i < pairs.size(); ++i) any |= flows.has(i);
+  if (!any)
+    throw Error(fmt::format(
+        "flow.source is \"files\", but scene {} has no true flow that leads from a training "
+        "picture to one it is compared with: name the files' folder in flow.folder",
+        loaded.scene.name));
+  return flows;
+}
+
+FlowStore computed_flows(const LoadedScene& loaded, const std::vector<FlowPair>& pairs,
+                         const RunFolder& run, bool quiet) {
   const auto forward = std::count_if(pairs.begin(), pairs.end(), [&](const FlowPair& pair) {
     return pair.next >= 0 && !leads_back(loaded.scene, pair);
   });
@@ -130,11 +134,14 @@ std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
 }
 
 // The views, and the paths in space where the scene has true ones; `kept`: as in counted().
+// What is drawn goes into the folder `pictures` unless that is empty.
 Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
-                 const std::vector<Frame>& frames, bool quiet, const std::string& kept) {
+                 const std::vector<Frame>& frames, bool quiet, const std::string& kept,
+                 const std::string& pictures) {
+  if (!pictures.empty()) std::filesystem::create_directories(pictures);
   Progress progress("eval ", long(frames.size()), quiet);
-  Evaluation evaluation =
-      evaluate(queue, model, config, *loaded.frames, frames, counted(progress, "evaluating", kept));
+  Evaluation evaluation = evaluate(queue, model, config, *loaded.frames, frames,
+                                   counted(progress, "evaluating", kept), pictures);
   progress.finish();
   if (!loaded.scene.tracks_path.empty())
     evaluation.tracks = track_error(queue, model, read_tracks(loaded.scene.tracks_path));
@@ -223,23 +230,25 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const Scene& scene = loaded.scene;
   if (scene.train.empty()) throw Error("scene " + scene.name + " has no training views");
+  std::vector<FlowPair> pairs = close_pairs(scene, config.flow);
+  if (config.flow.backward)
+    for (const FlowPair& pair : reversed(pairs)) pairs.push_back(pair);
+  std::optional<FlowStore> at_hand = flows_at_hand(config, loaded, pairs);
   run.make();
   const FileLock lock = run.lock();
   run.forget_unfinished_files();
   std::optional<CheckpointFolder::Found> resumed;
-  if (start == Start::resume)
-    resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
-  else
-    run.checkpoints().clear();
-  run.forget_results();
+  if (start == Start::resume) resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
+  if (start == Start::anew) require_nothing_to_resume(run);
   run.forget_stale_caches(cache_stamp(scene, config.scene));
   for (const Frame& frame : scene.test) loaded.frames->rgb(frame);  // broken ones are named now
+
+  // Nothing is wrong with what goes in: from here on the former run is replaced.
+  if (start != Start::resume) run.checkpoints().clear();
+  run.forget_results();
   run.write_config(config);
   run.write_cameras(scene);
-  std::vector<FlowPair> pairs = close_pairs(scene, config.flow);
-  if (config.flow.backward)
-    for (const FlowPair& pair : reversed(pairs)) pairs.push_back(pair);
-  FlowStore flows = flows_for(config, loaded, pairs, run, quiet);
+  FlowStore flows = at_hand ? std::move(*at_hand) : computed_flows(loaded, pairs, run, quiet);
 
   std::vector<Watcher> watchers;
   if (config.init.dynamic > 0 || config.train.focus > 0)
@@ -273,7 +282,8 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const Stopwatch watch(former.seconds);
   const int steps =
       train_steps(queue, config, run, trainer, former.step, watch, checkpoints, quiet);
-  const RunFacts facts{steps, watch.seconds(), peak_memory_mib(), queue.info.full_name()};
+  const RunFacts facts{steps, watch.seconds(), peak_memory_mib(), queue.info.full_name(),
+                       name_of(model.shape.motion)};
   save_model(queue, model, run, steps);
   run.write_facts(facts);
   checkpoints.write(steps, facts.train_seconds);
@@ -283,7 +293,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
                                   how_to_go_on(run)));
   if (scene.test.empty()) return {};
   const Evaluation evaluation =
-      judge(queue, model, config, loaded, scene.test, quiet, how_to_go_on(run));
+      judge(queue, model, config, loaded, scene.test, quiet, how_to_go_on(run), run.path("test"));
   run.write_results(evaluation, "test", facts, config, model.parameters.count);
   write_comparison(queue, model, config, loaded, run);
   return evaluation;
@@ -296,8 +306,8 @@ Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& s
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, read_model(run.latest_model()));
-  const Evaluation evaluation =
-      judge(queue, model, config, loaded, frames, quiet, "nothing was lost");
+  const Evaluation evaluation = judge(queue, model, config, loaded, frames, quiet,
+                                      "nothing was lost", split == "test" ? run.path("test") : "");
   const RunFacts facts = run.read_facts();
   run.write_results(evaluation, split, facts, config, model.parameters.count);
   if (split == "test") write_comparison(queue, model, config, loaded, run);

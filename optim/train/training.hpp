@@ -16,9 +16,10 @@ struct LoadedScene {
 // unpack_folder: where frames of videos are kept as pictures; made when needed.
 LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder);
 
-// anew: what an earlier training left in the run folder is replaced. resume: it is continued from
-// its last checkpoint, or from the start where it had not come to one.
-enum class Start { anew, resume };
+// anew: what a finished training left in the run folder is replaced; Error when one was stopped
+// there. overwrite: what any left. resume: it is continued from its last checkpoint, or from the
+// start where it had not come to one.
+enum class Start { anew, overwrite, resume };
 
 // Trains config.scene.path into `run`, writing as it goes; evaluates on the test views at the end.
 // On Ctrl-C the step is finished, checkpoint and model written, and Interrupted thrown. A training

@@ -25,7 +25,8 @@ size_t shuffled(size_t n, uint32_t seed, size_t i) {
 Unfolding Unfolding::of(const TrainConfig& config, bool permanent) {
   if (!permanent) return {};
   const int iterations = config.train.iterations;
-  return {config.hexplane.warmup, double(config.hexplane.unfold) * iterations, iterations};
+  return {std::min(config.hexplane.warmup, iterations / 5),
+          double(config.hexplane.unfold) * iterations, iterations};
 }
 
 double Unfolding::share(int step) const {

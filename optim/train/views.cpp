@@ -166,7 +166,7 @@ std::vector<double> parse_times(const std::string& text) {
   if (times.empty() || !fine)
     throw Error(
         fmt::format("--times {}: times lie in 0 to 1 and are written as 0:1:40 (40 times "
-                    "from 0 to 1), as a list 0,0.25,1, or as all",
+                    "from 0 to 1) or as a list 0,0.25,1",
                     text));
   return times;
 }

@@ -162,8 +162,6 @@ TEST(Video, FramesAreReadAgainInAnyOrder) {
     // Flat grey survives the codec within a few levels; neighbours differ by 40.
     EXPECT_NEAR(video.frame(k).pixels[900], 40 * k + 20, 8) << "frame " << k;
   }
-  EXPECT_EQ(read_video(path).size(), 6u);
-  EXPECT_EQ(read_video(path, 2).size(), 2u);
   expect_error([&] { video.frame(6); }, {"a.mp4", "no frame 6", "ends after 6"});
 }
 

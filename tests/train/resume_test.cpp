@@ -188,11 +188,27 @@ TEST_F(Resume, WithoutARunTheSceneIsNeeded) {
   expect_refused({"train", "-o", run("run")}, {"SCENE is required"});
 }
 
-TEST_F(Resume, ANewTrainingForgetsTheCheckpointsOfTheFormerOne) {
+TEST_F(Resume, AStoppedTrainingIsReplacedOnRequestOnly) {
   stopped_after(60, SIGKILL);
-  EXPECT_EQ(gflow(train("run", {"--iterations", "1", "--seed", "5"})).code, 0);
+  const Outcome refused = gflow(train("run", {"--iterations", "1", "--seed", "5"}));
+  EXPECT_EQ(refused.code, 1);
+  EXPECT_NE(refused.err.find("was stopped at step 60 of 240"), std::string::npos) << refused.err;
+  ASSERT_TRUE(fs::exists(checkpoint(60)));
+  EXPECT_EQ(gflow(train("run", {"--iterations", "1", "--seed", "5", "--overwrite"})).code, 0);
   EXPECT_FALSE(fs::exists(checkpoint(60)));
   EXPECT_TRUE(fs::exists(checkpoint(1)));
+}
+
+TEST_F(Resume, AWrongInputLeavesTheFormerRunAsItWas) {
+  ASSERT_EQ(gflow(train("run", {})).code, 0);
+  const auto before = fs::last_write_time(run("run") + "/config.toml");
+  EXPECT_EQ(gflow(train("run", {"--set", "flow.source=files", "--set", "flow.enabled=true", "--set",
+                                "flow.folder=/nowhere"}))
+                .code,
+            1);
+  EXPECT_EQ(fs::last_write_time(run("run") + "/config.toml"), before);
+  EXPECT_TRUE(fs::exists(run("run") + "/results.json"));
+  EXPECT_TRUE(fs::exists(checkpoint(240)));
 }
 
 // The checkpoints do not fit, the rest does: training goes on, and only the last one is an error.

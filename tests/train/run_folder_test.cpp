@@ -169,12 +169,12 @@ TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
   TrainConfig config;
   config.scene.resolution = 2;
   config.train.seed = 5;
-  run.write_results(some_evaluation(), "test", {700, 12.5, 300, "a device"}, config, 42);
+  run.write_results(some_evaluation(), "test", {700, 12.5, 300, "a device", "bases"}, config, 42);
   const Json results = Json::parse(contents(run.path("results.json")));
-  EXPECT_EQ(
-      keys_of(results),
-      (std::vector<std::string>{"test", "num_gaussians", "iterations", "train_seconds",
-                                "peak_memory_mib", "device", "resolution", "background", "seed"}));
+  EXPECT_EQ(keys_of(results),
+            (std::vector<std::string>{"test", "num_gaussians", "iterations", "train_seconds",
+                                      "peak_memory_mib", "device", "motion", "resolution",
+                                      "background", "seed"}));
   for (const char* key : {"psnr", "ssim", "psnr_dynamic", "flow_epe", "flow_epe_dynamic", "views"})
     EXPECT_TRUE(results["test"].contains(key)) << key;
   EXPECT_EQ(results["test"]["psnr"], 31.5);
@@ -202,11 +202,12 @@ TEST(RunFolder, FactsOfTheTrainingComeBack) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
   EXPECT_EQ(run.read_facts().iterations, 0);  // none yet
-  run.write_facts({30, 1.5, 300, "some device"});
+  run.write_facts({30, 1.5, 300, "some device", "bases"});
   EXPECT_EQ(run.read_facts().iterations, 30);
   EXPECT_EQ(run.read_facts().train_seconds, 1.5);
   EXPECT_EQ(run.read_facts().peak_memory_mib, 300);
   EXPECT_EQ(run.read_facts().device, "some device");
+  EXPECT_EQ(run.read_facts().motion, "bases");
 }
 
 TEST(RunFolder, FactsThatAreNoJsonAreRefused) {

@@ -109,8 +109,9 @@ TEST_F(TrainerTest, TwoRunsInBatchesOfTwoGiveTheSameBits) {
 
 // Rounds of density control at 100, 150 ...: step 130 has evidence for the next one.
 TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
-  for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
-                                     MotionModelKind::keyframes, MotionModelKind::bases}) {
+  for (const MotionModelKind kind :
+       {MotionModelKind::spacetime, MotionModelKind::native4d, MotionModelKind::keyframes,
+        MotionModelKind::bases, MotionModelKind::hexplane}) {
     TrainConfig config = small_config(scene(), 260);
     config.motion.model = choice_of(kind);
     config.train.batch = kind == MotionModelKind::native4d ? 2 : 1;

@@ -52,6 +52,9 @@ TEST(Unfolding, RatesFallOnceItIsDone) {
   EXPECT_EQ(unfolding.share_after(600), 0);
   EXPECT_DOUBLE_EQ(unfolding.share_after(800), 0.5);
   EXPECT_DOUBLE_EQ(unfolding.share_after(1000), 1);
+  TrainConfig brief = some_config();
+  brief.train.iterations = 200;
+  EXPECT_FALSE(Unfolding::of(brief, true).warming(40));
   TrainConfig endless = some_config();  // the training ends before it is done
   endless.hexplane.unfold = 1;
   EXPECT_EQ(Unfolding::of(endless, true).share_after(999), 0);
