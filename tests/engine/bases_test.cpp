@@ -37,6 +37,28 @@ Shifted bases_at(const MotionShape& shape, const Named& p, size_t i, double t) {
   return shifted_at(blended(rest, shift, turn), {{0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0}}, t);
 }
 
+TEST(Bases, GradientOfAPoseEqualsCentralDifferences) {
+  Random random(4);
+  for (int i = 0; i < 30; ++i) {
+    std::vector<double> x(7);  // quat, shift
+    for (double& value : x) value = random();
+    const real3 m = random.three(), pivot = random.three(), v_mean = random.three();
+    const real4 v_turn{random(), random(), random(), random()};
+    const double weight = random();
+    const auto pose = [&](const std::vector<double>& y) {
+      return BasisPose{{y[0], y[1], y[2], y[3]}, {y[4], y[5], y[6]}, pivot};
+    };
+    const auto loss = [&](const std::vector<double>& y) {
+      return weight * (dot(basis_shift(pose(y), m), v_mean) + dot(basis_turn(pose(y)), v_turn));
+    };
+    const std::vector<double> expected = numeric_gradient(loss, x);
+    const BasisPose v = basis_pose_vjp(pose(x), weight, m, v_mean, v_turn);
+    EXPECT_TRUE(all_close(std::vector<double>{v.quat.x, v.quat.y, v.quat.z, v.quat.w, v.shift.x,
+                                              v.shift.y, v.shift.z},
+                          expected, {1e-6, 1e-6 * largest(expected)}));
+  }
+}
+
 MotionShape shape_of(int keys, int bases) {
   MotionShape shape;
   shape.motion = MotionModelKind::bases;
