@@ -191,10 +191,11 @@ static inline Shift shift_of(const float* o, HexplaneGrid grid) {
   Shift d;
   d.mean = make_real3(grid.half_size[0] * o[0], grid.half_size[1] * o[1], grid.half_size[2] * o[2]);
   d.quat = TURN ? make_real4(o[3], o[4], o[5], o[6]) : make_real4(0.f, 0.f, 0.f, 0.f);
-  d.log_scales = RESIZE ? make_real3(o[7], o[8], o[9]) : make_real3(0.f, 0.f, 0.f);
+  d.log_scales = RESIZE ? make_real3(resize_of(o[7]), resize_of(o[8]), resize_of(o[9]))
+                        : make_real3(0.f, 0.f, 0.f);
   return d;
 }
-static inline void shift_of_vjp(Still v, HexplaneGrid grid, float* v_o) {
+static inline void shift_of_vjp(Shift d, Still v, HexplaneGrid grid, float* v_o) {
   v_o[0] = grid.half_size[0] * v.mean.x;
   v_o[1] = grid.half_size[1] * v.mean.y;
   v_o[2] = grid.half_size[2] * v.mean.z;
@@ -202,9 +203,9 @@ static inline void shift_of_vjp(Still v, HexplaneGrid grid, float* v_o) {
   v_o[4] = TURN ? v.quat.y : 0.f;
   v_o[5] = TURN ? v.quat.z : 0.f;
   v_o[6] = TURN ? v.quat.w : 0.f;
-  v_o[7] = RESIZE ? v.log_scales.x : 0.f;
-  v_o[8] = RESIZE ? v.log_scales.y : 0.f;
-  v_o[9] = RESIZE ? v.log_scales.z : 0.f;
+  v_o[7] = RESIZE ? v.log_scales.x * resize_slope(d.log_scales.x) : 0.f;
+  v_o[8] = RESIZE ? v.log_scales.y * resize_slope(d.log_scales.y) : 0.f;
+  v_o[9] = RESIZE ? v.log_scales.z * resize_slope(d.log_scales.z) : 0.f;
 }
 
 // ---- forward
@@ -309,13 +310,13 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
     for (int k = 0; k < BLOCK * OUTPUTS; ++k) v_out[k] = 0.f;
     for (int b = 0; b < count; ++b) {
       const uint row = rows[b];
-      const Still v = shifted_vjp(
-          load_still(row, STILL_ROWS), shift_of(a.outputs + b * OUTPUTS, grid), t,
-          load3(v_means_at, row), load_mat3(v_factors_at, row), first ? v_opacities_at[row] : 0.f);
+      const Shift d = shift_of(a.outputs + b * OUTPUTS, grid);
+      const Still v = shifted_vjp(load_still(row, STILL_ROWS), d, t, load3(v_means_at, row),
+                                  load_mat3(v_factors_at, row), first ? v_opacities_at[row] : 0.f);
       const int fresh = first && !seen[row];
       if (fresh) seen[row] = 1;
       put_still(row, v, fresh, V_STILL_ROWS);
-      shift_of_vjp(v, grid, v_out + b * OUTPUTS);
+      shift_of_vjp(d, v, grid, v_out + b * OUTPUTS);
     }
 #if LANES == 1
     global float* keep = kept + (size_t)rows[0] * KEPT;

@@ -5,7 +5,9 @@
 //   f_l = XY_l(x, y) XZ_l(x, z) YZ_l(y, z) XT_l(x, t) YT_l(y, t) ZT_l(z, t)   [C channels]
 // the levels side by side into a network of one or more hidden layers,
 //   h = relu(W_0 f + b_0),  h = relu(W_k h + b_k) ...,  o = W h + b
-// which gives the shift: mean half_size o[0..2], quat o[3..6], log_scales o[7..9].
+// which gives the shift: mean half_size o[0..2], quat o[3..6], log_scales 3 tanh(o[7..9] / 3). A
+// size changes at most e^3 = 20 times: where a field has learnt nothing, outside of what any
+// picture shows, sizes of 1e28 and 0 were seen without that bound.
 //
 // Level l has R_l = resolution 2^l cells in x, y and z and `times` rows in time; the corners of the
 // box are cell centres, and outside of it the nearest place counts. Rows of the planes, level by
@@ -19,6 +21,7 @@
 #include "shared/dialect.h"
 
 #define HEXPLANE_OUTPUTS 16
+#define HEXPLANE_MOST_RESIZE 3
 
 typedef struct HexplaneGrid {
   int resolution, times;  // at level 0, at least 2; rows in time, at least 1
@@ -52,6 +55,16 @@ static inline GridPlace grid_place(real x, real centre, real half_size, int reso
   p.share = place - (real)p.cell;
   p.per_world = u == inside ? (real)0.5f * (real)(resolution - 1) / half_size : (real)0;
   return p;
+}
+
+// Change of a log scale by an output, and its derivative where it is `change`.
+static inline real resize_of(real output) {
+  const real most = (real)HEXPLANE_MOST_RESIZE;
+  return most * tanh(output / most);
+}
+static inline real resize_slope(real change) {
+  const real share = change / (real)HEXPLANE_MOST_RESIZE;
+  return (real)1 - share * share;
 }
 
 // Number of weights of a network; `layer` weights start after hexplane_weights(..., layer).

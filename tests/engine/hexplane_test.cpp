@@ -62,6 +62,69 @@ TEST_P(HexplaneOfSomeShapes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas)
   check.expect_same_gradients(0.4, 0.9, 1e-5);  // float32
 }
 
+TEST_P(HexplaneOfSomeShapes, TheDoubleDerivativeIsThatOfCentralDifferences) {
+  MotionShape shape = small_shape(GetParam().levels, GetParam().layers, GetParam().times);
+  shape.hexplane.turn = GetParam().turn;
+  shape.hexplane.resize = GetParam().resize;
+  Random random(23);
+  Named p;
+  HostGroups groups;
+  add_rest(shape, groups, 1);  // for their sizes
+  for (const auto& [name, middle] : {std::pair{"planes", 1.0}, std::pair{"network", 0.0}})
+    for (size_t k = 0; k < groups[name].size(); ++k) p[name].push_back(middle + 0.2 * random());
+  for (const double t : {0.4, 1.3}) {
+    const real3 mean{0.5 * random(), random(), 0.4 * random()};
+    const Shift v{{random(), random(), random()},
+                  {random(), random(), random(), random()},
+                  {random(), random(), random()}};
+    const auto sum = [&](const Named& q, real3 m) {
+      const Shift d = reference::hexplane_shift(shape.hexplane, 2, q, m, t);
+      return dot(d.mean, v.mean) + dot(d.quat, v.quat) + dot(d.log_scales, v.log_scales);
+    };
+    const auto found = reference::hexplane_vjp(shape.hexplane, 2, p, mean, t, v);
+    for (const auto& [name, gradient] :
+         {std::pair{"planes", &found.planes}, std::pair{"network", &found.network}}) {
+      Named q = p;
+      const auto expected = numeric_gradient(
+          [&](const std::vector<double>& x) {
+            q[name] = x;
+            return sum(q, mean);
+          },
+          p[name], 1e-6);
+      EXPECT_LT(relative_l2(*gradient, expected), 1e-6) << name;
+      EXPECT_GT(norm(expected), 0) << name;
+    }
+    const auto by_mean = numeric_gradient(
+        [&](const std::vector<double>& x) {
+          return sum(p, {x[0], x[1], x[2]});
+        },
+        {mean.x, mean.y, mean.z}, 1e-6);
+    EXPECT_LT(relative_l2(found.mean, by_mean), 1e-6);
+  }
+}
+
+TEST(Hexplane, ASizeChangesAtMostTwentyFold) {
+  MotionShape shape = small_shape();
+  HostGroups groups;
+  add_rest(shape, groups, 1);
+  Named p;
+  for (const char* name : {"planes", "network"})
+    p[name] = std::vector<double>(groups[name].begin(), groups[name].end());
+  std::fill(p["network"].end() - HEXPLANE_OUTPUTS, p["network"].end(), 1e6);  // the last biases
+  const Shift d = reference::hexplane_shift(shape.hexplane, 2, p, {0, 0, 0}, 1);
+  EXPECT_EQ(d.log_scales.x, HEXPLANE_MOST_RESIZE);
+  Queue queue = test_queue();
+  const auto motion = make_motion(queue, shape);
+  Parameters parameters(queue, 1, motion->groups(), motion->tables());
+  for (const char* name : {"planes", "network"})
+    parameters[name].values.write(queue, to_float(p[name]));
+  parameters["quats"].values.write(queue, {1, 0, 0, 0});
+  GaussiansAt at;
+  const Buffer<cl_uint> all(queue, std::vector<cl_uint>{1}, "seen");
+  motion->at(queue, parameters, 1, &all, at);
+  for (const float x : at.factors.read(queue)) EXPECT_LT(std::fabs(x), 20.1f);
+}
+
 // Blocks and chunks in which nothing, one or everything counts, and more than one of each.
 TEST(Hexplane, GradientsOfManyGaussiansAreTheSumOfThoseOfFew) {
   Queue queue = test_queue();

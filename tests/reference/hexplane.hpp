@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The field of the hexplane model in double, written out by its formulas (shared/hexplane.h):
-// planes, features, network, shift; and what the planes should be like.
+// planes, features, network, shift, and their derivatives; and what the planes should be like.
 #pragma once
 #include "optim/motion/hexplane_shape.hpp"
 #include "reference/parameters.hpp"
+#include "shared/hexplane.h"
 #include "shared/shifted.h"
 
 namespace gflow::reference {
@@ -35,70 +36,161 @@ inline std::vector<HexplaneLevel> hexplane_levels(const HexplaneShape& shape,
   return levels;
 }
 
-inline Shift hexplane_shift(const HexplaneShape& shape, double duration, const Named& p, real3 mean,
-                            double t) {
-  struct Place {
-    size_t cell;
-    double share;
-  };
-  const auto place = [](double unit, size_t count) -> Place {  // unit in [0, 1] or outside
-    if (count < 2) return {0, 0};
-    const double x = std::clamp(unit, 0.0, 1.0) * double(count - 1);
-    const size_t cell = std::min(size_t(x), count - 2);
-    return {cell, x - double(cell)};
-  };
-  const double xyz[3] = {mean.x, mean.y, mean.z};
-  const Place time = place(t / duration, size_t(shape.times));
-  std::vector<double> x;
+// Between two cells, by share; slope = d share / d (what it is the place of), 0 outside.
+struct HexplanePlace {
+  size_t cell = 0;
+  double share = 0, slope = 0;
+};
+// Of `unit`, which is in [0, 1] or outside; per_unit = d unit / d x.
+inline HexplanePlace place_of(double unit, double per_unit, size_t count) {
+  if (count < 2) return {};
+  const double x = std::clamp(unit, 0.0, 1.0) * double(count - 1);
+  const size_t cell = std::min(size_t(x), count - 2);
+  return {cell, x - double(cell), unit >= 0 && unit <= 1 ? per_unit * double(count - 1) : 0};
+}
+
+// A row of the planes that takes part in a factor of the features, its weight, and the derivatives
+// of that by the mean.
+struct HexplaneTerm {
+  size_t row;
+  double weight;
+  std::array<double, 3> slope;
+};
+
+// The six factors of a level's features at a place and time: XY XZ YZ XT YT ZT.
+inline std::array<std::vector<HexplaneTerm>, 6> hexplane_terms(const HexplaneLevel& level,
+                                                               const double (&mean)[3],
+                                                               double time_unit) {
+  const HexplaneShape& shape = level.shape;
+  HexplanePlace on[4];  // x y z t
+  for (size_t axis = 0; axis < 3; ++axis) {
+    const double size = 2 * double(shape.half_size[axis]);
+    const double low = double(shape.centre[axis]) - 0.5 * size;
+    on[axis] = place_of((mean[axis] - low) / size, 1 / size, level.resolution);
+  }
+  on[3] = place_of(time_unit, 0, size_t(shape.times));
+  const size_t r = level.resolution, axes[6][2] = {{0, 1}, {0, 2}, {1, 2}, {0, 3}, {1, 3}, {2, 3}};
+  std::array<std::vector<HexplaneTerm>, 6> terms;
+  for (size_t f = 0; f < 6; ++f) {
+    const size_t u = axes[f][0], v = axes[f][1];
+    for (size_t b = 0; b < (v == 3 && shape.times < 2 ? 1 : 2); ++b)
+      for (size_t a = 0; a < 2; ++a) {
+        const double wu = a ? on[u].share : 1 - on[u].share;
+        const double wv = b ? on[v].share : 1 - on[v].share;
+        const size_t cell_u = on[u].cell + a, cell_v = on[v].cell + b;
+        HexplaneTerm term{level.start, wu * wv, {}};
+        term.row +=
+            f < 3 ? (f * r + cell_v) * r + cell_u : 3 * r * r + (cell_v * 3 + u) * r + cell_u;
+        term.slope[u] += (a ? 1 : -1) * on[u].slope * wv;
+        if (v < 3) term.slope[v] += (b ? 1 : -1) * on[v].slope * wu;
+        terms[f].push_back(term);
+      }
+  }
+  return terms;
+}
+
+// A factor in one channel.
+inline double hexplane_factor(const HexplaneLevel& level, const std::vector<HexplaneTerm>& terms,
+                              size_t channel) {
+  double sum = 0;
+  for (const HexplaneTerm& term : terms) sum += term.weight * level.at(term.row, channel);
+  return sum;
+}
+
+// The inputs of each layer of the network, features first, and the outputs of the last.
+inline std::vector<std::vector<double>> hexplane_layers(const HexplaneShape& shape, double duration,
+                                                        const Named& p, const double (&mean)[3],
+                                                        double t) {
+  std::vector<std::vector<double>> x(1);
   for (const HexplaneLevel& level : hexplane_levels(shape, p.at("planes"))) {
-    Place on[3];
-    for (size_t axis = 0; axis < 3; ++axis) {
-      const double low = double(shape.centre[axis]) - double(shape.half_size[axis]);
-      on[axis] = place((xyz[axis] - low) / (2 * double(shape.half_size[axis])), level.resolution);
-    }
+    const auto terms = hexplane_terms(level, mean, t / duration);
     for (size_t c = 0; c < size_t(shape.channels); ++c) {
       double product = 1;
-      const size_t axes[3][2] = {{0, 1}, {0, 2}, {1, 2}};
-      for (size_t plane = 0; plane < 3; ++plane) {
-        const Place u = on[axes[plane][0]], v = on[axes[plane][1]];
-        double sum = 0;
-        for (size_t b = 0; b < 2; ++b)
-          for (size_t a = 0; a < 2; ++a)
-            sum += (a ? u.share : 1 - u.share) * (b ? v.share : 1 - v.share) *
-                   level.space(plane, v.cell + b, u.cell + a, c);
-        product *= sum;
-      }
-      for (size_t axis = 0; axis < 3; ++axis) {
-        const Place u = on[axis];
-        double sum = 0;
-        for (size_t b = 0; b < 2; ++b)
-          for (size_t a = 0; a < 2; ++a) {
-            const double weight = (a ? u.share : 1 - u.share) * (b ? time.share : 1 - time.share);
-            if (weight != 0) sum += weight * level.time(time.cell + b, axis, u.cell + a, c);
-          }
-        product *= sum;
-      }
-      x.push_back(product);
+      for (const auto& factor : terms) product *= hexplane_factor(level, factor, c);
+      x[0].push_back(product);
     }
   }
   const std::vector<double>& w = p.at("network");
   size_t next = 0;
   for (int layer = 0; layer <= shape.layers; ++layer) {
-    std::vector<double> out(layer == shape.layers ? 16 : size_t(shape.hidden));
+    const std::vector<double>& in = x.back();
+    std::vector<double> out(layer == shape.layers ? HEXPLANE_OUTPUTS : size_t(shape.hidden));
     for (size_t j = 0; j < out.size(); ++j) {
-      double sum = w[next + x.size() * out.size() + j];
-      for (size_t k = 0; k < x.size(); ++k) sum += x[k] * w[next + k * out.size() + j];
+      double sum = w[next + in.size() * out.size() + j];
+      for (size_t k = 0; k < in.size(); ++k) sum += in[k] * w[next + k * out.size() + j];
       out[j] = layer == shape.layers ? sum : std::max(sum, 0.0);
     }
-    next += (x.size() + 1) * out.size();
-    x = out;
+    next += (in.size() + 1) * out.size();
+    x.push_back(out);
   }
+  return x;
+}
+
+inline Shift hexplane_shift(const HexplaneShape& shape, double duration, const Named& p, real3 mean,
+                            double t) {
+  const std::vector<double> o =
+      hexplane_layers(shape, duration, p, {mean.x, mean.y, mean.z}, t).back();
   Shift d{{0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0}};
-  d.mean = {double(shape.half_size[0]) * x[0], double(shape.half_size[1]) * x[1],
-            double(shape.half_size[2]) * x[2]};
-  if (shape.turn) d.quat = {x[3], x[4], x[5], x[6]};
-  if (shape.resize) d.log_scales = {x[7], x[8], x[9]};
+  d.mean = {double(shape.half_size[0]) * o[0], double(shape.half_size[1]) * o[1],
+            double(shape.half_size[2]) * o[2]};
+  if (shape.turn) d.quat = {o[3], o[4], o[5], o[6]};
+  const double most = HEXPLANE_MOST_RESIZE;
+  if (shape.resize)
+    d.log_scales = {most * std::tanh(o[7] / most), most * std::tanh(o[8] / most),
+                    most * std::tanh(o[9] / most)};
   return d;
+}
+
+// The gradient of the shift's sum weighed by v.
+struct HexplaneGradient {
+  std::vector<double> planes, network, mean;
+};
+inline HexplaneGradient hexplane_vjp(const HexplaneShape& shape, double duration, const Named& p,
+                                     real3 mean, double t, const Shift& v) {
+  const double place[3] = {mean.x, mean.y, mean.z};
+  const auto x = hexplane_layers(shape, duration, p, place, t);
+  const std::vector<double>&w = p.at("network"), &o = x.back();
+  std::vector<double> v_out(HEXPLANE_OUTPUTS, 0.0);
+  const double v_mean[3] = {v.mean.x, v.mean.y, v.mean.z};
+  for (size_t k = 0; k < 3; ++k) v_out[k] = double(shape.half_size[k]) * v_mean[k];
+  const double v_quat[4] = {v.quat.x, v.quat.y, v.quat.z, v.quat.w};
+  if (shape.turn) std::copy(v_quat, v_quat + 4, v_out.begin() + 3);
+  const double v_size[3] = {v.log_scales.x, v.log_scales.y, v.log_scales.z};
+  for (size_t k = 0; shape.resize && k < 3; ++k)
+    v_out[7 + k] = v_size[k] / std::pow(std::cosh(o[7 + k] / HEXPLANE_MOST_RESIZE), 2);
+
+  HexplaneGradient g{std::vector<double>(p.at("planes").size()), std::vector<double>(w.size()),
+                     std::vector<double>(3)};
+  size_t next = w.size();
+  for (size_t layer = x.size() - 1; layer-- > 0;) {
+    const std::vector<double>& in = x[layer];
+    next -= (in.size() + 1) * v_out.size();
+    std::vector<double> v_in(in.size());
+    for (size_t j = 0; j < v_out.size(); ++j) {
+      g.network[next + in.size() * v_out.size() + j] = v_out[j];
+      for (size_t k = 0; k < in.size(); ++k) {
+        g.network[next + k * v_out.size() + j] = in[k] * v_out[j];
+        if (layer == 0 || in[k] > 0) v_in[k] += w[next + k * v_out.size() + j] * v_out[j];
+      }
+    }
+    v_out = v_in;
+  }
+  size_t feature = 0;
+  for (const HexplaneLevel& level : hexplane_levels(shape, p.at("planes"))) {
+    const auto terms = hexplane_terms(level, place, t / duration);
+    for (size_t c = 0; c < size_t(shape.channels); ++c, ++feature)
+      for (size_t f = 0; f < 6; ++f) {
+        double others = v_out[feature];
+        for (size_t e = 0; e < 6; ++e)
+          if (e != f) others *= hexplane_factor(level, terms[e], c);
+        for (const HexplaneTerm& term : terms[f]) {
+          g.planes[term.row * size_t(shape.channels) + c] += others * term.weight;
+          for (size_t axis = 0; axis < 3; ++axis)
+            g.mean[axis] += others * term.slope[axis] * level.at(term.row, c);
+        }
+      }
+  }
+  return g;
 }
 
 // The three terms of PlaneRule, weighed.
