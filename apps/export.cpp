@@ -9,6 +9,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
+#include "optim/data/cameras_json.hpp"
 #include "optim/io/dot_splat.hpp"
 #include "optim/io/four_dgs.hpp"
 #include "optim/train/interrupt.hpp"
@@ -218,8 +219,8 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
       ->add_option("--format", flags->format,
                    "ply: one time, for every 3DGS viewer; ply-sequence: a PLY a step, which "
                    "SuperSplat plays; splat: one time, without view-dependent colour; "
-                   "splatv: all times of a spacetime model for splaTV and gsplat.js; 4dgs: all "
-                   "times of any model, for players of 4dgs.dev")
+                   "splatv: all times of a spacetime or native4d model for splaTV and gsplat.js; "
+                   "4dgs: all times of any model, for players of 4dgs.dev")
       ->check(choice_of({"ply", "ply-sequence", "splat", "splatv", "4dgs"}));
   command
       ->add_option("--times", flags->times,

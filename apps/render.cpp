@@ -12,6 +12,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
+#include "optim/data/cameras_json.hpp"
 #include "optim/train/interrupt.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"

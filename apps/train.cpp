@@ -15,7 +15,7 @@ namespace gflow {
 namespace {
 
 struct TrainFlags {
-  std::string scene, run, config_file, init;
+  std::string scene, run, config_file, init, cameras;
   std::vector<std::string> settings;
   int iterations = 0, resolution = 1;
   int64_t seed = 0;
@@ -58,6 +58,8 @@ TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
     config.init.from = InitFrom::file;
     config.init.file = std::filesystem::absolute(flags.init).lexically_normal().string();
   }
+  if (!flags.cameras.empty())
+    config.scene.cameras = std::filesystem::absolute(flags.cameras).lexically_normal().string();
   if (command.count("--iterations")) config.train.iterations = flags.iterations;
   if (command.count("--resolution")) config.scene.resolution = flags.resolution;
   if (command.count("--seed")) config.train.seed = flags.seed;
@@ -115,6 +117,11 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
           "First Gaussians: points, random, visual-hull or auto (init.from), or a splat file "
           "that stands still: .ply, compressed .ply, .splat, .spz (init.file)")
       ->type_name("FILE|WORD");
+  command
+      ->add_option("--cameras", flags->cameras,
+                   "Camera of a video or of numbered pictures, or one a picture: cameras.json or "
+                   "transforms.json (scene.cameras)")
+      ->type_name("FILE");
   const TrainConfig defaults;
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")
       ->default_str(std::to_string(defaults.train.iterations));

@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Consistent4D scenes, and any folder of numbered pictures: one static camera that looks at the
-// origin, z up. The camera is not in the files; it follows from elevation, radius and field of
-// view.
+// Consistent4D scenes, and any folder of numbered pictures. The layout has no cameras: they stand
+// still and look at the origin, z up, by elevation, radius and field of view, unless the input
+// view's are given.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
+#include <functional>
+#include <optional>
 #include <set>
 
+#include "optim/data/given_cameras.hpp"
 #include "optim/data/image_header.hpp"
 #include "optim/data/reader_util.hpp"
 #include "optim/data/readers.hpp"
@@ -49,28 +54,53 @@ std::string join(const std::string& folder, const std::string& name) {
   return (fs::path(folder) / name).string();
 }
 
-// The frames of one view, in natural order of their names; `view` is input or eval_k.
+// Times in [0, 1] of pictures in natural order, as their numbers: a gap is a gap in time. Evenly
+// where two pictures have one number.
+std::vector<double> times_of(const std::vector<std::string>& names) {
+  std::vector<double> times;
+  for (const std::string& name : names) times.push_back(std::stod(split_number(stem(name)).number));
+  const double first = times[0], last = times.back();
+  const bool rise =
+      std::adjacent_find(times.begin(), times.end(), std::greater_equal<>()) == times.end() &&
+      std::isfinite(last);
+  for (size_t k = 0; k < times.size(); ++k)
+    times[k] = times.size() < 2 ? 0
+               : rise           ? (times[k] - first) / (last - first)
+                                : double(k) / double(times.size() - 1);
+  return times;
+}
+
+// The frames of one view, in natural order of their names; `view` is input or eval_k. It has one
+// camera or one a picture.
 std::vector<Frame> read_view(const std::string& folder, const std::string& pictures,
-                             const std::string& view, double azimuth, const SceneOptions& options,
-                             Scene& scene) {
+                             const std::string& view, std::optional<double> azimuth,
+                             const SceneOptions& options, Scene& scene) {
   std::vector<Frame> frames;
   const std::vector<std::string> names = numbered_pictures(pictures);
+  const std::vector<double> times = times_of(names);
+  const std::string first = (fs::path(pictures) / names[0]).string();
+  const ImageHeader header = read_image_header(first);
+  scene.has_alpha |= header.has_alpha;
+  const std::vector<Camera> cameras =
+      azimuth ? std::vector{static_camera(view, *azimuth, options, header.width, header.height)}
+              : cameras_of_view(options, names.size(), header.width, header.height, first);
   for (const std::string& name : names) {
+    const size_t k = frames.size();
     Frame frame;
     frame.path = (fs::path(pictures) / name).string();
-    frame.camera = frame.track = int(scene.cameras.size());
-    frame.step = int(frames.size());
-    frame.time = names.size() > 1 ? double(frame.step) / double(names.size() - 1) : 0;
-    frame.name = fmt::format("{}_{:04}", view, frame.step);
-    const std::string number = fmt::format("{:04}", frame.step);
-    const double next_time = double(frame.step + 1) / double(std::max<size_t>(names.size(), 2) - 1);
+    frame.camera = int(scene.cameras.size() + (cameras.size() > 1 ? k : 0));
+    frame.track = int(scene.cameras.size());
+    frame.step = int(k);
+    frame.time = times[k];
+    frame.name = fmt::format("{}_{:04}", view, k);
+    const std::string number = fmt::format("{:04}", k);
+    const double next_time =
+        k + 1 < names.size() ? times[k + 1] : 1 + 1 / double(std::max<size_t>(k, 1));
     find_true_flow(frame, (fs::path(folder) / "flow" / view / number).string(), next_time);
     frame.depth_path = first_existing(folder, {"depth/" + view + "/" + number + ".npy"});
     frames.push_back(frame);
   }
-  const ImageHeader header = read_image_header(frames[0].path);
-  scene.has_alpha |= header.has_alpha;
-  scene.cameras.push_back(static_camera(view, azimuth, options, header.width, header.height));
+  scene.cameras.insert(scene.cameras.end(), cameras.begin(), cameras.end());
   return frames;
 }
 
@@ -87,8 +117,9 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
   Scene scene;
   scene.layout = "consistent4d";
   scene.fps = 24;
-  scene.train = read_view(folder, input, "input", 0, options, scene);
+  scene.train = read_view(folder, input, "input", std::nullopt, options, scene);
   scene.steps = int(scene.train.size());
+  const bool given_one = !options.cameras.empty() && scene.cameras.size() == 1;
 
   const double azimuths[] = {-75, 15, 105, 195};
   for (int k = 0; k < 4; ++k) {
@@ -107,6 +138,7 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
     for (Frame& frame : scene.test) frame.name = "test_" + frame.name;
   }
   scene.points = find_points(folder);
+  if (given_one && scene.points.size() == 0) scene.extent = options.radius;
   return scene;
 }
 

@@ -7,9 +7,9 @@
 
 namespace gflow {
 
-// A video file of one static camera, which stands as in read_consistent4d: options.elevation,
-// radius, fov_y. Frames and their times are counted by decoding. The test views are the training
-// views.
+// A video file of one camera: options.cameras, else at rest as in read_consistent4d:
+// options.elevation, radius, fov_y. Frames and their times are counted by decoding. The test views
+// are the training views.
 Scene read_video_file(const std::string& path, const SceneOptions& options);
 
 // D-NeRF / Blender: transforms_train.json, optionally transforms_{test,val}.json. OpenGL
@@ -25,10 +25,12 @@ Scene read_blender(const std::string& folder, const SceneOptions& options);
 bool is_n3v(const std::string& folder);
 Scene read_n3v(const std::string& folder, const SceneOptions& options);
 
-// Consistent4D: numbered pictures (0.png, 1.png, ... or frame_0001.jpg, ...) of one static camera
-// in input/ or the folder itself, RGBA or plain, with test views in eval_0 ... eval_3 at azimuths
-// -75, 15, 105 and 195 degrees. Without those the input view is the test view. An input/ beside
-// sparse/0/ holds what COLMAP was given, and is no such view.
+// Consistent4D: numbered pictures (0.png, 1.png, ... or frame_0001.jpg, ...) of one camera in
+// input/ or the folder itself, RGBA or plain, with test views in eval_0 ... eval_3 at azimuths -75,
+// 15, 105 and 195 degrees. The input camera is that of options.cameras, or stands at azimuth 0.
+// Times are as the numbers, so that pictures left out leave a gap. Without eval views the input
+// view is the test view. An input/ beside sparse/0/ holds what COLMAP was given, and is no such
+// view.
 bool has_input_view(const std::string& folder);
 bool has_numbered_pictures(const std::string& folder);
 Scene read_consistent4d(const std::string& folder, const SceneOptions& options);

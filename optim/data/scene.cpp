@@ -133,10 +133,11 @@ Scene read_scene(const std::string& path, const SceneOptions& options) {
   const fs::path last = (absolute.has_filename() ? absolute : absolute.parent_path()).filename();
   scene.name = (fs::is_directory(path) ? last : last.stem()).string();
   scene.tracks_path = first_existing(path, {"tracks3d.npy"});
+  if (options.fps > 0) scene.fps = options.fps;
   select_steps(scene, options);
   order_frames(scene);
   check(scene);
-  scene.extent = scene_extent(scene);
+  if (scene.extent <= 0) scene.extent = scene_extent(scene);
   return scene;
 }
 

@@ -53,8 +53,11 @@ struct SceneOptions {
   Masks masks = Masks::automatic;  // colmap, nerfstudio, panoptic
   int holdout = 0;                 // n3v: index of the camera kept for testing; -1 keeps none
   int test_every = 8;    // colmap/nerfstudio: every n-th picture is a test picture; 0 none
+  std::string cameras;   // consistent4d/video: file of the input camera or cameras, or empty
+  std::string camera;    // consistent4d/video: the one of them by name, or empty
+  double fps = 0;        // > 0 where the scene's own is not to be believed
   double elevation = 0;  // consistent4d/video: of the input camera [deg]
-  double radius = 2.0;   // consistent4d/video: its distance from the origin
+  double radius = 2.0;   // consistent4d/video: its distance from the origin, or from what it films
   double fov_y = 49.1;   // consistent4d/video: vertical field of view [deg]
   // The time steps that are used: first_step, first_step + stride, ..., at most max_steps of them
   // (0: all). Unless that is all, the times of the first and the last become 0 and 1, and true flow

@@ -74,10 +74,10 @@ Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera
 }
 
 Camera camera_of(const Transforms& file, const Json& frame, const std::string& where,
-                 const std::string& picture, const ImageHeader& header) {
+                 const std::string& picture, int picture_width, int picture_height) {
   Camera camera;
-  const double width = inherited(file, frame, "w", where).value_or(header.width);
-  const double height = inherited(file, frame, "h", where).value_or(header.height);
+  const double width = inherited(file, frame, "w", where).value_or(picture_width);
+  const double height = inherited(file, frame, "h", where).value_or(picture_height);
   if (!(width >= 1 && height >= 1 && width < 1e6 && height < 1e6))
     throw Error(fmt::format("{} has the size {}x{}", where, width, height));
   camera.width = int(std::lround(width));
@@ -95,8 +95,12 @@ Camera camera_of(const Transforms& file, const Json& frame, const std::string& w
   camera.cx = inherited(file, frame, "cx", where).value_or(0.5 * camera.width);
   camera.cy = inherited(file, frame, "cy", where).value_or(0.5 * camera.height);
   camera.viewmat = viewmat_of(frame, where);
-  return with_lens(file, frame, fitted_to(camera, header.width, header.height, file.path, picture),
-                   where);
+  return with_lens(file, frame,
+                   fitted_to(camera, picture_width, picture_height, file.path, picture), where);
+}
+
+void require_object(const Json& entry, const std::string& where) {
+  if (!entry.is_object()) throw Error(where + " is no object");
 }
 
 // train/r_000 -> train_r_000
@@ -121,7 +125,7 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
   std::vector<Frame> frames;
   for (const Json& entry : file.json["frames"]) {
     const std::string where = fmt::format("frame {} of {}", frames.size(), file.path);
-    if (!entry.is_object()) throw Error(where + " is no object");
+    require_object(entry, where);
     Frame frame;
     frame.path = picture_of(folder, file, entry, where);
     if (options.masks != Masks::none) frame.mask_path = mask_of(folder, file, entry, where);
@@ -130,13 +134,28 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
       throw Error(fmt::format("'time' of {} is {}, expected is 0 to 1", where, frame.time));
     const ImageHeader header = read_image_header(frame.path);
     scene.has_alpha |= header.has_alpha || !frame.mask_path.empty();
-    Camera camera = camera_of(file, entry, where, frame.path, header);
+    Camera camera = camera_of(file, entry, where, frame.path, header.width, header.height);
     frame.name = frame_name(folder, frame.path);
     camera.name = frame.name;
     frame.camera = find_or_add(scene.cameras, camera);
     frames.push_back(frame);
   }
   return frames;
+}
+
+std::vector<Camera> read_cameras(const Transforms& file, int width, int height,
+                                 const std::string& picture) {
+  std::vector<Camera> cameras;
+  for (const Json& entry : file.json["frames"]) {
+    const std::string where = fmt::format("frame {} of {}", cameras.size(), file.path);
+    require_object(entry, where);
+    Camera camera = camera_of(file, entry, where, picture, width, height);
+    camera.name = entry.contains("file_path") ? text(entry["file_path"], "'file_path' of " + where)
+                                              : fmt::format("frame_{}", cameras.size());
+    cameras.push_back(camera);
+  }
+  if (cameras.empty()) throw Error(fmt::format("{} has no frames", file.path));
+  return cameras;
 }
 
 }  // namespace gflow

@@ -25,4 +25,9 @@ Transforms read_transforms(const std::string& path);
 std::vector<Frame> read_frames(const std::string& folder, const Transforms& file,
                                const SceneOptions& options, Scene& scene);
 
+// The cameras of the frames alone, in the order of the file, scaled to a size; called as their
+// file_path, which need not exist. `picture` is what has that size, for errors.
+std::vector<Camera> read_cameras(const Transforms& file, int width, int height,
+                                 const std::string& picture);
+
 }  // namespace gflow

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A plain video: one static camera, placed as that of Consistent4D. Times are those of the
+// A plain video: one camera, given or placed as that of Consistent4D. Times are those of the
 // container, so that a variable frame rate keeps its rhythm.
 #include <fmt/format.h>
 
@@ -7,8 +7,8 @@
 #include <climits>
 #include <cstdint>
 
+#include "optim/data/given_cameras.hpp"
 #include "optim/data/readers.hpp"
-#include "optim/data/static_camera.hpp"
 #include "optim/data/video.hpp"
 
 namespace gflow {
@@ -25,10 +25,12 @@ Scene read_video_file(const std::string& path, const SceneOptions& options) {
   scene.layout = "video";
   scene.steps = int(stamps.size());
   scene.fps = info.fps;
-  scene.cameras = {static_camera("input", 0, options, info.width, info.height)};
+  scene.cameras = cameras_of_view(options, stamps.size(), info.width, info.height, path);
+  if (scene.cameras.size() == 1) scene.extent = options.radius;
   for (size_t k = 0; k < stamps.size(); ++k) {
     Frame frame;
     frame.step = frame.video_frame = int(k);
+    frame.camera = scene.cameras.size() > 1 ? int(k) : 0;
     frame.time = stamps.size() > 1 ? stamps[k] / stamps.back() : 0;
     frame.path = path;
     frame.name = fmt::format("input_{:04}", k);

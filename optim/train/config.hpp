@@ -89,6 +89,9 @@ struct SceneConfig {
   int holdout = 0;
   std::string images;
   Masks masks = Masks::automatic;
+  std::string cameras;
+  std::string camera;
+  float fps = 0;
   float elevation = 0;
   float radius = 2;
   float fovy = 49.1f;
@@ -113,10 +116,17 @@ struct SceneConfig {
     field("masks", self.masks,
           "mask pictures as transparency; auto: mask_path (nerfstudio), masks/ (COLMAP); all: also "
           "seg/ (Panoptic)");
+    field("cameras", self.cameras,
+          "file of the camera that filmed, or of one camera a picture: cameras.json or "
+          "transforms.json; empty: one at rest, by the three settings below (Consistent4D, video)");
+    field("camera", self.camera, "the one of several in that file, by name");
+    field("fps", self.fps, "pictures a second; 0: as the video says, else 24", between(0, 1000));
     field("elevation", self.elevation,
           "of the camera above the horizon [degrees] (Consistent4D, video)", between(-90, 90));
     field("radius", self.radius,
-          "distance of the camera from the origin [scene units] (Consistent4D, video)", above(0));
+          "distance of the camera from the origin, or of a given one from what it films [scene "
+          "units] (Consistent4D, video)",
+          above(0));
     field("fovy", self.fovy, "vertical field of view [degrees] (Consistent4D, video)",
           between(1, 170));
     field("test_every", self.test_every,

@@ -11,6 +11,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "optim/data/cameras_json.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/train/views.hpp"
 

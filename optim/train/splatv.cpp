@@ -18,8 +18,10 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "optim/data/cameras_json.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/splat_table.hpp"
+#include "optim/train/as_spacetime.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/views.hpp"
 
@@ -118,13 +120,10 @@ void append(std::string& bytes, uint32_t word) {
 
 }  // namespace
 
-void write_splatv(const std::string& path, const HostModel& model,
+void write_splatv(const std::string& path, const HostModel& any,
                   const std::vector<Camera>& cameras) {
-  if (model.shape.motion != MotionModelKind::spacetime)
-    throw Error(
-        fmt::format("a .splatv file holds the paths of motion model spacetime, this model is "
-                    "{}; ply-sequence shows every model",
-                    name_of(model.shape.motion)));
+  const HostModel model =
+      as_spacetime(any, "a .splatv file holds the paths of motion models spacetime and native4d");
   const size_t rows = std::max<size_t>(1, (model.count + kAcross - 1) / kAcross);
   std::vector<uint32_t> texture(rows * kTexels * 4, 0);
   for (size_t i = 0; i < model.count; ++i) put(model, i, &texture[kWords * i]);

@@ -196,6 +196,9 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
   options.images = config.images;
   options.holdout = config.holdout;
   options.test_every = config.test_every;
+  options.cameras = config.cameras;
+  options.camera = config.camera;
+  options.fps = config.fps;
   options.elevation = config.elevation;
   options.radius = config.radius;
   options.fov_y = config.fovy;

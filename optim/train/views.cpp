@@ -8,16 +8,12 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
-
-#include "optim/io/atomic_file.hpp"
 
 namespace gflow {
 namespace {
 
-using Json = nlohmann::json;
 constexpr double same_time = 1e-6;
 constexpr size_t few = 4;  // fewer views of a camera make no video
 
@@ -71,53 +67,6 @@ std::string file_name(std::string name) {
   for (char& c : name)
     if (c == '/' || c == '\\' || c == '\0') c = '_';
   return name.empty() || name[0] == '.' ? "camera" + name : name;
-}
-
-double number_of(const Json& object, const char* key, const std::string& path) {
-  if (!object.contains(key) || !object[key].is_number())
-    throw Error(fmt::format("reading {}: a camera has no number '{}'", path, key));
-  return object[key].get<double>();
-}
-
-double entry(const Json& row, size_t i, const std::string& path) {
-  if (!row.is_array() || row.size() != 3 || !row[i].is_number())
-    throw Error("reading " + path + ": a camera's position or rotation is not made of 3 numbers");
-  return row[i].get<double>();
-}
-
-Camera camera_of(const Json& object, const std::string& path) {
-  if (!object.is_object()) throw Error("reading " + path + ": it is no list of cameras");
-  for (const char* key : {"position", "rotation"})
-    if (!object.contains(key) || !object[key].is_array() || object[key].size() != 3)
-      throw Error(fmt::format("reading {}: a camera has no '{}' with three entries", path, key));
-  Camera camera;
-  if (object.contains("img_name") && object["img_name"].is_string())
-    camera.name = object["img_name"].get<std::string>();
-  camera.width = int(number_of(object, "width", path));
-  camera.height = int(number_of(object, "height", path));
-  camera.fx = number_of(object, "fx", path);
-  camera.fy = number_of(object, "fy", path);
-  camera.cx = object.contains("cx") ? number_of(object, "cx", path) : 0.5 * camera.width;
-  camera.cy = object.contains("cy") ? number_of(object, "cy", path) : 0.5 * camera.height;
-  Eigen::Matrix3d rotation;  // camera to world
-  Eigen::Vector3d position;
-  for (size_t row = 0; row < 3; ++row) {
-    position[long(row)] = entry(object["position"], row, path);
-    for (size_t col = 0; col < 3; ++col)
-      rotation(long(row), long(col)) = entry(object["rotation"][row], col, path);
-  }
-  const bool sized = camera.width >= 1 && camera.height >= 1 && camera.width <= 16384 &&
-                     camera.height <= 16384 && camera.fx > 0 && camera.fy > 0;
-  const double error =
-      (rotation.transpose() * rotation - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!sized || !(error < 1e-3))
-    throw Error(
-        fmt::format("reading {}: camera {} has no size, focal length or rotation that a "
-                    "camera can have",
-                    path, camera.name));
-  camera.viewmat.topLeftCorner<3, 3>() = rotation.transpose();
-  camera.viewmat.topRightCorner<3, 1>() = -rotation.transpose() * position;
-  return camera;
 }
 
 // The quantile of some values.
@@ -238,48 +187,6 @@ std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
     }
   }
   return views;
-}
-
-Camera camera_named(const std::vector<Camera>& cameras, const std::string& name) {
-  std::string names;
-  for (size_t i = 0; i < cameras.size(); ++i) {
-    if (cameras[i].name == name) return cameras[i];
-    if (i < 20) names += (i ? ", " : "") + cameras[i].name;
-  }
-  if (cameras.size() > 20) names += fmt::format(" and {} more", cameras.size() - 20);
-  throw Error(fmt::format("there is no camera '{}'; there are {}", name, names));
-}
-
-std::vector<Camera> read_cameras_json(const std::string& path, int resolution) {
-  const Bytes bytes = read_file(path);
-  const Json json = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
-  if (!json.is_array() || json.empty())
-    throw Error("reading " + path + ": it is no JSON list of cameras");
-  std::vector<Camera> cameras;
-  for (const Json& object : json) cameras.push_back(reduced(camera_of(object, path), resolution));
-  return cameras;
-}
-
-std::string cameras_json(const std::vector<Camera>& cameras) {
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (size_t i = 0; i < cameras.size(); ++i) {
-    const Camera& c = cameras[i];
-    const Eigen::Vector3d p = c.position();
-    nlohmann::ordered_json rotation;  // camera to world, as 3DGS viewers read it
-    for (int row = 0; row < 3; ++row)
-      rotation.push_back({c.viewmat(0, row), c.viewmat(1, row), c.viewmat(2, row)});
-    list.push_back({{"id", i},
-                    {"img_name", c.name},
-                    {"width", c.width},
-                    {"height", c.height},
-                    {"position", {p.x(), p.y(), p.z()}},
-                    {"rotation", rotation},
-                    {"fx", c.fx},
-                    {"fy", c.fy},
-                    {"cx", c.cx},
-                    {"cy", c.cy}});
-  }
-  return list.dump(1) + "\n";
 }
 
 std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<double>& times,

@@ -41,15 +41,6 @@ std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>
 std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
                                      const std::vector<double>& times, const Scene* scene);
 
-// The camera of that name. Error that lists the names there are.
-Camera camera_named(const std::vector<Camera>& cameras, const std::string& name);
-
-// Cameras in a cameras.json, as runs of gflow and of 3DGS have it, reduced by `resolution`.
-std::vector<Camera> read_cameras_json(const std::string& path, int resolution);
-
-// The text of such a file.
-std::string cameras_json(const std::vector<Camera>& cameras);
-
 // One turn around the Gaussians, 640x480: the middle and half the diagonal of the box that holds
 // their means but for 2 % on each side and axis are a ball that just fills the view, seen from 15
 // degrees above. `up` is x, y, z or -x, -y, -z; 3DGS scenes made by COLMAP have -y up. Flow is seen

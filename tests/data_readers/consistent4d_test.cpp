@@ -72,6 +72,39 @@ TEST(Consistent4d, PlainPicturesNamedByAWordAndANumberAreAVideoToo) {
   expect_error([&] { read_scene(folder.path()); }, {"no scene gflow knows"});
 }
 
+TEST(Consistent4d, PicturesLeftOutLeaveAGapInTime) {
+  const TemporaryFolder folder;
+  for (int k : {3, 4, 7}) make_png(folder, fmt::format("frame_{:03}.png", k));
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.steps, 3);
+  EXPECT_EQ(scene.train[1].step, 1);
+  EXPECT_EQ(scene.train[1].time, 0.25);
+  make_png(folder, "frame_4.jpg");  // one number twice says nothing about time
+  EXPECT_NEAR(read_scene(folder.path()).train[1].time, 1 / 3., 1e-12);
+}
+
+TEST(Consistent4d, TheInputCameraMayBeGivenOrMove) {
+  const TemporaryFolder folder;
+  for (const char* view : {"input", "eval_0"})
+    for (int k = 0; k < 2; ++k) make_png(folder, fmt::format("{}/{}.png", view, k), 8, 8, 4);
+  const auto pose = [](int x) {
+    return fmt::format(R"({{"transform_matrix":[[1,0,0,{}],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}})", x);
+  };
+  SceneOptions options;
+  options.cameras = folder.write("one.json", R"({"camera_angle_x":1,"frames":[)" + pose(0) + "]}");
+  const Scene one = read_scene(folder.path(), options);
+  EXPECT_TRUE(one.cameras[0].position().isApprox(Eigen::Vector3d(0, 0, 4)));
+  EXPECT_EQ(one.cameras.size(), 2u);
+  options.cameras = folder.write(
+      "two.json", R"({"camera_angle_x":1,"frames":[)" + pose(0) + "," + pose(1) + "]}");
+  const Scene two = read_scene(folder.path(), options);
+  ASSERT_EQ(two.cameras.size(), 3u);
+  EXPECT_EQ(two.train[1].camera, 1);
+  EXPECT_EQ(two.test[0].camera, 2);
+  EXPECT_NE(two.test[0].track, two.train[0].track);
+  EXPECT_EQ(neighbour_pairs(two).size(), 1u);
+}
+
 TEST(Consistent4d, TransformsBesideTheInputViewDoNotMatter) {
   const TemporaryFolder folder;
   make_png(folder, "input/0.png", 8, 8, 4);

@@ -101,6 +101,71 @@ TEST(VideoFile, OnlyTheFramesInUseAreDecodedAndTheirTimesFillTheRange) {
   EXPECT_EQ(frame_times(folder.file("a.avi"), 4).size(), 4u);
 }
 
+TEST(VideoFile, AGivenCameraFilmsIt) {
+  const TemporaryFolder folder;
+  SceneOptions options;
+  options.radius = 7;
+  options.cameras =
+      folder.write("cameras.json",
+                   R"([{"img_name":"left.png","width":64,"height":48,"position":[1,2,3],
+           "rotation":[[1,0,0],[0,1,0],[0,0,1]],"fx":80,"fy":90,"cx":30,"cy":20},
+          {"img_name":"right","width":64,"height":48,"position":[4,2,3],
+           "rotation":[[0,-1,0],[1,0,0],[0,0,1]],"fx":80,"fy":90}])");
+  const std::string path = make_video(folder, "a.avi", 3);
+  options.camera = "left";
+  const Scene left = read_scene(path, options);
+  ASSERT_EQ(left.cameras.size(), 1u);
+  EXPECT_EQ(left.extent, 7);  // the distance of what it films
+  EXPECT_TRUE(left.cameras[0].position().isApprox(Eigen::Vector3d(1, 2, 3)));
+  // Half the size: seen at (80 / 2 + 30 / 2, 90 / 2 + 20 / 2) by hand.
+  EXPECT_TRUE(left.cameras[0].project({2, 3, 4}).isApprox(Eigen::Vector2d(55, 55)));
+  options.camera = "right";
+  const Scene right = read_scene(path, options);  // camera to world: its x is the world's y
+  EXPECT_TRUE(right.cameras[0].project({4, 3, 4}).isApprox(Eigen::Vector2d(56, 12)));
+  options.camera = "middle";
+  expect_error([&] { read_scene(path, options); }, {"'middle'", "left.png, right"});
+  options.camera = "";
+  expect_error([&] { read_scene(path, options); }, {"2 cameras", "3 pictures", "scene.camera"});
+}
+
+TEST(VideoFile, GivenPosesMoveTheCamera) {
+  const TemporaryFolder folder;
+  SceneOptions options;
+  std::string frames;
+  for (int k : {2, 0, 1})  // OpenGL axes; in the order of the names, not of the file
+    frames += fmt::format(R"({}{{"file_path":"images/{}.jpg","transform_matrix":
+                             [[1,0,0,{}],[0,1,0,0],[0,0,1,5],[0,0,0,1]]}})",
+                          frames.empty() ? "" : ",", k, k);
+  options.cameras = folder.write(
+      "transforms.json", R"({"w":32,"h":24,"fl_x":40,"k1":0.01,"frames":[)" + frames + "]}");
+  const Scene scene = read_scene(make_video(folder, "a.avi", 3), options);
+  ASSERT_EQ(scene.cameras.size(), 3u);
+  for (size_t k = 0; k < 3; ++k) {
+    const Camera& camera = scene.cameras[size_t(scene.train[k].camera)];
+    EXPECT_TRUE(camera.position().isApprox(Eigen::Vector3d(double(k), 0, 5)));
+    EXPECT_EQ(scene.train[k].track, 0);
+    EXPECT_EQ(camera.lens.kind, Lens::Kind::radial);
+  }
+  EXPECT_EQ(neighbour_pairs(scene).size(), 2u);
+  options.max_steps = 2;
+  EXPECT_EQ(read_scene(folder.file("a.avi"), options).train.size(), 2u);
+  options.max_steps = 0;
+  expect_error([&] { read_scene(make_video(folder, "b.avi", 2), options); },
+               {"3 cameras", "b.avi has 2 pictures"});
+  options.cameras = folder.write("none.json", R"({"frames":[]})");
+  expect_error([&] { read_scene(folder.file("a.avi"), options); }, {"none.json", "no frames"});
+  options.cameras = folder.file("missing.json");
+  expect_error([&] { read_scene(folder.file("a.avi"), options); }, {"missing.json"});
+}
+
+TEST(VideoFile, AStatedFrameRateWins) {
+  const TemporaryFolder folder;
+  SceneOptions options;
+  options.fps = 50;
+  options.stride = 2;
+  EXPECT_EQ(read_scene(make_video(folder, "a.avi", 4), options).fps, 25);
+}
+
 TEST(VideoFile, WhatIsNoVideoOrTooShortIsRefused) {
   const TemporaryFolder folder;
   expect_error([&] { read_scene(folder.write("a.mp4", "no video")); }, {"a.mp4", "cannot"});

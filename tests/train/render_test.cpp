@@ -3,6 +3,7 @@
 
 #include "compare.hpp"
 #include "io/file_size_limit.hpp"
+#include "optim/data/cameras_json.hpp"
 #include "optim/data/movie.hpp"
 #include "optim/data/video.hpp"
 #include "optim/train/interrupt.hpp"

@@ -5,6 +5,8 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "compare.hpp"
+#include "optim/train/as_spacetime.hpp"
 #include "optim/train/views.hpp"
 #include "train/small_scene.hpp"
 
@@ -120,10 +122,46 @@ TEST(Splatv, SaysItsTextureAndItsCameras) {
 TEST(Splatv, RefusesOtherMotionModels) {
   const TemporaryFolder folder;
   HostModel host = moving_model();
-  host.shape.motion = MotionModelKind::native4d;
+  host.shape.motion = MotionModelKind::bases;
   expect_error([&] { write_splatv(folder.file("a.splatv"), host, {}); },
-               {"spacetime", "native4d", "ply-sequence"});
+               {"spacetime", "native4d", "bases", "ply-sequence"});
   EXPECT_EQ(folder.count(), 0u);
+}
+
+TEST(AsSpacetime, FourDimensionalGaussiansLookTheSame) {
+  Queue queue = test_queue();
+  HostModel host = moving_model();
+  for (const char* name : {"velocities", "half_accelerations", "turns"}) host.groups.erase(name);
+  host.shape.motion = MotionModelKind::native4d;
+  for (uint i = 0; i < host.count; ++i)
+    for (uint k = 0; k < 4; ++k) {
+      host.groups["quats_r"].push_back(noise(20 + k, i));
+      host.groups["quats"][4 * i + k] = noise(30 + k, i);
+      host.groups["log_scales"][4 * i + k] = -0.5f + noise(40 + k, i);
+    }
+  Model model(queue, host), same(queue, as_spacetime(host, "a test"));
+  GaussiansAt a, b;
+  for (const double t : {0.1, 0.5, 0.8}) {
+    model.motion->at(queue, model.parameters, model.time(t), nullptr, a);
+    same.motion->at(queue, same.parameters, same.time(t), nullptr, b);
+    const auto to_double = [](const std::vector<float>& v) {
+      return std::vector<double>(v.begin(), v.end());
+    };
+    EXPECT_TRUE(
+        all_close(b.opacities.read(queue), to_double(a.opacities.read(queue)), {1e-5, 1e-6}));
+    const std::vector<float> f = a.factors.read(queue), g = b.factors.read(queue);
+    const std::vector<float> m = a.means.read(queue), n = b.means.read(queue);
+    const std::vector<float> there = a.opacities.read(queue);
+    for (size_t i = 0; i < host.count; ++i) {
+      if (!(there[i] > 0)) continue;
+      using Matrix = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+      const Eigen::Matrix3f l = Eigen::Map<const Matrix>(&f[9 * i]);
+      const Eigen::Matrix3f k = Eigen::Map<const Matrix>(&g[9 * i]);
+      EXPECT_LT((l * l.transpose() - k * k.transpose()).norm(), 1e-5f * (l * l.transpose()).norm());
+      for (size_t axis = 0; axis < 3; ++axis)
+        EXPECT_NEAR(m[3 * i + axis], n[3 * i + axis], 1e-5f * (1 + std::fabs(m[3 * i + axis])));
+    }
+  }
 }
 
 }  // namespace
