@@ -54,12 +54,15 @@ constexpr std::array<const char*, 3> names_of(Masks) { return {"auto", "all", "n
 constexpr std::array<const char*, 5> names_of(InitFrom) {
   return {"auto", "points", "random", "visual-hull", "file"};
 }
-// motion.model: MotionModelKind with a choice before it that leaves it to the scene.
-enum class MotionChoice { automatic, spacetime, native4d, keyframes, bases, hexplane };
-constexpr std::array<const char*, 6> names_of(MotionChoice) {
-  return {"auto", "spacetime", "native4d", "keyframes", "bases", "hexplane"};
-}
+// motion.model: left to the scene, or a MotionModelKind, each one number higher.
+enum class MotionChoice { automatic };
 constexpr MotionChoice choice_of(MotionModelKind kind) { return MotionChoice(int(kind) + 1); }
+constexpr auto names_of(MotionChoice) {
+  constexpr auto kinds = names_of(MotionModelKind{});
+  std::array<const char*, kinds.size() + 1> names = {"auto"};
+  for (size_t k = 0; k < kinds.size(); ++k) names[k + 1] = kinds[k];
+  return names;
+}
 
 constexpr std::array<const char*, 2> names_of(FlowSource) { return {"dis", "files"}; }
 constexpr std::array<const char*, 2> names_of(FlowPairs) { return {"track", "time"}; }

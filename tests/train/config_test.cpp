@@ -71,7 +71,7 @@ TEST(Config, EveryPresetIsAHexplaneThatPassesTheCheck) {
     TrainConfig config;
     apply_file(config, file.path().string());
     EXPECT_NO_THROW(check(config)) << file.path();
-    EXPECT_EQ(config.motion.model, MotionChoice::hexplane) << file.path();
+    EXPECT_EQ(config.motion.model, choice_of(MotionModelKind::hexplane)) << file.path();
     EXPECT_EQ(config.hexplane.unfold, 0) << file.path();
     ++presets;
   }

@@ -46,7 +46,7 @@ class SequenceTest : public testing::Test {
  protected:
   TrainConfig config(int iterations) {
     TrainConfig config = small_config(scene_, iterations);
-    config.motion.model = MotionChoice::keyframes;
+    config.motion.model = choice_of(MotionModelKind::keyframes);
     config.train.sequential = true;
     config.density.enabled = false;
     return config;
@@ -100,7 +100,7 @@ TEST_F(SequenceTest, FollowsTheMotion) {
 
 TEST_F(SequenceTest, OtherModelsAndOtherKeysAreRefused) {
   TrainConfig other = config(10);
-  other.motion.model = MotionChoice::spacetime;
+  other.motion.model = choice_of(MotionModelKind::spacetime);
   EXPECT_THROW(SmallTraining(queue_, other), Error);
   TrainConfig few = config(10);
   few.motion.keys = 2;

@@ -365,7 +365,7 @@ TEST_F(TrainerTest, LearnsTheSceneAndItsMotion) {
 TEST_F(TrainerTest, LearnsWithTheOtherMotionModelToo) {
   TrainConfig config = small_config(scene(), 1200);
   config.density.enabled = false;
-  config.motion.model = MotionChoice::native4d;
+  config.motion.model = choice_of(MotionModelKind::native4d);
   const ViewFigures with = judged(queue(), config).mean;
   EXPECT_GT(with.psnr, 21);
   EXPECT_LT(with.flow_epe_dynamic, 0.3);
