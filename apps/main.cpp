@@ -66,6 +66,8 @@ int run(int argc, char** argv) {
   try {
     add_commands(app, options);
     app.parse(argc, argv);
+  } catch (const CLI::RuntimeError& end) {
+    return end.get_exit_code();  // a command that has said its say, but found something
   } catch (const CLI::ParseError& problem) {
     if (problem.get_exit_code() == 0) return app.exit(problem);  // --help and --version
     return say(gflow::sentence_for(app, problem), 1);

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "optim/engine/posed.hpp"
@@ -69,8 +70,8 @@ struct Loss {
 
 }  // namespace
 
-Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& options,
-                    const std::string& name) {
+SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
+                       const std::string& name) {
   const Array& size = array_named(input, "size", name);
   if (size.size() != 2)
     throw Error("reading " + name + ": array 'size' should hold width and height, its shape is " +
@@ -80,28 +81,26 @@ Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& optio
     throw Error(
         fmt::format("reading {}: array 'size' says {} x {} pixels, each should be 1 to 65535", name,
                     width, height));
-  const size_t w = size_t(width), h = size_t(height);
   const Array& means = array_named(input, "means", name);
-  const size_t n = means.shape.empty() ? 0 : means.shape[0];
-  const bool moves = input.count("means_t2") > 0;
+  SplatScene s;
+  const size_t n = s.count = means.shape.empty() ? 0 : means.shape[0];
+  s.moves = input.count("means_t2") > 0;
 
   // Gaussians at both times
-  GaussiansAt t1, t2;
-  t1.ensure(queue, n);
-  t2.ensure(queue, n);
-  t1.means.write(queue, floats(input, "means", {n, 3}, name));
-  t1.opacities.write(queue, floats(input, "opacities", {n}, name));
-  const Buffer<float> quats(queue, floats(input, "quats", {n, 4}, name), "quats");
-  const Buffer<float> scales(queue, floats(input, "scales", {n, 3}, name), "scales");
-  const Buffer<float> colors(queue, floats(input, "colors", {n, 3}, name), "colors");
+  s.t1.ensure(queue, n);
+  s.t2.ensure(queue, n);
+  s.t1.means.write(queue, floats(input, "means", {n, 3}, name));
+  s.t1.opacities.write(queue, floats(input, "opacities", {n}, name));
+  s.quats = Buffer<float>(queue, floats(input, "quats", {n, 4}, name), "quats");
+  s.scales = Buffer<float>(queue, floats(input, "scales", {n, 3}, name), "scales");
+  s.colors = Buffer<float>(queue, floats(input, "colors", {n, 3}, name), "colors");
   Posed posed(queue);
-  posed.forward(queue, quats, scales, t1.factors);
-  Buffer<float> quats2("quats_t2"), scales2("scales_t2");
-  if (moves) {
-    t2.means.write(queue, floats(input, "means_t2", {n, 3}, name));
-    quats2 = Buffer<float>(queue, floats(input, "quats_t2", {n, 4}, name), "quats_t2");
-    scales2 = Buffer<float>(queue, floats(input, "scales_t2", {n, 3}, name), "scales_t2");
-    posed.forward(queue, quats2, scales2, t2.factors);
+  posed.forward(queue, s.quats, s.scales, s.t1.factors);
+  if (s.moves) {
+    s.t2.means.write(queue, floats(input, "means_t2", {n, 3}, name));
+    s.quats_t2 = Buffer<float>(queue, floats(input, "quats_t2", {n, 4}, name), "quats_t2");
+    s.scales_t2 = Buffer<float>(queue, floats(input, "scales_t2", {n, 3}, name), "scales_t2");
+    posed.forward(queue, s.quats_t2, s.scales_t2, s.t2.factors);
   }
 
   // cameras
@@ -109,6 +108,7 @@ Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& optio
   const auto viewmat2 = floats_or(input, "viewmat_t2", {4, 4}, name, viewmat);
   const auto K = floats(input, "K", {3, 3}, name);
   const auto background = floats_or(input, "background", {3}, name, {0, 0, 0});
+  std::copy(background.begin(), background.end(), s.background.begin());
   for (const std::vector<float>* pose : {&viewmat, &viewmat2})
     for (const float x : *pose)
       if (!std::isfinite(x))
@@ -117,15 +117,22 @@ Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& optio
         std::isfinite(K[4])))
     throw Error("reading " + name +
                 ": K should hold two focal lengths above 0 and a finite centre");
+  s.view = {camera_of(viewmat, K, width, height, near_plane),
+            camera_of(viewmat2, K, width, height, near_plane)};
+  return s;
+}
+
+Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& options,
+                    const std::string& name) {
+  const SplatScene s = splat_scene(queue, input, options.near_plane, name);
+  const bool moves = s.moves;
   if (!moves && input.count("v_flow"))
     throw Error("reading " + name +
                 ": v_flow needs the second time: means_t2, quats_t2, scales_t2");
-  const View view{camera_of(viewmat, K, width, height, options.near_plane),
-                  camera_of(viewmat2, K, width, height, options.near_plane)};
-
+  const size_t n = s.count, w = size_t(s.view.camera.width), h = size_t(s.view.camera.height);
+  Posed posed(queue);
   Engine engine(queue, options.settings);
-  engine.forward(queue, view, {moves, true}, {background[0], background[1], background[2]}, t1,
-                 moves ? t2 : t1, colors);
+  engine.forward(queue, s.view, {moves, true}, s.background, s.t1, moves ? s.t2 : s.t1, s.colors);
   const Images& images = engine.images();
   Arrays output;
   output["rgb"] = {{h, w, 3}, from_planes(images.rgb.read(queue), 3)};
@@ -150,16 +157,16 @@ Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& optio
     }
     const Shape shape = loss.channels > 1 ? Shape{h, w, loss.channels} : Shape{h, w};
     (v.*loss.gradient).write(queue, to_planes(floats(input, key, shape, name), loss.channels));
-    engine.backward(queue, t1, moves ? t2 : t1, v, g);
+    engine.backward(queue, s.t1, moves ? s.t2 : s.t1, v, g);
     const std::string prefix = "g_" + loss.key + "_";
-    posed.backward(queue, quats, scales, g.v_factors, v_quats, v_scales);
+    posed.backward(queue, s.quats, s.scales, g.v_factors, v_quats, v_scales);
     output[prefix + "means"] = {{n, 3}, g.v_means.read(queue)};
     output[prefix + "quats"] = {{n, 4}, v_quats.read(queue)};
     output[prefix + "scales"] = {{n, 3}, v_scales.read(queue)};
     output[prefix + "opacities"] = {{n}, g.v_opacities.read(queue)};
     output[prefix + "colors"] = {{n, 3}, g.v_colors.read(queue)};
     if (loss.key != "flow") continue;
-    posed.backward(queue, quats2, scales2, g.v_factors_t2, v_quats, v_scales);
+    posed.backward(queue, s.quats_t2, s.scales_t2, g.v_factors_t2, v_quats, v_scales);
     output[prefix + "means_t2"] = {{n, 3}, g.v_means_t2.read(queue)};
     output[prefix + "quats_t2"] = {{n, 4}, v_quats.read(queue)};
     output[prefix + "scales_t2"] = {{n, 3}, v_scales.read(queue)};

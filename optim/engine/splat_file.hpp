@@ -12,13 +12,27 @@ struct SplatOptions {
   float near_plane = 0.01f;  // [scene units]
 };
 
+// What such a file says, on the device. Without means_t2 nothing moves: t2 is undefined.
+struct SplatScene {
+  size_t count = 0;  // N
+  bool moves = false;
+  View view{};
+  std::array<float, 3> background{};
+  Buffer<float> quats{"quats"}, scales{"scales"}, colors{"colors"};
+  Buffer<float> quats_t2{"quats_t2"}, scales_t2{"scales_t2"};
+  GaussiansAt t1, t2;
+};
+
+// Error names the array that is missing or has the wrong shape; `name` is the file named in it.
+SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
+                       const std::string& name);
+
 // Input: means [N,3], quats [N,4] (w x y z, any length), scales [N,3] (linear), opacities [N],
 // colors [N,3], viewmat [4,4] (world to camera, +z forward), K [3,3], size (W, H), background [3];
 // for flow also means_t2, quats_t2, scales_t2 and viewmat_t2 (viewmat where absent).
 // Output: rgb [H,W,3], alpha [H,W], depth [H,W], flow [H,W,2], and for each cotangent v_rgb,
 // v_alpha, v_depth, v_flow present the gradients g_LOSS_means|quats|scales|opacities|colors, with
-// flow also g_flow_means_t2|quats_t2|scales_t2. Error names the array that is missing or has the
-// wrong shape; `name` is the file named in it.
+// flow also g_flow_means_t2|quats_t2|scales_t2. Error as splat_scene.
 Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& options,
                     const std::string& name);
 

@@ -345,7 +345,8 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   expect_refused({"splat", "a.npz", "-o", out, "--lanes", "3"}, {"'3'", "0, 1, 4, 8 or 16"});
   expect_refused({"render", run(), "-o", out, "--up", "w"}, {"'w'", "-y or -z"});
   expect_refused({"render", run(), "-o", out, "--fps", "nan"}, {"'nan'", "from 0 to 1000"});
-  expect_refused({"bench", "raster", "--width", "0"}, {"'0'", "from 1 to 16384"});
+  expect_refused({"bench", "raster", "--gaussians", "0"}, {"'0'", "from 1 to 20000000"});
+  expect_refused({"bench", "raster", "--pixels", "8"}, {"--pixels 8", "512x512"});
 }
 
 TEST_F(CommandTest, HelpIsThereForEveryCommand) {

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow bench raster`: one image and its gradients, stage by stage, from the parameters of moving
+// Gaussians to Adam.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <random>
+#include <sstream>
+
+#include "apps/bench/bench.hpp"
+#include "apps/bench/pairs.hpp"
+#include "apps/bench/scene.hpp"
+#include "apps/command_line.hpp"
+#include "runtime/usage.hpp"
+
+namespace gflow::bench {
+namespace {
+
+struct RasterOptions {
+  BenchOptions common;
+  std::string file;
+  std::vector<std::string> sizes{"256x256", "512x512"};
+  std::vector<size_t> gaussians{10000, 100000};
+  int lanes = 0;
+  bool no_flow = false, depth = false, kernels = false, grid = false;
+};
+
+// The kernels of each stage, in the order they run.
+const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
+    {"motion", {"spacetime_fwd"}},
+    {"project", {"project_fwd"}},
+    {"bin",
+     {"scan_sums", "scan_offsets", "scan_write", "sort_count", "sort_scatter", "tile_count",
+      "tile_columns", "tile_scatter"}},
+    {"mask", {"cell_mask"}},
+    {"transport", {"transport_fwd"}},
+    {"splat", {"splat_fwd"}},
+    {"backward", {"splat_bwd"}},
+    {"gather", {"gather"}},
+    {"project back", {"project_bwd"}},
+    {"motion back", {"spacetime_bwd"}},
+    {"Adam", {"adam_refuse", "adam_advance", "adam_step"}}};
+
+std::pair<int, int> size_named(const std::string& text) {
+  int width = 0, height = 0;
+  char x = 0, more = 0;
+  std::istringstream in(text);
+  if (!(in >> width >> x >> height) || x != 'x' || in >> more || width < 1 || height < 1 ||
+      width > 16384 || height > 16384)
+    throw Error(fmt::format("--pixels {}: expected is a size such as 512x512", text));
+  return {width, height};
+}
+
+ImageGradients random_gradients(Queue& queue, size_t pixels, Channels channels) {
+  std::mt19937 rng(7);
+  std::normal_distribution<float> normal;
+  const auto noise = [&](size_t n, const char* name) {
+    std::vector<float> values(n);
+    for (float& value : values) value = normal(rng);
+    return Buffer<float>(queue, values, name);
+  };
+  ImageGradients v;
+  v.v_rgb = noise(3 * pixels, "v_rgb");
+  v.v_alpha = noise(pixels, "v_alpha");
+  if (channels.flow) v.v_flow = noise(2 * pixels, "v_flow");
+  if (channels.depth) v.v_depth = noise(pixels, "v_depth");
+  return v;
+}
+
+// One step without losses: parameters to image, its gradients to parameters, Adam. A scene of a
+// file has Gaussians only.
+class Step {
+ public:
+  Step(Queue& queue, BenchScene& scene, Channels channels)
+      : queue_(queue),
+        scene_(scene),
+        channels_(channels),
+        v_(random_gradients(
+            queue, size_t(scene.view.camera.width) * size_t(scene.view.camera.height), channels)),
+        engine_(queue),
+        adam_(queue) {}
+
+  void operator()() {
+    BenchScene& s = scene_;
+    if (s.motion) s.motion->at(queue_, *s.parameters, s.t1, nullptr, s.at_t1);
+    engine_.project(queue_, s.view, channels_, s.at_t1);
+    const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
+    if (s.motion && channels_.flow) s.motion->at(queue_, *s.parameters, s.t2, &seen, s.at_t2);
+    const GaussiansAt& at_t2 = channels_.flow ? s.at_t2 : s.at_t1;
+    engine_.draw(queue_, {0, 0, 0}, s.at_t1, at_t2, s.colors);
+    engine_.backward(queue_, s.at_t1, at_t2, v_, g_);
+    if (!s.motion) return;
+    Parameters& p = *s.parameters;
+    p.forget_seen(queue_);
+    s.motion->backward(queue_, p, s.t1, true, seen, g_.v_means, g_.v_factors, g_.v_opacities);
+    if (channels_.flow)
+      s.motion->backward(queue_, p, s.t2, false, seen, g_.v_means_t2, g_.v_factors_t2,
+                         g_.v_opacities);
+    for (const ParameterGroup& group : p.groups) adam_.refuse(queue_, group, p.rows, p.count);
+    adam_.advance(queue_, p.rows, p.count);
+    // A rate at which the scene stays what it is.
+    for (ParameterGroup& group : p.groups)
+      adam_.step(queue_, group, p.rows, p.count, {1e-12f, 1e-8f});
+  }
+
+  const Engine& engine() const { return engine_; }
+
+ private:
+  Queue& queue_;
+  BenchScene& scene_;
+  Channels channels_;
+  ImageGradients v_;
+  Engine engine_;
+  Adam adam_;
+  GaussianGradients g_;
+};
+
+// Times a share, with its spread.
+Spread scaled(Spread s, double by) {
+  const Spread o{s.median * by, s.low * by, s.high * by};
+  return o.low <= o.high ? o : Spread{o.median, o.high, o.low};
+}
+
+Spread sum_of(const std::vector<Spread>& parts) {
+  Spread sum;
+  for (const Spread& s : parts) sum.median += s.median, sum.low += s.low, sum.high += s.high;
+  return sum;
+}
+
+void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak& peak,
+             Report& report) {
+  const Channels channels{!o.no_flow, o.depth};
+  Step step(queue, scene, channels);
+  const Cost cost = cost_of(queue, o.common.repeats, [&] { step(); });
+  const Pairs pairs = count_pairs(queue, step.engine(), {});
+  const double pixels = double(scene.view.camera.width) * scene.view.camera.height;
+  const auto flops_of = [&](const std::string& stage) {
+    if (stage == "splat") return forward_flops(channels);
+    return stage == "backward" ? backward_flops(channels) : 0;
+  };
+  report.add({scene.name,
+              {{"wall [ms]", cost.wall_ms},
+               {"CPU [ms]", cost.cpu_ms},
+               single("half the CPU time [ms]", 0.5 * cost.cpu_ms.median),
+               single("intersections", double(step.engine().tiles().intersections)),
+               single("listed a pixel", pairs.listed / pixels),
+               single("masked a pixel", pairs.masked / pixels),
+               single("blended a pixel", pairs.blended / pixels),
+               single("peak memory [MiB]", peak_memory_mib())}});
+  const auto row = [&](const std::string& name, Spread ms, double flops) {
+    // Operations in 1e9 a second by time in ms: 1e-6.
+    const double share = flops * pairs.blended * 1e-6 / peak.gflops;
+    report.add({scene.name + ": " + name,
+                {{"device [ms]", ms},
+                 {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
+                 single("of the FMA peak [%]", ms.median > 0 ? 100 * share / ms.median : 0)}});
+  };
+  for (const auto& [stage, kernels] : stages) {
+    std::vector<Spread> parts;
+    for (const std::string& kernel : kernels)
+      if (cost.kernel_ms.count(kernel)) parts.push_back(cost.kernel_ms.at(kernel));
+    if (parts.empty()) continue;
+    row(stage, sum_of(parts), flops_of(stage));
+    if (!o.kernels || parts.size() < 2) continue;
+    for (const std::string& kernel : kernels)
+      if (cost.kernel_ms.count(kernel)) row(kernel, cost.kernel_ms.at(kernel), 0);
+  }
+}
+
+void run_raster(const RasterOptions& o, const GlobalOptions& options) {
+  QueueOptions queue_options;
+  queue_options.profile = true;
+  queue_options.lanes = o.lanes;
+  Queue queue = open_queue(options, queue_options);
+  const Peak peak = measure_peak(queue);
+  Report report("raster", queue, peak,
+                {{"flow", !o.no_flow}, {"depth", o.depth}, {"repeats", o.common.repeats}});
+  if (!o.file.empty()) {
+    measure(queue, scene_of_file(queue, o.file, !o.no_flow), o, peak, report);
+  } else {
+    const bool pair_up = !o.grid && o.sizes.size() == o.gaussians.size();
+    for (size_t i = 0; i < o.sizes.size(); ++i)
+      for (size_t k = 0; k < o.gaussians.size(); ++k) {
+        if (pair_up && i != k) continue;
+        const auto [width, height] = size_named(o.sizes[i]);
+        measure(queue, random_scene(queue, width, height, o.gaussians[k]), o, peak, report);
+      }
+  }
+  deliver(report, o.common);
+}
+
+}  // namespace
+
+void add_raster(CLI::App& bench, const GlobalOptions& options) {
+  auto flags = std::make_shared<RasterOptions>();
+  CLI::App* raster = bench.add_subcommand(
+      "raster", "One image of moving Gaussians and its gradients, stage by stage");
+  raster
+      ->add_option("SCENE", flags->file,
+                   "Gaussians as for `gflow splat`; left out: random ones, about 48 in a pixel")
+      ->type_name("FILE.npz");
+  raster->add_option("--pixels", flags->sizes, "Sizes of the image, as often as --gaussians")
+      ->delimiter(',')
+      ->type_name("WxH,...");
+  raster->add_option("--gaussians", flags->gaussians, "How many, for each size")
+      ->delimiter(',')
+      ->check(number_in(1, 20000000))
+      ->type_name("N,...");
+  raster->add_flag("--grid", flags->grid, "Each size with each number");
+  raster->add_option("--lanes", flags->lanes, "Pixels a work-item: 16, 8, 4, 1; 0: the device's")
+      ->check(choice_of({"0", "1", "4", "8", "16"}));
+  raster->add_flag("--no-flow", flags->no_flow, "No flow image");
+  raster->add_flag("--depth", flags->depth, "Expected depth as well");
+  raster->add_flag("--kernels", flags->kernels, "Show the kernels of each stage");
+  add_common(*raster, flags->common);
+  raster->callback([flags, &options] { run_raster(*flags, options); });
+}
+
+}  // namespace gflow::bench

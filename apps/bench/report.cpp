@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/bench/report.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "optim/io/atomic_file.hpp"
+
+namespace gflow::bench {
+namespace {
+
+constexpr double kSlower = 1.1;  // a ratio of medians above it is worth a look
+
+// Four digits, as long as that is readable.
+std::string digits(double x) {
+  const double size = std::fabs(x);
+  if (size == 0) return "0";
+  if (size >= 1e7 || size < 1e-3) return fmt::format("{:.2e}", x);
+  return fmt::format("{:.{}f}", x, std::clamp(3 - int(std::floor(std::log10(size))), 0, 4));
+}
+
+std::string shown(const Figure& f) {
+  if (!f.spread || f.value.low == f.value.high) return digits(f.value.median);
+  return fmt::format("{} ({} - {})", digits(f.value.median), digits(f.value.low),
+                     digits(f.value.high));
+}
+
+bool same_figures(const Row& a, const Row& b) {
+  return std::equal(a.figures.begin(), a.figures.end(), b.figures.begin(), b.figures.end(),
+                    [](const Figure& x, const Figure& y) { return x.name == y.name; });
+}
+
+void print_table(const std::vector<std::vector<std::string>>& lines) {
+  std::vector<size_t> widths;
+  for (const auto& line : lines)
+    for (size_t k = 0; k < line.size(); ++k) {
+      if (k == widths.size()) widths.push_back(0);
+      widths[k] = std::max(widths[k], line[k].size());
+    }
+  for (const auto& line : lines) {
+    fmt::print("  {:<{}}", line[0], widths[0]);
+    for (size_t k = 1; k < line.size(); ++k) fmt::print("  {:>{}}", line[k], widths[k]);
+    fmt::print("\n");
+  }
+}
+
+// Figures that follow from another one, such as [ns] a pair, need not be compared as well.
+bool is_time(const std::string& name) {
+  return name.find("[ms]") != std::string::npos || name.find("[s]") != std::string::npos;
+}
+
+}  // namespace
+
+Report::Report(std::string bench, const Queue& queue, const Peak& peak, Json facts)
+    : head_{{"bench", std::move(bench)},
+            {"version", GFLOW_VERSION},
+            {"device", queue.info.full_name()},
+            {"driver", queue.info.driver},
+            {"compute_units", queue.info.compute_units},
+            {"lanes", queue.lanes},
+            {"peak_gflops", peak.gflops},
+            {"peak_copy_gbs", peak.copy_gbs}} {
+  for (const auto& [key, value] : facts.items()) head_[key] = value;
+}
+
+void Report::print() const {
+  fmt::print("{}, {} lanes, peak {} GFLOP/s, copy {} GB/s\n", head_["device"].get<std::string>(),
+             head_["lanes"].get<int>(), digits(head_["peak_gflops"]),
+             digits(head_["peak_copy_gbs"]));
+  for (size_t first = 0; first < rows_.size();) {
+    std::vector<std::vector<std::string>> lines{{""}};
+    for (const Figure& f : rows_[first].figures) lines[0].push_back(f.name);
+    size_t k = first;
+    for (; k < rows_.size() && same_figures(rows_[k], rows_[first]); ++k) {
+      lines.push_back({rows_[k].name});
+      for (const Figure& f : rows_[k].figures) lines.back().push_back(shown(f));
+    }
+    print_table(lines);
+    first = k;
+  }
+}
+
+Json Report::json() const {
+  Json all = head_;
+  for (const Row& row : rows_) {
+    Json figures = Json::object();
+    for (const Figure& f : row.figures)
+      figures[f.name] =
+          f.spread ? Json{{"median", f.value.median}, {"low", f.value.low}, {"high", f.value.high}}
+                   : Json(f.value.median);
+    all["rows"][row.name] = figures;
+  }
+  return all;
+}
+
+int Report::compare(const std::string& old_path) const {
+  const Bytes bytes = read_file(old_path);
+  const Json old = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
+  const auto text = [&](const char* key) {
+    return old.is_object() && old.contains(key) && old[key].is_string()
+               ? old[key].get<std::string>()
+               : std::string();
+  };
+  if (text("bench") != head_["bench"] || !old.contains("rows") || !old["rows"].is_object())
+    throw Error(fmt::format("comparing with {}: it is no report of `gflow bench {}`", old_path,
+                            head_["bench"].get<std::string>()));
+  if (text("device") != head_["device"])
+    fmt::print("{} was measured on another device, {}\n", old_path, text("device"));
+  const auto median_of = [](const Json& figure) {
+    if (figure.is_number()) return figure.get<double>();
+    return figure.is_object() && figure.contains("median") && figure["median"].is_number()
+               ? figure["median"].get<double>()
+               : std::nan("");
+  };
+  std::vector<std::vector<std::string>> lines{{"", "before", "now", "ratio"}};
+  int slower = 0;
+  for (const Row& row : rows_)
+    for (const Figure& f : row.figures) {
+      if (!is_time(f.name) || !old["rows"].contains(row.name) ||
+          !old["rows"][row.name].is_object() || !old["rows"][row.name].contains(f.name))
+        continue;
+      const double before = median_of(old["rows"][row.name][f.name]), now = f.value.median;
+      if (!(before > 0)) continue;
+      const bool worse = now / before > kSlower;
+      slower += worse;
+      lines.push_back({row.name + ", " + f.name, digits(before), digits(now),
+                       fmt::format("{:.3f}{}", now / before, worse ? " slower" : "")});
+    }
+  if (lines.size() == 1)
+    throw Error(
+        fmt::format("comparing with {}: it has no time of a row that is here, measure the "
+                    "same again",
+                    old_path));
+  print_table(lines);
+  return slower;
+}
+
+}  // namespace gflow::bench

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a bench found, as a table on the terminal, as JSON, and beside an earlier one.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/bench/measure.hpp"
+#include "apps/bench/peak.hpp"
+
+namespace gflow::bench {
+
+using Json = nlohmann::ordered_json;
+
+// One figure with its unit in its name, e.g. "wall [ms]". One that was measured once has no spread.
+struct Figure {
+  std::string name;
+  Spread value;
+  bool spread = true;
+};
+inline Figure single(std::string name, double value) {
+  return {std::move(name), {value, value, value}, false};
+}
+
+// What was measured, under a name that no other row of the report has.
+struct Row {
+  std::string name;
+  std::vector<Figure> figures;
+};
+
+class Report {
+ public:
+  // `bench` is the sub-command; facts say what was run, e.g. {"pixels", "512x512"}.
+  Report(std::string bench, const Queue& queue, const Peak& peak, Json facts);
+  void add(Row row) { rows_.push_back(std::move(row)); }
+
+  // Rows with the same figures side by side in one table, medians, and quartiles where they differ.
+  void print() const;
+  Json json() const;
+  // The ratio of medians, new by old, of every time ("[ms]", "[s]") that both have. Ratios
+  // above 1.1 are marked; how many is returned. Error when OLD is no report of this bench.
+  int compare(const std::string& old_path) const;
+
+ private:
+  Json head_;
+  std::vector<Row> rows_;
+};
+
+}  // namespace gflow::bench

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// How many pairs of a pixel and a splat there are, for `gflow bench`: the work of splat.cl, counted
+// and not done. Built with LANES 1: one work-item a pixel.
+#include "shared/pixel.h"
+
+kernel void count_pairs(const int width, const int height,
+                        global const float* restrict splats,       // [N, 16]
+                        global const uint* restrict tile_offsets,  // [tiles + 1]
+                        global const uint* restrict isect_ids,     // [M]
+                        global const ushort* restrict masks,       // [M]
+                        global uint* restrict listed,              // [H, W] splats of its tile
+                        global uint* restrict masked,              // [H, W] of those, in its cell
+                        global uint* restrict blended) {           // [H, W] of those, in its colour
+  const int x = get_global_id(0), y = get_global_id(1);
+  if (x >= width || y >= height) return;
+  const int tiles_x = (width + TILE - 1) / TILE, tile = y / TILE * tiles_x + x / TILE;
+  const int cell = y % TILE / CELL * (TILE / CELL) + x % TILE / CELL;
+  uint in_cell = 0, in_color = 0;
+  lane T = TO_LANE(1.f);
+  for (uint k = tile_offsets[tile]; k < tile_offsets[tile + 1]; ++k) {
+    if (!(masks[k] >> cell & 1)) continue;
+    ++in_cell;
+    const Splat s = splat_load(splats, isect_ids[k]);
+    const Coverage c = cover(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y, T);
+    T = c.T;
+    in_color += c.alpha > 0.f;
+  }
+  const size_t at = (size_t)y * width + x;
+  listed[at] = tile_offsets[tile + 1] - tile_offsets[tile];
+  masked[at] = in_cell;
+  blended[at] = in_color;
+}

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow bench`: what it counts is right and what it writes can be compared. No time is judged.
+#include <nlohmann/json.hpp>
+
+#include "optim/io/npz.hpp"
+#include "train/command.hpp"
+
+namespace gflow {
+namespace {
+
+using Json = nlohmann::json;
+
+std::vector<std::string> raster(const std::vector<std::string>& more) {
+  std::vector<std::string> arguments{"bench", "raster", "--repeats", "1"};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+Json read(const std::string& path) { return Json::parse(contents(path)); }
+
+TEST(Bench, RasterTellsEveryStageAndCountsTheWork) {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const Outcome outcome =
+      gflow(raster({"--pixels", "40x24", "--gaussians", "300", "--json", file}));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("40x24, 300: backward"), std::string::npos) << outcome.out;
+  const Json report = read(file);
+  EXPECT_EQ(report["bench"], "raster");
+  EXPECT_GT(report["peak_gflops"].get<double>(), 0);
+  const Json& rows = report["rows"];
+  for (const char* stage : {"motion", "project", "transport", "bin", "mask", "splat", "backward",
+                            "gather", "project back", "motion back", "Adam"})
+    EXPECT_TRUE(rows.contains(std::string("40x24, 300: ") + stage)) << stage;
+  const Json& all = rows["40x24, 300"];
+  EXPECT_GT(all["wall [ms]"]["median"].get<double>(), 0);
+  const double listed = all["listed a pixel"], masked = all["masked a pixel"];
+  const double blended = all["blended a pixel"];
+  EXPECT_GE(listed, masked);
+  EXPECT_GE(masked, blended);
+  EXPECT_NEAR(blended, 48, 10);  // what the scene is made for
+}
+
+TEST(Bench, OneSplatOverThePictureIsOnePairAPixel) {
+  const TemporaryFolder folder;
+  Arrays scene;
+  scene["means"] = {{1, 3}, std::vector<float>{0, 0, 2}};
+  scene["quats"] = {{1, 4}, std::vector<float>{1, 0, 0, 0}};
+  scene["scales"] = {{1, 3}, std::vector<float>{5, 5, 5}};
+  scene["opacities"] = {{1}, std::vector<float>{0.5f}};
+  scene["colors"] = {{1, 3}, std::vector<float>{1, 1, 1}};
+  scene["viewmat"] = {{4, 4}, std::vector<float>{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}};
+  scene["K"] = {{3, 3}, std::vector<float>{20, 0, 10, 0, 20, 6, 0, 0, 1}};
+  scene["size"] = {{2}, std::vector<int32_t>{20, 12}};
+  write_npz(folder.file("a.npz"), scene);
+  const std::string file = folder.file("a.json");
+  const Outcome outcome = gflow(raster({folder.file("a.npz"), "--no-flow", "--json", file}));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json all = read(file)["rows"][folder.file("a.npz")];
+  for (const char* pairs : {"listed a pixel", "masked a pixel", "blended a pixel"})
+    EXPECT_EQ(all[pairs], 1) << pairs;
+  EXPECT_EQ(all["intersections"], 2);  // tiles
+  const Outcome moving = gflow(raster({folder.file("a.npz")}));
+  EXPECT_EQ(moving.code, 1);
+  EXPECT_NE(moving.err.find("means_t2"), std::string::npos) << moving.err;
+}
+
+TEST(Bench, AnEarlierReportIsComparedByRatio) {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const std::vector<std::string> sizes{"--pixels", "16x16", "--gaussians", "20"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.end(), sizes.begin(), sizes.end());
+    return gflow(raster(more));
+  };
+  ASSERT_EQ(with({"--json", file}).code, 0);
+  const auto compared_with = [&](double factor) {
+    Json report = read(file);
+    for (Json& row : report["rows"])
+      for (Json& figure : row)
+        if (figure.is_object()) figure["median"] = figure["median"].get<double>() * factor;
+    const std::string old = folder.write("old.json", report.dump());
+    return with({"--compare", old});
+  };
+  EXPECT_EQ(compared_with(1e6).code, 0);
+  const Outcome slower = compared_with(1e-6);
+  EXPECT_EQ(slower.code, 3);
+  EXPECT_NE(slower.out.find("slower than in"), std::string::npos) << slower.out;
+  EXPECT_EQ(slower.err, "");
+  const Outcome none = with({"--compare", folder.write("no.json", "{\"bench\": \"step\"}")});
+  EXPECT_EQ(none.code, 1);
+  EXPECT_NE(none.err.find("no.json: it is no report of `gflow bench raster`"), std::string::npos)
+      << none.err;
+}
+
+}  // namespace
+}  // namespace gflow
