@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow eval`: figures of a finished run, again or for another split.
+// `gflow eval`: figures of a run, finished or not, again or for another split.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "apps/command_line.hpp"
+#include "apps/model_source.hpp"
 #include "apps/options.hpp"
 #include "apps/report.hpp"
 #include "optim/train/training.hpp"
@@ -35,19 +36,30 @@ void print_report(const Evaluation& evaluation) {
 void add_eval(CLI::App& app, const GlobalOptions& options) {
   struct Flags {
     std::string run, split = "test";
+    int iteration = latest_iteration;
   };
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
-      "eval", "Judge the latest model of a run; writes results.json and per_view.json");
+      "eval",
+      "Judge a model of a run, finished or not; writes results.json and per_view.json, but not "
+      "while the run is being trained");
   command->add_option("RUN", flags->run, "Run folder of `gflow train`")
       ->required()
       ->type_name("FOLDER");
   command->add_option("--split", flags->split, "Views: test, train or val")
       ->check(choice_of({"test", "train", "val"}));
+  add_iteration(*command, flags->iteration);
   command->callback([flags, &options] {
     const RunFolder run = RunFolder::open(flags->run);
     Queue queue = open_queue(options);
-    print_report(evaluate_run(queue, run, flags->split, options.quiet));
+    const RunEvaluation judged =
+        evaluate_run(queue, run, flags->split, options.quiet, flags->iteration);
+    print_state(judged.state);
+    print_report(judged.evaluation);
+    if (!judged.written) {
+      fmt::print("metrics   not written: {} is being trained\n", flags->run);
+      return;
+    }
     const std::string suffix = flags->split == "test" ? ".json" : "_" + flags->split + ".json";
     fmt::print("metrics   {}, {}\n", run.path("results" + suffix), run.path("per_view" + suffix));
   });

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "apps/command_line.hpp"
+#include "apps/model_source.hpp"
 #include "apps/options.hpp"
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/dot_splat.hpp"
@@ -27,35 +28,22 @@ namespace fs = std::filesystem;
 
 struct ExportFlags {
   std::string model, output, format = "ply", times;
-  int steps = 0;
+  int steps = 0, iteration = latest_iteration;
   double fps = 0;
 };
 
-// A model's file, and its run when it is part of one.
-struct Source {
-  std::string path;
-  std::optional<RunFolder> run;
-};
-
-Source find_source(const std::string& model) {
-  if (!fs::is_directory(model)) return {model, std::nullopt};
-  const RunFolder run = RunFolder::open(model);
-  return {run.latest_model(), run};
-}
-
 // The scene of a run, if it is still there.
-std::optional<Scene> scene_of(const Source& source) {
+std::optional<Scene> scene_of(const ModelSource& source) {
   if (!source.run) return std::nullopt;
-  const TrainConfig config = source.run->read_config();
-  if (!fs::exists(config.scene.path)) return std::nullopt;
-  return load_scene(config.scene, source.run->path("frames")).scene;
+  if (!fs::exists(source.config.scene.path)) return std::nullopt;
+  return load_scene(source.config.scene, source.run->path("frames")).scene;
 }
 
-// Times of a sequence: as asked for, else the steps of the run's scene.
+// Times of a sequence: as asked for, else (or for "all") the steps of the run's scene.
 std::vector<double> sequence_times(const ExportFlags& flags, const std::optional<Scene>& scene) {
   if (!flags.times.empty() && flags.steps > 0)
     throw Error("--times and --steps exclude each other: both say which times are written");
-  if (!flags.times.empty()) return parse_times(flags.times);
+  if (!flags.times.empty() && flags.times != "all") return parse_times(flags.times);
   if (flags.steps > 0) return parse_times(fmt::format("0:1:{}", flags.steps));
   if (scene) return step_times(*scene);
   throw Error(fmt::format("how many steps {} has is not known without its scene: {} says it",
@@ -69,6 +57,10 @@ double single_time(const ExportFlags& flags) {
                     "ply-sequence and 4dgs",
                     flags.format));
   if (flags.times.empty()) return 0.5;
+  if (flags.times == "all")
+    throw Error(fmt::format(
+        "--format {} shows one time, --times all means every step; ply-sequence shows several",
+        flags.format));
   const std::vector<double> times = parse_times(flags.times);
   if (times.size() > 1)
     throw Error(
@@ -106,18 +98,18 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
 
 // Where a viewer may begin: the cameras of the run, else those beside the file, else some around
 // it.
-std::vector<Camera> viewer_cameras(const Source& source, const HostModel& model) {
+std::vector<Camera> viewer_cameras(const ModelSource& source) {
   const fs::path beside = source.run ? fs::path(source.run->path("cameras.json"))
                                      : fs::path(source.path).replace_filename("cameras.json");
   if (fs::exists(beside)) return read_cameras_json(beside.string(), 1);
   std::vector<Camera> cameras;
-  for (const RenderView& view : orbit_views(model, parse_times("0:1:8"), "-y"))
+  for (const RenderView& view : orbit_views(source.model, parse_times("0:1:8"), "-y"))
     cameras.push_back(view.camera);
   return cameras;
 }
 
 void require_no_times(const ExportFlags& flags) {
-  if (!flags.times.empty() || flags.steps > 0)
+  if ((!flags.times.empty() && flags.times != "all") || flags.steps > 0)
     throw Error(fmt::format("--format {} holds all times; --times and --steps are for the others",
                             flags.format));
 }
@@ -148,15 +140,16 @@ std::vector<std::array<double, 3>> eyes_of(const std::vector<Camera>& cameras) {
   return eyes;
 }
 
-void export_four_dgs(const ExportFlags& flags, const Source& source, const GlobalOptions& options) {
-  if (!flags.times.empty())
+void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
+                     const GlobalOptions& options) {
+  if (!flags.times.empty() && flags.times != "all")
     throw Error("--format 4dgs holds all times; --steps says how often its paths are looked at");
   const std::optional<Scene> scene = scene_of(source);
   PieceRule rule;
   rule.steps = int(sequence_times(flags, scene).size());
   if (scene) rule.fps = scene->fps;
   if (flags.fps > 0) rule.fps = flags.fps;
-  const HostModel host = read_model(source.path);
+  const HostModel& host = source.model;
   Queue queue = open_queue(options);
   Model model(queue, host);
   InterruptGuard guard;
@@ -166,7 +159,7 @@ void export_four_dgs(const ExportFlags& flags, const Source& source, const Globa
     if (interrupted()) throw Interrupted("interrupted, nothing was written");
   });
   progress.finish();
-  const std::vector<Camera> cameras = viewer_cameras(source, host);
+  const std::vector<Camera> cameras = viewer_cameras(source);
   pieces.viewpoint = viewpoint_of(cameras[0], host);
   pieces.eyes = eyes_of(cameras);
   write_four_dgs(flags.output, pieces);
@@ -174,13 +167,13 @@ void export_four_dgs(const ExportFlags& flags, const Source& source, const Globa
              host.count, pieces.splats.size(), pieces.duration);
 }
 
-void run_export(const ExportFlags& flags, const GlobalOptions& options) {
-  const Source source = find_source(flags.model);
+void export_model(const ExportFlags& flags, const ModelSource& source,
+                  const GlobalOptions& options) {
+  const HostModel& host = source.model;
   const bool sequence = flags.format == "ply-sequence";
   if (flags.format == "splatv") {
     require_no_times(flags);
-    const HostModel host = read_model(source.path);
-    write_splatv(flags.output, host, viewer_cameras(source, host));
+    write_splatv(flags.output, host, viewer_cameras(source));
     fmt::print("written   {}, {} Gaussians\n", flags.output, host.count);
     return;
   }
@@ -192,7 +185,6 @@ void run_export(const ExportFlags& flags, const GlobalOptions& options) {
   } else {
     times = {single_time(flags)};
   }
-  const HostModel host = read_model(source.path);
   Queue queue = open_queue(options);
   Model model(queue, host);
   if (sequence) return export_sequence(queue, model, times, flags.output, options.quiet);
@@ -201,6 +193,12 @@ void run_export(const ExportFlags& flags, const GlobalOptions& options) {
   if (flags.format == "splat") write_dot_splat(flags.output, table);
   fmt::print("written   {}, {} of {} Gaussians, at time {}\n", flags.output, table.rows, host.count,
              times[0]);
+}
+
+void run_export(const ExportFlags& flags, const GlobalOptions& options) {
+  const ModelSource source = model_source(flags.model, flags.iteration);
+  export_model(flags, source, options);
+  print_state(source.state);
 }
 
 }  // namespace
@@ -225,7 +223,8 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option("--times", flags->times,
                    "ply, splat: the time, 0 to 1; empty: 0.5. ply-sequence: 0:1:40 (40 times from "
-                   "0 to 1) or a list 0,0.5,1")
+                   "0 to 1), a list 0,0.5,1 or all, which is what it does without --times: the "
+                   "steps of the run's scene")
       ->type_name("TIMES");
   command
       ->add_option("--steps", flags->steps,
@@ -235,6 +234,7 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
       ->add_option("--fps", flags->fps,
                    "4dgs: steps a second; 0: as the run's scene has them, else 24")
       ->check(number_in(0, 1000));
+  add_iteration(*command, flags->iteration);
   command->callback([flags, &options] { run_export(*flags, options); });
 }
 

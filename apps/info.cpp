@@ -11,11 +11,11 @@
 #include <set>
 
 #include "apps/command_line.hpp"
+#include "apps/model_source.hpp"
 #include "apps/options.hpp"
 #include "optim/data/video.hpp"
 #include "optim/io/four_dgs.hpp"
 #include "optim/io/splat_table.hpp"
-#include "optim/train/run_folder.hpp"
 #include "optim/train/views.hpp"
 
 namespace gflow {
@@ -97,15 +97,13 @@ Json info_of_four_dgs(const std::string& path) {
           {"window_seconds", range_of(shown)}};
 }
 
-Json info_of_model(const std::string& path) {
-  const SplatFormat format = splat_format(path);
-  if (format == SplatFormat::four_dgs) return info_of_four_dgs(path);
-  const HostModel model = read_model(path);
+// format: of the file at path, which holds the model.
+Json info_of_model(const HostModel& model, const std::string& path, const std::string& format) {
   const bool still = stands_still(model);
   size_t floats = 0;
   for (const auto& group : model.groups) floats += group.second.size();
   Json info{{"file", path},
-            {"format", names_of(format)[size_t(format)]},
+            {"format", format},
             {"size_bytes", fs::file_size(path)},
             {"gaussians", model.count},
             {"sh_degree", model.shape.sh_degree},
@@ -122,15 +120,23 @@ Json info_of_model(const std::string& path) {
   return info;
 }
 
-Json info_of_run(const std::string& path) {
+Json info_of_splats(const std::string& path) {
+  const SplatFormat format = splat_format(path);
+  if (format == SplatFormat::four_dgs) return info_of_four_dgs(path);
+  return info_of_model(read_model(path), path, names_of(format)[size_t(format)]);
+}
+
+Json info_of_run(const std::string& path, int iteration) {
   const RunFolder run = RunFolder::open(path);
-  const RunFacts facts = run.read_facts();
+  const RunState state = read_run_state(run, iteration);
   Json info{{"run", path},
-            {"scene", run.read_config().scene.path},
-            {"iterations", facts.iterations},
-            {"train_seconds", facts.train_seconds},
-            {"device", facts.device}};
-  info.update(info_of_model(run.latest_model()));
+            {"scene", state.config.scene.path},
+            {"state", state.text()},
+            {"iterations", state.iteration},
+            {"iterations_there", iterations_of(run)}};
+  if (std::isfinite(state.facts.train_seconds)) info["train_seconds"] = state.facts.train_seconds;
+  if (!state.facts.device.empty()) info["device"] = state.facts.device;
+  info.update(info_of_model(state.model, state.path, state.checkpoint ? "checkpoint" : "ply"));
   return info;
 }
 
@@ -161,17 +167,17 @@ Json info_of_file(const std::string& path) {
     try {
       video_info(path);
     } catch (const Error&) {
-      return info_of_model(path);  // says what it reads
+      return info_of_splats(path);  // says what it reads
     }
     return info_of_scene(path);
   }
-  return info_of_model(path);
+  return info_of_splats(path);
 }
 
-Json info_of(const std::string& path) {
-  if (!fs::is_directory(path)) return info_of_file(path);
-  if (fs::exists(fs::path(path) / "config.toml")) return info_of_run(path);
-  return info_of_scene(path);
+Json info_of(const std::string& path, int iteration) {
+  if (fs::is_directory(path) && RunFolder::is_run(path)) return info_of_run(path, iteration);
+  require_no_iteration(iteration, path);
+  return fs::is_directory(path) ? info_of_scene(path) : info_of_file(path);
 }
 
 std::string text_of(const Json& value) {
@@ -215,6 +221,7 @@ void print_info(const Json& info) {
 void add_info(CLI::App& app, const GlobalOptions&) {
   struct Flags {
     std::string path;
+    int iteration = latest_iteration;
     bool json = false;
   };
   auto flags = std::make_shared<Flags>();
@@ -222,9 +229,10 @@ void add_info(CLI::App& app, const GlobalOptions&) {
   command->add_option("PATH", flags->path, "Splat file, run folder or scene folder")
       ->required()
       ->type_name("PATH");
+  add_iteration(*command, flags->iteration);
   command->add_flag("--json", flags->json, "As JSON");
   command->callback([flags] {
-    const Json info = info_of(flags->path);
+    const Json info = info_of(flags->path, flags->iteration);
     if (flags->json)
       fmt::print("{}\n", info.dump(1));
     else

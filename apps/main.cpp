@@ -14,6 +14,7 @@
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "apps/signals.hpp"
+#include "optim/data/decoder_log.hpp"
 #include "optim/train/interrupt.hpp"
 
 namespace {
@@ -79,6 +80,9 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   gflow::set_signals();
+#ifdef GFLOW_WITH_OPENCV
+  gflow::silence_decoders();
+#endif
   try {
     const int code = run(argc, argv);
     if (std::fflush(stdout) == 0) return code;

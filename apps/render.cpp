@@ -11,6 +11,7 @@
 #include <set>
 
 #include "apps/command_line.hpp"
+#include "apps/model_source.hpp"
 #include "apps/options.hpp"
 #include "optim/data/cameras_json.hpp"
 #include "optim/train/interrupt.hpp"
@@ -25,16 +26,13 @@ namespace fs = std::filesystem;
 
 struct RenderFlags {
   std::string model, output, split, camera, times, scene, background, up = "-y";
-  int resolution = 0;
+  int resolution = 0, iteration = latest_iteration;
   double fps = 0;
   bool no_compare = false;
 };
 
 // The model, what its run says about it, and the scene when there is one.
-struct Source {
-  std::string model_path;
-  std::optional<RunFolder> run;
-  TrainConfig config;
+struct Source : ModelSource {
   std::optional<LoadedScene> loaded;
 };
 
@@ -47,18 +45,15 @@ std::string found_above(const std::string& model, const std::string& name) {
 }
 
 Source find_source(const RenderFlags& flags) {
-  Source source;
-  if (fs::is_directory(flags.model)) {
-    source.run = RunFolder::open(flags.model);
-    source.model_path = source.run->latest_model();
-  } else if (fs::is_regular_file(flags.model)) {
-    source.model_path = flags.model;
-    const std::string config = found_above(flags.model, "config.toml");
-    if (!config.empty()) source.run = RunFolder::open(fs::path(config).parent_path().string());
-  } else {
+  if (!fs::is_directory(flags.model) && !fs::is_regular_file(flags.model))
     throw Error("there is no run folder and no splat file " + flags.model);
+  Source source{model_source(flags.model, flags.iteration), {}};
+  const std::string config = found_above(source.path, "config.toml");
+  if (!source.run && !config.empty()) {
+    source.run = RunFolder::open(fs::path(config).parent_path().string());
+    source.config = source.run->read_config();
   }
-  if (source.run) source.config = source.run->read_config();
+  const int own_resolution = source.config.scene.resolution;
   if (flags.background == "white") source.config.scene.background = Background::white;
   if (flags.background == "black") source.config.scene.background = Background::black;
   if (flags.resolution > 0) source.config.scene.resolution = flags.resolution;
@@ -71,8 +66,7 @@ Source find_source(const RenderFlags& flags) {
                             flags.split, flags.model));
   if (wanted || (!path.empty() && fs::exists(path))) {
     // Frames of videos that training unpacked are used again.
-    const bool unpacked =
-        source.run && source.config.scene.resolution == source.run->read_config().scene.resolution;
+    const bool unpacked = source.run && source.config.scene.resolution == own_resolution;
     source.loaded = load_scene(source.config.scene, unpacked ? source.run->path("frames") : "");
   }
   return source;
@@ -101,9 +95,8 @@ std::vector<Camera> cameras_of(const std::vector<Frame>& frames,
   return used;
 }
 
-std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& source,
-                                     const HostModel& model) {
-  const bool still = stands_still(model);
+std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& source) {
+  const bool still = stands_still(source.model);
   if (source.loaded) {
     const Scene& scene = source.loaded->scene;
     const std::vector<Camera>& cameras = source.loaded->frames->cameras();
@@ -115,7 +108,7 @@ std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& sou
     if (flags.times.empty()) return split_views(scene, frames, cameras, split);
     return camera_views(cameras_of(frames, cameras), times_wanted(flags, &scene, still), &scene);
   }
-  const std::string json = found_above(source.model_path, "cameras.json");
+  const std::string json = found_above(source.path, "cameras.json");
   if (!json.empty())
     return camera_views(
         cameras_wanted(flags, read_cameras_json(json, source.config.scene.resolution)),
@@ -124,9 +117,9 @@ std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& sou
     throw Error(
         fmt::format("camera {} is not known: there is no cameras.json beside {}, and no "
                     "scene (--scene)",
-                    flags.camera, source.model_path));
+                    flags.camera, source.path));
   const std::string times = flags.times.empty() ? "0:1:40" : flags.times;
-  return orbit_views(model, parse_times(times), flags.up);
+  return orbit_views(source.model, parse_times(times), flags.up);
 }
 
 // views: what was drawn; still: whether nothing in the model moves.
@@ -155,9 +148,8 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   if (!flags.split.empty() && !flags.camera.empty())
     throw Error("--split and --camera exclude each other: a camera is shown at all of its times");
   const Source source = find_source(flags);
-  const HostModel host = read_model(source.model_path);
-  std::vector<RenderView> views = views_wanted(flags, source, host);
-  const bool still = stands_still(host);
+  std::vector<RenderView> views = views_wanted(flags, source);
+  const bool still = stands_still(source.model);
   if (still)
     for (RenderView& view : views) view.time_t2 = -1;
 
@@ -171,7 +163,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   render.compare = !flags.no_compare;
 
   Queue queue = open_queue(options);
-  Model model(queue, host);
+  Model model(queue, source.model);
   InterruptGuard guard;
   Progress progress("render", long(views.size()), options.quiet);
   const RenderReport report = render_views(
@@ -183,6 +175,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
                                         total, flags.output));
       });
   progress.finish();
+  print_state(source.state);
   print_written(report, views, still, flags.output);
 }
 
@@ -235,6 +228,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
           "-y or -z, written --up=-y")
       ->check(choice_of({"x", "y", "z", "-x", "-y", "-z"}))
       ->type_name("AXIS");
+  add_iteration(*command, flags->iteration);
   command->add_flag("--no-compare", flags->no_compare,
                     "No pictures beside the scene's own, where it has them");
   command->callback([flags, &options] { run_render(*flags, options); });

@@ -18,6 +18,7 @@ struct TrainFlags {
   std::string scene, run, config_file, init, cameras;
   std::vector<std::string> settings;
   int iterations = 0, resolution = 1;
+  int save_every = 0;
   int64_t seed = 0;
   bool profile = false;
   bool resume = false, overwrite = false;
@@ -37,8 +38,7 @@ void print_timings(Queue& queue) {
 
 TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
   TrainConfig config;
-  const RunFolder run(flags.run);
-  if (flags.resume && std::filesystem::exists(run.path("config.toml"))) config = run.read_config();
+  if (flags.resume && RunFolder::is_run(flags.run)) config = RunFolder(flags.run).read_config();
   if (!flags.config_file.empty()) apply_file(config, flags.config_file);
   for (const std::string& setting : flags.settings) apply_setting(config, setting);
   if (!flags.scene.empty())
@@ -62,6 +62,7 @@ TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
     config.scene.cameras = std::filesystem::absolute(flags.cameras).lexically_normal().string();
   if (command.count("--iterations")) config.train.iterations = flags.iterations;
   if (command.count("--resolution")) config.scene.resolution = flags.resolution;
+  if (command.count("--save-every")) config.train.save_every = flags.save_every;
   if (command.count("--seed")) config.train.seed = flags.seed;
   check(config);
   return config;
@@ -80,7 +81,7 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
                                           : flags.overwrite ? Start::overwrite
                                                             : Start::anew);
   print_report(evaluation);
-  fmt::print("model     {}\n", run.latest_model());
+  fmt::print("model     {}\n", run.model_path(run.read_facts().iterations));
   if (!evaluation.views.empty())
     fmt::print("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
   if (flags.profile) print_timings(queue);
@@ -131,6 +132,11 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->default_str(std::to_string(defaults.scene.resolution));
   command->add_option("--seed", flags->seed, "Of every random choice (train.seed)")
       ->default_str(std::to_string(defaults.train.seed));
+  command
+      ->add_option("--save-every", flags->save_every,
+                   "Write a point cloud after every so many steps, too (train.save_every); 0: only "
+                   "the last")
+      ->default_str(std::to_string(defaults.train.save_every));
   command->add_flag("--resume", flags->resume,
                     "Go on with the run in the output folder from its last checkpoint, with its "
                     "settings; starts it where there is none");

@@ -7,6 +7,12 @@
 
 namespace gflow {
 
+// Groups for the highest degree, 0 to 3.
+inline std::vector<GroupSpec> color_groups(int highest) {
+  return {{"sh0", 3, Quantity::color},
+          {"sh_rest", size_t(3 * ((highest + 1) * (highest + 1) - 1)), Quantity::color_rest}};
+}
+
 class Color {
  public:
   // highest: degree that the parameters have room for, 0 to 3.
@@ -15,10 +21,6 @@ class Color {
         program_(queue, "sh.cl"),
         sh_fwd_(program_, "sh_fwd"),
         sh_bwd_(program_, "sh_bwd") {}
-
-  std::vector<GroupSpec> groups() const {
-    return {{"sh0", 3, Quantity::color}, {"sh_rest", size_t(3 * stride_), Quantity::color_rest}};
-  }
 
   // colors [N, 3] with the bands up to `degree`, of what is seen; the others are undefined.
   void forward(Queue& queue, const Parameters& p, int degree, const PinholeCamera& camera,

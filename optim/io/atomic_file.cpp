@@ -16,6 +16,7 @@
 #include <memory>
 #include <regex>
 
+#include "optim/io/unfinished_file.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -39,7 +40,7 @@ class Descriptor {
 // Removes the temporary unless the rename made it the real file.
 class Temporary {
  public:
-  explicit Temporary(std::string path) : path_(std::move(path)) {}
+  explicit Temporary(std::string path) : path_(std::move(path)), unfinished_(path_) {}
   Temporary(const Temporary&) = delete;
   Temporary& operator=(const Temporary&) = delete;
   ~Temporary() {
@@ -54,6 +55,7 @@ class Temporary {
 
  private:
   std::string path_;
+  UnfinishedFile unfinished_;
   bool renamed_ = false;
 };
 

@@ -9,8 +9,6 @@
 #include <cerrno>
 #include <cstring>
 
-#include "runtime/error.hpp"
-
 namespace gflow {
 namespace {
 
@@ -29,7 +27,7 @@ FileLock::FileLock(const std::string& path, const std::string& what)
   if (::flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
     const std::string who = holder(file_);
     ::close(file_);
-    throw Error(
+    throw FileIsLocked(
         fmt::format("{} is being written by {}: wait for it or choose another folder", what, who));
   }
   // Who holds it is only said, so that a full disk is no reason to stop.

@@ -3,13 +3,20 @@
 #pragma once
 #include <string>
 
+#include "runtime/error.hpp"
+
 namespace gflow {
+
+// Another process, or another FileLock of this one, has the lock.
+struct FileIsLocked : Error {
+  using Error::Error;
+};
 
 class FileLock {
  public:
   // Locks the file, which is made where it is missing and stays behind: what counts is the lock of
-  // the system, not that the file is there. Error, with the number of the process, when another
-  // process or another FileLock has it; `what` is the folder or file it stands for. On a file
+  // the system, not that the file is there. FileIsLocked, with the number of the process, when
+  // another one has it; `what` is the folder or file it stands for. On a file
   // system without locks nothing is locked.
   FileLock(const std::string& path, const std::string& what);
   ~FileLock();

@@ -62,7 +62,7 @@ Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name) {
 
 }  // namespace
 
-Arrays read_npz(const std::string& path) {
+Arrays read_npz(const std::string& path, const std::string& only) {
   const Archive archive = open_archive(path, ZIP_RDONLY, "read");
   Arrays arrays;
   const zip_int64_t n = zip_get_num_entries(archive.get(), 0);
@@ -73,6 +73,7 @@ Arrays read_npz(const std::string& path) {
         name.compare(name.size() - suffix_length, suffix_length, suffix) != 0)
       throw Error(fmt::format("cannot read {}: its entry '{}' is not a .npy array", path, name));
     name.resize(name.size() - suffix_length);
+    if (!only.empty() && name != only) continue;
     const std::string where = fmt::format("'{}' of {}", name, path);
     const Bytes bytes = entry_bytes(archive.get(), i, where);
     arrays.emplace(name, parse_npy(bytes.data(), bytes.size(), where));

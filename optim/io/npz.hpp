@@ -15,8 +15,8 @@ namespace gflow {
 using Arrays = std::map<std::string, Array>;
 
 // All arrays of an archive by name (without ".npy"). Error when it is missing, damaged, or when an
-// entry is no array that gflow reads.
-Arrays read_npz(const std::string& path);
+// entry is no array that gflow reads. `only`: the others are not read.
+Arrays read_npz(const std::string& path, const std::string& only = "");
 
 // Deflating trained parameters and their moments saves a third of the space and takes thirty times
 // as long.

@@ -76,10 +76,9 @@ BasesMotion::BasesMotion(Queue& queue, const MotionShape& shape)
                             MAX_BASES, shape.keys, shape.bases));
 }
 
-std::vector<GroupSpec> BasesMotion::groups() const {
+std::vector<GroupSpec> bases_groups(int bases) {
   std::vector<GroupSpec> groups = still_groups();
-  groups.push_back(
-      {"basis_logits", size_t(shape_.bases), Quantity::weight, 0, true, true, kLeastLogit});
+  groups.push_back({"basis_logits", size_t(bases), Quantity::weight, 0, true, true, kLeastLogit});
   return groups;
 }
 

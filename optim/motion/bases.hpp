@@ -10,6 +10,8 @@
 
 namespace gflow {
 
+// The arrays with a row a Gaussian, and the others.
+std::vector<GroupSpec> bases_groups(int bases);
 std::vector<TableSpec> bases_tables(int keys, int bases);
 
 // Sets "pivots" and "basis_logits" of Gaussians at rest: pivots far apart from each other among
@@ -20,7 +22,7 @@ class BasesMotion : public Motion {
  public:
   // Error for less than one key or basis, or too many bases.
   BasesMotion(Queue& queue, const MotionShape& shape);
-  std::vector<GroupSpec> groups() const override;
+  std::vector<GroupSpec> groups() const override { return bases_groups(shape_.bases); }
   std::vector<TableSpec> tables() const override { return bases_tables(shape_.keys, shape_.bases); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians) override;

@@ -23,8 +23,6 @@ KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
   if (shape.keys < 1) throw Error("a keyframes model needs at least one key");
 }
 
-std::vector<GroupSpec> KeyframesMotion::groups() const { return still_groups(); }
-
 void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
                          GaussiansAt& gaussians) {
   gaussians.ensure(queue, p.count);

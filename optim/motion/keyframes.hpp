@@ -18,7 +18,7 @@ std::vector<TableSpec> keyframes_tables(const MotionShape& shape);
 class KeyframesMotion : public Motion {
  public:
   KeyframesMotion(Queue& queue, const MotionShape& shape);
-  std::vector<GroupSpec> groups() const override;
+  std::vector<GroupSpec> groups() const override { return still_groups(); }
   std::vector<TableSpec> tables() const override { return keyframes_tables(shape_); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians) override;

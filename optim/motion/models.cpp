@@ -71,6 +71,21 @@ std::vector<MotionColumns> motion_columns(const MotionShape& shape) {
   return {};
 }
 
+std::vector<GroupSpec> motion_groups(const MotionShape& shape) {
+  switch (shape.motion) {
+    case MotionModelKind::spacetime:
+      return spacetime_groups();
+    case MotionModelKind::native4d:
+      return native4d_groups();
+    case MotionModelKind::bases:
+      return bases_groups(shape.bases);
+    case MotionModelKind::keyframes:
+    case MotionModelKind::hexplane:
+      return still_groups();
+  }
+  return {};
+}
+
 std::vector<TableSpec> motion_tables(const MotionShape& shape) {
   if (shape.motion == MotionModelKind::keyframes) return keyframes_tables(shape);
   if (shape.motion == MotionModelKind::bases) return bases_tables(shape.keys, shape.bases);

@@ -66,7 +66,9 @@ struct MotionColumns {
 };
 std::vector<MotionColumns> motion_columns(const MotionShape& shape);
 
-// Its tables with other rows.
+// Its arrays with a row a Gaussian, and its tables with other rows: Motion::groups and tables
+// without a device.
+std::vector<GroupSpec> motion_groups(const MotionShape& shape);
 std::vector<TableSpec> motion_tables(const MotionShape& shape);
 
 // Fills all of those for `count` Gaussians that stand still, turned as "quats" says. `seed`: of

@@ -11,7 +11,7 @@ Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
       native4d_split_(program_, "native4d_split"),
       native4d_pace_(program_, "native4d_pace") {}
 
-std::vector<GroupSpec> Native4dMotion::groups() const {
+std::vector<GroupSpec> native4d_groups() {
   return {{"means", 3},
           {"means_t", 1, Quantity::time, 0, true},
           {"quats", 4, Quantity::rotation},

@@ -7,11 +7,14 @@
 
 namespace gflow {
 
+// The arrays with a row a Gaussian.
+std::vector<GroupSpec> native4d_groups();
+
 class Native4dMotion : public Motion {
  public:
   // cutoff: temporal weight, in [0, 1), at or below which a Gaussian is skipped.
   Native4dMotion(Queue& queue, float cutoff);
-  std::vector<GroupSpec> groups() const override;
+  std::vector<GroupSpec> groups() const override { return native4d_groups(); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,

@@ -1,10 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/motion/parameters_state.hpp"
 
+#include <algorithm>
+
 namespace gflow {
 namespace {
 
 constexpr const char* moving_name = "gaussians/moving";
+
+// What stands before the names of a table's arrays; 0: that of the Gaussians.
+std::string table_name(size_t table) {
+  return table == 0 ? "gaussians/" : fmt::format("table{}/", table);
+}
 
 // Calls visit(name, buffer, shape) for every buffer that is kept; parameters are const or not.
 template <class P, class Visit>
@@ -12,7 +19,7 @@ void for_each_buffer(P& parameters, Visit&& visit) {
   const auto tables = parameters.tables();
   for (size_t t = 0; t < tables.size(); ++t) {
     auto& table = *tables[t];
-    const std::string name = t == 0 ? "gaussians/" : fmt::format("table{}/", t);
+    const std::string name = table_name(t);
     for (size_t g = 0; g < table.groups.size(); ++g) {
       auto& group = table.groups[g];
       const std::string values = name + table.specs[g].name;
@@ -29,6 +36,13 @@ void for_each_buffer(P& parameters, Visit&& visit) {
   }
 }
 
+size_t count_of(const Arrays& arrays, const std::string& path) {
+  return array_named(arrays, table_name(0) + "rows/steps", path).size();
+}
+size_t moving_of(const Arrays& arrays, const std::string& path) {
+  return exact_values<uint32_t>(arrays, moving_name, {1}, path)[0];
+}
+
 }  // namespace
 
 void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays) {
@@ -41,8 +55,7 @@ void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays) {
 
 void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
                 const std::string& path) {
-  const size_t count = array_named(arrays, "gaussians/rows/steps", path).size();
-  const size_t moving = exact_values<uint32_t>(arrays, moving_name, {1}, path)[0];
+  const size_t count = count_of(arrays, path), moving = moving_of(arrays, path);
   Parameters loaded(queue, count, parameters.specs, parameters.more_specs, moving);
   for_each_buffer(
       loaded, [&](const std::string& name, auto& buffer, const std::vector<size_t>& shape) {
@@ -50,6 +63,22 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
         buffer.write(queue, exact_values<typename Values::value_type>(arrays, name, shape, path));
       });
   parameters = std::move(loaded);
+}
+
+StateValues state_values(const Arrays& arrays, const std::vector<GroupSpec>& specs,
+                         const std::vector<TableSpec>& more_specs, const std::string& path) {
+  StateValues values;
+  values.count = count_of(arrays, path);
+  values.moving = std::min(moving_of(arrays, path), values.count);
+  const auto take = [&](size_t table, const GroupSpec& spec, size_t rows) {
+    values.groups[spec.name] =
+        exact_values<float>(arrays, table_name(table) + spec.name, {rows, spec.width}, path);
+  };
+  for (const GroupSpec& spec : specs) take(0, spec, spec.moving ? values.moving : values.count);
+  for (size_t t = 0; t < more_specs.size(); ++t)
+    for (const GroupSpec& spec : more_specs[t].groups)
+      take(t + 1, spec, more_specs[t].count(values.moving));
+  return values;
 }
 
 }  // namespace gflow

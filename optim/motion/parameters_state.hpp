@@ -2,7 +2,7 @@
 // What a checkpoint keeps of parameters: everything that a later training step reads.
 #pragma once
 #include "optim/io/npz.hpp"
-#include "optim/motion/parameters.hpp"
+#include "optim/motion/models.hpp"
 
 namespace gflow {
 
@@ -17,5 +17,14 @@ void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays);
 // messages.
 void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
                 const std::string& path);
+
+// The values alone, by group, read without a device: in groups of what moves, the rows of those
+// that do, which are the first `moving` of all. Error as load_state.
+struct StateValues {
+  size_t count = 0, moving = 0;
+  HostGroups groups;
+};
+StateValues state_values(const Arrays& arrays, const std::vector<GroupSpec>& specs,
+                         const std::vector<TableSpec>& more_specs, const std::string& path);
 
 }  // namespace gflow

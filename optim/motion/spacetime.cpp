@@ -11,7 +11,7 @@ SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
       spacetime_split_(program_, "spacetime_split"),
       spacetime_pace_(program_, "spacetime_pace") {}
 
-std::vector<GroupSpec> SpacetimeMotion::groups() const {
+std::vector<GroupSpec> spacetime_groups() {
   return {{"means", 3},
           {"means_t", 1, Quantity::time, 0, true},
           {"velocities", 3, Quantity::position, 1, true, true},

@@ -12,11 +12,14 @@
 
 namespace gflow {
 
+// The arrays with a row a Gaussian.
+std::vector<GroupSpec> spacetime_groups();
+
 class SpacetimeMotion : public Motion {
  public:
   // cutoff: temporal weight, in [0, 1), at or below which a Gaussian is skipped.
   SpacetimeMotion(Queue& queue, float cutoff);
-  std::vector<GroupSpec> groups() const override;
+  std::vector<GroupSpec> groups() const override { return spacetime_groups(); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,

@@ -28,14 +28,24 @@ Json json_of(const Checkpoint& checkpoint) {
           {"program", facts.program}, {"arrays", shapes}};
 }
 
-// Facts from their JSON; checks that the arrays are all there.
-CheckpointFacts facts_of(const Json& json, const Arrays& arrays, const std::string& path) {
+// The JSON text among the arrays. Error when there is none of this format.
+Json facts_json(const Arrays& arrays, const std::string& path) {
+  const auto found = arrays.find(kFacts);
+  const auto* text =
+      found == arrays.end() ? nullptr : std::get_if<std::vector<uint8_t>>(&found->second.values);
+  if (!text) throw Error(path + " is no checkpoint: it does not say what it holds ('facts')");
+  const Json json = Json::parse(text->begin(), text->end());
   const int format = json.at("format");
   if (format != kFormat)
     throw Error(
         fmt::format("{} has checkpoint format {} and this gflow reads format {}: go on with the "
                     "gflow that wrote it, or train anew without --resume",
                     path, format, kFormat));
+  return json;
+}
+
+// Error unless the arrays, facts aside, are those that the facts list.
+void require_arrays(const Json& json, const Arrays& arrays, const std::string& path) {
   const Json& shapes = json.at("arrays");
   for (const auto& [name, shape] : shapes.items())
     if (array_named(arrays, name, path).shape != shape.get<std::vector<size_t>>())
@@ -44,6 +54,9 @@ CheckpointFacts facts_of(const Json& json, const Arrays& arrays, const std::stri
   if (shapes.size() != arrays.size())
     throw Error(fmt::format("{} is damaged: it has {} arrays and was written with {}", path,
                             arrays.size(), shapes.size()));
+}
+
+CheckpointFacts facts_of(const Json& json) {
   CheckpointFacts facts;
   facts.step = json.at("step");
   facts.seconds = json.at("seconds");
@@ -67,19 +80,23 @@ void write_checkpoint(const std::string& path, const Checkpoint& checkpoint) {
 Checkpoint read_checkpoint(const std::string& path) {
   Checkpoint checkpoint;
   checkpoint.arrays = read_npz(path);
-  const auto found = checkpoint.arrays.find(kFacts);
-  const auto* text = found == checkpoint.arrays.end()
-                         ? nullptr
-                         : std::get_if<std::vector<uint8_t>>(&found->second.values);
-  if (!text) throw Error(path + " is no checkpoint: it does not say what it holds ('facts')");
   try {
-    const Json json = Json::parse(text->begin(), text->end());
-    checkpoint.arrays.erase(found);
-    checkpoint.facts = facts_of(json, checkpoint.arrays, path);
+    const Json json = facts_json(checkpoint.arrays, path);
+    checkpoint.arrays.erase(kFacts);
+    require_arrays(json, checkpoint.arrays, path);
+    checkpoint.facts = facts_of(json);
   } catch (const Json::exception& problem) {
     throw Error(fmt::format("{} is no checkpoint: {}", path, problem.what()));
   }
   return checkpoint;
+}
+
+CheckpointFacts read_checkpoint_facts(const std::string& path) {
+  try {
+    return facts_of(facts_json(read_npz(path, kFacts), path));
+  } catch (const Json::exception& problem) {
+    throw Error(fmt::format("{} is no checkpoint: {}", path, problem.what()));
+  }
 }
 
 std::string crc32_text(const void* bytes, size_t length) {
@@ -106,8 +123,8 @@ std::string CheckpointFolder::path(int step) const {
 
 std::vector<int> CheckpointFolder::steps() const {
   std::vector<int> steps;
-  if (!fs::is_directory(folder_)) return steps;
-  for (const auto& entry : fs::directory_iterator(folder_)) {
+  std::error_code none;  // a training may remove the folder meanwhile
+  for (const auto& entry : fs::directory_iterator(folder_, none)) {
     int step = -1;
     const std::string name = entry.path().filename().string();
     if (std::sscanf(name.c_str(), "iteration_%d", &step) == 1 && entry.path() == path(step))

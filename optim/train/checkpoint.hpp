@@ -33,6 +33,9 @@ void write_checkpoint(const std::string& path, const Checkpoint& checkpoint);
 // Error with the reason when it is no checkpoint, damaged, or of another format.
 Checkpoint read_checkpoint(const std::string& path);
 
+// The facts alone, of whatever arrays, without reading those. Error as read_checkpoint.
+CheckpointFacts read_checkpoint_facts(const std::string& path);
+
 // CRC-32 of some bytes as eight hexadecimal digits.
 std::string crc32_text(const void* bytes, size_t length);
 // What `facts` say of this device and this program.
@@ -56,11 +59,12 @@ class CheckpointFolder {
   // The last one that can be read, none when the folder has no checkpoints; warns of those that
   // cannot. Error when there are some and none can be read.
   std::optional<Found> latest() const;
+  // Steps of the files, falling.
+  std::vector<int> steps() const;
   // Removes all.
   void clear() const;
 
  private:
-  std::vector<int> steps() const;  // of the files, falling
   std::string folder_;
 };
 

@@ -150,6 +150,7 @@ struct ScheduleConfig {
   float minutes = 0;
   int log_every = 100;
   int checkpoint_every = 1000;
+  int save_every = 0;
   std::string device;
 
   template <class Self, class Field>
@@ -174,6 +175,10 @@ struct ScheduleConfig {
         "steps between two checkpoints, from which --resume goes on; 0: only when training ends or "
         "is interrupted",
         at_least(0));
+    field("save_every", self.save_every,
+          "steps between two point clouds, point_cloud/iteration_N; 0: only when training ends or "
+          "is interrupted",
+          at_least(0));
     field("device", self.device,
           "OpenCL device by index or part of its name; empty: GFLOW_DEVICE, then any");
   }

@@ -1,23 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
-// A signal handler may touch nothing but a lock-free flag and call little but write, hence the one
-// variable of this file.
+// A signal handler may touch nothing but lock-free variables and call little but write, hence the
+// two of this file.
 #include "optim/train/interrupt.hpp"
 
 #include <unistd.h>
 
 #include <atomic>
+#include <cstring>
+
+#include "optim/io/unfinished_file.hpp"
 
 namespace gflow {
 namespace {
 
 std::atomic<int> signal_that_came{0};
+constexpr char kNoSentence[] = "gflow: interrupted\n";
+std::atomic<const char*> line_at_stop{kNoSentence};
 static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait for a lock");
 
-void on_signal(int signal) {
-  if (!signal_that_came.exchange(signal)) return;
-  constexpr char sentence[] = "gflow: interrupted twice and stopped at once\n";
-  if (::write(STDERR_FILENO, sentence, sizeof sentence - 1) < 0) _exit(exit_code_of(signal));
+[[noreturn]] void end_with(const char* line, int signal) {
+  remove_unfinished_files();
+  if (::write(STDERR_FILENO, line, std::strlen(line)) < 0) _exit(exit_code_of(signal));
   _exit(exit_code_of(signal));
+}
+
+void on_signal(int signal) {
+  if (signal_that_came.exchange(signal))
+    end_with("gflow: interrupted twice and stopped at once\n", signal);
 }
 
 }  // namespace
@@ -40,6 +49,17 @@ InterruptGuard::InterruptGuard() {
 InterruptGuard::~InterruptGuard() {
   for (const auto& [signal, former] : former_) sigaction(signal, &former, nullptr);
 }
+
+void stop_at_once(int signal) { end_with(line_at_stop, signal); }
+
+void StopSentence::say(const std::string& sentence) {
+  // On a terminal a progress line may stand there: it goes.
+  const char* erase = ::isatty(STDERR_FILENO) ? "\r\x1b[K" : "";
+  lines_.push_back(erase + ("gflow: " + sentence) + "\n");
+  line_at_stop = lines_.back().c_str();
+}
+
+StopSentence::~StopSentence() { line_at_stop = kNoSentence; }
 
 bool interrupted() { return signal_that_came != 0; }
 

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C and its relatives: the first signal only raises a flag, so that the step in progress is
-// finished and what is there is written; the second one ends the program at once.
+// Ctrl-C and its relatives. Where there is something to save, under an InterruptGuard, the first
+// signal only raises a flag, so that the step in progress is finished and what is there is written;
+// the second one ends the program at once. Everywhere else the first one does.
 #pragma once
 #include <csignal>
+#include <list>
 #include <map>
+#include <string>
 
 #include "runtime/error.hpp"
 
@@ -29,6 +32,25 @@ class InterruptGuard {
 
 // Whether a signal came since the guard was built. Cheap: ask once a step.
 bool interrupted();
+
+// Ends the program: one sentence on stderr, no file left half-written, exit code 128 + signal.
+// Calls nothing but what POSIX allows in a signal handler, and is meant to be one.
+[[noreturn]] void stop_at_once(int signal);
+
+// What stop_at_once() says while this lives: what was being done, and what comes of it. One at a
+// time.
+class StopSentence {
+ public:
+  explicit StopSentence(const std::string& sentence) { say(sentence); }
+  ~StopSentence();
+  StopSentence(const StopSentence&) = delete;
+  StopSentence& operator=(const StopSentence&) = delete;
+  // From now on another one.
+  void say(const std::string& sentence);
+
+ private:
+  std::list<std::string> lines_;  // all of them: a handler may be reading one
+};
 
 // Exit code of a program that this signal interrupted, as shells have it: 130 for Ctrl-C (SIGINT),
 // 143 for SIGTERM, 129 for SIGHUP.

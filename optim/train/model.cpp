@@ -7,15 +7,16 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "optim/io/npz.hpp"
 #include "optim/io/splat_table.hpp"
+#include "optim/motion/parameters_state.hpp"
 
 namespace gflow {
 namespace {
 
-std::vector<GroupSpec> all_groups(const Motion& motion, const Color& color) {
-  std::vector<GroupSpec> specs = motion.groups();
-  for (const GroupSpec& spec : color.groups()) specs.push_back(spec);
+// The arrays with a row a Gaussian.
+std::vector<GroupSpec> all_groups(const ModelShape& shape) {
+  std::vector<GroupSpec> specs = motion_groups(shape);
+  for (const GroupSpec& spec : color_groups(shape.sh_degree)) specs.push_back(spec);
   return specs;
 }
 
@@ -119,6 +120,22 @@ std::vector<float> for_all(const std::vector<float>& values, size_t blocks, size
   return all;
 }
 
+// The model of such values, of which `moving` of `count` Gaussians have rows for their motion.
+HostModel model_of_values(const ModelShape& shape, size_t count, size_t moving, HostGroups values) {
+  HostModel host{shape, count, std::move(values)};
+  if (moving == count) return host;
+  const auto widen = [&](const GroupSpec& spec, size_t blocks) {
+    std::vector<float>& rows = host.groups[spec.name];
+    rows = for_all(rows, blocks, moving, count, spec, host.groups);
+  };
+  for (const GroupSpec& spec : all_groups(shape))
+    if (spec.moving) widen(spec, 1);
+  for (const TableSpec& table : motion_tables(shape))
+    if (table.keys)
+      for (const GroupSpec& spec : table.groups) widen(spec, table.keys);
+  return host;
+}
+
 }  // namespace
 
 std::string tables_path(const std::string& path) {
@@ -129,7 +146,7 @@ Model::Model(Queue& queue, const ModelShape& shape, size_t count)
     : shape(shape),
       motion(make_motion(queue, shape)),
       color(queue, shape.sh_degree),
-      parameters(queue, count, all_groups(*motion, color), motion->tables()) {}
+      parameters(queue, count, all_groups(shape), motion_tables(shape)) {}
 
 Model::Model(Queue& queue, const HostModel& host) : Model(queue, host.shape, host.count) {
   for (Table* table : parameters.tables())
@@ -145,24 +162,16 @@ Model::Model(Queue& queue, const HostModel& host) : Model(queue, host.shape, hos
 }
 
 HostModel Model::read(Queue& queue) const {
-  HostModel host;
-  host.shape = shape;
-  host.count = parameters.count;
+  HostGroups values;
   for (const Table* table : parameters.tables())
     for (size_t g = 0; g < table->specs.size(); ++g)
-      host.groups[table->specs[g].name] = table->groups[g].values.read(queue);
-  const Parameters& p = parameters;
-  if (p.moving == p.count) return host;
-  const auto widen = [&](const GroupSpec& spec, size_t blocks) {
-    std::vector<float>& values = host.groups[spec.name];
-    values = for_all(values, blocks, p.moving, p.count, spec, host.groups);
-  };
-  for (const GroupSpec& spec : p.specs)
-    if (spec.moving) widen(spec, 1);
-  for (const TableSpec& table : p.more_specs)
-    if (table.keys)
-      for (const GroupSpec& spec : table.groups) widen(spec, table.keys);
-  return host;
+      values[table->specs[g].name] = table->groups[g].values.read(queue);
+  return model_of_values(shape, parameters.count, parameters.moving, std::move(values));
+}
+
+HostModel model_of_state(const ModelShape& shape, const Arrays& arrays, const std::string& path) {
+  StateValues kept = state_values(arrays, all_groups(shape), motion_tables(shape), path);
+  return model_of_values(shape, kept.count, kept.moving, std::move(kept.groups));
 }
 
 void write_model(const std::string& path, const HostModel& model) {

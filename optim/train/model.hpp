@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "optim/engine/color.hpp"
+#include "optim/io/npz.hpp"
 #include "optim/motion/models.hpp"
 
 namespace gflow {
@@ -39,6 +40,10 @@ class Model {
   Color color;
   Parameters parameters;
 };
+
+// The model that a checkpoint's arrays (Trainer::state) hold, read without a device. shape: that of
+// the training's models. Error that names the array when one is missing or has another shape.
+HostModel model_of_state(const ModelShape& shape, const Arrays& arrays, const std::string& path);
 
 // Standard 3DGS properties (x y z, nx ny nz, f_dc_*, f_rest_*, opacity, scale_*, rot_*) and for the
 // motion t, scale_t, and rot_r_0..3 (native4d) or motion_0..5, omega_0..3 (spacetime; names and

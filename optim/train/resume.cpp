@@ -36,8 +36,8 @@ void require_same_training(const CheckpointFolder::Found& found, const TrainConf
   apply_text(former, facts.config, "the settings in " + found.path);
   const auto before = setting_values(former);
   auto now = setting_values(config);
-  for (const char* free :
-       {"scene.path", "train.minutes", "train.log_every", "train.checkpoint_every", "train.device"})
+  for (const char* free : {"scene.path", "train.minutes", "train.log_every",
+                           "train.checkpoint_every", "train.save_every", "train.device"})
     now.erase(free);
   for (const auto& [name, value] : now)
     if (value != before.at(name))
@@ -86,14 +86,14 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
 }
 
 void require_nothing_to_resume(const RunFolder& run) {
-  namespace fs = std::filesystem;
-  if (fs::exists(run.path("results.json"))) return;  // it ended
   int step = 0, all = 0;
   try {
     const auto found = run.checkpoints().latest();
     if (!found) return;
     step = found->checkpoint.facts.step;
     all = run.read_config().train.iterations;
+    const RunFacts facts = run.read_facts();
+    if (facts.finished && facts.iterations == step) return;  // by train.minutes
   } catch (const Error&) {
     return;  // nothing that could be gone on from
   }

@@ -14,6 +14,7 @@
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/train/views.hpp"
+#include "optim/train/warning.hpp"
 
 namespace gflow {
 namespace {
@@ -64,6 +65,23 @@ bool holds_something(const std::string& folder) {
   return false;
 }
 
+// Sets `config` to the settings of the last checkpoint that can be read, whose path is returned;
+// leaves it as it is and returns "" when there is none.
+std::string last_settings(const CheckpointFolder& checkpoints, TrainConfig& config) {
+  for (const int step : checkpoints.steps()) {
+    const std::string path = checkpoints.path(step);
+    try {
+      TrainConfig kept;
+      apply_text(kept, read_checkpoint_facts(path).config, "the settings in " + path);
+      check(kept);
+      config = kept;
+      return path;
+    } catch (const Error&) {  // who needs the checkpoint itself is told
+    }
+  }
+  return "";
+}
+
 }  // namespace
 
 void RunFolder::make() const {
@@ -86,8 +104,21 @@ RunFolder RunFolder::create(const std::string& path) {
 
 FileLock RunFolder::lock() const { return FileLock(path(kLock), folder_); }
 
+std::unique_ptr<FileLock> RunFolder::lock_if_free() const {
+  try {
+    return std::make_unique<FileLock>(path(kLock), folder_);
+  } catch (const FileIsLocked&) {
+    return nullptr;
+  }
+}
+
+bool RunFolder::is_run(const std::string& path) {
+  const RunFolder run(path);
+  return fs::exists(run.path("config.toml")) || !run.checkpoints().steps().empty();
+}
+
 RunFolder RunFolder::open(const std::string& path) {
-  if (!fs::exists(fs::path(path) / "config.toml"))
+  if (!is_run(path))
     throw Error(
         fmt::format("{} is no run folder: it has no config.toml, which `gflow train -o {}`"
                     " writes",
@@ -99,24 +130,28 @@ std::string RunFolder::model_path(int iteration) const {
   return path(fmt::format("point_cloud/iteration_{}/point_cloud.ply", iteration));
 }
 
-std::string RunFolder::latest_model() const {
-  int latest = -1;
-  const fs::path models = path("point_cloud");
-  if (fs::is_directory(models))
-    for (const auto& entry : fs::directory_iterator(models)) {
-      const std::string name = entry.path().filename().string();
-      int iteration = -1, length = 0;
-      if (std::sscanf(name.c_str(), "iteration_%d%n", &iteration, &length) == 1 &&
-          size_t(length) == name.size() && fs::exists(entry.path() / "point_cloud.ply"))
-        latest = std::max(latest, iteration);
-    }
-  if (latest < 0)
-    throw Error("run folder " + folder_ + " has no model yet (point_cloud/iteration_N)");
-  return model_path(latest);
+std::vector<int> RunFolder::models() const {
+  std::vector<int> iterations;
+  std::error_code none;  // a training may remove the folder meanwhile
+  for (const auto& entry : fs::directory_iterator(path("point_cloud"), none)) {
+    const std::string name = entry.path().filename().string();
+    int iteration = -1, length = 0;
+    if (std::sscanf(name.c_str(), "iteration_%d%n", &iteration, &length) == 1 &&
+        size_t(length) == name.size() && fs::exists(entry.path() / "point_cloud.ply"))
+      iterations.push_back(iteration);
+  }
+  std::sort(iterations.rbegin(), iterations.rend());
+  return iterations;
 }
 
 void RunFolder::forget_model(int iteration) const {
   fs::remove_all(fs::path(model_path(iteration)).parent_path());
+}
+
+void RunFolder::forget_training() const {
+  checkpoints().clear();
+  fs::remove_all(path("point_cloud"));
+  fs::remove(path("training.json"));
 }
 
 void RunFolder::forget_results() const {
@@ -148,10 +183,18 @@ void RunFolder::write_config(const TrainConfig& config) const {
 }
 
 TrainConfig RunFolder::read_config() const {
-  TrainConfig config;
-  apply_file(config, path("config.toml"));
-  check(config);
-  return config;
+  TrainConfig kept;
+  const std::string checkpoint = last_settings(checkpoints(), kept);
+  try {
+    TrainConfig config = kept;
+    apply_file(config, path("config.toml"));
+    check(config);
+    return config;
+  } catch (const Error& problem) {
+    if (checkpoint.empty()) throw;
+    warn(fmt::format("{}; the settings kept in {} are used", problem.what(), checkpoint));
+    return kept;
+  }
 }
 
 void RunFolder::write_cameras(const Scene& scene) const {
@@ -218,8 +261,8 @@ void RunFolder::write_results(const Evaluation& evaluation, const std::string& s
   const Json results{{split, test},
                      {"num_gaussians", gaussians},
                      {"iterations", facts.iterations},
-                     {"train_seconds", facts.train_seconds},
-                     {"peak_memory_mib", facts.peak_memory_mib},
+                     {"train_seconds", number(facts.train_seconds)},
+                     {"peak_memory_mib", number(facts.peak_memory_mib)},
                      {"device", facts.device},
                      {"motion", facts.motion},
                      {"resolution", config.scene.resolution},
@@ -233,7 +276,8 @@ void RunFolder::write_facts(const RunFacts& facts) const {
                  {"train_seconds", facts.train_seconds},
                  {"peak_memory_mib", facts.peak_memory_mib},
                  {"device", facts.device},
-                 {"motion", facts.motion}};
+                 {"motion", facts.motion},
+                 {"finished", facts.finished}};
   write_text(path("training.json"), run.dump(1) + "\n");
 }
 
@@ -248,6 +292,7 @@ RunFacts RunFolder::read_facts() const {
     facts.peak_memory_mib = run.value("peak_memory_mib", 0.0);
     facts.device = run.value("device", "");
     facts.motion = run.value("motion", "");
+    facts.finished = run.value("finished", false);
   } catch (const Json::exception&) {
     throw Error("reading " + path("training.json") +
                 ": it is not the JSON that `gflow train` writes; delete it to go on");

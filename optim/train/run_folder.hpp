@@ -3,6 +3,7 @@
 // under point_cloud/iteration_N, checkpoints, results.json and per_view.json. Each file appears
 // complete or not at all.
 #pragma once
+#include <memory>
 #include <string>
 
 #include "optim/io/file_lock.hpp"
@@ -14,18 +15,21 @@ namespace gflow {
 
 // Facts about a run that results.json names beside the figures.
 struct RunFacts {
-  int iterations = 0;
+  int iterations = 0;  // steps made
   double train_seconds = 0;
   double peak_memory_mib = 0;  // of the process that trained it, or the last one that went on
   std::string device;
-  std::string motion;  // name of the motion model
+  std::string motion;     // name of the motion model
+  bool finished = false;  // it came to its end: was not interrupted
 };
 
 class RunFolder {
  public:
   // A folder that need not exist yet.
   explicit RunFolder(std::string folder) : folder_(std::move(folder)) {}
-  // An existing run. Error when it has no config.toml.
+  // Whether there is a run: a config.toml, or a checkpoint, which holds one.
+  static bool is_run(const std::string& path);
+  // An existing run. Error when there is none.
   static RunFolder open(const std::string& path);
 
   // Creates it; Error when it cannot be made, or when it holds something and no training made it.
@@ -33,15 +37,21 @@ class RunFolder {
   static RunFolder create(const std::string& path);  // both
   // While the result lives no other process writes this folder. Error when one does already.
   FileLock lock() const;
+  // The same, but null when one does already.
+  std::unique_ptr<FileLock> lock_if_free() const;
 
   std::string path(const std::string& name) const { return folder_ + "/" + name; }
   const std::string& folder() const { return folder_; }
   CheckpointFolder checkpoints() const { return CheckpointFolder(path("checkpoints")); }
   std::string model_path(int iteration) const;
-  // The model of the latest iteration. Error when there is none.
-  std::string latest_model() const;
+  // Iterations that there is a point_cloud/iteration_N of, falling. Which model of a run is shown:
+  // optim/train/run_state.hpp.
+  std::vector<int> models() const;
   // Removes the model of an iteration, if there is one.
   void forget_model(int iteration) const;
+  // Removes all that an earlier training is gone on from or shown by: checkpoints, models,
+  // training.json.
+  void forget_training() const;
   // Removes results.json, per_view.json, compare.png and test/: they are about to be untrue.
   void forget_results() const;
   // Removes what a killed process had begun to write.
@@ -50,6 +60,8 @@ class RunFolder {
   void forget_stale_caches(const std::string& stamp) const;
 
   void write_config(const TrainConfig& config) const;
+  // config.toml, and what it does not say from the last checkpoint; that alone, with a warning,
+  // where config.toml is missing or damaged. Error when there is neither.
   TrainConfig read_config() const;
   void write_cameras(const Scene& scene) const;
   // One line of metrics.jsonl, and the same figures in metrics.csv.
@@ -57,6 +69,7 @@ class RunFolder {
   // Removes the lines of this iteration and later ones.
   void keep_metrics_before(int iteration) const;
   // results.json and per_view.json for the test views, results_SPLIT.json and so on for others.
+  // Facts that are not known (NaN) become null.
   void write_results(const Evaluation& evaluation, const std::string& split, const RunFacts& facts,
                      const TrainConfig& config, size_t gaussians) const;
   // Of the last training, for an evaluation made later; zeros when there was none.

@@ -13,6 +13,7 @@
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
 #include "optim/train/resume.hpp"
+#include "optim/train/warning.hpp"
 #include "runtime/usage.hpp"
 
 namespace gflow {
@@ -32,12 +33,9 @@ class Stopwatch {
   Clock::time_point start_ = Clock::now();
 };
 
-// Passes counts on to a progress line and stops the work on Ctrl-C; `kept` says what comes of it.
-ProgressCallback counted(Progress& progress, const std::string& doing, const std::string& kept) {
-  return [&progress, doing, kept](size_t done, size_t) {
-    progress.update(long(done));
-    if (interrupted()) throw Interrupted("interrupted while " + doing + "; " + kept);
-  };
+// Passes counts on to a progress line.
+ProgressCallback counted(Progress& progress) {
+  return [&progress](size_t done, size_t) { progress.update(long(done)); };
 }
 
 // Neighbours in time no further apart than max_gap steps: flow over more is a guess.
@@ -80,8 +78,8 @@ FlowStore computed_flows(const LoadedScene& loaded, const std::vector<FlowPair>&
     return pair.next >= 0 && !leads_back(loaded.scene, pair);
   });
   Progress progress("flow ", long(forward), quiet || forward == 0);
-  FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, run.path("flow"), 0,
-                                    counted(progress, "computing optical flow", how_to_go_on(run)));
+  FlowStore flows =
+      estimated_flows(loaded.scene, pairs, *loaded.frames, run.path("flow"), 0, counted(progress));
   progress.finish();
   return flows;
 }
@@ -102,9 +100,19 @@ void save_model(Queue& queue, const Model& model, const RunFolder& run, int iter
   const std::string path = run.model_path(iteration);
   std::filesystem::create_directories(std::filesystem::path(path).parent_path());
   write_model(path, model.read(queue));
-  const int previous = run.read_facts().iterations;  // of an earlier training into this folder
-  if (previous != iteration) run.forget_model(previous);
 }
+
+// A model on the way; that it does not fit on the disk is no reason to stop.
+void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int iteration) {
+  try {
+    save_model(queue, model, run, iteration);
+  } catch (const Error& problem) {
+    warn(fmt::format("no point cloud of step {}: {}; training goes on", iteration, problem.what()));
+  }
+}
+
+// Whether the n-th step is the last of a round of `every`; 0: there are none.
+bool ends_round(int n, int every) { return every > 0 && n % every == 0; }
 
 // Everything that cached flow and video frames depend on: pictures and masks by path, size and time
 // of change, which picture follows which, and what is undone of the lens.
@@ -133,15 +141,14 @@ std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
   return stamp;
 }
 
-// The views, and the paths in space where the scene has true ones; `kept`: as in counted().
-// What is drawn goes into the folder `pictures` unless that is empty.
+// The views, and the paths in space where the scene has true ones. What is drawn goes into the
+// folder `pictures` unless that is empty.
 Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
-                 const std::vector<Frame>& frames, bool quiet, const std::string& kept,
-                 const std::string& pictures) {
+                 const std::vector<Frame>& frames, bool quiet, const std::string& pictures) {
   if (!pictures.empty()) std::filesystem::create_directories(pictures);
   Progress progress("eval ", long(frames.size()), quiet);
-  Evaluation evaluation = evaluate(queue, model, config, *loaded.frames, frames,
-                                   counted(progress, "evaluating", kept), pictures);
+  Evaluation evaluation =
+      evaluate(queue, model, config, *loaded.frames, frames, counted(progress), pictures);
   progress.finish();
   if (!loaded.scene.tracks_path.empty())
     evaluation.tracks = track_error(queue, model, read_tracks(loaded.scene.tracks_path));
@@ -149,17 +156,23 @@ Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const Lo
 }
 
 // The training loop from step number `step`; returns the number of steps made, earlier ones
-// included.
+// included. Sets `guard` after the first one, in which kernels may be compiled for long: before it
+// there is nothing to save.
 int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, Trainer& trainer,
-                int step, const Stopwatch& watch, Checkpointer& checkpoints, bool quiet) {
+                const Model& model, int step, const Stopwatch& watch, Checkpointer& checkpoints,
+                std::optional<InterruptGuard>& guard, bool quiet) {
   const ScheduleConfig& plan = config.train;
   Progress progress("train", plan.iterations, quiet, step);
   StepFigures figures;
   const auto time_is_over = [&] {
     return plan.minutes > 0 && watch.seconds() > 60 * double(plan.minutes);
   };
-  for (; step < plan.iterations && !interrupted() && !time_is_over(); ++step) {
+  for (; step < plan.iterations && !(guard && interrupted()) && !time_is_over(); ++step) {
     trainer.step(queue, step);
+    if (!guard) {
+      queue.finish();
+      guard.emplace();
+    }
     const std::string notice = trainer.take_notice();
     if (!notice.empty()) progress.say("gflow: " + notice);
     if (step % plan.log_every == 0 || step + 1 == plan.iterations) {
@@ -168,8 +181,9 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
     }
     progress.update(step + 1, terms_of(figures));
     const int done = step + 1;
-    if (plan.checkpoint_every > 0 && done % plan.checkpoint_every == 0 && done < plan.iterations)
-      checkpoints.try_write(done, watch.seconds());
+    if (done == plan.iterations) continue;
+    if (ends_round(done, plan.save_every)) try_save_model(queue, model, run, done);
+    if (ends_round(done, plan.checkpoint_every)) checkpoints.try_write(done, watch.seconds());
   }
   queue.finish();
   progress.finish();
@@ -229,7 +243,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
                      Start start) {
   check(config);
   require_init_file(config);
-  InterruptGuard guard;
+  StopSentence stop("interrupted while reading the scene; nothing was lost");
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const Scene& scene = loaded.scene;
   if (scene.train.empty()) throw Error("scene " + scene.name + " has no training views");
@@ -247,12 +261,15 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   for (const Frame& frame : scene.test) loaded.frames->rgb(frame);  // broken ones are named now
 
   // Nothing is wrong with what goes in: from here on the former run is replaced.
-  if (start != Start::resume) run.checkpoints().clear();
+  stop.say("interrupted while preparing the training; " + how_to_go_on(run));
+  if (start != Start::resume) run.forget_training();
   run.forget_results();
   run.write_config(config);
   run.write_cameras(scene);
+  if (!at_hand) stop.say("interrupted while computing optical flow; " + how_to_go_on(run));
   FlowStore flows = at_hand ? std::move(*at_hand) : computed_flows(loaded, pairs, run, quiet);
 
+  stop.say("interrupted before the first training step; " + how_to_go_on(run));
   std::vector<Watcher> watchers;
   if (config.init.dynamic > 0 || config.train.focus > 0)
     watchers = watchers_of(scene, *loaded.frames);
@@ -283,38 +300,52 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   }
   Checkpointer checkpoints(queue, config, scene, run, trainer);
   const Stopwatch watch(former.seconds);
-  const int steps =
-      train_steps(queue, config, run, trainer, former.step, watch, checkpoints, quiet);
-  const RunFacts facts{steps, watch.seconds(), peak_memory_mib(), queue.info.full_name(),
-                       name_of(model.shape.motion)};
+  std::optional<InterruptGuard> guard;
+  const int steps = train_steps(queue, config, run, trainer, model, former.step, watch, checkpoints,
+                                guard, quiet);
+  if (!guard) guard.emplace();
+  const RunFacts facts{steps,
+                       watch.seconds(),
+                       peak_memory_mib(),
+                       queue.info.full_name(),
+                       name_of(model.shape.motion),
+                       !interrupted()};
+  const int stopped = run.read_facts().iterations;  // where it was gone on from
   save_model(queue, model, run, steps);
+  if (stopped != steps && !ends_round(stopped, config.train.save_every)) run.forget_model(stopped);
   run.write_facts(facts);
   checkpoints.write(steps, facts.train_seconds);
+  stop.say(
+      fmt::format("interrupted while evaluating; the model is in {}, `gflow eval {}` judges it",
+                  run.model_path(steps), run.folder()));
+  guard.reset();
   if (interrupted())
     throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}, {}", steps,
                                   config.train.iterations, run.model_path(steps),
                                   how_to_go_on(run)));
   if (scene.test.empty()) return {};
   const Evaluation evaluation =
-      judge(queue, model, config, loaded, scene.test, quiet, how_to_go_on(run), run.path("test"));
+      judge(queue, model, config, loaded, scene.test, quiet, run.path("test"));
   run.write_results(evaluation, "test", facts, config, model.parameters.count);
   write_comparison(queue, model, config, loaded, run);
   return evaluation;
 }
 
-Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet) {
-  InterruptGuard guard;
-  const FileLock lock = run.lock();
-  const TrainConfig config = run.read_config();
+RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,
+                           int iteration) {
+  const StopSentence stop("interrupted while evaluating; nothing was lost");
+  const auto lock = run.lock_if_free();
+  const RunState state = read_run_state(run, iteration);
+  const TrainConfig& config = state.config;
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
-  Model model(queue, read_model(run.latest_model()));
-  const Evaluation evaluation = judge(queue, model, config, loaded, frames, quiet,
-                                      "nothing was lost", split == "test" ? run.path("test") : "");
-  const RunFacts facts = run.read_facts();
-  run.write_results(evaluation, split, facts, config, model.parameters.count);
-  if (split == "test") write_comparison(queue, model, config, loaded, run);
-  return evaluation;
+  Model model(queue, state.model);
+  const bool drawn = lock && split == "test";
+  const Evaluation evaluation =
+      judge(queue, model, config, loaded, frames, quiet, drawn ? run.path("test") : "");
+  if (lock) run.write_results(evaluation, split, state.facts, config, model.parameters.count);
+  if (drawn) write_comparison(queue, model, config, loaded, run);
+  return {evaluation, state.text(), lock != nullptr};
 }
 
 }  // namespace gflow

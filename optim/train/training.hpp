@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "optim/train/run_folder.hpp"
+#include "optim/train/run_state.hpp"
 
 namespace gflow {
 
@@ -22,16 +22,23 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
 enum class Start { anew, overwrite, resume };
 
 // Trains config.scene.path into `run`, writing as it goes; evaluates on the test views at the end.
-// On Ctrl-C the step is finished, checkpoint and model written, and Interrupted thrown. A training
-// that was stopped, in whichever way, and resumed gives the bits of one that was not. Error when
-// another process writes the folder, and when there is a checkpoint and settings or scene are not
-// its own.
+// On Ctrl-C the step is finished, checkpoint and model written, and Interrupted thrown; before the
+// first step and while it evaluates, a signal does what it does elsewhere (StopSentence). A
+// training that was stopped, in whichever way, and resumed gives the bits of one that was not.
+// Error when another process writes the folder, and when there is a checkpoint and settings or
+// scene are not its own.
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
                      Start start = Start::anew);
 
-// Evaluates the latest model of a run on its scene's test views (or "train", "val") and writes
-// results.json and per_view.json.
-Evaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet);
+// Of a model of a run, on its scene's test views (or "train", "val").
+struct RunEvaluation {
+  Evaluation evaluation;
+  std::string state;  // RunState::text of the model
+  bool written;       // results.json and per_view.json; not beside a training that will write them
+};
+// iteration: as for read_run_state.
+RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,
+                           int iteration = latest_iteration);
 
 // The frames of a split; Error when it has none.
 const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split);

@@ -114,7 +114,7 @@ TEST(Sh, DeviceColoursAndGradientsAreTheDoubleOnes) {
   gaussians.opacities.fill(queue, 1.f);
   const Buffer<cl_uint> tiles_touched(queue, touched, "tiles_touched");
   for (int degree = 0; degree <= 3; ++degree) {
-    Parameters parameters(queue, N, color.groups());
+    Parameters parameters(queue, N, color_groups(3));
     for (const char* name : {"sh0", "sh_rest"})
       parameters[name].values.write(queue, to_float(p[name]));
     Buffer<float> colors;

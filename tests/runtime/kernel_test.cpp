@@ -8,7 +8,7 @@
 
 #include "device.hpp"
 #include "environment.hpp"
-#include "temporary_folder.hpp"
+#include "io/temporary_folder.hpp"
 
 struct TestPair {
   cl_int a;
@@ -41,11 +41,11 @@ using AllTypes = Kernel<cl_uint, cl_float, cl_int, cl_ulong, TestPair, In<cl_uch
 
 struct Fixture {
   explicit Fixture(const QueueOptions& options = {}) : queue(find_device(), options) {
-    std::ofstream(folder.path / "test.cl") << text;
+    folder.write("test.cl", text);
   }
   Program program() { return Program(queue, "test.cl"); }
   TemporaryFolder folder;
-  Environment kernels{"GFLOW_KERNEL_DIR", folder.path.string()};
+  Environment kernels{"GFLOW_KERNEL_DIR", folder.path()};
   Environment cache{"GFLOW_CACHE_DIR", ""};
   Queue queue;
 };

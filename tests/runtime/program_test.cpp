@@ -9,8 +9,8 @@
 
 #include "device.hpp"
 #include "environment.hpp"
+#include "io/temporary_folder.hpp"
 #include "runtime/kernel.hpp"
-#include "temporary_folder.hpp"
 
 namespace gflow {
 namespace {
@@ -19,20 +19,17 @@ namespace fs = std::filesystem;
 
 // A folder of kernel files, read instead of the embedded ones, and an empty program cache.
 struct KernelFolder {
-  void write(const std::string& file, const std::string& text) const {
-    fs::create_directories((folder.path / file).parent_path());
-    std::ofstream(folder.path / file) << text;
-  }
+  void write(const std::string& file, const std::string& text) const { folder.write(file, text); }
   std::vector<fs::path> cached() const {
     std::vector<fs::path> files;
     if (fs::exists(cache_path()))
       for (const auto& entry : fs::directory_iterator(cache_path())) files.push_back(entry.path());
     return files;
   }
-  fs::path cache_path() const { return folder.path / "cache" / "deep"; }
+  fs::path cache_path() const { return fs::path(folder.path()) / "cache" / "deep"; }
 
   TemporaryFolder folder;
-  Environment kernels{"GFLOW_KERNEL_DIR", folder.path.string()};
+  Environment kernels{"GFLOW_KERNEL_DIR", folder.path()};
   Environment cache{"GFLOW_CACHE_DIR", cache_path().string()};
 };
 
@@ -134,7 +131,7 @@ TEST(ProgramCache, UnsoundFilesAreReplacedSilently) {
 TEST(ProgramCache, AFolderThatCannotBeWrittenIsNoError) {
   const KernelFolder folder;
   folder.write("value.cl", value_kernel);
-  const Environment cache("GFLOW_CACHE_DIR", (folder.folder.path / "value.cl" / "x").string());
+  const Environment cache("GFLOW_CACHE_DIR", folder.folder.path() + "/value.cl/x");
   Queue queue = test_queue();
   EXPECT_EQ(run_value(queue, Program(queue, "value.cl", {{"VALUE", 5}})), 5u);
 }

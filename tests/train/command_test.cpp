@@ -439,7 +439,7 @@ TEST_F(CommandTest, CtrlCDuringTrainingLeavesTheModelOfTheStepsMade) {
   const Outcome outcome = command.wait();
   EXPECT_EQ(outcome.code, 130) << outcome.err;
   EXPECT_NE(outcome.err.find("interrupted after"), std::string::npos) << outcome.err;
-  const std::string model = RunFolder::open(out).latest_model();
+  const std::string model = read_run_state(RunFolder::open(out)).path;
   EXPECT_GT(read_model(model).count, 0u);
   EXPECT_NE(outcome.err.find(model), std::string::npos) << outcome.err;
   EXPECT_FALSE(fs::exists(out + "/results.json"));

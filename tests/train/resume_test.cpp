@@ -45,9 +45,13 @@ class Resume : public testing::Test {
     command.send(signal);
     return command.wait();
   }
+  static std::string latest_model(const std::string& name) {
+    const RunFolder folder(run(name));
+    return folder.model_path(folder.models().at(0));
+  }
   // What a run leaves but for times.
   static std::vector<std::string> left_in(const std::string& name) {
-    std::vector<std::string> left{contents(RunFolder(run(name)).latest_model()),
+    std::vector<std::string> left{contents(latest_model(name)),
                                   contents(run(name) + "/per_view.json")};
     std::ifstream metrics(run(name) + "/metrics.jsonl");
     for (std::string line; std::getline(metrics, line);) {
@@ -226,7 +230,7 @@ TEST_F(Resume, AFullDiskStopsNoTraining) {
   EXPECT_NE(outcome.err.find("warning: no checkpoint of step 200"), std::string::npos)
       << outcome.err;
   EXPECT_NE(outcome.err.find("iteration_240.npz: "), std::string::npos) << outcome.err;
-  EXPECT_EQ(RunFolder(run("run")).latest_model(), RunFolder(run("run")).model_path(240));
+  EXPECT_EQ(latest_model("run"), RunFolder(run("run")).model_path(240));
 }
 
 }  // namespace

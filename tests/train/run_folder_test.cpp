@@ -92,7 +92,7 @@ TEST(RunFolder, ConfigurationComesBack) {
   EXPECT_EQ(to_toml(run.read_config()), to_toml(config));
 }
 
-TEST(RunFolder, LatestModelIsThatOfTheHighestIterationNotOfTheLastName) {
+TEST(RunFolder, ModelsAreInTheOrderOfTheirIterationsNotOfTheirNames) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
   for (const int iteration : {3, 900, 10000}) {
@@ -102,13 +102,12 @@ TEST(RunFolder, LatestModelIsThatOfTheHighestIterationNotOfTheLastName) {
   }
   std::filesystem::create_directories(run.path("point_cloud/iteration_20000"));  // without a model
   std::filesystem::create_directories(run.path("point_cloud/other"));
-  EXPECT_EQ(run.latest_model(), run.model_path(10000));
+  EXPECT_EQ(run.models(), (std::vector<int>{10000, 900, 3}));
 }
 
-TEST(RunFolder, SaysWhenThereIsNoModel) {
+TEST(RunFolder, MayHaveNoModelYet) {
   const TemporaryFolder folder;
-  const RunFolder run = RunFolder::create(folder.path());
-  expect_error([&] { run.latest_model(); }, {folder.path(), "no model"});
+  EXPECT_TRUE(RunFolder::create(folder.path()).models().empty());
 }
 
 TEST(RunFolder, ForgetsModelsOfAnEarlierTraining) {
@@ -121,7 +120,7 @@ TEST(RunFolder, ForgetsModelsOfAnEarlierTraining) {
   }
   run.forget_model(200);
   run.forget_model(300);  // there is none
-  EXPECT_EQ(run.latest_model(), run.model_path(100));
+  EXPECT_EQ(run.models(), std::vector<int>{100});
   EXPECT_EQ(folder.count(), 1u);
 }
 
