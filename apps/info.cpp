@@ -97,14 +97,15 @@ Json info_of_four_dgs(const std::string& path) {
           {"window_seconds", range_of(shown)}};
 }
 
-// format: of the file at path, which holds the model.
-Json info_of_model(const HostModel& model, const std::string& path, const std::string& format) {
+// The file at `path`, of `format` and so many bytes, holds the model.
+Json info_of_model(const HostModel& model, const std::string& path, const std::string& format,
+                   uintmax_t bytes) {
   const bool still = stands_still(model);
   size_t floats = 0;
   for (const auto& group : model.groups) floats += group.second.size();
   Json info{{"file", path},
             {"format", format},
-            {"size_bytes", fs::file_size(path)},
+            {"size_bytes", bytes},
             {"gaussians", model.count},
             {"sh_degree", model.shape.sh_degree},
             {"motion", still ? "none" : name_of(model.shape.motion)},
@@ -123,7 +124,8 @@ Json info_of_model(const HostModel& model, const std::string& path, const std::s
 Json info_of_splats(const std::string& path) {
   const SplatFormat format = splat_format(path);
   if (format == SplatFormat::four_dgs) return info_of_four_dgs(path);
-  return info_of_model(read_model(path), path, names_of(format)[size_t(format)]);
+  return info_of_model(read_model(path), path, names_of(format)[size_t(format)],
+                       fs::file_size(path));
 }
 
 Json info_of_run(const std::string& path, int iteration) {
@@ -136,7 +138,8 @@ Json info_of_run(const std::string& path, int iteration) {
             {"iterations_there", iterations_of(run)}};
   if (std::isfinite(state.facts.train_seconds)) info["train_seconds"] = state.facts.train_seconds;
   if (!state.facts.device.empty()) info["device"] = state.facts.device;
-  info.update(info_of_model(state.model, state.path, state.checkpoint ? "checkpoint" : "ply"));
+  info.update(
+      info_of_model(state.model, state.path, state.checkpoint ? "checkpoint" : "ply", state.bytes));
   return info;
 }
 

@@ -58,6 +58,8 @@ RunState read_place(const RunFolder& run, const Place& place) {
   state.iteration = place.iteration;
   state.checkpoint = place.checkpoint;
   state.path = place.path;
+  std::error_code gone;  // then reading it is the error
+  state.bytes = fs::file_size(place.path, gone);
   if (place.checkpoint) {
     const Checkpoint checkpoint = read_checkpoint(place.path);
     // The first Gaussians have the shape of all later ones.

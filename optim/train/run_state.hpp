@@ -2,6 +2,7 @@
 // What a run has come to: the one place that decides which model commands show of it, while it is
 // trained, after it was stopped or killed, and when it is finished.
 #pragma once
+#include <cstdint>
 #include <string>
 
 #include "optim/train/run_folder.hpp"
@@ -14,6 +15,7 @@ struct RunState {
   int iteration = 0;        // training steps behind the model
   bool checkpoint = false;  // whether it comes from a checkpoint, else from a point cloud
   std::string path;         // of the file that held it
+  uintmax_t bytes = 0;      // its length; a training may have replaced it by now
   HostModel model;
   TrainConfig config;  // of the run
   RunFacts facts;      // of `iteration` steps; NaN and "" where nobody knows

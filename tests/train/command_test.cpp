@@ -198,6 +198,43 @@ TEST_F(CommandTest, ExportWritesASequenceOfTheStepsOfTheScene) {
   EXPECT_EQ(contents(folder.file("a.splatv")).substr(0, 2), "Kg");
 }
 
+TEST_F(CommandTest, ExportTakesAllTimesOfTheSceneAsRenderDoes) {
+  const TemporaryFolder folder;
+  const auto exported = [&](const std::string& name, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"export", run(), "-o", folder.path() + "/" + name,
+                                       "--quiet"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return gflow(arguments);
+  };
+  for (const std::string format : {"ply-sequence", "4dgs", "splatv"})
+    EXPECT_EQ(exported(format, {"--format", format, "--times", "all"}).code, 0) << format;
+  EXPECT_EQ(folder.count(), 5u + 2);
+  expect_refused({"export", run(), "-o", folder.path() + "/a.ply", "--times", "all"},
+                 {"one time", "every step", "ply-sequence"});
+  expect_refused(
+      {"export", model(), "-o", folder.path() + "/a", "--format", "ply-sequence", "--times", "all"},
+      {"--steps or --times"});
+}
+
+TEST_F(CommandTest, AnIterationIsChosenOfARunOnly) {
+  expect_refused({"info", model(), "--iteration", "3"}, {"--iteration 3", "run folder"});
+  expect_refused({"info", scene().path(), "--iteration", "3"}, {"--iteration 3", "run folder"});
+  expect_refused({"render", model(), "-o", "/nowhere/out", "--iteration", "3"}, {"--iteration 3"});
+  expect_refused({"eval", run(), "--iteration", "4"}, {"iteration 4", "there are 3"});
+  expect_refused({"eval", run(), "--iteration", "x"}, {"--iteration", "'x'"});
+}
+
+TEST_F(CommandTest, ADamagedVideoIsOneSentenceOfOursAlone) {
+  const TemporaryFolder folder;
+  const std::string whole = contents(GFLOW_SOURCE_DIR "/apps/demo/scene/cam01.mp4");
+  const std::string cut = folder.write("cut.mp4", whole.substr(0, whole.size() / 2));
+  const std::string out = folder.path() + "/run";
+  expect_refused({"train", cut, "-o", out}, {"cut.mp4"});
+  // Who wants to know more is told.
+  const Outcome told = gflow({"train", cut, "-o", out}, "export OPENCV_FFMPEG_LOGLEVEL=24");
+  EXPECT_NE((told.out + told.err).find("moov"), std::string::npos) << told.err;
+}
+
 TEST_F(CommandTest, AMovingFileGoesOutAndItsMomentsComeIn) {
   const TemporaryFolder folder;
   const std::string moving = folder.file("a.4dgs"), now = folder.file("now.ply");

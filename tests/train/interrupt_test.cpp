@@ -36,6 +36,23 @@ TEST_P(Interrupt, AfterTheGuardTheSignalDoesWhatItDidBefore) {
       testing::KilledBySignal(GetParam()), "");
 }
 
+TEST_P(Interrupt, WhereNothingIsToBeSavedItEndsTheProgramWithASentence) {
+  EXPECT_EXIT(
+      {
+        std::signal(GetParam(), stop_at_once);
+        StopSentence stop("first");
+        stop.say("interrupted while reading");
+        std::raise(GetParam());
+      },
+      testing::ExitedWithCode(128 + GetParam()), "^gflow: interrupted while reading\n$");
+  EXPECT_EXIT(
+      {
+        { const StopSentence stop("first"); }
+        stop_at_once(GetParam());
+      },
+      testing::ExitedWithCode(128 + GetParam()), "^gflow: interrupted\n$");
+}
+
 TEST_P(Interrupt, ASignalIgnoredBeforeStaysIgnored) {
   const auto former = std::signal(GetParam(), SIG_IGN);
   {

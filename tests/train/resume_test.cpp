@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trainings that are stopped in every way and go on. tests/kill_and_resume does the same at random
 // moments.
+#include <nlohmann/json.hpp>
+
 #include "train/command.hpp"
 #include "train/small_scene.hpp"
 
@@ -180,11 +182,155 @@ TEST_F(Resume, ASceneMayMoveButNotChange) {
 TEST_F(Resume, ASecondProcessIsRefused) {
   const Command command(train("run", {"--iterations", "100000000"}));
   EXPECT_TRUE(wait_until([&] { return fs::exists(checkpoint(20)); }));
-  for (const auto& arguments :
-       {train("run"), resume(), std::vector<std::string>{"eval", run("run"), "--quiet"}})
+  for (const auto& arguments : {train("run"), resume()})
     expect_refused(arguments, {run("run"), "being written by process"});
   command.send(SIGINT);
   EXPECT_EQ(command.wait().code, 130);
+}
+
+// Figures of a run that another process trains are shown and not written; all else is read only.
+TEST_F(Resume, ATrainingIsInspectedWhileItRuns) {
+  const Command command(train("run", {"--iterations", "100000000"}));
+  EXPECT_TRUE(wait_until([&] { return fs::exists(checkpoint(20)); }));
+  const Outcome judged = gflow({"eval", run("run"), "--quiet"});
+  EXPECT_EQ(judged.code, 0) << judged.err;
+  EXPECT_NE(judged.out.find(" of 100000000, from the checkpoint"), std::string::npos) << judged.out;
+  EXPECT_NE(judged.out.find("PSNR"), std::string::npos) << judged.out;
+  EXPECT_NE(judged.out.find("not written"), std::string::npos) << judged.out;
+  EXPECT_FALSE(fs::exists(run("run") + "/results.json"));
+  const std::string out = run("out");
+  for (const std::vector<std::string>& arguments :
+       std::vector<std::vector<std::string>>{{"info", run("run")},
+                                             {"render", run("run"), "-o", out, "--quiet"},
+                                             {"export", run("run"), "-o", out + "/now.ply"}}) {
+    const Outcome outcome = gflow(arguments);
+    EXPECT_EQ(outcome.code, 0) << arguments[0] << ": " << outcome.err;
+    EXPECT_EQ(outcome.err, "") << arguments[0];
+    EXPECT_NE(outcome.out.find("of 100000000, from the checkpoint"), std::string::npos);
+  }
+  command.send(SIGINT);
+  EXPECT_EQ(command.wait().code, 130);
+}
+
+TEST_F(Resume, AKilledTrainingIsJudgedAndGoesOnAllTheSame) {
+  stopped_after(40, SIGKILL);
+  const auto info = nlohmann::json::parse(gflow({"info", run("run"), "--json"}).out);
+  EXPECT_EQ(info["format"], "checkpoint");
+  const int step = info["iterations"];
+  EXPECT_GE(step, 40);
+  const Outcome judged = gflow({"eval", run("run"), "--quiet"});
+  EXPECT_EQ(judged.code, 0) << judged.err;
+  const auto results = nlohmann::json::parse(contents(run("run") + "/results.json"));
+  EXPECT_EQ(results["iterations"], step);
+  EXPECT_GT(results["train_seconds"], 0);
+  EXPECT_EQ(results["num_gaussians"], info["gaussians"]);
+  EXPECT_TRUE(results["peak_memory_mib"].is_null());
+  // Results are no sign that the training came to its end.
+  expect_refused(train("run"), {"was stopped at step " + std::to_string(step)});
+  EXPECT_EQ(gflow(resume()).code, 0);
+  expect_as_uninterrupted();
+  const auto whole = nlohmann::json::parse(contents(run("run") + "/results.json"));
+  EXPECT_EQ(whole["iterations"], 240);
+}
+
+TEST_F(Resume, PointCloudsOnTheWayAreKeptAndShown) {
+  ASSERT_EQ(gflow(train("run", {"--save-every", "100"})).code, 0);
+  expect_as_uninterrupted();
+  EXPECT_EQ(RunFolder(run("run")).models(), (std::vector<int>{240, 200, 100}));
+  const auto info =
+      nlohmann::json::parse(gflow({"info", run("run"), "--json", "--iteration", "100"}).out);
+  EXPECT_EQ(info["state"], "iteration 100 of 240, from its point cloud");
+  const Outcome judged = gflow({"eval", run("run"), "--quiet", "--iteration", "100"});
+  EXPECT_NE(judged.out.find("iteration 100 of 240"), std::string::npos) << judged.out;
+  const auto results = nlohmann::json::parse(contents(run("run") + "/results.json"));
+  EXPECT_EQ(results["iterations"], 100);
+  for (const char* command : {"render", "export"})
+    expect_refused({command, run("run"), "-o", run("out"), "--iteration", "7"},
+                   {"iteration 7", "100, 200, 220, 240"});
+  // A new training forgets them before its first step: they are of another one.
+  ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
+  EXPECT_EQ(RunFolder(run("run")).models(), std::vector<int>{1});
+}
+
+TEST_F(Resume, PointCloudsOnTheWaySurviveAStop) {
+  const Command command(train("run", {"--save-every", "30"}));
+  EXPECT_TRUE(wait_until([&] { return fs::exists(checkpoint(80)); }));
+  command.send(SIGINT);
+  command.wait();
+  EXPECT_EQ(gflow(resume()).code, 0);
+  expect_as_uninterrupted();
+  EXPECT_EQ(RunFolder(run("run")).models(),
+            (std::vector<int>{240, 210, 180, 150, 120, 90, 60, 30}));
+}
+
+TEST_F(Resume, TheCheckpointKnowsTheSettingsWhereTheirFileIsDamaged) {
+  stopped_after(40, SIGKILL);
+  const std::string file = run("run") + "/config.toml", whole = contents(file);
+  for (const char* damage : {"[train]\niterations = ", ""}) {
+    fs::remove(file);
+    if (*damage) std::ofstream(file) << damage;
+    const Command command(resume());
+    EXPECT_TRUE(wait_until([&] { return contents(file) == whole; }));
+    command.send(SIGKILL);
+    const std::string said = command.wait().err;
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+    EXPECT_NE(said.find("config.toml"), std::string::npos) << said;
+    EXPECT_NE(said.find("the settings kept in"), std::string::npos) << said;
+  }
+  EXPECT_EQ(gflow(resume()).code, 0);
+  expect_as_uninterrupted();
+}
+
+// Pictures so large that flow and evaluation take their time.
+class SlowTraining : public Resume {
+ protected:
+  static void SetUpTestSuite() {
+    Resume::SetUpTestSuite();
+    Queue queue = test_queue();
+    large_ = new SmallScene(queue, false, 400, 320);
+  }
+  static void TearDownTestSuite() {
+    delete large_;
+    Resume::TearDownTestSuite();
+  }
+  // Trains on it and ends that by the signal once `file` of the run is there.
+  static Outcome stopped_at(const std::string& file, int signal) {
+    const Command command({"train", large_->path(), "-o", run("run"), "--quiet", "--iterations",
+                           "2", "--set", "init.dynamic=0"});
+    EXPECT_TRUE(wait_until([&] { return fs::exists(run("run") + "/" + file); })) << file;
+    command.send(signal);
+    const auto start = std::chrono::steady_clock::now();
+    const Outcome outcome = command.wait();
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2)) << file;
+    EXPECT_EQ(outcome.code, 128 + signal) << outcome.err;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    for (const auto& entry : fs::recursive_directory_iterator(run("run")))
+      EXPECT_FALSE(is_temporary_name(entry.path().filename().string())) << entry.path();
+    return outcome;
+  }
+  static SmallScene* large_;
+};
+SmallScene* SlowTraining::large_ = nullptr;
+
+TEST_F(SlowTraining, WhileFlowIsComputedItSaysSoAndGoesOnThere) {
+  const Outcome outcome = stopped_at("flow", SIGTERM);
+  EXPECT_NE(outcome.err.find("while computing optical flow; `gflow train -o " + run("run")),
+            std::string::npos)
+      << outcome.err;
+  EXPECT_EQ(gflow(resume()).code, 0);
+  EXPECT_EQ(RunFolder(run("run")).read_facts().iterations, 2);
+}
+
+TEST_F(SlowTraining, WhileItEvaluatesItHasTheModelAlready) {
+  const Outcome outcome = stopped_at("test/cam00_0000.png", SIGINT);
+  EXPECT_NE(outcome.err.find("while evaluating; the model is in"), std::string::npos)
+      << outcome.err;
+  EXPECT_FALSE(fs::exists(run("run") + "/results.json"));
+  EXPECT_EQ(gflow({"eval", run("run"), "--quiet"}).code, 0);
+  const std::string judged = contents(run("run") + "/results.json");
+  EXPECT_EQ(gflow(resume()).code, 0);
+  EXPECT_EQ(nlohmann::json::parse(contents(run("run") + "/results.json"))["test"],
+            nlohmann::json::parse(judged)["test"]);
 }
 
 TEST_F(Resume, WithoutARunTheSceneIsNeeded) {
