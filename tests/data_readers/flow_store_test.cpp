@@ -80,57 +80,6 @@ TEST(OpticalFlow, ResizingScalesTheVectors) {
   EXPECT_EQ(half.confidence.size(), 8u);
 }
 
-TEST(FlowStore, EstimatesAreKeptAndUsedAgain) {
-  const TemporaryFolder folder;
-  const Scene scene = make_scene(folder);
-  const std::vector<FlowPair> pairs = neighbour_pairs(scene);
-  ASSERT_EQ(pairs.size(), 2u);
-  FrameStore frames(scene);
-  const std::string cache = folder.path() + "/cache";
-  std::vector<size_t> steps;
-  FlowStore flows = estimated_flows(scene, pairs, frames, cache, 2,
-                                    [&](size_t done, size_t) { steps.push_back(done); });
-  EXPECT_EQ(steps, (std::vector<size_t>{1, 2}));
-  const size_t centre = 20 * 48 + 24;
-  EXPECT_NEAR(flows.get(0)->flow.uv[2 * centre], 2, 0.2);
-  EXPECT_EQ(flows.get(0)->confidence[centre], 255);
-
-  // A marked file shows that it is read, not computed again; one of another size is replaced.
-  write_flo(cache + "/input_0000.flo", uniform(48, 40, 7, 7));
-  write_flo(cache + "/input_0001.flo", uniform(4, 4, 7, 7));
-  FlowStore again = estimated_flows(scene, pairs, frames, cache);
-  EXPECT_EQ(again.get(0)->flow.uv[0], 7);
-  EXPECT_NEAR(again.get(1)->flow.uv[2 * centre], 2, 0.2);
-}
-
-TEST(FlowStore, TheFlowBackInTimeComesWithTheOtherAndIsKeptBesideIt) {
-  const TemporaryFolder folder;
-  const Scene scene = make_scene(folder);
-  std::vector<FlowPair> pairs = neighbour_pairs(scene);
-  for (const FlowPair& pair : reversed(pairs)) pairs.push_back(pair);
-  ASSERT_EQ(pairs.size(), 4u);
-  EXPECT_FALSE(leads_back(scene, pairs[0]));
-  EXPECT_TRUE(leads_back(scene, pairs[2]));
-  FrameStore frames(scene);
-  std::vector<size_t> steps;
-  FlowStore flows = estimated_flows(scene, pairs, frames, folder.path() + "/cache", 1,
-                                    [&](size_t done, size_t) { steps.push_back(done); });
-  EXPECT_EQ(steps, (std::vector<size_t>{1, 2}));  // two pairs of pictures
-  const size_t centre = 20 * 48 + 24;
-  EXPECT_NEAR(flows.get(0)->flow.uv[2 * centre], 2, 0.2);
-  EXPECT_NEAR(flows.get(2)->flow.uv[2 * centre], -2, 0.2);
-  EXPECT_EQ(flows.get(2)->confidence[centre], 255);
-}
-
-TEST(FlowStore, AnExceptionInProgressEndsTheWork) {
-  const TemporaryFolder folder;
-  const Scene scene = make_scene(folder);
-  FrameStore frames(scene);
-  EXPECT_THROW(estimated_flows(scene, neighbour_pairs(scene), frames, folder.path() + "/cache", 1,
-                               [](size_t, size_t) { throw Error("stop"); }),
-               Error);
-}
-
 TEST(FlowStore, ReadsAFolderOfTheUsers) {
   const TemporaryFolder folder;
   const Scene scene = make_scene(folder);
