@@ -6,11 +6,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
-#include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
+#include "optim/data/opencv_threads.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -39,29 +38,6 @@ cv::Ptr<cv::DISOpticalFlow> finest_dis() {
   dis->setVariationalRefinementIterations(30);
   return dis;
 }
-
-// While one lives OpenCV has one thread: DIS shares a picture out among its threads and its result
-// depends on how many there are. Whoever has many pairs works on several at a time instead. The
-// setting is the whole program's, so the first of several changes it and the last one restores it.
-class OneOpenCvThread {
- public:
-  OneOpenCvThread() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (living_++ > 0) return;
-    before_ = cv::getNumThreads();
-    cv::setNumThreads(1);
-  }
-  OneOpenCvThread(const OneOpenCvThread&) = delete;
-  OneOpenCvThread& operator=(const OneOpenCvThread&) = delete;
-  ~OneOpenCvThread() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (--living_ == 0) cv::setNumThreads(before_);
-  }
-
- private:
-  static inline std::mutex mutex_;
-  static inline int living_ = 0, before_ = 0;
-};
 
 void check_pair(const Image& a, const Image& b) {
   const bool rgb = a.channels == 3 && b.channels == 3;
@@ -95,7 +71,7 @@ bool sample(const FlowField& flow, float x, float y, float result[2]) {
 
 FlowField estimate_flow(const Image& a, const Image& b) {
   check_pair(a, b);
-  const OneOpenCvThread guard;
+  give_opencv_one_thread();
   cv::Mat uv;
   finest_dis()->calc(grey(a), grey(b), uv);
   FlowField flow = zero_flow(a.width, a.height);
