@@ -299,6 +299,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const Stopwatch watch(former.seconds);
   const int steps =
       train_steps(queue, config, run, trainer, former.step, watch, checkpoints, quiet);
+  flows.prefetch({});  // of steps that an interruption or the clock left out
   const RunFacts facts{steps, watch.seconds(), peak_memory_mib(), queue.info.full_name(),
                        name_of(model.shape.motion)};
   save_model(queue, model, run, steps);
