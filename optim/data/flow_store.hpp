@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flows of a scene's frame pairs on demand: estimated ones kept on disk, the scene's true flow, or
-// files of the user's; loaded when asked for and kept within a memory bound.
+// Flows of a scene's frame pairs on demand: the scene's true flow, files of the user's, or computed
+// ones (estimated_flow.hpp); loaded when asked for, or by background threads ahead of time, and
+// kept within a memory bound.
 #pragma once
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>
@@ -13,11 +15,17 @@
 
 namespace gflow {
 
+struct FlowStoreOptions {
+  size_t cache_bytes = size_t{1} << 30;  // flows kept in memory; oldest go first
+  bool at_hand = true;                   // each flow takes no longer than reading a file
+  size_t threads = 1;                    // that load what prefetch() asks for
+};
+
 // Flow i belongs to pair i of the list it was made for. Thread-safe.
 class FlowStore {
  public:
   using Loader = std::function<TeacherFlow()>;
-  explicit FlowStore(std::vector<Loader> loaders, size_t cache_bytes = size_t{1} << 30);
+  explicit FlowStore(std::vector<Loader> loaders, const FlowStoreOptions& options = {});
   ~FlowStore();
   FlowStore(FlowStore&&) noexcept;
   FlowStore& operator=(FlowStore&&) noexcept;
@@ -28,21 +36,18 @@ class FlowStore {
   // Flow and confidence at the frame store's resolution. Error when it cannot be read.
   std::shared_ptr<const TeacherFlow> get(size_t pair);
 
+  // Asks background threads to load these, in order, instead of what they have not begun yet.
+  // Pairs that fail are left for get() to report.
+  void prefetch(const std::vector<size_t>& pairs);
+  // How many pairs are worth asking for at a time: enough for all threads.
+  size_t worth_prefetching() const;
+  // False where flows are computed when they are asked for: who wants many must do without.
+  bool at_hand() const;
+
  private:
   struct State;
   std::unique_ptr<State> state_;
 };
-
-// How far a longer work is. Called by worker threads, one at a time; an exception ends the work.
-using ProgressCallback = std::function<void(size_t done, size_t total)>;
-
-// DIS flow for every pair with next >= 0 at the resolution of `frames`, computed by `threads`
-// workers (0: all cores) and kept in folder `cache` (made when missing) as NAME.flo and
-// NAME_mask.png, NAME_back.flo and NAME_back_mask.png where it leads back in time; what is there in
-// the right size is not computed again.
-FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
-                          FrameStore& frames, const std::string& cache, int threads = 0,
-                          const ProgressCallback& progress = {});
 
 // The scene's own true flow where a frame has it; confidence where the mask is 255. None for pairs
 // that lead back in time or to another pose: a true flow is that seen by a camera at rest.

@@ -18,6 +18,7 @@
 #include "optim/data/image_header.hpp"
 #include "optim/data/lens.hpp"
 #include "optim/data/lru_cache.hpp"
+#include "optim/data/opencv_threads.hpp"
 #include "optim/data/video.hpp"
 #include "runtime/error.hpp"
 
@@ -205,6 +206,7 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
   if (options.resolution < 1)
     throw Error(
         fmt::format("the resolution divisor is {}, expected is 1 or more", options.resolution));
+  give_opencv_one_thread();
   state_->full = scene.cameras;
   for (const Camera& camera : scene.cameras) {
     state_->reduced_cameras.push_back(reduced(camera, options.resolution));

@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
+#include "optim/data/opencv_threads.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -70,6 +71,7 @@ bool sample(const FlowField& flow, float x, float y, float result[2]) {
 
 FlowField estimate_flow(const Image& a, const Image& b) {
   check_pair(a, b);
+  give_opencv_one_thread();
   cv::Mat uv;
   finest_dis()->calc(grey(a), grey(b), uv);
   FlowField flow = zero_flow(a.width, a.height);

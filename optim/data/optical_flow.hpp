@@ -18,7 +18,7 @@ struct TeacherFlow {
 };
 
 // DIS flow from picture a to b (RGB, same size): finest scale 0, patch 8, stride 1, 100 gradient
-// descent and 30 variational iterations. Repeatable.
+// descent and 30 variational iterations. Takes one core; the same on any number of them.
 FlowField estimate_flow(const Image& a, const Image& b);
 
 // 255 where |f(x) + b(x + f(x))| < max(0.5 px, 5 % of |f|), b bilinear; 0 elsewhere, where f leaves

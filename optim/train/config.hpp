@@ -364,6 +364,7 @@ struct FlowConfig {
   int max_gap = 2;
   bool confidence = true;
   bool backward = true;
+  float store = 8;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -393,6 +394,10 @@ struct FlowConfig {
           at_least(1));
     field("confidence", self.confidence, "drop flow that fails the forward-backward check");
     field("backward", self.backward, "also compare with the frame before (source dis)");
+    field("store", self.store,
+          "room on disk for computed flow [GiB]; where all would fit, at a byte a pixel, it is "
+          "computed beforehand, else when needed, and what was unused for longest is dropped",
+          at_least(0));
   }
 };
 

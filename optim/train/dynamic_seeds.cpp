@@ -102,10 +102,11 @@ Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point
 }
 
 // flow_of[frame] = index of the flow pair that starts there; the camera rests, so that all flow is
-// the scene's.
+// the scene's. Empty where each flow would have to be computed first: all are needed.
 std::map<const Frame*, size_t> flow_index(const Scene& scene, const std::vector<FlowPair>& pairs,
                                           const FlowStore& flows) {
   std::map<const Frame*, size_t> index;
+  if (!flows.at_hand()) return index;
   for (size_t i = 0; i < pairs.size(); ++i)
     if (flows.has(i) && pairs[i].next >= 0 && !leads_back(scene, pairs[i]) &&
         scene.train[size_t(pairs[i].frame)].camera == scene.train[size_t(pairs[i].next)].camera)

@@ -2,7 +2,8 @@
 // First Gaussians where things move. A point cloud of one moment says nothing about the others; but
 // fixed cameras see at every step which pixels differ from their usual colour, and what several of
 // them see changed at once is (the visual hull of) what moves. With optical flow each seed starts
-// with the velocity that best explains the flow of all cameras.
+// with the velocity that best explains the flow of all cameras; at rest where flow is computed only
+// when training asks for it.
 #pragma once
 #include "optim/data/flow_store.hpp"
 #include "optim/train/change.hpp"

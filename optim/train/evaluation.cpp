@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 
+#include "optim/data/flow_store.hpp"
 #include "optim/data/optical_flow.hpp"
 #include "optim/loss/metrics.hpp"
 #include "optim/train/pictures.hpp"
@@ -14,6 +15,7 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMoving = 1;  // [px] a pixel counts as dynamic above this
+constexpr size_t kMostWithDis = 30;
 
 // The flow a view is compared with: planes [2, H, W], where it is known, and where it moves.
 struct Reference {
@@ -83,17 +85,18 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, Frame
   const std::vector<const Frame*> next = followers(frames, config.flow.max_gap);
   Evaluation result;
   result.flow_reference = "none";
+  const size_t stride = (frames.size() + kMostWithDis - 1) / kMostWithDis;  // of views with DIS
   for (size_t i = 0; i < frames.size(); ++i) {
     const Frame& frame = frames[i];
     const Camera& camera = store.camera(frame);
     const auto truth_image = store.rgb(frame);
     Reference reference;
-    const bool has_truth = !frame.flow_path.empty();
+    const bool has_truth = !frame.flow_path.empty(), with_dis = i % stride == 0;
     if (has_truth) {
       reference = reference_of(read_true_flow(frame, camera.width, camera.height), true);
       reference.time = frame.flow_time;
       result.flow_reference = "true";
-    } else if (next[i]) {
+    } else if (next[i] && with_dis) {
       reference = reference_of(estimate_teacher_flow(*truth_image, *store.rgb(*next[i])), false);
       reference.time = next[i]->time;
       reference.next = next[i];
@@ -128,7 +131,7 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, Frame
       if (any(reference.moving)) {
         view.psnr_dynamic = psnr(picture, truth, reference.moving);
         view.flow_epe_dynamic = flow_metrics(flow, reference.planes, reference.moving).epe;
-        if (has_truth && next[i] && next[i]->camera == frame.camera)
+        if (has_truth && with_dis && next[i] && next[i]->camera == frame.camera)
           view.teacher_epe_dynamic =
               flow_metrics(planes_of(estimate_flow(*truth_image, *store.rgb(*next[i]))),
                            reference.planes, reference.moving)

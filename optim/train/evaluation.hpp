@@ -6,7 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "optim/data/flow_store.hpp"
+#include "optim/data/frame_store.hpp"
+#include "optim/data/report.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/renderer.hpp"
 #include "optim/train/track_error.hpp"
@@ -32,8 +33,9 @@ struct Evaluation {
 
 // Judges `frames` (of scene.test, say). The reference flow is the scene's own where it has one,
 // else DIS between the frame and its track's next one in `frames`, where consistent; a camera that
-// moved in between is part of it. `progress` may be empty. Does not set `tracks`. What is drawn is
-// written as FOLDER/NAME.png unless `folder`, which must exist, is empty.
+// moved in between is part of it. DIS takes long: of many views about thirty, evenly spread, get
+// it. `progress` may be empty. Does not set `tracks`. What is drawn is written as FOLDER/NAME.png
+// unless `folder`, which must exist, is empty.
 Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
                     const std::vector<Frame>& frames, const ProgressCallback& progress,
                     const std::string& folder = "");

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "optim/data/flow_store.hpp"
 #include "optim/data/movie.hpp"
 #include "optim/io/npy.hpp"
 #include "optim/train/pictures.hpp"

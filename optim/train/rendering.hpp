@@ -7,7 +7,8 @@
 //   compare/NAME.png truth | render | error x 4 | flow | reference flow, where there is a truth
 //   MOVIE.mp4, compare_MOVIE.mp4 of the views that share a movie, two or more of one size
 #pragma once
-#include "optim/data/flow_store.hpp"
+#include "optim/data/frame_store.hpp"
+#include "optim/data/report.hpp"
 #include "optim/train/renderer.hpp"
 #include "optim/train/views.hpp"
 

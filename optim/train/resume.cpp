@@ -37,7 +37,7 @@ void require_same_training(const CheckpointFolder::Found& found, const TrainConf
   const auto before = setting_values(former);
   auto now = setting_values(config);
   for (const char* free : {"scene.path", "train.minutes", "train.log_every",
-                           "train.checkpoint_every", "train.save_every", "train.device"})
+                           "train.checkpoint_every", "train.save_every", "train.device", "flow.store"})
     now.erase(free);
   for (const auto& [name, value] : now)
     if (value != before.at(name))

@@ -196,10 +196,23 @@ std::vector<Trainer::Sample> Trainer::samples(int step) const {
   return samples;
 }
 
+void Trainer::prefetch(int step) {
+  std::vector<const Frame*> frames;
+  std::vector<size_t> flows;
+  for (int next = step + 1; next < config_.train.iterations; ++next) {
+    for (const Sample& sample : samples(next)) {
+      if (next == step + 1) frames.push_back(sample.frame);
+      if (sample.pair >= 0) flows.push_back(size_t(sample.pair));
+    }
+    const bool enough = flows_.at_hand() || next - step >= int(flows_.worth_prefetching());
+    if (enough) break;
+  }
+  frames_.prefetch(frames);
+  flows_.prefetch(flows);
+}
+
 void Trainer::step(Queue& queue, int step) {
-  std::vector<const Frame*> next;
-  for (const Sample& sample : samples(step + 1)) next.push_back(sample.frame);
-  frames_.prefetch(next);
+  prefetch(step);
   renew_neighbours_if_due(queue, step);
   model_.parameters.forget_seen(queue);
   const Stage now = stage(step);

@@ -66,6 +66,9 @@ class Trainer {
     Rect part;  // what of it is drawn
   };
   std::vector<Sample> samples(int step) const;
+  // Has pictures and flow of the next steps loaded in the background, flow that must be computed
+  // for several of them.
+  void prefetch(int step);
   // Behind pictures with alpha, sRGB.
   std::array<uint8_t, 3> background(int step) const;
   // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,

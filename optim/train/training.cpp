@@ -8,6 +8,7 @@
 #include <chrono>
 #include <filesystem>
 
+#include "optim/data/estimated_flow.hpp"
 #include "optim/train/init.hpp"
 #include "optim/train/interrupt.hpp"
 #include "optim/train/progress.hpp"
@@ -72,14 +73,25 @@ std::optional<FlowStore> flows_at_hand(const TrainConfig& config, const LoadedSc
   return flows;
 }
 
-FlowStore computed_flows(const LoadedScene& loaded, const std::vector<FlowPair>& pairs,
-                         const RunFolder& run, bool quiet) {
-  const auto forward = std::count_if(pairs.begin(), pairs.end(), [&](const FlowPair& pair) {
-    return pair.next >= 0 && !leads_back(loaded.scene, pair);
-  });
-  Progress progress("flow ", long(forward), quiet || forward == 0);
-  FlowStore flows =
-      estimated_flows(loaded.scene, pairs, *loaded.frames, run.path("flow"), 0, counted(progress));
+// Beforehand where all flow fits into its room and training is long enough to look at all pairs.
+FlowStore computed_flows(const TrainConfig& config, const LoadedScene& loaded,
+                         const std::vector<FlowPair>& pairs, const RunFolder& run, bool quiet) {
+  const size_t compared = num_compared(pairs);
+  const size_t views = size_t(config.train.iterations) * size_t(config.train.batch);
+  FlowEstimation how;
+  how.folder = run.path("flow");
+  how.budget = uint64_t(double(config.flow.store) * double(uint64_t{1} << 30));
+  how.beforehand =
+      compared <= views && likely_flow_bytes(loaded.scene, pairs, *loaded.frames) <= how.budget;
+  how.notice = warn;
+  if (!how.beforehand && !quiet)
+    fmt::print(stderr,
+               "optical flow of {} pairs of pictures is computed when it is needed and kept within "
+               "{} GiB in {}\n",
+               compared, config.flow.store, how.folder);
+  Progress progress("flow ", long(compared), quiet || !how.beforehand || compared == 0);
+  how.progress = counted(progress);
+  FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, how);
   progress.finish();
   return flows;
 }
@@ -115,11 +127,11 @@ void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int 
 bool ends_round(int n, int every) { return every > 0 && n % every == 0; }
 
 // Everything that cached flow and video frames depend on: pictures and masks by path, size and time
-// of change, which picture follows which, and what is undone of the lens.
+// of change, which picture follows which, what is undone of the lens, and how flow is computed.
 std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
   namespace fs = std::filesystem;
-  std::string stamp =
-      fmt::format("resolution {} background {}\n", config.resolution, name_of(config.background));
+  std::string stamp = fmt::format("packed DIS flow, resolution {} background {}\n",
+                                  config.resolution, name_of(config.background));
   const auto add_file = [&](const std::string& path) {
     stamp += fmt::format("{} {} {}\n", path, fs::file_size(path),
                          fs::last_write_time(path).time_since_epoch().count());
@@ -267,7 +279,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   run.write_config(config);
   run.write_cameras(scene);
   if (!at_hand) stop.say("interrupted while computing optical flow; " + how_to_go_on(run));
-  FlowStore flows = at_hand ? std::move(*at_hand) : computed_flows(loaded, pairs, run, quiet);
+  FlowStore flows = at_hand ? std::move(*at_hand) : computed_flows(config, loaded, pairs, run, quiet);
 
   stop.say("interrupted before the first training step; " + how_to_go_on(run));
   std::vector<Watcher> watchers;
@@ -303,6 +315,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   std::optional<InterruptGuard> guard;
   const int steps = train_steps(queue, config, run, trainer, model, former.step, watch, checkpoints,
                                 guard, quiet);
+  flows.prefetch({});  // of steps that an interruption or the clock left out
   if (!guard) guard.emplace();
   const RunFacts facts{steps,
                        watch.seconds(),

@@ -1,139 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/data/flow_store.hpp"
 
-#include <cmath>
+#include <atomic>
+#include <thread>
 
-#include "data_readers/made_scene.hpp"
+#include "data_readers/moving_texture.hpp"
 #include "optim/io/npy.hpp"
 
 using namespace gflow;
 
-namespace {
-
-// A smooth texture moved by (dx, dy): the flow between two of them is known everywhere.
-Image texture(int width, int height, double dx, double dy) {
-  Image image{width, height, 3, {}};
-  for (int y = 0; y < height; ++y)
-    for (int x = 0; x < width; ++x)
-      for (int c = 0; c < 3; ++c) {
-        const double u = x - dx, v = y - dy;
-        image.pixels.push_back(uint8_t(128 + 50 * std::sin(u * .35) * std::cos(v * .27) +
-                                       40 * std::sin(u * .11 + v * .19)));
-      }
-  return image;
-}
-
-// Two steps of one camera, moved by (2, -1), with no true flow.
-Scene make_scene(const TemporaryFolder& folder) {
-  for (int k = 0; k < 3; ++k)
-    write_png(folder.file(fmt::format("scene/{}.png", k)), texture(48, 40, 2 * k, -k));
-  return read_scene(folder.path() + "/scene");
-}
-
-FlowField uniform(int width, int height, float u, float v) {
-  FlowField flow = zero_flow(width, height);
-  for (size_t i = 0; i < flow.valid.size(); ++i) flow.uv[2 * i] = u, flow.uv[2 * i + 1] = v;
-  return flow;
-}
-
-}  // namespace
-
-TEST(OpticalFlow, FindsAKnownTranslation) {
-  const TeacherFlow teacher = estimate_teacher_flow(texture(64, 48, 0, 0), texture(64, 48, 2, -1));
-  double error = 0;
-  int n = 0;
-  for (int y = 8; y < 40; ++y)
-    for (int x = 8; x < 56; ++x, ++n) {
-      const size_t i = size_t(y * 64 + x);
-      error += std::hypot(teacher.flow.uv[2 * i] - 2, teacher.flow.uv[2 * i + 1] + 1);
-      EXPECT_EQ(teacher.confidence[i], 255);
-    }
-  // DIS is accurate to a few hundredths of a pixel on smooth texture; .1 tells it from any error
-  // of sign or axis.
-  EXPECT_LT(error / n, 0.1);
-}
-
-TEST(OpticalFlow, WorksOnOnePixel) {
-  const FlowField flow = estimate_flow(pattern(1, 1), pattern(1, 1));
-  EXPECT_EQ(flow.width, 1);
-  EXPECT_EQ(flow.uv.size(), 2u);
-}
-
-TEST(OpticalFlow, ConsistencyIsHalfAPixelOrFivePercent) {
-  // Backward flow that misses by 0.4 px agrees, by 0.6 px not; at 20 px length 0.9 px still does.
-  const auto middle = [](float u, float back) {
-    return consistency(uniform(64, 1, u, 0), uniform(64, 1, back, 0))[32];
-  };
-  EXPECT_EQ(middle(2, -2.4f), 255);
-  EXPECT_EQ(middle(2, -2.6f), 0);
-  EXPECT_EQ(middle(20, -20.9f), 255);
-  EXPECT_EQ(middle(20, -21.1f), 0);
-  EXPECT_EQ(middle(40, -40), 0);  // leaves the picture
-}
-
-TEST(OpticalFlow, ResizingScalesTheVectors) {
-  TeacherFlow teacher{uniform(8, 4, 4, 2), std::vector<uint8_t>(32, 255)};
-  const TeacherFlow half = resized(teacher, 4, 2);
-  EXPECT_EQ(half.flow.width, 4);
-  EXPECT_EQ(half.flow.uv[0], 2);
-  EXPECT_EQ(half.flow.uv[1], 1);
-  EXPECT_EQ(half.confidence.size(), 8u);
-}
-
-TEST(FlowStore, EstimatesAreKeptAndUsedAgain) {
-  const TemporaryFolder folder;
-  const Scene scene = make_scene(folder);
-  const std::vector<FlowPair> pairs = neighbour_pairs(scene);
-  ASSERT_EQ(pairs.size(), 2u);
-  FrameStore frames(scene);
-  const std::string cache = folder.path() + "/cache";
-  std::vector<size_t> steps;
-  FlowStore flows = estimated_flows(scene, pairs, frames, cache, 2,
-                                    [&](size_t done, size_t) { steps.push_back(done); });
-  EXPECT_EQ(steps, (std::vector<size_t>{1, 2}));
-  const size_t centre = 20 * 48 + 24;
-  EXPECT_NEAR(flows.get(0)->flow.uv[2 * centre], 2, 0.2);
-  EXPECT_EQ(flows.get(0)->confidence[centre], 255);
-
-  // A marked file shows that it is read, not computed again; one of another size is replaced.
-  write_flo(cache + "/input_0000.flo", uniform(48, 40, 7, 7));
-  write_flo(cache + "/input_0001.flo", uniform(4, 4, 7, 7));
-  FlowStore again = estimated_flows(scene, pairs, frames, cache);
-  EXPECT_EQ(again.get(0)->flow.uv[0], 7);
-  EXPECT_NEAR(again.get(1)->flow.uv[2 * centre], 2, 0.2);
-}
-
-TEST(FlowStore, TheFlowBackInTimeComesWithTheOtherAndIsKeptBesideIt) {
-  const TemporaryFolder folder;
-  const Scene scene = make_scene(folder);
-  std::vector<FlowPair> pairs = neighbour_pairs(scene);
-  for (const FlowPair& pair : reversed(pairs)) pairs.push_back(pair);
-  ASSERT_EQ(pairs.size(), 4u);
-  EXPECT_FALSE(leads_back(scene, pairs[0]));
-  EXPECT_TRUE(leads_back(scene, pairs[2]));
-  FrameStore frames(scene);
-  std::vector<size_t> steps;
-  FlowStore flows = estimated_flows(scene, pairs, frames, folder.path() + "/cache", 1,
-                                    [&](size_t done, size_t) { steps.push_back(done); });
-  EXPECT_EQ(steps, (std::vector<size_t>{1, 2}));  // two pairs of pictures
-  const size_t centre = 20 * 48 + 24;
-  EXPECT_NEAR(flows.get(0)->flow.uv[2 * centre], 2, 0.2);
-  EXPECT_NEAR(flows.get(2)->flow.uv[2 * centre], -2, 0.2);
-  EXPECT_EQ(flows.get(2)->confidence[centre], 255);
-}
-
-TEST(FlowStore, AnExceptionInProgressEndsTheWork) {
-  const TemporaryFolder folder;
-  const Scene scene = make_scene(folder);
-  FrameStore frames(scene);
-  EXPECT_THROW(estimated_flows(scene, neighbour_pairs(scene), frames, folder.path() + "/cache", 1,
-                               [](size_t, size_t) { throw Error("stop"); }),
-               Error);
-}
-
 TEST(FlowStore, ReadsAFolderOfTheUsers) {
   const TemporaryFolder folder;
-  const Scene scene = make_scene(folder);
+  const Scene scene = textured_scene(folder);
   FrameStore frames(scene);
   const std::vector<FlowPair> pairs = neighbour_pairs(scene);
   const auto read = [&] { return flows_from_folder(scene, pairs, frames, folder.path() + "/f"); };
@@ -165,4 +43,25 @@ TEST(FlowStore, TrueFlowTrustsTheMask) {
   FlowStore unequal = true_flows(scene, neighbour_pairs(scene), frames);
   expect_error([&] { unequal.get(0); }, {"0000_mask.png", "3x1", "4x1"});
   expect_error([&] { read_true_flow(scene.train[1], 4, 1); }, {"input_0001", "without"});
+}
+
+TEST(FlowStore, WhatIsPrefetchedIsLoadedOnceAndFailuresAreReportedByGet) {
+  std::atomic<int> loads{0};
+  std::vector<FlowStore::Loader> loaders(4);
+  for (int k = 0; k < 3; ++k)
+    loaders[size_t(k)] = [&loads, k]() -> TeacherFlow {
+      ++loads;
+      if (k == 1) throw Error("no such flow");
+      return {uniform(2, 2, float(k), 0), std::vector<uint8_t>(4, 255)};
+    };
+  FlowStoreOptions options;
+  options.threads = 2;
+  FlowStore flows(loaders, options);
+  flows.prefetch({0, 1, 2, 3});
+  while (loads < 3) std::this_thread::yield();
+  EXPECT_EQ(flows.get(0)->flow.uv[0], 0);
+  EXPECT_EQ(flows.get(2)->flow.uv[0], 2);
+  EXPECT_EQ(loads, 3);
+  expect_error([&] { flows.get(1); }, {"no such flow"});
+  expect_error([&] { flows.get(3); }, {"no flow for frame pair 3"});
 }

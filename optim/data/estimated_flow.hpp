@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Flows of a scene's frame pairs computed from the pictures and kept on disk, rounded as
+// packed_flow.hpp says. Whoever asks gets the rounded flow, whether it was there or not.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "optim/data/flow_folder.hpp"
+#include "optim/data/flow_store.hpp"
+#include "optim/data/report.hpp"
+
+namespace gflow {
+
+struct FlowEstimation {
+  std::string folder;                   // where flows are kept, see FlowFolder
+  uint64_t budget = uint64_t{8} << 30;  // of them all [bytes]
+  bool beforehand = true;               // compute all now; else each when it is asked for
+  int threads = 0;                      // that compute; 0: all cores
+  ProgressCallback progress;            // while computing beforehand, in pairs of pictures
+  Notice notice;                        // of a damaged file, or a full disk
+};
+
+// Pairs of pictures that are compared, each once for both ways.
+size_t num_compared(const std::vector<FlowPair>& pairs);
+
+// What all flows will likely take on the disk [bytes].
+uint64_t likely_flow_bytes(const Scene& scene, const std::vector<FlowPair>& pairs,
+                           const FrameStore& frames);
+
+// DIS flow for every pair with next >= 0 at the resolution of `frames`, kept under the name of its
+// frame, NAME_back where it leads back in time. Error beforehand when the disk has no room for what
+// is not there yet; a disk that fills up later only has flows computed again. `scene` and `frames`
+// must outlive the store.
+FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
+                          FrameStore& frames, const FlowEstimation& how);
+
+}  // namespace gflow
