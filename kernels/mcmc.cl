@@ -3,6 +3,7 @@
 // opacity; noise keeps faint ones searching; opacity and size cost a little.
 // Only prefix sums and binary searches over random numbers by index: bitwise repeatable.
 #include "shared/arrays.h"
+#include "shared/quat.h"
 #include "shared/random.h"
 #include "shared/relocation.h"
 
@@ -74,15 +75,23 @@ kernel void mcmc_sources(const uint n, const uint fresh_n, const uint count,
   child[j] = drawn_below(drawn, count, from + 1) - drawn_below(drawn, count, from);
 }
 
-// Those that share a place show together what the one did; none starts out dead.
-kernel void mcmc_share(const uint n, const float min_logit_opacity,
-                       global const uint* restrict child, global float* restrict logit_opacities,
+// Those that share a place show together what the one did, but for `spread` standard deviations of
+// it by which each is moved; none starts out dead.
+kernel void mcmc_share(const uint n, const uint seed, const float min_logit_opacity,
+                       const float spread, global const uint* restrict child,
+                       global const float* restrict quats,  // [N, 4]
+                       global float* restrict means,        // [N, 3]
+                       global float* restrict logit_opacities,
                        global float* restrict log_scales) {  // [N, 4]
   const uint i = get_global_id(0);
   if (i >= n || child[i] == 0) return;
   const float copies = 1.f + child[i], logit = logit_opacities[i];
   const float less = log(shared_scale(logit, copies));
   const float4 s = vload4(i, log_scales);
+  const float2 a = random_normal2(seed, 4u, i), b = random_normal2(seed, 6u, i);
+  const Mat3 l = factor_of(vload4(i, quats), spread * make_real3(exp(s.x), exp(s.y), exp(s.z)));
+  const float3 xi = make_real3(a.x, a.y, b.x);
+  add3(means, i, make_real3(dot(l.r1, xi), dot(l.r2, xi), dot(l.r3, xi)));
   vstore4(s + (float4)(less, less, less, 0.f), i, log_scales);
   logit_opacities[i] = fmax(shared_opacity_logit(logit, copies), min_logit_opacity);
 }

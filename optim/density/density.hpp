@@ -29,6 +29,7 @@ struct DensityRule {
   int opacity_reset_every = 0;   // steps; 0: never
   // mcmc
   float growth = 0.05f;      // of their number, a round
+  float spread = 0;          // of those that share a place [standard deviations of the one]
   float noise = 0;           // of the means, beside their learning rate
   float opacity_weight = 0;  // of the mean opacity in the loss
   float scale_weight = 0;    // of the mean size [1 / scene unit]

@@ -495,6 +495,7 @@ struct DensityConfig {
   float prune_scale = 0.5f;
   int opacity_reset_every = 0;
   float growth = 0.05f;
+  float spread = 0.5f;
   float noise = 1e5f;
   float opacity_weight = 0.01f;
   float scale_weight = 0.01f;
@@ -536,6 +537,8 @@ struct DensityConfig {
           at_least(0));
     field("growth", self.growth, "mcmc: share of their number that is added in a round",
           at_least(0));
+    field("spread", self.spread,
+          "mcmc: how far those that come to one place are moved apart [x its size]", at_least(0));
     field(
         "noise", self.noise,
         "mcmc: of the positions that a step sees [x their learning rate x covariance, in extents]",

@@ -96,6 +96,7 @@ DensityRule density_rule(const DensityConfig& d, const Scene& scene, const Motio
   rule.max_scale = d.prune_scale * extent;
   rule.opacity_reset_every = d.opacity_reset_every;
   rule.growth = d.growth;
+  rule.spread = d.spread;
   rule.noise = d.noise / (extent * extent);  // the rate is in scene units, the covariance squared
   rule.opacity_weight = d.opacity_weight;
   rule.scale_weight = d.scale_weight / extent;

@@ -114,6 +114,41 @@ TEST(Mcmc, ThoseInOnePlaceShowWhatTheOneDid) {
   }
 }
 
+// Sizes 1, 2 and 1/2, turned by a quarter about z, half a size apart: deviations 1, 1/2 and 1/4.
+TEST(Mcmc, ThoseInOnePlaceAreMovedApartByTheShapeOfTheOne) {
+  const size_t n = 4000;
+  std::vector<float> opacities(n, 0.001f), quats, log_scales;
+  opacities[0] = 0.9f;
+  for (size_t i = 0; i < n; ++i) {
+    quats.insert(quats.end(), {1, 0, 0, 1});
+    log_scales.insert(log_scales.end(), {0, std::log(2.f), std::log(0.5f), -1});
+  }
+  const auto moved = [&](float spread, uint32_t seed) {
+    Field field(opacities);
+    field.rule.spread = spread;
+    field.parameters["quats"].values.write(field.queue, quats);
+    field.parameters["log_scales"].values.write(field.queue, log_scales);
+    field.parameters["means"].values.fill(field.queue, 3);
+    field.refine(seed);
+    return field.values("means");
+  };
+  const std::vector<float> means = moved(0.5f, 1);
+  const double deviation[] = {1, 0.5, 0.25};
+  for (size_t k = 0; k < 3; ++k) {
+    double sum = 0, squares = 0;
+    for (size_t i = 0; i < n; ++i) {
+      const double x = (double(means[3 * i + k]) - 3) / deviation[k];
+      sum += x;
+      squares += x * x;
+    }
+    EXPECT_NEAR(sum / n, 0, 5 / std::sqrt(double(n)));
+    EXPECT_NEAR(std::sqrt(squares / n), 1, 5 / std::sqrt(2. * n));
+  }
+  EXPECT_EQ(moved(0.5f, 1), means);
+  EXPECT_NE(moved(0.5f, 2), means);
+  EXPECT_EQ(moved(0, 1), std::vector<float>(3 * n, 3));
+}
+
 TEST(Mcmc, NoneStartsOutDead) {
   std::vector<float> opacities(40, 0.001f);
   opacities[7] = 0.05f;

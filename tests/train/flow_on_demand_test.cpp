@@ -23,7 +23,8 @@ TEST(FlowOnDemand, ATrainingIsTheSameWithFlowComputedBeforehandOrWhenNeededKeptO
     size_t flows = 0;
     for (const auto& entry : fs::directory_iterator(run + "/flow"))
       flows += entry.is_regular_file();
-    return std::pair(contents(RunFolder(run).latest_model()), flows);
+    const RunFolder folder(run);
+    return std::pair(contents(folder.model_path(folder.models().at(0))), flows);
   };
   const auto [expected, all] = train("beforehand", "1");
   EXPECT_EQ(all, 24u);  // three cameras, four pairs of steps, both ways

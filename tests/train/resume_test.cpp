@@ -281,7 +281,8 @@ TEST_F(Resume, TheCheckpointKnowsTheSettingsWhereTheirFileIsDamaged) {
   expect_as_uninterrupted();
 }
 
-// Pictures so large that flow and evaluation take their time.
+// Pictures so large that flow and evaluation take their time, and as many steps as there are pairs:
+// with fewer, flow is computed when it is needed.
 class SlowTraining : public Resume {
  protected:
   static void SetUpTestSuite() {
@@ -296,7 +297,7 @@ class SlowTraining : public Resume {
   // Trains on it and ends that by the signal once `file` of the run is there.
   static Outcome stopped_at(const std::string& file, int signal) {
     const Command command({"train", large_->path(), "-o", run("run"), "--quiet", "--iterations",
-                           "2", "--set", "init.dynamic=0"});
+                           "12", "--set", "init.dynamic=0"});
     EXPECT_TRUE(wait_until([&] { return fs::exists(run("run") + "/" + file); })) << file;
     command.send(signal);
     const auto start = std::chrono::steady_clock::now();
@@ -318,7 +319,7 @@ TEST_F(SlowTraining, WhileFlowIsComputedItSaysSoAndGoesOnThere) {
             std::string::npos)
       << outcome.err;
   EXPECT_EQ(gflow(resume()).code, 0);
-  EXPECT_EQ(RunFolder(run("run")).read_facts().iterations, 2);
+  EXPECT_EQ(RunFolder(run("run")).read_facts().iterations, 12);
 }
 
 TEST_F(SlowTraining, WhileItEvaluatesItHasTheModelAlready) {
