@@ -13,7 +13,7 @@
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/dot_splat.hpp"
 #include "optim/io/four_dgs.hpp"
-#include "optim/train/interrupt.hpp"
+#include "optim/io/interrupt.hpp"
 #include "optim/train/linear_pieces.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/slice.hpp"

@@ -15,7 +15,7 @@
 #include "apps/options.hpp"
 #include "apps/signals.hpp"
 #include "optim/data/decoder_log.hpp"
-#include "optim/train/interrupt.hpp"
+#include "optim/io/interrupt.hpp"
 
 namespace {
 

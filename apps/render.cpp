@@ -14,7 +14,7 @@
 #include "apps/model_source.hpp"
 #include "apps/options.hpp"
 #include "optim/data/cameras_json.hpp"
-#include "optim/train/interrupt.hpp"
+#include "optim/io/interrupt.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
 #include "optim/train/training.hpp"

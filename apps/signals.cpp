@@ -3,7 +3,7 @@
 
 #include <csignal>
 
-#include "optim/train/interrupt.hpp"
+#include "optim/io/interrupt.hpp"
 
 namespace gflow {
 

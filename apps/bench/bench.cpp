@@ -41,6 +41,9 @@ void add_bench(CLI::App& app, const GlobalOptions& options) {
   CLI::App* bench = app.add_subcommand("bench", "Measure what gflow costs on this device");
   bench->require_subcommand(1);
   bench::add_raster(*bench, options);
+#ifdef GFLOW_WITH_OPENCV
+  bench::add_step(*bench, options);
+#endif
 }
 
 }  // namespace gflow

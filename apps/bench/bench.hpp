@@ -20,5 +20,6 @@ void add_common(CLI::App& bench, BenchOptions& options);
 void deliver(const Report& report, const BenchOptions& options);
 
 void add_raster(CLI::App& bench, const GlobalOptions& options);
+void add_step(CLI::App& bench, const GlobalOptions& options);  // needs OpenCV
 
 }  // namespace gflow::bench

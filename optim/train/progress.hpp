@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "optim/data/report.hpp"
+
 namespace gflow {
 
 // A figure beside the bar: {"loss", "0.0213"}. Without a name only the value is shown.
@@ -59,5 +61,10 @@ class Progress {
   Clock::time_point start_, drawn_;
   std::mutex mutex_;
 };
+
+// Passes counts on to a progress line, which must outlive it.
+inline ProgressCallback counted(Progress& progress) {
+  return [&progress](size_t done, size_t) { progress.update(long(done)); };
+}
 
 }  // namespace gflow

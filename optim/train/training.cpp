@@ -8,9 +8,9 @@
 #include <chrono>
 #include <filesystem>
 
-#include "optim/data/estimated_flow.hpp"
+#include "optim/io/interrupt.hpp"
 #include "optim/train/init.hpp"
-#include "optim/train/interrupt.hpp"
+#include "optim/train/preparation.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
 #include "optim/train/resume.hpp"
@@ -33,68 +33,6 @@ class Stopwatch {
   double before_;
   Clock::time_point start_ = Clock::now();
 };
-
-// Passes counts on to a progress line.
-ProgressCallback counted(Progress& progress) {
-  return [&progress](size_t done, size_t) { progress.update(long(done)); };
-}
-
-// Neighbours in time no further apart than max_gap steps: flow over more is a guess.
-std::vector<FlowPair> close_pairs(const Scene& scene, const FlowConfig& flow) {
-  const bool by_track = flow.pairs == FlowPairs::track;
-  if (!by_track && flow.source != FlowSource::files)
-    throw Error(
-        "flow.pairs = \"time\" compares pictures of different cameras, whose flow is not "
-        "estimated: set flow.source = \"files\" and flow.folder");
-  std::vector<FlowPair> close;
-  for (const FlowPair& pair : by_track ? neighbour_pairs(scene) : pairs_in_time(scene))
-    if (pair.next < 0 ||
-        scene.train[size_t(pair.next)].step - scene.train[size_t(pair.frame)].step <= flow.max_gap)
-      close.push_back(pair);
-  return close;
-}
-
-// The flow that need not be computed: none at all, or that of files.
-std::optional<FlowStore> flows_at_hand(const TrainConfig& config, const LoadedScene& loaded,
-                                       const std::vector<FlowPair>& pairs) {
-  if (!config.flow.enabled || pairs.empty())
-    return FlowStore(std::vector<FlowStore::Loader>(pairs.size()));
-  if (config.flow.source != FlowSource::files) return {};
-  if (!config.flow.folder.empty())
-    return flows_from_folder(loaded.scene, pairs, *loaded.frames, config.flow.folder);
-  FlowStore flows = true_flows(loaded.scene, pairs, *loaded.frames);
-  bool any = false;
-  for (size_t i = 0; i < pairs.size(); ++i) any |= flows.has(i);
-  if (!any)
-    throw Error(fmt::format(
-        "flow.source is \"files\", but scene {} has no true flow that leads from a training "
-        "picture to one it is compared with: name the files' folder in flow.folder",
-        loaded.scene.name));
-  return flows;
-}
-
-// Beforehand where all flow fits into its room and training is long enough to look at all pairs.
-FlowStore computed_flows(const TrainConfig& config, const LoadedScene& loaded,
-                         const std::vector<FlowPair>& pairs, const RunFolder& run, bool quiet) {
-  const size_t compared = num_compared(pairs);
-  const size_t views = size_t(config.train.iterations) * size_t(config.train.batch);
-  FlowEstimation how;
-  how.folder = run.path("flow");
-  how.budget = uint64_t(double(config.flow.store) * double(uint64_t{1} << 30));
-  how.beforehand =
-      compared <= views && likely_flow_bytes(loaded.scene, pairs, *loaded.frames) <= how.budget;
-  how.notice = warn;
-  if (!how.beforehand && !quiet)
-    fmt::print(stderr,
-               "optical flow of {} pairs of pictures is computed when it is needed and kept within "
-               "{} GiB in {}\n",
-               compared, config.flow.store, how.folder);
-  Progress progress("flow ", long(compared), quiet || !how.beforehand || compared == 0);
-  how.progress = counted(progress);
-  FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, how);
-  progress.finish();
-  return flows;
-}
 
 std::vector<ProgressTerm> terms_of(const StepFigures& f) {
   std::vector<ProgressTerm> terms{{"loss", fmt::format("{:.4f}", f.loss)},
@@ -217,52 +155,13 @@ void write_comparison(Queue& queue, Model& model, const TrainConfig& config,
 
 }  // namespace
 
-LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder) {
-  SceneOptions options;
-  options.images = config.images;
-  options.holdout = config.holdout;
-  options.test_every = config.test_every;
-  options.cameras = config.cameras;
-  options.camera = config.camera;
-  options.fps = config.fps;
-  options.elevation = config.elevation;
-  options.radius = config.radius;
-  options.fov_y = config.fovy;
-  options.masks = config.masks;
-  options.first_step = config.first_step;
-  options.stride = config.stride;
-  options.max_steps = config.max_steps;
-  LoadedScene loaded{read_scene(config.path, options), nullptr};
-  FrameStoreOptions store;
-  store.resolution = config.resolution;
-  store.background.fill(shown_level(config.background));
-  store.unpack_folder = unpack_folder;
-  loaded.frames = std::make_unique<FrameStore>(loaded.scene, store);
-  return loaded;
-}
-
-const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split) {
-  const std::vector<Frame>* frames = nullptr;
-  if (split == "train") frames = &scene.train;
-  if (split == "test") frames = &scene.test;
-  if (split == "val") frames = &scene.val;
-  if (!frames) throw Error("there is no split '" + split + "': choose train, test or val");
-  if (frames->empty()) throw Error(fmt::format("scene {} has no {} views", scene.name, split));
-  return *frames;
-}
-
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
                      Start start) {
   check(config);
   require_init_file(config);
   StopSentence stop("interrupted while reading the scene; nothing was lost");
-  LoadedScene loaded = load_scene(config.scene, run.path("frames"));
-  const Scene& scene = loaded.scene;
-  if (scene.train.empty()) throw Error("scene " + scene.name + " has no training views");
-  std::vector<FlowPair> pairs = close_pairs(scene, config.flow);
-  if (config.flow.backward)
-    for (const FlowPair& pair : reversed(pairs)) pairs.push_back(pair);
-  std::optional<FlowStore> at_hand = flows_at_hand(config, loaded, pairs);
+  Preparation prepared(config, run.path("frames"));
+  const Scene& scene = prepared.scene();
   run.make();
   const FileLock lock = run.lock();
   run.forget_unfinished_files();
@@ -270,7 +169,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   if (start == Start::resume) resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
   if (start == Start::anew) require_nothing_to_resume(run);
   run.forget_stale_caches(cache_stamp(scene, config.scene));
-  for (const Frame& frame : scene.test) loaded.frames->rgb(frame);  // broken ones are named now
+  for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // broken ones are named now
 
   // Nothing is wrong with what goes in: from here on the former run is replaced.
   stop.say("interrupted while preparing the training; " + how_to_go_on(run));
@@ -278,17 +177,14 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   run.forget_results();
   run.write_config(config);
   run.write_cameras(scene);
-  if (!at_hand) stop.say("interrupted while computing optical flow; " + how_to_go_on(run));
-  FlowStore flows = at_hand ? std::move(*at_hand) : computed_flows(config, loaded, pairs, run, quiet);
+  if (prepared.lacks_flow())
+    stop.say("interrupted while computing optical flow; " + how_to_go_on(run));
+  prepared.compute_flow(run.path("flow"), quiet);
 
   stop.say("interrupted before the first training step; " + how_to_go_on(run));
-  std::vector<Watcher> watchers;
-  if (config.init.dynamic > 0 || config.train.focus > 0)
-    watchers = watchers_of(scene, *loaded.frames);
-  const std::vector<Rect> parts = parts_of_interest(scene, *loaded.frames, watchers);
+  prepared.look_for_change();
   const auto first_model = [&] {
-    const HostModel first =
-        initial_model(scene, *loaded.frames, parts, watchers, pairs, flows, config);
+    const HostModel first = prepared.first_model();
     write_model(run.path("input.ply"), first);
     return Model(queue, first);
   };
@@ -302,7 +198,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   };
   Model model = resumed ? Model(queue, shape_to_resume(), 0) : first_model();
   if (!quiet) fmt::print(stderr, "motion model: {}\n", name_of(model.shape.motion));
-  Trainer trainer(queue, config, scene, *loaded.frames, pairs, flows, parts, model);
+  Trainer trainer = prepared.trainer(queue, model);
   CheckpointFacts former;
   if (resumed) {
     trainer.set_state(queue, resumed->checkpoint.arrays, resumed->path);
@@ -315,7 +211,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   std::optional<InterruptGuard> guard;
   const int steps = train_steps(queue, config, run, trainer, model, former.step, watch, checkpoints,
                                 guard, quiet);
-  flows.prefetch({});  // of steps that an interruption or the clock left out
+  prepared.flows().prefetch({});  // of steps that an interruption or the clock left out
   if (!guard) guard.emplace();
   const RunFacts facts{steps,
                        watch.seconds(),
@@ -338,9 +234,9 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
                                   how_to_go_on(run)));
   if (scene.test.empty()) return {};
   const Evaluation evaluation =
-      judge(queue, model, config, loaded, scene.test, quiet, run.path("test"));
+      judge(queue, model, config, prepared.loaded(), scene.test, quiet, run.path("test"));
   run.write_results(evaluation, "test", facts, config, model.parameters.count);
-  write_comparison(queue, model, config, loaded, run);
+  write_comparison(queue, model, config, prepared.loaded(), run);
   return evaluation;
 }
 

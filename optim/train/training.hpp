@@ -1,20 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The whole job: a scene folder in, a run folder out. Scripts and the command line both call this.
 #pragma once
-#include <memory>
 #include <string>
 
+#include "optim/train/loaded_scene.hpp"
 #include "optim/train/run_state.hpp"
 
 namespace gflow {
-
-// A scene read as the configuration says, and its pictures.
-struct LoadedScene {
-  Scene scene;
-  std::unique_ptr<FrameStore> frames;
-};
-// unpack_folder: where frames of videos are kept as pictures; made when needed.
-LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder);
 
 // anew: what a finished training left in the run folder is replaced; Error when one was stopped
 // there. overwrite: what any left. resume: it is continued from its last checkpoint, or from the
@@ -39,8 +31,5 @@ struct RunEvaluation {
 // iteration: as for read_run_state.
 RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,
                            int iteration = latest_iteration);
-
-// The frames of a split; Error when it has none.
-const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split);
 
 }  // namespace gflow

@@ -6,7 +6,7 @@
 #include "optim/data/cameras_json.hpp"
 #include "optim/data/movie.hpp"
 #include "optim/data/video.hpp"
-#include "optim/train/interrupt.hpp"
+#include "optim/io/interrupt.hpp"
 #include "optim/train/rendering.hpp"
 #include "train/small_scene.hpp"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A signal handler may touch nothing but lock-free variables and call little but write, hence the
 // two of this file.
-#include "optim/train/interrupt.hpp"
+#include "optim/io/interrupt.hpp"
 
 #include <unistd.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Signals: the first raises a flag, the second ends the program, and nothing stays behind.
-#include "optim/train/interrupt.hpp"
+#include "optim/io/interrupt.hpp"
 
 #include <gtest/gtest.h>
 

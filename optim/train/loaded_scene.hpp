@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene as the settings ask for it.
+#pragma once
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "optim/data/frame_store.hpp"
+#include "optim/train/config.hpp"
+
+namespace gflow {
+
+// A scene read as the configuration says, and its pictures.
+struct LoadedScene {
+  Scene scene;
+  std::unique_ptr<FrameStore> frames;
+};
+// unpack_folder: where frames of videos are kept as pictures; made when needed.
+LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder);
+
+// The frames of a split; Error when it has none.
+const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split);
+
+}  // namespace gflow

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/preparation.hpp"
+
+#include <fmt/format.h>
+
+#include "optim/data/estimated_flow.hpp"
+#include "optim/train/init.hpp"
+#include "optim/train/progress.hpp"
+#include "optim/train/warning.hpp"
+
+namespace gflow {
+namespace {
+
+// Neighbours in time no further apart than max_gap steps: flow over more is a guess.
+std::vector<FlowPair> close_pairs(const Scene& scene, const FlowConfig& flow) {
+  const bool by_track = flow.pairs == FlowPairs::track;
+  if (!by_track && flow.source != FlowSource::files)
+    throw Error(
+        "flow.pairs = \"time\" compares pictures of different cameras, whose flow is not "
+        "estimated: set flow.source = \"files\" and flow.folder");
+  std::vector<FlowPair> close;
+  for (const FlowPair& pair : by_track ? neighbour_pairs(scene) : pairs_in_time(scene))
+    if (pair.next < 0 ||
+        scene.train[size_t(pair.next)].step - scene.train[size_t(pair.frame)].step <= flow.max_gap)
+      close.push_back(pair);
+  return close;
+}
+
+// The flow that need not be computed: none at all, or that of files.
+std::optional<FlowStore> flows_at_hand(const TrainConfig& config, const LoadedScene& loaded,
+                                       const std::vector<FlowPair>& pairs) {
+  if (!config.flow.enabled || pairs.empty())
+    return FlowStore(std::vector<FlowStore::Loader>(pairs.size()));
+  if (config.flow.source != FlowSource::files) return {};
+  if (!config.flow.folder.empty())
+    return flows_from_folder(loaded.scene, pairs, *loaded.frames, config.flow.folder);
+  FlowStore flows = true_flows(loaded.scene, pairs, *loaded.frames);
+  bool any = false;
+  for (size_t i = 0; i < pairs.size(); ++i) any |= flows.has(i);
+  if (!any)
+    throw Error(fmt::format(
+        "flow.source is \"files\", but scene {} has no true flow that leads from a training "
+        "picture to one it is compared with: name the files' folder in flow.folder",
+        loaded.scene.name));
+  return flows;
+}
+
+FlowStore computed_flows(const TrainConfig& config, const LoadedScene& loaded,
+                         const std::vector<FlowPair>& pairs, const std::string& folder,
+                         bool quiet) {
+  const size_t compared = num_compared(pairs);
+  const size_t views = size_t(config.train.iterations) * size_t(config.train.batch);
+  FlowEstimation how;
+  how.folder = folder;
+  how.budget = uint64_t(double(config.flow.store) * double(uint64_t{1} << 30));
+  how.beforehand =
+      compared <= views && likely_flow_bytes(loaded.scene, pairs, *loaded.frames) <= how.budget;
+  how.notice = warn;
+  if (!how.beforehand && !quiet)
+    fmt::print(stderr,
+               "optical flow of {} pairs of pictures is computed when it is needed and kept within "
+               "{} GiB in {}\n",
+               compared, config.flow.store, how.folder);
+  Progress progress("flow ", long(compared), quiet || !how.beforehand || compared == 0);
+  how.progress = counted(progress);
+  FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, how);
+  progress.finish();
+  return flows;
+}
+
+}  // namespace
+
+Preparation::Preparation(const TrainConfig& config, const std::string& unpack_folder)
+    : config_(config), loaded_(load_scene(config.scene, unpack_folder)) {
+  if (scene().train.empty()) throw Error("scene " + scene().name + " has no training views");
+  pairs_ = close_pairs(scene(), config.flow);
+  if (config.flow.backward)
+    for (const FlowPair& pair : reversed(pairs_)) pairs_.push_back(pair);
+  flows_ = flows_at_hand(config, loaded_, pairs_);
+}
+
+void Preparation::compute_flow(const std::string& folder, bool quiet) {
+  if (!flows_) flows_ = computed_flows(config_, loaded_, pairs_, folder, quiet);
+}
+
+void Preparation::look_for_change() {
+  if (config_.init.dynamic > 0 || config_.train.focus > 0)
+    watchers_ = watchers_of(scene(), frames());
+  parts_ = parts_of_interest(scene(), frames(), watchers_);
+}
+
+HostModel Preparation::first_model() {
+  return initial_model(scene(), frames(), parts_, watchers_, pairs_, *flows_, config_);
+}
+
+Trainer Preparation::trainer(Queue& queue, Model& model) {
+  return Trainer(queue, config_, scene(), frames(), pairs_, *flows_, parts_, model);
+}
+
+}  // namespace gflow

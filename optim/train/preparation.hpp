@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a training needs before its first step: pictures, flow, parts of interest, first Gaussians.
+#pragma once
+#include <optional>
+
+#include "optim/train/loaded_scene.hpp"
+#include "optim/train/trainer.hpp"
+
+namespace gflow {
+
+class Preparation {
+ public:
+  // Reads the scene and finds out which pictures have flow between them. Error when the scene is
+  // broken or has no training views, and when flow is to be read and is not there. The
+  // configuration must outlive it.
+  Preparation(const TrainConfig& config, const std::string& unpack_folder);
+  Preparation(const Preparation&) = delete;  // scene and flows are referred to
+
+  // Whether flow is still to be computed.
+  bool lacks_flow() const { return !flows_; }
+  // Computes it, kept in a folder: beforehand where all fits into its room and training is long
+  // enough to look at all pairs, else when it is asked for. Nothing where there is flow.
+  void compute_flow(const std::string& folder, bool quiet);
+  // Finds what moves in the pictures, for focus and first Gaussians. Flow must be there.
+  void look_for_change();
+
+  HostModel first_model();
+  Trainer trainer(Queue& queue, Model& model);
+
+  const LoadedScene& loaded() const { return loaded_; }
+  const Scene& scene() const { return loaded_.scene; }
+  FrameStore& frames() { return *loaded_.frames; }
+  FlowStore& flows() { return *flows_; }
+
+ private:
+  const TrainConfig& config_;
+  LoadedScene loaded_;
+  std::vector<FlowPair> pairs_;
+  std::optional<FlowStore> flows_;
+  std::vector<Watcher> watchers_;
+  std::vector<Rect> parts_;
+};
+
+}  // namespace gflow
