@@ -64,7 +64,7 @@ static inline Shift no_shift(void) {
 }
 
 kernel void bases_fwd(const uint n, const uint moving, const int bases, const float t,
-                      const float cutoff, const int first,
+                      const float sigmas, const int first,
                       global const uint* restrict tiles_touched,            // [N] read if not first
                       STILL_IN, global const float* restrict basis_logits,  // [M, B]
                       global const float* restrict poses,                   // [B, POSE]
@@ -74,7 +74,7 @@ kernel void bases_fwd(const uint n, const uint moving, const int bases, const fl
                       global float* restrict opacities_at) {                // [N]
   const uint i = get_global_id(0);
   if (i >= n ||
-      !still_in_window(i, t, cutoff, first, tiles_touched, means_t, log_scales, opacities_at))
+      !still_in_window(i, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
     return;
   float weights[MAX_BASES];
   Still g = load_still(i, STILL_ROWS);

@@ -4,9 +4,9 @@
 // neurons in a vector; GPUs have a Gaussian a work-item. Nothing that forward computes is kept:
 // backward repeats it. Sums over Gaussians are made chunk by chunk, each chunk into memory of its
 // own, then over the chunks in order: bitwise repeatable, without atomics.
-// Measured (PoCL, two cores with AVX-512, dnerf-knight, 13 000 Gaussians at the end): a launch takes
-// 1.8 ms forward, 2.6 and 0.8 ms backward (network, planes), of a step of 10 ms; forward makes half
-// of the FMA peak.
+// Measured (PoCL, two cores with AVX-512, dnerf-knight, 13 000 Gaussians at the end): a launch
+// takes 1.8 ms forward, 2.6 and 0.8 ms backward (network, planes), of a step of 10 ms; forward
+// makes half of the FMA peak.
 #include "shared/hexplane.h"
 #include "shared/lane_row.h"
 #include "shared/still_rows.h"
@@ -236,7 +236,7 @@ kernel void hexplane_cut(const HexplaneGrid grid, const int row, const float sha
 }
 
 // One work-item per `per_item` Gaussians. Windows, first and second time as in native4d.cl.
-kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const float cutoff,
+kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const float sigmas,
                          const int first, const HexplaneGrid grid,
                          global const uint* restrict tiles_touched,  // [N] read if not first
                          STILL_IN, global const float* restrict planes,
@@ -249,7 +249,7 @@ kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const
   uint rows[BLOCK];
   int count = 0;
   for (uint i = begin; i < end; ++i) {
-    if (still_in_window(i, t, cutoff, first, tiles_touched, means_t, log_scales, opacities_at))
+    if (still_in_window(i, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
       rows[count++] = i;
     if (count == 0 || (count < BLOCK && i + 1 < end)) continue;
     network_fwd(rows, count, grid, means, planes, lines, network, &a);

@@ -25,18 +25,18 @@ static inline Shift shift_at(uint moving, uint i, KeyWeights keys, global const 
   return d;
 }
 
-kernel void keyframes_fwd(const uint n, const uint moving, const float t, const float cutoff,
+kernel void keyframes_fwd(const uint n, const uint moving, const float t, const float sigmas,
                           const int first, const KeyWeights keys,
                           global const uint* restrict tiles_touched,  // [N] read if not first
                           STILL_IN, global const float* restrict key_shifts,  // [K, M, 3]
                           global const float* restrict key_turns,             // [K, M, 4]
                           global const float* restrict key_scales,  // [K, M, 3] read if SCALES
-                          global float* restrict means_at,                    // [N, 3]
-                          global float* restrict factors_at,                  // [N, 3, 3]
-                          global float* restrict opacities_at) {              // [N]
+                          global float* restrict means_at,          // [N, 3]
+                          global float* restrict factors_at,        // [N, 3, 3]
+                          global float* restrict opacities_at) {    // [N]
   const uint i = get_global_id(0);
   if (i >= n ||
-      !still_in_window(i, t, cutoff, first, tiles_touched, means_t, log_scales, opacities_at))
+      !still_in_window(i, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
     return;
   const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
   store_shifted(i, shifted_at(load_still(i, STILL_ROWS), d, t), means_at, factors_at, opacities_at);

@@ -108,7 +108,7 @@ kernel void native4d_split(const uint n, const uint moving, const uint seed,
   if (i >= n || child[i] == 0) return;
   const Native4d g =
       load_native4d(i, moving, means, means_t, quats, quats_r, log_scales, logit_opacities);
-  const real4 s = exp4(g.log_scales);
+  const real4 s = exp(g.log_scales);
   const Rows4 p = rows_of(frame4(quat_normalize(g.quat).q, quat_normalize(g.quat_r).q), s);
   const Slice o = slice_rows(g, p, g.mean_t);
   const float longest = fmax(s.x, fmax(s.y, s.z));

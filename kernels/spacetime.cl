@@ -33,7 +33,7 @@ static inline Spacetime load_spacetime(uint i, uint moving, SPACETIME_IN) {
 
 // At the first time of a view: opacity 0, and nothing else written, for those outside their window.
 // At a second time (first = 0): the rows with tiles_touched > 0 only, in their window or not.
-kernel void spacetime_fwd(const uint n, const uint moving, const float t, const float cutoff,
+kernel void spacetime_fwd(const uint n, const uint moving, const float t, const float sigmas,
                           const int first,
                           global const uint* restrict tiles_touched,  // [N] read if not first
                           SPACETIME_IN,                       // as in optim/motion/spacetime.hpp
@@ -42,8 +42,7 @@ kernel void spacetime_fwd(const uint n, const uint moving, const float t, const 
                           global float* restrict opacities_at) {  // [N]
   const uint i = get_global_id(0);
   if (i >= n || (!first && tiles_touched[i] == 0)) return;
-  const float life = exp(log_scales[4 * i + 3]), tau = (t - means_t[i]) / life;
-  if (first && !(exp(-0.5f * tau * tau) > cutoff)) {
+  if (first && !life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) {
     opacities_at[i] = 0.f;
     return;
   }
@@ -110,8 +109,9 @@ kernel void spacetime_split(const uint n, const uint moving, const uint seed,
   const uint i = get_global_id(0);
   if (i >= n || child[i] == 0) return;
   const Spacetime g = load_spacetime(i, moving, SPACETIME_ROWS);
-  const real3 s = spacetime_scales(g);
-  const float life = exp(g.log_scales.w), longest = fmax(s.x, fmax(s.y, s.z));
+  const real4 sizes = exp(g.log_scales);
+  const real3 s = sizes.xyz;
+  const float life = sizes.w, longest = fmax(s.x, fmax(s.y, s.z));
   const int lasting = life > 0.5f * duration;  // then it is seen in [0, duration]
   const float window = lasting ? 0.5f * duration : life;
   const float travel = sqrt(dot(g.velocity, g.velocity)) * 2.f * window;

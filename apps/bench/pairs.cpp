@@ -8,8 +8,7 @@
 namespace gflow::bench {
 
 Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& settings) {
-  Program program(queue, "count_pairs.cl",
-                  {{"LANES", 1}, {"EXCLUDE", int(settings.stop == StopRule::exclude)}});
+  Program program(queue, "count_pairs.cl", {{"EXCLUDE", int(settings.stop == StopRule::exclude)}});
   Kernel<cl_int, cl_int, In<float>, In<cl_uint>, In<cl_uint>, In<cl_ushort>, Out<cl_uint>,
          Out<cl_uint>, Out<cl_uint>>
       count(program, "count_pairs");

@@ -52,6 +52,8 @@ using std::log1p;
 using std::log2;
 using std::sin;
 using std::sqrt;
+using std::tanh;
+inline real4 exp(real4 x) { return {std::exp(x.x), std::exp(x.y), std::exp(x.z), std::exp(x.w)}; }
 inline real fmin(real a, real b) { return a < b ? a : b; }
 inline real fmax(real a, real b) { return a > b ? a : b; }
 using std::pow;

@@ -103,12 +103,10 @@ static inline Slice slice_rows(Native4d g, Rows4 p, real t) {
   return o;
 }
 
-static inline real4 exp4(real4 x) { return make_real4(exp(x.x), exp(x.y), exp(x.z), exp(x.w)); }
-
 // exp(-(t - mu_t)^2 / (2 |p_t|^2)) alone, to know cheaply who is there.
 static inline real marginal_at(Native4d g, real t) {
   const Frame4 f = frame4(quat_normalize(g.quat).q, quat_normalize(g.quat_r).q);
-  const real4 s = exp4(g.log_scales);
+  const real4 s = exp(g.log_scales);
   const real4 p_t = make_real4(f.x.x * s.x, f.y.x * s.y, f.z.x * s.z, f.t.x * s.w);
   const real dt = t - g.mean_t;
   return exp((real)-0.5f * dt * dt / dot(p_t, p_t));
@@ -116,7 +114,7 @@ static inline real marginal_at(Native4d g, real t) {
 
 static inline Slice slice_at(Native4d g, real t) {
   const Frame4 f = frame4(quat_normalize(g.quat).q, quat_normalize(g.quat_r).q);
-  return slice_rows(g, rows_of(f, exp4(g.log_scales)), t);
+  return slice_rows(g, rows_of(f, exp(g.log_scales)), t);
 }
 
 // Gradient by one space row of P, where v_l, v_d and v_velocity are that row's.
@@ -129,7 +127,7 @@ static inline real4 row_vjp(Slice o, real3 v_l, real v_d, real v_velocity, real4
 static inline Native4d slice_vjp(Native4d g, real t, real3 v_mean, Mat3 v_l, real v_opacity) {
   const UnitQuat ql = quat_normalize(g.quat), qr = quat_normalize(g.quat_r);
   const Frame4 f = frame4(ql.q, qr.q);
-  const real4 s = exp4(g.log_scales);
+  const real4 s = exp(g.log_scales);
   const Rows4 p = rows_of(f, s);
   const Slice o = slice_rows(g, p, t);
   Native4d v;

@@ -27,30 +27,29 @@ typedef struct SpacetimeCut {
   Life life;
 } SpacetimeCut;
 
-static inline real3 spacetime_scales(Spacetime g) {
-  return make_real3(exp(g.log_scales.x), exp(g.log_scales.y), exp(g.log_scales.z));
-}
-static inline real spacetime_var_t(Spacetime g) { return exp((real)2 * g.log_scales.w); }
 static inline real3 spacetime_velocity(Spacetime g, real tau) {
   return g.velocity + g.half_acceleration * ((real)2 * tau);
 }
 
 static inline SpacetimeCut spacetime_at(Spacetime g, real t) {
   const real tau = t - g.mean_t;
+  const real4 s = exp(g.log_scales);
   SpacetimeCut o;
   o.mean = g.mean + (g.velocity + g.half_acceleration * tau) * tau;
-  o.factor = factor_of(g.quat + g.turn * tau, spacetime_scales(g));
-  o.life = life_at(g.logit_opacity, tau, spacetime_var_t(g));
+  o.factor = factor_of(g.quat + g.turn * tau, make_real3(s.x, s.y, s.z));
+  o.life = life_at(g.logit_opacity, tau, s.w * s.w);
   return o;
 }
 
 // Gradient by the parameters, in a Spacetime, from the gradient by mean, factor and opacity.
 static inline Spacetime spacetime_vjp(Spacetime g, real t, real3 v_mean, Mat3 v_factor,
                                       real v_opacity) {
-  const real tau = t - g.mean_t, var = spacetime_var_t(g);
-  const real3 scales = spacetime_scales(g);
-  const LifeGradient life =
-      life_vjp(life_at(g.logit_opacity, tau, var), g.logit_opacity, tau, var, v_opacity);
+  const real4 s = exp(g.log_scales);
+  const real tau = t - g.mean_t, var = s.w * s.w;
+  const real3 scales = make_real3(s.x, s.y, s.z);
+  LifeGradient life = {0, 0, 0};
+  if (v_opacity != 0)
+    life = life_vjp(life_at(g.logit_opacity, tau, var), g.logit_opacity, tau, var, v_opacity);
   const FactorGradient factor = factor_of_vjp(g.quat + g.turn * tau, scales, v_factor);
   Spacetime v;
   v.mean = v_mean;

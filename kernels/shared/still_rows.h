@@ -29,14 +29,13 @@ static inline Still load_still(uint i, STILL_IN) {
 
 // Whether the Gaussian counts at time t, drawn first, or was seen then. Sets its opacity to 0 where
 // it is drawn and outside its window.
-static inline int still_in_window(uint i, float t, float cutoff, int first,
+static inline int still_in_window(uint i, float t, float sigmas, int first,
                                   global const uint* restrict tiles_touched,
                                   global const float* restrict means_t,
                                   global const float* restrict log_scales,
                                   global float* restrict opacities_at) {
   if (!first) return tiles_touched[i] != 0;
-  const float tau = (t - means_t[i]) / exp(log_scales[4 * i + 3]);
-  if (exp(-0.5f * tau * tau) > cutoff) return 1;
+  if (life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) return 1;
   opacities_at[i] = 0.f;
   return 0;
 }

@@ -36,9 +36,6 @@ struct DensityRule {
 };
 
 inline float logit(float p) { return std::log(p / (1 - p)); }
-// Standard deviations in time from a Gaussian's own moment to where its temporal weight has fallen
-// to the cutoff.
-inline float window_sigmas(float cutoff) { return std::sqrt(-2 * std::log(cutoff)); }
 
 // What one view says.
 struct DensityView {

@@ -95,8 +95,8 @@ void BasesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl
   gaussians.ensure(queue, p.count);
   pose(queue, p, t);
   bases_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), shape_.bases, t,
-             shape_.cutoff, int(!seen), seen ? *seen : p.rows.seen, p["means"].values,
-             p["means_t"].values, p["quats"].values, p["log_scales"].values,
+             window_sigmas(shape_.cutoff), int(!seen), seen ? *seen : p.rows.seen,
+             p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
              p["logit_opacities"].values, p["basis_logits"].values, poses_, p["pivots"].values,
              gaussians.means, gaussians.factors, gaussians.opacities);
 }

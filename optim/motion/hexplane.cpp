@@ -126,7 +126,7 @@ HexplaneMotion::HexplaneMotion(Queue& queue, const MotionShape& shape)
     : shape_(checked(shape.hexplane)),
       grid_(grid_of(shape_)),
       duration_(shape.duration),
-      cutoff_(shape.cutoff),
+      sigmas_(window_sigmas(shape.cutoff)),
       lanes_(size_t(queue.lanes)),
       weights_(all_weights(shape_)),
       cells_(hexplane_level_start(uint(shape_.resolution), 1, shape_.levels)),
@@ -162,7 +162,7 @@ void HexplaneMotion::at(Queue& queue, const Parameters& p, float t, const Buffer
   cut(queue, p, t);
   const size_t per_item = lanes_ == 1 ? 1 : 256;
   hexplane_fwd_(queue, Range::over((p.count + per_item - 1) / per_item, lanes_ == 1 ? kGroup : 1),
-                cl_uint(p.count), cl_uint(per_item), t, cutoff_, int(!seen), grid_,
+                cl_uint(p.count), cl_uint(per_item), t, sigmas_, int(!seen), grid_,
                 seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                 p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
                 p["planes"].values, lines_, p["network"].values, gaussians.means, gaussians.factors,

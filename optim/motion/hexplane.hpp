@@ -54,7 +54,7 @@ class HexplaneMotion : public Motion {
 
   HexplaneShape shape_;
   HexplaneGrid grid_;
-  float duration_, cutoff_;
+  float duration_, sigmas_;
   size_t lanes_, weights_, cells_;  // cells_: of the planes at one time
   Program program_;
   Kernel<HexplaneGrid, cl_int, cl_float, In<float>, Out<float>> hexplane_cut_;

@@ -26,12 +26,12 @@ KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
 void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
                          GaussiansAt& gaussians) {
   gaussians.ensure(queue, p.count);
-  keyframes_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, shape_.cutoff,
-                 int(!seen), key_weights(t, shape_.duration, shape_.keys),
-                 seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
-                 p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
-                 p["key_shifts"].values, p["key_turns"].values, p[scales_].values, gaussians.means,
-                 gaussians.factors, gaussians.opacities);
+  keyframes_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t,
+                 window_sigmas(shape_.cutoff), int(!seen),
+                 key_weights(t, shape_.duration, shape_.keys), seen ? *seen : p.rows.seen,
+                 p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
+                 p["logit_opacities"].values, p["key_shifts"].values, p["key_turns"].values,
+                 p[scales_].values, gaussians.means, gaussians.factors, gaussians.opacities);
 }
 
 void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,

@@ -2,11 +2,17 @@
 // A motion model: parameters to Gaussians at a time, and gradients back. Everything else sees this
 // interface only. Times are in the model's own unit: the video is [0, duration].
 #pragma once
+#include <cmath>
+
 #include "optim/engine/gaussians.hpp"
 #include "optim/motion/hexplane_shape.hpp"
 #include "optim/motion/parameters.hpp"
 
 namespace gflow {
+
+// Standard deviations in time from a Gaussian's own moment to where its temporal weight has fallen
+// to the cutoff, which is in [0, 1).
+inline float window_sigmas(float cutoff) { return std::sqrt(-2 * std::log(cutoff)); }
 
 // How one Gaussian becomes two.
 struct SplitRule {

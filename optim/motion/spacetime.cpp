@@ -4,7 +4,7 @@
 namespace gflow {
 
 SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
-    : cutoff_(cutoff),
+    : sigmas_(window_sigmas(cutoff)),
       program_(queue, "spacetime.cl"),
       spacetime_fwd_(program_, "spacetime_fwd"),
       spacetime_bwd_(program_, "spacetime_bwd"),
@@ -25,7 +25,7 @@ std::vector<GroupSpec> spacetime_groups() {
 void SpacetimeMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
                          GaussiansAt& gaussians) {
   gaussians.ensure(queue, p.count);
-  spacetime_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, cutoff_,
+  spacetime_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, sigmas_,
                  int(!seen), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                  p["velocities"].values, p["half_accelerations"].values, p["quats"].values,
                  p["turns"].values, p["log_scales"].values, p["logit_opacities"].values,

@@ -30,7 +30,7 @@ class SpacetimeMotion : public Motion {
              const SplitRule& rule, uint32_t seed) override;
 
  private:
-  float cutoff_;
+  float sigmas_;
   Program program_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>

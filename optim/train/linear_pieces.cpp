@@ -28,7 +28,7 @@ double life_of(const HostModel& model, size_t i) {
   };
   if (model.shape.motion != MotionModelKind::native4d) return std::exp(row("log_scales").w);
   const Frame4 frame = frame4(quat_normalize(row("quats")).q, quat_normalize(row("quats_r")).q);
-  const real4 p_t = rows_of(frame, exp4(row("log_scales"))).t;
+  const real4 p_t = rows_of(frame, exp(row("log_scales"))).t;
   return std::sqrt(dot(p_t, p_t));
 }
 
