@@ -113,10 +113,10 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->default_str("")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command
-      ->add_option(
-          "--init", flags->init,
-          "First Gaussians: points, random, visual-hull or auto (init.from), or a splat file "
-          "that stands still: .ply, compressed .ply, .splat, .spz (init.file)")
+      ->add_option("--init", flags->init,
+                   "First Gaussians: points, stereo, random, visual-hull or auto (init.from), or a "
+                   "splat file "
+                   "that stands still: .ply, compressed .ply, .splat, .spz (init.file)")
       ->type_name("FILE|WORD");
   command
       ->add_option("--cameras", flags->cameras,

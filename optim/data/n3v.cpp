@@ -137,7 +137,9 @@ Camera camera_of(const double* row, size_t i, const Footage& footage, const std:
   return fitted_to(camera, footage.width, footage.height, path, picture);
 }
 
-std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Footage>& footage) {
+// And the range of depths of all of them.
+std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Footage>& footage,
+                                 Scene& scene) {
   const std::string path = join(folder, "poses_bounds.npy");
   const Array poses = read_npy(path);
   if (poses.shape.size() != 2 || poses.shape[1] != 17)
@@ -150,6 +152,12 @@ std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Fo
   std::vector<Camera> cameras;
   for (size_t i = 0; i < footage.size(); ++i)
     cameras.push_back(camera_of(&values[17 * i], i, footage[i], path));
+  for (size_t i = 0; i < footage.size(); ++i) {
+    const double near = values[17 * i + 15], far = values[17 * i + 16];
+    if (!(near > 0 && far > near && std::isfinite(far))) return cameras;  // not needed elsewhere
+    scene.near = i ? std::min(scene.near, near) : near;
+    scene.far = std::max(scene.far, far);
+  }
   return cameras;
 }
 
@@ -235,7 +243,7 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
                             options.holdout, folder, n - 1));
   Scene scene;
   scene.layout = "n3v";
-  scene.cameras = read_cameras(folder, footage);
+  scene.cameras = read_cameras(folder, footage, scene);
   scene.fps = footage[0].fps;
   const std::vector<std::string> steps = common_steps(footage, folder);
   scene.steps = int(steps.size());

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -139,6 +140,25 @@ Scene read_scene(const std::string& path, const SceneOptions& options) {
   check(scene);
   if (scene.extent <= 0) scene.extent = scene_extent(scene);
   return scene;
+}
+
+Eigen::Vector3d looked_at(const Scene& scene) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  Eigen::Vector3d position = Eigen::Vector3d::Zero(), ahead = Eigen::Vector3d::Zero();
+  for (const Frame& frame : scene.train) {
+    const Camera& camera = scene.cameras[size_t(frame.camera)];
+    const Eigen::Vector3d axis = camera.viewmat.block<1, 3>(2, 0).transpose();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
+    a += across;
+    b += across * camera.position();
+    position += camera.position();
+    ahead += axis;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(a);
+  const double n = double(std::max<size_t>(scene.train.size(), 1));
+  if (solver.eigenvalues()[0] < 1e-3 * n) return position / n + ahead.normalized() * scene.extent;
+  return a.ldlt().solve(b);
 }
 
 std::vector<FlowPair> neighbour_pairs(const Scene& scene) {

@@ -40,7 +40,8 @@ struct Scene {
   std::string tracks_path;  // true paths of surface points, .npy [steps, points, 3], or empty
   int steps = 0;            // number of distinct training times; steps of others are the nearest
   double fps = 0;           // frames per second, > 0; 24 where the scene does not tell
-  bool has_alpha = false;   // pictures carry straight alpha or have masks
+  double near = 0, far = 0;  // depths between which the cameras see anything; 0 where it does not
+  bool has_alpha = false;    // pictures carry straight alpha or have masks
 };
 
 // Which mask pictures count: those that are meant as transparency, also those that label what moves
@@ -68,6 +69,10 @@ struct SceneOptions {
 // Reads the scene in folder, or video file, `path`. Error when no layout fits (it says what was
 // looked for), and when a file is missing, truncated or contradicts another.
 Scene read_scene(const std::string& path, const SceneOptions& options = {});
+
+// The point nearest to the axes of all training cameras, or one `extent` ahead where they are
+// parallel.
+Eigen::Vector3d looked_at(const Scene& scene);
 
 // Two neighbouring frames of one track; a flow leads from `frame`, seen by its camera, to `next`,
 // seen by that frame's camera. `next` may be the earlier of the two.

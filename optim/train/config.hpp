@@ -45,14 +45,14 @@ Allowed one_of(std::vector<float> values);
 // Choices. names_of() gives the words of the file, in the order of the enumerators, which
 // count from 0.
 enum class Background { white, black, random };
-enum class InitFrom { automatic, points, random, visual_hull, file };
+enum class InitFrom { automatic, points, stereo, random, visual_hull, file };
 enum class FlowSource { dis, files };
 enum class FlowPairs { track, time };
 
 constexpr std::array<const char*, 3> names_of(Background) { return {"white", "black", "random"}; }
 constexpr std::array<const char*, 3> names_of(Masks) { return {"auto", "all", "none"}; }
-constexpr std::array<const char*, 5> names_of(InitFrom) {
-  return {"auto", "points", "random", "visual-hull", "file"};
+constexpr std::array<const char*, 6> names_of(InitFrom) {
+  return {"auto", "points", "stereo", "random", "visual-hull", "file"};
 }
 // motion.model: left to the scene, or a MotionModelKind, each one number higher.
 enum class MotionChoice { automatic };
@@ -291,16 +291,16 @@ struct InitConfig {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field(
-        "from", self.from,
-        "first Gaussians: the scene's points; random ones in a box; visual-hull: random ones on "
-        "the "
-        "object, by the pictures' alpha; those of a file; auto: file, points, visual-hull, random, "
-        "the first of these that there is");
+    field("from", self.from,
+          "first Gaussians: the scene's points; stereo: points on whose colours several cameras "
+          "agree; "
+          "random ones in a box; visual-hull: random ones on the object, by the pictures' alpha; "
+          "those "
+          "of a file; auto: file, points, visual-hull, stereo, random, the first that there is");
     field(
         "file", self.file,
         "splat that stands still, in the scene's coordinates: .ply, compressed .ply, .splat, .spz");
-    field("count", self.count, "random points", at_least(1));
+    field("count", self.count, "random or stereo points", at_least(1));
     field("opacity", self.opacity, "first opacity", above_up_to(0, 0.99f));
     field("box", self.box, "side of the box of random points [x scene extent]", above(0));
     field("dynamic", self.dynamic,

@@ -27,26 +27,6 @@ size_t rest_coefficients(int sh_degree) { return size_t((sh_degree + 1) * (sh_de
 // What is known of the object at a time of the video.
 constexpr size_t kViewsAtATime = 12;
 
-// The point nearest to all viewing rays, or one `extent` ahead of a single direction.
-Eigen::Vector3d looked_at(const Scene& scene) {
-  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
-  Eigen::Vector3d position = Eigen::Vector3d::Zero(), ahead = Eigen::Vector3d::Zero();
-  for (const Frame& frame : scene.train) {
-    const Camera& camera = scene.cameras[size_t(frame.camera)];
-    const Eigen::Vector3d axis = camera.viewmat.block<1, 3>(2, 0).transpose();
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
-    a += across;
-    b += across * camera.position();
-    position += camera.position();
-    ahead += axis;
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(a);
-  const double n = double(std::max<size_t>(scene.train.size(), 1));
-  if (solver.eigenvalues()[0] < 1e-3 * n) return position / n + ahead.normalized() * scene.extent;
-  return a.ldlt().solve(b);
-}
-
 // A training frame and the part of it that shows the object.
 struct ObjectView {
   const Frame* frame;
@@ -185,7 +165,8 @@ FirstPoints first_points(const Scene& scene, FrameStore& frames, const std::vect
                          const TrainConfig& config) {
   const InitFrom from = config.init.from;
   const std::vector<ObjectView> by_time = views_by_time(scene, parts);
-  const bool given = from == InitFrom::points || from == InitFrom::automatic;
+  const bool given =
+      from == InitFrom::points || from == InitFrom::stereo || from == InitFrom::automatic;
   if (from == InitFrom::points && scene.points.size() == 0)
     throw Error("init.from is \"points\", but scene " + scene.name +
                 " has none (points3D.ply or sparse/0/points3D.bin)");

@@ -6,6 +6,7 @@
 #include "optim/data/estimated_flow.hpp"
 #include "optim/train/init.hpp"
 #include "optim/train/progress.hpp"
+#include "optim/train/stereo_points.hpp"
 #include "optim/train/warning.hpp"
 
 namespace gflow {
@@ -90,7 +91,26 @@ void Preparation::look_for_change() {
 }
 
 HostModel Preparation::first_model() {
+  const InitFrom from = config_.init.from;
+  const bool has_none =
+      scene().points.size() == 0 && !scene().has_alpha && config_.init.file.empty();
+  if (from == InitFrom::stereo || (from == InitFrom::automatic && has_none))
+    loaded_.scene.points = points_from_stereo();
   return initial_model(scene(), frames(), parts_, watchers_, pairs_, *flows_, config_);
+}
+
+PointCloud Preparation::points_from_stereo() {
+  if (watchers_.empty()) watchers_ = watchers_of(scene(), frames());
+  PointCloud points = stereo_points(scene(), frames(), watchers_, size_t(config_.init.count),
+                                    uint32_t(config_.train.seed));
+  constexpr size_t few = 100;
+  if (points.size() >= few) return points;
+  if (config_.init.from == InitFrom::stereo)
+    throw Error(
+        fmt::format("init.from is \"stereo\", but the cameras of scene {} show only {} "
+                    "points that two of them agree on: choose random",
+                    scene().name, points.size()));
+  return {};
 }
 
 Trainer Preparation::trainer(Queue& queue, Model& model) {

@@ -24,6 +24,7 @@ class Preparation {
   // Finds what moves in the pictures, for focus and first Gaussians. Flow must be there.
   void look_for_change();
 
+  // A scene without points gets those of several cameras (stereo_points.hpp).
   HostModel first_model();
   Trainer trainer(Queue& queue, Model& model);
 
@@ -33,6 +34,8 @@ class Preparation {
   FlowStore& flows() { return *flows_; }
 
  private:
+  PointCloud points_from_stereo();
+
   const TrainConfig& config_;
   LoadedScene loaded_;
   std::vector<FlowPair> pairs_;

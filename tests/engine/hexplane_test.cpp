@@ -118,6 +118,7 @@ TEST(Hexplane, ASizeChangesAtMostTwentyFold) {
   Parameters parameters(queue, 1, motion->groups(), motion->tables());
   for (const char* name : {"planes", "network"})
     parameters[name].values.write(queue, to_float(p[name]));
+  for (ParameterGroup& group : parameters.groups) group.values.fill(queue, 0.f);
   parameters["quats"].values.write(queue, {1, 0, 0, 0});
   GaussiansAt at;
   const Buffer<cl_uint> all(queue, std::vector<cl_uint>{1}, "seen");
