@@ -83,7 +83,7 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
   Preparation prepared(config, folder.file("frames"));
   prepared.compute_flow(folder.file("flow"), quiet);
   prepared.look_for_change();
-  Model model(queue, prepared.first_model());
+  Model model(queue, prepared.first_model(queue));
   Trainer trainer = prepared.trainer(queue, model);
   Progress progress("train", o.warm, quiet);
   for (int step = 0; step < o.warm; ++step) {

@@ -211,6 +211,24 @@ void append_ball(HostModel& model, const float* xyz, float scale, float time, fl
   ++model.count;
 }
 
+// Evenly chosen ones.
+Seeds at_most(const Seeds& all, size_t most) {
+  if (all.size() <= most) return all;
+  Seeds some;
+  const auto append = [](auto& to, const auto& from, size_t width, size_t i) {
+    to.insert(to.end(), from.begin() + long(width * i), from.begin() + long(width * (i + 1)));
+  };
+  for (size_t k = 0; k < most; ++k) {
+    const size_t i = k * all.size() / most;
+    append(some.xyz, all.xyz, 3, i);
+    append(some.rgb, all.rgb, 3, i);
+    append(some.velocity, all.velocity, 3, i);
+    append(some.time, all.time, 1, i);
+    append(some.spacing, all.spacing, 1, i);
+  }
+  return some;
+}
+
 // Whether init.file says where to begin.
 bool begins_from_file(const InitConfig& init) {
   return init.from == InitFrom::file || (init.from == InitFrom::automatic && !init.file.empty());
@@ -307,6 +325,10 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
                         FlowStore& flows, const TrainConfig& config) {
   HostModel model = empty_model(scene, config);
+  Seeds seeds;  // short-lived, so none where each Gaussian is followed through the video
+  if (!config.train.sequential && !is_permanent(model.shape.motion))
+    seeds = at_most(dynamic_seeds(scene, frames, watchers, pairs, flows, config),
+                    size_t(config.density.cap) / 2);
   const float duration = model.shape.duration;
   const bool permanent = is_permanent(model.shape.motion);
   const bool lasting = permanent || scene.steps < 2 || config.train.sequential;
@@ -314,8 +336,11 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
   if (begins_from_file(config.init)) {
     append_file(model, duration / 2, lifetime, config);
+    seeds = at_most(seeds, size_t(config.density.cap) - model.count);
   } else {
-    const FirstPoints points = first_points(scene, frames, parts, config);
+    TrainConfig beside_seeds = config;
+    beside_seeds.density.cap -= int(seeds.size());
+    const FirstPoints points = first_points(scene, frames, parts, beside_seeds);
     const std::vector<float> distance = neighbour_distance(points.xyz);
     for (size_t i = 0; i < points.size(); ++i)
       append_ball(model, &points.xyz[3 * i], distance[i],
@@ -324,9 +349,6 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   }
   const size_t n = model.count;
   set_box(model.shape.hexplane, model.groups["means"], config.hexplane.slack);
-  Seeds seeds;  // short-lived, so none where each Gaussian is followed through the video
-  if (!config.train.sequential && !permanent)
-    seeds = dynamic_seeds(scene, frames, watchers, pairs, flows, config);
   for (size_t k = 0; k < seeds.size(); ++k)
     append_ball(model, &seeds.xyz[3 * k], seeds.spacing[k], seeds.time[k] * duration, short_life,
                 &seeds.rgb[3 * k], config);

@@ -3,7 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "optim/data/estimated_flow.hpp"
+#include "optim/density/memory.hpp"
 #include "optim/train/init.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/stereo_points.hpp"
@@ -90,13 +93,23 @@ void Preparation::look_for_change() {
   parts_ = parts_of_interest(scene(), frames(), watchers_);
 }
 
-HostModel Preparation::first_model() {
+HostModel Preparation::first_model(Queue& queue) {
   const InitFrom from = config_.init.from;
   const bool has_none =
       scene().points.size() == 0 && !scene().has_alpha && config_.init.file.empty();
   if (from == InitFrom::stereo || (from == InitFrom::automatic && has_none))
     loaded_.scene.points = points_from_stereo();
-  return initial_model(scene(), frames(), parts_, watchers_, pairs_, *flows_, config_);
+  const Model none(queue, model_shape(scene(), config_), 0);
+  const size_t holds = most_gaussians(queue.info, none.parameters, size_t(config_.density.memory));
+  TrainConfig config = config_;
+  if (holds < size_t(config.density.cap)) {
+    warn(
+        fmt::format("the memory allowed by density.memory holds {} Gaussians, fewer than "
+                    "density.cap = {}: there will be no more",
+                    holds, config.density.cap));
+    config.density.cap = std::max(int(holds), 1);
+  }
+  return initial_model(scene(), frames(), parts_, watchers_, pairs_, *flows_, config);
 }
 
 PointCloud Preparation::points_from_stereo() {

@@ -24,8 +24,9 @@ class Preparation {
   // Finds what moves in the pictures, for focus and first Gaussians. Flow must be there.
   void look_for_change();
 
-  // A scene without points gets those of several cameras (stereo_points.hpp).
-  HostModel first_model();
+  // As many Gaussians at most as density.cap and the memory allow. A scene without points gets
+  // those of several cameras (stereo_points.hpp).
+  HostModel first_model(Queue& queue);
   Trainer trainer(Queue& queue, Model& model);
 
   const LoadedScene& loaded() const { return loaded_; }

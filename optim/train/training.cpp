@@ -184,7 +184,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   stop.say("interrupted before the first training step; " + how_to_go_on(run));
   prepared.look_for_change();
   const auto first_model = [&] {
-    const HostModel first = prepared.first_model();
+    const HostModel first = prepared.first_model(queue);
     write_model(run.path("input.ply"), first);
     return Model(queue, first);
   };

@@ -9,6 +9,8 @@
 #include "optim/io/splat_table.hpp"
 #include "optim/train/dynamic_seeds.hpp"
 #include "optim/train/views.hpp"
+#include "optim/density/memory.hpp"
+#include "optim/train/preparation.hpp"
 #include "train/small_scene.hpp"
 
 namespace gflow {
@@ -216,6 +218,28 @@ TEST(InitialModel, NeedsPointsWhenTheyAreAskedFor) {
 }
 
 // The blob moves along x by blob_path; each seed stands where three cameras see it change.
+TEST(InitialModel, StaysWithinTheCapAndTheMemorySeedsIncluded) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  TrainConfig config = small_config(scene, 10);
+  config.init.dynamic = 100;
+  config.density.cap = 40;
+  const HostModel few = SmallTraining(queue, config).model.read(queue);
+  EXPECT_EQ(few.count, 40u);
+  size_t short_lived = 0;
+  for (size_t i = 0; i < few.count; ++i)
+    short_lived += std::exp(few.groups.at("log_scales")[4 * i + 3]) < few.shape.duration;
+  EXPECT_EQ(short_lived, 20u);  // points keep half of the room
+  config.density.cap = 100000;
+  config.density.memory = 1;  // MiB
+  Preparation prepared(config, "");
+  prepared.compute_flow("", true);
+  prepared.look_for_change();
+  const HostModel model = prepared.first_model(queue);
+  EXPECT_GT(model.count, 40u);
+  EXPECT_LE(model.count, most_gaussians(queue.info, Model(queue, model).parameters, 1));
+}
+
 TEST(InitialModel, SeedsWhatMovesWithItsVelocity) {
   Queue queue = test_queue();
   const SmallScene scene(queue);

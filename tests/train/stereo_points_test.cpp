@@ -90,11 +90,12 @@ TEST(StereoPoints, AreAFunctionOfTheSeedAndNeedTwoCameras) {
 }
 
 TEST(StereoPoints, AreWhereASceneWithoutPointsBegins) {
+  Queue queue = test_queue();
   PaintedWall wall;
   wall.config.init.count = 150;
   Preparation prepared(wall.config, "");
   prepared.look_for_change();
-  const HostModel model = prepared.first_model();
+  const HostModel model = prepared.first_model(queue);
   ASSERT_EQ(model.count, 150u);
   PointCloud first;
   first.xyz = model.groups.at("means");
@@ -102,11 +103,12 @@ TEST(StereoPoints, AreWhereASceneWithoutPointsBegins) {
 }
 
 TEST(StereoPoints, AreRefusedWhereTooFewAgree) {
+  Queue queue = test_queue();
   PaintedWall wall;
   wall.config.init.from = InitFrom::stereo;
   wall.config.init.count = 20;  // fewer than may be called a scene
   Preparation prepared(wall.config, "");
-  expect_error([&] { prepared.first_model(); }, {"stereo", "20 points", "random"});
+  expect_error([&] { prepared.first_model(queue); }, {"stereo", "20 points", "random"});
 }
 
 }  // namespace
