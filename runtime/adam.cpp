@@ -47,6 +47,9 @@ void check_rows(const ParameterGroup& group, const RowState& state, const RowRan
                           end, group.width, group.values.name()));
 }
 
+// Work-items on a CPU: SPAN rows each (kernels/adam.cl).
+size_t spans(size_t rows) { return (rows + 15) / 16; }
+
 }  // namespace
 
 AdamCorrection adam_correction(const AdamConfig& config, double t) {
@@ -73,8 +76,8 @@ RowState::RowState(Queue& queue, size_t rows)
 
 Adam::Adam(Queue& queue, const AdamConfig& config)
     : config_(config),
-      flat_(queue.lanes == 1),
-      program_(queue, "adam.cl", {{"FLAT", flat_}}),
+      gpu_(queue.lanes == 1),
+      program_(queue, "adam.cl", {{"LANES", queue.lanes}}),
       adam_refuse_(program_, "adam_refuse"),
       adam_advance_(program_, "adam_advance"),
       adam_step_(program_, "adam_step"),
@@ -82,23 +85,24 @@ Adam::Adam(Queue& queue, const AdamConfig& config)
 
 void Adam::refuse(Queue& queue, const ParameterGroup& group, RowState& state, RowRange rows) {
   check_rows(group, state, rows);
-  adam_refuse_(queue, Range::over(rows.count), cl_uint(rows.first), cl_uint(rows.count),
-               cl_uint(group.width), group.grads, state.seen, state.refused);
+  adam_refuse_(queue, Range::over(gpu_ ? rows.count : spans(rows.count)), cl_uint(rows.first),
+               cl_uint(rows.count), cl_uint(group.width), group.grads, state.seen, state.refused);
 }
 
 void Adam::advance(Queue& queue, RowState& state, RowRange rows) {
+  state.rates.ensure(queue, 2 * state.steps.size());
   adam_advance_(queue, Range::over(rows.count, 256), cl_uint(rows.first), cl_uint(rows.count),
-                state.seen, state.steps);
+                cl_uint(table_size), corrections_, state.seen, state.pace, state.steps,
+                state.rates);
 }
 
 void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, RowRange rows,
                 AdamRate rate) {
   check_rows(group, state, rows);
   const AdamStep step{config_.beta1, config_.beta2, rate.lr, rate.epsilon};
-  adam_step_(queue, Range::over(flat_ ? rows.count * group.width : rows.count), cl_uint(rows.first),
-             cl_uint(rows.count), cl_uint(group.width), step, rate.per_time, cl_uint(table_size),
-             corrections_, state.seen, state.steps, state.pace, state.reach, group.grads,
-             group.values, group.exp_avg, group.exp_avg_sq);
+  adam_step_(queue, Range::over(gpu_ ? rows.count * group.width : spans(rows.count)),
+             cl_uint(rows.first), cl_uint(rows.count), cl_uint(group.width), step, rate.per_time,
+             state.rates, state.reach, group.grads, group.values, group.exp_avg, group.exp_avg_sq);
 }
 
 }  // namespace gflow

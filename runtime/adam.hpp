@@ -55,6 +55,7 @@ struct RowState {
   Buffer<cl_uint> refused;              // 1: had a gradient that Adam cannot take; never reset here
   Buffer<float> pace;                   // multiplies the row's learning rates; 1 unless changed
   Buffer<float> reach;                  // divides those of groups per time; 1 unless changed
+  Buffer<float> rates{"rates"};         // [rows, 2] of the step that is being made, by advance()
 };
 
 // A training step is: refuse() for every group, advance() once, step() for every group.
@@ -74,12 +75,13 @@ class Adam {
 
  private:
   AdamConfig config_;
-  bool flat_;
+  bool gpu_;
   Program program_;
   Kernel<cl_uint, cl_uint, cl_uint, In<float>, Out<cl_uint>, Out<cl_uint>> adam_refuse_;
-  Kernel<cl_uint, cl_uint, In<cl_uint>, Out<cl_uint>> adam_advance_;
-  Kernel<cl_uint, cl_uint, cl_uint, AdamStep, cl_int, cl_uint, In<float>, In<cl_uint>, In<cl_uint>,
-         In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_uint, In<float>, In<cl_uint>, In<float>, Out<cl_uint>, Out<float>>
+      adam_advance_;
+  Kernel<cl_uint, cl_uint, cl_uint, AdamStep, cl_int, In<float>, In<float>, In<float>, Out<float>,
+         Out<float>, Out<float>>
       adam_step_;
   Buffer<float> corrections_;  // [table, 2] by step count
 };
