@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow train`: a scene folder in, a run folder out.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -52,9 +53,12 @@ TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
                     flags.run, flags.run));
   const auto words = names_of(InitFrom{});
   const auto word = std::find(words.begin(), words.end(), flags.init);
-  if (word != words.end() && flags.init != name_of(InitFrom::file)) {
+  if (word != words.end()) {
     config.init.from = InitFrom(word - words.begin());
   } else if (!flags.init.empty()) {
+    if (!std::filesystem::exists(flags.init))
+      throw Error(fmt::format("--init {}: there is no such file, and the words are {}", flags.init,
+                              fmt::join(words, ", ")));
     config.init.from = InitFrom::file;
     config.init.file = std::filesystem::absolute(flags.init).lexically_normal().string();
   }
@@ -113,10 +117,11 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->default_str("")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command
-      ->add_option("--init", flags->init,
-                   "First Gaussians: points, stereo, random, visual-hull or auto (init.from), or a "
-                   "splat file "
-                   "that stands still: .ply, compressed .ply, .splat, .spz (init.file)")
+      ->add_option(
+          "--init", flags->init,
+          "First Gaussians: auto, points, stereo, random, visual-hull or file (init.from), "
+          "or a splat file that stands still: .ply, compressed .ply, .splat, .spz "
+          "(init.file)")
       ->type_name("FILE|WORD");
   command
       ->add_option("--cameras", flags->cameras,
@@ -142,7 +147,8 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
                     "settings; starts it where there is none");
   command
       ->add_flag("--overwrite", flags->overwrite,
-                 "Begin anew where the output folder holds a training that was stopped")
+                 "Begin anew where the output folder holds a training that was stopped, or one of "
+                 "another scene")
       ->excludes("--resume");
   command->add_flag("--profile", flags->profile, "Print the time each kernel took");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });

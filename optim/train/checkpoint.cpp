@@ -19,13 +19,34 @@ using Json = nlohmann::ordered_json;
 constexpr int kFormat = 1;  // rises when what the arrays mean changes
 constexpr const char* kFacts = "facts";
 
+Json json_of(const ModelShape& shape) {
+  Json json{{"motion", names_of(shape.motion)[size_t(shape.motion)]},
+            {"sh_degree", shape.sh_degree}};
+  MotionShape::fields(shape, [&](const char* name, auto value, double) { json[name] = value; });
+  return json;
+}
+
+ModelShape shape_of(const Json& json) {
+  const auto names = names_of(MotionModelKind{});
+  const auto name = std::find(names.begin(), names.end(), json.at("motion").get<std::string>());
+  if (name == names.end()) throw Error("there is no motion model " + json.at("motion").dump());
+  ModelShape shape;
+  shape.motion = MotionModelKind(name - names.begin());
+  shape.sh_degree = json.at("sh_degree");
+  MotionShape::fields(
+      shape, [&](const char* field, auto& value, double) { json.at(field).get_to(value); });
+  return shape;
+}
+
 Json json_of(const Checkpoint& checkpoint) {
   const CheckpointFacts& facts = checkpoint.facts;
   Json shapes = Json::object();
   for (const auto& [name, array] : checkpoint.arrays) shapes[name] = array.shape;
-  return {{"format", kFormat},        {"step", facts.step},   {"seconds", facts.seconds},
-          {"config", facts.config},   {"scene", facts.scene}, {"device", facts.device},
-          {"program", facts.program}, {"arrays", shapes}};
+  Json json{{"format", kFormat},        {"step", facts.step},   {"seconds", facts.seconds},
+            {"config", facts.config},   {"scene", facts.scene}, {"device", facts.device},
+            {"program", facts.program}, {"arrays", shapes}};
+  if (facts.shape) json["model"] = json_of(*facts.shape);
+  return json;
 }
 
 // The JSON text among the arrays. Error when there is none of this format.
@@ -64,6 +85,7 @@ CheckpointFacts facts_of(const Json& json) {
   facts.scene = json.at("scene");
   facts.device = json.at("device");
   facts.program = json.at("program");
+  if (json.contains("model")) facts.shape = shape_of(json.at("model"));
   return facts;
 }
 

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "optim/io/npz.hpp"
+#include "optim/train/model.hpp"
 #include "runtime/queue.hpp"
 
 namespace gflow {
@@ -21,6 +22,8 @@ struct CheckpointFacts {
   std::string scene;    // fingerprint of what was trained on
   std::string device;   // with driver and lanes
   std::string program;  // fingerprint of the program that wrote it
+  // Of the model, but for what only training needs; none in checkpoints of an older gflow.
+  std::optional<ModelShape> shape = {};
 };
 
 struct Checkpoint {

@@ -167,12 +167,7 @@ FirstPoints first_points(const Scene& scene, FrameStore& frames, const std::vect
   const std::vector<ObjectView> by_time = views_by_time(scene, parts);
   const bool given =
       from == InitFrom::points || from == InitFrom::stereo || from == InitFrom::automatic;
-  if (from == InitFrom::points && scene.points.size() == 0)
-    throw Error("init.from is \"points\", but scene " + scene.name +
-                " has none (points3D.ply or sparse/0/points3D.bin)");
-  if (from == InitFrom::visual_hull && !scene.has_alpha)
-    throw Error("init.from is \"visual-hull\", but the pictures of scene " + scene.name +
-                " have no alpha that shows the object");
+  require_first_points(scene, config.init);
   FirstPoints points;
   if (given && scene.points.size() > 0)
     points = fitting_points(scene, frames, by_time, size_t(config.density.cap));
@@ -319,6 +314,15 @@ ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
 
 void require_init_file(const TrainConfig& config) {
   if (begins_from_file(config.init)) read_init_file(config);
+}
+
+void require_first_points(const Scene& scene, const InitConfig& init) {
+  if (init.from == InitFrom::points && scene.points.size() == 0)
+    throw Error("init.from is \"points\", but scene " + scene.name +
+                " has none (points3D.ply or sparse/0/points3D.bin)");
+  if (init.from == InitFrom::visual_hull && !scene.has_alpha)
+    throw Error("init.from is \"visual-hull\", but the pictures of scene " + scene.name +
+                " have no alpha that shows the object");
 }
 
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,

@@ -23,6 +23,8 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
 
 // The Error that initial_model would throw for init.file, before time is spent on anything else.
 void require_init_file(const TrainConfig& config);
+// The Error that it would throw because the scene has not what init.from asks for.
+void require_first_points(const Scene& scene, const InitConfig& init);
 // The motion model that is asked for, or that suits the scene: from one camera at a time, only a
 // common pose shows what a Gaussian does while it is not seen (README, How Gaussians move).
 MotionModelKind motion_model(const Scene& scene, const MotionConfig& config);

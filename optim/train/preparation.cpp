@@ -77,6 +77,7 @@ FlowStore computed_flows(const TrainConfig& config, const LoadedScene& loaded,
 Preparation::Preparation(const TrainConfig& config, const std::string& unpack_folder)
     : config_(config), loaded_(load_scene(config.scene, unpack_folder)) {
   if (scene().train.empty()) throw Error("scene " + scene().name + " has no training views");
+  require_sequence(config, scene(), model_shape(scene(), config));
   pairs_ = close_pairs(scene(), config.flow);
   if (config.flow.backward)
     for (const FlowPair& pair : reversed(pairs_)) pairs_.push_back(pair);

@@ -11,8 +11,8 @@ namespace gflow {
 class Preparation {
  public:
   // Reads the scene and finds out which pictures have flow between them. Error when the scene is
-  // broken or has no training views, and when flow is to be read and is not there. The
-  // configuration must outlive it.
+  // broken, has no training views or not those that train.sequential needs, and when flow is to be
+  // read and is not there. The configuration must outlive it.
   Preparation(const TrainConfig& config, const std::string& unpack_folder);
   Preparation(const Preparation&) = delete;  // scene and flows are referred to
 
@@ -21,7 +21,8 @@ class Preparation {
   // Computes it, kept in a folder: beforehand where all fits into its room and training is long
   // enough to look at all pairs, else when it is asked for. Nothing where there is flow.
   void compute_flow(const std::string& folder, bool quiet);
-  // Finds what moves in the pictures, for focus and first Gaussians. Flow must be there.
+  // Finds what moves in the pictures, for focus and first Gaussians. Needs no flow. Error when
+  // init.from asks for stereo points and there are none.
   void look_for_change();
 
   // As many Gaussians at most as density.cap and the memory allow. A scene without points gets

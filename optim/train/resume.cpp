@@ -36,8 +36,9 @@ void require_same_training(const CheckpointFolder::Found& found, const TrainConf
   apply_text(former, facts.config, "the settings in " + found.path);
   const auto before = setting_values(former);
   auto now = setting_values(config);
-  for (const char* free : {"scene.path", "train.minutes", "train.log_every",
-                           "train.checkpoint_every", "train.save_every", "train.device", "flow.store"})
+  for (const char* free :
+       {"scene.path", "train.minutes", "train.log_every", "train.checkpoint_every",
+        "train.save_every", "train.device", "flow.store"})
     now.erase(free);
   for (const auto& [name, value] : now)
     if (value != before.at(name))
@@ -66,6 +67,20 @@ void warn_of_other_bits(const CheckpointFacts& facts, const DeviceInfo& device) 
   other("by gflow build", facts.program, program_stamp());
 }
 
+bool is_same_folder(const std::string& a, const std::string& b) {
+  std::error_code gone;
+  return a == b || std::filesystem::equivalent(a, b, gone);
+}
+
+// Whether all settings of [scene] agree, but for where it lies.
+bool same_scene_settings(const TrainConfig& a, const TrainConfig& b) {
+  const auto of_b = setting_values(b);
+  for (const auto& [name, value] : setting_values(a))
+    if (name.rfind("scene.", 0) == 0 && name != "scene.path" && value != of_b.at(name))
+      return false;
+  return true;
+}
+
 }  // namespace
 
 std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
@@ -85,23 +100,37 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
   return found;
 }
 
-void require_nothing_to_resume(const RunFolder& run) {
-  int step = 0, all = 0;
+void require_replaceable(const RunFolder& run, const TrainConfig& config, const Scene& scene) {
+  if (run.checkpoints().steps().empty() && run.models().empty()) return;
+  TrainConfig former;
+  RunFacts ended;
+  std::optional<CheckpointFolder::Found> last;
   try {
-    const auto found = run.checkpoints().latest();
-    if (!found) return;
-    step = found->checkpoint.facts.step;
-    all = run.read_config().train.iterations;
-    const RunFacts facts = run.read_facts();
-    if (facts.finished && facts.iterations == step) return;  // by train.minutes
-  } catch (const Error&) {
-    return;  // nothing that could be gone on from
+    former = run.read_config();
+    ended = run.read_facts();
+    last = run.checkpoints().latest();
+  } catch (const Error&) {  // damaged: what is known decides
   }
-  if (step < all)
+  const int all = former.train.iterations;
+  const int step = last ? last->checkpoint.facts.step : all;
+  const bool out_of_time = ended.finished && ended.iterations == step;  // train.minutes
+  if (step < all && !out_of_time)
     throw Error(fmt::format(
         "{} holds a training that was stopped at step {} of {}: `gflow train -o {} --resume` goes "
         "on with it, --overwrite begins anew",
         run.folder(), step, all, run.folder()));
+  const std::string& place = former.scene.path;
+  if (!place.empty() && !is_same_folder(place, config.scene.path))
+    throw Error(
+        fmt::format("{} holds a training of another scene, {}: name another folder, or replace it "
+                    "with --overwrite",
+                    run.folder(), place));
+  if (last && last->checkpoint.facts.scene != scene_stamp(scene) &&
+      same_scene_settings(former, config))
+    throw Error(
+        fmt::format("{} holds a training of {} with other cameras or pictures than there are now: "
+                    "name another folder, or replace it with --overwrite",
+                    run.folder(), place));
 }
 
 std::string how_to_go_on(const RunFolder& run) {
@@ -109,12 +138,13 @@ std::string how_to_go_on(const RunFolder& run) {
 }
 
 Checkpointer::Checkpointer(Queue& queue, const TrainConfig& config, const Scene& scene,
-                           const RunFolder& run, const Trainer& trainer)
+                           const RunFolder& run, const Trainer& trainer, const ModelShape& shape)
     : queue_(queue), folder_(run.checkpoints()), trainer_(trainer) {
   facts_.config = to_toml(config);
   facts_.scene = scene_stamp(scene);
   facts_.device = device_stamp(queue.info);
   facts_.program = program_stamp();
+  facts_.shape = shape;
 }
 
 void Checkpointer::write(int step, double seconds) {

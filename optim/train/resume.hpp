@@ -14,8 +14,9 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
                                                             const Scene& scene,
                                                             const RunFolder& run, bool quiet);
 
-// Error when the folder holds a training that was stopped before its end.
-void require_nothing_to_resume(const RunFolder& run);
+// Error when the folder holds a training that was stopped before its end, or one of another scene:
+// another folder or, with the same settings of [scene], other cameras or pictures.
+void require_replaceable(const RunFolder& run, const TrainConfig& config, const Scene& scene);
 
 // "`gflow train -o RUN --resume` goes on from there"
 std::string how_to_go_on(const RunFolder& run);
@@ -24,7 +25,7 @@ std::string how_to_go_on(const RunFolder& run);
 class Checkpointer {
  public:
   Checkpointer(Queue& queue, const TrainConfig& config, const Scene& scene, const RunFolder& run,
-               const Trainer& trainer);
+               const Trainer& trainer, const ModelShape& shape);
   // After `step` steps that took so many seconds. Waits.
   void write(int step, double seconds);
   // Warns instead of throwing: a training that cannot be saved is worth finishing, and there may be

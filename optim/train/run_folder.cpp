@@ -2,6 +2,7 @@
 #include "optim/train/run_folder.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -29,12 +30,12 @@ void write_text(const std::string& path, const std::string& text) {
   write_file_atomically(path, Bytes(text.begin(), text.end()));
 }
 
-// A line at the end of a file, or a new file of one line. On failure no half a line is left.
-void append_line(const std::string& file, bool anew, const std::string& line) {
+// Lines at the end of a file, or a new file of them. On failure nothing of them is left.
+void append_lines(const std::string& file, bool anew, const std::string& lines) {
   std::error_code none;
   const uintmax_t before = !anew && fs::exists(file) ? fs::file_size(file, none) : 0;
   std::ofstream out(file, anew ? std::ios::trunc : std::ios::app);
-  out << line << "\n";
+  out << lines;
   out.flush();
   if (out) return;
   const Error error(fmt::format("cannot write {}: {}", file, std::strerror(errno)));
@@ -45,6 +46,18 @@ void append_line(const std::string& file, bool anew, const std::string& line) {
 
 // NaN has no place in JSON.
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+// A line of metrics.jsonl as lines of metrics.csv; what is no number stays empty.
+std::string csv_names(const Json& line) {
+  std::vector<std::string> names;
+  for (const auto& item : line.items()) names.push_back(item.key());
+  return fmt::format("{}\n", fmt::join(names, ","));
+}
+std::string csv_values(const Json& line) {
+  std::vector<std::string> values;
+  for (const Json& value : line) values.push_back(value.is_null() ? "" : value.dump());
+  return fmt::format("{}\n", fmt::join(values, ","));
+}
 
 Json figures_of(const ViewFigures& v) {
   return {{"psnr", number(v.psnr)},
@@ -151,7 +164,16 @@ void RunFolder::forget_model(int iteration) const {
 void RunFolder::forget_training() const {
   checkpoints().clear();
   fs::remove_all(path("point_cloud"));
-  fs::remove(path("training.json"));
+  for (const char* name :
+       {"training.json", "metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz"})
+    fs::remove(path(name));
+}
+
+bool RunFolder::would_forget(const std::string& file) const {
+  if (file.empty()) return false;
+  const fs::path inside =
+      fs::weakly_canonical(file).lexically_relative(fs::weakly_canonical(folder_));
+  return !inside.empty() && (*inside.begin() == "point_cloud" || inside == "input.ply");
 }
 
 void RunFolder::forget_results() const {
@@ -213,33 +235,31 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
                  {"isometry", number(f.motion->isometry)},
                  {"velocity", number(f.motion->velocity)},
                  {"acceleration", number(f.motion->acceleration)}});
-  append_line(path("metrics.jsonl"), iteration == 0, line.dump());
-  std::string names, values;
-  for (const auto& [name, value] : line.items()) {
-    names += (names.empty() ? "" : ",") + name;
-    values += (values.empty() ? "" : ",") + (value.is_null() ? "" : value.dump());
-  }
-  if (iteration == 0) append_line(path("metrics.csv"), true, names);
-  append_line(path("metrics.csv"), false, values);
+  append_lines(path("metrics.jsonl"), iteration == 0, line.dump() + "\n");
+  const std::string table = path("metrics.csv");
+  const bool anew = iteration == 0 || !fs::exists(table);
+  append_lines(table, anew, (anew ? csv_names(line) : "") + csv_values(line));
 }
 
 void RunFolder::keep_metrics_before(int iteration) const {
   std::ifstream in(path("metrics.jsonl"));
-  std::string kept;
-  for (std::string line; std::getline(in, line); kept += line + "\n") {
+  std::string kept, table;
+  for (std::string line; std::getline(in, line);) {
     const Json parsed = Json::parse(line, nullptr, false);
     // The last line of a killed process may be cut off.
     if (!parsed.is_object() || !parsed.contains("iteration") ||
         !parsed["iteration"].is_number_integer() || parsed["iteration"] >= iteration)
       break;
+    if (kept.empty()) table = csv_names(parsed);
+    kept += line + "\n";
+    table += csv_values(parsed);
   }
-  if (in.is_open()) write_text(path("metrics.jsonl"), kept);
-  // The same lines below the header of metrics.csv.
-  std::ifstream table(path("metrics.csv"));
-  std::string rows;
-  auto left = std::count(kept.begin(), kept.end(), '\n') + 1;
-  for (std::string row; left > 0 && std::getline(table, row); --left) rows += row + "\n";
-  if (table.is_open()) write_text(path("metrics.csv"), rows);
+  if (kept.empty()) {
+    for (const char* name : {"metrics.jsonl", "metrics.csv"}) fs::remove(path(name));
+    return;
+  }
+  write_text(path("metrics.jsonl"), kept);
+  write_text(path("metrics.csv"), table);
 }
 
 void RunFolder::write_results(const Evaluation& evaluation, const std::string& split,

@@ -49,9 +49,11 @@ class RunFolder {
   std::vector<int> models() const;
   // Removes the model of an iteration, if there is one.
   void forget_model(int iteration) const;
-  // Removes all that an earlier training is gone on from or shown by: checkpoints, models,
-  // training.json.
+  // Removes all that an earlier training is gone on from or shown by: checkpoints, models, metrics,
+  // input.ply, training.json.
   void forget_training() const;
+  // Whether that removes this file, too. "": no.
+  bool would_forget(const std::string& file) const;
   // Removes results.json, per_view.json, compare.png and test/: they are about to be untrue.
   void forget_results() const;
   // Removes what a killed process had begun to write.
@@ -66,7 +68,8 @@ class RunFolder {
   void write_cameras(const Scene& scene) const;
   // One line of metrics.jsonl, and the same figures in metrics.csv.
   void append_metrics(int iteration, double seconds, const StepFigures& figures) const;
-  // Removes the lines of this iteration and later ones.
+  // Removes the lines of this iteration and later ones, and writes metrics.csv anew from what stays
+  // in metrics.jsonl: the last lines of a killed process may be cut off or missing.
   void keep_metrics_before(int iteration) const;
   // results.json and per_view.json for the test views, results_SPLIT.json and so on for others.
   // Facts that are not known (NaN) become null.

@@ -62,9 +62,8 @@ RunState read_place(const RunFolder& run, const Place& place) {
   state.bytes = fs::file_size(place.path, gone);
   if (place.checkpoint) {
     const Checkpoint checkpoint = read_checkpoint(place.path);
-    // The first Gaussians have the shape of all later ones.
-    const ModelShape shape = read_model(run.path("input.ply")).shape;
-    state.model = model_of_state(shape, checkpoint.arrays, place.path);
+    state.model =
+        model_of_state(kept_shape(checkpoint, place.path, run), checkpoint.arrays, place.path);
   } else {
     state.model = read_model(place.path);
   }
@@ -91,6 +90,18 @@ std::optional<RunState> first_readable(const RunFolder& run, const std::vector<P
 }
 
 }  // namespace
+
+ModelShape kept_shape(const Checkpoint& checkpoint, const std::string& path, const RunFolder& run) {
+  if (checkpoint.facts.shape) return *checkpoint.facts.shape;
+  try {
+    return read_model(run.path("input.ply")).shape;
+  } catch (const Error& problem) {
+    throw Error(
+        fmt::format("{} is of an older gflow and its model can be read only beside the first "
+                    "Gaussians: {}",
+                    path, problem.what()));
+  }
+}
 
 std::string RunState::text() const {
   return fmt::format("iteration {} of {}, from {}", iteration, config.train.iterations,

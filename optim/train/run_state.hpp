@@ -24,6 +24,10 @@ struct RunState {
   std::string text() const;
 };
 
+// The shape of the models of a training: as its checkpoint says or, one of an older gflow, its
+// first Gaussians. `path`: the checkpoint's. Error when neither does.
+ModelShape kept_shape(const Checkpoint& checkpoint, const std::string& path, const RunFolder& run);
+
 // Iterations that a run has a point cloud or a checkpoint of, rising.
 std::vector<int> iterations_of(const RunFolder& run);
 

@@ -3,7 +3,26 @@
 
 #include <algorithm>
 
+#include "runtime/error.hpp"
+
 namespace gflow {
+
+void require_sequence(const TrainConfig& config, const Scene& scene, const MotionShape& shape) {
+  if (!config.train.sequential) return;
+  const int steps = std::max(scene.steps, 1);
+  if (shape.motion != MotionModelKind::keyframes || shape.keys != steps)
+    throw Error(
+        "train.sequential moves the Gaussians key by key: it needs motion.model = "
+        "\"keyframes\" and motion.keys = 0 (a key a time step)");
+  std::vector<bool> seen(size_t(steps), false);
+  for (const Frame& frame : scene.train) seen[size_t(frame.step)] = true;
+  const auto unseen = std::find(seen.begin(), seen.end(), false);
+  if (unseen != seen.end())
+    throw Error(
+        fmt::format("train.sequential trains one time step after the other, but scene {} has no "
+                    "training picture of time step {} (from 0)",
+                    scene.name, unseen - seen.begin()));
+}
 
 Stage stage_at(const ScheduleConfig& config, int time_steps, int step) {
   if (!config.sequential) return {-1, step == 0, double(step) / config.iterations};

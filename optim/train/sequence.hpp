@@ -15,6 +15,10 @@ struct Stage {
   bool moves() const { return time_step != 0; }  // their motion is
 };
 
+// Error when train.sequential is asked for and cannot be: it needs a keyframes model with a key a
+// time step, and a training picture of each.
+void require_sequence(const TrainConfig& config, const Scene& scene, const MotionShape& shape);
+
 // time_steps >= 1: of the scene.
 Stage stage_at(const ScheduleConfig& config, int time_steps, int step);
 

@@ -132,12 +132,8 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       rest_(rest_for(queue, config, scene, model.parameters)),
       reduce_(queue),
       pairs_of_frame_(scene.train.size()) {
+  require_sequence(config, scene, model.shape);
   const bool sequential = config.train.sequential;
-  if (sequential && (model.shape.motion != MotionModelKind::keyframes ||
-                     model.shape.keys != std::max(scene.steps, 1)))
-    throw Error(
-        "train.sequential moves the Gaussians key by key: it needs motion.model = "
-        "\"keyframes\" and motion.keys = 0 (a key a time step)");
   choices_.resize(sequential ? size_t(model.shape.keys) : 1);
   for (size_t i = 0; i < scene.train.size(); ++i) {
     const Camera& camera = frames.camera(scene.train[i]);
@@ -471,8 +467,13 @@ StepFigures Trainer::figures(Queue& queue) {
     figures.epe = flow.epe;
     figures.loss += flow.loss;
   }
-  if (motion_loss_) figures.motion = motion_loss_->value(queue);
-  if (had_motion_loss_) figures.loss += figures.motion->total();
+  if (had_motion_loss_) {
+    figures.motion = motion_loss_->value(queue);
+    figures.loss += figures.motion->total();
+  } else if (motion_loss_) {
+    constexpr double none = std::numeric_limits<double>::quiet_NaN();
+    figures.motion = MotionLossValue{none, none, none, none, none};
+  }
   figures.gaussians = model_.parameters.count;
   figures.moving = model_.parameters.moving;
   figures.refused = reduce_.count_nonzero(queue, model_.parameters.rows.refused);

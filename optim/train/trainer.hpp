@@ -26,9 +26,10 @@ namespace gflow {
 // What the last step looked like; read back only when asked for.
 struct StepFigures {
   double l1 = 0, ssim = 0, loss = 0;
-  double psnr = 0;                        // of the last view [dB]
-  double flow_loss = 0, epe = 0;          // of the last view with flow [px]; 0 when there was none
-  std::optional<MotionLossValue> motion;  // of the last view that had any such loss
+  double psnr = 0;                // of the last view [dB]
+  double flow_loss = 0, epe = 0;  // of the last view with flow [px]; 0 when there was none
+  // Of the last view, NaN in a step without such a loss (loss.motion_every); none: no training has.
+  std::optional<MotionLossValue> motion;
   size_t gaussians = 0, moving = 0;
   size_t refused = 0;  // rows that had a gradient Adam could not take, so far
 };

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 
 #include "optim/io/interrupt.hpp"
@@ -39,7 +40,8 @@ std::vector<ProgressTerm> terms_of(const StepFigures& f) {
                                   {"L1", fmt::format("{:.4f}", f.l1)},
                                   {"psnr", fmt::format("{:.1f}", f.psnr)}};
   if (f.epe > 0) terms.push_back({"epe", fmt::format("{:.2f} px", f.epe)});
-  if (f.motion) terms.push_back({"motion", fmt::format("{:.4f}", f.motion->total())});
+  if (f.motion && std::isfinite(f.motion->total()))
+    terms.push_back({"motion", fmt::format("{:.4f}", f.motion->total())});
   terms.push_back({"", fmt::format("{} Gaussians", f.gaussians)});
   if (f.moving < f.gaussians) terms.push_back({"", fmt::format("{} move", f.moving)});
   if (f.refused) terms.push_back({"refused", std::to_string(f.refused)});
@@ -105,6 +107,16 @@ Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const Lo
   return evaluation;
 }
 
+// Error when the file that training begins with cannot be used, or would be gone by then.
+void require_first_file(const TrainConfig& config, const RunFolder& run) {
+  if (run.would_forget(config.init.file))
+    throw Error(fmt::format(
+        "init.file {} belongs to the run in {}, which this training would replace: name another "
+        "output folder, or copy the file out of it",
+        config.init.file, run.folder()));
+  require_init_file(config);
+}
+
 // The training loop from step number `step`; returns the number of steps made, earlier ones
 // included. Sets `guard` after the first one, in which kernels may be compiled for long: before it
 // there is nothing to save.
@@ -158,22 +170,26 @@ void write_comparison(Queue& queue, Model& model, const TrainConfig& config,
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
                      Start start) {
   check(config);
-  require_init_file(config);
+  const bool begins = start != Start::resume || run.checkpoints().steps().empty();
+  if (begins) require_first_file(config, run);
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
+  if (begins) require_first_points(scene, config.init);
+  if (!scene.tracks_path.empty()) read_tracks(scene.tracks_path);  // needed at the end
   run.make();
   const FileLock lock = run.lock();
   run.forget_unfinished_files();
   std::optional<CheckpointFolder::Found> resumed;
   if (start == Start::resume) resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
-  if (start == Start::anew) require_nothing_to_resume(run);
+  if (!resumed && start != Start::overwrite) require_replaceable(run, config, scene);
   run.forget_stale_caches(cache_stamp(scene, config.scene));
   for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // broken ones are named now
+  prepared.look_for_change();  // a scene may not show what init.from asks for
 
   // Nothing is wrong with what goes in: from here on the former run is replaced.
   stop.say("interrupted while preparing the training; " + how_to_go_on(run));
-  if (start != Start::resume) run.forget_training();
+  if (!resumed) run.forget_training();
   run.forget_results();
   run.write_config(config);
   run.write_cameras(scene);
@@ -182,7 +198,6 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   prepared.compute_flow(run.path("flow"), quiet);
 
   stop.say("interrupted before the first training step; " + how_to_go_on(run));
-  prepared.look_for_change();
   const auto first_model = [&] {
     const HostModel first = prepared.first_model(queue);
     write_model(run.path("input.ply"), first);
@@ -191,9 +206,9 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const auto shape_to_resume = [&] {
     ModelShape shape = model_shape(scene, config);
     if (shape.motion != MotionModelKind::hexplane) return shape;
-    const HexplaneShape first = read_model(run.path("input.ply")).shape.hexplane;
-    shape.hexplane.centre = first.centre;
-    shape.hexplane.half_size = first.half_size;
+    const HexplaneShape kept = kept_shape(resumed->checkpoint, resumed->path, run).hexplane;
+    shape.hexplane.centre = kept.centre;
+    shape.hexplane.half_size = kept.half_size;
     return shape;
   };
   Model model = resumed ? Model(queue, shape_to_resume(), 0) : first_model();
@@ -206,7 +221,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     resumed.reset();  // its arrays are as large as the model
     run.keep_metrics_before(former.step);
   }
-  Checkpointer checkpoints(queue, config, scene, run, trainer);
+  Checkpointer checkpoints(queue, config, scene, run, trainer, model.shape);
   const Stopwatch watch(former.seconds);
   std::optional<InterruptGuard> guard;
   const int steps = train_steps(queue, config, run, trainer, model, former.step, watch, checkpoints,

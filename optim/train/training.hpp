@@ -8,9 +8,9 @@
 
 namespace gflow {
 
-// anew: what a finished training left in the run folder is replaced; Error when one was stopped
-// there. overwrite: what any left. resume: it is continued from its last checkpoint, or from the
-// start where it had not come to one.
+// anew: what a finished training of the same scene left in the run folder is replaced; Error when
+// one was stopped there, or was of another scene. overwrite: what any left. resume: it is continued
+// from its last checkpoint, or as anew where it had not come to one.
 enum class Start { anew, overwrite, resume };
 
 // Trains config.scene.path into `run`, writing as it goes; evaluates on the test views at the end.

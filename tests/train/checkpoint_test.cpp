@@ -39,6 +39,33 @@ TEST(Checkpoint, WhatIsWrittenIsReadAgain) {
   EXPECT_TRUE(same(read_checkpoint(folder.file("a.npz")), some_checkpoint(20)));
 }
 
+TEST(Checkpoint, HoldsTheShapeOfItsModel) {
+  const TemporaryFolder folder;
+  Checkpoint checkpoint = some_checkpoint(20);
+  EXPECT_FALSE(checkpoint.facts.shape);  // of an older gflow
+  for (size_t kind = 0; kind < names_of(MotionModelKind{}).size(); ++kind) {
+    ModelShape shape;
+    shape.motion = MotionModelKind(kind);
+    shape.sh_degree = 3;
+    shape.keys = 7;
+    shape.key_scales = 1;
+    shape.bases = 5;
+    shape.duration = 1.1f;
+    shape.hexplane.levels = 3;
+    shape.hexplane.centre = {-0.1f, 1e-7f, 123.456f};
+    shape.hexplane.half_size = {0.3f, 1e9f, 2};
+    checkpoint.facts.shape = shape;
+    write_checkpoint(folder.file("a.npz"), checkpoint);
+    const ModelShape read = read_checkpoint(folder.file("a.npz")).facts.shape.value();
+    EXPECT_EQ(read.motion, shape.motion);
+    EXPECT_EQ(read.sh_degree, 3);
+    std::vector<double> expected, found;
+    MotionShape::fields(shape, [&](const char*, auto x, double) { expected.push_back(x); });
+    MotionShape::fields(read, [&](const char*, auto x, double) { found.push_back(x); });
+    EXPECT_EQ(found, expected);
+  }
+}
+
 TEST(Checkpoint, APathThatIsNotUtf8IsNoObstacle) {
   const TemporaryFolder folder;
   Checkpoint checkpoint = some_checkpoint(1);

@@ -333,6 +333,15 @@ TEST_F(CommandTest, TrainSaysWhatIsWrongWithTheSceneOrTheSettings) {
                  {"flow.weight", "at least 0"});
   expect_refused({"train", scene().path(), "-o", out, "--config", folder.path() + "/none.toml"},
                  {"none.toml"});
+  expect_refused(
+      {"train", scene().path(), "-o", out, "--init", "visual_hull"},
+      {"--init visual_hull", "no such file", "auto, points, stereo, random, visual-hull, file"});
+  expect_refused({"train", scene().path(), "-o", out, "--init", "file"}, {"init.file names none"});
+  expect_refused({"train", scene().path(), "-o", out, "--init", "visual-hull"}, {"no alpha"});
+  fs::copy(scene().path(), folder.path() + "/tracked", fs::copy_options::recursive);
+  folder.write("tracked/tracks3d.npy", "no tracks");  // compared with at the end only
+  expect_refused({"train", folder.path() + "/tracked", "-o", out}, {"tracks3d.npy"});
+  EXPECT_FALSE(fs::exists(out));
   folder.write("file", "");
   expect_refused({"train", scene().path(), "-o", folder.path() + "/file/run"}, {"file/run"});
 }

@@ -77,6 +77,7 @@ class Resume : public testing::Test {
     TrainConfig config = small_config(*scene_, 240);
     config.train.log_every = 10;
     config.train.checkpoint_every = 20;
+    config.loss.velocity = 0.01f;  // not in every step
     folder_->write("config.toml", to_toml(config));
   }
   static TemporaryFolder* folder_;
@@ -351,15 +352,58 @@ TEST_F(Resume, AStoppedTrainingIsReplacedOnRequestOnly) {
 }
 
 TEST_F(Resume, AWrongInputLeavesTheFormerRunAsItWas) {
-  ASSERT_EQ(gflow(train("run", {})).code, 0);
+  ASSERT_EQ(gflow(train("run")).code, 0);
   const auto before = fs::last_write_time(run("run") + "/config.toml");
-  EXPECT_EQ(gflow(train("run", {"--set", "flow.source=files", "--set", "flow.enabled=true", "--set",
-                                "flow.folder=/nowhere"}))
-                .code,
-            1);
-  EXPECT_EQ(fs::last_write_time(run("run") + "/config.toml"), before);
+  const auto expect_left_alone = [&](std::vector<std::string> with,
+                                     std::initializer_list<std::string> parts) {
+    with.insert(with.end(), {"--set", "flow.source=dis"});  // would be computed
+    expect_refused(train("run", with), parts);
+    EXPECT_EQ(fs::last_write_time(run("run") + "/config.toml"), before);
+    for (const char* name :
+         {"results.json", "test", "point_cloud/iteration_240", "input.ply", "metrics.csv"})
+      EXPECT_TRUE(fs::exists(run("run") + "/" + name)) << name;
+    EXPECT_TRUE(fs::exists(checkpoint(240)));
+    EXPECT_FALSE(fs::exists(run("run") + "/flow"));
+  };
+  expect_left_alone({"--set", "flow.folder=/nowhere", "--set", "flow.pairs=time"}, {"flow.pairs"});
+  expect_left_alone({"--set", "motion.model=bases", "--set", "train.sequential=true"},
+                    {"train.sequential", "motion.model"});
+  expect_left_alone({"--init", "visual-hull"}, {"init.from", "no alpha"});
+  for (const std::string& first : {latest_model("run"), run("run") + "/input.ply"})
+    expect_left_alone({"--init", first}, {"init.file " + first, "would replace", "copy"});
+}
+
+// A mistyped -o.
+TEST_F(Resume, AFinishedTrainingOfAnotherSceneIsReplacedOnRequestOnly) {
+  ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
+  const std::string other = run("other");
+  fs::copy(scene_->path(), other, fs::copy_options::recursive);
+  std::vector<std::string> another{
+      "train", other, "-o", run("run"), "--config", run("config.toml"), "--iterations", "1"};
+  expect_refused(another, {run("run"), "another scene, " + scene_->path(), "--overwrite"});
   EXPECT_TRUE(fs::exists(run("run") + "/results.json"));
-  EXPECT_TRUE(fs::exists(checkpoint(240)));
+  another.push_back("--overwrite");
+  ASSERT_EQ(gflow(another).code, 0);
+  another.pop_back();
+  std::ofstream(other + "/cam01/images/0001.png", std::ios::app) << "more";
+  expect_refused(another, {run("run"), other, "other cameras or pictures", "--overwrite"});
+  EXPECT_TRUE(fs::exists(run("run") + "/results.json"));
+  another.insert(another.end(), {"--set", "scene.max_steps=3"});  // of the same pictures
+  EXPECT_EQ(gflow(another).code, 0);
+}
+
+// Its planes lie in a box that the first Gaussians were put in.
+TEST_F(Resume, AHexplaneTrainingNeedsItsCheckpointOnly) {
+  ASSERT_EQ(gflow(train("run", {"--iterations", "40", "--set", "motion.model=hexplane"})).code, 0);
+  const std::vector<std::string> whole = left_in("run");
+  for (const fs::path file : {"input.ply", "input.motion.npz", "point_cloud", "training.json",
+                              "checkpoints/iteration_40.npz"})
+    EXPECT_GT(fs::remove_all(run("run") / file), 0u) << file;
+  const Outcome judged = gflow({"eval", run("run"), "--quiet"});
+  EXPECT_EQ(judged.code, 0) << judged.err;
+  const Outcome outcome = gflow(resume());
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(left_in("run") == whole);
 }
 
 // The checkpoints do not fit, the rest does: training goes on, and only the last one is an error.

@@ -66,6 +66,41 @@ TEST(RunFolder, KeepsMetricsOfTheStepsBeforeACheckpoint) {
   EXPECT_EQ(contents(run.path("metrics.jsonl")), expected);
 }
 
+TEST(RunFolder, TheTableOfMetricsIsMendedFromTheirLines) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  StepFigures figures;
+  figures.psnr = 1.0 / 3;
+  figures.flow_loss = std::nan("");
+  for (const int iteration : {0, 10}) run.append_metrics(iteration, 1.25, figures);
+  const std::string lines = contents(run.path("metrics.jsonl"));
+  const std::string table = contents(run.path("metrics.csv"));
+  for (const size_t left : {table.size() - 7, size_t{0}}) {
+    std::filesystem::resize_file(run.path("metrics.csv"), left);
+    run.keep_metrics_before(20);
+    EXPECT_EQ(contents(run.path("metrics.csv")), table);
+    EXPECT_EQ(contents(run.path("metrics.jsonl")), lines);
+  }
+  std::filesystem::remove(run.path("metrics.jsonl"));
+  run.keep_metrics_before(20);  // nothing to mend it from
+  EXPECT_FALSE(std::filesystem::exists(run.path("metrics.csv")));
+  run.append_metrics(20, 1, figures);
+  EXPECT_EQ(contents(run.path("metrics.csv")).rfind("iteration,", 0), 0u);
+}
+
+TEST(RunFolder, ForgetsWhateverIsOfAnEarlierTraining) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  EXPECT_FALSE(run.would_forget(""));
+  EXPECT_FALSE(run.would_forget(folder.path() + "/../other.ply"));
+  EXPECT_TRUE(run.would_forget(folder.path() + "/./point_cloud/a.ply"));
+  for (const char* name : {"metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz",
+                           "training.json", "checkpoints/iteration_1.npz", "point_cloud/a.ply"})
+    folder.write(name, "");
+  run.forget_training();
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
 TEST(RunFolder, ForgetsTheResultsOfEverySplit) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());

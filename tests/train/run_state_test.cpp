@@ -114,6 +114,15 @@ TEST_F(RunStateTest, OfAnIterationIsOneThatThereIs) {
   expect_error([&] { read_run_state(run, 800); }, {"iteration 800", "700, 1200"});
 }
 
+TEST_F(RunStateTest, OfACheckpointNeedsTheFirstGaussiansOnlyWhereItIsOfAnOlderGflow) {
+  write_checkpoint_of(1200);
+  fs::remove(run.path("input.ply"));
+  expect_error([&] { read_run_state(run); }, {"iteration_1200.npz", "older", "input.ply"});
+  checkpoint.facts.shape = lively.shape;
+  write_checkpoint_of(1300);
+  EXPECT_TRUE(read_run_state(run).model.groups == lively.groups);
+}
+
 TEST_F(RunStateTest, SaysWhenThereIsNone) {
   expect_error([&] { read_run_state(run); }, {folder.path(), "no model yet"});
 }

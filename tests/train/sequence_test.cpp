@@ -98,6 +98,19 @@ TEST_F(SequenceTest, FollowsTheMotion) {
   EXPECT_LT(all.flow_epe_dynamic, 0.5 * first.flow_epe_dynamic);
 }
 
+TEST_F(SequenceTest, EachTimeStepNeedsATrainingPicture) {
+  TrainConfig asked = config(10);
+  Scene scene = load_scene(asked.scene, "").scene;
+  const auto require = [&] { require_sequence(asked, scene, model_shape(scene, asked)); };
+  EXPECT_NO_THROW(require());
+  const auto of_step_2 = [](const Frame& frame) { return frame.step == 2; };
+  scene.train.erase(std::remove_if(scene.train.begin(), scene.train.end(), of_step_2),
+                    scene.train.end());
+  expect_error(require, {"train.sequential", "no training picture of time step 2"});
+  asked.train.sequential = false;
+  EXPECT_NO_THROW(require());
+}
+
 TEST_F(SequenceTest, OtherModelsAndOtherKeysAreRefused) {
   TrainConfig other = config(10);
   other.motion.model = choice_of(MotionModelKind::spacetime);

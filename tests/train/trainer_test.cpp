@@ -418,6 +418,20 @@ TEST_F(TrainerTest, FiguresDescribeTheLastView) {
   EXPECT_LT(f.psnr, 40);
 }
 
+TEST_F(TrainerTest, FiguresHaveAMotionLossInTheStepsThatHaveOne) {
+  TrainConfig config = small_config(scene(), 10);
+  config.loss.velocity = 1;
+  config.loss.motion_every = 2;
+  SmallTraining training(queue(), config);
+  for (const bool has : {true, false, true}) {
+    training.steps(queue(), 1);
+    const StepFigures f = training.trainer.figures(queue());
+    ASSERT_TRUE(f.motion);
+    EXPECT_EQ(std::isfinite(f.motion->velocity), has);
+    EXPECT_TRUE(std::isfinite(f.loss));
+  }
+}
+
 TEST_F(TrainerTest, SphericalHarmonicsRiseByOneDegreePerIntervalUpToTheHighest) {
   TrainConfig config = small_config(scene(), 10);
   config.motion.sh_degree = 2;
