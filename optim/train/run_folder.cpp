@@ -178,6 +178,11 @@ void RunFolder::forget_stale_caches(const std::string& stamp) const {
   write_text(path(kStamp), stamp);
 }
 
+bool RunFolder::has_caches_of(const std::string& stamp) const {
+  std::ifstream in(path(kStamp));
+  return stamp == std::string{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
 void RunFolder::write_config(const TrainConfig& config) const {
   write_text(path("config.toml"), to_toml(config));
 }
@@ -242,16 +247,21 @@ void RunFolder::keep_metrics_before(int iteration) const {
   if (table.is_open()) write_text(path("metrics.csv"), rows);
 }
 
-void RunFolder::write_results(const Evaluation& evaluation, const std::string& split,
-                              const RunFacts& facts, const TrainConfig& config,
-                              size_t gaussians) const {
-  const std::string suffix = split == "test" ? ".json" : "_" + split + ".json";
+std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
+                                                  const std::string& split, const RunFacts& facts,
+                                                  const TrainConfig& config, size_t gaussians,
+                                                  bool latest) const {
+  const std::string suffix =
+      fmt::format("{}{}.json", split == "test" ? "" : "_" + split,
+                  latest ? "" : fmt::format("_iteration_{}", facts.iterations));
+  const std::string of_all = path("results" + suffix), of_each = path("per_view" + suffix);
   Json views = Json::object();
   for (const ViewFigures& view : evaluation.views) views[view.name] = figures_of(view);
-  write_text(path("per_view" + suffix), views.dump(1) + "\n");
+  write_text(of_each, views.dump(1) + "\n");
   Json test = figures_of(evaluation.mean);
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
+  test["trained_on"] = evaluation.trained_on;
   if (const auto& tracks = evaluation.tracks)
     test["tracks"] = {{"mean", tracks->mean},
                       {"median", tracks->median},
@@ -268,7 +278,8 @@ void RunFolder::write_results(const Evaluation& evaluation, const std::string& s
                      {"resolution", config.scene.resolution},
                      {"background", name_of(config.scene.background)},
                      {"seed", config.train.seed}};
-  write_text(path("results" + suffix), results.dump(1) + "\n");
+  write_text(of_all, results.dump(1) + "\n");
+  return {of_all, of_each};
 }
 
 void RunFolder::write_facts(const RunFacts& facts) const {

@@ -11,7 +11,7 @@ Evaluation judged(Queue& queue, const SmallScene& scene, const HostModel& host) 
   const TrainConfig config = small_config(scene, 1);
   LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, host);
-  return evaluate(queue, model, config, *loaded.frames, loaded.scene.test, {});
+  return evaluate(queue, model, config, loaded, loaded.scene.test, {});
 }
 
 // Against its own pictures a model errs by their rounding to 8 bits: uniform within half a step,
@@ -87,7 +87,7 @@ TEST(Evaluate, SaysHowFarItIs) {
   LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, scene.truth);
   std::vector<size_t> calls;
-  evaluate(queue, model, config, *loaded.frames, loaded.scene.test, [&](size_t done, size_t total) {
+  evaluate(queue, model, config, loaded, loaded.scene.test, [&](size_t done, size_t total) {
     EXPECT_EQ(total, 5u);
     calls.push_back(done);
   });
