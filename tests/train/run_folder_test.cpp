@@ -174,7 +174,8 @@ TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
             (std::vector<std::string>{"test", "num_gaussians", "iterations", "train_seconds",
                                       "peak_memory_mib", "device", "motion", "resolution",
                                       "background", "seed"}));
-  for (const char* key : {"psnr", "ssim", "psnr_dynamic", "flow_epe", "flow_epe_dynamic", "views"})
+  for (const char* key :
+       {"psnr", "ssim", "psnr_dynamic", "flow_epe", "flow_epe_dynamic", "views", "trained_on"})
     EXPECT_TRUE(results["test"].contains(key)) << key;
   EXPECT_EQ(results["test"]["psnr"], 31.5);
   EXPECT_TRUE(results["test"]["flow_epe"].is_null());  // not NaN, which is no JSON
