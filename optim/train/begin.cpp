@@ -81,7 +81,7 @@ void warn_of_idle_settings(const Scene& scene, const TrainConfig& config) {
   if (!config.density.enabled && !begins_from_file(config.init))
     warn(
         "density.enabled = false keeps the number of the first Gaussians, and no --init FILE gives "
-        "them: there will be as many as were made up from the scene");
+        "them: training adds none where the scene wants more");
 }
 
 }  // namespace gflow

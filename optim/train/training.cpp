@@ -164,8 +164,6 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
-  warn_of_idle_settings(scene, config);
-  if (!quiet) fmt::print(stderr, "{}", in_words(scene, prepared.frames().cameras()));
   run.make();
   const FileLock lock = run.lock();
   run.forget_unfinished_files();
@@ -181,6 +179,8 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   run.forget_results();
   run.write_config(config);
   run.write_cameras(scene);
+  warn_of_idle_settings(scene, config);
+  if (!quiet) fmt::print(stderr, "{}", in_words(scene, prepared.frames().cameras()));
   if (prepared.lacks_flow())
     stop.say("interrupted while computing optical flow; " + how_to_go_on(run));
   prepared.compute_flow(run.path("flow"), quiet);

@@ -399,8 +399,9 @@ TEST_F(CommandTest, FilesInAndOutSayWhatIsWrong) {
   const std::string out = folder.file("out.ply");
   expect_refused({"export", run(), "-o", out, "--times", "0,1"}, {"--format ply", "one time"});
   expect_refused({"export", run(), "-o", out, "--steps", "3"}, {"--steps", "ply-sequence"});
-  expect_refused({"export", run(), "-o", out, "--format", "splatv", "--times", "0"}, {"all times"});
-  expect_refused({"export", model(), "-o", out, "--format", "ply-sequence"},
+  expect_refused({"export", run(), "-o", folder.path() + "/a.splatv", "--times", "0"},
+                 {"all times"});
+  expect_refused({"export", model(), "-o", folder.path() + "/a", "--format", "ply-sequence"},
                  {"--steps or --times"});
   expect_refused({"export", folder.file("none.ply"), "-o", out}, {"none.ply", "missing"});
   expect_refused({"import", model(), "-o", out}, {"moving model", "gflow export"});
