@@ -34,6 +34,15 @@ size_t count_short_lived(const HostModel& model) {
   return count;
 }
 
+std::string place_of(const HostModel& model, const Scene& scene, const InitConfig& init,
+                     bool stereo) {
+  if (begins_from_file(init)) return "from " + init.file;
+  if (lies_on_points(model, scene))
+    return stereo ? "at points several cameras agree on" : "at points of the scene";
+  const bool hull = scene.has_alpha && init.from != InitFrom::random;
+  return hull ? "in the visual hull" : "at random places";
+}
+
 std::string counted(size_t count, const char* one, const char* several) {
   return fmt::format("{} {}", count, count == 1 ? one : several);
 }
@@ -57,16 +66,12 @@ std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
 }
 
 std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
-                                     const InitConfig& init) {
+                                     const InitConfig& init, bool stereo) {
   const size_t short_lived = count_short_lived(model);
-  const std::string place = begins_from_file(init)         ? "from " + init.file
-                            : lies_on_points(model, scene) ? "at points of the scene"
-                            : scene.has_alpha && init.from != InitFrom::random
-                                ? "in the visual hull"
-                                : "at random places";
   const std::string more =
       short_lived ? fmt::format(", and {} short-lived where something moves", short_lived) : "";
-  return fmt::format("first Gaussians: {} {}{}\n", model.count - short_lived, place, more);
+  return fmt::format("first Gaussians: {} {}{}\n", model.count - short_lived,
+                     place_of(model, scene, init, stereo), more);
 }
 
 void warn_of_idle_settings(const Scene& scene, const TrainConfig& config) {

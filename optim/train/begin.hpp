@@ -16,9 +16,10 @@ namespace gflow {
 std::string in_words(const Scene& scene, const std::vector<Camera>& cameras);
 
 // A line: how many there are, where they come from, and how many of them are short-lived. model: as
-// initial_model made it with these settings.
+// initial_model made it with these settings. stereo: the scene's points are those that several
+// cameras agree on.
 std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
-                                     const InitConfig& init);
+                                     const InitConfig& init, bool stereo);
 
 // Warns of settings that the scene, or another setting, keeps from having the effect they are for.
 void warn_of_idle_settings(const Scene& scene, const TrainConfig& config);

@@ -190,7 +190,9 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const auto first_model = [&] {
     const HostModel first = prepared.first_model(queue);
     write_model(run.path("input.ply"), first);
-    if (!quiet) fmt::print(stderr, "{}", first_gaussians_in_words(first, scene, config.init));
+    if (!quiet)
+      fmt::print(stderr, "{}",
+                 first_gaussians_in_words(first, scene, config.init, prepared.began_with_stereo()));
     return Model(queue, first);
   };
   const auto shape_to_resume = [&] {
