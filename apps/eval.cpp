@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow eval`: figures of a run, finished or not, again or for another split.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <cmath>
@@ -20,7 +21,8 @@ void print_report(const Evaluation& evaluation) {
   const auto line = [](const char* name, double value, const char* unit) {
     if (std::isfinite(value)) fmt::print("{:<22} {:8.3f} {}\n", name, value, unit);
   };
-  fmt::print("{} views, flow compared with: {}\n", evaluation.views.size(),
+  fmt::print("{} views{}, flow compared with: {}\n", evaluation.views.size(),
+             evaluation.trained_on ? ", all of which were trained on" : "",
              evaluation.flow_reference);
   line("PSNR", m.psnr, "dB");
   line("SSIM", m.ssim, "");
@@ -41,8 +43,9 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
       "eval",
-      "Judge a model of a run, finished or not; writes results.json and per_view.json, but not "
-      "while the run is being trained");
+      "Judge a model of a run, finished or not; writes results.json and per_view.json "
+      "(..._iteration_N.json of one that is not the latest), but not while the run is being "
+      "trained");
   command->add_option("RUN", flags->run, "Run folder of `gflow train`")
       ->required()
       ->type_name("FOLDER");
@@ -56,12 +59,11 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
         evaluate_run(queue, run, flags->split, options.quiet, flags->iteration);
     print_state(judged.state);
     print_report(judged.evaluation);
-    if (!judged.written) {
+    if (judged.written.empty()) {
       fmt::print("metrics   not written: {} is being trained\n", flags->run);
       return;
     }
-    const std::string suffix = flags->split == "test" ? ".json" : "_" + flags->split + ".json";
-    fmt::print("metrics   {}, {}\n", run.path("results" + suffix), run.path("per_view" + suffix));
+    fmt::print("metrics   {}\n", fmt::join(judged.written, ", "));
   });
 }
 

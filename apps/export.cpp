@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cctype>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 
@@ -27,10 +29,36 @@ namespace {
 namespace fs = std::filesystem;
 
 struct ExportFlags {
-  std::string model, output, format = "ply", times;
+  std::string model, output, format, times;
   int steps = 0, iteration = latest_iteration;
   double fps = 0;
 };
+
+// The format of the file that is written: by the ending of its name, which --format may not
+// contradict; a name without one leaves it to --format.
+std::string format_of(const ExportFlags& flags) {
+  static const std::map<std::string, std::string> endings = {
+      {".ply", "ply"}, {".splat", "splat"}, {".splatv", "splatv"}, {".4dgs", "4dgs"}};
+  std::string ending = fs::path(flags.output).extension().string();
+  for (char& c : ending) c = char(std::tolower(static_cast<unsigned char>(c)));
+  const auto meant = endings.find(ending);
+  const bool sequence = flags.format == "ply-sequence";  // a folder may be called anything else
+  if (meant == endings.end() && !ending.empty() && !sequence)
+    throw Error(
+        fmt::format("exporting to {}: gflow writes no {} files, but .ply, .splat, .splatv and "
+                    ".4dgs, and with --format ply-sequence a folder of .ply",
+                    flags.output, ending));
+  if (meant == endings.end() && flags.format.empty())
+    throw Error(
+        fmt::format("exporting to {}: nothing says in which format; end the name in .ply, .splat, "
+                    ".splatv or .4dgs, or give --format",
+                    flags.output));
+  if (meant == endings.end()) return flags.format;
+  if (!flags.format.empty() && flags.format != meant->second)
+    throw Error(fmt::format("exporting to {}: its ending says {}, --format says {}; change one",
+                            flags.output, meant->second, flags.format));
+  return meant->second;
+}
 
 // The scene of a run, if it is still there.
 std::optional<Scene> scene_of(const ModelSource& source) {
@@ -195,7 +223,8 @@ void export_model(const ExportFlags& flags, const ModelSource& source,
              times[0]);
 }
 
-void run_export(const ExportFlags& flags, const GlobalOptions& options) {
+void run_export(ExportFlags flags, const GlobalOptions& options) {
+  flags.format = format_of(flags);
   const ModelSource source = model_source(flags.model, flags.iteration);
   export_model(flags, source, options);
   print_state(source.state);
@@ -215,6 +244,7 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
       ->type_name("PATH");
   command
       ->add_option("--format", flags->format,
+                   "Where the output has no ending that says it, .ply, .splat, .splatv or .4dgs. "
                    "ply: one time, for every 3DGS viewer; ply-sequence: a PLY a step, which "
                    "SuperSplat plays; splat: one time, without view-dependent colour; "
                    "splatv: all times of a spacetime or native4d model for splaTV and gsplat.js; "

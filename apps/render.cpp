@@ -31,6 +31,21 @@ struct RenderFlags {
   bool no_compare = false;
 };
 
+// Error where pictures would lie among the files of a run: in its folder itself, or in one of those
+// that training writes. Another folder in a run may be made.
+void require_no_run(const std::string& output) {
+  static const std::set<std::string> own = {"",       "checkpoints", "flow",
+                                            "frames", "test",        "point_cloud"};
+  std::string inner;  // what is next on the way from `folder` to the output
+  for (fs::path folder = fs::weakly_canonical(output); folder.has_relative_path();
+       inner = folder.filename().string(), folder = folder.parent_path())
+    if (own.count(inner) && RunFolder::is_run(folder.string()))
+      throw Error(
+          fmt::format("drawing into {}: there lie the files of a run; name a folder of its own, "
+                      "{} say",
+                      output, (folder / "pictures").string()));
+}
+
 // The model, what its run says about it, and the scene when there is one.
 struct Source : ModelSource {
   std::optional<LoadedScene> loaded;
@@ -147,6 +162,7 @@ void print_written(const RenderReport& report, const std::vector<RenderView>& vi
 void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   if (!flags.split.empty() && !flags.camera.empty())
     throw Error("--split and --camera exclude each other: a camera is shown at all of its times");
+  require_no_run(flags.output);
   const Source source = find_source(flags);
   std::vector<RenderView> views = views_wanted(flags, source);
   const bool still = stands_still(source.model);
@@ -212,7 +228,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
                    "Scene folder, for a PLY alone or a moved scene; empty: as in the run")
       ->type_name("FOLDER");
   command
-      ->add_option("--resolution", flags->resolution,
+      ->add_option("-r,--resolution", flags->resolution,
                    "Divides width and height: 1, 2, 4 or 8; 0: as in the run, else 1")
       ->check(choice_of({"0", "1", "2", "4", "8"}));
   command->add_option("--background", flags->background, "white or black; empty: as in the run")

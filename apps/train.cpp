@@ -62,6 +62,12 @@ TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
     config.init.from = InitFrom::file;
     config.init.file = std::filesystem::absolute(flags.init).lexically_normal().string();
   }
+  const std::string layout = flags.cameras.empty() ? "" : layout_of(config.scene.path);
+  if (!layout.empty() && !takes_cameras(layout))
+    throw Error(
+        fmt::format("--cameras {}: {} has cameras of its own ({}), so that these would be ignored; "
+                    "the option is for a video or numbered pictures",
+                    flags.cameras, config.scene.path, layout));
   if (!flags.cameras.empty())
     config.scene.cameras = std::filesystem::absolute(flags.cameras).lexically_normal().string();
   if (command.count("--iterations")) config.train.iterations = flags.iterations;

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <exception>
+#include <filesystem>
 #include <memory>
 #include <set>
 #include <thread>
@@ -36,6 +37,10 @@ std::vector<FlowPair> without_direction(const std::vector<FlowPair>& pairs) {
   std::vector<FlowPair> once;
   for (const auto& [a, b] : seen) once.push_back({a, b});
   return once;
+}
+
+std::string name_in_folder(const Scene& scene, const FlowPair& pair) {
+  return scene.train[size_t(pair.frame)].name + (leads_back(scene, pair) ? "_back" : "");
 }
 
 class Estimator {
@@ -117,9 +122,7 @@ class Estimator {
 
   const Frame& frame(int i) const { return scene_.train[size_t(i)]; }
   const Camera& camera_of(const FlowPair& pair) const { return frames_.camera(frame(pair.frame)); }
-  std::string name(const FlowPair& pair) const {
-    return frame(pair.frame).name + (leads_back(scene_, pair) ? "_back" : "");
-  }
+  std::string name(const FlowPair& pair) const { return name_in_folder(scene_, pair); }
   bool has(const FlowPair& pair) const {
     return folder_.has(name(pair), camera_of(pair).width, camera_of(pair).height);
   }
@@ -207,6 +210,39 @@ FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs
   options.at_hand = how.beforehand;
   options.threads = how.beforehand ? 1 : threads;
   return FlowStore(std::move(loaders), options);
+}
+
+FlowBetween::FlowBetween(const Scene& scene, FrameStore& frames, const std::string& folder,
+                         Notice notice)
+    : frames_(frames) {
+  if (!std::filesystem::is_directory(folder)) return;
+  folder_.emplace(folder, 0, std::move(notice));
+  for (const FlowPair& pair : neighbour_pairs(scene))
+    if (pair.next >= 0)
+      names_[{picture_id(scene.train[size_t(pair.frame)]),
+              picture_id(scene.train[size_t(pair.next)])}] = name_in_folder(scene, pair);
+}
+
+std::optional<TeacherFlow> FlowBetween::kept(const Frame& from, const Frame& to) const {
+  const auto name = names_.find({picture_id(from), picture_id(to)});
+  if (name == names_.end()) return std::nullopt;
+  const Camera& camera = frames_.camera(from);
+  return folder_->read(name->second, camera.width, camera.height);
+}
+
+TeacherFlow FlowBetween::teacher(const Frame& from, const Frame& to) const {
+  if (auto flow = kept(from, to)) return *std::move(flow);
+  return unpacked(packed(estimate_teacher_flow(frames_.rgb_over(from, mid_grey),
+                                               frames_.rgb_over(to, mid_grey))),
+                  from.name);
+}
+
+FlowField FlowBetween::vectors(const Frame& from, const Frame& to) const {
+  if (auto flow = kept(from, to)) return std::move(flow->flow);
+  TeacherFlow computed{
+      estimate_flow(frames_.rgb_over(from, mid_grey), frames_.rgb_over(to, mid_grey)), {}};
+  computed.confidence.resize(computed.flow.valid.size());
+  return unpacked(packed(computed), from.name).flow;
 }
 
 }  // namespace gflow

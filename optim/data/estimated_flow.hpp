@@ -3,7 +3,10 @@
 // packed_flow.hpp says. Whoever asks gets the rounded flow, whether it was there or not.
 #pragma once
 #include <cstdint>
+#include <map>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "optim/data/flow_folder.hpp"
@@ -27,6 +30,26 @@ size_t num_compared(const std::vector<FlowPair>& pairs);
 // What all flows will likely take on the disk [bytes].
 uint64_t likely_flow_bytes(const Scene& scene, const std::vector<FlowPair>& pairs,
                            const FrameStore& frames);
+
+// DIS flow from one picture of a scene to a later one of its track, in any split: that which
+// estimated_flows keeps in a folder where training compares the same two, else computed anew.
+// Either gives the same values. Keeps nothing itself.
+class FlowBetween {
+ public:
+  // folder: as above, of the same pictures; it need not be there. `frames` must outlive this.
+  FlowBetween(const Scene& scene, FrameStore& frames, const std::string& folder, Notice notice);
+
+  TeacherFlow teacher(const Frame& from, const Frame& to) const;
+  // Without confidence, which takes half as long where it is computed.
+  FlowField vectors(const Frame& from, const Frame& to) const;
+
+ private:
+  std::optional<TeacherFlow> kept(const Frame& from, const Frame& to) const;
+
+  FrameStore& frames_;
+  std::optional<FlowFolder> folder_;
+  std::map<std::pair<PictureId, PictureId>, std::string> names_;  // of the flow between pictures
+};
 
 // DIS flow for every pair with next >= 0 at the resolution of `frames`, kept under the name of its
 // frame, NAME_back where it leads back in time. Error beforehand when the disk has no room for what

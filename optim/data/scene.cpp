@@ -19,18 +19,29 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
+struct Layout {
+  const char* name;
+  bool (*is)(const std::string& path);
+  Scene (*read)(const std::string& path, const SceneOptions& options);
+};
+
+bool is_video(const std::string& path) { return fs::is_regular_file(path); }
+
+// Most specific first: many folders hold transforms or a COLMAP model, or both, beside what makes
+// them what they are; numbered pictures may lie anywhere.
+constexpr Layout layouts[] = {{"video", is_video, read_video_file},
+                              {"n3v", is_n3v, read_n3v},
+                              {"panoptic", is_panoptic, read_panoptic},
+                              {"nerfies", is_nerfies, read_nerfies},
+                              {"consistent4d", has_input_view, read_consistent4d},
+                              {"blender", is_blender, read_blender},
+                              {"nerfstudio", is_nerfstudio, read_nerfstudio},
+                              {"colmap", is_colmap, read_colmap},
+                              {"consistent4d", has_numbered_pictures, read_consistent4d}};
+
 Scene read_recognised(const std::string& path, const SceneOptions& options) {
-  if (fs::is_regular_file(path)) return read_video_file(path, options);
-  // Most specific first: many folders hold transforms or a COLMAP model, or both, beside what makes
-  // them what they are; numbered pictures may lie anywhere.
-  if (is_n3v(path)) return read_n3v(path, options);
-  if (is_panoptic(path)) return read_panoptic(path, options);
-  if (is_nerfies(path)) return read_nerfies(path, options);
-  if (has_input_view(path)) return read_consistent4d(path, options);
-  if (is_blender(path)) return read_blender(path, options);
-  if (is_nerfstudio(path)) return read_nerfstudio(path, options);
-  if (is_colmap(path)) return read_colmap(path, options);
-  if (has_numbered_pictures(path)) return read_consistent4d(path, options);
+  for (const Layout& layout : layouts)
+    if (layout.is(path)) return layout.read(path, options);
   throw Error(fmt::format(
       "{} is no scene gflow knows: looked for poses_bounds.npy (N3V), train_meta.json (Panoptic), "
       "dataset.json and metadata.json (nerfies), input/ (Consistent4D), transforms_train.json "
@@ -159,6 +170,27 @@ Eigen::Vector3d looked_at(const Scene& scene) {
   const double n = double(std::max<size_t>(scene.train.size(), 1));
   if (solver.eigenvalues()[0] < 1e-3 * n) return position / n + ahead.normalized() * scene.extent;
   return a.ldlt().solve(b);
+}
+
+PictureId picture_id(const Frame& frame) {
+  return {frame.camera, frame.path, frame.video_frame, frame.mask_path};
+}
+
+bool are_trained_on(const Scene& scene, const std::vector<Frame>& frames) {
+  std::set<PictureId> trained;
+  for (const Frame& frame : scene.train) trained.insert(picture_id(frame));
+  return std::all_of(frames.begin(), frames.end(),
+                     [&](const Frame& frame) { return trained.count(picture_id(frame)) > 0; });
+}
+
+bool takes_cameras(const std::string& layout) {
+  return layout == "video" || layout == "consistent4d";
+}
+
+std::string layout_of(const std::string& path) {
+  for (const Layout& layout : layouts)
+    if (layout.is(path)) return layout.name;
+  return "";
 }
 
 std::vector<FlowPair> neighbour_pairs(const Scene& scene) {

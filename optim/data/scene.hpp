@@ -3,6 +3,7 @@
 // the layout; nothing here opens a picture except to learn its size.
 #pragma once
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "optim/data/camera.hpp"
@@ -73,6 +74,18 @@ Scene read_scene(const std::string& path, const SceneOptions& options = {});
 // The point nearest to the axes of all training cameras, or one `extent` ahead where they are
 // parallel.
 Eigen::Vector3d looked_at(const Scene& scene);
+
+// What tells pictures apart: the pose, the file and the video's frame, the mask.
+using PictureId = std::tuple<int, std::string, int, std::string>;
+PictureId picture_id(const Frame& frame);
+
+// Whether each of the frames shows a picture of the training split.
+bool are_trained_on(const Scene& scene, const std::vector<Frame>& frames);
+
+// Whether a layout has no cameras of its own, so that SceneOptions::cameras may give them.
+bool takes_cameras(const std::string& layout);
+// Scene::layout of the folder or video `path`; empty when none fits.
+std::string layout_of(const std::string& path);
 
 // Two neighbouring frames of one track; a flow leads from `frame`, seen by its camera, to `next`,
 // seen by that frame's camera. `next` may be the earlier of the two.

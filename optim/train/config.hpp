@@ -289,6 +289,11 @@ struct InitConfig {
   int dynamic = 6000;
   float dynamic_lifetime = 1;
 
+  // Whether the file says where to begin.
+  bool begins_from_file() const {
+    return from == InitFrom::file || (from == InitFrom::automatic && !file.empty());
+  }
+
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("from", self.from,

@@ -5,10 +5,10 @@
 #include <limits>
 #include <map>
 
-#include "optim/data/flow_store.hpp"
-#include "optim/data/optical_flow.hpp"
+#include "optim/data/estimated_flow.hpp"
 #include "optim/loss/metrics.hpp"
 #include "optim/train/pictures.hpp"
+#include "optim/train/warning.hpp"
 
 namespace gflow {
 namespace {
@@ -77,27 +77,32 @@ bool any(const std::vector<uint8_t>& mask) {
 
 }  // namespace
 
-Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, FrameStore& store,
-                    const std::vector<Frame>& frames, const ProgressCallback& progress,
-                    const std::string& folder) {
+Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config,
+                    const LoadedScene& loaded, const std::vector<Frame>& frames,
+                    const ProgressCallback& progress, const std::string& folder,
+                    const std::string& flow_folder) {
+  FrameStore& store = *loaded.frames;
+  const FlowBetween dis(loaded.scene, store, flow_folder, warn);
   Renderer renderer(queue, engine_settings(config.flow));
   const float level = float(shown_level(config.scene.background)) / 255;
   const std::vector<const Frame*> next = followers(frames, config.flow.max_gap);
   Evaluation result;
   result.flow_reference = "none";
+  result.trained_on = are_trained_on(loaded.scene, frames);
   const size_t stride = (frames.size() + kMostWithDis - 1) / kMostWithDis;  // of views with DIS
   for (size_t i = 0; i < frames.size(); ++i) {
     const Frame& frame = frames[i];
     const Camera& camera = store.camera(frame);
     const auto truth_image = store.rgb(frame);
     Reference reference;
-    const bool has_truth = !frame.flow_path.empty(), with_dis = i % stride == 0;
+    const bool has_truth = !frame.flow_path.empty(),
+               with_dis = config.flow.enabled && i % stride == 0;
     if (has_truth) {
       reference = reference_of(read_true_flow(frame, camera.width, camera.height), true);
       reference.time = frame.flow_time;
       result.flow_reference = "true";
     } else if (next[i] && with_dis) {
-      reference = reference_of(estimate_teacher_flow(*truth_image, *store.rgb(*next[i])), false);
+      reference = reference_of(dis.teacher(frame, *next[i]), false);
       reference.time = next[i]->time;
       reference.next = next[i];
       if (result.flow_reference == "none") result.flow_reference = "dis";
@@ -132,10 +137,9 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config, Frame
         view.psnr_dynamic = psnr(picture, truth, reference.moving);
         view.flow_epe_dynamic = flow_metrics(flow, reference.planes, reference.moving).epe;
         if (has_truth && with_dis && next[i] && next[i]->camera == frame.camera)
-          view.teacher_epe_dynamic =
-              flow_metrics(planes_of(estimate_flow(*truth_image, *store.rgb(*next[i]))),
-                           reference.planes, reference.moving)
-                  .epe;
+          view.teacher_epe_dynamic = flow_metrics(planes_of(dis.vectors(frame, *next[i])),
+                                                  reference.planes, reference.moving)
+                                         .epe;
       }
     }
     result.views.push_back(view);

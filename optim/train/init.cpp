@@ -224,11 +224,6 @@ Seeds at_most(const Seeds& all, size_t most) {
   return some;
 }
 
-// Whether init.file says where to begin.
-bool begins_from_file(const InitConfig& init) {
-  return init.from == InitFrom::file || (init.from == InitFrom::automatic && !init.file.empty());
-}
-
 HostModel read_init_file(const TrainConfig& config) {
   const std::string& path = config.init.file;
   if (path.empty()) throw Error("init.from is \"file\", but init.file names none");
@@ -313,7 +308,7 @@ ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
 }
 
 void require_init_file(const TrainConfig& config) {
-  if (begins_from_file(config.init)) read_init_file(config);
+  if (config.init.begins_from_file()) read_init_file(config);
 }
 
 void require_first_points(const Scene& scene, const InitConfig& init) {
@@ -338,7 +333,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   const bool lasting = permanent || scene.steps < 2 || config.train.sequential;
   const float lifetime = lasting ? 1000 * duration : config.init.lifetime * duration;
   const float short_life = config.init.dynamic_lifetime * duration / float(scene.steps);
-  if (begins_from_file(config.init)) {
+  if (config.init.begins_from_file()) {
     append_file(model, duration / 2, lifetime, config);
     seeds = at_most(seeds, size_t(config.density.cap) - model.count);
   } else {

@@ -118,7 +118,8 @@ PointCloud Preparation::points_from_stereo() {
   PointCloud points = stereo_points(scene(), frames(), watchers_, size_t(config_.init.count),
                                     uint32_t(config_.train.seed));
   constexpr size_t few = 100;
-  if (points.size() >= few) return points;
+  began_with_stereo_ = points.size() >= few;
+  if (began_with_stereo_) return points;
   if (config_.init.from == InitFrom::stereo)
     throw Error(
         fmt::format("init.from is \"stereo\", but the cameras of scene {} show only {} "

@@ -28,6 +28,8 @@ class Preparation {
   // As many Gaussians at most as density.cap and the memory allow. A scene without points gets
   // those of several cameras (stereo_points.hpp).
   HostModel first_model(Queue& queue);
+  // Whether that began with points several cameras agree on.
+  bool began_with_stereo() const { return began_with_stereo_; }
   Trainer trainer(Queue& queue, Model& model);
 
   const LoadedScene& loaded() const { return loaded_; }
@@ -44,6 +46,7 @@ class Preparation {
   std::optional<FlowStore> flows_;
   std::vector<Watcher> watchers_;
   std::vector<Rect> parts_;
+  bool began_with_stereo_ = false;
 };
 
 }  // namespace gflow

@@ -179,9 +179,14 @@ bool RunFolder::would_forget(const std::string& file) const {
 void RunFolder::forget_results() const {
   fs::remove(path("compare.png"));
   fs::remove_all(path("test"));
-  for (const char* split : {"", "_train", "_val"})
-    for (const char* name : {"results", "per_view"})
-      fs::remove(path(fmt::format("{}{}.json", name, split)));
+  std::vector<fs::path> results;  // of any split and iteration
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder_, none)) {
+    const std::string name = entry.path().filename().string();
+    const bool is_one = name.rfind("results", 0) == 0 || name.rfind("per_view", 0) == 0;
+    if (is_one && entry.path().extension() == ".json") results.push_back(entry.path());
+  }
+  for (const fs::path& file : results) fs::remove(file);
 }
 
 void RunFolder::forget_unfinished_files() const {
@@ -198,6 +203,11 @@ void RunFolder::forget_stale_caches(const std::string& stamp) const {
   fs::remove_all(path("flow"));
   fs::remove_all(path("frames"));
   write_text(path(kStamp), stamp);
+}
+
+bool RunFolder::has_caches_of(const std::string& stamp) const {
+  std::ifstream in(path(kStamp));
+  return stamp == std::string{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
 void RunFolder::write_config(const TrainConfig& config) const {
@@ -262,16 +272,21 @@ void RunFolder::keep_metrics_before(int iteration) const {
   write_text(path("metrics.csv"), table);
 }
 
-void RunFolder::write_results(const Evaluation& evaluation, const std::string& split,
-                              const RunFacts& facts, const TrainConfig& config,
-                              size_t gaussians) const {
-  const std::string suffix = split == "test" ? ".json" : "_" + split + ".json";
+std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
+                                                  const std::string& split, const RunFacts& facts,
+                                                  const TrainConfig& config, size_t gaussians,
+                                                  bool latest) const {
+  const std::string suffix =
+      fmt::format("{}{}.json", split == "test" ? "" : "_" + split,
+                  latest ? "" : fmt::format("_iteration_{}", facts.iterations));
+  const std::string of_all = path("results" + suffix), of_each = path("per_view" + suffix);
   Json views = Json::object();
   for (const ViewFigures& view : evaluation.views) views[view.name] = figures_of(view);
-  write_text(path("per_view" + suffix), views.dump(1) + "\n");
+  write_text(of_each, views.dump(1) + "\n");
   Json test = figures_of(evaluation.mean);
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
+  test["trained_on"] = evaluation.trained_on;
   if (const auto& tracks = evaluation.tracks)
     test["tracks"] = {{"mean", tracks->mean},
                       {"median", tracks->median},
@@ -288,7 +303,8 @@ void RunFolder::write_results(const Evaluation& evaluation, const std::string& s
                      {"resolution", config.scene.resolution},
                      {"background", name_of(config.scene.background)},
                      {"seed", config.train.seed}};
-  write_text(path("results" + suffix), results.dump(1) + "\n");
+  write_text(of_all, results.dump(1) + "\n");
+  return {of_all, of_each};
 }
 
 void RunFolder::write_facts(const RunFacts& facts) const {

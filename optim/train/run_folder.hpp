@@ -5,6 +5,7 @@
 #pragma once
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "optim/io/file_lock.hpp"
 #include "optim/train/checkpoint.hpp"
@@ -60,6 +61,8 @@ class RunFolder {
   void forget_unfinished_files() const;
   // Removes cached flow and video frames unless they were made under the same stamp.
   void forget_stale_caches(const std::string& stamp) const;
+  // Whether they were.
+  bool has_caches_of(const std::string& stamp) const;
 
   void write_config(const TrainConfig& config) const;
   // config.toml, and what it does not say from the last checkpoint; that alone, with a warning,
@@ -71,10 +74,12 @@ class RunFolder {
   // Removes the lines of this iteration and later ones, and writes metrics.csv anew from what stays
   // in metrics.jsonl: the last lines of a killed process may be cut off or missing.
   void keep_metrics_before(int iteration) const;
-  // results.json and per_view.json for the test views, results_SPLIT.json and so on for others.
-  // Facts that are not known (NaN) become null.
-  void write_results(const Evaluation& evaluation, const std::string& split, const RunFacts& facts,
-                     const TrainConfig& config, size_t gaussians) const;
+  // results.json and per_view.json for the test views, results_SPLIT.json and so on for others;
+  // results[_SPLIT]_iteration_N.json unless it is the run's latest model. Facts that are not known
+  // (NaN) become null. Returns both paths.
+  std::vector<std::string> write_results(const Evaluation& evaluation, const std::string& split,
+                                         const RunFacts& facts, const TrainConfig& config,
+                                         size_t gaussians, bool latest = true) const;
   // Of the last training, for an evaluation made later; zeros when there was none.
   RunFacts read_facts() const;
   void write_facts(const RunFacts& facts) const;

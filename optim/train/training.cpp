@@ -10,6 +10,7 @@
 #include <filesystem>
 
 #include "optim/io/interrupt.hpp"
+#include "optim/train/begin.hpp"
 #include "optim/train/init.hpp"
 #include "optim/train/preparation.hpp"
 #include "optim/train/progress.hpp"
@@ -94,13 +95,14 @@ std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
 }
 
 // The views, and the paths in space where the scene has true ones. What is drawn goes into the
-// folder `pictures` unless that is empty.
+// folder `pictures` unless that is empty; flow: the folder of what was computed.
 Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
-                 const std::vector<Frame>& frames, bool quiet, const std::string& pictures) {
+                 const std::vector<Frame>& frames, bool quiet, const std::string& pictures,
+                 const std::string& flow) {
   if (!pictures.empty()) std::filesystem::create_directories(pictures);
   Progress progress("eval ", long(frames.size()), quiet);
   Evaluation evaluation =
-      evaluate(queue, model, config, *loaded.frames, frames, counted(progress), pictures);
+      evaluate(queue, model, config, loaded, frames, counted(progress), pictures, flow);
   progress.finish();
   if (!loaded.scene.tracks_path.empty())
     evaluation.tracks = track_error(queue, model, read_tracks(loaded.scene.tracks_path));
@@ -193,6 +195,8 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   run.forget_results();
   run.write_config(config);
   run.write_cameras(scene);
+  warn_of_idle_settings(scene, config);
+  if (!quiet) fmt::print(stderr, "{}", in_words(scene, prepared.frames().cameras()));
   if (prepared.lacks_flow())
     stop.say("interrupted while computing optical flow; " + how_to_go_on(run));
   prepared.compute_flow(run.path("flow"), quiet);
@@ -201,6 +205,9 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const auto first_model = [&] {
     const HostModel first = prepared.first_model(queue);
     write_model(run.path("input.ply"), first);
+    if (!quiet)
+      fmt::print(stderr, "{}",
+                 first_gaussians_in_words(first, scene, config.init, prepared.began_with_stereo()));
     return Model(queue, first);
   };
   const auto shape_to_resume = [&] {
@@ -248,8 +255,8 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
                                   config.train.iterations, run.model_path(steps),
                                   how_to_go_on(run)));
   if (scene.test.empty()) return {};
-  const Evaluation evaluation =
-      judge(queue, model, config, prepared.loaded(), scene.test, quiet, run.path("test"));
+  const Evaluation evaluation = judge(queue, model, config, prepared.loaded(), scene.test, quiet,
+                                      run.path("test"), run.path("flow"));
   run.write_results(evaluation, "test", facts, config, model.parameters.count);
   write_comparison(queue, model, config, prepared.loaded(), run);
   return evaluation;
@@ -264,12 +271,17 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   LoadedScene loaded = load_scene(config.scene, run.path("frames"));
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, state.model);
-  const bool drawn = lock && split == "test";
-  const Evaluation evaluation =
-      judge(queue, model, config, loaded, frames, quiet, drawn ? run.path("test") : "");
-  if (lock) run.write_results(evaluation, split, state.facts, config, model.parameters.count);
+  const bool latest = iteration == latest_iteration || iteration == iterations_of(run).back();
+  const bool drawn = lock && latest && split == "test";
+  const bool kept = run.has_caches_of(cache_stamp(loaded.scene, config.scene));
+  const Evaluation evaluation = judge(queue, model, config, loaded, frames, quiet,
+                                      drawn ? run.path("test") : "", kept ? run.path("flow") : "");
+  std::vector<std::string> written;
+  if (lock)
+    written =
+        run.write_results(evaluation, split, state.facts, config, model.parameters.count, latest);
   if (drawn) write_comparison(queue, model, config, loaded, run);
-  return {evaluation, state.text(), lock != nullptr};
+  return {evaluation, state.text(), written};
 }
 
 }  // namespace gflow

@@ -2,6 +2,7 @@
 // The whole job: a scene folder in, a run folder out. Scripts and the command line both call this.
 #pragma once
 #include <string>
+#include <vector>
 
 #include "optim/train/loaded_scene.hpp"
 #include "optim/train/run_state.hpp"
@@ -26,9 +27,11 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
 struct RunEvaluation {
   Evaluation evaluation;
   std::string state;  // RunState::text of the model
-  bool written;       // results.json and per_view.json; not beside a training that will write them
+  // Paths of the results; none beside a training, which will write them.
+  std::vector<std::string> written;
 };
-// iteration: as for read_run_state.
+// iteration: as for read_run_state. Of another than the latest only the results are written, under
+// names of their own.
 RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,
                            int iteration = latest_iteration);
 

@@ -78,6 +78,112 @@ TEST_F(CommandTest, TrainTakesAVideoFileAndADivisor) {
   expect_refused({"train", folder.file("none.mp4"), "-o", run}, {"none.mp4", "no such"});
 }
 
+TEST_F(CommandTest, TrainSaysWhatItFound) {
+  const TemporaryFolder folder;
+  const Outcome outcome = gflow({"train", scene().path(), "-o", folder.file("run"), "--iterations",
+                                 "1", "--set", "flow.source=files"});
+  EXPECT_NE(outcome.err.find("scene: n3v, 4 cameras, 5 time steps; pictures: 15 for training, 5 "
+                             "for the test, 0 for validation, 48x40\n"),
+            std::string::npos)
+      << outcome.err;
+  EXPECT_NE(outcome.err.find("first Gaussians: 94 at points of the scene, and "), std::string::npos)
+      << outcome.err;
+  EXPECT_EQ(outcome.err.find("test views:"), std::string::npos) << outcome.err;
+  EXPECT_EQ(nlohmann::json::parse(contents(folder.file("run/results.json")))["test"]["trained_on"],
+            false);
+  const Outcome still =
+      gflow({"train", scene().path(), "-o", folder.file("still"), "--iterations", "1", "--set",
+             "flow.source=files", "--set", "init.dynamic=0", "--init", "random"});
+  EXPECT_NE(still.err.find(" at random places\n"), std::string::npos) << still.err;
+}
+
+// The same pictures, numbered: one camera, and no others to test with.
+TEST_F(CommandTest, TestViewsThatWereTrainedOnAreMarked) {
+  const TemporaryFolder folder;
+  fs::copy(scene().path() + "/cam01/images", folder.path() + "/pictures");
+  const std::string run = folder.file("run");
+  const Outcome outcome = gflow({"train", folder.path() + "/pictures", "-o", run, "--iterations",
+                                 "1", "--set", "init.count=500"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.err.find("consistent4d, 1 camera, 5 time"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("test views: there are none but the training views"),
+            std::string::npos)
+      << outcome.err;
+  EXPECT_NE(outcome.out.find("5 views, all of which were trained on"), std::string::npos)
+      << outcome.out;
+  const auto results = nlohmann::json::parse(contents(run + "/results.json"));
+  EXPECT_EQ(results["test"]["trained_on"], true);
+}
+
+TEST_F(CommandTest, SettingsWithoutEffectAreNamed) {
+  const TemporaryFolder folder;
+  const std::string cameras = run() + "/cameras.json", out = folder.path() + "/run";
+  expect_refused({"train", scene().path(), "-o", out, "--cameras", cameras},
+                 {"--cameras", "cameras of its own (n3v)", "numbered pictures"});
+  EXPECT_FALSE(fs::exists(out));
+  const Outcome outcome =
+      gflow({"train", scene().path(), "-o", out, "--iterations", "1", "--quiet", "--set",
+             "scene.cameras=" + cameras, "--set", "motion.model=hexplane", "--set",
+             "motion.rest=0.1", "--set", "density.enabled=false", "--set", "flow.source=files"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  for (const char* setting : {"scene.cameras = ", "motion.rest = 0.1", "density.enabled = false"})
+    EXPECT_NE(outcome.err.find(std::string("gflow: warning: ") + setting), std::string::npos)
+        << setting << " in " << outcome.err;
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 3) << outcome.err;
+}
+
+TEST_F(CommandTest, EvalOfAnEarlierIterationLeavesTheResultsOfTheLatest) {
+  const TemporaryFolder folder;
+  const std::string run = folder.file("run");
+  ASSERT_EQ(gflow({"train", scene().path(), "-o", run, "--iterations", "3", "--save-every", "2",
+                   "--quiet", "--set", "flow.source=files"})
+                .code,
+            0);
+  const auto all = [&] {
+    std::map<std::string, std::string> files;
+    for (const char* name : {"results.json", "per_view.json", "compare.png", "test/cam00_0000.png"})
+      files[name] = contents(run + "/" + name);
+    return files;
+  };
+  const auto before = all();
+  const Outcome early = gflow({"eval", run, "--iteration", "2", "--quiet"});
+  EXPECT_EQ(early.code, 0) << early.err;
+  EXPECT_TRUE(all() == before);
+  const std::string results = run + "/results_iteration_2.json";
+  EXPECT_NE(early.out.find(results), std::string::npos) << early.out;
+  EXPECT_EQ(nlohmann::json::parse(contents(results))["iterations"], 2);
+  EXPECT_TRUE(fs::exists(run + "/per_view_iteration_2.json"));
+  EXPECT_EQ(gflow({"eval", run, "--iteration", "2", "--split", "train", "--quiet"}).code, 0);
+  EXPECT_TRUE(fs::exists(run + "/results_train_iteration_2.json"));
+  fs::remove(run + "/results.json");
+  EXPECT_EQ(gflow({"eval", run, "--iteration", "3", "--quiet"}).code, 0);  // the latest
+  EXPECT_EQ(contents(run + "/results.json"), before.at("results.json"));
+}
+
+TEST_F(CommandTest, RenderDoesNotMixItsFilesWithThoseOfARun) {
+  expect_refused({"render", run(), "-o", run()}, {"files of a run", run() + "/pictures"});
+  expect_refused({"render", run(), "-o", run() + "/"}, {"files of a run"});
+  expect_refused({"render", run(), "-o", run() + "/flow/new"}, {"files of a run"});
+  expect_refused({"render", model(), "-o", run() + "/point_cloud/../test"}, {"files of a run"});
+  EXPECT_FALSE(fs::exists(run() + "/rgb"));
+  const Outcome outcome = gflow({"render", run(), "-o", run() + "/pictures", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  fs::remove_all(run() + "/pictures");
+}
+
+TEST_F(CommandTest, RenderDividesTheSize) {
+  const TemporaryFolder of_run, of_file;
+  EXPECT_EQ(gflow({"render", run(), "-o", of_run.path(), "-r", "2", "--quiet"}).code, 0);
+  EXPECT_EQ(read_image(of_run.path() + "/rgb/cam00_0000.png").width, 24);
+  const TemporaryFolder folder;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  EXPECT_EQ(gflow({"render", folder.file("bare.ply"), "--scene", scene().path(), "-o",
+                   of_file.path(), "-r", "4", "--quiet"})
+                .code,
+            0);
+  EXPECT_EQ(read_image(of_file.path() + "/rgb/cam00_0000.png").height, 10);
+}
+
 TEST_F(CommandTest, EvalFindsWhatTrainFound) {
   const auto before = nlohmann::json::parse(contents(run() + "/results.json"));
   fs::remove(run() + "/results.json");
@@ -184,6 +290,38 @@ TEST_F(CommandTest, ExportWritesOneTimeThatInfoAndImportAndTrainRead) {
   EXPECT_EQ(first["gaussians"], still["gaussians"]);
 }
 
+TEST_F(CommandTest, ExportTakesTheFormatFromTheEnding) {
+  const TemporaryFolder folder;
+  const auto exported = [&](const std::string& name) {
+    const std::string path = folder.path() + "/" + name;
+    const Outcome outcome = gflow({"export", run(), "-o", path, "--quiet"});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return contents(path).substr(0, 4);
+  };
+  EXPECT_EQ(exported("a.ply"), "ply\n");
+  EXPECT_EQ(exported("b.PLY"), "ply\n");
+  EXPECT_EQ(exported("a.splatv").substr(0, 2), "Kg");
+  exported("a.splat");
+  exported("a.4dgs");
+  const auto kind = [&](const std::string& name) {
+    return nlohmann::json::parse(gflow({"info", folder.file(name), "--json"}).out)["format"];
+  };
+  EXPECT_EQ(kind("a.splat"), "splat");
+  EXPECT_EQ(kind("a.4dgs"), "4dgs");
+  const auto refused = [&](const std::string& name, const std::vector<std::string>& more,
+                           std::initializer_list<std::string> parts) {
+    std::vector<std::string> arguments{"export", run(), "-o", folder.path() + "/" + name};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    expect_refused(arguments, parts);
+    EXPECT_FALSE(fs::exists(folder.path() + "/" + name)) << name;
+  };
+  refused("x.spz", {}, {"x.spz", "no .spz files", ".splatv"});
+  refused("x.foo", {"--format", "ply"}, {"x.foo", "no .foo files"});
+  refused("x", {}, {"nothing says in which format", "--format"});
+  refused("x.splat", {"--format", "ply"}, {"ending says splat", "--format says ply"});
+  refused("x.ply", {"--format", "ply-sequence"}, {"ending says ply", "ply-sequence"});
+}
+
 TEST_F(CommandTest, ExportWritesASequenceOfTheStepsOfTheScene) {
   const TemporaryFolder folder;
   EXPECT_EQ(
@@ -261,8 +399,9 @@ TEST_F(CommandTest, FilesInAndOutSayWhatIsWrong) {
   const std::string out = folder.file("out.ply");
   expect_refused({"export", run(), "-o", out, "--times", "0,1"}, {"--format ply", "one time"});
   expect_refused({"export", run(), "-o", out, "--steps", "3"}, {"--steps", "ply-sequence"});
-  expect_refused({"export", run(), "-o", out, "--format", "splatv", "--times", "0"}, {"all times"});
-  expect_refused({"export", model(), "-o", out, "--format", "ply-sequence"},
+  expect_refused({"export", run(), "-o", folder.path() + "/a.splatv", "--times", "0"},
+                 {"all times"});
+  expect_refused({"export", model(), "-o", folder.path() + "/a", "--format", "ply-sequence"},
                  {"--steps or --times"});
   expect_refused({"export", folder.file("none.ply"), "-o", out}, {"none.ply", "missing"});
   expect_refused({"import", model(), "-o", out}, {"moving model", "gflow export"});

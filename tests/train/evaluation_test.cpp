@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/evaluation.hpp"
 
+#include "optim/data/estimated_flow.hpp"
 #include "optim/loss/metrics.hpp"
 #include "train/small_scene.hpp"
 
@@ -11,7 +12,7 @@ Evaluation judged(Queue& queue, const SmallScene& scene, const HostModel& host) 
   const TrainConfig config = small_config(scene, 1);
   LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, host);
-  return evaluate(queue, model, config, *loaded.frames, loaded.scene.test, {});
+  return evaluate(queue, model, config, loaded, loaded.scene.test, {});
 }
 
 // Against its own pictures a model errs by their rounding to 8 bits: uniform within half a step,
@@ -21,6 +22,7 @@ TEST(Evaluate, FindsNoErrorInTheModelThatDrewThePictures) {
   const SmallScene scene(queue);
   const Evaluation evaluation = judged(queue, scene, scene.truth);
   EXPECT_EQ(evaluation.flow_reference, "true");
+  EXPECT_FALSE(evaluation.trained_on);
   ASSERT_EQ(evaluation.views.size(), size_t(SmallScene::steps));
   for (const ViewFigures& view : evaluation.views) {
     EXPECT_NEAR(view.psnr, 58.9, 1) << view.name;
@@ -80,6 +82,75 @@ TEST(Evaluate, UsesDisWhereTheSceneHasNoTrueFlow) {
   EXPECT_TRUE(std::isnan(evaluation.mean.teacher_epe_dynamic));  // it would be its own judge
 }
 
+// The training views of a scene with transparent pictures, under names as the test views of a plain
+// video have them; their flow may be kept in a folder.
+struct KeptFlow {
+  explicit KeptFlow(Queue& queue) : scene(queue, true), config(small_config(scene, 1)) {
+    std::filesystem::remove_all(scene.path() + "/flow");
+    loaded = load_scene(config.scene, "");
+  }
+  void keep() {
+    FlowEstimation how;
+    how.folder = folder.path();
+    estimated_flows(loaded.scene, neighbour_pairs(loaded.scene), *loaded.frames, how);
+  }
+  Evaluation judged(Queue& queue) {
+    Model model(queue, scene.truth);
+    std::vector<Frame> views = loaded.scene.train;
+    for (Frame& view : views) view.name = "test_" + view.name;
+    return evaluate(queue, model, config, loaded, views, {}, "", folder.path());
+  }
+
+  SmallScene scene;
+  TrainConfig config;
+  LoadedScene loaded;
+  TemporaryFolder folder;
+};
+
+TEST(Evaluate, FindsTheSameWithFlowThatTrainingKeptAsWithout) {
+  Queue queue = test_queue();
+  KeptFlow kept(queue);
+  const Evaluation without = kept.judged(queue);
+  EXPECT_EQ(kept.folder.count(), 0u);  // it keeps nothing itself
+  kept.keep();
+  const Evaluation with = kept.judged(queue);
+  EXPECT_EQ(with.flow_reference, "dis");
+  EXPECT_TRUE(with.trained_on);
+  size_t figures = 0;
+  for (size_t i = 0; i < with.views.size(); ++i)
+    if (std::isfinite(without.views[i].flow_epe)) {
+      EXPECT_EQ(with.views[i].flow_epe, without.views[i].flow_epe) << i;
+      ++figures;
+    }
+  EXPECT_EQ(figures, 12u);  // three cameras, four pairs of steps
+}
+
+TEST(Evaluate, ReadsTheFlowThatIsKept) {
+  Queue queue = test_queue();
+  KeptFlow kept(queue);
+  kept.keep();
+  const Evaluation right = kept.judged(queue);
+  const Frame& frame = kept.loaded.scene.train[0];
+  TeacherFlow far{zero_flow(48, 40), std::vector<uint8_t>(48 * 40, 255)};
+  far.flow.uv.assign(far.flow.uv.size(), 100.f);
+  FlowFolder(kept.folder.path(), uint64_t{1} << 30, {}).keep(frame.name, packed(far));
+  const Evaluation wrong = kept.judged(queue);
+  EXPECT_GT(wrong.views[0].flow_epe, 100);
+  EXPECT_EQ(wrong.views[1].flow_epe, right.views[1].flow_epe);
+}
+
+TEST(Evaluate, ComputesNoFlowForATrainingWithoutIt) {
+  Queue queue = test_queue();
+  KeptFlow kept(queue);
+  kept.keep();
+  kept.config.flow.enabled = false;
+  const Evaluation evaluation = kept.judged(queue);
+  EXPECT_EQ(evaluation.flow_reference, "none");
+  EXPECT_TRUE(std::isnan(evaluation.mean.flow_epe));
+  EXPECT_TRUE(std::isnan(evaluation.mean.psnr_dynamic));
+  EXPECT_TRUE(std::isfinite(evaluation.mean.psnr));
+}
+
 TEST(Evaluate, SaysHowFarItIs) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -87,7 +158,7 @@ TEST(Evaluate, SaysHowFarItIs) {
   LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, scene.truth);
   std::vector<size_t> calls;
-  evaluate(queue, model, config, *loaded.frames, loaded.scene.test, [&](size_t done, size_t total) {
+  evaluate(queue, model, config, loaded, loaded.scene.test, [&](size_t done, size_t total) {
     EXPECT_EQ(total, 5u);
     calls.push_back(done);
   });

@@ -129,7 +129,7 @@ TEST(MovingCamera, EvaluationComparesTheFlowOfBothCameras) {
   PanScene made(queue, 2);
   Model model(queue, made.truth);
   const Evaluation evaluation =
-      evaluate(queue, model, made.config, *made.loaded.frames, made.loaded.scene.test, {});
+      evaluate(queue, model, made.config, made.loaded, made.loaded.scene.test, {});
   EXPECT_EQ(evaluation.flow_reference, "dis");
   for (size_t k = 0; k + 1 < steps; ++k)
     EXPECT_LT(evaluation.views[k].flow_epe, 0.1) << k;  // DIS's error; a camera at rest has 1.8
@@ -162,9 +162,9 @@ TEST(MovingCamera, OneThatTeleportsHasNoFlow) {
   PanScene made(queue, 15);
   EXPECT_TRUE(neighbour_pairs(made.loaded.scene).empty());
   Model model(queue, made.truth);
-  EXPECT_EQ(evaluate(queue, model, made.config, *made.loaded.frames, made.loaded.scene.test, {})
-                .flow_reference,
-            "none");
+  EXPECT_EQ(
+      evaluate(queue, model, made.config, made.loaded, made.loaded.scene.test, {}).flow_reference,
+      "none");
 }
 
 }  // namespace

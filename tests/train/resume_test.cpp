@@ -243,10 +243,10 @@ TEST_F(Resume, PointCloudsOnTheWayAreKeptAndShown) {
   EXPECT_EQ(info["state"], "iteration 100 of 240, from its point cloud");
   const Outcome judged = gflow({"eval", run("run"), "--quiet", "--iteration", "100"});
   EXPECT_NE(judged.out.find("iteration 100 of 240"), std::string::npos) << judged.out;
-  const auto results = nlohmann::json::parse(contents(run("run") + "/results.json"));
-  EXPECT_EQ(results["iterations"], 100);
+  const std::string early = run("run") + "/results_iteration_100.json";
+  EXPECT_EQ(nlohmann::json::parse(contents(early))["iterations"], 100);
   for (const char* command : {"render", "export"})
-    expect_refused({command, run("run"), "-o", run("out"), "--iteration", "7"},
+    expect_refused({command, run("run"), "-o", run("out.ply"), "--iteration", "7"},
                    {"iteration 7", "100, 200, 220, 240"});
   // A new training forgets them before its first step: they are of another one.
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);

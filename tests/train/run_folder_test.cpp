@@ -104,7 +104,8 @@ TEST(RunFolder, ForgetsWhateverIsOfAnEarlierTraining) {
 TEST(RunFolder, ForgetsTheResultsOfEverySplit) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  for (const char* name : {"results.json", "results_train.json", "per_view_val.json"})
+  for (const char* name : {"results.json", "results_train.json", "per_view_val.json",
+                           "results_iteration_300.json", "per_view_val_iteration_300.json"})
     folder.write(name, "{}");
   run.forget_results();
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
@@ -209,7 +210,8 @@ TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
             (std::vector<std::string>{"test", "num_gaussians", "iterations", "train_seconds",
                                       "peak_memory_mib", "device", "motion", "resolution",
                                       "background", "seed"}));
-  for (const char* key : {"psnr", "ssim", "psnr_dynamic", "flow_epe", "flow_epe_dynamic", "views"})
+  for (const char* key :
+       {"psnr", "ssim", "psnr_dynamic", "flow_epe", "flow_epe_dynamic", "views", "trained_on"})
     EXPECT_TRUE(results["test"].contains(key)) << key;
   EXPECT_EQ(results["test"]["psnr"], 31.5);
   EXPECT_TRUE(results["test"]["flow_epe"].is_null());  // not NaN, which is no JSON

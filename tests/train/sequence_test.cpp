@@ -89,7 +89,7 @@ TEST_F(SequenceTest, FollowsTheMotion) {
   const auto judged = [&](int iterations) {
     SmallTraining training(queue_, config(1500));
     training.steps(queue_, iterations);
-    return evaluate(queue_, training.model, training.config, *training.loaded.frames,
+    return evaluate(queue_, training.model, training.config, training.loaded,
                     training.loaded.scene.test, {})
         .mean;
   };

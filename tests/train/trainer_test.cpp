@@ -337,8 +337,7 @@ TEST_F(TrainerTest, RigidityMakesNeighboursMoveTogether) {
 Evaluation judged(Queue& queue, const TrainConfig& config) {
   SmallTraining training(queue, config);
   training.steps(queue, config.train.iterations);
-  return evaluate(queue, training.model, config, *training.loaded.frames,
-                  training.loaded.scene.test, {});
+  return evaluate(queue, training.model, config, training.loaded, training.loaded.scene.test, {});
 }
 
 // Measured: 11.5 dB and 2.2 px before, 25.2 dB and 0.18 px after. The bounds
@@ -348,9 +347,9 @@ TEST_F(TrainerTest, LearnsTheSceneAndItsMotion) {
   TrainConfig config = small_config(scene(), 1200);
   config.density.enabled = false;
   SmallTraining untrained(queue(), config);
-  const ViewFigures before = evaluate(queue(), untrained.model, config, *untrained.loaded.frames,
-                                      untrained.loaded.scene.test, {})
-                                 .mean;
+  const ViewFigures before =
+      evaluate(queue(), untrained.model, config, untrained.loaded, untrained.loaded.scene.test, {})
+          .mean;
   const ViewFigures with = judged(queue(), config).mean;
   config.flow.enabled = false;
   const ViewFigures without = judged(queue(), config).mean;

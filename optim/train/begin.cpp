@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/begin.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "optim/train/init.hpp"
+#include "optim/train/warning.hpp"
+
+namespace gflow {
+namespace {
+
+// Whether the first Gaussian, which is never one of the short-lived, is at one of the scene's
+// points: made-up places are not.
+bool lies_on_points(const HostModel& model, const Scene& scene) {
+  const std::vector<float>& means = model.groups.at("means");
+  for (size_t i = 0; i < scene.points.size(); ++i)
+    if (std::equal(means.begin(), means.begin() + 3, &scene.points.xyz[3 * i])) return true;
+  return false;
+}
+
+// Those that do not last as long as the first one.
+size_t count_short_lived(const HostModel& model) {
+  const std::vector<float>& log_scales = model.groups.at("log_scales");
+  size_t count = 0;
+  for (size_t i = 0; i < model.count; ++i) count += log_scales[4 * i + 3] < log_scales[3];
+  return count;
+}
+
+std::string place_of(const HostModel& model, const Scene& scene, const InitConfig& init,
+                     bool stereo) {
+  if (init.begins_from_file()) return "from " + init.file;
+  if (lies_on_points(model, scene))
+    return stereo ? "at points several cameras agree on" : "at points of the scene";
+  const bool hull = scene.has_alpha && init.from != InitFrom::random;
+  return hull ? "in the visual hull" : "at random places";
+}
+
+std::string counted(size_t count, const char* one, const char* several) {
+  return fmt::format("{} {}", count, count == 1 ? one : several);
+}
+
+}  // namespace
+
+std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
+  std::set<std::pair<int, int>> sizes;
+  for (const Camera& camera : cameras) sizes.insert({camera.width, camera.height});
+  std::string text = fmt::format(
+      "scene: {}, {}, {}; pictures: {} for training, {} for the test, {} for validation, {}{}x{}\n",
+      scene.layout, counted(scene.cameras.size(), "camera", "cameras"),
+      counted(size_t(scene.steps), "time step", "time steps"), scene.train.size(),
+      scene.test.size(), scene.val.size(), sizes.size() > 1 ? "up to " : "", sizes.rbegin()->first,
+      sizes.rbegin()->second);
+  if (!scene.test.empty() && are_trained_on(scene, scene.test))
+    text +=
+        "test views: there are none but the training views; their figures do not tell how the "
+        "scene looks from elsewhere\n";
+  return text;
+}
+
+std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
+                                     const InitConfig& init, bool stereo) {
+  const size_t short_lived = count_short_lived(model);
+  const std::string more =
+      short_lived ? fmt::format(", and {} short-lived where something moves", short_lived) : "";
+  return fmt::format("first Gaussians: {} {}{}\n", model.count - short_lived,
+                     place_of(model, scene, init, stereo), more);
+}
+
+void warn_of_idle_settings(const Scene& scene, const TrainConfig& config) {
+  if (!config.scene.cameras.empty() && !takes_cameras(scene.layout))
+    warn(fmt::format("scene.cameras = \"{}\" does nothing: scene {} has cameras of its own ({})",
+                     config.scene.cameras, scene.name, scene.layout));
+  if (config.motion.rest > 0 && motion_model(scene, config.motion) == MotionModelKind::hexplane)
+    warn(
+        fmt::format("motion.rest = {} does nothing with the motion model hexplane, whose Gaussians "
+                    "have no motion of their own to lose",
+                    config.motion.rest));
+  if (!config.density.enabled && !config.init.begins_from_file())
+    warn(
+        "density.enabled = false keeps the number of the first Gaussians, and no --init FILE gives "
+        "them: training adds none where the scene wants more");
+}
+
+}  // namespace gflow
