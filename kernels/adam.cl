@@ -9,7 +9,9 @@
 #include "shared/adam.h"
 #include "shared/lane_row.h"
 
-#define SPAN 16  // rows a work-item on CPUs
+#ifndef SPAN
+#define SPAN 16  // rows a work-item on CPUs; a multiple of LANES. The host says
+#endif
 
 // A row with a gradient that Adam cannot take is skipped in all groups.
 static inline void refuse_row(size_t row, uint width, global const float* grads, global uint* seen,

@@ -47,8 +47,9 @@ void check_rows(const ParameterGroup& group, const RowState& state, const RowRan
                           end, group.width, group.values.name()));
 }
 
-// Work-items on a CPU: SPAN rows each (kernels/adam.cl).
-size_t spans(size_t rows) { return (rows + 15) / 16; }
+// Rows of a work-item on a CPU.
+constexpr size_t kSpan = 16;
+size_t spans(size_t rows) { return (rows + kSpan - 1) / kSpan; }
 
 }  // namespace
 
@@ -77,7 +78,7 @@ RowState::RowState(Queue& queue, size_t rows)
 Adam::Adam(Queue& queue, const AdamConfig& config)
     : config_(config),
       gpu_(queue.lanes == 1),
-      program_(queue, "adam.cl", {{"LANES", queue.lanes}}),
+      program_(queue, "adam.cl", {{"LANES", queue.lanes}, {"SPAN", kSpan}}),
       adam_refuse_(program_, "adam_refuse"),
       adam_advance_(program_, "adam_advance"),
       adam_step_(program_, "adam_step"),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Round trips of models that other programs wrote, where these lie beside the repository; their
-// licences forbid shipping some of them with gflow.
+// Round trips of models that other programs wrote, where these lie beside the repository. What
+// splat_formats_test.cpp and ply_test.cpp make has the same layouts and is always tested.
 #include <algorithm>
 #include <filesystem>
 
@@ -11,12 +11,16 @@
 namespace gflow {
 namespace {
 
+constexpr const char* not_shipped =
+    "models of other people, megabytes under their own licences, are not shipped with gflow; made "
+    "files of the same layouts are tested in their place. Missing: ";
+
 // Name and number of Gaussians.
 class PublishedSplats : public testing::TestWithParam<std::pair<const char*, size_t>> {
  protected:
   void SetUp() override {
     path_ = std::string(GFLOW_SOURCE_DIR) + "/../shared/data/splat_models/" + GetParam().first;
-    if (!std::filesystem::exists(path_)) GTEST_SKIP() << path_ << " is not there";
+    if (!std::filesystem::exists(path_)) GTEST_SKIP() << not_shipped << path_;
     table_ = standard_table(read_splats(path_), path_).table;
   }
 
@@ -66,7 +70,7 @@ TEST_P(PublishedSplats, ComeBackFromASplatUpToItsBytes) {
 TEST(PublishedSplatsOfLaterVersions, AreRefusedByTheirVersion) {
   const std::string path = std::string(GFLOW_SOURCE_DIR) +
                            "/../shared/data/splat_models/splat_transform_fixtures/minimal-v4.spz";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there";
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << not_shipped << path;
   expect_error([&] { read_splats(path); }, {"minimal-v4.spz", "version", "4"});
 }
 

@@ -1,42 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gflow program as a user runs it: what it writes, what it says, how it exits.
-#include "train/command.hpp"
-
+// The gflow program as a user runs it: train and eval, what every command says and how it exits.
 #include <nlohmann/json.hpp>
 
 #include "optim/data/movie.hpp"
-#include "optim/io/npz.hpp"
-#include "train/small_scene.hpp"
+#include "train/command_scene.hpp"
 
 namespace gflow {
 namespace {
-
-// A scene and, where asked for, a run of three steps on it.
-class CommandTest : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    Queue queue = test_queue();
-    scene_ = new SmallScene(queue);
-    folder_ = new TemporaryFolder;
-    trained_ = gflow({"train", scene_->path(), "-o", run(), "--iterations", "3", "--quiet"});
-  }
-  static void TearDownTestSuite() {
-    delete scene_;
-    delete folder_;
-  }
-  static std::string run() { return folder_->path() + "/run"; }
-  static std::string model() { return run() + "/point_cloud/iteration_3/point_cloud.ply"; }
-  static const SmallScene& scene() { return *scene_; }
-  static const Outcome& trained() { return trained_; }
-
- private:
-  static SmallScene* scene_;
-  static TemporaryFolder* folder_;
-  static Outcome trained_;
-};
-SmallScene* CommandTest::scene_ = nullptr;
-TemporaryFolder* CommandTest::folder_ = nullptr;
-Outcome CommandTest::trained_;
 
 TEST_F(CommandTest, TrainWritesTheRunAndNamesIt) {
   EXPECT_EQ(trained().code, 0) << trained().err;
@@ -160,30 +130,6 @@ TEST_F(CommandTest, EvalOfAnEarlierIterationLeavesTheResultsOfTheLatest) {
   EXPECT_EQ(contents(run + "/results.json"), before.at("results.json"));
 }
 
-TEST_F(CommandTest, RenderDoesNotMixItsFilesWithThoseOfARun) {
-  expect_refused({"render", run(), "-o", run()}, {"files of a run", run() + "/pictures"});
-  expect_refused({"render", run(), "-o", run() + "/"}, {"files of a run"});
-  expect_refused({"render", run(), "-o", run() + "/flow/new"}, {"files of a run"});
-  expect_refused({"render", model(), "-o", run() + "/point_cloud/../test"}, {"files of a run"});
-  EXPECT_FALSE(fs::exists(run() + "/rgb"));
-  const Outcome outcome = gflow({"render", run(), "-o", run() + "/pictures", "--quiet"});
-  EXPECT_EQ(outcome.code, 0) << outcome.err;
-  fs::remove_all(run() + "/pictures");
-}
-
-TEST_F(CommandTest, RenderDividesTheSize) {
-  const TemporaryFolder of_run, of_file;
-  EXPECT_EQ(gflow({"render", run(), "-o", of_run.path(), "-r", "2", "--quiet"}).code, 0);
-  EXPECT_EQ(read_image(of_run.path() + "/rgb/cam00_0000.png").width, 24);
-  const TemporaryFolder folder;
-  fs::copy_file(model(), folder.file("bare.ply"));
-  EXPECT_EQ(gflow({"render", folder.file("bare.ply"), "--scene", scene().path(), "-o",
-                   of_file.path(), "-r", "4", "--quiet"})
-                .code,
-            0);
-  EXPECT_EQ(read_image(of_file.path() + "/rgb/cam00_0000.png").height, 10);
-}
-
 TEST_F(CommandTest, EvalFindsWhatTrainFound) {
   const auto before = nlohmann::json::parse(contents(run() + "/results.json"));
   fs::remove(run() + "/results.json");
@@ -192,174 +138,6 @@ TEST_F(CommandTest, EvalFindsWhatTrainFound) {
   EXPECT_NE(outcome.out.find("PSNR"), std::string::npos);
   const auto after = nlohmann::json::parse(contents(run() + "/results.json"));
   EXPECT_EQ(after, before);
-}
-
-TEST_F(CommandTest, RenderWritesThePicturesOfTheTestViews) {
-  const TemporaryFolder out;
-  const Outcome outcome = gflow({"render", run(), "-o", out.path(), "--quiet"});
-  EXPECT_EQ(outcome.code, 0) << outcome.err;
-  for (const char* name :
-       {"rgb/cam00_0004.png", "alpha/cam00_0000.png", "depth/cam00_0000.png",
-        "depth/cam00_0000.json", "depth/cam00_0000.npy", "flow/cam00_0000.flo",
-        "flow/cam00_0000.png", "compare/cam00_0000.png", "cam00.mp4", "compare_cam00.mp4"})
-    EXPECT_TRUE(fs::exists(out.path() + "/" + name)) << name;
-  EXPECT_NE(outcome.out.find(out.path() + "/cam00.mp4"), std::string::npos) << outcome.out;
-}
-
-TEST_F(CommandTest, RenderDrawsACameraAtTheTimesAskedFor) {
-  const TemporaryFolder out;
-  const Outcome outcome = gflow({"render", model(), "-o", out.path(), "--camera", "cam02",
-                                 "--times", "0:1:3", "--no-compare", "--quiet"});
-  EXPECT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_TRUE(fs::exists(out.path() + "/rgb/cam02_0002.png"));
-  EXPECT_FALSE(fs::exists(out.path() + "/rgb/cam02_0003.png"));
-  EXPECT_FALSE(fs::exists(out.path() + "/compare"));
-}
-
-TEST_F(CommandTest, RenderOfABarePlyGoesAroundIt) {
-  const TemporaryFolder folder, out;
-  fs::copy_file(model(), folder.file("bare.ply"));
-  const Outcome outcome =
-      gflow({"render", folder.file("bare.ply"), "-o", out.path(), "--times", "0:1:2", "--quiet"});
-  EXPECT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_TRUE(fs::exists(out.path() + "/rgb/orbit_0001.png"));
-  EXPECT_TRUE(fs::exists(out.path() + "/orbit.mp4"));
-}
-
-TEST_F(CommandTest, RenderUsesCamerasBesideAPlyOfNoScene) {
-  const TemporaryFolder folder, out;
-  fs::copy_file(model(), folder.file("bare.ply"));
-  fs::copy_file(run() + "/cameras.json", folder.file("cameras.json"));
-  const Outcome outcome =
-      gflow({"render", folder.file("bare.ply"), "-o", out.path(), "--times", "0.5", "--quiet"});
-  EXPECT_EQ(outcome.code, 0) << outcome.err;
-  for (const char* name : {"rgb/cam00.png", "rgb/cam03.png", "cameras.mp4"})
-    EXPECT_TRUE(fs::exists(out.path() + "/" + name)) << name;
-}
-
-TEST_F(CommandTest, RenderSaysWhatIsMissing) {
-  const TemporaryFolder folder;
-  fs::copy_file(model(), folder.file("bare.ply"));
-  const std::string out = folder.path() + "/out", bare = folder.file("bare.ply");
-  expect_refused({"render", folder.path() + "/none", "-o", out}, {"/none"});
-  expect_refused({"render", folder.path(), "-o", out}, {"config.toml"});
-  expect_refused({"render", bare, "-o", out, "--split", "test"}, {"--scene"});
-  expect_refused({"render", bare, "-o", out, "--camera", "cam00"}, {"cam00", "cameras.json"});
-  expect_refused({"render", run(), "-o", out, "--camera", "cam9"}, {"cam9", "cam00, cam01"});
-  expect_refused({"render", run(), "-o", out, "--split", "val"}, {"no val views"});
-  expect_refused({"render", run(), "-o", out, "--times", "2"}, {"--times 2", "0:1:40"});
-  EXPECT_FALSE(fs::exists(out));
-}
-
-// Keys as in the oracle's scenes; two Gaussians before a camera at the origin.
-Array floats(std::vector<size_t> shape, std::vector<float> values) {
-  return {std::move(shape), std::move(values)};
-}
-Arrays small_npz() {
-  return {{"means", floats({2, 3}, {0, 0, 2, 0.2f, 0, 3})},
-          {"quats", floats({2, 4}, {1, 0, 0, 0, 1, 0, 0, 0})},
-          {"scales", floats({2, 3}, std::vector<float>(6, 0.1f))},
-          {"opacities", floats({2}, {0.5f, 0.5f})},
-          {"colors", floats({2, 3}, {1, 0, 0, 0, 1, 0})},
-          {"viewmat", floats({4, 4}, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1})},
-          {"K", floats({3, 3}, {16, 0, 8, 0, 16, 6, 0, 0, 1})},
-          {"size", Array{{2}, std::vector<int32_t>{16, 12}}}};
-}
-
-TEST_F(CommandTest, ExportWritesOneTimeThatInfoAndImportAndTrainRead) {
-  const TemporaryFolder folder;
-  const std::string ply = folder.file("now.ply"), splat = folder.file("now.splat");
-  EXPECT_EQ(gflow({"export", run(), "-o", ply, "--times", "0.25"}).err, "");
-  EXPECT_EQ(gflow({"export", model(), "-o", splat, "--format", "splat", "--times", "0.25"}).err,
-            "");
-  const auto moving = nlohmann::json::parse(gflow({"info", run(), "--json"}).out);
-  EXPECT_EQ(moving["motion"], "spacetime");
-  EXPECT_EQ(moving["iterations"], 3);
-  const auto still = nlohmann::json::parse(gflow({"info", ply, "--json"}).out);
-  EXPECT_EQ(still["motion"], "none");
-  EXPECT_EQ(still["format"], "ply");
-  EXPECT_GT(still["gaussians"], 0);
-  EXPECT_EQ(gflow({"import", splat, "-o", folder.file("back.ply")}).err, "");
-  const auto back = nlohmann::json::parse(gflow({"info", folder.file("back.ply"), "--json"}).out);
-  EXPECT_EQ(back["gaussians"], still["gaussians"]);
-  const Outcome again = gflow({"train", scene().path(), "-o", folder.file("run"), "--iterations",
-                               "1", "--init", splat, "--set", "init.dynamic=0", "--quiet"});
-  EXPECT_EQ(again.code, 0) << again.err;
-  const auto first =
-      nlohmann::json::parse(gflow({"info", folder.file("run/input.ply"), "--json"}).out);
-  EXPECT_EQ(first["gaussians"], still["gaussians"]);
-}
-
-TEST_F(CommandTest, ExportTakesTheFormatFromTheEnding) {
-  const TemporaryFolder folder;
-  const auto exported = [&](const std::string& name) {
-    const std::string path = folder.path() + "/" + name;
-    const Outcome outcome = gflow({"export", run(), "-o", path, "--quiet"});
-    EXPECT_EQ(outcome.code, 0) << outcome.err;
-    return contents(path).substr(0, 4);
-  };
-  EXPECT_EQ(exported("a.ply"), "ply\n");
-  EXPECT_EQ(exported("b.PLY"), "ply\n");
-  EXPECT_EQ(exported("a.splatv").substr(0, 2), "Kg");
-  exported("a.splat");
-  exported("a.4dgs");
-  const auto kind = [&](const std::string& name) {
-    return nlohmann::json::parse(gflow({"info", folder.file(name), "--json"}).out)["format"];
-  };
-  EXPECT_EQ(kind("a.splat"), "splat");
-  EXPECT_EQ(kind("a.4dgs"), "4dgs");
-  const auto refused = [&](const std::string& name, const std::vector<std::string>& more,
-                           std::initializer_list<std::string> parts) {
-    std::vector<std::string> arguments{"export", run(), "-o", folder.path() + "/" + name};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    expect_refused(arguments, parts);
-    EXPECT_FALSE(fs::exists(folder.path() + "/" + name)) << name;
-  };
-  refused("x.spz", {}, {"x.spz", "no .spz files", ".splatv"});
-  refused("x.foo", {"--format", "ply"}, {"x.foo", "no .foo files"});
-  refused("x", {}, {"nothing says in which format", "--format"});
-  refused("x.splat", {"--format", "ply"}, {"ending says splat", "--format says ply"});
-  refused("x.ply", {"--format", "ply-sequence"}, {"ending says ply", "ply-sequence"});
-}
-
-TEST_F(CommandTest, ExportWritesASequenceOfTheStepsOfTheScene) {
-  const TemporaryFolder folder;
-  EXPECT_EQ(
-      gflow({"export", run(), "--format", "ply-sequence", "-o", folder.file("a"), "--quiet"}).code,
-      0);
-  for (const char* name : {"a/frame_0001.ply", "a/frame_0005.ply"})
-    EXPECT_TRUE(fs::exists(folder.file(name))) << name;
-  EXPECT_EQ(folder.count(), 5u);
-  expect_refused({"export", run(), "--format", "ply-sequence", "-o", folder.file("a")},
-                 {"not an empty folder"});
-  EXPECT_EQ(gflow({"export", run(), "--format", "splatv", "-o", folder.file("a.splatv")}).code, 0);
-  EXPECT_EQ(contents(folder.file("a.splatv")).substr(0, 2), "Kg");
-}
-
-TEST_F(CommandTest, ExportTakesAllTimesOfTheSceneAsRenderDoes) {
-  const TemporaryFolder folder;
-  const auto exported = [&](const std::string& name, const std::vector<std::string>& more) {
-    std::vector<std::string> arguments{"export", run(), "-o", folder.path() + "/" + name,
-                                       "--quiet"};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return gflow(arguments);
-  };
-  for (const std::string format : {"ply-sequence", "4dgs", "splatv"})
-    EXPECT_EQ(exported(format, {"--format", format, "--times", "all"}).code, 0) << format;
-  EXPECT_EQ(folder.count(), 5u + 2);
-  expect_refused({"export", run(), "-o", folder.path() + "/a.ply", "--times", "all"},
-                 {"one time", "every step", "ply-sequence"});
-  expect_refused(
-      {"export", model(), "-o", folder.path() + "/a", "--format", "ply-sequence", "--times", "all"},
-      {"--steps or --times"});
-}
-
-TEST_F(CommandTest, AnIterationIsChosenOfARunOnly) {
-  expect_refused({"info", model(), "--iteration", "3"}, {"--iteration 3", "run folder"});
-  expect_refused({"info", scene().path(), "--iteration", "3"}, {"--iteration 3", "run folder"});
-  expect_refused({"render", model(), "-o", "/nowhere/out", "--iteration", "3"}, {"--iteration 3"});
-  expect_refused({"eval", run(), "--iteration", "4"}, {"iteration 4", "there are 3"});
-  expect_refused({"eval", run(), "--iteration", "x"}, {"--iteration", "'x'"});
 }
 
 TEST_F(CommandTest, ADamagedVideoIsOneSentenceOfOursAlone) {
@@ -371,94 +149,6 @@ TEST_F(CommandTest, ADamagedVideoIsOneSentenceOfOursAlone) {
   // Who wants to know more is told.
   const Outcome told = gflow({"train", cut, "-o", out}, "export OPENCV_FFMPEG_LOGLEVEL=24");
   EXPECT_NE((told.out + told.err).find("moov"), std::string::npos) << told.err;
-}
-
-TEST_F(CommandTest, AMovingFileGoesOutAndItsMomentsComeIn) {
-  const TemporaryFolder folder;
-  const std::string moving = folder.file("a.4dgs"), now = folder.file("now.ply");
-  const Outcome written =
-      gflow({"export", run(), "--format", "4dgs", "-o", moving, "--fps", "10", "--quiet"});
-  EXPECT_EQ(written.code, 0);
-  EXPECT_NE(written.out.find("0.5 s"), std::string::npos) << written.out;  // 5 steps
-  const auto info = nlohmann::json::parse(gflow({"info", moving, "--json"}).out);
-  EXPECT_EQ(info["format"], "4dgs");
-  EXPECT_EQ(info["seconds"], 0.5);
-  EXPECT_GT(info["gaussians"], 0);
-  EXPECT_EQ(gflow({"import", moving, "-o", now, "--time", "0.2"}).code, 0);
-  EXPECT_EQ(nlohmann::json::parse(gflow({"info", now, "--json"}).out)["motion"], "none");
-  expect_refused({"import", moving, "-o", now, "--time", "0.5"}, {"--time 0.5", "0.5 s"});
-  expect_refused({"import", now, "-o", folder.file("b.ply"), "--time", "0"}, {"--time", "is ply"});
-  expect_refused({"render", moving, "-o", folder.file("r")}, {"a.4dgs", "gflow import"});
-  expect_refused({"export", run(), "--format", "4dgs", "-o", moving, "--times", "0,1"},
-                 {"all times", "--steps"});
-  expect_refused({"export", model(), "--format", "4dgs", "-o", moving}, {"--steps says it"});
-}
-
-TEST_F(CommandTest, FilesInAndOutSayWhatIsWrong) {
-  const TemporaryFolder folder;
-  const std::string out = folder.file("out.ply");
-  expect_refused({"export", run(), "-o", out, "--times", "0,1"}, {"--format ply", "one time"});
-  expect_refused({"export", run(), "-o", out, "--steps", "3"}, {"--steps", "ply-sequence"});
-  expect_refused({"export", run(), "-o", folder.path() + "/a.splatv", "--times", "0"},
-                 {"all times"});
-  expect_refused({"export", model(), "-o", folder.path() + "/a", "--format", "ply-sequence"},
-                 {"--steps or --times"});
-  expect_refused({"export", folder.file("none.ply"), "-o", out}, {"none.ply", "missing"});
-  expect_refused({"import", model(), "-o", out}, {"moving model", "gflow export"});
-  expect_refused({"import", folder.write("a.splat", "what?"), "-o", out}, {"a.splat", "32 bytes"});
-  expect_refused({"info", folder.write("b.xyz", "what?")}, {"b.xyz", ".spz"});
-  expect_refused({"train", scene().path(), "-o", folder.file("run"), "--init", model()},
-                 {"moves", "gflow export"});
-  EXPECT_FALSE(fs::exists(out));
-}
-
-TEST_F(CommandTest, InfoTellsWhatAnySceneIs) {
-  const auto info = nlohmann::json::parse(gflow({"info", scene().path(), "--json"}).out);
-  EXPECT_EQ(info["layout"], "n3v");
-  EXPECT_EQ(info["steps"], 5);
-  EXPECT_NE(gflow({"info", scene().path()}).out.find("n3v"), std::string::npos);
-}
-
-TEST_F(CommandTest, SplatDrawsAnArchive) {
-  const TemporaryFolder folder;
-  Arrays input = small_npz();
-  input["v_rgb"] = Array{{12, 16, 3}, std::vector<float>(12 * 16 * 3, 1.f)};
-  write_npz(folder.file("in.npz"), input);
-  const Outcome outcome = gflow({"splat", folder.file("in.npz"), "-o", folder.file("out.npz")});
-  EXPECT_EQ(outcome.code, 0) << outcome.err;
-  const Arrays output = read_npz(folder.file("out.npz"));
-  EXPECT_EQ(output.at("rgb").shape, (std::vector<size_t>{12, 16, 3}));
-  EXPECT_EQ(output.at("alpha").shape, (std::vector<size_t>{12, 16}));
-  EXPECT_EQ(output.at("g_rgb_means").shape, (std::vector<size_t>{2, 3}));
-}
-
-TEST_F(CommandTest, SplatRefusesArchivesThatAreBroken) {
-  const TemporaryFolder folder;
-  const std::string out = folder.path() + "/out.npz";
-  expect_refused({"splat", folder.path() + "/none.npz", "-o", out}, {"none.npz"});
-  folder.write("text.npz", "this is no archive");
-  expect_refused({"splat", folder.file("text.npz"), "-o", out}, {"text.npz"});
-  Arrays input = small_npz();
-  input.erase("scales");
-  write_npz(folder.file("less.npz"), input);
-  expect_refused({"splat", folder.file("less.npz"), "-o", out}, {"less.npz", "scales"});
-  input = small_npz();
-  input["opacities"] = Array{{3}, std::vector<float>(3, 0.5f)};
-  write_npz(folder.file("odd.npz"), input);
-  expect_refused({"splat", folder.file("odd.npz"), "-o", out}, {"odd.npz", "opacities"});
-  input = small_npz();
-  input["viewmat"] = floats({4, 4}, {1, 0, 0, NAN, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1});
-  write_npz(folder.file("nan.npz"), input);
-  expect_refused({"splat", folder.file("nan.npz"), "-o", out}, {"nan.npz", "viewmat", "finite"});
-  input = small_npz();
-  input["K"] = floats({3, 3}, {-16, 0, 8, 0, 16, 6, 0, 0, 1});
-  write_npz(folder.file("flip.npz"), input);
-  expect_refused({"splat", folder.file("flip.npz"), "-o", out}, {"flip.npz", "focal length"});
-  input = small_npz();
-  input["v_flow"] = Array{{12, 16, 2}, std::vector<float>(12 * 16 * 2, 1.f)};
-  write_npz(folder.file("still.npz"), input);
-  expect_refused({"splat", folder.file("still.npz"), "-o", out}, {"still.npz", "means_t2"});
-  EXPECT_FALSE(fs::exists(out));
 }
 
 TEST_F(CommandTest, TrainSaysWhatIsWrongWithTheSceneOrTheSettings) {
@@ -592,24 +282,6 @@ TEST_F(CommandTest, CtrlCBeforeAnyWorkIsOneSentenceToo) {
     EXPECT_EQ(outcome.err, "gflow: interrupted\n") << arguments[0];
   }
   EXPECT_FALSE(fs::exists(folder.path() + "/run"));
-}
-
-TEST_F(CommandTest, ASingleTimeHasFlowWhereTheSceneHasANextStep) {
-  const TemporaryFolder out;
-  const auto render = [&](const std::string& model, const std::string& time) {
-    const Outcome outcome =
-        gflow({"render", model, "-o", out.path(), "--camera", "cam02", "--times", time, "--quiet"});
-    EXPECT_EQ(outcome.code, 0) << outcome.err;
-    EXPECT_NE(outcome.out.find("video     none"), std::string::npos) << outcome.out;
-    return outcome.out;
-  };
-  EXPECT_NE(render(run(), "0.5").find("flow      1 views"), std::string::npos);
-  EXPECT_TRUE(fs::exists(out.path() + "/flow/cam02.flo"));
-  EXPECT_NE(render(run(), "1").find("flow      none"), std::string::npos);
-  const TemporaryFolder folder;
-  fs::copy_file(model(), folder.file("bare.ply"));
-  fs::copy_file(run() + "/cameras.json", folder.file("cameras.json"));
-  EXPECT_NE(render(folder.file("bare.ply"), "0.5").find("flow      none"), std::string::npos);
 }
 
 TEST_F(CommandTest, CtrlCDuringTrainingLeavesTheModelOfTheStepsMade) {

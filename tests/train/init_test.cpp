@@ -6,11 +6,11 @@
 #include <random>
 
 #include "compare.hpp"
+#include "optim/density/memory.hpp"
 #include "optim/io/splat_table.hpp"
 #include "optim/train/dynamic_seeds.hpp"
-#include "optim/train/views.hpp"
-#include "optim/density/memory.hpp"
 #include "optim/train/preparation.hpp"
+#include "optim/train/views.hpp"
 #include "train/small_scene.hpp"
 
 namespace gflow {
@@ -231,13 +231,19 @@ TEST(InitialModel, StaysWithinTheCapAndTheMemorySeedsIncluded) {
     short_lived += std::exp(few.groups.at("log_scales")[4 * i + 3]) < few.shape.duration;
   EXPECT_EQ(short_lived, 20u);  // points keep half of the room
   config.density.cap = 100000;
-  config.density.memory = 1;  // MiB
-  Preparation prepared(config, "");
-  prepared.compute_flow("", true);
-  prepared.look_for_change();
-  const HostModel model = prepared.first_model(queue);
-  EXPECT_GT(model.count, 40u);
-  EXPECT_LE(model.count, most_gaussians(queue.info, Model(queue, model).parameters, 1));
+  config.init.dynamic = 3000;
+  const auto begun = [&](int memory) {
+    config.density.memory = memory;  // MiB
+    Preparation prepared(config, "");
+    prepared.compute_flow("", true);
+    prepared.look_for_change();
+    return prepared.first_model(queue);
+  };
+  const HostModel free = begun(0), within = begun(1);
+  const size_t holds = most_gaussians(queue.info, Model(queue, free).parameters, 1);
+  ASSERT_GT(free.count, holds);
+  EXPECT_LE(within.count, holds);
+  EXPECT_GT(within.count, holds / 2);
 }
 
 TEST(InitialModel, SeedsWhatMovesWithItsVelocity) {

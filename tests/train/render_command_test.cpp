@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow render` as a user runs it.
+
+#include "train/command_scene.hpp"
+
+namespace gflow {
+namespace {
+
+class RenderCommand : public CommandTest {};
+
+TEST_F(RenderCommand, RenderDoesNotMixItsFilesWithThoseOfARun) {
+  expect_refused({"render", run(), "-o", run()}, {"files of a run", run() + "/pictures"});
+  expect_refused({"render", run(), "-o", run() + "/"}, {"files of a run"});
+  expect_refused({"render", run(), "-o", run() + "/flow/new"}, {"files of a run"});
+  expect_refused({"render", model(), "-o", run() + "/point_cloud/../test"}, {"files of a run"});
+  EXPECT_FALSE(fs::exists(run() + "/rgb"));
+  const Outcome outcome = gflow({"render", run(), "-o", run() + "/pictures", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  fs::remove_all(run() + "/pictures");
+}
+
+TEST_F(RenderCommand, RenderDividesTheSize) {
+  const TemporaryFolder of_run, of_file;
+  EXPECT_EQ(gflow({"render", run(), "-o", of_run.path(), "-r", "2", "--quiet"}).code, 0);
+  EXPECT_EQ(read_image(of_run.path() + "/rgb/cam00_0000.png").width, 24);
+  const TemporaryFolder folder;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  EXPECT_EQ(gflow({"render", folder.file("bare.ply"), "--scene", scene().path(), "-o",
+                   of_file.path(), "-r", "4", "--quiet"})
+                .code,
+            0);
+  EXPECT_EQ(read_image(of_file.path() + "/rgb/cam00_0000.png").height, 10);
+}
+
+TEST_F(RenderCommand, RenderWritesThePicturesOfTheTestViews) {
+  const TemporaryFolder out;
+  const Outcome outcome = gflow({"render", run(), "-o", out.path(), "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  for (const char* name :
+       {"rgb/cam00_0004.png", "alpha/cam00_0000.png", "depth/cam00_0000.png",
+        "depth/cam00_0000.json", "depth/cam00_0000.npy", "flow/cam00_0000.flo",
+        "flow/cam00_0000.png", "compare/cam00_0000.png", "cam00.mp4", "compare_cam00.mp4"})
+    EXPECT_TRUE(fs::exists(out.path() + "/" + name)) << name;
+  EXPECT_NE(outcome.out.find(out.path() + "/cam00.mp4"), std::string::npos) << outcome.out;
+}
+
+TEST_F(RenderCommand, RenderDrawsACameraAtTheTimesAskedFor) {
+  const TemporaryFolder out;
+  const Outcome outcome = gflow({"render", model(), "-o", out.path(), "--camera", "cam02",
+                                 "--times", "0:1:3", "--no-compare", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(fs::exists(out.path() + "/rgb/cam02_0002.png"));
+  EXPECT_FALSE(fs::exists(out.path() + "/rgb/cam02_0003.png"));
+  EXPECT_FALSE(fs::exists(out.path() + "/compare"));
+}
+
+TEST_F(RenderCommand, RenderOfABarePlyGoesAroundIt) {
+  const TemporaryFolder folder, out;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  const Outcome outcome =
+      gflow({"render", folder.file("bare.ply"), "-o", out.path(), "--times", "0:1:2", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(fs::exists(out.path() + "/rgb/orbit_0001.png"));
+  EXPECT_TRUE(fs::exists(out.path() + "/orbit.mp4"));
+}
+
+TEST_F(RenderCommand, RenderUsesCamerasBesideAPlyOfNoScene) {
+  const TemporaryFolder folder, out;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  fs::copy_file(run() + "/cameras.json", folder.file("cameras.json"));
+  const Outcome outcome =
+      gflow({"render", folder.file("bare.ply"), "-o", out.path(), "--times", "0.5", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  for (const char* name : {"rgb/cam00.png", "rgb/cam03.png", "cameras.mp4"})
+    EXPECT_TRUE(fs::exists(out.path() + "/" + name)) << name;
+}
+
+TEST_F(RenderCommand, RenderSaysWhatIsMissing) {
+  const TemporaryFolder folder;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  const std::string out = folder.path() + "/out", bare = folder.file("bare.ply");
+  expect_refused({"render", folder.path() + "/none", "-o", out}, {"/none"});
+  expect_refused({"render", folder.path(), "-o", out}, {"config.toml"});
+  expect_refused({"render", bare, "-o", out, "--split", "test"}, {"--scene"});
+  expect_refused({"render", bare, "-o", out, "--camera", "cam00"}, {"cam00", "cameras.json"});
+  expect_refused({"render", run(), "-o", out, "--camera", "cam9"}, {"cam9", "cam00, cam01"});
+  expect_refused({"render", run(), "-o", out, "--split", "val"}, {"no val views"});
+  expect_refused({"render", run(), "-o", out, "--times", "2"}, {"--times 2", "0:1:40"});
+  EXPECT_FALSE(fs::exists(out));
+}
+
+TEST_F(RenderCommand, ASingleTimeHasFlowWhereTheSceneHasANextStep) {
+  const TemporaryFolder out;
+  const auto render = [&](const std::string& model, const std::string& time) {
+    const Outcome outcome =
+        gflow({"render", model, "-o", out.path(), "--camera", "cam02", "--times", time, "--quiet"});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_NE(outcome.out.find("video     none"), std::string::npos) << outcome.out;
+    return outcome.out;
+  };
+  EXPECT_NE(render(run(), "0.5").find("flow      1 views"), std::string::npos);
+  EXPECT_TRUE(fs::exists(out.path() + "/flow/cam02.flo"));
+  EXPECT_NE(render(run(), "1").find("flow      none"), std::string::npos);
+  const TemporaryFolder folder;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  fs::copy_file(run() + "/cameras.json", folder.file("cameras.json"));
+  EXPECT_NE(render(folder.file("bare.ply"), "0.5").find("flow      none"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace gflow
