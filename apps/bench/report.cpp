@@ -47,9 +47,11 @@ void print_table(const std::vector<std::vector<std::string>>& lines) {
   }
 }
 
-// Figures that follow from another one, such as [ns] a pair, need not be compared as well.
-bool is_time(const std::string& name) {
-  return name.find("[ms]") != std::string::npos || name.find("[s]") != std::string::npos;
+// Figures that follow from another one, such as [ns] a pair or a time without a spread, need not be
+// compared as well.
+bool is_time(const Figure& f) {
+  return f.spread &&
+         (f.name.find("[ms]") != std::string::npos || f.name.find("[s]") != std::string::npos);
 }
 
 }  // namespace
@@ -110,7 +112,6 @@ int Report::compare(const std::string& old_path) const {
   if (text("device") != head_["device"])
     fmt::print("{} was measured on another device, {}\n", old_path, text("device"));
   const auto median_of = [](const Json& figure) {
-    if (figure.is_number()) return figure.get<double>();
     return figure.is_object() && figure.contains("median") && figure["median"].is_number()
                ? figure["median"].get<double>()
                : std::nan("");
@@ -119,8 +120,8 @@ int Report::compare(const std::string& old_path) const {
   int slower = 0;
   for (const Row& row : rows_)
     for (const Figure& f : row.figures) {
-      if (!is_time(f.name) || !old["rows"].contains(row.name) ||
-          !old["rows"][row.name].is_object() || !old["rows"][row.name].contains(f.name))
+      if (!is_time(f) || !old["rows"].contains(row.name) || !old["rows"][row.name].is_object() ||
+          !old["rows"][row.name].contains(f.name))
         continue;
       const double before = median_of(old["rows"][row.name][f.name]), now = f.value.median;
       if (!(before > 0)) continue;

@@ -38,8 +38,8 @@ class Report {
   // Rows with the same figures side by side in one table, medians, and quartiles where they differ.
   void print() const;
   Json json() const;
-  // The ratio of medians, new by old, of every time ("[ms]", "[s]") that both have. Ratios
-  // above 1.1 are marked; how many is returned. Error when OLD is no report of this bench.
+  // The ratio of medians, new by old, of every time with a spread ("[ms]", "[s]") that both have.
+  // Ratios above 1.1 are marked; how many is returned. Error when OLD is no report of this bench.
   int compare(const std::string& old_path) const;
 
  private:
