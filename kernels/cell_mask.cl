@@ -72,6 +72,7 @@ kernel void cell_mask(const uint tiles_x, global const float* restrict splats,  
   const uint end = tile_offsets[tile + 1];
   for (uint k = tile_offsets[tile] + get_local_id(0); k < end; k += get_local_size(0)) {
     const uint i = isect_ids[k];
+    READ_SOON(splats + 16 * (size_t)isect_ids[min(k + 16, end - 1)]);
     masks[k] = (ushort)touched_cells(vload4(4 * i, splats), vload4(4 * i + 1, splats), x0, y0);
   }
 }

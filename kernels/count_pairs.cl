@@ -22,7 +22,7 @@ kernel void count_pairs(const int width, const int height,
     if (!(masks[k] >> cell & 1)) continue;
     ++in_cell;
     const Splat s = splat_load(splats, isect_ids[k]);
-    const Coverage c = cover(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y, T);
+    const Coverage c = cover(footprint(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y), T);
     T = c.T;
     in_color += c.alpha > 0.f;
   }

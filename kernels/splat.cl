@@ -8,6 +8,13 @@
 
 #define BATCH 64  // LANES == 1: splats held in local memory at a time
 
+#if LANES > 1
+static inline void cell_blend(PixelSums* sums, Splat s, CellFootprint at) {
+  for (int part = 0; part < CELL_PARTS; ++part)
+    sums[part] = pixel_blend(sums[part], s, at.part[part]);
+}
+#endif
+
 kernel void splat_fwd(const int width, const int height, const float background_r,
                       const float background_g, const float background_b,
                       global const float* restrict splats,      // [N, 16]
@@ -49,7 +56,7 @@ kernel void splat_fwd(const int width, const int height, const float background_
       s.b = batch[4 * k + 1];
       s.c = batch[4 * k + 2];
       s.d = batch[4 * k + 3];
-      p = pixel_blend(p, s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y);
+      p = pixel_blend(p, s, footprint(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y));
     }
     barrier(CLK_LOCAL_MEM_FENCE);
     if (still_open(p.T) && x < width && y < height) open_pixels[turn ^ 1] = 1;
@@ -80,17 +87,21 @@ kernel void splat_fwd(const int width, const int height, const float background_
   PixelSums sums[TILE_PARTS];
   for (int i = 0; i < TILE_PARTS; ++i) sums[i] = pixel_start();
   for (uint k = first; k < end; ++k) {
-    const Splat s = splat_load(splats, isect_ids[k]);
-    const float left = (float)x0 - s.a.x, top = (float)y0 - s.a.y;
-    for (uint mask = masks[k]; mask;) {
-      const int cell = 31 - clz(mask);
-      mask ^= 1u << cell;
-      const lane dx = TO_LANE(left + (float)((cell & 3) * CELL)) + LANE_X;
-      for (int part = 0; part < CELL_PARTS; ++part) {
-        const lane dy = TO_LANE(top + (float)((cell >> 2) * CELL + part * LANE_ROWS)) + LANE_Y;
-        const int i = cell * CELL_PARTS + part;
-        sums[i] = pixel_blend(sums[i], s, dx, dy);
+    READ_SOON(splats + 16 * (size_t)isect_ids[min(k + 8, end - 1)]);
+    uint mask = masks[k];
+    if (mask) {
+      const Splat s = splat_load(splats, isect_ids[k]);
+      const TileFrame f = tile_frame(s, x0, y0);
+      int cell = next_cell(&mask);
+      CellFootprint at = cell_footprint(s, &f, cell);
+      while (mask) {  // the next footprint fills the wait for this one's sums
+        const CellFootprint now = at;
+        const int i = cell;
+        cell = next_cell(&mask);
+        at = cell_footprint(s, &f, cell);
+        cell_blend(sums + i * CELL_PARTS, s, now);
       }
+      cell_blend(sums + cell * CELL_PARTS, s, at);
     }
     if (((k - first) & 31) == 31) {
       lane most = sums[0].T;

