@@ -68,8 +68,9 @@ kernel void project_fwd(const uint n, const PinholeCamera camera,
   depth_keys[i] = as_uint(p.p.z);  // z > 0: the bits are ordered
 }
 
-// Completes the splats that are seen by colour and flow.
-kernel void transport_fwd(const uint n, const PinholeCamera camera, const PinholeCamera camera2,
+// Completes the splats that are seen by colour and flow. Rows from `moving` on stand still in this
+// view (View::moving): no flow.
+kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera camera, const PinholeCamera camera2,
                           global const float* restrict means, global const float* restrict factors,
                           global const float* restrict colors,      // [N, 3]
                           global const float* restrict means_t2,    // [N, 3]
@@ -84,15 +85,17 @@ kernel void transport_fwd(const uint n, const PinholeCamera camera, const Pinhol
   float2 m = (float2)(0.f);
   float4 h = (float4)(0.f);
 #if FLOW
-  const Projection p2 = project(camera2, load3(means_t2, i), load_mat3(factors_t2, i));
-  if (p2.p.z >= camera.near_plane) {  // behind camera 2 there is no flow to speak of
-    const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
-    const Mat2 h2 = transport(TRANSPORT, p.m, whiten(p.m), p2.m);
-    m = p2.mean - p.mean;
-    h = (float4)(h2.a, h2.b, h2.c, h2.d) * (1.f / SQRT_HALF_LOG2_E);
-    if (!is_finite_real(m.x + m.y + h.x + h.y + h.z + h.w)) {
-      m = (float2)(0.f);
-      h = (float4)(0.f);
+  if (i < moving) {
+    const Projection p2 = project(camera2, load3(means_t2, i), load_mat3(factors_t2, i));
+    if (p2.p.z >= camera.near_plane) {  // behind camera 2 there is no flow to speak of
+      const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
+      const Mat2 h2 = transport(TRANSPORT, p.m, whiten(p.m), p2.m);
+      m = p2.mean - p.mean;
+      h = (float4)(h2.a, h2.b, h2.c, h2.d) * (1.f / SQRT_HALF_LOG2_E);
+      if (!is_finite_real(m.x + m.y + h.x + h.y + h.z + h.w)) {
+        m = (float2)(0.f);
+        h = (float4)(0.f);
+      }
     }
   }
 #endif
@@ -102,8 +105,9 @@ kernel void transport_fwd(const uint n, const PinholeCamera camera, const Pinhol
 }
 
 // From the 16 moments of each splat (kernel gather) back to the Gaussians at both times.
-// Writes every output: zeros for what was not seen.
-kernel void project_bwd(const uint n, const PinholeCamera camera, const PinholeCamera camera2,
+// Writes every output: zeros for what was not seen; of those that stand still (rows from `moving`
+// on) v_means_t2 is what flow asks of the mean at t2 alone, and v_factors_t2 is not written.
+kernel void project_bwd(const uint n, const uint moving, const PinholeCamera camera, const PinholeCamera camera2,
                         global const float* restrict means, global const float* restrict factors,
                         global const float* restrict opacities,
                         global const float* restrict means_t2,
@@ -162,30 +166,38 @@ kernel void project_bwd(const uint n, const PinholeCamera camera, const PinholeC
 #endif
 
 #if FLOW
-  Mat3 v_factor2 = zero;
+  const float2 g = (float2)(s2.z, s2.w);  // by m
+  const float4 s3 = vload4(4 * i + 3, moments);
   real3 v_mean2 = zero3;
-  const Mat3 factor2 = load_mat3(factors_t2, i);
-  const Projection p2 = project(camera2, load3(means_t2, i), factor2);
-  const float4 h = vload4(4 * i + 3, splats);
-  // m = H = 0 also marks a flow that could not be formed in project_fwd: p2 decides likewise.
-  if (p2.p.z >= camera.near_plane) {
-    const float4 s3 = vload4(4 * i + 3, moments);
-    const float2 g = (float2)(s2.z, s2.w);
-    const Mat2 gh = make_mat2(s3.x / SQRT_HALF_LOG2_E, s3.y / SQRT_HALF_LOG2_E,
-                              s3.z / SQRT_HALF_LOG2_E, s3.w / SQRT_HALF_LOG2_E);
-    const TransportGradient t = transport_vjp(TRANSPORT, p.m, w, p2.m, gh);
-    const GaussianGradient v2 = project_vjp(camera2, factor2, p2, g, 0.f, t.m2);
-    v_mean2 = v2.mean;
-    v_factor2 = v2.factor;
+  if (i >= moving) {
+    Mat23 none;
+    none.r1 = none.r2 = zero3;
+    if (any(g != 0.f)) v_mean2 = project_vjp(camera, factor, p, g, 0.f, none).mean;
+  } else {
+    Mat3 v_factor2 = zero;
+    if (any(g != 0.f) || any(s3 != 0.f)) {
+      const Mat3 factor2 = load_mat3(factors_t2, i);
+      const Projection p2 = project(camera2, load3(means_t2, i), factor2);
+      // m = H = 0 also marks a flow that could not be formed in transport_fwd: p2 decides likewise.
+      if (p2.p.z >= camera.near_plane) {
+        const Mat2 gh = make_mat2(s3.x / SQRT_HALF_LOG2_E, s3.y / SQRT_HALF_LOG2_E,
+                                  s3.z / SQRT_HALF_LOG2_E, s3.w / SQRT_HALF_LOG2_E);
+        const TransportGradient t = transport_vjp(TRANSPORT, p.m, w, p2.m, gh);
+        const GaussianGradient v2 = project_vjp(camera2, factor2, p2, g, 0.f, t.m2);
+        v_mean2 = v2.mean;
+        v_factor2 = v2.factor;
 #if !DETACH_T1
-    // flow = mu2 - mu1 + H K (x - mu1)
-    const float hg1 = h.x * g.x + h.z * g.y, hg2 = h.y * g.x + h.w * g.y;  // H^T g, scaled H
-    v_mean -= g + (float2)(k1 * hg1, k2 * hg1 + k3 * hg2);
-    v_m = mat23_add(v_m, t.m1);
+        // flow = mu2 - mu1 + H K (x - mu1)
+        const float4 h = vload4(4 * i + 3, splats);
+        const float hg1 = h.x * g.x + h.z * g.y, hg2 = h.y * g.x + h.w * g.y;  // H^T g, scaled H
+        v_mean -= g + (float2)(k1 * hg1, k2 * hg1 + k3 * hg2);
+        v_m = mat23_add(v_m, t.m1);
 #endif
+      }
+    }
+    store_mat3(v_factors_t2, i, v_factor2);
   }
   store3(v_means_t2, i, v_mean2);
-  store_mat3(v_factors_t2, i, v_factor2);
 #endif
   const GaussianGradient v = project_vjp(camera, factor, p, v_mean, v_depth, v_m);
   store3(v_means, i, v.mean);

@@ -59,7 +59,8 @@ kernel void rest_travel(const uint moving, global const float* restrict log_scal
 }
 
 // What a view would change of the velocities of those that rest (rows [moving, N), which `pulls`
-// has): x y z the sum of the gradients, w that of their squares.
+// has): x y z the sum of the gradients, w that of their squares. flow: 0 none; 1 v_means has its
+// part at t; 2 it has not (View::moving), and that is the opposite of the part at t2.
 kernel void rest_pull(const uint n, const uint moving, const float t, const float t2,
                       const int flow, global const uint* restrict tiles_touched,
                       global const float* restrict means_t,     // [N]
@@ -69,7 +70,7 @@ kernel void rest_pull(const uint n, const uint moving, const float t, const floa
   const uint i = moving + get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
   float3 v = load3(v_means, i) * (t - means_t[i]);
-  if (flow) v += load3(v_means_t2, i) * (t2 - means_t[i]);
+  if (flow) v += load3(v_means_t2, i) * (t2 - (flow == 2 ? t : means_t[i]));
   const float square = dot(v, v);
   if (is_finite_real(square)) add4(pulls, i - moving, (float4)(v.x, v.y, v.z, square));
 }

@@ -20,12 +20,13 @@ void Rest::start_pulls(Queue& queue, const Parameters& p) {
 }
 
 void Rest::see(Queue& queue, const Parameters& p, const Buffer<cl_uint>& tiles_touched, float t,
-               const Buffer<float>& v_means, const float* t2, const Buffer<float>& v_means_t2) {
+               const Buffer<float>& v_means, const float* t2, const Buffer<float>& v_means_t2,
+               bool stood_still) {
   const size_t resting = p.count - p.moving;
   if (resting == 0) return;
   start_pulls(queue, p);
   rest_pull_(queue, Range::over(resting), cl_uint(p.count), cl_uint(p.moving), t, t2 ? *t2 : t,
-             int(t2 != nullptr), tiles_touched, p["means_t"].values, v_means,
+             t2 ? 1 + int(stood_still) : 0, tiles_touched, p["means_t"].values, v_means,
              t2 ? v_means_t2 : v_means, pulls_);
 }
 

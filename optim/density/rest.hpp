@@ -25,9 +25,10 @@ class Rest {
   explicit Rest(Queue& queue);
 
   // After a view: its gradients by the means at its time, and with flow at its second time, both in
-  // the model's time.
+  // the model's time. `stood_still`: those at rest did so in this view (View::moving).
   void see(Queue& queue, const Parameters& parameters, const Buffer<cl_uint>& tiles_touched,
-           float t, const Buffer<float>& v_means, const float* t2, const Buffer<float>& v_means_t2);
+           float t, const Buffer<float>& v_means, const float* t2, const Buffer<float>& v_means_t2,
+           bool stood_still);
 
   // A round; forgets what was seen. Those that rest change by at most .74 rule.most of their
   // opacity at each of the moments. Returns for each new row the row it was. Those woken start with

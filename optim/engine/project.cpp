@@ -1,7 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/engine/project.hpp"
 
+#include <algorithm>
+
 namespace gflow {
+namespace {
+
+cl_uint moving_of(const View& view, size_t n) { return cl_uint(std::min(view.moving, n)); }
+
+}  // namespace
 
 Project::Project(Queue& queue, const EngineSettings& settings, Channels channels)
     : program_(queue, "project.cl",
@@ -29,9 +36,9 @@ void Project::forward(Queue& queue, const View& view, const GaussiansAt& at_t1, 
 void Project::complete(Queue& queue, const View& view, const GaussiansAt& at_t1,
                        const GaussiansAt& at_t2, const Buffer<float>& colors, Splats& splats) {
   const size_t n = splats.count;
-  transport_fwd_(queue, Range::over(n), cl_uint(n), view.camera, view.camera_t2, at_t1.means,
-                 at_t1.factors, colors, at_t2.means, at_t2.factors, splats.tiles_touched,
-                 splats.records);
+  transport_fwd_(queue, Range::over(n), cl_uint(n), moving_of(view, n), view.camera, view.camera_t2,
+                 at_t1.means, at_t1.factors, colors, at_t2.means, at_t2.factors,
+                 splats.tiles_touched, splats.records);
 }
 
 void Project::backward(Queue& queue, const View& view, const GaussiansAt& at_t1,
@@ -39,10 +46,10 @@ void Project::backward(Queue& queue, const View& view, const GaussiansAt& at_t1,
                        GaussianGradients& gradients) {
   const size_t n = splats.count;
   gradients.ensure(queue, n);
-  project_bwd_(queue, Range::over(n), cl_uint(n), view.camera, view.camera_t2, at_t1.means,
-               at_t1.factors, at_t1.opacities, at_t2.means, at_t2.factors, splats.records,
-               splats.tiles_touched, moments, gradients.v_means, gradients.v_factors,
-               gradients.v_opacities, gradients.v_colors, gradients.v_means_t2,
+  project_bwd_(queue, Range::over(n), cl_uint(n), moving_of(view, n), view.camera, view.camera_t2,
+               at_t1.means, at_t1.factors, at_t1.opacities, at_t2.means, at_t2.factors,
+               splats.records, splats.tiles_touched, moments, gradients.v_means,
+               gradients.v_factors, gradients.v_opacities, gradients.v_colors, gradients.v_means_t2,
                gradients.v_factors_t2, gradients.v_means2d);
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians to splats: projection at t1 and t2, whitening, transport; and back.
 #pragma once
+#include <limits>
 #include <memory>
 
 #include "optim/engine/gaussians.hpp"
@@ -19,8 +20,14 @@ struct Splats {
 };
 
 // What is looked at: the camera at t1 and, for flow, at t2 (the same one when it stands still).
+constexpr size_t all_rows = std::numeric_limits<size_t>::max();
+
 struct View {
   PinholeCamera camera, camera_t2;
+  // The rows from here on stand still in it: they are at t2 as at t1, before the same camera. They
+  // show no flow and what they ask of their place at t2 stays theirs (v_means_t2): it is not a part
+  // of v_means. Nothing else of t2 is read or written.
+  size_t moving = all_rows;
 };
 
 class Project {
@@ -41,10 +48,10 @@ class Project {
   Kernel<cl_uint, PinholeCamera, In<float>, In<float>, In<float>, Out<float>, Out<cl_ushort>,
          Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
       project_fwd_;
-  Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
+  Kernel<cl_uint, cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<cl_uint>, Out<float>>
       transport_fwd_;
-  Kernel<cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
+  Kernel<cl_uint, cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>,
          Out<float>, Out<float>, Out<float>, Out<float>>
       project_bwd_;

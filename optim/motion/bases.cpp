@@ -91,10 +91,11 @@ KeyWeights BasesMotion::pose(Queue& queue, const Parameters& p, float t) {
 }
 
 void BasesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
-                     GaussiansAt& gaussians) {
+                     GaussiansAt& gaussians, size_t rows) {
+  const size_t n = std::min(rows, p.count);
   gaussians.ensure(queue, p.count);
   pose(queue, p, t);
-  bases_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), shape_.bases, t,
+  bases_fwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), shape_.bases, t,
              window_sigmas(shape_.cutoff), int(!seen), seen ? *seen : p.rows.seen,
              p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
              p["logit_opacities"].values, p["basis_logits"].values, poses_, p["pivots"].values,
@@ -103,12 +104,14 @@ void BasesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl
 
 void BasesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                            const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
-                           const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
+                           const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
+                           size_t rows) {
+  const size_t n = std::min(rows, p.count);
   const KeyWeights keys = pose(queue, p, t);
-  const Chunks chunks = chunks_for(queue, p.count, 64);
+  const Chunks chunks = chunks_for(queue, n, 64);
   partials_.ensure(queue, chunks.count * kPose * size_t(shape_.bases));
   partials_.fill(queue, 0.f);  // the last chunks may be empty
-  bases_bwd_(queue, Range::over(chunks.count, chunk_group(queue) == 1 ? 1 : 64), cl_uint(p.count),
+  bases_bwd_(queue, Range::over(chunks.count, chunk_group(queue) == 1 ? 1 : 64), cl_uint(n),
              cl_uint(p.moving), chunks.length, shape_.bases, t, int(first), p["means"].values,
              p["means_t"].values, p["quats"].values, p["log_scales"].values,
              p["logit_opacities"].values, p["basis_logits"].values, poses_, p["pivots"].values,

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/motion/keyframes.hpp"
 
+#include <algorithm>
+
 namespace gflow {
 
 std::vector<TableSpec> keyframes_tables(const MotionShape& shape) {
@@ -24,9 +26,10 @@ KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
 }
 
 void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
-                         GaussiansAt& gaussians) {
+                         GaussiansAt& gaussians, size_t rows) {
+  const size_t n = std::min(rows, p.count);
   gaussians.ensure(queue, p.count);
-  keyframes_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t,
+  keyframes_fwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t,
                  window_sigmas(shape_.cutoff), int(!seen),
                  key_weights(t, shape_.duration, shape_.keys), seen ? *seen : p.rows.seen,
                  p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
@@ -36,16 +39,18 @@ void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffe
 
 void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                                const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
-                               const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
+                               const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
+                               size_t rows) {
+  const size_t n = std::min(rows, p.count);
   const KeyWeights keys = key_weights(t, shape_.duration, shape_.keys);
   Table& table = p.more[0];
-  keyframes_bwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, int(first),
-                 keys, p["means"].values, p["means_t"].values, p["quats"].values,
-                 p["log_scales"].values, p["logit_opacities"].values, p["key_shifts"].values,
-                 p["key_turns"].values, p[scales_].values, tiles_touched, v_means, v_factors,
-                 v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads,
-                 p["log_scales"].grads, p["logit_opacities"].grads, table.rows.seen,
-                 p["key_shifts"].grads, p["key_turns"].grads, p[scales_].grads);
+  keyframes_bwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, int(first), keys,
+                 p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
+                 p["logit_opacities"].values, p["key_shifts"].values, p["key_turns"].values,
+                 p[scales_].values, tiles_touched, v_means, v_factors, v_opacities, p.rows.seen,
+                 p["means"].grads, p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
+                 p["logit_opacities"].grads, table.rows.seen, p["key_shifts"].grads,
+                 p["key_turns"].grads, p[scales_].grads);
   const RowRange touched{size_t(keys.first) * p.moving, size_t(keys.count) * p.moving};
   table.active = table.active.joined(touched);
 }

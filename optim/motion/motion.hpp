@@ -41,17 +41,20 @@ class Motion {
 
   // Gaussians at time t. With seen = nullptr (the time that is drawn) those outside their time
   // window have opacity 0 and else undefined rows. Otherwise t is the second time of a flow: rows
-  // with (*seen)[i] > 0 are set, in their window or not, the others undefined.
+  // with (*seen)[i] > 0 are set, in their window or not, the others undefined; of the first `rows`
+  // only (View::moving; models whose Gaussians cannot rest need not look).
   virtual void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
-                  GaussiansAt& gaussians) = 0;
+                  GaussiansAt& gaussians, size_t rows = Parameters::all) = 0;
 
   // Gradients of the last loss by the parameters, from those by the Gaussians at time t, for the
   // rows with tiles_touched > 0. `first`: t is the time drawn; marks the rows as seen in this
   // training step and starts their gradients. Otherwise t is the second time: adds. Rows of other
   // tables start when they are first seen in a step, and their range joins the table's `active`.
+  // `rows` as in at().
   virtual void backward(Queue& queue, Parameters& parameters, float t, bool first,
                         const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
-                        const Buffer<float>& v_factors, const Buffer<float>& v_opacities) = 0;
+                        const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
+                        size_t rows = Parameters::all) = 0;
 
   // After all backward() of a training step: adds the gradients of what keeps the model simple.
   virtual void regularize(Queue&, Parameters&, const PlaneRule&) {}

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/motion/native4d.hpp"
 
+#include <algorithm>
+
 namespace gflow {
 
 Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
@@ -21,10 +23,11 @@ std::vector<GroupSpec> native4d_groups() {
 }
 
 void Native4dMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
-                        GaussiansAt& gaussians) {
+                        GaussiansAt& gaussians, size_t rows) {
+  const size_t n = std::min(rows, p.count);
   gaussians.ensure(queue, p.count);
-  native4d_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, cutoff_,
-                int(!seen), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+  native4d_fwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, cutoff_, int(!seen),
+                seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                 p["quats"].values, p["quats_r"].values, p["log_scales"].values,
                 p["logit_opacities"].values, gaussians.means, gaussians.factors,
                 gaussians.opacities);
@@ -32,8 +35,10 @@ void Native4dMotion::at(Queue& queue, const Parameters& p, float t, const Buffer
 
 void Native4dMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                               const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
-                              const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
-  native4d_bwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, int(first),
+                              const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
+                              size_t rows) {
+  const size_t n = std::min(rows, p.count);
+  native4d_bwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, int(first),
                 p["means"].values, p["means_t"].values, p["quats"].values, p["quats_r"].values,
                 p["log_scales"].values, p["logit_opacities"].values, tiles_touched, v_means,
                 v_factors, v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads,

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/motion/spacetime.hpp"
 
+#include <algorithm>
+
 namespace gflow {
 
 SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
@@ -23,10 +25,11 @@ std::vector<GroupSpec> spacetime_groups() {
 }
 
 void SpacetimeMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
-                         GaussiansAt& gaussians) {
+                         GaussiansAt& gaussians, size_t rows) {
+  const size_t n = std::min(rows, p.count);
   gaussians.ensure(queue, p.count);
-  spacetime_fwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, sigmas_,
-                 int(!seen), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+  spacetime_fwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, sigmas_, int(!seen),
+                 seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                  p["velocities"].values, p["half_accelerations"].values, p["quats"].values,
                  p["turns"].values, p["log_scales"].values, p["logit_opacities"].values,
                  gaussians.means, gaussians.factors, gaussians.opacities);
@@ -34,8 +37,10 @@ void SpacetimeMotion::at(Queue& queue, const Parameters& p, float t, const Buffe
 
 void SpacetimeMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                                const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
-                               const Buffer<float>& v_factors, const Buffer<float>& v_opacities) {
-  spacetime_bwd_(queue, Range::over(p.count), cl_uint(p.count), cl_uint(p.moving), t, int(first),
+                               const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
+                               size_t rows) {
+  const size_t n = std::min(rows, p.count);
+  spacetime_bwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, int(first),
                  p["means"].values, p["means_t"].values, p["velocities"].values,
                  p["half_accelerations"].values, p["quats"].values, p["turns"].values,
                  p["log_scales"].values, p["logit_opacities"].values, tiles_touched, v_means,

@@ -21,10 +21,11 @@ class SpacetimeMotion : public Motion {
   SpacetimeMotion(Queue& queue, float cutoff);
   std::vector<GroupSpec> groups() const override { return spacetime_groups(); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
-          GaussiansAt& gaussians) override;
+          GaussiansAt& gaussians, size_t rows = Parameters::all) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
-                const Buffer<float>& v_factors, const Buffer<float>& v_opacities) override;
+                const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
+                size_t rows = Parameters::all) override;
   void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;

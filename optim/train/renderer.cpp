@@ -2,8 +2,16 @@
 #include "optim/train/renderer.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 namespace gflow {
+namespace {
+
+bool same(const PinholeCamera& a, const PinholeCamera& b) {
+  return std::memcmp(&a, &b, sizeof a) == 0;  // floats and ints, no padding
+}
+
+}  // namespace
 
 PinholeCamera pinhole(const Camera& camera, float near_plane) {
   PinholeCamera p{};
@@ -29,11 +37,15 @@ bool Renderer::bends() const {
 void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   shot_ = shot;
   shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
+  View& view = shot_.view;
+  // Motion losses compare poses at both times, of those at rest too.
+  if (shot.flow && !shot.motion_loss && same(view.camera, view.camera_t2))
+    view.moving = model.parameters.moving;
   model.motion->at(queue, model.parameters, model.time(shot.time), nullptr, t1_);
-  engine_.project(queue, shot.view, {shot.flow, shot.depth}, t1_);
+  engine_.project(queue, view, {shot.flow, shot.depth}, t1_);
   const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
   if (shot.flow || shot.motion_loss)
-    model.motion->at(queue, model.parameters, model.time(shot.time_t2), &seen, t2_);
+    model.motion->at(queue, model.parameters, model.time(shot.time_t2), &seen, t2_, view.moving);
   if (bends()) model.motion->at(queue, model.parameters, model.time(time_t0()), &seen, t0_);
   model.color.forward(queue, model.parameters, shot_.sh_degree, shot.view.camera, t1_, seen,
                       colors_);
@@ -55,7 +67,7 @@ void Renderer::backward(Queue& queue, Model& model, const ImageGradients& v) {
                          g.v_opacities);
   if (shot_.flow || shot_.motion_loss)
     model.motion->backward(queue, p, model.time(shot_.time_t2), false, seen, g.v_means_t2,
-                           g.v_factors_t2, g.v_opacities);
+                           g.v_factors_t2, g.v_opacities, shot_.view.moving);
   if (bends())
     model.motion->backward(queue, p, model.time(time_t0()), false, seen, g.v_means_t0,
                            g.v_factors_t0, g.v_opacities);

@@ -37,6 +37,8 @@ class Renderer {
   const GaussiansAt& gaussians() const { return t1_; }
   const Engine& engine() const { return engine_; }
   const GaussianGradients& gradients() const { return gradients_; }
+  // Whether those at rest stood still in the last view with flow (View::moving).
+  bool stood_still() const { return shot_.view.moving < all_rows; }
 
  private:
   bool bends() const;  // whether the motion loss has a third moment within the video

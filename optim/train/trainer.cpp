@@ -297,7 +297,8 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
   const float t2 = model_.time(shot.time_t2);
   const GaussianGradients& g = renderer_.gradients();
   rest_->see(queue, model_.parameters, renderer_.engine().splats().tiles_touched,
-             model_.time(shot.time), g.v_means, shot.flow ? &t2 : nullptr, g.v_means_t2);
+             model_.time(shot.time), g.v_means, shot.flow ? &t2 : nullptr, g.v_means_t2,
+             renderer_.stood_still());
 }
 
 float Trainer::position_rate(int step) const {

@@ -71,6 +71,49 @@ TEST(Engine, AbsgradIsTheSumOfTheLengthsOfAllPixelsPulls) {
   EXPECT_LT(relative_l2(got, expected), 1e-5);  // rounding of sums of 133 positive terms
 }
 
+// Rows that stand still in a view are as if they had the same pose twice, but need none at t2: what
+// flow asks of them at both times is 0 in sum, and only their place at t2 is told it by itself.
+TEST(Engine, WhatStandsStillNeedsNoSecondPose) {
+  constexpr size_t moving = 30;
+  for (Transport transport : TRANSPORTS) {
+    Queue queue = test_queue();
+    Scene s = small_scene(transport);
+    s.shot.camera_t2 = s.shot.camera;
+    for (const auto& [name, width] : {std::pair{"means", 3}, {"quats", 4}, {"scales", 3}})
+      std::copy(s.p[name].begin() + long(moving) * width, s.p[name].end(),
+                s.p[std::string(name) + "_t2"].begin() + long(moving) * width);
+    DeviceScene twice(queue, s), once(queue, s);
+    once.stand_still_from(moving);
+    const FloatArrays expected = twice.forward(), images = once.forward();
+    for (const char* name : {"rgb", "alpha", "depth"})
+      EXPECT_EQ(images.at(name), expected.at(name));
+    EXPECT_LT(relative_l2(images.at("flow"), expected.at("flow")), 1e-6);
+
+    const reference::Planes v = random_cotangents(s, 1);
+    const FloatArrays a = twice.backward(v), b = once.backward(v);
+    for (const auto& [key, width] : {std::pair{"means", 3}, {"quats", 4}, {"scales", 3}}) {
+      const std::string name = key;
+      const auto moved = [&, rows = long(moving) * width](const std::vector<float>& all) {
+        return std::vector<float>(all.begin(), all.begin() + rows);
+      };
+      const auto still = [&, rows = long(moving) * width](const std::vector<float>& all) {
+        return std::vector<float>(all.begin() + rows, all.end());
+      };
+      EXPECT_LT(relative_l2(moved(b.at(name)), moved(a.at(name))), 1e-6) << name;
+      EXPECT_LT(relative_l2(moved(b.at(name + "_t2")), moved(a.at(name + "_t2"))), 1e-6) << name;
+      std::vector<float> sum = still(a.at(name)), at_t2 = still(a.at(name + "_t2"));
+      for (size_t i = 0; i < sum.size(); ++i) sum[i] += at_t2[i];
+      EXPECT_LT(relative_l2(still(b.at(name)), sum), 2e-5) << name;  // two parts that cancel
+      if (name == "means") {
+        EXPECT_GT(relative_l2(still(a.at(name)), sum), 1e-3);
+      }
+    }
+    if (transport == Transport::translate) {  // else the place changes H as well
+      EXPECT_LT(relative_l2(b.at("means_t2"), a.at("means_t2")), 1e-6);
+    }
+  }
+}
+
 TEST(Engine, GradientOfTwoLossesIsTheSumOfBoth) {  // T37
   Queue queue = test_queue();
   const Scene s = small_scene();

@@ -262,7 +262,7 @@ class Spacetime {
     for (size_t i = 0; i < pulls.size(); ++i) v[3 * i] = pulls[i];
     const Buffer<cl_uint> touched(queue, std::vector<cl_uint>(p.count, 1u), "tiles");
     const Buffer<float> v_means(queue, v, "v_means");
-    rest.see(queue, p, touched, t, v_means, nullptr, v_means);
+    rest.see(queue, p, touched, t, v_means, nullptr, v_means, false);
   }
 
   Queue queue;
@@ -348,6 +348,26 @@ TEST(Rest, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
   // Evidence is forgotten, and it has a trial now.
   EXPECT_EQ(made.refine(), (std::vector<cl_uint>{0, 1, 2, 3}));
   EXPECT_EQ(made.p.moving, 2u);
+}
+
+// A view tells what flow asks of those at rest within v_means, or beside it.
+TEST(Rest, FlowPullsTheSameToldInBothWays) {
+  const auto pulls = [](float v_mean, float v_mean_t2, bool stood_still) {
+    Spacetime made(std::vector<Made>(1));
+    made.refine();
+    const Buffer<cl_uint> touched(made.queue, {1}, "tiles");
+    const Buffer<float> v(made.queue, {v_mean, 0, 0}, "v"),
+        v_t2(made.queue, {v_mean_t2, 0, 0}, "v");
+    const float t2 = 0.7f;
+    made.rest.see(made.queue, made.p, touched, 0.5f, v, &t2, v_t2, stood_still);
+    Arrays arrays;
+    made.rest.save_state(made.queue, made.p, arrays);
+    return std::get<std::vector<float>>(arrays.at("rest/pulls").values);
+  };
+  const std::vector<float> within = pulls(3 - 2, 2, false), beside = pulls(3, 2, true);
+  EXPECT_FLOAT_EQ(within[0], 3 * (0.5f - 0.3f) + 2 * (0.7f - 0.5f));  // its own moment is 0.3
+  EXPECT_FLOAT_EQ(beside[0], within[0]);
+  EXPECT_FLOAT_EQ(beside[3], within[3]);
 }
 
 TEST(Rest, NothingMovesAgainWhereThatIsOff) {
