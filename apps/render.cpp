@@ -170,7 +170,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
     for (RenderView& view : views) view.time_t2 = -1;
 
   RenderOptions render;
-  render.settings = engine_settings(source.config.flow);
+  render.settings = engine_settings(source.config);
   const float level = float(shown_level(source.config.scene.background)) / 255;
   render.background = {level, level, level};
   render.near = source.config.render.near;

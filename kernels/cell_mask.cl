@@ -6,7 +6,12 @@
 // Measured with W = 16 on Zen 4 (the prototype): 10-17 ns an intersection, and the forward pass
 // then costs 7.6 ms instead of 10.2 (cell range) or 20.5 (no skip) at 512x512, 100k splats.
 // One work-group a tile: a single work-item on CPUs, TILE_GROUP of them on GPUs.
+// CELL_MASKS 0: every cell (Skips::masks).
 #include "shared/lane.h"
+
+#ifndef CELL_MASKS
+#define CELL_MASKS 1
+#endif
 
 #if LANES == 1
 static inline uint touched_cells(float4 a, float4 b, float x0, float y0) {
@@ -73,6 +78,6 @@ kernel void cell_mask(const uint tiles_x, global const float* restrict splats,  
   for (uint k = tile_offsets[tile] + get_local_id(0); k < end; k += get_local_size(0)) {
     const uint i = isect_ids[k];
     READ_SOON(splats + 16 * (size_t)isect_ids[min(k + 16, end - 1)]);
-    masks[k] = (ushort)touched_cells(vload4(4 * i, splats), vload4(4 * i + 1, splats), x0, y0);
+    masks[k] = !CELL_MASKS ? 0xffff : (ushort)touched_cells(vload4(4 * i, splats), vload4(4 * i + 1, splats), x0, y0);
   }
 }

@@ -2,8 +2,8 @@
 // Gaussians at t1 to packed splats, then their colour and, from t2, their flow: in two kernels, so
 // that colour and t2 need be known for what is seen only. project_fwd decides that:
 // tiles_touched[i] = 0 means "not seen", and every later step skips it. One work-item a Gaussian.
-// Defines: FLOW 0|1, TRANSPORT (shared/transport.h), DETACH_T1 0|1,
-// ABSGRAD 0|1 (shared/pixel.h).
+// Defines: FLOW 0|1, TRANSPORT (shared/transport.h), DETACH_T1 0|1, ABSGRAD 0|1 (shared/pixel.h),
+// TIGHT_BOXES 0|1 (Skips::boxes).
 #include "shared/arrays.h"
 #include "shared/transport.h"
 
@@ -19,6 +19,9 @@
 #define SQRT_2 1.41421356f
 #ifndef DETACH_T1
 #define DETACH_T1 0
+#endif
+#ifndef TIGHT_BOXES
+#define TIGHT_BOXES 1
 #endif
 
 // First and last tile touched on one axis by [centre - reach, centre + reach], counting pixel
@@ -55,9 +58,17 @@ kernel void project_fwd(const uint n, const PinholeCamera camera,
 
   // alpha >= 1/255 within |z|^2 <= log2(255 o), an ellipse with half axes sqrt(reach S_xx), ...
   // (scaled z); a hair more than that, so that rounding cannot lose a pixel the pixel test keeps.
+#if TIGHT_BOXES
   const float reach = (log2_opacity - ALPHA_MIN_LOG2 + 1e-3f) / HALF_LOG2_E;
-  const int2 x = tile_span(p.mean.x, sqrt(reach * w.s.a), camera.width);
-  const int2 y = tile_span(p.mean.y, sqrt(reach * w.s.c), camera.height);
+  const float reach_x = sqrt(reach * w.s.a), reach_y = sqrt(reach * w.s.c);
+#else  // as if opaque, and as long in every direction as along its longer axis
+  const float half_difference = 0.5f * (w.s.a - w.s.c);
+  const float longest =
+      0.5f * (w.s.a + w.s.c) + sqrt(half_difference * half_difference + w.s.b * w.s.b);
+  const float reach_x = sqrt((1e-3f - ALPHA_MIN_LOG2) / HALF_LOG2_E * longest), reach_y = reach_x;
+#endif
+  const int2 x = tile_span(p.mean.x, reach_x, camera.width);
+  const int2 y = tile_span(p.mean.y, reach_y, camera.height);
   if (x.x > x.y || y.x > y.y) return;
 
   const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;

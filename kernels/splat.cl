@@ -43,7 +43,7 @@ kernel void splat_fwd(const int width, const int height, const float background_
   barrier(CLK_LOCAL_MEM_FENCE);
   int turn = 0;
   for (uint start = first; start < end; start += BATCH, turn ^= 1) {
-    if (!open_pixels[turn]) break;  // the same for the whole group
+    if (SATURATED && !open_pixels[turn]) break;  // the same for the whole group
     const uint count = min((uint)BATCH, end - start);
     if ((uint)(l >> 2) < count) batch[l] = vload4(4 * isect_ids[start + (l >> 2)] + (l & 3), splats);
     if ((uint)l < count) batch_mask[l] = masks[start + l];
@@ -103,7 +103,7 @@ kernel void splat_fwd(const int width, const int height, const float background_
       }
       cell_blend(sums + cell * CELL_PARTS, s, at);
     }
-    if (((k - first) & 31) == 31) {
+    if (SATURATED && ((k - first) & 31) == 31) {
       lane most = sums[0].T;
       for (int i = 1; i < TILE_PARTS; ++i) most = fmax(most, sums[i].T);
       if (!lane_any(still_open(most))) break;

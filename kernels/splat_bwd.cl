@@ -174,7 +174,7 @@ kernel void splat_bwd(const int width, const int height, global const float* res
     }
     moments_store(m, partials + (size_t)isect_slots[k] * MOMENTS);
     ++k;
-    if (((k - first) & 31) == 0) {
+    if (SATURATED && ((k - first) & 31) == 0) {
       lane most = state[0].T;
       for (int i = 1; i < TILE_PARTS; ++i) most = fmax(most, state[i].T);
       if (!lane_any(still_open(most))) break;

@@ -4,6 +4,9 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <sstream>
 
 #include "apps/command_line.hpp"
 #include "optim/io/atomic_file.hpp"
@@ -15,11 +18,49 @@ void add_common(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--repeats", options.repeats, "Measured runs; medians are told")
       ->check(number_in(1, 1000));
   bench.add_option("--json", options.json, "Write what was measured here")->type_name("FILE");
+  bench.add_option("--plots", options.plots, "Draw it, into this folder (gnuplot)")
+      ->type_name("DIR");
   bench
       .add_option("--compare", options.compare,
                   "Show ratios to an earlier --json FILE; those above 1.1 are marked and make the "
                   "exit code 3")
       ->type_name("FILE");
+}
+
+std::pair<int, int> size_named(const std::string& option, const std::string& text) {
+  int width = 0, height = 0;
+  char x = 0, more = 0;
+  std::istringstream in(text);
+  if (!(in >> width >> x >> height) || x != 'x' || in >> more || width < 1 || height < 1 ||
+      width > 16384 || height > 16384)
+    throw Error(fmt::format("{} {}: expected is a size such as 512x512", option, text));
+  return {width, height};
+}
+
+void draw(const Plot& plot, const std::string& folder) {
+  std::filesystem::create_directories(folder);
+  const auto write = [&](const std::string& ending, const std::string& text) {
+    write_file_atomically((std::filesystem::path(folder) / (plot.name + ending)).string(),
+                          Bytes(text.begin(), text.end()));
+  };
+  std::string data;
+  for (const std::vector<std::string>& line : plot.table)
+    data += fmt::format("{}\n", fmt::join(line, "\t"));
+  write(".tsv", data);
+  std::string script = "set datafile separator tab\nset grid\nset key outside right\n";
+  for (const char* kind : {"svg", "pngcairo"}) {
+    const std::string ending = kind == std::string("svg") ? ".svg" : ".png";
+    script += fmt::format("set terminal {} size 1000,640 background rgb 'white'\n", kind);
+    script += fmt::format("set output '{}{}'\n{}\n", plot.name, ending, plot.script);
+  }
+  write(".gnuplot", script);
+  const std::string command =
+      fmt::format("cd '{}' && gnuplot {}.gnuplot 2> /dev/null", folder, plot.name);
+  if (folder.find('\'') == std::string::npos && std::system(command.c_str()) == 0)
+    fmt::print("plot: {}\n", (std::filesystem::path(folder) / (plot.name + ".svg")).string());
+  else
+    fmt::print("plot: run `gnuplot {}.gnuplot` in {} (gnuplot, Debian's gnuplot-nox, could not)\n",
+               plot.name, folder);
 }
 
 void deliver(const Report& report, const BenchOptions& options) {
@@ -41,8 +82,10 @@ void add_bench(CLI::App& app, const GlobalOptions& options) {
   CLI::App* bench = app.add_subcommand("bench", "Measure what gflow costs on this device");
   bench->require_subcommand(1);
   bench::add_raster(*bench, options);
+  bench::add_pareto(*bench, options);
 #ifdef GFLOW_WITH_OPENCV
   bench::add_step(*bench, options);
+  bench::add_skip(*bench, options);
 #endif
 }
 

@@ -12,14 +12,29 @@ namespace gflow::bench {
 // What every bench takes.
 struct BenchOptions {
   int repeats = 15;
-  std::string json, compare;  // files, or empty
+  std::string json, compare, plots;  // files and a folder, or empty
 };
 void add_common(CLI::App& bench, BenchOptions& options);
 
 // Prints, writes and compares as asked for.
 void deliver(const Report& report, const BenchOptions& options);
 
+// "512x512" as width and height; Error names the option when it is no size.
+std::pair<int, int> size_named(const std::string& option, const std::string& text);
+
+// Draws what a script for gnuplot says: writes it and its data beside each other in `folder` (made
+// if need be) as NAME.gnuplot and NAME.tsv, and runs it there, for NAME.svg and NAME.png, where
+// gnuplot is installed; else says how to.
+struct Plot {
+  std::string name, script;
+  std::vector<std::vector<std::string>> table;  // lines, the first one of headings
+};
+void draw(const Plot& plot, const std::string& folder);
+
 void add_raster(CLI::App& bench, const GlobalOptions& options);
-void add_step(CLI::App& bench, const GlobalOptions& options);  // needs OpenCV
+void add_pareto(CLI::App& bench, const GlobalOptions& options);
+// These need OpenCV.
+void add_step(CLI::App& bench, const GlobalOptions& options);
+void add_skip(CLI::App& bench, const GlobalOptions& options);
 
 }  // namespace gflow::bench

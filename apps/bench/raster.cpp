@@ -5,8 +5,6 @@
 
 #include <CLI/CLI.hpp>
 #include <memory>
-#include <random>
-#include <sstream>
 
 #include "apps/bench/bench.hpp"
 #include "apps/bench/pairs.hpp"
@@ -41,32 +39,6 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
     {"project back", {"project_bwd"}},
     {"motion back", {"spacetime_bwd"}},
     {"Adam", {"adam_refuse", "adam_advance", "adam_step"}}};
-
-std::pair<int, int> size_named(const std::string& text) {
-  int width = 0, height = 0;
-  char x = 0, more = 0;
-  std::istringstream in(text);
-  if (!(in >> width >> x >> height) || x != 'x' || in >> more || width < 1 || height < 1 ||
-      width > 16384 || height > 16384)
-    throw Error(fmt::format("--pixels {}: expected is a size such as 512x512", text));
-  return {width, height};
-}
-
-ImageGradients random_gradients(Queue& queue, size_t pixels, Channels channels) {
-  std::mt19937 rng(7);
-  std::normal_distribution<float> normal;
-  const auto noise = [&](size_t n, const char* name) {
-    std::vector<float> values(n);
-    for (float& value : values) value = normal(rng);
-    return Buffer<float>(queue, values, name);
-  };
-  ImageGradients v;
-  v.v_rgb = noise(3 * pixels, "v_rgb");
-  v.v_alpha = noise(pixels, "v_alpha");
-  if (channels.flow) v.v_flow = noise(2 * pixels, "v_flow");
-  if (channels.depth) v.v_depth = noise(pixels, "v_depth");
-  return v;
-}
 
 // One step without losses: parameters to image, its gradients to parameters, Adam. A scene of a
 // file has Gaussians only.
@@ -183,7 +155,7 @@ void run_raster(const RasterOptions& o, const GlobalOptions& options) {
     for (size_t i = 0; i < o.sizes.size(); ++i)
       for (size_t k = 0; k < o.gaussians.size(); ++k) {
         if (pair_up && i != k) continue;
-        const auto [width, height] = size_named(o.sizes[i]);
+        const auto [width, height] = size_named("--pixels", o.sizes[i]);
         measure(queue, random_scene(queue, width, height, o.gaussians[k]), o, peak, report);
       }
   }

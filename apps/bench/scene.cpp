@@ -72,6 +72,22 @@ PinholeCamera camera_before(int width, int height) {
 
 }  // namespace
 
+ImageGradients random_gradients(Queue& queue, size_t pixels, Channels channels) {
+  std::mt19937 rng(7);
+  std::normal_distribution<float> normal;
+  const auto noise = [&](size_t n, const char* name) {
+    std::vector<float> values(n);
+    for (float& value : values) value = normal(rng);
+    return Buffer<float>(queue, values, name);
+  };
+  ImageGradients v;
+  v.v_rgb = noise(3 * pixels, "v_rgb");
+  v.v_alpha = noise(pixels, "v_alpha");
+  if (channels.flow) v.v_flow = noise(2 * pixels, "v_flow");
+  if (channels.depth) v.v_depth = noise(pixels, "v_depth");
+  return v;
+}
+
 BenchScene random_scene(Queue& queue, int width, int height, size_t count) {
   BenchScene scene;
   scene.name = fmt::format("{}x{}, {}", width, height, count);

@@ -19,7 +19,18 @@ struct BenchScene {
   GaussiansAt at_t1, at_t2;
   Buffer<float> colors{"colors"};
   size_t count = 0;
+
+  // Sets at_t1 and at_t2, of all, where there is a motion.
+  void pose(Queue& queue) {
+    if (!motion) return;
+    const Buffer<cl_uint> all(queue, std::vector<cl_uint>(count, 1u), "all");
+    motion->at(queue, *parameters, t1, nullptr, at_t1);
+    motion->at(queue, *parameters, t2, &all, at_t2);
+  }
 };
+
+// Normal random cotangents of an image, with a plane more for each channel.
+ImageGradients random_gradients(Queue& queue, size_t pixels, Channels channels);
 
 // Gaussians before a camera: projected means uniform in the picture, anisotropic, opacities
 // sigmoid(N(-0.2, 1.5)), and so large that about 48 of them are blended in a pixel, whatever their

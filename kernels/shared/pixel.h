@@ -20,6 +20,9 @@
 #ifndef EXCLUDE
 #define EXCLUDE 0
 #endif
+#ifndef SATURATED
+#define SATURATED 1  // 0: a tile's list is walked to its end (Skips::saturated)
+#endif
 #ifndef DETACH_WEIGHTS
 #define DETACH_WEIGHTS 0  // 1: no flow gradient to what is drawn where, only to how it moves
 #endif

@@ -17,9 +17,12 @@ cl_uint chunks_on(const Queue& queue, size_t n) {
 
 }  // namespace
 
-Bin::Bin(Queue& queue)
+Bin::Bin(Queue& queue, const EngineSettings& settings)
     : bin_program_(queue, "bin.cl"),
-      mask_program_(queue, "cell_mask.cl", {{"LANES", queue.lanes}}),
+      mask_program_(
+          queue, "cell_mask.cl",
+          with_more(Defines{{"LANES", queue.lanes}, {"CELL_MASKS", int(settings.skip.masks)}},
+                    settings)),
       tile_count_(bin_program_, "tile_count"),
       tile_columns_(bin_program_, "tile_columns"),
       tile_scatter_(bin_program_, "tile_scatter"),

@@ -21,7 +21,7 @@ struct Tiles {
 
 class Bin {
  public:
-  explicit Bin(Queue& queue);
+  Bin(Queue& queue, const EngineSettings& settings);
   // Sorts splats.depth_keys and depth_order in place. Waits once, for the number of intersections.
   // Error when there are 2^31 of them or more, before anything is allocated.
   void build(Queue& queue, int width, int height, Splats& splats, Tiles& tiles);

@@ -10,7 +10,7 @@ struct Engine::Steps {
   Splatting splatting;
 };
 
-Engine::Engine(Queue& queue, const EngineSettings& settings) : settings_(settings), bin_(queue) {}
+Engine::Engine(Queue& queue, const EngineSettings& settings) : settings_(settings), bin_(queue, settings) {}
 Engine::~Engine() = default;
 
 Engine::Steps& Engine::steps_for(Queue& queue, Channels channels) {

@@ -12,10 +12,12 @@ cl_uint moving_of(const View& view, size_t n) { return cl_uint(std::min(view.mov
 
 Project::Project(Queue& queue, const EngineSettings& settings, Channels channels)
     : program_(queue, "project.cl",
-               {{"FLOW", int(channels.flow)},
-                {"TRANSPORT", int(settings.transport)},
-                {"ABSGRAD", int(absgrad(settings, channels))},
-                {"DETACH_T1", int(settings.detach_t1)}}),
+               with_more(Defines{{"FLOW", int(channels.flow)},
+                                 {"TRANSPORT", int(settings.transport)},
+                                 {"ABSGRAD", int(absgrad(settings, channels))},
+                                 {"TIGHT_BOXES", int(settings.skip.boxes)},
+                                 {"DETACH_T1", int(settings.detach_t1)}},
+                         settings)),
       project_fwd_(program_, "project_fwd"),
       transport_fwd_(program_, "transport_fwd"),
       project_bwd_(program_, "project_bwd") {}

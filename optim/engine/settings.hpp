@@ -2,6 +2,8 @@
 // What one may choose about the image and its flow, with the names users write.
 #pragma once
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "runtime/error.hpp"
 #include "shared/transport.h"
@@ -18,6 +20,27 @@ enum class Transport {
 // Whether the splat that saturates a pixel is still drawn.
 enum class StopRule { include, exclude };
 
+// Work that is left out. All but `unseen` change no bit of an image or a gradient by it, `still` the
+// last ones of gradients (sums that are 0 are not formed); Gaussians unseen keep their moments.
+struct Skips {
+  bool boxes = true;      // tiles outside the box of the ellipse where alpha >= 1/255 (project.cl)
+  bool masks = true;      // cells of a tile outside that ellipse (cell_mask.cl)
+  bool saturated = true;  // a tile's list from where nothing passes through it (splat.cl)
+  bool still = true;      // the second time of what rests before a camera at rest (View::moving)
+  bool unseen = true;     // Adam's steps of Gaussians that no picture of a step shows
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("boxes", self.boxes,
+          "tiles outside the box in which a splat can be seen; off: a square around its circle");
+    field("masks", self.masks, "cells of 4x4 pixels in which it cannot");
+    field("saturated", self.saturated, "what lies behind where a whole tile is opaque");
+    field("still", self.still, "the second time of Gaussians at rest before a camera at rest");
+    field("unseen", self.unseen,
+          "optimiser steps of Gaussians that no picture of the step shows; off changes results");
+  }
+};
+
 struct EngineSettings {
   Transport transport = Transport::material;
   StopRule stop = StopRule::include;
@@ -25,7 +48,16 @@ struct EngineSettings {
   bool detach_t1 = false;       // no flow gradient to the geometry at t1
   bool detach_weights = false;  // no flow gradient to the weights, i.e. to what is drawn where
   bool absgrad = false;         // v_means2d from sums of |gradient| over pixels; not with depth
+  Skips skip;
+  std::vector<std::pair<std::string, std::string>> defines;  // others for its kernels: gflow bench
 };
+
+// The defines of a kernel file, and those.
+template <class Defines>
+Defines with_more(Defines defines, const EngineSettings& settings) {
+  for (const auto& [name, value] : settings.defines) defines.emplace_back(name, value);
+  return defines;
+}
 
 // Which images are wanted beside colour and alpha; what is not wanted costs nothing.
 struct Channels {

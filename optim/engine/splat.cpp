@@ -5,13 +5,15 @@ namespace gflow {
 namespace {
 
 Defines defines(const Queue& queue, const EngineSettings& settings, Channels channels) {
-  return {{"LANES", queue.lanes},
-          {"FLOW", int(channels.flow)},
-          {"DEPTH", int(channels.depth)},
-          {"TOP_K", channels.flow ? settings.top_k : 0},
-          {"EXCLUDE", int(settings.stop == StopRule::exclude)},
-          {"ABSGRAD", int(absgrad(settings, channels))},
-          {"DETACH_WEIGHTS", int(channels.flow && settings.detach_weights)}};
+  return with_more(Defines{{"LANES", queue.lanes},
+                           {"FLOW", int(channels.flow)},
+                           {"DEPTH", int(channels.depth)},
+                           {"TOP_K", channels.flow ? settings.top_k : 0},
+                           {"EXCLUDE", int(settings.stop == StopRule::exclude)},
+                           {"SATURATED", int(settings.skip.saturated)},
+                           {"ABSGRAD", int(absgrad(settings, channels))},
+                           {"DETACH_WEIGHTS", int(channels.flow && settings.detach_weights)}},
+                   settings);
 }
 
 // One group a tile: a single work-item where it holds LANES pixels, one a pixel otherwise.

@@ -140,6 +140,13 @@ class Parameters : public Table {
     }
   }
 
+  // Instead: every Gaussian counts as seen, with gradient 0 so far.
+  void count_as_seen(Queue& queue) {
+    forget_seen(queue);
+    rows.seen.fill(queue, 1u);
+    for (ParameterGroup& group : groups) group.grads.fill(queue, 0.f);
+  }
+
   std::vector<TableSpec> more_specs;
   std::vector<Table> more;  // as more_specs
 };

@@ -244,8 +244,10 @@ std::string Allowed::text() const {
   return bounded ? fmt::format("{} to {}", min, max) : fmt::format("at least {}", min);
 }
 
-EngineSettings engine_settings(const FlowConfig& flow) {
+EngineSettings engine_settings(const TrainConfig& config) {
+  const FlowConfig& flow = config.flow;
   EngineSettings settings;
+  settings.skip = config.skip;
   settings.transport = flow.transport;
   settings.stop = flow.stop;
   settings.top_k = flow.top_k;

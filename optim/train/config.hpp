@@ -576,6 +576,7 @@ struct TrainConfig {
   AdamGroups adam;
   DensityConfig density;
   RenderConfig render;
+  Skips skip;
 
   // Calls section(name, part, help) for each section of the file.
   template <class Self, class Section>
@@ -591,11 +592,13 @@ struct TrainConfig {
     section("adam", self.adam, "the optimiser");
     section("density", self.density, "how many Gaussians, where");
     section("render", self.render, "the image");
+    section("skip", self.skip,
+            "work that is left out (to measure what it saves: gflow bench skip)");
   }
 };
 
-// What the engine needs of the flow's settings.
-EngineSettings engine_settings(const FlowConfig& flow);
+// What the engine needs to know.
+EngineSettings engine_settings(const TrainConfig& config);
 
 // The functions below throw Error: an unknown setting is named with the nearest known one, a wrong
 // type or value with what is allowed, and each message starts with the file and line or the option

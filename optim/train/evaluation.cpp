@@ -83,7 +83,7 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config,
                     const std::string& flow_folder) {
   FrameStore& store = *loaded.frames;
   const FlowBetween dis(loaded.scene, store, flow_folder, warn);
-  Renderer renderer(queue, engine_settings(config.flow));
+  Renderer renderer(queue, engine_settings(config));
   const float level = float(shown_level(config.scene.background)) / 255;
   const std::vector<const Frame*> next = followers(frames, config.flow.max_gap);
   Evaluation result;

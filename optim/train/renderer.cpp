@@ -39,7 +39,7 @@ void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
   View& view = shot_.view;
   // Motion losses compare poses at both times, of those at rest too.
-  if (shot.flow && !shot.motion_loss && same(view.camera, view.camera_t2))
+  if (skip_still_ && shot.flow && !shot.motion_loss && same(view.camera, view.camera_t2))
     view.moving = model.parameters.moving;
   model.motion->at(queue, model.parameters, model.time(shot.time), nullptr, t1_);
   engine_.project(queue, view, {shot.flow, shot.depth}, t1_);

@@ -25,7 +25,8 @@ struct Shot {
 
 class Renderer {
  public:
-  Renderer(Queue& queue, const EngineSettings& settings) : engine_(queue, settings) {}
+  Renderer(Queue& queue, const EngineSettings& settings)
+      : engine_(queue, settings), skip_still_(settings.skip.still) {}
 
   void forward(Queue& queue, Model& model, const Shot& shot);
   // Gradients of sum(images . v) for the last forward(), to model.parameters: set for rows not seen
@@ -45,6 +46,7 @@ class Renderer {
   double time_t0() const { return 2 * shot_.time - shot_.time_t2; }
 
   Engine engine_;
+  bool skip_still_;
   Shot shot_;
   GaussiansAt t0_, t1_, t2_;
   Buffer<float> colors_{"colors"};

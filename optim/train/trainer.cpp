@@ -104,7 +104,7 @@ DensityRule density_rule(const DensityConfig& d, const Scene& scene, const Motio
 }
 
 EngineSettings training_settings(const TrainConfig& config) {
-  EngineSettings settings = engine_settings(config.flow);
+  EngineSettings settings = engine_settings(config);
   settings.absgrad = config.density.strategy == DensityKind::adc && config.density.absgrad;
   return settings;
 }
@@ -211,7 +211,10 @@ void Trainer::prefetch(int step) {
 void Trainer::step(Queue& queue, int step) {
   prefetch(step);
   renew_neighbours_if_due(queue, step);
-  model_.parameters.forget_seen(queue);
+  if (config_.skip.unseen)
+    model_.parameters.forget_seen(queue);
+  else
+    model_.parameters.count_as_seen(queue);
   const Stage now = stage(step);
   if (now.begins && now.time_step > 0)
     model_.motion->start_key(queue, model_.parameters, now.time_step);

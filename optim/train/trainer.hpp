@@ -59,6 +59,8 @@ class Trainer {
   int sh_degree(int step) const;
   // Which time steps a training step is about.
   Stage stage(int step) const { return stage_at(config_.train, std::max(scene_.steps, 1), step); }
+  // As after the last view of the last step.
+  const Renderer& renderer() const { return renderer_; }
 
  private:
   struct Sample {  // one view of a step

@@ -160,7 +160,7 @@ void write_comparison(Queue& queue, Model& model, const TrainConfig& config,
   const std::vector<RenderView> views =
       split_views(loaded.scene, loaded.scene.test, loaded.frames->cameras(), "test");
   RenderOptions options;
-  options.settings = engine_settings(config.flow);
+  options.settings = engine_settings(config);
   options.near = config.render.near;
   if (config.scene.background == Background::black) options.background = {0, 0, 0};
   write_png(run.path("compare.png"),

@@ -114,6 +114,30 @@ TEST(Engine, WhatStandsStillNeedsNoSecondPose) {
   }
 }
 
+// What is left out has no part in any pixel: images and gradients have the same bits with it.
+TEST(Engine, SkipsChangeNoBit) {
+  Queue queue = test_queue();
+  Scene s = small_scene();
+  for (size_t i = 0; i < s.count(); i += 3) s.p["opacities"][i] = 0.98;  // some tiles are opaque
+  const reference::Planes v = random_cotangents(s, 1);
+  DeviceScene shipped(queue, s);
+  const FloatArrays images = shipped.forward(), gradients = shipped.backward(v);
+  const size_t intersections = shipped.engine.tiles().intersections;
+  const std::vector<cl_ushort> masks = shipped.engine.tiles().masks.read(queue);
+  for (bool Skips::*skip : {&Skips::boxes, &Skips::masks, &Skips::saturated}) {
+    s.shot.settings.skip = {};
+    s.shot.settings.skip.*skip = false;
+    DeviceScene without(queue, s);
+    EXPECT_EQ(without.forward(), images);
+    EXPECT_EQ(without.backward(v), gradients);
+    const Tiles& tiles = without.engine.tiles();
+    EXPECT_EQ(tiles.intersections > intersections, skip == &Skips::boxes);
+    const std::vector<cl_ushort> touched = tiles.masks.read(queue);
+    EXPECT_EQ(std::count(touched.begin(), touched.end(), 0xffff) == long(touched.size()),
+              skip == &Skips::masks);
+  }
+}
+
 TEST(Engine, GradientOfTwoLossesIsTheSumOfBoth) {  // T37
   Queue queue = test_queue();
   const Scene s = small_scene();

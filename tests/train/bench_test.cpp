@@ -4,6 +4,7 @@
 
 #include "optim/io/npz.hpp"
 #include "train/command.hpp"
+#include "train/small_scene.hpp"
 
 namespace gflow {
 namespace {
@@ -63,6 +64,78 @@ TEST(Bench, OneSplatOverThePictureIsOnePairAPixel) {
   const Outcome moving = gflow(raster({folder.file("a.npz")}));
   EXPECT_EQ(moving.code, 1);
   EXPECT_NE(moving.err.find("means_t2"), std::string::npos) << moving.err;
+}
+
+TEST(Bench, ParetoTellsTimeAndErrorOfAChoiceAndDrawsThem) {
+  const TemporaryFolder folder;
+  const Outcome outcome = gflow({"bench",
+                                 "pareto",
+                                 "--repeats",
+                                 "1",
+                                 "--pixels",
+                                 "32x32",
+                                 "--gaussians",
+                                 "200",
+                                 "--check-pixels",
+                                 "24x24",
+                                 "--check-gaussians",
+                                 "150",
+                                 "--knob",
+                                 "alpha >=",
+                                 "--json",
+                                 folder.file("a.json"),
+                                 "--plots",
+                                 folder.file("plots"),
+                                 "--markdown",
+                                 folder.file("a.md")});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json rows = read(folder.file("a.json"))["rows"];
+  ASSERT_EQ(rows.size(), 5u);
+  const Json &shipped = rows["shipped"], &coarse = rows["alpha >= 1/64"],
+             &fine = rows["alpha >= 1/2048"];
+  // As defined: float against double. Without cut-offs: the fainter what counts, the nearer.
+  EXPECT_LT(shipped["colour"], 1e-6);
+  EXPECT_LT(shipped["gradients"], 1e-4);
+  for (const char* error : {"colour, all", "flow, all [px]", "gradients, all"}) {
+    EXPECT_GT(coarse[error], shipped[error]) << error;
+    EXPECT_GT(shipped[error], fine[error]) << error;
+  }
+  EXPECT_GT(fine["colour"], shipped["colour"]);
+  const std::string table = contents(folder.file("a.md"));
+  EXPECT_NE(table.find("| **shipped** | "), std::string::npos) << table;
+  const std::string data = contents(folder.file("plots/pareto.tsv"));
+  EXPECT_EQ(std::count(data.begin(), data.end(), '\n'), 6);
+  EXPECT_NE(contents(folder.file("plots/pareto.gnuplot")).find("set output 'pareto.svg'"),
+            std::string::npos);
+}
+
+TEST(Bench, AnUnknownKnobIsNamedWithThoseThereAre) {
+  const Outcome outcome = gflow({"bench", "pareto", "--knob", "speed"});
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find("--knob speed: there is none, but transport, top_k"),
+            std::string::npos)
+      << outcome.err;
+}
+
+TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const Outcome outcome =
+      gflow({"bench", "skip", scene.path(), "--warm", "4", "--block", "2", "--repeats", "1",
+             "--set", "density.enabled=false", "--json", file, "--quiet"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json rows = read(file)["rows"];
+  ASSERT_EQ(rows.size(), 7u);
+  const Json &all = rows["all skips"], &none = rows["no skip"];
+  EXPECT_EQ(all["model differs by"], 0);
+  EXPECT_EQ(rows["without masks"]["model differs by"], 0);
+  EXPECT_EQ(rows["without saturated"]["model differs by"], 0);
+  EXPECT_GT(rows["without masks"]["pairs in cells"], all["pairs in cells"]);
+  EXPECT_GT(rows["without boxes"]["intersections"], all["intersections"]);
+  EXPECT_GT(none["pairs in cells"], all["pairs in cells"]);
+  EXPECT_EQ(rows["without masks"]["pairs blended"], all["pairs blended"]);
 }
 
 TEST(Bench, AnEarlierReportIsComparedByRatio) {

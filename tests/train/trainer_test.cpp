@@ -226,6 +226,31 @@ TEST_F(TrainerTest, AStateOfAnotherModelIsRefusedAndChangesNothing) {
   expect_equal_bits(before, training.bits(queue()));
 }
 
+TEST_F(TrainerTest, WorkThatIsLeftOutChangesNoBit) {
+  TrainConfig config = small_config(scene(), 60);
+  config.density.enabled = false;  // it counts tiles, of which loose boxes have more
+  const auto shipped = bits_after(queue(), config, 60);
+  config.skip.masks = config.skip.saturated = false;
+  expect_equal_bits(shipped, bits_after(queue(), config, 60));
+}
+
+TEST_F(TrainerTest, UnseenGaussiansMakeNoStepUnlessAsked) {
+  TrainConfig config = small_config(scene(), 40);
+  config.density.enabled = false;
+  const auto steps = [&](bool skip) {
+    config.skip.unseen = skip;
+    SmallTraining training(queue(), config);
+    Buffer<float>& means = training.model.parameters["means"].values;
+    means.fill_range(queue(), 0, 3, 1e6f);  // the first is far away
+    training.steps(queue(), 40);
+    return training.model.parameters.rows.steps.read(queue());
+  };
+  const std::vector<cl_uint> all = steps(false), seen = steps(true);
+  EXPECT_EQ(std::count(all.begin(), all.end(), 40u), long(all.size()));
+  EXPECT_EQ(seen[0], 0u);
+  EXPECT_EQ(seen[1], 40u);
+}
+
 TEST_F(TrainerTest, AnotherSeedGivesAnotherModel) {
   TrainConfig config = small_config(scene(), 20);
   const auto first = bits_after(queue(), config, 20);

@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow bench pareto`: run time against error. Every choice about the image, tried alone: the time
+// of an image with flow and its gradients, and how far they are from double.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+
+#include "apps/bench/bench.hpp"
+#include "apps/bench/exact.hpp"
+#include "apps/command_line.hpp"
+#include "optim/io/atomic_file.hpp"
+
+namespace gflow::bench {
+namespace {
+
+struct ParetoOptions {
+  BenchOptions common;
+  std::string pixels = "512x512", check_pixels = "96x96";
+  size_t gaussians = 100000, check_gaussians = 1400;
+  std::string markdown;
+  std::vector<std::string> knobs;  // empty: all
+};
+
+// One choice: what differs from the settings as shipped.
+struct Choice {
+  std::string knob, name;
+  EngineSettings settings;
+  int lanes = 0;  // 0: the device's
+  bool shipped() const { return knob == "shipped"; }
+};
+
+std::vector<Choice> choices(int lanes) {
+  std::vector<Choice> all{{"shipped", "shipped", {}}};
+  const auto add = [&](const char* knob, const std::string& value) -> EngineSettings& {
+    all.push_back({knob, fmt::format("{} {}", knob, value), {}});
+    return all.back().settings;
+  };
+  for (const char* name : {"paper", "ot", "translate"})
+    add("transport", name).transport = transport_named(name);
+  for (const int k : {1, 4, 16, 20, 32, 64}) add("top_k", std::to_string(k)).top_k = k;
+  add("stop", "exclude").stop = StopRule::exclude;
+  for (const char* t : {"1e-2f", "1e-3f", "1e-5f", "1e-6f"})
+    add("T_MIN", t).defines = {{"T_MIN", t}};
+  // log2 of 1/64, 1/128, 1/512, 1/2048
+  for (const auto& [name, log2] :
+       {std::pair{"1/64", "-6.f"}, {"1/128", "-7.f"}, {"1/512", "-9.f"}, {"1/2048", "-11.f"}})
+    add("alpha >=", name).defines = {{"ALPHA_MIN_LOG2", log2}};
+  for (const auto& [name, degree] :
+       {std::pair{"degree 3", "3"}, {"degree 4", "4"}, {"built in", "0"}, {"native", "1"}})
+    add("exp2", name).defines = {{"EXP2_DEGREE", degree}};
+  add("boxes", "loose").skip.boxes = false;
+  add("cell masks", "off").skip.masks = false;
+  add("saturated tiles", "walked on").skip.saturated = false;
+  for (const int w : {1, 4, 8, 16})
+    if (w != lanes) {
+      all.push_back({"lanes", fmt::format("lanes {}", w), {}, w});
+    }
+  return all;
+}
+
+// The shipped one and those of the knobs asked for. Error when there is no such knob.
+std::vector<Choice> chosen(int lanes, const std::vector<std::string>& knobs) {
+  std::vector<Choice> all = choices(lanes);
+  std::vector<std::string> known;
+  for (const Choice& choice : all)
+    if (!choice.shipped() && (known.empty() || known.back() != choice.knob))
+      known.push_back(choice.knob);
+  for (const std::string& knob : knobs)
+    if (std::find(known.begin(), known.end(), knob) == known.end())
+      throw Error(fmt::format("--knob {}: there is none, but {}", knob, fmt::join(known, ", ")));
+  if (knobs.empty()) return all;
+  const auto unwanted = [&](const Choice& choice) {
+    return !choice.shipped() && std::find(knobs.begin(), knobs.end(), choice.knob) == knobs.end();
+  };
+  all.erase(std::remove_if(all.begin(), all.end(), unwanted), all.end());
+  return all;
+}
+
+struct Measured {
+  Choice choice;
+  Cost cost;
+  double of_shipped;  // CPU time, of that of the shipped settings right after it
+  Exact::Found found;
+};
+
+// The kernels from Gaussians at both times to their gradients.
+class Shown {
+ public:
+  Shown(Queue& queue, BenchScene& scene, const EngineSettings& settings, ImageGradients v)
+      : queue_(queue), scene_(scene), engine_(queue, settings), v_(std::move(v)) {}
+  void operator()() {
+    engine_.forward(queue_, scene_.view, {true, false}, {0, 0, 0}, scene_.at_t1, scene_.at_t2,
+                    scene_.colors);
+    engine_.backward(queue_, scene_.at_t1, scene_.at_t2, v_, gradients_);
+  }
+  const Engine& engine() const { return engine_; }
+  const GaussianGradients& gradients() const { return gradients_; }
+
+ private:
+  Queue& queue_;
+  BenchScene& scene_;
+  Engine engine_;
+  ImageGradients v_;
+  GaussianGradients gradients_;
+};
+
+ImageGradients uploaded(Queue& queue, const reference::Planes& v) {
+  const auto upload = [&](const std::vector<double>& plane, const char* name) {
+    return Buffer<float>(queue, std::vector<float>(plane.begin(), plane.end()), name);
+  };
+  ImageGradients out;
+  out.v_rgb = upload(v.rgb, "v_rgb");
+  out.v_alpha = upload(v.alpha, "v_alpha");
+  out.v_flow = upload(v.flow, "v_flow");
+  return out;
+}
+
+// A queue for so many lanes (0: the device's own number) with the scene that is timed, and the
+// small one that is compared.
+struct Place {
+  Place(const GlobalOptions& options, const ParetoOptions& o, int lanes) {
+    QueueOptions queue_options;
+    queue_options.profile = true;
+    queue_options.lanes = lanes;
+    queue = std::make_unique<Queue>(open_queue(options, queue_options));
+    scene = posed("--pixels", o.pixels, o.gaussians);
+    small = posed("--check-pixels", o.check_pixels, o.check_gaussians);
+  }
+  std::unique_ptr<BenchScene> posed(const std::string& option, const std::string& pixels,
+                                    size_t gaussians) {
+    const auto [width, height] = size_named(option, pixels);
+    auto made = std::make_unique<BenchScene>(random_scene(*queue, width, height, gaussians));
+    made->pose(*queue);
+    return made;
+  }
+  std::unique_ptr<Queue> queue;
+  std::unique_ptr<BenchScene> scene, small;
+};
+
+Cost cost_at(const Place& place, const EngineSettings& settings, const ParetoOptions& o) {
+  const PinholeCamera& camera = place.scene->view.camera;
+  const size_t pixels = size_t(camera.width) * size_t(camera.height);
+  Shown shown(*place.queue, *place.scene, settings,
+              random_gradients(*place.queue, pixels, {true, false}));
+  return cost_of(*place.queue, o.common.repeats, [&] { shown(); });
+}
+
+// Nobody else is faster and as exact in every measure.
+std::vector<bool> front_of(const std::vector<Measured>& all) {
+  const auto worse = [](const Measured& a, const Measured& b) {  // a than b, or as bad
+    const Errors &x = a.found.without_cutoffs, &y = b.found.without_cutoffs;
+    return a.of_shipped > b.of_shipped && x.rgb >= y.rgb && x.flow_px >= y.flow_px &&
+           x.gradients >= y.gradients;
+  };
+  std::vector<bool> front;
+  for (const Measured& a : all)
+    front.push_back(
+        std::none_of(all.begin(), all.end(), [&](const Measured& b) { return worse(a, b); }));
+  return front;
+}
+
+Plot plot_of(const std::vector<Measured>& all, const std::vector<bool>& front) {
+  Plot plot;
+  plot.name = "pareto";
+  plot.table = {{"choice", "time", "rgb", "flow", "gradients", "front"}};
+  for (size_t i = 0; i < all.size(); ++i) {
+    const Measured& m = all[i];
+    const Errors& e = m.found.without_cutoffs;
+    plot.table.push_back({m.choice.name, fmt::format("{:.4g}", m.of_shipped),
+                          fmt::format("{:.3e}", e.rgb), fmt::format("{:.3e}", e.flow_px),
+                          fmt::format("{:.3e}", e.gradients), front[i] ? "1" : "0"});
+  }
+  plot.script =
+      "set logscale xy\nset xlabel 'CPU time, of the shipped settings'\n"
+      "set ylabel 'error'\nset multiplot layout 1,3\nset key off\n";
+  const char* titles[] = {"colour, RMS", "flow, RMS [px]", "gradients, relative L2"};
+  for (int k = 0; k < 3; ++k)
+    plot.script += fmt::format(
+        "set title '{0}, against double without cut-offs'\n"
+        "plot 'pareto.tsv' every ::1 using 2:{1} with points pt 7 lc rgb 'grey', "
+        "'' every ::1 using ($6==1?$2:1/0):{1} with points pt 7 lc rgb 'blue', "
+        "'' every ::1 using 2:{1}:1 with labels font ',7' offset 0,0.6, "
+        "'' every ::1::1 using 2:{1} with points pt 6 ps 2 lw 2 lc rgb 'red'\n",
+        titles[k], k + 3);
+  plot.script += "unset multiplot";
+  return plot;
+}
+
+std::string markdown_of(const Queue& queue, const ParetoOptions& o,
+                        const std::vector<Measured>& all, const std::vector<bool>& front) {
+  std::string text = fmt::format(
+      "# {}\n\nWritten by `gflow bench pareto --markdown`: an image with flow and its gradients, "
+      "{} "
+      "and {} random Gaussians, without motion model and Adam; errors at {} and {}, against "
+      "double. "
+      "**On the front**: nothing else here is faster and at least as exact in every error without "
+      "cut-offs.\n\n"
+      "| choice | CPU [ms] | of shipped | colour, as defined | flow [px] | gradients | colour, "
+      "without cut-offs | flow [px] | gradients | front "
+      "|\n|---|---|---|---|---|---|---|---|---|---|\n",
+      queue.info.full_name(), o.pixels, o.gaussians, o.check_pixels, o.check_gaussians);
+  for (size_t i = 0; i < all.size(); ++i) {
+    const Measured& m = all[i];
+    const Errors &a = m.found.as_defined, &b = m.found.without_cutoffs;
+    text += fmt::format(
+        "| {}{}{} | {:.1f} | {:.2f} | {:.1e} | {:.1e} | {:.1e} | {:.1e} | {:.1e} | "
+        "{:.1e} | {} |\n",
+        m.choice.shipped() ? "**" : "", m.choice.name, m.choice.shipped() ? "**" : "",
+        m.cost.cpu_ms.median, m.of_shipped, a.rgb, a.flow_px, a.gradients, b.rgb, b.flow_px,
+        b.gradients, front[i] ? "yes" : "");
+  }
+  return text;
+}
+
+void run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
+  chosen(0, o.knobs);  // refuses before anything is made
+  const Place home(options, o, 0);
+  Report report("pareto", *home.queue, measure_peak(*home.queue),
+                {{"pixels", o.pixels}, {"gaussians", o.gaussians}, {"repeats", o.common.repeats}});
+  const Exact exact(*home.queue, *home.small);
+  cost_at(home, {}, o);  // warm
+  std::vector<Measured> all;
+  for (const Choice& choice : chosen(home.queue->lanes, o.knobs)) {
+    std::unique_ptr<Place> other;
+    if (choice.lanes) other = std::make_unique<Place>(options, o, choice.lanes);
+    const Place& place = other ? *other : home;
+    const Cost cost = cost_at(place, choice.settings, o);
+    const double shipped = cost_at(home, {}, o).cpu_ms.median;
+    Shown shown(*place.queue, *place.small, choice.settings, uploaded(*place.queue, exact.loss()));
+    shown();
+    all.push_back({choice, cost, choice.shipped() ? 1 : cost.cpu_ms.median / shipped,
+                   exact.compare(*place.queue, shown.engine().images(), shown.gradients())});
+    const Measured& m = all.back();
+    const Errors &a = m.found.as_defined, &b = m.found.without_cutoffs;
+    report.add({choice.name,
+                {{"CPU [ms]", cost.cpu_ms},
+                 single("of shipped", m.of_shipped),
+                 single("colour", a.rgb),
+                 single("flow [px]", a.flow_px),
+                 single("gradients", a.gradients),
+                 single("colour, all", b.rgb),
+                 single("flow, all [px]", b.flow_px),
+                 single("gradients, all", b.gradients)}});
+  }
+  const std::vector<bool> front = front_of(all);
+  if (!o.common.plots.empty()) draw(plot_of(all, front), o.common.plots);
+  if (!o.markdown.empty()) {
+    const std::string text = markdown_of(*home.queue, o, all, front);
+    write_file_atomically(o.markdown, Bytes(text.begin(), text.end()));
+  }
+  deliver(report, o.common);
+}
+
+}  // namespace
+
+void add_pareto(CLI::App& bench, const GlobalOptions& options) {
+  auto flags = std::make_shared<ParetoOptions>();
+  CLI::App* pareto = bench.add_subcommand(
+      "pareto", "Run time against error, for every choice about the image, flow and gradients");
+  pareto->add_option("--pixels", flags->pixels, "Size of the image that is timed")
+      ->type_name("WxH");
+  pareto->add_option("--gaussians", flags->gaussians, "How many are in it")
+      ->check(number_in(1, 20000000));
+  pareto
+      ->add_option("--check-pixels", flags->check_pixels,
+                   "Size of the image that is compared with double")
+      ->type_name("WxH");
+  pareto->add_option("--check-gaussians", flags->check_gaussians, "How many are in that")
+      ->check(number_in(1, 100000));
+  pareto->add_option("--knob", flags->knobs, "Try this one only, e.g. top_k; may be repeated")
+      ->type_name("NAME")
+      ->expected(1)
+      ->default_str("")
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  pareto->add_option("--markdown", flags->markdown, "Write the table here")->type_name("FILE.md");
+  add_common(*pareto, flags->common);
+  pareto->callback([flags, &options] { run_pareto(*flags, options); });
+}
+
+}  // namespace gflow::bench

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow bench skip`: what each piece of work that is left out (settings skip.*) would cost, alone
+// and all together, in training steps on a scene; and what it changes of the result.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <memory>
+
+#include "apps/bench/steps.hpp"
+#include "apps/command_line.hpp"
+
+namespace gflow::bench {
+namespace {
+
+// As shipped, without each skip in turn, without any.
+std::vector<Kind> kinds_of() {
+  std::vector<Kind> kinds{{"all skips", {}}};
+  Kind none{"no skip", {}};
+  Skips skips;
+  Skips::fields(skips, [&](const std::string& name, bool&, const char*) {
+    const std::string off = fmt::format("skip.{}=false", name);
+    kinds.push_back({fmt::format("without {}", name), {off}});
+    none.settings.push_back(off);
+  });
+  kinds.push_back(none);
+  return kinds;
+}
+
+// |a - b| / |b| over all parameters; 0 only for equal bits.
+double difference(const HostModel& a, const HostModel& b) {
+  double apart = 0, length = 0;
+  for (const auto& [name, values] : b.groups) {
+    const std::vector<float>& others = a.groups.at(name);
+    if (others.size() != values.size()) return INFINITY;
+    for (size_t i = 0; i < values.size(); ++i) {
+      const double d = double(others[i]) - double(values[i]);
+      apart += d * d;
+      length += double(values[i]) * double(values[i]);
+    }
+  }
+  return apart == 0 ? 0 : std::sqrt(apart / length);
+}
+
+Plot plot_of(const std::vector<Kind>& kinds, const std::vector<StepCost>& costs) {
+  Plot plot;
+  plot.name = "skip";
+  plot.table = {{"skips", "CPU [ms]"}};
+  for (size_t i = 0; i < kinds.size(); ++i)
+    plot.table.push_back({kinds[i].name, fmt::format("{:.4g}", spread_of(costs[i].cpu).median)});
+  plot.script =
+      "set style fill solid 0.7\nset boxwidth 0.6\nset yrange [0:*]\nset key off\n"
+      "set ylabel 'CPU time of a training step [ms]'\nset xtics rotate by -25\n"
+      "plot 'skip.tsv' every ::1 using 0:2:xtic(1) with boxes";
+  return plot;
+}
+
+void run_skip(const StepOptions& o, const GlobalOptions& options) {
+  QueueOptions queue_options;
+  queue_options.profile = true;
+  Queue queue = open_queue(options, queue_options);
+  const ScratchFolder folder;
+  const Trained from = warmed_up(queue, o, folder, options.quiet);
+  Report report("skip", queue, measure_peak(queue),
+                {{"scene", o.scene},
+                 {"settings", o.settings},
+                 {"steps before", o.warm},
+                 {"steps compared", o.block * (o.common.repeats + 1)},
+                 {"repeats", o.common.repeats}});
+  const std::vector<Kind> kinds = kinds_of();
+  const std::vector<StepCost> costs = costs_of_steps(queue, o, kinds, from, folder);
+  const double shipped = spread_of(costs[0].cpu).median;
+  for (size_t i = 0; i < kinds.size(); ++i) {
+    const StepCost& c = costs[i];
+    report.add({kinds[i].name,
+                {{"wall [ms]", spread_of(c.wall)},
+                 {"CPU [ms]", spread_of(c.cpu)},
+                 single("of all skips", spread_of(c.cpu).median / shipped),
+                 single("Gaussians drawn", double(c.drawn)),
+                 single("intersections", double(c.intersections)),
+                 single("pairs in cells", c.pairs.masked),
+                 single("pairs blended", c.pairs.blended),
+                 single("model differs by", difference(c.end, costs[0].end))}});
+  }
+  if (!o.common.plots.empty()) draw(plot_of(kinds, costs), o.common.plots);
+  deliver(report, o.common);
+}
+
+}  // namespace
+
+void add_skip(CLI::App& bench, const GlobalOptions& options) {
+  auto flags = std::make_shared<StepOptions>();
+  CLI::App* skip = bench.add_subcommand(
+      "skip", "Training steps on a scene without each of the settings skip.*, and without all");
+  add_step_options(*skip, *flags);
+  skip->callback([flags, &options] { run_skip(*flags, options); });
+}
+
+}  // namespace gflow::bench

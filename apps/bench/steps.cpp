@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/bench/steps.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+
+#include "apps/command_line.hpp"
+#include "optim/train/progress.hpp"
+#include "runtime/usage.hpp"
+
+namespace gflow::bench {
+namespace {
+
+namespace fs = std::filesystem;
+
+TrainConfig configured(const StepOptions& o, const std::vector<std::string>& settings) {
+  TrainConfig config;
+  config.scene.path = o.scene;
+  for (const std::string& setting : o.settings) apply_setting(config, setting);
+  for (const std::string& setting : settings) apply_setting(config, setting);
+  // The number of Gaussians grows in the first half.
+  config.train.iterations = 2 * std::max(o.warm, o.block * (o.common.repeats + 1));
+  check(config);
+  return config;
+}
+
+// A training that goes on in its own way.
+class GoingOn {
+ public:
+  GoingOn(Queue& queue, const StepOptions& o, const Kind& kind, const Trained& from,
+          const ScratchFolder& folder)
+      : config_(configured(o, kind.settings)),
+        prepared_(config_, folder.file("frames")),
+        model_(queue, from.model),
+        step_(o.warm) {
+    prepared_.compute_flow(folder.file("flow"), true);
+    prepared_.look_for_change();
+    trainer_.reset(new Trainer(prepared_.trainer(queue, model_)));
+    trainer_->set_state(queue, from.state, "the first training");
+  }
+
+  void block(Queue& queue, int steps) {
+    queue.finish();
+    queue.reset_timings();
+    const auto start = std::chrono::steady_clock::now();
+    const double cpu = cpu_seconds();
+    for (const int end = step_ + steps; step_ < end; ++step_) trainer_->step(queue, step_);
+    queue.finish();
+    cost.cpu.push_back(1e3 * (cpu_seconds() - cpu) / steps);
+    const std::chrono::duration<double, std::milli> wall = std::chrono::steady_clock::now() - start;
+    cost.wall.push_back(wall.count() / steps);
+    double busy = 0;
+    for (const auto& [name, timing] : queue.timings()) {
+      cost.kernels[name].push_back(timing.total_ms / steps);
+      busy += timing.total_ms / steps;
+    }
+    cost.busy.push_back(busy);
+  }
+
+  StepCost end(Queue& queue) {
+    cost.end = model_.read(queue);
+    const Engine& engine = trainer_->renderer().engine();
+    cost.pairs = count_pairs(queue, engine, engine_settings(config_));
+    cost.intersections = engine.tiles().intersections;
+    for (const cl_uint tiles : engine.splats().tiles_touched.read(queue)) cost.drawn += tiles > 0;
+    return std::move(cost);
+  }
+
+  StepCost cost;
+
+ private:
+  TrainConfig config_;
+  Preparation prepared_;
+  Model model_;
+  std::unique_ptr<Trainer> trainer_;
+  int step_;
+};
+
+}  // namespace
+
+ScratchFolder::ScratchFolder() {
+  std::string name = (fs::temp_directory_path() / "gflow-bench-XXXXXX").string();
+  if (!mkdtemp(name.data())) throw Error(fmt::format("cannot make a folder {}", name));
+  path_ = name;
+}
+ScratchFolder::~ScratchFolder() {
+  std::error_code problem;
+  fs::remove_all(path_, problem);
+}
+std::string ScratchFolder::file(const char* name) const {
+  return (fs::path(path_) / name).string();
+}
+
+Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folder, bool quiet) {
+  const TrainConfig config = configured(o, {});
+  Preparation prepared(config, folder.file("frames"));
+  prepared.compute_flow(folder.file("flow"), quiet);
+  prepared.look_for_change();
+  Model model(queue, prepared.first_model(queue));
+  Trainer trainer = prepared.trainer(queue, model);
+  Progress progress("train", o.warm, quiet);
+  for (int step = 0; step < o.warm; ++step) {
+    trainer.step(queue, step);
+    progress.update(step + 1);
+  }
+  queue.finish();
+  return {model.read(queue), trainer.state(queue)};
+}
+
+std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
+                                     const std::vector<Kind>& kinds, const Trained& from,
+                                     const ScratchFolder& folder) {
+  std::vector<std::unique_ptr<GoingOn>> trainings;
+  for (const Kind& kind : kinds)
+    trainings.push_back(std::make_unique<GoingOn>(queue, o, kind, from, folder));
+  for (auto& training : trainings) training->block(queue, o.block);  // compiles and decodes
+  for (auto& training : trainings) training->cost = {};
+  for (int k = 0; k < o.common.repeats; ++k)
+    for (auto& training : trainings) training->block(queue, o.block);
+  std::vector<StepCost> costs;
+  for (auto& training : trainings) costs.push_back(training->end(queue));
+  return costs;
+}
+
+void add_step_options(CLI::App& bench, StepOptions& options) {
+  bench.add_option("SCENE", options.scene, "Folder of the scene, or a video")
+      ->required()
+      ->type_name("PATH");
+  bench.add_option("--set", options.settings, "A setting of training; may be repeated")
+      ->type_name("SECTION.KEY=VALUE")
+      ->expected(1)
+      ->default_str("")
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  bench.add_option("--warm", options.warm, "Steps of training before anything is measured")
+      ->check(number_in(1, 1000000));
+  bench.add_option("--block", options.block, "Steps that are timed together")
+      ->check(number_in(1, 100000));
+  add_common(bench, options.common);
+}
+
+}  // namespace gflow::bench

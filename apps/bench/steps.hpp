@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Training steps that are timed: a training is begun once, and several ways to go on from there are
+// compared over the same views.
+#pragma once
+#include <map>
+#include <string>
+#include <vector>
+
+#include "apps/bench/bench.hpp"
+#include "apps/bench/pairs.hpp"
+#include "optim/train/preparation.hpp"
+
+namespace gflow::bench {
+
+struct StepOptions {
+  BenchOptions common;
+  std::string scene;                  // folder or video
+  std::vector<std::string> settings;  // of all ways, "section.key=value"
+  int warm = 1500, block = 20;        // steps before, and steps that are timed together
+};
+// Adds them to a sub-command.
+void add_step_options(CLI::App& bench, StepOptions& options);
+
+// A way to go on: a name and what it changes of the settings.
+struct Kind {
+  std::string name;
+  std::vector<std::string> settings;
+};
+
+// A folder for computed flow, gone at the end.
+class ScratchFolder {
+ public:
+  ScratchFolder();
+  ~ScratchFolder();
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  std::string file(const char* name) const;
+
+ private:
+  std::string path_;
+};
+
+// Where all kinds go on from.
+struct Trained {
+  HostModel model;
+  Arrays state;
+};
+Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folder, bool quiet);
+
+// What a step of a kind costs, the mean of each block of steps, and what the last one drew.
+struct StepCost {
+  std::vector<double> wall, cpu, busy;                 // [ms]
+  std::map<std::string, std::vector<double>> kernels;  // [ms] on the device
+  HostModel end;
+  size_t drawn = 0, intersections = 0;  // Gaussians in the picture, and their tiles
+  Pairs pairs;
+};
+// Of all kinds, a block of steps of each in turn, so that a machine that slows down slows all.
+std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
+                                     const std::vector<Kind>& kinds, const Trained& from,
+                                     const ScratchFolder& folder);
+
+}  // namespace gflow::bench
