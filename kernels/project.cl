@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians at t1 to packed splats, then their colour and, from t2, their flow: in two kernels, so
 // that colour and t2 need be known for what is seen only. project_fwd decides that:
-// tiles_touched[i] = 0 means "not seen", and every later step skips it. One work-item a Gaussian.
+// tiles_touched[i] = 0 means "not seen", and every later step skips it: nothing else of such a row is
+// written. One work-item a Gaussian.
 // Defines: FLOW 0|1, TRANSPORT (shared/transport.h), DETACH_T1 0|1, ABSGRAD 0|1 (shared/pixel.h),
 // TIGHT_BOXES 0|1 (Skips::boxes).
 #include "shared/arrays.h"
@@ -40,15 +41,13 @@ kernel void project_fwd(const uint n, const PinholeCamera camera,
                         global float* restrict splats,           // [N, 16] see shared/pixel.h
                         global ushort* restrict tile_boxes,      // [N, 4] first x y, last x y
                         global uint* restrict tiles_touched,     // [N]
-                        global uint* restrict depth_keys,        // [N] monotone in depth
-                        global uint* restrict indices) {         // [N] 0 1 2 ...
+                        global uint* restrict depth_keys) {      // [N] monotone in depth
   const uint i = get_global_id(0);
   if (i >= n) return;
-  indices[i] = i;
   tiles_touched[i] = 0;
-  depth_keys[i] = 0xffffffffu;
-  vstore4((ushort4)(1, 1, 0, 0), i, tile_boxes);
-  const float log2_opacity = log2(opacities[i]);
+  const float opacity = opacities[i];
+  if (opacity == 0.f) return;  // not there, as most are in a long video
+  const float log2_opacity = log2(opacity);
   if (!(log2_opacity >= ALPHA_MIN_LOG2)) return;  // NaN fails
   const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
   if (!(p.p.z >= camera.near_plane)) return;
@@ -116,8 +115,8 @@ kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera c
 }
 
 // From the 16 moments of each splat (kernel gather) back to the Gaussians at both times.
-// Writes every output: zeros for what was not seen; of those that stand still (rows from `moving`
-// on) v_means_t2 is what flow asks of the mean at t2 alone, and v_factors_t2 is not written.
+// Rows that were not seen are left alone; of those that stand still (from `moving` on) v_means_t2 is
+// what flow asks of the mean at t2 alone, and v_factors_t2 is left alone too.
 kernel void project_bwd(const uint n, const uint moving, const PinholeCamera camera, const PinholeCamera camera2,
                         global const float* restrict means, global const float* restrict factors,
                         global const float* restrict opacities,
@@ -134,22 +133,10 @@ kernel void project_bwd(const uint n, const uint moving, const PinholeCamera cam
                         global float* restrict v_factors_t2,   // [N, 3, 3]
                         global float* restrict v_means2d) {    // [N, 2] for density control
   const uint i = get_global_id(0);
-  if (i >= n) return;
+  if (i >= n || tiles_touched[i] == 0) return;
   const real3 zero3 = make_real3(0.f, 0.f, 0.f);
   Mat3 zero;
   zero.r1 = zero.r2 = zero.r3 = zero3;
-  if (tiles_touched[i] == 0) {
-    store3(v_means, i, zero3);
-    store_mat3(v_factors, i, zero);
-    v_opacities[i] = 0.f;
-    store3(v_colors, i, zero3);
-#if FLOW
-    store3(v_means_t2, i, zero3);
-    store_mat3(v_factors_t2, i, zero);
-#endif
-    vstore2((float2)(0.f), i, v_means2d);
-    return;
-  }
   // q qz1 qz2 qz11 | qz12 qz22 wr wg | wb wd fx fy | fx1 fx2 fy1 fy2 (shared/pixel.h)
   const float4 s0 = vload4(4 * i, moments), s1 = vload4(4 * i + 1, moments);
   const float4 s2 = vload4(4 * i + 2, moments);

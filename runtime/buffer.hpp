@@ -68,6 +68,17 @@ class Buffer {
 
   // The whole contents; waits for all work queued before.
   std::vector<T> read(Queue& queue) const { return read_range(queue, 0, size_); }
+  // Like read(), without waiting: the caller keeps `data` alive until the event was waited for.
+  cl::Event read_async(Queue& queue, std::vector<T>& data) const {
+    data.resize(size_);
+    cl::Event event;
+    if (size_)
+      cl_call("reading " + describe(), [&] {
+        queue.handle.enqueueReadBuffer(handle_, CL_FALSE, 0, size_ * sizeof(T), data.data(),
+                                       nullptr, &event);
+      });
+    return event;
+  }
   // Elements first .. first + count - 1; waits likewise.
   std::vector<T> read_range(Queue& queue, size_t first, size_t count) const {
     check_range("reading", first, count);

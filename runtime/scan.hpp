@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Exclusive prefix sum of unsigned integers on the device.
 #pragma once
+#include <memory>
+
 #include "runtime/kernel.hpp"
 
 namespace gflow {
@@ -17,8 +19,19 @@ class Scan {
 
   // The total of the last exclusive(), in 64 bits; waits for it.
   uint64_t total(Queue& queue) const;
+  // The same in two parts: asks for it, to be waited for when other work is queued behind.
+  void fetch_total(Queue& queue);
+  uint64_t fetched_total();
 
  private:
+  // What the device may still write to is not let go of.
+  struct Fetched {
+    std::vector<cl_ulong> value;
+    cl::Event event;
+    ~Fetched() {
+      if (event()) clWaitForEvents(1, &event());
+    }
+  };
   int group_;
   Program program_;
   Kernel<cl_uint, cl_uint, In<cl_uint>, Out<cl_ulong>> scan_sums_;
@@ -26,6 +39,7 @@ class Scan {
   Kernel<cl_uint, cl_uint, In<cl_uint>, In<cl_ulong>, Out<cl_uint>> scan_write_;
   Buffer<cl_ulong> sums_;   // [chunks]
   Buffer<cl_ulong> total_;  // [1]
+  std::unique_ptr<Fetched> fetched_;
 };
 
 }  // namespace gflow

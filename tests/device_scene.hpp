@@ -79,6 +79,7 @@ class DeviceScene {
     write(images.v_alpha, v.alpha);
     if (channels_.depth) write(images.v_depth, v.depth);
     if (channels_.flow) write(images.v_flow, v.flow);
+    gradients.zero(queue_, t1_.opacities.size());
     engine.backward(queue_, t1_, t2_, images, gradients);
     Buffer<float> v_quats, v_scales;
     posed_.backward(queue_, quats_, scales_, gradients.v_factors, v_quats, v_scales);

@@ -83,6 +83,7 @@ void add_bench(CLI::App& app, const GlobalOptions& options) {
   bench->require_subcommand(1);
   bench::add_raster(*bench, options);
   bench::add_pareto(*bench, options);
+  bench::add_scaling(*bench, options);
 #ifdef GFLOW_WITH_OPENCV
   bench::add_step(*bench, options);
   bench::add_skip(*bench, options);

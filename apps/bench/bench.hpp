@@ -33,6 +33,7 @@ void draw(const Plot& plot, const std::string& folder);
 
 void add_raster(CLI::App& bench, const GlobalOptions& options);
 void add_pareto(CLI::App& bench, const GlobalOptions& options);
+void add_scaling(CLI::App& bench, const GlobalOptions& options);
 // These need OpenCV.
 void add_step(CLI::App& bench, const GlobalOptions& options);
 void add_skip(CLI::App& bench, const GlobalOptions& options);

@@ -88,7 +88,9 @@ struct Measured {
 class Shown {
  public:
   Shown(Queue& queue, BenchScene& scene, const EngineSettings& settings, ImageGradients v)
-      : queue_(queue), scene_(scene), engine_(queue, settings), v_(std::move(v)) {}
+      : queue_(queue), scene_(scene), engine_(queue, settings), v_(std::move(v)) {
+    gradients_.zero(queue, scene.count);
+  }
   void operator()() {
     engine_.forward(queue_, scene_.view, {true, false}, {0, 0, 0}, scene_.at_t1, scene_.at_t2,
                     scene_.colors);

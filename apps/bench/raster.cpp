@@ -8,7 +8,7 @@
 
 #include "apps/bench/bench.hpp"
 #include "apps/bench/pairs.hpp"
-#include "apps/bench/scene.hpp"
+#include "apps/bench/whole_step.hpp"
 #include "apps/command_line.hpp"
 #include "runtime/usage.hpp"
 
@@ -21,6 +21,7 @@ struct RasterOptions {
   std::vector<std::string> sizes{"256x256", "512x512"};
   std::vector<size_t> gaussians{10000, 100000};
   int lanes = 0;
+  size_t frames = 1;
   bool no_flow = false, depth = false, kernels = false, grid = false;
 };
 
@@ -40,54 +41,6 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
     {"motion back", {"spacetime_bwd"}},
     {"Adam", {"adam_refuse", "adam_advance", "adam_step"}}};
 
-// One step without losses: parameters to image, its gradients to parameters, Adam. A scene of a
-// file has Gaussians only.
-class Step {
- public:
-  Step(Queue& queue, BenchScene& scene, Channels channels)
-      : queue_(queue),
-        scene_(scene),
-        channels_(channels),
-        v_(random_gradients(
-            queue, size_t(scene.view.camera.width) * size_t(scene.view.camera.height), channels)),
-        engine_(queue),
-        adam_(queue) {}
-
-  void operator()() {
-    BenchScene& s = scene_;
-    if (s.motion) s.motion->at(queue_, *s.parameters, s.t1, nullptr, s.at_t1);
-    engine_.project(queue_, s.view, channels_, s.at_t1);
-    const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
-    if (s.motion && channels_.flow) s.motion->at(queue_, *s.parameters, s.t2, &seen, s.at_t2);
-    const GaussiansAt& at_t2 = channels_.flow ? s.at_t2 : s.at_t1;
-    engine_.draw(queue_, {0, 0, 0}, s.at_t1, at_t2, s.colors);
-    engine_.backward(queue_, s.at_t1, at_t2, v_, g_);
-    if (!s.motion) return;
-    Parameters& p = *s.parameters;
-    p.forget_seen(queue_);
-    s.motion->backward(queue_, p, s.t1, true, seen, g_.v_means, g_.v_factors, g_.v_opacities);
-    if (channels_.flow)
-      s.motion->backward(queue_, p, s.t2, false, seen, g_.v_means_t2, g_.v_factors_t2,
-                         g_.v_opacities);
-    for (const ParameterGroup& group : p.groups) adam_.refuse(queue_, group, p.rows, p.count);
-    adam_.advance(queue_, p.rows, p.count);
-    // A rate at which the scene stays what it is.
-    for (ParameterGroup& group : p.groups)
-      adam_.step(queue_, group, p.rows, p.count, {1e-12f, 1e-8f});
-  }
-
-  const Engine& engine() const { return engine_; }
-
- private:
-  Queue& queue_;
-  BenchScene& scene_;
-  Channels channels_;
-  ImageGradients v_;
-  Engine engine_;
-  Adam adam_;
-  GaussianGradients g_;
-};
-
 // Times a share, with its spread.
 Spread scaled(Spread s, double by) {
   const Spread o{s.median * by, s.low * by, s.high * by};
@@ -103,7 +56,7 @@ Spread sum_of(const std::vector<Spread>& parts) {
 void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak& peak,
              Report& report) {
   const Channels channels{!o.no_flow, o.depth};
-  Step step(queue, scene, channels);
+  WholeStep step(queue, scene, channels);
   const Cost cost = cost_of(queue, o.common.repeats, [&] { step(); });
   const Pairs pairs = count_pairs(queue, step.engine(), {});
   const double pixels = double(scene.view.camera.width) * scene.view.camera.height;
@@ -156,7 +109,8 @@ void run_raster(const RasterOptions& o, const GlobalOptions& options) {
       for (size_t k = 0; k < o.gaussians.size(); ++k) {
         if (pair_up && i != k) continue;
         const auto [width, height] = size_named("--pixels", o.sizes[i]);
-        measure(queue, random_scene(queue, width, height, o.gaussians[k]), o, peak, report);
+        measure(queue, random_scene(queue, width, height, o.gaussians[k], o.frames), o, peak,
+                report);
       }
   }
   deliver(report, o.common);
@@ -179,6 +133,10 @@ void add_raster(CLI::App& bench, const GlobalOptions& options) {
       ->delimiter(',')
       ->check(number_in(1, 20000000))
       ->type_name("N,...");
+  raster
+      ->add_option("--frames", flags->frames,
+                   "Frames, each with so many of its own; the middle one is drawn")
+      ->check(number_in(1, 1000));
   raster->add_flag("--grid", flags->grid, "Each size with each number");
   raster->add_option("--lanes", flags->lanes, "Pixels a work-item: 16, 8, 4, 1; 0: the device's")
       ->check(choice_of({"0", "1", "4", "8", "16"}));

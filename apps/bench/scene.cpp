@@ -88,10 +88,12 @@ ImageGradients random_gradients(Queue& queue, size_t pixels, Channels channels) 
   return v;
 }
 
-BenchScene random_scene(Queue& queue, int width, int height, size_t count) {
+BenchScene random_scene(Queue& queue, int width, int height, size_t count, size_t frames) {
   BenchScene scene;
   scene.name = fmt::format("{}x{}, {}", width, height, count);
-  scene.count = count;
+  scene.count = count * frames;
+  scene.t1 = float(frames / 2);
+  scene.t2 = scene.t1 + 1;
   scene.view.camera = scene.view.camera_t2 = camera_before(width, height);
   const PinholeCamera& camera = scene.view.camera;
   std::mt19937 rng(2);
@@ -101,24 +103,26 @@ BenchScene random_scene(Queue& queue, int width, int height, size_t count) {
   const auto append = [&](const char* name, std::initializer_list<double> values) {
     for (const double x : values) g[name].push_back(float(x));
   };
-  for (const Shape& s : shapes(width, height, count, scale_for(width, height, count))) {
+  const std::vector<Shape> all = shapes(width, height, count, scale_for(width, height, count));
+  for (size_t i = 0; i < scene.count; ++i) {
+    const Shape& s = all[i % count];
     const double z = 1 + 9 * double(uniform(rng)), unit = z / camera.fx;
     append("means", {(s.x - camera.cx) * unit, (s.y - camera.cy) * unit, z});
     append("velocities", {unit * (double(uniform(rng)) - 0.5), unit, 0});
     append("half_accelerations", {0, 0, 0});
-    append("means_t", {0});
+    append("means_t", {double(i / count)});
     append("quats", {std::cos(0.5 * s.turn), 0, 0, std::sin(0.5 * s.turn)});
     append("turns", {0, 0, 0, 0.02});
     // Flat, facing the camera: what is projected is their length and width.
     append("log_scales", {std::log(s.length * unit), std::log(s.width * unit),
-                          std::log(1e-3 * s.width * unit), std::log(100.)});
+                          std::log(1e-3 * s.width * unit), std::log(frames > 1 ? 0.1 : 100.)});
     append("logit_opacities", {std::log(s.opacity / (1 - s.opacity))});
     for (int c = 0; c < 3; ++c) colors.push_back(uniform(rng));
   }
   MotionShape shape;
   scene.motion = make_motion(queue, shape);
-  scene.parameters =
-      std::make_unique<Parameters>(queue, count, scene.motion->groups(), scene.motion->tables());
+  scene.parameters = std::make_unique<Parameters>(queue, scene.count, scene.motion->groups(),
+                                                  scene.motion->tables());
   for (const auto& [name, values] : g) (*scene.parameters)[name].values.write(queue, values);
   scene.colors = Buffer<float>(queue, colors, "colors");
   return scene;

@@ -34,8 +34,9 @@ ImageGradients random_gradients(Queue& queue, size_t pixels, Channels channels);
 
 // Gaussians before a camera: projected means uniform in the picture, anisotropic, opacities
 // sigmoid(N(-0.2, 1.5)), and so large that about 48 of them are blended in a pixel, whatever their
-// number; they move by about a pixel and turn.
-BenchScene random_scene(Queue& queue, int width, int height, size_t count);
+// number; they move by about a pixel and turn. With frames > 1 so many are there in each of them,
+// for it alone; the one in the middle is drawn.
+BenchScene random_scene(Queue& queue, int width, int height, size_t count, size_t frames = 1);
 
 // Those of a file for `gflow splat` (optim/engine/splat_file.hpp). Error when it has no second time
 // and flow is wanted.

@@ -22,22 +22,30 @@ struct Tiles {
 class Bin {
  public:
   Bin(Queue& queue, const EngineSettings& settings);
-  // Sorts splats.depth_keys and depth_order in place. Waits once, for the number of intersections.
-  // Error when there are 2^31 of them or more, before anything is allocated.
-  void build(Queue& queue, int width, int height, Splats& splats, Tiles& tiles);
+  // Counts what is seen, and the intersections. Does not wait.
+  void start(Queue& queue, const Splats& splats, Tiles& tiles);
+  // The rest, of the same splats. Waits for the counts alone: what was queued since start() may go
+  // on. Error when there are 2^31 intersections or more, before anything is allocated.
+  void build(Queue& queue, int width, int height, const Splats& splats, Tiles& tiles);
 
  private:
   Program bin_program_, mask_program_;
+  Kernel<cl_uint, cl_uint, In<cl_uint>, Out<cl_uint>> seen_count_;
+  Kernel<cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, In<cl_uint>, Out<cl_uint>, Out<cl_uint>>
+      seen_write_;
   Kernel<cl_uint, cl_uint, cl_uint, cl_uint, In<cl_uint>, In<cl_ushort>, Out<cl_uint>> tile_count_;
   Kernel<cl_uint, cl_uint, Out<cl_uint>, Out<cl_uint>> tile_columns_;
   Kernel<cl_uint, cl_uint, cl_uint, cl_uint, In<cl_uint>, In<cl_ushort>, In<cl_uint>, In<cl_uint>,
          Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
       tile_scatter_;
   Kernel<cl_uint, In<float>, In<cl_uint>, In<cl_uint>, Out<cl_ushort>> cell_mask_;
-  Scan scan_;
+  Scan seen_scan_, scan_;
   RadixSort sort_;
-  Buffer<cl_uint> histogram_{"tile histogram"};  // [chunks, tiles]
-  Buffer<cl_uint> totals_{"tile totals"};        // [tiles]
+  cl_uint chunks_ = 0;                                                         // of all Gaussians
+  Buffer<cl_uint> seen_counts_{"seen counts"}, seen_offsets_{"seen offsets"};  // [chunks (+ 1)]
+  Buffer<cl_uint> keys_{"depth keys"}, order_{"depth order"};  // of the V that are seen
+  Buffer<cl_uint> histogram_{"tile histogram"};                // [chunks, tiles]
+  Buffer<cl_uint> totals_{"tile totals"};                      // [tiles]
 };
 
 }  // namespace gflow

@@ -10,7 +10,8 @@ struct Engine::Steps {
   Splatting splatting;
 };
 
-Engine::Engine(Queue& queue, const EngineSettings& settings) : settings_(settings), bin_(queue, settings) {}
+Engine::Engine(Queue& queue, const EngineSettings& settings)
+    : settings_(settings), bin_(queue, settings) {}
 Engine::~Engine() = default;
 
 Engine::Steps& Engine::steps_for(Queue& queue, Channels channels) {
@@ -25,6 +26,7 @@ void Engine::project(Queue& queue, const View& view, Channels channels, const Ga
   images_.width = view.camera.width;
   images_.height = view.camera.height;
   steps_for(queue, channels).project.forward(queue, view, at_t1, splats_);
+  bin_.start(queue, splats_, tiles_);
 }
 
 void Engine::draw(Queue& queue, const std::array<float, 3>& background, const GaussiansAt& at_t1,

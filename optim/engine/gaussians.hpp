@@ -23,7 +23,7 @@ struct GaussiansAt {
   }
 };
 
-// Gradients of a loss by the arrays above and by the colours; zero for what was not seen.
+// Gradients of a loss by the arrays above and by the colours; undefined for what was not seen.
 struct GaussianGradients {
   Buffer<float> v_means{"v_means"}, v_factors{"v_factors"}, v_opacities{"v_opacities"};
   Buffer<float> v_colors{"v_colors"};                                    // [N, 3]
@@ -40,6 +40,13 @@ struct GaussianGradients {
     v_means_t2.ensure(queue, 3 * n);
     v_factors_t2.ensure(queue, 9 * n);
     v_means2d.ensure(queue, 2 * n);
+  }
+  // Of n rows, all 0: what is not seen stays so.
+  void zero(Queue& queue, size_t n) {
+    ensure(queue, n);
+    for (Buffer<float>* v :
+         {&v_means, &v_factors, &v_opacities, &v_colors, &v_means_t2, &v_factors_t2, &v_means2d})
+      v->fill(queue, 0.f);
   }
 };
 

@@ -29,10 +29,9 @@ void Project::forward(Queue& queue, const View& view, const GaussiansAt& at_t1, 
   splats.tile_boxes.ensure(queue, 4 * n);
   splats.tiles_touched.ensure(queue, n);
   splats.depth_keys.ensure(queue, n);
-  splats.depth_order.ensure(queue, n);
   project_fwd_(queue, Range::over(n), cl_uint(n), view.camera, at_t1.means, at_t1.factors,
                at_t1.opacities, splats.records, splats.tile_boxes, splats.tiles_touched,
-               splats.depth_keys, splats.depth_order);
+               splats.depth_keys);
 }
 
 void Project::complete(Queue& queue, const View& view, const GaussiansAt& at_t1,

@@ -10,13 +10,13 @@
 namespace gflow {
 
 // Splats and where they lie, an entry a Gaussian. tiles_touched = 0: not seen.
+// Of rows that are not seen only tiles_touched = 0 is defined.
 struct Splats {
   size_t count = 0;                                // N
   Buffer<float> records{"splats"};                 // [N, 16] shared/pixel.h
   Buffer<cl_ushort> tile_boxes{"tile_boxes"};      // [N, 4] first x, first y, last x, last y
   Buffer<cl_uint> tiles_touched{"tiles_touched"};  // [N]
-  Buffer<cl_uint> depth_keys{"depth_keys"};        // [N] sorted by binning
-  Buffer<cl_uint> depth_order{"depth_order"};      // [N] Gaussians, then sorted alike
+  Buffer<cl_uint> depth_keys{"depth_keys"};        // [N] monotone in depth
 };
 
 // What is looked at: the camera at t1 and, for flow, at t2 (the same one when it stands still).
@@ -46,7 +46,7 @@ class Project {
  private:
   Program program_;
   Kernel<cl_uint, PinholeCamera, In<float>, In<float>, In<float>, Out<float>, Out<cl_ushort>,
-         Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
+         Out<cl_uint>, Out<cl_uint>>
       project_fwd_;
   Kernel<cl_uint, cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<cl_uint>, Out<float>>

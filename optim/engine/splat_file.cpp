@@ -157,6 +157,7 @@ Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& optio
     }
     const Shape shape = loss.channels > 1 ? Shape{h, w, loss.channels} : Shape{h, w};
     (v.*loss.gradient).write(queue, to_planes(floats(input, key, shape, name), loss.channels));
+    g.zero(queue, s.count);
     engine.backward(queue, s.t1, moves ? s.t2 : s.t1, v, g);
     const std::string prefix = "g_" + loss.key + "_";
     posed.backward(queue, s.quats, s.scales, g.v_factors, v_quats, v_scales);

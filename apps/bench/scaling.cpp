@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow bench scaling`: what an image with flow, its gradients and Adam cost with more Gaussians,
+// pixels, frames and cores; and what 5 million at 3840x2160 would take on a GPU, from counted bytes
+// and operations.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+
+#include "apps/bench/bench.hpp"
+#include "apps/bench/pairs.hpp"
+#include "apps/bench/whole_step.hpp"
+#include "apps/command_line.hpp"
+#include "optim/io/atomic_file.hpp"
+#include "runtime/usage.hpp"
+
+namespace gflow::bench {
+namespace {
+
+struct ScalingOptions {
+  BenchOptions common;
+  size_t most = 1000000;
+  double gpu_tflops = 82.6, gpu_gbs = 1008;  // NVIDIA RTX 4090, by its data sheet
+};
+
+struct Point {
+  std::string sweep;
+  double x;  // Gaussians, pixels, frames or cores
+  Cost cost;
+  double pairs, intersections, peak_mib;
+};
+
+Point measured(Queue& queue, const ScalingOptions& o, const std::string& sweep, double x, int side,
+               size_t gaussians, size_t frames) {
+  BenchScene scene = random_scene(queue, side, side, gaussians, frames);
+  WholeStep step(queue, scene, {true, false});
+  Point p{sweep, x, cost_of(queue, o.common.repeats, [&] { step(); }), 0, 0, 0};
+  p.pairs = count_pairs(queue, step.engine(), {}).blended;
+  p.intersections = double(step.engine().tiles().intersections);
+  p.peak_mib = peak_memory_mib();
+  return p;
+}
+
+// The slope of log y over log x, by least squares: 1 is linear.
+double exponent(const std::vector<std::pair<double, double>>& points) {
+  double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
+  for (const auto& [x, y] : points) {
+    const double u = std::log(x), v = std::log(y);
+    n += 1, sx += u, sy += v, sxx += u * u, sxy += u * v;
+  }
+  return (n * sxy - sx * sy) / (n * sxx - sx * sx);
+}
+
+// Of the upper half of a sweep, where what does not grow is small.
+double exponent_of(const std::vector<Point>& points, const std::string& sweep) {
+  std::vector<std::pair<double, double>> all;
+  for (const Point& p : points)
+    if (p.sweep == sweep) all.emplace_back(p.x, p.cost.cpu_ms.median);
+  all.erase(all.begin(), all.begin() + long(all.size() / 2) - (all.size() % 2 == 0));
+  return exponent(all);
+}
+
+// The program itself with so many of PoCL's threads; the wall time of its raster bench, or NaN.
+double wall_with_cores(int cores, const ScalingOptions& o, const GlobalOptions& options) {
+  namespace fs = std::filesystem;
+  std::string folder = (fs::temp_directory_path() / "gflow-bench-XXXXXX").string();
+  if (!mkdtemp(folder.data())) return NAN;
+  const std::string file = (fs::path(folder) / "cores.json").string();
+  const std::string device =
+      options.device.empty() ? "" : fmt::format(" --device '{}'", options.device);
+  const std::string command = fmt::format(
+      "POCL_MAX_PTHREAD_COUNT={} '{}'{} bench raster --pixels 512x512 --gaussians 100000 --repeats "
+      "{} --json '{}' > /dev/null 2>&1",
+      cores, fs::read_symlink("/proc/self/exe").string(), device, o.common.repeats, file);
+  double wall = NAN;
+  if (std::system(command.c_str()) == 0) {
+    const Bytes bytes = read_file(file);
+    const Json report = Json::parse(bytes.begin(), bytes.end());
+    if (report["compute_units"] == cores)
+      wall = report["rows"]["512x512, 100000"]["wall [ms]"]["median"];
+  }
+  std::error_code problem;
+  fs::remove_all(folder, problem);
+  return wall;
+}
+
+// What one step touches, counted from the kernels' arguments (floats are 4 bytes): a Gaussian's
+// parameters and Adam's four arrays of them (59 numbers with two bands of colour), its poses,
+// records, sort keys and gradients; an intersection's ids, masks, record and 16 sums; a pixel's
+// images and their gradients.
+constexpr double kGaussianBytes = 7 * 59 * 4 + 900, kIntersectionBytes = 310, kPixelBytes = 110;
+
+void predict(const ScalingOptions& o, const Point& largest, double peak_gflops, Report& report) {
+  const double gaussians = 5e6, pixels = 3840.0 * 2160.0;
+  // So many are as small as pixels: a tile or two each; pairs a pixel as measured.
+  const double pairs = largest.pairs / (512 * 512) * pixels;
+  const double intersections =
+      std::max(1.5 * gaussians, largest.intersections / largest.x * gaussians);
+  const Channels channels{true, false};
+  const double flops = pairs * (forward_flops(channels) + backward_flops(channels));
+  const double bytes =
+      gaussians * kGaussianBytes + intersections * kIntersectionBytes + pixels * kPixelBytes;
+  const double splat_ms =
+      largest.cost.kernel_ms.at("splat_fwd").median + largest.cost.kernel_ms.at("splat_bwd").median;
+  const double here = largest.pairs * (forward_flops(channels) + backward_flops(channels)) * 1e-6 /
+                      (splat_ms * peak_gflops);
+  const double compute_ms = flops * 1e-9 / o.gpu_tflops, memory_ms = bytes * 1e-6 / o.gpu_gbs;
+  report.add({"5 million, 3840x2160, predicted",
+              {single("operations [1e9]", flops * 1e-9), single("bytes [1e9]", bytes * 1e-9),
+               single("compute, at peak [ms]", compute_ms),
+               single("compute, at the share of peak reached here [ms]", compute_ms / here),
+               single("memory, at peak [ms]", memory_ms)}});
+}
+
+Plot plot_of(const std::vector<Point>& points) {
+  Plot plot;
+  plot.name = "scaling";
+  plot.table = {{"sweep", "x", "CPU [ms]"}};
+  for (const Point& p : points)
+    plot.table.push_back(
+        {p.sweep, fmt::format("{:.0f}", p.x), fmt::format("{:.4g}", p.cost.cpu_ms.median)});
+  plot.script =
+      "set logscale xy\nset xlabel 'how many'\nset ylabel 'CPU time of an image with flow, its "
+      "gradients and Adam [ms]'\nplot for [s in 'Gaussians pixels frames'] 'scaling.tsv' every ::1 "
+      "using (strcol(1) eq s ? $2 : 1/0):3 with linespoints pt 7 title s";
+  return plot;
+}
+
+void run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
+  QueueOptions queue_options;
+  queue_options.profile = true;
+  Queue queue = open_queue(options, queue_options);
+  const Peak peak = measure_peak(queue);
+  Report report("scaling", queue, peak, {{"repeats", o.common.repeats}});
+  std::vector<Point> points;
+  for (size_t n = 1000; n <= o.most; n = n % 3 == 0 ? n / 3 * 10 : n * 3)
+    points.push_back(measured(queue, o, "Gaussians", double(n), 512, n, 1));
+  const Point largest = points.back();
+  for (const int side : {128, 256, 512, 1024})
+    points.push_back(measured(queue, o, "pixels", double(side) * side, side,
+                              std::min<size_t>(o.most, 30000), 1));
+  for (const size_t frames : {1, 3, 10, 30, 100})
+    points.push_back(
+        measured(queue, o, "frames", double(frames), 256, std::min<size_t>(o.most, 10000), frames));
+  for (const Point& p : points)
+    report.add({fmt::format("{} {}", p.x, p.sweep),
+                {{"CPU [ms]", p.cost.cpu_ms},
+                 {"wall [ms]", p.cost.wall_ms},
+                 single("intersections", p.intersections),
+                 single("blended pairs", p.pairs),
+                 single("peak memory [MiB]", p.peak_mib)}});
+  for (const char* sweep : {"Gaussians", "pixels", "frames"})
+    report.add({fmt::format("time with {}", sweep),
+                {single("exponent, upper half", exponent_of(points, sweep))}});
+  if (queue.info.is_cpu) {
+    const double one = wall_with_cores(1, o, options);
+    for (int cores = 1; cores <= int(queue.info.compute_units); cores *= 2) {
+      const double wall = cores == 1 ? one : wall_with_cores(cores, o, options);
+      if (std::isfinite(wall))
+        report.add({fmt::format("512x512, 100000 on {} cores", cores),
+                    {single("wall, once [ms]", wall), single("of one core", wall / one)}});
+    }
+  }
+  predict(o, largest, peak.gflops, report);
+  if (!o.common.plots.empty()) draw(plot_of(points), o.common.plots);
+  deliver(report, o.common);
+}
+
+}  // namespace
+
+void add_scaling(CLI::App& bench, const GlobalOptions& options) {
+  auto flags = std::make_shared<ScalingOptions>();
+  flags->common.repeats = 5;
+  CLI::App* scaling = bench.add_subcommand(
+      "scaling", "Cost against Gaussians, pixels, frames and cores, and what a GPU would take");
+  scaling->add_option("--most", flags->most, "Most Gaussians tried")
+      ->check(number_in(1000, 20000000));
+  scaling
+      ->add_option("--gpu-tflops", flags->gpu_tflops,
+                   "Of the GPU that is predicted: 1e12 "
+                   "operations/s, an FMA being two")
+      ->check(number_in(0.01, 1e6));
+  scaling->add_option("--gpu-gbs", flags->gpu_gbs, "And its memory: 1e9 bytes/s")
+      ->check(number_in(0.1, 1e6));
+  add_common(*scaling, flags->common);
+  scaling->callback([flags, &options] { run_scaling(*flags, options); });
+}
+
+}  // namespace gflow::bench
