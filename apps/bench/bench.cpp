@@ -50,7 +50,8 @@ void draw(const Plot& plot, const std::string& folder) {
   std::string script = "set datafile separator tab\nset grid\nset key outside right\n";
   for (const char* kind : {"svg", "pngcairo"}) {
     const std::string ending = kind == std::string("svg") ? ".svg" : ".png";
-    script += fmt::format("set terminal {} size 1000,640 background rgb 'white'\n", kind);
+    script += fmt::format("set terminal {} size {},{} background rgb 'white'\n", kind, plot.width,
+                          plot.height);
     script += fmt::format("set output '{}{}'\n{}\n", plot.name, ending, plot.script);
   }
   write(".gnuplot", script);

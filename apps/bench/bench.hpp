@@ -27,6 +27,7 @@ std::pair<int, int> size_named(const std::string& option, const std::string& tex
 // gnuplot is installed; else says how to.
 struct Plot {
   std::string name, script;
+  int width = 1000, height = 640;  // [px]
   std::vector<std::vector<std::string>> table;  // lines, the first one of headings
 };
 void draw(const Plot& plot, const std::string& folder);
