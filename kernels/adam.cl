@@ -33,7 +33,10 @@ kernel void adam_refuse(const uint first, const uint rows, const uint width,
 #else
   const size_t begin = (size_t)get_global_id(0) * SPAN;
   if (begin >= rows) return;
-  const size_t count = min((size_t)SPAN, rows - begin) * width;
+  const size_t span = min((size_t)SPAN, rows - begin), count = span * width;
+  uint any_seen = 0;
+  for (size_t r = 0; r < span; ++r) any_seen |= seen[first + begin + r];
+  if (!any_seen) return;
   global const float* g = grads + (first + begin) * width;
   lane_int bad = 0;  // also by what rows left behind that are not seen now
   size_t i = 0;
