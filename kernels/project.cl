@@ -28,9 +28,13 @@
 // First and last tile touched on one axis by [centre - reach, centre + reach], counting pixel
 // centres only; first > last when none.
 static inline int2 tile_span(float centre, float reach, int pixels) {
-  const float lo = fmax(ceil(centre - reach - 0.5f), 0.f);
-  const float hi = fmin(floor(centre + reach - 0.5f), (float)(pixels - 1));
-  return hi >= lo ? (int2)((int)lo / TILE, (int)hi / TILE) : (int2)(1, 0);
+  const float lo = centre - reach - 0.5f, hi = centre + reach - 0.5f, last = (float)(pixels - 1);
+  if (!(lo <= last && hi >= 0.f)) return (int2)(1, 0);  // NaN: none
+  // PoCL's ceil, floor, fmin and fmax take a dozen instructions each.
+  const float from = lo > 0.f ? lo : 0.f, to = hi < last ? hi : last;
+  int first = (int)from;
+  first += (float)first < from;
+  return (int)to >= first ? (int2)(first / TILE, (int)to / TILE) : (int2)(1, 0);
 }
 
 // Where the splats lie and what they cover.
@@ -51,24 +55,25 @@ kernel void project_fwd(const uint n, const PinholeCamera camera,
   if (!(log2_opacity >= ALPHA_MIN_LOG2)) return;  // NaN fails
   const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
   if (!(p.p.z >= camera.near_plane)) return;
-  const Whitening w = whiten(p.m);
-  const float sum = p.mean.x + p.mean.y + w.k1 + w.k2 + w.k3 + log2_opacity + w.det;
-  if (!is_finite_real(sum)) return;
 
   // alpha >= 1/255 within |z|^2 <= log2(255 o), an ellipse with half axes sqrt(reach S_xx), ...
   // (scaled z); a hair more than that, so that rounding cannot lose a pixel the pixel test keeps.
+  const float s_xx = dot(p.m.r1, p.m.r1) + DILATION, s_yy = dot(p.m.r2, p.m.r2) + DILATION;
 #if TIGHT_BOXES
   const float reach = (log2_opacity - ALPHA_MIN_LOG2 + 1e-3f) / HALF_LOG2_E;
-  const float reach_x = sqrt(reach * w.s.a), reach_y = sqrt(reach * w.s.c);
+  const float reach_x = sqrt(reach * s_xx), reach_y = sqrt(reach * s_yy);
 #else  // as if opaque, and as long in every direction as along its longer axis
-  const float half_difference = 0.5f * (w.s.a - w.s.c);
+  const float half_difference = 0.5f * (s_xx - s_yy), s_xy = dot(p.m.r1, p.m.r2);
   const float longest =
-      0.5f * (w.s.a + w.s.c) + sqrt(half_difference * half_difference + w.s.b * w.s.b);
+      0.5f * (s_xx + s_yy) + sqrt(half_difference * half_difference + s_xy * s_xy);
   const float reach_x = sqrt((1e-3f - ALPHA_MIN_LOG2) / HALF_LOG2_E * longest), reach_y = reach_x;
 #endif
   const int2 x = tile_span(p.mean.x, reach_x, camera.width);
   const int2 y = tile_span(p.mean.y, reach_y, camera.height);
   if (x.x > x.y || y.x > y.y) return;
+  const Whitening w = whiten(p.m);
+  const float sum = p.mean.x + p.mean.y + w.k1 + w.k2 + w.k3 + log2_opacity + w.det;
+  if (!is_finite_real(sum)) return;
 
   const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;
   vstore4((float4)(p.mean.x, p.mean.y, k.x, k.y), 4 * i, splats);
