@@ -64,6 +64,19 @@ void draw(const Plot& plot, const std::string& folder) {
                plot.name, folder);
 }
 
+Plot bars(const std::string& name, const std::string& what,
+          std::vector<std::vector<std::string>> table) {
+  Plot plot;
+  plot.name = name;
+  plot.script = fmt::format(
+      "set termoption noenhanced\nset style data histograms\nset style histogram rowstacked\n"
+      "set style fill solid 0.8\nset boxwidth 0.7\nset yrange [0:*]\nset ylabel '{}'\n"
+      "set xtics rotate by -25\nplot for [i=2:{}] '{}.tsv' using i:xtic(1) title columnheader(i)",
+      what, table[0].size(), name);
+  plot.table = std::move(table);
+  return plot;
+}
+
 void deliver(const Report& report, const BenchOptions& options) {
   report.print();
   if (!options.json.empty()) {

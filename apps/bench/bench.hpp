@@ -27,10 +27,15 @@ std::pair<int, int> size_named(const std::string& option, const std::string& tex
 // gnuplot is installed; else says how to.
 struct Plot {
   std::string name, script;
-  int width = 1000, height = 640;  // [px]
+  int width = 1000, height = 640;               // [px]
   std::vector<std::vector<std::string>> table;  // lines, the first one of headings
 };
 void draw(const Plot& plot, const std::string& folder);
+
+// A bar for each line of the table behind the first, made of its columns stacked; the first column
+// names it, the first line the columns.
+Plot bars(const std::string& name, const std::string& what,
+          std::vector<std::vector<std::string>> table);
 
 void add_raster(CLI::App& bench, const GlobalOptions& options);
 void add_pareto(CLI::App& bench, const GlobalOptions& options);

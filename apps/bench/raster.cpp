@@ -54,7 +54,7 @@ Spread sum_of(const std::vector<Spread>& parts) {
 }
 
 void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak& peak,
-             Report& report) {
+             Report& report, std::vector<std::vector<std::string>>& shares) {
   const Channels channels{!o.no_flow, o.depth};
   WholeStep step(queue, scene, channels);
   const Cost cost = cost_of(queue, o.common.repeats, [&] { step(); });
@@ -81,10 +81,14 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak&
                  {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
                  single("of the FMA peak [%]", ms.median > 0 ? 100 * share / ms.median : 0)}});
   };
+  double all_ms = 0;
+  for (const auto& [kernel, ms] : cost.kernel_ms) all_ms += ms.median;
+  shares.push_back({scene.name});
   for (const auto& [stage, kernels] : stages) {
     std::vector<Spread> parts;
     for (const std::string& kernel : kernels)
       if (cost.kernel_ms.count(kernel)) parts.push_back(cost.kernel_ms.at(kernel));
+    shares.back().push_back(fmt::format("{:.3f}", 100 * sum_of(parts).median / all_ms));
     if (parts.empty()) continue;
     row(stage, sum_of(parts), flops_of(stage));
     if (!o.kernels || parts.size() < 2) continue;
@@ -101,8 +105,10 @@ void run_raster(const RasterOptions& o, const GlobalOptions& options) {
   const Peak peak = measure_peak(queue);
   Report report("raster", queue, peak,
                 {{"flow", !o.no_flow}, {"depth", o.depth}, {"repeats", o.common.repeats}});
+  std::vector<std::vector<std::string>> shares{{"scene"}};
+  for (const auto& [stage, kernels] : stages) shares[0].push_back(stage);
   if (!o.file.empty()) {
-    measure(queue, scene_of_file(queue, o.file, !o.no_flow), o, peak, report);
+    measure(queue, scene_of_file(queue, o.file, !o.no_flow), o, peak, report, shares);
   } else {
     const bool pair_up = !o.grid && o.sizes.size() == o.gaussians.size();
     for (size_t i = 0; i < o.sizes.size(); ++i)
@@ -110,9 +116,11 @@ void run_raster(const RasterOptions& o, const GlobalOptions& options) {
         if (pair_up && i != k) continue;
         const auto [width, height] = size_named("--pixels", o.sizes[i]);
         measure(queue, random_scene(queue, width, height, o.gaussians[k], o.frames), o, peak,
-                report);
+                report, shares);
       }
   }
+  if (!o.common.plots.empty())
+    draw(bars("raster", "share of the device time [%]", std::move(shares)), o.common.plots);
   deliver(report, o.common);
 }
 

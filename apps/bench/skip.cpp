@@ -42,19 +42,6 @@ double difference(const HostModel& a, const HostModel& b) {
   return apart == 0 ? 0 : std::sqrt(apart / length);
 }
 
-Plot plot_of(const std::vector<Kind>& kinds, const std::vector<StepCost>& costs) {
-  Plot plot;
-  plot.name = "skip";
-  plot.table = {{"skips", "CPU [ms]"}};
-  for (size_t i = 0; i < kinds.size(); ++i)
-    plot.table.push_back({kinds[i].name, fmt::format("{:.4g}", spread_of(costs[i].cpu).median)});
-  plot.script =
-      "set style fill solid 0.7\nset boxwidth 0.6\nset yrange [0:*]\nset key off\n"
-      "set ylabel 'CPU time of a training step [ms]'\nset xtics rotate by -25\n"
-      "plot 'skip.tsv' every ::1 using 0:2:xtic(1) with boxes";
-  return plot;
-}
-
 void run_skip(const StepOptions& o, const GlobalOptions& options) {
   QueueOptions queue_options;
   queue_options.profile = true;
@@ -82,7 +69,7 @@ void run_skip(const StepOptions& o, const GlobalOptions& options) {
                  single("pairs blended", c.pairs.blended),
                  single("model differs by", difference(c.end, costs[0].end))}});
   }
-  if (!o.common.plots.empty()) draw(plot_of(kinds, costs), o.common.plots);
+  if (!o.common.plots.empty()) draw_costs("skip", kinds, costs, o.common.plots);
   deliver(report, o.common);
 }
 

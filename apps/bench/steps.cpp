@@ -128,6 +128,14 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
   return costs;
 }
 
+void draw_costs(const std::string& name, const std::vector<Kind>& kinds,
+                const std::vector<StepCost>& costs, const std::string& folder) {
+  std::vector<std::vector<std::string>> table{{"kind", "a training step"}};
+  for (size_t i = 0; i < kinds.size(); ++i)
+    table.push_back({kinds[i].name, fmt::format("{:.4g}", spread_of(costs[i].cpu).median)});
+  draw(bars(name, "CPU time [ms]", std::move(table)), folder);
+}
+
 void add_step_options(CLI::App& bench, StepOptions& options) {
   bench.add_option("SCENE", options.scene, "Folder of the scene, or a video")
       ->required()

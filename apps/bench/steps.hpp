@@ -60,4 +60,8 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
                                      const std::vector<Kind>& kinds, const Trained& from,
                                      const ScratchFolder& folder);
 
+// A bar of CPU time for each kind.
+void draw_costs(const std::string& name, const std::vector<Kind>& kinds,
+                const std::vector<StepCost>& costs, const std::string& folder);
+
 }  // namespace gflow::bench

@@ -22,8 +22,8 @@ Json read(const std::string& path) { return Json::parse(contents(path)); }
 TEST(Bench, RasterTellsEveryStageAndCountsTheWork) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
-  const Outcome outcome =
-      gflow(raster({"--pixels", "40x24", "--gaussians", "300", "--json", file}));
+  const Outcome outcome = gflow(raster({"--pixels", "40x24", "--gaussians", "300", "--json", file,
+                                        "--plots", folder.file("plots")}));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find("40x24, 300: backward"), std::string::npos) << outcome.out;
   const Json report = read(file);
@@ -40,6 +40,9 @@ TEST(Bench, RasterTellsEveryStageAndCountsTheWork) {
   EXPECT_GE(listed, masked);
   EXPECT_GE(masked, blended);
   EXPECT_NEAR(blended, 48, 10);  // what the scene is made for
+  const std::string shares = contents(folder.file("plots/raster.tsv"));
+  EXPECT_EQ(shares.find("scene\tmotion\tproject\tbin\t"), 0u) << shares;
+  EXPECT_NE(shares.find("\n40x24, 300\t"), std::string::npos) << shares;
 }
 
 TEST(Bench, OneSplatOverThePictureIsOnePairAPixel) {
