@@ -78,6 +78,7 @@ kernel void cell_mask(const uint tiles_x, global const float* restrict splats,  
   for (uint k = tile_offsets[tile] + get_local_id(0); k < end; k += get_local_size(0)) {
     const uint i = isect_ids[k];
     READ_SOON(splats + 16 * (size_t)isect_ids[min(k + 16, end - 1)]);
-    masks[k] = !CELL_MASKS ? 0xffff : (ushort)touched_cells(vload4(4 * i, splats), vload4(4 * i + 1, splats), x0, y0);
+    const float4 low = vload4(4 * i, splats), high = vload4(4 * i + 1, splats);
+    masks[k] = CELL_MASKS ? (ushort)touched_cells(low, high, x0, y0) : 0xffff;
   }
 }

@@ -46,12 +46,12 @@ class DeviceScene {
     write(scales2_, "scales_t2");
   }
 
-  // View::moving; the rows from there on get a pose at t2 that must not be looked at.
+  // View::moving; the rows from there on get a wrong pose at t2, which must not be looked at.
   void stand_still_from(size_t row) {
     view_.moving = row;
     const size_t rest = t2_.opacities.size() - row;
-    t2_.means.fill_range(queue_, 3 * row, 3 * rest, NAN);
-    quats2_.fill_range(queue_, 4 * row, 4 * rest, NAN);
+    t2_.means.fill_range(queue_, 3 * row, 3 * rest, 3.f);
+    quats2_.fill_range(queue_, 4 * row, 4 * rest, 0.5f);
   }
 
   // rgb, alpha, transmittance, and depth, flow where the channels have them.

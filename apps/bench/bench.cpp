@@ -37,8 +37,14 @@ std::pair<int, int> size_named(const std::string& option, const std::string& tex
   return {width, height};
 }
 
+namespace {
+
 void draw(const Plot& plot, const std::string& folder) {
-  std::filesystem::create_directories(folder);
+  std::error_code problem;
+  std::filesystem::create_directories(folder, problem);
+  if (problem)
+    throw Error(
+        fmt::format("drawing into {}: cannot make that folder: {}", folder, problem.message()));
   const auto write = [&](const std::string& ending, const std::string& text) {
     write_file_atomically((std::filesystem::path(folder) / (plot.name + ending)).string(),
                           Bytes(text.begin(), text.end()));
@@ -48,21 +54,23 @@ void draw(const Plot& plot, const std::string& folder) {
     data += fmt::format("{}\n", fmt::join(line, "\t"));
   write(".tsv", data);
   std::string script = "set datafile separator tab\nset grid\nset key outside right\n";
-  for (const char* kind : {"svg", "pngcairo"}) {
-    const std::string ending = kind == std::string("svg") ? ".svg" : ".png";
-    script += fmt::format("set terminal {} size {},{} background rgb 'white'\n", kind, plot.width,
-                          plot.height);
-    script += fmt::format("set output '{}{}'\n{}\n", plot.name, ending, plot.script);
+  for (const auto& [terminal, ending] : {std::pair{"svg", "svg"}, {"pngcairo", "png"}}) {
+    script += fmt::format("set terminal {} size {},{} background rgb 'white'\n", terminal,
+                          plot.width, plot.height);
+    script += fmt::format("set output '{}.{}'\n{}\n", plot.name, ending, plot.script);
   }
   write(".gnuplot", script);
+  setenv("GFLOW_BENCH_PLOTS", folder.c_str(), 1);  // not read by the shell, whatever it holds
   const std::string command =
-      fmt::format("cd '{}' && gnuplot {}.gnuplot 2> /dev/null", folder, plot.name);
-  if (folder.find('\'') == std::string::npos && std::system(command.c_str()) == 0)
+      fmt::format("cd -- \"$GFLOW_BENCH_PLOTS\" && gnuplot {}.gnuplot 2> /dev/null", plot.name);
+  if (std::system(command.c_str()) == 0)
     fmt::print("plot: {}\n", (std::filesystem::path(folder) / (plot.name + ".svg")).string());
   else
     fmt::print("plot: run `gnuplot {}.gnuplot` in {} (gnuplot, Debian's gnuplot-nox, could not)\n",
                plot.name, folder);
 }
+
+}  // namespace
 
 Plot bars(const std::string& name, const std::string& what,
           std::vector<std::vector<std::string>> table) {
@@ -77,12 +85,13 @@ Plot bars(const std::string& name, const std::string& what,
   return plot;
 }
 
-void deliver(const Report& report, const BenchOptions& options) {
+void deliver(const Report& report, const BenchOptions& options, const Plot& plot) {
   report.print();
   if (!options.json.empty()) {
     const std::string text = report.json().dump(1) + "\n";
     write_file_atomically(options.json, Bytes(text.begin(), text.end()));
   }
+  if (!options.plots.empty()) draw(plot, options.plots);
   if (options.compare.empty()) return;
   if (const int slower = report.compare(options.compare); slower > 0) {
     fmt::print("{} slower than in {}\n", slower, options.compare);

@@ -16,9 +16,6 @@ struct BenchOptions {
 };
 void add_common(CLI::App& bench, BenchOptions& options);
 
-// Prints, writes and compares as asked for.
-void deliver(const Report& report, const BenchOptions& options);
-
 // "512x512" as width and height; Error names the option when it is no size.
 std::pair<int, int> size_named(const std::string& option, const std::string& text);
 
@@ -30,12 +27,13 @@ struct Plot {
   int width = 1000, height = 640;               // [px]
   std::vector<std::vector<std::string>> table;  // lines, the first one of headings
 };
-void draw(const Plot& plot, const std::string& folder);
-
 // A bar for each line of the table behind the first, made of its columns stacked; the first column
 // names it, the first line the columns.
 Plot bars(const std::string& name, const std::string& what,
           std::vector<std::vector<std::string>> table);
+
+// Prints, then writes, draws and compares as asked for: what was measured is shown whatever fails.
+void deliver(const Report& report, const BenchOptions& options, const Plot& plot);
 
 void add_raster(CLI::App& bench, const GlobalOptions& options);
 void add_pareto(CLI::App& bench, const GlobalOptions& options);

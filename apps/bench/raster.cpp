@@ -119,9 +119,7 @@ void run_raster(const RasterOptions& o, const GlobalOptions& options) {
                 report, shares);
       }
   }
-  if (!o.common.plots.empty())
-    draw(bars("raster", "share of the device time [%]", std::move(shares)), o.common.plots);
-  deliver(report, o.common);
+  deliver(report, o.common, bars("raster", "share of the device time [%]", std::move(shares)));
 }
 
 }  // namespace

@@ -69,8 +69,7 @@ void run_skip(const StepOptions& o, const GlobalOptions& options) {
                  single("pairs blended", c.pairs.blended),
                  single("model differs by", difference(c.end, costs[0].end))}});
   }
-  if (!o.common.plots.empty()) draw_costs("skip", kinds, costs, o.common.plots);
-  deliver(report, o.common);
+  deliver(report, o.common, plot_of("skip", kinds, costs));
 }
 
 }  // namespace

@@ -50,8 +50,7 @@ void run_step(const StepOptions& o, const GlobalOptions& options) {
             {kinds[i].name + ": " + name,
              {{"device [ms]", ms}, single("of the device's time [%]", 100 * ms.median / busy)}});
   }
-  if (!o.common.plots.empty()) draw_costs("step", kinds, costs, o.common.plots);
-  deliver(report, o.common);
+  deliver(report, o.common, plot_of("step", kinds, costs));
 }
 
 }  // namespace

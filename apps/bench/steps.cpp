@@ -6,8 +6,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
-#include <cstdlib>
-#include <filesystem>
 #include <memory>
 
 #include "apps/command_line.hpp"
@@ -16,8 +14,6 @@
 
 namespace gflow::bench {
 namespace {
-
-namespace fs = std::filesystem;
 
 TrainConfig configured(const StepOptions& o, const std::vector<std::string>& settings) {
   TrainConfig config;
@@ -84,19 +80,6 @@ class GoingOn {
 
 }  // namespace
 
-ScratchFolder::ScratchFolder() {
-  std::string name = (fs::temp_directory_path() / "gflow-bench-XXXXXX").string();
-  if (!mkdtemp(name.data())) throw Error(fmt::format("cannot make a folder {}", name));
-  path_ = name;
-}
-ScratchFolder::~ScratchFolder() {
-  std::error_code problem;
-  fs::remove_all(path_, problem);
-}
-std::string ScratchFolder::file(const char* name) const {
-  return (fs::path(path_) / name).string();
-}
-
 Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folder, bool quiet) {
   const TrainConfig config = configured(o, {});
   Preparation prepared(config, folder.file("frames"));
@@ -128,12 +111,12 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
   return costs;
 }
 
-void draw_costs(const std::string& name, const std::vector<Kind>& kinds,
-                const std::vector<StepCost>& costs, const std::string& folder) {
+Plot plot_of(const std::string& name, const std::vector<Kind>& kinds,
+             const std::vector<StepCost>& costs) {
   std::vector<std::vector<std::string>> table{{"kind", "a training step"}};
   for (size_t i = 0; i < kinds.size(); ++i)
     table.push_back({kinds[i].name, fmt::format("{:.4g}", spread_of(costs[i].cpu).median)});
-  draw(bars(name, "CPU time [ms]", std::move(table)), folder);
+  return bars(name, "CPU time [ms]", std::move(table));
 }
 
 void add_step_options(CLI::App& bench, StepOptions& options) {

@@ -8,6 +8,7 @@
 
 #include "apps/bench/bench.hpp"
 #include "apps/bench/pairs.hpp"
+#include "apps/bench/scratch_folder.hpp"
 #include "optim/train/preparation.hpp"
 
 namespace gflow::bench {
@@ -25,19 +26,6 @@ void add_step_options(CLI::App& bench, StepOptions& options);
 struct Kind {
   std::string name;
   std::vector<std::string> settings;
-};
-
-// A folder for computed flow, gone at the end.
-class ScratchFolder {
- public:
-  ScratchFolder();
-  ~ScratchFolder();
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  std::string file(const char* name) const;
-
- private:
-  std::string path_;
 };
 
 // Where all kinds go on from.
@@ -61,7 +49,7 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
                                      const ScratchFolder& folder);
 
 // A bar of CPU time for each kind.
-void draw_costs(const std::string& name, const std::vector<Kind>& kinds,
-                const std::vector<StepCost>& costs, const std::string& folder);
+Plot plot_of(const std::string& name, const std::vector<Kind>& kinds,
+             const std::vector<StepCost>& costs);
 
 }  // namespace gflow::bench

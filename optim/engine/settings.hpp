@@ -20,8 +20,9 @@ enum class Transport {
 // Whether the splat that saturates a pixel is still drawn.
 enum class StopRule { include, exclude };
 
-// Work that is left out. All but `unseen` change no bit of an image or a gradient by it, `still` the
-// last ones of gradients (sums that are 0 are not formed); Gaussians unseen keep their moments.
+// Work that is left out. `boxes`, `masks` and `saturated` change no bit of an image or a gradient, but
+// without boxes more Gaussians count as seen; `still` changes the last bits of gradients, since sums
+// that are 0 are not formed; `unseen` changes what becomes of Gaussians that no picture shows.
 struct Skips {
   bool boxes = true;      // tiles outside the box of the ellipse where alpha >= 1/255 (project.cl)
   bool masks = true;      // cells of a tile outside that ellipse (cell_mask.cl)

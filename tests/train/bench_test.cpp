@@ -120,6 +120,52 @@ TEST(Bench, AnUnknownKnobIsNamedWithThoseThereAre) {
       << outcome.err;
 }
 
+TEST(Bench, ScalingTellsHowCostGrowsAndPredicts) {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const Outcome outcome = gflow({"bench", "scaling", "--most", "3000", "--repeats", "1", "--json",
+                                 file, "--gpu-tflops", "10"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json rows = read(file)["rows"];
+  // As many pairs a pixel whatever their number; frames that are not drawn have none.
+  const auto pairs = [&](const char* row) { return rows[row]["blended pairs"].get<double>(); };
+  EXPECT_NEAR(pairs("3000 Gaussians") / pairs("1000 Gaussians"), 1, 0.2);
+  EXPECT_NEAR(pairs("262144 pixels") / pairs("65536 pixels"), 4, 0.8);
+  EXPECT_NEAR(pairs("100 frames") / pairs("1 frames"), 1, 0.1);
+  for (const char* sweep : {"time with Gaussians", "time with pixels", "time with frames"})
+    EXPECT_TRUE(rows.contains(sweep)) << sweep;
+  const Json& predicted = rows["5 million, 3840x2160, predicted"];
+  EXPECT_NEAR(predicted["compute, at peak [ms]"].get<double>() * 10,
+              predicted["operations [1e9]"].get<double>(), 1e-3);
+}
+
+TEST(Bench, StepTellsEachKindAndItsKernels) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const Outcome outcome = gflow({"bench", "step", scene.path(), "--warm", "4", "--block", "2",
+                                 "--repeats", "1", "--json", file, "--quiet"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json rows = read(file)["rows"];
+  for (const char* kind : {"pictures alone", "with flow", "flow, rigidity", "flow, velocity"})
+    EXPECT_TRUE(rows.contains(kind)) << kind;
+  EXPECT_FALSE(rows.contains("pictures alone: flow_loss"));
+  EXPECT_TRUE(rows.contains("with flow: flow_loss"));
+}
+
+TEST(Bench, WhatWasMeasuredIsShownWhereItCannotBeDrawn) {
+  const TemporaryFolder folder;
+  const std::string file = folder.write("a file", "");
+  const Outcome outcome =
+      gflow(raster({"--pixels", "16x16", "--gaussians", "20", "--plots", file + "/plots"}));
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.out.find("16x16, 20: backward"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.err.find("drawing into " + file + "/plots: cannot make that folder"),
+            std::string::npos)
+      << outcome.err;
+}
+
 TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
