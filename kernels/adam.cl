@@ -3,15 +3,13 @@
 // of its values and moments. Order within a training step: adam_refuse for every group,
 // adam_advance once, then adam_step for every group. Repeatable bit for bit: no two work-items
 // share an element.
-// CPUs (LANES > 1) take SPAN rows a work-item, whose floats are neighbours in memory, in vectors.
+// CPUs (LANES > 1) take ADAM_SPAN rows a work-item, whose floats are neighbours in memory, in
+// vectors.
 // Measured (PoCL, two cores with AVX-512, 100 000 rows of 23 floats in 8 groups): 4.1 ms for all
 // three; a row a work-item, with a look into the table in each group, took 8.9 ms.
 #include "shared/adam.h"
 #include "shared/lane_row.h"
-
-#ifndef SPAN
-#define SPAN 16  // rows a work-item on CPUs; a multiple of LANES. The host says
-#endif
+#include "shared/work.h"
 
 // A row with a gradient that Adam cannot take is skipped in all groups.
 static inline void refuse_row(size_t row, uint width, global const float* grads, global uint* seen,
@@ -31,9 +29,9 @@ kernel void adam_refuse(const uint first, const uint rows, const uint width,
 #if LANES == 1
   if (get_global_id(0) < rows) refuse_row(first + get_global_id(0), width, grads, seen, refused);
 #else
-  const size_t begin = (size_t)get_global_id(0) * SPAN;
+  const size_t begin = (size_t)get_global_id(0) * ADAM_SPAN;
   if (begin >= rows) return;
-  const size_t span = min((size_t)SPAN, rows - begin), count = span * width;
+  const size_t span = min((size_t)ADAM_SPAN, rows - begin), count = span * width;
   uint any_seen = 0;
   for (size_t r = 0; r < span; ++r) any_seen |= seen[first + begin + r];
   if (!any_seen) return;
@@ -47,7 +45,7 @@ kernel void adam_refuse(const uint first, const uint rows, const uint width,
   int rest = 0;
   for (; i < count; ++i) rest |= !adam_accepts(g[i]);
   if (!rest && !lane_any(bad)) return;
-  for (size_t row = first + begin; row < first + min(begin + SPAN, (size_t)rows); ++row)
+  for (size_t row = first + begin; row < first + min(begin + ADAM_SPAN, (size_t)rows); ++row)
     refuse_row(row, width, grads, seen, refused);
 #endif
 }
@@ -101,7 +99,7 @@ static inline void update_lanes(size_t i, AdamStep step, lane x, lane y, ADAM_AR
 }
 #endif
 
-// One work-item per scalar, or per SPAN rows.
+// One work-item per scalar, or per ADAM_SPAN rows.
 kernel void adam_step(const uint first, const uint rows, const uint width, const AdamStep step,
                       const int per_time,
                       global const float* restrict rates,  // [rows, 2] of adam_advance
@@ -115,10 +113,10 @@ kernel void adam_step(const uint first, const uint rows, const uint width, const
   for (int k = 0; k < per_time; ++k) c.x /= reach[row];
   update_one(i, step, c, ADAM_ARRAYS_AT);
 #else
-  const size_t begin = first + (size_t)get_global_id(0) * SPAN, all = first + rows;
+  const size_t begin = first + (size_t)get_global_id(0) * ADAM_SPAN, all = first + rows;
   if (begin >= all) return;
-  const uint count = (uint)min((size_t)SPAN, all - begin);
-  float2 c[SPAN];
+  const uint count = (uint)min((size_t)ADAM_SPAN, all - begin);
+  float2 c[ADAM_SPAN];
   int any = 0;
   for (uint r = 0; r < count; ++r) {
     c[r] = vload2(begin + r, rates);
@@ -126,15 +124,15 @@ kernel void adam_step(const uint first, const uint rows, const uint width, const
     for (int k = 0; k < per_time; ++k) c[r].x /= reach[begin + r];
   }
   if (!any) return;
-  if (width < LANES && count == SPAN) {
+  if (width < LANES && count == ADAM_SPAN) {
     // The rows' floats one after the other: whole vectors, each float with its row's rate.
-    float x[SPAN * LANES], y[SPAN * LANES];
-    for (uint r = 0, e = 0; r < SPAN; ++r)
+    float x[ADAM_SPAN * LANES], y[ADAM_SPAN * LANES];
+    for (uint r = 0, e = 0; r < ADAM_SPAN; ++r)
       for (uint k = 0; k < width; ++k, ++e) {
         x[e] = c[r].x;
         y[e] = c[r].y;
       }
-    for (uint e = 0; e < SPAN * width; e += LANES)
+    for (uint e = 0; e < ADAM_SPAN * width; e += LANES)
       update_lanes(begin * width + e, step, ROW_LOAD(x + e), ROW_LOAD(y + e), ADAM_ARRAYS_AT);
     return;
   }

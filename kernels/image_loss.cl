@@ -12,10 +12,9 @@
 // with STRIP 32 1.7 ms. Without SSIM 0.26 ms.
 #include "shared/lane_row.h"
 #include "shared/loss.h"
+#include "shared/work.h"
 
-#ifndef STRIP
-#define STRIP 8  // only for the syntax check; the host always says
-#endif
+#define STRIP LOSS_STRIP(LANES)
 
 // exp(-k^2 / (2 1.5^2)) for k = -5 .. 5, divided by their sum.
 constant float WINDOW[SSIM_TAPS] = {1.028380084e-03f, 7.598758135e-03f, 3.600077213e-02f,

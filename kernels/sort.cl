@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// One pass of a stable radix sort by a digit of BITS bits: count digits per chunk, (scan.cl makes
+// One pass of a stable radix sort by a digit of SORT_BITS bits: count digits per chunk, (scan.cl makes
 // the counts offsets,) scatter. One work-group of GROUP work-items per chunk. Stable, hence
 // repeatable: within a chunk elements keep their order, and chunks follow each other.
 // Measured (PoCL 3.1, 2 cores, 100 000 keys of 32 bits): 0.95 ms with 11-bit digits, 1.3 with 8.
 // From about a million keys on, 8 bits win by a fifth: 2048 places written to are too many.
 #include "shared/group_scan.h"
+#include "shared/work.h"
 
-#ifndef BITS
-#define BITS 11
-#endif
-#define DIGITS (1 << BITS)
+#define DIGITS (1 << SORT_BITS(GROUP))
 
 // counts is laid out digit-major, so that its prefix sum is where each (digit, chunk) begins.
 kernel void sort_count(const uint n, const uint per_chunk, const uint shift, const uint mask,

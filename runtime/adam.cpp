@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "shared/work.h"
+
 namespace gflow {
 namespace {
 
@@ -48,8 +50,7 @@ void check_rows(const ParameterGroup& group, const RowState& state, const RowRan
 }
 
 // Rows of a work-item on a CPU.
-constexpr size_t kSpan = 16;
-size_t spans(size_t rows) { return (rows + kSpan - 1) / kSpan; }
+size_t spans(size_t rows) { return (rows + ADAM_SPAN - 1) / ADAM_SPAN; }
 
 }  // namespace
 
@@ -78,7 +79,7 @@ RowState::RowState(Queue& queue, size_t rows)
 Adam::Adam(Queue& queue, const AdamConfig& config)
     : config_(config),
       gpu_(queue.lanes == 1),
-      program_(queue, "adam.cl", {{"LANES", queue.lanes}, {"SPAN", kSpan}}),
+      program_(queue, "common.cl"),
       adam_refuse_(program_, "adam_refuse"),
       adam_advance_(program_, "adam_advance"),
       adam_step_(program_, "adam_step"),

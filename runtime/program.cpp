@@ -2,11 +2,14 @@
 // Reading, include expansion and building of kernel files.
 #include "runtime/program.hpp"
 
+#include <fmt/format.h>
+
 #include <cstdlib>
 #include <fstream>
 #include <set>
 #include <sstream>
 
+#include "runtime/chunks.hpp"
 #include "runtime/kernel_sources.hpp"
 #include "runtime/program_cache.hpp"
 
@@ -64,7 +67,8 @@ std::string expand_includes(const std::string& file) {
 }
 
 Program::Program(Queue& queue, const std::string& file, const Defines& defines) : file(file) {
-  std::string options = "-cl-std=CL1.2 -cl-kernel-arg-info";
+  std::string options = fmt::format("-cl-std=CL1.2 -cl-kernel-arg-info -DLANES={} -DGROUP={}",
+                                    queue.lanes, chunk_group(queue));
   for (const auto& [name, value] : defines) options += " -D" + name + "=" + value.text;
   const std::string source = expand_includes(file);
 

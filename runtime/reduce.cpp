@@ -18,7 +18,7 @@ size_t blocks_of(size_t size, size_t first, size_t count, const std::string& nam
 }  // namespace
 
 Reduce::Reduce(Queue& queue)
-    : program_(queue, "reduce.cl"),
+    : program_(queue, "common.cl"),
       reduce_sum_(program_, "reduce_sum"),
       reduce_count_(program_, "reduce_count"),
       partial_sums_("partial sums"),

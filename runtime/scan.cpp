@@ -8,7 +8,7 @@ namespace gflow {
 
 Scan::Scan(Queue& queue)
     : group_(chunk_group(queue)),
-      program_(queue, "scan.cl", {{"GROUP", group_}}),
+      program_(queue, "common.cl"),
       scan_sums_(program_, "scan_sums"),
       scan_offsets_(program_, "scan_offsets"),
       scan_write_(program_, "scan_write"),

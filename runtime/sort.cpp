@@ -3,13 +3,14 @@
 #include "runtime/sort.hpp"
 
 #include "runtime/chunks.hpp"
+#include "shared/work.h"
 
 namespace gflow {
 
 RadixSort::RadixSort(Queue& queue)
     : group_(chunk_group(queue)),
-      digit_bits_(group_ == 1 ? 11 : 8),
-      program_(queue, "sort.cl", {{"GROUP", group_}, {"BITS", digit_bits_}}),
+      digit_bits_(SORT_BITS(group_)),
+      program_(queue, "common.cl"),
       sort_count_(program_, "sort_count"),
       sort_scatter_(program_, "sort_scatter"),
       scan_(queue),

@@ -31,7 +31,7 @@ double least_seconds(Queue& queue, const std::function<void()>& work) {
 }  // namespace
 
 Peak measure_peak(Queue& queue) {
-  Program program(queue, "peak.cl", {{"LANES", queue.lanes}});
+  Program program(queue, "peak.cl");
   Kernel<cl_int, cl_float, cl_float, Out<float>> fma(program, "peak_fma");
   Kernel<In<float>, Out<float>> copy(program, "peak_copy");
   // A CPU runs a work-item on a core; a GPU wants very many short ones.

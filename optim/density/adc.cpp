@@ -6,7 +6,7 @@
 namespace gflow {
 
 AdcDensity::AdcDensity(Queue& queue)
-    : program_(queue, "adc.cl"),
+    : program_(queue, "common.cl"),
       adc_accumulate_(program_, "adc_accumulate"),
       adc_rank_(program_, "adc_rank"),
       adc_grow_(program_, "adc_grow"),

@@ -4,7 +4,7 @@
 namespace gflow {
 
 RowMover::RowMover(Queue& queue)
-    : program_(queue, "rows.cl"),
+    : program_(queue, "common.cl"),
       rows_gather_(program_, "rows_gather"),
       rows_gather_counts_(program_, "rows_gather_counts"),
       rows_movers_(program_, "rows_movers"),

@@ -22,11 +22,9 @@ Range chunk_range(const Queue& queue, cl_uint chunks) {
 }  // namespace
 
 Bin::Bin(Queue& queue, const EngineSettings& settings)
-    : bin_program_(queue, "bin.cl"),
-      mask_program_(
-          queue, "cell_mask.cl",
-          with_more(Defines{{"LANES", queue.lanes}, {"CELL_MASKS", int(settings.skip.masks)}},
-                    settings)),
+    : bin_program_(queue, "common.cl"),
+      mask_program_(queue, "cell_mask.cl",
+                    with_more(Defines{{"CELL_MASKS", int(settings.skip.masks)}}, settings)),
       seen_count_(bin_program_, "seen_count"),
       seen_write_(bin_program_, "seen_write"),
       tile_count_(bin_program_, "tile_count"),

@@ -18,7 +18,7 @@ class Color {
   // highest: degree that the parameters have room for, 0 to 3.
   Color(Queue& queue, int highest)
       : stride_((highest + 1) * (highest + 1) - 1),
-        program_(queue, "sh.cl"),
+        program_(queue, "common.cl"),
         sh_fwd_(program_, "sh_fwd"),
         sh_bwd_(program_, "sh_bwd") {}
 

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "optim/engine/raster.hpp"
+
 namespace gflow {
 namespace {
 
@@ -11,13 +13,7 @@ cl_uint moving_of(const View& view, size_t n) { return cl_uint(std::min(view.mov
 }  // namespace
 
 Project::Project(Queue& queue, const EngineSettings& settings, Channels channels)
-    : program_(queue, "project.cl",
-               with_more(Defines{{"FLOW", int(channels.flow)},
-                                 {"TRANSPORT", int(settings.transport)},
-                                 {"ABSGRAD", int(absgrad(settings, channels))},
-                                 {"TIGHT_BOXES", int(settings.skip.boxes)},
-                                 {"DETACH_T1", int(settings.detach_t1)}},
-                         settings)),
+    : program_(raster_program(queue, settings, channels)),
       project_fwd_(program_, "project_fwd"),
       transport_fwd_(program_, "transport_fwd"),
       project_bwd_(program_, "project_bwd") {}

@@ -1,20 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/engine/splat.hpp"
 
+#include "optim/engine/raster.hpp"
+
 namespace gflow {
 namespace {
-
-Defines defines(const Queue& queue, const EngineSettings& settings, Channels channels) {
-  return with_more(Defines{{"LANES", queue.lanes},
-                           {"FLOW", int(channels.flow)},
-                           {"DEPTH", int(channels.depth)},
-                           {"TOP_K", channels.flow ? settings.top_k : 0},
-                           {"EXCLUDE", int(settings.stop == StopRule::exclude)},
-                           {"SATURATED", int(settings.skip.saturated)},
-                           {"ABSGRAD", int(absgrad(settings, channels))},
-                           {"DETACH_WEIGHTS", int(channels.flow && settings.detach_weights)}},
-                   settings);
-}
 
 // One group a tile: a single work-item where it holds LANES pixels, one a pixel otherwise.
 Range tile_groups(const Tiles& tiles, int lanes) {
@@ -27,11 +17,10 @@ Splatting::Splatting(Queue& queue, const EngineSettings& settings, Channels chan
     : lanes_(queue.lanes),
       settings_(settings),
       channels_(channels),
-      fwd_program_(queue, "splat.cl", defines(queue, settings, channels)),
-      bwd_program_(queue, "splat_bwd.cl", defines(queue, settings, channels)),
-      splat_fwd_(fwd_program_, "splat_fwd"),
-      splat_bwd_(bwd_program_, "splat_bwd"),
-      gather_(bwd_program_, "gather") {}
+      program_(raster_program(queue, settings, channels)),
+      splat_fwd_(program_, "splat_fwd"),
+      splat_bwd_(program_, "splat_bwd"),
+      gather_(program_, "gather") {}
 
 void Splatting::forward(Queue& queue, const std::array<float, 3>& background, const Splats& splats,
                         const Tiles& tiles, Images& images) {

@@ -22,7 +22,7 @@ class Splatting {
   int lanes_;
   EngineSettings settings_;
   Channels channels_;
-  Program fwd_program_, bwd_program_;
+  Program program_;
   Kernel<cl_int, cl_int, cl_float, cl_float, cl_float, In<float>, In<cl_uint>, In<cl_uint>,
          In<cl_ushort>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>
       splat_fwd_;

@@ -20,7 +20,7 @@ float checked_knee(float robust_px) {
 FlowLoss::FlowLoss(Queue& queue, float robust_px)
     : robust_px_(checked_knee(robust_px)),
       lanes_(size_t(queue.lanes)),
-      program_(queue, "flow_loss.cl", {{"LANES", queue.lanes}}),
+      program_(queue, "common.cl"),
       flow_loss_(program_, "flow_loss"),
       reduce_(queue),
       terms_("flow loss terms") {}

@@ -3,11 +3,10 @@
 // kernels write only their inside.
 #include "optim/loss/image_loss.hpp"
 
+#include "shared/work.h"
+
 namespace gflow {
 namespace {
-
-// Long strips repeat less of their neighbours' rows; a GPU keeps a strip in registers instead.
-int strip_rows_for(int lanes) { return lanes == 1 ? 8 : 64; }
 
 float checked_weight(float ssim_weight) {
   if (!(ssim_weight >= 0 && ssim_weight <= 1))
@@ -21,8 +20,8 @@ float checked_weight(float ssim_weight) {
 ImageLoss::ImageLoss(Queue& queue, float ssim_weight)
     : ssim_weight_(checked_weight(ssim_weight)),
       lanes_(queue.lanes),
-      strip_rows_(strip_rows_for(queue.lanes)),
-      program_(queue, "image_loss.cl", {{"LANES", lanes_}, {"STRIP", strip_rows_}}),
+      strip_rows_(LOSS_STRIP(queue.lanes)),
+      program_(queue, "common.cl"),
       image_loss_prepare_(program_, "image_loss_prepare"),
       ssim_fwd_(program_, "ssim_fwd"),
       image_loss_bwd_(program_, "image_loss_bwd"),

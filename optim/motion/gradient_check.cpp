@@ -3,9 +3,9 @@
 
 #include <cmath>
 
-#include "optim/motion/native4d.hpp"
-#include "shared/native4d.h"
+#include "optim/motion/spacetime.hpp"
 #include "shared/random.h"
+#include "shared/spacetime.h"
 
 namespace gflow {
 namespace {
@@ -30,7 +30,7 @@ real4 at4(const std::vector<float>& v, size_t i) {
 }  // namespace
 
 SelfCheckRow gradient_check(Queue& queue) {
-  Native4dMotion motion(queue, 0);
+  SpacetimeMotion motion(queue, 0);
   Parameters p(queue, kCount, motion.groups());
   std::map<std::string, std::vector<float>> values;
   for (size_t g = 0; g < p.specs.size(); ++g) {
@@ -44,6 +44,7 @@ SelfCheckRow gradient_check(Queue& queue) {
                   Buffer<float>(queue, v_factors, "v_factors"),
                   Buffer<float>(queue, v_opacities, "v_opacities"));
   const std::vector<float> quats = p["quats"].grads.read(queue);
+  const std::vector<float> turns = p["turns"].grads.read(queue);
   const std::vector<float> log_scales = p["log_scales"].grads.read(queue);
 
   double error = 0, norm = 0;
@@ -53,19 +54,22 @@ SelfCheckRow gradient_check(Queue& queue) {
     norm += dot(expected, expected);
   };
   for (size_t i = 0; i < kCount; ++i) {
-    Native4d g;
+    Spacetime g;
     g.mean = at3(values["means"], i);
     g.mean_t = values["means_t"][i];
+    g.velocity = at3(values["velocities"], i);
+    g.half_acceleration = at3(values["half_accelerations"], i);
     g.quat = at4(values["quats"], i);
-    g.quat_r = at4(values["quats_r"], i);
+    g.turn = at4(values["turns"], i);
     g.log_scales = at4(values["log_scales"], i);
     g.logit_opacity = values["logit_opacities"][i];
     Mat3 v_factor;
     v_factor.r1 = at3(v_factors, 3 * i);
     v_factor.r2 = at3(v_factors, 3 * i + 1);
     v_factor.r3 = at3(v_factors, 3 * i + 2);
-    const Native4d v = slice_vjp(g, kTime, at3(v_means, i), v_factor, v_opacities[i]);
+    const Spacetime v = spacetime_vjp(g, kTime, at3(v_means, i), v_factor, v_opacities[i]);
     compare(v.quat, at4(quats, i));
+    compare(v.turn, at4(turns, i));
     compare(v.log_scales, at4(log_scales, i));
   }
   const double figure = norm > 0 ? std::sqrt(error / norm) : 1;

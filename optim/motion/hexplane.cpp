@@ -43,10 +43,9 @@ const HexplaneShape& checked(const HexplaneShape& s) {
   return s;
 }
 
-Defines defines(const Queue& queue, const HexplaneShape& s) {
-  return {{"LANES", queue.lanes},   {"LEVELS", s.levels}, {"CHANNELS", s.channels},
-          {"HIDDEN", s.hidden},     {"LAYERS", s.layers}, {"TURN", int(s.turn)},
-          {"RESIZE", int(s.resize)}};
+Defines defines(const HexplaneShape& s) {
+  return {{"LEVELS", s.levels}, {"CHANNELS", s.channels}, {"HIDDEN", s.hidden},
+          {"LAYERS", s.layers}, {"TURN", int(s.turn)},    {"RESIZE", int(s.resize)}};
 }
 
 // Chunks of Gaussians with a copy of the planes of their own: few, for the copies must be summed.
@@ -130,7 +129,7 @@ HexplaneMotion::HexplaneMotion(Queue& queue, const MotionShape& shape)
       lanes_(size_t(queue.lanes)),
       weights_(all_weights(shape_)),
       cells_(hexplane_level_start(uint(shape_.resolution), 1, shape_.levels)),
-      program_(queue, "hexplane.cl", defines(queue, shape_)),
+      program_(queue, "hexplane.cl", defines(shape_)),
       hexplane_cut_(program_, "hexplane_cut"),
       hexplane_fwd_(program_, "hexplane_fwd"),
       hexplane_transpose_(program_, "hexplane_transpose"),

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+// How much one work-item takes, for host and kernels: every program is built with LANES, the pixels
+// or floats of one vector (1 on GPUs), and GROUP, the work-items that share a chunk (1 on CPUs).
+#ifndef GFLOW_WORK_H
+#define GFLOW_WORK_H
+
+#define SORT_BITS(group) ((group) == 1 ? 11 : 8)  // of a digit (sort.cl)
+#define ADAM_SPAN 16  // rows a work-item on CPUs (adam.cl); a multiple of every LANES
+// Rows of pixels a work-item (image_loss.cl): long strips repeat less of their neighbours' rows; a
+// GPU keeps a strip in registers instead.
+#define LOSS_STRIP(lanes) ((lanes) == 1 ? 8 : 64)
+
+#endif
