@@ -30,7 +30,7 @@ SplatFormat format_wanted(const ImportFlags& flags) {
 PlyTable moment_of(const ImportFlags& flags) {
   const MovingSplats scene = read_four_dgs(flags.input);
   const double time = flags.time.value_or(scene.duration / 2);
-  if (!(time >= 0 && time < scene.duration))
+  if (!(time == 0 || (time > 0 && time < scene.duration)))  // what stands still may last 0 s
     throw Error(fmt::format("--time {} lies outside of {}, which lasts from 0 to before {:.6g} s",
                             time, flags.input, scene.duration));
   return splats_at(scene, time);

@@ -184,15 +184,25 @@ class FileReader {
           fmt::format("it says it has {} Gaussians, gflow reads up to {}", declared_, kMostSplats));
   }
 
+  // Records that must come once, before all Gaussians.
+  void expect_first(const Reader& in, bool is_first, const char* what) const {
+    if (!is_first) in.refuse(fmt::format("it is damaged: it has two {}", what));
+    if (has_chunks_) in.refuse(fmt::format("it is damaged: its {} comes after Gaussians", what));
+  }
+
   void read_grid(Reader& in) {
+    expect_first(in, !grid_, "quantization");
     const std::string scheme = in.text("its quantization");
     if (scheme != kScheme)
       in.refuse(fmt::format("its quantization is '{}', gflow reads '{}'", scheme, kScheme));
     grid_.emplace();
     Grid::fields(*grid_, [&](double& value) { value = in.finite("its quantization"); });
+    if (!(grid_->time > 0))
+      in.refuse(fmt::format("it is damaged: its step of time is {}", grid_->time));
   }
 
   void read_windows(Reader& in) {
+    expect_first(in, windows_.empty(), "window table");
     const auto count = in.get<uint32_t>("its window table");
     if (in.size() / 16 < count)
       in.refuse(fmt::format("it is damaged: {} windows in {} bytes", count, in.size()));
@@ -206,9 +216,12 @@ class FileReader {
 
   void read_chunk(Reader& in) {
     finish_chunk();
+    has_chunks_ = true;
     if (!grid_) in.refuse("it is damaged: Gaussians come before its quantization");
-    for (int k = 0; k < 2; ++k) in.get<double>("a chunk");  // interval: its windows say it
-    in.get<uint32_t>("a chunk");                            // level
+    const auto begin = in.get<double>("a chunk"), end = in.get<double>("a chunk");
+    if (std::isnan(begin) || std::isnan(end))
+      in.refuse("it is damaged: a chunk's interval is not a number");
+    in.get<uint32_t>("a chunk");  // level
     const auto count = in.get<uint32_t>("a chunk");
     const std::string compression = in.text("a chunk");
     const auto size = in.get<uint64_t>("a chunk");
@@ -231,12 +244,18 @@ class FileReader {
       if (stream) found[stream->id] = std::move(stream);
     }
     for (size_t id = 0; id < attribute_count; ++id)
-      if (!found[id]) in.refuse(fmt::format("it is damaged: a chunk has no stream {}", id));
+      if (!found[id] && count > 0)
+        in.refuse(fmt::format("it is damaged: a chunk has no stream {}", id));
     first_ = scene_.splats.size();
     scene_.splats.resize(first_ + count);
     for (size_t i = 0; i < count; ++i)
       decode(in, scene_.splats[first_ + i], [&](Attribute a) { return found[a]->row(i); });
-    for (size_t i = first_; i < scene_.splats.size(); ++i) scene_.splats[i].sh_row = i;
+    for (size_t i = first_; i < scene_.splats.size(); ++i) {
+      MovingSplat& s = scene_.splats[i];
+      s.sh_row = i;
+      s.begin = std::max(s.begin, begin);  // nothing is there outside of its chunk's interval
+      s.end = std::min(s.end, end);
+    }
   }
 
   template <class Bins>
@@ -260,10 +279,13 @@ class FileReader {
       s.velocity[k] = bins(motion)[k] * motion_step;
       s.scales[k] = std::exp(bins(scale)[k] * grid_->scale);
     }
+    // Clipped, as the highest step may lie above 1.
     const double green = bins(color)[0];
-    s.color = {(green + bins(color)[1]) * grid_->color, green * grid_->color,
-               (green + bins(color)[2]) * grid_->color};
-    s.opacity = *bins(opacity) * grid_->opacity;
+    for (size_t k = 0; k < 3; ++k) {
+      const double bin = k == 1 ? green : green + bins(color)[k == 0 ? 1 : 2];
+      s.color[k] = std::clamp(bin * grid_->color, 0.0, 1.0);
+    }
+    s.opacity = std::clamp(*bins(opacity) * grid_->opacity, 0.0, 1.0);
     const int32_t largest = *bins(rotation_index);
     if (largest < 0 || largest > 3)
       in.refuse(fmt::format("it is damaged: component {} of a quaternion", largest));
@@ -271,7 +293,7 @@ class FileReader {
     std::array<double, 4> xyzw{};
     for (size_t k = 0, from = 0; k < 4; ++k) {
       if (int32_t(k) == largest) continue;
-      xyzw[k] = bins(rotation)[from++] * grid_->rotation;
+      xyzw[k] = std::clamp(bins(rotation)[from++] * grid_->rotation, -1.0, 1.0);
       left -= xyzw[k] * xyzw[k];
     }
     xyzw[size_t(largest)] = std::sqrt(std::max(left, 0.0));
@@ -338,7 +360,7 @@ class FileReader {
   std::string_view bytes_;
   Reader in_;
   MovingSplats scene_;
-  bool has_header_ = false;
+  bool has_header_ = false, has_chunks_ = false;
   uint64_t declared_ = 0;
   std::optional<Grid> grid_;
   std::vector<std::array<double, 2>> windows_;

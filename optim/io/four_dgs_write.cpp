@@ -169,6 +169,7 @@ int32_t bin_of(double value, double step, size_t i) {
 struct Harmonics {
   std::vector<uint8_t> bytes;  // [3, K - 1]
   std::array<double, 3> shift{};
+  double largest_change = 0;  // of a coefficient within [-4, 4]
 };
 
 Harmonics harmonics_of(const MovingSplats& scene, size_t i) {
@@ -220,10 +221,21 @@ Harmonics harmonics_of(const MovingSplats& scene, size_t i) {
         change(k, (to - bytes[k]) * kShStep);
         bytes[k] = to;
       }
-    for (size_t k = 0; k < rest; ++k) out.shift[c] -= error[k] * common[k];
+    for (size_t k = 0; k < rest; ++k) {
+      out.shift[c] -= error[k] * common[k];
+      out.largest_change = std::max(out.largest_change, std::fabs(error[k]));
+    }
   }
   return out;
 }
+
+// When a Gaussian is there. Times stand in the file as f64, and the format has them as f32: players
+// keep windows as f32 and compare them with intervals of f64, which must be the same number.
+struct Window {
+  float begin, end;
+  bool operator<(const Window& o) const { return std::tie(begin, end) < std::tie(o.begin, o.end); }
+};
+Window window_of(const MovingSplat& s) { return {float(s.begin), float(s.end)}; }
 
 // The values of one Gaussian for each stream.
 using Bins = std::array<std::array<int32_t, 3>, attribute_count>;
@@ -235,14 +247,15 @@ Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t wind
   const bool never_fades = std::isinf(s.life);
   const int32_t life_bin = never_fades ? 0 : bin_of(std::log(s.life), grid.life, i);
   const double time_step = grid.time_step(never_fades, life_bin);
-  const double motion_step = grid.motion_step(never_fades, life_bin, s.end - s.begin, scene.cutoff);
+  const double begin = window_of(s).begin, end = window_of(s).end;
+  const double motion_step = grid.motion_step(never_fades, life_bin, end - begin, scene.cutoff);
   bins[life][0] = life_bin;
   bins[flags][0] = never_fades ? kNeverFades : 0;
   bins[window][0] = window_index;
   bins[mean_t][0] = bin_of(s.mean_t, time_step, i);
   // The place is that of the path as its grid has it, exact where it is seen first or at its own
   // moment.
-  const double own = bins[mean_t][0] * time_step, exact = std::clamp(s.mean_t, s.begin, s.end);
+  const double own = bins[mean_t][0] * time_step, exact = std::clamp(s.mean_t, begin, end);
   for (size_t k = 0; k < 3; ++k) {
     const int32_t v = bins[motion][k] = bin_of(s.velocity[k], motion_step, i);
     const double place =
@@ -271,12 +284,26 @@ Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t wind
   return bins;
 }
 
-// Where a Gaussian is stored: how often the duration is halved, and which part it is.
+// By how much the file's colour of degree 0 differs from the scene's at most.
+double color_change(const MovingSplat& s, const Grid& grid, const Bins& bins) {
+  const double green = bins[color][0];
+  const std::array<double, 3> stored{green + bins[color][1], green, green + bins[color][2]};
+  double largest = 0;
+  for (size_t k = 0; k < 3; ++k)
+    largest =
+        std::max(largest, std::fabs(stored[k] * grid.color - std::clamp(s.color[k], 0.0, 1.0)));
+  return largest;
+}
+
+// Where a Gaussian is stored: how often the duration is halved, and which part it is, but for the
+// rounding of times.
 std::pair<int, int64_t> interval_of(const MovingSplat& s, double duration) {
+  constexpr double rounding = 1e-5;  // of a part; a part is 2^-kDeepest of all
+  const double begin = window_of(s).begin, end = window_of(s).end;
   for (int level = kDeepest; level > 0; --level) {
     const double parts = std::ldexp(1 / duration, level);
-    const auto first = int64_t(std::floor(s.begin * parts));
-    if (s.end * parts <= double(first + 1)) return {level, first};
+    const auto first = int64_t(std::floor(begin * parts + rounding));
+    if (end * parts <= double(first + 1) + rounding) return {level, first};
   }
   return {0, 0};
 }
@@ -303,8 +330,9 @@ Written put_chunk(Content& file, const MovingSplats& scene, const std::vector<Bi
   chunk_written.count = uint32_t(members.size());
   chunk_written.begin = std::numeric_limits<double>::infinity();
   for (const size_t i : members) {
-    chunk_written.begin = std::min(chunk_written.begin, scene.splats[i].begin);
-    chunk_written.end = std::max(chunk_written.end, scene.splats[i].end);
+    const Window window = window_of(scene.splats[i]);
+    chunk_written.begin = std::min(chunk_written.begin, double(window.begin));
+    chunk_written.end = std::max(chunk_written.end, double(window.end));
   }
   Content streams;
   for (uint8_t attribute = 0; attribute < attribute_count; ++attribute) {
@@ -350,22 +378,24 @@ Content header_of(const MovingSplats& scene) {
   return content.map({{"color_space", "srgb-rec709-display"}, {"visibility_profile", "gaussian"}});
 }
 
-Content quantization_of(const Grid& grid) {
+// color_off, sh_off: by how much colours and harmonics were changed at most.
+Content quantization_of(const Grid& grid, double color_off, double sh_off) {
   Content content;
   content.text(kScheme);
   Grid::fields(grid, [&](double value) { content.put(value); });
   const auto number = [](double value) { return fmt::format("{}", value); };
-  // Half a step each; what is left out of a quaternion may be thrice as far off as the rest.
+  // Half a step each, or what was measured; what is left out of a quaternion may be thrice as far
+  // off as the rest.
   return content.put(uint8_t(grid.sh))
       .map({{"pos", number(grid.position / 2)},
             {"scale_rel", number(std::expm1(grid.scale / 2))},
             {"rot", number(1.5 * grid.rotation)},
-            {"rgb", number(grid.color / 2)},
+            {"rgb", number(color_off)},
             {"alpha", number(grid.opacity / 2)},
             {"motion", number(grid.motion / 2)},
             {"time", number(grid.time / 2)},
             {"sigma_rel", number(std::expm1(grid.life / 2))},
-            {"sh", "0"}});
+            {"sh", number(sh_off)}});
 }
 
 }  // namespace
@@ -377,22 +407,25 @@ void write_four_dgs(const std::string& path, const MovingSplats& scene) {
                     "(0, 1], here they are {} and {}",
                     path, scene.duration, scene.cutoff));
   const Grid grid = grid_for(scene);
-  std::map<std::pair<double, double>, int32_t> window_of;
-  for (const MovingSplat& s : scene.splats) window_of[{s.begin, s.end}] = 0;
+  std::map<Window, int32_t> index_of;
+  for (const MovingSplat& s : scene.splats) index_of[window_of(s)] = 0;
   int32_t index = 0;
   Content table;
-  table.put(uint32_t(window_of.size()));
-  for (auto& [span, at] : window_of) {
+  table.put(uint32_t(index_of.size()));
+  for (auto& [window, at] : index_of) {
     at = index++;
-    table.put(span.first).put(span.second);
+    table.put(double(window.begin)).put(double(window.end));
   }
   std::vector<Bins> bins;
   std::vector<Harmonics> harmonics;
   int32_t furthest = 1;
+  double color_off = 0, sh_off = 0;
   for (size_t i = 0; i < scene.splats.size(); ++i) {
     const MovingSplat& s = scene.splats[i];
     harmonics.push_back(harmonics_of(scene, i));
-    bins.push_back(bins_of(scene, grid, i, window_of.at({s.begin, s.end}), harmonics[i].shift));
+    bins.push_back(bins_of(scene, grid, i, index_of.at(window_of(s)), harmonics[i].shift));
+    color_off = std::max(color_off, color_change(s, grid, bins[i]));
+    sh_off = std::max(sh_off, harmonics[i].largest_change);
     for (const int32_t b : bins[i][position]) furthest = std::max(furthest, b);
   }
   int shift = 0;
@@ -404,7 +437,7 @@ void write_four_dgs(const std::string& path, const MovingSplats& scene) {
   Content file;
   file.raw(kMagic);
   file.record(header, header_of(scene));
-  file.record(quantization, quantization_of(grid));
+  file.record(quantization, quantization_of(grid, color_off, sh_off));
   file.record(windows, table);
   const Viewpoint& view = scene.viewpoint;
   Content eye;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <random>
+#include <set>
 
 #include "io/temporary_folder.hpp"
 #include "optim/io/splat_table.hpp"
@@ -426,6 +427,40 @@ TEST(FourDgs, WritesNothingOfWhatItCannotHold) {
   expect(scene, {"Gaussian 2"});
   scene.duration = 0;
   expect(scene, {"a.4dgs", "duration"});
+}
+
+// Players that keep windows as floats compare them with the intervals of chunks.
+TEST(FourDgs, TimesAreTheSameAsFloats) {
+  const TemporaryFolder folder;
+  MovingSplats scene = some_scene(20, 0);
+  for (MovingSplat& s : scene.splats) s.begin /= 3, s.end /= 3;
+  write_four_dgs(folder.file("a.4dgs"), scene);
+  std::set<double> expected, found;
+  for (const MovingSplat& s : scene.splats)
+    for (const double time : {s.begin, s.end}) expected.insert(double(float(time)));
+  for (const MovingSplat& s : read_four_dgs(folder.file("a.4dgs")).splats)
+    found.insert({s.begin, s.end});
+  EXPECT_EQ(found, expected);
+}
+
+TEST(FourDgs, WhatMustComeFirstComesOnce) {
+  const TemporaryFolder folder;
+  const std::string file = HandMade().bytes();
+  const size_t grid = file.find(record(3, text("uniform-v1")).substr(9)) - 9;
+  const size_t table = file.find(record(4, le(uint32_t(2)) + doubles({0, 3, 1, 1.5})));
+  const size_t chunk = table + record(4, le(uint32_t(2)) + doubles({0, 3, 1, 1.5})).size();
+  const std::string quantization = file.substr(grid, table - grid);
+  const std::string windows = file.substr(table, chunk - table);
+  const size_t end = file.rfind(record(2, std::string(20, '\0')));
+  const auto with = [&](size_t at, const std::string& more) {
+    read_four_dgs(folder.write("a.4dgs", file.substr(0, at) + more + file.substr(at)));
+  };
+  with(end, record(0x70, "something else"));
+  expect_error([&] { with(table, quantization); }, {"two quantization"});
+  expect_error([&] { with(chunk, windows); }, {"two window table"});
+  std::string late =
+      file.substr(0, table) + file.substr(chunk, end - chunk) + windows + file.substr(end);
+  expect_error([&] { read_four_dgs(folder.write("a.4dgs", late)); }, {"damaged"});
 }
 
 TEST(FourDgs, EmptyScenesHaveAFile) {
