@@ -52,6 +52,7 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   gflow::add_eval(app, options);
   gflow::add_export(app, options);
   gflow::add_info(app, options);
+  gflow::add_experiment(app, options);
 #endif
   gflow::add_import(app, options);
   gflow::add_splat(app, options);

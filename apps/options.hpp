@@ -36,5 +36,6 @@ void add_render(CLI::App& app, const GlobalOptions& options);
 void add_export(CLI::App& app, const GlobalOptions& options);
 void add_info(CLI::App& app, const GlobalOptions& options);
 void add_eval(CLI::App& app, const GlobalOptions& options);
+void add_experiment(CLI::App& app, const GlobalOptions& options);
 
 }  // namespace gflow

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How many pairs of a pixel and a splat there are, for `gflow bench`: the work of splat.cl, counted
 // and not done. One work-item a pixel.
+#undef LANES  // of the device
 #define LANES 1
 #include "shared/pixel.h"
 

@@ -6,6 +6,7 @@
 
 #include "apps/bench/report.hpp"
 #include "apps/options.hpp"
+#include "apps/plot.hpp"
 
 namespace gflow::bench {
 
@@ -18,19 +19,6 @@ void add_common(CLI::App& bench, BenchOptions& options);
 
 // "512x512" as width and height; Error names the option when it is no size.
 std::pair<int, int> size_named(const std::string& option, const std::string& text);
-
-// Draws what a script for gnuplot says: writes it and its data beside each other in `folder` (made
-// if need be) as NAME.gnuplot and NAME.tsv, and runs it there, for NAME.svg and NAME.png, where
-// gnuplot is installed; else says how to.
-struct Plot {
-  std::string name, script;
-  int width = 1000, height = 640;               // [px]
-  std::vector<std::vector<std::string>> table;  // lines, the first one of headings
-};
-// A bar for each line of the table behind the first, made of its columns stacked; the first column
-// names it, the first line the columns.
-Plot bars(const std::string& name, const std::string& what,
-          std::vector<std::vector<std::string>> table);
 
 // Prints, then writes, draws and compares as asked for: what was measured is shown whatever fails.
 void deliver(const Report& report, const BenchOptions& options, const Plot& plot);

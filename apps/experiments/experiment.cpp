@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow experiment`: many trainings that a file names, and one table of what came of them.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+
+#include "apps/command_line.hpp"
+#include "apps/experiments/runs.hpp"
+#include "apps/experiments/table.hpp"
+#include "apps/options.hpp"
+#include "optim/io/atomic_file.hpp"
+#include "optim/io/file_lock.hpp"
+#include "optim/train/progress.hpp"
+
+namespace gflow {
+namespace {
+
+using namespace experiments;
+
+struct Flags {
+  std::string file, folder, scenes = ".";
+  std::vector<std::string> devices;
+  int jobs = 0;
+  bool dry_run = false, redo = false;
+};
+
+std::string folder_of(const Flags& flags) {
+  if (!flags.folder.empty()) return flags.folder;
+  return std::filesystem::path(flags.file).stem().string();
+}
+
+// What would be done, and how long it may take.
+void print_runs(const Plan& plan, const std::string& folder, int jobs) {
+  std::vector<Standing> standings;
+  size_t width = 0;
+  for (const PlannedRun& run : plan.runs) {
+    standings.push_back(standing_of(run, folder));
+    width = std::max(width, run.id.size());
+  }
+  const std::vector<double> left = seconds_left(plan, standings);
+  double all = 0;
+  for (size_t i = 0; i < plan.runs.size(); ++i) {
+    const Standing& s = standings[i];
+    std::string state = "not begun";
+    if (s.status == Status::finished)
+      state = fmt::format("finished in {}", duration_text(s.seconds));
+    if (s.status == Status::stopped) state = fmt::format("stopped after {} steps", s.steps);
+    if (s.status == Status::other_settings) state = "other settings: " + s.difference;
+    if (s.status != Status::finished)
+      state += fmt::format(", {} left", std::isnan(left[i]) ? "nobody knows how much is"
+                                                            : "about " + duration_text(left[i]));
+    fmt::print("{:<{}}  {:>7} steps  {}\n", plan.runs[i].id, width,
+               plan.runs[i].config.train.iterations, state);
+    all += left[i];
+  }
+  const auto finished = std::count_if(standings.begin(), standings.end(), [](const Standing& s) {
+    return s.status == Status::finished;
+  });
+  fmt::print("{} runs, {} of them finished; {}\n", plan.runs.size(), finished,
+             std::isnan(all)
+                 ? "how long the others take is known when one of them is"
+                 : fmt::format("about {} left{}", duration_text(all / jobs),
+                               jobs > 1 ? fmt::format(" with {} at a time", jobs) : ""));
+}
+
+void write_text(const std::string& path, const std::string& text) {
+  write_file_atomically(path, std::string_view(text));
+}
+
+void write_everything(const Plan& plan, const std::string& folder) {
+  const Results table(plan, results_of(plan, folder));
+  write_text(folder + "/table.md", table.markdown());
+  write_text(folder + "/table.csv", table.csv());
+  write_text(folder + "/table.json", table.json().dump(1) + "\n");
+  write_text(folder + "/costs.md", table.costs());
+  write_text(folder + "/runs.csv", table.runs_csv());
+  fmt::print("{}\n{}", table.markdown(), table.costs());
+  std::string plots;
+  for (const std::vector<Plot>& some : {table.bars(), table.curves(folder)})
+    for (const Plot& plot : some) plots = draw(plot, folder + "/plots");
+  fmt::print("\ntables    {0}/table.md, .csv, .json, {0}/costs.md, {0}/runs.csv\n", folder);
+  if (!plots.empty())
+    fmt::print("plots     {}\n", plots.compare(0, 3, "run") == 0 ? plots : folder + "/plots");
+  for (const std::string& sheet : write_contact_sheets(plan, folder))
+    fmt::print("pictures  {}\n", sheet);
+}
+
+void run_experiment(const Flags& flags, const GlobalOptions& options) {
+  const Plan plan = read_plan(flags.file, flags.scenes);
+  const std::string folder = folder_of(flags);
+  RunOptions how;
+  how.devices = flags.devices;
+  if (how.devices.empty() && !options.device.empty()) how.devices = {options.device};
+  how.jobs = flags.jobs > 0 ? flags.jobs : std::max<int>(1, int(how.devices.size()));
+  how.quiet = options.quiet;
+  how.redo = flags.redo;
+  if (flags.dry_run) return print_runs(plan, folder, how.jobs);
+  std::filesystem::create_directories(folder);
+  const FileLock lock(folder + "/.lock", folder);
+  try {
+    train_all(plan, folder, how);
+  } catch (const RunsFailed&) {
+    write_everything(plan, folder);  // of those that came to their end
+    throw;
+  }
+  write_everything(plan, folder);
+}
+
+}  // namespace
+
+void add_experiment(CLI::App& app, const GlobalOptions& options) {
+  auto flags = std::make_shared<Flags>();
+  CLI::App* command = app.add_subcommand(
+      "experiment", "Run the trainings a file names; tables, plots and pictures of them");
+  command->add_option("FILE", flags->file, "What is trained: scenes, settings, choices, seeds")
+      ->required()
+      ->type_name("FILE.toml");
+  command
+      ->add_option("-o,--output", flags->folder,
+                   "Folder of runs and tables; default: the file's name, here")
+      ->type_name("FOLDER")
+      ->default_str("");
+  command->add_option("--scenes", flags->scenes, "Where scenes are that do not lie beside the file")
+      ->type_name("FOLDER");
+  command->add_option("--jobs", flags->jobs, "Trainings at a time; 0: one a device")
+      ->check(number_in(0, 256));
+  command
+      ->add_option("--devices", flags->devices,
+                   "Devices that trainings take in turn, as for --device, with commas between")
+      ->delimiter(',')
+      ->type_name("INDEX|NAME,...")
+      ->default_str("");
+  command->add_flag("--dry-run", flags->dry_run, "Tell what would be trained, and train nothing");
+  command->add_flag("--redo", flags->redo,
+                    "Train anew what was trained with settings that the file no longer has");
+  command->callback([flags, &options] { run_experiment(*flags, options); });
+}
+
+}  // namespace gflow

@@ -1,0 +1,330 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/experiments/plan.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "apps/experiments/metrics.hpp"
+
+namespace gflow::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+using Setting = std::pair<std::string, std::string>;  // section.key, value as TOML
+
+// A scene or a choice of an axis.
+struct Choice {
+  std::string name;
+  std::vector<Setting> settings;
+  std::string where;  // file and line
+};
+
+struct Axis {
+  std::string name;
+  std::vector<Choice> choices;
+};
+
+class Reader {
+ public:
+  Reader(const std::string& path, const std::string& scenes) : path_(path), scenes_(scenes) {}
+
+  Plan read() {
+    try {
+      file_ = toml::parse_file(path_);
+    } catch (const toml::parse_error& problem) {
+      const auto line = problem.source().begin.line;
+      throw Error(line == 0 ? fmt::format("cannot read {}: {}", path_, problem.description())
+                            : fmt::format("{}, line {}: {}", path_, line, problem.description()));
+    }
+    expect_keys(file_, {"title", "scenes", "seeds", "config", "metrics", "baseline", "settings",
+                        "axis", "variant"});
+    Plan plan;
+    plan.path = path_;
+    plan.title = text_or(file_, "title", fs::path(path_).stem().string());
+    plan.metrics = metrics();
+    const TrainConfig base = base_config();
+    const std::vector<Axis> axes = read_axes();
+    for (const Axis& axis : axes) plan.axes.push_back(axis.name);
+    plan.baseline = baseline(axes);
+    for (const Choice& scene : read_scenes()) add_rows(plan, base, scene, axes);
+    expect_distinct(plan.runs);
+    return plan;
+  }
+
+ private:
+  std::string at(const toml::node& node) const {
+    const auto line = node.source().begin.line;
+    return line == 0 ? path_ : fmt::format("{}, line {}", path_, line);
+  }
+
+  void expect_keys(const toml::table& table, const std::vector<std::string>& known) const {
+    for (const auto& [key, node] : table)
+      if (std::find(known.begin(), known.end(), key.str()) == known.end())
+        throw Error(fmt::format("{}: there is no '{}' here; known are {}", at(node), key.str(),
+                                fmt::join(known, ", ")));
+  }
+
+  std::string text(const toml::node& node, const std::string& name) const {
+    if (const auto value = node.value<std::string>(); value && !value->empty()) return *value;
+    throw Error(fmt::format("{}: '{}' must be a text", at(node), name));
+  }
+  std::string text_or(const toml::table& table, const char* key, const std::string& other) const {
+    const toml::node* node = table.get(key);
+    return node ? text(*node, key) : other;
+  }
+
+  const toml::array& list(const toml::node& node, const std::string& name) const {
+    const toml::array* list = node.as_array();
+    if (list && !list->empty()) return *list;
+    throw Error(fmt::format("{}: '{}' must be a list that is not empty", at(node), name));
+  }
+
+  const toml::table& table(const toml::node& node, const std::string& name) const {
+    if (const toml::table* table = node.as_table()) return *table;
+    throw Error(fmt::format("{}: {} must be a table", at(node), name));
+  }
+
+  std::string value_text(const toml::node& node, const std::string& key) const {
+    if (const auto* value = node.as_string()) return nlohmann::json(value->get()).dump();
+    if (const auto* value = node.as_boolean()) return value->get() ? "true" : "false";
+    if (const auto* value = node.as_integer()) return fmt::format("{}", value->get());
+    if (const auto* value = node.as_floating_point()) return fmt::format("{}", value->get());
+    throw Error(fmt::format("{}: '{}' must be a number, a text, true or false", at(node), key));
+  }
+
+  // The settings of a table, but for some keys of its own.
+  std::vector<Setting> settings_of(const toml::table& table,
+                                   const std::vector<std::string>& others = {},
+                                   const std::string& before = "") const {
+    std::vector<Setting> settings;
+    for (const auto& [key, node] : table) {
+      const std::string name(key.str());
+      if (before.empty() && std::find(others.begin(), others.end(), name) != others.end()) continue;
+      if (const toml::table* inner = node.as_table()) {
+        const auto more = settings_of(*inner, {}, before + name + ".");
+        settings.insert(settings.end(), more.begin(), more.end());
+      } else {
+        settings.emplace_back(before + name, value_text(node, before + name));
+      }
+    }
+    return settings;
+  }
+
+  std::vector<std::string> metrics() const {
+    std::vector<std::string> names;
+    const toml::node* node = file_.get("metrics");
+    if (!node) return names;
+    for (const toml::node& name : list(*node, "metrics")) {
+      names.push_back(text(name, "metrics"));
+      const auto known = metric_names();
+      if (std::find(known.begin(), known.end(), names.back()) == known.end())
+        throw Error(fmt::format("{}: there is no metric '{}'; known are {}", at(name), names.back(),
+                                fmt::join(known, ", ")));
+    }
+    return names;
+  }
+
+  TrainConfig base_config() const {
+    TrainConfig config;
+    if (const toml::node* node = file_.get("config"))
+      apply_file(config, (fs::path(path_).parent_path() / text(*node, "config")).string());
+    if (const toml::node* node = file_.get("settings"))
+      apply(config, {"", settings_of(table(*node, "[settings]")), at(*node)});
+    return config;
+  }
+
+  void apply(TrainConfig& config, const Choice& choice) const {
+    for (const auto& [key, value] : choice.settings) try {
+        apply_setting(config, key + "=" + value);
+      } catch (const Error& problem) {
+        std::string sentence = problem.what();
+        const std::string option = "--set ";
+        if (sentence.compare(0, option.size(), option) == 0) sentence.erase(0, option.size());
+        throw Error(fmt::format("{}: {}", choice.where, sentence));
+      }
+  }
+
+  std::vector<int64_t> seeds() const {
+    const toml::node* node = file_.get("seeds");
+    if (!node) return {0};
+    std::vector<int64_t> seeds;
+    for (const toml::node& seed : list(*node, "seeds")) {
+      const auto* number = seed.as_integer();
+      if (!number || number->get() < 0)
+        throw Error(fmt::format("{}: seeds are whole numbers from 0 on", at(seed)));
+      seeds.push_back(number->get());
+    }
+    return seeds;
+  }
+
+  std::vector<Choice> read_scenes() const {
+    const toml::node* node = file_.get("scenes");
+    if (!node) throw Error(fmt::format("{}: there is no list 'scenes'", path_));
+    std::vector<Choice> scenes;
+    for (const toml::node& entry : list(*node, "scenes")) {
+      Choice scene;
+      scene.where = at(entry);
+      std::string path;
+      if (const toml::table* fields = entry.as_table()) {
+        const toml::node* named = fields->get("path");
+        if (!named) throw Error(fmt::format("{}: a scene needs a 'path'", scene.where));
+        path = text(*named, "path");
+        scene.name = text_or(*fields, "name", "");
+        scene.settings = settings_of(*fields, {"path", "name"});
+      } else {
+        path = text(entry, "scenes");
+      }
+      const fs::path found = found_scene(path, scene.where);
+      if (scene.name.empty()) scene.name = found.stem().string();
+      scene.settings.emplace_back("scene.path", nlohmann::json(found.string()).dump());
+      scenes.push_back(scene);
+    }
+    return scenes;
+  }
+
+  fs::path found_scene(const std::string& path, const std::string& where) const {
+    std::vector<std::string> tried;
+    for (const fs::path& from : {fs::path(path_).parent_path(), fs::path(scenes_)}) {
+      fs::path whole = fs::absolute(from / path).lexically_normal();
+      if (!whole.has_filename()) whole = whole.parent_path();  // it ended with a slash
+      if (fs::exists(whole)) return whole;
+      tried.push_back(whole.string());
+    }
+    throw Error(
+        fmt::format("{}: there is no scene '{}': looked for {}; --scenes names the folder "
+                    "they are in",
+                    where, path, fmt::join(tried, " and ")));
+  }
+
+  Axis read_axis(const toml::table& fields) const {
+    Axis axis;
+    const toml::node* setting = fields.get("setting");
+    if (setting) {
+      expect_keys(fields, {"name", "setting", "values"});
+      const std::string key = text(*setting, "setting");
+      axis.name = text_or(fields, "name", key);
+      const toml::node* values = fields.get("values");
+      if (!values) throw Error(fmt::format("{}: the axis has no 'values'", at(fields)));
+      for (const toml::node& value : list(*values, "values")) {
+        const std::string as_toml = value_text(value, key);
+        const auto* word = value.as_string();
+        axis.choices.push_back({word ? word->get() : as_toml, {{key, as_toml}}, at(value)});
+      }
+      return axis;
+    }
+    expect_keys(fields, {"name", "choices"});
+    const toml::node* choices = fields.get("choices");
+    if (!choices || !fields.get("name"))
+      throw Error(fmt::format("{}: an axis has 'name' and 'choices', or 'setting' and 'values'",
+                              at(fields)));
+    axis.name = text(*fields.get("name"), "name");
+    for (const toml::node& choice : list(*choices, "choices"))
+      axis.choices.push_back(read_choice(table(choice, "a choice")));
+    return axis;
+  }
+
+  Choice read_choice(const toml::table& fields) const {
+    const toml::node* name = fields.get("name");
+    if (!name) throw Error(fmt::format("{}: what is chosen from needs a 'name'", at(fields)));
+    return {text(*name, "name"), settings_of(fields, {"name"}), at(fields)};
+  }
+
+  std::vector<Axis> read_axes() const {
+    std::vector<Axis> axes;
+    if (const toml::node* node = file_.get("axis"))
+      for (const toml::node& axis : list(*node, "axis"))
+        axes.push_back(read_axis(table(axis, "[[axis]]")));
+    if (const toml::node* node = file_.get("variant")) {
+      axes.push_back({"variant", {}});
+      for (const toml::node& variant : list(*node, "variant"))
+        axes.back().choices.push_back(read_choice(table(variant, "[[variant]]")));
+    }
+    std::set<std::string> names{"scene"};
+    for (const Axis& axis : axes)
+      if (!names.insert(axis.name).second)
+        throw Error(fmt::format("{}: two columns are called '{}'", path_, axis.name));
+    return axes;
+  }
+
+  std::vector<std::string> baseline(const std::vector<Axis>& axes) const {
+    const toml::node* node = file_.get("baseline");
+    if (!node) return {};
+    std::vector<std::string> words;
+    if (const toml::array* several = node->as_array())
+      for (const toml::node& word : *several) words.push_back(text(word, "baseline"));
+    else
+      words.push_back(text(*node, "baseline"));
+    bool known = words.size() == axes.size();
+    for (size_t k = 0; known && k < axes.size(); ++k)
+      known = std::any_of(axes[k].choices.begin(), axes[k].choices.end(),
+                          [&](const Choice& choice) { return choice.name == words[k]; });
+    if (known) return words;
+    throw Error(
+        fmt::format("{}: 'baseline' must name a choice of each axis, in their order", at(*node)));
+  }
+
+  // The combinations of a scene, the last axis fastest.
+  void add_rows(Plan& plan, const TrainConfig& base, const Choice& scene,
+                const std::vector<Axis>& axes) const {
+    size_t combinations = 1;
+    for (const Axis& axis : axes) combinations *= axis.choices.size();
+    for (size_t number = 0; number < combinations; ++number) {
+      Row row{scene.name, {}};
+      TrainConfig config = base;
+      apply(config, scene);
+      std::string id = scene.name;
+      size_t share = combinations, rest = number;
+      for (const Axis& axis : axes) {
+        share /= axis.choices.size();
+        const Choice& choice = axis.choices[rest / share];
+        rest %= share;
+        row.choices.push_back(choice.name);
+        apply(config, choice);
+        id += "-" + choice.name;
+      }
+      for (const int64_t seed : seeds()) {
+        config.train.seed = seed;
+        check(config);
+        plan.runs.push_back(
+            {file_name(fmt::format("{}-seed{}", id, seed)), plan.rows.size(), config});
+      }
+      plan.rows.push_back(row);
+    }
+  }
+
+  static std::string file_name(std::string text) {
+    for (char& c : text)
+      if (!std::isalnum(static_cast<unsigned char>(c)) &&
+          std::string("+-._").find(c) == std::string::npos)
+        c = '_';
+    return text;
+  }
+
+  void expect_distinct(const std::vector<PlannedRun>& runs) const {
+    std::set<std::string> ids;
+    for (const PlannedRun& run : runs)
+      if (!ids.insert(run.id).second)
+        throw Error(
+            fmt::format("{}: two runs are called {}: give scenes and choices other names, "
+                        "and each seed once",
+                        path_, run.id));
+  }
+
+  std::string path_, scenes_;
+  toml::table file_;
+};
+
+}  // namespace
+
+Plan read_plan(const std::string& path, const std::string& scenes) {
+  return Reader(path, scenes).read();
+}
+
+}  // namespace gflow::experiments

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// What an experiment file says: which trainings there are, and which line of the table each is for.
+//
+//   title    = "Flow supervision"
+//   scenes   = ["n3v-baton", { path = "n3v-sphere", name = "sphere", flow.weight = 0.5 }]
+//   seeds    = [0, 1, 2]                      # [0] where nothing is said
+//   config   = "base.toml"                    # settings of every run: a file,
+//   metrics  = ["psnr", "psnr_dynamic"]       # columns of the table; all there are
+//   baseline = "off"                          # a row others are compared with
+//   [settings]                                # and tables as in it
+//   train.iterations = 3000
+//   [[axis]]                                  # every combination of one choice of each axis
+//   name = "flow"
+//   choices = [{ name = "off", flow.weight = 0 }, { name = "DIS" }]
+//   [[axis]]
+//   setting = "flow.top_k"
+//   values = [0, 20]
+//   [[variant]]                               # or a list, which is an axis without a name
+//   name = "rigid"
+//   loss.rigidity = 1
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "optim/train/config.hpp"
+
+namespace gflow::experiments {
+
+// A line of the table: its seeds are averaged.
+struct Row {
+  std::string scene;                 // its name
+  std::vector<std::string> choices;  // one an axis
+};
+
+// One training.
+struct PlannedRun {
+  std::string id;      // of its folder: scene, choices and seed, as a file may be called
+  size_t row;          // of Plan::rows
+  TrainConfig config;  // whole, with scene and seed
+};
+
+struct Plan {
+  std::string path, title;
+  std::vector<std::string> axes;     // names; that of the list of variants is "variant"
+  std::vector<Row> rows;             // scene by scene
+  std::vector<PlannedRun> runs;      // row by row
+  std::vector<std::string> metrics;  // empty: those there are
+  // Choices of the row of each scene that the others are compared with; empty: none.
+  std::vector<std::string> baseline;
+};
+
+// Scenes and files are looked for from the folder of the file, then, scenes, from `scenes`. Error
+// that names file and line when it cannot be read, has a key or setting that is not known, or two
+// runs that are called the same.
+Plan read_plan(const std::string& path, const std::string& scenes);
+
+}  // namespace gflow::experiments

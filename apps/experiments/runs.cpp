@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/experiments/runs.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <thread>
+
+#include "optim/data/json_file.hpp"
+#include "optim/io/atomic_file.hpp"
+#include "optim/io/interrupt.hpp"
+#include "optim/train/progress.hpp"
+#include "optim/train/run_folder.hpp"
+
+extern char** environ;
+
+namespace gflow::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The first setting in which they differ, as a sentence; empty: none.
+std::string difference(const TrainConfig& before, const TrainConfig& now) {
+  const auto a = setting_values(before), b = setting_values(now);
+  for (const auto& [key, value] : b)
+    if (a.at(key) != value) return fmt::format("{} was {}, now it is {}", key, a.at(key), value);
+  return "";
+}
+
+// The last whole line of a file; "" where there is none.
+std::string last_line(const std::string& path) {
+  std::ifstream in(path, std::ios::binary | std::ios::ate);
+  if (!in) return "";
+  const auto size = in.tellg();
+  const std::streamoff length = std::min<std::streamoff>(size, 4096);
+  in.seekg(-length, std::ios::end);
+  std::string tail(size_t(length), '\0');
+  in.read(tail.data(), length);
+  while (!tail.empty() && (tail.back() == '\n' || tail.back() == '\r')) tail.pop_back();
+  return tail.substr(tail.rfind('\n') + 1);
+}
+
+// What a training said it ended for: its sentence begins with the program's name.
+std::string reason(const std::string& log) {
+  std::ifstream in(log);
+  std::string found, begin = "gflow: ";
+  for (std::string line; std::getline(in, line);)
+    if (line.rfind(begin, 0) == 0) found = line.substr(begin.size());
+  return found.empty() ? last_line(log) : found;
+}
+
+// From when one file was written to when the other one was.
+double seconds_between(const std::string& first, const std::string& last) {
+  return std::chrono::duration<double>(fs::last_write_time(last) - fs::last_write_time(first))
+      .count();
+}
+
+int steps_made(const std::string& run) {
+  const auto line = nlohmann::json::parse(last_line(run + "/metrics.jsonl"), nullptr, false);
+  return line.is_object() ? line.value("iteration", 0) : 0;
+}
+
+// One training as another process.
+class Training {
+ public:
+  Training(const PlannedRun& run, const std::string& folder, const std::string& device, bool anew) {
+    const RunFiles files(folder, run.id);
+    write_file_atomically(files.settings, to_toml(run.config));
+    std::vector<std::string> arguments{
+        "gflow",        "train",   run.config.scene.path,
+        "-o",           files.run, "--config",
+        files.settings, "--quiet", anew ? "--overwrite" : "--resume"};
+    if (!device.empty()) arguments.insert(arguments.end(), {"--device", device});
+    std::vector<char*> argv;
+    for (std::string& argument : arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, files.log.c_str(),
+                                     O_WRONLY | O_CREAT | O_TRUNC, 0666);
+    posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
+    const int problem =
+        posix_spawn(&pid_, "/proc/self/exe", &actions, nullptr, argv.data(), environ);
+    posix_spawn_file_actions_destroy(&actions);
+    if (problem != 0)
+      throw Error(fmt::format("cannot start the training {}: {}", run.id, std::strerror(problem)));
+  }
+  // Whether it has ended; how, by failed().
+  bool ended() {
+    if (!ended_) ended_ = waitpid(pid_, &status_, WNOHANG) == pid_;
+    return ended_;
+  }
+  void wait() {
+    if (!ended_) waitpid(pid_, &status_, 0);
+    ended_ = true;
+  }
+  bool failed() const { return !WIFEXITED(status_) || WEXITSTATUS(status_) != 0; }
+  void stop() const { kill(pid_, SIGINT); }
+
+ private:
+  pid_t pid_ = -1;
+  int status_ = 0;
+  bool ended_ = false;
+};
+
+class Pool {
+ public:
+  Pool(const Plan& plan, const std::string& folder, const RunOptions& options)
+      : plan_(plan),
+        folder_(folder),
+        options_(options),
+        progress_("runs", total_steps(plan), options.quiet, 0) {
+    for (size_t i = 0; i < plan.runs.size(); ++i) {
+      const Standing standing = standing_of(plan.runs[i], folder);
+      steps_.push_back(standing.steps);
+      const bool other = standing.status == Status::other_settings;
+      if (other && !options.redo)
+        throw Error(
+            fmt::format("the experiment has changed since {} was trained: {}; --redo trains "
+                        "such runs anew, another -o leaves them alone",
+                        RunFiles(folder, plan.runs[i].id).run, standing.difference));
+      if (other) steps_[i] = 0;
+      if (standing.status != Status::finished) waiting_.push_back({i, other});
+    }
+    std::reverse(waiting_.begin(), waiting_.end());  // the next one is the last
+  }
+
+  ~Pool() {  // only what an error left running
+    for (auto& [i, job] : running_) job.training.stop();
+    for (auto& [i, job] : running_) job.training.wait();
+  }
+
+  void train() {
+    const InterruptGuard guard;
+    while (!running_.empty() || (!waiting_.empty() && !interrupted())) {
+      start_more();
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      if (interrupted() && !told_to_stop_) stop_all();
+      look();
+    }
+    progress_.finish();
+    if (interrupted())
+      throw Interrupted(fmt::format("stopped with {} of {} runs finished; the same command goes on",
+                                    finished(), plan_.runs.size()));
+    if (failures_.empty()) return;
+    throw RunsFailed(fmt::format("{} of {} runs failed, {} says why for the first: {}",
+                                 failures_.size(), plan_.runs.size(),
+                                 RunFiles(folder_, plan_.runs[failures_[0]].id).log,
+                                 reason(RunFiles(folder_, plan_.runs[failures_[0]].id).log)));
+  }
+
+ private:
+  static long total_steps(const Plan& plan) {
+    long steps = 0;
+    for (const PlannedRun& run : plan.runs) steps += run.config.train.iterations;
+    return steps;
+  }
+  size_t finished() const {
+    return plan_.runs.size() - waiting_.size() - running_.size() - failures_.size() - stopped_;
+  }
+
+  void start_more() {
+    while (!waiting_.empty() && int(running_.size()) < options_.jobs && !interrupted()) {
+      const auto [i, anew] = waiting_.back();
+      // The first device that none is on, or the one with fewest.
+      std::vector<std::string> devices = options_.devices;
+      if (devices.empty()) devices.push_back("");
+      const auto taken = [&](const std::string& device) {
+        return std::count_if(running_.begin(), running_.end(),
+                             [&](const auto& entry) { return entry.second.device == device; });
+      };
+      const std::string device = *std::min_element(
+          devices.begin(), devices.end(),
+          [&](const std::string& a, const std::string& b) { return taken(a) < taken(b); });
+      waiting_.pop_back();
+      running_.emplace(i, Job{Training(plan_.runs[i], folder_, device, anew), device});
+    }
+  }
+
+  void stop_all() {
+    told_to_stop_ = true;
+    for (auto& [i, job] : running_) job.training.stop();
+  }
+
+  void look() {
+    for (auto entry = running_.begin(); entry != running_.end();) {
+      const size_t i = entry->first;
+      const PlannedRun& run = plan_.runs[i];
+      steps_[i] = std::max(steps_[i], steps_made(RunFiles(folder_, run.id).run));
+      if (!entry->second.training.ended()) {
+        ++entry;
+        continue;
+      }
+      if (!entry->second.training.failed())
+        steps_[i] = run.config.train.iterations;
+      else if (interrupted())
+        ++stopped_;
+      else
+        fail(i);
+      entry = running_.erase(entry);
+    }
+    long done = 0;
+    for (const int steps : steps_) done += steps;
+    progress_.update(done, {{"finished", fmt::format("{}/{}", finished(), plan_.runs.size())},
+                            {"running", fmt::format("{}", running_.size())}});
+  }
+
+  void fail(size_t i) {
+    failures_.push_back(i);
+    const RunFiles files(folder_, plan_.runs[i].id);
+    progress_.say(fmt::format("{} failed: {}", plan_.runs[i].id, reason(files.log)));
+  }
+
+  struct Job {
+    Training training;
+    std::string device;
+  };
+
+  const Plan& plan_;
+  std::string folder_;
+  RunOptions options_;
+  Progress progress_;
+  std::vector<int> steps_;                        // of each run
+  std::vector<std::pair<size_t, bool>> waiting_;  // run, and whether it is begun anew
+  std::map<size_t, Job> running_;
+  std::vector<size_t> failures_;
+  size_t stopped_ = 0;
+  bool told_to_stop_ = false;
+};
+
+}  // namespace
+
+Standing standing_of(const PlannedRun& run, const std::string& folder) {
+  const RunFiles files(folder, run.id);
+  Standing standing;
+  if (!fs::exists(files.settings)) return standing;
+  TrainConfig before;
+  apply_file(before, files.settings);
+  standing.difference = difference(before, run.config);
+  if (RunFolder::is_run(files.run)) {
+    const RunFacts facts = RunFolder(files.run).read_facts();
+    const bool finished = facts.finished && fs::exists(files.run + "/results.json");
+    standing.steps = finished ? run.config.train.iterations : steps_made(files.run);
+    if (finished) standing.seconds = seconds_between(files.settings, files.run + "/results.json");
+    standing.status = finished ? Status::finished : Status::stopped;
+  }
+  if (!standing.difference.empty()) standing.status = Status::other_settings;
+  return standing;
+}
+
+std::vector<double> seconds_left(const Plan& plan, const std::vector<Standing>& standings) {
+  // Seconds a step of the finished runs of a scene, or of all.
+  const auto pace = [&](const std::string& scene) {
+    double seconds = 0, steps = 0;
+    for (size_t i = 0; i < plan.runs.size(); ++i)
+      if (standings[i].status == Status::finished &&
+          (scene.empty() || plan.rows[plan.runs[i].row].scene == scene)) {
+        seconds += standings[i].seconds;
+        steps += plan.runs[i].config.train.iterations;
+      }
+    return steps > 0 ? seconds / steps : std::nan("");
+  };
+  std::vector<double> left;
+  for (size_t i = 0; i < plan.runs.size(); ++i) {
+    const int steps = standings[i].status == Status::other_settings ? 0 : standings[i].steps;
+    double each = pace(plan.rows[plan.runs[i].row].scene);
+    if (std::isnan(each)) each = pace("");
+    const ScheduleConfig& train = plan.runs[i].config.train;
+    double seconds = each * double(train.iterations - steps);
+    const double most = 60.0 * double(train.minutes);
+    if (most > 0 && !(seconds < most)) seconds = most;
+    left.push_back(standings[i].status == Status::finished ? 0 : seconds);
+  }
+  return left;
+}
+
+void train_all(const Plan& plan, const std::string& folder, const RunOptions& options) {
+  fs::create_directories(folder + "/runs");
+  Pool(plan, folder, options).train();
+}
+
+}  // namespace gflow::experiments

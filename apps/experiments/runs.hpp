@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// The trainings of an experiment: FOLDER/runs/ID is a run folder as `gflow train` makes it, ID.toml
+// its settings, ID.log what it said.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "apps/experiments/plan.hpp"
+
+namespace gflow::experiments {
+
+struct RunFiles {
+  RunFiles(const std::string& folder, const std::string& id)
+      : run(folder + "/runs/" + id), settings(run + ".toml"), log(run + ".log") {}
+  std::string run, settings, log;
+};
+
+enum class Status { missing, stopped, finished, other_settings };
+
+struct Standing {
+  Status status = Status::missing;
+  int steps = 0;           // made
+  double seconds = 0;      // it took to its end, from where it was gone on with last
+  std::string difference;  // other_settings: the first setting that is another, and its values
+};
+
+Standing standing_of(const PlannedRun& run, const std::string& folder);
+
+// Likely seconds that are left of each run, from those that are finished, of the same scene where
+// there is one; NaN where none is.
+std::vector<double> seconds_left(const Plan& plan, const std::vector<Standing>& standings);
+
+struct RunOptions {
+  int jobs = 1;                      // trainings at a time
+  std::vector<std::string> devices;  // which they take in turn; empty: the default one
+  bool quiet = false;
+  bool redo = false;  // runs with other settings are begun anew
+};
+
+// Some runs did not come to their end.
+struct RunsFailed : Error {
+  using Error::Error;
+};
+
+// Trains what is missing, as other processes. A run that fails is told and the others go on;
+// RunsFailed at the end names it. Error before anything is done when there is a run with other
+// settings and not redo. On a signal all are stopped, which saves them: Interrupted.
+void train_all(const Plan& plan, const std::string& folder, const RunOptions& options);
+
+}  // namespace gflow::experiments

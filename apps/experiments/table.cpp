@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/experiments/table.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <numeric>
+#include <set>
+
+#include "apps/experiments/runs.hpp"
+#include "optim/data/json_file.hpp"
+
+namespace gflow::experiments {
+namespace {
+
+using Words = std::vector<std::string>;
+
+// A scene for each line of means.
+const char* const all_scenes = "all scenes";
+
+std::string digits(double value, int behind_the_point) {
+  return std::isnan(value) ? "-" : fmt::format("{:.{}f}", value, behind_the_point);
+}
+
+std::string csv_line(const Words& words) {
+  Words quoted;
+  for (const std::string& word : words) {
+    const bool plain = word.find_first_of(",\"\n") == std::string::npos;
+    std::string text = plain ? word : "\"";
+    for (size_t i = 0; !plain && i < word.size(); ++i)
+      text += word[i] == '"' ? "\"\"" : word.substr(i, 1);
+    quoted.push_back(plain ? text : text + "\"");
+  }
+  return fmt::format("{}\n", fmt::join(quoted, ","));
+}
+
+std::string csv_number(double value) { return std::isnan(value) ? "" : fmt::format("{}", value); }
+
+std::string markdown_line(const Words& words) {
+  return fmt::format("| {} |\n", fmt::join(words, " | "));
+}
+
+std::string name_of(const Row& row, const std::string& without) {
+  return row.choices.empty() ? without : fmt::format("{}", fmt::join(row.choices, ", "));
+}
+
+Words scenes_of(const Plan& plan) {
+  Words scenes;
+  for (const Row& row : plan.rows)
+    if (std::find(scenes.begin(), scenes.end(), row.scene) == scenes.end())
+      scenes.push_back(row.scene);
+  return scenes;
+}
+
+}  // namespace
+
+std::vector<nlohmann::json> results_of(const Plan& plan, const std::string& folder) {
+  std::vector<nlohmann::json> results;
+  for (const PlannedRun& run : plan.runs) {
+    results.emplace_back();
+    if (standing_of(run, folder).status == Status::finished)
+      results.back() = read_json(RunFiles(folder, run.id).run + "/results.json");
+  }
+  return results;
+}
+
+double Cell::mean() const {
+  if (values.empty()) return std::nan("");
+  return std::accumulate(values.begin(), values.end(), 0.0) / double(values.size());
+}
+
+double Cell::spread() const {
+  if (values.size() < 2) return std::nan("");
+  double squares = 0;
+  for (const double value : values) squares += (value - mean()) * (value - mean());
+  return std::sqrt(squares / double(values.size() - 1));
+}
+
+Results::Results(const Plan& plan, std::vector<nlohmann::json> results)
+    : plan_(plan), results_(std::move(results)) {
+  for (const Metric& metric : all_metrics()) {
+    const auto& asked = plan.metrics;
+    const bool known = std::any_of(results_.begin(), results_.end(), [&](const nlohmann::json& r) {
+      return !std::isnan(value_of(metric, r));
+    });
+    const bool wanted = asked.empty()
+                            ? known && is_repeatable(metric) && metric.better != Better::neither
+                            : std::find(asked.begin(), asked.end(), metric.name) != asked.end();
+    if (wanted) metrics_.push_back(&metric);
+  }
+}
+
+std::vector<Results::Line> Results::lines_of(const std::vector<const Metric*>& metrics) const {
+  std::vector<Line> lines;
+  for (size_t r = 0; r < plan_.rows.size(); ++r) {
+    Line line{plan_.rows[r], std::vector<Cell>(metrics.size())};
+    for (size_t i = 0; i < plan_.runs.size(); ++i) {
+      if (plan_.runs[i].row != r) continue;
+      for (size_t m = 0; m < metrics.size(); ++m) {
+        const double value = value_of(*metrics[m], results_[i]);
+        if (!std::isnan(value)) line.cells[m].values.push_back(value);
+      }
+    }
+    lines.push_back(line);
+  }
+  const size_t scenes = scenes_of(plan_).size(), each = lines.size() / scenes;
+  if (scenes < 2) return lines;
+  for (size_t k = 0; k < each; ++k) {
+    Line mean{{all_scenes, lines[k].row.choices}, std::vector<Cell>(metrics.size())};
+    for (size_t m = 0; m < metrics.size(); ++m)
+      for (size_t s = 0; s < scenes; ++s)
+        if (const double value = lines[s * each + k].cells[m].mean(); !std::isnan(value))
+          mean.cells[m].values.push_back(value);
+    // A mean of some scenes only would be compared with one of all.
+    for (Cell& cell : mean.cells)
+      if (cell.values.size() < scenes) cell.values.clear();
+    lines.push_back(mean);
+  }
+  return lines;
+}
+
+std::string Results::markdown_of(const std::vector<const Metric*>& metrics, bool marks) const {
+  const std::vector<Line> lines = lines_of(metrics);
+  Words head{"scene"};
+  head.insert(head.end(), plan_.axes.begin(), plan_.axes.end());
+  for (const Metric* metric : metrics) head.push_back(metric->label);
+  std::string text = markdown_line(head) + markdown_line(Words(head.size(), "---"));
+  for (const Line& line : lines) {
+    Words words{line.row.scene};
+    words.insert(words.end(), line.row.choices.begin(), line.row.choices.end());
+    for (size_t m = 0; m < metrics.size(); ++m) {
+      const Metric& metric = *metrics[m];
+      const Cell& cell = line.cells[m];
+      const double mean = cell.mean();
+      std::string word = digits(mean, metric.digits);
+      double best = mean, base = std::nan("");
+      int others = 0;
+      for (const Line& other : lines) {
+        const double value = other.cells[m].mean();
+        if (other.row.scene != line.row.scene || std::isnan(value)) continue;
+        ++others;
+        best = metric.better == Better::lower ? std::min(best, value) : std::max(best, value);
+        if (other.row.choices == plan_.baseline) base = value;
+      }
+      if (marks && others > 1 && mean == best && metric.better != Better::neither)
+        word = "**" + word + "**";
+      if (line.row.scene != all_scenes && cell.values.size() > 1)
+        word += " ± " + digits(cell.spread(), metric.digits);
+      if (marks && metric.better != Better::neither && line.row.choices != plan_.baseline &&
+          !std::isnan(base - mean))
+        word += fmt::format(" ({:+.{}f})", mean - base, metric.digits);
+      words.push_back(word);
+    }
+    text += markdown_line(words);
+  }
+  return text;
+}
+
+std::string Results::markdown() const {
+  size_t finished = 0;
+  std::set<std::string> devices;
+  for (const nlohmann::json& result : results_) {
+    finished += result.is_object();
+    if (result.is_object()) devices.insert(result.value("device", ""));
+  }
+  return fmt::format(
+      "# {}\n\n{} of {} runs{}. Means{}.\n\n{}", plan_.title, finished, plan_.runs.size(),
+      devices.empty() ? "" : fmt::format(", on {}", fmt::join(devices, " and ")),
+      plan_.runs.size() > plan_.rows.size() ? " ± standard deviation over seeds" : " of one seed",
+      markdown_of(metrics_, true));
+}
+
+std::string Results::costs() const {
+  return markdown_of({&metric_named("minutes"), &metric_named("memory"), &metric_named("gaussians"),
+                      &metric_named("steps")},
+                     false);
+}
+
+std::string Results::csv() const {
+  Words head{"scene"};
+  head.insert(head.end(), plan_.axes.begin(), plan_.axes.end());
+  head.push_back("seeds");
+  for (const Metric* metric : metrics_)
+    for (const char* what : {"", "_std"}) head.push_back(std::string(metric->name) + what);
+  std::string text = csv_line(head);
+  for (const Line& line : lines_of(metrics_)) {
+    Words words{line.row.scene};
+    words.insert(words.end(), line.row.choices.begin(), line.row.choices.end());
+    size_t seeds = 0;
+    for (const Cell& cell : line.cells) seeds = std::max(seeds, cell.values.size());
+    words.push_back(line.row.scene == all_scenes ? "" : fmt::format("{}", seeds));
+    for (const Cell& cell : line.cells) {
+      words.push_back(csv_number(cell.mean()));
+      words.push_back(line.row.scene == all_scenes ? "" : csv_number(cell.spread()));
+    }
+    text += csv_line(words);
+  }
+  return text;
+}
+
+std::string Results::runs_csv() const {
+  Words head{"run", "scene"};
+  head.insert(head.end(), plan_.axes.begin(), plan_.axes.end());
+  head.push_back("seed");
+  for (const Metric& metric : all_metrics()) head.push_back(metric.name);
+  std::string text = csv_line(head);
+  for (size_t i = 0; i < plan_.runs.size(); ++i) {
+    if (!results_[i].is_object()) continue;
+    const Row& row = plan_.rows[plan_.runs[i].row];
+    Words words{plan_.runs[i].id, row.scene};
+    words.insert(words.end(), row.choices.begin(), row.choices.end());
+    words.push_back(fmt::format("{}", plan_.runs[i].config.train.seed));
+    for (const Metric& metric : all_metrics())
+      words.push_back(csv_number(value_of(metric, results_[i])));
+    text += csv_line(words);
+  }
+  return text;
+}
+
+nlohmann::ordered_json Results::json() const {
+  const auto or_null = [](double value) {
+    return std::isnan(value) ? nlohmann::ordered_json() : nlohmann::ordered_json(value);
+  };
+  nlohmann::ordered_json all{{"title", plan_.title}, {"rows", nlohmann::ordered_json::array()}};
+  for (const Line& line : lines_of(metrics_)) {
+    nlohmann::ordered_json row{{"scene", line.row.scene}};
+    for (size_t a = 0; a < plan_.axes.size(); ++a) row[plan_.axes[a]] = line.row.choices[a];
+    for (size_t m = 0; m < metrics_.size(); ++m)
+      row["figures"][metrics_[m]->name] = {{"mean", or_null(line.cells[m].mean())},
+                                           {"std", or_null(line.cells[m].spread())},
+                                           {"values", line.cells[m].values}};
+    all["rows"].push_back(row);
+  }
+  return all;
+}
+
+std::vector<Plot> Results::bars() const {
+  const Words scenes = scenes_of(plan_);
+  const size_t each = plan_.rows.size() / scenes.size();
+  std::vector<Plot> plots;
+  for (size_t m = 0; m < metrics_.size(); ++m) {
+    if (metrics_[m]->better == Better::neither) continue;
+    Plot plot;
+    plot.name = metrics_[m]->name;
+    const std::vector<Line> lines = lines_of({metrics_[m]});
+    Words head{"scene"};
+    for (size_t k = 0; k < each; ++k) {
+      head.push_back(name_of(plan_.rows[k], plan_.title));
+      head.push_back("std");
+    }
+    plot.table = {head};
+    for (size_t s = 0; s < scenes.size(); ++s) {
+      Words words{scenes[s]};
+      for (size_t k = 0; k < each; ++k) {
+        const Cell& cell = lines[s * each + k].cells[0];
+        const double spread = cell.spread();
+        words.push_back(std::isnan(cell.mean()) ? "?" : fmt::format("{}", cell.mean()));
+        words.push_back(fmt::format("{}", std::isnan(spread) ? 0 : spread));
+      }
+      plot.table.push_back(words);
+    }
+    // From 0 where less is better; PSNR and SSIM far from 0 would all look alike.
+    plot.script = fmt::format(
+        "set termoption noenhanced\nset datafile missing '?'\nset style data histograms\n"
+        "set style histogram errorbars gap 2 lw 1\nset style fill solid 0.8\nset ylabel '{}'\n"
+        "{}plot for [i=2:{}:2] '{}.tsv' using i:i+1:xtic(1) title columnheader(i)",
+        metrics_[m]->label,
+        metrics_[m]->better == Better::lower ? "set yrange [0:*]\n" : "set yrange [*:*]\n",
+        2 * each, plot.name);
+    plots.push_back(plot);
+  }
+  return plots;
+}
+
+std::vector<Plot> Results::curves(const std::string& folder) const {
+  const Words scenes = scenes_of(plan_);
+  std::vector<Plot> plots;
+  for (const std::string& scene : scenes)
+    for (const bool by_time : {false, true}) {
+      Plot plot;
+      plot.name = fmt::format("curve_{}_{}", scene, by_time ? "seconds" : "steps");
+      for (char& c : plot.name)
+        if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+      std::string lines;
+      int block = 0;
+      for (size_t i = 0; i < plan_.runs.size(); ++i) {
+        const Row& row = plan_.rows[plan_.runs[i].row];
+        const bool first_seed = i == 0 || plan_.runs[i - 1].row != plan_.runs[i].row;
+        if (row.scene != scene || !first_seed || !results_[i].is_object()) continue;
+        std::ifstream metrics(RunFiles(folder, plan_.runs[i].id).run + "/metrics.jsonl");
+        if (block > 0) plot.table.insert(plot.table.end(), 2, Words{});
+        plot.table.push_back({by_time ? "seconds" : "steps", name_of(row, plan_.title)});
+        for (std::string line; std::getline(metrics, line);) {
+          const auto step = nlohmann::json::parse(line, nullptr, false);
+          if (step.is_object())
+            plot.table.push_back(
+                {fmt::format("{}", step.value(by_time ? "seconds" : "iteration", 0.0)),
+                 fmt::format("{}", step.value("psnr", 0.0))});
+        }
+        lines +=
+            fmt::format("{}'{}.tsv' index {} using 1:2 with lines lw 1.5 title columnheader(2)",
+                        block > 0 ? ", " : "", plot.name, block);
+        ++block;
+      }
+      if (block == 0) continue;
+      plot.script = fmt::format(
+          "set termoption noenhanced\nset title '{}'\nset xlabel '{}'\n"
+          "set ylabel 'PSNR of the training pictures [dB]'\nplot {}",
+          scene, by_time ? "seconds of training" : "steps", lines);
+      plots.push_back(plot);
+    }
+  return plots;
+}
+
+}  // namespace gflow::experiments

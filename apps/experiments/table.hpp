@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// What came of an experiment, as tables and plots. Of the same trainings the same bytes, but for
+// costs.md and runs.csv, which have times.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "apps/experiments/metrics.hpp"
+#include "apps/experiments/plan.hpp"
+#include "apps/plot.hpp"
+
+namespace gflow::experiments {
+
+// results.json of each run that is finished with the plan's settings; null of the others.
+std::vector<nlohmann::json> results_of(const Plan& plan, const std::string& folder);
+
+// A figure of a row, over its seeds.
+struct Cell {
+  std::vector<double> values;  // of the finished runs that have it
+  double mean() const;         // NaN where there is none
+  double spread() const;       // standard deviation of the runs (n - 1); NaN of fewer than two
+};
+
+class Results {
+ public:
+  Results(const Plan& plan, std::vector<nlohmann::json> results);
+
+  // Rows, then a row of each combination of choices with the means of all scenes, where there are
+  // several. Best figures of a scene are bold; in brackets what a baseline's row is exceeded by.
+  std::string markdown() const;
+  // The same for what the trainings cost.
+  std::string costs() const;
+  std::string csv() const;       // means and spreads, a line a row
+  std::string runs_csv() const;  // every figure of every run
+  nlohmann::ordered_json json() const;
+
+  // A figure of all rows as bars with their spread, scene by scene.
+  std::vector<Plot> bars() const;
+  // PSNR and loss while training (metrics.csv), against steps and seconds; first seeds.
+  std::vector<Plot> curves(const std::string& folder) const;
+
+ private:
+  struct Line {
+    Row row;
+    std::vector<Cell> cells;  // one a metric of `metrics_`
+  };
+  std::string markdown_of(const std::vector<const Metric*>& metrics, bool marks) const;
+  std::vector<Line> lines_of(const std::vector<const Metric*>& metrics) const;
+
+  const Plan& plan_;
+  std::vector<nlohmann::json> results_;
+  std::vector<const Metric*> metrics_;
+};
+
+// Pictures of the first seed of each row, as compare.png of its run, below each other:
+// FOLDER/pictures/SCENE.png. Returns the files that were written.
+std::vector<std::string> write_contact_sheets(const Plan& plan, const std::string& folder);
+
+}  // namespace gflow::experiments

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow experiment`: what a file names is trained once, whatever stops it, and the tables hold
+// what the runs came to.
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "train/command.hpp"
+#include "train/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+using Json = nlohmann::json;
+
+class Experiment : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    Queue queue = test_queue();
+    scene_ = new SmallScene(queue);
+  }
+  static void TearDownTestSuite() { delete scene_; }
+
+  // A file of two choices and two seeds on the small scene, called "small".
+  std::string file(const std::string& more = "", const std::string& steps = "4") const {
+    return folder_.write("a.toml", fmt::format(R"(title = "A test, of choices"
+scenes = [{{ path = "{}", name = "small" }}]
+seeds = [0, 3]
+{}
+[settings]
+train.iterations = {}
+train.checkpoint_every = 1
+flow.weight = 0.1
+[[axis]]
+name = "flow"
+choices = [{{ name = "off", flow.enabled = false }}, {{ name = "on" }}]
+)",
+                                               scene_->path(), more, steps));
+  }
+  std::string out(const std::string& name = "") const { return folder_.file("out") + name; }
+  Outcome experiment(const std::string& file, std::vector<std::string> more = {}) const {
+    more.insert(more.begin(), {"experiment", file, "-o", out(), "--quiet"});
+    return gflow(more);
+  }
+  std::string run(const std::string& id) const { return out("/runs/" + id); }
+  static Json read(const std::string& path) { return Json::parse(contents(path)); }
+
+  TemporaryFolder folder_;
+  inline static SmallScene* scene_ = nullptr;
+};
+
+TEST_F(Experiment, TrainsWhatTheFileNamesAndTabulatesIt) {
+  const Outcome outcome = experiment(file("baseline = \"off\"\n"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(outcome.err, "");
+  const Json table = read(out("/table.json"));
+  ASSERT_EQ(table["rows"].size(), 2u);
+  for (const char* choice : {"off", "on"}) {
+    const Json& row = table["rows"][choice == std::string("on")];
+    EXPECT_EQ(row["scene"], "small");
+    EXPECT_EQ(row["flow"], choice);
+    double sum = 0, squares = 0;
+    for (const char* seed : {"0", "3"}) {
+      const std::string path = run(fmt::format("small-{}-seed{}", choice, seed));
+      const double psnr = read(path + "/results.json")["test"]["psnr"];
+      sum += psnr;
+      squares += psnr * psnr;
+      EXPECT_NE(contents(path + "/config.toml").find(std::string("seed = ") + seed),
+                std::string::npos);
+    }
+    EXPECT_NEAR(row["figures"]["psnr"]["mean"].get<double>(), sum / 2, 1e-12);
+    EXPECT_NEAR(row["figures"]["psnr"]["std"].get<double>(),
+                std::sqrt(std::max(0.0, squares - sum * sum / 2)), 1e-6);
+    EXPECT_EQ(row["figures"]["psnr"]["values"].size(), 2u);
+  }
+  const std::string markdown = contents(out("/table.md"));
+  EXPECT_NE(markdown.find("# A test, of choices"), std::string::npos);
+  EXPECT_NE(markdown.find("4 of 4 runs"), std::string::npos);
+  EXPECT_NE(markdown.find("| small | off | "), std::string::npos);
+  EXPECT_NE(markdown.find(" (+"), std::string::npos) << markdown;  // compared with the baseline
+  EXPECT_EQ(outcome.out.rfind(markdown, 0), 0u);
+  const std::string runs = contents(out("/runs.csv"));
+  EXPECT_EQ(std::count(runs.begin(), runs.end(), '\n'), 5);
+  EXPECT_EQ(runs.rfind("run,scene,flow,seed,psnr,", 0), 0u);
+  EXPECT_NE(contents(out("/costs.md")).find("minutes"), std::string::npos);
+  EXPECT_NE(contents(out("/plots/psnr.tsv")).find("small\t"), std::string::npos);
+  EXPECT_NE(contents(out("/plots/curve_small_steps.tsv")).find("off"), std::string::npos);
+  const Image sheet = read_image(out("/pictures/small.png"));
+  const Image one = read_image(run("small-on-seed0") + "/compare.png");
+  EXPECT_GE(sheet.width, one.width);
+  EXPECT_GT(sheet.height, 2 * one.height);
+}
+
+TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
+  const std::string toml = file();
+  ASSERT_EQ(experiment(toml).code, 0);
+  const std::string table = contents(out("/table.csv"));
+  const auto trained = fs::last_write_time(run("small-on-seed0") + "/results.json");
+  ASSERT_EQ(experiment(toml).code, 0);
+  EXPECT_EQ(fs::last_write_time(run("small-on-seed0") + "/results.json"), trained);
+  EXPECT_EQ(contents(out("/table.csv")), table);
+  // From the beginning, two at a time; one of them was lost, one stopped before its results.
+  fs::remove_all(run("small-off-seed0"));
+  fs::remove(run("small-on-seed3") + "/results.json");
+  EXPECT_NE(experiment(toml, {"--dry-run"}).out.find("4 runs, 2 of them finished"),
+            std::string::npos);
+  ASSERT_EQ(experiment(toml, {"--jobs", "2"}).code, 0);
+  EXPECT_EQ(contents(out("/table.csv")), table);
+}
+
+TEST_F(Experiment, ASignalStopsItAndTheSameCommandGoesOn) {
+  const std::string toml = file("", "3000");
+  Command command({"experiment", toml, "-o", out(), "--quiet"});
+  for (int i = 0; i < 6000 && !fs::exists(run("small-off-seed0") + "/checkpoints"); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  command.send(SIGINT);
+  const Outcome stopped = command.wait();
+  EXPECT_EQ(stopped.code, 130);
+  EXPECT_NE(stopped.err.find("stopped with 0 of 4 runs finished; the same command goes on"),
+            std::string::npos)
+      << stopped.err;
+  const std::string plan = experiment(toml, {"--dry-run"}).out;
+  EXPECT_NE(plan.find("stopped after "), std::string::npos) << plan;
+  EXPECT_NE(plan.find("4 runs, 0 of them finished"), std::string::npos) << plan;
+}
+
+TEST_F(Experiment, OtherSettingsAreNotMixedIn) {
+  ASSERT_EQ(experiment(file()).code, 0);
+  const std::string changed = file("", "5");
+  const Outcome refused = experiment(changed);
+  EXPECT_EQ(refused.code, 1);
+  EXPECT_NE(refused.err.find("small-off-seed0 was trained: train.iterations was 4, now it is 5; "
+                             "--redo"),
+            std::string::npos)
+      << refused.err;
+  EXPECT_EQ(read(run("small-off-seed0") + "/results.json")["iterations"], 4);
+  ASSERT_EQ(experiment(changed, {"--redo"}).code, 0);
+  EXPECT_EQ(read(run("small-on-seed3") + "/results.json")["iterations"], 5);
+}
+
+TEST_F(Experiment, ARunThatFailsLeavesTheOthers) {
+  // No such device: every run fails, and each says why in its log.
+  const Outcome none = experiment(file(), {"--devices", "no such device"});
+  EXPECT_EQ(none.code, 1);
+  EXPECT_NE(none.err.find("4 of 4 runs failed"), std::string::npos) << none.err;
+  EXPECT_NE(none.err.find("no such device"), std::string::npos) << none.err;
+  // One cannot be made because a file is in its place.
+  fs::remove_all(out());
+  fs::create_directories(out("/runs"));
+  std::ofstream(run("small-off-seed0")) << "in the way";
+  const Outcome one = experiment(file());
+  EXPECT_EQ(one.code, 1);
+  EXPECT_NE(one.err.find("1 of 4 runs failed"), std::string::npos) << one.err;
+  EXPECT_NE(contents(out("/table.md")).find("3 of 4 runs"), std::string::npos);
+}
+
+TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
+  const auto expect = [&](const std::string& text, std::initializer_list<std::string> words) {
+    const Outcome outcome = experiment(folder_.write("a.toml", text));
+    EXPECT_EQ(outcome.code, 1);
+    for (const std::string& word : words)
+      EXPECT_NE(outcome.err.find(word), std::string::npos) << word << "\n" << outcome.err;
+    EXPECT_FALSE(fs::exists(out()));
+  };
+  const std::string scenes = fmt::format("scenes = [\"{}\"]\n", scene_->path());
+  expect("", {"a.toml", "no list 'scenes'"});
+  expect("scenes = [", {"a.toml, line 1"});
+  expect("scenes = [\"nowhere\"]", {"a.toml, line 1", "no scene 'nowhere'", "--scenes"});
+  expect(scenes + "seed = [1]", {"line 2", "'seed'", "seeds"});
+  expect(scenes + "seeds = [-1]", {"line 2", "seeds are whole numbers"});
+  expect(scenes + "metrics = [\"pnsr\"]", {"line 2", "no metric 'pnsr'", "psnr_dynamic"});
+  expect(scenes + "[settings]\ntrain.iteration = 3", {"line 2", "train.iteration", "iterations"});
+  expect(scenes + "[settings]\ntrain.iterations = 0", {"train.iterations", "at least 1"});
+  expect(scenes + "[[axis]]\nname = \"x\"", {"line 2", "choices"});
+  expect(scenes + "[[axis]]\nsetting = \"flow.top_k\"", {"line 2", "no 'values'"});
+  expect(scenes + "[[variant]]\nflow.weight = 0.1", {"line 2", "needs a 'name'"});
+  expect(scenes + "[[variant]]\nname = \"a\"\n[[variant]]\nname = \"a\"", {"two runs", "a-seed0"});
+  expect(scenes + "baseline = \"b\"\n[[variant]]\nname = \"a\"", {"line 2", "'baseline'"});
+  expect(scenes + "[[axis]]\nname = \"scene\"\nchoices = [{ name = \"a\" }]", {"two columns"});
+}
+
+}  // namespace
+}  // namespace gflow
