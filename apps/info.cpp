@@ -159,7 +159,8 @@ Json info_of_scene(const std::string& path) {
           {"fps", scene.fps},
           {"alpha", scene.has_alpha},
           {"points", scene.points.size()},
-          {"extent", scene.extent}};
+          {"extent", scene.extent},
+          {"notices", scene.notices}};
 }
 
 // A video is a scene, too.

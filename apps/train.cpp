@@ -153,8 +153,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
                     "settings; starts it where there is none");
   command
       ->add_flag("--overwrite", flags->overwrite,
-                 "Begin anew where the output folder holds a training that was stopped, or one of "
-                 "another scene")
+                 "Begin anew where the output folder holds a training, finished or stopped")
       ->excludes("--resume");
   command->add_flag("--profile", flags->profile, "Print the time each kernel took");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });

@@ -3,6 +3,7 @@
 // two depths; the columns of R are the camera's down, right and backwards axes (LLFF). Row i
 // belongs to the i-th camera by name. Steps are those that all cameras have.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -191,6 +192,23 @@ std::vector<std::string> common_steps(const std::vector<Footage>& footage,
   return steps;
 }
 
+// A sentence when some cameras have more time steps than all have in common.
+std::vector<std::string> unused_steps(const std::vector<Footage>& footage, size_t used) {
+  size_t most = used;
+  std::vector<std::string> shortest;
+  for (const Footage& one : footage) {
+    const size_t own = one.video.empty() ? one.pictures.size() : size_t(one.video_frames);
+    most = std::max(most, own);
+    if (own == used) shortest.push_back(one.name);
+  }
+  if (most == used) return {};
+  const std::string why = shortest.empty() ? "no more have pictures of one name"
+                                           : fmt::format("{} {} no more", fmt::join(shortest, ", "),
+                                                         shortest.size() > 1 ? "have" : "has");
+  return {fmt::format("{} of {} time steps are used, those that all cameras have: {}", used, most,
+                      why)};
+}
+
 std::vector<Frame> frames_of(const std::string& folder, int camera, const Footage& footage,
                              const std::vector<std::string>& steps) {
   std::vector<Frame> frames;
@@ -246,6 +264,7 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
   scene.cameras = read_cameras(folder, footage, scene);
   scene.fps = footage[0].fps;
   const std::vector<std::string> steps = common_steps(footage, folder);
+  scene.notices = unused_steps(footage, steps.size());
   scene.steps = int(steps.size());
   for (int i = 0; i < n; ++i) {
     const std::vector<Frame> frames = frames_of(folder, i, footage[size_t(i)], steps);

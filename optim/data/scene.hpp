@@ -43,6 +43,7 @@ struct Scene {
   double fps = 0;           // frames per second, > 0; 24 where the scene does not tell
   double near = 0, far = 0;  // depths between which the cameras see anything; 0 where it does not
   bool has_alpha = false;    // pictures carry straight alpha or have masks
+  std::vector<std::string> notices;  // of what is there and cannot be used; a sentence each
 };
 
 // Which mask pictures count: those that are meant as transparency, also those that label what moves

@@ -100,8 +100,10 @@ Image Video::frame(int k) {
   }
   for (; state_->next <= k; ++state_->next)
     if (!grab(state_->capture))
-      throw Error(fmt::format("video {} has no frame {}: it ends after {} frames", state_->path, k,
-                              state_->next));
+      throw Error(
+          fmt::format("video {} has no frame {}: it ends after {} frames; it may be "
+                      "truncated",
+                      state_->path, k, state_->next));
   cv::Mat bgr, rgb;
   try {
     state_->capture.retrieve(bgr);

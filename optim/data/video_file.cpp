@@ -23,6 +23,12 @@ Scene read_video_file(const std::string& path, const SceneOptions& options) {
   const std::vector<double> stamps = frame_times(path, int(std::min<int64_t>(used, INT_MAX)));
   Scene scene;
   scene.layout = "video";
+  // What a container says is at times an estimate.
+  if (used == 0 && double(stamps.size()) < 0.9 * info.frames - 1)
+    scene.notices.push_back(
+        fmt::format("only {} of the {} frames that video {} is said to have can be decoded: it may "
+                    "be truncated",
+                    stamps.size(), info.frames, path));
   scene.steps = int(stamps.size());
   scene.fps = info.fps;
   scene.cameras = cameras_of_view(options, stamps.size(), info.width, info.height, path);

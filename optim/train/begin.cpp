@@ -79,6 +79,11 @@ void warn_of_idle_settings(const Scene& scene, const TrainConfig& config) {
         fmt::format("motion.rest = {} does nothing with the motion model hexplane, whose Gaussians "
                     "have no motion of their own to lose",
                     config.motion.rest));
+  else if (config.motion.rest > 0 && config.train.sequential)
+    warn(fmt::format(
+        "motion.rest = {} does nothing with train.sequential: before the last moment is "
+        "trained nobody knows who rests",
+        config.motion.rest));
   if (!config.density.enabled && !config.init.begins_from_file())
     warn(
         "density.enabled = false keeps the number of the first Gaussians, and no --init FILE gives "

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include "optim/train/warning.hpp"
+
 namespace gflow {
 
 LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder) {
@@ -21,6 +23,7 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
   options.stride = config.stride;
   options.max_steps = config.max_steps;
   LoadedScene loaded{read_scene(config.path, options), nullptr};
+  for (const std::string& notice : loaded.scene.notices) warn(notice);
   FrameStoreOptions store;
   store.resolution = config.resolution;
   store.background.fill(shown_level(config.background));

@@ -67,20 +67,6 @@ void warn_of_other_bits(const CheckpointFacts& facts, const DeviceInfo& device) 
   other("by gflow build", facts.program, program_stamp());
 }
 
-bool is_same_folder(const std::string& a, const std::string& b) {
-  std::error_code gone;
-  return a == b || std::filesystem::equivalent(a, b, gone);
-}
-
-// Whether all settings of [scene] agree, but for where it lies.
-bool same_scene_settings(const TrainConfig& a, const TrainConfig& b) {
-  const auto of_b = setting_values(b);
-  for (const auto& [name, value] : setting_values(a))
-    if (name.rfind("scene.", 0) == 0 && name != "scene.path" && value != of_b.at(name))
-      return false;
-  return true;
-}
-
 }  // namespace
 
 std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
@@ -100,7 +86,7 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
   return found;
 }
 
-void require_replaceable(const RunFolder& run, const TrainConfig& config, const Scene& scene) {
+void require_no_training(const RunFolder& run) {
   if (run.checkpoints().steps().empty() && run.models().empty()) return;
   TrainConfig former;
   RunFacts ended;
@@ -119,18 +105,9 @@ void require_replaceable(const RunFolder& run, const TrainConfig& config, const 
         "{} holds a training that was stopped at step {} of {}: `gflow train -o {} --resume` goes "
         "on with it, --overwrite begins anew",
         run.folder(), step, all, run.folder()));
-  const std::string& place = former.scene.path;
-  if (!place.empty() && !is_same_folder(place, config.scene.path))
-    throw Error(
-        fmt::format("{} holds a training of another scene, {}: name another folder, or replace it "
-                    "with --overwrite",
-                    run.folder(), place));
-  if (last && last->checkpoint.facts.scene != scene_stamp(scene) &&
-      same_scene_settings(former, config))
-    throw Error(
-        fmt::format("{} holds a training of {} with other cameras or pictures than there are now: "
-                    "name another folder, or replace it with --overwrite",
-                    run.folder(), place));
+  throw Error(fmt::format(
+      "{} holds a finished training{}: name another folder, or replace it with --overwrite",
+      run.folder(), former.scene.path.empty() ? "" : " of " + former.scene.path));
 }
 
 std::string how_to_go_on(const RunFolder& run) {

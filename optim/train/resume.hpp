@@ -14,9 +14,8 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
                                                             const Scene& scene,
                                                             const RunFolder& run, bool quiet);
 
-// Error when the folder holds a training that was stopped before its end, or one of another scene:
-// another folder or, with the same settings of [scene], other cameras or pictures.
-void require_replaceable(const RunFolder& run, const TrainConfig& config, const Scene& scene);
+// Error when the folder holds a training, finished or stopped before its end.
+void require_no_training(const RunFolder& run);
 
 // "`gflow train -o RUN --resume` goes on from there"
 std::string how_to_go_on(const RunFolder& run);

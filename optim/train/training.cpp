@@ -184,7 +184,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   run.forget_unfinished_files();
   std::optional<CheckpointFolder::Found> resumed;
   if (start == Start::resume) resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
-  if (!resumed && start != Start::overwrite) require_replaceable(run, config, scene);
+  if (!resumed && start != Start::overwrite) require_no_training(run);
   run.forget_stale_caches(cache_stamp(scene, config.scene));
   for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // broken ones are named now
   prepared.look_for_change();  // a scene may not show what init.from asks for

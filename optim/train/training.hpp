@@ -9,9 +9,8 @@
 
 namespace gflow {
 
-// anew: what a finished training of the same scene left in the run folder is replaced; Error when
-// one was stopped there, or was of another scene. overwrite: what any left. resume: it is continued
-// from its last checkpoint, or as anew where it had not come to one.
+// anew: Error when there is a training in the run folder. overwrite: it is replaced. resume: it is
+// continued from its last checkpoint, or as anew where it had not come to one.
 enum class Start { anew, overwrite, resume };
 
 // Trains config.scene.path into `run`, writing as it goes; evaluates on the test views at the end.

@@ -158,6 +158,19 @@ TEST(N3v, ScenesThatContradictThemselvesAreRefused) {
   expect_error(read, {"8x8", "8x6", "cam01"});
 }
 
+TEST(N3v, StepsThatOneCameraLacksAreToldAndLeftOut) {
+  const TemporaryFolder folder;
+  make_scene(folder);
+  EXPECT_TRUE(read_scene(folder.path()).notices.empty());
+  for (const int camera : {0, 2})
+    make_png(folder, fmt::format("cam{:02}/images/0002.png", camera), 8, 6);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.steps, 2);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0],
+            "2 of 3 time steps are used, those that all cameras have: cam01 has no more");
+}
+
 TEST(N3v, CamerasWithoutACommonFrameAreRefused) {
   const TemporaryFolder folder;
   make_png(folder, "cam00/images/0000.png");

@@ -39,6 +39,18 @@ void move_frame(const std::string& path, int from_ms, int to_ms) {
 
 }  // namespace
 
+TEST(VideoFile, ATruncatedOneIsTold) {
+  const TemporaryFolder folder;
+  const std::string path = make_video(folder, "a.mkv", 40);
+  EXPECT_TRUE(read_scene(path).notices.empty());
+  const std::string whole = contents(path);
+  const Scene half = read_scene(folder.write("half.mkv", whole.substr(0, whole.size() / 2)));
+  EXPECT_LT(half.steps, 30);
+  ASSERT_EQ(half.notices.size(), 1u);
+  EXPECT_NE(half.notices[0].find("of the 40 frames that video"), std::string::npos)
+      << half.notices[0];
+}
+
 TEST(VideoFile, AFileIsASceneOfOneStaticCamera) {
   const TemporaryFolder folder;
   for (const char* name : {"a.avi", "a.mkv", "a.mov"}) {

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every reader of files as a function of bytes, for the fuzzer and for the cases it once found
+// (tests/data/fuzz). A reader may refuse with an Error and nothing else.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace gflow::fuzz {
+
+struct Target {
+  const char* name;
+  void (*read)(const uint8_t* bytes, size_t size);
+  // Valid inputs to begin from, written as files into a folder.
+  void (*make_seeds)(const std::string& folder);
+};
+
+const std::vector<Target>& targets();
+
+}  // namespace gflow::fuzz

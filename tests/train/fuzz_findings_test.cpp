@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// What tests/fuzz/run once found, tests/data/fuzz/TARGET/*, is read or refused; so is each seed,
+// whole and cut short.
+#include <fmt/format.h>
+
+#include "fuzz/targets.hpp"
+#include "io/temporary_folder.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+
+void read(const fuzz::Target& target, const std::string& bytes) {
+  target.read(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
+}
+
+TEST(FuzzFindings, StayMended) {
+  for (const fuzz::Target& target : fuzz::targets()) {
+    const fs::path folder = fs::path(GFLOW_SOURCE_DIR) / "tests" / "data" / "fuzz" / target.name;
+    if (!fs::exists(folder)) continue;
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      SCOPED_TRACE(entry.path().string());
+      EXPECT_NO_THROW(read(target, contents(entry.path().string())));
+    }
+  }
+}
+
+TEST(FuzzFindings, SeedsAreReadAtEveryQuarter) {
+  for (const fuzz::Target& target : fuzz::targets()) {
+    const TemporaryFolder folder;
+    target.make_seeds(folder.path());
+    for (const auto& entry : fs::directory_iterator(folder.path())) {
+      SCOPED_TRACE(fmt::format("{} {}", target.name, entry.path().filename().string()));
+      const std::string whole = contents(entry.path().string());
+      for (size_t quarter = 0; quarter <= 4; ++quarter)
+        EXPECT_NO_THROW(read(target, whole.substr(0, whole.size() * quarter / 4)));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace gflow
