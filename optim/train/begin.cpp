@@ -74,7 +74,16 @@ void warn_of_idle_settings(const Scene& scene, const TrainConfig& config) {
   if (!config.scene.cameras.empty() && !takes_cameras(scene.layout))
     warn(fmt::format("scene.cameras = \"{}\" does nothing: scene {} has cameras of its own ({})",
                      config.scene.cameras, scene.name, scene.layout));
-  if (config.motion.rest > 0 && motion_model(scene, config.motion) == MotionModelKind::hexplane)
+  const MotionModelKind model = motion_model(scene, config.motion);
+  const bool keyed = model == MotionModelKind::keyframes;
+  const char* const name = names_of(model)[size_t(model)];
+  if (config.motion.keys > 0 && !keyed && model != MotionModelKind::bases)
+    warn(fmt::format("motion.keys = {} does nothing with the motion model {}, which has none",
+                     config.motion.keys, name));
+  if (config.motion.key_scales && !keyed)
+    warn(fmt::format("motion.key_scales does nothing with the motion model {}, only with keyframes",
+                     name));
+  if (config.motion.rest > 0 && model == MotionModelKind::hexplane)
     warn(
         fmt::format("motion.rest = {} does nothing with the motion model hexplane, whose Gaussians "
                     "have no motion of their own to lose",

@@ -235,8 +235,10 @@ HostModel read_init_file(const TrainConfig& config) {
                     path));
   if (file.count == 0) throw Error("init.file " + path + " has no Gaussians");
   if (file.count > size_t(config.density.cap))
-    throw Error(fmt::format("init.file {} has {} Gaussians, more than density.cap = {}", path,
-                            file.count, config.density.cap));
+    throw Error(
+        fmt::format("init.file {} has {} Gaussians, more than density.cap = {}: raise it, for "
+                    "example --set density.cap={}",
+                    path, file.count, config.density.cap, file.count));
   return file;
 }
 
