@@ -65,6 +65,20 @@ double seconds_between(const std::string& first, const std::string& last) {
       .count();
 }
 
+// Computed flow and unpacked video of an earlier run of the scene serve the next one, which looks
+// at their stamp. Hard links will do: such files are replaced, never changed.
+void share_caches(const std::string& from, const std::string& to) {
+  std::error_code none;  // what cannot be shared is made again
+  for (const char* name : {"flow", "frames"})
+    for (const auto& entry : fs::recursive_directory_iterator(from + "/" + name, none)) {
+      const fs::path link = to / fs::relative(entry.path(), from);
+      fs::create_directories(link.parent_path(), none);
+      if (entry.is_regular_file()) fs::create_hard_link(entry.path(), link, none);
+    }
+  fs::create_directories(to, none);
+  fs::copy_file(from + "/caches.stamp", to + "/caches.stamp", none);
+}
+
 int steps_made(const std::string& run) {
   const auto line = nlohmann::json::parse(last_line(run + "/metrics.jsonl"), nullptr, false);
   return line.is_object() ? line.value("iteration", 0) : 0;
@@ -131,6 +145,7 @@ class Pool {
                         "such runs anew, another -o leaves them alone",
                         RunFiles(folder, plan.runs[i].id).run, standing.difference));
       if (other) steps_[i] = 0;
+      has_ended_.push_back(standing.status == Status::finished);
       if (standing.status != Status::finished) waiting_.push_back({i, other});
     }
     std::reverse(waiting_.begin(), waiting_.end());  // the next one is the last
@@ -184,6 +199,13 @@ class Pool {
           devices.begin(), devices.end(),
           [&](const std::string& a, const std::string& b) { return taken(a) < taken(b); });
       waiting_.pop_back();
+      const std::string run = RunFiles(folder_, plan_.runs[i].id).run;
+      const std::string& scene = plan_.runs[i].config.scene.path;
+      // Where the clock decides, every run pays for itself.
+      const bool fresh = !fs::exists(run) && plan_.runs[i].config.train.minutes == 0;
+      for (size_t other = 0; fresh && other < plan_.runs.size(); ++other)
+        if (has_ended_[other] && plan_.runs[other].config.scene.path == scene)
+          share_caches(RunFiles(folder_, plan_.runs[other].id).run, run);
       running_.emplace(i, Job{Training(plan_.runs[i], folder_, device, anew), device});
     }
   }
@@ -202,7 +224,8 @@ class Pool {
         ++entry;
         continue;
       }
-      if (!entry->second.training.failed())
+      has_ended_[i] = !entry->second.training.failed();
+      if (has_ended_[i])
         steps_[i] = run.config.train.iterations;
       else if (interrupted())
         ++stopped_;
@@ -231,6 +254,7 @@ class Pool {
   std::string folder_;
   RunOptions options_;
   Progress progress_;
+  std::vector<bool> has_ended_;                   // of each run, well
   std::vector<int> steps_;                        // of each run
   std::vector<std::pair<size_t, bool>> waiting_;  // run, and whether it is begun anew
   std::map<size_t, Job> running_;

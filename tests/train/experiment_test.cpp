@@ -42,6 +42,13 @@ choices = [{{ name = "off", flow.enabled = false }}, {{ name = "on" }}]
     return gflow(more);
   }
   std::string run(const std::string& id) const { return out("/runs/" + id); }
+  // Flow that another run computed.
+  int flow_files_shared(const std::string& id) const {
+    int shared = 0;
+    for (const auto& entry : fs::recursive_directory_iterator(run(id) + "/flow"))
+      shared += entry.is_regular_file() && entry.hard_link_count() > 1;
+    return shared;
+  }
   static Json read(const std::string& path) { return Json::parse(contents(path)); }
 
   TemporaryFolder folder_;
@@ -99,6 +106,7 @@ TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
   EXPECT_EQ(fs::last_write_time(run("small-on-seed0") + "/results.json"), trained);
   EXPECT_EQ(contents(out("/table.csv")), table);
   // From the beginning, two at a time; one of them was lost, one stopped before its results.
+  EXPECT_GT(flow_files_shared("small-on-seed3"), 0);
   fs::remove_all(run("small-off-seed0"));
   fs::remove(run("small-on-seed3") + "/results.json");
   EXPECT_NE(experiment(toml, {"--dry-run"}).out.find("4 runs, 2 of them finished"),
