@@ -266,8 +266,14 @@ class Reader {
       known = std::any_of(axes[k].choices.begin(), axes[k].choices.end(),
                           [&](const Choice& choice) { return choice.name == words[k]; });
     if (known) return words;
-    throw Error(
-        fmt::format("{}: 'baseline' must name a choice of each axis, in their order", at(*node)));
+    std::vector<std::string> choices;
+    for (const Axis& axis : axes) {
+      std::vector<std::string> names;
+      for (const Choice& choice : axis.choices) names.push_back(choice.name);
+      choices.push_back(fmt::format("{} of {}", fmt::join(names, " | "), axis.name));
+    }
+    throw Error(fmt::format("{}: 'baseline' must name a choice of each axis, in their order: {}",
+                            at(*node), fmt::join(choices, ", ")));
   }
 
   // The combinations of a scene, the last axis fastest.
