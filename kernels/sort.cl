@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One pass of a stable radix sort by a digit of SORT_BITS bits: count digits per chunk, (scan.cl makes
+// One pass of a stable radix sort by a digit of SORT_BITS: count digits per chunk, (scan.cl makes
 // the counts offsets,) scatter. One work-group of GROUP work-items per chunk. Stable, hence
 // repeatable: within a chunk elements keep their order, and chunks follow each other.
 // Measured (PoCL 3.1, 2 cores, 100 000 keys of 32 bits): 0.95 ms with 11-bit digits, 1.3 with 8.

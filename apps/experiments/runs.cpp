@@ -87,13 +87,12 @@ int steps_made(const std::string& run) {
 // One training as another process.
 class Training {
  public:
-  Training(const PlannedRun& run, const std::string& folder, const std::string& device, bool anew) {
+  Training(const PlannedRun& run, const std::string& folder, const std::string& device) {
     const RunFiles files(folder, run.id);
     write_file_atomically(files.settings, to_toml(run.config));
-    std::vector<std::string> arguments{
-        "gflow",        "train",   run.config.scene.path,
-        "-o",           files.run, "--config",
-        files.settings, "--quiet", anew ? "--overwrite" : "--resume"};
+    std::vector<std::string> arguments{"gflow",        "train",   run.config.scene.path,
+                                       "-o",           files.run, "--config",
+                                       files.settings, "--quiet", "--resume"};
     if (!device.empty()) arguments.insert(arguments.end(), {"--device", device});
     std::vector<char*> argv;
     for (std::string& argument : arguments) argv.push_back(argument.data());
@@ -200,13 +199,16 @@ class Pool {
           [&](const std::string& a, const std::string& b) { return taken(a) < taken(b); });
       waiting_.pop_back();
       const std::string run = RunFiles(folder_, plan_.runs[i].id).run;
+      // Before the new settings stand beside it: a training that is stopped early must not leave
+      // the results of the former one under them.
+      if (anew) fs::remove_all(run);
       const std::string& scene = plan_.runs[i].config.scene.path;
       // Where the clock decides, every run pays for itself.
       const bool fresh = !fs::exists(run) && plan_.runs[i].config.train.minutes == 0;
       for (size_t other = 0; fresh && other < plan_.runs.size(); ++other)
         if (has_ended_[other] && plan_.runs[other].config.scene.path == scene)
           share_caches(RunFiles(folder_, plan_.runs[other].id).run, run);
-      running_.emplace(i, Job{Training(plan_.runs[i], folder_, device, anew), device});
+      running_.emplace(i, Job{Training(plan_.runs[i], folder_, device), device});
     }
   }
 
@@ -268,17 +270,15 @@ class Pool {
 Standing standing_of(const PlannedRun& run, const std::string& folder) {
   const RunFiles files(folder, run.id);
   Standing standing;
-  if (!fs::exists(files.settings)) return standing;
+  if (!fs::exists(files.settings) || !RunFolder::is_run(files.run)) return standing;
+  const RunFacts facts = RunFolder(files.run).read_facts();
+  const bool finished = facts.finished && fs::exists(files.run + "/results.json");
+  standing.steps = finished ? run.config.train.iterations : steps_made(files.run);
+  if (finished) standing.seconds = seconds_between(files.settings, files.run + "/results.json");
+  standing.status = finished ? Status::finished : Status::stopped;
   TrainConfig before;
   apply_file(before, files.settings);
   standing.difference = difference(before, run.config);
-  if (RunFolder::is_run(files.run)) {
-    const RunFacts facts = RunFolder(files.run).read_facts();
-    const bool finished = facts.finished && fs::exists(files.run + "/results.json");
-    standing.steps = finished ? run.config.train.iterations : steps_made(files.run);
-    if (finished) standing.seconds = seconds_between(files.settings, files.run + "/results.json");
-    standing.status = finished ? Status::finished : Status::stopped;
-  }
   if (!standing.difference.empty()) standing.status = Status::other_settings;
   return standing;
 }

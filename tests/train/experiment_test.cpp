@@ -141,6 +141,10 @@ TEST_F(Experiment, OtherSettingsAreNotMixedIn) {
             std::string::npos)
       << refused.err;
   EXPECT_EQ(read(run("small-off-seed0") + "/results.json")["iterations"], 4);
+  // A training that is to be done again and comes to nothing leaves no results of the former one.
+  EXPECT_EQ(experiment(changed, {"--redo", "--devices", "no such device"}).code, 1);
+  EXPECT_NE(experiment(changed, {"--dry-run"}).out.find("4 runs, 0 of them finished"),
+            std::string::npos);
   ASSERT_EQ(experiment(changed, {"--redo"}).code, 0);
   EXPECT_EQ(read(run("small-on-seed3") + "/results.json")["iterations"], 5);
 }
