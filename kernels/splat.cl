@@ -3,6 +3,9 @@
 // pass and with no list a pixel. Repeatable: each pixel sums in depth order.
 //   LANES > 1   one work-item (group of 1) a tile; splats outer, touched cells inner
 //   LANES == 1  one work-group of 256 a tile, one work-item a pixel, splats through local memory
+// A picture with flow may be shared between this kernel with FLOW and without (Skips::flow): tiles
+// with splats below `moving` are the first's, the others, without flow, the second's. Alone they are
+// given ALL_ROWS and 0.
 // Numbers: README, "Speed".
 #include "shared/pixel.h"
 
@@ -15,7 +18,8 @@ static inline void cell_blend(PixelSums* sums, Splat s, CellFootprint at) {
 }
 #endif
 
-kernel void splat_fwd(const int width, const int height, const float background_r,
+kernel void splat_fwd(const int width, const int height, const uint moving,
+                      const float background_r,
                       const float background_g, const float background_b,
                       global const float* restrict splats,      // [N, 16]
                       global const uint* restrict tile_offsets,  // [tiles + 1]
@@ -33,6 +37,15 @@ kernel void splat_fwd(const int width, const int height, const float background_
   const size_t pixels = (size_t)width * height;
   const uint first = tile_offsets[tile], end = tile_offsets[tile + 1];
 #if LANES == 1
+  local int moves;
+  if (moving > 0 && moving < ALL_ROWS) {
+    if (get_local_id(0) == 0) moves = 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (uint k = first + get_local_id(0); k < end; k += get_local_size(0))
+      if (isect_ids[k] < moving) moves = 1;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (moves != FLOW) return;
+  }
   local float4 batch[BATCH * 4];
   local ushort batch_mask[BATCH];
   local int open_pixels[2];
@@ -82,8 +95,15 @@ kernel void splat_fwd(const int width, const int height, const float background_
 #endif
   flow[at] = W > 0.f ? p.fx / W : 0.f;
   flow[pixels + at] = W > 0.f ? p.fy / W : 0.f;
+#else
+  if (moving > 0) flow[at] = flow[pixels + at] = 0.f;
 #endif
 #else
+  if (moving > 0 && moving < ALL_ROWS) {
+    int moves = 0;
+    for (uint k = first; k < end; ++k) moves |= isect_ids[k] < moving;
+    if (moves != FLOW) return;
+  }
   PixelSums sums[TILE_PARTS];
   for (int i = 0; i < TILE_PARTS; ++i) sums[i] = pixel_start();
   for (uint k = first; k < end; ++k) {
@@ -132,6 +152,11 @@ kernel void splat_fwd(const int width, const int height, const float background_
     const lane zero = TO_LANE(0.f);
     lane_store(LANE_SELECT(zero, p.fx / W, W > zero), flow, x, y, width, height);
     lane_store(LANE_SELECT(zero, p.fy / W, W > zero), flow + pixels, x, y, width, height);
+#else
+    if (moving > 0) {
+      lane_store(TO_LANE(0.f), flow, x, y, width, height);
+      lane_store(TO_LANE(0.f), flow + pixels, x, y, width, height);
+    }
 #endif
   }
 #endif

@@ -3,7 +3,20 @@
 // leaves the 16 sums of shared/pixel.h in its own slot; `gather` adds a Gaussian's slots in order.
 // No atomics: bitwise repeatable. Needs only the output images, no last index and no list a pixel.
 // Numbers: README, "Speed".
+// With `shared` the kernel with FLOW takes the tiles that ask for flow, and the one without the others
+// (Skips::flow).
+// ASKING 1: cells of pixels that ask for nothing, every cotangent 0, are left out (Skips::asking).
 #include "shared/pixel.h"
+
+#ifndef ASKING
+#define ASKING 1
+#endif
+
+// LANES == 1: splats between two barriers; rows of four pixels in a tile, one a work-item; floats a
+// row leaves, and one that spreads rows over the banks of local memory.
+#define BATCH_BWD 4
+#define TILE_ROWS 64
+#define ROW_STRIDE (MOMENTS + 1)
 
 // The gradient state of the pixels at `at` / lane vector (x, y), from images and their cotangents.
 // alpha is 1 - transmittance: taken so, its share of R is exact where little passes through.
@@ -53,6 +66,27 @@ static inline PixelGrads grads_start(
   return p;
 }
 
+#if LANES == 1
+// A pixel outside the picture.
+static inline PixelGrads grads_none(void) {
+  PixelGrads p = {0};
+  return p;
+}
+#endif
+
+// Whether a pixel's gradients can be other than 0. With v_alpha alone R says so.
+static inline lane_int asks(PixelGrads p) {
+  const lane zero = TO_LANE(0.f);
+  lane_int any = (p.vr != zero) | (p.vg != zero) | (p.vb != zero) | (p.R != zero);
+#if DEPTH
+  any |= p.vd != zero;
+#endif
+#if FLOW
+  any |= (p.vfx != zero) | (p.vfy != zero);
+#endif
+  return any;
+}
+
 #if LANES == 16
 // 16 lane vectors to their 16 sums by halving: 15 additions and one 64-byte store.
 #define PAIR(a, b) ((lane)((a).even, (b).even) + (lane)((a).odd, (b).odd))
@@ -93,7 +127,8 @@ static inline void moments_store(Moments m, global float* out) {
 }
 #endif
 
-kernel void splat_bwd(const int width, const int height, global const float* restrict splats,
+kernel void splat_bwd(const int width, const int height, const int shared,
+                      global const float* restrict splats,
                       global const uint* restrict tile_offsets,
                       global const uint* restrict isect_ids,
                       global const uint* restrict isect_slots,  // [M]
@@ -109,55 +144,106 @@ kernel void splat_bwd(const int width, const int height, global const float* res
   const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
   const uint first = tile_offsets[tile], end = tile_offsets[tile + 1];
 #if LANES == 1
-  // 256 pixels' moments -> 16 cells' -> the tile's, in a fixed order, two barriers a splat.
-  local float pixel_moments[256 * (MOMENTS + 1)];
-  local float cell_moments[16 * MOMENTS];
-  const int l = get_local_id(0), cell = l >> 4;
-  const int x = x0 + (cell & 3) * CELL + (l & 3), y = y0 + (cell >> 2) * CELL + ((l >> 2) & 3);
-  const int inside = x < width && y < height;
-  PixelGrads p;
-  if (inside)
-    p = grads_start((size_t)y * width + x, width, height, rgb, alpha, depth, flow, flow_weight,
-                    transmittance, v_rgb, v_alpha, v_depth, v_flow);
-  for (uint k = first; k < end; ++k) {
-    const Splat s = splat_load(splats, isect_ids[k]);
-    const int touched = masks[k] >> cell & 1;
-    if (touched) {
+  // Moments of four pixels' rows are added up in registers; those of a tile's 64 rows meet in local
+  // memory, BATCH_BWD splats between two barriers, and are added in a fixed order.
+  local float row_moments[BATCH_BWD][TILE_ROWS * ROW_STRIDE];
+  local uchar asking_cells[16], open_rows[2];
+  local int asks_flow;
+  const int l = get_local_id(0), cell = l >> 2;
+  const int x = x0 + (cell & 3) * CELL, y = y0 + (cell >> 2) * CELL + (l & 3);
+  PixelGrads state[CELL];
+  if (shared) {
+    if (l == 0) asks_flow = 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    for (int i = 0; i < CELL; ++i) {
+      const size_t at = (size_t)y * width + x + i;
+      if (x + i >= width || y >= height) continue;
+      if (v_flow[at] != 0.f || v_flow[at + (size_t)width * height] != 0.f) asks_flow = 1;
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (asks_flow != FLOW) return;
+  }
+  if (l < 16) asking_cells[l] = !ASKING;
+  if (l < 2) open_rows[l] = 1;
+  barrier(CLK_LOCAL_MEM_FENCE);
+  for (int i = 0; i < CELL; ++i) {
+    const int inside = x + i < width && y < height;
+    state[i] = inside ? grads_start((size_t)y * width + x + i, width, height, rgb, alpha, depth,
+                                    flow, flow_weight, transmittance, v_rgb, v_alpha, v_depth,
+                                    v_flow)
+                      : grads_none();
+    if (ASKING && asks(state[i])) asking_cells[cell] = 1;
+  }
+  barrier(CLK_LOCAL_MEM_FENCE);
+  uint asking = 0;
+  for (int c = 0; c < 16; ++c) asking |= (uint)asking_cells[c] << c;
+  const uint last = asking ? end : first;
+  uint start = first;
+  for (int turn = 0; start < last; start += BATCH_BWD, turn ^= 1) {
+    if (SATURATED && !open_rows[turn]) break;  // the same for the whole group
+    const uint count = min((uint)BATCH_BWD, last - start);
+    for (uint b = 0; b < count; ++b) {
+      if (!((masks[start + b] & asking) >> cell & 1)) continue;
+      const Splat s = splat_load(splats, isect_ids[start + b]);
       Moments m = moments_zero();
-      const Footprint at = footprint(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y);
-      if (inside) m = pixel_unblend(&p, m, s, at);
-      local float* o = pixel_moments + l * (MOMENTS + 1);
+      for (int i = 0; i < CELL; ++i) {
+        const float dx = (float)(x + i) + 0.5f - s.a.x, dy = (float)y + 0.5f - s.a.y;
+        m = pixel_unblend(&state[i], m, s, footprint(s, dx, dy));
+      }
+      local float* o = row_moments[b] + l * ROW_STRIDE;
       o[0] = m.q, o[1] = m.qz1, o[2] = m.qz2, o[3] = m.qz11, o[4] = m.qz12, o[5] = m.qz22;
       o[6] = m.wr, o[7] = m.wg, o[8] = m.wb, o[9] = m.wd, o[10] = m.fx, o[11] = m.fy;
       o[12] = m.fx1, o[13] = m.fx2, o[14] = m.fy1, o[15] = m.fy2;
     }
     barrier(CLK_LOCAL_MEM_FENCE);
-    float sum = 0.f;  // work-item l: moment l % 16 of its cell
-    if (touched)
-      for (int i = 0; i < 16; ++i) sum += pixel_moments[(cell * 16 + i) * (MOMENTS + 1) + (l & 15)];
-    cell_moments[l] = sum;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    if (l < MOMENTS) {
-      float all = 0.f;
-      for (int i = 0; i < 16; ++i) all += cell_moments[i * MOMENTS + l];
-      partials[(size_t)isect_slots[k] * MOMENTS + l] = all;
+    if (l == 0) open_rows[turn] = 0;  // for the turn after the next
+    int open = 0;
+    for (int i = 0; i < CELL; ++i) open |= still_open(state[i].T);
+    if (open && (asking >> cell & 1)) open_rows[turn ^ 1] = 1;
+    for (uint sum_of = l; sum_of < count * MOMENTS; sum_of += TILE_ROWS) {
+      const uint b = sum_of / MOMENTS, k = start + b;
+      local const float* in = row_moments[b] + sum_of % MOMENTS;
+      float sum = 0.f;
+      for (int c = 0; c < 16; ++c)
+        if ((masks[k] & asking) >> c & 1)
+          for (int row = 0; row < CELL; ++row) sum += in[(c * CELL + row) * ROW_STRIDE];
+      partials[(size_t)isect_slots[k] * MOMENTS + sum_of % MOMENTS] = sum;
     }
+    barrier(CLK_LOCAL_MEM_FENCE);
   }
+  for (size_t i = (size_t)start * MOMENTS + l; i < (size_t)end * MOMENTS; i += TILE_ROWS)
+    partials[(size_t)isect_slots[i / MOMENTS] * MOMENTS + i % MOMENTS] = 0.f;
 #else
+  if (shared) {
+    lane_int any = 0;
+    for (int i = 0; i < TILE_PARTS; ++i) {
+      const int cell = i / CELL_PARTS, x = x0 + (cell & 3) * CELL;
+      const int y = y0 + (cell >> 2) * CELL + i % CELL_PARTS * LANE_ROWS;
+      any |= lane_load(v_flow, x, y, width, height) != TO_LANE(0.f);
+      any |= lane_load(v_flow + (size_t)width * height, x, y, width, height) != TO_LANE(0.f);
+    }
+    if ((lane_any(any) != 0) != FLOW) return;
+  }
   PixelGrads state[TILE_PARTS];
+  uint asking = 0;  // cells, one bit each
   for (int i = 0; i < TILE_PARTS; ++i) {
     const int cell = i / CELL_PARTS, x = x0 + (cell & 3) * CELL;
     const int y = y0 + (cell >> 2) * CELL + i % CELL_PARTS * LANE_ROWS;
     state[i] = grads_start(x, y, width, height, rgb, alpha, depth, flow, flow_weight,
                            transmittance, v_rgb, v_alpha, v_depth, v_flow);
+    if (!ASKING || lane_any(asks(state[i]))) asking |= 1u << cell;
   }
+  if (ASKING)  // the others must not hold up the end of the list
+    for (int i = 0; i < TILE_PARTS; ++i)
+      if (!(asking >> i / CELL_PARTS & 1)) state[i].T = TO_LANE(0.f);
   uint k = first;
-  while (k < end) {
+  const uint last = asking ? end : first;
+  while (k < last) {
     const uint soon = min(k + 8, end - 1);
     READ_SOON(splats + 16 * (size_t)isect_ids[soon]);
     WRITE_SOON(partials + MOMENTS * (size_t)isect_slots[soon]);
     Moments m = moments_zero();
-    uint mask = masks[k];
+    uint mask = masks[k] & asking;
     if (mask) {
       const Splat s = splat_load(splats, isect_ids[k]);
       const TileFrame f = tile_frame(s, x0, y0);

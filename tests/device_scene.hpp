@@ -71,6 +71,7 @@ class DeviceScene {
   // Gradients of sum(images . v) of the last forward(), by parameter name.
   FloatArrays backward(const reference::Planes& v) {
     ImageGradients images;
+    images.flow_in_parts = flow_in_parts;
     const auto write = [&](Buffer<float>& buffer, const std::vector<double>& values) {
       buffer.ensure(queue_, values.size());
       buffer.write(queue_, to_float(values));
@@ -98,6 +99,7 @@ class DeviceScene {
 
   Engine engine;
   GaussianGradients gradients;
+  bool flow_in_parts = false;  // ImageGradients'
 
  private:
   Queue& queue_;

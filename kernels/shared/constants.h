@@ -18,6 +18,7 @@
 #define SQRT_HALF_LOG2_E 0.849321800f  // folded into the whitening K
 #define LN_2 0.693147181f
 #define SPLAT_FLOATS 16   // one packed splat: 64 bytes, one cache line
+#define ALL_ROWS 0xffffffffu  // of an array, however many
 #define MOMENTS 16        // sums a splat collects in the backward pass
 
 #endif

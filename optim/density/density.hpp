@@ -60,6 +60,8 @@ class Density {
   virtual void see(Queue&, const DensityView&) {}
   // Adds what the strategy wants of the parameters to their gradients; before Adam.
   virtual void add_gradients(Queue&, Parameters&, const DensityRule&) {}
+  // Whether after_step() needs those of `drawn` that are outside the picture.
+  virtual bool needs_all_posed() const { return false; }
   // After Adam. `drawn`: the Gaussians of the step's last view.
   virtual void after_step(Queue&, Parameters&, const GaussiansAt& drawn, const DensityRule&,
                           const DensityStep&) {

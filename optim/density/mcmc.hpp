@@ -22,6 +22,7 @@ class McmcDensity : public Density {
   explicit McmcDensity(Queue& queue);
 
   void add_gradients(Queue& queue, Parameters& parameters, const DensityRule& rule) override;
+  bool needs_all_posed() const override { return true; }  // its noise is for all that live
   void after_step(Queue& queue, Parameters& parameters, const GaussiansAt& drawn,
                   const DensityRule& rule, const DensityStep& step) override;
   // A row that moves or is moved to starts with zero moments and step counts. Waits twice. The

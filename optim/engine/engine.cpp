@@ -20,6 +20,14 @@ Engine::Steps& Engine::steps_for(Queue& queue, Channels channels) {
   return *steps;
 }
 
+Splatting& Engine::without_flow(Queue& queue) {
+  return steps_for(queue, {false, channels_.depth}).splatting;
+}
+
+bool Engine::shared() const {
+  return channels_.flow && settings_.skip.flow && view_.moving > 0 && view_.moving < splats_.count;
+}
+
 void Engine::project(Queue& queue, const View& view, Channels channels, const GaussiansAt& at_t1) {
   view_ = view;
   channels_ = channels;
@@ -34,13 +42,19 @@ void Engine::draw(Queue& queue, const std::array<float, 3>& background, const Ga
   Steps& steps = steps_for(queue, channels_);
   steps.project.complete(queue, view_, at_t1, at_t2, colors, splats_);
   bin_.build(queue, images_.width, images_.height, splats_, tiles_);
-  steps.splatting.forward(queue, background, splats_, tiles_, images_);
+  if (!shared()) return steps.splatting.forward(queue, background, splats_, tiles_, images_);
+  steps.splatting.forward(queue, background, splats_, tiles_, images_, view_.moving);
+  without_flow(queue).forward(queue, background, splats_, tiles_, images_, view_.moving);
 }
 
 void Engine::backward(Queue& queue, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
                       const ImageGradients& v, GaussianGradients& gradients) {
   Steps& steps = steps_for(queue, channels_);
-  steps.splatting.backward(queue, splats_, tiles_, images_, v, partials_, moments_);
+  const bool parts = channels_.flow && settings_.skip.flow && (shared() || v.flow_in_parts);
+  steps.splatting.backward(queue, splats_, tiles_, images_, v, partials_, parts);
+  if (parts)
+    without_flow(queue).backward(queue, splats_, tiles_, images_, v, partials_, parts);
+  steps.splatting.gather(queue, splats_, tiles_, partials_, moments_);
   steps.project.backward(queue, view_, at_t1, at_t2, splats_, moments_, gradients);
 }
 

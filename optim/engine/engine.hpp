@@ -39,6 +39,10 @@ class Engine {
  private:
   struct Steps;  // the kernels of one choice of channels, compiled when first used
   Steps& steps_for(Queue& queue, Channels channels);
+  // Draws the tiles without flow of pictures with flow,
+  Splatting& without_flow(Queue& queue);
+  // which there are when something stands still in the view.
+  bool shared() const;
 
   EngineSettings settings_;
   Bin bin_;

@@ -63,6 +63,7 @@ struct Images {
 // Gradients of a loss by the images; sizes as there. depth and flow only with their channel.
 struct ImageGradients {
   Buffer<float> v_rgb{"v_rgb"}, v_alpha{"v_alpha"}, v_depth{"v_depth"}, v_flow{"v_flow"};
+  bool flow_in_parts = false;  // v_flow is 0 in much of the picture: worth looking where
 };
 
 }  // namespace gflow

@@ -17,7 +17,8 @@ inline Program raster_program(Queue& queue, const EngineSettings& settings, Chan
                             {"EXCLUDE", int(settings.stop == StopRule::exclude)},
                             {"ABSGRAD", int(absgrad(settings, channels))},
                             {"TIGHT_BOXES", int(settings.skip.boxes)},
-                            {"SATURATED", int(settings.skip.saturated)}},
+                            {"SATURATED", int(settings.skip.saturated)},
+                            {"ASKING", int(settings.skip.asking)}},
                     settings)};
 }
 

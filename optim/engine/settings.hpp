@@ -20,14 +20,17 @@ enum class Transport {
 // Whether the splat that saturates a pixel is still drawn.
 enum class StopRule { include, exclude };
 
-// Work that is left out. `boxes`, `masks` and `saturated` change no bit of an image or a gradient, but
-// without boxes more Gaussians count as seen; `still` changes the last bits of gradients, since sums
+// Work that is left out. `boxes`, `masks`, `saturated`, `asking` and `flow` change no bit of an image or a
+// gradient (but the sign of a 0), but without boxes more Gaussians count as seen; `still` changes the last bits of gradients, since sums
 // that are 0 are not formed; `unseen` changes what becomes of Gaussians that no picture shows.
 struct Skips {
   bool boxes = true;      // tiles outside the box of the ellipse where alpha >= 1/255 (project.cl)
   bool masks = true;      // cells of a tile outside that ellipse (cell_mask.cl)
   bool saturated = true;  // a tile's list from where nothing passes through it (splat.cl)
+  bool asking = true;     // the way back through cells where every gradient is 0 (splat_bwd.cl)
+  bool outside = true;    // the shape of what the camera cannot see (shared/lookout.h)
   bool still = true;      // the second time of what rests before a camera at rest (View::moving)
+  bool flow = true;       // flow in tiles where nothing moves, its gradients where none are asked for
   bool unseen = true;     // Adam's steps of Gaussians that no picture of a step shows
 
   template <class Self, class Field>
@@ -36,7 +39,11 @@ struct Skips {
           "tiles outside the box in which a splat can be seen; off: a square around its circle");
     field("masks", self.masks, "cells of 4x4 pixels in which it cannot");
     field("saturated", self.saturated, "what lies behind where a whole tile is opaque");
+    field("asking", self.asking, "gradients of cells of pixels that are exactly right");
+    field("outside", self.outside, "poses of Gaussians that the camera cannot see");
     field("still", self.still, "the second time of Gaussians at rest before a camera at rest");
+    field("flow", self.flow,
+          "flow in tiles where all is at rest, its gradients in tiles that ask for none");
     field("unseen", self.unseen,
           "optimiser steps of Gaussians that no picture of the step shows; off changes results");
   }

@@ -6,9 +6,9 @@
 namespace gflow {
 namespace {
 
-// One group a tile: a single work-item where it holds LANES pixels, one a pixel otherwise.
-Range tile_groups(const Tiles& tiles, int lanes) {
-  return Range::groups(tiles.count(), lanes > 1 ? 1 : TILE * TILE);
+// One group a tile: a single work-item where it holds LANES pixels, else one for so many pixels.
+Range tile_groups(const Tiles& tiles, int lanes, int pixels) {
+  return Range::groups(tiles.count(), lanes > 1 ? 1 : TILE * TILE / pixels);
 }
 
 }  // namespace
@@ -23,29 +23,37 @@ Splatting::Splatting(Queue& queue, const EngineSettings& settings, Channels chan
       gather_(program_, "gather") {}
 
 void Splatting::forward(Queue& queue, const std::array<float, 3>& background, const Splats& splats,
-                        const Tiles& tiles, Images& images) {
+                        const Tiles& tiles, Images& images, size_t moving) {
+  const bool shares = moving != all_rows;
   const size_t pixels = size_t(images.width) * images.height;
   images.rgb.ensure(queue, 3 * pixels);
   images.alpha.ensure(queue, pixels);
   images.depth.ensure(queue, channels_.depth ? pixels : 0);
-  images.flow.ensure(queue, channels_.flow ? 2 * pixels : 0);
   images.transmittance.ensure(queue, pixels);
-  images.flow_weight.ensure(queue, channels_.flow && settings_.top_k ? pixels : 0);
-  splat_fwd_(queue, tile_groups(tiles, lanes_), images.width, images.height, background[0],
-             background[1], background[2], splats.records, tiles.tile_offsets, tiles.isect_ids,
-             tiles.masks, images.rgb, images.alpha, images.depth, images.flow, images.flow_weight,
-             images.transmittance);
+  if (channels_.flow || !shares) {
+    images.flow.ensure(queue, channels_.flow ? 2 * pixels : 0);
+    images.flow_weight.ensure(queue, channels_.flow && settings_.top_k ? pixels : 0);
+  }
+  const cl_uint below = shares ? cl_uint(moving) : channels_.flow ? ALL_ROWS : 0;
+  splat_fwd_(queue, tile_groups(tiles, lanes_, 1), images.width, images.height, below,
+             background[0], background[1], background[2], splats.records, tiles.tile_offsets,
+             tiles.isect_ids, tiles.masks, images.rgb, images.alpha, images.depth, images.flow,
+             images.flow_weight, images.transmittance);
 }
 
 void Splatting::backward(Queue& queue, const Splats& splats, const Tiles& tiles,
                          const Images& images, const ImageGradients& v, Buffer<float>& partials,
-                         Buffer<float>& moments) {
+                         bool shared) {
   partials.ensure(queue, MOMENTS * tiles.intersections);
+  splat_bwd_(queue, tile_groups(tiles, lanes_, CELL), images.width, images.height, int(shared),
+             splats.records, tiles.tile_offsets, tiles.isect_ids, tiles.isect_slots, tiles.masks,
+             images.rgb, images.alpha, images.depth, images.flow, images.flow_weight,
+             images.transmittance, v.v_rgb, v.v_alpha, v.v_depth, v.v_flow, partials);
+}
+
+void Splatting::gather(Queue& queue, const Splats& splats, const Tiles& tiles,
+                       const Buffer<float>& partials, Buffer<float>& moments) {
   moments.ensure(queue, MOMENTS * splats.count);
-  splat_bwd_(queue, tile_groups(tiles, lanes_), images.width, images.height, splats.records,
-             tiles.tile_offsets, tiles.isect_ids, tiles.isect_slots, tiles.masks, images.rgb,
-             images.alpha, images.depth, images.flow, images.flow_weight, images.transmittance,
-             v.v_rgb, v.v_alpha, v.v_depth, v.v_flow, partials);
   gather_(queue, Range::over(splats.count), cl_uint(splats.count), tiles.slot_offsets, partials,
           moments);
 }

@@ -46,6 +46,13 @@ class Motion {
   virtual void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
                   GaussiansAt& gaussians, size_t rows = Parameters::all) = 0;
 
+  // Gaussians at the time that is drawn, for one camera: those that it cannot see may have opacity 0,
+  // too, and undefined rows.
+  virtual void seen_at(Queue& queue, const Parameters& parameters, float t, const PinholeCamera&,
+                       GaussiansAt& gaussians) {
+    at(queue, parameters, t, nullptr, gaussians);
+  }
+
   // Gradients of the last loss by the parameters, from those by the Gaussians at time t, for the
   // rows with tiles_touched > 0. `first`: t is the time drawn; marks the rows as seen in this
   // training step and starts their gradients. Otherwise t is the second time: adds. Rows of other

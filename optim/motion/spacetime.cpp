@@ -9,6 +9,7 @@ SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
     : sigmas_(window_sigmas(cutoff)),
       program_(queue, "spacetime.cl"),
       spacetime_fwd_(program_, "spacetime_fwd"),
+      spacetime_seen_fwd_(program_, "spacetime_seen_fwd"),
       spacetime_bwd_(program_, "spacetime_bwd"),
       spacetime_split_(program_, "spacetime_split"),
       spacetime_pace_(program_, "spacetime_pace") {}
@@ -33,6 +34,17 @@ void SpacetimeMotion::at(Queue& queue, const Parameters& p, float t, const Buffe
                  p["velocities"].values, p["half_accelerations"].values, p["quats"].values,
                  p["turns"].values, p["log_scales"].values, p["logit_opacities"].values,
                  gaussians.means, gaussians.factors, gaussians.opacities);
+}
+
+void SpacetimeMotion::seen_at(Queue& queue, const Parameters& p, float t,
+                              const PinholeCamera& camera, GaussiansAt& gaussians) {
+  gaussians.ensure(queue, p.count);
+  const size_t lanes = size_t(queue.lanes);
+  spacetime_seen_fwd_(queue, Range::over((p.count + lanes - 1) / lanes), cl_uint(p.count),
+                      cl_uint(p.moving), t, sigmas_, camera, p["means"].values, p["means_t"].values,
+                      p["velocities"].values, p["half_accelerations"].values, p["quats"].values,
+                      p["turns"].values, p["log_scales"].values, p["logit_opacities"].values,
+                      gaussians.means, gaussians.factors, gaussians.opacities);
 }
 
 void SpacetimeMotion::backward(Queue& queue, Parameters& p, float t, bool first,

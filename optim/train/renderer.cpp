@@ -39,9 +39,13 @@ void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
   View& view = shot_.view;
   // Motion losses compare poses at both times, of those at rest too.
-  if (skip_still_ && shot.flow && !shot.motion_loss && same(view.camera, view.camera_t2))
+  if (skip_.still && shot.flow && !shot.motion_loss && same(view.camera, view.camera_t2))
     view.moving = model.parameters.moving;
-  model.motion->at(queue, model.parameters, model.time(shot.time), nullptr, t1_);
+  const float t1 = model.time(shot.time);
+  if (skip_.outside && !shot.all_posed)
+    model.motion->seen_at(queue, model.parameters, t1, view.camera, t1_);
+  else
+    model.motion->at(queue, model.parameters, t1, nullptr, t1_);
   engine_.project(queue, view, {shot.flow, shot.depth}, t1_);
   const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
   if (shot.flow || shot.motion_loss)

@@ -19,6 +19,7 @@ struct Shot {
   double time_t2 = 0;  // with flow: where the flow leads; with a motion loss: its second moment
   bool flow = false, depth = false;
   MotionLoss* motion_loss = nullptr;  // joins the backward pass
+  bool all_posed = false;             // gaussians() has those outside the picture, too
   int sh_degree = 3;                  // bands in use; at most what the model has
   std::array<float, 3> background = {1, 1, 1};
 };
@@ -26,7 +27,7 @@ struct Shot {
 class Renderer {
  public:
   Renderer(Queue& queue, const EngineSettings& settings)
-      : engine_(queue, settings), skip_still_(settings.skip.still) {}
+      : engine_(queue, settings), skip_(settings.skip) {}
 
   void forward(Queue& queue, Model& model, const Shot& shot);
   // Gradients of sum(images . v) for the last forward(), to model.parameters: set for rows not seen
@@ -34,7 +35,8 @@ class Renderer {
   void backward(Queue& queue, Model& model, const ImageGradients& v);
 
   const Images& images() const { return engine_.images(); }
-  // At the time drawn last; a row is set where its opacity is not 0.
+  // At the time drawn last; a row is set where its opacity is not 0. Of those in the picture, or all
+  // (Shot::all_posed).
   const GaussiansAt& gaussians() const { return t1_; }
   const Engine& engine() const { return engine_; }
   const GaussianGradients& gradients() const { return gradients_; }
@@ -46,7 +48,7 @@ class Renderer {
   double time_t0() const { return 2 * shot_.time - shot_.time_t2; }
 
   Engine engine_;
-  bool skip_still_;
+  Skips skip_;
   Shot shot_;
   GaussiansAt t0_, t1_, t2_;
   Buffer<float> colors_{"colors"};

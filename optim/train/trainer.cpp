@@ -129,6 +129,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
       density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
       density_rule_(density_rule(config.density, scene, model.shape)),
+      order_(queue),
       rest_(rest_for(queue, config, scene, model.parameters)),
       reduce_(queue),
       pairs_of_frame_(scene.train.size()) {
@@ -210,6 +211,7 @@ void Trainer::prefetch(int step) {
 
 void Trainer::step(Queue& queue, int step) {
   prefetch(step);
+  if (step == 0) put_in_order(queue);
   renew_neighbours_if_due(queue, step);
   if (config_.skip.unseen)
     model_.parameters.forget_seen(queue);
@@ -227,8 +229,10 @@ void Trainer::step(Queue& queue, int step) {
                          {done, refining(done), position_rate(step),
                           random_bits(seed, kNoiseStream, uint32_t(step))});
   if (settling(done)) settle(queue);
-  if (density_ && now.fits() && refining(done) && done % config_.density.every == 0)
+  if (density_ && now.fits() && refining(done) && done % config_.density.every == 0) {
     refine(queue, random_bits(seed, kSplitStream, uint32_t(step)));
+    put_in_order(queue);
+  }
 }
 
 void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
@@ -259,6 +263,7 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
     shot.time_t2 = later < 1 + 1e-6 ? later : 2 * shot.time - later;
   }
   if (step % config_.loss.motion_every == 0) shot.motion_loss = motion_loss_.get();
+  shot.all_posed = density_ && density_->needs_all_posed();
   had_motion_loss_ = shot.motion_loss;
   renderer_.forward(queue, model_, shot);
 
@@ -288,6 +293,8 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
     teacher_.write_async(queue, flow_planes_);
     confidence_.ensure(queue, pixels);
     confidence_.write_async(queue, confidence_part_);
+    const auto unknown = std::count(confidence_part_.begin(), confidence_part_.end(), 0);
+    v_.flow_in_parts = size_t(unknown) > pixels / 4;
     v_.v_flow.ensure(queue, 2 * pixels);
     flow_loss_.run(queue, share * config_.flow.weight, part.width, part.height, images.flow,
                    images.alpha, teacher_, confidence_, v_.v_flow);
@@ -438,6 +445,18 @@ void Trainer::settle(Queue& queue) {
   } catch (const Error& problem) {  // they go on as they were
     if (!is_out_of_memory(problem)) throw;
     memory_is_short(problem.what());
+  }
+}
+
+void Trainer::put_in_order(Queue& queue) {
+  try {
+    const Buffer<cl_uint>& source =
+        order_.sort(queue, model_.parameters, model_.shape.duration);
+    if (density_) density_->reorder(queue, source);
+    if (rest_) rest_->forget();
+    neighbours_known_ = false;
+  } catch (const Error& problem) {  // only slower
+    if (!is_out_of_memory(problem)) throw;
   }
 }
 

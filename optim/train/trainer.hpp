@@ -11,6 +11,7 @@
 
 #include "optim/data/flow_store.hpp"
 #include "optim/density/density.hpp"
+#include "optim/density/order.hpp"
 #include "optim/density/rest.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
@@ -85,6 +86,7 @@ class Trainer {
   void refine(Queue& queue, uint32_t seed);
   bool settling(int done) const;
   void settle(Queue& queue);
+  void put_in_order(Queue& queue);
   void memory_is_short(const std::string& sentence);
 
   const TrainConfig& config_;
@@ -109,6 +111,7 @@ class Trainer {
   Adam adam_;
   std::unique_ptr<Density> density_;
   DensityRule density_rule_;
+  RowOrder order_;
   std::unique_ptr<Rest> rest_;                                // nullptr: all move
   size_t memory_holds_ = std::numeric_limits<size_t>::max();  // Gaussians
   bool memory_was_short_ = false;

@@ -105,6 +105,35 @@ TEST_P(SplatModes, StopBeforeTheSaturatingSplatAndMakeFlowOfTheFirstContributors
   expect_reference(queue, s, {5e-6, 1e-4, 1e-4});
 }
 
+// Cells of a picture that ask for nothing, whole tiles among them, are left out of the way back; and
+// flow where nothing moves or none is asked for: with the same result, but for the sign of a 0.
+TEST_P(SplatModes, LeavesOutWhatAsksForNothing) {
+  Scene s = scene_of(narrow() ? 100 : 300, 75, 52);
+  reference::Planes v = random_cotangents(s, 5);
+  for (int y = 0; y < 52; ++y)
+    for (int x = 0; x < 75; ++x) {
+      const size_t at = size_t(y) * 75 + x;
+      if (x >= 32 || (y >= 20 && y < 40)) v.flow[at] = v.flow[at + s.pixels()] = 0;
+      if (x < 48 && (x < 9 || y < 17 || x > y + 5)) continue;
+      v.flow[at] = v.flow[at + s.pixels()] = v.alpha[at] = v.depth[at] = 0;
+      for (size_t c = 0; c < 3; ++c) v.rgb[at + c * s.pixels()] = 0;
+    }
+  for (const size_t moving : {s.count(), s.count() / 20}) {
+    std::vector<FloatArrays> images, gradients;
+    for (const bool skip : {false, true}) {
+      s.shot.settings.skip.asking = s.shot.settings.skip.flow = skip;
+      DeviceScene device(queue, s);
+      device.flow_in_parts = skip;
+      if (moving < s.count()) device.stand_still_from(moving);
+      images.push_back(device.forward());
+      gradients.push_back(device.backward(v));
+    }
+    EXPECT_EQ(images[0], images[1]) << moving;
+    EXPECT_EQ(gradients[0], gradients[1]) << moving;  // 0 == -0
+    EXPECT_GT(norm(gradients[0].at("means_t2")), 0);
+  }
+}
+
 TEST_P(Splat, DrawsTheBackgroundWhereNothingIs) {
   for (Scene s : {scene_of(0, 19, 5), [] {
                     Scene behind = scene_of(0, 19, 5);
