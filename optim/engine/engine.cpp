@@ -52,8 +52,7 @@ void Engine::backward(Queue& queue, const GaussiansAt& at_t1, const GaussiansAt&
   Steps& steps = steps_for(queue, channels_);
   const bool parts = channels_.flow && settings_.skip.flow && (shared() || v.flow_in_parts);
   steps.splatting.backward(queue, splats_, tiles_, images_, v, partials_, parts);
-  if (parts)
-    without_flow(queue).backward(queue, splats_, tiles_, images_, v, partials_, parts);
+  if (parts) without_flow(queue).backward(queue, splats_, tiles_, images_, v, partials_, parts);
   steps.splatting.gather(queue, splats_, tiles_, partials_, moments_);
   steps.project.backward(queue, view_, at_t1, at_t2, splats_, moments_, gradients);
 }

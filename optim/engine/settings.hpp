@@ -20,9 +20,10 @@ enum class Transport {
 // Whether the splat that saturates a pixel is still drawn.
 enum class StopRule { include, exclude };
 
-// Work that is left out. `boxes`, `masks`, `saturated`, `asking` and `flow` change no bit of an image or a
-// gradient (but the sign of a 0), but without boxes more Gaussians count as seen; `still` changes the last bits of gradients, since sums
-// that are 0 are not formed; `unseen` changes what becomes of Gaussians that no picture shows.
+// Work that is left out. `boxes`, `masks`, `saturated`, `asking` and `flow` change no bit of an
+// image or a gradient (but the sign of a 0), but without boxes more Gaussians count as seen;
+// `still` changes the last bits of gradients, since sums that are 0 are not formed; `unseen`
+// changes what becomes of Gaussians that no picture shows.
 struct Skips {
   bool boxes = true;      // tiles outside the box of the ellipse where alpha >= 1/255 (project.cl)
   bool masks = true;      // cells of a tile outside that ellipse (cell_mask.cl)
@@ -30,8 +31,8 @@ struct Skips {
   bool asking = true;     // the way back through cells where every gradient is 0 (splat_bwd.cl)
   bool outside = true;    // the shape of what the camera cannot see (shared/lookout.h)
   bool still = true;      // the second time of what rests before a camera at rest (View::moving)
-  bool flow = true;       // flow in tiles where nothing moves, its gradients where none are asked for
-  bool unseen = true;     // Adam's steps of Gaussians that no picture of a step shows
+  bool flow = true;    // flow in tiles where nothing moves, its gradients where none are asked for
+  bool unseen = true;  // Adam's steps of Gaussians that no picture of a step shows
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {

@@ -14,13 +14,13 @@ class Splatting {
   // one without, the first draws the tiles with splats below `moving`, the other those without.
   void forward(Queue& queue, const std::array<float, 3>& background, const Splats& splats,
                const Tiles& tiles, Images& images, size_t moving = all_rows);
-  // partials [M, 16]; moments [N, 16], undefined for Gaussians that were not seen. All of v is read that the
-  // channels have, v_alpha always. In two halves: first all tiles, or with `shared` those that ask for
-  // flow, or none, as the channels have it; then the sums over them.
+  // partials [M, 16]; moments [N, 16], undefined for Gaussians that were not seen. All of v is read
+  // that the channels have, v_alpha always. In two halves: first all tiles, or with `shared` those
+  // that ask for flow, or none, as the channels have it; then the sums over them.
   void backward(Queue& queue, const Splats& splats, const Tiles& tiles, const Images& images,
                 const ImageGradients& v, Buffer<float>& partials, bool shared = false);
-  void gather(Queue& queue, const Splats& splats, const Tiles& tiles,
-              const Buffer<float>& partials, Buffer<float>& moments);
+  void gather(Queue& queue, const Splats& splats, const Tiles& tiles, const Buffer<float>& partials,
+              Buffer<float>& moments);
 
  private:
   int lanes_;
@@ -30,9 +30,9 @@ class Splatting {
   Kernel<cl_int, cl_int, cl_uint, cl_float, cl_float, cl_float, In<float>, In<cl_uint>, In<cl_uint>,
          In<cl_ushort>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>
       splat_fwd_;
-  Kernel<cl_int, cl_int, cl_int, In<float>, In<cl_uint>, In<cl_uint>, In<cl_uint>, In<cl_ushort>, In<float>,
+  Kernel<cl_int, cl_int, cl_int, In<float>, In<cl_uint>, In<cl_uint>, In<cl_uint>, In<cl_ushort>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
-         In<float>, Out<float>>
+         In<float>, In<float>, Out<float>>
       splat_bwd_;
   Kernel<cl_uint, In<cl_uint>, In<float>, Out<float>> gather_;
 };

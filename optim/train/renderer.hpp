@@ -35,8 +35,8 @@ class Renderer {
   void backward(Queue& queue, Model& model, const ImageGradients& v);
 
   const Images& images() const { return engine_.images(); }
-  // At the time drawn last; a row is set where its opacity is not 0. Of those in the picture, or all
-  // (Shot::all_posed).
+  // At the time drawn last; a row is set where its opacity is not 0. Of those in the picture, or
+  // all (Shot::all_posed).
   const GaussiansAt& gaussians() const { return t1_; }
   const Engine& engine() const { return engine_; }
   const GaussianGradients& gradients() const { return gradients_; }

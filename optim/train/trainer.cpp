@@ -450,8 +450,7 @@ void Trainer::settle(Queue& queue) {
 
 void Trainer::put_in_order(Queue& queue) {
   try {
-    const Buffer<cl_uint>& source =
-        order_.sort(queue, model_.parameters, model_.shape.duration);
+    const Buffer<cl_uint>& source = order_.sort(queue, model_.parameters, model_.shape.duration);
     if (density_) density_->reorder(queue, source);
     if (rest_) rest_->forget();
     neighbours_known_ = false;

@@ -109,6 +109,82 @@ Model random_model(Queue& queue, const SpacetimeMotion& motion) {
 // float32: some 100 roundings of values of order 1 to 10
 const Tolerance FLOAT_MATHS{1e-5, 1e-5};
 
+// Posed for a camera: all that it draws is there to the last bit, most of the others are not.
+TEST(Spacetime, LeavesOutOnlyWhatTheCameraCannotSee) {
+  for (const int lanes : {0, 1}) {
+    Queue queue = test_queue(lanes);
+    SpacetimeMotion motion(queue, .05f);
+    Random random(8);
+    const auto within = [&](double most) { return float(most * random()); };
+    const size_t n = 4000;
+    Parameters p(queue, n, spacetime_groups());
+    std::vector<float> means, means_t, velocities, half_accelerations, quats, turns, log_scales,
+        logits;
+    for (size_t i = 0; i < n; ++i) {
+      for (int axis = 0; axis < 3; ++axis) {
+        means.push_back(within(10));
+        velocities.push_back(within(1.5));
+        half_accelerations.push_back(within(1.5));
+        log_scales.push_back(within(2.5) - 2);  // needles, large and small ones
+      }
+      log_scales.push_back(within(1.5));
+      for (int k = 0; k < 4; ++k) {
+        quats.push_back(within(1.5));
+        turns.push_back(within(1.5));
+      }
+      means_t.push_back(within(1.5));
+      logits.push_back(within(6));
+    }
+    means[0] = NAN;
+    p["means"].values.write(queue, means);
+    p["means_t"].values.write(queue, means_t);
+    p["velocities"].values.write(queue, velocities);
+    p["half_accelerations"].values.write(queue, half_accelerations);
+    p["quats"].values.write(queue, quats);
+    p["turns"].values.write(queue, turns);
+    p["log_scales"].values.write(queue, log_scales);
+    p["logit_opacities"].values.write(queue, logits);
+    p.rows.seen.fill(queue, 0u);
+
+    PinholeCamera camera = test_camera(64, 48);
+    camera.near_plane = .05f;
+    PinholeCamera part = camera;  // a part of a larger picture
+    part.left = 30;
+    part.top = 10;
+    part.full_width = 120;
+    part.full_height = 90;
+    for (const PinholeCamera& c : {camera, part})
+      for (const bool boxes : {true, false}) {
+        EngineSettings settings;
+        settings.skip.boxes = boxes;
+        Engine engine(queue, settings);
+        GaussiansAt all, some;
+        motion.at(queue, p, .25f, nullptr, all);
+        engine.project(queue, {c, c}, {false, false}, all);
+        const std::vector<cl_uint> touched = engine.splats().tiles_touched.read(queue);
+        motion.seen_at(queue, p, .25f, c, some);
+        engine.project(queue, {c, c}, {false, false}, some);
+        EXPECT_EQ(engine.splats().tiles_touched.read(queue), touched);
+        const std::vector<float> before = all.opacities.read(queue),
+                                 now = some.opacities.read(queue);
+        const std::vector<float> shapes = all.factors.read(queue),
+                                 shapes_now = some.factors.read(queue);
+        size_t there = 0, posed = 0, seen = 0;
+        for (size_t i = 0; i < n; ++i) {
+          there += before[i] > 0;
+          posed += now[i] > 0;
+          seen += touched[i] > 0;
+          if (touched[i] == 0) continue;
+          EXPECT_EQ(now[i], before[i]);
+          for (size_t k = 9 * i; k < 9 * i + 9; ++k) EXPECT_EQ(shapes_now[k], shapes[k]);
+        }
+        EXPECT_GT(seen, 100u);
+        EXPECT_GT(there - seen, 1000u);
+        EXPECT_LT(posed - seen, (there - seen) / 3);
+      }
+  }
+}
+
 TEST(Spacetime, DeviceCutsAsTheDoubleFormulas) {
   Queue queue = test_queue();
   SpacetimeMotion motion(queue, .5f);
