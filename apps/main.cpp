@@ -57,6 +57,7 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   gflow::add_import(app, options);
   gflow::add_splat(app, options);
   gflow::add_bench(app, options);
+  gflow::add_stress(app, options);
   gflow::add_devices(app, options);
   for (CLI::App* command : app.get_subcommands({})) command->footer(global_help(app));
 }

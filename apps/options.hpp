@@ -30,6 +30,7 @@ Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options
 void add_bench(CLI::App& app, const GlobalOptions& options);
 void add_devices(CLI::App& app, const GlobalOptions& options);
 void add_splat(CLI::App& app, const GlobalOptions& options);
+void add_stress(CLI::App& app, const GlobalOptions& options);
 void add_import(CLI::App& app, const GlobalOptions& options);
 void add_train(CLI::App& app, const GlobalOptions& options);  // these need OpenCV
 void add_render(CLI::App& app, const GlobalOptions& options);

@@ -2,10 +2,10 @@
 // A test scene on the device: uploaded once, drawn and differentiated by the engine, results read
 // back by name. And how results are compared.
 #pragma once
-#include "device.hpp"
 #include "optim/engine/engine.hpp"
 #include "optim/engine/posed.hpp"
-#include "scenes.hpp"
+#include "tests/device.hpp"
+#include "tests/scenes.hpp"
 
 namespace gflow {
 
@@ -112,6 +112,10 @@ class DeviceScene {
       scales2_{"scales_t2"};
 };
 
+inline void require_same_size(size_t actual, size_t expected) {
+  if (actual != expected) throw Error(fmt::format("{} values instead of {}", actual, expected));
+}
+
 // Root of the sum of squares, of one vector or of the difference of two.
 template <class A>
 double norm(const std::vector<A>& a) {
@@ -121,7 +125,7 @@ double norm(const std::vector<A>& a) {
 }
 template <class A, class E>
 double distance(const std::vector<A>& a, const std::vector<E>& b) {
-  EXPECT_EQ(a.size(), b.size());
+  require_same_size(a.size(), b.size());
   double sum = 0;
   for (size_t i = 0; i < b.size(); ++i)
     sum += (double(a[i]) - double(b[i])) * (double(a[i]) - double(b[i]));
@@ -137,7 +141,7 @@ double relative_l2(const std::vector<A>& actual, const std::vector<E>& expected)
 template <class E>
 double largest_error(const std::vector<float>& actual, const std::vector<E>& expected,
                      const std::vector<uint8_t>& doubtful) {
-  EXPECT_EQ(actual.size(), expected.size());
+  require_same_size(actual.size(), expected.size());
   double worst = 0;
   for (size_t i = 0; i < expected.size(); ++i) {
     if (doubtful[i % doubtful.size()]) continue;

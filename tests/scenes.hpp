@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "reference/parameters.hpp"
+#include "tests/reference/parameters.hpp"
 
 namespace gflow {
 

@@ -74,6 +74,18 @@ static inline Mat2 mat23_outer(Mat23 x, Mat23 y) {
 static inline Mat23 mat23_sub(Mat23 x, Mat23 y) { return make_mat23(x.r1 - y.r1, x.r2 - y.r2); }
 static inline Mat23 mat23_add(Mat23 x, Mat23 y) { return make_mat23(x.r1 + y.r1, x.r2 + y.r2); }
 
+// a b - c d to 1.5 ulp, however much cancels (Kahan; Jeannerod, Louvet, Muller 2013).
+static inline real difference_of_products(real a, real b, real c, real d) {
+  const real cd = c * d, lost = fma(-c, d, cd);
+  return fma(a, b, -cd) + lost;
+}
+// x cross y, each component to 1.5 ulp: for vectors that are nearly parallel.
+static inline real3 cross_exactly(real3 x, real3 y) {
+  return make_real3(difference_of_products(x.y, y.z, x.z, y.y),
+                    difference_of_products(x.z, y.x, x.x, y.z),
+                    difference_of_products(x.x, y.y, x.y, y.x));
+}
+
 static inline real3 mat3_mul_vec(Mat3 a, real3 x) {
   return make_real3(dot(a.r1, x), dot(a.r2, x), dot(a.r3, x));
 }

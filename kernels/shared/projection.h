@@ -93,7 +93,7 @@ static inline Whitening whiten(Mat23 m) {
   Whitening o;
   const real h = DILATION;
   const real n1 = dot(m.r1, m.r1), n2 = dot(m.r2, m.r2);
-  const real3 minors = cross(m.r1, m.r2);
+  const real3 minors = cross_exactly(m.r1, m.r2);
   o.s = make_sym2(n1 + h, dot(m.r1, m.r2), n2 + h);
   o.det = dot(minors, minors) + h * (n1 + n2) + h * h;
   o.u3 = sqrt(o.s.c);

@@ -3,7 +3,7 @@
 // planes, features, network, shift, and their derivatives; and what the planes should be like.
 #pragma once
 #include "optim/motion/hexplane_shape.hpp"
-#include "reference/parameters.hpp"
+#include "tests/reference/parameters.hpp"
 #include "shared/hexplane.h"
 #include "shared/shifted.h"
 

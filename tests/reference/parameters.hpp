@@ -6,9 +6,9 @@
 #include <map>
 #include <string>
 
-#include "reference/render.hpp"
 #include "shared/native4d.h"
 #include "shared/sh.h"
+#include "tests/reference/render.hpp"
 
 namespace gflow::reference {
 

@@ -2,7 +2,7 @@
 // The rows of the spacetime model in double, as one list of numbers and as the groups of
 // optim/motion/spacetime.hpp.
 #pragma once
-#include "reference/parameters.hpp"
+#include "tests/reference/parameters.hpp"
 #include "shared/spacetime.h"
 
 namespace gflow::reference {

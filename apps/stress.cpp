@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow stress`: the numerics' stress tests on a user's own device.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "apps/command_line.hpp"
+#include "apps/options.hpp"
+#include "apps/stress/stress.hpp"
+#include "optim/io/atomic_file.hpp"
+
+namespace gflow {
+namespace {
+
+using namespace stress;
+
+struct Flags {
+  bool quick = false, derivatives = false;
+  std::vector<std::string> only;
+  std::string json;
+};
+
+// The tests meant. Error that lists the numbers there are when one is not known.
+Tests chosen(const Flags& flags) {
+  Tests all = all_tests(), wanted;
+  for (const std::string& id : flags.only) {
+    const bool known = std::any_of(all.begin(), all.end(), [&](const Test& t) { return t.id == id; });
+    if (known) continue;
+    std::string ids;
+    for (const Test& t : all)
+      if (ids.find(t.id + ",") == std::string::npos) ids += t.id + ", ";
+    throw Error(fmt::format("--only {}: there is no such test; there are {}", id,
+                            ids.substr(0, ids.size() - 2)));
+  }
+  for (Test& t : all) {
+    const bool named =
+        std::find(flags.only.begin(), flags.only.end(), t.id) != flags.only.end();
+    if (flags.only.empty() ? (t.quick || !flags.quick) : named) wanted.push_back(std::move(t));
+  }
+  return wanted;
+}
+
+const char* verdict(bool good) { return good ? "ok" : "FAILS"; }
+
+struct Outcome {
+  size_t passed = 0, failed = 0;
+  nlohmann::ordered_json tests = nlohmann::ordered_json::array();
+  nlohmann::ordered_json derivatives = nlohmann::ordered_json::array();
+};
+
+void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
+  if (!quiet) fmt::print(stderr, "{} {} ...\n", test.id, test.name);
+  const auto start = std::chrono::steady_clock::now();
+  Rows rows;
+  try {
+    rows = test.run(queue);
+  } catch (const Error& problem) {
+    rows = {{problem.what(), std::nan(""), 0}};
+  }
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  nlohmann::ordered_json figures = nlohmann::ordered_json::array();
+  for (const Row& row : rows) {
+    const bool good = passed(row);
+    ++(good ? outcome.passed : outcome.failed);
+    fmt::print("{:<4} {:<26} {:<58} {:>9.2g} {:>9.2g}  {}\n", test.id, test.name, row.condition,
+               row.figure, row.bound, verdict(good));
+    figures.push_back({{"condition", row.condition},
+                       {"figure", row.figure},
+                       {"bound", row.bound},
+                       {"passed", good}});
+  }
+  std::fflush(stdout);
+  outcome.tests.push_back(
+      {{"test", test.id}, {"name", test.name}, {"seconds", seconds}, {"figures", figures}});
+}
+
+void run_derivatives(Queue& queue, Outcome& outcome) {
+  fmt::print("\n{:<22} {:<44} {:>10} {:>10} {:>12} {:>8}\n", "derivative of", "by", "to double",
+             "bound", "differences", "bound");
+  for (const Derivative& d : stress::derivatives(queue)) {
+    const bool good = passed(d);
+    ++(good ? outcome.passed : outcome.failed);
+    fmt::print("{:<22} {:<44} {:>10.2g} {:>10.2g} {:>12.2g} {:>8.2g}  {}\n", d.kernel,
+               d.parameters, d.against_double, d.double_bound, d.against_differences,
+               d.differences_bound, verdict(good));
+    outcome.derivatives.push_back({{"kernel", d.kernel},
+                                   {"parameters", d.parameters},
+                                   {"against_double", d.against_double},
+                                   {"double_bound", d.double_bound},
+                                   {"against_differences", d.against_differences},
+                                   {"differences_bound", d.differences_bound},
+                                   {"passed", good}});
+  }
+}
+
+void run(const Flags& flags, const GlobalOptions& options) {
+  const Tests tests = chosen(flags);
+  Queue queue = open_queue(options);
+  Outcome outcome;
+  fmt::print("{}, {} lanes\n", queue.info.full_name(), queue.lanes);
+  if (!flags.derivatives) {
+    fmt::print("{:<4} {:<26} {:<58} {:>9} {:>9}\n", "test", "", "condition", "figure", "bound");
+    for (const Test& test : tests) run_test(queue, test, options.quiet, outcome);
+  }
+  if (flags.only.empty()) run_derivatives(queue, outcome);
+  fmt::print("\n{} of {} figures within their bounds\n", outcome.passed,
+             outcome.passed + outcome.failed);
+  if (!flags.json.empty()) {
+    const nlohmann::ordered_json all{{"device", queue.info.full_name()},
+                                     {"driver", queue.info.driver},
+                                     {"lanes", queue.lanes},
+                                     {"passed", outcome.passed},
+                                     {"failed", outcome.failed},
+                                     {"tests", outcome.tests},
+                                     {"derivatives", outcome.derivatives}};
+    const std::string text = all.dump(1) + "\n";
+    write_file_atomically(flags.json, Bytes(text.begin(), text.end()));
+  }
+  if (outcome.failed > 0) throw CLI::RuntimeError(3);
+}
+
+}  // namespace
+
+void add_stress(CLI::App& app, const GlobalOptions& options) {
+  auto flags = std::make_shared<Flags>();
+  CLI::App* command = app.add_subcommand(
+      "stress", "Test the numerics on this device; exit code 3 when a bound is not kept");
+  auto* all = command->add_flag("--all", "Every test (default)");
+  command->add_flag("--quick", flags->quick, "Those of a few seconds only")->excludes(all);
+  command->add_option("--only", flags->only, "Only tests of these numbers, e.g. T7,T12")
+      ->delimiter(',')
+      ->type_name("NUMBERS");
+  command->add_flag("--derivatives", flags->derivatives, "Only the table of derivatives");
+  command->add_option("--json", flags->json, "Write the figures here")->type_name("FILE");
+  command->callback([flags, &options] { run(*flags, options); });
+}
+
+}  // namespace gflow
