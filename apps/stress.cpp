@@ -67,7 +67,7 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
   for (const Row& row : rows) {
     const bool good = passed(row);
     ++(good ? outcome.passed : outcome.failed);
-    fmt::print("{:<4} {:<26} {:<58} {:>9.2g} {:>9.2g}  {}\n", test.id, test.name, row.condition,
+    fmt::print("{:<4} {:<26} {:<58} {:>9.3g} {:>9.2g}  {}\n", test.id, test.name, row.condition,
                row.figure, row.bound, verdict(good));
     figures.push_back({{"condition", row.condition},
                        {"figure", row.figure},

@@ -57,11 +57,20 @@ static inline real sym2_trace(Sym2 x) { return x.a + x.c; }
 static inline real sym2_inner(Sym2 x, Sym2 y) {
   return x.a * y.a + (real)2 * x.b * y.b + x.c * y.c;
 }
+// a b - c d and a b + c d to 1.5 ulp, however much cancels (Kahan; Jeannerod, Louvet, Muller 2013).
+static inline real difference_of_products(real a, real b, real c, real d) {
+  const real cd = c * d, lost = fma(-c, d, cd);
+  return fma(a, b, -cd) + lost;
+}
+static inline real sum_of_products(real a, real b, real c, real d) {
+  return difference_of_products(a, b, -c, d);
+}
 // A Q A^T for the upper or general 2x2 A and symmetric Q.
 static inline Sym2 sym2_congruence(Mat2 m, Sym2 q) {
-  const real pa = m.a * q.a + m.b * q.b, pb = m.a * q.b + m.b * q.c;
-  const real pc = m.c * q.a + m.d * q.b, pd = m.c * q.b + m.d * q.c;
-  return make_sym2(pa * m.a + pb * m.b, pa * m.c + pb * m.d, pc * m.c + pd * m.d);
+  const real pa = sum_of_products(m.a, q.a, m.b, q.b), pb = sum_of_products(m.a, q.b, m.b, q.c);
+  const real pc = sum_of_products(m.c, q.a, m.d, q.b), pd = sum_of_products(m.c, q.b, m.d, q.c);
+  return make_sym2(sum_of_products(pa, m.a, pb, m.b), sum_of_products(pa, m.c, pb, m.d),
+                   sum_of_products(pc, m.c, pd, m.d));
 }
 // (2x2) (2x3)
 static inline Mat23 mat23_left(Mat2 x, Mat23 m) {
@@ -74,11 +83,6 @@ static inline Mat2 mat23_outer(Mat23 x, Mat23 y) {
 static inline Mat23 mat23_sub(Mat23 x, Mat23 y) { return make_mat23(x.r1 - y.r1, x.r2 - y.r2); }
 static inline Mat23 mat23_add(Mat23 x, Mat23 y) { return make_mat23(x.r1 + y.r1, x.r2 + y.r2); }
 
-// a b - c d to 1.5 ulp, however much cancels (Kahan; Jeannerod, Louvet, Muller 2013).
-static inline real difference_of_products(real a, real b, real c, real d) {
-  const real cd = c * d, lost = fma(-c, d, cd);
-  return fma(a, b, -cd) + lost;
-}
 // x cross y, each component to 1.5 ulp: for vectors that are nearly parallel.
 static inline real3 cross_exactly(real3 x, real3 y) {
   return make_real3(difference_of_products(x.y, y.z, x.z, y.y),

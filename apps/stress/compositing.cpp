@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+// T16, T17, T19, T21, T22: what pixels make of layers: deep, thin, opaque, one alone; the stop; the cut
+// at .99; splats over many tiles and images of odd sizes.
+#include "apps/stress/figures.hpp"
+#include "apps/stress/stress.hpp"
+#include "tests/device_scene.hpp"
+
+namespace gflow::stress {
+namespace {
+
+// A column of layers over one pixel: splats far wider than the image, so that each one's opacity is
+// its alpha there. Colours and flows are random.
+Scene layers(const std::vector<double>& alphas, unsigned seed) {
+  Scene s = random_scene({0, 1, 1});
+  s.shot.camera = s.shot.camera_t2 = test_camera(1, 1);
+  s.shot.camera.cx = s.shot.camera.cy = .5f;
+  s.shot.camera_t2 = s.shot.camera;
+  Random random(seed);
+  for (size_t i = 0; i < alphas.size(); ++i) {
+    add_gaussian(s, {0, 0, 2 + 1e-3 * double(i)}, {8, 8, 8}, alphas[i],
+                 {.1 * random.normal(), .1 * random.normal(), 0});
+    for (int c = 0; c < 3; ++c) s.p["colors"][3 * i + c] = double(float(random.uniform(0, 1)));
+  }
+  return s;
+}
+
+std::vector<double> mixed_alphas(size_t n, Random& random) {
+  std::vector<double> a;
+  while (a.size() < n) a.push_back(std::min(.98, .004 + std::pow(random.uniform(0, 1), 4)));
+  return a;
+}
+std::vector<double> thin_alphas(size_t n, Random& random) {
+  std::vector<double> a;
+  while (a.size() < n) a.push_back(random.uniform(1 / 254., .008));
+  return a;
+}
+std::vector<double> hard_alphas(size_t n, double opaque, Random& random) {
+  std::vector<double> a;
+  while (a.size() < n)
+    a.push_back(random.uniform(0, 1) < .15 ? opaque : random.uniform(1 / 254., .05));
+  return a;
+}
+
+// What a pixel makes of layers of given alphas, by the definition, in double; the gradient of v . rgb.
+struct Blend {
+  double T = 1, flow[2] = {0, 0};
+  std::vector<double> by_alpha;
+  bool doubtful = false;  // rounding may decide where the pixel stops
+};
+Blend blend(const Scene& s, const std::vector<float>& alphas, real3 v, bool stop) {
+  Blend out;
+  std::vector<double> before;  // T
+  double W = 0;
+  for (size_t i = 0; i < alphas.size(); ++i) {
+    out.doubtful |= std::fabs(out.T / double(T_MIN) - 1) < 1e-4;
+    if (stop && out.T < double(T_MIN)) break;
+    const double w = out.T * double(alphas[i]), z = s.p.at("means")[3 * i + 2];
+    before.push_back(out.T);
+    W += w;
+    for (size_t c = 0; c < 2; ++c)  // a focal length of 1 px
+      out.flow[c] += w * (s.p.at("means_t2")[3 * i + c] - s.p.at("means")[3 * i + c]) / z;
+    out.T *= 1 - double(alphas[i]);
+  }
+  for (double& f : out.flow) f /= W;
+  double behind = v.x * s.shot.background[0] + v.y * s.shot.background[1] + v.z * s.shot.background[2];
+  out.by_alpha.assign(alphas.size(), 0.);
+  for (size_t i = before.size(); i-- > 0;) {
+    const double own = dot(v, reference::row3(s.p.at("colors"), i)), a = double(alphas[i]);
+    // no gradient through the cut at .99
+    if (s.p.at("opacities")[i] <= double(ALPHA_MAX)) out.by_alpha[i] = before[i] * (own - behind);
+    behind = a * own + (1 - a) * behind;
+  }
+  return out;
+}
+
+// The device's own alpha of each layer: it drawn alone.
+std::vector<float> drawn_alphas(Queue& queue, const Scene& s) {
+  std::vector<float> alphas;
+  Scene one = layers({.5}, 1);
+  DeviceScene device(queue, one, {false, false});
+  for (const double opacity : s.p.at("opacities")) {
+    one.p["opacities"][0] = opacity;
+    device.upload(one);
+    alphas.push_back(device.forward().at("alpha")[0]);
+  }
+  return alphas;
+}
+
+struct PixelErrors {
+  std::vector<double> gradient, T, flow;  // dL/dalpha by the pixel's largest; relative; by 100 px
+  double doubtful = 0;
+};
+// Flow against an image that does not stop, the rest against one that stops as it should.
+void compare_pixel(Queue& queue, const Scene& s, PixelErrors& errors) {
+  const std::vector<float> alphas = drawn_alphas(queue, s);
+  const reference::Planes v = only(random_cotangents(s, 3), "rgb");
+  const real3 v_rgb{v.rgb[0], v.rgb[1], v.rgb[2]};
+  const Blend expected = blend(s, alphas, v_rgb, true), whole = blend(s, alphas, v_rgb, false);
+  if (expected.doubtful) {
+    ++errors.doubtful;
+    return;
+  }
+  DeviceScene device(queue, s);
+  const FloatArrays images = device.forward();
+  const std::vector<float> found = device.backward(v).at("opacities");
+  double most = 0, error = 0;
+  for (size_t i = 0; i < alphas.size(); ++i) {
+    const double by_alpha = double(found[i]) * s.p.at("opacities")[i] / double(alphas[i]);
+    most = std::max(most, std::fabs(expected.by_alpha[i]));
+    error = std::max(error, std::fabs(by_alpha - expected.by_alpha[i]));
+  }
+  errors.gradient.push_back(error / most);
+  errors.T.push_back(std::fabs(double(images.at("transmittance")[0]) / expected.T - 1));
+  for (size_t c = 0; c < 2; ++c)
+    errors.flow.push_back(std::fabs(double(images.at("flow")[c]) - whole.flow[c]) / 100);
+}
+
+Rows deep_pixels(Queue& queue) {  // T16
+  Rows rows;
+  const auto add = [&](const std::string& name, auto&& alphas) {
+    Random random(16);
+    PixelErrors e;
+    for (unsigned k = 0; k < 20; ++k) compare_pixel(queue, layers(alphas(random), k), e);
+    rows.push_back({name + ", pixels left out as doubtful", e.doubtful, 2});
+    rows.push_back({name + ", dL/dalpha by the largest", worst(e.gradient), 1e-5});
+    rows.push_back({name + ", T, relative", worst(e.T), 1e-5});
+  };
+  add("60 mixed layers", [](Random& r) { return mixed_alphas(60, r); });
+  add("600 thin layers", [](Random& r) { return thin_alphas(600, r); });
+  add("60 layers, some of .99", [](Random& r) { return hard_alphas(60, .99, r); });
+  add("60 layers, some of .999", [](Random& r) { return hard_alphas(60, .999, r); });
+  return rows;
+}
+
+Rows stop_rule(Queue& queue) {  // T17, flows up to 100 px
+  PixelErrors e;
+  for (unsigned k = 0; k < 40; ++k) {
+    Random random(100 + k);
+    Scene s = layers(k % 2 ? mixed_alphas(200, random) : hard_alphas(200, .98, random), k);
+    for (size_t i = 0; i < s.count(); ++i)
+      for (size_t c = 0; c < 2; ++c)
+        s.p["means_t2"][3 * i + c] = s.p["means"][3 * i + c] + double(float(random.uniform(-100, 100) *
+                                                                            s.p["means"][3 * i + 2]));
+    s.shot.settings.transport = Transport::translate;
+    compare_pixel(queue, s, e);
+  }
+  return {{"pixels left out as doubtful", e.doubtful, 4},
+          {"flow without a stop, by |f| max", worst(e.flow), 2e-4},
+          {"gradient, by the pixel's largest", worst(e.gradient), 5e-5}};
+}
+
+Rows faint(Queue& queue) {  // T19
+  Rows rows;
+  const double step = 1.0001 / 255;
+  {  // alone at alpha 1/255: flow and its gradient do not depend on how faint it is
+    Scene s = layers({step}, 1);
+    s.shot.settings.transport = Transport::translate;
+    const reference::Gaussians g = reference::posed(s.p);
+    const reference::Rendering r = reference::render(s.shot, g);
+    const reference::Planes v = only(random_cotangents(s, 2), "flow");
+    const reference::Gaussians expected = reference::render_vjp(s.shot, g, r, v);
+    DeviceScene device(queue, s);
+    const FloatArrays images = device.forward();
+    rows.push_back({"alpha 1/255 alone, flow, relative",
+                    row_error(images.at("flow"), r.images.flow, 0, 2), 1e-6});
+    rows.push_back({"alpha 1/255 alone, gradient by the mean at t2, relative",
+                    row_error(device.backward(v).at("means_t2"), expected.means_t2, 0, 3), 1e-6});
+  }
+  for (const bool empty : {true, false}) {  // nothing at all; one below 1/255
+    Scene s = empty ? layers({}, 1) : layers({.0039}, 1);
+    DeviceScene device(queue, s);
+    double sum = 0;
+    const FloatArrays images = device.forward();
+    for (const char* name : {"alpha", "depth", "flow"})
+      for (const float x : images.at(name)) sum += std::fabs(double(x));
+    for (const auto& [name, values] : device.backward(random_cotangents(s, 2)))
+      for (const float x : values) sum += x == 0 ? 0 : 1;
+    for (int c = 0; c < 3; ++c)
+      sum += std::fabs(double(images.at("rgb")[c]) - s.shot.background[c]);
+    rows.push_back({empty ? "background only: all but it, and all gradients"
+                          : "W = 0: all but the background, and all gradients",
+                    sum, 0});
+  }
+  return rows;
+}
+
+// The colour of a pixel by the opacity of the one layer over it, the background behind.
+Rows clamp(Queue& queue) {  // T21
+  Rows rows;
+  const auto colour = [&](double opacity) {
+    Scene s = layers({opacity}, 1);
+    DeviceScene device(queue, s);
+    return double(device.forward().at("rgb")[0]);
+  };
+  for (const auto& [opacity, open] : {std::pair{.9899, true}, {.9901, false}}) {
+    Scene s = layers({opacity}, 1);
+    reference::Planes v = only(random_cotangents(s, 2), "none");
+    v.rgb[0] = 1;
+    DeviceScene device(queue, s);
+    device.forward();
+    const double found = double(device.backward(v).at("opacities")[0]);
+    const double h = open ? -.05 : .005;  // away from the cut: straight on either side
+    const double difference = (colour(opacity + h) - colour(opacity)) / h;
+    rows.push_back({fmt::format("opacity {}, gradient off the one-sided difference", opacity),
+                    std::fabs(found - difference), 1e-3});
+  }
+  // Two splats of .99 leave exactly 1e-4, the threshold: drawn either way round, by any rounding.
+  double most = 0;
+  for (const double first : {.99, std::nextafter(.99f, 0.f) * 1., std::nextafter(.99f, 1.f) * 1., 1.}) {
+    const Scene s = layers({first, .99, .9}, 1);
+    DeviceScene device(queue, s);
+    const double found = double(device.forward().at("rgb")[0]);
+    const reference::Gaussians g = reference::posed(s.p);
+    const std::vector<reference::Seen> seen = reference::see(s.shot, g);
+    reference::Contributors all{{0, 3}, {{0, true}, {1, false}, {2, false}}, {0}};
+    all.list[0].clamped = first > .99;
+    most = std::max(most, std::fabs(found - reference::render(s.shot, g, &all).images.rgb[0]));
+  }
+  rows.push_back({"two of .99 and 1 on the threshold, colour", most, 1.0001e-4});
+  return rows;
+}
+
+double worst_image_error(Queue& queue, const Scene& s) {
+  const reference::Rendering r = reference::render(s.shot, reference::posed(s.p));
+  DeviceScene device(queue, s);
+  const FloatArrays images = device.forward();
+  return std::max(largest_error(images.at("rgb"), r.images.rgb, r.contributors.doubtful),
+                  largest_error(images.at("alpha"), r.images.alpha, r.contributors.doubtful));
+}
+
+Rows tiles(Queue& queue) {  // T22
+  Rows rows;
+  const int sizes[][2] = {{1, 1}, {15, 17}, {17, 15}, {97, 89}, {1920, 1080}};
+  for (const auto& [width, height] : sizes) {
+    SceneSpec spec;
+    spec.n = width > 1000 ? 20 : 150;
+    spec.width = width;
+    spec.height = height;
+    rows.push_back({fmt::format("image {} x {}", width, height),
+                    worst_image_error(queue, random_scene(spec)), width > 1000 ? 1e-4 : 1e-5});
+  }
+  for (const int across : {1, 2, 5, 10}) {  // 1 to 100 tiles
+    Scene s = random_scene({0, 160, 160});
+    s.shot.camera = s.shot.camera_t2 = test_camera(160, 160);
+    const double sigma = 16. * across / 6.7 * 4 / 160;
+    add_gaussian(s, {.013, -.021, 4}, {sigma, sigma, .1}, .9);
+    rows.push_back({fmt::format("one splat over about {} tiles", across * across),
+                    worst_image_error(queue, s), 1e-5});
+  }
+  return rows;
+}
+
+}  // namespace
+
+Tests compositing_tests() {
+  return {{"T16", "deep pixels", true, deep_pixels},
+          {"T17", "stop rule", true, stop_rule},
+          {"T19", "faint and empty pixels", true, faint},
+          {"T21", "cut at .99", true, clamp},
+          {"T22", "tiles and image sizes", true, tiles}};
+}
+
+}  // namespace gflow::stress

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// T30: no Gaussian, one, none seen, all at one depth, 1e5 over one pixel, surfels and needles.
+#include <cstring>
+
+#include "apps/stress/figures.hpp"
+#include "apps/stress/stress.hpp"
+#include "tests/device_scene.hpp"
+
+namespace gflow::stress {
+namespace {
+
+struct Result {
+  FloatArrays images, gradients;
+  double not_finite() const {
+    double count = 0;
+    for (const FloatArrays* all : {&images, &gradients})
+      for (const auto& [name, values] : *all) count += count_not_finite(values);
+    return count;
+  }
+};
+Result run(Queue& queue, const Scene& s) {
+  DeviceScene device(queue, s);
+  Result r;
+  r.images = device.forward();
+  r.gradients = device.backward(random_cotangents(s, 30));
+  return r;
+}
+
+double background_off(const Scene& s, const FloatArrays& images) {
+  double most = 0;
+  for (size_t i = 0; i < 3 * s.pixels(); ++i)
+    most = std::max(most, std::fabs(double(images.at("rgb")[i]) - s.shot.background[i / s.pixels()]));
+  return most;
+}
+
+bool same_bits(const FloatArrays& a, const FloatArrays& b) {
+  for (const auto& [name, values] : a)
+    if (std::memcmp(values.data(), b.at(name).data(), values.size() * sizeof(float)) != 0)
+      return false;
+  return a.size() == b.size();
+}
+
+Rows degenerate(Queue& queue) {
+  Rows rows;
+  Scene none = random_scene({0, 40, 30});
+  rows.push_back({"no Gaussian: colour off the background", background_off(none, run(queue, none).images), 0});
+
+  Scene behind = none;
+  for (int i = 0; i < 100; ++i) add_gaussian(behind, {0, 0, -1. - i}, {.5, .5, .5}, .9);
+  const Result culled = run(queue, behind);
+  double gradients = 0;
+  for (const auto& [name, values] : culled.gradients)
+    for (const float x : values) gradients += x != 0;
+  rows.push_back({"all culled: colour off the background", background_off(behind, culled.images), 0});
+  rows.push_back({"all culled: gradients that are not 0", gradients, 0});
+
+  Scene ties = none;
+  ties.shot.camera = ties.shot.camera_t2 = test_camera(40, 30);
+  Random random(30);
+  for (int i = 0; i < 1000; ++i) {
+    add_gaussian(ties, {random.uniform(-1, 1), random.uniform(-.7, .7), 2}, {.05, .03, .02},
+                 random.uniform(.1, .9), {.01, .02, 0});
+    for (int c = 0; c < 3; ++c) ties.p["colors"][3 * i + c] = double(float(random.uniform(0, 1)));
+  }
+  const Result first = run(queue, ties);
+  double different = 0;
+  for (int i = 0; i < 10; ++i) {
+    const Result again = run(queue, ties);
+    different += !same_bits(again.images, first.images) || !same_bits(again.gradients, first.gradients);
+  }
+  rows.push_back({"1000 at one depth: of 10 runs with other bits", different, 0});
+  const reference::Rendering r = reference::render(ties.shot, reference::posed(ties.p));
+  rows.push_back({"1000 at one depth: colour off the order by index",
+                  largest_error(first.images.at("rgb"), r.images.rgb, r.contributors.doubtful), 1e-5});
+
+  // flat (one scale 0), needles (two), points (three)
+  for (const auto& [name, scales] :
+       {std::pair{"surfels", real3{.3, .2, 0}}, {"needles", real3{.5, 0, 0}}, {"points", real3{0, 0, 0}}}) {
+    Scene s = random_scene({60, 40, 30});
+    for (const char* end : {"", "_t2"})
+      for (size_t i = 0; i < s.count(); ++i)
+        s.p[std::string("scales") + end] = [&] {
+          std::vector<double> all = s.p.at(std::string("scales") + end);
+          all[3 * i] = double(float(scales.x));
+          all[3 * i + 1] = double(float(scales.y));
+          all[3 * i + 2] = scales.z;
+          return all;
+        }();
+    for (const Transport t : {Transport::paper, Transport::ot, Transport::material}) {
+      s.shot.settings.transport = t;
+      const reference::Gaussians g = reference::posed(s.p);
+      const reference::Rendering expected = reference::render(s.shot, g);
+      const reference::Planes v = random_cotangents(s, 30, expected.contributors.doubtful);
+      DeviceScene device(queue, s);
+      const FloatArrays images = device.forward();
+      const std::string at = fmt::format("{}, transport {}", name, int(t));
+      rows.push_back({at + ", colour",
+                      largest_error(images.at("rgb"), expected.images.rgb,
+                                    expected.contributors.doubtful), 1e-5});
+      double worst_gradient = 0;
+      const reference::Named v_expected =
+          reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, expected, v));
+      const FloatArrays v_found = device.backward(v);
+      for (const auto& [key, values] : v_expected)
+        if (norm(values) > 1e-6)
+          worst_gradient = std::max(worst_gradient, relative_l2(v_found.at(key), values));
+      rows.push_back({at + ", worst gradient, relative L2", worst_gradient, 1e-4});
+    }
+  }
+  return rows;
+}
+
+Rows crowd(Queue& queue) {  // the part of T30 that takes longer
+  Scene s = random_scene({0, 16, 16});
+  s.shot.camera = s.shot.camera_t2 = test_camera(16, 16);
+  Random random(31);
+  for (int i = 0; i < 100000; ++i)
+    add_gaussian(s, {random.uniform(-.01, .01), random.uniform(-.01, .01), random.uniform(2, 3)},
+                 {.001, .001, .001}, .5);
+  const Result r = run(queue, s);
+  return {{"1e5 on one pixel: not finite", r.not_finite(), 0},
+          {"1e5 on one pixel: what passes", double(r.images.at("transmittance")[8 * 16 + 8]), 1e-4}};
+}
+
+}  // namespace
+
+Tests degenerate_tests() {
+  return {{"T30", "degenerate scenes", true, degenerate}, {"T30", "a crowd", true, crowd}};
+}
+
+}  // namespace gflow::stress

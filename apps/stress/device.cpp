@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// T46: what a device must do before gflow uses it (`gflow devices` shows the same).
+#include "apps/stress/stress.hpp"
+#include "optim/motion/gradient_check.hpp"
+
+namespace gflow::stress {
+namespace {
+
+Rows self_checks(Queue& queue) {
+  Rows rows;
+  for (const SelfCheckRow& row : full_self_check(queue))
+    rows.push_back({row.name, row.figure, row.bound});
+  return rows;
+}
+
+}  // namespace
+
+Tests device_tests() { return {{"T46", "self-check at start", true, self_checks}}; }
+
+}  // namespace gflow::stress

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+// T31-T33: Adam over ten thousand steps with spikes, gradients that are no numbers, and what rounding
+// noise becomes of.
+#include <cstring>
+
+#include "apps/stress/figures.hpp"
+#include "apps/stress/stress.hpp"
+#include "runtime/adam.hpp"
+
+namespace gflow::stress {
+namespace {
+
+// Rows of 3 values with their optimiser, all seen.
+struct Trained {
+  Trained(Queue& queue, size_t rows)
+      : queue(queue), rows(rows), adam(queue), group(queue, "values", rows, 3), state(queue, rows) {
+    group.values.fill(queue, 0.f);
+  }
+  void step(const std::vector<float>& grads, AdamRate rate) {
+    state.seen.fill(queue, 1u);
+    group.grads.write(queue, grads);
+    adam.refuse(queue, group, state, rows);
+    adam.advance(queue, state, rows);
+    adam.step(queue, group, state, rows, rate);
+  }
+  std::vector<float> values() { return group.values.read(queue); }
+
+  Queue& queue;
+  size_t rows;
+  Adam adam;
+  ParameterGroup group;
+  RowState state;
+};
+
+size_t different_bits(const std::vector<float>& a, const std::vector<float>& b) {
+  size_t count = a.size() == b.size() ? 0 : a.size() + b.size();
+  for (size_t i = 0; i < std::min(a.size(), b.size()); ++i)
+    count += std::memcmp(&a[i], &b[i], sizeof(float)) != 0;
+  return count;
+}
+
+// The textbook's update in double, written out here.
+Rows long_run(Queue& queue) {  // T31
+  constexpr size_t rows = 64, n = 3 * rows;
+  constexpr int steps = 10000;
+  const float lr = 1e-3f, epsilon = 1e-8f;
+  const double b1 = double(.9f), b2 = double(.999f);
+  Trained trained(queue, rows);
+  std::vector<double> x(n, 0.), m(n, 0.), v(n, 0.);
+  Random random(31);
+  double b1t = 1, b2t = 1;
+  for (int t = 1; t <= steps; ++t) {
+    std::vector<float> g(n);
+    for (size_t i = 0; i < n; ++i) {
+      g[i] = float(.2 + random.normal());
+      if (i % 3 == 1 && t % 1000 == 500) g[i] *= 1e6f;  // a spike now and then
+      if (i % 3 == 2) g[i] *= 1e-6f;
+    }
+    trained.step(g, {lr, epsilon});
+    b1t *= b1;
+    b2t *= b2;
+    for (size_t i = 0; i < n; ++i) {
+      m[i] = b1 * m[i] + (1 - b1) * double(g[i]);
+      v[i] = b2 * v[i] + (1 - b2) * double(g[i]) * double(g[i]);
+      x[i] -= double(lr) * (m[i] / (1 - b1t)) / (std::sqrt(v[i] / (1 - b2t)) + double(epsilon));
+    }
+  }
+  const std::vector<float> found = trained.values();
+  double errors[3] = {0, 0, 0};
+  for (size_t i = 0; i < n; ++i)
+    errors[i % 3] = std::max(errors[i % 3], std::fabs(double(found[i]) - x[i]) / std::fabs(x[i]));
+  Rows out{{"1e4 steps, gradients of 1, relative", errors[0], 1e-4},
+           {"1e4 steps, ten spikes of 1e6, relative", errors[1], 1e-4},
+           {"1e4 steps, gradients of 1e-6, relative", errors[2], 1e-4}};
+
+  Trained still(queue, 2);
+  const std::vector<float> start{1.1f, -2.3f, 1e-20f, 3e10f, -0.f, .1f};
+  still.group.values.write(queue, start);
+  still.step(std::vector<float>(6, 0.f), {1, 1e-15f});
+  out.push_back({"zero gradient with zero moments: values that changed",
+                 double(different_bits(still.values(), start)), 0});
+
+  Trained seldom(queue, 2);  // row 1 is seen in every second step
+  for (int t = 0; t < 9; ++t) {
+    seldom.state.seen.write(queue, {1u, cl_uint(t % 2)});
+    seldom.group.grads.fill(queue, .5f);
+    seldom.adam.advance(queue, seldom.state, 2);
+    seldom.adam.step(queue, seldom.group, seldom.state, 2, {.125f, 1e-15f});
+  }
+  const std::vector<cl_uint> made = seldom.state.steps.read(queue);
+  out.push_back({"own step counts: 9 and 4", std::fabs(double(made[0]) - 9) + std::fabs(double(made[1]) - 4), 0});
+  out.push_back({"a constant gradient moves by the rate in each own step",
+                 std::fabs(double(seldom.values()[3]) + 4 * .125) / .5, 1e-5});
+  return out;
+}
+
+// Row 7 gets one that is not finite, or whose square is not, in its last steps.
+Rows bad_gradients(Queue& queue) {  // T32
+  Rows out;
+  constexpr size_t rows = 50, n = 3 * rows, culprit = 7;
+  const auto run = [&](float poison, std::vector<cl_uint>* refused) {
+    Trained trained(queue, rows);
+    Random random(32);
+    for (int t = 0; t < 20; ++t) {
+      std::vector<float> g(n);
+      for (float& x : g) x = float(random.normal());
+      if (t >= 10) g[3 * culprit + size_t(t) % 3] = poison;
+      trained.step(g, {.01f, 1e-8f});
+    }
+    if (refused) *refused = trained.state.refused.read(queue);
+    return trained.values();
+  };
+  const std::vector<float> clean = run(.5f, nullptr);
+  const float nan = std::nanf(""), inf = HUGE_VALF;
+  for (const auto& [name, poison] : {std::pair{"NaN", nan}, {"inf", inf}, {"-inf", -inf}, {"3e19", 3e19f}}) {
+    std::vector<cl_uint> refused;
+    std::vector<float> found = run(poison, &refused);
+    const double broken = count_not_finite(found);
+    for (size_t k = 0; k < 3; ++k) found[3 * culprit + k] = clean[3 * culprit + k];
+    out.push_back({fmt::format("{}: values of others that changed", name),
+                   double(different_bits(found, clean)), 0});
+    out.push_back({fmt::format("{}: values not finite", name), broken, 0});
+    double wrong = 0;
+    for (size_t i = 0; i < rows; ++i) wrong += (refused[i] != 0) != (i == culprit);
+    out.push_back({fmt::format("{}: rows wrongly named as refused, or not", name), wrong, 0});
+  }
+  return out;
+}
+
+// A gradient summed in float from 256 terms, forwards or backwards; every second value's terms cancel,
+// so that its gradient is nothing but rounding. `size`: root mean square of the others.
+Rows noise_gain(Queue& queue) {  // T33
+  constexpr size_t rows = 100, n = 3 * rows, terms = 256;
+  const float lr = .01f, shipped = 1e-8f;  // AdamGroups of optim/train/config.hpp
+  const auto run = [&](bool backwards, double size, float epsilon) {
+    Trained trained(queue, rows);
+    Random random(33);
+    for (int t = 0; t < 100; ++t) {
+      std::vector<float> g(n, 0.f);
+      for (size_t i = 0; i < n; ++i) {
+        float all[terms];
+        for (size_t k = 0; k < terms; ++k) all[k] = float(size / 16 * random.normal());
+        if (i % 2)
+          for (size_t k = 0; k < terms / 2; ++k) all[terms / 2 + (k * 37) % (terms / 2)] = -all[k];
+        for (size_t k = 0; k < terms; ++k) g[i] += all[backwards ? terms - 1 - k : k];
+      }
+      trained.step(g, {lr, epsilon});
+    }
+    return trained.values();
+  };
+  const auto largest_difference = [&](double size, float epsilon) {
+    const std::vector<float> a = run(false, size, epsilon), b = run(true, size, epsilon);
+    double most = 0;
+    for (size_t i = 0; i < n; ++i) most = std::max(most, std::fabs(double(a[i]) - double(b[i])));
+    return most / double(lr);
+  };
+  Rows out;
+  for (const auto& [name, size] : {std::pair{"means, 1e-5", 1e-5}, {"turns, 2e-7", 2e-7}, {"times, 5e-8", 5e-8}})
+    out.push_back({fmt::format("gradients as of {}: in steps of the rate", name),
+                   largest_difference(size, shipped), 1});
+  // It can fail: without a floor Adam makes whole steps of the noise.
+  out.push_back({"epsilon 1e-15 instead: one step by that difference",
+                 1 / largest_difference(1e-5, 1e-15f), .2});
+  return out;
+}
+
+}  // namespace
+
+Tests optimiser_tests() {
+  return {{"T31", "Adam, ten thousand steps", true, long_run},
+          {"T32", "gradients that are no numbers", true, bad_gradients},
+          {"T33", "noise gain", true, noise_gain}};
+}
+
+}  // namespace gflow::stress

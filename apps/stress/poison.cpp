@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+// T29: one broken value in one Gaussian at the left of an image, in every slot of what the engine is
+// given. At the right no bit may change, and the broken one must be named: not seen where it is not
+// finite.
+#include <cstring>
+#include <limits>
+
+#include "apps/stress/figures.hpp"
+#include "apps/stress/stress.hpp"
+#include "tests/device_scene.hpp"
+
+namespace gflow::stress {
+namespace {
+
+std::vector<float> poisons() {
+  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = HUGE_VALF;
+  return {nan,   -nan,   inf,   -inf,  3e38f,  -3e38f, 1e30f, -1e30f, 1e19f, -1e19f, 2e9f,  -2e9f,
+          1e6f,  -1e6f,  1e-6f, -1e-6f, 1e-20f, -1e-20f, 1e-38f, -1e-38f, 1e-42f, -1e-42f, 0.f, -0.f};
+}
+
+// The culprit (0), one under it (1), and others at the right, which no value of the culprit reaches
+// but by being broken: unless it then truly lies there or covers everything.
+Scene two_sides() {
+  Scene s = random_scene({0, 96, 32});
+  s.shot.camera = s.shot.camera_t2 = test_camera(96, 32);
+  add_gaussian(s, {-1.6, .1, 4}, {.1, .08, .1}, .6, {.1, 0, 0});
+  add_gaussian(s, {-1.6, 0, 5}, {.2, .1, .1}, .7, {0, .1, 0});
+  for (int i = 0; i < 6; ++i)
+    add_gaussian(s, {1.3 + .06 * i, .1 * i - .2, 4. + .1 * i}, {.1, .06, .1}, .6, {.1, .05, .1});
+  return s;
+}
+
+bool same(float a, float b) { return std::memcmp(&a, &b, sizeof(float)) == 0; }
+
+struct Harm {
+  double images_changed = 0, gradients_changed = 0, not_finite = 0, unnamed = 0, cases = 0;
+};
+
+class Poisoned {
+ public:
+  explicit Poisoned(Queue& queue)
+      : queue_(queue),
+        clean_(two_sides()),
+        v_(random_cotangents(clean_, 10)),
+        device_(queue, clean_),
+        images_(device_.forward()),
+        gradients_(device_.backward(v_)) {}
+
+  const reference::Named& slots() const { return clean_.p; }
+
+  // Every poison in every component of `slot`.
+  Harm gaussian(const std::string& slot) {
+    Harm harm;
+    for (size_t component = 0; component < clean_.p.at(slot).size() / clean_.count(); ++component)
+      for (const float poison : poisons()) {
+        Scene s = clean_;
+        s.p[slot][component] = double(poison);
+        device_.upload(s);
+        const FloatArrays found = device_.forward();
+        const bool reaches = std::isfinite(poison) && reaches_right();
+        compare_images(found, reaches, harm);
+        compare_gradients(device_.backward(v_), reaches, harm);
+        if (!std::isfinite(poison)) harm.unnamed += !named(slot);
+        ++harm.cases;
+      }
+    device_.upload(clean_);
+    device_.forward();
+    return harm;
+  }
+
+  // Every poison in a pixel at the left of what a loss asks of an image.
+  Harm cotangent(const std::string& image) {
+    Harm harm;
+    for (const float poison : poisons()) {
+      reference::Planes v = v_;
+      std::vector<double>& plane = image == "rgb"     ? v.rgb
+                                   : image == "alpha" ? v.alpha
+                                   : image == "depth" ? v.depth
+                                                      : v.flow;
+      plane[16 * 96 + 8] = double(poison);
+      const FloatArrays g = device_.backward(v);
+      for (const auto& [name, gradient] : g) {
+        const size_t width = gradient.size() / clean_.count();
+        for (size_t i = 2 * width; i < gradient.size(); ++i)
+          harm.gradients_changed += !same(gradient[i], gradients_.at(name)[i]);
+      }
+      ++harm.cases;
+    }
+    return harm;
+  }
+
+ private:
+  // Whether the culprit truly covers tiles at the right, e.g. with a scale of 1e6.
+  bool reaches_right() {
+    return device_.engine.splats().tiles_touched.read_range(queue_, 0, 1)[0] > 0 &&
+           device_.engine.splats().tile_boxes.read_range(queue_, 0, 4)[2] >= 4;
+  }
+  // Whether the engine's own arrays say which one is broken: not seen; without a colour; without
+  // flow; or, of a quaternion, without a turn.
+  bool named(const std::string& slot) {
+    if (slot == "quats" || slot == "quats_t2") return true;  // T25
+    const bool seen = device_.engine.splats().tiles_touched.read_range(queue_, 0, 1)[0] > 0;
+    const std::vector<float> r = device_.engine.splats().records.read_range(queue_, 0, 16);
+    if (slot == "colors") return r[5] == -HUGE_VALF;
+    const bool moves = r[7] != 0 || r[11] != 0 || r[12] != 0 || r[13] != 0 || r[14] != 0;
+    return slot == "means_t2" || slot == "scales_t2" ? seen && !moves : !seen;
+  }
+  void compare_images(const FloatArrays& found, bool reaches, Harm& harm) const {
+    for (const auto& [name, image] : found) {
+      harm.not_finite += count_not_finite(image);
+      for (size_t i = 0; i < image.size() && !reaches; ++i)
+        harm.images_changed += i % 96 >= 64 && !same(image[i], images_.at(name)[i]);
+    }
+  }
+  void compare_gradients(const FloatArrays& found, bool reaches, Harm& harm) const {
+    for (const auto& [name, gradient] : found) {
+      const size_t width = gradient.size() / clean_.count();
+      for (size_t i = width; i < gradient.size(); ++i) {
+        harm.not_finite += !std::isfinite(gradient[i]);
+        harm.gradients_changed +=
+            !reaches && i >= 2 * width && !same(gradient[i], gradients_.at(name)[i]);
+      }
+    }
+  }
+
+  Queue& queue_;
+  Scene clean_;
+  reference::Planes v_;
+  DeviceScene device_;
+  FloatArrays images_, gradients_;
+};
+
+Rows poison(Queue& queue) {
+  Rows rows;
+  Poisoned scene(queue);
+  for (const auto& [slot, values] : scene.slots()) {
+    const Harm h = scene.gaussian(slot);
+    const std::string at = fmt::format("{}, {:.0f} cases", slot, h.cases);
+    rows.push_back({at + ": others' pixels changed", h.images_changed, 0});
+    rows.push_back({at + ": others' gradients changed", h.gradients_changed, 0});
+    rows.push_back({at + ": not finite", h.not_finite, 0});
+    rows.push_back({at + ": culprit not named", h.unnamed, 0});
+  }
+  for (const char* image : {"rgb", "alpha", "depth", "flow"}) {
+    const Harm h = scene.cotangent(image);
+    rows.push_back({fmt::format("v_{}, {:.0f} cases: others' gradients changed", image, h.cases),
+                    h.gradients_changed, 0});
+  }
+  return rows;
+}
+
+}  // namespace
+
+Tests poison_tests() { return {{"T29", "poison", true, poison}}; }
+
+}  // namespace gflow::stress
