@@ -10,33 +10,6 @@
 namespace gflow {
 namespace {
 
-BasisPose pose_at(const MotionShape& shape, const Named& p, int b, double t) {
-  const KeyWeights keys = key_weights(t, double(shape.duration), shape.keys);
-  BasisPose pose{{1, 0, 0, 0}, {0, 0, 0}, reference::row3(p.at("pivots"), size_t(b))};
-  for (int k = 0; k < keys.count; ++k) {
-    const size_t row = size_t(keys.first + k) * size_t(shape.bases) + size_t(b);
-    const double w = double(keys.weight[k]);
-    pose.shift = pose.shift + reference::row3(p.at("basis_shifts"), row) * w;
-    pose.quat = pose.quat + reference::row4(p.at("basis_turns"), row) * w;
-  }
-  pose.quat = quat_normalize(pose.quat).q;
-  return pose;
-}
-
-Shifted bases_at(const MotionShape& shape, const Named& p, size_t i, double t) {
-  const Still rest = still_row(p, i);
-  double weights[MAX_BASES];
-  basis_weights(shape.bases, &p.at("basis_logits")[i * size_t(shape.bases)], weights);
-  real3 shift{0, 0, 0};
-  real4 turn{0, 0, 0, 0};
-  for (int b = 0; b < shape.bases; ++b) {
-    const BasisPose pose = pose_at(shape, p, b, t);
-    shift = shift + basis_shift(pose, rest.mean) * weights[b];
-    turn = turn + basis_turn(pose) * weights[b];
-  }
-  return shifted_at(blended(rest, shift, turn), {{0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0}}, t);
-}
-
 TEST(Bases, GradientOfAPoseEqualsCentralDifferences) {
   Random random(4);
   for (int i = 0; i < 30; ++i) {
@@ -106,7 +79,7 @@ TEST_P(BasesOfSomeSizes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
   Queue queue = test_queue();
   const MotionShape shape = shape_of(GetParam().first, GetParam().second);
   MotionCheck check(queue, shape, 150,
-                    [&](const Named& p, size_t i, double t) { return bases_at(shape, p, i, t); },
+                    [&](const Named& p, size_t i, double t) { return reference::bases_at(shape, p, i, t); },
                     {{"basis_turns", 0.2}});
   for (const double t : {0.0, 0.3, 1.0, 1.7, 2.0}) check.expect_same_gaussians(t, {1e-5, 1e-5});
   check.expect_same_gradients(0.4, 0.9, 1e-5, {"pivots"});  // float32

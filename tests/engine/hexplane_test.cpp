@@ -24,14 +24,6 @@ MotionShape small_shape(int levels = 2, int layers = 2, int times = 3) {
   return shape;
 }
 
-DoubleForward forward_of(const MotionShape& shape) {
-  return [shape](const Named& p, size_t i, double t) {
-    const Still g = still_row(p, i);
-    return shifted_at(
-        g, reference::hexplane_shift(shape.hexplane, double(shape.duration), p, g.mean, t), t);
-  };
-}
-
 // Planes away from 0: the features are products of six.
 void spread_planes(Queue& queue, MotionCheck& check) {
   std::vector<double>& planes = check.values().at("planes");
@@ -56,7 +48,7 @@ TEST_P(HexplaneOfSomeShapes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas)
   MotionShape shape = small_shape(GetParam().levels, GetParam().layers, GetParam().times);
   shape.hexplane.turn = GetParam().turn;
   shape.hexplane.resize = GetParam().resize;
-  MotionCheck check(queue, shape, 41, forward_of(shape), {{"planes", 0.2}, {"network", 0.15}});
+  MotionCheck check(queue, shape, 41, reference::forward_of(shape), {{"planes", 0.2}, {"network", 0.15}});
   spread_planes(queue, check);
   for (const double t : {0.0, 0.3, 1.0, 1.7, 2.0}) check.expect_same_gaussians(t, {1e-5, 1e-5});
   check.expect_same_gradients(0.4, 0.9, 1e-5);  // float32
@@ -131,7 +123,7 @@ TEST(Hexplane, GradientsOfManyGaussiansAreTheSumOfThoseOfFew) {
   Queue queue = test_queue();
   const MotionShape shape = small_shape();
   const size_t n = 1500;
-  MotionCheck check(queue, shape, n, forward_of(shape), {{"planes", 0.2}, {"network", 0.15}});
+  MotionCheck check(queue, shape, n, reference::forward_of(shape), {{"planes", 0.2}, {"network", 0.15}});
   spread_planes(queue, check);
   Parameters& p = check.parameters();
   std::vector<float> v(9 * n);
@@ -189,7 +181,7 @@ INSTANTIATE_TEST_SUITE_P(Motion, HexplaneRule,
 TEST_P(HexplaneRule, GradientEqualsCentralDifferences) {
   Queue queue = test_queue();
   const MotionShape shape = small_shape(2, 1, 5);
-  MotionCheck check(queue, shape, 2, forward_of(shape));
+  MotionCheck check(queue, shape, 2, reference::forward_of(shape));
   spread_planes(queue, check);
   Parameters& p = check.parameters();
   const std::vector<double>& values = check.values().at("planes");

@@ -84,21 +84,6 @@ TEST(Shifted, GradientEqualsCentralDifferences) {
 
 // ---- on the device
 
-Shifted keyframes_at(const MotionShape& shape, const Named& p, size_t i, double t) {
-  const size_t n = p.at("means_t").size();
-  const KeyWeights keys = key_weights(t, double(shape.duration), shape.keys);
-  Shift d{{0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0}};
-  for (int k = 0; k < keys.count; ++k) {
-    const double w = double(keys.weight[k]);
-    const size_t row = size_t(keys.first + k) * n + i;
-    d.mean = d.mean + reference::row3(p.at("key_shifts"), row) * w;
-    d.quat = d.quat + reference::row4(p.at("key_turns"), row) * w;
-    if (shape.key_scales)
-      d.log_scales = d.log_scales + reference::row3(p.at("key_scales"), row) * w;
-  }
-  return shifted_at(still_row(p, i), d, t);
-}
-
 // Number of keys, and whether sizes have them, too.
 class KeyframesOfSomeKeys : public testing::TestWithParam<std::tuple<int, bool>> {};
 INSTANTIATE_TEST_SUITE_P(Motion, KeyframesOfSomeKeys,
@@ -113,7 +98,7 @@ TEST_P(KeyframesOfSomeKeys, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) 
   shape.key_scales = std::get<1>(GetParam());
   MotionCheck check(
       queue, shape, 37,
-      [&](const Named& p, size_t i, double t) { return keyframes_at(shape, p, i, t); },
+      [&](const Named& p, size_t i, double t) { return reference::keyframes_at(shape, p, i, t); },
       {{"key_turns", 0.2}});
   for (const double t : {0.0, 0.3, 1.0, 1.7, 2.0}) check.expect_same_gaussians(t, {1e-5, 1e-5});
   check.expect_same_gradients(0.4, 0.9, 1e-5);  // float32

@@ -9,25 +9,13 @@
 #include "device_scene.hpp"
 #include "engine/eigen_maths.hpp"
 #include "optim/motion/models.hpp"
-#include "reference/parameters.hpp"
-#include "shared/shifted.h"
+#include "tests/reference/motion_models.hpp"
 
 namespace gflow {
 
 // All parameters in double, by group.
 using Named = reference::Named;
-// Gaussian i of a model at time t.
-using DoubleForward = std::function<Shifted(const Named&, size_t i, double t)>;
-
-inline Still still_row(const Named& p, size_t i) {
-  Still g;
-  g.mean = reference::row3(p.at("means"), i);
-  g.mean_t = p.at("means_t")[i];
-  g.quat = reference::row4(p.at("quats"), i);
-  g.log_scales = reference::row4(p.at("log_scales"), i);
-  g.logit_opacity = p.at("logit_opacities")[i];
-  return g;
-}
+using reference::DoubleForward;
 
 class MotionCheck {
  public:

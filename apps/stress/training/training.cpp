@@ -1,4 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// T40, T41: trainings with density control that must not differ by a bit: run again, on a busy
+// machine, and after going on from a saved state.
+#include <atomic>
+#include <thread>
+
+#include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
+#include "tests/train/small_training.hpp"
+
 namespace gflow::stress {
-Tests training_tests() { return {}; }
+namespace {
+
+using Bits = std::map<std::string, std::vector<uint32_t>>;
+
+TrainConfig config_of(const SmallScene& scene, int steps) {
+  TrainConfig config = small_config(scene, steps);
+  config.init.dynamic = 60;
+  config.density.stop_fraction = .9f;
+  return config;
 }
+
+// FNV-1a over names and bits.
+uint64_t hash(const Bits& bits) {
+  uint64_t h = 1469598103934665603ull;
+  const auto add = [&](uint64_t x) { h = (h ^ x) * 1099511628211ull; };
+  for (const auto& [name, values] : bits) {
+    for (const char c : name) add(uint64_t(c));
+    for (const uint32_t v : values) add(v);
+  }
+  return h;
+}
+
+// Every hundred steps.
+std::vector<uint64_t> hashes(Queue& queue, const TrainConfig& config, int steps, size_t* count) {
+  SmallTraining training(queue, config);
+  std::vector<uint64_t> found;
+  for (int done = 0; done < steps; done += 100) {
+    training.steps(queue, 100);
+    const Bits bits = training.bits(queue);
+    found.push_back(hash(bits));
+    if (count) *count = bits.at("gaussians/means_t").size();
+  }
+  return found;
+}
+
+// Threads that do nothing but work while it lives.
+class Load {
+ public:
+  Load() {
+    for (unsigned i = 0; i < std::max(2u, std::thread::hardware_concurrency()); ++i)
+      threads_.emplace_back([this] {
+        volatile double x = 1;
+        while (!stop_) x = x * 1.0000001;
+      });
+  }
+  ~Load() {
+    stop_ = true;
+    for (std::thread& t : threads_) t.join();
+  }
+
+ private:
+  std::atomic<bool> stop_{false};
+  std::vector<std::thread> threads_;
+};
+
+double different(const std::vector<uint64_t>& a, const std::vector<uint64_t>& b) {
+  double count = std::fabs(double(a.size()) - double(b.size()));
+  for (size_t i = 0; i < std::min(a.size(), b.size()); ++i) count += a[i] != b[i];
+  return count;
+}
+
+Rows repeated(Queue& queue, int steps) {  // T40
+  const SmallScene scene(queue);
+  const TrainConfig config = config_of(scene, steps);
+  size_t grown = 0;
+  const std::vector<uint64_t> first = hashes(queue, config, steps, &grown);
+  const std::vector<uint64_t> second = hashes(queue, config, steps, nullptr);
+  std::vector<uint64_t> busy;
+  {
+    const Load load;
+    Queue other(queue.device, {false, queue.lanes});  // its programs are compiled again, too
+    busy = hashes(other, config, steps, nullptr);
+  }
+  TrainConfig seeded = config;
+  ++seeded.train.seed;
+  const std::vector<uint64_t> unlike = hashes(queue, seeded, 100, nullptr);
+  const std::string of = fmt::format("{} steps, hashes of {} that differ: ", steps, first.size());
+  return {{of + "run again", different(first, second), 0},
+          {of + "while the machine is busy", different(first, busy), 0},
+          {"Gaussians at the start by those at the end", 60. / double(grown), .999},
+          {"hashes of another seed that are equal", double(unlike[0] == first[0]), 0}};
+}
+
+Rows resumed(Queue& queue, int times) {  // T41
+  const SmallScene scene(queue);
+  constexpr int steps = 300;
+  const TrainConfig config = config_of(scene, steps);
+  SmallTraining whole(queue, config);
+  whole.steps(queue, steps);
+  const uint64_t expected = hash(whole.bits(queue));
+  Random random(41);
+  double wrong = 0;
+  for (int i = 0; i < times; ++i) {
+    const int at = int(random.uniform(1, steps));
+    Arrays state;
+    {
+      SmallTraining cut(queue, config);
+      cut.steps(queue, at);
+      state = cut.trainer.state(queue);
+    }
+    SmallTraining resumed(queue, config);
+    resumed.go_on(queue, state, at);
+    resumed.steps(queue, steps - at);
+    wrong += hash(resumed.bits(queue)) != expected;
+  }
+  return {{fmt::format("{} times stopped at a random step: with another hash", times), wrong, 0}};
+}
+
+}  // namespace
+
+Tests training_tests() {
+  return {{"T40", "training repeated", true, [](Queue& q) { return repeated(q, 300); }},
+          {"T40", "the same, 2000 steps", false, [](Queue& q) { return repeated(q, 2000); }},
+          {"T41", "training resumed", true, [](Queue& q) { return resumed(q, 1); }},
+          {"T41", "the same, 20 times", false, [](Queue& q) { return resumed(q, 20); }}};
+}
+
+}  // namespace gflow::stress

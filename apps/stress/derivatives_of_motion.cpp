@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: Apache-2.0
+// The motion models' and motion losses' rows of the table of derivatives.
+#include "apps/stress/differences.hpp"
+#include "apps/stress/figures.hpp"
+#include "apps/stress/stress.hpp"
+#include "optim/loss/motion_loss.hpp"
+#include "tests/device_scene.hpp"
+#include "tests/reference/flat_still.hpp"
+#include "tests/reference/motion_models.hpp"
+
+namespace gflow::stress {
+
+std::vector<Derivative> motion_derivatives(Queue& queue);
+
+namespace {
+
+using reference::Named;
+
+constexpr size_t kCount = 23;
+constexpr double kTimes[2] = {.4, .9};
+
+// What the loss asks of mean, factor and opacity of Gaussian i at time k.
+struct Ask {
+  std::vector<float> means[2], factors[2], opacities;
+  double of(const Shifted& o, size_t i, int k) const {
+    const auto row = [](const std::vector<float>& a, size_t j) {
+      return make_real3(a[3 * j], a[3 * j + 1], a[3 * j + 2]);
+    };
+    const double sum = dot(o.mean, row(means[k], i)) + dot(o.factor.r1, row(factors[k], 3 * i)) +
+                       dot(o.factor.r2, row(factors[k], 3 * i + 1)) +
+                       dot(o.factor.r3, row(factors[k], 3 * i + 2));
+    return k == 0 ? sum + o.life.opacity * double(opacities[i]) : sum;
+  }
+};
+
+Ask random_ask() {
+  Random random(51);
+  Ask ask;
+  const auto fill = [&](std::vector<float>& a, size_t n) {
+    for (size_t i = 0; i < n; ++i) a.push_back(float(random.normal()));
+  };
+  for (int k = 0; k < 2; ++k) {
+    fill(ask.means[k], 3 * kCount);
+    fill(ask.factors[k], 9 * kCount);
+  }
+  fill(ask.opacities, kCount);
+  return ask;
+}
+
+// The device's gradient of two times, of every group, against extrapolated differences of the model in
+// double (their own error: 1e-9). The worst group.
+double device_error(Queue& queue, const MotionShape& shape, std::string& groups) {
+  const std::unique_ptr<Motion> motion = make_motion(queue, shape);
+  Parameters p(queue, kCount, motion->groups(), motion->tables());
+  const reference::DoubleForward forward = reference::forward_of(shape);
+  Random random(52);
+  Named values;
+  for (Table* table : p.tables())
+    for (ParameterGroup& group : table->groups) {
+      const std::string& name = group.values.name();
+      const bool small = name == "network" || name == "planes" || name.find("turns") != std::string::npos;
+      std::vector<float> floats;
+      for (size_t k = 0; k < group.values.size(); ++k)
+        floats.push_back(float((small ? .15 : .4) * random.uniform(-1, 1)) + (name == "planes" ? 1 : 0));
+      if (name == "quats" || name == "quats_r" || name == "basis_turns")
+        for (size_t k = 0; k < floats.size(); k += 4) floats[k] += 1;  // not near zero length
+      group.values.write(queue, floats);
+      values[name] = {floats.begin(), floats.end()};
+    }
+  const Ask ask = random_ask();
+  p.forget_seen(queue);
+  const Buffer<cl_uint> seen(queue, std::vector<cl_uint>(kCount, 1u), "tiles_touched");
+  const Buffer<float> by_opacity(queue, ask.opacities, "v");
+  for (int k = 0; k < 2; ++k)
+    motion->backward(queue, p, float(kTimes[k]), k == 0, seen,
+                     Buffer<float>(queue, ask.means[k], "v"),
+                     Buffer<float>(queue, ask.factors[k], "v"), by_opacity);
+  double worst_error = 0;
+  for (const Table* table : p.tables()) {
+    const std::vector<cl_uint> rows = table->rows.seen.read(queue);
+    for (const ParameterGroup& group : table->groups) {
+      const std::string& name = group.values.name();
+      groups += (groups.empty() ? "" : " ") + name;
+      Named moved = values;
+      const auto loss = [&](const std::vector<double>& x) {
+        moved[name] = x;
+        double sum = 0;
+        for (size_t i = 0; i < kCount; ++i)
+          for (int k = 0; k < 2; ++k) sum += ask.of(forward(moved, i, double(float(kTimes[k]))), i, k);
+        return sum;
+      };
+      std::vector<float> found = group.grads.read(queue);
+      for (size_t k = 0; k < found.size(); ++k)
+        if (!rows[k / group.width]) found[k] = 0;  // a key at neither time: undefined
+      worst_error = std::max(worst_error, relative_error(found, slopes(loss, values[name], 1e-3)));
+    }
+  }
+  return worst_error;
+}
+
+std::vector<double> random_numbers(Random& random, size_t n) {
+  std::vector<double> x(n);
+  for (double& y : x) y = random.uniform(-1, 1);
+  return x;
+}
+real3 three(const std::vector<double>& x, size_t at) { return {x[at], x[at + 1], x[at + 2]}; }
+real4 four(const std::vector<double>& x, size_t at) { return {x[at], x[at + 1], x[at + 2], x[at + 3]}; }
+
+// The worst of 30 random points: `derivative(x)` against slopes of `loss(x)`.
+template <class Derivative, class Loss>
+double text_error(size_t numbers, Derivative&& derivative, Loss&& loss) {
+  Random random(53);
+  double most = 0;
+  for (int round = 0; round < 30; ++round) {
+    const std::vector<double> x = random_numbers(random, numbers);
+    const double error = relative_error(derivative(x), slopes(loss, x, 1e-3));
+    most = error <= most ? most : error;
+  }
+  return most;
+}
+
+const real3 kMean{.3, -.7, .5};
+const Mat3 kFactor{{.2, -.5, .9}, {-.3, .8, .1}, {.6, .4, -.2}};
+constexpr double kOpacity = .7, kTime = .2;
+double asked(real3 mean, const Mat3& l, const Life& life) {
+  return dot(mean, kMean) + life.opacity * kOpacity + dot(l.r1, kFactor.r1) +
+         dot(l.r2, kFactor.r2) + dot(l.r3, kFactor.r3);
+}
+
+double spacetime_text() {
+  return text_error(
+      23,
+      [](const std::vector<double>& x) {
+        return reference::flat(
+            spacetime_vjp(reference::spacetime_from(x), kTime, kMean, kFactor, kOpacity));
+      },
+      [](const std::vector<double>& x) {
+        const SpacetimeCut c = spacetime_at(reference::spacetime_from(x), kTime);
+        return asked(c.mean, c.factor, c.life);
+      });
+}
+
+double native4d_text() {
+  const auto from = [](const std::vector<double>& x) {
+    return Native4d{three(x, 0), x[3], four(x, 4), four(x, 8), four(x, 12), x[16]};
+  };
+  return text_error(
+      17,
+      [&](const std::vector<double>& x) {
+        const Native4d v = slice_vjp(from(x), kTime, kMean, kFactor, kOpacity);
+        std::vector<double> g{v.mean.x, v.mean.y, v.mean.z, v.mean_t};
+        for (const real4 q : {v.quat, v.quat_r, v.log_scales}) g.insert(g.end(), {q.x, q.y, q.z, q.w});
+        g.push_back(v.logit_opacity);
+        return g;
+      },
+      [&](const std::vector<double>& x) {
+        const Slice c = slice_at(from(x), kTime);
+        return asked(c.mean, c.factor, c.life);
+      });
+}
+
+double shifted_text() {  // keyframes: the path is linear in its keys
+  return text_error(
+      23,
+      [](const std::vector<double>& x) {
+        return reference::still_and_shift(shifted_vjp(reference::still_from(x), reference::shift_from(x),
+                                                      kTime, kMean, kFactor, kOpacity));
+      },
+      [](const std::vector<double>& x) {
+        const Shifted o = shifted_at(reference::still_from(x), reference::shift_from(x), kTime);
+        return asked(o.mean, o.factor, o.life);
+      });
+}
+
+double basis_text() {
+  const real3 m{.1, .4, -.6}, pivot{-.2, .3, .1};
+  const real4 v_turn{.3, -.1, .8, .5};
+  const auto pose = [&](const std::vector<double>& x) {
+    return BasisPose{four(x, 0), three(x, 4), pivot};
+  };
+  return text_error(
+      7,
+      [&](const std::vector<double>& x) {
+        const BasisPose v = basis_pose_vjp(pose(x), .6, m, kMean, v_turn);
+        return std::vector<double>{v.quat.x,  v.quat.y,  v.quat.z, v.quat.w,
+                                   v.shift.x, v.shift.y, v.shift.z};
+      },
+      [&](const std::vector<double>& x) {
+        return .6 * (dot(basis_shift(pose(x), m), kMean) + dot(basis_turn(pose(x)), v_turn));
+      });
+}
+
+MotionShape shape_of(MotionModelKind kind) {
+  MotionShape shape;
+  shape.motion = kind;
+  shape.duration = 2;
+  shape.keys = 5;
+  shape.key_scales = kind == MotionModelKind::keyframes;
+  shape.bases = 3;
+  shape.hexplane.levels = 2;
+  shape.hexplane.layers = 2;
+  shape.hexplane.times = 3;
+  shape.hexplane.resolution = 3;
+  shape.hexplane.hidden = 16;
+  shape.hexplane.centre = {0.1f, -0.2f, 0.f};
+  shape.hexplane.half_size = {1.f, 1.5f, 0.75f};
+  return shape;
+}
+
+// The reference's derivative of the field, by its planes and network.
+double hexplane_text() {
+  const MotionShape shape = shape_of(MotionModelKind::hexplane);
+  size_t planes = 0, network = 0;
+  for (const TableSpec& table : motion_tables(shape))
+    for (const GroupSpec& group : table.groups)
+      (group.name == "planes" ? planes : network) += table.count(0) * group.width;
+  Random random(54);
+  Named p;
+  for (size_t i = 0; i < planes; ++i) p["planes"].push_back(1 + .2 * random.uniform(-1, 1));
+  for (size_t i = 0; i < network; ++i) p["network"].push_back(.15 * random.uniform(-1, 1));
+  const Shift v{kMean, {.3, -.1, .8, .5}, {.2, -.4, .6}};
+  const real3 mean{.2, .5, -.3};
+  const reference::HexplaneGradient g =
+      reference::hexplane_vjp(shape.hexplane, 2, p, mean, .7, v);
+  double most = 0;
+  for (const auto& [name, gradient] : {std::pair{"planes", &g.planes}, {"network", &g.network}}) {
+    Named moved = p;
+    const auto loss = [&, key = std::string(name)](const std::vector<double>& x) {
+      moved[key] = x;
+      const Shift d = reference::hexplane_shift(shape.hexplane, 2, moved, mean, .7);
+      return dot(d.mean, v.mean) + dot(d.quat, v.quat) + dot(d.log_scales, v.log_scales);
+    };
+    most = std::max(most, relative_error(*gradient, slopes(loss, p[name], 1e-4)));
+  }
+  return most;
+}
+
+// ---- motion losses: the kernel's own text over all pairs in double
+
+struct Moments {
+  std::vector<double> means1, means2, factors1, factors2;
+};
+Mover mover_of(const Moments& m, size_t i, Turn& turn) {
+  turn = turn_between(reference::rows9(m.factors1, i), reference::rows9(m.factors2, i));
+  return {reference::row3(m.means1, i), reference::row3(m.means2, i), turn.t};
+}
+
+Derivative motion_loss_row(Queue& queue) {
+  Random random(55);
+  Moments m;
+  for (size_t i = 0; i < kCount; ++i) {
+    const Mat3 l = factor_of({1 + random.normal(), random.normal(), random.normal(), random.normal()},
+                             {.5, .8, 1.2});
+    const Mat3 turn = quat_to_rotmat(
+        quat_normalize({1, .1 * random.normal(), .1 * random.normal(), .1 * random.normal()}).q);
+    for (const auto& [factor, out] : {std::pair{l, &m.factors1}, {mat3_mul(turn, l), &m.factors2}})
+      for (const real3 row : {factor.r1, factor.r2, factor.r3})
+        for (const double x : {row.x, row.y, row.z}) out->push_back(double(float(x)));
+    for (int k = 0; k < 3; ++k) {
+      m.means1.push_back(double(float(random.normal())));
+      m.means2.push_back(double(float(m.means1.back() + .1 * random.normal())));
+    }
+  }
+  NeighbourPairs pairs;
+  pairs.offsets = {0};
+  for (size_t i = 0; i < kCount; ++i) {
+    for (const size_t j : {(i + 1) % kCount, (i + kCount - 1) % kCount}) {
+      const real3 d = reference::row3(m.means1, i) - reference::row3(m.means1, j);
+      pairs.others.push_back(cl_uint(j));
+      pairs.distances.push_back(float(1.1 * std::sqrt(dot(d, d))));
+    }
+    pairs.offsets.push_back(cl_uint(pairs.others.size()));
+  }
+  MotionLossWeights w;
+  w.rigidity = .7f;
+  w.rotation = .1f;
+  w.isometry = .5f;
+  w.velocity = .3f;
+  w.extent = 3;
+  w.falloff = 0;  // all pairs weigh alike
+  const double pair_count = double(pairs.others.size()) / 2, knee = 1e-3 * 3;
+  const MotionLossRule rule{float(double(w.rigidity) / 3 / pair_count),
+                            float(double(w.rotation) / pair_count),
+                            float(double(w.isometry) / 3 / pair_count),
+                            float(double(w.velocity) / 3 / pair_count), 0, float(knee)};
+  const auto loss = [&](const Moments& x) {
+    double sum = 0;
+    for (size_t i = 0; i < kCount; ++i)
+      for (size_t k = pairs.offsets[i]; k < pairs.offsets[i + 1]; ++k) {
+        Turn own, other;
+        const Mover a = mover_of(x, i, own), b = mover_of(x, pairs.others[k], other);
+        const PairTerms t = pair_share(rule, 1, double(pairs.distances[k]), a, b).terms;
+        sum += t.rigidity + t.rotation + t.isometry + t.velocity;
+      }
+    return sum;
+  };
+  Moments found{std::vector<double>(3 * kCount), std::vector<double>(3 * kCount),
+                std::vector<double>(9 * kCount), std::vector<double>(9 * kCount)};
+  for (size_t i = 0; i < kCount; ++i) {
+    Turn own, other;
+    const Mover a = mover_of(m, i, own);
+    Mat3 by_turn = mat3_scale(mat3_identity(), 0);
+    for (size_t k = pairs.offsets[i]; k < pairs.offsets[i + 1]; ++k) {
+      const Mover v = pair_share(rule, 1, double(pairs.distances[k]), a,
+                                 mover_of(m, pairs.others[k], other))
+                          .gradient;
+      reference::add_row3(found.means1, i, v.mean1);
+      reference::add_row3(found.means2, i, v.mean2);
+      by_turn = mat3_add(by_turn, v.turn);
+    }
+    const TurnGradient g = turn_vjp(own, by_turn);
+    reference::add_rows9(found.factors1, i, g.factor1);
+    reference::add_rows9(found.factors2, i, g.factor2);
+  }
+  GaussiansAt t1, t2;
+  t1.ensure(queue, kCount);
+  t2.ensure(queue, kCount);
+  t1.means.write(queue, to_float(m.means1));
+  t2.means.write(queue, to_float(m.means2));
+  t1.factors.write(queue, to_float(m.factors1));
+  t2.factors.write(queue, to_float(m.factors2));
+  GaussianGradients v;
+  v.zero(queue, kCount);
+  MotionLoss device(queue, w);
+  device.set_pairs(queue, pairs);
+  device.run(queue, Buffer<cl_uint>(queue, std::vector<cl_uint>(kCount, 1u), "seen"), nullptr, t1, t2, v);
+  double to_double = 0, differences = 0;
+  const auto add = [&](std::vector<double> Moments::*field, const Buffer<float>& gradient) {
+    Moments moved = m;
+    const auto of = [&](const std::vector<double>& x) {
+      moved.*field = x;
+      return loss(moved);
+    };
+    to_double = std::max(to_double, relative_error(gradient.read(queue), found.*field));
+    differences = std::max(differences, relative_error(found.*field, slopes(of, m.*field, 1e-5)));
+  };
+  add(&Moments::means1, v.v_means);
+  add(&Moments::means2, v.v_means_t2);
+  add(&Moments::factors1, v.v_factors);
+  add(&Moments::factors2, v.v_factors_t2);
+  return {"motion_pairs", "means, factors at t1, t2", to_double, differences, 1e-4, 1e-6};
+}
+
+}  // namespace
+
+std::vector<Derivative> motion_derivatives(Queue& queue) {
+  std::vector<Derivative> rows;
+  for (const auto& [kind, text] : {std::pair{MotionModelKind::spacetime, spacetime_text},
+                                   {MotionModelKind::native4d, native4d_text},
+                                   {MotionModelKind::keyframes, shifted_text},
+                                   {MotionModelKind::bases, basis_text},
+                                   {MotionModelKind::hexplane, hexplane_text}}) {
+    std::string groups;
+    const double to_double = device_error(queue, shape_of(kind), groups);
+    rows.push_back({names_of(kind)[size_t(kind)], groups, to_double, text(), 1e-4, 1e-6});
+  }
+  rows.push_back(motion_loss_row(queue));
+  return rows;
+}
+
+}  // namespace gflow::stress

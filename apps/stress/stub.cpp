@@ -1,4 +1,0 @@
-#include "apps/stress/stress.hpp"
-namespace gflow::stress {
-std::vector<Derivative> derivatives(Queue&) { return {}; }
-}
