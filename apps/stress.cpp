@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow stress`: the numerics' stress tests on a user's own device.
+#include "apps/stress/stress.hpp"
+
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -10,7 +12,6 @@
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
-#include "apps/stress/stress.hpp"
 #include "optim/io/atomic_file.hpp"
 
 namespace gflow {
@@ -28,7 +29,8 @@ struct Flags {
 Tests chosen(const Flags& flags) {
   Tests all = all_tests(), wanted;
   for (const std::string& id : flags.only) {
-    const bool known = std::any_of(all.begin(), all.end(), [&](const Test& t) { return t.id == id; });
+    const bool known =
+        std::any_of(all.begin(), all.end(), [&](const Test& t) { return t.id == id; });
     if (known) continue;
     std::string ids;
     for (const Test& t : all)
@@ -37,8 +39,7 @@ Tests chosen(const Flags& flags) {
                             ids.substr(0, ids.size() - 2)));
   }
   for (Test& t : all) {
-    const bool named =
-        std::find(flags.only.begin(), flags.only.end(), t.id) != flags.only.end();
+    const bool named = std::find(flags.only.begin(), flags.only.end(), t.id) != flags.only.end();
     if (flags.only.empty() ? (t.quick || !flags.quick) : named) wanted.push_back(std::move(t));
   }
   return wanted;
@@ -85,9 +86,9 @@ void run_derivatives(Queue& queue, Outcome& outcome) {
   for (const Derivative& d : stress::derivatives(queue)) {
     const bool good = passed(d);
     ++(good ? outcome.passed : outcome.failed);
-    fmt::print("{:<22} {:<44} {:>10.2g} {:>10.2g} {:>12.2g} {:>8.2g}  {}\n", d.kernel,
-               d.parameters, d.against_double, d.double_bound, d.against_differences,
-               d.differences_bound, verdict(good));
+    fmt::print("{:<22} {:<44} {:>10.2g} {:>10.2g} {:>12.2g} {:>8.2g}  {}\n", d.kernel, d.parameters,
+               d.against_double, d.double_bound, d.against_differences, d.differences_bound,
+               verdict(good));
     outcome.derivatives.push_back({{"kernel", d.kernel},
                                    {"parameters", d.parameters},
                                    {"against_double", d.against_double},

@@ -29,7 +29,8 @@ Result run(Queue& queue, const Scene& s) {
 double background_off(const Scene& s, const FloatArrays& images) {
   double most = 0;
   for (size_t i = 0; i < 3 * s.pixels(); ++i)
-    most = std::max(most, std::fabs(double(images.at("rgb")[i]) - s.shot.background[i / s.pixels()]));
+    most =
+        std::max(most, std::fabs(double(images.at("rgb")[i]) - s.shot.background[i / s.pixels()]));
   return most;
 }
 
@@ -43,7 +44,8 @@ bool same_bits(const FloatArrays& a, const FloatArrays& b) {
 Rows degenerate(Queue& queue) {
   Rows rows;
   Scene none = random_scene({0, 40, 30});
-  rows.push_back({"no Gaussian: colour off the background", background_off(none, run(queue, none).images), 0});
+  rows.push_back(
+      {"no Gaussian: colour off the background", background_off(none, run(queue, none).images), 0});
 
   Scene behind = none;
   for (int i = 0; i < 100; ++i) add_gaussian(behind, {0, 0, -1. - i}, {.5, .5, .5}, .9);
@@ -51,7 +53,8 @@ Rows degenerate(Queue& queue) {
   double gradients = 0;
   for (const auto& [name, values] : culled.gradients)
     for (const float x : values) gradients += x != 0;
-  rows.push_back({"all culled: colour off the background", background_off(behind, culled.images), 0});
+  rows.push_back(
+      {"all culled: colour off the background", background_off(behind, culled.images), 0});
   rows.push_back({"all culled: gradients that are not 0", gradients, 0});
 
   Scene ties = none;
@@ -66,16 +69,19 @@ Rows degenerate(Queue& queue) {
   double different = 0;
   for (int i = 0; i < 10; ++i) {
     const Result again = run(queue, ties);
-    different += !same_bits(again.images, first.images) || !same_bits(again.gradients, first.gradients);
+    different +=
+        !same_bits(again.images, first.images) || !same_bits(again.gradients, first.gradients);
   }
   rows.push_back({"1000 at one depth: of 10 runs with other bits", different, 0});
   const reference::Rendering r = reference::render(ties.shot, reference::posed(ties.p));
   rows.push_back({"1000 at one depth: colour off the order by index",
-                  largest_error(first.images.at("rgb"), r.images.rgb, r.contributors.doubtful), 1e-5});
+                  largest_error(first.images.at("rgb"), r.images.rgb, r.contributors.doubtful),
+                  1e-5});
 
   // flat (one scale 0), needles (two), points (three)
-  for (const auto& [name, scales] :
-       {std::pair{"surfels", real3{.3, .2, 0}}, {"needles", real3{.5, 0, 0}}, {"points", real3{0, 0, 0}}}) {
+  for (const auto& [name, scales] : {std::pair{"surfels", real3{.3, .2, 0}},
+                                     {"needles", real3{.5, 0, 0}},
+                                     {"points", real3{0, 0, 0}}}) {
     Scene s = random_scene({60, 40, 30});
     for (const char* end : {"", "_t2"})
       for (size_t i = 0; i < s.count(); ++i)
@@ -94,9 +100,10 @@ Rows degenerate(Queue& queue) {
       DeviceScene device(queue, s);
       const FloatArrays images = device.forward();
       const std::string at = fmt::format("{}, transport {}", name, int(t));
-      rows.push_back({at + ", colour",
-                      largest_error(images.at("rgb"), expected.images.rgb,
-                                    expected.contributors.doubtful), 1e-5});
+      rows.push_back(
+          {at + ", colour",
+           largest_error(images.at("rgb"), expected.images.rgb, expected.contributors.doubtful),
+           1e-5});
       double worst_gradient = 0;
       const reference::Named v_expected =
           reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, expected, v));
@@ -118,8 +125,9 @@ Rows crowd(Queue& queue) {  // the part of T30 that takes longer
     add_gaussian(s, {random.uniform(-.01, .01), random.uniform(-.01, .01), random.uniform(2, 3)},
                  {.001, .001, .001}, .5);
   const Result r = run(queue, s);
-  return {{"1e5 on one pixel: not finite", r.not_finite(), 0},
-          {"1e5 on one pixel: what passes", double(r.images.at("transmittance")[8 * 16 + 8]), 1e-4}};
+  return {
+      {"1e5 on one pixel: not finite", r.not_finite(), 0},
+      {"1e5 on one pixel: what passes", double(r.images.at("transmittance")[8 * 16 + 8]), 1e-4}};
 }
 
 }  // namespace

@@ -7,12 +7,13 @@
 
 namespace gflow::stress {
 
-// Gradient of f at x by central differences of steps h and h / 2, extrapolated: the error goes with
-// h^4. Steps are relative for values above 1.
+// Derivatives of f at x by those of its values that `which` names, by central differences of steps
+// h and h / 2, extrapolated: the error goes with h^4. Steps are relative for values above 1.
 template <class F>
-std::vector<double> slopes(F&& f, std::vector<double> x, double h) {
-  std::vector<double> g(x.size());
-  for (size_t i = 0; i < x.size(); ++i) {
+std::vector<double> slopes(F&& f, std::vector<double> x, double h,
+                           const std::vector<size_t>& which) {
+  std::vector<double> g;
+  for (const size_t i : which) {
     const double at = x[i], step = h * std::max(1., std::fabs(at));
     const auto central = [&](double d) {
       x[i] = at + d;
@@ -22,9 +23,28 @@ std::vector<double> slopes(F&& f, std::vector<double> x, double h) {
       x[i] = at;
       return (above - below) / (2 * d);
     };
-    g[i] = (4 * central(step / 2) - central(step)) / 3;
+    g.push_back((4 * central(step / 2) - central(step)) / 3);
   }
   return g;
+}
+
+// Every n-th of `size`, so that there are at most about `most`.
+inline std::vector<size_t> spread_indices(size_t size, size_t most) {
+  if (size == 0) return {};
+  std::vector<size_t> which;
+  for (size_t i = 0; i < size; i += std::max<size_t>(1, size / most)) which.push_back(i);
+  return which;
+}
+// By all values.
+template <class F>
+std::vector<double> slopes(F&& f, const std::vector<double>& x, double h) {
+  return slopes(f, x, h, spread_indices(x.size(), x.size()));
+}
+template <class T>
+std::vector<T> picked(const std::vector<T>& values, const std::vector<size_t>& which) {
+  std::vector<T> some;
+  for (const size_t i : which) some.push_back(values[i]);
+  return some;
 }
 
 // |a - b| / |b|; infinite for different sizes, or where b is 0 and a is not.

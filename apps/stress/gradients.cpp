@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T34-T38: the gradient of the whole image: the double one against differences, the device's against
-// double over random scenes, of each loss alone, of both, of a wide image.
+// T34-T38: the gradient of the whole image: the double one against differences, the device's
+// against double over random scenes, of each loss alone, of both, of a wide image.
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "tests/device_scene.hpp"
@@ -17,13 +17,14 @@ const char* name_of(Transport t) {
 
 double inner(const reference::Planes& a, const reference::Planes& v) {
   double sum = 0;
-  for (const auto& [x, y] : {std::pair{&a.rgb, &v.rgb}, {&a.alpha, &v.alpha}, {&a.depth, &v.depth}, {&a.flow, &v.flow}})
+  for (const auto& [x, y] :
+       {std::pair{&a.rgb, &v.rgb}, {&a.alpha, &v.alpha}, {&a.depth, &v.depth}, {&a.flow, &v.flow}})
     for (size_t i = 0; i < x->size(); ++i) sum += (*x)[i] * (*y)[i];
   return sum;
 }
 
-// Few Gaussians that meet every case: cut, stop, margin. Who counts where is held: the cut-off's steps
-// have no derivative.
+// Few Gaussians that meet every case: cut, stop, margin. Who counts where is held: the cut-off's
+// steps have no derivative.
 Rows against_differences(Queue&) {  // T34
   Rows rows;
   for (const Transport t : kTransports) {
@@ -43,7 +44,8 @@ Rows against_differences(Queue&) {  // T34
         reference::Named moved = s.p;
         const auto loss = [&](double x) {
           moved[name][i] = x;
-          return inner(reference::render(s.shot, reference::posed(moved), &r.contributors).images, v);
+          return inner(reference::render(s.shot, reference::posed(moved), &r.contributors).images,
+                       v);
         };
         const double difference = (loss(s.p[name][i] + h) - loss(s.p[name][i] - h)) / (2 * h);
         error = std::max(error, std::fabs(difference - gradient[i]));

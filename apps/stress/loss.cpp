@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // T20: the robust norm of the flow loss where squares under- and overflow, and at its knee.
+#include "shared/loss.h"
+
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/loss/flow_loss.hpp"
-#include "shared/loss.h"
 
 namespace gflow::stress {
 namespace {
@@ -29,19 +30,20 @@ Rows norms(Queue& queue) {
   Rows rows;
   FlowLoss loss(queue, kKnee);
   const Found zero = at(queue, loss, 0);
-  rows.push_back({"r = 0: loss and gradient",
-                  std::fabs(zero.loss) + std::fabs(double(zero.v_flow[0])), 0});
+  rows.push_back(
+      {"r = 0: loss and gradient", std::fabs(zero.loss) + std::fabs(double(zero.v_flow[0])), 0});
   for (const float r : {1e-25f, 1e-19f, 1e-10f, 1e-3f, 1.f, 1e5f, 3e19f}) {
     const Found found = at(queue, loss, r);
     const double expected = double(r) / std::hypot(double(r), double(kKnee));
     rows.push_back({fmt::format("r = {:.0e}, gradient, relative", r),
                     std::fabs(double(found.v_flow[0]) / expected - 1), 1e-6});
     if (r < 1e-19f) continue;  // r^2 / (2 knee) is no float
-    rows.push_back({fmt::format("r = {:.0e}, loss, relative", r),
-                    std::fabs(found.loss / (double(r) * double(r) /
-                                            (std::hypot(double(r), double(kKnee)) + double(kKnee))) -
-                              1),
-                    1e-6});
+    rows.push_back(
+        {fmt::format("r = {:.0e}, loss, relative", r),
+         std::fabs(found.loss / (double(r) * double(r) /
+                                 (std::hypot(double(r), double(kKnee)) + double(kKnee))) -
+                   1),
+         1e-6});
   }
   // The slope has no step at the knee: on either side of it by 1e-7 of a px.
   const double below = double(at(queue, loss, std::nextafter(kKnee, 0.f)).v_flow[0]);

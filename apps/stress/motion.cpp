@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T12-T14, T39: the transports against where material points really go: spins, scalings, approaches;
-// a pose learned from flow alone; a plane of splats under a rigid motion.
+// T12-T14, T39: the transports against where material points really go: spins, scalings,
+// approaches; a pose learned from flow alone; a plane of splats under a rigid motion.
 #include "apps/stress/figures.hpp"
 #include "apps/stress/moving_splat.hpp"
 #include "apps/stress/stress.hpp"
@@ -29,8 +29,8 @@ Rows spins(Queue& queue) {  // T12
       // The paper's map does not see an infinitesimal spin d: an error of d sqrt(p^2 + q^2); pixels
       // with |z| <= 3 have 0.949 of the variance. Of 5 degrees the square of d is seen already.
       const FlowErrors paper = flow_errors(device, TRANSPORT_PAPER, a, b);
-      const double analytic = 2 * std::sin(degrees * 3.14159265358979 / 360) * paper.spread *
-                              std::sqrt(.9494);
+      const double analytic =
+          2 * std::sin(degrees * 3.14159265358979 / 360) * paper.spread * std::sqrt(.9494);
       rows.push_back({fmt::format("paper, {:.0f} degrees, aspect {:.0f}: off its analytic error",
                                   degrees, aspect),
                       std::fabs(paper.error / analytic - 1), .02});
@@ -38,10 +38,11 @@ Rows spins(Queue& queue) {  // T12
     // What is left is the projection's linearisation, which grows with the motion: .15 px at 20
     // degrees is .8 % of the flow.
     if (degrees < 45)
-      rows.push_back({fmt::format("material, {:.0f} degrees, aspect 1 to 30 [px]", degrees),
-                      material, .15});
-    rows.push_back({fmt::format("material, {:.0f} degrees, {:.2g} px, of the flow", degrees, material),
-                    share, .008});
+      rows.push_back(
+          {fmt::format("material, {:.0f} degrees, aspect 1 to 30 [px]", degrees), material, .15});
+    rows.push_back(
+        {fmt::format("material, {:.0f} degrees, {:.2g} px, of the flow", degrees, material), share,
+         .008});
   }
   return rows;
 }
@@ -58,15 +59,14 @@ Rows scalings(Queue& queue) {  // T13
       {"scale x1.2", pose(kCentre, tilted(), needle), pose(kCentre, tilted(), 1.2 * needle)},
       {"scale (1.3, .8, 1)", pose(kCentre, tilted(), {.2, .1, .04}),
        pose(kCentre, tilted(), {.26, .08, .04})},
-      {"approach z 5 to 4", pose(kCentre, tilted(), needle),
-       pose({.3, -.2, 4}, tilted(), needle)},
-      {"approach z 5 to 2", pose(kCentre, tilted(), needle),
-       pose({.3, -.2, 2}, tilted(), needle)}};
+      {"approach z 5 to 4", pose(kCentre, tilted(), needle), pose({.3, -.2, 4}, tilted(), needle)},
+      {"approach z 5 to 2", pose(kCentre, tilted(), needle), pose({.3, -.2, 2}, tilted(), needle)}};
   for (const Case& c : cases)
     for (const int mode : {TRANSPORT_PAPER, TRANSPORT_OT, TRANSPORT_MATERIAL}) {
       const FlowErrors e = flow_errors(device, mode, c.a, c.b);
-      rows.push_back({fmt::format("{}, {}: of a flow of {:.0f} px", c.name, mode_name(mode), e.flow),
-                      e.error / e.flow, .04});
+      rows.push_back(
+          {fmt::format("{}, {}: of a flow of {:.0f} px", c.name, mode_name(mode), e.flow),
+           e.error / e.flow, .04});
     }
   return rows;
 }
@@ -76,7 +76,8 @@ Rows scalings(Queue& queue) {  // T13
 // A flat splat of 40 x 8 px in the middle of the image, which turns by 20 degrees and is shifted by
 // (8, -3) px until t2. The start at t2 is its pose at t1.
 struct Fit {
-  double degrees, scale_x, scale_y, shift_px;  // found: turn, scales by the true ones, shift's error
+  double degrees, scale_x, scale_y,
+      shift_px;  // found: turn, scales by the true ones, shift's error
 };
 
 Fit fit(Queue& queue, Transport transport) {
@@ -99,8 +100,9 @@ Fit fit(Queue& queue, Transport transport) {
   }
   // turn about z and logarithms of two scales, shift in x and y [units]
   std::vector<double> x(5, 0.), m(5, 0.), v(5, 0.);
-  const double rates[5] = {.02, .02, .02, .002, .002};
-  constexpr int steps = 400;
+  const double rates[5] = {.03, .02, .03, .004, .004};
+  reference::Planes want = only(random_cotangents(s, 1), "none");
+  constexpr int steps = 160;
   for (int step = 1; step <= steps; ++step) {
     s.p["quats_t2"] = {double(float(std::cos(x[0] / 2))), 0, 0, double(float(std::sin(x[0] / 2)))};
     s.p["scales_t2"] = {double(float(.2 * std::exp(x[1]))), double(float(.04 * std::exp(x[2]))),
@@ -108,13 +110,13 @@ Fit fit(Queue& queue, Transport transport) {
     s.p["means_t2"] = {double(float(x[3])), double(float(x[4])), 5};
     device.upload(s);
     const FloatArrays images = device.forward();
-    reference::Planes want = only(random_cotangents(s, 1), "none");
     double weights = 0;
     for (size_t i = 0; i < s.pixels(); ++i) weights += double(images.at("alpha")[i]);
     for (size_t i = 0; i < s.pixels(); ++i) {
       const double dx = double(images.at("flow")[i]) - truth[i];
       const double dy = double(images.at("flow")[s.pixels() + i]) - truth[s.pixels() + i];
-      const double w = double(images.at("alpha")[i]) / weights / std::sqrt(dx * dx + dy * dy + 1e-6);
+      const double w =
+          double(images.at("alpha")[i]) / weights / std::sqrt(dx * dx + dy * dy + 1e-6);
       want.flow[i] = w * dx;
       want.flow[s.pixels() + i] = w * dy;
     }

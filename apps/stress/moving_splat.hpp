@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One Gaussian that moves before a pinhole camera of 1000 px: where its material points go, and what a
-// transport says instead (numerics 1.5).
+// One Gaussian that moves before a pinhole camera of 1000 px: where its material points go, and
+// what a transport says instead (numerics 1.5).
 #pragma once
 #include <Eigen/Geometry>
 
@@ -34,7 +34,8 @@ struct FlowErrors {
   double spread;     // standard deviations p, q of the splat: sqrt(p^2 + q^2)
 };
 
-// True flow: the point of highest density on the pixel's ray goes where the 3D affine motion takes it.
+// True flow: the point of highest density on the pixel's ray goes where the 3D affine motion takes
+// it.
 FlowErrors flow_errors(DeviceMaths& device, int mode, const Pose& at_t1, const Pose& at_t2);
 
 }  // namespace gflow::stress

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T31-T33: Adam over ten thousand steps with spikes, gradients that are no numbers, and what rounding
-// noise becomes of.
+// T31-T33: Adam over ten thousand steps with spikes, gradients that are no numbers, and what
+// rounding noise becomes of.
 #include <cstring>
 
 #include "apps/stress/figures.hpp"
@@ -88,7 +88,8 @@ Rows long_run(Queue& queue) {  // T31
     seldom.adam.step(queue, seldom.group, seldom.state, 2, {.125f, 1e-15f});
   }
   const std::vector<cl_uint> made = seldom.state.steps.read(queue);
-  out.push_back({"own step counts: 9 and 4", std::fabs(double(made[0]) - 9) + std::fabs(double(made[1]) - 4), 0});
+  out.push_back({"own step counts: 9 and 4",
+                 std::fabs(double(made[0]) - 9) + std::fabs(double(made[1]) - 4), 0});
   out.push_back({"a constant gradient moves by the rate in each own step",
                  std::fabs(double(seldom.values()[3]) + 4 * .125) / .5, 1e-5});
   return out;
@@ -112,7 +113,8 @@ Rows bad_gradients(Queue& queue) {  // T32
   };
   const std::vector<float> clean = run(.5f, nullptr);
   const float nan = std::nanf(""), inf = HUGE_VALF;
-  for (const auto& [name, poison] : {std::pair{"NaN", nan}, {"inf", inf}, {"-inf", -inf}, {"3e19", 3e19f}}) {
+  for (const auto& [name, poison] :
+       {std::pair{"NaN", nan}, {"inf", inf}, {"-inf", -inf}, {"3e19", 3e19f}}) {
     std::vector<cl_uint> refused;
     std::vector<float> found = run(poison, &refused);
     const double broken = count_not_finite(found);
@@ -127,10 +129,10 @@ Rows bad_gradients(Queue& queue) {  // T32
   return out;
 }
 
-// A gradient summed in float from 256 terms, forwards or backwards; every second value's terms cancel,
-// so that its gradient is nothing but rounding. `size`: root mean square of the others.
+// A gradient summed in float from 128 terms, forwards or backwards; every second value's terms
+// cancel, so that its gradient is nothing but rounding. `size`: root mean square of the others.
 Rows noise_gain(Queue& queue) {  // T33
-  constexpr size_t rows = 100, n = 3 * rows, terms = 256;
+  constexpr size_t rows = 40, n = 3 * rows, terms = 128;
   const float lr = .01f, shipped = 1e-8f;  // AdamGroups of optim/train/config.hpp
   const auto run = [&](bool backwards, double size, float epsilon) {
     Trained trained(queue, rows);
@@ -155,7 +157,8 @@ Rows noise_gain(Queue& queue) {  // T33
     return most / double(lr);
   };
   Rows out;
-  for (const auto& [name, size] : {std::pair{"means, 1e-5", 1e-5}, {"turns, 2e-7", 2e-7}, {"times, 5e-8", 5e-8}})
+  for (const auto& [name, size] :
+       {std::pair{"means, 1e-5", 1e-5}, {"turns, 2e-7", 2e-7}, {"times, 5e-8", 5e-8}})
     out.push_back({fmt::format("gradients as of {}: in steps of the rate", name),
                    largest_difference(size, shipped), 1});
   // It can fail: without a floor Adam makes whole steps of the noise.

@@ -44,7 +44,8 @@ Rows quaternions(Queue& queue) {  // T25
       const Mat3 l = factor_of(e, {.7f, .7f, .7f});
       const std::vector<double> expected{l.r1.x, l.r1.y, l.r1.z, l.r2.x, l.r2.y,
                                          l.r2.z, l.r3.x, l.r3.y, l.r3.z};
-      rotation = std::max(rotation, row_error(Floats(&found[9 * i], &found[9 * i] + 9), expected, 0, 9));
+      rotation =
+          std::max(rotation, row_error(Floats(&found[9 * i], &found[9 * i] + 9), expected, 0, 9));
       double along = 0, size = 0;
       for (size_t k = 0; k < 4; ++k) {
         along += double(g[4 * i + k]) * double(unit[4 * i + k]);
@@ -84,7 +85,8 @@ Response respond(Queue& queue, const std::string& name, const Floats& values) {
   else
     groups[name] = values;
   for (Table* table : p.tables())
-    for (ParameterGroup& group : table->groups) group.values.write(queue, groups.at(group.values.name()));
+    for (ParameterGroup& group : table->groups)
+      group.values.write(queue, groups.at(group.values.name()));
   p.forget_seen(queue);
   GaussiansAt at;
   const Buffer<cl_uint> seen(queue, std::vector<cl_uint>(n, 1u), "seen");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// T29: one broken value in one Gaussian at the left of an image, in every slot of what the engine is
-// given. At the right no bit may change, and the broken one must be named: not seen where it is not
-// finite.
+// T29: one broken value in one Gaussian at the left of an image, in every slot of what the engine
+// is given. At the right no bit may change, and the broken one must be named: not seen where it is
+// not finite.
 #include <cstring>
 #include <limits>
 
@@ -14,8 +14,9 @@ namespace {
 
 std::vector<float> poisons() {
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = HUGE_VALF;
-  return {nan,   -nan,   inf,   -inf,  3e38f,  -3e38f, 1e30f, -1e30f, 1e19f, -1e19f, 2e9f,  -2e9f,
-          1e6f,  -1e6f,  1e-6f, -1e-6f, 1e-20f, -1e-20f, 1e-38f, -1e-38f, 1e-42f, -1e-42f, 0.f, -0.f};
+  return {nan,    -nan,    inf,    -inf,    3e38f,  -3e38f,  1e30f, -1e30f,
+          1e19f,  -1e19f,  2e9f,   -2e9f,   1e6f,   -1e6f,   1e-6f, -1e-6f,
+          1e-20f, -1e-20f, 1e-38f, -1e-38f, 1e-42f, -1e-42f, 0.f,   -0.f};
 }
 
 // The culprit (0), one under it (1), and others at the right, which no value of the culprit reaches

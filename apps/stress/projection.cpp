@@ -67,7 +67,8 @@ Rows margin(Queue& queue) {  // T24
       add(v_depths, 1, 1);
       add(v_m, 6, 1);
     }
-    const DeviceMaths::Projected found = device.project(c, means, factors, v_means2d, v_depths, v_m);
+    const DeviceMaths::Projected found =
+        device.project(c, means, factors, v_means2d, v_depths, v_m);
     std::vector<double> errors;
     double held = 0;
     for (size_t i = 0; i < n; ++i) {
@@ -77,9 +78,8 @@ Rows margin(Queue& queue) {  // T24
       const Mat3 factor{at3(factors, 3 * i), at3(factors, 3 * i + 1), at3(factors, 3 * i + 2)};
       const Projection p = project(c, at3(means, i), factor);
       held += !p.u_inside || !p.v_inside;
-      const GaussianGradient v =
-          project_vjp(c, factor, p, {v_means2d[2 * i], v_means2d[2 * i + 1]}, v_depths[i],
-                      {at3(v_m, 2 * i), at3(v_m, 2 * i + 1)});
+      const GaussianGradient v = project_vjp(c, factor, p, {v_means2d[2 * i], v_means2d[2 * i + 1]},
+                                             v_depths[i], {at3(v_m, 2 * i), at3(v_m, 2 * i + 1)});
       const std::vector<double> expected{v.mean.x, v.mean.y, v.mean.z};
       errors.push_back(
           row_error(Floats(&found.v_means[3 * i], &found.v_means[3 * i] + 3), expected, 0, 3));

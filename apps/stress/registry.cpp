@@ -22,13 +22,13 @@ bool passed(const Derivative& row) {
 
 Tests all_tests() {
   Tests all;
-  for (Tests (*family)() : {root_tests, whitening_tests, transport_tests, motion_tests,
-                            compositing_tests, replay_tests, loss_tests, projection_tests,
-                            parameter_tests, poison_tests, degenerate_tests, optimiser_tests,
-                            gradient_tests, device_tests
+  for (Tests (*family)() :
+       {root_tests, whitening_tests, transport_tests, motion_tests, compositing_tests, replay_tests,
+        loss_tests, projection_tests, parameter_tests, poison_tests, degenerate_tests,
+        optimiser_tests, gradient_tests, device_tests
 #ifdef GFLOW_WITH_OPENCV
-                            ,
-                            training_tests
+        ,
+        training_tests
 #endif
        }) {
     Tests more = family();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T18: whether the forward and the backward pass agree, at every pixel and to the bit, on who counts
-// and on what passes through.
+// T18: whether the forward and the backward pass agree, at every pixel and to the bit, on who
+// counts and on what passes through.
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "tests/device_scene.hpp"
@@ -65,8 +65,8 @@ Rows agreement(Queue& queue, double pixel_splats) {
     spec.opaque = .05;
     replay.compare(random_scene(spec), counts);
   }
-  const std::string of = fmt::format("of {:.1e} pixel-splats, {:.1e} counting: ",
-                                     counts.pixel_splats, counts.contributors);
+  const std::string of = fmt::format(
+      "of {:.1e} pixel-splats, {:.1e} counting: ", counts.pixel_splats, counts.contributors);
   return {{of + "mismatches", counts.mismatches, 0},
           {of + "T other than drawn", counts.other_images, 0}};
 }

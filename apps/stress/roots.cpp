@@ -23,8 +23,8 @@ T exact_det(T a, T b, T c) {  // Kahan's difference of products: 1.5 ulp
   return std::fma(a, c, -p) + e;
 }
 
-// After rounding kappa is within a factor of 1.5 (not where it is 1): a matrix whose rounding has made
-// it another one tells nothing of the formula.
+// After rounding kappa is within a factor of 1.5 (not where it is 1): a matrix whose rounding has
+// made it another one tells nothing of the formula.
 struct Ellipse {
   double angle, large, small;  // small, large: eigenvalues
 };
@@ -139,9 +139,9 @@ Rows double_roots(Queue&) {  // T1
     maps.push_back(relative({a.a - e.a.a, a.b - e.a.b, a.c - e.a.c, a.d - e.a.d},
                             {e.a.a, e.a.b, e.a.c, e.a.d}));
     const double size = std::sqrt(sym2_inner(r2.b, r2.b) * sym2_inner(r1.b, r1.b)) / r1.s;
-    maps_by_size.push_back(
-        double(std::hypot(std::hypot(a.a - e.a.a, a.b - e.a.b),
-                          std::hypot(a.c - e.a.c, a.d - e.a.d))) / size);
+    maps_by_size.push_back(double(std::hypot(std::hypot(a.a - e.a.a, a.b - e.a.b),
+                                             std::hypot(a.c - e.a.c, a.d - e.a.d))) /
+                           size);
     const Sym2 q = make_sym2(double(g.a), double(g.b), double(g.d));
     const Sym2 x = lyapunov2(r1.b, r1.s, q);
     const Eigen2<longer> v = eigen_of<longer>(
@@ -151,8 +151,8 @@ Rows double_roots(Queue&) {  // T1
     solutions.push_back(relative({x.a - y.a, x.b - y.b, x.c - y.c}, {y.a, y.b, y.b, y.c}));
     solutions_by_condition.push_back(solutions.back() / std::sqrt(kappa));
   }
-  // Where B2 and inv(B1) cancel, A is as badly conditioned as |B2| |inv(B1)| says, and X is so by the
-  // condition of B: the worst of ten thousand by that, 99 % as they are.
+  // Where B2 and inv(B1) cancel, A is as badly conditioned as |B2| |inv(B1)| says, and X is so by
+  // the condition of B: the worst of ten thousand by that, 99 % as they are.
   return {{"root, worst of 1e4, kappa to 1e8", worst(roots), 1e-14},
           {"A = B2 inv(B1), 99 %", quantile(maps, .99), 1e-14},
           {"A = B2 inv(B1), worst, by |B2| |inv(B1)|", worst(maps_by_size), 1e-14},
@@ -185,9 +185,9 @@ MapErrors device_errors(Queue& queue, const std::vector<Covariance<float>>& s1,
                                    {e.a.a, e.a.b, e.a.c, e.a.d}));
     const Sym<longer>&x1 = e.x1, &x2 = e.x2;
     // the gradient by a, b, c of both, as one vector: b counts twice
-    errors.gradients.push_back(relative({x[0] - x1.a, 2 * (x[1] - x1.b), x[2] - x1.c, x[3] - x2.a,
-                                         2 * (x[4] - x2.b), x[5] - x2.c},
-                                        {x1.a, 2 * x1.b, x1.c, x2.a, 2 * x2.b, x2.c}));
+    errors.gradients.push_back(relative(
+        {x[0] - x1.a, 2 * (x[1] - x1.b), x[2] - x1.c, x[3] - x2.a, 2 * (x[4] - x2.b), x[5] - x2.c},
+        {x1.a, 2 * x1.b, x1.c, x2.a, 2 * x2.b, x2.c}));
   }
   return errors;
 }
@@ -217,8 +217,8 @@ Rows device_roots(Queue& queue) {  // T2
     const MapErrors e = errors_at(queue, kappa, 1);
     const std::string at = kappa < 2 && kappa > 1 ? fmt::format("kappa 1+{:.0e}", kappa - 1)
                                                   : fmt::format("kappa {:.0e}", kappa);
-    rows.push_back({at + ", gradient of A, 99 %", quantile(e.gradients, .99),
-                    gradient_bound(kappa)});
+    rows.push_back(
+        {at + ", gradient of A, 99 %", quantile(e.gradients, .99), gradient_bound(kappa)});
     rows.push_back({at + ", gradient of A, finite", worst(e.gradients), 1});
   }
   return rows;

@@ -20,8 +20,8 @@ struct Axes {
 inline Axes random_axes(Random& random, double along, double across) {
   return {along, across, across, random.angle(), random.uniform(-.5, .5)};
 }
-// Its columns as they are in R diag(s), an axis each; or mixed by a rotation, as in factors that are
-// cut from four dimensions.
+// Its columns as they are in R diag(s), an axis each; or mixed by a rotation, as in factors that
+// are cut from four dimensions.
 inline Mat3 mixture(Random& random, bool mixed) {
   if (!mixed) return mat3_identity();
   return quat_to_rotmat(

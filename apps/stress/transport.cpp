@@ -44,8 +44,8 @@ Mat2 gh_at(const Cases& c, size_t i) {
 }
 
 struct TransportErrors {
-  std::vector<double> moved;                // [px] |H z| at |z| = 3
-  std::vector<double> flow, h, gradient;    // [px], relative, relative
+  std::vector<double> moved;              // [px] |H z| at |z| = 3
+  std::vector<double> flow, h, gradient;  // [px], relative, relative
 };
 
 TransportErrors errors_of(DeviceMaths& device, int mode, const Cases& c) {
@@ -87,8 +87,9 @@ Rows of_mode(Queue& queue, int mode, const std::vector<Figure>& figures) {
   for (const Figure& f : figures)
     for (const bool mixed : {false, true}) {
       const TransportErrors e = errors_of(device, mode, cases(f.length, f.change, 7, mixed));
-      const std::string at = fmt::format("{:.0f} px long, {:.0f} % change, {:.2g} px{}", f.length,
-                                         100 * f.change, quantile(e.moved, .5), mixed ? ", mixed" : "");
+      const std::string at =
+          fmt::format("{:.0f} px long, {:.0f} % change, {:.2g} px{}", f.length, 100 * f.change,
+                      quantile(e.moved, .5), mixed ? ", mixed" : "");
       rows.push_back({at + ", flow, 99 % [px]", quantile(e.flow, .99), f.flow_px});
       rows.push_back({at + ", gradient, 99 %", quantile(e.gradient, .99), f.gradient});
     }
@@ -96,8 +97,7 @@ Rows of_mode(Queue& queue, int mode, const std::vector<Figure>& figures) {
 }
 
 Rows paper(Queue& queue) {  // T7
-  return of_mode(queue, TRANSPORT_PAPER,
-                 {{300, .01, 1e-3, 1e-4}, {1000, .01, 1e-2, 1e-3}});
+  return of_mode(queue, TRANSPORT_PAPER, {{300, .01, 1e-3, 1e-4}, {1000, .01, 1e-2, 1e-3}});
 }
 Rows material(Queue& queue) {  // T8
   return of_mode(queue, TRANSPORT_MATERIAL, {{300, .2, 2e-2, 1e-2}});
@@ -112,8 +112,8 @@ Rows nothing_moved(Queue& queue) {  // T9
       Cases c = cases(length, 0, 9);
       c.m2 = c.m1;
       const DeviceMaths::Transported found = device.transport(mode, c.m1, c.m2, c.gh);
-      not_zero += double(std::count_if(found.h.begin(), found.h.end(),
-                                       [](float x) { return !(x == 0); }));
+      not_zero +=
+          double(std::count_if(found.h.begin(), found.h.end(), [](float x) { return !(x == 0); }));
       broken += count_not_finite(found.v_m1) + count_not_finite(found.v_m2);
     }
     rows.push_back({mode_name(mode) + ", elements of H that are not 0", not_zero, 0});
@@ -128,13 +128,15 @@ Rows small_motion(Queue& queue) {  // T10
   for (const int mode : {TRANSPORT_PAPER, TRANSPORT_OT, TRANSPORT_MATERIAL})
     for (const double length : {3., 30., 300.}) {
       const TransportErrors e = errors_of(device, mode, cases(length, 1e-4, 10));
-      rows.push_back({fmt::format("{}, {:.0f} px, 1e-4 of motion, H, 99 %", mode_name(mode), length),
-                      quantile(e.h, .99), 1e-4});
+      rows.push_back(
+          {fmt::format("{}, {:.0f} px, 1e-4 of motion, H, 99 %", mode_name(mode), length),
+           quantile(e.h, .99), 1e-4});
     }
   return rows;
 }
 
-// The same splats in an image turned by 90 degrees: the flow at the turned pixel is the turned flow.
+// The same splats in an image turned by 90 degrees: the flow at the turned pixel is the turned
+// flow.
 Rows frame_turn(Queue& queue) {  // T11
   Rows rows;
   DeviceMaths device(queue);

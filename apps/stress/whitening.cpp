@@ -22,9 +22,9 @@ Rows determinants(Queue& queue) {  // T5
       std::vector<double> errors;
       for (int i = 0; i < kCases; ++i)
         errors.push_back(std::fabs(double(dets[i]) / whiten(factor_at(m, i)).det - 1));
-      rows.push_back({fmt::format("{:.0f} px{}, worst of {}", length,
-                                  mixed ? ", columns mixed" : "", kCases),
-                      worst(errors), 5e-7});
+      rows.push_back(
+          {fmt::format("{:.0f} px{}, worst of {}", length, mixed ? ", columns mixed" : "", kCases),
+           worst(errors), 5e-7});
     }
   return rows;
 }
@@ -33,7 +33,8 @@ Rows determinants(Queue& queue) {  // T5
 Rows exponents(Queue& queue) {  // T6
   Rows rows;
   DeviceMaths device(queue);
-  for (const auto& [length, bound] : {std::pair{10., 1e-4}, {100., 2e-4}, {1e3, 2e-3}, {1e4, 2e-2}}) {
+  for (const auto& [length, bound] :
+       {std::pair{10., 1e-4}, {100., 2e-4}, {1e3, 2e-3}, {1e4, 2e-2}}) {
     Random random(6);
     Floats m, d;
     std::vector<double> expected;

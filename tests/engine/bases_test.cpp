@@ -78,9 +78,10 @@ INSTANTIATE_TEST_SUITE_P(Motion, BasesOfSomeSizes,
 TEST_P(BasesOfSomeSizes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
   Queue queue = test_queue();
   const MotionShape shape = shape_of(GetParam().first, GetParam().second);
-  MotionCheck check(queue, shape, 150,
-                    [&](const Named& p, size_t i, double t) { return reference::bases_at(shape, p, i, t); },
-                    {{"basis_turns", 0.2}});
+  MotionCheck check(
+      queue, shape, 150,
+      [&](const Named& p, size_t i, double t) { return reference::bases_at(shape, p, i, t); },
+      {{"basis_turns", 0.2}});
   for (const double t : {0.0, 0.3, 1.0, 1.7, 2.0}) check.expect_same_gaussians(t, {1e-5, 1e-5});
   check.expect_same_gradients(0.4, 0.9, 1e-5, {"pivots"});  // float32
 }

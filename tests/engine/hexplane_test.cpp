@@ -48,7 +48,8 @@ TEST_P(HexplaneOfSomeShapes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas)
   MotionShape shape = small_shape(GetParam().levels, GetParam().layers, GetParam().times);
   shape.hexplane.turn = GetParam().turn;
   shape.hexplane.resize = GetParam().resize;
-  MotionCheck check(queue, shape, 41, reference::forward_of(shape), {{"planes", 0.2}, {"network", 0.15}});
+  MotionCheck check(queue, shape, 41, reference::forward_of(shape),
+                    {{"planes", 0.2}, {"network", 0.15}});
   spread_planes(queue, check);
   for (const double t : {0.0, 0.3, 1.0, 1.7, 2.0}) check.expect_same_gaussians(t, {1e-5, 1e-5});
   check.expect_same_gradients(0.4, 0.9, 1e-5);  // float32
@@ -123,7 +124,8 @@ TEST(Hexplane, GradientsOfManyGaussiansAreTheSumOfThoseOfFew) {
   Queue queue = test_queue();
   const MotionShape shape = small_shape();
   const size_t n = 1500;
-  MotionCheck check(queue, shape, n, reference::forward_of(shape), {{"planes", 0.2}, {"network", 0.15}});
+  MotionCheck check(queue, shape, n, reference::forward_of(shape),
+                    {{"planes", 0.2}, {"network", 0.15}});
   spread_planes(queue, check);
   Parameters& p = check.parameters();
   std::vector<float> v(9 * n);

@@ -3,9 +3,9 @@
 // planes, features, network, shift, and their derivatives; and what the planes should be like.
 #pragma once
 #include "optim/motion/hexplane_shape.hpp"
-#include "tests/reference/parameters.hpp"
 #include "shared/hexplane.h"
 #include "shared/shifted.h"
+#include "tests/reference/parameters.hpp"
 
 namespace gflow::reference {
 

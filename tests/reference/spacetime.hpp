@@ -2,8 +2,8 @@
 // The rows of the spacetime model in double, as one list of numbers and as the groups of
 // optim/motion/spacetime.hpp.
 #pragma once
-#include "tests/reference/parameters.hpp"
 #include "shared/spacetime.h"
+#include "tests/reference/parameters.hpp"
 
 namespace gflow::reference {
 
