@@ -87,7 +87,8 @@ DeviceInfo device_info(const cl::Device& device, int index) {
 }
 
 int lanes_for(const DeviceInfo& info) {
-  if (!info.is_cpu) return 1;                     // a GPU's lanes are its work-items
+  if (!info.is_cpu) return 1;  // a GPU's lanes are its work-items
+  if (info.platform == "rusticl") return 1;       // its compiler takes vectors apart, in minutes
   if (info.native_vector_width >= 16) return 16;  // AVX-512: a 4x4 cell is one register
   if (info.native_vector_width >= 8) return 8;    // AVX2
   return 4;                                       // SSE, NEON; scalar CPUs lose nothing by it

@@ -72,6 +72,8 @@ TEST(Device, GetsLanesOfItsVectorWidthOnCpusAndOneOnGpus) {
   EXPECT_EQ(lanes_for(info), 8);
   info.native_vector_width = 1;
   EXPECT_EQ(lanes_for(info), 4);
+  info.platform = "rusticl";
+  EXPECT_EQ(lanes_for(info), 1);
   info.is_cpu = false;
   EXPECT_EQ(lanes_for(info), 1);
 }
