@@ -128,8 +128,8 @@ PointCloud Preparation::points_from_stereo() {
   return {};
 }
 
-Trainer Preparation::trainer(Queue& queue, Model& model) {
-  return Trainer(queue, config_, scene(), frames(), pairs_, *flows_, parts_, model);
+Trainer Preparation::trainer(Queue& queue, Model& model, Guidance* guidance) {
+  return Trainer(queue, config_, scene(), frames(), pairs_, *flows_, parts_, model, guidance);
 }
 
 }  // namespace gflow

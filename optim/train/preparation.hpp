@@ -30,7 +30,8 @@ class Preparation {
   HostModel first_model(Queue& queue);
   // Whether that began with points several cameras agree on.
   bool began_with_stereo() const { return began_with_stereo_; }
-  Trainer trainer(Queue& queue, Model& model);
+  // guidance: of the settings, or nullptr; it must outlive the trainer.
+  Trainer trainer(Queue& queue, Model& model, Guidance* guidance);
 
   const LoadedScene& loaded() const { return loaded_; }
   const Scene& scene() const { return loaded_.scene; }

@@ -245,6 +245,9 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
                  {"isometry", number(f.motion->isometry)},
                  {"velocity", number(f.motion->velocity)},
                  {"acceleration", number(f.motion->acceleration)}});
+  if (f.guidance)
+    line.update({{"guidance", number(f.guidance->pull)},
+                 {"guidance_flow_epe", number(f.guidance->flow_epe)}});
   append_lines(path("metrics.jsonl"), iteration == 0, line.dump() + "\n");
   const std::string table = path("metrics.csv");
   const bool anew = iteration == 0 || !fs::exists(table);

@@ -113,7 +113,7 @@ EngineSettings training_settings(const TrainConfig& config) {
 
 Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
                  const std::vector<FlowPair>& pairs, FlowStore& flows, std::vector<Rect> parts,
-                 Model& model)
+                 Model& model, Guidance* guidance)
     : config_(config),
       scene_(scene),
       frames_(frames),
@@ -131,6 +131,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       density_rule_(density_rule(config.density, scene, model.shape)),
       order_(queue),
       rest_(rest_for(queue, config, scene, model.parameters)),
+      guide_(guidance ? std::make_unique<Guide>(queue, config, scene, frames, *guidance) : nullptr),
       reduce_(queue),
       pairs_of_frame_(scene.train.size()) {
   require_sequence(config, scene, model.shape);
@@ -220,6 +221,7 @@ void Trainer::step(Queue& queue, int step) {
   const Stage now = stage(step);
   if (now.begins && now.time_step > 0)
     model_.motion->start_key(queue, model_.parameters, now.time_step);
+  if (guide_ && guide_->due(step)) guide(queue, step);  // first: it may fail
   for (const Sample& sample : samples(step)) train_view(queue, sample, step);
   update(queue, step);
   const uint32_t seed = uint32_t(config_.train.seed);
@@ -300,8 +302,22 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
                    images.alpha, teacher_, confidence_, v_.v_flow);
   }
   renderer_.backward(queue, model_, v_);
+  learn_from(queue, shot, camera.width, camera.height);
+}
+
+void Trainer::guide(Queue& queue, int step) {
+  Guide::Moment moment;
+  moment.frame = samples(step).front().frame;
+  moment.background = background(step);
+  moment.sh_degree = sh_degree(step);
+  guide_->run(queue, model_, renderer_, step, moment, [&](const Shot& shot) {
+    learn_from(queue, shot, shot.view.camera.width, shot.view.camera.height);
+  });
+}
+
+void Trainer::learn_from(Queue& queue, const Shot& shot, int width, int height) {
   if (density_)
-    density_->see(queue, {camera.width, camera.height, renderer_.engine().splats().tiles_touched,
+    density_->see(queue, {width, height, renderer_.engine().splats().tiles_touched,
                           renderer_.gradients().v_means2d});
   if (!rest_) return;
   const float t2 = model_.time(shot.time_t2);
@@ -496,6 +512,7 @@ StepFigures Trainer::figures(Queue& queue) {
     constexpr double none = std::numeric_limits<double>::quiet_NaN();
     figures.motion = MotionLossValue{none, none, none, none, none};
   }
+  if (guide_) figures.guidance = guide_->figures(queue);
   figures.gaussians = model_.parameters.count;
   figures.moving = model_.parameters.moving;
   figures.refused = reduce_.count_nonzero(queue, model_.parameters.rows.refused);

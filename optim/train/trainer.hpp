@@ -18,6 +18,7 @@
 #include "optim/loss/motion_loss.hpp"
 #include "optim/train/change.hpp"
 #include "optim/train/config.hpp"
+#include "optim/train/guide.hpp"
 #include "optim/train/renderer.hpp"
 #include "optim/train/sequence.hpp"
 #include "optim/train/unfolding.hpp"
@@ -31,6 +32,8 @@ struct StepFigures {
   double flow_loss = 0, epe = 0;  // of the last view with flow [px]; 0 when there was none
   // Of the last view, NaN in a step without such a loss (loss.motion_every); none: no training has.
   std::optional<MotionLossValue> motion;
+  // Of the last step with guidance; none: no training has.
+  std::optional<GuideFigures> guidance;
   size_t gaussians = 0, moving = 0;
   size_t refused = 0;  // rows that had a gradient Adam could not take, so far
 };
@@ -38,12 +41,13 @@ struct StepFigures {
 class Trainer {
  public:
   // flows[i] belongs to pairs[i]; both may be empty. parts[i] is the part of scene.train[i] that
-  // gets extra steps (train.focus), empty for none. All references must outlive the trainer.
+  // gets extra steps (train.focus), empty for none. guidance: the provider of config.guidance, or
+  // nullptr for none. All references must outlive the trainer.
   Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
           const std::vector<FlowPair>& pairs, FlowStore& flows, std::vector<Rect> parts,
-          Model& model);
+          Model& model, Guidance* guidance = nullptr);
 
-  // Step number `step`, from 0.
+  // Step number `step`, from 0. GuidanceFailed leaves everything as it was before the step.
   void step(Queue& queue, int step);
   // Waits.
   StepFigures figures(Queue& queue);
@@ -79,6 +83,10 @@ class Trainer {
   // or -1.
   int pair_at(size_t frame, int step, size_t turn) const;
   void train_view(Queue& queue, const Sample& sample, int step);
+  // Asks for guidance and adds its gradients.
+  void guide(Queue& queue, int step);
+  // After the gradients of a view of a camera: what density control and rest learn from it.
+  void learn_from(Queue& queue, const Shot& shot, int width, int height);
   void renew_neighbours_if_due(Queue& queue, int step);
   void update(Queue& queue, int step);
   float position_rate(int step) const;
@@ -113,6 +121,7 @@ class Trainer {
   DensityRule density_rule_;
   RowOrder order_;
   std::unique_ptr<Rest> rest_;                                // nullptr: all move
+  std::unique_ptr<Guide> guide_;                              // nullptr: no guidance
   size_t memory_holds_ = std::numeric_limits<size_t>::max();  // Gaussians
   bool memory_was_short_ = false;
   std::string notice_;

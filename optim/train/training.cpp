@@ -11,6 +11,7 @@
 
 #include "optim/io/interrupt.hpp"
 #include "optim/train/begin.hpp"
+#include "optim/train/guidance_source.hpp"
 #include "optim/train/init.hpp"
 #include "optim/train/preparation.hpp"
 #include "optim/train/progress.hpp"
@@ -43,6 +44,8 @@ std::vector<ProgressTerm> terms_of(const StepFigures& f) {
   if (f.epe > 0) terms.push_back({"epe", fmt::format("{:.2f} px", f.epe)});
   if (f.motion && std::isfinite(f.motion->total()))
     terms.push_back({"motion", fmt::format("{:.4f}", f.motion->total())});
+  if (f.guidance && std::isfinite(f.guidance->pull))
+    terms.push_back({"guidance", fmt::format("{:.4f}", f.guidance->pull)});
   terms.push_back({"", fmt::format("{} Gaussians", f.gaussians)});
   if (f.moving < f.gaussians) terms.push_back({"", fmt::format("{} move", f.moving)});
   if (f.refused) terms.push_back({"refused", std::to_string(f.refused)});
@@ -119,6 +122,15 @@ void require_first_file(const TrainConfig& config, const RunFolder& run) {
   require_init_file(config);
 }
 
+// What to throw when the guidance of a step failed; the steps before it are saved.
+Error without_guidance(const GuidanceFailed& problem, int step, double seconds,
+                       Checkpointer& checkpoints, const RunFolder& run) {
+  if (step == 0)
+    return Error(fmt::format("{}; no step was trained, {}", problem.what(), how_to_go_on(run)));
+  checkpoints.write(step, seconds);
+  return Error(fmt::format("{}; {} steps are saved, {}", problem.what(), step, how_to_go_on(run)));
+}
+
 // The training loop from step number `step`; returns the number of steps made, earlier ones
 // included. Sets `guard` after the first one, in which kernels may be compiled for long: before it
 // there is nothing to save.
@@ -132,7 +144,12 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
     return plan.minutes > 0 && watch.seconds() > 60 * double(plan.minutes);
   };
   for (; step < plan.iterations && !(guard && interrupted()) && !time_is_over(); ++step) {
-    trainer.step(queue, step);
+    try {
+      trainer.step(queue, step);
+    } catch (const GuidanceFailed& problem) {
+      progress.finish();
+      throw without_guidance(problem, step, watch.seconds(), checkpoints, run);
+    }
     if (!guard) {
       queue.finish();
       guard.emplace();
@@ -179,6 +196,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const Scene& scene = prepared.scene();
   if (begins) require_first_points(scene, config.init);
   if (!scene.tracks_path.empty()) read_tracks(scene.tracks_path);  // needed at the end
+  const std::unique_ptr<Guidance> guidance = guidance_of(config);
   run.make();
   const FileLock lock = run.lock();
   run.forget_unfinished_files();
@@ -220,7 +238,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   };
   Model model = resumed ? Model(queue, shape_to_resume(), 0) : first_model();
   if (!quiet) fmt::print(stderr, "motion model: {}\n", name_of(model.shape.motion));
-  Trainer trainer = prepared.trainer(queue, model);
+  Trainer trainer = prepared.trainer(queue, model, guidance.get());
   CheckpointFacts former;
   if (resumed) {
     trainer.set_state(queue, resumed->checkpoint.arrays, resumed->path);

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/guidance/known_views.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "optim/data/flow_store.hpp"
+#include "optim/data/reader_util.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+
+KnownViews::KnownViews(const std::string& folder) : folder_(folder) {
+  if (!fs::is_directory(folder))
+    throw Error(fmt::format(
+        "guidance.pictures = \"{}\" is no folder; it must be one with pictures, or with a folder "
+        "of pictures for each camera",
+        folder));
+  const auto pictures_in = [](const fs::path& place) {
+    std::vector<std::string> paths;
+    for (const std::string& name : list_pictures(place.string()))
+      paths.push_back((place / name).string());
+    return paths;
+  };
+  of_any_ = pictures_in(folder);
+  for (const std::string& camera : list_folders(folder)) {
+    std::vector<std::string> paths = pictures_in(fs::path(folder) / camera);
+    if (!paths.empty()) of_cameras_.emplace(camera, std::move(paths));
+  }
+  if (of_any_.empty() && of_cameras_.empty())
+    throw Error(fmt::format(
+        "guidance.pictures = \"{}\" has no .png or .jpg, neither itself nor in its folders",
+        folder));
+}
+
+std::shared_ptr<const Image> KnownViews::image(const std::string& path) const {
+  std::shared_ptr<const Image>& kept = images_[path];
+  if (!kept) kept = std::make_shared<const Image>(read_image(path));
+  return kept;
+}
+
+std::vector<float> KnownViews::planes(const std::string& path, const GuidanceRequest& request,
+                                      const GuidanceView& view) const {
+  const int width = view.camera.width, height = view.camera.height;
+  const auto whole = image(path);
+  constexpr double rounding = 0.02;  // of odd sizes
+  if (std::fabs(double(whole->width) * height / (double(whole->height) * width) - 1) > rounding)
+    throw GuidanceFailed(
+        fmt::format("picture {} has {}x{} pixels, the view {}x{}: they must have "
+                    "the same shape",
+                    path, whole->width, whole->height, width, height));
+  const Image picture =
+      whole->width == width && whole->height == height ? *whole : resized(*whole, width, height);
+  const size_t pixels = size_t(width) * size_t(height), channels = size_t(picture.channels);
+  std::vector<float> planes(3 * pixels);
+  for (size_t i = 0; i < pixels; ++i) {
+    const uint8_t* value = &picture.pixels[channels * i];
+    const float alpha = channels == 4 ? float(value[3]) / 255 : 1.f;
+    for (size_t c = 0; c < 3; ++c)
+      planes[c * pixels + i] = alpha * float(value[c]) / 255 + (1 - alpha) * request.background[c];
+  }
+  return planes;
+}
+
+std::vector<std::vector<float>> KnownViews::pictures(const GuidanceRequest& request,
+                                                     const GuidanceView& view,
+                                                     bool of_camera) const {
+  const size_t k = size_t(request.frame);
+  std::vector<std::string> paths;
+  const auto its = of_cameras_.find(view.camera.name);
+  if (of_camera && its != of_cameras_.end()) {
+    if (k < its->second.size()) paths = {its->second[k]};
+  } else {
+    paths = of_any_;
+    for (const auto& [camera, steps] : of_cameras_)
+      if (k < steps.size()) paths.push_back(steps[k]);
+  }
+  if (paths.empty())
+    throw GuidanceFailed(fmt::format("guidance.pictures = \"{}\" has no picture of time step {}{}",
+                                     folder_, k,
+                                     its == of_cameras_.end() ? "" : " by camera " + its->first));
+  std::vector<std::vector<float>> pictures;
+  for (const std::string& path : paths) pictures.push_back(planes(path, request, view));
+  return pictures;
+}
+
+TeacherFlow KnownViews::flow(const GuidanceRequest& request, const GuidanceView& view) const {
+  Frame frame;
+  const fs::path base =
+      fs::path(folder_) / "flow" / view.camera.name / fmt::format("{:04}", request.frame);
+  if (!view.camera.name.empty()) find_true_flow(frame, base.string(), request.next_time);
+  if (frame.flow_path.empty()) return {};
+  return read_true_flow(frame, view.camera.width, view.camera.height);
+}
+
+}  // namespace gflow

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// ONNX is protobuf: a message is a row of fields, each a number (field << 3 | kind) and a value.
+// Only the path model.graph.input.type.tensor_type.shape is followed (onnx.proto3).
+#include "optim/guidance/onnx_inputs.hpp"
+
+#include <fmt/format.h>
+
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <set>
+#include <string_view>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+struct Damaged {};
+
+uint64_t varint(std::string_view& bytes) {
+  uint64_t value = 0;
+  for (int shift = 0; shift < 64; shift += 7) {
+    if (bytes.empty()) throw Damaged{};
+    const auto byte = static_cast<unsigned char>(bytes[0]);
+    bytes.remove_prefix(1);
+    value |= uint64_t(byte & 127) << shift;
+    if (byte < 128) return value;
+  }
+  throw Damaged{};
+}
+
+std::string_view take(std::string_view& bytes, uint64_t count) {
+  if (count > bytes.size()) throw Damaged{};
+  const std::string_view taken = bytes.substr(0, size_t(count));
+  bytes.remove_prefix(size_t(count));
+  return taken;
+}
+
+// Calls see(field number, bytes, number) for each field; bytes of those with a length, else the
+// number.
+void for_fields(std::string_view message,
+                const std::function<void(uint64_t, std::string_view, uint64_t)>& see) {
+  while (!message.empty()) {
+    const uint64_t key = varint(message);
+    switch (key & 7) {
+      case 0:
+        see(key >> 3, {}, varint(message));
+        break;
+      case 1:
+        take(message, 8);
+        break;
+      case 2: {
+        const uint64_t length = varint(message);
+        see(key >> 3, take(message, length), 0);
+        break;
+      }
+      case 5:
+        take(message, 4);
+        break;
+      default:
+        throw Damaged{};
+    }
+  }
+}
+
+// The bytes of one field of a message; the last one's where it comes again.
+std::string_view field_of(std::string_view message, uint64_t field) {
+  std::string_view found;
+  for_fields(message, [&](uint64_t number, std::string_view bytes, uint64_t) {
+    if (number == field) found = bytes;
+  });
+  return found;
+}
+
+std::vector<int64_t> sizes_of(std::string_view shape) {
+  std::vector<int64_t> sizes;
+  for_fields(shape, [&](uint64_t number, std::string_view dimension, uint64_t) {
+    if (number != 1) return;
+    int64_t size = 0;
+    for_fields(dimension, [&](uint64_t which, std::string_view, uint64_t value) {
+      if (which == 1) size = int64_t(value);
+    });
+    sizes.push_back(size);
+  });
+  return sizes;
+}
+
+}  // namespace
+
+std::map<std::string, std::vector<int64_t>> onnx_inputs(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw Error(fmt::format("cannot open the network {}", path));
+  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  std::map<std::string, std::vector<int64_t>> inputs;
+  try {
+    std::set<std::string> weights;
+    for_fields(field_of(bytes, 7), [&](uint64_t number, std::string_view value, uint64_t) {
+      if (number == 5) weights.emplace(field_of(value, 8));
+      if (number == 11)
+        inputs[std::string(field_of(value, 1))] =
+            sizes_of(field_of(field_of(field_of(value, 2), 1), 2));
+    });
+    for (const std::string& name : weights) inputs.erase(name);
+  } catch (const Damaged&) {
+    throw Error(fmt::format("{} is no ONNX model, or it is damaged", path));
+  }
+  if (inputs.empty()) throw Error(fmt::format("{} is no ONNX model with inputs", path));
+  return inputs;
+}
+
+}  // namespace gflow

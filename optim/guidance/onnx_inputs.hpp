@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// Names and sizes of what a network in a .onnx file wants to be given. OpenCV, which runs it, does
+// not tell.
+#pragma once
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace gflow {
+
+// Each input by name: its sizes, 0 where the file leaves one open. Weights that the file lists
+// among the inputs are left out. Error when the file is missing or no ONNX model.
+std::map<std::string, std::vector<int64_t>> onnx_inputs(const std::string& path);
+
+}  // namespace gflow

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/guidance/shared_memory.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+
+#include "optim/guidance/guidance.hpp"
+
+namespace gflow {
+
+SharedMemory::SharedMemory(size_t bytes) : bytes_(bytes) {
+  static std::atomic<int> count{0};
+  const auto failed = [&](int code) {
+    return GuidanceFailed(fmt::format("cannot share {} MiB of memory with the guidance program: {}",
+                                      (bytes >> 20) + 1, std::strerror(code)));
+  };
+  name_ = fmt::format("/gflow-guidance-{}-{}", getpid(), count++);
+  shm_unlink(name_.c_str());  // of a former process of this number that was killed
+  const int file = shm_open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (file < 0) throw failed(errno);
+  // Allocated now: a full /dev/shm would end us by SIGBUS at the first write.
+  int code = posix_fallocate(file, 0, off_t(bytes));
+  void* const data =
+      code == 0 ? mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0) : MAP_FAILED;
+  if (code == 0 && data == MAP_FAILED) code = errno;
+  close(file);
+  if (code != 0) {
+    shm_unlink(name_.c_str());
+    throw failed(code);
+  }
+  data_ = static_cast<std::byte*>(data);
+}
+
+SharedMemory::~SharedMemory() {
+  forget_name();
+  munmap(data_, bytes_);
+}
+
+void SharedMemory::forget_name() {
+  if (named_) shm_unlink(name_.c_str());
+  named_ = false;
+}
+
+}  // namespace gflow

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/guidance_source.hpp"
+
+#include <fmt/format.h>
+
+#include "optim/guidance/onnx.hpp"
+#include "optim/guidance/process.hpp"
+#include "optim/guidance/sds_guidance.hpp"
+
+namespace gflow {
+namespace {
+
+NoiseSchedule schedule_of(const GuidanceConfig& config) {
+  const double first = double(config.beta_start), last = double(config.beta_end);
+  return config.schedule == NoiseKind::linear
+             ? NoiseSchedule::linear(config.timesteps, first, last)
+             : NoiseSchedule::scaled_linear(config.timesteps, first, last);
+}
+
+void require_set(const std::string& value, const GuidanceConfig& config, const char* setting,
+                 const char* what) {
+  if (value.empty())
+    throw Error(fmt::format("guidance.provider is \"{}\", but {} is empty: it must name {}",
+                            name_of(config.provider), setting, what));
+}
+
+}  // namespace
+
+std::unique_ptr<Guidance> guidance_of(const TrainConfig& train) {
+  const GuidanceConfig& config = train.guidance;
+  const SdsRule rule{double(config.t_min), double(config.t_max), double(config.t_max_final),
+                     double(config.scale)};
+  switch (config.provider) {
+    case GuidanceProvider::none:
+      return nullptr;
+    case GuidanceProvider::process:
+      require_set(config.command, config, "guidance.command", "the program to start");
+      return std::make_unique<ProcessGuidance>(config.command, double(config.time_out), rule);
+    case GuidanceProvider::onnx:
+      require_set(config.model, config, "guidance.model", "the network's file");
+      return std::make_unique<SdsGuidance>(std::make_unique<OnnxDenoiser>(config.model),
+                                           schedule_of(config), rule);
+    case GuidanceProvider::analytic:
+      require_set(config.pictures, config, "guidance.pictures", "a folder of pictures");
+      return std::make_unique<AnalyticGuidance>(config.pictures, double(config.variance),
+                                                schedule_of(config), rule);
+  }
+  throw Error("a guidance provider without a name");
+}
+
+}  // namespace gflow

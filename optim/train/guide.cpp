@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/guide.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "optim/train/loaded_scene.hpp"
+#include "shared/random.h"
+
+namespace gflow {
+namespace {
+
+constexpr uint kGuidanceStream = 11, kAzimuthStream = 12, kElevationStream = 13,
+               kCameraStream = 14;  // of random numbers; the trainer has those before
+
+// The layouts whose cameras stand on the ground by definition, and look at the origin if nobody
+// says where they are.
+bool has_own_cameras(const Scene& scene, const SceneConfig& config) {
+  return !takes_cameras(scene.layout) || !config.cameras.empty();
+}
+
+Eigen::Vector3d up_of(const Scene& scene, const TrainConfig& config) {
+  const UpAxis axis = config.guidance.up;
+  const bool z = scene.layout == "blender" || !has_own_cameras(scene, config.scene);
+  if (axis == UpAxis::x) return Eigen::Vector3d::UnitX();
+  if (axis == UpAxis::y) return Eigen::Vector3d::UnitY();
+  if (axis == UpAxis::z || (axis == UpAxis::automatic && z)) return Eigen::Vector3d::UnitZ();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Frame& frame : scene.train)
+    sum -= scene.cameras[size_t(frame.camera)].viewmat.block<1, 3>(1, 0).transpose();
+  return sum.norm() > 1e-6 ? sum.normalized() : Eigen::Vector3d::UnitZ();
+}
+
+Orbit orbit_of(const Scene& scene, const TrainConfig& config) {
+  Orbit orbit;
+  if (has_own_cameras(scene, config.scene)) orbit.focus = looked_at(scene);
+  orbit.up = up_of(scene, config);
+  return orbit;
+}
+
+const char* split_name(GuidanceCameras cameras) {
+  return cameras == GuidanceCameras::test ? "test" : "val";
+}
+
+// [H, W, 3] bytes as planes in [0, 1].
+std::vector<float> planes_of(const Image& picture) {
+  const size_t pixels = picture.pixels.size() / 3;
+  std::vector<float> planes(3 * pixels);
+  for (size_t i = 0; i < pixels; ++i)
+    for (size_t c = 0; c < 3; ++c) planes[c * pixels + i] = float(picture.pixels[3 * i + c]) / 255;
+  return planes;
+}
+
+}  // namespace
+
+Guide::Guide(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
+             Guidance& guidance)
+    : config_(config),
+      scene_(scene),
+      frames_(frames),
+      guidance_(guidance),
+      orbit_(orbit_of(scene, config)),
+      flow_loss_(queue, config.flow.robust_px) {
+  std::set<double> times;
+  for (const Frame& frame : scene.train) times.insert(frame.time);
+  times_.assign(times.begin(), times.end());
+  if (config.guidance.cameras != GuidanceCameras::orbit)
+    frames_of_split(scene, split_name(config.guidance.cameras));  // Error when there are none
+}
+
+bool Guide::due(int step) const {
+  const GuidanceConfig& g = config_.guidance;
+  return step >= g.start && (g.stop == 0 || step < g.stop) && (step - g.start) % g.every == 0;
+}
+
+Camera Guide::camera_for(int step, int view, const Frame& frame) const {
+  const GuidanceConfig& g = config_.guidance;
+  const uint seed = uint(config_.train.seed), index = uint(step * g.views + view);
+  if (g.cameras == GuidanceCameras::orbit) {
+    const auto drawn = [&](uint stream, float most) {
+      return (2 * double(random_uniform(seed, stream, index)) - 1) * double(most);
+    };
+    Camera camera = moved(orbit_, frames_.camera(frame), drawn(kAzimuthStream, g.azimuth),
+                          drawn(kElevationStream, g.elevation));
+    camera.name.clear();
+    return camera;
+  }
+  // One of those that are nearest in time.
+  std::vector<const Frame*> nearest;
+  double least = std::numeric_limits<double>::max();
+  for (const Frame& other : frames_of_split(scene_, split_name(g.cameras))) {
+    const double away = std::fabs(other.time - frame.time);
+    if (away < least - 1e-9) nearest.clear();
+    least = std::min(least, away);
+    if (away <= least + 1e-9) nearest.push_back(&other);
+  }
+  return frames_.camera(*nearest[random_bits(seed, kCameraStream, index) % nearest.size()]);
+}
+
+GuidanceRequest Guide::request_for(int step, const Moment& moment) const {
+  const GuidanceConfig& g = config_.guidance;
+  const Frame& frame = *moment.frame;
+  const int end =
+      g.stop == 0 ? config_.train.iterations : std::min(g.stop, config_.train.iterations);
+  GuidanceRequest request;
+  request.step = step;
+  request.steps = config_.train.iterations;
+  request.progress = double(step - g.start) / std::max(end - 1 - g.start, 1);
+  request.seed = random_bits(uint(config_.train.seed), kGuidanceStream, uint(step));
+  request.time = frame.time;
+  request.frame = config_.scene.first_step + config_.scene.stride * frame.step;
+  const auto next = std::upper_bound(times_.begin(), times_.end(), frame.time + 1e-9);
+  request.wants_flow = g.flow > 0 && next != times_.end();
+  if (request.wants_flow) request.next_time = *next;
+  for (size_t c = 0; c < 3; ++c) request.background[c] = float(moment.background[c]) / 255;
+  request.reference.camera = frames_.camera(frame);
+  request.reference.rgb = planes_of(frames_.rgb_over(frame, moment.background));
+  const OrbitPlace from = place_of(orbit_, request.reference.camera);
+  for (int v = 0; v < g.views; ++v) {
+    GuidanceView view;
+    view.camera = squared(camera_for(step, v, frame), g.size);
+    const OrbitPlace away = difference(from, place_of(orbit_, view.camera));
+    view.azimuth = away.azimuth;
+    view.elevation = away.elevation;
+    view.distance = away.distance;
+    request.views.push_back(std::move(view));
+  }
+  return request;
+}
+
+Shot Guide::shot_of(const GuidanceRequest& request, const GuidanceView& view,
+                    const Moment& moment) const {
+  Shot shot;
+  shot.view.camera = shot.view.camera_t2 = pinhole(view.camera, config_.render.near);
+  shot.time = request.time;
+  shot.time_t2 = request.next_time;
+  shot.flow = request.wants_flow;
+  shot.sh_degree = moment.sh_degree;
+  shot.background = request.background;
+  return shot;
+}
+
+void Guide::run(Queue& queue, Model& model, Renderer& renderer, int step, const Moment& moment,
+                const std::function<void(const Shot&)>& after) {
+  GuidanceRequest request = request_for(step, moment);
+  for (GuidanceView& view : request.views) {
+    renderer.forward(queue, model, shot_of(request, view, moment));
+    view.rgb = renderer.images().rgb.read(queue);
+    if (request.wants_flow) view.flow = renderer.images().flow.read(queue);
+  }
+  const std::vector<GuidanceAnswer> answers = guidance_.guide(request);
+  require_usable(request, answers, guidance_.name());
+
+  pull_ = 0;
+  had_flow_ = false;
+  // Backwards: the last one is still drawn.
+  for (size_t i = answers.size(); i-- > 0;) {
+    if (answers[i].gradient.empty() && answers[i].flow.empty()) continue;
+    const Shot shot = shot_of(request, request.views[i], moment);
+    if (i + 1 < answers.size()) renderer.forward(queue, model, shot);
+    set_gradients(queue, renderer.images(), answers[i]);
+    renderer.backward(queue, model, v_);
+    after(shot);
+  }
+}
+
+void Guide::set_gradients(Queue& queue, const Images& images, const GuidanceAnswer& answer) {
+  const GuidanceConfig& g = config_.guidance;
+  const size_t pixels = size_t(images.width) * size_t(images.height);
+  const double values = 3 * double(pixels);
+  std::vector<float> v_rgb(3 * pixels, 0.f);
+  if (!answer.gradient.empty()) {
+    const float factor = float(double(g.weight) * double(answer.weight) / (values * g.views));
+    double sum = 0;
+    for (size_t i = 0; i < v_rgb.size(); ++i) {
+      v_rgb[i] = factor * answer.gradient[i];
+      sum += std::fabs(double(answer.gradient[i]));
+    }
+    pull_ += double(answer.weight) * sum / (values * g.views);
+  }
+  v_.v_rgb.ensure(queue, v_rgb.size());
+  v_.v_rgb.write(queue, v_rgb);
+  v_.v_alpha.ensure(queue, pixels);
+  v_.v_alpha.fill(queue, 0.f);
+  v_.v_flow.ensure(queue, 2 * pixels);
+  if (answer.flow.empty()) {
+    v_.v_flow.fill(queue, 0.f);
+    return;
+  }
+  std::vector<cl_uchar> confidence(answer.confidence.begin(), answer.confidence.end());
+  if (confidence.empty()) confidence.assign(pixels, 255);
+  target_flow_.ensure(queue, 2 * pixels);
+  target_flow_.write(queue, answer.flow);
+  confidence_.ensure(queue, pixels);
+  confidence_.write(queue, confidence);
+  flow_loss_.run(queue, g.flow * answer.flow_weight / float(g.views), images.width, images.height,
+                 images.flow, images.alpha, target_flow_, confidence_, v_.v_flow);
+  had_flow_ = true;
+}
+
+GuideFigures Guide::figures(Queue& queue) {
+  GuideFigures figures;
+  figures.pull = pull_;
+  if (had_flow_) figures.flow_epe = flow_loss_.value(queue).epe;
+  return figures;
+}
+
+}  // namespace gflow
