@@ -129,7 +129,7 @@ void Child::send(const std::string& text, Milliseconds time_out) {
       continue;
     }
     if (errno == EINTR) continue;
-    if (errno != EAGAIN && errno != EWOULDBLOCK) fail_as_ended();
+    if (errno != EAGAIN && errno != EWOULDBLOCK) return;  // ended; it may have said why
     pollfd ready{in_, POLLOUT, 0};
     if (poll(&ready, 1, left_until(end)) == 0)
       throw GuidanceFailed(fmt::format(

@@ -19,8 +19,8 @@ class Child {
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
 
-  // Sends a line; `text` has no line break. GuidanceFailed when the program has ended, or does not
-  // read it in time.
+  // Sends a line; `text` has no line break. GuidanceFailed when the program does not read it in
+  // time. That it has ended is told by receive(), after what it said before.
   void send(const std::string& text, std::chrono::milliseconds time_out);
   // The next line, without its end. GuidanceFailed when the program ends instead, is silent for too
   // long or sends more than a mebibyte without a line break.

@@ -31,7 +31,7 @@ class Preparation {
   // Whether that began with points several cameras agree on.
   bool began_with_stereo() const { return began_with_stereo_; }
   // guidance: of the settings, or nullptr; it must outlive the trainer.
-  Trainer trainer(Queue& queue, Model& model, Guidance* guidance);
+  Trainer trainer(Queue& queue, Model& model, Guidance* guidance = nullptr);
 
   const LoadedScene& loaded() const { return loaded_; }
   const Scene& scene() const { return loaded_.scene; }

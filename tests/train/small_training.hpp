@@ -182,7 +182,7 @@ inline TrainConfig small_config(const SmallScene& scene, int iterations) {
 // A training without run folder.
 class SmallTraining {
  public:
-  SmallTraining(Queue& queue, const TrainConfig& config)
+  SmallTraining(Queue& queue, const TrainConfig& config, Guidance* guidance = nullptr)
       : config(config),
         loaded(load_scene(config.scene, "")),
         pairs(config.flow.enabled ? neighbour_pairs(loaded.scene) : std::vector<FlowPair>{}),
@@ -191,7 +191,8 @@ class SmallTraining {
         parts(parts_of_interest(loaded.scene, *loaded.frames, watchers)),
         model(queue,
               initial_model(loaded.scene, *loaded.frames, parts, watchers, pairs, flows, config)),
-        trainer(queue, this->config, loaded.scene, *loaded.frames, pairs, flows, parts, model) {}
+        trainer(queue, this->config, loaded.scene, *loaded.frames, pairs, flows, parts, model,
+                guidance) {}
 
   void steps(Queue& queue, int count) {
     for (int i = 0; i < count; ++i) trainer.step(queue, done_++);

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow train` with guidance by a program, from the settings to the files: trained, broken off,
+// gone on with, refused.
+#include "guidance/python.hpp"
+#include "train/command.hpp"
+#include "train/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+// A scene with pictures and flow of its held-out camera as known views, and a program that pulls
+// towards them; it dies in step 30 while there is no file `healthy`.
+class GuidanceCommand : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    Queue queue = test_queue();
+    scene_ = new SmallScene(queue);
+    folder_ = new TemporaryFolder;
+    const std::string views = path("views");
+    fs::create_directories(views + "/flow");
+    fs::copy(scene_->path() + "/cam00/images", views + "/cam00");
+    fs::copy(scene_->path() + "/flow/cam00", views + "/flow/cam00");
+    folder_->write("mortal.py", R"(
+import os, sys
+from example_target import Target
+from gflow_guidance import serve
+target = Target(sys.argv[1] + "/views")
+def guide(request):
+    if request.step == 30 and not os.path.exists(sys.argv[1] + "/healthy"):
+        os._exit(5)
+    return target.guide(request)
+serve(guide)
+)");
+  }
+  static void TearDownTestSuite() {
+    delete scene_;
+    delete folder_;
+  }
+
+  static std::string path(const std::string& name) { return folder_->path() + "/" + name; }
+  static std::string write_config(const std::string& command) {
+    TrainConfig config = small_config(*scene_, 60);
+    config.train.log_every = 10;
+    config.guidance.provider = GuidanceProvider::process;
+    config.guidance.command = command;
+    config.guidance.cameras = GuidanceCameras::test;
+    config.guidance.weight = 1;
+    config.guidance.flow = 0.05f;
+    folder_->write("config.toml", to_toml(config));
+    return path("config.toml");
+  }
+  static std::vector<std::string> train(const std::string& run, const std::string& command) {
+    return {"train", scene_->path(), "-o", path(run), "--config", write_config(command), "--quiet"};
+  }
+  static std::string result(const std::string& run) {
+    return contents(path(run) + "/point_cloud/iteration_60/point_cloud.ply") +
+           contents(path(run) + "/per_view.json");
+  }
+
+  static SmallScene* scene_;
+  static TemporaryFolder* folder_;
+};
+SmallScene* GuidanceCommand::scene_ = nullptr;
+TemporaryFolder* GuidanceCommand::folder_ = nullptr;
+
+TEST_F(GuidanceCommand, AProgramThatDiesCostsNothingButTheTime) {
+  if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
+  const std::string command = python() + path("mortal.py") + " " + folder_->path();
+  fs::remove(path("healthy"));
+  const Outcome broken = gflow(train("broken", command));
+  EXPECT_EQ(broken.code, 1) << broken.err;
+  EXPECT_EQ(std::count(broken.err.begin(), broken.err.end(), '\n'), 1) << broken.err;
+  for (const std::string& part :
+       {std::string("ended with exit code 5"), std::string("30 steps are saved"),
+        "`gflow train -o " + path("broken") + " --resume`"})
+    EXPECT_NE(broken.err.find(part), std::string::npos) << broken.err;
+
+  folder_->write("healthy", "");
+  const Outcome resumed = gflow({"train", "-o", path("broken"), "--resume", "--quiet"});
+  EXPECT_EQ(resumed.code, 0) << resumed.err;
+  const Outcome whole = gflow(train("whole", command));
+  ASSERT_EQ(whole.code, 0) << whole.err;
+  EXPECT_TRUE(result("broken") == result("whole"));
+  std::ifstream metrics(path("whole") + "/metrics.jsonl");
+  std::string line;
+  ASSERT_TRUE(std::getline(metrics, line));
+  EXPECT_NE(line.find("\"guidance\":0."), std::string::npos) << line;
+}
+
+TEST_F(GuidanceCommand, AProgramThatNeverStartsLeavesTheFormerRunAlone) {
+  ASSERT_EQ(gflow(train("kept", "no-such-program")).code, 1);
+  EXPECT_FALSE(fs::exists(path("kept")));
+  expect_refused(train("kept", "no-such-program"), {"`no-such-program`", "exit code 127"});
+  expect_refused(train("kept", "cat"), {"{\"protocol\":\"gflow-guidance\"", "version"});
+}
+
+TEST_F(GuidanceCommand, WhatIsMissingIsNamed) {
+  const auto refused = [&](std::vector<std::string> settings,
+                           std::initializer_list<std::string> parts) {
+    std::vector<std::string> arguments{"train", scene_->path(), "-o", path("none"), "--quiet"};
+    for (const std::string& setting : settings) {
+      arguments.push_back("--set");
+      arguments.push_back("guidance." + setting);
+    }
+    expect_refused(arguments, parts);
+    EXPECT_FALSE(fs::exists(path("none")));
+  };
+  refused({"provider=process"}, {"guidance.command is empty"});
+  refused({"provider=onnx"}, {"guidance.model is empty"});
+  refused({"provider=onnx", "model=no/such.onnx"}, {"no/such.onnx"});
+  refused({"provider=analytic"}, {"guidance.pictures is empty"});
+  refused({"provider=analytic", "pictures=no/such"}, {"\"no/such\" is no folder"});
+  refused({"provider=analytic", "pictures=" + path("views/flow")}, {"no .png or .jpg"});
+  refused({"provider=analytic", "pictures=" + path("views"), "beta_start=0.5"},
+          {"beta 0.5 to 0.012"});
+  refused({"provider=zero123"}, {"guidance.provider", "none, process, onnx, analytic"});
+}
+
+}  // namespace
+}  // namespace gflow
