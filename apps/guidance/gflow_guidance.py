@@ -8,7 +8,8 @@
 
     serve(guide)
 
-numpy only. The protocol is in README.md beside this file.
+numpy only. From the import on, standard output is for answers, and print() writes to standard error.
+The protocol is in README.md beside this file.
 """
 import json
 import mmap
@@ -20,6 +21,17 @@ from typing import List, Optional
 import numpy as np
 
 VERSION = 1  # of the protocol
+
+
+def _own_output():
+    """Standard output as it was; from now on what is printed goes to standard error."""
+    output = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    sys.stdout = sys.stderr
+    return output
+
+
+_output = _own_output()  # for answers alone: even what is printed while loading must not get there
 
 
 @dataclass
@@ -167,37 +179,28 @@ def _told(answer, places, memory):
 
 def fail(sentence):
     """Ends the program before it serves; gflow shows the sentence."""
-    _say(_own_output(), {"error": sentence})
+    _say({"error": sentence})
     sys.exit(1)
 
 
-def _own_output():
-    """Standard output, which from now on is for answers: what is printed goes to standard error."""
-    output = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
-    sys.stdout = sys.stderr
-    return output
-
-
-def _say(output, message):
-    output.write(json.dumps(message) + "\n")
-    output.flush()
+def _say(message):
+    _output.write(json.dumps(message) + "\n")
+    _output.flush()
 
 
 def serve(guide):
     """Calls guide(request) for each request, which returns an Answer a view; until gflow ends."""
-    output = _own_output()
     memory = _Memory()
     for line in sys.stdin:
         message = json.loads(line)
         if message.get("protocol") == "gflow-guidance":
-            _say(output, {"version": VERSION})
+            _say({"version": VERSION})
             continue
         try:
             memory.use(message["memory"]["name"], message["memory"]["bytes"])
             answers = guide(_request(message, memory))
             views = [_told(a, v, memory) for a, v in zip(answers, message["views"])]
         except Exception as problem:  # gflow must be told, whatever it is
-            _say(output, {"error": f"{type(problem).__name__}: {problem}"})
+            _say({"error": f"{type(problem).__name__}: {problem}"})
             raise
-        _say(output, {"views": views})
+        _say({"views": views})

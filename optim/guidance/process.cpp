@@ -131,7 +131,8 @@ ProcessGuidance::ProcessGuidance(const std::string& command, double time_out, co
       child_(command) {
   child_.send(Json{{"protocol", "gflow-guidance"}, {"version", version}}.dump(), time_out_);
   const Json greeting = parsed(child_.receive(time_out_), name());
-  if (!greeting.contains("version") || greeting["version"] != version)
+  const bool echo = greeting.contains("protocol");  // of a program that understands nothing
+  if (echo || !greeting.contains("version") || greeting["version"] != version)
     throw GuidanceFailed(fmt::format(
         "{} greeted with {}, expected is {{\"version\": {}}}: it is not made for this gflow",
         name(), greeting.dump(-1, ' ', true, Json::error_handler_t::replace), version));

@@ -93,6 +93,13 @@ void warn_of_idle_settings(const Scene& scene, const TrainConfig& config) {
         "motion.rest = {} does nothing with train.sequential: before the last moment is "
         "trained nobody knows who rests",
         config.motion.rest));
+  const GuidanceConfig& guidance = config.guidance;
+  for (const auto& [setting, value] : {std::pair{"command", &guidance.command},
+                                       {"model", &guidance.model},
+                                       {"pictures", &guidance.pictures}})
+    if (!guidance.enabled() && !value->empty())
+      warn(fmt::format("guidance.{} = \"{}\" does nothing: guidance.provider is none", setting,
+                       *value));
   if (!config.density.enabled && !config.init.begins_from_file())
     warn(
         "density.enabled = false keeps the number of the first Gaussians, and no --init FILE gives "

@@ -48,4 +48,14 @@ std::unique_ptr<Guidance> guidance_of(const TrainConfig& train) {
   throw Error("a guidance provider without a name");
 }
 
+void require_guided_views(const TrainConfig& train, const Scene& scene) {
+  const GuidanceConfig& config = train.guidance;
+  if (!config.enabled() || config.cameras == GuidanceCameras::orbit) return;
+  const bool test = config.cameras == GuidanceCameras::test;
+  if ((test ? scene.test : scene.val).empty())
+    throw Error(
+        fmt::format("guidance.cameras is \"{}\", but scene {} has no {} views: choose orbit",
+                    name_of(config.cameras), scene.name, name_of(config.cameras)));
+}
+
 }  // namespace gflow

@@ -12,4 +12,7 @@ namespace gflow {
 // guidance. Error that names the setting when something is missing or does not fit.
 std::unique_ptr<Guidance> guidance_of(const TrainConfig& config);
 
+// Error when guidance.cameras names a split without views.
+void require_guided_views(const TrainConfig& config, const Scene& scene);
+
 }  // namespace gflow

@@ -7,6 +7,7 @@
 
 #include "optim/data/estimated_flow.hpp"
 #include "optim/density/memory.hpp"
+#include "optim/train/guidance_source.hpp"
 #include "optim/train/init.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/stereo_points.hpp"
@@ -78,6 +79,7 @@ Preparation::Preparation(const TrainConfig& config, const std::string& unpack_fo
     : config_(config), loaded_(load_scene(config.scene, unpack_folder)) {
   if (scene().train.empty()) throw Error("scene " + scene().name + " has no training views");
   require_sequence(config, scene(), model_shape(scene(), config));
+  require_guided_views(config, scene());
   pairs_ = close_pairs(scene(), config.flow);
   if (config.flow.backward)
     for (const FlowPair& pair : reversed(pairs_)) pairs_.push_back(pair);

@@ -111,7 +111,7 @@ TEST_F(GuideTest, AsksInTheStepsAndAboutTheViewsThatAreSet) {
     EXPECT_DOUBLE_EQ(request.progress, double(r) / 2);
     EXPECT_EQ(request.time, request.frame / 4.0);
     EXPECT_EQ(request.wants_flow, request.frame < 4);
-    if (request.wants_flow) EXPECT_DOUBLE_EQ(request.next_time, request.time + 0.25);
+    EXPECT_DOUBLE_EQ(request.next_time, request.wants_flow ? request.time + 0.25 : 0);
     EXPECT_EQ(request.reference.rgb.size(), 3u * 48 * 40);
     ASSERT_EQ(request.views.size(), 3u);
     for (const GuidanceView& view : request.views) {

@@ -190,10 +190,10 @@ serve(guide)
 TEST(Process, TheExamplesRefuseWhatTheyCannotUse) {
   if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
   const std::string folder = GFLOW_SOURCE_DIR "/apps/guidance/";
-  expect_failure("python3 " + folder + "example_target.py no/such/folder", {"folder with pictures"},
+  expect_failure(python() + folder + "example_target.py no/such/folder", {"folder with pictures"},
                  60);
   // Whichever is missing here: packages, or the weights.
-  expect_failure("python3 " + folder + "example_zero123.py no/such/weights", {"gave up"}, 60);
+  expect_failure(python() + folder + "example_zero123.py no/such/weights", {"gave up"}, 60);
 }
 
 }  // namespace

@@ -6,13 +6,20 @@
 
 namespace gflow {
 
-inline bool has_python() {
-  static const bool there = std::system("python3 -c 'import numpy' 2>/dev/null") == 0;
-  return there;
+// A Python with numpy, or "" where there is none; the first one of PATH may have no packages.
+inline std::string python_program() {
+  static const std::string program = [] {
+    for (const std::string name : {"python3", "/usr/bin/python3"})
+      if (std::system((name + " -c 'import numpy' 2>/dev/null").c_str()) == 0) return name;
+    return std::string();
+  }();
+  return program;
 }
+inline bool has_python() { return !python_program().empty(); }
 // What a command begins with so that the program finds gflow_guidance.py.
 inline std::string python() {
-  return "PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" GFLOW_SOURCE_DIR "/apps/guidance python3 ";
+  return "PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" GFLOW_SOURCE_DIR "/apps/guidance " +
+         python_program() + " ";
 }
 
 }  // namespace gflow
