@@ -180,29 +180,51 @@ TEST_F(GuideTest, TheGradientIsThatOfTheMeanOverViews) {
   for (size_t i = 0; i < apart.size(); ++i) EXPECT_NEAR(together[i], apart[i], 1e-5 * largest) << i;
 }
 
-TEST_F(GuideTest, AnalyticGuidanceTrainsTowardsTheKnownPictures) {
-  TrainConfig without = config(300);
-  without.flow.enabled = false;
-  without.guidance.weight = 0;
-  TrainConfig with = without;
-  with.guidance.weight = 10;
-  const auto none = analytic(without), some = analytic(with);
-  const ViewFigures before = trained(without, none.get()), after = trained(with, some.get());
-  RecordProperty("psnr_without", std::to_string(before.psnr));
-  RecordProperty("psnr_with", std::to_string(after.psnr));
-  EXPECT_GT(after.psnr, before.psnr + 1) << before.psnr;
+// With nothing else than guidance: colours that nobody gave the model come from the known pictures.
+TEST_F(GuideTest, AnalyticGuidanceAloneTrainsTowardsTheKnownPictures) {
+  constexpr int steps = 150;
+  TrainConfig set = config(steps);
+  const auto guidance = analytic(set);
+  SmallTraining training(queue(), set);
+  Renderer renderer(queue(), engine_settings(set));
+  Guide guide(queue(), set, training.loaded.scene, *training.loaded.frames, *guidance);
+  Adam adam(queue());
+  Parameters& p = training.model.parameters;
+  const auto judged = [&] {
+    return evaluate(queue(), training.model, set, training.loaded, training.loaded.scene.test, {},
+                    "", "")
+        .mean.psnr;
+  };
+  const double before = judged();
+  const std::vector<Frame>& frames = training.loaded.scene.train;
+  for (int step = 0; step < steps; ++step) {
+    Guide::Moment moment;
+    moment.frame = &frames[size_t(step) % frames.size()];
+    p.forget_seen(queue());
+    guide.run(queue(), training.model, renderer, step, moment, [](const Shot&) {});
+    adam.advance(queue(), p.rows, p.active);
+    for (size_t g = 0; g < p.groups.size(); ++g) {
+      const bool color = p.specs[g].quantity == Quantity::color;
+      if (color || p.specs[g].quantity == Quantity::opacity)
+        adam.step(queue(), p.groups[g], p.rows, p.active_in(p.specs[g]),
+                  {color ? 0.03f : 0.05f, 1e-8f});
+    }
+  }
+  EXPECT_LT(before, 12);
+  EXPECT_GT(judged(), before + 6) << before;
 }
 
 TEST_F(GuideTest, FlowOfANovelViewTeachesItsMotion) {
   TrainConfig without = config(300);
   without.flow.enabled = false;
+  without.density.enabled = false;
   without.guidance.weight = 0;
   without.guidance.flow = 0;
   TrainConfig with = without;
   with.guidance.flow = 0.05f;
   const auto none = analytic(without), some = analytic(with);
   const ViewFigures before = trained(without, none.get()), after = trained(with, some.get());
-  EXPECT_LT(after.flow_epe, 0.7 * before.flow_epe) << before.flow_epe;
+  EXPECT_LT(after.flow_epe, 0.65 * before.flow_epe) << before.flow_epe;
 }
 
 TEST_F(GuideTest, GoesOnFromASavedStateWithTheSameBits) {
