@@ -11,8 +11,14 @@
 
 namespace gflow {
 namespace fs = std::filesystem;
+namespace {
 
-KnownViews::KnownViews(const std::string& folder) : folder_(folder) {
+constexpr size_t kCacheBytes = size_t{256} << 20;
+
+}  // namespace
+
+KnownViews::KnownViews(const std::string& folder)
+    : folder_(folder), images_(kCacheBytes), flows_(kCacheBytes) {
   if (!fs::is_directory(folder))
     throw Error(fmt::format(
         "guidance.pictures = \"{}\" is no folder; it must be one with pictures, or with a folder "
@@ -35,16 +41,12 @@ KnownViews::KnownViews(const std::string& folder) : folder_(folder) {
         folder));
 }
 
-std::shared_ptr<const Image> KnownViews::image(const std::string& path) const {
-  std::shared_ptr<const Image>& kept = images_[path];
-  if (!kept) kept = std::make_shared<const Image>(read_image(path));
-  return kept;
-}
-
 std::vector<float> KnownViews::planes(const std::string& path, const GuidanceRequest& request,
                                       const GuidanceView& view) const {
   const int width = view.camera.width, height = view.camera.height;
-  const auto whole = image(path);
+  const auto whole = images_.get(
+      path, [&] { return read_image(path); },
+      [](const Image& image) { return image.pixels.size(); });
   constexpr double rounding = 0.02;  // of odd sizes
   if (std::fabs(double(whole->width) * height / (double(whole->height) * width) - 1) > rounding)
     throw GuidanceFailed(
@@ -86,13 +88,18 @@ std::vector<std::vector<float>> KnownViews::pictures(const GuidanceRequest& requ
   return pictures;
 }
 
-TeacherFlow KnownViews::flow(const GuidanceRequest& request, const GuidanceView& view) const {
+std::shared_ptr<const TeacherFlow> KnownViews::flow(const GuidanceRequest& request,
+                                                    const GuidanceView& view) const {
+  const Camera& camera = view.camera;
   Frame frame;
   const fs::path base =
-      fs::path(folder_) / "flow" / view.camera.name / fmt::format("{:04}", request.frame);
-  if (!view.camera.name.empty()) find_true_flow(frame, base.string(), request.next_time);
-  if (frame.flow_path.empty()) return {};
-  return read_true_flow(frame, view.camera.width, view.camera.height);
+      fs::path(folder_) / "flow" / camera.name / fmt::format("{:04}", request.frame);
+  if (!camera.name.empty()) find_true_flow(frame, base.string(), request.next_time);
+  if (frame.flow_path.empty()) return nullptr;
+  return flows_.get(
+      fmt::format("{} {}x{}", frame.flow_path, camera.width, camera.height),
+      [&] { return read_true_flow(frame, camera.width, camera.height); },
+      [](const TeacherFlow& flow) { return 10 * flow.confidence.size(); });
 }
 
 }  // namespace gflow

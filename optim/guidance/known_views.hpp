@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "optim/data/image.hpp"
+#include "optim/data/lru_cache.hpp"
 #include "optim/data/optical_flow.hpp"
 #include "optim/guidance/guidance.hpp"
 
@@ -28,18 +29,20 @@ class KnownViews {
   // GuidanceFailed when there is none, or one has another shape than the view.
   std::vector<std::vector<float>> pictures(const GuidanceRequest& request, const GuidanceView& view,
                                            bool of_camera) const;
-  // The flow of the view's camera from the request's time step; without values when there is none.
-  TeacherFlow flow(const GuidanceRequest& request, const GuidanceView& view) const;
+  // The flow of the view's camera from the request's time step, in its size; nullptr when there is
+  // none.
+  std::shared_ptr<const TeacherFlow> flow(const GuidanceRequest& request,
+                                          const GuidanceView& view) const;
 
  private:
-  std::shared_ptr<const Image> image(const std::string& path) const;
   std::vector<float> planes(const std::string& path, const GuidanceRequest& request,
                             const GuidanceView& view) const;
 
   std::string folder_;
   std::map<std::string, std::vector<std::string>> of_cameras_;  // paths, one a time step
   std::vector<std::string> of_any_;
-  mutable std::map<std::string, std::shared_ptr<const Image>> images_;  // decoded once
+  mutable LruCache<std::string, Image> images_;  // decoded
+  mutable LruCache<std::string, TeacherFlow> flows_;
 };
 
 }  // namespace gflow

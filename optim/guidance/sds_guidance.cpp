@@ -32,12 +32,13 @@ std::vector<GuidanceAnswer> AnalyticGuidance::guide(const GuidanceRequest& reque
   std::vector<GuidanceAnswer> answers = sds_.guide(request);
   if (!request.wants_flow) return answers;
   for (size_t i = 0; i < answers.size(); ++i) {
-    const TeacherFlow known = views_.flow(request, request.views[i]);
-    const size_t pixels = known.confidence.size();
-    answers[i].confidence = known.confidence;
+    const auto known = views_.flow(request, request.views[i]);
+    if (!known) continue;
+    const size_t pixels = known->confidence.size();
+    answers[i].confidence = known->confidence;
     answers[i].flow.resize(2 * pixels);
     for (size_t p = 0; p < pixels; ++p)
-      for (size_t c = 0; c < 2; ++c) answers[i].flow[c * pixels + p] = known.flow.uv[2 * p + c];
+      for (size_t c = 0; c < 2; ++c) answers[i].flow[c * pixels + p] = known->flow.uv[2 * p + c];
   }
   return answers;
 }
