@@ -11,6 +11,9 @@
 #ifndef ASKING
 #define ASKING 1
 #endif
+#ifndef MOMENT_BITS
+#define MOMENT_BITS 32
+#endif
 
 // LANES == 1: splats between two barriers; rows of four pixels in a tile, one a work-item; floats a
 // row leaves, and one that spreads rows over the banks of local memory.
@@ -112,18 +115,41 @@ static inline Moments cell_unblend(PixelGrads* state, Moments m, Splat s, CellFo
   return m;
 }
 
-static inline void moments_store(Moments m, global float* out) {
+static inline float16 moments_sums(Moments m) {
 #if LANES == 16
-  vstore16(sums_of(m), 0, out);
+  return sums_of(m);
 #elif LANES == 8
-  vstore8(sums8(m.q, m.qz1, m.qz2, m.qz11, m.qz12, m.qz22, m.wr, m.wg), 0, out);
-  vstore8(sums8(m.wb, m.wd, m.fx, m.fy, m.fx1, m.fx2, m.fy1, m.fy2), 0, out + 8);
+  return (float16)(sums8(m.q, m.qz1, m.qz2, m.qz11, m.qz12, m.qz22, m.wr, m.wg),
+                   sums8(m.wb, m.wd, m.fx, m.fy, m.fx1, m.fx2, m.fy1, m.fy2));
 #elif LANES == 4
-  vstore4((float4)(lane_sum(m.q), lane_sum(m.qz1), lane_sum(m.qz2), lane_sum(m.qz11)), 0, out);
-  vstore4((float4)(lane_sum(m.qz12), lane_sum(m.qz22), lane_sum(m.wr), lane_sum(m.wg)), 1, out);
-  vstore4((float4)(lane_sum(m.wb), lane_sum(m.wd), lane_sum(m.fx), lane_sum(m.fy)), 2, out);
-  vstore4((float4)(lane_sum(m.fx1), lane_sum(m.fx2), lane_sum(m.fy1), lane_sum(m.fy2)), 3, out);
+  return (float16)(lane_sum(m.q), lane_sum(m.qz1), lane_sum(m.qz2), lane_sum(m.qz11),
+                   lane_sum(m.qz12), lane_sum(m.qz22), lane_sum(m.wr), lane_sum(m.wg),
+                   lane_sum(m.wb), lane_sum(m.wd), lane_sum(m.fx), lane_sum(m.fy),
+                   lane_sum(m.fx1), lane_sum(m.fx2), lane_sum(m.fy1), lane_sum(m.fy2));
 #endif
+}
+#endif
+
+// Slots, as they are kept: floats, or their upper halves (MOMENT_BITS 16, for `gflow bench pareto`).
+#if MOMENT_BITS == 16
+static inline void slot_store(float16 sums, size_t slot, global float* partials) {
+  vstore16(convert_ushort16((as_uint16(sums) + 0x8000u) >> 16), slot, (global ushort*)partials);
+}
+static inline void slot_store_one(float sum, size_t at, global float* partials) {
+  ((global ushort*)partials)[at] = (ushort)((as_uint(sum) + 0x8000u) >> 16);
+}
+static inline float8 slot_half(size_t half_slot, global const float* partials) {
+  return as_float8(convert_uint8(vload8(half_slot, (global const ushort*)partials)) << 16);
+}
+#else
+static inline void slot_store(float16 sums, size_t slot, global float* partials) {
+  vstore16(sums, slot, partials);
+}
+static inline void slot_store_one(float sum, size_t at, global float* partials) {
+  partials[at] = sum;
+}
+static inline float8 slot_half(size_t half_slot, global const float* partials) {
+  return vload8(half_slot, partials);
 }
 #endif
 
@@ -207,12 +233,12 @@ kernel void splat_bwd(const int width, const int height, const int shared,
       for (int c = 0; c < 16; ++c)
         if ((masks[k] & asking) >> c & 1)
           for (int row = 0; row < CELL; ++row) sum += in[(c * CELL + row) * ROW_STRIDE];
-      partials[(size_t)isect_slots[k] * MOMENTS + sum_of % MOMENTS] = sum;
+      slot_store_one(sum, (size_t)isect_slots[k] * MOMENTS + sum_of % MOMENTS, partials);
     }
     barrier(CLK_LOCAL_MEM_FENCE);
   }
   for (size_t i = (size_t)start * MOMENTS + l; i < (size_t)end * MOMENTS; i += TILE_ROWS)
-    partials[(size_t)isect_slots[i / MOMENTS] * MOMENTS + i % MOMENTS] = 0.f;
+    slot_store_one(0.f, (size_t)isect_slots[i / MOMENTS] * MOMENTS + i % MOMENTS, partials);
 #else
   if (shared) {
     lane_int any = 0;
@@ -258,7 +284,7 @@ kernel void splat_bwd(const int width, const int height, const int shared,
       }
       m = cell_unblend(state + cell * CELL_PARTS, m, s, at);
     }
-    moments_store(m, partials + (size_t)isect_slots[k] * MOMENTS);
+    slot_store(moments_sums(m), isect_slots[k], partials);
     ++k;
     if (SATURATED && ((k - first) & 31) == 0) {
       lane most = state[0].T;
@@ -266,9 +292,7 @@ kernel void splat_bwd(const int width, const int height, const int shared,
       if (!lane_any(still_open(most))) break;
     }
   }
-  for (; k < end; ++k)
-    for (uint part = 0; part < 2; ++part)
-      vstore8((float8)(0.f), 2 * (size_t)isect_slots[k] + part, partials);
+  for (; k < end; ++k) slot_store((float16)(0.f), isect_slots[k], partials);
 #endif
 }
 
@@ -283,8 +307,8 @@ kernel void gather(const uint n, global const uint* restrict slot_offsets,  // [
   if (slot == end) return;  // unseen
   float8 low = (float8)(0.f), high = (float8)(0.f);
   for (; slot < end; ++slot) {
-    low += vload8(2 * (size_t)slot, partials);
-    high += vload8(2 * (size_t)slot + 1, partials);
+    low += slot_half(2 * (size_t)slot, partials);
+    high += slot_half(2 * (size_t)slot + 1, partials);
   }
   vstore8(low, 2 * (size_t)i, moments);
   vstore8(high, 2 * (size_t)i + 1, moments);

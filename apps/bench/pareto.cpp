@@ -49,6 +49,7 @@ std::vector<Choice> choices(int lanes) {
   for (const auto& [name, degree] :
        {std::pair{"degree 3", "3"}, {"degree 4", "4"}, {"built in", "0"}, {"native", "1"}})
     add("exp2", name).defines = {{"EXP2_DEGREE", degree}};
+  add("moments kept in", "16 bits").defines = {{"MOMENT_BITS", "16"}};
   add("boxes", "loose").skip.boxes = false;
   add("cell masks", "off").skip.masks = false;
   add("saturated tiles", "walked on").skip.saturated = false;

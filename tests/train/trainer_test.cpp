@@ -247,8 +247,8 @@ TEST_F(TrainerTest, UnseenGaussiansMakeNoStepUnlessAsked) {
   };
   const std::vector<cl_uint> all = steps(false), seen = steps(true);
   EXPECT_EQ(std::count(all.begin(), all.end(), 40u), long(all.size()));
-  EXPECT_EQ(seen[0], 0u);
-  EXPECT_EQ(seen[1], 40u);
+  EXPECT_EQ(std::count(seen.begin(), seen.end(), 0u), 1);  // wherever its row went
+  EXPECT_GT(std::count(seen.begin(), seen.end(), 40u), 10);
 }
 
 TEST_F(TrainerTest, AnotherSeedGivesAnotherModel) {
