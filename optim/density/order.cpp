@@ -8,7 +8,7 @@
 namespace gflow {
 namespace {
 
-constexpr int kAxisBits = 9, kTimeBits = 4;  // with the three axes 31 bits
+constexpr int kAxisBits = 9, kTimeBits = 4;  // three axes; times, and those that last
 
 // Where the middle 98 % of the values lie: what has flown away must not make the cells large.
 std::pair<float, float> range_of(const std::vector<float>& means, size_t axis) {
@@ -54,7 +54,7 @@ std::vector<uint32_t> order_of(const std::vector<float>& means, const std::vecto
       continue;
     }
     // seen in half the video and more: a window of two lives each way
-    const uint32_t time = life > duration / 8 ? 0 : part_of(moment, kTimeBits);
+    const uint32_t time = life > duration / 8 ? 0 : 1 + part_of(moment, kTimeBits);
     uint32_t place = 0;
     for (size_t axis = 0; axis < 3; ++axis) {
       const auto [from, to] = ranges[axis];

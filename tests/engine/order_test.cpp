@@ -47,9 +47,10 @@ TEST(RowOrder, PutsNeighboursInTimeAndSpaceTogether) {
     apart += std::sqrt(square) / N;
     if (j > N / 3) moments += std::fabs(cloud.means_t[order[j]] - cloud.means_t[order[j - 1]]) / N;
   }
-  // Two points of a cube with edges of 4 are 2.6 apart on average, two moments 1/3; of 1000 and of
-  // 125 points in it the nearest ones .24 and .44.
-  EXPECT_LT(apart, 0.8);
+  // In a cube with edges of 4, a grid of 1000 points has steps of .4, one of 125 (a sixteenth of
+  // those that do not last) of .8, and a Z curve through points that are no grid steps half as far
+  // again; in no order they are 2.6 apart, and moments 1/3.
+  EXPECT_LT(apart, 1.5 * (0.4 + 2 * 0.8) / 3);
   EXPECT_LT(moments, 0.02);
 }
 
