@@ -132,26 +132,19 @@ static inline float16 moments_sums(Moments m) {
 
 // Slots, as they are kept: floats, or their upper halves (MOMENT_BITS 16, for `gflow bench pareto`).
 #if MOMENT_BITS == 16
-static inline void slot_store(float16 sums, size_t slot, global float* partials) {
-  vstore16(convert_ushort16((as_uint16(sums) + 0x8000u) >> 16), slot, (global ushort*)partials);
-}
-static inline void slot_store_one(float sum, size_t at, global float* partials) {
-  ((global ushort*)partials)[at] = (ushort)((as_uint(sum) + 0x8000u) >> 16);
-}
-static inline float8 slot_half(size_t half_slot, global const float* partials) {
-  return as_float8(convert_uint8(vload8(half_slot, (global const ushort*)partials)) << 16);
-}
+#define KEPT(x, width) convert_ushort##width((as_uint##width(x) + 0x8000u) >> 16)
+#define KEPT_IN(partials) ((global ushort*)(partials))
 #else
-static inline void slot_store(float16 sums, size_t slot, global float* partials) {
-  vstore16(sums, slot, partials);
-}
-static inline void slot_store_one(float sum, size_t at, global float* partials) {
-  partials[at] = sum;
-}
-static inline float8 slot_half(size_t half_slot, global const float* partials) {
-  return vload8(half_slot, partials);
-}
+#define KEPT(x, width) (x)
+#define KEPT_IN(partials) (partials)
 #endif
+static inline float8 slot_half(size_t half_slot, global const float* partials) {
+#if MOMENT_BITS == 16
+  return as_float8(convert_uint8(vload8(half_slot, (global const ushort*)partials)) << 16);
+#else
+  return vload8(half_slot, partials);
+#endif
+}
 
 kernel void splat_bwd(const int width, const int height, const int shared,
                       global const float* restrict splats,
@@ -233,12 +226,12 @@ kernel void splat_bwd(const int width, const int height, const int shared,
       for (int c = 0; c < 16; ++c)
         if ((masks[k] & asking) >> c & 1)
           for (int row = 0; row < CELL; ++row) sum += in[(c * CELL + row) * ROW_STRIDE];
-      slot_store_one(sum, (size_t)isect_slots[k] * MOMENTS + sum_of % MOMENTS, partials);
+      KEPT_IN(partials)[(size_t)isect_slots[k] * MOMENTS + sum_of % MOMENTS] = KEPT(sum, );
     }
     barrier(CLK_LOCAL_MEM_FENCE);
   }
   for (size_t i = (size_t)start * MOMENTS + l; i < (size_t)end * MOMENTS; i += TILE_ROWS)
-    slot_store_one(0.f, (size_t)isect_slots[i / MOMENTS] * MOMENTS + i % MOMENTS, partials);
+    KEPT_IN(partials)[(size_t)isect_slots[i / MOMENTS] * MOMENTS + i % MOMENTS] = KEPT(0.f, );
 #else
   if (shared) {
     lane_int any = 0;
@@ -284,7 +277,7 @@ kernel void splat_bwd(const int width, const int height, const int shared,
       }
       m = cell_unblend(state + cell * CELL_PARTS, m, s, at);
     }
-    slot_store(moments_sums(m), isect_slots[k], partials);
+    vstore16(KEPT(moments_sums(m), 16), isect_slots[k], KEPT_IN(partials));
     ++k;
     if (SATURATED && ((k - first) & 31) == 0) {
       lane most = state[0].T;
@@ -292,7 +285,7 @@ kernel void splat_bwd(const int width, const int height, const int shared,
       if (!lane_any(still_open(most))) break;
     }
   }
-  for (; k < end; ++k) slot_store((float16)(0.f), isect_slots[k], partials);
+  for (; k < end; ++k) vstore16(KEPT((float16)(0.f), 16), isect_slots[k], KEPT_IN(partials));
 #endif
 }
 
