@@ -40,7 +40,7 @@ Tests chosen(const Flags& flags) {
   }
   for (Test& t : all) {
     const bool named = std::find(flags.only.begin(), flags.only.end(), t.id) != flags.only.end();
-    if (flags.only.empty() ? (t.quick || !flags.quick) : named) wanted.push_back(std::move(t));
+    if ((flags.only.empty() || named) && (t.quick || !flags.quick)) wanted.push_back(std::move(t));
   }
   return wanted;
 }

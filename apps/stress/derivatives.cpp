@@ -111,14 +111,6 @@ Derivative project_row(Queue& queue) {
   return {"project", "mean, factor", relative_error(actual, expected), differences, 1e-4, 1e-6};
 }
 
-double inner(const reference::Planes& a, const reference::Planes& v) {
-  double sum = 0;
-  for (const auto& [x, y] :
-       {std::pair{&a.rgb, &v.rgb}, {&a.alpha, &v.alpha}, {&a.depth, &v.depth}, {&a.flow, &v.flow}})
-    for (size_t i = 0; i < x->size(); ++i) sum += (*x)[i] * (*y)[i];
-  return sum;
-}
-
 // The whole image: splat_bwd, gather, project_bwd, posed_bwd.
 Derivative image_row(Queue& queue, const std::string& image, Transport transport, int top_k,
                      StopRule stop) {

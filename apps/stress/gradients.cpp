@@ -15,14 +15,6 @@ const char* name_of(Transport t) {
   return names[int(t)];
 }
 
-double inner(const reference::Planes& a, const reference::Planes& v) {
-  double sum = 0;
-  for (const auto& [x, y] :
-       {std::pair{&a.rgb, &v.rgb}, {&a.alpha, &v.alpha}, {&a.depth, &v.depth}, {&a.flow, &v.flow}})
-    for (size_t i = 0; i < x->size(); ++i) sum += (*x)[i] * (*y)[i];
-  return sum;
-}
-
 // Few Gaussians that meet every case: cut, stop, margin. Who counts where is held: the cut-off's
 // steps have no derivative.
 Rows against_differences(Queue&) {  // T34

@@ -15,18 +15,6 @@ using reference::Named;
 using reference::Planes;
 using reference::Rendering;
 
-double inner(const Planes& a, const Planes& v) {
-  double sum = 0;
-  const auto add = [&](const std::vector<double>& x, const std::vector<double>& y) {
-    for (size_t i = 0; i < x.size(); ++i) sum += x[i] * y[i];
-  };
-  add(a.rgb, v.rgb);
-  add(a.alpha, v.alpha);
-  add(a.depth, v.depth);
-  add(a.flow, v.flow);
-  return sum;
-}
-
 // Every gradient in `actual` equals the central difference of `loss` to 1e-6 of the largest of its
 // class (steps of 1e-6: rounding leaves 1e-10 of the loss, curvature less).
 void expect_gradient(Named p, const Named& actual,

@@ -32,6 +32,14 @@ struct Shot {
 struct Planes {
   std::vector<double> rgb, alpha, depth, flow;
 };
+// Sum of the products, over all images.
+inline double inner(const Planes& a, const Planes& v) {
+  double sum = 0;
+  for (const auto& [x, y] :
+       {std::pair{&a.rgb, &v.rgb}, {&a.alpha, &v.alpha}, {&a.depth, &v.depth}, {&a.flow, &v.flow}})
+    for (size_t i = 0; i < x->size(); ++i) sum += (*x)[i] * (*y)[i];
+  return sum;
+}
 
 // One Gaussian that counts at a pixel; `clamped`: its alpha is cut to 0.99.
 struct Contributor {
