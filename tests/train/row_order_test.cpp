@@ -20,7 +20,7 @@ Rows rows_of(Queue& queue, const Parameters& p) {
 }
 
 std::vector<uint32_t> order_of(const Rows& rows, const Model& model) {
-  return order_of(rows.means, rows.means_t, rows.log_scales, model.shape.duration);
+  return gflow::order_of(rows.means, rows.means_t, rows.log_scales, model.shape.duration);
 }
 
 size_t out_of_place(const std::vector<uint32_t>& order) {
@@ -50,14 +50,10 @@ TEST(RowOrderInTraining, IsThatOfTimeAndPlaceFromTheFirstStepOn) {
 TEST(RowOrderInTraining, IsMadeAnewAfterDensityControl) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 40);
-  config.density.enabled = true;
-  config.density.start = 10;
-  config.density.every = 10;
-  config.density.grad_threshold = 0;  // all are split or cloned
-  SmallTraining training(queue, config);
+  SmallTraining training(queue, small_config(scene, 500));
+  training.steps(queue, 100);  // the first round, which removes those that nobody needs
   const size_t count = training.model.parameters.count;
-  training.steps(queue, 10);
+  training.steps(queue, 50);
   ASSERT_GT(training.model.parameters.count, count);
   EXPECT_EQ(out_of_place(order_of(rows_of(queue, training.model.parameters), training.model)), 0u);
 }
