@@ -227,6 +227,11 @@ void run_export(ExportFlags flags, const GlobalOptions& options) {
   flags.format = format_of(flags);
   const ModelSource source = model_source(flags.model, flags.iteration);
   export_model(flags, source, options);
+  const auto& [x, y, z] = source.model.shape.origin;
+  const bool restored = flags.format == "ply" || flags.format == "ply-sequence";
+  if (!restored && (x != 0 || y != 0 || z != 0))
+    fmt::print("relative to ({}, {}, {}) of the scene's world, which floats cannot hold\n", x, y,
+               z);
   print_state(source.state);
 }
 

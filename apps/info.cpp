@@ -111,6 +111,7 @@ Json info_of_model(const HostModel& model, const std::string& path, const std::s
             {"motion", still ? "none" : name_of(model.shape.motion)},
             {"memory_bytes", floats * sizeof(float)},
             {"bounds", bounds_of(model)},
+            {"origin", model.shape.origin},
             {"opacity", range_of(opacities_of(model))},
             {"scale", range_of(scales_of(model, 0, 2, 1))}};
   if (!still) {
@@ -160,6 +161,7 @@ Json info_of_scene(const std::string& path) {
           {"alpha", scene.has_alpha},
           {"points", scene.points.size()},
           {"extent", scene.extent},
+          {"origin", scene.origin},
           {"notices", scene.notices}};
 }
 

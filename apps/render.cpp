@@ -82,7 +82,8 @@ Source find_source(const RenderFlags& flags) {
   if (wanted || (!path.empty() && fs::exists(path))) {
     // Frames of videos that training unpacked are used again.
     const bool unpacked = source.run && source.config.scene.resolution == own_resolution;
-    source.loaded = load_scene(source.config.scene, unpacked ? source.run->path("frames") : "");
+    source.loaded = load_scene(source.config.scene, unpacked ? source.run->path("frames") : "",
+                               source.model.shape.origin);
   }
   return source;
 }

@@ -48,8 +48,8 @@ bool align_points(PointCloud& points, const std::vector<Camera>& from,
   const double remaining = to_square - scale * product;
   if (!(std::sqrt(std::max(0., remaining)) <= 0.05 * std::sqrt(to_square))) return false;
   for (size_t i = 0; i < points.size(); ++i) {
-    Eigen::Map<Eigen::Vector3f> p(&points.xyz[3 * i]);
-    p = (scale * (rotation * (p.cast<double>() - from_mean)) + to_mean).cast<float>();
+    Eigen::Map<Eigen::Vector3d> p(&points.xyz[3 * i]);
+    p = scale * (rotation * (p - from_mean)) + to_mean;
   }
   return true;
 }

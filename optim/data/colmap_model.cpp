@@ -236,7 +236,7 @@ void append_point(PointCloud& points, const double xyz[3], const int rgb[3],
   for (int i = 0; i < 3; ++i) {
     if (!std::isfinite(xyz[i]))
       throw Error(fmt::format("point {} of {} is not finite", points.size(), path));
-    points.xyz.push_back(float(xyz[i]));
+    points.xyz.push_back(xyz[i]);
     points.rgb.push_back(uint8_t(std::clamp(rgb[i], 0, 255)));
   }
 }

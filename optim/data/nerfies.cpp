@@ -116,7 +116,7 @@ PointCloud read_points(const std::string& folder, const World& world) {
   for (size_t i = 0; i < values.size(); ++i) {
     if (!std::isfinite(values[i]))
       throw Error(fmt::format("point {} of {} is not finite", i / 3, path));
-    points.xyz.push_back(float(world.scale * (values[i] - world.center[long(i % 3)])));
+    points.xyz.push_back(world.scale * (values[i] - world.center[long(i % 3)]));
   }
   points.rgb.assign(values.size(), 128);  // their colours are not known
   return points;

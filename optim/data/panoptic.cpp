@@ -116,7 +116,7 @@ PointCloud read_points(const std::string& folder) {
     const double* row = &values[i * data.shape[1]];
     for (int c = 0; c < 6; ++c)
       if (!std::isfinite(row[c])) throw Error(fmt::format("point {} of {} is not finite", i, path));
-    points.xyz.insert(points.xyz.end(), {float(row[0]), float(row[1]), float(row[2])});
+    points.xyz.insert(points.xyz.end(), {row[0], row[1], row[2]});
     for (int c = 3; c < 6; ++c)
       points.rgb.push_back(uint8_t(std::lround(255 * std::clamp(row[c], 0., 1.))));
   }

@@ -194,7 +194,7 @@ double scene_extent(const Scene& scene) {
   std::vector<double> distances;
   for (size_t i = 0; i < scene.points.size(); ++i)
     distances.push_back(
-        (Eigen::Map<const Eigen::Vector3f>(&scene.points.xyz[3 * i]).cast<double>() - mean).norm());
+        (Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]) - mean).norm());
   if (distances.empty()) return mean.norm() > 1e-6 ? mean.norm() : 1;
   std::nth_element(distances.begin(), distances.begin() + long(distances.size() / 2),
                    distances.end());

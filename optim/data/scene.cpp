@@ -133,6 +133,42 @@ void check(const Scene& scene) {
   }
 }
 
+// A place in the midst of the training cameras where they are further from zero than 16 times what
+// lies between them and the points: there a float, relative error 6e-8, is off by 1e-3 px in a
+// picture of 1000 px focal length. Else zero, as without points: then the scene is taken to lie
+// about it. In units of about a tenth of that, to be read easily.
+std::array<double, 3> origin_for(const Scene& scene) {
+  if (scene.points.size() == 0) return {0, 0, 0};
+  const auto camera = [&](const Frame& frame) {
+    return scene.cameras[size_t(frame.camera)].position();
+  };
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Frame& frame : scene.train) mean += camera(frame) / double(scene.train.size());
+  std::vector<double> distances;
+  for (size_t i = 0; i < scene.points.size(); ++i)
+    distances.push_back(
+        (Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]) - mean).norm());
+  const auto middle = distances.begin() + long(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  double size = *middle;
+  for (const Frame& frame : scene.train) size = std::max(size, (camera(frame) - mean).norm());
+  if (!(size > 0) || mean.norm() < 16 * size) return {0, 0, 0};
+  const double unit = std::pow(10., std::floor(std::log10(size)));
+  const Eigen::Vector3d origin = (mean / unit).array().round() * unit;
+  return {origin.x(), origin.y(), origin.z()};
+}
+
+// x = x' + origin for every place of the scene.
+void recentre(Scene& scene, const std::array<double, 3>& place) {
+  scene.origin = place;
+  const Eigen::Vector3d origin(place.data());
+  if (origin.isZero(0)) return;
+  for (Camera& camera : scene.cameras)
+    camera.viewmat.topRightCorner<3, 1>() += camera.viewmat.topLeftCorner<3, 3>() * origin;
+  for (size_t i = 0; i < scene.points.size(); ++i)
+    Eigen::Map<Eigen::Vector3d>(&scene.points.xyz[3 * i]) -= origin;
+}
+
 }  // namespace
 
 Scene read_scene(const std::string& path, const SceneOptions& options) {
@@ -149,6 +185,7 @@ Scene read_scene(const std::string& path, const SceneOptions& options) {
   select_steps(scene, options);
   order_frames(scene);
   check(scene);
+  recentre(scene, options.origin ? *options.origin : origin_for(scene));
   if (scene.extent <= 0) scene.extent = scene_extent(scene);
   return scene;
 }

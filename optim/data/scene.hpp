@@ -2,6 +2,7 @@
 // A scene as training sees it: cameras, frames with times, initial points. read_scene recognises
 // the layout; nothing here opens a picture except to learn its size.
 #pragma once
+#include <optional>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -35,7 +36,10 @@ struct Scene {
   std::string folder;  // or the video
   std::vector<Camera> cameras;
   std::vector<Frame> train, test, val;
-  PointCloud points;        // initial points, empty when the scene has none
+  PointCloud points;  // initial points, empty when the scene has none
+  // Coordinates of cameras and points are relative to this place of the folder's world, which is 0
+  // unless they are so far from its zero that floats would not tell them apart.
+  std::array<double, 3> origin = {0, 0, 0};
   double extent = 0;        // > 0, world: radius of the training cameras about their mean position,
                             // or, where they are one camera, its distance from the scene
   std::string tracks_path;  // true paths of surface points, .npy [steps, points, 3], or empty
@@ -66,6 +70,9 @@ struct SceneOptions {
   // (0: all). Unless that is all, the times of the first and the last become 0 and 1, and true flow
   // between neighbouring steps is forgotten where the stride leaves some out.
   int first_step = 0, stride = 1, max_steps = 0;
+  // What coordinates are made relative to: that of the model that the scene is looked at with;
+  // without it the scene chooses.
+  std::optional<std::array<double, 3>> origin;
 };
 
 // Reads the scene in folder, or video file, `path`. Error when no layout fits (it says what was

@@ -17,8 +17,7 @@ constexpr double same_time = 1e-9;  // [videos]
 double depth_of_scene(const Scene& scene, const Camera& camera) {
   std::vector<double> depths;
   for (size_t i = 0; i < scene.points.size(); ++i) {
-    const Eigen::Vector3d point =
-        Eigen::Map<const Eigen::Vector3f>(&scene.points.xyz[3 * i]).cast<double>();
+    const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]);
     const double z = (camera.viewmat * point.homogeneous()).z();
     if (z > 0) depths.push_back(z);
   }

@@ -259,6 +259,19 @@ std::vector<T> read_rows(const Element& element, bool ascii, Rows& rows, const s
   return values;
 }
 
+// Of the values [rows, columns], the middle of x, y and z, in whole units; those that are finite.
+std::array<double, 3> origin_of(const std::vector<double>& values, size_t columns,
+                                const std::array<int, 3>& position) {
+  std::array<double, 3> origin = {0, 0, 0};
+  for (size_t axis = 0; axis < 3; ++axis) {
+    double sum = 0, count = 0;
+    for (size_t i = size_t(position[axis]); i < values.size(); i += columns)
+      if (std::isfinite(values[i])) sum += values[i], ++count;
+    if (count > 0 && std::isfinite(sum)) origin[axis] = std::round(sum / count);
+  }
+  return origin;
+}
+
 TypedTable read_typed(const std::string& path) {
   const Bytes bytes = read_file(path);
   const Header header = parse_header(bytes, path);
@@ -275,7 +288,22 @@ TypedTable read_typed(const std::string& path) {
       result.table.names.push_back(property.name);
       result.types.push_back(property.type);
     }
-    result.table.values = read_rows<float>(element, header.ascii, rows, path);
+    const std::array<int, 3> position = {result.table.column("x"), result.table.column("y"),
+                                         result.table.column("z")};
+    const bool exact = std::all_of(position.begin(), position.end(), [&](int column) {
+      return column >= 0 && result.types[size_t(column)] == Type::f64;
+    });
+    if (!exact) {
+      result.table.values = read_rows<float>(element, header.ascii, rows, path);
+      return result;
+    }
+    std::vector<double> values = read_rows<double>(element, header.ascii, rows, path);
+    const size_t columns = result.table.names.size();
+    result.table.origin = origin_of(values, columns, position);
+    for (size_t axis = 0; axis < 3; ++axis)
+      for (size_t i = size_t(position[axis]); i < values.size(); i += columns)
+        values[i] -= result.table.origin[axis];
+    result.table.values.assign(values.begin(), values.end());
     return result;
   }
   refuse(path, "it has no element 'vertex'");
@@ -342,9 +370,23 @@ void write_ply(const std::string& path, const PlyTable& table) {
   std::string bytes = "ply\nformat binary_little_endian 1.0\n";
   for (const std::string& comment : table.comments) bytes += fmt::format("comment {}\n", comment);
   bytes += fmt::format("element vertex {}\n", table.rows);
-  for (const std::string& name : table.names) bytes += fmt::format("property float {}\n", name);
+  const bool far = table.origin != std::array<double, 3>{0, 0, 0};
+  std::vector<int> axes;  // of each column whose values are doubles, else -1
+  for (const std::string& name : table.names) {
+    const bool position = far && (name == "x" || name == "y" || name == "z");
+    axes.push_back(position ? name[0] - 'x' : -1);
+    bytes += fmt::format("property {} {}\n", position ? "double" : "float", name);
+  }
   bytes += "end_header\n";
-  append(bytes, table.values.data(), table.values.size());
+  if (!far) append(bytes, table.values.data(), table.values.size());
+  for (size_t i = 0; far && i < table.values.size(); ++i) {
+    const int axis = axes[i % axes.size()];
+    const double place = axis < 0 ? 0 : double(table.values[i]) + table.origin[size_t(axis)];
+    if (axis < 0)
+      append(bytes, &table.values[i], 1);
+    else
+      append(bytes, &place, 1);
+  }
   write_file_atomically(path, bytes);
 }
 
@@ -362,7 +404,7 @@ PointCloud read_point_cloud(const std::string& path) {
     for (int i = 0; i < 3; ++i) {
       if (!std::isfinite(values[position[i]]))
         refuse(path, fmt::format("the position of vertex {} is not finite", row));
-      points.xyz.push_back(values[position[i]]);
+      points.xyz.push_back(double(values[position[i]]) + table.origin[size_t(i)]);
       if (colored) points.rgb.push_back(to_byte(values[color[i]], typed.types[size_t(color[i])]));
     }
   }
@@ -380,7 +422,9 @@ void write_point_cloud(const std::string& path, const PointCloud& points) {
       points.size(),
       colored ? "property uchar red\nproperty uchar green\nproperty uchar blue\n" : "");
   for (size_t i = 0; i < points.size(); ++i) {
-    append(bytes, points.xyz.data() + 3 * i, 3);
+    const float place[3] = {float(points.xyz[3 * i]), float(points.xyz[3 * i + 1]),
+                            float(points.xyz[3 * i + 2])};
+    append(bytes, place, 3);
     if (colored) append(bytes, points.rgb.data() + 3 * i, 3);
   }
   write_file_atomically(path, bytes);

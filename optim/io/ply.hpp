@@ -3,6 +3,7 @@
 // ASCII and binary little-endian are read; other elements (faces, chunks) and extra properties are
 // stepped over. Numbers of rows are compared with the file's length before memory is taken.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -11,7 +12,7 @@ namespace gflow {
 
 // Coloured points. rgb is either as long as xyz or empty when the file has no colours.
 struct PointCloud {
-  std::vector<float> xyz;    // [n, 3] world
+  std::vector<double> xyz;   // [n, 3] world
   std::vector<uint8_t> rgb;  // [n, 3]
   size_t size() const { return xyz.size() / 3; }
 };
@@ -22,6 +23,9 @@ struct PlyTable {
   size_t rows = 0;
   std::vector<float> values;          // [rows, names]
   std::vector<std::string> comments;  // header comments without the word "comment"
+  // What x, y and z are relative to, where the file has them as doubles: far from 0 a float would
+  // not tell neighbours apart.
+  std::array<double, 3> origin = {0, 0, 0};
 
   // Index of a column, or -1.
   int column(const std::string& name) const;
@@ -37,7 +41,7 @@ PlyTable read_ply(const std::string& path);
 // header.
 std::vector<std::string> ply_vertex_properties(const std::string& path);
 
-// Binary little-endian, all properties float.
+// Binary little-endian, all properties float; x, y and z double where they have an origin.
 void write_ply(const std::string& path, const PlyTable& table);
 
 // One element of a PLY with its scalar properties, each value exact: also 32-bit integers that hold

@@ -18,7 +18,9 @@ namespace {
 bool lies_on_points(const HostModel& model, const Scene& scene) {
   const std::vector<float>& means = model.groups.at("means");
   for (size_t i = 0; i < scene.points.size(); ++i)
-    if (std::equal(means.begin(), means.begin() + 3, &scene.points.xyz[3 * i])) return true;
+    if (std::equal(means.begin(), means.begin() + 3, &scene.points.xyz[3 * i],
+                   [](float mean, double point) { return mean == float(point); }))
+      return true;
   return false;
 }
 
@@ -54,6 +56,9 @@ std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
       counted(size_t(scene.steps), "time step", "time steps"), scene.train.size(),
       scene.test.size(), scene.val.size(), sizes.size() > 1 ? "up to " : "", sizes.rbegin()->first,
       sizes.rbegin()->second);
+  const auto& [x, y, z] = scene.origin;
+  if (x != 0 || y != 0 || z != 0)
+    text += fmt::format("coordinates: relative to ({}, {}, {}) of the scene's world\n", x, y, z);
   if (!scene.test.empty() && are_trained_on(scene, scene.test))
     text +=
         "test views: there are none but the training views; their figures do not tell how the "

@@ -23,6 +23,7 @@ Json json_of(const ModelShape& shape) {
   Json json{{"motion", names_of(shape.motion)[size_t(shape.motion)]},
             {"sh_degree", shape.sh_degree}};
   MotionShape::fields(shape, [&](const char* name, auto value, double) { json[name] = value; });
+  json["origin"] = shape.origin;
   return json;
 }
 
@@ -35,6 +36,7 @@ ModelShape shape_of(const Json& json) {
   shape.sh_degree = json.at("sh_degree");
   MotionShape::fields(
       shape, [&](const char* field, auto& value, double) { json.at(field).get_to(value); });
+  if (json.contains("origin")) json.at("origin").get_to(shape.origin);  // older ones have none
   return shape;
 }
 

@@ -16,10 +16,10 @@ constexpr uint kSeedStream = 200;  // of random numbers; see init.cpp for the ot
 constexpr size_t kLeastCameras = 3;
 
 // The box that holds all but the outermost fiftieth of the points on each side of each axis.
-std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<float>& xyz) {
+std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<double>& xyz) {
   Eigen::Vector3d low, high;
   for (int axis = 0; axis < 3; ++axis) {
-    std::vector<float> values;
+    std::vector<double> values;
     for (size_t i = size_t(axis); i < xyz.size(); i += 3) values.push_back(xyz[i]);
     std::sort(values.begin(), values.end());
     low[axis] = values[values.size() / 50];

@@ -97,11 +97,15 @@ std::vector<ObjectView> some_of(const std::vector<ObjectView>& by_time) {
 }
 
 // Points and the time at which each is known to be on the object, in [0, 1].
-struct FirstPoints : PointCloud {
+struct FirstPoints {
+  std::vector<float> xyz;    // [n, 3] world
+  std::vector<uint8_t> rgb;  // [n, 3] or empty
   std::vector<float> time;
+  size_t size() const { return xyz.size() / 3; }
 };
 
-void append(PointCloud& points, const PointCloud& from, size_t i) {
+template <class Points>
+void append(Points& points, const PointCloud& from, size_t i) {
   points.xyz.insert(points.xyz.end(), &from.xyz[3 * i], &from.xyz[3 * i] + 3);
   if (!from.rgb.empty())
     points.rgb.insert(points.rgb.end(), &from.rgb[3 * i], &from.rgb[3 * i] + 3);
@@ -115,7 +119,7 @@ FirstPoints fitting_points(const Scene& scene, FrameStore& frames,
     const std::vector<ObjectView> views = some_of(by_time);
     kept = {};
     for (size_t i = 0; i < scene.points.size(); ++i) {
-      const float* p = &scene.points.xyz[3 * i];
+      const double* p = &scene.points.xyz[3 * i];
       if (on_object(frames, views, {p[0], p[1], p[2]})) append(kept, scene.points, i);
     }
   }
@@ -243,12 +247,17 @@ HostModel read_init_file(const TrainConfig& config) {
 }
 
 // The Gaussians of init.file as they are, in the scene's coordinates; bands of colour that the
-// model has not are left out, those that the file has not are 0.
+// model has not are left out, those that the file has not are 0. What each is relative to may
+// differ.
 void append_file(HostModel& model, float time, float scale_t, const TrainConfig& config) {
   const HostModel file = read_init_file(config);
   HostGroups& g = model.groups;
   for (const char* name : {"means", "quats", "log_scales", "logit_opacities", "sh0"})
     g[name] = file.groups.at(name);
+  for (size_t i = 0; i < 3 * file.count; ++i) {
+    const double apart = file.shape.origin[i % 3] - model.shape.origin[i % 3];
+    g["means"][i] = float(double(g["means"][i]) + apart);
+  }
   g["means_t"].assign(file.count, time);
   for (size_t i = 0; i < file.count; ++i) g["log_scales"][4 * i + 3] = std::log(scale_t);
   const size_t from = 3 * rest_coefficients(file.shape.sh_degree);
@@ -292,6 +301,7 @@ ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
   ModelShape shape;
   shape.motion = motion_model(scene, config.motion);
   shape.sh_degree = config.motion.sh_degree;
+  shape.origin = scene.origin;
   shape.duration = float(config.motion.duration * scene.extent);
   shape.cutoff = config.motion.cutoff;
   shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);

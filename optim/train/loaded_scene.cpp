@@ -7,8 +7,10 @@
 
 namespace gflow {
 
-LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder) {
+LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder,
+                       std::optional<std::array<double, 3>> origin) {
   SceneOptions options;
+  options.origin = origin;
   options.images = config.images;
   options.holdout = config.holdout;
   options.test_every = config.test_every;

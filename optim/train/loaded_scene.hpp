@@ -15,8 +15,11 @@ struct LoadedScene {
   Scene scene;
   std::unique_ptr<FrameStore> frames;
 };
-// unpack_folder: where frames of videos are kept as pictures; made when needed.
-LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder);
+// unpack_folder: where frames of videos are kept as pictures; made when needed. origin: what the
+// model's coordinates are relative to that the scene is looked at with; without one the scene
+// chooses.
+LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder,
+                       std::optional<std::array<double, 3>> origin = std::nullopt);
 
 // The frames of a split; Error when it has none.
 const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split);

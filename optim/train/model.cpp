@@ -68,6 +68,20 @@ double comment_value(const PlyTable& table, const std::string& key, double other
   return otherwise;
 }
 
+// What positions are relative to: its comment "origin x y z", or, where they are doubles, the
+// table's.
+std::array<double, 3> origin_of(const PlyTable& table) {
+  std::array<double, 3> origin = table.origin;
+  for (const std::string& comment : table.comments) {
+    std::array<double, 3> said{};
+    if (std::sscanf(comment.c_str(), "origin %lf %lf %lf", &said[0], &said[1], &said[2]) != 3)
+      continue;
+    for (size_t axis = 0; axis < 3; ++axis)
+      if (std::isfinite(said[axis])) origin[axis] += said[axis];
+  }
+  return origin;
+}
+
 // The model that a file was written by: its comment "gflow MODEL"; files without one that move are
 // told apart by their properties.
 MotionModelKind kind_of(const PlyTable& table) {
@@ -183,6 +197,8 @@ void write_model(const std::string& path, const HostModel& model) {
   MotionShape::fields(model.shape, [&](const char* name, auto value, double) {
     table.comments.push_back(fmt::format("{} {}", name, value));
   });
+  const auto& [x, y, z] = model.shape.origin;
+  if (x != 0 || y != 0 || z != 0) table.comments.push_back(fmt::format("origin {} {} {}", x, y, z));
   table.names = {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
   const auto append = [&](const std::vector<std::string>& names) {
     table.names.insert(table.names.end(), names.begin(), names.end());
@@ -226,6 +242,7 @@ HostModel read_model(const std::string& path) {
     value = std::decay_t<decltype(value)>(comment_value(table, name, double(value), lowest));
   });
 
+  model.shape.origin = origin_of(table);
   const auto widths = widths_of(model.shape);
   for (const auto& [name, width] : widths) model.groups[name].assign(width * model.count, 0.f);
   const size_t columns = table.names.size();

@@ -2,6 +2,7 @@
 // A trained or growing scene: its parameters, the motion model and the colour model that read them;
 // and its file, a 3DGS PLY with the motion as extra properties.
 #pragma once
+#include <array>
 #include <map>
 #include <memory>
 #include <string>
@@ -16,6 +17,8 @@ namespace gflow {
 // What must be known before the arrays can be read.
 struct ModelShape : MotionShape {
   int sh_degree = 2;  // highest, 0 to 3
+  // The place of the world that means are relative to (Scene::origin).
+  std::array<double, 3> origin = {0, 0, 0};
 };
 
 struct HostModel {

@@ -35,6 +35,7 @@ SplatTable slice(Queue& queue, Model& model, double scene_time) {
     if (opacities[i] > 0) there.push_back(i);
 
   SplatTable table(there.size(), model.shape.sh_degree);
+  table.table.origin = model.shape.origin;
   const size_t rest = table.rest / 3;
   for (size_t to = 0; to < there.size(); ++to) {
     const size_t i = there[to];

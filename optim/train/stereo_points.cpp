@@ -172,7 +172,7 @@ PointCloud stereo_points(const Scene& scene, FrameStore& frames,
     const Match match = match_of(eyes, i, x, y, depths);
     if (!match.found) continue;
     const Eigen::Vector3d p = on_ray(eye, x + 0.5, y + 0.5, match.depth);
-    for (long axis = 0; axis < 3; ++axis) points.xyz.push_back(float(p[axis]));
+    for (long axis = 0; axis < 3; ++axis) points.xyz.push_back(p[axis]);
     for (int c = 0; c < 3; ++c) points.rgb.push_back(uint8_t(eye.at(x, y)[c] + 0.5f));
   }
   return points;

@@ -10,8 +10,8 @@ struct Tracks {
   size_t steps = 0, points = 0;
   std::vector<float> xyz;
 };
-// Error when the file holds no such array.
-Tracks read_tracks(const std::string& path);
+// Relative to `origin` of the file's world. Error when the file holds no such array.
+Tracks read_tracks(const std::string& path, const std::array<double, 3>& origin = {0, 0, 0});
 
 struct TrackError {
   double mean = 0;    // distance from the true path, over all points and later steps [scene units]

@@ -108,7 +108,8 @@ Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const Lo
       evaluate(queue, model, config, loaded, frames, counted(progress), pictures, flow);
   progress.finish();
   if (!loaded.scene.tracks_path.empty())
-    evaluation.tracks = track_error(queue, model, read_tracks(loaded.scene.tracks_path));
+    evaluation.tracks =
+        track_error(queue, model, read_tracks(loaded.scene.tracks_path, loaded.scene.origin));
   return evaluation;
 }
 
@@ -195,7 +196,8 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
   if (begins) require_first_points(scene, config.init);
-  if (!scene.tracks_path.empty()) read_tracks(scene.tracks_path);  // needed at the end
+  if (!scene.tracks_path.empty())
+    read_tracks(scene.tracks_path, scene.origin);  // needed at the end
   const std::unique_ptr<Guidance> guidance = guidance_of(config);
   run.make();
   const FileLock lock = run.lock();
@@ -286,7 +288,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   const auto lock = run.lock_if_free();
   const RunState state = read_run_state(run, iteration);
   const TrainConfig& config = state.config;
-  LoadedScene loaded = load_scene(config.scene, run.path("frames"));
+  LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, state.model);
   const bool latest = iteration == latest_iteration || iteration == iterations_of(run).back();

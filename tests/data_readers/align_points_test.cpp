@@ -48,5 +48,5 @@ TEST(AlignPoints, LeavesPointsWhereCamerasDoNotFit) {
   EXPECT_FALSE(align_points(points, from, to));
   EXPECT_FALSE(align_points(points, {from[0]}, {to[0]}));
   EXPECT_FALSE(align_points(points, {from[0], from[0]}, {to[0], to[0]}));
-  EXPECT_EQ(points.xyz, (std::vector<float>{1, 2, 3}));
+  EXPECT_EQ(points.xyz, (std::vector<double>{1, 2, 3}));
 }

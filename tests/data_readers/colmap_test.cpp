@@ -55,7 +55,7 @@ void expect_the_model(const ColmapModel& model) {
   expected << -1, 0, 0, 1, 0, -1, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1;
   EXPECT_TRUE(a.viewmat.isApprox(expected, 1e-12));
   EXPECT_EQ(model.images[1].camera.viewmat(2, 3), 5);
-  EXPECT_EQ(model.points.xyz, (std::vector<float>{0.5f, -1, 2}));
+  EXPECT_EQ(model.points.xyz, (std::vector<double>{0.5f, -1, 2}));
   EXPECT_EQ(model.points.rgb, (std::vector<uint8_t>{10, 20, 30}));
 }
 

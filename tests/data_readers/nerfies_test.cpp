@@ -45,7 +45,7 @@ TEST(Nerfies, CamerasAreMovedAndScaledIntoTheScene) {
   EXPECT_EQ(scene.train[1].time, 0.5);  // (6 - 4) / (8 - 4)
   EXPECT_EQ(scene.test[0].time, 0.25);
   EXPECT_EQ(scene.test[0].name, "000001");
-  EXPECT_EQ(scene.points.xyz, (std::vector<float>{1, 2, 2}));
+  EXPECT_EQ(scene.points.xyz, (std::vector<double>{1, 2, 2}));
   const Camera& one = scene.cameras[size_t(scene.train[0].camera)];
   EXPECT_EQ(one.width, 8);
   EXPECT_TRUE(one.position().isApprox(Eigen::Vector3d(0, 1, 1)));  // ((1 2 3) - (1 0 1)) / 2

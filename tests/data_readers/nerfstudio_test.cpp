@@ -80,7 +80,7 @@ TEST(Nerfstudio, TimesMakeStepsAndPointsAreWhereTheFileSays) {
   const Scene scene = read_scene(folder.path(), options);
   EXPECT_EQ(scene.steps, 3);
   EXPECT_EQ(scene.train.size(), 3u);
-  EXPECT_EQ(scene.points.xyz, (std::vector<float>{1, 2, 3}));
+  EXPECT_EQ(scene.points.xyz, (std::vector<double>{1, 2, 3}));
 }
 
 TEST(Nerfstudio, DistortionIsTheFramesOwnOrThatOfAll) {

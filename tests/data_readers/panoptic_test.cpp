@@ -86,7 +86,7 @@ TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
   SceneOptions options;
   options.masks = Masks::all;
   const Scene scene = read_scene(folder.path(), options);
-  EXPECT_EQ(scene.points.xyz, (std::vector<float>{1, 2, 3}));
+  EXPECT_EQ(scene.points.xyz, (std::vector<double>{1, 2, 3}));
   EXPECT_EQ(scene.points.rgb, (std::vector<uint8_t>{0, 128, 255}));
   EXPECT_TRUE(scene.has_alpha);
   EXPECT_EQ(scene.train[4].mask_path, folder.file("seg/3/000001.png"));

@@ -171,7 +171,7 @@ TEST(SharedScenes, TheRealPlenopticPhotographsAreAStaticScene) {
     const Camera colmap = reduced(model.images[i].camera, 4);
     std::vector<double> gaps;
     for (size_t k = 0; k < scene.points.size(); ++k) {
-      const float *p = &scene.points.xyz[3 * k], *q = &model.points.xyz[3 * k];
+      const double *p = &scene.points.xyz[3 * k], *q = &model.points.xyz[3 * k];
       const Eigen::Vector2d b = colmap.project({q[0], q[1], q[2]});
       if (!(b.x() > 0 && b.y() > 0 && b.x() < colmap.width && b.y() < colmap.height)) continue;
       gaps.push_back((scene.cameras[i].project({p[0], p[1], p[2]}) - b).norm());

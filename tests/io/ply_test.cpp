@@ -27,7 +27,7 @@ const char* const ascii_cloud =
 TEST(Ply, ReadsAnAsciiCloud) {
   const TemporaryFolder folder;
   const PointCloud points = read_point_cloud(folder.write("a.ply", ascii_cloud));
-  EXPECT_EQ(points.xyz, (std::vector<float>{0, 1, 2, -1.5f, 20, 3}));
+  EXPECT_EQ(points.xyz, (std::vector<double>{0, 1, 2, -1.5f, 20, 3}));
   EXPECT_EQ(points.rgb, (std::vector<uint8_t>{255, 0, 9, 1, 2, 3}));
 }
 
@@ -41,7 +41,7 @@ TEST(Ply, ReadsBinaryWithElementsBeforeAndPropertiesBetween) {
   for (int i = 0; i < 2; ++i)
     bytes += raw(1.0 + i) + raw(2.f + float(i)) + raw(uint16_t(60000)) + raw(3.f + float(i));
   const std::string path = folder.write("a.ply", bytes);
-  EXPECT_EQ(read_point_cloud(path).xyz, (std::vector<float>{1, 2, 3, 2, 3, 4}));
+  EXPECT_EQ(read_point_cloud(path).xyz, (std::vector<double>{1, 2, 3, 2, 3, 4}));
   EXPECT_TRUE(read_point_cloud(path).rgb.empty());
   EXPECT_EQ(read_ply(path).column_values("label"), (std::vector<float>{60000, 60000}));
 }

@@ -82,7 +82,8 @@ TEST(InitialModel, StandsAtThePointsOfTheScene) {
   Loaded loaded(config);
   const HostModel model = loaded.model(config);
   EXPECT_EQ(model.count, scene.truth.count);
-  EXPECT_EQ(model.groups.at("means"), loaded.loaded.scene.points.xyz);
+  const std::vector<double>& places = loaded.loaded.scene.points.xyz;
+  EXPECT_EQ(model.groups.at("means"), std::vector<float>(places.begin(), places.end()));
   EXPECT_TRUE(at_rest(model.shape, model.groups));
   EXPECT_EQ(model.groups.at("sh_rest").size(), 9 * model.count);  // degree 1
   for (const float v : model.groups.at("logit_opacities"))

@@ -97,8 +97,9 @@ TEST(StereoPoints, AreWhereASceneWithoutPointsBegins) {
   prepared.look_for_change();
   const HostModel model = prepared.first_model(queue);
   ASSERT_EQ(model.count, 150u);
+  const std::vector<float>& means = model.groups.at("means");
   PointCloud first;
-  first.xyz = model.groups.at("means");
+  first.xyz.assign(means.begin(), means.end());
   EXPECT_GT(share_on_wall(first), 0.9);
 }
 

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene a million metres from the zero of its world, as surveys have them: it is read, trained,
+// drawn and exported as the same scene at zero is.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <filesystem>
+
+#include "optim/io/npy.hpp"
+#include "optim/train/slice.hpp"
+#include "train/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr double kAway[3] = {431250.37, -5811000.25, 1e6};
+
+// A copy of the scene in a folder, moved there.
+class FarScene {
+ public:
+  explicit FarScene(const SmallScene& scene) {
+    std::filesystem::copy(scene.path(), folder_.path(),
+                          std::filesystem::copy_options::recursive |
+                              std::filesystem::copy_options::overwrite_existing);
+    Array poses = read_npy(folder_.file("poses_bounds.npy"));
+    std::vector<double> rows = poses.as_double();
+    for (size_t camera = 0; camera < rows.size() / 17; ++camera)
+      for (size_t axis = 0; axis < 3; ++axis) rows[17 * camera + 5 * axis + 3] += kAway[axis];
+    write_npy(folder_.file("poses_bounds.npy"), {poses.shape, rows});
+    const PointCloud near = read_point_cloud(folder_.file("points3D.ply"));
+    PlyTable far;
+    far.rows = near.size();
+    far.names = {"x", "y", "z", "red", "green", "blue"};
+    far.origin = {kAway[0], kAway[1], kAway[2]};
+    for (size_t i = 0; i < near.size(); ++i) {
+      for (size_t axis = 0; axis < 3; ++axis) far.values.push_back(float(near.xyz[3 * i + axis]));
+      for (size_t c = 0; c < 3; ++c) far.values.push_back(float(near.rgb[3 * i + c]) / 255);
+    }
+    write_ply(folder_.file("points3D.ply"), far);
+  }
+  const std::string& path() const { return folder_.path(); }
+
+ private:
+  TemporaryFolder folder_;
+};
+
+class FarSceneTest : public ::testing::Test {
+ protected:
+  FarSceneTest() : queue(test_queue()), near(queue), far(near), config(small_config(near, 60)) {
+    config.density.enabled = false;
+    far_config = config;
+    far_config.scene.path = far.path();
+  }
+  Queue queue;
+  SmallScene near;
+  FarScene far;
+  TrainConfig config, far_config;
+};
+
+TEST_F(FarSceneTest, IsReadRelativeToAPlaceInItsMidst) {
+  const Scene here = load_scene(config.scene, "").scene;
+  const Scene there = load_scene(far_config.scene, "").scene;
+  EXPECT_EQ(here.origin, (std::array<double, 3>{0, 0, 0}));
+  EXPECT_NEAR(there.extent, here.extent, 1e-8);
+  ASSERT_EQ(there.points.size(), here.points.size());
+  for (size_t c = 0; c < here.cameras.size(); ++c)
+    for (size_t i = 0; i < here.points.size(); ++i) {
+      const auto seen = [&](const Scene& scene) {
+        // as the device has it
+        const Eigen::Vector3f p =
+            Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]).cast<float>();
+        return scene.cameras[c].project(p.cast<double>());
+      };
+      EXPECT_LE((seen(here) - seen(there)).norm(), 1e-3);  // [px] numerics T28
+    }
+}
+
+TEST_F(FarSceneTest, IsTrainedDrawnAndExportedInItsWorld) {
+  SmallTraining here(queue, config), there(queue, far_config);
+  const std::array<double, 3> origin = there.model.shape.origin;
+  here.steps(queue, 30);
+  there.steps(queue, 30);
+  EXPECT_NEAR(there.trainer.figures(queue).psnr, here.trainer.figures(queue).psnr, 0.01);
+  const std::vector<float> a = here.model.parameters["means"].values.read(queue);
+  const std::vector<float> b = there.model.parameters["means"].values.read(queue);
+  ASSERT_EQ(a.size(), b.size());
+  for (size_t i = 0; i < a.size(); ++i)
+    EXPECT_NEAR(double(b[i]) + origin[i % 3], double(a[i]) + kAway[i % 3], 2e-4);
+
+  const TemporaryFolder folder;
+  write_model(folder.file("model.ply"), there.model.read(queue));
+  const HostModel kept = read_model(folder.file("model.ply"));
+  EXPECT_EQ(kept.shape.origin, origin);
+  EXPECT_EQ(kept.groups.at("means"), b);
+
+  // For other programs, in the world of the scene, to 1e-9 of its coordinates (numerics T28).
+  const PlyTable slice_now = slice(queue, there.model, 0.5).table;
+  write_ply(folder.file("now.ply"), slice_now);
+  const PlyElement now = read_ply_elements(folder.file("now.ply")).at(0);
+  const char* const axes[] = {"x", "y", "z"};
+  for (size_t axis = 0; axis < 3; ++axis) {
+    const std::vector<float> local = slice_now.column_values(axes[axis]);
+    for (size_t i = 0; i < now.rows; ++i) {
+      const double world = now.values[i * now.properties.size() + size_t(now.property(axes[axis]))];
+      EXPECT_NEAR(world, double(local[i]) + origin[axis], 1e-9 * std::fabs(origin[axis]));
+    }
+  }
+
+  // And such a file is where a training may begin.
+  far_config.init.from = InitFrom::file;
+  far_config.init.file = folder.file("now.ply");
+  const std::vector<float> first =
+      SmallTraining(queue, far_config).model.parameters["means"].values.read(queue);
+  ASSERT_EQ(first.size(), 3 * now.rows);
+  for (size_t axis = 0; axis < 3; ++axis) {
+    const std::vector<float> local = slice_now.column_values(axes[axis]);
+    for (size_t i = 0; i < now.rows; ++i) EXPECT_NEAR(first[3 * i + axis], local[i], 1e-5);
+  }
+}
+
+// A model of one place drawn with cameras of a scene that chose another.
+TEST_F(FarSceneTest, TakesThePlaceOfTheModelItIsLookedAtWith) {
+  const std::array<double, 3> given = {kAway[0] + 3, kAway[1] - 1, kAway[2]};
+  const Scene scene = load_scene(far_config.scene, "", given).scene;
+  const Scene own = load_scene(far_config.scene, "").scene;
+  EXPECT_EQ(scene.origin, given);
+  for (size_t axis = 0; axis < 3; ++axis)
+    EXPECT_NEAR(scene.cameras[1].position()[long(axis)] + given[axis],
+                own.cameras[1].position()[long(axis)] + own.origin[axis], 1e-8);
+}
+
+}  // namespace
+}  // namespace gflow
