@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow splat`: the raw engine on an .npz file, for scripts.
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <memory>
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "optim/engine/splat_file.hpp"
+#include "optim/train/warning.hpp"
 
 namespace gflow {
 
@@ -57,7 +60,14 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
     QueueOptions queue_options;
     queue_options.lanes = flags->lanes;
     Queue queue = open_queue(options, queue_options);
-    write_npz(flags->output, splat_arrays(queue, input, flags->splat, flags->input));
+    const Arrays output = splat_arrays(queue, input, flags->splat, flags->input);
+    const std::vector<int> broken = output.at("broken").as_int();
+    if (!broken.empty())
+      warn(fmt::format(
+          "{} of the Gaussians in {} have values that are not finite and are not drawn, "
+          "or not moved: the first is number {} (from 0), all stand in 'broken'",
+          broken.size(), flags->input, broken[0]));
+    write_npz(flags->output, output);
   });
 }
 

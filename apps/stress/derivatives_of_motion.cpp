@@ -354,6 +354,79 @@ Derivative motion_loss_row(Queue& queue) {
   return {"motion_pairs", "means, factors at t1, t2", to_double, differences, 1e-4, 1e-6};
 }
 
+Derivative bends_row(Queue& queue) {
+  Random random(56);
+  std::vector<double> x;  // means at t0, at t1, at t2
+  for (size_t i = 0; i < 9 * kCount; ++i) x.push_back(double(float(random.normal())));
+  MotionLossWeights w;
+  w.acceleration = .8f;
+  w.extent = 3;
+  const MotionLossRule rule{0, 0, 0, 0, float(.8 / 3 / kCount), float(1e-3 * 3)};
+  const auto bend = [&](const std::vector<double>& y, size_t i) {
+    return bend_of(rule, three(y, 3 * i), three(y, 3 * (kCount + i)),
+                   three(y, 3 * (2 * kCount + i)));
+  };
+  std::vector<double> expected(x.size());
+  for (size_t i = 0; i < kCount; ++i)
+    for (size_t time = 0; time < 3; ++time)
+      reference::add_row3(expected, time * kCount + i,
+                          bend(x, i).gradient * (time == 1 ? -2. : 1.));
+  const auto loss = [&](const std::vector<double>& y) {
+    double sum = 0;
+    for (size_t i = 0; i < kCount; ++i) sum += bend(y, i).value;
+    return sum;
+  };
+  GaussiansAt at[3];
+  for (size_t time = 0; time < 3; ++time) {
+    at[time].ensure(queue, kCount);
+    const auto from = x.begin() + long(3 * kCount * time);
+    at[time].means.write(queue, std::vector<float>(from, from + 3 * kCount));
+  }
+  GaussianGradients v;
+  v.zero(queue, kCount);
+  v.v_means_t0.ensure(queue, 3 * kCount);
+  MotionLoss device(queue, w);
+  device.run(queue, Buffer<cl_uint>(queue, std::vector<cl_uint>(kCount, 1u), "seen"), &at[0], at[1],
+             at[2], v);
+  std::vector<float> found;
+  for (const Buffer<float>* gradient : {&v.v_means_t0, &v.v_means, &v.v_means_t2})
+    for (const float y : gradient->read(queue)) found.push_back(y);
+  return {"motion_bends",
+          "means at t0, t1, t2",
+          relative_error(found, expected),
+          relative_error(expected, slopes(loss, x, 1e-4)),
+          1e-4,
+          1e-6};
+}
+
+// Of what planes should be like. The cost is quadratic but for |p - 1|, so differences are exact
+// and there is no derivative in double to be wrong: the last column is what two steps of them
+// differ by.
+Derivative plane_rule_row(Queue& queue) {
+  const MotionShape shape = shape_of(MotionModelKind::hexplane);
+  const PlaneRule rule{.1f, .2f, .3f};
+  const std::unique_ptr<Motion> motion = make_motion(queue, shape);
+  Parameters p(queue, kCount, motion->groups(), motion->tables());
+  Random random(57);
+  std::vector<double> x;
+  for (size_t i = 0; i < p["planes"].values.size(); ++i)
+    x.push_back(double(float(1 + (i % 2 ? .2 : -.2) * random.uniform(.1, 1))));
+  p["planes"].values.write(queue, std::vector<float>(x.begin(), x.end()));
+  p.forget_seen(queue);
+  motion->regularize(queue, p, rule);
+  const auto cost = [&](const std::vector<double>& y) {
+    return reference::plane_cost(shape.hexplane, rule, y);
+  };
+  const std::vector<size_t> some = spread_indices(x.size(), 300);
+  const std::vector<double> expected = slopes(cost, x, 1e-3, some);
+  return {"hexplane_regularize",
+          "planes",
+          relative_error(picked(p["planes"].grads.read(queue), some), expected),
+          relative_error(expected, slopes(cost, x, 1e-2, some)),
+          1e-4,
+          1e-6};
+}
+
 }  // namespace
 
 std::vector<Derivative> motion_derivatives(Queue& queue) {
@@ -367,7 +440,9 @@ std::vector<Derivative> motion_derivatives(Queue& queue) {
     const double to_double = device_error(queue, shape_of(kind), groups);
     rows.push_back({names_of(kind)[size_t(kind)], groups, to_double, text(), 1e-4, 1e-6});
   }
+  rows.push_back(plane_rule_row(queue));
   rows.push_back(motion_loss_row(queue));
+  rows.push_back(bends_row(queue));
   return rows;
 }
 

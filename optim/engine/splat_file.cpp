@@ -61,6 +61,22 @@ std::vector<float> from_planes(const std::vector<float>& planes, size_t channels
   return image;
 }
 
+// Numbers of the Gaussians that have a value that is not finite in any array of theirs.
+std::vector<int32_t> broken_gaussians(const Arrays& input, size_t n) {
+  std::vector<char> broken(n);
+  for (const char* key :
+       {"means", "quats", "scales", "opacities", "colors", "means_t2", "quats_t2", "scales_t2"}) {
+    if (!input.count(key)) continue;
+    const std::vector<float> values = input.at(key).as_float();
+    for (size_t i = 0; i < values.size(); ++i)
+      if (!std::isfinite(values[i])) broken[i * n / values.size()] = 1;
+  }
+  std::vector<int32_t> numbers;
+  for (size_t i = 0; i < n; ++i)
+    if (broken[i]) numbers.push_back(int32_t(i));
+  return numbers;
+}
+
 // One image of the output, its cotangent's key and number of channels.
 struct Loss {
   std::string key;
@@ -139,6 +155,8 @@ Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& optio
   output["alpha"] = {{h, w}, images.alpha.read(queue)};
   output["depth"] = {{h, w}, images.depth.read(queue)};
   if (moves) output["flow"] = {{h, w, 2}, from_planes(images.flow.read(queue), 2)};
+  const std::vector<int32_t> broken = broken_gaussians(input, n);
+  output["broken"] = {{broken.size()}, broken};
 
   // one backward pass a cotangent, the other images' gradients being zero
   std::vector<Loss> losses{{"rgb", 3, &ImageGradients::v_rgb},

@@ -130,6 +130,11 @@ void Checkpointer::write(int step, double seconds) {
   folder_.write({facts_, trainer_.state(queue_)});
 }
 
+void Checkpointer::write_to(const std::string& path, int step) {
+  facts_.step = step;
+  write_checkpoint(path, {facts_, trainer_.state(queue_)});
+}
+
 void Checkpointer::try_write(int step, double seconds) {
   try {
     write(step, seconds);

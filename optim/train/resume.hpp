@@ -30,6 +30,8 @@ class Checkpointer {
   // Warns instead of throwing: a training that cannot be saved is worth finishing, and there may be
   // room later.
   void try_write(int step, double seconds);
+  // The same in any file, which no training goes on from.
+  void write_to(const std::string& path, int step);
 
  private:
   Queue& queue_;

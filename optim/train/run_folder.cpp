@@ -164,8 +164,8 @@ void RunFolder::forget_model(int iteration) const {
 void RunFolder::forget_training() const {
   checkpoints().clear();
   fs::remove_all(path("point_cloud"));
-  for (const char* name :
-       {"training.json", "metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz"})
+  for (const char* name : {"training.json", "metrics.jsonl", "metrics.csv", "input.ply",
+                           "input.motion.npz", "broken.npz"})
     fs::remove(path(name));
 }
 

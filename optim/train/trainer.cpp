@@ -403,6 +403,7 @@ void Trainer::update(Queue& queue, int step) {
       AdamRate rate = rate_of(spec);
       rate.per_time = spec.per_time;
       if (spec.motion && spec.quantity != Quantity::time) rate.lr *= lr.motion;
+      rate.lr *= caution_;
       adam_.step(queue, table->groups[g], table->rows, table->active_in(spec), rate);
     }
   }
@@ -481,6 +482,7 @@ Arrays Trainer::state(Queue& queue) const {
   if (density_) density_->save_state(queue, arrays);
   if (rest_) rest_->save_state(queue, model_.parameters, arrays);
   if (motion_loss_ && neighbours_known_) save_state(motion_loss_->pairs(), arrays);
+  if (caution_ != 1) arrays["caution"] = Array{{1}, std::vector<float>{caution_}};
   return arrays;
 }
 
@@ -488,6 +490,8 @@ void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& p
   load_state(queue, model_.parameters, arrays, path);
   if (density_) density_->load_state(queue, arrays, path);
   if (rest_) rest_->load_state(queue, model_.parameters, arrays, path);
+  const bool cautious = arrays.count("caution");
+  caution_ = cautious ? array_named(arrays, "caution", path).as_float().at(0) : 1;
   neighbours_known_ = motion_loss_ && arrays.count("neighbours/offsets");
   if (neighbours_known_)
     motion_loss_->set_pairs(queue, load_neighbours(arrays, model_.parameters.count, path));

@@ -60,6 +60,10 @@ class Trainer {
   // model; `path`: the file they come from, for messages.
   void set_state(Queue& queue, const Arrays& arrays, const std::string& path);
 
+  // What all learning rates are multiplied by; part of the state.
+  float caution() const { return caution_; }
+  void set_caution(float caution) { caution_ = caution; }
+
   // Bands of spherical harmonics in use at a step.
   int sh_degree(int step) const;
   // Which time steps a training step is about.
@@ -135,6 +139,7 @@ class Trainer {
   std::vector<float> flow_planes_;
   bool had_flow_ = false, had_motion_loss_ = false;
   bool neighbours_known_ = false;
+  float caution_ = 1;
 };
 
 }  // namespace gflow

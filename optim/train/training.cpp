@@ -17,6 +17,7 @@
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
 #include "optim/train/resume.hpp"
+#include "optim/train/roll_back.hpp"
 #include "optim/train/warning.hpp"
 #include "runtime/usage.hpp"
 
@@ -140,7 +141,9 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
                 std::optional<InterruptGuard>& guard, bool quiet) {
   const ScheduleConfig& plan = config.train;
   Progress progress("train", plan.iterations, quiet, step);
+  RollBack roll_back(queue, run, trainer, checkpoints);
   StepFigures figures;
+  std::optional<StepFigures> before;
   const auto time_is_over = [&] {
     return plan.minutes > 0 && watch.seconds() > 60 * double(plan.minutes);
   };
@@ -157,15 +160,24 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
     }
     const std::string notice = trainer.take_notice();
     if (!notice.empty()) progress.say("gflow: " + notice);
-    if (step % plan.log_every == 0 || step + 1 == plan.iterations) {
-      figures = trainer.figures(queue);
-      run.append_metrics(step, watch.seconds(), figures);
-    }
-    progress.update(step + 1, terms_of(figures));
     const int done = step + 1;
-    if (done == plan.iterations) continue;
+    const bool last = done == plan.iterations, logs = step % plan.log_every == 0 || last;
+    const bool saves = !last && ends_round(done, plan.checkpoint_every);
+    if (logs || saves) {  // what is saved is looked at before
+      figures = trainer.figures(queue);
+      if (!is_sound(figures, before.value_or(figures))) {
+        std::string sentence;
+        step = roll_back.go_back(done, figures, sentence) - 1;
+        progress.say("gflow: " + sentence);
+        continue;
+      }
+      before = figures;
+    }
+    if (logs) run.append_metrics(step, watch.seconds(), figures);
+    progress.update(done, terms_of(figures));
+    if (last) continue;
     if (ends_round(done, plan.save_every)) try_save_model(queue, model, run, done);
-    if (ends_round(done, plan.checkpoint_every)) checkpoints.try_write(done, watch.seconds());
+    if (saves) checkpoints.try_write(done, watch.seconds());
   }
   queue.finish();
   progress.finish();

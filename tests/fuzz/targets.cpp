@@ -10,8 +10,10 @@
 #include "optim/data/cameras_json.hpp"
 #include "optim/data/colmap_model.hpp"
 #include "optim/data/image_header.hpp"
+#include "optim/data/movie.hpp"
 #include "optim/data/packed_flow.hpp"
 #include "optim/data/readers.hpp"
+#include "optim/data/video.hpp"
 #include "optim/io/compressed_ply.hpp"
 #include "optim/io/dot_splat.hpp"
 #include "optim/io/flo.hpp"
@@ -228,6 +230,23 @@ void picture_seeds(const std::string& to) {
   seed(to, "jpg", contents(jpg));
 }
 
+// As a video is read: what it says, when its frames are shown, the first of them.
+void video(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "a.mp4", [](const std::string& path) {
+    const VideoInfo info = video_info(path);
+    const std::vector<double> times = frame_times(path, 4);
+    if (size_t(info.width) * size_t(info.height) > 1 << 20) return;
+    Video open(path);
+    for (int k = 0; k < int(times.size()); ++k) open.frame(k);
+  });
+}
+void video_seeds(const std::string& to) {
+  seed(to, "mp4", written("s.mp4", [](const std::string& path) {
+         write_movie(
+             path, 3, [](size_t) { return pattern(32, 24); }, 10);
+       }));
+}
+
 void packed_flow(const uint8_t* bytes, size_t size) {
   may_refuse([&] { unpacked(Bytes(bytes, bytes + size), "the input"); });
 }
@@ -413,6 +432,7 @@ const std::vector<Target>& targets() {
                                        {"flo", flo, flo_seeds},
                                        {"kitti_flow", kitti_flow, kitti_flow_seeds},
                                        {"picture", picture, picture_seeds},
+                                       {"video", video, video_seeds},
                                        {"packed_flow", packed_flow, packed_flow_seeds},
                                        {"config", config, config_seeds},
                                        {"model", model, ply_seeds},

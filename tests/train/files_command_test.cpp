@@ -165,6 +165,20 @@ TEST_F(FilesCommand, SplatDrawsAnArchive) {
   EXPECT_EQ(output.at("g_rgb_means").shape, (std::vector<size_t>{2, 3}));
 }
 
+TEST_F(FilesCommand, SplatNamesGaussiansThatAreBroken) {
+  const TemporaryFolder folder;
+  Arrays input = small_npz();
+  std::get<std::vector<float>>(input.at("scales").values)[5] = std::nanf("");
+  write_npz(folder.file("in.npz"), input);
+  const Outcome outcome = gflow({"splat", folder.file("in.npz"), "-o", folder.file("out.npz")});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.err.find("1 of the Gaussians"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("the first is number 1"), std::string::npos) << outcome.err;
+  const Arrays output = read_npz(folder.file("out.npz"));
+  EXPECT_EQ(output.at("broken").as_int(), std::vector<int32_t>{1});
+  for (const float value : output.at("rgb").as_float()) EXPECT_TRUE(std::isfinite(value));
+}
+
 TEST_F(FilesCommand, SplatRefusesArchivesThatAreBroken) {
   const TemporaryFolder folder;
   const std::string out = folder.path() + "/out.npz";

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/roll_back.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace gflow {
+
+bool is_sound(const StepFigures& now, const StepFigures& before) {
+  return std::isfinite(now.loss) && now.refused <= before.refused + 10 + now.gaussians / 1000;
+}
+
+int RollBack::go_back(int step, const StepFigures& figures, std::string& notice) {
+  const std::string what =
+      std::isfinite(figures.loss)
+          ? fmt::format("{} Gaussians had gradients that are no numbers at step {}",
+                        figures.refused, step)
+          : fmt::format("the loss is {} at step {}", figures.loss, step);
+  std::optional<CheckpointFolder::Found> last = run_.checkpoints().latest();
+  const int from = last ? last->checkpoint.facts.step : -1;
+  times_ = from == from_ ? times_ + 1 : 1;
+  from_ = from;
+  if (!last || times_ > most) {
+    const std::string path = run_.path("broken.npz");
+    checkpoints_.write_to(path, step);
+    throw Error(fmt::format(
+        "training {}: {}, {}; lower the learning rates (lr.* in its config.toml); the state it "
+        "came "
+        "to is kept in {}",
+        run_.folder(), what,
+        last ? fmt::format("as after each of {} returns to step {} with half the learning rates",
+                           most, from)
+             : "and there is no checkpoint to go back to",
+        path));
+  }
+  const float caution = trainer_.caution() / 2;
+  trainer_.set_state(queue_, last->checkpoint.arrays, last->path);
+  trainer_.set_caution(caution);
+  run_.keep_metrics_before(from);
+  notice =
+      fmt::format("{}: back to step {}, learning rates times {} from there", what, from, caution);
+  return from;
+}
+
+}  // namespace gflow

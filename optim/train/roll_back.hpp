@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// A training whose figures stop being numbers goes back to its last checkpoint and learns more
+// slowly from there (numerics 3, "non-finite loss").
+#pragma once
+#include "optim/train/resume.hpp"
+#include "optim/train/trainer.hpp"
+
+namespace gflow {
+
+// Whether a training with these figures is worth going on with: its loss is a number, and since the
+// figures before no more than one Gaussian in a thousand (and ten more) had gradients that Adam
+// could not take.
+bool is_sound(const StepFigures& now, const StepFigures& before);
+
+class RollBack {
+ public:
+  static constexpr int most = 3;  // times in a row from one checkpoint
+
+  RollBack(Queue& queue, const RunFolder& run, Trainer& trainer, Checkpointer& checkpoints)
+      : queue_(queue), run_(run), trainer_(trainer), checkpoints_(checkpoints) {}
+
+  // Puts the trainer where the last checkpoint was, with half the learning rates it had last; says
+  // so in `notice`. Returns that step. Error when there is none, or after `most` times: then
+  // broken.npz in the run holds the state that the training came to.
+  int go_back(int step, const StepFigures& figures, std::string& notice);
+
+ private:
+  Queue& queue_;
+  const RunFolder& run_;
+  Trainer& trainer_;
+  Checkpointer& checkpoints_;
+  int times_ = 0, from_ = -1;
+};
+
+}  // namespace gflow
