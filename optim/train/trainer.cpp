@@ -17,11 +17,6 @@ constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
 constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9,
                kNoiseStream = 10;  // of random numbers
 
-// a at 0, b at 1, geometrically between.
-float between_rates(float a, float b, double share) {
-  return a > 0 ? float(a * std::pow(double(b) / a, share)) : 0.f;
-}
-
 // A part of interleaved rows [H, W, channels].
 template <class T>
 void cut(const std::vector<T>& whole, int width, int channels, const Rect& part,
@@ -122,6 +117,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       parts_(std::move(parts)),
       unfolding_(Unfolding::of(config, is_permanent(model.shape.motion))),
       model_(model),
+      rates_(config, scene, model.shape),
       renderer_(queue, training_settings(config)),
       image_loss_(queue, config.loss.ssim),
       flow_loss_(queue, config.flow.robust_px),
@@ -228,7 +224,7 @@ void Trainer::step(Queue& queue, int step) {
   const int done = step + 1;
   if (density_ && now.fits())
     density_->after_step(queue, model_.parameters, renderer_.gaussians(), density_rule_,
-                         {done, refining(done), position_rate(step),
+                         {done, refining(done), rates_.position(step),
                           random_bits(seed, kNoiseStream, uint32_t(step))});
   if (settling(done)) settle(queue);
   if (density_ && now.fits() && refining(done) && done % config_.density.every == 0) {
@@ -327,11 +323,6 @@ void Trainer::learn_from(Queue& queue, const Shot& shot, int width, int height) 
              renderer_.stood_still());
 }
 
-float Trainer::position_rate(int step) const {
-  return float(scene_.extent) *
-         between_rates(config_.lr.means, config_.lr.means_final, stage(step).share);
-}
-
 void Trainer::renew_neighbours_if_due(Queue& queue, int step) {
   if (!motion_loss_ || !motion_loss_->weights().any_pairs()) return;
   const LossConfig& loss = config_.loss;
@@ -345,36 +336,7 @@ void Trainer::renew_neighbours_if_due(Queue& queue, int step) {
 
 void Trainer::update(Queue& queue, int step) {
   const LearningRates& lr = config_.lr;
-  const AdamGroups& eps = config_.adam;
   const Stage now = stage(step);
-  const double share = now.share;
-  const bool permanent = is_permanent(model_.shape.motion);
-  const double field_share = unfolding_.share_after(step);
-  const auto rate_of = [&](const GroupSpec& spec) -> AdamRate {
-    switch (spec.quantity) {
-      case Quantity::position:
-        return {position_rate(step), eps.eps_means};
-      case Quantity::time:
-        return {lr.mean_t * model_.shape.duration, eps.eps_means};
-      case Quantity::rotation:
-        return {between_rates(lr.quats, lr.quats_final, share), eps.eps_quats};
-      case Quantity::scale:
-        return {lr.scales, eps.eps_scales};
-      case Quantity::opacity:
-        return {permanent ? config_.hexplane.opacity : lr.opacity, eps.eps_opacity};
-      case Quantity::color:
-        return {lr.sh, eps.eps_sh};
-      case Quantity::plane:
-        return {between_rates(lr.planes, lr.planes_final, field_share), eps.eps_field};
-      case Quantity::network:
-        return {between_rates(lr.network, lr.network_final, field_share), eps.eps_field};
-      case Quantity::color_rest:
-        return {lr.sh / lr.sh_rest_divisor, eps.eps_sh};
-      case Quantity::weight:
-        return {lr.weights, eps.eps_quats};
-    }
-    throw Error("group " + spec.name + " has no learning rate");
-  };
   Parameters& p = model_.parameters;
   if (step % 100 == 0) {  // new Gaussians and changed lifetimes; density control too
     const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
@@ -400,11 +362,8 @@ void Trainer::update(Queue& queue, int step) {
       if (spec.quantity == Quantity::color_rest && sh_degree(step) == 0) continue;
       // Photographs of one moment; and who is trained moment by moment has no time of its own.
       if (spec.motion && (scene_.steps < 2 || now.time_step == 0)) continue;
-      AdamRate rate = rate_of(spec);
-      rate.per_time = spec.per_time;
-      if (spec.motion && spec.quantity != Quantity::time) rate.lr *= lr.motion;
-      rate.lr *= caution_;
-      adam_.step(queue, table->groups[g], table->rows, table->active_in(spec), rate);
+      adam_.step(queue, table->groups[g], table->rows, table->active_in(spec),
+                 rates_.of(spec, step));
     }
   }
 }
@@ -482,7 +441,7 @@ Arrays Trainer::state(Queue& queue) const {
   if (density_) density_->save_state(queue, arrays);
   if (rest_) rest_->save_state(queue, model_.parameters, arrays);
   if (motion_loss_ && neighbours_known_) save_state(motion_loss_->pairs(), arrays);
-  if (caution_ != 1) arrays["caution"] = Array{{1}, std::vector<float>{caution_}};
+  if (rates_.caution != 1) arrays["caution"] = {{1}, std::vector<float>{rates_.caution}};
   return arrays;
 }
 
@@ -491,7 +450,7 @@ void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& p
   if (density_) density_->load_state(queue, arrays, path);
   if (rest_) rest_->load_state(queue, model_.parameters, arrays, path);
   const bool cautious = arrays.count("caution");
-  caution_ = cautious ? array_named(arrays, "caution", path).as_float().at(0) : 1;
+  rates_.caution = cautious ? array_named(arrays, "caution", path).as_float().at(0) : 1;
   neighbours_known_ = motion_loss_ && arrays.count("neighbours/offsets");
   if (neighbours_known_)
     motion_loss_->set_pairs(queue, load_neighbours(arrays, model_.parameters.count, path));

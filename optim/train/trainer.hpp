@@ -19,6 +19,7 @@
 #include "optim/train/change.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/guide.hpp"
+#include "optim/train/rates.hpp"
 #include "optim/train/renderer.hpp"
 #include "optim/train/sequence.hpp"
 #include "optim/train/unfolding.hpp"
@@ -61,8 +62,8 @@ class Trainer {
   void set_state(Queue& queue, const Arrays& arrays, const std::string& path);
 
   // What all learning rates are multiplied by; part of the state.
-  float caution() const { return caution_; }
-  void set_caution(float caution) { caution_ = caution; }
+  float caution() const { return rates_.caution; }
+  void set_caution(float caution) { rates_.caution = caution; }
 
   // Bands of spherical harmonics in use at a step.
   int sh_degree(int step) const;
@@ -93,7 +94,6 @@ class Trainer {
   void learn_from(Queue& queue, const Shot& shot, int width, int height);
   void renew_neighbours_if_due(Queue& queue, int step);
   void update(Queue& queue, int step);
-  float position_rate(int step) const;
   bool refining(int done) const;
   void refine(Queue& queue, uint32_t seed);
   bool settling(int done) const;
@@ -116,6 +116,7 @@ class Trainer {
   std::vector<Choice> choices_;
   Unfolding unfolding_;
   Model& model_;
+  Rates rates_;
   Renderer renderer_;
   ImageLoss image_loss_;
   FlowLoss flow_loss_;
@@ -139,7 +140,6 @@ class Trainer {
   std::vector<float> flow_planes_;
   bool had_flow_ = false, had_motion_loss_ = false;
   bool neighbours_known_ = false;
-  float caution_ = 1;
 };
 
 }  // namespace gflow
