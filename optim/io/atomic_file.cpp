@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <memory>
 #include <regex>
+#include <utility>
 
 #include "optim/io/unfinished_file.hpp"
 #include "runtime/error.hpp"
@@ -32,6 +33,8 @@ class Descriptor {
     if (fd_ >= 0) ::close(fd_);
   }
   int get() const { return fd_; }
+  // Some file systems say only here that there was no room for what was written.
+  bool close() { return ::close(std::exchange(fd_, -1)) == 0; }
 
  private:
   int fd_;
@@ -87,7 +90,7 @@ void flush_to_disk(const std::string& temporary, const std::string& path) {
 // to write, hence O_CREAT.
 void write_all(const std::string& temporary, int flag, std::string_view bytes,
                const std::string& path) {
-  const Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | flag | O_CLOEXEC, 0666));
+  Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | flag | O_CLOEXEC, 0666));
   bool ok = file.get() >= 0;
   while (ok && !bytes.empty()) {
     const ssize_t written = ::write(file.get(), bytes.data(), bytes.size());
@@ -95,7 +98,8 @@ void write_all(const std::string& temporary, int flag, std::string_view bytes,
     ok = written > 0;
     if (ok) bytes.remove_prefix(size_t(written));
   }
-  if (!ok) throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+  if (!ok || !file.close())
+    throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
 }
 
 std::string_view view(const Bytes& bytes) {
