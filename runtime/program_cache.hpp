@@ -2,6 +2,7 @@
 // Compiled kernels on disk, so that a second start need not compile. A cache is never a reason to
 // fail: what cannot be read, checked or written is compiled from source as if it were not there.
 #pragma once
+#include <cstdint>
 #include <string>
 
 #include "runtime/queue.hpp"
@@ -20,6 +21,7 @@ class ProgramCache {
 
  private:
   std::string path_;  // empty: no cache
+  uint64_t key_ = 0;  // a file under another's name is not taken for its own
 };
 
 }  // namespace gflow

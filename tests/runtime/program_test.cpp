@@ -129,6 +129,36 @@ TEST(ProgramCache, UnsoundFilesAreReplacedSilently) {
   EXPECT_EQ(folder.cached().size(), files.size());  // no drafts are left behind
 }
 
+TEST(ProgramCache, AnotherProgramsFileIsNotTaken) {
+  const KernelFolder folder;
+  folder.write("value.cl", value_kernel);
+  const auto build_and_run = [](int value) {
+    Queue queue = test_queue();
+    return run_value(queue, Program(queue, "value.cl", {{"VALUE", value}}));
+  };
+  EXPECT_EQ(build_and_run(5), 5u);
+  const fs::path five = folder.cached().at(0);
+  EXPECT_EQ(build_and_run(6), 6u);
+  for (const fs::path& file : folder.cached())
+    if (file != five) fs::copy_file(five, file, fs::copy_options::overwrite_existing);
+  EXPECT_EQ(build_and_run(6), 6u);
+}
+
+TEST(ProgramCache, AFileThatCannotBeReplacedLeavesNoDraft) {
+  const KernelFolder folder;
+  folder.write("value.cl", value_kernel);
+  const auto build_and_run = [] {
+    Queue queue = test_queue();
+    return run_value(queue, Program(queue, "value.cl", {{"VALUE", 5}}));
+  };
+  EXPECT_EQ(build_and_run(), 5u);
+  const fs::path file = folder.cached().at(0);
+  fs::remove(file);
+  fs::create_directory(file);
+  EXPECT_EQ(build_and_run(), 5u);
+  EXPECT_EQ(folder.cached(), std::vector<fs::path>{file});
+}
+
 TEST(ProgramCache, AFolderThatCannotBeWrittenIsNoError) {
   const KernelFolder folder;
   folder.write("value.cl", value_kernel);
