@@ -85,6 +85,33 @@ TEST(Bin, GivesEveryIntersectionASlotOfItsGaussian) {
   EXPECT_EQ(used, std::vector<int>(used.size(), 1));
 }
 
+// Full-screen splats by the thousand: counted in 64 bits, and refused before anything is made for
+// them. The second total is 5 in 32 bits.
+TEST(Bin, RefusesIntersectionsPastTwoToThe31BeforeItAllocates) {
+  Queue queue = test_queue();
+  for (const auto& [each, splats] : {std::pair<cl_uint, size_t>{1u << 20, 2048},
+                                     std::pair<cl_uint, size_t>{0x33333334u, 5}}) {
+    const uint64_t total = uint64_t(each) * splats;
+    Bin bin(queue, {});
+    Splats many;
+    many.count = splats;
+    many.tiles_touched = Buffer<cl_uint>(queue, std::vector<cl_uint>(splats, each), "touched");
+    Tiles tiles;
+    bin.start(queue, many, tiles);
+    try {
+      bin.build(queue, 1600, 1200, many, tiles);
+      ADD_FAILURE() << total << " were accepted";
+    } catch (const Error& problem) {
+      EXPECT_NE(std::string(problem.what()).find(std::to_string(total) + " intersections"),
+                std::string::npos)
+          << problem.what();
+    }
+    for (const Buffer<cl_uint>* made : {&tiles.isect_ids, &tiles.isect_slots})
+      EXPECT_EQ(made->capacity(), 0u) << total;
+    EXPECT_EQ(tiles.masks.capacity(), 0u) << total;
+  }
+}
+
 class BinLanes : public testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Lanes, BinLanes, testing::Values(16, 8, 4, 1),
                          testing::PrintToStringParamName());
