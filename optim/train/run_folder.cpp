@@ -197,17 +197,16 @@ void RunFolder::forget_unfinished_files() const {
 }
 
 void RunFolder::forget_stale_caches(const std::string& stamp) const {
-  std::ifstream in(path(kStamp));
-  const std::string old{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  if (old == stamp) return;
+  if (has_caches_of(stamp)) return;
   fs::remove_all(path("flow"));
   fs::remove_all(path("frames"));
   write_text(path(kStamp), stamp);
 }
 
 bool RunFolder::has_caches_of(const std::string& stamp) const {
-  std::ifstream in(path(kStamp));
-  return stamp == std::string{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  if (!fs::exists(path(kStamp))) return false;
+  const Bytes kept = read_file(path(kStamp));
+  return stamp == std::string(kept.begin(), kept.end());
 }
 
 void RunFolder::write_config(const TrainConfig& config) const {
