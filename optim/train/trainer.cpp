@@ -207,6 +207,7 @@ void Trainer::prefetch(int step) {
 }
 
 void Trainer::step(Queue& queue, int step) {
+  untouched_ = true;
   prefetch(step);
   if (step == 0) put_in_order(queue);
   renew_neighbours_if_due(queue, step);
@@ -312,6 +313,7 @@ void Trainer::guide(Queue& queue, int step) {
 }
 
 void Trainer::learn_from(Queue& queue, const Shot& shot, int width, int height) {
+  untouched_ = false;
   if (density_)
     density_->see(queue, {width, height, renderer_.engine().splats().tiles_touched,
                           renderer_.gradients().v_means2d});
@@ -335,6 +337,7 @@ void Trainer::renew_neighbours_if_due(Queue& queue, int step) {
 }
 
 void Trainer::update(Queue& queue, int step) {
+  untouched_ = false;
   const LearningRates& lr = config_.lr;
   const Stage now = stage(step);
   Parameters& p = model_.parameters;

@@ -50,6 +50,8 @@ class Trainer {
 
   // Step number `step`, from 0. GuidanceFailed leaves everything as it was before the step.
   void step(Queue& queue, int step);
+  // Whether a step that threw has left all that state() saves as it was before the step.
+  bool untouched() const { return untouched_; }
   // Waits.
   StepFigures figures(Queue& queue);
   // A sentence for the user about something that happened since the last call, or "".
@@ -140,6 +142,7 @@ class Trainer {
   std::vector<float> flow_planes_;
   bool had_flow_ = false, had_motion_loss_ = false;
   bool neighbours_known_ = false;
+  bool untouched_ = true;  // by the step under way
 };
 
 }  // namespace gflow

@@ -55,7 +55,10 @@ std::vector<ProgressTerm> terms_of(const StepFigures& f) {
 
 void save_model(Queue& queue, const Model& model, const RunFolder& run, int iteration) {
   const std::string path = run.model_path(iteration);
-  std::filesystem::create_directories(std::filesystem::path(path).parent_path());
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  std::error_code problem;
+  std::filesystem::create_directories(folder, problem);
+  if (problem) throw Error(fmt::format("cannot make {}: {}", folder.string(), problem.message()));
   write_model(path, model.read(queue));
 }
 
@@ -65,6 +68,16 @@ void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int 
     save_model(queue, model, run, iteration);
   } catch (const Error& problem) {
     warn(fmt::format("no point cloud of step {}: {}; training goes on", iteration, problem.what()));
+  }
+}
+
+// Nor is a line of the log that does not.
+void try_append_metrics(const RunFolder& run, int step, double seconds,
+                        const StepFigures& figures) {
+  try {
+    run.append_metrics(step, seconds, figures);
+  } catch (const Error& problem) {
+    warn(fmt::format("no metrics of step {}: {}; training goes on", step, problem.what()));
   }
 }
 
@@ -133,6 +146,30 @@ Error without_guidance(const GuidanceFailed& problem, int step, double seconds,
   return Error(fmt::format("{}; {} steps are saved, {}", problem.what(), step, how_to_go_on(run)));
 }
 
+// Whether the device failed. That a program does not build is none of its doing.
+bool is_of_device(const Error& error) {
+  const auto* of_opencl = dynamic_cast<const ClError*>(&error);
+  return is_out_of_memory(error) || (of_opencl && of_opencl->code != CL_BUILD_PROGRAM_FAILURE);
+}
+
+// The same when the device failed. For want of memory the step may not have begun to change
+// anything, and the device may still answer: then the steps before it are saved.
+Error without_device(Queue& queue, const Error& problem, const Trainer& trainer, int step,
+                     double seconds, Checkpointer& checkpoints, const RunFolder& run) {
+  const auto saved = [&] {
+    const std::vector<int> steps = run.checkpoints().steps();
+    return steps.empty() ? 0 : steps[0];
+  };
+  if (saved() < step && is_out_of_memory(problem) && trainer.untouched()) try {
+      queue.finish();
+      checkpoints.write(step, seconds);
+    } catch (const Error&) {  // what there is to say is why the step failed
+    }
+  if (saved() == 0) return Error(fmt::format("{}; no step is saved", problem.what()));
+  return Error(fmt::format("{}; {} of {} steps are saved, {}", problem.what(), saved(), step,
+                           how_to_go_on(run)));
+}
+
 // The training loop from step number `step`; returns the number of steps made, earlier ones
 // included. Sets `guard` after the first one, in which kernels may be compiled for long: before it
 // there is nothing to save.
@@ -153,6 +190,10 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
     } catch (const GuidanceFailed& problem) {
       progress.finish();
       throw without_guidance(problem, step, watch.seconds(), checkpoints, run);
+    } catch (const Error& problem) {
+      if (!is_of_device(problem)) throw;
+      progress.finish();
+      throw without_device(queue, problem, trainer, step, watch.seconds(), checkpoints, run);
     }
     if (!guard) {
       queue.finish();
@@ -173,7 +214,7 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
       }
       before = figures;
     }
-    if (logs) run.append_metrics(step, watch.seconds(), figures);
+    if (logs) try_append_metrics(run, step, watch.seconds(), figures);
     progress.update(done, terms_of(figures));
     if (last) continue;
     if (ends_round(done, plan.save_every)) try_save_model(queue, model, run, done);
