@@ -1,0 +1,90 @@
+"""Checkpoints that were damaged on the disk: what is read is what was written, or the one before."""
+import os
+import random
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+
+from world import checkpoints_of, complaints, content
+
+FLIPS = 1000
+
+
+def shown(outcome, run):
+    """What `gflow info` shows of a model, but for what it does not say of both."""
+    return outcome.out.replace(run, "RUN")
+
+
+def damaged(world, damages):
+    """Damages the newest of two checkpoints, each time in another way."""
+    source = world.path("damage")
+    shutil.rmtree(source, ignore_errors=True)
+    shutil.copytree(world.whole, source)
+    shutil.rmtree(source + "/point_cloud")
+    before, newest = checkpoints_of(source)[-2:]
+    data = content(world.checkpoint(source, newest))
+    right = shown(world.run(["info", source]), source)
+    os.rename(world.checkpoint(source, newest), world.path("newest.npz"))
+    older = shown(world.run(["info", source]), source)
+
+    def trial(job):
+        i, (name, damage) = job
+        run = world.path(f"damage-{i}")
+        shutil.copytree(source, run)
+        path = world.checkpoint(run, newest)
+        with open(path, "wb") as file:
+            file.write(damage(data))
+        outcome = world.run(["info", run])
+        shutil.rmtree(run)
+        wrong = complaints(outcome, (0,))
+        now = shown(outcome, run)
+        if now == right and not outcome.err:
+            return wrong  # a bit that says nothing
+        if [line for line in now.splitlines() if not line.startswith("iterations there")] != [
+                line for line in older.splitlines() if not line.startswith("iterations there")]:
+            wrong.append(f"shows neither the newest checkpoint nor the one before: {now}")
+        if len(outcome.err.splitlines()) != 1 or path not in outcome.err or str(before) not in outcome.err:
+            wrong.append(f"not one warning that names both: {outcome.err!r}")
+        return [f"{name}: {what}" for what in wrong]
+
+    with ThreadPoolExecutor(2) as pool:
+        yield from pool.map(trial, enumerate(damages(data)))
+
+
+def flips(data):
+    random.seed(4)
+    for _ in range(FLIPS):
+        at, bit = random.randrange(len(data)), random.randrange(8)
+        yield (f"bit {bit} of byte {at}",
+               lambda data, at=at, bit=bit: data[:at] + bytes([data[at] ^ 1 << bit]) + data[at + 1:])
+
+
+def cuts(data):
+    for length in [*range(0, len(data), 4096), len(data) - 1]:
+        yield f"cut off at {length}", lambda data, length=length: data[:length]
+
+
+def resumed(world):
+    """The newest checkpoint of a training that stopped is damaged: it goes on from the one before, or, where
+    there is none, says so."""
+    results = []
+    for name, steps in (("the last of two", (8,)), ("both", (4, 8))):
+        run = world.path("damage-resumed")
+        shutil.rmtree(run, ignore_errors=True)
+        shutil.copytree(world.stopped, run)
+        shutil.copy(world.checkpoint(world.whole, 8), world.checkpoint(run, 8))
+        for step in steps:
+            os.truncate(world.checkpoint(run, step), 100_000)
+        outcome = world.resume(run)
+        if len(steps) == 1:
+            wrong = complaints(outcome, (0,)) + world.differences(run)
+            wrong += [] if len(outcome.warnings()) == 1 else [f"warnings: {outcome.err!r}"]
+        else:
+            wrong = complaints(outcome, (1,), ["can be used", world.checkpoint(run, 4), "without --resume"])
+        results.append([f"{name}: {what}" for what in wrong])
+    return results
+
+
+def faults(world, every):
+    yield f"damage: {FLIPS} bits of a checkpoint flipped", lambda: damaged(world, flips)
+    yield "damage: a checkpoint cut off at every 4 kB", lambda: damaged(world, cuts)
+    yield "damage: resumed from damaged checkpoints", lambda: resumed(world)

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+// Preloaded into gflow (LD_PRELOAD): the k-th call that changes a file under one folder fails. Which
+// file a descriptor belongs to is asked of /proc, so that no table can be wrong.
+//   FAULT_FOLDER  only paths under it count (no symbolic link in it)
+//   FAULT_CALL    k, from 1; 0: none fails
+//   FAULT_LAST    the last one that fails (default: k alone; a large number: the disk stays full)
+//   FAULT_ERRNO   the number errno is set to
+//   FAULT_REPORT  file that gets a line a call: its number, "failed" or "made", its name, the path
+// Calls: open to write, write, pwrite, writev, fwrite, fopen to write, fclose, close of what was
+// open to write, fsync, rename, ftruncate, truncate, mkdir. The C library's own calls of write
+// (behind fwrite) do not come by here, hence fwrite.
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+static atomic_long calls;
+static char folder[PATH_MAX];
+static long first, last;
+static int code, report = -1;
+
+#define NEXT(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
+
+static long number(const char *name, long otherwise) {
+  const char *text = getenv(name);
+  return text ? atol(text) : otherwise;
+}
+
+__attribute__((constructor)) static void start(void) {
+  const char *wanted = getenv("FAULT_FOLDER"), *to = getenv("FAULT_REPORT");
+  if (!wanted || !to) return;
+  snprintf(folder, sizeof folder, "%s", wanted);
+  first = number("FAULT_CALL", 0);
+  last = number("FAULT_LAST", first);
+  code = (int)number("FAULT_ERRNO", ENOSPC);
+  report = NEXT(open)(to, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
+}
+
+static void say(long n, const char *outcome, const char *what, const char *path) {
+  char line[PATH_MAX + 64];
+  const int length = snprintf(line, sizeof line, "%ld %s %s %s\n", n, outcome, what, path);
+  if (report >= 0 && NEXT(write)(report, line, (size_t)length) < 0) return;
+}
+
+// Whether this call is to fail; errno is then set.
+static int strikes(const char *what, const char *path) {
+  const size_t length = strlen(folder);
+  if (!length || !path || strncmp(path, folder, length) != 0 ||
+      (path[length] != '/' && path[length] != '\0'))
+    return 0;
+  const long n = atomic_fetch_add(&calls, 1) + 1;
+  const int failed = first > 0 && n >= first && n <= last, before = errno;
+  say(n, failed ? "failed" : "made", what, path);
+  errno = failed ? code : before;
+  return failed;
+}
+
+// The path of a descriptor that is open to write (or of any, for fsync); NULL: it has none.
+static const char *path_of(int fd, int any, char *path) {
+  char link[64];
+  const int before = errno;
+  snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+  const int mode = fcntl(fd, F_GETFL);
+  const ssize_t length = readlink(link, path, PATH_MAX - 1);
+  errno = before;
+  if (mode < 0 || length < 0 || (!any && (mode & O_ACCMODE) == O_RDONLY)) return NULL;
+  path[length] = '\0';
+  return path;
+}
+
+static int strikes_at(const char *what, int fd, int any) {
+  char path[PATH_MAX];
+  return *folder && strikes(what, path_of(fd, any, path));
+}
+
+static int opened(const char *name, const char *path, int flags, mode_t mode) {
+  if ((flags & O_ACCMODE) != O_RDONLY && strikes("open", path)) return -1;
+  return ((int (*)(const char *, int, ...))dlsym(RTLD_NEXT, name))(path, flags, mode);
+}
+#define OPEN(name)                                                  \
+  int name(const char *path, int flags, ...) {                      \
+    va_list more;                                                   \
+    va_start(more, flags);                                          \
+    const mode_t mode = flags & O_CREAT ? va_arg(more, mode_t) : 0; \
+    va_end(more);                                                   \
+    return opened(#name, path, flags, mode);                        \
+  }
+OPEN(open)
+OPEN(open64)
+
+static FILE *file_opened(const char *name, const char *path, const char *mode) {
+  if (strpbrk(mode, "wa+") && strikes("fopen", path)) return NULL;
+  return ((FILE * (*)(const char *, const char *)) dlsym(RTLD_NEXT, name))(path, mode);
+}
+FILE *fopen(const char *path, const char *mode) { return file_opened("fopen", path, mode); }
+FILE *fopen64(const char *path, const char *mode) { return file_opened("fopen64", path, mode); }
+
+size_t fwrite(const void *bytes, size_t size, size_t count, FILE *file) {
+  if (file != stdout && file != stderr && strikes_at("fwrite", fileno(file), 0)) {
+    file->_flags |= 0x20;  // what ferror() looks at in the GNU C library
+    return 0;
+  }
+  return NEXT(fwrite)(bytes, size, count, file);
+}
+int fclose(FILE *file) {
+  const int failed = strikes_at("fclose", fileno(file), 0), why = errno;
+  const int result = NEXT(fclose)(file);
+  if (!failed) return result;
+  errno = why;
+  return EOF;
+}
+ssize_t write(int fd, const void *bytes, size_t count) {
+  return strikes_at("write", fd, 0) ? -1 : NEXT(write)(fd, bytes, count);
+}
+ssize_t pwrite(int fd, const void *bytes, size_t count, off_t at) {
+  return strikes_at("pwrite", fd, 0) ? -1 : NEXT(pwrite)(fd, bytes, count, at);
+}
+ssize_t writev(int fd, const struct iovec *parts, int count) {
+  return strikes_at("writev", fd, 0) ? -1 : NEXT(writev)(fd, parts, count);
+}
+int close(int fd) {
+  const int failed = strikes_at("close", fd, 0), why = errno;
+  const int result = NEXT(close)(fd);  // as the kernel does: it is closed, whatever it says
+  if (!failed) return result;
+  errno = why;
+  return -1;
+}
+int fsync(int fd) { return strikes_at("fsync", fd, 1) ? -1 : NEXT(fsync)(fd); }
+int ftruncate(int fd, off_t size) {
+  return strikes_at("ftruncate", fd, 0) ? -1 : NEXT(ftruncate)(fd, size);
+}
+int truncate(const char *path, off_t size) {
+  return strikes("truncate", path) ? -1 : NEXT(truncate)(path, size);
+}
+int rename(const char *from, const char *to) {
+  return strikes("rename", to) ? -1 : NEXT(rename)(from, to);
+}
+int mkdir(const char *path, mode_t mode) {
+  return strikes("mkdir", path) ? -1 : NEXT(mkdir)(path, mode);
+}

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// Preloaded into gflow (LD_PRELOAD): the k-th OpenCL call of some kinds fails, or all from the k-th on
+// (a device that is lost), and a device may say that it is smaller than it is.
+//   CLFAULT_KINDS    kinds that count, e.g. "create" or "launch,copy"; see KINDS below
+//   CLFAULT_CALL     k, from 1; 0: none fails
+//   CLFAULT_LAST     the last one that fails (default: k alone)
+//   CLFAULT_CODE     what it returns, e.g. -4
+//   CLFAULT_LARGEST  CL_DEVICE_MAX_MEM_ALLOC_SIZE [bytes]; CLFAULT_MEMORY: CL_DEVICE_GLOBAL_MEM_SIZE
+//   CLFAULT_REPORT   file that gets a line a call that counts: its number, "failed" or "made", its name
+// KINDS: setup (context, queue), build (program, its building, its binaries), kernel, argument, create
+// (buffers), launch, copy (read, write, map, copy, fill), wait (finish, events), flush.
+// A wait that fails has waited: what a device still writes to would otherwise be let go of.
+#define _GNU_SOURCE
+#define CL_TARGET_OPENCL_VERSION 120
+#define CL_USE_DEPRECATED_OPENCL_1_2_APIS
+#include <CL/cl.h>
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static atomic_long calls;
+static const char *kinds = "";
+static long first, last;
+static cl_int code;
+static int report = -1;
+
+#define NEXT(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
+
+static long number(const char *name, long otherwise) {
+  const char *text = getenv(name);
+  return text ? atol(text) : otherwise;
+}
+
+__attribute__((constructor)) static void start(void) {
+  const char *to = getenv("CLFAULT_REPORT");
+  if (getenv("CLFAULT_KINDS")) kinds = getenv("CLFAULT_KINDS");
+  first = number("CLFAULT_CALL", 0);
+  last = number("CLFAULT_LAST", first);
+  code = (cl_int)number("CLFAULT_CODE", CL_OUT_OF_RESOURCES);
+  if (to) report = open(to, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
+}
+
+// What this call is to return: CL_SUCCESS unless it is to fail.
+static cl_int fault(const char *kind, const char *name) {
+  if (!strstr(kinds, kind)) return CL_SUCCESS;
+  const long n = atomic_fetch_add(&calls, 1) + 1;
+  const int failed = first > 0 && n >= first && n <= last;
+  char line[128];
+  const int length =
+      snprintf(line, sizeof line, "%ld %s %s\n", n, failed ? "failed" : "made", name);
+  if (report >= 0 && write(report, line, (size_t)length) < 0) return code;
+  return failed ? code : CL_SUCCESS;
+}
+
+// A call that returns its code, and one that makes an object and returns its code by `error`.
+#define CALL(kind, name, parameters, arguments) \
+  cl_int name parameters {                      \
+    const cl_int failed = fault(kind, #name);   \
+    return failed ? failed : NEXT(name) arguments; \
+  }
+#define MAKE(kind, type, name, parameters, arguments) \
+  type name parameters {                              \
+    const cl_int failed = fault(kind, #name);         \
+    if (!failed) return NEXT(name) arguments;         \
+    if (error) *error = failed;                       \
+    return NULL;                                      \
+  }
+#define WAIT(name, parameters, arguments)           \
+  cl_int name parameters {                          \
+    const cl_int result = NEXT(name) arguments;     \
+    const cl_int failed = fault("wait", #name);     \
+    return failed ? failed : result;                \
+  }
+
+MAKE("setup", cl_context, clCreateContext,
+     (const cl_context_properties *properties, cl_uint count, const cl_device_id *devices,
+      void(CL_CALLBACK *notify)(const char *, const void *, size_t, void *), void *data,
+      cl_int *error),
+     (properties, count, devices, notify, data, error))
+MAKE("setup", cl_command_queue, clCreateCommandQueue,
+     (cl_context context, cl_device_id device, cl_command_queue_properties properties,
+      cl_int *error),
+     (context, device, properties, error))
+MAKE("build", cl_program, clCreateProgramWithSource,
+     (cl_context context, cl_uint count, const char **texts, const size_t *lengths, cl_int *error),
+     (context, count, texts, lengths, error))
+MAKE("build", cl_program, clCreateProgramWithBinary,
+     (cl_context context, cl_uint count, const cl_device_id *devices, const size_t *lengths,
+      const unsigned char **binaries, cl_int *states, cl_int *error),
+     (context, count, devices, lengths, binaries, states, error))
+CALL("build", clBuildProgram,
+     (cl_program program, cl_uint count, const cl_device_id *devices, const char *options,
+      void(CL_CALLBACK *notify)(cl_program, void *), void *data),
+     (program, count, devices, options, notify, data))
+CALL("build", clGetProgramInfo,
+     (cl_program program, cl_program_info what, size_t room, void *value, size_t *size),
+     (program, what, room, value, size))
+MAKE("kernel", cl_kernel, clCreateKernel, (cl_program program, const char *name, cl_int *error),
+     (program, name, error))
+CALL("argument", clSetKernelArg, (cl_kernel kernel, cl_uint i, size_t size, const void *value),
+     (kernel, i, size, value))
+MAKE("create", cl_mem, clCreateBuffer,
+     (cl_context context, cl_mem_flags flags, size_t size, void *host, cl_int *error),
+     (context, flags, size, host, error))
+CALL("launch", clEnqueueNDRangeKernel,
+     (cl_command_queue queue, cl_kernel kernel, cl_uint dimensions, const size_t *offset,
+      const size_t *global, const size_t *local, cl_uint events, const cl_event *before,
+      cl_event *event),
+     (queue, kernel, dimensions, offset, global, local, events, before, event))
+CALL("copy", clEnqueueReadBuffer,
+     (cl_command_queue queue, cl_mem buffer, cl_bool wait, size_t at, size_t size, void *to,
+      cl_uint events, const cl_event *before, cl_event *event),
+     (queue, buffer, wait, at, size, to, events, before, event))
+CALL("copy", clEnqueueWriteBuffer,
+     (cl_command_queue queue, cl_mem buffer, cl_bool wait, size_t at, size_t size, const void *from,
+      cl_uint events, const cl_event *before, cl_event *event),
+     (queue, buffer, wait, at, size, from, events, before, event))
+CALL("copy", clEnqueueCopyBuffer,
+     (cl_command_queue queue, cl_mem from, cl_mem to, size_t from_at, size_t to_at, size_t size,
+      cl_uint events, const cl_event *before, cl_event *event),
+     (queue, from, to, from_at, to_at, size, events, before, event))
+CALL("copy", clEnqueueFillBuffer,
+     (cl_command_queue queue, cl_mem buffer, const void *pattern, size_t pattern_size, size_t at,
+      size_t size, cl_uint events, const cl_event *before, cl_event *event),
+     (queue, buffer, pattern, pattern_size, at, size, events, before, event))
+MAKE("copy", void *, clEnqueueMapBuffer,
+     (cl_command_queue queue, cl_mem buffer, cl_bool wait, cl_map_flags flags, size_t at,
+      size_t size, cl_uint events, const cl_event *before, cl_event *event, cl_int *error),
+     (queue, buffer, wait, flags, at, size, events, before, event, error))
+CALL("flush", clFlush, (cl_command_queue queue), (queue))
+WAIT(clFinish, (cl_command_queue queue), (queue))
+WAIT(clWaitForEvents, (cl_uint count, const cl_event *events), (count, events))
+
+cl_int clGetDeviceInfo(cl_device_id device, cl_device_info what, size_t room, void *value,
+                       size_t *size) {
+  const cl_int result = NEXT(clGetDeviceInfo)(device, what, room, value, size);
+  const char *name = what == CL_DEVICE_MAX_MEM_ALLOC_SIZE ? "CLFAULT_LARGEST"
+                     : what == CL_DEVICE_GLOBAL_MEM_SIZE  ? "CLFAULT_MEMORY"
+                                                          : NULL;
+  if (result == CL_SUCCESS && name && getenv(name) && value && room >= sizeof(cl_ulong))
+    *(cl_ulong *)value = (cl_ulong)number(name, 0);
+  return result;
+}

@@ -1,0 +1,151 @@
+"""Trainings that are killed while they save, interrupted at any moment, or two in one folder."""
+import os
+import random
+import shutil
+import signal
+import time
+
+from world import broken_checkpoints, checkpoints_of, complaints, ended, settings, unfinished_in
+
+KILLS, SIGNALS, PAIRS = 200, 100, 10
+
+
+class Long:
+    """A training of the same scene that is long enough to be stopped many times."""
+
+    def __init__(self, world, name, checkpoint_every, iterations=600):
+        self.world, self.iterations = world, iterations
+        self.run = world.path(name)
+        self.arguments = ["train", world.scene, "-o", self.run, *settings(), "--set", f"train.iterations={iterations}",
+                          "--set", f"train.checkpoint_every={checkpoint_every}"]
+        shutil.rmtree(self.run, ignore_errors=True)
+        outcome = world.run(self.arguments)
+        if outcome.code != 0:
+            raise SystemExit(f"without a fault the training must succeed: {outcome.err}")
+        self.expected = self._left()
+        self.begin_anew()
+
+    def _left(self):
+        left = self.world.left_in(self.run)
+        with open(f"{self.run}/point_cloud/iteration_{self.iterations}/point_cloud.ply", "rb") as file:
+            left["model"] = file.read()
+        del left["config.toml"]  # it says how often to save
+        return left
+
+    def begin_anew(self):
+        shutil.rmtree(self.run)
+
+    def go_on(self):
+        return self.world.start([*self.arguments, "--resume"])
+
+    def finish(self):
+        """Goes on to the end, and says what is then not as in a training without stops."""
+        outcome = self.world.run([*self.arguments, "--resume"])
+        wrong = complaints(outcome, (0,)) + [f"{path} was left behind" for path in unfinished_in(self.run)]
+        if outcome.code == 0:
+            left = self._left()
+            wrong += [f"{name} is not as in a training without stops" for name in left
+                      if left[name] != self.expected[name]]
+        self.begin_anew()
+        return wrong
+
+
+def killed_in_saving(world):
+    """A checkpoint after each step: half of the time, or more, is saving."""
+    long = Long(world, "kills", checkpoint_every=1)
+    random.seed(1)
+    results, struck = [], 0
+    while len(results) < KILLS:
+        before = checkpoints_of(long.run)
+        process = long.go_on()
+        while process.poll() is None and checkpoints_of(long.run)[-1:] == before[-1:]:
+            time.sleep(0.001)
+        time.sleep(random.uniform(0, 0.04))
+        process.kill()
+        outcome = ended(process)
+        if outcome.code == 0:
+            results[-1:] = [results[-1] + long.finish()] if results else []
+            continue
+        wrong = [] if outcome.code == -signal.SIGKILL else [outcome.last_line()]
+        wrong += [f"it warned: {line}" for line in outcome.warnings()]
+        wrong += broken_checkpoints(long.run)
+        after = checkpoints_of(long.run)
+        if not after or (before and after[-1] < before[-1]):
+            wrong.append(f"of checkpoints {before} there are {after}")
+        struck += bool(unfinished_in(long.run))
+        results.append([f"kill {len(results) + 1}: {what}" for what in wrong])
+    results.append(long.finish())
+    print(f"    {struck} of {KILLS} kills struck while a file was being written")
+    if struck < KILLS // 10:
+        results.append([f"only {struck} of {KILLS} kills struck while a file was being written"])
+    return results
+
+
+def handles(pid, number):
+    try:
+        for line in open(f"/proc/{pid}/status", encoding="ascii"):
+            if line.startswith("SigCgt:"):
+                return int(line[7:], 16) >> (number - 1) & 1
+    except OSError:
+        pass
+    return 0
+
+
+def signalled(world):
+    """A signal at any moment after the program has begun; each tenth time a second one. Every tenth training
+    is gone on with to its end."""
+    long = Long(world, "signals", checkpoint_every=100)
+    random.seed(2)
+    results = []
+    for trial in range(SIGNALS):
+        number = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)[trial % 3]
+        process = long.go_on()
+        while process.poll() is None and not handles(process.pid, number):
+            time.sleep(0.001)
+        time.sleep(random.uniform(0, 1.2))
+        process.send_signal(number)
+        if trial % 10 == 9:
+            time.sleep(random.uniform(0, 0.01))
+            process.send_signal(number)
+        outcome = ended(process)
+        wrong = complaints(outcome, (0, 128 + number), ["interrupted"])
+        wrong += [f"{path} was left behind" for path in unfinished_in(long.run)]
+        wrong += broken_checkpoints(long.run)
+        if trial % 5 == 4 or outcome.code == 0:
+            wrong += long.finish()
+        results.append([f"{signal.Signals(number).name} {trial + 1}: {what}" for what in wrong])
+    return results
+
+
+def two_in_one_folder(world):
+    """Whoever comes second is refused, with the number of the first, which is not disturbed."""
+    results = []
+    long = Long(world, "pairs", checkpoint_every=20, iterations=300)
+    for trial in range(PAIRS):
+        first = long.go_on()
+        while first.poll() is None and not checkpoints_of(long.run):
+            time.sleep(0.005)
+        wrong = []
+        for more in ([], ["--resume"], ["--overwrite"]):
+            second = world.run([*long.arguments, *more])
+            wrong += complaints(second, (1,), [f"written by process {first.pid}"])
+        beside = world.run(["info", long.run])
+        wrong += complaints(beside, (0,))
+        outcome = ended(first)
+        wrong += complaints(outcome, (0,)) + long.finish()
+        results.append([f"pair {trial + 1}: {what}" for what in wrong])
+    for trial in range(PAIRS):  # at the same moment
+        run = world.path("race")
+        shutil.rmtree(run, ignore_errors=True)
+        both = [world.start(["train", world.scene, "-o", run, *settings()]) for _ in range(2)]
+        outcomes = sorted((ended(process) for process in both), key=lambda outcome: str(outcome.code))
+        wrong = complaints(outcomes[0], (0,)) + world.differences(run)
+        wrong += complaints(outcomes[1], (1,), [("being written by", "holds a finished training", "not empty")])
+        results.append([f"race {trial + 1}: {what}" for what in wrong])
+    return results
+
+
+def faults(world, every):
+    yield f"stops: kill -9 while saving, {KILLS} times", lambda: killed_in_saving(world)
+    yield f"stops: SIGINT, SIGTERM, SIGHUP at {SIGNALS} moments", lambda: signalled(world)
+    yield "stops: two processes in one folder", lambda: two_in_one_folder(world)

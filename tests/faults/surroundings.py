@@ -1,0 +1,179 @@
+"""What surrounds a program: the clock, the locale, names of folders, drivers, the cache of compiled
+kernels."""
+import os
+import random
+import shutil
+import struct
+import subprocess
+
+from world import complaints, content, ended, settings
+
+
+def as_always(world, name, env, run=None):
+    """A training that must be as the undisturbed one, and resumed from its middle as well."""
+    run = run or world.path("surrounded")
+    shutil.rmtree(run, ignore_errors=True)
+    outcome = world.train(run, env)
+    wrong = complaints(outcome, (0,)) + ([f"it said {outcome.err.strip()!r}"] if outcome.err else [])
+    wrong += world.differences(run)
+    shutil.rmtree(run)
+    shutil.copytree(world.stopped, run)
+    outcome = world.resume(run, env)
+    wrong += complaints(outcome, (0,)) + ([f"resumed it said {outcome.err.strip()!r}"] if outcome.err else [])
+    wrong += world.differences(run)
+    shutil.rmtree(run)
+    return [f"{name}: {what}" for what in wrong]
+
+
+def clock(world):
+    return [as_always(world, f"trial {i + 1}", {"LD_PRELOAD": world.shims["clock_jumps"]}) for i in range(3)]
+
+
+def locales(world):
+    """A decimal comma and no UTF-8; where they cannot be made, that is said."""
+    folder = world.path("locales")
+    os.makedirs(folder)
+    results = []
+    for language, coding in (("de_DE", "UTF-8"), ("fr_FR", "ISO-8859-1"), ("tr_TR", "UTF-8")):
+        name = f"{language}.{coding}"
+        made = shutil.which("localedef") and subprocess.run(
+            ["localedef", "-i", language, "-f", coding, os.path.join(folder, name)], capture_output=True).returncode <= 1
+        if not made or not os.path.isdir(os.path.join(folder, name)):
+            print(f"    left out: {name} cannot be made here; install the package locales")
+            continue
+        results.append(as_always(world, name, {"LOCPATH": folder, "LC_ALL": name, "LANG": name}))
+    return results
+
+
+def odd_paths(world):
+    results = []
+    names = ["with space", "two\nlines", "ünïcode 画像 🎬", "quote's \"and\" $(so) `on` \\", "-o", "%s %n {0}",
+             os.fsdecode(b"not \xff utf-8"), "x" * 200]
+    for name in names:
+        parent = world.path("odd")
+        shutil.rmtree(parent, ignore_errors=True)
+        os.makedirs(parent)
+        scene, run = os.path.join(parent, name + " scene"), os.path.join(parent, name)
+        os.symlink(world.scene, scene)
+        outcome = world.run(["train", scene, "-o", run, *settings()])
+        wrong = complaints(outcome, (0,))
+        left, expected = world.left_in(run), dict(world.expected)
+        for file in ("config.toml",):  # it names the scene
+            left.pop(file), expected.pop(file)
+        wrong += [f"{file} is not as in a plain folder" for file in left if left[file] != expected[file]]
+        for command in (["info", run], ["train", "-o", run, "--resume", "--quiet"],
+                        ["export", run, "-o", os.path.join(parent, name + ".ply"), "--quiet"],
+                        ["render", run, "-o", os.path.join(parent, name + " pictures"), "--quiet"]):
+            wrong += complaints(world.run(command), (0,))
+        results.append([f"{name!r}: {what}" for what in wrong])
+    loop, link = world.path("loop"), world.path("link")
+    os.symlink(loop, loop)
+    for arguments in (["train", loop, "-o", world.path("none"), *settings()],
+                      ["train", world.scene, "-o", loop, *settings()], ["info", loop],
+                      ["export", world.whole, "-o", loop + "/a.ply", "--quiet"]):
+        wrong = complaints(world.run(arguments), (1,), [loop])
+        results.append([f"a link to itself, {arguments[0]}: {what}" for what in wrong])
+    os.symlink(world.path("behind the link"), link)
+    os.makedirs(world.path("behind the link"))
+    wrong = complaints(world.train(link), (0,)) + world.differences(link)
+    results.append([f"a link to a folder: {what}" for what in wrong])
+    return results
+
+
+def no_driver(world):
+    results = []
+    for arguments in (["train", world.scene, "-o", world.path("none"), *settings()],
+                      ["train", "-o", world.stopped, "--resume"], ["devices"], ["bench", "raster"], ["stress", "--quick"],
+                      ["render", world.whole, "-o", world.path("none"), "--quiet"], ["eval", world.whole]):
+        outcome = world.run(arguments, {"OCL_ICD_VENDORS": "/nonexistent"})
+        wrong = complaints(outcome, (2,), ["no OpenCL device found: install"])
+        if os.path.exists(world.path("none")):
+            wrong.append("something was written")
+        results.append([f"{arguments[0]}: {what}" for what in wrong])
+    return results
+
+
+def damaged_caches(world):
+    """Nothing in the cache of compiled kernels, or wrong with its folder, changes anything, or is said."""
+    good, cache = world.path("cache good"), world.path("cache")
+    random.seed(3)
+    results = [as_always(world, "empty", {"GFLOW_CACHE_DIR": good})]
+    files = sorted(os.listdir(good))
+    if not files:
+        return [["no program was kept"]]
+    results.append(as_always(world, "kept", {"GFLOW_CACHE_DIR": good}))
+
+    def flipped(data):
+        data = bytearray(data)
+        data[random.randrange(len(data))] ^= 1 << random.randrange(8)
+        return bytes(data)
+
+    def sealed(payload):
+        """A file as gflow would have written it, of bytes that are no program."""
+        checksum = 14695981039346656037
+        for byte in payload:
+            checksum = (checksum ^ byte) * 1099511628211 % (1 << 64)
+        return b"GFLOWBI1" + struct.pack("<QQ", len(payload), checksum) + payload
+
+    damages = {f"a bit flipped, {i + 1}": flipped for i in range(4)}
+    damages.update({"in the header": lambda data: data[:9] + flipped(data[9:24]) + data[24:],
+                    "cut in half": lambda data: data[:len(data) // 2], "a byte short": lambda data: data[:-1],
+                    "nothing in it": lambda data: b"", "only a header": lambda data: data[:24],
+                    "longer": lambda data: data + b"more", "of another kind": lambda data: b"\x7fELF" + data,
+                    "well sealed nonsense": lambda data: sealed(b"no program at all")})
+    for name, damage in damages.items():
+        shutil.rmtree(cache, ignore_errors=True)
+        shutil.copytree(good, cache)
+        for file in files:
+            data = content(os.path.join(good, file))
+            with open(os.path.join(cache, file), "wb") as out:
+                out.write(damage(data))
+        wrong = as_always(world, name, {"GFLOW_CACHE_DIR": cache})
+        wrong += [f"{name}: {file} was not written anew" for file in files
+                  if content(os.path.join(cache, file)) != content(os.path.join(good, file))]
+        results.append(wrong)
+    shutil.rmtree(cache)
+    os.makedirs(cache)
+    for i, file in enumerate(files):  # each under the name of another
+        shutil.copy(os.path.join(good, file), os.path.join(cache, files[i - 1]))
+    results.append(as_always(world, "names exchanged", {"GFLOW_CACHE_DIR": cache}))
+    for name in ("files that are folders",):
+        shutil.rmtree(cache)
+        for file in files:
+            os.makedirs(os.path.join(cache, file))
+        results.append(as_always(world, name, {"GFLOW_CACHE_DIR": cache}))
+    results.append(as_always(world, "below a file", {"GFLOW_CACHE_DIR": os.path.join(good, files[0], "cache")}))
+    shutil.rmtree(cache)
+    results.append(two_writers(world, cache, good, files))
+    for first, last, why, code in ((1, 10**9, "read-only", 30), (9, 10**9, "disk full", 28), (4, 4, "an error", 5)):
+        shutil.rmtree(cache, ignore_errors=True)
+        os.makedirs(cache)
+        wrong = as_always(world, why, {
+            "GFLOW_CACHE_DIR": cache, "LD_PRELOAD": world.shims["fail_io"], "FAULT_FOLDER": cache, "FAULT_CALL": str(first),
+            "FAULT_LAST": str(last), "FAULT_ERRNO": str(code), "FAULT_REPORT": world.path("cache.report")})
+        wrong += [f"{why}: {file} was left behind" for file in os.listdir(cache) if file.endswith(".tmp")]
+        results.append(wrong)
+    return results
+
+
+def two_writers(world, cache, good, files):
+    runs = [world.path(f"writer {i}") for i in range(2)]
+    both = [world.start(["train", world.scene, "-o", run, *settings()], {"GFLOW_CACHE_DIR": cache}) for run in runs]
+    wrong = []
+    for process, run in zip(both, runs):
+        outcome = ended(process)
+        wrong += complaints(outcome, (0,)) + ([f"it said {outcome.err!r}"] if outcome.err else [])
+        wrong += world.differences(run)
+    if sorted(os.listdir(cache)) != files:
+        wrong.append(f"there are {sorted(os.listdir(cache))}")
+    wrong += [f"{file} differs" for file in files
+              if content(os.path.join(cache, file)) != content(os.path.join(good, file))]
+    return [f"two writers: {what}" for what in wrong]
+
+
+def faults(world, every):
+    yield "surroundings: the clock jumps", lambda: clock(world)
+    yield "surroundings: locales with a decimal comma", lambda: locales(world)
+    yield "surroundings: odd paths and links", lambda: odd_paths(world)
+    yield "surroundings: no OpenCL driver", lambda: no_driver(world)
+    yield "surroundings: damaged caches of kernels", lambda: damaged_caches(world)
