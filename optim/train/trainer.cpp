@@ -433,8 +433,9 @@ void Trainer::put_in_order(Queue& queue) {
     if (density_) density_->reorder(queue, source);
     if (rest_) rest_->forget();
     neighbours_known_ = false;
-  } catch (const Error& problem) {  // only slower
+  } catch (const Error& problem) {  // slower, and other last bits
     if (!is_out_of_memory(problem)) throw;
+    memory_is_short(problem.what());
   }
 }
 
