@@ -7,8 +7,8 @@ import surroundings
 def faults(world, every):
     trials = disk.trials(world)
     yield "disk: every write of import", lambda: disk.every_call(trials["import"], every)
-    yield "disk: the log of a training", lambda: disk.chosen_calls(trials["resume"], "metrics.", 2)
+    yield "disk: the log of a training", lambda: disk.chosen_calls(trials["resume"], "metrics.jsonl", 1)
     yield "device: an allocation fails after a step", lambda: device.in_turn(
-        world, "quick", "create", (-4,), 0, 2, True)
+        world, "quick", "create", (-4,), 0, 1, True)
     yield "device: lost after a step", lambda: device.in_turn(world, "quick lost", device.ALL, (-36,), 0, 1, True, True)
     yield "surroundings: no OpenCL driver", lambda: surroundings.no_driver(world)

@@ -8,6 +8,7 @@ import shutil
 import signal
 import struct
 import subprocess
+import time
 import zipfile
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -123,7 +124,7 @@ class World:
             shutil.rmtree(run, ignore_errors=True)
             process = self.start(["train", self.scene, "-o", run, *settings()])
             while process.poll() is None and not os.path.exists(self.checkpoint(run, 4)):
-                pass
+                time.sleep(0.001)
             process.kill()
             process.communicate()
             if checkpoints_of(run) == [4]:
