@@ -54,8 +54,8 @@ def killed_in_saving(world):
     """A checkpoint after each step: half of the time, or more, is saving."""
     long = Long(world, "kills", checkpoint_every=1)
     random.seed(1)
-    results, struck = [], 0
-    while len(results) < KILLS:
+    kills = struck = 0
+    while kills < KILLS:
         before = checkpoints_of(long.run)
         process = long.go_on()
         while process.poll() is None and checkpoints_of(long.run)[-1:] == before[-1:]:
@@ -63,8 +63,8 @@ def killed_in_saving(world):
         time.sleep(random.uniform(0, 0.04))
         process.kill()
         outcome = ended(process)
-        if outcome.code == 0:
-            results[-1:] = [results[-1] + long.finish()] if results else []
+        if outcome.code == 0:  # it came to its end first
+            yield long.finish()
             continue
         wrong = [] if outcome.code == -signal.SIGKILL else [outcome.last_line()]
         wrong += [f"it warned: {line}" for line in outcome.warnings()]
@@ -72,13 +72,10 @@ def killed_in_saving(world):
         after = checkpoints_of(long.run)
         if not after or (before and after[-1] < before[-1]):
             wrong.append(f"of checkpoints {before} there are {after}")
-        struck += bool(unfinished_in(long.run))
-        results.append([f"kill {len(results) + 1}: {what}" for what in wrong])
-    results.append(long.finish())
-    print(f"    {struck} of {KILLS} kills struck while a file was being written")
-    if struck < KILLS // 10:
-        results.append([f"only {struck} of {KILLS} kills struck while a file was being written"])
-    return results
+        kills, struck = kills + 1, struck + bool(unfinished_in(long.run))
+        yield [f"kill {kills}: {what}" for what in wrong]
+    few = f"{struck} of {KILLS} kills struck while a file was being written"
+    yield long.finish() + ([few] if struck < KILLS // 10 else [])
 
 
 def handles(pid, number):
@@ -96,7 +93,6 @@ def signalled(world):
     is gone on with to its end."""
     long = Long(world, "signals", checkpoint_every=100)
     random.seed(2)
-    results = []
     for trial in range(SIGNALS):
         number = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)[trial % 3]
         process = long.go_on()
@@ -113,8 +109,7 @@ def signalled(world):
         wrong += broken_checkpoints(long.run)
         if trial % 5 == 4 or outcome.code == 0:
             wrong += long.finish()
-        results.append([f"{signal.Signals(number).name} {trial + 1}: {what}" for what in wrong])
-    return results
+        yield [f"{signal.Signals(number).name} {trial + 1}: {what}" for what in wrong]
 
 
 def two_in_one_folder(world):
