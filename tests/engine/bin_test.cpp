@@ -89,8 +89,8 @@ TEST(Bin, GivesEveryIntersectionASlotOfItsGaussian) {
 // them. The second total is 5 in 32 bits.
 TEST(Bin, RefusesIntersectionsPastTwoToThe31BeforeItAllocates) {
   Queue queue = test_queue();
-  for (const auto& [each, splats] : {std::pair<cl_uint, size_t>{1u << 20, 2048},
-                                     std::pair<cl_uint, size_t>{0x33333334u, 5}}) {
+  for (const auto& [each, splats] :
+       {std::pair<cl_uint, size_t>{1u << 20, 2048}, std::pair<cl_uint, size_t>{0x33333334u, 5}}) {
     const uint64_t total = uint64_t(each) * splats;
     Bin bin(queue, {});
     Splats many;
