@@ -61,7 +61,12 @@ def odd_paths(world):
         for file in ("config.toml",):  # it names the scene
             left.pop(file), expected.pop(file)
         wrong += [f"{file} is not as in a plain folder" for file in left if left[file] != expected[file]]
-        for command in (["info", run], ["train", "-o", run, "--resume", "--quiet"],
+        resume = ["-o", run, "--resume", "--quiet"]
+        if name.isprintable() or "\n" in name:
+            wrong += complaints(world.run(["train", *resume]), (0,))
+        else:  # no TOML holds what is not UTF-8
+            wrong += complaints(world.run(["train", *resume]), (1,), ["gflow train SCENE"])
+        for command in (["info", run], ["train", scene, *resume],
                         ["export", run, "-o", os.path.join(parent, name + ".ply"), "--quiet"],
                         ["render", run, "-o", os.path.join(parent, name + " pictures"), "--quiet"]):
             wrong += complaints(world.run(command), (0,))

@@ -197,5 +197,24 @@ TEST(Config, AFileThatIsNotTomlIsNamedWithItsLine) {
                   "no/such/file.toml");
 }
 
+// A path need not be UTF-8, and TOML must: the rest of the settings are not lost with it.
+TEST(Config, WhatTomlCannotHoldIsLeftOutOfIt) {
+  for (const char* path : {"caf\xc3\xa9 \xe7\x94\xbb \xf0\x9f\x8e\xac \xed\x9f\xbf", "plain"}) {
+    TrainConfig config, read;
+    config.scene.path = path;
+    apply_text(read, to_toml(config), "a test");
+    EXPECT_EQ(read.scene.path, path);
+  }
+  for (const char* path : {"caf\xe9", "\xc0\xaf", "\xe0\x80\xaf", "\xed\xa0\x80",
+                           "\xf4\x90\x80\x80", "\xff", "\x80", "cut \xe7\x94"}) {
+    TrainConfig config, read;
+    config.scene.path = path;
+    config.train.seed = 7;
+    apply_text(read, to_toml(config), "a test");
+    EXPECT_EQ(read.scene.path, "");
+    EXPECT_EQ(read.train.seed, 7);
+  }
+}
+
 }  // namespace
 }  // namespace gflow
