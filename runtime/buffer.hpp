@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Typed, named device memory. T is what the kernel sees: a scalar, or a struct of 4-byte scalars
-// (never float3: it is 16 bytes in OpenCL C). Fresh contents are undefined; in debug builds a
-// fresh float buffer is full of a NaN, so that reading before writing shows.
+// (never float3: it is 16 bytes in OpenCL C). Fresh contents are undefined; where the queue poisons
+// them (Queue::poisons) they are `poison`, so that reading before writing shows: as a float a NaN
+// that no arithmetic makes, as an index one that no array has.
 #pragma once
 #include <fmt/format.h>
 
@@ -15,6 +16,8 @@
 #include "runtime/queue.hpp"
 
 namespace gflow {
+
+constexpr cl_uint poison = 0x7fc0dead;
 
 // `size` elements of T in device memory; 0 is allowed. Movable, not copyable.
 template <class T>
@@ -37,10 +40,12 @@ class Buffer {
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;
 
-  // Makes the size `size`; contents are undefined afterwards. Reallocates only when the memory held
-  // is too small, then with a quarter to spare, so that growing by little seldom does.
+  // Makes the size `size`; contents are undefined afterwards unless it was that before. Reallocates
+  // only when the memory held is too small, then with a quarter to spare, so that growing by little
+  // seldom does.
   void ensure(Queue& queue, size_t size) {
     if (size <= capacity_ && handle_()) {
+      if (size != size_) poison_all(queue);
       size_ = size;
       return;
     }
@@ -143,12 +148,17 @@ class Buffer {
     handle_ = cl_call("allocating " + describe(), [&] {
       return cl::Buffer(queue.context, CL_MEM_READ_WRITE, capacity_ * sizeof(T));
     });
-#ifndef NDEBUG
-    if constexpr (std::is_same_v<T, float>)
-      cl_call("marking " + describe(), [&] {
-        queue.handle.enqueueFillBuffer(handle_, cl_uint(0x7fc0dead), 0, capacity_ * sizeof(T));
-      });
-#endif
+    poison_all(queue);
+  }
+
+  void poison_all(Queue& queue) {
+    using Pattern = std::conditional_t<
+        sizeof(T) % 4 == 0, cl_uint,
+        std::conditional_t<sizeof(T) % 2 == 0, cl_ushort, cl_uchar>>;  // must divide the size
+    if (!queue.poisons()) return;
+    cl_call("poisoning " + describe(), [&] {
+      queue.handle.enqueueFillBuffer(handle_, Pattern(poison), 0, capacity_ * sizeof(T));
+    });
   }
 
   void enqueue_write(Queue& queue, size_t first, const std::vector<T>& data, cl_bool wait) {

@@ -9,10 +9,16 @@
 namespace gflow {
 namespace {
 
-bool sync_wanted() {
-  const char* value = std::getenv("GFLOW_SYNC");
-  return value && std::string(value) == "1";
+bool wanted(const char* variable, bool otherwise) {
+  const char* value = std::getenv(variable);
+  return value ? std::string(value) == "1" : otherwise;
 }
+
+#ifdef NDEBUG
+constexpr bool debug_build = false;
+#else
+constexpr bool debug_build = true;
+#endif
 
 int checked_lanes(int asked, const DeviceInfo& info) {
   const int lanes = asked ? asked : info.lanes;
@@ -30,7 +36,8 @@ Queue::Queue(const cl::Device& device, const QueueOptions& options)
       info(device_info(device)),
       lanes(checked_lanes(options.lanes, info)),
       profile_(options.profile),
-      finish_each_launch_(sync_wanted()) {
+      poison_(wanted("GFLOW_POISON_BUFFERS", debug_build)),
+      finish_each_launch_(wanted("GFLOW_SYNC", false)) {
   cl_call("making a queue on " + info.full_name(), [&] {
     context = cl::Context(device);
     handle = cl::CommandQueue(context, device, profile_ ? CL_QUEUE_PROFILING_ENABLE : 0);

@@ -43,6 +43,9 @@ class Queue {
   // For Kernel: called after each launch with its event.
   void launched(const std::string& kernel, const cl::Event& event);
   bool keeps_events() const { return profile_; }
+  // For Buffer: whether memory without contents is filled with what no result can be. In debug
+  // builds, and with GFLOW_POISON_BUFFERS=1 (=0: not in debug builds either).
+  bool poisons() const { return poison_; }
 
   cl::Device device;
   DeviceInfo info;
@@ -55,6 +58,7 @@ class Queue {
   void fold_events();
 
   bool profile_;
+  bool poison_;
   bool finish_each_launch_;  // GFLOW_SYNC=1: an error then belongs to the launch just made
   std::vector<std::pair<std::string, cl::Event>> events_;
   std::map<std::string, KernelTiming> timings_;

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "device.hpp"
+#include "environment.hpp"
 
 namespace gflow {
 namespace {
@@ -104,12 +105,28 @@ TEST(Buffer, ExchangesMemoryAndKeepsNames) {
   EXPECT_EQ(a.name(), "a");
 }
 
-#ifndef NDEBUG
-TEST(Buffer, FreshFloatsAreNanInDebugBuilds) {
+TEST(Buffer, MemoryWithoutContentsIsPoisonedOnRequest) {
+  const Environment wanted("GFLOW_POISON_BUFFERS", "1");
   Queue queue = test_queue();
-  for (const float value : Buffer<float>(queue, 3, "fresh").read(queue)) EXPECT_NE(value, value);
+  for (const float value : Buffer<float>(queue, 3, "floats").read(queue)) EXPECT_NE(value, value);
+  for (const cl_ushort value : Buffer<cl_ushort>(queue, 3, "masks").read(queue))
+    EXPECT_EQ(value, 0xdead);
+  for (const cl_uchar value : Buffer<cl_uchar>(queue, 3, "bytes").read(queue))
+    EXPECT_EQ(value, 0xad);
+
+  Buffer<cl_uint> ids(queue, {1, 2, 3}, "ids");
+  ids.ensure(queue, 3);  // nothing asked for, nothing lost
+  EXPECT_EQ(ids.read(queue), (std::vector<cl_uint>{1, 2, 3}));
+  ids.ensure(queue, 2);  // in the memory held
+  EXPECT_EQ(ids.read(queue), (std::vector<cl_uint>{poison, poison}));
+  ids.ensure(queue, 5);
+  EXPECT_EQ(ids.read(queue), std::vector<cl_uint>(5, poison));
 }
-#endif
+
+TEST(Buffer, IsNotPoisonedWhereThatIsSwitchedOff) {
+  const Environment off("GFLOW_POISON_BUFFERS", "0");
+  EXPECT_FALSE(test_queue().poisons());
+}
 
 }  // namespace
 }  // namespace gflow
