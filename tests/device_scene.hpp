@@ -80,7 +80,10 @@ class DeviceScene {
     write(images.v_alpha, v.alpha);
     if (channels_.depth) write(images.v_depth, v.depth);
     if (channels_.flow) write(images.v_flow, v.flow);
-    gradients.zero(queue_, t1_.opacities.size());
+    if (keep_gradients)
+      gradients.ensure(queue_, t1_.opacities.size());
+    else
+      gradients.zero(queue_, t1_.opacities.size());
     engine.backward(queue_, t1_, t2_, images, gradients);
     Buffer<float> v_quats, v_scales;
     posed_.backward(queue_, quats_, scales_, gradients.v_factors, v_quats, v_scales);
@@ -100,6 +103,7 @@ class DeviceScene {
   Engine engine;
   GaussianGradients gradients;
   bool flow_in_parts = false;  // ImageGradients'
+  bool keep_gradients = false;  // what rows that are not seen hold; else 0
 
  private:
   Queue& queue_;
