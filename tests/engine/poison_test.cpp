@@ -27,8 +27,9 @@ class Poison : public testing::TestWithParam<int> {
 INSTANTIATE_TEST_SUITE_P(Lanes, Poison, testing::Values(16, 8, 4, 1),
                          testing::PrintToStringParamName());
 
-// Some of what lies in the scene is not seen; some tiles are opaque, so that lists end early.
-Scene scene_of(size_t n, int width, int height) {
+// Some of what lies in the scene is not seen. Behind an opaque front every tile is finished long
+// before the end of its list.
+Scene scene_of(size_t n, int width, int height, bool opaque_front) {
   SceneSpec spec;
   spec.n = n;
   spec.width = width;
@@ -37,6 +38,8 @@ Scene scene_of(size_t n, int width, int height) {
   Scene s = random_scene(spec);
   for (size_t i = 0; i < n; i += 2) s.p["opacities"][i] = 0.98;
   for (size_t i = 0; i < n; i += 7) s.p["opacities"][i] = 0;
+  if (opaque_front)
+    for (int i = 0; i < 5; ++i) add_gaussian(s, {0, 0, 1 + .01 * i}, {4, 4, .1}, .98);
   return s;
 }
 
@@ -58,10 +61,11 @@ void expect_rows(const Buffer<float>& buffer, Queue& queue, size_t width,
 
 TEST_P(Poison, EveryOutputOfTheEngineIsWrittenAndWhatIsNotSeenIsLeftAlone) {
   Queue queue = test_queue(GetParam());
-  for (const auto& [n, width, height] :
-       {std::tuple{size_t(300), 45, 30}, {size_t(100), 17, 33}, {size_t(250), 21, 18}}) {
+  for (const auto& [n, width, height, opaque_front] : {std::tuple{size_t(300), 45, 30, false},
+                                                       {size_t(100), 17, 33, false},
+                                                       {size_t(300), 21, 18, true}}) {
     SCOPED_TRACE(fmt::format("{} Gaussians, {} x {} pixels", n, width, height));
-    const Scene s = scene_of(n, width, height);
+    const Scene s = scene_of(n, width, height, opaque_front);
     DeviceScene device(queue, s);
     device.keep_gradients = true;
     for (const auto& [name, plane] : device.forward()) EXPECT_EQ(unwritten(plane), 0u) << name;
