@@ -175,6 +175,19 @@ TEST_P(AdamTest, TreatsOnlyTheRowsInUse) {
   EXPECT_THROW(f.adam.step(f.queue, f.group, f.state, 4, {1, 1e-15f}), Error);
 }
 
+TEST_P(AdamTest, RowsInUseMayBeginAnywhere) {
+  Fixture f(GetParam(), 5, 2);
+  const RowRange middle{1, 3};
+  f.state.pace.write(f.queue, {2, 3, 4, 5, 6});
+  f.group.grads.write(f.queue, {1, 1, 1, 1, 1, NAN, 1, 1, NAN, 1});
+  f.adam.refuse(f.queue, f.group, f.state, middle);
+  f.adam.advance(f.queue, f.state, middle);
+  f.adam.step(f.queue, f.group, f.state, middle, {1, 1e-15f});
+  const std::vector<double> expected{0, 0, -3, -3, 0, 0, -5, -5, 0, 0};  // row 2 is refused
+  EXPECT_TRUE(all_close(f.group.values.read(f.queue), expected, {4e-7, 1e-30}));
+  EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{0, 0, 1, 0, 0}));
+}
+
 TEST_P(AdamTest, RatesOfARowGrowWithItsPaceAndShrinkWithItsReach) {
   Fixture f(GetParam(), 2, 1);
   f.state.pace.write(f.queue, {3, 3});
