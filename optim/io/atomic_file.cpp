@@ -86,6 +86,13 @@ void flush_to_disk(const std::string& temporary, const std::string& path) {
     throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
 }
 
+// So that the name, too, outlasts a loss of power. Not every file system can; the file itself is safe.
+void flush_folder_of(const std::string& path) {
+  const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
+  const Descriptor open(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (open.get() >= 0) ::fsync(open.get());
+}
+
 // flag: O_TRUNC for the whole file, O_APPEND for more of it. Some libraries remove what they failed
 // to write, hence O_CREAT.
 void write_all(const std::string& temporary, int flag, std::string_view bytes,
@@ -172,6 +179,7 @@ void replace_file(const std::string& path,
   write(temporary.path());
   flush_to_disk(temporary.path(), path);
   temporary.rename_to(path);
+  flush_folder_of(path);
 }
 
 bool is_temporary_name(const std::string& filename) {
