@@ -22,6 +22,7 @@ constexpr char tag[8] = {'g', 'f', 'l', 'o', 'w', 'u', 'v', '1'};
 constexpr uint32_t finest = 64;      // units a pixel
 constexpr uint32_t largest = 32767;  // units
 constexpr uint32_t longest_side = 1u << 14;
+constexpr size_t most_expanded = 1032;  // bytes that zlib makes of one at the most (its manual)
 
 struct Header {
   char tag[8];
@@ -152,6 +153,12 @@ TeacherFlow unpacked(const Bytes& bytes, const std::string& name) {
   const uint8_t* stream = bytes.data() + sizeof(Header);
   if (crc_of(header, stream) != header.crc) throw damaged("its checksum is wrong");
 
+  // A checksum may be right by chance: nothing is allocated that the stream cannot fill.
+  const bool sized = header.width > 0 && header.width <= longest_side && header.height > 0 &&
+                     header.height <= longest_side;
+  if (!sized || Parts(size_t(header.width) * header.height).end > most_expanded * header.length)
+    throw damaged("it does not expand to a flow of its size");
+  if (header.units == 0 || header.units > finest) throw damaged("its unit is none");
   const int width = int(header.width), height = int(header.height);
   TeacherFlow teacher{zero_flow(width, height), {}};
   const Parts parts(teacher.flow.valid.size());
