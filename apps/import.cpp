@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -49,6 +50,13 @@ void run_import(const ImportFlags& flags) {
                     "makes a PLY of one of its times",
                     flags.input));
   const SplatTable standard = standard_table(table, flags.input);
+  for (size_t i = 0; i < standard.table.values.size(); ++i)
+    if (!std::isfinite(standard.table.values[i]))
+      throw Error(
+          fmt::format("{}: Gaussian {} has a value that is not finite ({}), which no viewer "
+                      "can draw",
+                      flags.input, i / standard.table.names.size(),
+                      standard.table.names[i % standard.table.names.size()]));
   write_ply(flags.output, standard.table);
   fmt::print("read      {}, {}\nwritten   {}, {} Gaussians\n", flags.input,
              names_of(format)[size_t(format)], flags.output, standard.table.rows);

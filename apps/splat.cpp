@@ -28,7 +28,11 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
                    "v_depth v_flow")
       ->required()
       ->type_name("FILE.npz");
-  command->add_option("-o,--output", flags->output, "The .npz that is written")
+  command
+      ->add_option(
+          "-o,--output", flags->output,
+          "The .npz that is written: rgb alpha depth flow, g_* for each v_*, and in broken "
+          "the numbers of Gaussians with values that are not finite")
       ->required()
       ->type_name("FILE.npz");
   command
@@ -56,7 +60,7 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
   command->callback([flags, &options] {
     flags->splat.settings.transport = transport_named(flags->transport);
     flags->splat.settings.stop = stop_rule_named(flags->stop);
-    const Arrays input = read_npz(flags->input);
+    const Arrays input = read_npz(flags->input, splat_arrays_known);
     QueueOptions queue_options;
     queue_options.lanes = flags->lanes;
     Queue queue = open_queue(options, queue_options);

@@ -3,10 +3,12 @@
 #include "apps/stress/stress.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -35,14 +37,27 @@ Tests chosen(const Flags& flags) {
     std::string ids;
     for (const Test& t : all)
       if (ids.find(t.id + ",") == std::string::npos) ids += t.id + ", ";
-    throw Error(fmt::format("--only {}: there is no such test; there are {}", id,
-                            ids.substr(0, ids.size() - 2)));
+    throw Error(fmt::format(
+        "--only {}: there is no such test here; there are {}. T42 to T45 and T47 have commands of "
+        "their own: tests/faults/run, tests/fuzz/run, tests/second_opinions, gflow bench pareto",
+        id, ids.substr(0, ids.size() - 2)));
   }
   for (Test& t : all) {
     const bool named = std::find(flags.only.begin(), flags.only.end(), t.id) != flags.only.end();
     if ((flags.only.empty() || named) && (t.quick || !flags.quick)) wanted.push_back(std::move(t));
   }
+  if (wanted.empty())
+    throw Error("--quick leaves out all that --only names: they take minutes each");
   return wanted;
+}
+
+// Error now rather than after all tests.
+void require_writable(const std::string& path) {
+  if (path.empty()) return;
+  std::string parent = std::filesystem::path(path).parent_path().string();
+  if (parent.empty()) parent = ".";
+  if (std::filesystem::is_directory(path) || ::access(parent.c_str(), W_OK) != 0)
+    throw Error(fmt::format("--json {}: no file can be written there", path));
 }
 
 const char* verdict(bool good) { return good ? "ok" : "FAILS"; }
@@ -101,6 +116,7 @@ void run_derivatives(Queue& queue, Outcome& outcome) {
 
 void run(const Flags& flags, const GlobalOptions& options) {
   const Tests tests = chosen(flags);
+  require_writable(flags.json);
   Queue queue = open_queue(options);
   Outcome outcome;
   fmt::print("{}, {} lanes\n", queue.info.full_name(), queue.lanes);
@@ -133,10 +149,12 @@ void add_stress(CLI::App& app, const GlobalOptions& options) {
       "stress", "Test the numerics on this device; exit code 3 when a bound is not kept");
   auto* all = command->add_flag("--all", "Every test (default)");
   command->add_flag("--quick", flags->quick, "Those of a few seconds only")->excludes(all);
-  command->add_option("--only", flags->only, "Only tests of these numbers, e.g. T7,T12")
-      ->delimiter(',')
-      ->type_name("NUMBERS");
-  command->add_flag("--derivatives", flags->derivatives, "Only the table of derivatives");
+  auto* only =
+      command->add_option("--only", flags->only, "Only tests of these numbers, e.g. T7,T12")
+          ->delimiter(',')
+          ->type_name("NUMBERS");
+  command->add_flag("--derivatives", flags->derivatives, "Only the table of derivatives")
+      ->excludes(only);
   command->add_option("--json", flags->json, "Write the figures here")->type_name("FILE");
   command->callback([flags, &options] { run(*flags, options); });
 }

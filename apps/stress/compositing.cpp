@@ -248,7 +248,7 @@ Rows tiles(Queue& queue) {  // T22
     spec.width = width;
     spec.height = height;
     rows.push_back({fmt::format("image {} x {}", width, height),
-                    worst_image_error(queue, random_scene(spec)), width > 1000 ? 1e-4 : 1e-5});
+                    worst_image_error(queue, random_scene(spec)), 1e-5});
   }
   for (const int across : {1, 2, 5, 10}) {  // 1 to 100 tiles
     Scene s = random_scene({0, 160, 160});

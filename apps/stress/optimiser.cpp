@@ -123,7 +123,7 @@ Rows bad_gradients(Queue& queue) {  // T32
                    double(different_bits(found, clean)), 0});
     out.push_back({fmt::format("{}: values not finite", name), broken, 0});
     double wrong = 0;
-    for (size_t i = 0; i < rows; ++i) wrong += (refused[i] != 0) != (i == culprit);
+    for (size_t i = 0; i < rows; ++i) wrong += refused[i] != cl_uint(i == culprit);
     out.push_back({fmt::format("{}: rows wrongly named as refused, or not", name), wrong, 0});
   }
   return out;

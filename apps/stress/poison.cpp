@@ -4,6 +4,7 @@
 // not finite.
 #include <cstring>
 #include <limits>
+#include <map>
 
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
@@ -45,7 +46,17 @@ class Poisoned {
         v_(random_cotangents(clean_, 10)),
         device_(queue, clean_),
         images_(device_.forward()),
-        gradients_(device_.backward(v_)) {}
+        gradients_(device_.backward(v_)) {
+    for (const char* slot : {"quats", "quats_t2"}) {
+      Scene s = clean_;
+      for (size_t k = 0; k < 4; ++k) s.p[slot][k] = k == 0;
+      device_.upload(s);
+      device_.forward();
+      unturned_[slot] = culprits_record();
+    }
+    device_.upload(clean_);
+    device_.forward();
+  }
 
   const reference::Named& slots() const { return clean_.p; }
 
@@ -99,9 +110,10 @@ class Poisoned {
   // Whether the engine's own arrays say which one is broken: not seen; without a colour; without
   // flow; or, of a quaternion, without a turn.
   bool named(const std::string& slot) {
-    if (slot == "quats" || slot == "quats_t2") return true;  // T25
+    const std::vector<float> r = culprits_record();
+    const auto unturned = unturned_.find(slot);
+    if (unturned != unturned_.end()) return r == unturned->second;
     const bool seen = device_.engine.splats().tiles_touched.read_range(queue_, 0, 1)[0] > 0;
-    const std::vector<float> r = device_.engine.splats().records.read_range(queue_, 0, 16);
     if (slot == "colors") return r[5] == -HUGE_VALF;
     const bool moves = r[7] != 0 || r[11] != 0 || r[12] != 0 || r[13] != 0 || r[14] != 0;
     return slot == "means_t2" || slot == "scales_t2" ? seen && !moves : !seen;
@@ -124,11 +136,16 @@ class Poisoned {
     }
   }
 
+  std::vector<float> culprits_record() {
+    return device_.engine.splats().records.read_range(queue_, 0, 16);
+  }
+
   Queue& queue_;
   Scene clean_;
   reference::Planes v_;
   DeviceScene device_;
   FloatArrays images_, gradients_;
+  std::map<std::string, std::vector<float>> unturned_;  // the culprit's record without that turn
 };
 
 Rows poison(Queue& queue) {

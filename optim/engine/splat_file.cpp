@@ -84,7 +84,20 @@ struct Loss {
   Buffer<float> ImageGradients::*gradient;
 };
 
+// Error when a value is not finite, which would reach every pixel.
+void require_finite(const std::vector<float>& values, const std::string& key,
+                    const std::string& name) {
+  for (const float x : values)
+    if (!std::isfinite(x))
+      throw Error(fmt::format("reading {}: array '{}' has a value that is not finite", name, key));
+}
+
 }  // namespace
+
+const std::set<std::string> splat_arrays_known{
+    "means",      "quats", "scales",     "opacities", "colors",   "viewmat",
+    "K",          "size",  "background", "means_t2",  "quats_t2", "scales_t2",
+    "viewmat_t2", "v_rgb", "v_alpha",    "v_depth",   "v_flow"};
 
 SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
                        const std::string& name) {
@@ -92,11 +105,13 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
   if (size.size() != 2)
     throw Error("reading " + name + ": array 'size' should hold width and height, its shape is " +
                 size.shape_text());
-  const int width = size.as_int()[0], height = size.as_int()[1];
-  if (width < 1 || height < 1 || width > 65535 || height > 65535)
-    throw Error(
-        fmt::format("reading {}: array 'size' says {} x {} pixels, each should be 1 to 65535", name,
-                    width, height));
+  const std::vector<double> sides = size.as_double();
+  for (const double side : sides)
+    if (!(side >= 1 && side <= 65535 && side == std::floor(side)))
+      throw Error(fmt::format(
+          "reading {}: array 'size' says {} x {} pixels, each should be a whole number, 1 to 65535",
+          name, sides[0], sides[1]));
+  const int width = int(sides[0]), height = int(sides[1]);
   const Array& means = array_named(input, "means", name);
   SplatScene s;
   const size_t n = s.count = means.shape.empty() ? 0 : means.shape[0];
@@ -124,6 +139,7 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
   const auto viewmat2 = floats_or(input, "viewmat_t2", {4, 4}, name, viewmat);
   const auto K = floats(input, "K", {3, 3}, name);
   const auto background = floats_or(input, "background", {3}, name, {0, 0, 0});
+  require_finite(background, "background", name);
   std::copy(background.begin(), background.end(), s.background.begin());
   for (const std::vector<float>* pose : {&viewmat, &viewmat2})
     for (const float x : *pose)
@@ -174,7 +190,9 @@ Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& optio
       (v.*other.gradient).fill(queue, 0.f);
     }
     const Shape shape = loss.channels > 1 ? Shape{h, w, loss.channels} : Shape{h, w};
-    (v.*loss.gradient).write(queue, to_planes(floats(input, key, shape, name), loss.channels));
+    const std::vector<float> cotangent = floats(input, key, shape, name);
+    require_finite(cotangent, key, name);
+    (v.*loss.gradient).write(queue, to_planes(cotangent, loss.channels));
     g.zero(queue, s.count);
     engine.backward(queue, s.t1, moves ? s.t2 : s.t1, v, g);
     const std::string prefix = "g_" + loss.key + "_";

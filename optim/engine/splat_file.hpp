@@ -2,10 +2,15 @@
 // `gflow splat`: the raw engine on arrays from a file, for scripts and for checks against other
 // implementations. Keys and layouts stand below.
 #pragma once
+#include <set>
+
 #include "optim/engine/engine.hpp"
 #include "optim/io/npz.hpp"
 
 namespace gflow {
+
+// The arrays that such a file may have; others are not looked at.
+extern const std::set<std::string> splat_arrays_known;
 
 struct SplatOptions {
   EngineSettings settings;
@@ -32,8 +37,8 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
 // for flow also means_t2, quats_t2, scales_t2 and viewmat_t2 (viewmat where absent).
 // Output: rgb [H,W,3], alpha [H,W], depth [H,W], flow [H,W,2], and for each cotangent v_rgb,
 // v_alpha, v_depth, v_flow present the gradients g_LOSS_means|quats|scales|opacities|colors, with
-// flow also g_flow_means_t2|quats_t2|scales_t2; and `broken`, the numbers of the Gaussians that have
-// a value that is not finite: they are drawn without what it decides, or not at all. Error as
+// flow also g_flow_means_t2|quats_t2|scales_t2; and `broken`, the numbers of the Gaussians that
+// have a value that is not finite: they are drawn without what it decides, or not at all. Error as
 // splat_scene.
 Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& options,
                     const std::string& name);

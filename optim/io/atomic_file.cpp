@@ -86,7 +86,8 @@ void flush_to_disk(const std::string& temporary, const std::string& path) {
     throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
 }
 
-// So that the name, too, outlasts a loss of power. Not every file system can; the file itself is safe.
+// So that the name, too, outlasts a loss of power. Not every file system can; the file itself is
+// safe.
 void flush_folder_of(const std::string& path) {
   const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
   const Descriptor open(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -137,8 +138,17 @@ Bytes read_file(const std::string& path, size_t limit) {
   return bytes;
 }
 
-Bytes read_file_or_gzip(const std::string& path, size_t limit) {
-  Bytes stored = read_file(path, limit);
+void require_announced(const Bytes& so_far, const LengthOf& length_of, size_t& announced,
+                       const std::string& what) {
+  if (announced == 0) announced = std::min(length_of(so_far), largest_file);
+  if (so_far.size() > announced)
+    throw Error(
+        fmt::format("cannot read {}: it goes on after the {} bytes that its header announces", what,
+                    announced));
+}
+
+Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
+  Bytes stored = read_file(path);
   if (stored.size() < 2 || stored[0] != 0x1f || stored[1] != 0x8b) return stored;
 
   z_stream stream{};
@@ -146,7 +156,7 @@ Bytes read_file_or_gzip(const std::string& path, size_t limit) {
     throw Error(fmt::format("cannot expand {}: zlib did not start", path));
   const std::unique_ptr<z_stream, int (*)(z_stream*)> guard(&stream, inflateEnd);
   Bytes expanded;
-  size_t consumed = 0;
+  size_t consumed = 0, announced = 0;
   int state = Z_OK;
   while (state != Z_STREAM_END) {
     constexpr size_t piece = size_t{1} << 20;
@@ -160,12 +170,12 @@ Bytes read_file_or_gzip(const std::string& path, size_t limit) {
     state = inflate(&stream, Z_NO_FLUSH);
     consumed += offered - stream.avail_in;
     expanded.resize(before + piece - stream.avail_out);
-    if (expanded.size() > limit)
-      throw Error(fmt::format("cannot read {}: expanded it has more than {} bytes", path, limit));
     if (state == Z_BUF_ERROR || (state == Z_OK && offered == 0 && expanded.size() == before))
       throw Error(fmt::format("{} is truncated: its gzip stream has no end", path));
     if (state != Z_OK && state != Z_STREAM_END)
       throw Error(fmt::format("{} is damaged: {}", path, stream.msg ? stream.msg : "not gzip"));
+    if (before > 0 || expanded.size() == piece || state == Z_STREAM_END)  // a whole first piece
+      require_announced(expanded, length_of, announced, path);
   }
   return expanded;
 }

@@ -20,9 +20,19 @@ inline constexpr size_t largest_file = size_t{1} << 32;
 // Contents of a file. Error when it is missing, unreadable or longer than `limit` bytes.
 Bytes read_file(const std::string& path, size_t limit = largest_file);
 
-// As read_file; a gzipped file (by its first two bytes, not its name) is expanded. Error also when
-// the stream is damaged or ends early.
-Bytes read_file_or_gzip(const std::string& path, size_t limit = largest_file);
+// How long a file is that begins like this (its first MiB, or all of it); Error when it says
+// nothing of the kind.
+using LengthOf = std::function<size_t(const Bytes& beginning)>;
+
+// As read_file; a gzipped file (by its first two bytes, not its name) is expanded, but no further
+// than `length_of` its beginning: a few kB expand to GB. Error also when the stream is damaged,
+// ends early or goes on after that.
+Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of);
+
+// For what is expanded piece by piece: Error when there is more than the beginning announces. Asks
+// length_of once; `announced` keeps the answer, 0 before.
+void require_announced(const Bytes& so_far, const LengthOf& length_of, size_t& announced,
+                       const std::string& what);
 
 // Replaces the file at path. On failure (disk full, no permission) the temporary is removed, the
 // old file remains, and the Error says path and reason. Missing folders are not made.

@@ -89,14 +89,19 @@ FlowField zero_flow(int width, int height) {
 }
 
 FlowField read_flo(const std::string& path) {
-  const Bytes bytes = read_file_or_gzip(path);
-  if (bytes.size() < 12 || value_at<float>(bytes, 0) != tag)
-    throw Error(fmt::format("cannot read flow {}: it does not begin like a .flo file", path));
-  const int width = value_at<int32_t>(bytes, 4), height = value_at<int32_t>(bytes, 8);
-  if (width < 1 || height < 1 || width > largest_side || height > largest_side)
-    throw Error(fmt::format("cannot read flow {}: its size {}x{} is not that of a picture", path,
-                            width, height));
-  const size_t n = size_t(width) * size_t(height);
+  int width = 0, height = 0;
+  const auto length_of = [&](const Bytes& bytes) {
+    if (bytes.size() < 12 || value_at<float>(bytes, 0) != tag)
+      throw Error(fmt::format("cannot read flow {}: it does not begin like a .flo file", path));
+    width = value_at<int32_t>(bytes, 4);
+    height = value_at<int32_t>(bytes, 8);
+    if (width < 1 || height < 1 || width > largest_side || height > largest_side)
+      throw Error(fmt::format("cannot read flow {}: its size {}x{} is not that of a picture", path,
+                              width, height));
+    return 12 + 8 * size_t(width) * size_t(height);
+  };
+  const Bytes bytes = read_file_or_gzip(path, length_of);
+  const size_t n = (length_of(bytes) - 12) / 8;
   if (bytes.size() != 12 + 8 * n)
     throw Error(fmt::format("cannot read flow {}: it has {} bytes, its size {}x{} needs {}", path,
                             bytes.size(), width, height, 12 + 8 * n));

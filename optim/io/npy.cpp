@@ -91,6 +91,25 @@ Array take(const Header& header, const uint8_t* bytes, size_t length, const std:
   return {header.shape, std::move(values)};
 }
 
+// What `take` returns for the type of the header's elements, whose values it gets as T{}.
+template <class Take>
+auto by_type(const Header& header, const std::string& name, Take&& take) {
+  if (header.fortran) refuse(name, "it is in Fortran order; save it with numpy.ascontiguousarray");
+  const std::string& d = header.descr;
+  if (d == "<f4") return take(float{});
+  if (d == "<f8") return take(double{});
+  if (d == "|i1") return take(int8_t{});
+  if (d == "|u1" || d == "|b1") return take(uint8_t{});
+  if (d == "<i2") return take(int16_t{});
+  if (d == "<u2") return take(uint16_t{});
+  if (d == "<i4") return take(int32_t{});
+  if (d == "<u4") return take(uint32_t{});
+  if (d == "<i8") return take(int64_t{});
+  refuse(name, fmt::format("its elements are {}, known are f4 f8 i1 i2 i4 i8 u1 u2 u4 b1, "
+                           "little-endian",
+                           d));
+}
+
 template <class T>
 constexpr const char* descr_of() {
   if constexpr (std::is_same_v<T, float>) return "<f4";
@@ -131,20 +150,15 @@ std::string Array::shape_text() const {
 
 Array parse_npy(const uint8_t* bytes, size_t length, const std::string& name) {
   const Header header = parse_header(bytes, length, name);
-  if (header.fortran) refuse(name, "it is in Fortran order; save it with numpy.ascontiguousarray");
-  const std::string& d = header.descr;
-  if (d == "<f4") return take<float>(header, bytes, length, name);
-  if (d == "<f8") return take<double>(header, bytes, length, name);
-  if (d == "|i1") return take<int8_t>(header, bytes, length, name);
-  if (d == "|u1" || d == "|b1") return take<uint8_t>(header, bytes, length, name);
-  if (d == "<i2") return take<int16_t>(header, bytes, length, name);
-  if (d == "<u2") return take<uint16_t>(header, bytes, length, name);
-  if (d == "<i4") return take<int32_t>(header, bytes, length, name);
-  if (d == "<u4") return take<uint32_t>(header, bytes, length, name);
-  if (d == "<i8") return take<int64_t>(header, bytes, length, name);
-  refuse(name, fmt::format("its elements are {}, known are f4 f8 i1 i2 i4 i8 u1 u2 u4 b1, "
-                           "little-endian",
-                           d));
+  return by_type(header, name,
+                 [&](auto type) { return take<decltype(type)>(header, bytes, length, name); });
+}
+
+size_t npy_length(const uint8_t* bytes, size_t length, const std::string& name) {
+  const Header header = parse_header(bytes, length, name);
+  return by_type(header, name, [&](auto type) {
+    return header.length + count(header.shape, name) * sizeof(type);
+  });
 }
 
 Bytes npy_bytes(const Array& array) {
@@ -170,7 +184,9 @@ Bytes npy_bytes(const Array& array) {
 }
 
 Array read_npy(const std::string& path) {
-  const Bytes bytes = read_file_or_gzip(path);
+  const Bytes bytes = read_file_or_gzip(path, [&](const Bytes& beginning) {
+    return npy_length(beginning.data(), beginning.size(), path);
+  });
   return parse_npy(bytes.data(), bytes.size(), path);
 }
 

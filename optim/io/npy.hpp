@@ -34,6 +34,9 @@ struct Array {
 // order, big-endian, other element types, and any file whose length is not what its header says.
 Array parse_npy(const uint8_t* bytes, size_t length, const std::string& name);
 
+// Bytes of the .npy file that begins like this, by its header. Error as parse_npy's.
+size_t npy_length(const uint8_t* bytes, size_t length, const std::string& name);
+
 // The bytes of a .npy file (format 1.0). Error when shape and number of values disagree.
 Bytes npy_bytes(const Array& array);
 

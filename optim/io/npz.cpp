@@ -39,30 +39,32 @@ Archive open_archive(const std::string& path, int flags, const char* doing) {
   return archive;
 }
 
-// The bytes of entry i. They are read piece by piece, because the size that a damaged archive
-// states may be anything.
+// The bytes of entry i, no more than their header announces. They are read piece by piece, because
+// the size that a damaged archive states may be anything.
 Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name) {
   const Entry entry(zip_fopen_index(archive, i, 0));
   if (!entry) throw Error(fmt::format("cannot read array {}: {}", name, zip_strerror(archive)));
   Bytes bytes;
+  size_t announced = 0;
+  const auto length_of = [&](const Bytes& beginning) {
+    return npy_length(beginning.data(), beginning.size(), name);
+  };
   for (;;) {
     constexpr size_t piece = size_t{1} << 20;
     const size_t before = bytes.size();
-    if (before > largest_file)
-      throw Error(
-          fmt::format("cannot read array {}: it has more than {} bytes", name, largest_file));
     bytes.resize(before + piece);
     const zip_int64_t got = zip_fread(entry.get(), bytes.data() + before, piece);
     if (got < 0)
       throw Error(fmt::format("cannot read array {}: {}", name, zip_file_strerror(entry.get())));
     bytes.resize(before + size_t(got));
     if (got == 0) return bytes;
+    if (bytes.size() >= piece) require_announced(bytes, length_of, announced, "array " + name);
   }
 }
 
 }  // namespace
 
-Arrays read_npz(const std::string& path, const std::string& only) {
+Arrays read_npz(const std::string& path, const std::set<std::string>& only) {
   const Archive archive = open_archive(path, ZIP_RDONLY, "read");
   Arrays arrays;
   const zip_int64_t n = zip_get_num_entries(archive.get(), 0);
@@ -73,7 +75,7 @@ Arrays read_npz(const std::string& path, const std::string& only) {
         name.compare(name.size() - suffix_length, suffix_length, suffix) != 0)
       throw Error(fmt::format("cannot read {}: its entry '{}' is not a .npy array", path, name));
     name.resize(name.size() - suffix_length);
-    if (!only.empty() && name != only) continue;
+    if (!only.empty() && !only.count(name)) continue;
     const std::string where = fmt::format("'{}' of {}", name, path);
     const Bytes bytes = entry_bytes(archive.get(), i, where);
     arrays.emplace(name, parse_npy(bytes.data(), bytes.size(), where));

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <map>
+#include <set>
 #include <string>
 
 #include "optim/io/npy.hpp"
@@ -15,8 +16,8 @@ namespace gflow {
 using Arrays = std::map<std::string, Array>;
 
 // All arrays of an archive by name (without ".npy"). Error when it is missing, damaged, or when an
-// entry is no array that gflow reads. `only`: the others are not read.
-Arrays read_npz(const std::string& path, const std::string& only = "");
+// entry is no array that gflow reads. `only`: unless empty, the others are not read.
+Arrays read_npz(const std::string& path, const std::set<std::string>& only = {});
 
 // Deflating trained parameters and their moments saves a third of the space and takes thirty times
 // as long.

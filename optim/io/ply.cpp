@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstring>
 #include <map>
+#include <set>
 #include <sstream>
 
 #include "optim/io/atomic_file.hpp"
@@ -139,6 +140,13 @@ Header parse_header(const Bytes& bytes, const std::string& path) {
     at = end;
   }
   if (!has_format) refuse(path, "its header has no line 'format'");
+  for (const Element& element : header.elements) {
+    std::set<std::string> names;
+    for (const Property& property : element.properties)
+      if (!names.insert(property.name).second)
+        refuse(path, fmt::format("its element '{}' has the property '{}' twice", element.name,
+                                 property.name));
+  }
   header.length = size_t(at + 1 - bytes.begin());
   return header;
 }
@@ -147,7 +155,8 @@ Header parse_header(const Bytes& bytes, const std::string& path) {
 class Rows {
  public:
   Rows(const Bytes& bytes, const Header& header, const std::string& path)
-      : at_(reinterpret_cast<const char*>(bytes.data()) + header.length),
+      : begin_(reinterpret_cast<const char*>(bytes.data())),
+        at_(begin_ + header.length),
         end_(reinterpret_cast<const char*>(bytes.data()) + bytes.size()),
         ascii_(header.ascii),
         path_(path) {}
@@ -187,7 +196,8 @@ class Rows {
     if (result.ec != std::errc()) {
       const char* stop = std::find_if(at_, std::min(end_, at_ + 20),
                                       [](char c) { return c == ' ' || c == '\n' || c == '\r'; });
-      refuse(path_, fmt::format("'{}' is no number", std::string(at_, stop)));
+      refuse(path_, fmt::format("'{}' in line {} is no number", std::string(at_, stop),
+                                1 + std::count(begin_, at_, '\n')));
     }
     at_ = result.ptr;
     return value;
@@ -224,6 +234,7 @@ class Rows {
     truncated();
   }
 
+  const char* begin_;
   const char* at_;
   const char* end_;
   bool ascii_;

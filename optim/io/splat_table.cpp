@@ -73,6 +73,7 @@ int sh_degree_of(const PlyTable& table, const std::string& path) {
 
 SplatTable standard_table(const PlyTable& table, const std::string& path) {
   SplatTable result(table.rows, sh_degree_of(table, path));
+  result.table.origin = table.origin;
   const std::vector<std::string>& names = result.table.names;
   for (size_t to = 0; to < names.size(); ++to) {
     const int from = table.column(names[to]);

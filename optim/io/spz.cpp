@@ -80,15 +80,25 @@ Header read_header(const Bytes& bytes, const std::string& path) {
   return header;
 }
 
+size_t coefficients_of(const Header& header) {
+  return size_t((header.sh_degree + 1) * (header.sh_degree + 1) - 1);
+}
+size_t quat_bytes_of(const Header& header) { return header.version == 2 ? 3 : 4; }
+size_t bytes_each(const Header& header) {
+  return 9 + 1 + 3 + 3 + quat_bytes_of(header) + 3 * coefficients_of(header);
+}
+constexpr size_t kMostBehind = 1 << 20;  // what other programs may have put behind the Gaussians
+
 }  // namespace
 
 PlyTable read_spz(const std::string& path) {
-  const Bytes bytes = read_file_or_gzip(path);
+  const Bytes bytes = read_file_or_gzip(path, [&](const Bytes& beginning) {
+    const Header header = read_header(beginning, path);
+    return sizeof header + header.count * bytes_each(header) + kMostBehind;
+  });
   const Header header = read_header(bytes, path);
-  const size_t n = header.count,
-               coefficients = size_t((header.sh_degree + 1) * (header.sh_degree + 1) - 1);
-  const size_t quat_bytes = header.version == 2 ? 3 : 4;
-  const size_t each = 9 + 1 + 3 + 3 + quat_bytes + 3 * coefficients;
+  const size_t n = header.count, coefficients = coefficients_of(header);
+  const size_t quat_bytes = quat_bytes_of(header), each = bytes_each(header);
   if ((bytes.size() - sizeof header) / each < n)
     refuse(path, fmt::format("it is truncated: {} Gaussians need {} bytes, {} follow the header", n,
                              n * each, bytes.size() - sizeof header));

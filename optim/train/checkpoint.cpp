@@ -117,7 +117,7 @@ Checkpoint read_checkpoint(const std::string& path) {
 
 CheckpointFacts read_checkpoint_facts(const std::string& path) {
   try {
-    return facts_of(facts_json(read_npz(path, kFacts), path));
+    return facts_of(facts_json(read_npz(path, {kFacts}), path));
   } catch (const Json::exception& problem) {
     throw Error(fmt::format("{} is no checkpoint: {}", path, problem.what()));
   }

@@ -3,6 +3,7 @@
 
 #include "io/file_size_limit.hpp"
 #include "io/temporary_folder.hpp"
+#include "optim/io/npy.hpp"
 
 using namespace gflow;
 
@@ -60,21 +61,35 @@ TEST(AtomicFile, GzipIsExpandedByContent) {
   for (unsigned i = 0; i < 500000; ++i) text += char('a' + i * i % 26);
   const std::string path = folder.file("plain.name");
   write_file_atomically(path, gzip(text));
-  const Bytes back = read_file_or_gzip(path);
+  const auto whole = [&](const Bytes&) { return text.size(); };
+  const Bytes back = read_file_or_gzip(path, whole);
   EXPECT_TRUE(std::equal(text.begin(), text.end(), back.begin(), back.end()));
-  expect_error([&] { read_file_or_gzip(path, 499999); }, {"more than 499999 bytes"});
+  expect_error([&] { read_file_or_gzip(path, [](const Bytes&) { return size_t(499999); }); },
+               {"goes on after the 499999 bytes"});
+}
+
+// A few kB that expand to much more than their header announces.
+TEST(AtomicFile, GzipIsExpandedNoFurtherThanItsHeaderAnnounces) {
+  const TemporaryFolder folder;
+  const Bytes four = npy_bytes({{1}, std::vector<float>{1}});
+  const std::string bomb = std::string(four.begin(), four.end()) + std::string(1 << 25, '\0');
+  write_file_atomically(folder.file("a.npy"), gzip(bomb));
+  expect_error([&] { read_npy(folder.file("a.npy")); },
+               {"a.npy", fmt::format("goes on after the {} bytes", four.size())});
 }
 
 TEST(AtomicFile, TruncatedAndDamagedGzipIsRefused) {
   const TemporaryFolder folder;
+  const auto any_length = [](const Bytes&) { return largest_file; };
   const Bytes packed = gzip("a text that is packed, a text that is packed");
   const std::string text(packed.begin(), packed.end());
   const std::string cut = folder.write("cut.gz", text.substr(0, text.size() - 9));
-  expect_error([&] { read_file_or_gzip(cut); }, {"cut.gz", "truncated"});
+  expect_error([&] { read_file_or_gzip(cut, any_length); }, {"cut.gz", "truncated"});
   std::string damaged = text;
   damaged[text.size() - 6] ^= 1;  // in the checksum
   folder.write("bad.gz", damaged);
-  expect_error([&] { read_file_or_gzip(folder.file("bad.gz")); }, {"bad.gz", "damaged"});
+  expect_error([&] { read_file_or_gzip(folder.file("bad.gz"), any_length); },
+               {"bad.gz", "damaged"});
 }
 
 TEST(RequireFreeSpace, RefusesWhatNoDiskHolds) {

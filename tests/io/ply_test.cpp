@@ -122,7 +122,10 @@ TEST(Ply, RefusesHeadersThatMakeNoSense) {
       [&] { read(start + "element vertex 1\nproperty list uchar int x\nend_header\n1 1\n"); },
       {"is a list"});
   expect_error([&] { read(start + "element vertex 1\nproperty float x\nend_header\nabc\n"); },
-               {"'abc' is no number"});
+               {"'abc' in line 6 is no number"});
+  expect_error(
+      [&] { read(start + "element vertex 0\nproperty float x\nproperty int x\nend_header\n"); },
+      {"'vertex'", "'x' twice"});
   expect_error([&] { read(start + "element vertex 1\nproperty float x\nend_header\n1\n"); },
                {"x, y and z"});
 }
