@@ -108,13 +108,15 @@ TEST(ProgramCache, AChangedFileIsAnotherProgram) {
   }
 }
 
+// What value.cl gives, built by a queue of its own as by another process.
+uint32_t build_and_run(int value = 5) {
+  Queue queue = test_queue();
+  return run_value(queue, Program(queue, "value.cl", {{"VALUE", value}}));
+}
+
 TEST(ProgramCache, UnsoundFilesAreReplacedSilently) {
   const KernelFolder folder;
   folder.write("value.cl", value_kernel);
-  const auto build_and_run = [] {
-    Queue queue = test_queue();
-    return run_value(queue, Program(queue, "value.cl", {{"VALUE", 5}}));
-  };
   EXPECT_EQ(build_and_run(), 5u);
   const auto files = folder.cached();
   for (const std::string& damage : {std::string(), std::string("nonsense"), std::string(9999, 'x')})
@@ -132,10 +134,6 @@ TEST(ProgramCache, UnsoundFilesAreReplacedSilently) {
 TEST(ProgramCache, AnotherProgramsFileIsNotTaken) {
   const KernelFolder folder;
   folder.write("value.cl", value_kernel);
-  const auto build_and_run = [](int value) {
-    Queue queue = test_queue();
-    return run_value(queue, Program(queue, "value.cl", {{"VALUE", value}}));
-  };
   EXPECT_EQ(build_and_run(5), 5u);
   const fs::path five = folder.cached().at(0);
   EXPECT_EQ(build_and_run(6), 6u);
@@ -147,10 +145,6 @@ TEST(ProgramCache, AnotherProgramsFileIsNotTaken) {
 TEST(ProgramCache, AFileThatCannotBeReplacedLeavesNoDraft) {
   const KernelFolder folder;
   folder.write("value.cl", value_kernel);
-  const auto build_and_run = [] {
-    Queue queue = test_queue();
-    return run_value(queue, Program(queue, "value.cl", {{"VALUE", 5}}));
-  };
   EXPECT_EQ(build_and_run(), 5u);
   const fs::path file = folder.cached().at(0);
   fs::remove(file);
