@@ -111,9 +111,9 @@ class Poisoned {
   // flow; or, of a quaternion, without a turn.
   bool named(const std::string& slot) {
     const std::vector<float> r = culprits_record();
-    const auto unturned = unturned_.find(slot);
-    if (unturned != unturned_.end()) return r == unturned->second;
     const bool seen = device_.engine.splats().tiles_touched.read_range(queue_, 0, 1)[0] > 0;
+    const auto unturned = unturned_.find(slot);
+    if (unturned != unturned_.end()) return seen && r == unturned->second;
     if (slot == "colors") return r[5] == -HUGE_VALF;
     const bool moves = r[7] != 0 || r[11] != 0 || r[12] != 0 || r[13] != 0 || r[14] != 0;
     return slot == "means_t2" || slot == "scales_t2" ? seen && !moves : !seen;
