@@ -25,6 +25,7 @@ const std::vector<Metric>& all_metrics() {
        3,
        Better::neither},
       {"track_error", "3D track error", {"test", "tracks", "mean"}, 4, Better::lower},
+      {"track_end", "3D track error at the end", {"test", "tracks", "end"}, 4, Better::lower},
       {"gaussians", "Gaussians", {"num_gaussians"}, 0, Better::neither},
       {"steps", "steps", {"iterations"}, 0, Better::neither},
       {"minutes", "minutes", {"train_seconds"}, 2, Better::lower, 1. / 60},

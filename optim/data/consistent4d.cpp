@@ -128,11 +128,18 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
     if (numbered_pictures(pictures).empty()) continue;
     const std::vector<Frame> frames =
         read_view(folder, pictures, view, azimuths[k], options, scene);
-    if (frames.size() != scene.train.size())
+    if (frames.size() != size_t(scene.steps))
       throw Error(fmt::format("{} has {} pictures, the input view has {}", pictures, frames.size(),
-                              scene.train.size()));
-    scene.test.insert(scene.test.end(), frames.begin(), frames.end());
+                              scene.steps));
+    const size_t shown = options.first_views ? 1 : 0;
+    scene.train.insert(scene.train.end(), frames.begin(), frames.begin() + long(shown));
+    scene.test.insert(scene.test.end(), frames.begin() + long(shown), frames.end());
   }
+  if (options.first_views && scene.train.size() == size_t(scene.steps))
+    throw Error(fmt::format(
+        "scene.first_views asks for the first pictures of other views, but scene {} has no eval_0 "
+        "to eval_3",
+        folder));
   if (scene.test.empty()) {
     scene.test = scene.train;
     for (Frame& frame : scene.test) frame.name = "test_" + frame.name;

@@ -27,20 +27,21 @@ constexpr std::array<uint8_t, 3> mid_grey = {128, 128, 128};
 // of a large scene would not be met again, and those of a small one fit.
 constexpr size_t memory_bytes = size_t{1} << 28;
 
-FlowPair reverse(const FlowPair& pair) { return {pair.next, pair.frame}; }
+FlowPair reverse(const FlowPair& pair) { return {pair.next, pair.frame, pair.span}; }
 
 // The pairs with two frames, each once, as {earlier, later} index.
 std::vector<FlowPair> without_direction(const std::vector<FlowPair>& pairs) {
-  std::set<std::pair<int, int>> seen;
+  std::map<std::pair<int, int>, int> spans;
   for (const FlowPair& pair : pairs)
-    if (pair.next >= 0) seen.insert(std::minmax(pair.frame, pair.next));
+    if (pair.next >= 0) spans[std::minmax(pair.frame, pair.next)] = pair.span;
   std::vector<FlowPair> once;
-  for (const auto& [a, b] : seen) once.push_back({a, b});
+  for (const auto& [frames, span] : spans) once.push_back({frames.first, frames.second, span});
   return once;
 }
 
 std::string name_in_folder(const Scene& scene, const FlowPair& pair) {
-  return scene.train[size_t(pair.frame)].name + (leads_back(scene, pair) ? "_back" : "");
+  return scene.train[size_t(pair.frame)].name + (leads_back(scene, pair) ? "_back" : "") +
+         (pair.span > 1 ? fmt::format("_over_{}", pair.span) : "");
 }
 
 class Estimator {

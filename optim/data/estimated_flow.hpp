@@ -52,9 +52,9 @@ class FlowBetween {
 };
 
 // DIS flow for every pair with next >= 0 at the resolution of `frames`, kept under the name of its
-// frame, NAME_back where it leads back in time. Error beforehand when the disk has no room for what
-// is not there yet; a disk that fills up later only has flows computed again. `scene` and `frames`
-// must outlive the store.
+// frame, NAME_back where it leads back in time, NAME_over_4 where it leads to the fourth picture
+// after it. Error beforehand when the disk has no room for what is not there yet; a disk that fills
+// up later only has flows computed again. `scene` and `frames` must outlive the store.
 FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                           FrameStore& frames, const FlowEstimation& how);
 

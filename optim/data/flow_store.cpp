@@ -171,6 +171,19 @@ TeacherFlow read_true_flow(const Frame& frame, int width, int height) {
   return fitted(teacher, width, height, frame.flow_path);
 }
 
+FlowStore extended(std::shared_ptr<FlowStore> first, std::vector<FlowStore::Loader> more) {
+  FlowStoreOptions options;
+  options.cache_bytes = size_t{1} << 28;  // beside that of the first
+  options.at_hand = first->at_hand();
+  options.threads = first->worth_prefetching() / 2;
+  std::vector<FlowStore::Loader> loaders;
+  for (size_t i = 0; i < first->size(); ++i)
+    loaders.push_back(first->has(i) ? FlowStore::Loader([=] { return *first->get(i); })
+                                    : FlowStore::Loader());
+  loaders.insert(loaders.end(), more.begin(), more.end());
+  return FlowStore(std::move(loaders), options);
+}
+
 FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                      const FrameStore& frames) {
   std::vector<FlowStore::Loader> loaders;

@@ -63,6 +63,9 @@ FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
 FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pairs,
                             const FrameStore& frames, const std::string& folder);
 
+// A store of the pairs of `first`, then of those that `more` loads.
+FlowStore extended(std::shared_ptr<FlowStore> first, std::vector<FlowStore::Loader> more);
+
 // True flow of any frame (e.g. a test view) at width x height; Error when it has none.
 TeacherFlow read_true_flow(const Frame& frame, int width, int height);
 

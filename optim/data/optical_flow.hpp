@@ -15,6 +15,7 @@ namespace gflow {
 struct TeacherFlow {
   FlowField flow;
   std::vector<uint8_t> confidence;  // [height, width] 255 consistent, 0 not or unknown
+  float emphasis = 1;               // what each of its pixels counts as
 };
 
 // DIS flow from picture a to b (RGB, same size): finest scale 0, patch 8, stride 1, 100 gradient

@@ -244,6 +244,16 @@ std::vector<FlowPair> neighbour_pairs(const Scene& scene) {
   return pairs;
 }
 
+std::vector<FlowPair> distant_pairs(const Scene& scene, int span) {
+  std::vector<FlowPair> pairs;
+  for (size_t i = 0; i + size_t(span) < scene.train.size(); ++i) {
+    const Frame &frame = scene.train[i], &later = scene.train[i + size_t(span)];
+    if (later.track == frame.track && later.time > frame.time)
+      pairs.push_back({int(i), int(i) + span, span});
+  }
+  return pairs;
+}
+
 std::vector<FlowPair> pairs_in_time(const Scene& scene) {
   std::map<double, int> by_time;
   for (size_t i = 0; i < scene.train.size(); ++i)
@@ -266,7 +276,7 @@ bool leads_back(const Scene& scene, const FlowPair& pair) {
 std::vector<FlowPair> reversed(const std::vector<FlowPair>& pairs) {
   std::vector<FlowPair> back;
   for (const FlowPair& pair : pairs)
-    if (pair.next >= 0) back.push_back({pair.next, pair.frame});
+    if (pair.next >= 0) back.push_back({pair.next, pair.frame, pair.span});
   return back;
 }
 

@@ -66,6 +66,7 @@ struct SceneOptions {
   double elevation = 0;  // consistent4d/video: of the input camera [deg]
   double radius = 2.0;   // consistent4d/video: its distance from the origin, or from what it films
   double fov_y = 49.1;   // consistent4d/video: vertical field of view [deg]
+  bool first_views = false;  // consistent4d: the first picture of each test view is trained on
   // The time steps that are used: first_step, first_step + stride, ..., at most max_steps of them
   // (0: all). Unless that is all, the times of the first and the last become 0 and 1, and true flow
   // between neighbouring steps is forgotten where the stride leaves some out.
@@ -95,17 +96,21 @@ bool takes_cameras(const std::string& layout);
 // Scene::layout of the folder or video `path`; empty when none fits.
 std::string layout_of(const std::string& path);
 
-// Two neighbouring frames of one track; a flow leads from `frame`, seen by its camera, to `next`,
-// seen by that frame's camera. `next` may be the earlier of the two.
+// Two frames of one track, neighbours mostly; a flow leads from `frame`, seen by its camera, to
+// `next`, seen by that frame's camera. `next` may be the earlier of the two.
 struct FlowPair {
   int frame = 0;  // index into Scene::train
   int next = -1;  // index into Scene::train; -1: along Frame::flow_path, the camera at rest
+  int span = 1;   // how many pictures further; 1: neighbours
 };
 
 // All pairs (frame, following frame) of a track, neighbours in time; and pairs with next = -1 for
 // frames which come with a true flow and whose track has no later frame or one from another pose:
 // a true flow is that seen by a camera at rest. In the order of Scene::train.
 std::vector<FlowPair> neighbour_pairs(const Scene& scene);
+
+// All pairs (frame, the span-th after it) of a track, span >= 2, in the order of Scene::train.
+std::vector<FlowPair> distant_pairs(const Scene& scene, int span);
 
 // Each frame and the next in time, whichever camera took them. Error where several frames have one
 // time.

@@ -46,8 +46,9 @@ Allowed one_of(std::vector<float> values);
 // count from 0.
 enum class Background { white, black, random };
 enum class InitFrom { automatic, points, stereo, random, visual_hull, file };
-enum class FlowSource { dis, files };
+enum class FlowSource { dis, files, tracks };
 enum class FlowPairs { track, time };
+enum class FarFlow { chain, direct, tracks };
 enum class GuidanceProvider { none, process, onnx, analytic };
 enum class GuidanceCameras { orbit, test, val };
 enum class UpAxis { automatic, cameras, x, y, z };
@@ -68,8 +69,9 @@ constexpr auto names_of(MotionChoice) {
   return names;
 }
 
-constexpr std::array<const char*, 2> names_of(FlowSource) { return {"dis", "files"}; }
+constexpr std::array<const char*, 3> names_of(FlowSource) { return {"dis", "files", "tracks"}; }
 constexpr std::array<const char*, 2> names_of(FlowPairs) { return {"track", "time"}; }
+constexpr std::array<const char*, 3> names_of(FarFlow) { return {"chain", "direct", "tracks"}; }
 constexpr std::array<const char*, 4> names_of(GuidanceProvider) {
   return {"none", "process", "onnx", "analytic"};
 }
@@ -108,6 +110,7 @@ struct SceneConfig {
   float elevation = 0;
   float radius = 2;
   float fovy = 49.1f;
+  bool first_views = false;
   int test_every = 8;
   int first_step = 0;
   int stride = 1;
@@ -142,6 +145,8 @@ struct SceneConfig {
           above(0));
     field("fovy", self.fovy, "vertical field of view [degrees] (Consistent4D, video)",
           between(1, 170));
+    field("first_views", self.first_views,
+          "train on the first picture of each view that is for the test, too (Consistent4D)");
     field("test_every", self.test_every,
           "every n-th picture is for the test; 0: none (COLMAP, nerfstudio)", at_least(0));
     field("first_step", self.first_step, "first time step that is used, from 0", at_least(0));
@@ -369,6 +374,10 @@ struct FlowConfig {
   FlowSource source = FlowSource::dis;
   std::string folder;
   FlowPairs pairs = FlowPairs::track;
+  int reach = 1;
+  FarFlow far = FarFlow::chain;
+  float far_share = 0.5f;
+  std::string tracks;
   Transport transport = Transport::material;
   int top_k = 0;
   StopRule stop = StopRule::include;
@@ -386,7 +395,8 @@ struct FlowConfig {
     field("enabled", self.enabled, "supervise the motion with optical flow");
     field("weight", self.weight, "of the flow loss beside the image loss (the paper: 0.5)",
           at_least(0));
-    field("source", self.source, "dis: computed from the pictures; files: read from the folder");
+    field("source", self.source,
+          "dis: computed from the pictures; files: read from the folder; tracks: of points only");
     field("folder", self.folder,
           "flow files <camera>/<step>.flo, .flo.gz, .png, .npy, or <picture>.flo ...; empty: the "
           "scene's own true flow");
@@ -394,6 +404,17 @@ struct FlowConfig {
         "pairs", self.pairs,
         "which pictures are compared: track, neighbours from one camera, at rest or moving; time, "
         "each and the next in time, whoever took it (source files)");
+    field("reach", self.reach,
+          "longest flow [pictures]: 1, between neighbours; 8, also over 2, 4 and 8; 0: up to the "
+          "whole track",
+          at_least(0));
+    field(
+        "far", self.far,
+        "flow over several pictures: chain, of that between neighbours; direct, computed; tracks");
+    field("far_share", self.far_share,
+          "share of the steps with flow that compare pictures further apart", between(0, 1));
+    field("tracks", self.tracks,
+          "paths of points: a folder with <camera>.npz, or the one file; optim/data/README.md");
     field("transport", self.transport, "how a pixel moves with a Gaussian");
     field("top_k", self.top_k,
           "Gaussians that count for the flow of a pixel, in depth order; 0: all", at_least(0));

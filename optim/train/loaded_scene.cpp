@@ -21,6 +21,7 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
   options.radius = config.radius;
   options.fov_y = config.fovy;
   options.masks = config.masks;
+  options.first_views = config.first_views;
   options.first_step = config.first_step;
   options.stride = config.stride;
   options.max_steps = config.max_steps;

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 
+#include "optim/data/chained_flow.hpp"
 #include "optim/data/estimated_flow.hpp"
+#include "optim/data/point_tracks.hpp"
 #include "optim/density/memory.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/init.hpp"
@@ -31,11 +33,59 @@ std::vector<FlowPair> close_pairs(const Scene& scene, const FlowConfig& flow) {
   return close;
 }
 
+// Pairs further apart: over 2, 4, 8, ... pictures and over `reach` itself, there and back.
+std::vector<FlowPair> far_pairs(const Scene& scene, const FlowConfig& flow) {
+  std::vector<FlowPair> pairs;
+  if (flow.reach == 1) return pairs;
+  if (flow.pairs == FlowPairs::time)
+    throw Error(
+        "flow.reach above 1 follows the pictures of one camera: it needs flow.pairs = \"track\"");
+  const int most = flow.reach > 0 ? flow.reach : int(scene.train.size());
+  for (int span = 2;; span = std::min(2 * span, most)) {
+    const std::vector<FlowPair> apart = distant_pairs(scene, span);
+    for (const FlowPair& pair : apart)
+      if (scene.train[size_t(pair.next)].step - scene.train[size_t(pair.frame)].step <=
+          span * flow.max_gap)
+        pairs.push_back(pair);
+    if (apart.empty() || span >= most) break;
+  }
+  if (flow.backward)
+    for (const FlowPair& pair : reversed(pairs)) pairs.push_back(pair);
+  return pairs;
+}
+
+// Flow of all pairs from that of the first of them, neighbours.
+FlowStore with_far_flow(const TrainConfig& config, const LoadedScene& loaded,
+                        const std::vector<FlowPair>& pairs, FlowStore neighbours) {
+  if (neighbours.size() == pairs.size()) return neighbours;
+  const auto near = std::make_shared<FlowStore>(std::move(neighbours));
+  return extended(
+      near, config.flow.far == FarFlow::tracks
+                ? track_flows(loaded.scene, pairs, near->size(), *loaded.frames, config.flow.tracks)
+                : chained_flows(near, pairs));
+}
+
+// Error when two settings of flow do not go together.
+void require_sources(const FlowConfig& flow) {
+  const bool by_tracks =
+      flow.source == FlowSource::tracks || (flow.reach != 1 && flow.far == FarFlow::tracks);
+  if (!flow.enabled) return;
+  if (by_tracks && flow.tracks.empty())
+    throw Error("flow of points is asked for, but flow.tracks names no file or folder of them");
+  if (flow.reach != 1 && flow.far == FarFlow::direct && flow.source != FlowSource::dis)
+    throw Error(fmt::format(
+        "flow.far = \"direct\" is computed from the pictures, flow.source = \"{}\" is not: choose "
+        "\"chain\" or \"tracks\"",
+        name_of(flow.source)));
+}
+
 // The flow that need not be computed: none at all, or that of files.
 std::optional<FlowStore> flows_at_hand(const TrainConfig& config, const LoadedScene& loaded,
                                        const std::vector<FlowPair>& pairs) {
   if (!config.flow.enabled || pairs.empty())
     return FlowStore(std::vector<FlowStore::Loader>(pairs.size()));
+  if (config.flow.source == FlowSource::tracks)
+    return FlowStore(track_flows(loaded.scene, pairs, 0, *loaded.frames, config.flow.tracks));
   if (config.flow.source != FlowSource::files) return {};
   if (!config.flow.folder.empty())
     return flows_from_folder(loaded.scene, pairs, *loaded.frames, config.flow.folder);
@@ -80,14 +130,23 @@ Preparation::Preparation(const TrainConfig& config, const std::string& unpack_fo
   if (scene().train.empty()) throw Error("scene " + scene().name + " has no training views");
   require_sequence(config, scene(), model_shape(scene(), config));
   require_guided_views(config, scene());
-  pairs_ = close_pairs(scene(), config.flow);
+  require_sources(config.flow);
+  neighbours_ = close_pairs(scene(), config.flow);
   if (config.flow.backward)
-    for (const FlowPair& pair : reversed(pairs_)) pairs_.push_back(pair);
-  flows_ = flows_at_hand(config, loaded_, pairs_);
+    for (const FlowPair& pair : reversed(neighbours_)) neighbours_.push_back(pair);
+  pairs_ = neighbours_;
+  for (const FlowPair& pair : far_pairs(scene(), config.flow)) pairs_.push_back(pair);
+  const bool all_alike = !config.flow.enabled || config.flow.source == FlowSource::tracks;
+  flows_ = flows_at_hand(config, loaded_, all_alike ? pairs_ : neighbours_);
+  if (flows_) flows_ = with_far_flow(config, loaded_, pairs_, std::move(*flows_));
 }
 
 void Preparation::compute_flow(const std::string& folder, bool quiet) {
-  if (!flows_) flows_ = computed_flows(config_, loaded_, pairs_, folder, quiet);
+  if (flows_) return;
+  const bool all_alike = config_.flow.far == FarFlow::direct;
+  flows_ = with_far_flow(
+      config_, loaded_, pairs_,
+      computed_flows(config_, loaded_, all_alike ? pairs_ : neighbours_, folder, quiet));
 }
 
 void Preparation::look_for_change() {
@@ -112,7 +171,7 @@ HostModel Preparation::first_model(Queue& queue) {
                     holds, config.density.cap));
     config.density.cap = std::max(int(holds), 1);
   }
-  return initial_model(scene(), frames(), parts_, watchers_, pairs_, *flows_, config);
+  return initial_model(scene(), frames(), parts_, watchers_, neighbours_, *flows_, config);
 }
 
 PointCloud Preparation::points_from_stereo() {

@@ -43,7 +43,8 @@ class Preparation {
 
   const TrainConfig& config_;
   LoadedScene loaded_;
-  std::vector<FlowPair> pairs_;
+  std::vector<FlowPair> neighbours_;  // both ways
+  std::vector<FlowPair> pairs_;       // these and those further apart
   std::optional<FlowStore> flows_;
   std::vector<Watcher> watchers_;
   std::vector<Rect> parts_;

@@ -293,6 +293,7 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
     test["tracks"] = {{"mean", tracks->mean},
                       {"median", tracks->median},
                       {"end", tracks->end},
+                      {"by_step", tracks->by_step},
                       {"still", tracks->still},
                       {"lost", tracks->lost}};
   const Json results{{split, test},

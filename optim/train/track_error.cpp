@@ -92,6 +92,7 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
   std::vector<double> sums(tracks.points, 0.0);
   TrackError error;
   const double later_steps = double(tracks.steps - 1), all = later_steps * double(tracks.points);
+  error.by_step.assign(tracks.steps, 0.0);
   for (size_t step = 0; step + 1 < tracks.steps; ++step) {
     const std::vector<Carrier> now = carriers(queue, model, model.time(double(step) / later_steps),
                                               model.time(double(step + 1) / later_steps));
@@ -99,11 +100,12 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
       if (!carried(now, points[k])) error.lost += 1 / all;
       const double distance = double((points[k] - truth(step + 1, k)).norm());
       sums[k] += distance / later_steps;
-      error.mean += distance / all;
+      error.by_step[step + 1] += distance / double(tracks.points);
       error.still += double((truth(0, k) - truth(step + 1, k)).norm()) / all;
-      if (step + 2 == tracks.steps) error.end += distance / double(tracks.points);
     }
+    error.mean += error.by_step[step + 1] / later_steps;
   }
+  error.end = error.by_step.back();
   std::nth_element(sums.begin(), sums.begin() + long(sums.size() / 2), sums.end());
   error.median = sums[sums.size() / 2];
   return error;

@@ -16,9 +16,10 @@ Tracks read_tracks(const std::string& path, const std::array<double, 3>& origin 
 struct TrackError {
   double mean = 0;    // distance from the true path, over all points and later steps [scene units]
   double median = 0;  // over the points, of their mean
-  double end = 0;     // at the last step
-  double still = 0;   // mean for points that never move, for comparison
-  double lost = 0;    // share of the steps at which no Gaussian was there to carry a point
+  double end = 0;     // at the last step: how far it has drifted by then
+  std::vector<double> by_step;  // mean over the points at each step, 0 at the first
+  double still = 0;             // mean for points that never move, for comparison
+  double lost = 0;  // share of the steps at which no Gaussian was there to carry a point
 };
 
 // Each point starts on its true place and is carried from step to step by the Gaussians around it

@@ -14,8 +14,8 @@ namespace gflow {
 namespace {
 
 constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
-constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9,
-               kNoiseStream = 10;  // of random numbers
+constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9, kNoiseStream = 10,
+               kReachStream = 15;  // of random numbers
 
 // A part of interleaved rows [H, W, channels].
 template <class T>
@@ -129,7 +129,8 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       rest_(rest_for(queue, config, scene, model.parameters)),
       guide_(guidance ? std::make_unique<Guide>(queue, config, scene, frames, *guidance) : nullptr),
       reduce_(queue),
-      pairs_of_frame_(scene.train.size()) {
+      pairs_of_frame_(scene.train.size()),
+      far_pairs_of_frame_(scene.train.size()) {
   require_sequence(config, scene, model.shape);
   const bool sequential = config.train.sequential;
   choices_.resize(sequential ? size_t(model.shape.keys) : 1);
@@ -148,7 +149,8 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
   if (!config.flow.enabled || config.flow.weight == 0) return;
   for (size_t i = 0; i < pairs.size(); ++i)
     if (flows.has(i) && (!sequential || leads_back(scene, pairs[i])))
-      pairs_of_frame_[size_t(pairs[i].frame)].push_back(int(i));
+      (pairs[i].span > 1 ? far_pairs_of_frame_ : pairs_of_frame_)[size_t(pairs[i].frame)].push_back(
+          int(i));
 }
 
 int Trainer::sh_degree(int step) const {
@@ -156,9 +158,14 @@ int Trainer::sh_degree(int step) const {
 }
 
 int Trainer::pair_at(size_t frame, int step, size_t turn) const {
-  const std::vector<int>& pairs = pairs_of_frame_[frame];
+  const std::vector<int>&near = pairs_of_frame_[frame], &far = far_pairs_of_frame_[frame];
+  const uint seed = uint(config_.train.seed);
+  const bool reaches =
+      near.empty() ||
+      (!far.empty() && random_uniform(seed, kReachStream, uint(turn)) <= config_.flow.far_share);
+  const std::vector<int>& pairs = reaches ? far : near;
   if (pairs.empty() || step < config_.flow.start || stage(step).time_step == 0) return -1;
-  return pairs[random_bits(uint(config_.train.seed), kPairStream, uint(turn)) % pairs.size()];
+  return pairs[random_bits(seed, kPairStream, uint(turn)) % pairs.size()];
 }
 
 std::array<uint8_t, 3> Trainer::background(int step) const {
@@ -295,8 +302,8 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
     const auto unknown = std::count(confidence_part_.begin(), confidence_part_.end(), 0);
     v_.flow_in_parts = size_t(unknown) > pixels / 4;
     v_.v_flow.ensure(queue, 2 * pixels);
-    flow_loss_.run(queue, share * config_.flow.weight, part.width, part.height, images.flow,
-                   images.alpha, teacher_, confidence_, v_.v_flow);
+    flow_loss_.run(queue, share * config_.flow.weight * flow->emphasis, part.width, part.height,
+                   images.flow, images.alpha, teacher_, confidence_, v_.v_flow);
   }
   renderer_.backward(queue, model_, v_);
   learn_from(queue, shot, camera.width, camera.height);

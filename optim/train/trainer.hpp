@@ -87,7 +87,7 @@ class Trainer {
   // Behind pictures with alpha, sRGB.
   std::array<uint8_t, 3> background(int step) const;
   // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,
-  // or -1.
+  // to a neighbour or further (flow.far_share), or -1.
   int pair_at(size_t frame, int step, size_t turn) const;
   void train_view(Queue& queue, const Sample& sample, int step);
   // Asks for guidance and adds its gradients.
@@ -133,7 +133,8 @@ class Trainer {
   bool memory_was_short_ = false;
   std::string notice_;
   Reduce reduce_;
-  std::vector<std::vector<int>> pairs_of_frame_;  // with a flow, forward and back
+  // With a flow, forward and back; far: over several pictures.
+  std::vector<std::vector<int>> pairs_of_frame_, far_pairs_of_frame_;
   Buffer<cl_uchar> truth_{"truth"}, confidence_{"confidence"};
   Buffer<float> teacher_{"teacher flow"};
   ImageGradients v_;

@@ -118,3 +118,22 @@ TEST(Consistent4d, TransformsWinOverNumberedPicturesInTheFolderItself) {
   folder.write("transforms_train.json", "is read");
   expect_error([&] { read_scene(folder.path()); }, {"transforms_train.json", "no JSON"});
 }
+
+TEST(Consistent4d, FirstViewsAreTrainedOnWhereTheyAreGiven) {
+  const TemporaryFolder folder;
+  for (const char* view : {"input", "eval_0", "eval_1"})
+    for (int k = 0; k < 3; ++k) make_png(folder, fmt::format("{}/{}.png", view, k), 8, 8, 4);
+  SceneOptions options;
+  options.first_views = true;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.steps, 3);
+  ASSERT_EQ(scene.train.size(), 5u);
+  EXPECT_EQ(scene.train[3].name, "eval_0_0000");
+  EXPECT_EQ(scene.train[4].name, "eval_1_0000");
+  EXPECT_EQ(scene.train[4].time, 0);
+  ASSERT_EQ(scene.test.size(), 4u);  // judged on what was not shown
+  EXPECT_EQ(scene.test[0].name, "eval_0_0001");
+  EXPECT_EQ(neighbour_pairs(scene).size(), 2u);  // those of the input view alone
+  for (int k = 0; k < 2; ++k) std::filesystem::remove_all(folder.file(fmt::format("eval_{}", k)));
+  expect_error([&] { read_scene(folder.path(), options); }, {"scene.first_views", "eval_0"});
+}
