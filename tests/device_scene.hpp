@@ -17,7 +17,7 @@ inline std::vector<float> to_float(const std::vector<double>& a) {
 
 class DeviceScene {
  public:
-  DeviceScene(Queue& queue, const Scene& scene, Channels channels = {})
+  DeviceScene(Queue& queue, const PosedScene& scene, Channels channels = {})
       : engine(queue, scene.shot.settings),
         queue_(queue),
         posed_(queue),
@@ -28,7 +28,7 @@ class DeviceScene {
     upload(scene);
   }
 
-  void upload(const Scene& scene) {
+  void upload(const PosedScene& scene) {
     const size_t n = scene.count();
     const auto write = [&](Buffer<float>& buffer, const char* name) {
       buffer.ensure(queue_, scene.p.at(name).size());
@@ -102,7 +102,7 @@ class DeviceScene {
 
   Engine engine;
   GaussianGradients gradients;
-  bool flow_in_parts = false;  // ImageGradients'
+  bool flow_in_parts = false;   // ImageGradients'
   bool keep_gradients = false;  // what rows that are not seen hold; else 0
 
  private:

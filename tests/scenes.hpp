@@ -10,7 +10,7 @@
 namespace gflow {
 
 // Gaussians posed at two times (reference::posed) and how they are looked at.
-struct Scene {
+struct PosedScene {
   reference::Shot shot;
   reference::Named p;
   size_t count() const { return p.at("opacities").size(); }
@@ -64,7 +64,7 @@ inline void append(reference::Named& p, const std::string& name, std::vector<dou
   for (double v : values) p[name].push_back(double(float(v)));
 }
 
-inline Scene random_scene(const SceneSpec& spec) {
+inline PosedScene random_scene(const SceneSpec& spec) {
   std::mt19937 rng(spec.seed);
   const auto uniform = [&](double lo, double hi) {
     return lo + (hi - lo) * (double(rng()) / 4294967296.0);
@@ -73,7 +73,7 @@ inline Scene random_scene(const SceneSpec& spec) {
     return std::sqrt(-2 * std::log(uniform(1e-12, 1))) *
            std::cos(6.283185307179586 * uniform(0, 1));
   };
-  Scene s;
+  PosedScene s;
   s.shot.camera = s.shot.camera_t2 = test_camera(spec.width, spec.height);
   place(s.shot.camera, {.95, .09, .3, -.06}, {.1, -.2, .3});
   place(s.shot.camera_t2, {.95, .095, .301, -.06}, {.12, -.19, .27});
@@ -118,7 +118,7 @@ inline Scene random_scene(const SceneSpec& spec) {
 
 // One Gaussian more, at camera coordinates `at`, with three scales and no rotation of its own; it
 // moves by `shift` (camera coordinates) until t2.
-inline void add_gaussian(Scene& s, real3 at, real3 scales, double opacity,
+inline void add_gaussian(PosedScene& s, real3 at, real3 scales, double opacity,
                          real3 shift = {0, 0, 0}) {
   const real3 a = world_of(s.shot.camera, at), b = world_of(s.shot.camera, at + shift);
   append(s.p, "means", {a.x, a.y, a.z});
@@ -132,7 +132,7 @@ inline void add_gaussian(Scene& s, real3 at, real3 scales, double opacity,
 }
 
 // Random cotangents of order 1/sqrt(pixels), 0 at the doubtful pixels (float32 values).
-inline reference::Planes random_cotangents(const Scene& s, unsigned seed,
+inline reference::Planes random_cotangents(const PosedScene& s, unsigned seed,
                                            const std::vector<uint8_t>& doubtful = {}) {
   std::mt19937 rng(seed);
   const size_t pixels = s.pixels();

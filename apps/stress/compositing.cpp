@@ -10,8 +10,8 @@ namespace {
 
 // A column of layers over one pixel: splats far wider than the image, so that each one's opacity is
 // its alpha there. Colours and flows are random.
-Scene layers(const std::vector<double>& alphas, unsigned seed) {
-  Scene s = random_scene({0, 1, 1});
+PosedScene layers(const std::vector<double>& alphas, unsigned seed) {
+  PosedScene s = random_scene({0, 1, 1});
   s.shot.camera = s.shot.camera_t2 = test_camera(1, 1);
   s.shot.camera.cx = s.shot.camera.cy = .5f;
   s.shot.camera_t2 = s.shot.camera;
@@ -48,7 +48,7 @@ struct Blend {
   std::vector<double> by_alpha;
   bool doubtful = false;  // rounding may decide where the pixel stops
 };
-Blend blend(const Scene& s, const std::vector<float>& alphas, real3 v, bool stop) {
+Blend blend(const PosedScene& s, const std::vector<float>& alphas, real3 v, bool stop) {
   Blend out;
   std::vector<double> before;  // T
   double W = 0;
@@ -77,9 +77,9 @@ Blend blend(const Scene& s, const std::vector<float>& alphas, real3 v, bool stop
 }
 
 // The device's own alpha of each layer: it drawn alone.
-std::vector<float> drawn_alphas(Queue& queue, const Scene& s) {
+std::vector<float> drawn_alphas(Queue& queue, const PosedScene& s) {
   std::vector<float> alphas;
-  Scene one = layers({.5}, 1);
+  PosedScene one = layers({.5}, 1);
   DeviceScene device(queue, one, {false, false});
   for (const double opacity : s.p.at("opacities")) {
     one.p["opacities"][0] = opacity;
@@ -94,7 +94,7 @@ struct PixelErrors {
   double doubtful = 0;
 };
 // Flow against an image that does not stop, the rest against one that stops as it should.
-void compare_pixel(Queue& queue, const Scene& s, PixelErrors& errors) {
+void compare_pixel(Queue& queue, const PosedScene& s, PixelErrors& errors) {
   const std::vector<float> alphas = drawn_alphas(queue, s);
   const reference::Planes v = only(random_cotangents(s, 3), "rgb");
   const real3 v_rgb{v.rgb[0], v.rgb[1], v.rgb[2]};
@@ -145,7 +145,7 @@ Rows stop_rule(Queue& queue) {  // T17, flows up to 100 px
   PixelErrors e;
   for (unsigned k = 0; k < 40; ++k) {
     Random random(100 + k);
-    Scene s = layers(k % 2 ? mixed_alphas(200, random) : hard_alphas(200, .98, random), k);
+    PosedScene s = layers(k % 2 ? mixed_alphas(200, random) : hard_alphas(200, .98, random), k);
     for (size_t i = 0; i < s.count(); ++i)
       for (size_t c = 0; c < 2; ++c)
         s.p["means_t2"][3 * i + c] =
@@ -163,7 +163,7 @@ Rows faint(Queue& queue) {  // T19
   Rows rows;
   const double step = 1.0001 / 255;
   {  // alone at alpha 1/255: flow and its gradient do not depend on how faint it is
-    Scene s = layers({step}, 1);
+    PosedScene s = layers({step}, 1);
     s.shot.settings.transport = Transport::translate;
     const reference::Gaussians g = reference::posed(s.p);
     const reference::Rendering r = reference::render(s.shot, g);
@@ -177,7 +177,7 @@ Rows faint(Queue& queue) {  // T19
                     row_error(device.backward(v).at("means_t2"), expected.means_t2, 0, 3), 1e-6});
   }
   for (const bool empty : {true, false}) {  // nothing at all; one below 1/255
-    Scene s = empty ? layers({}, 1) : layers({.0039}, 1);
+    PosedScene s = empty ? layers({}, 1) : layers({.0039}, 1);
     DeviceScene device(queue, s);
     double sum = 0;
     const FloatArrays images = device.forward();
@@ -198,12 +198,12 @@ Rows faint(Queue& queue) {  // T19
 Rows clamp(Queue& queue) {  // T21
   Rows rows;
   const auto colour = [&](double opacity) {
-    Scene s = layers({opacity}, 1);
+    PosedScene s = layers({opacity}, 1);
     DeviceScene device(queue, s);
     return double(device.forward().at("rgb")[0]);
   };
   for (const auto& [opacity, open] : {std::pair{.9899, true}, {.9901, false}}) {
-    Scene s = layers({opacity}, 1);
+    PosedScene s = layers({opacity}, 1);
     reference::Planes v = only(random_cotangents(s, 2), "none");
     v.rgb[0] = 1;
     DeviceScene device(queue, s);
@@ -218,7 +218,7 @@ Rows clamp(Queue& queue) {  // T21
   double most = 0;
   for (const double first :
        {.99, std::nextafter(.99f, 0.f) * 1., std::nextafter(.99f, 1.f) * 1., 1.}) {
-    const Scene s = layers({first, .99, .9}, 1);
+    const PosedScene s = layers({first, .99, .9}, 1);
     DeviceScene device(queue, s);
     const double found = double(device.forward().at("rgb")[0]);
     const reference::Gaussians g = reference::posed(s.p);
@@ -231,7 +231,7 @@ Rows clamp(Queue& queue) {  // T21
   return rows;
 }
 
-double worst_image_error(Queue& queue, const Scene& s) {
+double worst_image_error(Queue& queue, const PosedScene& s) {
   const reference::Rendering r = reference::render(s.shot, reference::posed(s.p));
   DeviceScene device(queue, s);
   const FloatArrays images = device.forward();
@@ -251,7 +251,7 @@ Rows tiles(Queue& queue) {  // T22
                     worst_image_error(queue, random_scene(spec)), 1e-5});
   }
   for (const int across : {1, 2, 5, 10}) {  // 1 to 100 tiles
-    Scene s = random_scene({0, 160, 160});
+    PosedScene s = random_scene({0, 160, 160});
     s.shot.camera = s.shot.camera_t2 = test_camera(160, 160);
     const double sigma = 16. * across / 6.7 * 4 / 160;
     add_gaussian(s, {.013, -.021, 4}, {sigma, sigma, .1}, .9);

@@ -18,7 +18,7 @@ struct Result {
     return count;
   }
 };
-Result run(Queue& queue, const Scene& s) {
+Result run(Queue& queue, const PosedScene& s) {
   DeviceScene device(queue, s);
   Result r;
   r.images = device.forward();
@@ -26,7 +26,7 @@ Result run(Queue& queue, const Scene& s) {
   return r;
 }
 
-double background_off(const Scene& s, const FloatArrays& images) {
+double background_off(const PosedScene& s, const FloatArrays& images) {
   double most = 0;
   for (size_t i = 0; i < 3 * s.pixels(); ++i)
     most =
@@ -43,11 +43,11 @@ bool same_bits(const FloatArrays& a, const FloatArrays& b) {
 
 Rows degenerate(Queue& queue) {
   Rows rows;
-  Scene none = random_scene({0, 40, 30});
+  PosedScene none = random_scene({0, 40, 30});
   rows.push_back(
       {"no Gaussian: colour off the background", background_off(none, run(queue, none).images), 0});
 
-  Scene behind = none;
+  PosedScene behind = none;
   for (int i = 0; i < 100; ++i) add_gaussian(behind, {0, 0, -1. - i}, {.5, .5, .5}, .9);
   const Result culled = run(queue, behind);
   double gradients = 0;
@@ -57,7 +57,7 @@ Rows degenerate(Queue& queue) {
       {"all culled: colour off the background", background_off(behind, culled.images), 0});
   rows.push_back({"all culled: gradients that are not 0", gradients, 0});
 
-  Scene ties = none;
+  PosedScene ties = none;
   ties.shot.camera = ties.shot.camera_t2 = test_camera(40, 30);
   Random random(30);
   for (int i = 0; i < 1000; ++i) {
@@ -82,7 +82,7 @@ Rows degenerate(Queue& queue) {
   for (const auto& [name, scales] : {std::pair{"surfels", real3{.3, .2, 0}},
                                      {"needles", real3{.5, 0, 0}},
                                      {"points", real3{0, 0, 0}}}) {
-    Scene s = random_scene({60, 40, 30});
+    PosedScene s = random_scene({60, 40, 30});
     for (const char* end : {"", "_t2"})
       for (size_t i = 0; i < s.count(); ++i)
         s.p[std::string("scales") + end] = [&] {
@@ -118,7 +118,7 @@ Rows degenerate(Queue& queue) {
 }
 
 Rows crowd(Queue& queue) {  // the part of T30 that takes longer
-  Scene s = random_scene({0, 16, 16});
+  PosedScene s = random_scene({0, 16, 16});
   s.shot.camera = s.shot.camera_t2 = test_camera(16, 16);
   Random random(31);
   for (int i = 0; i < 100000; ++i)

@@ -119,7 +119,7 @@ Derivative image_row(Queue& queue, const std::string& image, Transport transport
   spec.width = 19;
   spec.height = 13;
   spec.seed = 43;
-  Scene s = random_scene(spec);
+  PosedScene s = random_scene(spec);
   s.shot.settings.transport = transport;
   s.shot.settings.top_k = top_k;
   s.shot.settings.stop = stop;

@@ -21,7 +21,7 @@ Rows against_differences(Queue&) {  // T34
   Rows rows;
   for (const Transport t : kTransports) {
     SceneSpec spec{12, 11, 9, 3, 14, .5, 1.6, .4};
-    Scene s = random_scene(spec);
+    PosedScene s = random_scene(spec);
     s.shot.settings.transport = t;
     const reference::Rendering r = reference::render(s.shot, reference::posed(s.p));
     const reference::Planes v = random_cotangents(s, 5);
@@ -65,7 +65,7 @@ Agreement agreement(Queue& queue, int count) {
     spec.seed = unsigned(1000 + k);
     spec.cover = 8 + k % 4 * 8;
     spec.opaque = k % 3 == 0 ? .1 : 0;
-    Scene s = random_scene(spec);
+    PosedScene s = random_scene(spec);
     s.shot.settings.transport = kTransports[k % 3];
     const reference::Gaussians g = reference::posed(s.p);
     const reference::Rendering r = reference::render(s.shot, g);
@@ -113,8 +113,8 @@ Rows against_double(Queue& queue, int count) {  // T35
           {of + "false zeros", a.false_zeros, 0}};
 }
 
-Scene small_scene(Transport t) {
-  Scene s = random_scene({80, 45, 30, 9});
+PosedScene small_scene(Transport t) {
+  PosedScene s = random_scene({80, 45, 30, 9});
   s.shot.settings.transport = t;
   return s;
 }
@@ -122,7 +122,7 @@ Scene small_scene(Transport t) {
 Rows flow_alone(Queue& queue) {  // T36
   Rows rows;
   for (const Transport t : {Transport::paper, Transport::ot, Transport::material}) {
-    const Scene s = small_scene(t);
+    const PosedScene s = small_scene(t);
     const reference::Gaussians g = reference::posed(s.p);
     const reference::Rendering r = reference::render(s.shot, g);
     const reference::Planes v = only(random_cotangents(s, 4, r.contributors.doubtful), "flow");
@@ -142,7 +142,7 @@ Rows flow_alone(Queue& queue) {  // T36
 
 Rows sums(Queue& queue) {  // T37
   Rows rows;
-  const Scene s = small_scene(Transport::material);
+  const PosedScene s = small_scene(Transport::material);
   DeviceScene device(queue, s), without(queue, s, {false, true});
   device.forward();
   without.forward();
@@ -170,7 +170,7 @@ Rows wide_image(Queue& queue) {  // T38
   spec.n = 400;
   spec.width = 320;
   spec.height = 96;
-  Scene s = random_scene(spec);
+  PosedScene s = random_scene(spec);
   const reference::Gaussians g = reference::posed(s.p);
   const reference::Rendering r = reference::render(s.shot, g);
   DeviceScene device(queue, s);

@@ -82,7 +82,7 @@ struct Fit {
 
 Fit fit(Queue& queue, Transport transport) {
   constexpr int size = 300;
-  Scene s;
+  PosedScene s;
   s.shot.camera = s.shot.camera_t2 = test_camera(size, size);
   s.shot.camera.fx = s.shot.camera.fy = 1000;
   s.shot.camera.cx = s.shot.camera.cy = size / 2;
@@ -153,14 +153,14 @@ Rows learned_from_flow(Queue& queue) {  // T14
 // ---- a tilted plane of small flat splats under a rigid motion: the flow of a plane is known
 
 struct Plane {
-  Scene scene;
+  PosedScene scene;
   std::vector<double> truth;  // [2, H, W]
 };
 
 Plane moving_plane(Transport transport) {
   constexpr int width = 160, height = 120;
   Plane plane;
-  Scene& s = plane.scene;
+  PosedScene& s = plane.scene;
   s.shot.camera = test_camera(width, height);
   s.shot.camera.fx = s.shot.camera.fy = 160;
   s.shot.camera.cx = 80;

@@ -22,8 +22,8 @@ std::vector<float> poisons() {
 
 // The culprit (0), one under it (1), and others at the right, which no value of the culprit reaches
 // but by being broken: unless it then truly lies there or covers everything.
-Scene two_sides() {
-  Scene s = random_scene({0, 96, 32});
+PosedScene two_sides() {
+  PosedScene s = random_scene({0, 96, 32});
   s.shot.camera = s.shot.camera_t2 = test_camera(96, 32);
   add_gaussian(s, {-1.6, .1, 4}, {.1, .08, .1}, .6, {.1, 0, 0});
   add_gaussian(s, {-1.6, 0, 5}, {.2, .1, .1}, .7, {0, .1, 0});
@@ -48,7 +48,7 @@ class Poisoned {
         images_(device_.forward()),
         gradients_(device_.backward(v_)) {
     for (const char* slot : {"quats", "quats_t2"}) {
-      Scene s = clean_;
+      PosedScene s = clean_;
       for (size_t k = 0; k < 4; ++k) s.p[slot][k] = k == 0;
       device_.upload(s);
       device_.forward();
@@ -65,7 +65,7 @@ class Poisoned {
     Harm harm;
     for (size_t component = 0; component < clean_.p.at(slot).size() / clean_.count(); ++component)
       for (const float poison : poisons()) {
-        Scene s = clean_;
+        PosedScene s = clean_;
         s.p[slot][component] = double(poison);
         device_.upload(s);
         const FloatArrays found = device_.forward();
@@ -141,7 +141,7 @@ class Poisoned {
   }
 
   Queue& queue_;
-  Scene clean_;
+  PosedScene clean_;
   reference::Planes v_;
   DeviceScene device_;
   FloatArrays images_, gradients_;

@@ -24,7 +24,7 @@ Rows near_plane(Queue& queue) {  // T23; the plane is at .01f
                           {double(std::nextafter(plane, 1.f)), true},
                           {double(plane) * (1 + 1e-3), true},
                           {2, true}};
-  Scene s = random_scene({0, 64, 48});
+  PosedScene s = random_scene({0, 64, 48});
   s.shot.camera = s.shot.camera_t2 = test_camera(64, 48);
   for (const Place& p : places) add_gaussian(s, {0, 0, p.z}, {.1, .1, .1}, .5, {0, 0, .3});
   DeviceScene device(queue, s);

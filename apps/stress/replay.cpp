@@ -20,7 +20,7 @@ class Replay {
   struct Counts {
     double pixel_splats = 0, contributors = 0, mismatches = 0, other_images = 0;
   };
-  void compare(const Scene& s, Counts& counts) {
+  void compare(const PosedScene& s, Counts& counts) {
     DeviceScene device(queue_, s, {false, false});
     const std::vector<float> drawn = device.forward().at("transmittance");
     const Splats& splats = device.engine.splats();

@@ -384,6 +384,7 @@ struct FlowConfig {
   bool detach_t1 = false;
   bool detach_weights = false;
   float robust_px = 0.5f;
+  int every = 1;
   int start = 0;
   int max_gap = 2;
   bool confidence = true;
@@ -425,6 +426,8 @@ struct FlowConfig {
           "let the flow loss change how Gaussians move, not what they cover");
     field("robust_px", self.robust_px,
           "knee of the robust norm: quadratic below, linear above [px]", above(0));
+    field("every", self.every, "the flow loss counts in every n-th step only, n times as much",
+          at_least(1));
     field("start", self.start, "first step with the flow loss", at_least(0));
     field("max_gap", self.max_gap, "frames further apart than this are not compared [time steps]",
           at_least(1));

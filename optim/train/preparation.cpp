@@ -37,9 +37,6 @@ std::vector<FlowPair> close_pairs(const Scene& scene, const FlowConfig& flow) {
 std::vector<FlowPair> far_pairs(const Scene& scene, const FlowConfig& flow) {
   std::vector<FlowPair> pairs;
   if (flow.reach == 1) return pairs;
-  if (flow.pairs == FlowPairs::time)
-    throw Error(
-        "flow.reach above 1 follows the pictures of one camera: it needs flow.pairs = \"track\"");
   const int most = flow.reach > 0 ? flow.reach : int(scene.train.size());
   for (int span = 2;; span = std::min(2 * span, most)) {
     const std::vector<FlowPair> apart = distant_pairs(scene, span);
@@ -70,6 +67,9 @@ void require_sources(const FlowConfig& flow) {
   const bool by_tracks =
       flow.source == FlowSource::tracks || (flow.reach != 1 && flow.far == FarFlow::tracks);
   if (!flow.enabled) return;
+  if (flow.reach != 1 && flow.pairs == FlowPairs::time)
+    throw Error(
+        "flow.reach above 1 follows the pictures of one camera: it needs flow.pairs = \"track\"");
   if (by_tracks && flow.tracks.empty())
     throw Error("flow of points is asked for, but flow.tracks names no file or folder of them");
   if (flow.reach != 1 && flow.far == FarFlow::direct && flow.source != FlowSource::dis)

@@ -13,6 +13,7 @@
 namespace gflow {
 namespace {
 
+constexpr double kNotSeen = std::numeric_limits<double>::quiet_NaN();  // in this step
 constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
 constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9, kNoiseStream = 10,
                kReachStream = 15;  // of random numbers
@@ -184,6 +185,7 @@ std::vector<Trainer::Sample> Trainer::samples(int step) const {
   const bool whole = step % (focus + 1) == 0;
   const size_t turn = whole ? size_t(step) / size_t(focus + 1)
                             : size_t(step) - size_t(step) / size_t(focus + 1) - 1;
+  const bool with_flow = turn % size_t(config_.flow.every) == 0;
   std::vector<Sample> samples;
   for (int b = 0; b < config_.train.batch; ++b) {
     const size_t at = turn * size_t(config_.train.batch) + size_t(b);
@@ -192,7 +194,7 @@ std::vector<Trainer::Sample> Trainer::samples(int step) const {
     const uint32_t stream = whole ? seed : seed + 1000003u;
     const size_t i = frames[unfolding_.view_at(frames.size(), step, stream, at)];
     const Camera& camera = frames_.camera(scene_.train[i]);
-    samples.push_back({&scene_.train[i], pair_at(i, step, at),
+    samples.push_back({&scene_.train[i], with_flow ? pair_at(i, step, at) : -1,
                        whole ? Rect{0, 0, camera.width, camera.height} : parts_[i]});
   }
   return samples;
@@ -302,8 +304,9 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
     const auto unknown = std::count(confidence_part_.begin(), confidence_part_.end(), 0);
     v_.flow_in_parts = size_t(unknown) > pixels / 4;
     v_.v_flow.ensure(queue, 2 * pixels);
-    flow_loss_.run(queue, share * config_.flow.weight * flow->emphasis, part.width, part.height,
-                   images.flow, images.alpha, teacher_, confidence_, v_.v_flow);
+    flow_loss_.run(queue, share * config_.flow.weight * float(config_.flow.every) * flow->emphasis,
+                   part.width, part.height, images.flow, images.alpha, teacher_, confidence_,
+                   v_.v_flow);
   }
   renderer_.backward(queue, model_, v_);
   learn_from(queue, shot, camera.width, camera.height);
@@ -478,13 +481,14 @@ StepFigures Trainer::figures(Queue& queue) {
     figures.flow_loss = flow.loss;
     figures.epe = flow.epe;
     figures.loss += flow.loss;
+  } else if (config_.flow.every > 1 && flows_.size() > 0) {
+    figures.flow_loss = figures.epe = kNotSeen;
   }
   if (had_motion_loss_) {
     figures.motion = motion_loss_->value(queue);
     figures.loss += figures.motion->total();
   } else if (motion_loss_) {
-    constexpr double none = std::numeric_limits<double>::quiet_NaN();
-    figures.motion = MotionLossValue{none, none, none, none, none};
+    figures.motion = MotionLossValue{kNotSeen, kNotSeen, kNotSeen, kNotSeen, kNotSeen};
   }
   if (guide_) figures.guidance = guide_->figures(queue);
   figures.gaussians = model_.parameters.count;

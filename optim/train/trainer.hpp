@@ -30,7 +30,8 @@ namespace gflow {
 struct StepFigures {
   double l1 = 0, ssim = 0, loss = 0;
   double psnr = 0;                // of the last view [dB]
-  double flow_loss = 0, epe = 0;  // of the last view with flow [px]; 0 when there was none
+  // Of the last view with flow [px]; NaN in a step without (flow.every), 0 where there is none.
+  double flow_loss = 0, epe = 0;
   // Of the last view, NaN in a step without such a loss (loss.motion_every); none: no training has.
   std::optional<MotionLossValue> motion;
   // Of the last step with guidance; none: no training has.

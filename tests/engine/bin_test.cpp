@@ -10,14 +10,14 @@ namespace {
 
 // What binning made of a scene, read back.
 struct Binned {
-  Scene scene;
+  PosedScene scene;
   cl_uint tiles_x, tiles_y;
   std::vector<float> records;
   std::vector<cl_ushort> boxes, masks;
   std::vector<cl_uint> touched, slot_offsets, tile_offsets, ids, slots;
   size_t tiles() const { return size_t(tiles_x) * tiles_y; }
 };
-Binned binned(Queue& queue, const Scene& s) {
+Binned binned(Queue& queue, const PosedScene& s) {
   DeviceScene device(queue, s);
   device.forward();
   const Splats& splats = device.engine.splats();
@@ -36,12 +36,12 @@ Binned binned(Queue& queue, const Scene& s) {
 }
 
 // Half of the Gaussians share a depth with another one; 2000 of them make several chunks.
-Scene scene_with_ties() {
+PosedScene scene_with_ties() {
   SceneSpec spec;
   spec.n = 1000;
   spec.width = 150;
   spec.height = 70;
-  Scene s = random_scene(spec);
+  PosedScene s = random_scene(spec);
   for (auto& [name, values] : s.p) {
     const std::vector<double> once = values;
     values.insert(values.end(), once.begin(), once.end());

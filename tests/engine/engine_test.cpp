@@ -15,13 +15,13 @@ namespace {
 const Transport TRANSPORTS[] = {Transport::paper, Transport::ot, Transport::material,
                                 Transport::translate};
 
-Scene small_scene(Transport transport = Transport::material) {
+PosedScene small_scene(Transport transport = Transport::material) {
   SceneSpec spec;
   spec.n = 80;
   spec.width = 45;
   spec.height = 30;
   spec.seed = 9;
-  Scene s = random_scene(spec);
+  PosedScene s = random_scene(spec);
   s.shot.settings.transport = transport;
   return s;
 }
@@ -40,7 +40,7 @@ TEST(Engine, AbsgradIsTheSumOfTheLengthsOfAllPixelsPulls) {
   spec.n = 30;
   spec.width = 19;  // two tiles
   spec.height = 7;
-  Scene s = random_scene(spec);
+  PosedScene s = random_scene(spec);
   const Channels channels{true, false};
   DeviceScene plain(queue, s, channels);
   s.shot.settings.absgrad = true;
@@ -77,7 +77,7 @@ TEST(Engine, WhatStandsStillNeedsNoSecondPose) {
   constexpr size_t moving = 30;
   for (Transport transport : TRANSPORTS) {
     Queue queue = test_queue();
-    Scene s = small_scene(transport);
+    PosedScene s = small_scene(transport);
     s.shot.camera_t2 = s.shot.camera;
     for (const auto& [name, width] : {std::pair{"means", 3}, {"quats", 4}, {"scales", 3}})
       std::copy(s.p[name].begin() + long(moving) * width, s.p[name].end(),
@@ -117,7 +117,7 @@ TEST(Engine, WhatStandsStillNeedsNoSecondPose) {
 // What is left out has no part in any pixel: images and gradients have the same bits with it.
 TEST(Engine, SkipsChangeNoBit) {
   Queue queue = test_queue();
-  Scene s = small_scene();
+  PosedScene s = small_scene();
   for (size_t i = 0; i < s.count(); i += 3) s.p["opacities"][i] = 0.98;  // some tiles are opaque
   const reference::Planes v = random_cotangents(s, 1);
   DeviceScene shipped(queue, s);
@@ -140,7 +140,7 @@ TEST(Engine, SkipsChangeNoBit) {
 
 TEST(Engine, GradientOfTwoLossesIsTheSumOfBoth) {  // T37
   Queue queue = test_queue();
-  const Scene s = small_scene();
+  const PosedScene s = small_scene();
   DeviceScene device(queue, s);
   device.forward();
   reference::Planes both = random_cotangents(s, 1);
@@ -161,7 +161,7 @@ TEST(Engine, GradientOfTwoLossesIsTheSumOfBoth) {  // T37
 
 TEST(Engine, PhotometricGradientsHaveTheSameBitsWithoutFlow) {
   Queue queue = test_queue();
-  const Scene s = small_scene();
+  const PosedScene s = small_scene();
   reference::Planes v = random_cotangents(s, 2);
   std::fill(v.flow.begin(), v.flow.end(), 0.0);
   DeviceScene with(queue, s), without(queue, s, {false, true});
@@ -175,7 +175,7 @@ TEST(Engine, PhotometricGradientsHaveTheSameBitsWithoutFlow) {
 TEST(Engine, WhatDoesNotMoveHasExactlyNoFlowAndAFiniteGradient) {  // T9
   Queue queue = test_queue();
   for (Transport transport : TRANSPORTS) {
-    Scene s = small_scene(transport);
+    PosedScene s = small_scene(transport);
     s.shot.camera_t2 = s.shot.camera;
     for (const char* name : {"means", "quats", "scales"})
       s.p[name + std::string("_t2")] = s.p[name];
@@ -192,7 +192,7 @@ TEST(Engine, WhatDoesNotMoveHasExactlyNoFlowAndAFiniteGradient) {  // T9
 TEST(Engine, FlowOfAPureTranslationIsTheProjectedDisplacement) {
   Queue queue = test_queue();
   for (Transport transport : TRANSPORTS) {
-    Scene s = random_scene({0, 40, 30});
+    PosedScene s = random_scene({0, 40, 30});
     s.shot.camera = s.shot.camera_t2 = test_camera(40, 30);
     s.shot.settings.transport = transport;
     add_gaussian(s, {.1, -.2, 4}, {.5, .3, 0}, .8, {.25, .125, 0});
@@ -213,7 +213,7 @@ TEST(Engine, FlowOfAPureTranslationIsTheProjectedDisplacement) {
 // A camera that moves against a still world: the same, from camera_t2.
 TEST(Engine, FlowFollowsTheSecondCamera) {
   Queue queue = test_queue();
-  Scene s = random_scene({0, 40, 30});
+  PosedScene s = random_scene({0, 40, 30});
   s.shot.camera = s.shot.camera_t2 = test_camera(40, 30);
   s.shot.camera_t2.translation[0] = .25f;
   add_gaussian(s, {.1, -.2, 4}, {.5, .3, 0}, .8);
@@ -229,7 +229,7 @@ TEST(Engine, FlowFollowsTheSecondCamera) {
 TEST(Engine, FlowLossAloneReachesEveryParameterAtBothTimes) {  // T36
   Queue queue = test_queue();
   for (Transport transport : {Transport::paper, Transport::ot, Transport::material}) {
-    const Scene s = small_scene(transport);
+    const PosedScene s = small_scene(transport);
     DeviceScene device(queue, s);
     device.forward();
     const FloatArrays g = device.backward(only(random_cotangents(s, 4), "flow"));
@@ -242,7 +242,7 @@ TEST(Engine, FlowLossAloneReachesEveryParameterAtBothTimes) {  // T36
 
 TEST(Engine, DetachedFlowMatchesTheReference) {
   Queue queue = test_queue();
-  Scene s = small_scene(Transport::paper);
+  PosedScene s = small_scene(Transport::paper);
   s.shot.settings.detach_t1 = true;
   const reference::Gaussians g = reference::posed(s.p);
   const reference::Rendering r = reference::render(s.shot, g);
@@ -258,7 +258,7 @@ TEST(Engine, DetachedFlowMatchesTheReference) {
 // With one Gaussian the weights cancel from the flow: what is left at t1 is rounding.
 TEST(Engine, DetachedFlowOfOneGaussianLeavesItAloneAtTheFirstTime) {
   Queue queue = test_queue();
-  Scene s = random_scene({0, 40, 30});
+  PosedScene s = random_scene({0, 40, 30});
   s.shot.settings.detach_t1 = true;
   add_gaussian(s, {.1, -.2, 4}, {.5, .3, .2}, .8, {.25, .125, 0});
   s.shot.settings.transport = Transport::translate;  // the same flow at all its pixels
@@ -274,7 +274,7 @@ TEST(Engine, DetachedFlowOfOneGaussianLeavesItAloneAtTheFirstTime) {
 // Density control must not split what only moves wrongly.
 TEST(Engine, TheFlowsOwnPullMovesAGaussianButIsNoPullOfThePictures) {
   Queue queue = test_queue();
-  Scene s = random_scene({0, 40, 30});
+  PosedScene s = random_scene({0, 40, 30});
   add_gaussian(s, {.1, -.2, 4}, {.5, .3, .2}, .8, {.25, .125, 0});
   s.shot.settings.transport = Transport::translate;  // weights cancel from the flow of one Gaussian
   DeviceScene device(queue, s);
@@ -286,7 +286,7 @@ TEST(Engine, TheFlowsOwnPullMovesAGaussianButIsNoPullOfThePictures) {
 
 TEST(Engine, GaussiansThatAreNotSeenHaveExactlyNoGradient) {
   Queue queue = test_queue();
-  Scene s = small_scene();
+  PosedScene s = small_scene();
   const size_t n = s.count();
   add_gaussian(s, {0, 0, -2}, {.1, .1, .1}, .9);    // behind
   add_gaussian(s, {0, 0, .001}, {.1, .1, .1}, .9);  // before the near plane
@@ -303,7 +303,7 @@ TEST(Engine, GaussiansThatAreNotSeenHaveExactlyNoGradient) {
 
 TEST(Engine, WhatPassesBehindTheSecondCameraHasNoFlow) {
   Queue queue = test_queue();
-  Scene s = random_scene({0, 20, 20});
+  PosedScene s = random_scene({0, 20, 20});
   add_gaussian(s, {0, 0, 2}, {.3, .3, .3}, .9, {0, 0, -4});
   DeviceScene device(queue, s);
   const FloatArrays images = device.forward();
@@ -317,7 +317,7 @@ TEST(Engine, WhatPassesBehindTheSecondCameraHasNoFlow) {
 // T24: wide Gaussians whose centres lie beyond the margin, where J is held.
 TEST(Engine, GradientBesideTheImageMatchesTheReference) {
   Queue queue = test_queue();
-  Scene s = random_scene({0, 48, 32});
+  PosedScene s = random_scene({0, 48, 32});
   for (int i = 0; i < 8; ++i) {
     const double angle = .785 * i;
     add_gaussian(s, {3.2 * std::cos(angle), 3. * std::sin(angle), 4 + .1 * i}, {1.5, 1, .7}, .8,
@@ -342,7 +342,7 @@ TEST(Engine, GradientBesideTheImageMatchesTheReference) {
 // being finite.
 TEST(Engine, ABrokenGaussianHarmsNoOther) {
   Queue queue = test_queue();
-  Scene clean = random_scene({0, 96, 32});
+  PosedScene clean = random_scene({0, 96, 32});
   clean.shot.camera = clean.shot.camera_t2 = test_camera(96, 32);
   add_gaussian(clean, {-1.6, .1, 4}, {.1, .08, .1}, .6, {.1, 0, 0});  // broken below
   add_gaussian(clean, {-1.6, 0, 5}, {.2, .1, .1}, .7, {0, .1, 0});    // under it
@@ -357,7 +357,7 @@ TEST(Engine, ABrokenGaussianHarmsNoOther) {
     for (size_t component = 0; component < values.size() / clean.count(); ++component)
       for (float poison : {nan, inf, -inf, 1e30f, -1e30f, 3e38f, 1e-40f}) {
         SCOPED_TRACE(slot + "[" + std::to_string(component) + "] = " + std::to_string(poison));
-        Scene s = clean;
+        PosedScene s = clean;
         s.p[slot][component] = poison;
         device.upload(s);
         for (const auto& [name, image] : device.forward()) {

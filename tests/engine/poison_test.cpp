@@ -29,13 +29,13 @@ INSTANTIATE_TEST_SUITE_P(Lanes, Poison, testing::Values(16, 8, 4, 1),
 
 // Some of what lies in the scene is not seen. Behind an opaque front every tile is finished long
 // before the end of its list.
-Scene scene_of(size_t n, int width, int height, bool opaque_front) {
+PosedScene scene_of(size_t n, int width, int height, bool opaque_front) {
   SceneSpec spec;
   spec.n = n;
   spec.width = width;
   spec.height = height;
   spec.seed = 4;
-  Scene s = random_scene(spec);
+  PosedScene s = random_scene(spec);
   for (size_t i = 0; i < n; i += 2) s.p["opacities"][i] = 0.98;
   for (size_t i = 0; i < n; i += 7) s.p["opacities"][i] = 0;
   if (opaque_front)
@@ -65,7 +65,7 @@ TEST_P(Poison, EveryOutputOfTheEngineIsWrittenAndWhatIsNotSeenIsLeftAlone) {
                                                        {size_t(100), 17, 33, false},
                                                        {size_t(300), 21, 18, true}}) {
     SCOPED_TRACE(fmt::format("{} Gaussians, {} x {} pixels", n, width, height));
-    const Scene s = scene_of(n, width, height, opaque_front);
+    const PosedScene s = scene_of(n, width, height, opaque_front);
     DeviceScene device(queue, s);
     device.keep_gradients = true;
     for (const auto& [name, plane] : device.forward()) EXPECT_EQ(unwritten(plane), 0u) << name;

@@ -126,7 +126,7 @@ TEST(Project, GradientOfTheCovarianceEqualsCentralDifferences) {
 // tiles_touched of Gaussians of 0.1 units at camera coordinates, with an identity camera.
 std::vector<cl_uint> touched_at(Queue& queue, const std::vector<real3>& positions,
                                 double opacity = .5) {
-  Scene s;
+  PosedScene s;
   s.shot.camera = s.shot.camera_t2 = test_camera(64, 48);
   for (real3 p : positions) add_gaussian(s, p, {.1, .1, .1}, opacity);
   DeviceScene device(queue, s);

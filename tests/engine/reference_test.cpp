@@ -34,7 +34,7 @@ void expect_gradient(Named p, const Named& actual,
 
 // Small, deep and opaque, so that the cut at 0.99 and the stop are both met, and wide, so that some
 // projections are held at the field-of-view margin.
-Scene hard_scene() {
+PosedScene hard_scene() {
   SceneSpec spec;
   spec.n = 12;
   spec.width = 11;
@@ -47,7 +47,7 @@ Scene hard_scene() {
 }
 
 TEST(Reference, SceneForTheGradientMeetsEveryCase) {
-  Scene s = hard_scene();
+  PosedScene s = hard_scene();
   const Gaussians g = reference::posed(s.p);
   const Rendering r = reference::render(s.shot, g);
   size_t clamped = 0, held = 0, stopped = 0;
@@ -62,7 +62,7 @@ TEST(Reference, SceneForTheGradientMeetsEveryCase) {
 class ReferenceGradient : public testing::TestWithParam<std::tuple<Transport, StopRule, int>> {};
 
 TEST_P(ReferenceGradient, EqualsCentralDifferences) {
-  Scene s = hard_scene();
+  PosedScene s = hard_scene();
   std::tie(s.shot.settings.transport, s.shot.settings.stop, s.shot.settings.top_k) = GetParam();
   const Rendering r = reference::render(s.shot, reference::posed(s.p));
   const Planes v = random_cotangents(s, 5);
@@ -87,7 +87,7 @@ INSTANTIATE_TEST_SUITE_P(AllModes, ReferenceGradient,
                                           testing::Values(0, 3)));
 
 TEST(Reference, GradientOfNative4dAndSphericalHarmonicsEqualsCentralDifferences) {
-  Scene s = hard_scene();
+  PosedScene s = hard_scene();
   const size_t n = s.count();
   std::mt19937 rng(8);
   const auto random = [&](size_t count, double size) {
@@ -118,7 +118,7 @@ TEST(Reference, GradientOfNative4dAndSphericalHarmonicsEqualsCentralDifferences)
 }
 
 TEST(Reference, DetachedFlowLeavesOnlyItsWeightsAtTheFirstTime) {
-  Scene s = hard_scene();
+  PosedScene s = hard_scene();
   s.shot.settings.transport = Transport::paper;
   const Gaussians g = reference::posed(s.p);
   const Rendering r = reference::render(s.shot, g);
@@ -151,7 +151,7 @@ TEST(Reference, DetachedFlowLeavesOnlyItsWeightsAtTheFirstTime) {
 
 // One round Gaussian in the middle of a pixel, worked out by hand.
 TEST(Reference, DrawsOneGaussianAsItsFormulaSays) {
-  Scene s;
+  PosedScene s;
   s.shot.camera = s.shot.camera_t2 = test_camera(3, 1);
   s.shot.camera.fx = s.shot.camera.fy = 10;
   s.shot.camera.cx = 1.5f;

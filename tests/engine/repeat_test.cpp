@@ -17,7 +17,7 @@ TEST_P(Repeat, ImagesAndGradientsHaveTheSameBitsInEveryRun) {
   spec.width = GetParam() > 1 ? 150 : 60;
   spec.height = GetParam() > 1 ? 90 : 40;
   spec.cover = 40;
-  Scene s = random_scene(spec);
+  PosedScene s = random_scene(spec);
   for (size_t i = 0; i < 200; ++i)  // copies of others: ties in depth
     for (auto& [name, values] : s.p) {
       const size_t width = values.size() / spec.n;

@@ -18,7 +18,7 @@ struct Bounds {
   double image = 5e-6, flow = 1e-4, gradient = 1e-5;
 };
 
-void expect_images(const Scene& s, const FloatArrays& actual, const Rendering& expected,
+void expect_images(const PosedScene& s, const FloatArrays& actual, const Rendering& expected,
                    Bounds bounds = {}) {
   const auto& doubtful = expected.contributors.doubtful;
   size_t left_out = 0;
@@ -33,7 +33,7 @@ void expect_images(const Scene& s, const FloatArrays& actual, const Rendering& e
 }
 
 // Draws and differentiates s on the device and in double.
-void expect_reference(Queue& queue, const Scene& s, Bounds bounds = {}) {
+void expect_reference(Queue& queue, const PosedScene& s, Bounds bounds = {}) {
   const reference::Gaussians g = reference::posed(s.p);
   const Rendering expected = reference::render(s.shot, g);
   DeviceScene device(queue, s);
@@ -54,13 +54,13 @@ void expect_reference(Queue& queue, const Scene& s, Bounds bounds = {}) {
   }
 }
 
-Scene scene_of(size_t n, int width, int height, unsigned seed = 1) {
+PosedScene scene_of(size_t n, int width, int height, unsigned seed = 1) {
   SceneSpec spec;
   spec.n = n;
   spec.width = width;
   spec.height = height;
   spec.seed = seed;
-  Scene s = random_scene(spec);
+  PosedScene s = random_scene(spec);
   s.shot.settings.transport = Transport::material;
   return s;
 }
@@ -97,7 +97,7 @@ TEST_P(SplatModes, StopBeforeTheSaturatingSplatAndMakeFlowOfTheFirstContributors
   SceneSpec spec;
   spec.cover = 60;
   spec.opaque = .3;
-  Scene s = random_scene(spec);
+  PosedScene s = random_scene(spec);
   s.shot.settings.stop = StopRule::exclude;
   s.shot.settings.top_k = 3;
   s.shot.settings.transport = Transport::paper;
@@ -105,10 +105,10 @@ TEST_P(SplatModes, StopBeforeTheSaturatingSplatAndMakeFlowOfTheFirstContributors
   expect_reference(queue, s, {5e-6, 1e-4, 1e-4});
 }
 
-// Cells of a picture that ask for nothing, whole tiles among them, are left out of the way back; and
-// flow where nothing moves or none is asked for: with the same result, but for the sign of a 0.
+// Cells of a picture that ask for nothing, whole tiles among them, are left out of the way back;
+// and flow where nothing moves or none is asked for: with the same result, but for the sign of a 0.
 TEST_P(SplatModes, LeavesOutWhatAsksForNothing) {
-  Scene s = scene_of(narrow() ? 100 : 300, 75, 52);
+  PosedScene s = scene_of(narrow() ? 100 : 300, 75, 52);
   reference::Planes v = random_cotangents(s, 5);
   for (int y = 0; y < 52; ++y)
     for (int x = 0; x < 75; ++x) {
@@ -135,11 +135,12 @@ TEST_P(SplatModes, LeavesOutWhatAsksForNothing) {
 }
 
 TEST_P(Splat, DrawsTheBackgroundWhereNothingIs) {
-  for (Scene s : {scene_of(0, 19, 5), [] {
-                    Scene behind = scene_of(0, 19, 5);
-                    for (int i = 0; i < 9; ++i) add_gaussian(behind, {0, 0, -3}, {.5, .5, .5}, .9);
-                    return behind;
-                  }()}) {
+  for (PosedScene s : {scene_of(0, 19, 5), [] {
+                         PosedScene behind = scene_of(0, 19, 5);
+                         for (int i = 0; i < 9; ++i)
+                           add_gaussian(behind, {0, 0, -3}, {.5, .5, .5}, .9);
+                         return behind;
+                       }()}) {
     DeviceScene device(queue, s);
     const FloatArrays images = device.forward();
     for (size_t i = 0; i < s.pixels(); ++i) {
@@ -155,14 +156,14 @@ TEST_P(Splat, DrawsTheBackgroundWhereNothingIs) {
 }
 
 TEST_P(Splat, DrawsOneGaussian) {
-  Scene s = scene_of(0, 21, 13);
+  PosedScene s = scene_of(0, 21, 13);
   add_gaussian(s, {.05, -.02, 4}, {.4, .2, .3}, .8, {.05, .02, -.1});
   expect_reference(queue, s);
 }
 
 // At one depth the index decides. The colours differ, so a wrong order shows at once.
 TEST_P(Splat, BreaksTiesInDepthByIndex) {
-  Scene s = scene_of(0, 24, 18);
+  PosedScene s = scene_of(0, 24, 18);
   s.shot.camera = s.shot.camera_t2 = test_camera(24, 18);  // not turned: z is exact
   std::mt19937 rng(2);
   for (int i = 0; i < 40; ++i) {
@@ -174,14 +175,14 @@ TEST_P(Splat, BreaksTiesInDepthByIndex) {
 }
 
 TEST_P(Splat, DrawsOneSplatOverAllTiles) {  // T22
-  Scene s = scene_of(60, 70, 50);
+  PosedScene s = scene_of(60, 70, 50);
   add_gaussian(s, {0, 0, 6}, {6, 5, 1}, .9, {.1, 0, 0});
   // the big splat's moments sum 3500 pixels of random sign: more cancels
   expect_reference(queue, s, {5e-6, 1e-4, 3e-5});
 }
 
 TEST_P(Splat, BlendsHundredsOfLayers) {  // T16: faint ones over an opaque one
-  Scene s = scene_of(0, 9, 9);
+  PosedScene s = scene_of(0, 9, 9);
   std::mt19937 rng(4);
   for (int i = 0; i < 300; ++i) {
     const double x = double(rng() % 1000) / 1000 - .5, y = double(rng() % 1000) / 1000 - .5;
@@ -195,7 +196,7 @@ TEST_P(Splat, BlendsHundredsOfLayers) {  // T16: faint ones over an opaque one
 }
 
 TEST_P(Splat, DrawsAFewSplatsInAFullHdImage) {
-  Scene s = scene_of(0, narrow() ? 640 : 1920, narrow() ? 360 : 1080);
+  PosedScene s = scene_of(0, narrow() ? 640 : 1920, narrow() ? 360 : 1080);
   std::mt19937 rng(7);
   for (int i = 0; i < 12; ++i) {
     const double x = double(rng() % 1000) / 1000 - .5, y = .5 * (double(rng() % 1000) / 1000 - .5);

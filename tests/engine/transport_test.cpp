@@ -180,7 +180,7 @@ TEST(Transport, GradientAtEqualEigenvaluesEqualsCentralDifferences) {
 TEST(Transport, DeviceFormsHOfNeedlesThatHardlyMove) {
   Queue queue = test_queue();
   for (Transport mode : {Transport::paper, Transport::ot, Transport::material}) {
-    Scene s;
+    PosedScene s;
     s.shot.camera = s.shot.camera_t2 = test_camera(640, 480);
     s.shot.settings.transport = mode;
     Random random(10);
