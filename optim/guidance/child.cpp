@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "optim/guidance/guidance.hpp"
+#include "optim/io/interrupt.hpp"
 
 namespace gflow {
 namespace {
@@ -153,9 +154,14 @@ std::string Child::receive(Milliseconds time_out) {
           "the guidance program `{}` wrote {} bytes without a line break to standard output, which "
           "is for its answers",
           command_, received_.size()));
+    if (interrupted())
+      throw GuidanceFailed(
+          fmt::format("interrupted while the guidance program `{}` was asked", command_));
+    // In short waits: another thread may be the one that a signal wakes.
     pollfd ready{out_, POLLIN, 0};
-    const int n = poll(&ready, 1, left_until(end));
+    const int n = poll(&ready, 1, std::min(left_until(end), 100));
     if (n < 0 && errno == EINTR) continue;
+    if (n == 0 && Clock::now() < end) continue;
     if (n == 0)
       throw GuidanceFailed(
           fmt::format("the guidance program `{}` has not answered for {} s (guidance.time_out)",

@@ -23,7 +23,8 @@ class Child {
   // time. That it has ended is told by receive(), after what it said before.
   void send(const std::string& text, std::chrono::milliseconds time_out);
   // The next line, without its end. GuidanceFailed when the program ends instead, is silent for too
-  // long or sends more than a mebibyte without a line break.
+  // long or sends more than a mebibyte without a line break, and after an interruption
+  // (io/interrupt.hpp).
   std::string receive(std::chrono::milliseconds time_out);
 
  private:

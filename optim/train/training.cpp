@@ -188,6 +188,7 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
     try {
       trainer.step(queue, step);
     } catch (const GuidanceFailed& problem) {
+      if (guard && interrupted()) break;  // the step has not begun
       progress.finish();
       throw without_guidance(problem, step, watch.seconds(), checkpoints, run);
     } catch (const Error& problem) {
@@ -251,13 +252,18 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   if (begins) require_first_points(scene, config.init);
   if (!scene.tracks_path.empty())
     read_tracks(scene.tracks_path, scene.origin);  // needed at the end
-  const std::unique_ptr<Guidance> guidance = guidance_of(config);
+  const std::vector<int> saved = run.checkpoints().steps();
+  const bool finished =
+      start == Start::resume && !saved.empty() && saved[0] >= config.train.iterations;
+  std::unique_ptr<Guidance> guidance = finished ? nullptr : guidance_of(config);
   run.make();
   const FileLock lock = run.lock();
   run.forget_unfinished_files();
   std::optional<CheckpointFolder::Found> resumed;
   if (start == Start::resume) resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
   if (!resumed && start != Start::overwrite) require_no_training(run);
+  const bool has_steps_left = !resumed || resumed->checkpoint.facts.step < config.train.iterations;
+  if (finished && has_steps_left) guidance = guidance_of(config);  // the last was damaged
   run.forget_stale_caches(cache_stamp(scene, config.scene));
   for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // broken ones are named now
   prepared.look_for_change();  // a scene may not show what init.from asks for

@@ -87,6 +87,49 @@ TEST_F(GuidanceCommand, AProgramThatDiesCostsNothingButTheTime) {
   EXPECT_NE(line.find("\"guidance\":0."), std::string::npos) << line;
 }
 
+TEST_F(GuidanceCommand, AnInterruptionDoesNotWaitForTheAnswer) {
+  if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
+  folder_->write("slow.py", R"(
+import os, sys, time
+from example_target import Target
+from gflow_guidance import serve
+target = Target(sys.argv[1] + "/views")
+def guide(request):
+    if request.step == 12 and not os.path.exists(sys.argv[1] + "/quick"):
+        open(sys.argv[1] + "/asked", "w").close()
+        time.sleep(200)
+    return target.guide(request)
+serve(guide)
+)");
+  const std::string command = python() + path("slow.py") + " " + folder_->path();
+  const Command training(train("slow", command));
+  for (int i = 0; i < 3000 && !fs::exists(path("asked")); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  ASSERT_TRUE(fs::exists(path("asked")));
+  training.send(SIGINT);
+  const Outcome outcome = training.wait();
+  EXPECT_EQ(outcome.code, 130) << outcome.err;
+  // Waiting for the answer would have been one step more.
+  EXPECT_NE(outcome.err.find("interrupted after 12 of 60 steps"), std::string::npos) << outcome.err;
+
+  folder_->write("quick", "");
+  const Outcome resumed = gflow({"train", "-o", path("slow"), "--resume", "--quiet"});
+  EXPECT_EQ(resumed.code, 0) << resumed.err;
+  const Outcome whole = gflow(train("quickly", command));
+  ASSERT_EQ(whole.code, 0) << whole.err;
+  EXPECT_TRUE(result("slow") == result("quickly"));
+}
+
+TEST_F(GuidanceCommand, AFinishedRunAsksNobody) {
+  if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
+  folder_->write("healthy", "");
+  const std::string command = python() + path("mortal.py") + " " + folder_->path();
+  ASSERT_EQ(gflow(train("finished", command)).code, 0);
+  const Outcome again = gflow(
+      {"train", "-o", path("finished"), "--resume", "--quiet", "--set", "guidance.command=exit 3"});
+  EXPECT_EQ(again.code, 0) << again.err;
+}
+
 TEST_F(GuidanceCommand, AProgramThatDoesNotGreetLeavesNoRunBehind) {
   // The shell has a word of its own on stderr.
   const Outcome outcome = gflow(train("kept", "no-such-program"));
@@ -96,6 +139,28 @@ TEST_F(GuidanceCommand, AProgramThatDoesNotGreetLeavesNoRunBehind) {
   EXPECT_FALSE(fs::exists(path("kept")));
   expect_refused(train("kept", "exit 3"), {"`exit 3`", "exit code 3"});
   expect_refused(train("kept", "cat"), {"{\"protocol\":\"gflow-guidance\"", "version"});
+}
+
+// The script as a user calls it; what it makes is judged elsewhere.
+TEST_F(GuidanceCommand, TwoStagesGoFromThePicturesToAMovingScene) {
+  const std::string script = std::string(GFLOW_SOURCE_DIR) + "/apps/guidance/two_stages";
+  const auto run = [&](const std::string& scene) {
+    const std::string command = "GFLOW=" + std::string(GFLOW_BINARY) + " " + script + " " + scene +
+                                " " + path("stages") +
+                                " --iterations 30 --set init.count=200 --set flow.source=files "
+                                "--set loss.ssim=0 --quiet > /dev/null 2> " +
+                                path("stages.err");
+    return std::system(command.c_str());
+  };
+  EXPECT_NE(run(path("no-scene")), 0);
+  EXPECT_NE(contents(path("stages.err")).find("no-scene"), std::string::npos);
+  ASSERT_EQ(run(scene_->path()), 0) << contents(path("stages.err"));
+  EXPECT_TRUE(fs::exists(path("stages") + "/first.ply"));
+  const std::string model = path("stages") + "/dynamic/point_cloud/iteration_30/point_cloud.ply";
+  const std::string made = contents(model);
+  EXPECT_FALSE(made.empty());
+  ASSERT_EQ(run(scene_->path()), 0);  // goes on where it was: nothing is left to do
+  EXPECT_TRUE(contents(model) == made);
 }
 
 TEST_F(GuidanceCommand, WhatIsMissingIsNamed) {
