@@ -184,6 +184,10 @@ TEST(Flicker, FollowsTheFlow) {
   EXPECT_NEAR(flicker(error, next, 3, 2, flow, spot), 0, 1e-12);
   flow[6] = 0.75f;  // a quarter of the row above, which is 0
   EXPECT_NEAR(flicker(error, next, 3, 2, flow, spot), 255 * 0.125, 1e-12);
+  // A quarter of the way from a pixel to the one right of it.
+  flow[0] = 0.25f;
+  flow[6] = 0;
+  EXPECT_NEAR(flicker(planes(0), planes(0, {{1, 0.5f}}), 3, 2, flow, spot), 255 * 0.125 / 3, 1e-12);
 }
 
 TEST(Flicker, LeavesOutWhatLeavesThePicture) {
