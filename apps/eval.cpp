@@ -21,15 +21,28 @@ void print_report(const Evaluation& evaluation) {
   const auto line = [](const char* name, double value, const char* unit) {
     if (std::isfinite(value)) fmt::print("{:<22} {:8.3f} {}\n", name, value, unit);
   };
+  const auto of_network = [&](const char* name, double value, const std::string& model,
+                              const char* setting) {
+    if (model.empty())
+      fmt::print("{:<22} no model given ({})\n", name, setting);
+    else
+      fmt::print("{:<22} {:8.4f}\n", name, value);
+  };
   fmt::print("{} views{}, flow compared with: {}\n", evaluation.views.size(),
              evaluation.trained_on ? ", all of which were trained on" : "",
              evaluation.flow_reference);
   line("PSNR", m.psnr, "dB");
-  line("SSIM", m.ssim, "");
   line("PSNR, moving pixels", m.psnr_dynamic, "dB");
+  line("SSIM", m.ssim, "");
+  line("SSIM, moving pixels", m.ssim_dynamic, "");
+  of_network("LPIPS", m.lpips, evaluation.lpips_model, "metrics.lpips");
+  of_network("CLIP", m.clip, evaluation.clip_model, "metrics.clip");
   line("flow error", m.flow_epe, "px");
   line("flow error, moving", m.flow_epe_dynamic, "px");
   line("  DIS there", m.teacher_epe_dynamic, "px");
+  line("Fl-all", 100 * m.fl_all, "%");
+  line("depth error", 100 * m.depth_error, "%");
+  line("flicker", m.flicker, "grey levels");
   if (!evaluation.tracks) return;
   line("3D tracks, error", evaluation.tracks->mean, "scene units");
   line("  if nothing moved", evaluation.tracks->still, "scene units");
@@ -38,6 +51,7 @@ void print_report(const Evaluation& evaluation) {
 void add_eval(CLI::App& app, const GlobalOptions& options) {
   struct Flags {
     std::string run, split = "test";
+    std::vector<std::string> settings;
     int iteration = latest_iteration;
   };
   auto flags = std::make_shared<Flags>();
@@ -52,11 +66,19 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
   command->add_option("--split", flags->split, "Views: test, train or val")
       ->check(choice_of({"test", "train", "val"}));
   add_iteration(*command, flags->iteration);
+  command
+      ->add_option("--set", flags->settings,
+                   "A network to judge by, e.g. --set metrics.lpips=alex.onnx or metrics.clip=...; "
+                   "may be repeated. No other setting can be changed here")
+      ->type_name("SECTION.KEY=VALUE")
+      ->expected(1)
+      ->default_str("")
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   command->callback([flags, &options] {
     const RunFolder run = RunFolder::open(flags->run);
     Queue queue = open_queue(options);
     const RunEvaluation judged =
-        evaluate_run(queue, run, flags->split, options.quiet, flags->iteration);
+        evaluate_run(queue, run, flags->split, options.quiet, flags->iteration, flags->settings);
     print_state(judged.state);
     print_report(judged.evaluation);
     if (judged.written.empty()) {

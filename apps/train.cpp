@@ -10,6 +10,7 @@
 
 #include "apps/options.hpp"
 #include "apps/report.hpp"
+#include "optim/train/judging_networks.hpp"
 #include "optim/train/training.hpp"
 
 namespace gflow {
@@ -70,6 +71,7 @@ TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
                     flags.cameras, config.scene.path, layout));
   if (!flags.cameras.empty())
     config.scene.cameras = std::filesystem::absolute(flags.cameras).lexically_normal().string();
+  make_paths_absolute(config.metrics);
   if (command.count("--iterations")) config.train.iterations = flags.iterations;
   if (command.count("--resolution")) config.scene.resolution = flags.resolution;
   if (command.count("--save-every")) config.train.save_every = flags.save_every;

@@ -16,6 +16,9 @@ struct Metric {
   int digits;                     // behind the point
   Better better;
   double scale = 1;  // of what the file has
+  // Where results.json names the network that judged, null where none was given; nullptr: it needs
+  // none.
+  const char* model = nullptr;
 };
 
 // In the order of a table. Figures of the test views, then of the model, then what it cost: those
@@ -28,5 +31,7 @@ bool is_repeatable(const Metric& metric);
 
 // NaN where the file has none.
 double value_of(const Metric& metric, const nlohmann::json& results);
+// Whether the file says that there is no value because no network was given.
+bool lacks_model(const Metric& metric, const nlohmann::json& results);
 
 }  // namespace gflow::experiments

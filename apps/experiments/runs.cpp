@@ -20,6 +20,7 @@
 #include "optim/data/json_file.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/train/judging_networks.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/run_folder.hpp"
 
@@ -36,6 +37,19 @@ std::string difference(const TrainConfig& before, const TrainConfig& now) {
   for (const auto& [key, value] : b)
     if (a.at(key) != value) return fmt::format("{} was {}, now it is {}", key, a.at(key), value);
   return "";
+}
+
+// Whether the settings name a network that the results of a run were not judged by.
+bool wants_other_judges(MetricsConfig wanted, const std::string& results) {
+  make_paths_absolute(wanted);
+  const nlohmann::json read = read_json(results);
+  const auto judged_by = [&](const char* key) {
+    const auto test = read.is_object() ? read.value("test", nlohmann::json()) : nlohmann::json();
+    const auto model = test.find(key);
+    return model != test.end() && model->is_string() ? model->get<std::string>() : "";
+  };
+  return (!wanted.lpips.empty() && wanted.lpips != judged_by("lpips_model")) ||
+         (!wanted.clip.empty() && wanted.clip != judged_by("clip_model"));
 }
 
 // The last whole line of a file; "" where there is none.
@@ -289,6 +303,10 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   standing.status = finished ? Status::finished : Status::stopped;
   TrainConfig before;
   apply_file(before, files.settings);
+  // Going on with a training that is finished judges it anew.
+  if (finished && wants_other_judges(run.config.metrics, files.run + "/results.json"))
+    standing.status = Status::stopped;
+  before.metrics = run.config.metrics;
   standing.difference = difference(before, run.config);
   if (!standing.difference.empty()) standing.status = Status::other_settings;
   return standing;

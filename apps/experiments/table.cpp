@@ -38,6 +38,9 @@ std::string csv_line(const Words& words) {
   return fmt::format("{}\n", fmt::join(quoted, ","));
 }
 
+// What stands in a table instead of a number.
+const char* const no_model = "no model given";
+
 std::string csv_number(double value) { return std::isnan(value) ? "" : fmt::format("{}", value); }
 
 std::string markdown_line(const Words& words) {
@@ -84,8 +87,9 @@ Results::Results(const Plan& plan, std::vector<nlohmann::json> results)
     : plan_(plan), results_(std::move(results)) {
   for (const Metric& metric : all_metrics()) {
     const auto& asked = plan.metrics;
+    // A figure that no network was given for is missed in the open.
     const bool known = std::any_of(results_.begin(), results_.end(), [&](const nlohmann::json& r) {
-      return !std::isnan(value_of(metric, r));
+      return !std::isnan(value_of(metric, r)) || lacks_model(metric, r);
     });
     const bool wanted = asked.empty()
                             ? known && is_repeatable(metric) && metric.better != Better::neither
@@ -103,8 +107,10 @@ std::vector<Results::Line> Results::lines_of(const std::vector<const Metric*>& m
       for (size_t m = 0; m < metrics.size(); ++m) {
         const double value = value_of(*metrics[m], results_[i]);
         if (!std::isnan(value)) line.cells[m].values.push_back(value);
+        line.cells[m].no_model |= lacks_model(*metrics[m], results_[i]);
       }
     }
+    for (Cell& cell : line.cells) cell.no_model &= cell.values.empty();
     lines.push_back(line);
   }
   const size_t scenes = scenes_of(plan_).size(), each = lines.size() / scenes;
@@ -112,9 +118,11 @@ std::vector<Results::Line> Results::lines_of(const std::vector<const Metric*>& m
   for (size_t k = 0; k < each; ++k) {
     Line mean{{all_scenes, lines[k].row.choices}, std::vector<Cell>(metrics.size())};
     for (size_t m = 0; m < metrics.size(); ++m)
-      for (size_t s = 0; s < scenes; ++s)
-        if (const double value = lines[s * each + k].cells[m].mean(); !std::isnan(value))
-          mean.cells[m].values.push_back(value);
+      for (size_t s = 0; s < scenes; ++s) {
+        const Cell& cell = lines[s * each + k].cells[m];
+        if (!std::isnan(cell.mean())) mean.cells[m].values.push_back(cell.mean());
+        mean.cells[m].no_model |= cell.no_model;
+      }
     // A mean of some scenes only would be compared with one of all.
     for (Cell& cell : mean.cells)
       if (cell.values.size() < scenes) cell.values.clear();
@@ -136,7 +144,7 @@ std::string Results::markdown_of(const std::vector<const Metric*>& metrics, bool
       const Metric& metric = *metrics[m];
       const Cell& cell = line.cells[m];
       const double mean = cell.mean();
-      std::string word = digits(mean, metric.digits);
+      std::string word = cell.no_model ? no_model : digits(mean, metric.digits);
       double best = mean, base = std::nan("");
       int others = 0;
       for (const Line& other : lines) {
@@ -194,7 +202,7 @@ std::string Results::csv() const {
     for (const Cell& cell : line.cells) seeds = std::max(seeds, cell.values.size());
     words.push_back(line.row.scene == all_scenes ? "" : fmt::format("{}", seeds));
     for (const Cell& cell : line.cells) {
-      words.push_back(csv_number(cell.mean()));
+      words.push_back(cell.no_model ? no_model : csv_number(cell.mean()));
       words.push_back(line.row.scene == all_scenes ? "" : csv_number(cell.spread()));
     }
     text += csv_line(words);
@@ -215,7 +223,8 @@ std::string Results::runs_csv() const {
     words.insert(words.end(), row.choices.begin(), row.choices.end());
     words.push_back(fmt::format("{}", plan_.runs[i].config.train.seed));
     for (const Metric& metric : all_metrics())
-      words.push_back(csv_number(value_of(metric, results_[i])));
+      words.push_back(lacks_model(metric, results_[i]) ? no_model
+                                                       : csv_number(value_of(metric, results_[i])));
     text += csv_line(words);
   }
   return text;
@@ -244,9 +253,12 @@ std::vector<Plot> Results::bars() const {
   std::vector<Plot> plots;
   for (size_t m = 0; m < metrics_.size(); ++m) {
     if (metrics_[m]->better == Better::neither) continue;
+    const std::vector<Line> lines = lines_of({metrics_[m]});
+    if (std::all_of(lines.begin(), lines.end(),
+                    [](const Line& line) { return line.cells[0].values.empty(); }))
+      continue;
     Plot plot;
     plot.name = metrics_[m]->name;
-    const std::vector<Line> lines = lines_of({metrics_[m]});
     Words head{"scene"};
     for (size_t k = 0; k < each; ++k) {
       head.push_back(name_of(plan_.rows[k], plan_.title));

@@ -18,6 +18,7 @@ std::vector<nlohmann::json> results_of(const Plan& plan, const std::string& fold
 // A figure of a row, over its seeds.
 struct Cell {
   std::vector<double> values;  // of the finished runs that have it
+  bool no_model = false;       // no run has it, one because it was given no network
   double mean() const;         // NaN where there is none
   double spread() const;       // standard deviation of the runs (n - 1); NaN of fewer than two
 };

@@ -4,38 +4,12 @@
 #include <fmt/format.h>
 
 #include <cmath>
-
-#include "optim/guidance/onnx_inputs.hpp"
-
-#ifdef GFLOW_WITH_DNN
-#include <opencv2/dnn.hpp>
 #include <opencv2/imgproc.hpp>
-#endif
 
 namespace gflow {
-
-#ifdef GFLOW_WITH_DNN
-
-struct OnnxDenoiser::Net {
-  cv::dnn::Net net;
-};
-
 namespace {
 
 constexpr double degree = M_PI / 180;
-
-// OpenCV's own words, without its place in the source.
-std::string words_of(const cv::Exception& problem) {
-  std::string text = problem.err.empty() ? problem.what() : problem.err;
-  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
-  return text;
-}
-
-cv::Mat blob(const std::vector<int>& sizes, const std::vector<float>& values) {
-  cv::Mat mat(sizes, CV_32F);
-  std::copy(values.begin(), values.end(), mat.ptr<float>());
-  return mat;
-}
 
 // The reference picture in [-1, 1], shrunk to fit into the view's size and put in its middle.
 std::vector<float> condition_of(const NoisyView& view) {
@@ -71,67 +45,44 @@ std::vector<float> pose_of(const GuidanceView& view) {
 
 }  // namespace
 
-OnnxDenoiser::OnnxDenoiser(const std::string& path) : path_(path), inputs_(onnx_inputs(path)) {
-  for (const auto& [name, sizes] : inputs_)
+OnnxDenoiser::OnnxDenoiser(const std::string& path) : network_(path) {
+  for (const NetworkInput& input : network_.inputs()) {
+    const std::string& name = input.name;
     if (name != "sample" && name != "timestep" && name != "condition" && name != "pose")
       throw Error(fmt::format("{} has an input '{}'; gflow gives sample, timestep, condition, pose",
                               path, name));
-  const auto sample = inputs_.find("sample");
-  if (sample == inputs_.end() || sample->second.size() != 4)
-    throw Error(fmt::format("{} has no input 'sample' of four dimensions [1, 3, H, W]", path));
-  try {
-    net_ = std::make_unique<Net>(Net{cv::dnn::readNetFromONNX(path)});
-  } catch (const cv::Exception& problem) {
-    throw Error(fmt::format("OpenCV cannot run the network {}: {}", path, words_of(problem)));
+    if (name == "sample") sample_ = input.sizes;
   }
+  if (sample_.size() != 4)
+    throw Error(fmt::format("{} has no input 'sample' of four dimensions [1, 3, H, W]", path));
 }
 
 std::vector<float> OnnxDenoiser::noise(const NoisyView& view, bool condition) {
   const int width = view.view.camera.width, height = view.view.camera.height;
-  const std::vector<int64_t>& wanted = inputs_.at("sample");
-  if ((wanted[2] != 0 && wanted[2] != height) || (wanted[3] != 0 && wanted[3] != width))
+  if ((sample_[2] != 0 && sample_[2] != height) || (sample_[3] != 0 && sample_[3] != width))
     throw GuidanceFailed(
         fmt::format("the network {} takes pictures of {}x{} pixels, the view has {}x{}: set "
                     "guidance.size = {}",
-                    path_, wanted[3], wanted[2], width, height, wanted[3]));
+                    network_.path(), sample_[3], sample_[2], width, height, sample_[3]));
   const std::vector<int> size{1, 3, height, width};
+  std::vector<NetworkValues> values;
+  for (const auto& [name, sizes] : network_.inputs()) {
+    if (name == "sample") values.push_back({size, view.z});
+    if (name == "timestep")
+      values.push_back({sizes.size() == 2 ? std::vector<int>{1, 1} : std::vector<int>{1},
+                        {float(view.timestep)}});
+    if (name == "condition")
+      values.push_back(
+          {size, condition ? condition_of(view) : std::vector<float>(view.z.size(), 0.f)});
+    if (name == "pose")
+      values.push_back({{1, 4}, condition ? pose_of(view.view) : std::vector<float>(4, 0.f)});
+  }
   try {
-    for (const auto& [name, sizes] : inputs_) {
-      if (name == "sample") net_->net.setInput(blob(size, view.z), name);
-      if (name == "timestep")
-        net_->net.setInput(blob(sizes.size() == 2 ? std::vector<int>{1, 1} : std::vector<int>{1},
-                                {float(view.timestep)}),
-                           name);
-      if (name == "condition")
-        net_->net.setInput(
-            blob(size, condition ? condition_of(view) : std::vector<float>(view.z.size(), 0.f)),
-            name);
-      if (name == "pose")
-        net_->net.setInput(
-            blob({1, 4}, condition ? pose_of(view.view) : std::vector<float>(4, 0.f)), name);
-    }
-    const cv::Mat out = net_->net.forward();
-    return {out.begin<float>(), out.end<float>()};
-  } catch (const cv::Exception& problem) {
-    throw GuidanceFailed(fmt::format("the network {} fails at {}x{} pixels: {}", path_, width,
-                                     height, words_of(problem)));
+    return network_.run(values);
+  } catch (const NetworkFailed& problem) {
+    throw GuidanceFailed(fmt::format("the network {} fails at {}x{} pixels: {}", network_.path(),
+                                     width, height, problem.what()));
   }
 }
-
-#else
-
-struct OnnxDenoiser::Net {};
-
-OnnxDenoiser::OnnxDenoiser(const std::string& path) : path_(path) {
-  throw Error(
-      fmt::format("the network {} needs OpenCV's dnn module, without which this gflow was "
-                  "built: install libopencv-dnn-dev and build again",
-                  path));
-}
-std::vector<float> OnnxDenoiser::noise(const NoisyView&, bool) { return {}; }
-
-#endif
-
-OnnxDenoiser::~OnnxDenoiser() = default;
 
 }  // namespace gflow

@@ -3,9 +3,8 @@
 //
 //   sample     [1, 3, H, W]  the noised picture z; required
 //   timestep   [1] or [1, 1] t, 0 to T - 1
-//   condition  [1, 3, H, W]  the reference picture in [-1, 1], in the middle of a square or
-//   whatever
-//                            shape it has, on the background; without condition 0
+//   condition  [1, 3, H, W]  the reference picture in [-1, 1], in the middle of a square or of
+//                            whatever shape it has, on the background; without condition 0
 //   pose       [1, 4]        of the view as seen from the reference, as Zero123 (Liu et al. 2023)
 //                            has it: change of the polar angle [rad], sin and cos of that of the
 //                            azimuth, change of the distance; without condition 0
@@ -13,28 +12,24 @@
 // Its first output is the noise, [1, 3, H, W]. It works on pictures: a model that works on latents
 // needs its encoder's derivative and is a matter for guidance.provider = "process".
 #pragma once
-#include <map>
-#include <memory>
 #include <string>
+#include <vector>
 
 #include "optim/guidance/denoiser.hpp"
+#include "optim/networks/network.hpp"
 
 namespace gflow {
 
 class OnnxDenoiser : public Denoiser {
  public:
-  // Error when the file is missing or damaged, OpenCV cannot run it, it has no input `sample` or
-  // one of another name, and when gflow was built without OpenCV's dnn module.
+  // Error as Network's, and when it has no input `sample` or one of another name.
   explicit OnnxDenoiser(const std::string& path);
-  ~OnnxDenoiser() override;
   std::vector<float> noise(const NoisyView& view, bool condition) override;
-  std::string name() const override { return "the network " + path_; }
+  std::string name() const override { return "the network " + network_.path(); }
 
  private:
-  struct Net;
-  std::string path_;
-  std::map<std::string, std::vector<int64_t>> inputs_;
-  std::unique_ptr<Net> net_;
+  Network network_;
+  std::vector<int64_t> sample_;  // sizes of that input
 };
 
 }  // namespace gflow

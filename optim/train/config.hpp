@@ -678,6 +678,19 @@ struct RenderConfig {
   }
 };
 
+// Changes nothing that is trained.
+struct MetricsConfig {
+  std::string lpips;
+  std::string clip;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("lpips", self.lpips,
+          "LPIPS network that judges views, .onnx; empty: none; apps/metrics/README.md");
+    field("clip", self.clip, "image encoder of CLIP that judges views, .onnx; empty: none");
+  }
+};
+
 struct TrainConfig {
   SceneConfig scene;
   ScheduleConfig train;
@@ -691,6 +704,7 @@ struct TrainConfig {
   AdamGroups adam;
   DensityConfig density;
   RenderConfig render;
+  MetricsConfig metrics;
   Skips skip;
 
   // Calls section(name, part, help) for each section of the file.
@@ -708,6 +722,7 @@ struct TrainConfig {
     section("adam", self.adam, "the optimiser");
     section("density", self.density, "how many Gaussians, where");
     section("render", self.render, "the image");
+    section("metrics", self.metrics, "networks that judge the result; free to change");
     section("skip", self.skip,
             "work that is left out (to measure what it saves: gflow bench skip)");
   }

@@ -38,7 +38,8 @@ void require_same_training(const CheckpointFolder::Found& found, const TrainConf
   auto now = setting_values(config);
   for (const char* free :
        {"scene.path", "train.minutes", "train.log_every", "train.checkpoint_every",
-        "train.save_every", "train.device", "flow.store", "guidance.command", "guidance.time_out"})
+        "train.save_every", "train.device", "flow.store", "guidance.command", "guidance.time_out",
+        "metrics.lpips", "metrics.clip"})
     now.erase(free);
   for (const auto& [name, value] : now)
     if (value != before.at(name))

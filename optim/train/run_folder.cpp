@@ -59,14 +59,14 @@ std::string csv_values(const Json& line) {
   return fmt::format("{}\n", fmt::join(values, ","));
 }
 
-Json figures_of(const ViewFigures& v) {
-  return {{"psnr", number(v.psnr)},
-          {"ssim", number(v.ssim)},
-          {"psnr_dynamic", number(v.psnr_dynamic)},
-          {"flow_epe", number(v.flow_epe)},
-          {"flow_epe_dynamic", number(v.flow_epe_dynamic)},
-          {"teacher_epe_dynamic", number(v.teacher_epe_dynamic)}};
+Json figures_of(const ViewFigures& view) {
+  Json figures;
+  for (const auto& [name, value] : view_figures()) figures[name] = number(view.*value);
+  return figures;
 }
+
+// The network that judged; null: none was given.
+Json network(const std::string& path) { return path.empty() ? Json(nullptr) : Json(path); }
 
 // Whether a folder has files that no training, killed at its very start, left behind.
 bool holds_something(const std::string& folder) {
@@ -289,6 +289,8 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
   test["trained_on"] = evaluation.trained_on;
+  test["lpips_model"] = network(evaluation.lpips_model);
+  test["clip_model"] = network(evaluation.clip_model);
   if (const auto& tracks = evaluation.tracks)
     test["tracks"] = {{"mean", tracks->mean},
                       {"median", tracks->median},
@@ -306,7 +308,8 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
                      {"resolution", config.scene.resolution},
                      {"background", name_of(config.scene.background)},
                      {"seed", config.train.seed}};
-  write_text(of_all, results.dump(1) + "\n");
+  // A path need not be UTF-8.
+  write_text(of_all, results.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
   return {of_all, of_each};
 }
 

@@ -9,10 +9,12 @@
 #include <cmath>
 #include <filesystem>
 
+#include "optim/data/true_depth.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/train/begin.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/init.hpp"
+#include "optim/train/judging_networks.hpp"
 #include "optim/train/preparation.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
@@ -125,6 +127,34 @@ Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const Lo
     evaluation.tracks =
         track_error(queue, model, read_tracks(loaded.scene.tracks_path, loaded.scene.origin));
   return evaluation;
+}
+
+// What the result will be judged by, once: better told now than at the end.
+void require_what_judges(const TrainConfig& config, const Scene& scene, const FrameStore& frames) {
+  const JudgingNetworks networks(config.metrics);
+  for (const Frame& frame : scene.test) {
+    const Camera& camera = frames.camera(frame);
+    networks.require_size(camera.width, camera.height);
+    if (!frame.depth_path.empty()) read_true_depth(frame, camera.width, camera.height);
+  }
+  if (!scene.tracks_path.empty()) read_tracks(scene.tracks_path, scene.origin);
+}
+
+// The settings of a run with some of [metrics] changed; Error for any other.
+TrainConfig judged_by(const TrainConfig& config, const std::vector<std::string>& settings) {
+  TrainConfig changed = config;
+  for (const std::string& setting : settings) {
+    apply_setting(changed, setting);
+    TrainConfig rest = changed;
+    rest.metrics = config.metrics;
+    if (setting_values(rest) != setting_values(config))
+      throw Error(
+          fmt::format("--set {}: a run is judged with the settings it was trained with; only "
+                      "those of [metrics] may be others",
+                      setting));
+  }
+  if (!settings.empty()) make_paths_absolute(changed.metrics);
+  return changed;
 }
 
 // Error when the file that training begins with cannot be used, or would be gone by then.
@@ -250,8 +280,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
   if (begins) require_first_points(scene, config.init);
-  if (!scene.tracks_path.empty())
-    read_tracks(scene.tracks_path, scene.origin);  // needed at the end
+  require_what_judges(config, scene, prepared.frames());
   const std::vector<int> saved = run.checkpoints().steps();
   const bool finished =
       start == Start::resume && !saved.empty() && saved[0] >= config.train.iterations;
@@ -342,11 +371,11 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
 }
 
 RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,
-                           int iteration) {
+                           int iteration, const std::vector<std::string>& settings) {
   const StopSentence stop("interrupted while evaluating; nothing was lost");
   const auto lock = run.lock_if_free();
   const RunState state = read_run_state(run, iteration);
-  const TrainConfig& config = state.config;
+  const TrainConfig config = judged_by(state.config, settings);
   LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, state.model);

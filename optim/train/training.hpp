@@ -30,8 +30,10 @@ struct RunEvaluation {
   std::vector<std::string> written;
 };
 // iteration: as for read_run_state. Of another than the latest only the results are written, under
-// names of their own.
+// names of their own. settings: "metrics.key=value" that are others than the run's; the run keeps
+// its own.
 RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,
-                           int iteration = latest_iteration);
+                           int iteration = latest_iteration,
+                           const std::vector<std::string>& settings = {});
 
 }  // namespace gflow

@@ -5,7 +5,6 @@
 
 #include "guidance/request.hpp"
 #include "io/temporary_folder.hpp"
-#include "optim/guidance/onnx_inputs.hpp"
 #include "optim/guidance/sds_guidance.hpp"
 
 namespace gflow {
@@ -22,24 +21,6 @@ std::unique_ptr<OnnxDenoiser> denoiser() {
         << problem.what();
     return nullptr;
   }
-}
-
-TEST(OnnxInputs, AreNamedWithTheirSizesAndWeightsAreNone) {
-  const auto inputs = onnx_inputs(network);
-  ASSERT_EQ(inputs.size(), 4u);
-  EXPECT_EQ(inputs.at("sample"), (std::vector<int64_t>{1, 3, 8, 8}));
-  EXPECT_EQ(inputs.at("timestep"), (std::vector<int64_t>{1, 1}));
-  EXPECT_EQ(inputs.at("pose"), (std::vector<int64_t>{1, 4}));
-}
-
-TEST(OnnxInputs, RefuseWhatIsNoNetwork) {
-  const TemporaryFolder folder;
-  expect_error([] { onnx_inputs("no/such.onnx"); }, {"no/such.onnx"});
-  const std::string text = folder.write("text.onnx", "a text, not a network");
-  expect_error([&] { onnx_inputs(text); }, {text, "ONNX"});
-  const std::string half = folder.write("half.onnx", contents(network).substr(0, 400));
-  expect_error([&] { onnx_inputs(half); }, {half, "ONNX"});
-  expect_error([&] { onnx_inputs(folder.write("empty.onnx", "")); }, {"ONNX"});
 }
 
 // What the network computes stands in make_denoiser.py.

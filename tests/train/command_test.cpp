@@ -140,6 +140,50 @@ TEST_F(CommandTest, EvalFindsWhatTrainFound) {
   EXPECT_EQ(after, before);
 }
 
+const std::string networks = GFLOW_SOURCE_DIR "/tests/data/networks/";
+
+TEST_F(CommandTest, WithoutANetworkEvalSaysSo) {
+  const Outcome outcome = gflow({"eval", run(), "--quiet"});
+  EXPECT_NE(outcome.out.find("no model given (metrics.lpips)"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.out.find("no model given (metrics.clip)"), std::string::npos) << outcome.out;
+  const auto test = nlohmann::json::parse(contents(run() + "/results.json"))["test"];
+  for (const char* key : {"lpips", "clip", "lpips_model", "clip_model"})
+    EXPECT_TRUE(test.contains(key) && test[key].is_null()) << key;
+}
+
+TEST_F(CommandTest, EvalJudgesByTheNetworksItIsGiven) {
+  const TemporaryFolder folder;
+  const std::string copy = folder.file("run");
+  fs::copy(run(), copy, fs::copy_options::recursive);
+  // the first by a path that is relative to here
+  const Outcome outcome = gflow({"eval", copy, "--quiet", "--set",
+                                 "metrics.lpips=" + fs::relative(networks + "lpips.onnx").string(),
+                                 "--set", "metrics.clip=" + networks + "clip.onnx"});
+  if (outcome.err.find("libopencv-dnn-dev") != std::string::npos)
+    GTEST_SKIP() << "built without OpenCV's dnn module";
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(outcome.out.find("no model given"), std::string::npos) << outcome.out;
+  const auto test = nlohmann::json::parse(contents(copy + "/results.json"))["test"];
+  EXPECT_GT(test["lpips"], 0);
+  EXPECT_GT(test["clip"], 0.5);
+  EXPECT_EQ(test["lpips_model"], fs::canonical(networks + "lpips.onnx").string());
+  const auto views = nlohmann::json::parse(contents(copy + "/per_view.json"));
+  EXPECT_TRUE(views["cam00_0000"]["lpips"].is_number());
+  EXPECT_EQ(contents(copy + "/config.toml"), contents(run() + "/config.toml"));
+
+  expect_refused({"eval", copy, "--set", "metrics.lpips=no/such.onnx"}, {"no/such.onnx"});
+  expect_refused({"eval", copy, "--set", "metrics.clip=" + networks + "lpips.onnx"},
+                 {"metrics.clip", "lpips.onnx", "2 inputs"});
+  expect_refused({"eval", copy, "--set", "flow.enabled=false"},
+                 {"flow.enabled=false", "only those of [metrics]"});
+  // Nor does a training begin that could not be judged.
+  const std::string other = folder.file("other");
+  expect_refused({"train", scene().path(), "-o", other, "--iterations", "3", "--quiet", "--set",
+                  "metrics.lpips=" + networks + "lpips_6x4.onnx"},
+                 {"metrics.lpips", "6x4", "48x40"});
+  EXPECT_FALSE(fs::exists(other));
+}
+
 TEST_F(CommandTest, ADamagedVideoIsOneSentenceOfOursAlone) {
   const TemporaryFolder folder;
   const std::string whole = contents(GFLOW_SOURCE_DIR "/apps/demo/scene/cam01.mp4");
@@ -203,8 +247,9 @@ TEST_F(CommandTest, TheDeviceInTheSettingsIsForTrainingAlone) {
 TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   const std::string out = "/nowhere/out";
   expect_refused(
-      {}, {"a command is missing",
-           "train, render, eval, export, info, experiment, import, splat, bench, stress or devices"});
+      {},
+      {"a command is missing",
+       "train, render, eval, export, info, experiment, import, splat, bench, stress or devices"});
   expect_refused({"trian", "scene", "-o", out}, {"`gflow trian`", "nearest is train", "splat"});
   expect_refused({"--quiet", "device"}, {"`gflow device`", "nearest is devices"});
   expect_refused({"--device"}, {"--device", "missing", "gflow --help"});

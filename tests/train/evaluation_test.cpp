@@ -3,6 +3,7 @@
 
 #include "optim/data/estimated_flow.hpp"
 #include "optim/loss/metrics.hpp"
+#include "optim/train/judging_networks.hpp"
 #include "train/small_scene.hpp"
 
 namespace gflow {
@@ -72,6 +73,96 @@ TEST(Evaluate, DynamicPixelsAreThoseWhoseTrueFlowExceedsOnePixel) {
   }
 }
 
+// A model whose moving Gaussians have other colours; what it draws is read again, in 8 bits.
+TEST(Evaluate, SsimOfWhatMovesIsTheMeanOverThesePixels) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  HostModel other = scene.truth;
+  for (size_t i = 0; i < 3 * 14; ++i) other.groups.at("sh0")[i] *= -1;
+  const TrainConfig config = small_config(scene, 1);
+  const LoadedScene loaded = load_scene(config.scene, "");
+  Model model(queue, other);
+  const TemporaryFolder drawn;
+  const Evaluation evaluation =
+      evaluate(queue, model, config, loaded, loaded.scene.test, {}, drawn.path());
+  const ViewFigures& view = evaluation.views[1];
+  const FlowField flow = read_flo(loaded.scene.test[1].flow_path);
+  std::vector<uint8_t> moving;
+  for (size_t i = 0; i < flow.valid.size(); ++i)
+    moving.push_back(std::hypot(flow.uv[2 * i], flow.uv[2 * i + 1]) > 1);
+  const auto picture = [](const std::string& path) {
+    const Image image = read_image(path);
+    return Picture::from_bytes(image.width, image.height, image.pixels);
+  };
+  EXPECT_NEAR(view.ssim_dynamic,
+              ssim(picture(drawn.path() + "/" + view.name + ".png"),
+                   picture(loaded.scene.test[1].path), moving),
+              2e-3);
+  EXPECT_LT(view.ssim_dynamic, view.ssim - 0.05);
+}
+
+// The error of a model at rest is the truth's length, which is always more than 5 % of it.
+TEST(Evaluate, FlAllIsTheShareOfPixelsOffByMoreThanThree) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue, false, 96, 80);
+  HostModel still = scene.truth;
+  add_rest(still.shape, still.groups, still.count);
+  const Evaluation evaluation = judged(queue, scene, still);
+  const LoadedScene loaded = load_scene(small_config(scene, 1).scene, "");
+  for (size_t k = 0; k + 1 < loaded.scene.test.size(); ++k) {
+    const FlowField truth = read_flo(loaded.scene.test[k].flow_path);
+    size_t off = 0;
+    for (size_t i = 0; i < truth.valid.size(); ++i)
+      off += std::hypot(truth.uv[2 * i], truth.uv[2 * i + 1]) > 3;
+    ASSERT_GT(off, 20u);
+    EXPECT_NEAR(evaluation.views[k].fl_all, double(off) / double(truth.valid.size()), 1e-12);
+  }
+  EXPECT_TRUE(std::isnan(evaluation.views.back().fl_all));
+  EXPECT_EQ(judged(queue, scene, scene.truth).mean.fl_all, 0);
+}
+
+// True depth of one view, a fifth less than what the model that drew the pictures has there.
+TEST(Evaluate, ComparesDepthWhereThereIsATruth) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  EXPECT_TRUE(std::isnan(judged(queue, scene, scene.truth).mean.depth_error));
+  Model model(queue, scene.truth);
+  Renderer renderer(queue, {});
+  Shot shot;
+  shot.view.camera = shot.view.camera_t2 = pinhole(small_camera(0, 48, 40), 0.05f);
+  shot.time = 0.25;
+  shot.depth = true;
+  renderer.forward(queue, model, shot);
+  const std::vector<float> alpha = renderer.images().alpha.read(queue);
+  std::vector<float> depth = expected_depth(renderer.images().depth.read(queue), alpha);
+  for (size_t i = 0; i < depth.size(); ++i) depth[i] = alpha[i] > 0.5f ? 0.8f * depth[i] : 0.f;
+  write_npy(scene.folder().file("depth/cam00/0001.npy"), {{40, 48}, depth});
+  const Evaluation evaluation = judged(queue, scene, scene.truth);
+  EXPECT_NEAR(evaluation.views[1].depth_error, 0.25, 1e-5);
+  EXPECT_TRUE(std::isnan(evaluation.views[0].depth_error));
+  EXPECT_NEAR(evaluation.mean.depth_error, 0.25, 1e-5);
+  write_npy(scene.folder().file("depth/cam00/0001.npy"), {{48, 40}, depth});
+  expect_error([&] { judged(queue, scene, scene.truth); }, {"0001.npy"});
+}
+
+// The model is right; one of the five pictures is brightened by 20 of 255. So the error changes on
+// the way to it and from it, elsewhere by the rounding of both pictures only.
+TEST(Evaluate, FlickerIsTheChangeOfTheErrorOnTheWayToTheNextView) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const std::string path = scene.path() + "/cam00/images/0002.png";
+  Image picture = read_image(path);
+  for (uint8_t& value : picture.pixels) value = uint8_t(std::min(255, value + 20));
+  write_png(path, picture);
+  const Evaluation evaluation = judged(queue, scene, scene.truth);
+  EXPECT_LT(evaluation.views[0].flicker, 0.5);
+  EXPECT_NEAR(evaluation.views[1].flicker, 20, 0.5);
+  EXPECT_NEAR(evaluation.views[2].flicker, 20, 0.5);
+  EXPECT_LT(evaluation.views[3].flicker, 0.5);
+  EXPECT_TRUE(std::isnan(evaluation.views[4].flicker));
+  EXPECT_NEAR(evaluation.mean.flicker, 10, 0.5);
+}
+
 TEST(Evaluate, UsesDisWhereTheSceneHasNoTrueFlow) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -80,6 +171,39 @@ TEST(Evaluate, UsesDisWhereTheSceneHasNoTrueFlow) {
   EXPECT_EQ(evaluation.flow_reference, "dis");
   EXPECT_TRUE(std::isfinite(evaluation.mean.flow_epe));
   EXPECT_TRUE(std::isnan(evaluation.mean.teacher_epe_dynamic));  // it would be its own judge
+  EXPECT_LT(evaluation.mean.flicker, 1);
+}
+
+const std::string networks = GFLOW_SOURCE_DIR "/tests/data/networks/";
+
+TEST(Evaluate, AsksTheNetworksThatAreGiven) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const Evaluation without = judged(queue, scene, scene.truth);
+  EXPECT_EQ(without.lpips_model + without.clip_model, "");
+  EXPECT_TRUE(std::isnan(without.mean.lpips));
+  EXPECT_TRUE(std::isnan(without.mean.clip));
+  TrainConfig config = small_config(scene, 1);
+  config.metrics.lpips = networks + "lpips.onnx";
+  config.metrics.clip = networks + "clip.onnx";
+  LoadedScene loaded = load_scene(config.scene, "");
+  Model model(queue, scene.truth);
+  try {
+    JudgingNetworks judges(config.metrics);
+  } catch (const Error& problem) {
+    ASSERT_NE(std::string(problem.what()).find("libopencv-dnn-dev"), std::string::npos);
+    GTEST_SKIP() << "built without OpenCV's dnn module";
+  }
+  const Evaluation evaluation = evaluate(queue, model, config, loaded, loaded.scene.test, {});
+  EXPECT_EQ(evaluation.lpips_model, config.metrics.lpips);
+  for (const ViewFigures& view : evaluation.views) {
+    EXPECT_GT(view.lpips, 0);  // this network tells the two apart
+    EXPECT_NEAR(view.clip, 1, 1e-4);
+  }
+  EXPECT_EQ(evaluation.mean.psnr, without.mean.psnr);
+  config.metrics.lpips = networks + "lpips_6x4.onnx";
+  expect_error([&] { evaluate(queue, model, config, loaded, loaded.scene.test, {}); },
+               {"metrics.lpips", "6x4", "48x40"});
 }
 
 // The training views of a scene with transparent pictures, under names as the test views of a plain

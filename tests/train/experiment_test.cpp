@@ -3,6 +3,7 @@
 // what the runs came to.
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "train/command.hpp"
 #include "train/small_scene.hpp"
@@ -113,6 +114,84 @@ TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
             std::string::npos);
   ASSERT_EQ(experiment(toml, {"--jobs", "2"}).code, 0);
   EXPECT_EQ(contents(out("/table.csv")), table);
+}
+
+// The cell of a table's row (from 0) in the column called `name`.
+std::string cell_of(const std::string& markdown, const std::string& name, size_t row) {
+  const auto cells = [](const std::string& line) {
+    std::vector<std::string> words;
+    for (size_t at = line.find("| "); at != std::string::npos && at + 2 < line.size();) {
+      const size_t end = line.find(" |", at);
+      words.push_back(line.substr(at + 2, end - at - 2));
+      at = end + 1;
+    }
+    return words;
+  };
+  std::istringstream lines(markdown.substr(markdown.find("| scene ")));
+  std::string line;
+  std::getline(lines, line);
+  const auto head = cells(line);
+  const auto column = std::find(head.begin(), head.end(), name);
+  for (size_t i = 0; i < row + 2; ++i) std::getline(lines, line);
+  return column == head.end() ? "no column" : cells(line).at(size_t(column - head.begin()));
+}
+
+TEST_F(Experiment, ANetworkThatIsNotGivenIsNotPassedOver) {
+  const std::string plain = file("", "4");
+  ASSERT_EQ(experiment(plain).code, 0);
+  const std::string markdown = contents(out("/table.md")), csv = contents(out("/table.csv"));
+  for (const char* name : {"LPIPS", "CLIP"})
+    for (const size_t row : {0, 1})
+      EXPECT_EQ(cell_of(markdown, name, row), "no model given") << markdown;
+  EXPECT_NE(cell_of(markdown, "flicker [grey levels]", 1), "no column") << markdown;
+  EXPECT_NE(cell_of(markdown, "Fl-all [%]", 1), "no column") << markdown;
+  EXPECT_EQ(cell_of(markdown, "depth error [%]", 1), "no column");  // the scene has none
+  EXPECT_NE(csv.find(",no model given,"), std::string::npos) << csv;
+  EXPECT_NE(contents(out("/runs.csv")).find(",no model given,"), std::string::npos);
+  EXPECT_FALSE(fs::exists(out("/plots/lpips.tsv")));
+
+  // Given later, it judges what is trained already.
+  const std::string log = contents(run("small-on-seed0") + "/metrics.jsonl");
+  const std::string with =
+      file("", "4\nmetrics.lpips = \"" GFLOW_SOURCE_DIR "/tests/data/networks/lpips.onnx\"");
+  EXPECT_NE(experiment(with, {"--dry-run"}).out.find("4 runs, 0 of them finished"),
+            std::string::npos);
+  const Outcome outcome = experiment(with);
+  if (contents(run("small-on-seed0") + ".log").find("libopencv-dnn-dev") != std::string::npos)
+    GTEST_SKIP() << "built without OpenCV's dnn module";
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(contents(run("small-on-seed0") + "/metrics.jsonl"), log);
+  const Json lpips = read(out("/table.json"))["rows"][1]["figures"]["lpips"];
+  EXPECT_EQ(lpips["values"].size(), 2u);
+  EXPECT_GT(lpips["mean"], 0);
+  EXPECT_EQ(cell_of(contents(out("/table.md")), "CLIP", 0), "no model given");
+  EXPECT_NE(experiment(with, {"--dry-run"}).out.find("4 runs, 4 of them finished"),
+            std::string::npos);
+  // Who no longer names it keeps the figures.
+  EXPECT_NE(experiment(plain, {"--dry-run"}).out.find("4 runs, 4 of them finished"),
+            std::string::npos);
+}
+
+TEST_F(Experiment, ResultsOfAnEarlierGflowAreStillRead) {
+  const std::string toml = file();
+  ASSERT_EQ(experiment(toml).code, 0);
+  for (const char* id : {"off-seed0", "off-seed3", "on-seed0", "on-seed3"}) {
+    const std::string path = run(std::string("small-") + id) + "/results.json";
+    Json results = read(path);
+    for (const char* key : {"ssim_dynamic", "fl_all", "depth_error", "flicker", "lpips", "clip",
+                            "lpips_model", "clip_model"})
+      results["test"].erase(key);
+    std::ofstream(path) << results.dump();
+  }
+  const Outcome outcome = experiment(toml);
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const std::string markdown = contents(out("/table.md"));
+  EXPECT_NE(markdown.find("4 of 4 runs"), std::string::npos);
+  for (const char* name : {"LPIPS", "flicker [grey levels]"})
+    EXPECT_EQ(cell_of(markdown, name, 0), "no column") << markdown;
+  ASSERT_EQ(experiment(file("metrics = [\"psnr\", \"flicker\", \"lpips\"]")).code, 0);
+  for (const char* name : {"LPIPS", "flicker [grey levels]"})
+    EXPECT_EQ(cell_of(contents(out("/table.md")), name, 0), "-");
 }
 
 TEST_F(Experiment, ASignalStopsItAndTheSameCommandGoesOn) {

@@ -167,6 +167,16 @@ TEST_F(Resume, SettingsThatChangeTheResultAreRefusedOthersAreNot) {
   expect_as_uninterrupted();
 }
 
+TEST_F(Resume, OtherNetworksMayJudgeTheResult) {
+  stopped_after(20, SIGKILL);
+  const Outcome outcome =
+      gflow(resume({"--set", "metrics.clip=" GFLOW_SOURCE_DIR "/tests/data/networks/clip.onnx"}));
+  if (outcome.err.find("libopencv-dnn-dev") != std::string::npos)
+    GTEST_SKIP() << "built without OpenCV's dnn module";
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  expect_as_uninterrupted();
+}
+
 TEST_F(Resume, ASceneMayMoveButNotChange) {
   stopped_after(20, SIGKILL);
   const std::string moved = run("moved");

@@ -190,8 +190,6 @@ Evaluation some_evaluation() {
   view.name = "cam00_0000";
   view.psnr = 31.5;
   view.ssim = 0.9;
-  view.psnr_dynamic = view.flow_epe = view.flow_epe_dynamic = view.teacher_epe_dynamic =
-      std::nan("");
   evaluation.views = {view};
   evaluation.mean = view;
   evaluation.flow_reference = "none";
@@ -211,10 +209,14 @@ TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
                                       "peak_memory_mib", "device", "motion", "resolution",
                                       "background", "seed"}));
   for (const char* key :
-       {"psnr", "ssim", "psnr_dynamic", "flow_epe", "flow_epe_dynamic", "views", "trained_on"})
+       {"psnr", "ssim", "psnr_dynamic", "ssim_dynamic", "flow_epe", "flow_epe_dynamic", "fl_all",
+        "teacher_epe_dynamic", "depth_error", "flicker", "lpips", "clip", "flow_reference", "views",
+        "trained_on", "lpips_model", "clip_model"})
     EXPECT_TRUE(results["test"].contains(key)) << key;
   EXPECT_EQ(results["test"]["psnr"], 31.5);
   EXPECT_TRUE(results["test"]["flow_epe"].is_null());  // not NaN, which is no JSON
+  for (const char* key : {"fl_all", "depth_error", "lpips", "lpips_model", "clip_model"})
+    EXPECT_TRUE(results["test"][key].is_null()) << key;
   EXPECT_EQ(results["test"]["views"], 1);
   EXPECT_EQ(results["num_gaussians"], 42);
   EXPECT_EQ(results["iterations"], 700);
@@ -223,6 +225,20 @@ TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
   EXPECT_EQ(results["resolution"], 2);
   EXPECT_EQ(results["background"], "white");
   EXPECT_EQ(results["seed"], 5);
+}
+
+TEST(RunFolder, ResultsNameTheNetworksThatJudged) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  Evaluation evaluation = some_evaluation();
+  evaluation.lpips_model = "nets/alex.onnx";
+  evaluation.mean.lpips = 0.25;
+  evaluation.clip_model = "nets/\xff.onnx";  // a path need not be UTF-8
+  run.write_results(evaluation, "test", {}, {}, 1);
+  const Json test = Json::parse(contents(run.path("results.json")))["test"];
+  EXPECT_EQ(test["lpips"], 0.25);
+  EXPECT_EQ(test["lpips_model"], "nets/alex.onnx");
+  EXPECT_TRUE(test["clip_model"].is_string());
 }
 
 TEST(RunFolder, PerViewFiguresStandUnderTheNamesOfTheViews) {

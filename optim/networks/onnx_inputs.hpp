@@ -9,8 +9,15 @@
 
 namespace gflow {
 
-// Each input by name: its sizes, 0 where the file leaves one open. Weights that the file lists
-// among the inputs are left out. Error when the file is missing or no ONNX model.
+struct NetworkInput {
+  std::string name;
+  std::vector<int64_t> sizes;  // 0 where the file leaves one open
+};
+
+// The inputs in the order of the file. Weights that it lists among the inputs are left out. Error
+// when the file is missing or no ONNX model.
+std::vector<NetworkInput> onnx_input_list(const std::string& path);
+// Their sizes by name.
 std::map<std::string, std::vector<int64_t>> onnx_inputs(const std::string& path);
 
 }  // namespace gflow

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // ONNX is protobuf: a message is a row of fields, each a number (field << 3 | kind) and a value.
 // Only the path model.graph.input.type.tensor_type.shape is followed (onnx.proto3).
-#include "optim/guidance/onnx_inputs.hpp"
+#include "optim/networks/onnx_inputs.hpp"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <fstream>
 #include <functional>
 #include <iterator>
@@ -88,25 +89,34 @@ std::vector<int64_t> sizes_of(std::string_view shape) {
 
 }  // namespace
 
-std::map<std::string, std::vector<int64_t>> onnx_inputs(const std::string& path) {
+std::vector<NetworkInput> onnx_input_list(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file) throw Error(fmt::format("cannot open the network {}", path));
   const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-  std::map<std::string, std::vector<int64_t>> inputs;
+  std::vector<NetworkInput> inputs;
   try {
     std::set<std::string> weights;
     for_fields(field_of(bytes, 7), [&](uint64_t number, std::string_view value, uint64_t) {
       if (number == 5) weights.emplace(field_of(value, 8));
       if (number == 11)
-        inputs[std::string(field_of(value, 1))] =
-            sizes_of(field_of(field_of(field_of(value, 2), 1), 2));
+        inputs.push_back({std::string(field_of(value, 1)),
+                          sizes_of(field_of(field_of(field_of(value, 2), 1), 2))});
     });
-    for (const std::string& name : weights) inputs.erase(name);
+    inputs.erase(
+        std::remove_if(inputs.begin(), inputs.end(),
+                       [&](const NetworkInput& input) { return weights.count(input.name) > 0; }),
+        inputs.end());
   } catch (const Damaged&) {
     throw Error(fmt::format("{} is no ONNX model, or it is damaged", path));
   }
   if (inputs.empty()) throw Error(fmt::format("{} is no ONNX model with inputs", path));
   return inputs;
+}
+
+std::map<std::string, std::vector<int64_t>> onnx_inputs(const std::string& path) {
+  std::map<std::string, std::vector<int64_t>> by_name;
+  for (const NetworkInput& input : onnx_input_list(path)) by_name[input.name] = input.sizes;
+  return by_name;
 }
 
 }  // namespace gflow
