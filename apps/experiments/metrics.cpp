@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/experiments/metrics.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <cmath>
+#include <cstdio>
 #include <limits>
 
 #include "runtime/error.hpp"
@@ -46,14 +50,35 @@ std::vector<std::string> metric_names() {
   return names;
 }
 
-const Metric& metric_named(const std::string& name) {
-  for (const Metric& metric : all_metrics())
-    if (name == metric.name) return metric;
-  throw Error("there is no metric '" + name + "'");
+Metric metric_named(const std::string& name) {
+  const size_t at = name.find('@');
+  const std::string whole = name.substr(0, at);
+  for (const Metric& metric : all_metrics()) {
+    if (whole != metric.name) continue;
+    if (at == std::string::npos) return metric;
+    const std::vector<const char*> tracks = {"test", "tracks", "by_step"};
+    const bool of_tracks = whole == "track_error";
+    const bool of_views = metric.path.size() == 2 && std::string(metric.path[0]) == "test";
+    if (!of_tracks && !of_views) throw Error("metric '" + whole + "' has no value for each step");
+    size_t first = 0, last = 0;
+    int read = 0;
+    const std::string range = name.substr(at + 1);
+    const bool both = std::sscanf(range.c_str(), "%4zu-%4zu%n", &first, &last, &read) == 2;
+    if (!both || size_t(read) != range.size() || first > last)
+      throw Error("metric '" + name + "': expected is NAME@FIRST-LAST, for example psnr@10-12");
+    Metric part = metric;
+    part.name = name;
+    part.label = fmt::format("{}, steps {} to {}", metric.label, first, last);
+    part.path = of_tracks ? tracks : std::vector<const char*>{"test", "by_step", metric.path[1]};
+    part.steps = {first, last};
+    return part;
+  }
+  throw Error(
+      fmt::format("there is no metric '{}'; known are {}", name, fmt::join(metric_names(), ", ")));
 }
 
 bool is_repeatable(const Metric& metric) {
-  return std::string(metric.name) != "minutes" && std::string(metric.name) != "memory";
+  return metric.name != "minutes" && metric.name != "memory";
 }
 
 double value_of(const Metric& metric, const nlohmann::json& results) {
@@ -61,6 +86,16 @@ double value_of(const Metric& metric, const nlohmann::json& results) {
   for (const char* key : metric.path) {
     if (!node->is_object() || !node->contains(key)) return std::numeric_limits<double>::quiet_NaN();
     node = &(*node)[key];
+  }
+  if (metric.steps) {
+    double sum = 0;
+    size_t count = 0;
+    for (size_t k = metric.steps->first; k <= metric.steps->second && k < node->size(); ++k) {
+      if (!(*node)[k].is_number()) continue;
+      sum += (*node)[k].get<double>() * metric.scale;
+      ++count;
+    }
+    return count ? sum / double(count) : std::numeric_limits<double>::quiet_NaN();
   }
   return node->is_number() ? node->get<double>() * metric.scale
                            : std::numeric_limits<double>::quiet_NaN();

@@ -2,7 +2,9 @@
 // The figures of a run that a table can have.
 #pragma once
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace gflow::experiments {
@@ -10,8 +12,8 @@ namespace gflow::experiments {
 enum class Better { higher, lower, neither };
 
 struct Metric {
-  const char* name;               // in experiment files
-  const char* label;              // in tables, with its unit
+  std::string name;               // in experiment files
+  std::string label;              // in tables, with its unit
   std::vector<const char*> path;  // in results.json
   int digits;                     // behind the point
   Better better;
@@ -19,13 +21,17 @@ struct Metric {
   // Where results.json names the network that judged, null where none was given; nullptr: it needs
   // none.
   const char* model = nullptr;
+  // Time steps of the video that count, where the path leads to a list of them; else all do.
+  std::optional<std::pair<size_t, size_t>> steps = {};
 };
 
 // In the order of a table. Figures of the test views, then of the model, then what it cost: those
 // differ from one time to the next.
 const std::vector<Metric>& all_metrics();
 std::vector<std::string> metric_names();
-const Metric& metric_named(const std::string& name);
+// NAME or, for figures that views have and for track_error, NAME@FIRST-LAST: at those time steps of
+// the video, from 0. Error when there is none of that name.
+Metric metric_named(const std::string& name);
 // Whether two trainings alike have the same.
 bool is_repeatable(const Metric& metric);
 

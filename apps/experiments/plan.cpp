@@ -123,10 +123,11 @@ class Reader {
     if (!node) return names;
     for (const toml::node& name : list(*node, "metrics")) {
       names.push_back(text(name, "metrics"));
-      const auto known = metric_names();
-      if (std::find(known.begin(), known.end(), names.back()) == known.end())
-        throw Error(fmt::format("{}: there is no metric '{}'; known are {}", at(name), names.back(),
-                                fmt::join(known, ", ")));
+      try {
+        metric_named(names.back());
+      } catch (const Error& problem) {
+        throw Error(fmt::format("{}: {}", at(name), problem.what()));
+      }
     }
     return names;
   }

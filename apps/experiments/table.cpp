@@ -43,6 +43,13 @@ const char* const no_model = "no model given";
 
 std::string csv_number(double value) { return std::isnan(value) ? "" : fmt::format("{}", value); }
 
+// Without what a shell or gnuplot might take amiss.
+std::string file_name(std::string name) {
+  for (char& c : name)
+    if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+  return name;
+}
+
 std::string markdown_line(const Words& words) {
   return fmt::format("| {} |\n", fmt::join(words, " | "));
 }
@@ -94,20 +101,22 @@ Results::Results(const Plan& plan, std::vector<nlohmann::json> results)
     const bool wanted = asked.empty()
                             ? known && is_repeatable(metric) && metric.better != Better::neither
                             : std::find(asked.begin(), asked.end(), metric.name) != asked.end();
-    if (wanted) metrics_.push_back(&metric);
+    if (wanted) metrics_.push_back(metric);
   }
+  for (const std::string& name : plan.metrics)
+    if (const Metric metric = metric_named(name); metric.steps) metrics_.push_back(metric);
 }
 
-std::vector<Results::Line> Results::lines_of(const std::vector<const Metric*>& metrics) const {
+std::vector<Results::Line> Results::lines_of(const std::vector<Metric>& metrics) const {
   std::vector<Line> lines;
   for (size_t r = 0; r < plan_.rows.size(); ++r) {
     Line line{plan_.rows[r], std::vector<Cell>(metrics.size())};
     for (size_t i = 0; i < plan_.runs.size(); ++i) {
       if (plan_.runs[i].row != r) continue;
       for (size_t m = 0; m < metrics.size(); ++m) {
-        const double value = value_of(*metrics[m], results_[i]);
+        const double value = value_of(metrics[m], results_[i]);
         if (!std::isnan(value)) line.cells[m].values.push_back(value);
-        line.cells[m].no_model |= lacks_model(*metrics[m], results_[i]);
+        line.cells[m].no_model |= lacks_model(metrics[m], results_[i]);
       }
     }
     for (Cell& cell : line.cells) cell.no_model &= cell.values.empty();
@@ -131,17 +140,17 @@ std::vector<Results::Line> Results::lines_of(const std::vector<const Metric*>& m
   return lines;
 }
 
-std::string Results::markdown_of(const std::vector<const Metric*>& metrics, bool marks) const {
+std::string Results::markdown_of(const std::vector<Metric>& metrics, bool marks) const {
   const std::vector<Line> lines = lines_of(metrics);
   Words head{"scene"};
   head.insert(head.end(), plan_.axes.begin(), plan_.axes.end());
-  for (const Metric* metric : metrics) head.push_back(metric->label);
+  for (const Metric& metric : metrics) head.push_back(metric.label);
   std::string text = markdown_line(head) + markdown_line(Words(head.size(), "---"));
   for (const Line& line : lines) {
     Words words{line.row.scene};
     words.insert(words.end(), line.row.choices.begin(), line.row.choices.end());
     for (size_t m = 0; m < metrics.size(); ++m) {
-      const Metric& metric = *metrics[m];
+      const Metric& metric = metrics[m];
       const Cell& cell = line.cells[m];
       const double mean = cell.mean();
       std::string word = cell.no_model ? no_model : digits(mean, metric.digits);
@@ -183,8 +192,8 @@ std::string Results::markdown() const {
 }
 
 std::string Results::costs() const {
-  return markdown_of({&metric_named("minutes"), &metric_named("memory"), &metric_named("gaussians"),
-                      &metric_named("steps")},
+  return markdown_of({metric_named("minutes"), metric_named("memory"), metric_named("gaussians"),
+                      metric_named("steps")},
                      false);
 }
 
@@ -192,8 +201,8 @@ std::string Results::csv() const {
   Words head{"scene"};
   head.insert(head.end(), plan_.axes.begin(), plan_.axes.end());
   head.push_back("seeds");
-  for (const Metric* metric : metrics_)
-    for (const char* what : {"", "_std"}) head.push_back(std::string(metric->name) + what);
+  for (const Metric& metric : metrics_)
+    for (const char* what : {"", "_std"}) head.push_back(metric.name + what);
   std::string text = csv_line(head);
   for (const Line& line : lines_of(metrics_)) {
     Words words{line.row.scene};
@@ -239,9 +248,9 @@ nlohmann::ordered_json Results::json() const {
     nlohmann::ordered_json row{{"scene", line.row.scene}};
     for (size_t a = 0; a < plan_.axes.size(); ++a) row[plan_.axes[a]] = line.row.choices[a];
     for (size_t m = 0; m < metrics_.size(); ++m)
-      row["figures"][metrics_[m]->name] = {{"mean", or_null(line.cells[m].mean())},
-                                           {"std", or_null(line.cells[m].spread())},
-                                           {"values", line.cells[m].values}};
+      row["figures"][metrics_[m].name] = {{"mean", or_null(line.cells[m].mean())},
+                                          {"std", or_null(line.cells[m].spread())},
+                                          {"values", line.cells[m].values}};
     all["rows"].push_back(row);
   }
   return all;
@@ -252,13 +261,13 @@ std::vector<Plot> Results::bars() const {
   const size_t each = plan_.rows.size() / scenes.size();
   std::vector<Plot> plots;
   for (size_t m = 0; m < metrics_.size(); ++m) {
-    if (metrics_[m]->better == Better::neither) continue;
+    if (metrics_[m].better == Better::neither) continue;
     const std::vector<Line> lines = lines_of({metrics_[m]});
     if (std::all_of(lines.begin(), lines.end(),
                     [](const Line& line) { return line.cells[0].values.empty(); }))
       continue;
     Plot plot;
-    plot.name = metrics_[m]->name;
+    plot.name = file_name(metrics_[m].name);
     Words head{"scene"};
     for (size_t k = 0; k < each; ++k) {
       head.push_back(name_of(plan_.rows[k], plan_.title));
@@ -280,9 +289,9 @@ std::vector<Plot> Results::bars() const {
         "set termoption noenhanced\nset datafile missing '?'\nset style data histograms\n"
         "set style histogram errorbars gap 2 lw 1\nset style fill solid 0.8\nset ylabel '{}'\n"
         "{}plot for [i=2:{}:2] '{}.tsv' using i:i+1:xtic(1) title columnheader(i)",
-        metrics_[m]->label,
-        metrics_[m]->better == Better::lower ? "set yrange [0:*]\n" : "set yrange [*:*]\n",
-        2 * each, plot.name);
+        metrics_[m].label,
+        metrics_[m].better == Better::lower ? "set yrange [0:*]\n" : "set yrange [*:*]\n", 2 * each,
+        plot.name);
     plots.push_back(plot);
   }
   return plots;
@@ -295,8 +304,7 @@ std::vector<Plot> Results::curves(const std::string& folder) const {
     for (const bool by_time : {false, true}) {
       Plot plot;
       plot.name = fmt::format("curve_{}_{}", scene, by_time ? "seconds" : "steps");
-      for (char& c : plot.name)
-        if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+      plot.name = file_name(plot.name);
       std::string lines;
       int block = 0;
       for (size_t i = 0; i < plan_.runs.size(); ++i) {

@@ -46,12 +46,12 @@ class Results {
     Row row;
     std::vector<Cell> cells;  // one a metric of `metrics_`
   };
-  std::string markdown_of(const std::vector<const Metric*>& metrics, bool marks) const;
-  std::vector<Line> lines_of(const std::vector<const Metric*>& metrics) const;
+  std::string markdown_of(const std::vector<Metric>& metrics, bool marks) const;
+  std::vector<Line> lines_of(const std::vector<Metric>& metrics) const;
 
   const Plan& plan_;
   std::vector<nlohmann::json> results_;
-  std::vector<const Metric*> metrics_;
+  std::vector<Metric> metrics_;
 };
 
 // Pictures of the first seed of each row, as compare.png of its run, below each other:

@@ -118,6 +118,7 @@ class Judge {
 
     ViewFigures view;
     view.name = frame.name;
+    view.step = frame.step;
     judge_picture(view, picture, truth, reference);
     judge_flow(view, reference, i);
     if (!frame.depth_path.empty())

@@ -20,6 +20,7 @@ constexpr double kNoFigure = std::numeric_limits<double>::quiet_NaN();
 // known, no network is given.
 struct ViewFigures {
   std::string name;
+  int step = 0;  // of the video
   double psnr = kNoFigure, ssim = kNoFigure;
   double psnr_dynamic = kNoFigure;      // over pixels whose reference flow exceeds 1 px
   double ssim_dynamic = kNoFigure;      // mean of the SSIM at these pixels

@@ -65,6 +65,23 @@ Json figures_of(const ViewFigures& view) {
   return figures;
 }
 
+// For each figure its mean over the views of each time step.
+Json figures_by_step(const std::vector<ViewFigures>& views) {
+  int steps = 0;
+  for (const ViewFigures& view : views) steps = std::max(steps, view.step + 1);
+  Json all = Json::object();
+  for (const auto& [name, value] : view_figures()) {
+    std::vector<double> sums(size_t(steps), 0.0), counts(size_t(steps), 0.0);
+    for (const ViewFigures& view : views) {
+      if (!std::isfinite(view.*value)) continue;
+      sums[size_t(view.step)] += view.*value;
+      ++counts[size_t(view.step)];
+    }
+    for (size_t k = 0; k < sums.size(); ++k) all[name].push_back(number(sums[k] / counts[k]));
+  }
+  return all;
+}
+
 // The network that judged; null: none was given.
 Json network(const std::string& path) { return path.empty() ? Json(nullptr) : Json(path); }
 
@@ -286,18 +303,16 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
   for (const ViewFigures& view : evaluation.views) views[view.name] = figures_of(view);
   write_text(of_each, views.dump(1) + "\n");
   Json test = figures_of(evaluation.mean);
+  test["by_step"] = figures_by_step(evaluation.views);
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
   test["trained_on"] = evaluation.trained_on;
   test["lpips_model"] = network(evaluation.lpips_model);
   test["clip_model"] = network(evaluation.clip_model);
   if (const auto& tracks = evaluation.tracks)
-    test["tracks"] = {{"mean", tracks->mean},
-                      {"median", tracks->median},
-                      {"end", tracks->end},
-                      {"by_step", tracks->by_step},
-                      {"still", tracks->still},
-                      {"lost", tracks->lost}};
+    test["tracks"] = {{"mean", tracks->mean},   {"median", tracks->median},
+                      {"end", tracks->end},     {"by_step", tracks->by_step},
+                      {"still", tracks->still}, {"lost", tracks->lost}};
   const Json results{{split, test},
                      {"num_gaussians", gaussians},
                      {"iterations", facts.iterations},

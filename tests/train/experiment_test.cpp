@@ -98,6 +98,21 @@ TEST_F(Experiment, TrainsWhatTheFileNamesAndTabulatesIt) {
   EXPECT_GT(sheet.height, 2 * one.height);
 }
 
+// The scene has five steps and one test camera.
+TEST_F(Experiment, FiguresOfSomeStepsOfTheVideo) {
+  ASSERT_EQ(experiment(file("metrics = [\"psnr@1-2\", \"psnr\"]")).code, 0);
+  const Json row = read(out("/table.json"))["rows"][1];
+  double mean = 0;
+  for (const char* seed : {"0", "3"}) {
+    const Json views = read(run(std::string("small-on-seed") + seed) + "/per_view.json");
+    for (const char* view : {"cam00_0001", "cam00_0002"})
+      mean += views[view]["psnr"].get<double>() / 4;
+  }
+  EXPECT_NEAR(row["figures"]["psnr@1-2"]["mean"], mean, 1e-9);
+  EXPECT_NE(row["figures"]["psnr@1-2"]["mean"], row["figures"]["psnr"]["mean"]);
+  EXPECT_NE(contents(out("/table.md")).find("PSNR [dB], steps 1 to 2"), std::string::npos);
+}
+
 TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
   const std::string toml = file();
   ASSERT_EQ(experiment(toml).code, 0);
@@ -259,6 +274,10 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect(scenes + "seed = [1]", {"line 2", "'seed'", "seeds"});
   expect(scenes + "seeds = [-1]", {"line 2", "seeds are whole numbers"});
   expect(scenes + "metrics = [\"pnsr\"]", {"line 2", "no metric 'pnsr'", "psnr_dynamic"});
+  expect(scenes + "metrics = [\"psnr@3-1\"]", {"line 2", "psnr@3-1", "NAME@FIRST-LAST"});
+  expect(scenes + "metrics = [\"psnr@2\"]", {"line 2", "NAME@FIRST-LAST"});
+  expect(scenes + "metrics = [\"minutes@1-2\"]",
+         {"line 2", "'minutes' has no value for each step"});
   expect(scenes + "[settings]\ntrain.iteration = 3", {"line 2", "train.iteration", "iterations"});
   expect(scenes + "[settings]\ntrain.iterations = 0", {"train.iterations", "at least 1"});
   expect(scenes + "[[axis]]\nname = \"x\"", {"line 2", "choices"});
