@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #ifdef GFLOW_WITH_DNN
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
 #endif
 
@@ -19,12 +20,26 @@ struct Network::State {
 
 namespace {
 
-// OpenCV's words, without its place in the source.
+// OpenCV's words in one line, without its place in the source.
 std::string words_of(const cv::Exception& problem) {
   std::string text = problem.err.empty() ? problem.what() : problem.err;
   while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
+  std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
 }
+
+// While it lives OpenCV does not also write to stderr what it throws.
+class Quiet {
+ public:
+  Quiet() = default;
+  Quiet(const Quiet&) = delete;
+  Quiet& operator=(const Quiet&) = delete;
+  ~Quiet() { cv::utils::logging::setLogLevel(before_); }
+
+ private:
+  cv::utils::logging::LogLevel before_ =
+      cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+};
 
 cv::Mat blob(const NetworkValues& given) {
   cv::Mat mat(given.shape, CV_32F);
@@ -35,6 +50,7 @@ cv::Mat blob(const NetworkValues& given) {
 }  // namespace
 
 Network::Network(const std::string& path) : path_(path), inputs_(onnx_input_list(path)) {
+  const Quiet quiet;
   try {
     state_ = std::make_unique<State>(State{cv::dnn::readNetFromONNX(path)});
   } catch (const cv::Exception& problem) {
@@ -43,6 +59,7 @@ Network::Network(const std::string& path) : path_(path), inputs_(onnx_input_list
 }
 
 std::vector<float> Network::run(const std::vector<NetworkValues>& values) {
+  const Quiet quiet;
   try {
     for (size_t i = 0; i < inputs_.size(); ++i)
       state_->net.setInput(blob(values.at(i)), inputs_[i].name);

@@ -142,6 +142,13 @@ TEST_F(ClipNetwork, RefusesWhatIsNone) {
                {"zero.onnx", "cannot be compared"});
 }
 
+TEST_F(ClipNetwork, ThatOpenCvCannotRunIsOneSentenceOfOursAlone) {
+  testing::internal::CaptureStderr();
+  expect_error([] { Clip(network("unknown.onnx"), "metrics.clip"); },
+               {"unknown.onnx", "OpenCV", "NoSuchOperation"});
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
 constexpr double mean[3] = {0.48145466, 0.4578275, 0.40821073};
 constexpr double deviation[3] = {0.26862954, 0.26130258, 0.27577711};
 

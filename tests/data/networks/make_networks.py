@@ -9,6 +9,7 @@
     clip_16.onnx      the same for pictures of 16 x 16 pixels only
     oblong.onnx       the same for pictures of 16 x 8
     zero.onnx         the same with E and e zero
+    unknown.onnx      an operation that does not exist
 
 P, T, E are 1x1 convolutions. Unlike LPIPS, the two pictures are told apart, so that a test sees
 which is which.
@@ -69,3 +70,5 @@ clip("clip.onnx", "height", "width")
 clip("clip_16.onnx", 16, 16)
 clip("oblong.onnx", 8, 16)
 clip("zero.onnx", 16, 16, scale=0)
+write("unknown.onnx", [node("NoSuchOperation", ["picture"], "embedding")], [],
+      [("picture", [1, 3, 16, 16])], ("embedding", [1, 4]))
