@@ -142,10 +142,11 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
     choice.frames.push_back(i);
     if (area > 0 && area < 0.6 * camera.width * camera.height) choice.focus.push_back(i);
   }
+  const double begin = moment_to_begin(scene.train);
   if (unfolding_.steps > 0)
     for (std::vector<size_t>* order : {&choices_[0].frames, &choices_[0].focus})
       std::stable_sort(order->begin(), order->end(), [&](size_t a, size_t b) {
-        return std::fabs(scene.train[a].time - 0.5) < std::fabs(scene.train[b].time - 0.5);
+        return std::fabs(scene.train[a].time - begin) < std::fabs(scene.train[b].time - begin);
       });
   if (!config.flow.enabled || config.flow.weight == 0) return;
   for (size_t i = 0; i < pairs.size(); ++i)

@@ -29,7 +29,7 @@ namespace gflow {
 // What the last step looked like; read back only when asked for.
 struct StepFigures {
   double l1 = 0, ssim = 0, loss = 0;
-  double psnr = 0;                // of the last view [dB]
+  double psnr = 0;  // of the last view [dB]
   // Of the last view with flow [px]; NaN in a step without (flow.every), 0 where there is none.
   double flow_loss = 0, epe = 0;
   // Of the last view, NaN in a step without such a loss (loss.motion_every); none: no training has.
@@ -111,8 +111,8 @@ class Trainer {
   FlowStore& flows_;
   std::vector<Rect> parts_;
   // Training frames to choose from, all and those with a part smaller than the whole, of all time
-  // steps or, when trained one after the other, of each; from the middle of the
-  // video outwards where the model unfolds.
+  // steps or, when trained one after the other, of each; from the moment seen
+  // best outwards where the model unfolds.
   struct Choice {
     std::vector<size_t> frames, focus;
   };

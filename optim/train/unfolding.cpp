@@ -2,6 +2,9 @@
 #include "optim/train/unfolding.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
 #include <numeric>
 
 #include "shared/random.h"
@@ -20,6 +23,19 @@ size_t shuffled(size_t n, uint32_t seed, size_t i) {
   for (size_t k = n - 1; k > 0; --k)  // Fisher, Yates
     std::swap(order[k], order[random_bits(seed, round, uint(k)) % (k + 1)]);
   return order[i % n];
+}
+
+double moment_to_begin(const std::vector<Frame>& frames) {
+  std::map<double, int> pictures;
+  for (const Frame& frame : frames) ++pictures[frame.time];
+  double best = 0.5;
+  int most = 0, least = std::numeric_limits<int>::max();
+  for (const auto& [time, count] : pictures) {
+    const bool nearer = std::fabs(time - 0.5) < std::fabs(best - 0.5);
+    least = std::min(least, count);
+    if (count > most || (count == most && nearer)) best = time, most = count;
+  }
+  return most > least ? best : 0.5;
 }
 
 Unfolding Unfolding::of(const TrainConfig& config, bool permanent) {

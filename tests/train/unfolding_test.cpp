@@ -46,6 +46,27 @@ TEST(Unfolding, WidensFromTheFirstViewsToAll) {
   EXPECT_LT(unfolding.view_at(5, 0, 3, 7), 5u);  // fewer views than it begins with
 }
 
+TEST(Unfolding, BeginsWhereMostPicturesAre) {
+  std::vector<Frame> frames;
+  for (int k = 0; k < 5; ++k) {
+    Frame frame;
+    frame.time = k / 4.;
+    frames.push_back(frame);
+  }
+  EXPECT_EQ(moment_to_begin(frames), 0.5);  // one camera
+  Frame first;
+  frames.push_back(first);
+  EXPECT_EQ(moment_to_begin(frames), 0);  // and another view of the first moment
+  std::vector<Frame> even;
+  for (int k = 0; k < 4; ++k)
+    for (int camera = 0; camera < 2; ++camera) {
+      Frame frame;
+      frame.time = k / 3.;
+      even.push_back(frame);
+    }
+  EXPECT_EQ(moment_to_begin(even), 0.5);
+}
+
 TEST(Unfolding, RatesFallOnceItIsDone) {
   const Unfolding unfolding = Unfolding::of(some_config(), true);
   EXPECT_EQ(unfolding.share_after(0), 0);
