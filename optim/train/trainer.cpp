@@ -115,8 +115,8 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       frames_(frames),
       pairs_(pairs),
       flows_(flows),
-      parts_(std::move(parts)),
-      unfolding_(Unfolding::of(config, is_permanent(model.shape.motion))),
+      sampler_(config, scene, frames, pairs, flows, std::move(parts),
+               is_permanent(model.shape.motion), model.shape.keys),
       model_(model),
       rates_(config, scene, model.shape),
       renderer_(queue, training_settings(config)),
@@ -129,45 +129,12 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       order_(queue),
       rest_(rest_for(queue, config, scene, model.parameters)),
       guide_(guidance ? std::make_unique<Guide>(queue, config, scene, frames, *guidance) : nullptr),
-      reduce_(queue),
-      pairs_of_frame_(scene.train.size()),
-      far_pairs_of_frame_(scene.train.size()) {
+      reduce_(queue) {
   require_sequence(config, scene, model.shape);
-  const bool sequential = config.train.sequential;
-  choices_.resize(sequential ? size_t(model.shape.keys) : 1);
-  for (size_t i = 0; i < scene.train.size(); ++i) {
-    const Camera& camera = frames.camera(scene.train[i]);
-    const double area = i < parts_.size() ? double(parts_[i].width) * parts_[i].height : 0;
-    Choice& choice = choices_[sequential ? size_t(scene.train[i].step) : 0];
-    choice.frames.push_back(i);
-    if (area > 0 && area < 0.6 * camera.width * camera.height) choice.focus.push_back(i);
-  }
-  const double begin = moment_to_begin(scene.train);
-  if (unfolding_.steps > 0)
-    for (std::vector<size_t>* order : {&choices_[0].frames, &choices_[0].focus})
-      std::stable_sort(order->begin(), order->end(), [&](size_t a, size_t b) {
-        return std::fabs(scene.train[a].time - begin) < std::fabs(scene.train[b].time - begin);
-      });
-  if (!config.flow.enabled || config.flow.weight == 0) return;
-  for (size_t i = 0; i < pairs.size(); ++i)
-    if (flows.has(i) && (!sequential || leads_back(scene, pairs[i])))
-      (pairs[i].span > 1 ? far_pairs_of_frame_ : pairs_of_frame_)[size_t(pairs[i].frame)].push_back(
-          int(i));
 }
 
 int Trainer::sh_degree(int step) const {
   return std::min(config_.motion.sh_degree, step / config_.motion.sh_interval);
-}
-
-int Trainer::pair_at(size_t frame, int step, size_t turn) const {
-  const std::vector<int>&near = pairs_of_frame_[frame], &far = far_pairs_of_frame_[frame];
-  const uint seed = uint(config_.train.seed);
-  const bool reaches =
-      near.empty() ||
-      (!far.empty() && random_uniform(seed, kReachStream, uint(turn)) <= config_.flow.far_share);
-  const std::vector<int>& pairs = reaches ? far : near;
-  if (pairs.empty() || step < config_.flow.start || stage(step).time_step == 0) return -1;
-  return pairs[random_bits(seed, kPairStream, uint(turn)) % pairs.size()];
 }
 
 std::array<uint8_t, 3> Trainer::background(int step) const {
@@ -179,33 +146,11 @@ std::array<uint8_t, 3> Trainer::background(int step) const {
   return {uint8_t(bits >> 8), uint8_t(bits >> 16), uint8_t(bits >> 24)};
 }
 
-std::vector<Trainer::Sample> Trainer::samples(int step) const {
-  // One step in focus + 1 looks at whole pictures, the others at parts of interest.
-  const Choice& choice = choices_[size_t(std::max(stage(step).time_step, 0))];
-  const int focus = choice.focus.empty() ? 0 : config_.train.focus;
-  const bool whole = step % (focus + 1) == 0;
-  const size_t turn = whole ? size_t(step) / size_t(focus + 1)
-                            : size_t(step) - size_t(step) / size_t(focus + 1) - 1;
-  const bool with_flow = turn % size_t(config_.flow.every) == 0;
-  std::vector<Sample> samples;
-  for (int b = 0; b < config_.train.batch; ++b) {
-    const size_t at = turn * size_t(config_.train.batch) + size_t(b);
-    const uint32_t seed = uint32_t(config_.train.seed);
-    const std::vector<size_t>& frames = whole ? choice.frames : choice.focus;
-    const uint32_t stream = whole ? seed : seed + 1000003u;
-    const size_t i = frames[unfolding_.view_at(frames.size(), step, stream, at)];
-    const Camera& camera = frames_.camera(scene_.train[i]);
-    samples.push_back({&scene_.train[i], with_flow ? pair_at(i, step, at) : -1,
-                       whole ? Rect{0, 0, camera.width, camera.height} : parts_[i]});
-  }
-  return samples;
-}
-
 void Trainer::prefetch(int step) {
   std::vector<const Frame*> frames;
   std::vector<size_t> flows;
   for (int next = step + 1; next < config_.train.iterations; ++next) {
-    for (const Sample& sample : samples(next)) {
+    for (const Sample& sample : sampler_.at(next)) {
       if (next == step + 1) frames.push_back(sample.frame);
       if (sample.pair >= 0) flows.push_back(size_t(sample.pair));
     }
@@ -229,7 +174,7 @@ void Trainer::step(Queue& queue, int step) {
   if (now.begins && now.time_step > 0)
     model_.motion->start_key(queue, model_.parameters, now.time_step);
   if (guide_ && guide_->due(step)) guide(queue, step);  // first: it may fail
-  for (const Sample& sample : samples(step)) train_view(queue, sample, step);
+  for (const Sample& sample : sampler_.at(step)) train_view(queue, sample, step);
   update(queue, step);
   const uint32_t seed = uint32_t(config_.train.seed);
   const int done = step + 1;
@@ -315,7 +260,7 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
 
 void Trainer::guide(Queue& queue, int step) {
   Guide::Moment moment;
-  moment.frame = samples(step).front().frame;
+  moment.frame = sampler_.at(step).front().frame;
   moment.background = background(step);
   moment.sh_degree = sh_degree(step);
   guide_->run(queue, model_, renderer_, step, moment, [&](const Shot& shot) {
@@ -359,7 +304,7 @@ void Trainer::update(Queue& queue, int step) {
   model_.motion->regularize(
       queue, p,
       {config_.hexplane.plane_tv, config_.hexplane.time_smoothness, config_.hexplane.l1_time});
-  const bool warming = unfolding_.warming(step);
+  const bool warming = sampler_.unfolding().warming(step);
   if (now.time_step > 0) {  // one key alone; a flow leads to the one before
     Table& keys = p.more[0];
     keys.rows.seen.fill_range(queue, 0, size_t(now.time_step) * p.moving, 0u);

@@ -16,13 +16,11 @@
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
 #include "optim/loss/motion_loss.hpp"
-#include "optim/train/change.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/guide.hpp"
 #include "optim/train/rates.hpp"
 #include "optim/train/renderer.hpp"
-#include "optim/train/sequence.hpp"
-#include "optim/train/unfolding.hpp"
+#include "optim/train/sampler.hpp"
 
 namespace gflow {
 
@@ -71,25 +69,16 @@ class Trainer {
   // Bands of spherical harmonics in use at a step.
   int sh_degree(int step) const;
   // Which time steps a training step is about.
-  Stage stage(int step) const { return stage_at(config_.train, std::max(scene_.steps, 1), step); }
+  Stage stage(int step) const { return sampler_.stage(step); }
   // As after the last view of the last step.
   const Renderer& renderer() const { return renderer_; }
 
  private:
-  struct Sample {  // one view of a step
-    const Frame* frame;
-    int pair;   // index of the flow used, or -1
-    Rect part;  // what of it is drawn
-  };
-  std::vector<Sample> samples(int step) const;
   // Has pictures and flow of the next steps loaded in the background, flow that must be computed
   // for several of them.
   void prefetch(int step);
   // Behind pictures with alpha, sRGB.
   std::array<uint8_t, 3> background(int step) const;
-  // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,
-  // to a neighbour or further (flow.far_share), or -1.
-  int pair_at(size_t frame, int step, size_t turn) const;
   void train_view(Queue& queue, const Sample& sample, int step);
   // Asks for guidance and adds its gradients.
   void guide(Queue& queue, int step);
@@ -109,15 +98,7 @@ class Trainer {
   FrameStore& frames_;
   const std::vector<FlowPair>& pairs_;
   FlowStore& flows_;
-  std::vector<Rect> parts_;
-  // Training frames to choose from, all and those with a part smaller than the whole, of all time
-  // steps or, when trained one after the other, of each; from the moment seen
-  // best outwards where the model unfolds.
-  struct Choice {
-    std::vector<size_t> frames, focus;
-  };
-  std::vector<Choice> choices_;
-  Unfolding unfolding_;
+  Sampler sampler_;
   Model& model_;
   Rates rates_;
   Renderer renderer_;
@@ -134,8 +115,6 @@ class Trainer {
   bool memory_was_short_ = false;
   std::string notice_;
   Reduce reduce_;
-  // With a flow, forward and back; far: over several pictures.
-  std::vector<std::vector<int>> pairs_of_frame_, far_pairs_of_frame_;
   Buffer<cl_uchar> truth_{"truth"}, confidence_{"confidence"};
   Buffer<float> teacher_{"teacher flow"};
   ImageGradients v_;

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a training step looks at: views, the parts of them that are drawn, the flow they are
+// compared by. A function of configuration, scene, seed and step number alone.
+#pragma once
+#include <algorithm>
+#include <vector>
+
+#include "optim/data/flow_store.hpp"
+#include "optim/train/change.hpp"
+#include "optim/train/config.hpp"
+#include "optim/train/sequence.hpp"
+#include "optim/train/unfolding.hpp"
+
+namespace gflow {
+
+// One view of a step.
+struct Sample {
+  const Frame* frame;
+  int pair;   // index of the flow used, or -1
+  Rect part;  // what of it is drawn
+};
+
+class Sampler {
+ public:
+  // As for the Trainer; keys: of the motion model, where they are trained one after the other.
+  // All references must outlive it.
+  Sampler(const TrainConfig& config, const Scene& scene, const FrameStore& frames,
+          const std::vector<FlowPair>& pairs, const FlowStore& flows, std::vector<Rect> parts,
+          bool permanent, int keys);
+
+  // The views of step number `step`, from 0.
+  std::vector<Sample> at(int step) const;
+  // Which time steps a training step is about.
+  Stage stage(int step) const { return stage_at(config_.train, std::max(scene_.steps, 1), step); }
+  const Unfolding& unfolding() const { return unfolding_; }
+
+ private:
+  // Training frames to choose from, all and those with a part smaller than the whole, of all time
+  // steps or, when trained one after the other, of each; from the moment seen best outwards where
+  // the model unfolds.
+  struct Choice {
+    std::vector<size_t> frames, focus;
+  };
+  // Flows that lead from a frame, forward and back; far: over several pictures.
+  struct Ways {
+    std::vector<int> near, far;
+  };
+  // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,
+  // to a neighbour or further (flow.far_share), or -1.
+  int pair_at(size_t frame, int step, size_t turn) const;
+
+  const TrainConfig& config_;
+  const Scene& scene_;
+  const FrameStore& frames_;
+  std::vector<Rect> parts_;
+  Unfolding unfolding_;
+  std::vector<Choice> choices_;
+  std::vector<Ways> ways_;  // one a training frame
+};
+
+}  // namespace gflow
