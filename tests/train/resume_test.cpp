@@ -174,6 +174,9 @@ TEST_F(Resume, OtherNetworksMayJudgeTheResult) {
   if (outcome.err.find("libopencv-dnn-dev") != std::string::npos)
     GTEST_SKIP() << "built without OpenCV's dnn module";
   EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(contents(run("run") + "/per_view.json").find("\"clip\": 0."), std::string::npos);
+  EXPECT_TRUE(contents(latest_model("run")) == contents(latest_model("whole")));
+  EXPECT_EQ(gflow(resume({"--set", "metrics.clip="})).code, 0);  // and none
   expect_as_uninterrupted();
 }
 
