@@ -34,6 +34,7 @@ const std::vector<Metric>& all_metrics() {
       {"fl_all", "Fl-all [%]", {"test", "fl_all"}, 2, Better::lower, 100},
       {"track_error", "3D track error", {"test", "tracks", "mean"}, 4, Better::lower},
       {"track_end", "3D track error at the end", {"test", "tracks", "end"}, 4, Better::lower},
+      {"motion_error", "3D motion error", {"test", "tracks", "motion"}, 4, Better::lower},
       {"depth_error", "depth error [%]", {"test", "depth_error"}, 2, Better::lower, 100},
       {"flicker", "flicker [grey levels]", {"test", "flicker"}, 2, Better::lower},
       {"gaussians", "Gaussians", {"num_gaussians"}, 0, Better::neither},
@@ -56,8 +57,8 @@ Metric metric_named(const std::string& name) {
   for (const Metric& metric : all_metrics()) {
     if (whole != metric.name) continue;
     if (at == std::string::npos) return metric;
-    const std::vector<const char*> tracks = {"test", "tracks", "by_step"};
-    const bool of_tracks = whole == "track_error";
+    const bool of_motion = whole == "motion_error";
+    const bool of_tracks = of_motion || whole == "track_error";
     const bool of_views = metric.path.size() == 2 && std::string(metric.path[0]) == "test";
     if (!of_tracks && !of_views) throw Error("metric '" + whole + "' has no value for each step");
     size_t first = 0, last = 0;
@@ -69,7 +70,10 @@ Metric metric_named(const std::string& name) {
     Metric part = metric;
     part.name = name;
     part.label = fmt::format("{}, steps {} to {}", metric.label, first, last);
-    part.path = of_tracks ? tracks : std::vector<const char*>{"test", "by_step", metric.path[1]};
+    if (of_tracks)
+      part.path = {"test", "tracks", of_motion ? "motion_by_step" : "by_step"};
+    else
+      part.path = {"test", "by_step", metric.path[1]};
     part.steps = {first, last};
     return part;
   }

@@ -310,9 +310,10 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
   test["lpips_model"] = network(evaluation.lpips_model);
   test["clip_model"] = network(evaluation.clip_model);
   if (const auto& tracks = evaluation.tracks)
-    test["tracks"] = {{"mean", tracks->mean},   {"median", tracks->median},
-                      {"end", tracks->end},     {"by_step", tracks->by_step},
-                      {"still", tracks->still}, {"lost", tracks->lost}};
+    test["tracks"] = {{"mean", tracks->mean},     {"median", tracks->median},
+                      {"end", tracks->end},       {"by_step", tracks->by_step},
+                      {"motion", tracks->motion}, {"motion_by_step", tracks->motion_by_step},
+                      {"still", tracks->still},   {"lost", tracks->lost}};
   const Json results{{split, test},
                      {"num_gaussians", gaussians},
                      {"iterations", facts.iterations},

@@ -93,6 +93,7 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
   TrackError error;
   const double later_steps = double(tracks.steps - 1), all = later_steps * double(tracks.points);
   error.by_step.assign(tracks.steps, 0.0);
+  error.motion_by_step.assign(tracks.steps, 0.0);
   for (size_t step = 0; step + 1 < tracks.steps; ++step) {
     const std::vector<Carrier> now = carriers(queue, model, model.time(double(step) / later_steps),
                                               model.time(double(step + 1) / later_steps));
@@ -101,9 +102,14 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
       const double distance = double((points[k] - truth(step + 1, k)).norm());
       sums[k] += distance / later_steps;
       error.by_step[step + 1] += distance / double(tracks.points);
+      Eigen::Vector3f anew = truth(step, k);
+      carried(now, anew);
+      error.motion_by_step[step + 1] +=
+          double((anew - truth(step + 1, k)).norm()) / double(tracks.points);
       error.still += double((truth(0, k) - truth(step + 1, k)).norm()) / all;
     }
     error.mean += error.by_step[step + 1] / later_steps;
+    error.motion += error.motion_by_step[step + 1] / later_steps;
   }
   error.end = error.by_step.back();
   std::nth_element(sums.begin(), sums.begin() + long(sums.size() / 2), sums.end());

@@ -18,8 +18,12 @@ struct TrackError {
   double median = 0;  // over the points, of their mean
   double end = 0;     // at the last step: how far it has drifted by then
   std::vector<double> by_step;  // mean over the points at each step, 0 at the first
-  double still = 0;             // mean for points that never move, for comparison
-  double lost = 0;  // share of the steps at which no Gaussian was there to carry a point
+  // How far a step leads from the truth when it begins there: error of the motion alone, which
+  // does not add up. Mean over all points and steps; by_step: of the step that leads there.
+  double motion = 0;
+  std::vector<double> motion_by_step;
+  double still = 0;  // mean for points that never move, for comparison
+  double lost = 0;   // share of the steps at which no Gaussian was there to carry a point
 };
 
 // Each point starts on its true place and is carried from step to step by the Gaussians around it

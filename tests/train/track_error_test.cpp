@@ -50,9 +50,11 @@ TEST(TrackError, IsNoneOnTheTruePathsAndThePathsLengthWhereNothingMoves) {
   EXPECT_NEAR(all.mean, all.still, 1e-5);
   EXPECT_NEAR(all.median, far, 1e-5);
   EXPECT_NEAR(all.end, 0.8 * 2 / 3, 1e-5);
+  EXPECT_LT(none.motion, 1e-5);
+  EXPECT_NEAR(all.motion, 0.2 * 2 / 3, 1e-5);  // each step alone
+  EXPECT_NEAR(all.motion_by_step[4], 0.2 * 2 / 3, 1e-5);
   ASSERT_EQ(all.by_step.size(), steps);
-  for (size_t k = 0; k < steps; ++k)
-    EXPECT_NEAR(all.by_step[k], 0.2 * double(k) * 2 / 3, 1e-5);
+  for (size_t k = 0; k < steps; ++k) EXPECT_NEAR(all.by_step[k], 0.2 * double(k) * 2 / 3, 1e-5);
 }
 
 TEST(TrackError, ATurningGaussianTakesItsPointsAround) {
