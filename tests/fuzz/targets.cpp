@@ -12,6 +12,7 @@
 #include "optim/data/image_header.hpp"
 #include "optim/data/movie.hpp"
 #include "optim/data/packed_flow.hpp"
+#include "optim/data/point_tracks.hpp"
 #include "optim/data/readers.hpp"
 #include "optim/data/video.hpp"
 #include "optim/io/compressed_ply.hpp"
@@ -198,6 +199,21 @@ void npz_seeds(const std::string& to) {
                p, {{"a", {{2}, std::vector<double>{1, 2}}}, {"b", {{}, std::vector<int32_t>{1}}}},
                packing);
          }));
+}
+
+void point_tracks(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "t.npz", [](const std::string& path) {
+    const PointTracks tracks = read_point_tracks(path);
+    flow_of_points(tracks, 0, tracks.pictures - 1, 8, 6);
+  });
+}
+void point_tracks_seeds(const std::string& to) {
+  seed(to, "a", written("s.npz", [](const std::string& p) {
+         write_npz(p,
+                   {{"tracks", {{2, 2, 2}, std::vector<float>{1, 2, 3, 4, 2, 2, 4, 4}}},
+                    {"visibility", {{2, 2}, std::vector<uint8_t>{1, 1, 0, 1}}}},
+                   Packing::stored);
+       }));
 }
 
 void flo(const uint8_t* bytes, size_t size) {
@@ -429,6 +445,7 @@ const std::vector<Target>& targets() {
                                        {"four_dgs", four_dgs, four_dgs_seeds},
                                        {"npy", npy, npy_seeds},
                                        {"npz", npz, npz_seeds},
+                                       {"point_tracks", point_tracks, point_tracks_seeds},
                                        {"flo", flo, flo_seeds},
                                        {"kitti_flow", kitti_flow, kitti_flow_seeds},
                                        {"picture", picture, picture_seeds},
