@@ -97,7 +97,8 @@ TeacherFlow chained(const Links& there, const Links& back) {
 }
 
 std::vector<FlowStore::Loader> chained_flows(std::shared_ptr<FlowStore> links,
-                                             const std::vector<FlowPair>& pairs) {
+                                             const std::vector<FlowPair>& pairs,
+                                             const KeepFlow& keep) {
   std::map<std::pair<int, int>, size_t> known;
   for (size_t i = 0; i < links->size(); ++i)
     if (links->has(i) && pairs[i].next >= 0) known[{pairs[i].frame, pairs[i].next}] = i;
@@ -110,12 +111,15 @@ std::vector<FlowStore::Loader> chained_flows(std::shared_ptr<FlowStore> links,
   for (size_t i = links->size(); i < pairs.size(); ++i) {
     const std::vector<size_t> there = way(pairs[i], known);
     const std::vector<size_t> back = way({pairs[i].next, pairs[i].frame}, known);
-    if (there.empty())
+    if (there.empty()) {
       loaders.emplace_back();
-    else if (back.empty())
-      loaders.emplace_back([=] { return chained(loaded(there)); });
-    else
-      loaders.emplace_back([=] { return chained(loaded(there), loaded(back)); });
+      continue;
+    }
+    const FlowPair pair = pairs[i];
+    const MakeFlow make = [=] {
+      return back.empty() ? chained(loaded(there)) : chained(loaded(there), loaded(back));
+    };
+    loaders.push_back(keep ? FlowStore::Loader([=] { return keep(pair, make); }) : make);
   }
   return loaders;
 }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "optim/data/estimated_flow.hpp"
 #include "optim/data/flow_store.hpp"
 
 namespace gflow {
@@ -25,8 +26,10 @@ TeacherFlow chained(const Links& there, const Links& back);
 
 // Loaders of pairs[links->size()] and those after it, which lead over several of the pairs before
 // them, the neighbours that `links` is a store of: chained, and checked against the way back where
-// `links` has it. Where a link is missing there is no chain.
+// `links` has it. Where a link is missing there is no chain. keep: where chains are kept; may be
+// empty, then each is made anew when it is asked for.
 std::vector<FlowStore::Loader> chained_flows(std::shared_ptr<FlowStore> links,
-                                             const std::vector<FlowPair>& pairs);
+                                             const std::vector<FlowPair>& pairs,
+                                             const KeepFlow& keep = {});
 
 }  // namespace gflow

@@ -65,17 +65,17 @@ class Estimator {
     const Camera& camera = camera_of(pair);
     if (auto kept = folder_.read(name(pair), camera.width, camera.height)) return *std::move(kept);
     const auto [there, back] = compute(pair);
-    try {
-      folder_.keep(name(pair), there);
-      folder_.keep(name(reverse(pair)), back);
-    } catch (const Error& problem) {
-      if (!was_full_.exchange(true) && notice_)
-        notice_(
-            fmt::format("optical flow that cannot be kept is computed again when it is needed: "
-                        "{}",
-                        problem.what()));
-    }
+    try_keep({{name(pair), &there}, {name(reverse(pair)), &back}});
     return unpacked(there, name(pair));
+  }
+
+  TeacherFlow made(const FlowPair& pair, const MakeFlow& make) {
+    const std::string kept_as = name(pair) + "_chained";
+    const Camera& camera = camera_of(pair);
+    if (auto kept = folder_.read(kept_as, camera.width, camera.height)) return *std::move(kept);
+    const Bytes bytes = packed(make());
+    try_keep({{kept_as, &bytes}});
+    return unpacked(bytes, kept_as);
   }
 
   // Error when the estimates that are not there yet will not fit on the disk: better now than hours
@@ -126,6 +126,19 @@ class Estimator {
   std::string name(const FlowPair& pair) const { return name_in_folder(scene_, pair); }
   bool has(const FlowPair& pair) const {
     return folder_.has(name(pair), camera_of(pair).width, camera_of(pair).height);
+  }
+
+  // A disk that is full stops nothing.
+  void try_keep(const std::vector<std::pair<std::string, const Bytes*>>& flows) {
+    try {
+      for (const auto& [name, bytes] : flows) folder_.keep(name, *bytes);
+    } catch (const Error& problem) {
+      if (!was_full_.exchange(true) && notice_)
+        notice_(
+            fmt::format("optical flow that cannot be kept is computed again when it is needed: "
+                        "{}",
+                        problem.what()));
+    }
   }
 
   // The flows of a pair there and back, packed: the check of one needs the other, and they are the
@@ -180,6 +193,11 @@ uint64_t likely_flow_bytes(const Scene& scene, const std::vector<FlowPair>& pair
     for (const int i : {pair.frame, pair.next})
       bytes += Estimator::likely_bytes(frames.camera(scene.train[size_t(i)]));
   return uint64_t(bytes);
+}
+
+KeepFlow kept_flows(const Scene& scene, FrameStore& frames, const FlowEstimation& how) {
+  const auto keeper = std::make_shared<Estimator>(scene, frames, how);
+  return [=](const FlowPair& pair, const MakeFlow& make) { return keeper->made(pair, make); };
 }
 
 FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs,

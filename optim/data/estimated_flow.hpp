@@ -3,6 +3,7 @@
 // packed_flow.hpp says. Whoever asks gets the rounded flow, whether it was there or not.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -50,6 +51,13 @@ class FlowBetween {
   std::optional<FlowFolder> folder_;
   std::map<std::pair<PictureId, PictureId>, std::string> names_;  // of the flow between pictures
 };
+
+// Flow made of others, once: read from the folder where it is there, else made, rounded as it is
+// kept, and kept. Under the name of the pair's computed flow and _chained.
+using MakeFlow = std::function<TeacherFlow()>;
+using KeepFlow = std::function<TeacherFlow(const FlowPair& pair, const MakeFlow& make)>;
+// `scene` and `frames` must outlive it; how.folder, budget and notice count.
+KeepFlow kept_flows(const Scene& scene, FrameStore& frames, const FlowEstimation& how);
 
 // DIS flow for every pair with next >= 0 at the resolution of `frames`, kept under the name of its
 // frame, NAME_back where it leads back in time, NAME_over_4 where it leads to the fourth picture

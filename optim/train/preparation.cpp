@@ -53,13 +53,14 @@ std::vector<FlowPair> far_pairs(const Scene& scene, const FlowConfig& flow) {
 
 // Flow of all pairs from that of the first of them, neighbours.
 FlowStore with_far_flow(const TrainConfig& config, const LoadedScene& loaded,
-                        const std::vector<FlowPair>& pairs, FlowStore neighbours) {
+                        const std::vector<FlowPair>& pairs, FlowStore neighbours,
+                        const KeepFlow& keep = {}) {
   if (neighbours.size() == pairs.size()) return neighbours;
   const auto near = std::make_shared<FlowStore>(std::move(neighbours));
   return extended(
       near, config.flow.far == FarFlow::tracks
                 ? track_flows(loaded.scene, pairs, near->size(), *loaded.frames, config.flow.tracks)
-                : chained_flows(near, pairs));
+                : chained_flows(near, pairs, keep));
 }
 
 // Error when two settings of flow do not go together.
@@ -100,17 +101,20 @@ std::optional<FlowStore> flows_at_hand(const TrainConfig& config, const LoadedSc
   return flows;
 }
 
-FlowStore computed_flows(const TrainConfig& config, const LoadedScene& loaded,
-                         const std::vector<FlowPair>& pairs, const std::string& folder,
-                         bool quiet) {
-  const size_t compared = num_compared(pairs);
-  const size_t views = size_t(config.train.iterations) * size_t(config.train.batch);
+FlowEstimation kept_in(const std::string& folder, const FlowConfig& flow) {
   FlowEstimation how;
   how.folder = folder;
-  how.budget = uint64_t(double(config.flow.store) * double(uint64_t{1} << 30));
+  how.budget = uint64_t(double(flow.store) * double(uint64_t{1} << 30));
+  how.notice = warn;
+  return how;
+}
+
+FlowStore computed_flows(const TrainConfig& config, const LoadedScene& loaded,
+                         const std::vector<FlowPair>& pairs, FlowEstimation how, bool quiet) {
+  const size_t compared = num_compared(pairs);
+  const size_t views = size_t(config.train.iterations) * size_t(config.train.batch);
   how.beforehand =
       compared <= views && likely_flow_bytes(loaded.scene, pairs, *loaded.frames) <= how.budget;
-  how.notice = warn;
   if (!how.beforehand && !quiet)
     fmt::print(stderr,
                "optical flow of {} pairs of pictures is computed when it is needed and kept within "
@@ -144,9 +148,11 @@ Preparation::Preparation(const TrainConfig& config, const std::string& unpack_fo
 void Preparation::compute_flow(const std::string& folder, bool quiet) {
   if (flows_) return;
   const bool all_alike = config_.flow.far == FarFlow::direct;
-  flows_ = with_far_flow(
-      config_, loaded_, pairs_,
-      computed_flows(config_, loaded_, all_alike ? pairs_ : neighbours_, folder, quiet));
+  const FlowEstimation how = kept_in(folder, config_.flow);
+  flows_ =
+      with_far_flow(config_, loaded_, pairs_,
+                    computed_flows(config_, loaded_, all_alike ? pairs_ : neighbours_, how, quiet),
+                    kept_flows(scene(), frames(), how));
 }
 
 void Preparation::look_for_change() {

@@ -118,6 +118,26 @@ TEST(ChainedFlow, LeadsOverTheNeighboursThereAre) {
   EXPECT_EQ(flows.get(1)->flow.uv[0], 3);
   EXPECT_EQ(flows.get(2)->flow.uv[0], 4);
   EXPECT_EQ(flows.get(2)->flow.uv[1], 1);
+  // Kept, it is made once, of any store's links.
+  int made = 0;
+  FlowEstimation how;
+  how.folder = folder.path() + "/kept";
+  FrameStore frames(scene);
+  const KeepFlow keep = kept_flows(scene, frames, how);
+  const KeepFlow counting = [&](const FlowPair& pair, const MakeFlow& make) {
+    return keep(pair, [&] {
+      ++made;
+      return make();
+    });
+  };
+  for (int time = 0; time < 2; ++time) {
+    const TeacherFlow kept = chained_flows(whole, pairs, counting)[0]();
+    EXPECT_EQ(kept.flow.uv, flows.get(2)->flow.uv) << time;  // whole pixels: rounding does nothing
+    EXPECT_EQ(kept.confidence, flows.get(2)->confidence) << time;
+  }
+  EXPECT_EQ(made, 1);
+  EXPECT_TRUE(
+      std::filesystem::exists(how.folder + "/" + scene.train[0].name + "_over_2_chained.flow"));
   const auto broken = links(false);
   const FlowStore none = extended(broken, chained_flows(broken, pairs));
   EXPECT_TRUE(none.has(0));
