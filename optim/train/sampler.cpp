@@ -16,15 +16,16 @@ constexpr uint kPairStream = 8, kReachStream = 15;  // of random numbers; traine
 
 Sampler::Sampler(const TrainConfig& config, const Scene& scene, const FrameStore& frames,
                  const std::vector<FlowPair>& pairs, const FlowStore& flows,
-                 std::vector<Rect> parts, bool permanent, int keys)
+                 std::vector<Rect> parts, const MotionShape& shape)
     : config_(config),
       scene_(scene),
       frames_(frames),
       parts_(std::move(parts)),
-      unfolding_(Unfolding::of(config, permanent)),
+      unfolding_(Unfolding::of(config, is_permanent(shape.motion))),
       ways_(scene.train.size()) {
+  require_sequence(config, scene, shape);
   const bool sequential = config.train.sequential;
-  choices_.resize(sequential ? size_t(keys) : 1);
+  choices_.resize(sequential ? size_t(shape.keys) : 1);
   for (size_t i = 0; i < scene.train.size(); ++i) {
     const Camera& camera = frames.camera(scene.train[i]);
     const double area = i < parts_.size() ? double(parts_[i].width) * parts_[i].height : 0;

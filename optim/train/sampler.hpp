@@ -22,11 +22,11 @@ struct Sample {
 
 class Sampler {
  public:
-  // As for the Trainer; keys: of the motion model, where they are trained one after the other.
-  // All references must outlive it.
+  // As for the Trainer; shape: of the model that is trained. Error where train.sequential does not
+  // go with it (require_sequence). All references must outlive it.
   Sampler(const TrainConfig& config, const Scene& scene, const FrameStore& frames,
           const std::vector<FlowPair>& pairs, const FlowStore& flows, std::vector<Rect> parts,
-          bool permanent, int keys);
+          const MotionShape& shape);
 
   // The views of step number `step`, from 0.
   std::vector<Sample> at(int step) const;

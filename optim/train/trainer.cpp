@@ -115,8 +115,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       frames_(frames),
       pairs_(pairs),
       flows_(flows),
-      sampler_(config, scene, frames, pairs, flows, std::move(parts),
-               is_permanent(model.shape.motion), model.shape.keys),
+      sampler_(config, scene, frames, pairs, flows, std::move(parts), model.shape),
       model_(model),
       rates_(config, scene, model.shape),
       renderer_(queue, training_settings(config)),
@@ -129,9 +128,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       order_(queue),
       rest_(rest_for(queue, config, scene, model.parameters)),
       guide_(guidance ? std::make_unique<Guide>(queue, config, scene, frames, *guidance) : nullptr),
-      reduce_(queue) {
-  require_sequence(config, scene, model.shape);
-}
+      reduce_(queue) {}
 
 int Trainer::sh_degree(int step) const {
   return std::min(config_.motion.sh_degree, step / config_.motion.sh_interval);
