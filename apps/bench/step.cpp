@@ -45,10 +45,9 @@ void run_step(const StepOptions& o, const GlobalOptions& options) {
               [](const auto& a, const auto& b) { return a.second.median > b.second.median; });
     const double busy = spread_of(costs[i].busy).median;
     for (const auto& [name, ms] : rows)
-      if (ms.median > 0.002 * busy)
-        report.add(
-            {kinds[i].name + ": " + name,
-             {{"device [ms]", ms}, single("of the device's time [%]", 100 * ms.median / busy)}});
+      report.add(
+          {kinds[i].name + ": " + name,
+           {{"device [ms]", ms}, single("of the device's time [%]", 100 * ms.median / busy)}});
   }
   deliver(report, o.common, plot_of("step", kinds, costs));
 }
