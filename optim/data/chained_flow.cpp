@@ -119,7 +119,8 @@ std::vector<FlowStore::Loader> chained_flows(std::shared_ptr<FlowStore> links,
     const MakeFlow make = [=] {
       return back.empty() ? chained(loaded(there)) : chained(loaded(there), loaded(back));
     };
-    loaders.push_back(keep ? FlowStore::Loader([=] { return keep(pair, make); }) : make);
+    loaders.push_back(keep && !back.empty() ? FlowStore::Loader([=] { return keep(pair, make); })
+                                            : make);
   }
   return loaders;
 }

@@ -26,8 +26,8 @@ TeacherFlow chained(const Links& there, const Links& back);
 
 // Loaders of pairs[links->size()] and those after it, which lead over several of the pairs before
 // them, the neighbours that `links` is a store of: chained, and checked against the way back where
-// `links` has it. Where a link is missing there is no chain. keep: where chains are kept; may be
-// empty, then each is made anew when it is asked for.
+// `links` has it. Where a link is missing there is no chain. keep: where checked chains are kept;
+// may be empty. Others are made anew when they are asked for: a name must not stand for both.
 std::vector<FlowStore::Loader> chained_flows(std::shared_ptr<FlowStore> links,
                                              const std::vector<FlowPair>& pairs,
                                              const KeepFlow& keep = {});

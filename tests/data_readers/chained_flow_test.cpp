@@ -118,7 +118,27 @@ TEST(ChainedFlow, LeadsOverTheNeighboursThereAre) {
   EXPECT_EQ(flows.get(1)->flow.uv[0], 3);
   EXPECT_EQ(flows.get(2)->flow.uv[0], 4);
   EXPECT_EQ(flows.get(2)->flow.uv[1], 1);
-  // Kept, it is made once, of any store's links.
+  const auto broken = links(false);
+  const FlowStore none = extended(broken, chained_flows(broken, pairs));
+  EXPECT_TRUE(none.has(0));
+  EXPECT_FALSE(none.has(1));
+  EXPECT_FALSE(none.has(2));
+}
+
+TEST(ChainedFlow, IsKeptWhereItIsChecked) {
+  const TemporaryFolder folder;
+  const Scene scene = textured_scene(folder);
+  const auto link = [](float u, float v) {
+    return [=] { return *trusted(uniform(48, 40, u, v)); };
+  };
+  const FlowPair far = distant_pairs(scene, 2)[0];
+  std::vector<FlowPair> there = neighbour_pairs(scene), both = there;
+  for (const FlowPair& pair : reversed(there)) both.push_back(pair);
+  there.push_back(far), both.push_back(far);
+  const auto unchecked =
+      std::make_shared<FlowStore>(std::vector<FlowStore::Loader>{link(1, 2), link(3, -1)});
+  const auto checked = std::make_shared<FlowStore>(
+      std::vector<FlowStore::Loader>{link(1, 2), link(3, -1), link(-1, -2), link(-3, 1)});
   int made = 0;
   FlowEstimation how;
   how.folder = folder.path() + "/kept";
@@ -130,17 +150,17 @@ TEST(ChainedFlow, LeadsOverTheNeighboursThereAre) {
       return make();
     });
   };
+  const TeacherFlow fresh = chained_flows(checked, both)[0]();
   for (int time = 0; time < 2; ++time) {
-    const TeacherFlow kept = chained_flows(whole, pairs, counting)[0]();
-    EXPECT_EQ(kept.flow.uv, flows.get(2)->flow.uv) << time;  // whole pixels: rounding does nothing
-    EXPECT_EQ(kept.confidence, flows.get(2)->confidence) << time;
+    const TeacherFlow kept = chained_flows(checked, both, counting)[0]();
+    EXPECT_EQ(kept.flow.uv, fresh.flow.uv) << time;  // whole pixels: rounding does nothing
+    EXPECT_EQ(kept.confidence, fresh.confidence) << time;
   }
   EXPECT_EQ(made, 1);
   EXPECT_TRUE(
       std::filesystem::exists(how.folder + "/" + scene.train[0].name + "_over_2_chained.flow"));
-  const auto broken = links(false);
-  const FlowStore none = extended(broken, chained_flows(broken, pairs));
-  EXPECT_TRUE(none.has(0));
-  EXPECT_FALSE(none.has(1));
-  EXPECT_FALSE(none.has(2));
+  // Without a way back more is trusted: not that which is kept.
+  const TeacherFlow other = chained_flows(unchecked, there, counting)[0]();
+  EXPECT_NE(other.confidence, fresh.confidence);
+  EXPECT_EQ(made, 1);
 }
