@@ -51,6 +51,14 @@ std::vector<std::string> metric_names() {
   return names;
 }
 
+std::optional<std::pair<size_t, size_t>> step_range(const std::string& text) {
+  size_t first = 0, last = 0;
+  int read = 0;
+  if (std::sscanf(text.c_str(), "%4zu-%4zu%n", &first, &last, &read) != 2) return std::nullopt;
+  if (size_t(read) != text.size() || first > last) return std::nullopt;
+  return std::pair(first, last);
+}
+
 Metric metric_named(const std::string& name) {
   const size_t at = name.find('@');
   const std::string whole = name.substr(0, at);
@@ -61,20 +69,17 @@ Metric metric_named(const std::string& name) {
     const bool of_tracks = of_motion || whole == "track_error";
     const bool of_views = metric.path.size() == 2 && std::string(metric.path[0]) == "test";
     if (!of_tracks && !of_views) throw Error("metric '" + whole + "' has no value for each step");
-    size_t first = 0, last = 0;
-    int read = 0;
-    const std::string range = name.substr(at + 1);
-    const bool both = std::sscanf(range.c_str(), "%4zu-%4zu%n", &first, &last, &read) == 2;
-    if (!both || size_t(read) != range.size() || first > last)
+    const auto steps = step_range(name.substr(at + 1));
+    if (!steps)
       throw Error("metric '" + name + "': expected is NAME@FIRST-LAST, for example psnr@10-12");
     Metric part = metric;
     part.name = name;
-    part.label = fmt::format("{}, steps {} to {}", metric.label, first, last);
+    part.label = fmt::format("{}, steps {} to {}", metric.label, steps->first, steps->second);
     if (of_tracks)
       part.path = {"test", "tracks", of_motion ? "motion_by_step" : "by_step"};
     else
       part.path = {"test", "by_step", metric.path[1]};
-    part.steps = {first, last};
+    part.steps = steps;
     return part;
   }
   throw Error(

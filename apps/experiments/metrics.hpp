@@ -25,6 +25,9 @@ struct Metric {
   std::optional<std::pair<size_t, size_t>> steps = {};
 };
 
+// FIRST-LAST, whole numbers that do not fall; nothing where the text is none of that.
+std::optional<std::pair<size_t, size_t>> step_range(const std::string& text);
+
 // In the order of a table. Figures of the test views, then of the model, then what it cost: those
 // differ from one time to the next.
 const std::vector<Metric>& all_metrics();

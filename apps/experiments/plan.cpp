@@ -43,12 +43,13 @@ class Reader {
       throw Error(line == 0 ? fmt::format("cannot read {}: {}", path_, problem.description())
                             : fmt::format("{}, line {}: {}", path_, line, problem.description()));
     }
-    expect_keys(file_, {"title", "scenes", "seeds", "config", "metrics", "baseline", "settings",
-                        "axis", "variant"});
+    expect_keys(file_, {"title", "scenes", "seeds", "config", "metrics", "baseline", "films",
+                        "settings", "axis", "variant"});
     Plan plan;
     plan.path = path_;
     plan.title = text_or(file_, "title", fs::path(path_).stem().string());
     plan.metrics = metrics();
+    plan.films = films();
     const TrainConfig base = base_config();
     const std::vector<Axis> axes = read_axes();
     for (const Axis& axis : axes) plan.axes.push_back(axis.name);
@@ -130,6 +131,24 @@ class Reader {
       }
     }
     return names;
+  }
+
+  std::vector<Film> films() const {
+    std::vector<Film> films;
+    const toml::node* node = file_.get("films");
+    if (!node) return films;
+    for (const toml::node& entry : list(*node, "films")) {
+      const std::string words = text(entry, "films");
+      const size_t mark = words.rfind('@');
+      const auto steps =
+          mark == std::string::npos ? std::nullopt : step_range(words.substr(mark + 1));
+      if (!steps || mark == 0)
+        throw Error(
+            fmt::format("{}: film '{}': expected is VIEW@FIRST-LAST, for example cam00@9-13",
+                        at(entry), words));
+      films.push_back({words.substr(0, mark), steps->first, steps->second});
+    }
+    return films;
   }
 
   TrainConfig base_config() const {
@@ -329,6 +348,10 @@ class Reader {
 };
 
 }  // namespace
+
+bool is_first_seed(const Plan& plan, size_t run) {
+  return run == 0 || plan.runs[run - 1].row != plan.runs[run].row;
+}
 
 Plan read_plan(const std::string& path, const std::string& scenes) {
   return Reader(path, scenes).read();

@@ -7,6 +7,7 @@
 //   config   = "base.toml"                    # settings of every run: a file,
 //   metrics  = ["psnr", "psnr_dynamic"]       # columns of the table; all there are
 //   baseline = "off"                          # a row others are compared with
+//   films    = ["cam00@9-13"]                # pictures of a test view at some steps, side by side
 //   [settings]                                # and tables as in it
 //   train.iterations = 3000
 //   [[axis]]                                  # every combination of one choice of each axis
@@ -40,6 +41,12 @@ struct PlannedRun {
   TrainConfig config;  // whole, with scene and seed
 };
 
+// Pictures of the test views NAME_... at time steps `first` to `last` of the video, from 0.
+struct Film {
+  std::string view;
+  size_t first = 0, last = 0;
+};
+
 struct Plan {
   std::string path, title;
   std::vector<std::string> axes;     // names; that of the list of variants is "variant"
@@ -48,7 +55,11 @@ struct Plan {
   std::vector<std::string> metrics;  // empty: those there are
   // Choices of the row of each scene that the others are compared with; empty: none.
   std::vector<std::string> baseline;
+  std::vector<Film> films;
 };
+
+// Whether no run before the one of this number is of the same row.
+bool is_first_seed(const Plan& plan, size_t run);
 
 // Scenes and files are looked for from the folder of the file, then, scenes, from `scenes`. Error
 // that names file and line when it cannot be read, has a key or setting that is not known, or two

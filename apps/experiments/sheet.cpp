@@ -5,12 +5,14 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <map>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "apps/experiments/runs.hpp"
 #include "apps/experiments/table.hpp"
 #include "optim/data/image.hpp"
+#include "optim/train/loaded_scene.hpp"
+#include "optim/train/pictures.hpp"
 
 namespace gflow::experiments {
 namespace {
@@ -30,35 +32,95 @@ Image captioned(const Image& picture, const std::string& words, int width) {
   return {width, sheet.rows, 3, {sheet.data, sheet.data + sheet.total() * 3}};
 }
 
-}  // namespace
+std::string words_of(const Row& row) {
+  return row.choices.empty() ? row.scene : fmt::format("{}", fmt::join(row.choices, ", "));
+}
 
-std::vector<std::string> write_contact_sheets(const Plan& plan, const std::string& folder) {
-  std::map<std::string, std::vector<std::pair<std::string, Image>>> pictures;  // by scene
-  for (size_t i = 0; i < plan.runs.size(); ++i) {
-    const bool first_seed = i == 0 || plan.runs[i - 1].row != plan.runs[i].row;
-    const std::string path = RunFiles(folder, plan.runs[i].id).run + "/compare.png";
-    if (!first_seed || !fs::exists(path)) continue;
-    const Row& row = plan.rows[plan.runs[i].row];
-    Image picture = read_image(path);
-    if (picture.channels == 4) picture = over_background(picture, {255, 255, 255});
-    pictures[row.scene].emplace_back(
-        row.choices.empty() ? row.scene : fmt::format("{}", fmt::join(row.choices, ", ")), picture);
-  }
-  std::vector<std::string> written;
-  for (const auto& [scene, rows] : pictures) {
+Image readable(const std::string& path) {
+  const Image picture = read_image(path);
+  return picture.channels == 4 ? over_background(picture, {255, 255, 255}) : picture;
+}
+
+// Pictures below each other, each with its words.
+struct Sheet {
+  std::string title;
+  std::vector<std::pair<std::string, Image>> rows;
+
+  void write(const std::string& path) const {
     int width = 0;
     for (const auto& [words, picture] : rows) width = std::max(width, picture.width);
-    Image sheet =
-        captioned({0, 0, 3, {}}, scene + ": truth, rendered, error; flow, reference flow", width);
+    Image sheet = captioned({0, 0, 3, {}}, title, width);
     for (const auto& [words, picture] : rows) {
       const Image row = captioned(picture, words, width);
       sheet.pixels.insert(sheet.pixels.end(), row.pixels.begin(), row.pixels.end());
       sheet.height += row.height;
     }
-    fs::create_directories(folder + "/pictures");
-    written.push_back(
-        fmt::format("{}/pictures/{}.png", folder, fs::path(scene).filename().string()));
-    write_png(written.back(), sheet);
+    fs::create_directories(fs::path(path).parent_path());
+    write_png(path, sheet);
+  }
+};
+
+// A row's first training of a scene, if it has drawn its test views.
+struct Drawn {
+  const PlannedRun* run;
+  std::string words, folder;
+};
+std::vector<Drawn> drawn_of(const Plan& plan, const std::string& folder, const std::string& scene) {
+  std::vector<Drawn> drawn;
+  for (size_t i = 0; i < plan.runs.size(); ++i) {
+    const Row& row = plan.rows[plan.runs[i].row];
+    const RunFiles files(folder, plan.runs[i].id);
+    if (row.scene != scene || !is_first_seed(plan, i) || !fs::exists(files.run + "/compare.png"))
+      continue;
+    drawn.push_back({&plan.runs[i], words_of(row), files.run});
+  }
+  return drawn;
+}
+
+// Steps of a view from the left, truth first; no rows where the scene has no such view.
+Sheet film_sheet(const Film& film, const std::string& scene, const std::vector<Drawn>& drawn) {
+  Sheet sheet{fmt::format("{}, {}: steps {} to {}", scene, film.view, film.first, film.last), {}};
+  const TrainConfig& config = drawn[0].run->config;
+  const LoadedScene loaded = load_scene(config.scene, drawn[0].folder + "/frames");
+  std::vector<const Frame*> frames;
+  for (const Frame& frame : loaded.scene.test)
+    if (frame.name.rfind(film.view + "_", 0) == 0 && size_t(frame.step) >= film.first &&
+        size_t(frame.step) <= film.last)
+      frames.push_back(&frame);
+  if (frames.empty()) return sheet;
+  std::vector<Image> truth;
+  for (const Frame* frame : frames) truth.push_back(*loaded.frames->rgb(*frame));
+  sheet.rows.emplace_back("truth", side_by_side(truth));
+  for (const Drawn& row : drawn) {
+    std::vector<Image> pictures;
+    for (const Frame* frame : frames)
+      pictures.push_back(readable(fmt::format("{}/test/{}.png", row.folder, frame->name)));
+    sheet.rows.emplace_back(row.words, side_by_side(pictures));
+  }
+  return sheet;
+}
+
+}  // namespace
+
+std::vector<std::string> write_contact_sheets(const Plan& plan, const std::string& folder) {
+  std::vector<std::string> written;
+  const auto write = [&](const Sheet& sheet, const std::string& name) {
+    written.push_back(fmt::format("{}/pictures/{}.png", folder, name));
+    sheet.write(written.back());
+  };
+  std::set<std::string> scenes;
+  for (const Row& row : plan.rows) {
+    if (!scenes.insert(row.scene).second) continue;
+    const std::vector<Drawn> drawn = drawn_of(plan, folder, row.scene);
+    if (drawn.empty()) continue;
+    const std::string name = fs::path(row.scene).filename().string();
+    Sheet sheet{row.scene + ": truth, rendered, error; flow, reference flow", {}};
+    for (const Drawn& one : drawn)
+      sheet.rows.emplace_back(one.words, readable(one.folder + "/compare.png"));
+    write(sheet, name);
+    for (const Film& film : plan.films)
+      if (const Sheet strip = film_sheet(film, row.scene, drawn); !strip.rows.empty())
+        write(strip, fmt::format("{}_{}", name, film.view));
   }
   return written;
 }

@@ -309,8 +309,7 @@ std::vector<Plot> Results::curves(const std::string& folder) const {
       int block = 0;
       for (size_t i = 0; i < plan_.runs.size(); ++i) {
         const Row& row = plan_.rows[plan_.runs[i].row];
-        const bool first_seed = i == 0 || plan_.runs[i - 1].row != plan_.runs[i].row;
-        if (row.scene != scene || !first_seed || !results_[i].is_object()) continue;
+        if (row.scene != scene || !is_first_seed(plan_, i) || !results_[i].is_object()) continue;
         std::ifstream metrics(RunFiles(folder, plan_.runs[i].id).run + "/metrics.jsonl");
         if (block > 0) plot.table.insert(plot.table.end(), 2, Words{});
         plot.table.push_back({by_time ? "seconds" : "steps", name_of(row, plan_.title)});

@@ -55,7 +55,8 @@ class Results {
 };
 
 // Pictures of the first seed of each row, as compare.png of its run, below each other:
-// FOLDER/pictures/SCENE.png. Returns the files that were written.
+// FOLDER/pictures/SCENE.png; and the films that are asked for, truth first: SCENE_VIEW.png, where
+// the scene has such views. Returns the files that were written.
 std::vector<std::string> write_contact_sheets(const Plan& plan, const std::string& folder);
 
 }  // namespace gflow::experiments

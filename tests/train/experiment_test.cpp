@@ -113,6 +113,21 @@ TEST_F(Experiment, FiguresOfSomeStepsOfTheVideo) {
   EXPECT_NE(contents(out("/table.md")).find("PSNR [dB], steps 1 to 2"), std::string::npos);
 }
 
+TEST_F(Experiment, PicturesOfAViewAtSomeSteps) {
+  ASSERT_EQ(experiment(file("films = [\"cam00@1-3\", \"cam99@0-1\"]\n")).code, 0);
+  const Image sheet = read_image(out("/pictures/small_cam00.png"));
+  const Image one = read_image(run("small-on-seed0") + "/test/cam00_0002.png");
+  const int compared = read_image(run("small-on-seed0") + "/compare.png").height;
+  const int words = (read_image(out("/pictures/small.png")).height - 2 * compared) / 3;
+  EXPECT_EQ(sheet.width, 3 * one.width);                // steps 1, 2, 3
+  EXPECT_EQ(sheet.height, 3 * one.height + 4 * words);  // truth and two rows
+  // The middle of the last row.
+  for (const int x : {0, one.width / 2, one.width - 1})
+    EXPECT_EQ(sheet.pixels[3 * (size_t(sheet.height - 1) * sheet.width + one.width + x)],
+              one.pixels[3 * (size_t(one.height - 1) * one.width + x)]);
+  EXPECT_FALSE(fs::exists(out("/pictures/small_cam99.png")));  // the scene has no such view
+}
+
 TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
   const std::string toml = file();
   ASSERT_EQ(experiment(toml).code, 0);
