@@ -45,6 +45,8 @@ void print_report(const Evaluation& evaluation) {
   line("flicker", m.flicker, "grey levels");
   if (!evaluation.tracks) return;
   line("3D tracks, error", evaluation.tracks->mean, "scene units");
+  if (const auto& seen = evaluation.tracks->seen)
+    line("  where training saw", seen->mean, "scene units");
   line("  if nothing moved", evaluation.tracks->still, "scene units");
 }
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // How far a model's motion carries points away from their true paths in space.
 #pragma once
+#include <optional>
+
+#include "optim/data/frame_store.hpp"
 #include "optim/train/model.hpp"
 
 namespace gflow {
@@ -9,9 +12,17 @@ namespace gflow {
 struct Tracks {
   size_t steps = 0, points = 0;
   std::vector<float> xyz;
+  // Whether a training camera sees the point in this step and the next, [steps - 1, points]; empty
+  // where nobody knows.
+  std::vector<uint8_t> seen;
 };
 // Relative to `origin` of the file's world. Error when the file holds no such array.
 Tracks read_tracks(const std::string& path, const std::array<double, 3>& origin = {0, 0, 0});
+
+// Fills `seen` where all training pictures but the last ones have true flow: a point is seen where
+// the flow around its pixel moves as the point does, to .3 px and 2 %, and is not hidden at the
+// next step. Error when a flow cannot be read.
+void mark_seen(Tracks& tracks, const Scene& scene, const FrameStore& frames);
 
 struct TrackError {
   double mean = 0;    // distance from the true path, over all points and later steps [scene units]
@@ -24,6 +35,14 @@ struct TrackError {
   std::vector<double> motion_by_step;
   double still = 0;  // mean for points that never move, for comparison
   double lost = 0;   // share of the steps at which no Gaussian was there to carry a point
+  // The same for what training could see, where that is known and anything is: no picture says how
+  // the far side of a thing moves.
+  struct Seen {
+    double share = 0;   // of all steps of all points
+    double mean = 0;    // of points for as long as they have been seen in every step
+    double motion = 0;  // of these steps
+  };
+  std::optional<Seen> seen;
 };
 
 // Each point starts on its true place and is carried from step to step by the Gaussians around it

@@ -4,6 +4,7 @@
 
 #include "device.hpp"
 #include "io/temporary_folder.hpp"
+#include "optim/io/flo.hpp"
 #include "optim/io/npy.hpp"
 #include "train/small_scene.hpp"
 
@@ -30,7 +31,7 @@ HostModel moving_ball(const std::array<double, 3>& v, float turn, float life) {
 TEST(TrackError, IsNoneOnTheTruePathsAndThePathsLengthWhereNothingMoves) {
   Queue queue = test_queue();
   const size_t steps = 5, points = 3;
-  Tracks tracks{steps, points, {}};
+  Tracks tracks{steps, points, {}, {}};
   for (size_t k = 0; k < steps; ++k) {
     const float t = 2 * float(k) / 4;
     for (const std::array<float, 3>& p :
@@ -60,7 +61,7 @@ TEST(TrackError, IsNoneOnTheTruePathsAndThePathsLengthWhereNothingMoves) {
 TEST(TrackError, ATurningGaussianTakesItsPointsAround) {
   Queue queue = test_queue();
   Model model(queue, moving_ball({0, 0, 0}, 1, 100));  // quaternion (1, 0, 0, t): angle 2 atan t
-  Tracks tracks{3, 1, {}};
+  Tracks tracks{3, 1, {}, {}};
   for (const double t : {0.0, 1.0, 2.0}) {
     const double angle = 2 * std::atan(t);
     tracks.xyz.insert(tracks.xyz.end(),
@@ -72,11 +73,54 @@ TEST(TrackError, ATurningGaussianTakesItsPointsAround) {
 TEST(TrackError, APointThatNothingCarriesIsLostAndStays) {
   Queue queue = test_queue();
   Model model(queue, moving_ball({.4, 0, 0}, 0, .05f));  // gone after the first step
-  Tracks tracks{5, 1, {}};
+  Tracks tracks{5, 1, {}, {}};
   for (int k = 0; k < 5; ++k) tracks.xyz.insert(tracks.xyz.end(), {.2f * float(k), 0, 0});
   const TrackError error = track_error(queue, model, tracks);
   EXPECT_NEAR(error.lost, 0.75, 1e-12);
   EXPECT_NEAR(error.end, 0.6, 1e-5);
+}
+
+// One camera at z = -2 whose flow is that of a wall at z = 0, a pixel to the right a step. The
+// first point moves with the wall, the second behind it otherwise, the third leaves the picture.
+TEST(TrackError, WhatTrainingSawIsToldApart) {
+  Queue queue = test_queue();
+  const TemporaryFolder folder;
+  Scene scene;
+  Camera camera;
+  camera.width = camera.height = 8;
+  camera.fx = camera.fy = 8;
+  camera.cx = camera.cy = 4;
+  camera.viewmat(2, 3) = 2;
+  scene.cameras = {camera};
+  scene.steps = 3;
+  FlowField wall{8, 8, std::vector<float>(128), std::vector<uint8_t>(64, 1)};
+  for (size_t i = 0; i < 64; ++i) wall.uv[2 * i] = 1;
+  write_flo(folder.file("wall.flo"), wall);
+  for (int step = 0; step < 3; ++step) {
+    Frame frame;
+    frame.step = step;
+    frame.time = step / 2.;
+    frame.flow_time = (step + 1) / 2.;
+    if (step < 2) frame.flow_path = folder.file("wall.flo");
+    scene.train.push_back(frame);
+  }
+  const FrameStore frames(scene);
+  Tracks tracks{3, 3, {}, {}};
+  for (const float step : {0.f, 1.f, 2.f})
+    tracks.xyz.insert(tracks.xyz.end(), {.25f * step, 0, 0, .3f, .25f * step, .5f,
+                                         step < 2 ? .25f * step : 9, .1f, 0});
+  mark_seen(tracks, scene, frames);
+  EXPECT_EQ(tracks.seen, (std::vector<uint8_t>{1, 0, 1, 1, 0, 0}));
+  Model still(queue, moving_ball({0, 0, 0}, 0, 100));
+  const TrackError error = track_error(queue, still, tracks);
+  ASSERT_TRUE(error.seen);
+  EXPECT_NEAR(error.seen->share, 3. / 6, 1e-12);
+  EXPECT_NEAR(error.seen->mean, (.25 + .5 + .25) / 3, 1e-6);
+  EXPECT_NEAR(error.seen->motion, .25, 1e-6);
+  scene.train[1].flow_path.clear();  // one that nobody knows
+  mark_seen(tracks, scene, frames);
+  EXPECT_TRUE(tracks.seen.empty());
+  EXPECT_FALSE(track_error(queue, still, tracks).seen);
 }
 
 TEST(TrackError, FilesThatHoldNoTracksAreRefused) {
