@@ -68,7 +68,16 @@ struct Outcome {
   nlohmann::ordered_json derivatives = nlohmann::ordered_json::array();
 };
 
-void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
+// As wide as the longest of the conditions is.
+constexpr int kCondition = 74;
+
+size_t longest_name(const Tests& tests) {
+  size_t longest = 0;
+  for (const Test& test : tests) longest = std::max(longest, test.name.size());
+  return longest;
+}
+
+void run_test(Queue& queue, const Test& test, size_t width, bool quiet, Outcome& outcome) {
   if (!quiet) fmt::print(stderr, "{} {} ...\n", test.id, test.name);
   const auto start = std::chrono::steady_clock::now();
   Rows rows;
@@ -83,8 +92,8 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
   for (const Row& row : rows) {
     const bool good = passed(row);
     ++(good ? outcome.passed : outcome.failed);
-    fmt::print("{:<4} {:<26} {:<58} {:>9.3g} {:>9.2g}  {}\n", test.id, test.name, row.condition,
-               row.figure, row.bound, verdict(good));
+    fmt::print("{:<4} {:<{}} {:<{}} {:>9.3g} {:>9.2g}  {}\n", test.id, test.name, width,
+               row.condition, kCondition, row.figure, row.bound, verdict(good));
     figures.push_back({{"condition", row.condition},
                        {"figure", row.figure},
                        {"bound", row.bound},
@@ -121,8 +130,10 @@ void run(const Flags& flags, const GlobalOptions& options) {
   Outcome outcome;
   fmt::print("{}, {} lanes\n", queue.info.full_name(), queue.lanes);
   if (!flags.derivatives) {
-    fmt::print("{:<4} {:<26} {:<58} {:>9} {:>9}\n", "test", "", "condition", "figure", "bound");
-    for (const Test& test : tests) run_test(queue, test, options.quiet, outcome);
+    const size_t width = longest_name(tests);
+    fmt::print("{:<4} {:<{}} {:<{}} {:>9} {:>9}\n", "test", "", width, "condition", kCondition,
+               "figure", "bound");
+    for (const Test& test : tests) run_test(queue, test, width, options.quiet, outcome);
   }
   if (flags.only.empty()) run_derivatives(queue, outcome);
   fmt::print("\n{} of {} figures within their bounds\n", outcome.passed,

@@ -2,6 +2,7 @@
 // T30: no Gaussian, one, none seen, all at one depth, 1e5 over one pixel, surfels and needles.
 #include <cstring>
 
+#include "apps/stress/device_maths.hpp"
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "tests/device_scene.hpp"
@@ -99,7 +100,7 @@ Rows degenerate(Queue& queue) {
       const reference::Planes v = random_cotangents(s, 30, expected.contributors.doubtful);
       DeviceScene device(queue, s);
       const FloatArrays images = device.forward();
-      const std::string at = fmt::format("{}, transport {}", name, int(t));
+      const std::string at = fmt::format("{}, transport {}", name, mode_name(int(t)));
       rows.push_back(
           {at + ", colour",
            largest_error(images.at("rgb"), expected.images.rgb, expected.contributors.doubtful),

@@ -42,6 +42,7 @@ Tests optimiser_tests();
 Tests gradient_tests();
 Tests device_tests();
 #ifdef GFLOW_WITH_OPENCV
+Tests far_tests();
 Tests training_tests();
 #endif
 

@@ -19,6 +19,8 @@ constexpr int largest_side = 16384;
 cv::VideoCapture open_video(const std::string& path) {
   if (!std::filesystem::is_regular_file(path))
     throw Error(fmt::format("cannot read video {}: there is no such file", path));
+  if (std::filesystem::file_size(path) == 0)
+    throw Error(fmt::format("cannot read video {}: it is empty", path));
   cv::VideoCapture capture;
   bool ok = false;
   try {

@@ -28,6 +28,48 @@ std::vector<float> floats_or(const Arrays& input, const std::string& key, const 
   return input.count(key) ? floats(input, key, shape, name) : otherwise;
 }
 
+// An array of N Gaussians whose values may not be below 0 nor above `most`. One that is not finite
+// is only its own Gaussian's trouble.
+std::vector<float> floats_up_to(float most, const char* expected, const Arrays& input,
+                                const std::string& key, const Shape& shape,
+                                const std::string& name) {
+  std::vector<float> values = floats(input, key, shape, name);
+  for (size_t i = 0; i < values.size(); ++i)
+    if (std::isfinite(values[i]) && !(values[i] >= 0 && values[i] <= most))
+      throw Error(fmt::format("reading {}: array '{}' has {} for Gaussian {}, expected are {}",
+                              name, key, values[i], i * shape[0] / values.size(), expected));
+  return values;
+}
+std::vector<float> scales_of(const Arrays& input, const std::string& key, size_t n,
+                             const std::string& name) {
+  return floats_up_to(HUGE_VALF, "lengths from 0 on, not logarithms", input, key, {n, 3}, name);
+}
+
+// A viewmat, which turns and shifts.
+std::vector<float> pose_of(const Arrays& input, const std::string& key, const std::string& name) {
+  const std::vector<float> m = floats(input, key, {4, 4}, name);
+  for (const float x : m)
+    if (!std::isfinite(x))
+      throw Error(
+          fmt::format("reading {}: camera pose '{}' has a value that is not finite", name, key));
+  constexpr float tolerance = 1e-3f;  // poses are written with few digits
+  bool turns = m[12] == 0 && m[13] == 0 && m[14] == 0 && m[15] == 1;
+  for (int a = 0; a < 3; ++a)
+    for (int b = 0; b <= a; ++b) {
+      const float product =
+          m[4 * a] * m[4 * b] + m[4 * a + 1] * m[4 * b + 1] + m[4 * a + 2] * m[4 * b + 2];
+      turns = turns && std::fabs(product - float(a == b)) < tolerance;
+    }
+  const float mirrors = m[0] * (m[5] * m[10] - m[6] * m[9]) - m[1] * (m[4] * m[10] - m[6] * m[8]) +
+                        m[2] * (m[4] * m[9] - m[5] * m[8]);  // the determinant
+  if (!(turns && mirrors > 0))
+    throw Error(
+        fmt::format("reading {}: camera pose '{}' should be a rotation and a translation, "
+                    "world to camera, above a row 0 0 0 1",
+                    name, key));
+  return m;
+}
+
 PinholeCamera camera_of(const std::vector<float>& viewmat, const std::vector<float>& K, int width,
                         int height, float near_plane) {
   PinholeCamera camera{};
@@ -121,30 +163,27 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
   s.t1.ensure(queue, n);
   s.t2.ensure(queue, n);
   s.t1.means.write(queue, floats(input, "means", {n, 3}, name));
-  s.t1.opacities.write(queue, floats(input, "opacities", {n}, name));
+  s.t1.opacities.write(
+      queue, floats_up_to(1, "opacities from 0 to 1, not logits", input, "opacities", {n}, name));
   s.quats = Buffer<float>(queue, floats(input, "quats", {n, 4}, name), "quats");
-  s.scales = Buffer<float>(queue, floats(input, "scales", {n, 3}, name), "scales");
+  s.scales = Buffer<float>(queue, scales_of(input, "scales", n, name), "scales");
   s.colors = Buffer<float>(queue, floats(input, "colors", {n, 3}, name), "colors");
   Posed posed(queue);
   posed.forward(queue, s.quats, s.scales, s.t1.factors);
   if (s.moves) {
     s.t2.means.write(queue, floats(input, "means_t2", {n, 3}, name));
     s.quats_t2 = Buffer<float>(queue, floats(input, "quats_t2", {n, 4}, name), "quats_t2");
-    s.scales_t2 = Buffer<float>(queue, floats(input, "scales_t2", {n, 3}, name), "scales_t2");
+    s.scales_t2 = Buffer<float>(queue, scales_of(input, "scales_t2", n, name), "scales_t2");
     posed.forward(queue, s.quats_t2, s.scales_t2, s.t2.factors);
   }
 
   // cameras
-  const auto viewmat = floats(input, "viewmat", {4, 4}, name);
-  const auto viewmat2 = floats_or(input, "viewmat_t2", {4, 4}, name, viewmat);
+  const auto viewmat = pose_of(input, "viewmat", name);
+  const auto viewmat2 = input.count("viewmat_t2") ? pose_of(input, "viewmat_t2", name) : viewmat;
   const auto K = floats(input, "K", {3, 3}, name);
   const auto background = floats_or(input, "background", {3}, name, {0, 0, 0});
   require_finite(background, "background", name);
   std::copy(background.begin(), background.end(), s.background.begin());
-  for (const std::vector<float>* pose : {&viewmat, &viewmat2})
-    for (const float x : *pose)
-      if (!std::isfinite(x))
-        throw Error("reading " + name + ": a camera pose (viewmat) has a value that is not finite");
   if (!(std::isfinite(K[2]) && std::isfinite(K[5]) && K[0] > 0 && K[4] > 0 && std::isfinite(K[0]) &&
         std::isfinite(K[4])))
     throw Error("reading " + name +

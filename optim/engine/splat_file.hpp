@@ -28,7 +28,8 @@ struct SplatScene {
   GaussiansAt t1, t2;
 };
 
-// Error names the array that is missing or has the wrong shape; `name` is the file named in it.
+// Error names the array that is missing, has the wrong shape, or values that are none of its kind:
+// negative scales, opacities outside [0, 1], a viewmat that is no pose. `name`: the file, for it.
 SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
                        const std::string& name);
 

@@ -1,52 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene a million metres from the zero of its world, as surveys have them: it is read, trained,
 // drawn and exported as the same scene at zero is.
+#include "tests/train/far_scene.hpp"
+
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
-#include <filesystem>
 
-#include "optim/io/npy.hpp"
 #include "optim/train/slice.hpp"
 #include "train/small_scene.hpp"
 
 namespace gflow {
 namespace {
 
-constexpr double kAway[3] = {431250.37, -5811000.25, 1e6};
-
-// A copy of the scene in a folder, moved there.
-class FarScene {
- public:
-  explicit FarScene(const SmallScene& scene) {
-    std::filesystem::copy(scene.path(), folder_.path(),
-                          std::filesystem::copy_options::recursive |
-                              std::filesystem::copy_options::overwrite_existing);
-    Array poses = read_npy(folder_.file("poses_bounds.npy"));
-    std::vector<double> rows = poses.as_double();
-    for (size_t camera = 0; camera < rows.size() / 17; ++camera)
-      for (size_t axis = 0; axis < 3; ++axis) rows[17 * camera + 5 * axis + 3] += kAway[axis];
-    write_npy(folder_.file("poses_bounds.npy"), {poses.shape, rows});
-    const PointCloud near = read_point_cloud(folder_.file("points3D.ply"));
-    PlyTable far;
-    far.rows = near.size();
-    far.names = {"x", "y", "z", "red", "green", "blue"};
-    far.origin = {kAway[0], kAway[1], kAway[2]};
-    for (size_t i = 0; i < near.size(); ++i) {
-      for (size_t axis = 0; axis < 3; ++axis) far.values.push_back(float(near.xyz[3 * i + axis]));
-      for (size_t c = 0; c < 3; ++c) far.values.push_back(float(near.rgb[3 * i + c]) / 255);
-    }
-    write_ply(folder_.file("points3D.ply"), far);
-  }
-  const std::string& path() const { return folder_.path(); }
-
- private:
-  TemporaryFolder folder_;
-};
+constexpr Place kAway = {431250.37, -5811000.25, 1e6};
 
 class FarSceneTest : public ::testing::Test {
  protected:
-  FarSceneTest() : queue(test_queue()), near(queue), far(near), config(small_config(near, 60)) {
+  FarSceneTest()
+      : queue(test_queue()), near(queue), far(near, kAway), config(small_config(near, 60)) {
     config.density.enabled = false;
     far_config = config;
     far_config.scene.path = far.path();

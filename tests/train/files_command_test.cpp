@@ -211,6 +211,27 @@ TEST_F(FilesCommand, SplatRefusesArchivesThatAreBroken) {
   input["viewmat"] = floats({4, 4}, {1, 0, 0, NAN, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1});
   write_npz(folder.file("nan.npz"), input);
   expect_refused({"splat", folder.file("nan.npz"), "-o", out}, {"nan.npz", "viewmat", "finite"});
+  for (const float scale : {0.f, 2.f, -1.f}) {  // flat, stretched, mirrored
+    input = small_npz();
+    input["viewmat"] = floats({4, 4}, {scale, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1});
+    write_npz(folder.file("pose.npz"), input);
+    expect_refused({"splat", folder.file("pose.npz"), "-o", out},
+                   {"pose.npz", "'viewmat'", "rotation"});
+  }
+  input = small_npz();
+  std::vector<float> values = input["opacities"].as_float();
+  values[1] = -2.5f;
+  input["opacities"] = Array{input["opacities"].shape, values};
+  write_npz(folder.file("logit.npz"), input);
+  expect_refused({"splat", folder.file("logit.npz"), "-o", out},
+                 {"logit.npz", "'opacities' has -2.5 for Gaussian 1", "logits"});
+  input = small_npz();
+  values = input["scales"].as_float();
+  values[5] = -4;
+  input["scales"] = Array{input["scales"].shape, values};
+  write_npz(folder.file("log.npz"), input);
+  expect_refused({"splat", folder.file("log.npz"), "-o", out},
+                 {"log.npz", "'scales' has -4 for Gaussian 1", "logarithms"});
   input = small_npz();
   input["K"] = floats({3, 3}, {-16, 0, 8, 0, 16, 6, 0, 0, 1});
   write_npz(folder.file("flip.npz"), input);

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// T28: scenes up to 1e6 units from the zero of their world, read, projected on the device and
+// exported.
+#include "apps/stress/device_maths.hpp"
+#include "apps/stress/figures.hpp"
+#include "apps/stress/stress.hpp"
+#include "optim/train/renderer.hpp"
+#include "optim/train/slice.hpp"
+#include "tests/train/far_scene.hpp"
+
+namespace gflow::stress {
+namespace {
+
+// How far the device sees the scene's points from where the scene at zero has them, in double [px].
+double projection_error(Queue& queue, const Scene& there, const Scene& here) {
+  DeviceMaths device(queue);
+  const size_t n = here.points.size();
+  Floats means;
+  for (const double x : there.points.xyz) means.push_back(float(x));
+  std::vector<double> errors;
+  for (size_t c = 0; c < here.cameras.size(); ++c) {
+    const DeviceMaths::Projected found =
+        device.project(pinhole(there.cameras[c], 0.01f), means, Floats(9 * n), Floats(2 * n),
+                       Floats(n), Floats(6 * n));
+    for (size_t i = 0; i < n; ++i) {
+      const Eigen::Vector2d expected =
+          here.cameras[c].project(Eigen::Vector3d(&here.points.xyz[3 * i]));
+      errors.push_back(std::hypot(double(found.means2d[2 * i]) - expected.x(),
+                                  double(found.means2d[2 * i + 1]) - expected.y()));
+    }
+  }
+  return worst(errors);
+}
+
+// Gaussians on the scene's points, exported as a PLY: how far from where the scene has them,
+// relative to how far off that is.
+double export_error(Queue& queue, const Scene& there, const Scene& here, const Place& away) {
+  HostModel host;
+  for (size_t i = 0; i < there.points.size(); ++i)
+    append_gaussian(host, Eigen::Vector3d(&there.points.xyz[3 * i]).cast<float>(), .1f,
+                    {.5f, .5f, .5f}, 0);
+  host.shape.sh_degree = 0;
+  host.shape.duration = 1;
+  host.shape.origin = there.origin;
+  add_rest(host.shape, host.groups, host.count);
+  Model model(queue, host);
+  const TemporaryFolder folder;
+  write_ply(folder.file("now.ply"), slice(queue, model, .5).table);
+  const PlyElement now = read_ply_elements(folder.file("now.ply")).at(0);
+  const char* const axes[] = {"x", "y", "z"};
+  std::vector<double> errors;
+  for (size_t axis = 0; axis < 3; ++axis)
+    for (size_t i = 0; i < now.rows; ++i) {
+      const double found = now.values[i * now.properties.size() + size_t(now.property(axes[axis]))];
+      const double expected = here.points.xyz[3 * i + axis] + away[axis];
+      errors.push_back(std::fabs(found - expected) / std::fabs(away[axis]));
+    }
+  return worst(errors);
+}
+
+// The bound of the export is relative to how far off the scene is: only of 1e3 units or more can
+// the floats that hold a few units about its own origin keep it.
+Rows far_scenes(Queue& queue) {
+  Rows rows;
+  const SmallScene scene(queue);
+  const Scene here = read_scene(scene.path());
+  for (const double far : {1., 1e3, 1e6}) {
+    const Place away = {far, -far, .7 * far};
+    const FarScene moved(scene, away);
+    const Scene there = read_scene(moved.path());
+    rows.push_back({fmt::format("a scene {:g} units away, as read: projection [px]", far),
+                    projection_error(queue, there, here), 1e-3});
+    if (far >= 1e6)
+      rows.push_back({fmt::format("a scene {:g} units away: positions exported, relative", far),
+                      export_error(queue, there, here, away), 1e-9});
+  }
+  return rows;
+}
+
+}  // namespace
+
+Tests far_tests() { return {{"T28", "scenes far away", true, far_scenes}}; }
+
+}  // namespace gflow::stress
