@@ -8,6 +8,7 @@
 #include "apps/stress/differences.hpp"
 #include "apps/stress/splats.hpp"
 #include "apps/stress/stress.hpp"
+#include "optim/density/mcmc.hpp"
 #include "optim/engine/color.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
@@ -322,6 +323,49 @@ Derivative flow_loss_row(Queue& queue) {
       1e-6};
 }
 
+// What opacity and size cost beside the images (mcmc).
+Derivative price_row(Queue& queue) {
+  constexpr size_t n = 60;
+  Random random(49);
+  Floats x;  // logits, then log scales, of which the fourth is that of the time and costs nothing
+  for (size_t i = 0; i < n; ++i) x.push_back(float(3 * random.normal()));
+  for (size_t i = 0; i < 4 * n; ++i) x.push_back(float(random.uniform(-6, 1)));
+  DensityRule rule;
+  rule.opacity_weight = .3f;
+  rule.scale_weight = .7f;
+  const double by_opacity = double(rule.opacity_weight) / n;
+  const double by_scale = double(rule.scale_weight) / (3 * n);
+  const auto cost = [&](const std::vector<double>& y) {
+    double sum = 0;
+    for (size_t i = 0; i < n; ++i) {
+      sum += by_opacity / (1 + std::exp(-y[i]));
+      for (size_t k = 0; k < 3; ++k) sum += by_scale * std::exp(y[n + 4 * i + k]);
+    }
+    return sum;
+  };
+  std::vector<double> at(x.begin(), x.end()), expected(5 * n);
+  for (size_t i = 0; i < n; ++i) {
+    const double o = 1 / (1 + std::exp(-at[i]));
+    expected[i] = by_opacity * o * (1 - o);
+    for (size_t k = 0; k < 3; ++k) expected[n + 4 * i + k] = by_scale * std::exp(at[n + 4 * i + k]);
+  }
+  Parameters p(queue, n, {{"logit_opacities", 1}, {"log_scales", 4}});
+  p["logit_opacities"].values.write(queue, Floats(x.begin(), x.begin() + n));
+  p["log_scales"].values.write(queue, Floats(x.begin() + n, x.end()));
+  for (ParameterGroup& group : p.groups) group.grads.fill(queue, 0.f);
+  p.rows.seen.fill(queue, 1u);
+  McmcDensity(queue).add_gradients(queue, p, rule);
+  Floats found = p["logit_opacities"].grads.read(queue);
+  const Floats of_scales = p["log_scales"].grads.read(queue);
+  found.insert(found.end(), of_scales.begin(), of_scales.end());
+  return {"mcmc_shrink",
+          "logit_opacities log_scales",
+          relative_error(found, expected),
+          relative_error(expected, slopes(cost, at, 1e-3)),
+          1e-4,
+          1e-6};
+}
+
 }  // namespace
 
 std::vector<Derivative> derivatives(Queue& queue) {
@@ -340,6 +384,7 @@ std::vector<Derivative> derivatives(Queue& queue) {
   for (Derivative& row : motion_derivatives(queue)) rows.push_back(std::move(row));
   for (const float ssim : {0.f, .2f}) rows.push_back(image_loss_row(queue, ssim));
   rows.push_back(flow_loss_row(queue));
+  rows.push_back(price_row(queue));
   return rows;
 }
 
