@@ -112,7 +112,11 @@ class Reader {
         const auto more = settings_of(*inner, {}, before + name + ".");
         settings.insert(settings.end(), more.begin(), more.end());
       } else {
-        settings.emplace_back(before + name, value_text(node, before + name));
+        const std::string whole = before + name;
+        if (whole == "train.seed" || whole == "scene.path")
+          throw Error(fmt::format("{}: '{}' is no setting of an experiment: the list '{}' says it",
+                                  at(node), whole, whole == "train.seed" ? "seeds" : "scenes"));
+        settings.emplace_back(whole, value_text(node, whole));
       }
     }
     return settings;
@@ -124,6 +128,8 @@ class Reader {
     if (!node) return names;
     for (const toml::node& name : list(*node, "metrics")) {
       names.push_back(text(name, "metrics"));
+      if (std::count(names.begin(), names.end(), names.back()) > 1)
+        throw Error(fmt::format("{}: metric '{}' is named twice", at(name), names.back()));
       try {
         metric_named(names.back());
       } catch (const Error& problem) {
@@ -177,8 +183,9 @@ class Reader {
     std::vector<int64_t> seeds;
     for (const toml::node& seed : list(*node, "seeds")) {
       const auto* number = seed.as_integer();
-      if (!number || number->get() < 0)
-        throw Error(fmt::format("{}: seeds are whole numbers from 0 on", at(seed)));
+      if (!number || number->get() < 0 || number->get() > kGreatestSeed)
+        throw Error(
+            fmt::format("{}: seeds are whole numbers from 0 to {}", at(seed), kGreatestSeed));
       seeds.push_back(number->get());
     }
     return seeds;
@@ -266,16 +273,21 @@ class Reader {
       for (const toml::node& variant : list(*node, "variant"))
         axes.back().choices.push_back(read_choice(table(variant, "[[variant]]")));
     }
-    std::set<std::string> names{"scene"};
+    std::set<std::string> names{"scene", "seed", "seeds", "run", "figures"};  // of every table
+    for (const std::string& metric : metric_names()) names.insert(metric);
     for (const Axis& axis : axes)
       if (!names.insert(axis.name).second)
-        throw Error(fmt::format("{}: two columns are called '{}'", path_, axis.name));
+        throw Error(fmt::format("{}: two columns would be called '{}'; give the axis another name",
+                                path_, axis.name));
     return axes;
   }
 
   std::vector<std::string> baseline(const std::vector<Axis>& axes) const {
     const toml::node* node = file_.get("baseline");
     if (!node) return {};
+    if (axes.empty())
+      throw Error(fmt::format("{}: 'baseline' names a choice of each axis, and there is no axis",
+                              at(*node)));
     std::vector<std::string> words;
     if (const toml::array* several = node->as_array())
       for (const toml::node& word : *several) words.push_back(text(word, "baseline"));
@@ -318,19 +330,14 @@ class Reader {
       for (const int64_t seed : seeds()) {
         config.train.seed = seed;
         check(config);
+        for (const std::string& network : {config.metrics.lpips, config.metrics.clip})
+          if (!network.empty() && !fs::exists(network))
+            throw Error(fmt::format("{}: there is no network '{}' to judge by", path_, network));
         plan.runs.push_back(
             {file_name(fmt::format("{}-seed{}", id, seed)), plan.rows.size(), config});
       }
       plan.rows.push_back(row);
     }
-  }
-
-  static std::string file_name(std::string text) {
-    for (char& c : text)
-      if (!std::isalnum(static_cast<unsigned char>(c)) &&
-          std::string("+-._").find(c) == std::string::npos)
-        c = '_';
-    return text;
   }
 
   void expect_distinct(const std::vector<PlannedRun>& runs) const {
@@ -348,6 +355,14 @@ class Reader {
 };
 
 }  // namespace
+
+std::string file_name(std::string text) {
+  for (char& c : text)
+    if (!std::isalnum(static_cast<unsigned char>(c)) &&
+        std::string("+-._").find(c) == std::string::npos)
+      c = '_';
+  return text;
+}
 
 bool is_first_seed(const Plan& plan, size_t run) {
   return run == 0 || plan.runs[run - 1].row != plan.runs[run].row;

@@ -58,6 +58,9 @@ struct Plan {
   std::vector<Film> films;
 };
 
+// The text as a file may be called: letters, digits and + - . _, any other byte as _.
+std::string file_name(std::string text);
+
 // Whether no run before the one of this number is of the same row.
 bool is_first_seed(const Plan& plan, size_t run);
 

@@ -74,10 +74,11 @@ std::string reason(const std::string& log) {
   return found.empty() ? last_line(log) : found;
 }
 
-// From when one file was written to when the other one was.
-double seconds_between(const std::string& first, const std::string& last) {
-  return std::chrono::duration<double>(fs::last_write_time(last) - fs::last_write_time(first))
-      .count();
+// What its training took, over all its parts.
+double train_seconds(const std::string& results) {
+  const nlohmann::json read = read_json(results);
+  const auto seconds = read.is_object() ? read.find("train_seconds") : read.end();
+  return seconds != read.end() && seconds->is_number() ? seconds->get<double>() : std::nan("");
 }
 
 // Computed flow and unpacked video of an earlier run of the scene serve the next one, which looks
@@ -92,6 +93,15 @@ void share_caches(const std::string& from, const std::string& to) {
     }
   fs::create_directories(to, none);
   fs::copy_file(from + "/caches.stamp", to + "/caches.stamp", none);
+}
+
+// Whether two trainings look at the same pictures at the same steps, so that the flow between those
+// of one is that of the other: its files say which pictures they are of, not which file each is.
+bool same_pictures(const TrainConfig& a, const TrainConfig& b) {
+  const auto of_a = setting_values(a), of_b = setting_values(b);
+  return std::all_of(of_a.begin(), of_a.end(), [&](const auto& setting) {
+    return setting.first.rfind("scene.", 0) != 0 || of_b.at(setting.first) == setting.second;
+  });
 }
 
 int steps_made(const std::string& run) {
@@ -118,9 +128,16 @@ class Training {
     posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, files.log.c_str(),
                                      O_WRONLY | O_CREAT | O_TRUNC, 0666);
     posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
+    // A group of its own: a Ctrl-C at the terminal is for this program, which stops its trainings
+    // once. A second signal would end them without saving.
+    posix_spawnattr_t attributes;
+    posix_spawnattr_init(&attributes);
+    posix_spawnattr_setpgroup(&attributes, 0);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
     const int problem =
-        posix_spawn(&pid_, "/proc/self/exe", &actions, nullptr, argv.data(), environ);
+        posix_spawn(&pid_, "/proc/self/exe", &actions, &attributes, argv.data(), environ);
     posix_spawn_file_actions_destroy(&actions);
+    posix_spawnattr_destroy(&attributes);
     if (problem != 0)
       throw Error(fmt::format("cannot start the training {}: {}", run.id, std::strerror(problem)));
   }
@@ -227,11 +244,10 @@ class Pool {
       // Before the new settings stand beside it: a training that is stopped early must not leave
       // the results of the former one under them.
       if (anew) fs::remove_all(run);
-      const std::string& scene = plan_.runs[i].config.scene.path;
       // Where the clock decides, every run pays for itself.
       const bool fresh = !fs::exists(run) && plan_.runs[i].config.train.minutes == 0;
       for (size_t other = 0; fresh && other < plan_.runs.size(); ++other)
-        if (has_ended_[other] && plan_.runs[other].config.scene.path == scene)
+        if (has_ended_[other] && same_pictures(plan_.runs[other].config, plan_.runs[i].config))
           share_caches(RunFiles(folder_, plan_.runs[other].id).run, run);
       running_.emplace(i, Job{Training(plan_.runs[i], folder_, device), device});
     }
@@ -299,7 +315,7 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   const RunFacts facts = RunFolder(files.run).read_facts();
   const bool finished = facts.finished && fs::exists(files.run + "/results.json");
   standing.steps = finished ? run.config.train.iterations : steps_made(files.run);
-  if (finished) standing.seconds = seconds_between(files.settings, files.run + "/results.json");
+  if (finished) standing.seconds = train_seconds(files.run + "/results.json");
   standing.status = finished ? Status::finished : Status::stopped;
   TrainConfig before;
   apply_file(before, files.settings);
@@ -317,7 +333,7 @@ std::vector<double> seconds_left(const Plan& plan, const std::vector<Standing>& 
   const auto pace = [&](const std::string& scene) {
     double seconds = 0, steps = 0;
     for (size_t i = 0; i < plan.runs.size(); ++i)
-      if (standings[i].status == Status::finished &&
+      if (standings[i].status == Status::finished && !std::isnan(standings[i].seconds) &&
           (scene.empty() || plan.rows[plan.runs[i].row].scene == scene)) {
         seconds += standings[i].seconds;
         steps += plan.runs[i].config.train.iterations;

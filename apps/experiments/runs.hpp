@@ -20,7 +20,7 @@ enum class Status { missing, stopped, finished, other_settings };
 struct Standing {
   Status status = Status::missing;
   int steps = 0;           // made
-  double seconds = 0;      // it took to its end, from where it was gone on with last
+  double seconds = 0;      // a finished one trained; NaN where its results do not say
   std::string difference;  // other_settings: the first setting that is another, and its values
 };
 

@@ -93,8 +93,16 @@ Sheet film_sheet(const Film& film, const std::string& scene, const std::vector<D
   sheet.rows.emplace_back("truth", side_by_side(truth));
   for (const Drawn& row : drawn) {
     std::vector<Image> pictures;
-    for (const Frame* frame : frames)
-      pictures.push_back(readable(fmt::format("{}/test/{}.png", row.folder, frame->name)));
+    for (size_t k = 0; k < frames.size(); ++k) {
+      const std::string path = fmt::format("{}/test/{}.png", row.folder, frames[k]->name);
+      // White where a row has no such step, or it has another size.
+      Image picture{truth[k].width, truth[k].height, 3, {}};
+      if (fs::exists(path)) picture = readable(path);
+      if (picture.pixels.empty() || picture.height != truth[k].height)
+        picture = {truth[k].width, truth[k].height, 3,
+                   std::vector<uint8_t>(truth[k].pixels.size(), 255)};
+      pictures.push_back(picture);
+    }
     sheet.rows.emplace_back(row.words, side_by_side(pictures));
   }
   return sheet;
@@ -108,20 +116,27 @@ std::vector<std::string> write_contact_sheets(const Plan& plan, const std::strin
     written.push_back(fmt::format("{}/pictures/{}.png", folder, name));
     sheet.write(written.back());
   };
-  std::set<std::string> scenes;
+  std::set<std::string> scenes, shown;
   for (const Row& row : plan.rows) {
     if (!scenes.insert(row.scene).second) continue;
     const std::vector<Drawn> drawn = drawn_of(plan, folder, row.scene);
     if (drawn.empty()) continue;
-    const std::string name = fs::path(row.scene).filename().string();
+    const std::string name = file_name(row.scene);
     Sheet sheet{row.scene + ": truth, rendered, error; flow, reference flow", {}};
     for (const Drawn& one : drawn)
       sheet.rows.emplace_back(one.words, readable(one.folder + "/compare.png"));
     write(sheet, name);
     for (const Film& film : plan.films)
-      if (const Sheet strip = film_sheet(film, row.scene, drawn); !strip.rows.empty())
-        write(strip, fmt::format("{}_{}", name, film.view));
+      if (const Sheet strip = film_sheet(film, row.scene, drawn); !strip.rows.empty()) {
+        shown.insert(film.view);
+        write(strip, file_name(fmt::format("{}_{}_{}-{}", name, film.view, film.first, film.last)));
+      }
   }
+  for (const Film& film : plan.films)
+    if (!written.empty() && shown.count(film.view) == 0)
+      fmt::print(stderr,
+                 "gflow: no scene has test views {}_... at steps {} to {}: no film of them\n",
+                 film.view, film.first, film.last);
   return written;
 }
 

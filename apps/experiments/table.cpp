@@ -43,15 +43,34 @@ const char* const no_model = "no model given";
 
 std::string csv_number(double value) { return std::isnan(value) ? "" : fmt::format("{}", value); }
 
-// Without what a shell or gnuplot might take amiss.
-std::string file_name(std::string name) {
-  for (char& c : name)
-    if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
-  return name;
+std::string markdown_line(const Words& words) {
+  std::string line = "|";
+  for (const std::string& word : words) {
+    line += ' ';
+    for (const char c : word) {
+      if (c == '|') line += '\\';
+      line += c == '\n' ? ' ' : c;
+    }
+    line += " |";
+  }
+  return line + "\n";
 }
 
-std::string markdown_line(const Words& words) {
-  return fmt::format("| {} |\n", fmt::join(words, " | "));
+// A text in a gnuplot script.
+std::string quoted(const std::string& text) {
+  std::string safe = "'";
+  for (const char c : text) {
+    if (c == '\'') safe += c;
+    safe += c == '\n' ? ' ' : c;
+  }
+  return safe + "'";
+}
+
+// A text in a table that gnuplot reads, where a tab parts words and a quotation mark joins them.
+std::string plain(std::string text) {
+  for (char& c : text)
+    if (c == '\t' || c == '\n' || c == '"') c = ' ';
+  return text;
 }
 
 std::string name_of(const Row& row, const std::string& without) {
@@ -126,15 +145,19 @@ std::vector<Results::Line> Results::lines_of(const std::vector<Metric>& metrics)
   if (scenes < 2) return lines;
   for (size_t k = 0; k < each; ++k) {
     Line mean{{all_scenes, lines[k].row.choices}, std::vector<Cell>(metrics.size())};
-    for (size_t m = 0; m < metrics.size(); ++m)
-      for (size_t s = 0; s < scenes; ++s) {
-        const Cell& cell = lines[s * each + k].cells[m];
-        if (!std::isnan(cell.mean())) mean.cells[m].values.push_back(cell.mean());
-        mean.cells[m].no_model |= cell.no_model;
+    for (size_t m = 0; m < metrics.size(); ++m) {
+      std::map<int64_t, std::vector<double>> by_seed;  // a value a scene
+      for (size_t i = 0; i < plan_.runs.size(); ++i) {
+        const double value = value_of(metrics[m], results_[i]);
+        if (plan_.runs[i].row % each == k && !std::isnan(value))
+          by_seed[plan_.runs[i].config.train.seed].push_back(value);
       }
-    // A mean of some scenes only would be compared with one of all.
-    for (Cell& cell : mean.cells)
-      if (cell.values.size() < scenes) cell.values.clear();
+      // A mean of some scenes only would be compared with one of all.
+      for (const auto& [seed, values] : by_seed)
+        if (values.size() == scenes) mean.cells[m].values.push_back(Cell{values}.mean());
+      for (size_t s = 0; s < scenes; ++s)
+        mean.cells[m].no_model |= lines[s * each + k].cells[m].no_model;
+    }
     lines.push_back(mean);
   }
   return lines;
@@ -165,8 +188,7 @@ std::string Results::markdown_of(const std::vector<Metric>& metrics, bool marks)
       }
       if (marks && others > 1 && mean == best && metric.better != Better::neither)
         word = "**" + word + "**";
-      if (line.row.scene != all_scenes && cell.values.size() > 1)
-        word += " ± " + digits(cell.spread(), metric.digits);
+      if (cell.values.size() > 1) word += " ± " + digits(cell.spread(), metric.digits);
       if (marks && metric.better != Better::neither && line.row.choices != plan_.baseline &&
           !std::isnan(base - mean))
         word += fmt::format(" ({:+.{}f})", mean - base, metric.digits);
@@ -209,10 +231,10 @@ std::string Results::csv() const {
     words.insert(words.end(), line.row.choices.begin(), line.row.choices.end());
     size_t seeds = 0;
     for (const Cell& cell : line.cells) seeds = std::max(seeds, cell.values.size());
-    words.push_back(line.row.scene == all_scenes ? "" : fmt::format("{}", seeds));
+    words.push_back(fmt::format("{}", seeds));
     for (const Cell& cell : line.cells) {
       words.push_back(cell.no_model ? no_model : csv_number(cell.mean()));
-      words.push_back(line.row.scene == all_scenes ? "" : csv_number(cell.spread()));
+      words.push_back(csv_number(cell.spread()));
     }
     text += csv_line(words);
   }
@@ -250,7 +272,8 @@ nlohmann::ordered_json Results::json() const {
     for (size_t m = 0; m < metrics_.size(); ++m)
       row["figures"][metrics_[m].name] = {{"mean", or_null(line.cells[m].mean())},
                                           {"std", or_null(line.cells[m].spread())},
-                                          {"values", line.cells[m].values}};
+                                          {"values", line.cells[m].values},
+                                          {"no_model", line.cells[m].no_model}};
     all["rows"].push_back(row);
   }
   return all;
@@ -270,12 +293,12 @@ std::vector<Plot> Results::bars() const {
     plot.name = file_name(metrics_[m].name);
     Words head{"scene"};
     for (size_t k = 0; k < each; ++k) {
-      head.push_back(name_of(plan_.rows[k], plan_.title));
+      head.push_back(plain(name_of(plan_.rows[k], plan_.title)));
       head.push_back("std");
     }
     plot.table = {head};
     for (size_t s = 0; s < scenes.size(); ++s) {
-      Words words{scenes[s]};
+      Words words{plain(scenes[s])};
       for (size_t k = 0; k < each; ++k) {
         const Cell& cell = lines[s * each + k].cells[0];
         const double spread = cell.spread();
@@ -287,9 +310,9 @@ std::vector<Plot> Results::bars() const {
     // From 0 where less is better; PSNR and SSIM far from 0 would all look alike.
     plot.script = fmt::format(
         "set termoption noenhanced\nset datafile missing '?'\nset style data histograms\n"
-        "set style histogram errorbars gap 2 lw 1\nset style fill solid 0.8\nset ylabel '{}'\n"
+        "set style histogram errorbars gap 2 lw 1\nset style fill solid 0.8\nset ylabel {}\n"
         "{}plot for [i=2:{}:2] '{}.tsv' using i:i+1:xtic(1) title columnheader(i)",
-        metrics_[m].label,
+        quoted(metrics_[m].label),
         metrics_[m].better == Better::lower ? "set yrange [0:*]\n" : "set yrange [*:*]\n", 2 * each,
         plot.name);
     plots.push_back(plot);
@@ -312,7 +335,7 @@ std::vector<Plot> Results::curves(const std::string& folder) const {
         if (row.scene != scene || !is_first_seed(plan_, i) || !results_[i].is_object()) continue;
         std::ifstream metrics(RunFiles(folder, plan_.runs[i].id).run + "/metrics.jsonl");
         if (block > 0) plot.table.insert(plot.table.end(), 2, Words{});
-        plot.table.push_back({by_time ? "seconds" : "steps", name_of(row, plan_.title)});
+        plot.table.push_back({by_time ? "seconds" : "steps", plain(name_of(row, plan_.title))});
         for (std::string line; std::getline(metrics, line);) {
           const auto step = nlohmann::json::parse(line, nullptr, false);
           if (step.is_object())
@@ -327,9 +350,9 @@ std::vector<Plot> Results::curves(const std::string& folder) const {
       }
       if (block == 0) continue;
       plot.script = fmt::format(
-          "set termoption noenhanced\nset title '{}'\nset xlabel '{}'\n"
+          "set termoption noenhanced\nset title {}\nset xlabel '{}'\n"
           "set ylabel 'PSNR of the training pictures [dB]'\nplot {}",
-          scene, by_time ? "seconds of training" : "steps", lines);
+          quoted(scene), by_time ? "seconds of training" : "steps", lines);
       plots.push_back(plot);
     }
   return plots;

@@ -28,7 +28,8 @@ class Results {
   Results(const Plan& plan, std::vector<nlohmann::json> results);
 
   // Rows, then a row of each combination of choices with the means of all scenes, where there are
-  // several. Best figures of a scene are bold; in brackets what a baseline's row is exceeded by.
+  // several: the mean over scenes of each seed that all have, and their spread. Best figures of a
+  // scene are bold; in brackets what a baseline's row is exceeded by.
   std::string markdown() const;
   // The same for what the trainings cost.
   std::string costs() const;
@@ -38,7 +39,7 @@ class Results {
 
   // A figure of all rows as bars with their spread, scene by scene.
   std::vector<Plot> bars() const;
-  // PSNR and loss while training (metrics.csv), against steps and seconds; first seeds.
+  // PSNR while training (metrics.jsonl), against steps and seconds; first seeds.
   std::vector<Plot> curves(const std::string& folder) const;
 
  private:
@@ -55,8 +56,8 @@ class Results {
 };
 
 // Pictures of the first seed of each row, as compare.png of its run, below each other:
-// FOLDER/pictures/SCENE.png; and the films that are asked for, truth first: SCENE_VIEW.png, where
-// the scene has such views. Returns the files that were written.
+// FOLDER/pictures/SCENE.png; and the films that are asked for, truth first:
+// SCENE_VIEW_FIRST-LAST.png, where the scene has such views. Returns the files that were written.
 std::vector<std::string> write_contact_sheets(const Plan& plan, const std::string& folder);
 
 }  // namespace gflow::experiments

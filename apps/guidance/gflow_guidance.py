@@ -70,6 +70,7 @@ class Request:
     frame: int  # number of the time step, from 0
     background: np.ndarray  # [3]
     next_time: Optional[float]  # where a flow would lead to; None: no flow is wanted
+    next_frame: Optional[int]  # the number of that time step: frame + 1 unless steps are left out
     reference: Reference
     views: List[View]
 
@@ -153,6 +154,7 @@ def _request(text, memory):
         text["frame"],
         np.array(text["background"], np.float32),
         text["next_time"],
+        text["next_frame"],
         Reference(_camera(reference["camera"]), memory.read(reference["rgb"])),
         [_view(view, memory) for view in text["views"]],
     )
@@ -166,6 +168,9 @@ def _as_bytes(confidence):
 
 
 def _told(answer, places, memory):
+    for name in ("weight", "flow_weight"):
+        if not np.isfinite(getattr(answer, name)):  # JSON has no such numbers
+            raise ValueError(f"the {name} of an answer is {getattr(answer, name)}")
     told = {"weight": float(answer.weight), "flow_weight": float(answer.flow_weight)}
     if answer.gradient is not None:
         told["gradient"] = memory.write(places["gradient"], answer.gradient)
@@ -199,6 +204,8 @@ def serve(guide):
         try:
             memory.use(message["memory"]["name"], message["memory"]["bytes"])
             answers = guide(_request(message, memory))
+            if len(answers) != len(message["views"]):
+                raise ValueError(f"{len(answers)} answers to {len(message['views'])} views")
             views = [_told(a, v, memory) for a, v in zip(answers, message["views"])]
         except Exception as problem:  # gflow must be told, whatever it is
             _say({"error": f"{type(problem).__name__}: {problem}"})

@@ -28,7 +28,7 @@ Tests all_tests() {
         optimiser_tests, gradient_tests, device_tests
 #ifdef GFLOW_WITH_OPENCV
         ,
-        far_tests, training_tests
+        far_tests, poison_model_tests, training_tests
 #endif
        }) {
     Tests more = family();

@@ -43,6 +43,7 @@ Tests gradient_tests();
 Tests device_tests();
 #ifdef GFLOW_WITH_OPENCV
 Tests far_tests();
+Tests poison_model_tests();
 Tests training_tests();
 #endif
 

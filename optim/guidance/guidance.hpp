@@ -38,7 +38,8 @@ struct GuidanceRequest {
   double time = 0;          // [0, 1] of all pictures here
   int frame = 0;            // number of the time step on disk, from 0
   bool wants_flow = false;  // whether flow is of use
-  double next_time = 0;     // [0, 1] where the flow leads to: the next time step
+  double next_time = 0;     // [0, 1] where the flow leads to: the next time step that is used
+  int next_frame = 0;       // its number, as `frame`
   std::array<float, 3> background = {1, 1, 1};
   GuidanceReference reference;
   std::vector<GuidanceView> views;

@@ -91,6 +91,8 @@ std::vector<std::vector<float>> KnownViews::pictures(const GuidanceRequest& requ
 std::shared_ptr<const TeacherFlow> KnownViews::flow(const GuidanceRequest& request,
                                                     const GuidanceView& view) const {
   const Camera& camera = view.camera;
+  if (request.next_frame != request.frame + 1)
+    return nullptr;  // the files lead to the next picture
   Frame frame;
   const fs::path base =
       fs::path(folder_) / "flow" / camera.name / fmt::format("{:04}", request.frame);

@@ -172,6 +172,7 @@ std::vector<GuidanceAnswer> ProcessGuidance::guide(const GuidanceRequest& reques
       {"frame", request.frame},
       {"background", request.background},
       {"next_time", request.wants_flow ? Json(request.next_time) : Json()},
+      {"next_frame", request.wants_flow ? Json(request.next_frame) : Json()},
       {"reference", {{"camera", json_of(request.reference.camera)}, {"rgb", reference.json()}}},
       {"views", Json::array()}};
   put(*memory_, reference, request.reference.rgb);

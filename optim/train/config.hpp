@@ -155,6 +155,9 @@ struct SceneConfig {
   }
 };
 
+// Random numbers are drawn by 32 bits of the seed.
+constexpr int64_t kGreatestSeed = int64_t{1} << 31;
+
 struct ScheduleConfig {
   int iterations = 10000;
   int batch = 1;
@@ -181,7 +184,7 @@ struct ScheduleConfig {
           "next only moves it (motion.model keyframes, motion.keys 0)");
     field("first_share", self.first_share,
           "sequential: share of the iterations that the first time step gets", between(0, 1));
-    field("seed", self.seed, "of every random choice", at_least(0));
+    field("seed", self.seed, "of every random choice", between(0, float(kGreatestSeed)));
     field("minutes", self.minutes,
           "stop after this much training time [minutes], not repeatably; 0: no limit", at_least(0));
     field("log_every", self.log_every, "steps between two lines of the log", at_least(1));

@@ -115,6 +115,7 @@ GuidanceRequest Guide::request_for(int step, const Moment& moment) const {
   const auto next = std::upper_bound(times_.begin(), times_.end(), frame.time + 1e-9);
   request.wants_flow = g.flow > 0 && next != times_.end();
   if (request.wants_flow) request.next_time = *next;
+  request.next_frame = request.frame + config_.scene.stride;
   for (size_t c = 0; c < 3; ++c) request.background[c] = float(moment.background[c]) / 255;
   request.reference.camera = frames_.camera(frame);
   request.reference.rgb = planes_of(frames_.rgb_over(frame, moment.background));

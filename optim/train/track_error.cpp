@@ -145,6 +145,7 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
   const double later_steps = double(tracks.steps - 1), all = later_steps * double(tracks.points);
   error.by_step.assign(tracks.steps, 0.0);
   error.motion_by_step.assign(tracks.steps, 0.0);
+  error.motion_by_step[0] = std::nan("");  // no step leads to the first
   for (size_t step = 0; step + 1 < tracks.steps; ++step) {
     const std::vector<Carrier> now = carriers(queue, model, model.time(double(step) / later_steps),
                                               model.time(double(step + 1) / later_steps));

@@ -30,7 +30,8 @@ struct TrackError {
   double end = 0;     // at the last step: how far it has drifted by then
   std::vector<double> by_step;  // mean over the points at each step, 0 at the first
   // How far a step leads from the truth when it begins there: error of the motion alone, which
-  // does not add up. Mean over all points and steps; by_step: of the step that leads there.
+  // does not add up. Mean over all points and steps; by_step: of the step that leads there, which
+  // is NaN for the first.
   double motion = 0;
   std::vector<double> motion_by_step;
   double still = 0;  // mean for points that never move, for comparison

@@ -38,6 +38,7 @@ class Command {
     const std::string out = folder_.file("out"), err = folder_.file("err");
     pid_ = fork();
     if (pid_ != 0) return;
+    setpgid(0, 0);  // so that a signal may be sent to all that it starts
     std::signal(SIGINT, SIG_DFL);  // shells ignore it in what they start in the background
     dup2(open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
     dup2(open(err.c_str(), O_WRONLY | O_CREAT, 0600), STDERR_FILENO);
@@ -45,6 +46,8 @@ class Command {
     _exit(127);
   }
   void send(int signal) const { kill(pid_, signal); }
+  // To the program and all that it started in its group, as a terminal does.
+  void send_to_group(int signal) const { kill(-pid_, signal); }
   // Waits until the program, no longer this one, has a handler for the signal.
   void wait_for_handler(int signal) const {
     for (int i = 0; i < 2000; ++i) {

@@ -43,11 +43,13 @@ choices = [{{ name = "off", flow.enabled = false }}, {{ name = "on" }}]
     return gflow(more);
   }
   std::string run(const std::string& id) const { return out("/runs/" + id); }
-  // Flow that another run computed.
-  int flow_files_shared(const std::string& id) const {
+  // Flow that both have, though it was computed once.
+  int flow_files_shared(const std::string& id, const std::string& other) const {
     int shared = 0;
-    for (const auto& entry : fs::recursive_directory_iterator(run(id) + "/flow"))
-      shared += entry.is_regular_file() && entry.hard_link_count() > 1;
+    for (const auto& entry : fs::recursive_directory_iterator(run(id) + "/flow")) {
+      const fs::path its = run(other) / fs::relative(entry.path(), run(id));
+      shared += entry.is_regular_file() && fs::exists(its) && fs::equivalent(entry.path(), its);
+    }
     return shared;
   }
   static Json read(const std::string& path) { return Json::parse(contents(path)); }
@@ -114,8 +116,10 @@ TEST_F(Experiment, FiguresOfSomeStepsOfTheVideo) {
 }
 
 TEST_F(Experiment, PicturesOfAViewAtSomeSteps) {
-  ASSERT_EQ(experiment(file("films = [\"cam00@1-3\", \"cam99@0-1\"]\n")).code, 0);
-  const Image sheet = read_image(out("/pictures/small_cam00.png"));
+  const Outcome outcome = experiment(file("films = [\"cam00@1-3\", \"cam99@0-1\"]\n"));
+  ASSERT_EQ(outcome.code, 0);
+  EXPECT_NE(outcome.err.find("no scene has test views cam99_"), std::string::npos) << outcome.err;
+  const Image sheet = read_image(out("/pictures/small_cam00_1-3.png"));
   const Image one = read_image(run("small-on-seed0") + "/test/cam00_0002.png");
   const int compared = read_image(run("small-on-seed0") + "/compare.png").height;
   const int words = (read_image(out("/pictures/small.png")).height - 2 * compared) / 3;
@@ -125,7 +129,7 @@ TEST_F(Experiment, PicturesOfAViewAtSomeSteps) {
   for (const int x : {0, one.width / 2, one.width - 1})
     EXPECT_EQ(sheet.pixels[3 * (size_t(sheet.height - 1) * sheet.width + one.width + x)],
               one.pixels[3 * (size_t(one.height - 1) * one.width + x)]);
-  EXPECT_FALSE(fs::exists(out("/pictures/small_cam99.png")));  // the scene has no such view
+  EXPECT_FALSE(fs::exists(out("/pictures/small_cam99_0-1.png")));  // the scene has no such view
 }
 
 TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
@@ -137,7 +141,7 @@ TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
   EXPECT_EQ(fs::last_write_time(run("small-on-seed0") + "/results.json"), trained);
   EXPECT_EQ(contents(out("/table.csv")), table);
   // From the beginning, two at a time; one of them was lost, one stopped before its results.
-  EXPECT_GT(flow_files_shared("small-on-seed3"), 0);
+  EXPECT_GT(flow_files_shared("small-on-seed3", "small-on-seed0"), 0);
   fs::remove_all(run("small-off-seed0"));
   fs::remove(run("small-on-seed3") + "/results.json");
   EXPECT_NE(experiment(toml, {"--dry-run"}).out.find("4 runs, 2 of them finished"),
@@ -227,9 +231,10 @@ TEST_F(Experiment, ResultsOfAnEarlierGflowAreStillRead) {
 TEST_F(Experiment, ASignalStopsItAndTheSameCommandGoesOn) {
   const std::string toml = file("", "3000");
   Command command({"experiment", toml, "-o", out(), "--quiet"});
-  for (int i = 0; i < 6000 && !fs::exists(run("small-off-seed0") + "/checkpoints"); ++i)
+  const auto has_begun = [&] { return fs::exists(run("small-off-seed0") + "/metrics.jsonl"); };
+  for (int i = 0; i < 6000 && !has_begun(); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  command.send(SIGINT);
+  command.send_to_group(SIGINT);  // as Ctrl-C does
   const Outcome stopped = command.wait();
   EXPECT_EQ(stopped.code, 130);
   EXPECT_NE(stopped.err.find("stopped with 0 of 4 runs finished; the same command goes on"),
@@ -238,6 +243,24 @@ TEST_F(Experiment, ASignalStopsItAndTheSameCommandGoesOn) {
   const std::string plan = experiment(toml, {"--dry-run"}).out;
   EXPECT_NE(plan.find("stopped after "), std::string::npos) << plan;
   EXPECT_NE(plan.find("4 runs, 0 of them finished"), std::string::npos) << plan;
+  // The trainings saw one signal, and saved.
+  const std::string log = contents(out("/runs/small-off-seed0.log"));
+  EXPECT_NE(log.find("interrupted after "), std::string::npos) << log;
+}
+
+// Flow over two steps is not that over one, though the pictures have the same names.
+TEST_F(Experiment, FlowIsSharedBetweenRunsOfTheSamePicturesOnly) {
+  const std::string toml = folder_.write(
+      "strides.toml", fmt::format("scenes = [{{ path = '{}', name = 'small' }}]\n"
+                                  "[settings]\ntrain.iterations = 2\n"
+                                  "[[axis]]\nsetting = 'scene.stride'\nname = 'stride'\n"
+                                  "values = [1, 2]\n"
+                                  "[[axis]]\nsetting = 'flow.weight'\nvalues = [0.1, 0.2]\n",
+                                  scene_->path()));
+  ASSERT_EQ(experiment(toml).code, 0);
+  EXPECT_GT(flow_files_shared("small-1-0.2-seed0", "small-1-0.1-seed0"), 0);
+  EXPECT_EQ(flow_files_shared("small-2-0.1-seed0", "small-1-0.1-seed0"), 0);
+  EXPECT_GT(flow_files_shared("small-2-0.2-seed0", "small-2-0.1-seed0"), 0);
 }
 
 TEST_F(Experiment, OtherSettingsAreNotMixedIn) {
@@ -288,6 +311,16 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect("scenes = [\"nowhere\"]", {"a.toml, line 1", "no scene 'nowhere'", "--scenes"});
   expect(scenes + "seed = [1]", {"line 2", "'seed'", "seeds"});
   expect(scenes + "seeds = [-1]", {"line 2", "seeds are whole numbers"});
+  expect(scenes + "metrics = [\"psnr\", \"psnr\"]", {"'psnr' is named twice"});
+  expect(scenes + "baseline = \"off\"", {"line 2", "there is no axis"});
+  expect(scenes + "seeds = [99999999999]", {"line 2", "0 to 2147483648"});
+  expect(scenes + "[settings]\ntrain.seed = 7", {"'train.seed'", "the list 'seeds'"});
+  expect(scenes + "[settings]\nscene.path = \"/b\"", {"'scene.path'", "the list 'scenes'"});
+  expect(scenes + "[settings]\nmetrics.lpips = \"/no/such.onnx\"", {"no network '/no/such.onnx'"});
+  expect(scenes + "films = [\"cam00\"]", {"line 2", "VIEW@FIRST-LAST"});
+  for (const char* name : {"figures", "psnr"})
+    expect(scenes + "[[axis]]\nname = \"" + name + "\"\nchoices = [{ name = \"a\" }]",
+           {"two columns would be called '" + std::string(name)});
   expect(scenes + "metrics = [\"pnsr\"]", {"line 2", "no metric 'pnsr'", "psnr_dynamic"});
   expect(scenes + "metrics = [\"psnr@3-1\"]", {"line 2", "psnr@3-1", "NAME@FIRST-LAST"});
   expect(scenes + "metrics = [\"psnr@2\"]", {"line 2", "NAME@FIRST-LAST"});
