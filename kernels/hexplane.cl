@@ -319,6 +319,11 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
       if (fresh) seen[row] = 1;
       put_still(row, v, fresh, V_STILL_ROWS);
       shift_of_vjp(d, v, grid, v_out + b * OUTPUTS);
+      // One that is broken has a gradient of its own that says so, and tells nobody else anything.
+      float sum = 0.f;
+      for (int k = 0; k < OUTPUTS; ++k) sum += v_out[b * OUTPUTS + k];
+      if (!is_finite_real(sum))
+        for (int k = 0; k < OUTPUTS; ++k) v_out[b * OUTPUTS + k] = 0.f;
     }
 #if LANES == 1
     global float* keep = kept + (size_t)rows[0] * KEPT;

@@ -35,6 +35,7 @@ inline GuidanceRequest some_request(int views, int width, int height, bool flow 
   request.seed = 11;
   request.time = 0.5;
   request.frame = 2;
+  request.next_frame = 3;
   request.wants_flow = flow;
   request.next_time = 0.75;
   request.reference.camera = some_camera("input", width, height);

@@ -30,6 +30,9 @@ HostModel two_sides(MotionModelKind kind) {
   host.shape.duration = 1;
   host.shape.keys = 3;
   host.shape.bases = 2;
+  host.shape.hexplane.resolution = host.shape.hexplane.times = 3;  // small: all of it is compared
+  host.shape.hexplane.levels = 1;
+  host.shape.hexplane.half_size = {3, 3, 6};
   append_gaussian(host, {-1.6f, .1f, 4}, .1f, some_color(0), 0);
   append_gaussian(host, {-1.6f, 0, 5}, .15f, some_color(1), 0);
   for (uint i = 0; i < 6; ++i)
@@ -103,6 +106,11 @@ class Drawn {
   ImageGradients v_;
 };
 
+// Whether a table, by its place in Parameters::tables(), is of all Gaussians together.
+bool is_shared(const Parameters& p, size_t table) {
+  return table > 0 && p.more_specs[table - 1].keys == 0;
+}
+
 bool same(float a, float b) { return std::memcmp(&a, &b, sizeof(float)) == 0; }
 
 struct Harm {
@@ -117,9 +125,9 @@ struct Harm {
         pixels += i % kWidth >= 64 && !same(found.images[k][i], clean.images[k][i]);
     }
     size_t g = 0;
-    for (const Table* table : p.tables())
-      for (const ParameterGroup& group : table->groups) {
-        const bool shared = table->count % p.count != 0;
+    for (size_t t = 0; t < p.tables().size(); ++t)
+      for (const ParameterGroup& group : p.tables()[t]->groups) {
+        const bool shared = is_shared(p, t);
         const std::vector<float>&now = found.gradients[g], &before = clean.gradients[g];
         for (size_t i = 0; i < now.size(); ++i) {
           const size_t gaussian = i / group.width % p.count;
@@ -140,8 +148,9 @@ Rows poisoned(Queue& queue, MotionModelKind kind, bool all) {
   Harm harm;
   double drawn = 0;
   for (const std::vector<float>& g : clean.gradients) drawn += g[0] != 0;
-  for (Table* table : p.tables()) {
-    if (table->count % p.count != 0) continue;  // all Gaussians share it
+  for (size_t t = 0; t < p.tables().size(); ++t) {
+    Table* const table = p.tables()[t];
+    if (is_shared(p, t)) continue;
     for (ParameterGroup& group : table->groups) {
       const std::vector<float> before = group.values.read(queue);
       for (size_t row = 0; row < table->count; row += p.count)
