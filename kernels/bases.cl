@@ -127,9 +127,9 @@ kernel void bases_bwd(const uint n, const uint moving, const uint length, const 
       mean_v += weights[b] * v_weights[b];
       float* sum = sums + POSE * b;
       // One that is broken has a gradient of its own that says so, and tells nobody else anything.
-      if (!is_finite_real(v_p.quat.x + v_p.quat.y + v_p.quat.z + v_p.quat.w + v_p.shift.x +
-                          v_p.shift.y + v_p.shift.z))
-        continue;
+      const float told = v_p.quat.x + v_p.quat.y + v_p.quat.z + v_p.quat.w + v_p.shift.x +
+                         v_p.shift.y + v_p.shift.z;
+      if (!is_finite_real(told)) continue;
       sum[0] += v_p.quat.x, sum[1] += v_p.quat.y, sum[2] += v_p.quat.z, sum[3] += v_p.quat.w;
       sum[4] += v_p.shift.x, sum[5] += v_p.shift.y, sum[6] += v_p.shift.z;
     }

@@ -81,7 +81,8 @@ TEST(TrackError, APointThatNothingCarriesIsLostAndStays) {
 }
 
 // One camera at z = -2 whose flow is that of a wall at z = 0, a pixel to the right a step. The
-// first point moves with the wall, the second behind it otherwise, the third leaves the picture.
+// first point moves with the wall, the second behind it otherwise, the third leaves the picture,
+// the fourth joins the wall.
 TEST(TrackError, WhatTrainingSawIsToldApart) {
   Queue queue = test_queue();
   const TemporaryFolder folder;
@@ -105,16 +106,17 @@ TEST(TrackError, WhatTrainingSawIsToldApart) {
     scene.train.push_back(frame);
   }
   const FrameStore frames(scene);
-  Tracks tracks{3, 3, {}, {}};
+  Tracks tracks{3, 4, {}, {}};
   for (const float step : {0.f, 1.f, 2.f})
-    tracks.xyz.insert(tracks.xyz.end(), {.25f * step, 0, 0, .3f, .25f * step, .5f,
-                                         step < 2 ? .25f * step : 9, .1f, 0});
+    tracks.xyz.insert(tracks.xyz.end(),
+                      {.25f * step, 0, 0, .3f, .25f * step, .5f, step < 2 ? .25f * step : 9, .1f, 0,
+                       step == 1 ? -.25f : 0, -.2f, 0});
   mark_seen(tracks, scene, frames);
-  EXPECT_EQ(tracks.seen, (std::vector<uint8_t>{1, 0, 1, 1, 0, 0}));
+  EXPECT_EQ(tracks.seen, (std::vector<uint8_t>{1, 0, 1, 0, 1, 0, 0, 1}));
   Model still(queue, moving_ball({0, 0, 0}, 0, 100));
   const TrackError error = track_error(queue, still, tracks);
   ASSERT_TRUE(error.seen);
-  EXPECT_NEAR(error.seen->share, 3. / 6, 1e-12);
+  EXPECT_NEAR(error.seen->share, 4. / 8, 1e-12);
   EXPECT_NEAR(error.seen->mean, (.25 + .5 + .25) / 3, 1e-6);
   EXPECT_NEAR(error.seen->motion, .25, 1e-6);
   scene.train[1].flow_path.clear();  // one that nobody knows
