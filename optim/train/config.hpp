@@ -480,7 +480,8 @@ struct GuidanceConfig {
     field("command", self.command, "process: what the shell starts; apps/guidance/README.md");
     field("model", self.model, "onnx: the network's file; optim/guidance/README.md");
     field("pictures", self.pictures,
-          "analytic: a folder CAMERA/ for each known view, flow/CAMERA/, or pictures of any view");
+          "analytic: a folder CAMERA/ for each known view, flow/CAMERA/, or pictures of any view; "
+          "empty: the scene's");
     field("time_out", self.time_out, "process: longest wait for its start and each answer [s]",
           above_up_to(0, 1e6f));
     field("weight", self.weight,

@@ -41,9 +41,9 @@ std::unique_ptr<Guidance> guidance_of(const TrainConfig& train) {
       return std::make_unique<SdsGuidance>(std::make_unique<OnnxDenoiser>(config.model),
                                            schedule_of(config), rule);
     case GuidanceProvider::analytic:
-      require_set(config.pictures, config, "guidance.pictures", "a folder of pictures");
-      return std::make_unique<AnalyticGuidance>(config.pictures, double(config.variance),
-                                                schedule_of(config), rule);
+      return std::make_unique<AnalyticGuidance>(
+          config.pictures.empty() ? train.scene.path : config.pictures, double(config.variance),
+          schedule_of(config), rule);
   }
   throw Error("a guidance provider without a name");
 }

@@ -100,8 +100,11 @@ void Progress::finish() {
 }
 
 void Progress::draw_if_due() {
-  const auto pause = terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(5000);
   const auto now = Clock::now();
+  // In a file each is a line: ever fewer, a hundred in an hour.
+  const auto pause = terminal_
+                         ? Clock::duration(std::chrono::milliseconds(100))
+                         : std::max<Clock::duration>(std::chrono::seconds(5), (now - start_) / 20);
   if (quiet_ || now - drawn_ < pause) return;
   drawn_ = now;
   draw(false);

@@ -177,7 +177,7 @@ TEST_F(GuidanceCommand, WhatIsMissingIsNamed) {
   refused({"provider=process"}, {"guidance.command is empty"});
   refused({"provider=onnx"}, {"guidance.model is empty"});
   refused({"provider=onnx", "model=no/such.onnx"}, {"no/such.onnx"});
-  refused({"provider=analytic"}, {"guidance.pictures is empty"});
+  refused({"provider=analytic"}, {"no .png or .jpg"});  // the scene has its own elsewhere
   refused({"provider=analytic", "pictures=no/such"}, {"\"no/such\" is no folder"});
   refused({"provider=analytic", "pictures=" + path("views/flow")}, {"no .png or .jpg"});
   refused({"provider=analytic", "pictures=" + path("views"), "beta_start=0.5"},
