@@ -364,6 +364,10 @@ std::string file_name(std::string text) {
   return text;
 }
 
+std::string name_of(const Row& row, const std::string& without) {
+  return row.choices.empty() ? without : fmt::format("{}", fmt::join(row.choices, ", "));
+}
+
 bool is_first_seed(const Plan& plan, size_t run) {
   return run == 0 || plan.runs[run - 1].row != plan.runs[run].row;
 }

@@ -61,6 +61,9 @@ struct Plan {
 // The text as a file may be called: letters, digits and + - . _, any other byte as _.
 std::string file_name(std::string text);
 
+// The choices of a row in words; `without` where there are none.
+std::string name_of(const Row& row, const std::string& without);
+
 // Whether no run before the one of this number is of the same row.
 bool is_first_seed(const Plan& plan, size_t run);
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Contact sheets of an experiment.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -30,10 +29,6 @@ Image captioned(const Image& picture, const std::string& words, int width) {
   cv::putText(sheet, words, {6, kCaption - 8}, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(0, 0, 0),
               1, cv::LINE_AA);
   return {width, sheet.rows, 3, {sheet.data, sheet.data + sheet.total() * 3}};
-}
-
-std::string words_of(const Row& row) {
-  return row.choices.empty() ? row.scene : fmt::format("{}", fmt::join(row.choices, ", "));
 }
 
 Image readable(const std::string& path) {
@@ -72,7 +67,7 @@ std::vector<Drawn> drawn_of(const Plan& plan, const std::string& folder, const s
     const RunFiles files(folder, plan.runs[i].id);
     if (row.scene != scene || !is_first_seed(plan, i) || !fs::exists(files.run + "/compare.png"))
       continue;
-    drawn.push_back({&plan.runs[i], words_of(row), files.run});
+    drawn.push_back({&plan.runs[i], name_of(row, row.scene), files.run});
   }
   return drawn;
 }

@@ -73,10 +73,6 @@ std::string plain(std::string text) {
   return text;
 }
 
-std::string name_of(const Row& row, const std::string& without) {
-  return row.choices.empty() ? without : fmt::format("{}", fmt::join(row.choices, ", "));
-}
-
 Words scenes_of(const Plan& plan) {
   Words scenes;
   for (const Row& row : plan.rows)

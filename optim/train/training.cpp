@@ -113,12 +113,6 @@ std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
   return stamp;
 }
 
-Tracks judging_tracks(const Scene& scene, const FrameStore& frames) {
-  Tracks tracks = read_tracks(scene.tracks_path, scene.origin);
-  mark_seen(tracks, scene, frames);
-  return tracks;
-}
-
 // The views, and the paths in space where the scene has true ones. What is drawn goes into the
 // folder `pictures` unless that is empty; flow: the folder of what was computed.
 Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
@@ -129,8 +123,11 @@ Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const Lo
   Evaluation evaluation =
       evaluate(queue, model, config, loaded, frames, counted(progress), pictures, flow);
   progress.finish();
-  if (!loaded.scene.tracks_path.empty())
-    evaluation.tracks = track_error(queue, model, judging_tracks(loaded.scene, *loaded.frames));
+  if (!loaded.scene.tracks_path.empty()) {
+    Tracks tracks = read_tracks(loaded.scene.tracks_path, loaded.scene.origin);
+    mark_seen(tracks, loaded.scene, *loaded.frames);
+    evaluation.tracks = track_error(queue, model, tracks);
+  }
   return evaluation;
 }
 
@@ -142,7 +139,7 @@ void require_what_judges(const TrainConfig& config, const Scene& scene, const Fr
     networks.require_size(camera.width, camera.height);
     if (!frame.depth_path.empty()) read_true_depth(frame, camera.width, camera.height);
   }
-  if (!scene.tracks_path.empty()) judging_tracks(scene, frames);
+  if (!scene.tracks_path.empty()) read_tracks(scene.tracks_path, scene.origin);
 }
 
 // The settings of a run with some of [metrics] changed; Error for any other.
