@@ -155,8 +155,8 @@ struct SceneConfig {
   }
 };
 
-// Random numbers are drawn by 32 bits of the seed.
-constexpr int64_t kGreatestSeed = int64_t{1} << 31;
+// Random numbers are drawn by 32 bits of the seed. A number that a float holds and people can read.
+constexpr int64_t kGreatestSeed = 2000000000;
 
 struct ScheduleConfig {
   int iterations = 10000;

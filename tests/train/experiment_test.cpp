@@ -313,7 +313,7 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect(scenes + "seeds = [-1]", {"line 2", "seeds are whole numbers"});
   expect(scenes + "metrics = [\"psnr\", \"psnr\"]", {"'psnr' is named twice"});
   expect(scenes + "baseline = \"off\"", {"line 2", "there is no axis"});
-  expect(scenes + "seeds = [99999999999]", {"line 2", "0 to 2147483648"});
+  expect(scenes + "seeds = [99999999999]", {"line 2", "0 to 2000000000"});
   expect(scenes + "[settings]\ntrain.seed = 7", {"'train.seed'", "the list 'seeds'"});
   expect(scenes + "[settings]\nscene.path = \"/b\"", {"'scene.path'", "the list 'scenes'"});
   expect(scenes + "[settings]\nmetrics.lpips = \"/no/such.onnx\"", {"no network '/no/such.onnx'"});
