@@ -98,6 +98,14 @@ void warn_of_idle_settings(const Scene& scene, const TrainConfig& config) {
         "motion.rest = {} does nothing with train.sequential: before the last moment is "
         "trained nobody knows who rests",
         config.motion.rest));
+  const FlowConfig& flow = config.flow;
+  const bool asks_tracks =
+      flow.source == FlowSource::tracks || (flow.far == FarFlow::tracks && flow.reach != 1);
+  if (!flow.tracks.empty() && !asks_tracks)
+    warn(fmt::format(
+        "flow.tracks = \"{}\" does nothing: set flow.source = \"tracks\", or flow.far = "
+        "\"tracks\" with a flow.reach",
+        flow.tracks));
   const GuidanceConfig& guidance = config.guidance;
   for (const auto& [setting, value] : {std::pair{"command", &guidance.command},
                                        {"model", &guidance.model},

@@ -94,12 +94,14 @@ TEST_F(CommandTest, SettingsWithoutEffectAreNamed) {
   const Outcome outcome =
       gflow({"train", scene().path(), "-o", out, "--iterations", "1", "--quiet", "--set",
              "scene.cameras=" + cameras, "--set", "motion.model=hexplane", "--set",
-             "motion.rest=0.1", "--set", "density.enabled=false", "--set", "flow.source=files"});
+             "motion.rest=0.1", "--set", "density.enabled=false", "--set", "flow.source=files",
+             "--set", "flow.tracks=a.npz"});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
-  for (const char* setting : {"scene.cameras = ", "motion.rest = 0.1", "density.enabled = false"})
+  for (const char* setting :
+       {"scene.cameras = ", "motion.rest = 0.1", "density.enabled = false", "flow.tracks = "})
     EXPECT_NE(outcome.err.find(std::string("gflow: warning: ") + setting), std::string::npos)
         << setting << " in " << outcome.err;
-  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 3) << outcome.err;
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 4) << outcome.err;
 }
 
 TEST_F(CommandTest, EvalOfAnEarlierIterationLeavesTheResultsOfTheLatest) {
