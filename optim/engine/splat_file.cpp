@@ -60,9 +60,10 @@ std::vector<float> pose_of(const Arrays& input, const std::string& key, const st
           m[4 * a] * m[4 * b] + m[4 * a + 1] * m[4 * b + 1] + m[4 * a + 2] * m[4 * b + 2];
       turns = turns && std::fabs(product - float(a == b)) < tolerance;
     }
-  const float mirrors = m[0] * (m[5] * m[10] - m[6] * m[9]) - m[1] * (m[4] * m[10] - m[6] * m[8]) +
-                        m[2] * (m[4] * m[9] - m[5] * m[8]);  // the determinant
-  if (!(turns && mirrors > 0))
+  const float determinant = m[0] * (m[5] * m[10] - m[6] * m[9]) -
+                            m[1] * (m[4] * m[10] - m[6] * m[8]) +
+                            m[2] * (m[4] * m[9] - m[5] * m[8]);  // below 0: a mirror
+  if (!(turns && determinant > 0))
     throw Error(
         fmt::format("reading {}: camera pose '{}' should be a rotation and a translation, "
                     "world to camera, above a row 0 0 0 1",

@@ -6,26 +6,35 @@
 namespace gflow {
 namespace {
 
-TEST(FlowOnDemand, ATrainingIsTheSameWithFlowComputedBeforehandOrWhenNeededKeptOrNot) {
-  Queue queue = test_queue();
-  const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 40);
-  config.flow.source = FlowSource::dis;
-  const TemporaryFolder folder;
-  folder.write("config.toml", to_toml(config));
-  // The model's bits, and how many flows lie on the disk afterwards.
-  const auto train = [&](const std::string& name, const std::string& store) {
+class FlowOnDemand : public testing::Test {
+ protected:
+  FlowOnDemand() : queue(test_queue()), scene(queue), config(small_config(scene, 40)) {
+    config.flow.source = FlowSource::dis;
+  }
+  // The model's bits, and how many computed flows with `word` in their names lie on the disk
+  // afterwards.
+  std::pair<std::string, size_t> train(const std::string& name, const std::string& store,
+                                       const std::string& word = "") {
     const std::string run = folder.path() + "/" + name;
-    const Outcome outcome =
-        gflow({"train", scene.path(), "-o", run, "--config", folder.file("config.toml"), "--quiet",
-               "--overwrite", "--set", "flow.store=" + store});
+    const std::string settings = folder.write("config.toml", to_toml(config));
+    const Outcome outcome = gflow({"train", scene.path(), "-o", run, "--config", settings,
+                                   "--quiet", "--overwrite", "--set", "flow.store=" + store});
     EXPECT_EQ(outcome.code, 0) << outcome.err;
     size_t flows = 0;
     for (const auto& entry : fs::directory_iterator(run + "/flow"))
-      flows += entry.is_regular_file();
-    const RunFolder folder(run);
-    return std::pair(contents(folder.model_path(folder.models().at(0))), flows);
-  };
+      flows += entry.is_regular_file() &&
+               entry.path().filename().string().find(word) != std::string::npos;
+    const RunFolder made(run);
+    return {contents(made.model_path(made.models().at(0))), flows};
+  }
+
+  Queue queue;
+  SmallScene scene;
+  TrainConfig config;
+  TemporaryFolder folder;
+};
+
+TEST_F(FlowOnDemand, ATrainingIsTheSameWithFlowComputedBeforehandOrWhenNeededKeptOrNot) {
   const auto [expected, all] = train("beforehand", "1");
   EXPECT_EQ(all, 24u);  // three cameras, four pairs of steps, both ways
   const auto [unkept, none] = train("unkept", "0");
@@ -39,30 +48,11 @@ TEST(FlowOnDemand, ATrainingIsTheSameWithFlowComputedBeforehandOrWhenNeededKeptO
   EXPECT_TRUE(train("kept", some_room).first == expected);  // from what was kept
 }
 
-TEST(FlowOnDemand, ATrainingIsTheSameWithChainsKeptOrNot) {
-  Queue queue = test_queue();
-  const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 40);
-  config.flow.source = FlowSource::dis;
+TEST_F(FlowOnDemand, ATrainingIsTheSameWithChainsKeptOrNot) {
   config.flow.reach = 4;
-  const TemporaryFolder folder;
-  folder.write("config.toml", to_toml(config));
-  // The model's bits, and how many chains lie on the disk afterwards.
-  const auto train = [&](const std::string& name, const std::string& store) {
-    const std::string run = folder.path() + "/" + name;
-    const Outcome outcome =
-        gflow({"train", scene.path(), "-o", run, "--config", folder.file("config.toml"), "--quiet",
-               "--overwrite", "--set", "flow.store=" + store});
-    EXPECT_EQ(outcome.code, 0) << outcome.err;
-    size_t chains = 0;
-    for (const auto& entry : fs::directory_iterator(run + "/flow"))
-      chains += entry.path().string().find("_chained") != std::string::npos;
-    const RunFolder made(run);
-    return std::pair(contents(made.model_path(made.models().at(0))), chains);
-  };
-  const auto [expected, kept] = train("kept", "1");
+  const auto [expected, kept] = train("kept", "1", "_chained");
   EXPECT_GT(kept, 5u);  // of 24: three cameras, four pairs over 2 and 4 pictures, both ways
-  const auto [unkept, none] = train("unkept", "0");
+  const auto [unkept, none] = train("unkept", "0", "_chained");
   EXPECT_EQ(none, 0u);
   EXPECT_TRUE(unkept == expected);
   EXPECT_TRUE(train("kept", "1").first == expected);  // from what was kept
