@@ -39,7 +39,7 @@ void print_report(const Evaluation& evaluation) {
   of_network("CLIP", m.clip, evaluation.clip_model, "metrics.clip");
   line("flow error", m.flow_epe, "px");
   line("flow error, moving", m.flow_epe_dynamic, "px");
-  line("  DIS there", m.teacher_epe_dynamic, "px");
+  line("  teacher there", m.teacher_epe_dynamic, "px");
   line("Fl-all", 100 * m.fl_all, "%");
   line("depth error", 100 * m.depth_error, "%");
   line("flicker", m.flicker, "grey levels");

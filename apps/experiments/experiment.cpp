@@ -97,6 +97,7 @@ void run_experiment(const Flags& flags, const GlobalOptions& options) {
   how.jobs = flags.jobs > 0 ? flags.jobs : std::max<int>(1, int(how.devices.size()));
   how.quiet = options.quiet;
   how.redo = flags.redo;
+  require_films(plan);
   if (flags.dry_run) return print_runs(plan, folder, how.jobs);
   std::filesystem::create_directories(folder);
   const FileLock lock(folder + "/.lock", folder);

@@ -38,7 +38,7 @@ Metric metric_named(const std::string& name);
 // Whether two trainings alike have the same.
 bool is_repeatable(const Metric& metric);
 
-// NaN where the file has none.
+// NaN where the file has none, or not all of the steps asked for.
 double value_of(const Metric& metric, const nlohmann::json& results);
 // Whether the file says that there is no value because no network was given.
 bool lacks_model(const Metric& metric, const nlohmann::json& results);

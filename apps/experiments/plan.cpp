@@ -274,7 +274,7 @@ class Reader {
         axes.back().choices.push_back(read_choice(table(variant, "[[variant]]")));
     }
     std::set<std::string> names{"scene", "seed", "seeds", "run", "figures"};  // of every table
-    for (const std::string& metric : metric_names()) names.insert(metric);
+    for (const Metric& metric : all_metrics()) names.insert({metric.name, metric.label});
     for (const Axis& axis : axes)
       if (!names.insert(axis.name).second)
         throw Error(fmt::format("{}: two columns would be called '{}'; give the axis another name",
@@ -295,7 +295,8 @@ class Reader {
       words.push_back(text(*node, "baseline"));
     bool known = words.size() == axes.size();
     for (size_t k = 0; known && k < axes.size(); ++k)
-      known = std::any_of(axes[k].choices.begin(), axes[k].choices.end(),
+      known = words[k] == any_choice ||
+              std::any_of(axes[k].choices.begin(), axes[k].choices.end(),
                           [&](const Choice& choice) { return choice.name == words[k]; });
     if (known) return words;
     std::vector<std::string> choices;
@@ -304,8 +305,10 @@ class Reader {
       for (const Choice& choice : axis.choices) names.push_back(choice.name);
       choices.push_back(fmt::format("{} of {}", fmt::join(names, " | "), axis.name));
     }
-    throw Error(fmt::format("{}: 'baseline' must name a choice of each axis, in their order: {}",
-                            at(*node), fmt::join(choices, ", ")));
+    throw Error(
+        fmt::format("{}: 'baseline' must name a choice of each axis, or \"{}\" for a row's own, in "
+                    "their order: {}",
+                    at(*node), any_choice, fmt::join(choices, ", ")));
   }
 
   // The combinations of a scene, the last axis fastest.

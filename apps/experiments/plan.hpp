@@ -6,7 +6,8 @@
 //   seeds    = [0, 1, 2]                      # [0] where nothing is said
 //   config   = "base.toml"                    # settings of every run: a file,
 //   metrics  = ["psnr", "psnr_dynamic"]       # columns of the table; all there are
-//   baseline = "off"                          # a row others are compared with
+//   baseline = "off"                          # a row others are compared with; with several axes
+//                                             # a choice of each, "*": that of the row itself
 //   films    = ["cam00@9-13"]                # pictures of a test view at some steps, side by side
 //   [settings]                                # and tables as in it
 //   train.iterations = 3000
@@ -27,6 +28,9 @@
 #include "optim/train/config.hpp"
 
 namespace gflow::experiments {
+
+// In Plan::baseline.
+constexpr const char* any_choice = "*";
 
 // A line of the table: its seeds are averaged.
 struct Row {
@@ -53,7 +57,8 @@ struct Plan {
   std::vector<Row> rows;             // scene by scene
   std::vector<PlannedRun> runs;      // row by row
   std::vector<std::string> metrics;  // empty: those there are
-  // Choices of the row of each scene that the others are compared with; empty: none.
+  // Choices of the row of each scene that the others are compared with, any_choice for that of the
+  // row itself; empty: none.
   std::vector<std::string> baseline;
   std::vector<Film> films;
 };

@@ -40,16 +40,11 @@ std::string difference(const TrainConfig& before, const TrainConfig& now) {
 }
 
 // Whether the settings name a network that the results of a run were not judged by.
-bool wants_other_judges(MetricsConfig wanted, const std::string& results) {
+bool wants_other_judges(MetricsConfig wanted, const RunFolder& run) {
   make_paths_absolute(wanted);
-  const nlohmann::json read = read_json(results);
-  const auto judged_by = [&](const char* key) {
-    const auto test = read.is_object() ? read.value("test", nlohmann::json()) : nlohmann::json();
-    const auto model = test.find(key);
-    return model != test.end() && model->is_string() ? model->get<std::string>() : "";
-  };
-  return (!wanted.lpips.empty() && wanted.lpips != judged_by("lpips_model")) ||
-         (!wanted.clip.empty() && wanted.clip != judged_by("clip_model"));
+  const MetricsConfig judges = run.judged_by();
+  return (!wanted.lpips.empty() && wanted.lpips != judges.lpips) ||
+         (!wanted.clip.empty() && wanted.clip != judges.clip);
 }
 
 // The last whole line of a file; "" where there is none.
@@ -320,7 +315,7 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   TrainConfig before;
   apply_file(before, files.settings);
   // Going on with a training that is finished judges it anew.
-  if (finished && wants_other_judges(run.config.metrics, files.run + "/results.json"))
+  if (finished && wants_other_judges(run.config.metrics, RunFolder(files.run)))
     standing.status = Status::stopped;
   before.metrics = run.config.metrics;
   standing.difference = difference(before, run.config);

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Contact sheets of an experiment.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <opencv2/imgproc.hpp>
 #include <set>
 
@@ -19,6 +21,13 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kCaption = 24;  // [px] high, above each picture
+constexpr int kMargin = 6;    // [px] beside its words
+constexpr auto kFont = cv::FONT_HERSHEY_SIMPLEX;
+constexpr double kFontScale = 0.5;
+
+int width_of(const std::string& words) {
+  return cv::getTextSize(words, kFont, kFontScale, 1, nullptr).width + 2 * kMargin;
+}
 
 // Black words on white above the picture, and white to the right of it up to `width`.
 Image captioned(const Image& picture, const std::string& words, int width) {
@@ -26,8 +35,8 @@ Image captioned(const Image& picture, const std::string& words, int width) {
   const cv::Mat shown(picture.height, picture.width, CV_8UC3,
                       const_cast<uint8_t*>(picture.pixels.data()));
   if (!shown.empty()) shown.copyTo(sheet(cv::Rect(0, kCaption, picture.width, picture.height)));
-  cv::putText(sheet, words, {6, kCaption - 8}, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(0, 0, 0),
-              1, cv::LINE_AA);
+  cv::putText(sheet, words, {kMargin, kCaption - 8}, kFont, kFontScale, cv::Scalar(0, 0, 0), 1,
+              cv::LINE_AA);
   return {width, sheet.rows, 3, {sheet.data, sheet.data + sheet.total() * 3}};
 }
 
@@ -42,8 +51,9 @@ struct Sheet {
   std::vector<std::pair<std::string, Image>> rows;
 
   void write(const std::string& path) const {
-    int width = 0;
-    for (const auto& [words, picture] : rows) width = std::max(width, picture.width);
+    int width = width_of(title);
+    for (const auto& [words, picture] : rows)
+      width = std::max({width, picture.width, width_of(words)});
     Image sheet = captioned({0, 0, 3, {}}, title, width);
     for (const auto& [words, picture] : rows) {
       const Image row = captioned(picture, words, width);
@@ -72,16 +82,35 @@ std::vector<Drawn> drawn_of(const Plan& plan, const std::string& folder, const s
   return drawn;
 }
 
+std::vector<const Frame*> frames_of(const Film& film, const Scene& scene) {
+  std::vector<const Frame*> frames;
+  for (const Frame& frame : scene.test)
+    if (frame.name.rfind(film.view + "_", 0) == 0 && size_t(frame.step) >= film.first &&
+        size_t(frame.step) <= film.last)
+      frames.push_back(&frame);
+  return frames;
+}
+
+// The films that there could be of a scene: VIEW@FIRST-LAST, each view at all its steps.
+std::string films_in_words(const Scene& scene) {
+  std::map<std::string, std::pair<int, int>> steps;
+  for (const Frame& frame : scene.test) {
+    const std::string view = frame.name.substr(0, frame.name.rfind('_'));
+    const auto [entry, is_new] = steps.try_emplace(view, frame.step, frame.step);
+    if (!is_new) entry->second.second = std::max(entry->second.second, frame.step);
+  }
+  std::vector<std::string> words;
+  for (const auto& [view, range] : steps)
+    words.push_back(fmt::format("{}@{}-{}", view, range.first, range.second));
+  return words.empty() ? "no test views" : fmt::format("{}", fmt::join(words, ", "));
+}
+
 // Steps of a view from the left, truth first; no rows where the scene has no such view.
 Sheet film_sheet(const Film& film, const std::string& scene, const std::vector<Drawn>& drawn) {
   Sheet sheet{fmt::format("{}, {}: steps {} to {}", scene, film.view, film.first, film.last), {}};
   const TrainConfig& config = drawn[0].run->config;
   const LoadedScene loaded = load_scene(config.scene, drawn[0].folder + "/frames");
-  std::vector<const Frame*> frames;
-  for (const Frame& frame : loaded.scene.test)
-    if (frame.name.rfind(film.view + "_", 0) == 0 && size_t(frame.step) >= film.first &&
-        size_t(frame.step) <= film.last)
-      frames.push_back(&frame);
+  const std::vector<const Frame*> frames = frames_of(film, loaded.scene);
   if (frames.empty()) return sheet;
   std::vector<Image> truth;
   for (const Frame* frame : frames) truth.push_back(*loaded.frames->rgb(*frame));
@@ -105,13 +134,33 @@ Sheet film_sheet(const Film& film, const std::string& scene, const std::vector<D
 
 }  // namespace
 
+void require_films(const Plan& plan) {
+  if (plan.films.empty()) return;
+  std::vector<std::pair<std::string, Scene>> scenes;  // with their names
+  for (const PlannedRun& run : plan.runs) {
+    const std::string& name = plan.rows[run.row].scene;
+    if (scenes.empty() || scenes.back().first != name)
+      scenes.emplace_back(name, read_scene(run.config.scene.path, options_of(run.config.scene)));
+  }
+  for (const Film& film : plan.films) {
+    std::vector<std::string> there;
+    for (const auto& [name, scene] : scenes) {
+      if (!frames_of(film, scene).empty()) break;
+      there.push_back(fmt::format("{} has {}", name, films_in_words(scene)));
+    }
+    if (there.size() == scenes.size())
+      throw Error(fmt::format("{}: no scene has pictures for film {}@{}-{}: {}", plan.path,
+                              film.view, film.first, film.last, fmt::join(there, "; ")));
+  }
+}
+
 std::vector<std::string> write_contact_sheets(const Plan& plan, const std::string& folder) {
   std::vector<std::string> written;
   const auto write = [&](const Sheet& sheet, const std::string& name) {
     written.push_back(fmt::format("{}/pictures/{}.png", folder, name));
     sheet.write(written.back());
   };
-  std::set<std::string> scenes, shown;
+  std::set<std::string> scenes;
   for (const Row& row : plan.rows) {
     if (!scenes.insert(row.scene).second) continue;
     const std::vector<Drawn> drawn = drawn_of(plan, folder, row.scene);
@@ -122,16 +171,9 @@ std::vector<std::string> write_contact_sheets(const Plan& plan, const std::strin
       sheet.rows.emplace_back(one.words, readable(one.folder + "/compare.png"));
     write(sheet, name);
     for (const Film& film : plan.films)
-      if (const Sheet strip = film_sheet(film, row.scene, drawn); !strip.rows.empty()) {
-        shown.insert(film.view);
+      if (const Sheet strip = film_sheet(film, row.scene, drawn); !strip.rows.empty())
         write(strip, file_name(fmt::format("{}_{}_{}-{}", name, film.view, film.first, film.last)));
-      }
   }
-  for (const Film& film : plan.films)
-    if (!written.empty() && shown.count(film.view) == 0)
-      fmt::print(stderr,
-                 "gflow: no scene has test views {}_... at steps {} to {}: no film of them\n",
-                 film.view, film.first, film.last);
   return written;
 }
 

@@ -81,6 +81,21 @@ Words scenes_of(const Plan& plan) {
   return scenes;
 }
 
+bool is_baseline(const Plan& plan, const Row& row) {
+  bool is = !plan.baseline.empty();
+  for (size_t k = 0; k < plan.baseline.size(); ++k)
+    is &= plan.baseline[k] == any_choice || plan.baseline[k] == row.choices[k];
+  return is;
+}
+
+// Whether two rows are of one scene and one choice of each axis that the baseline leaves open.
+bool are_compared(const Plan& plan, const Row& a, const Row& b) {
+  bool are = a.scene == b.scene;
+  for (size_t k = 0; k < plan.baseline.size(); ++k)
+    are &= plan.baseline[k] != any_choice || a.choices[k] == b.choices[k];
+  return are;
+}
+
 }  // namespace
 
 std::vector<nlohmann::json> results_of(const Plan& plan, const std::string& folder) {
@@ -177,15 +192,15 @@ std::string Results::markdown_of(const std::vector<Metric>& metrics, bool marks)
       int others = 0;
       for (const Line& other : lines) {
         const double value = other.cells[m].mean();
-        if (other.row.scene != line.row.scene || std::isnan(value)) continue;
+        if (!are_compared(plan_, other.row, line.row) || std::isnan(value)) continue;
         ++others;
         best = metric.better == Better::lower ? std::min(best, value) : std::max(best, value);
-        if (other.row.choices == plan_.baseline) base = value;
+        if (is_baseline(plan_, other.row)) base = value;
       }
       if (marks && others > 1 && mean == best && metric.better != Better::neither)
         word = "**" + word + "**";
       if (cell.values.size() > 1) word += " ± " + digits(cell.spread(), metric.digits);
-      if (marks && metric.better != Better::neither && line.row.choices != plan_.baseline &&
+      if (marks && metric.better != Better::neither && !is_baseline(plan_, line.row) &&
           !std::isnan(base - mean))
         word += fmt::format(" ({:+.{}f})", mean - base, metric.digits);
       words.push_back(word);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What came of an experiment, as tables and plots. Of the same trainings the same bytes, but for
-// costs.md and runs.csv, which have times.
+// costs.md, runs.csv and where `minutes` or `memory` are asked for.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>
@@ -28,8 +28,8 @@ class Results {
   Results(const Plan& plan, std::vector<nlohmann::json> results);
 
   // Rows, then a row of each combination of choices with the means of all scenes, where there are
-  // several: the mean over scenes of each seed that all have, and their spread. Best figures of a
-  // scene are bold; in brackets what a baseline's row is exceeded by.
+  // several: the mean over scenes of each seed that all have, and their spread. Among the rows
+  // that have one baseline the best figures are bold; in brackets what the baseline is exceeded by.
   std::string markdown() const;
   // The same for what the trainings cost.
   std::string costs() const;
@@ -54,6 +54,9 @@ class Results {
   std::vector<nlohmann::json> results_;
   std::vector<Metric> metrics_;
 };
+
+// Error where no scene has the test views of a film at any of its steps.
+void require_films(const Plan& plan);
 
 // Pictures of the first seed of each row, as compare.png of its run, below each other:
 // FOLDER/pictures/SCENE.png; and the films that are asked for, truth first:

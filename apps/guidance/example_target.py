@@ -6,8 +6,8 @@
 
 FOLDER/CAMERA/ holds a picture a time step, named by its number (0.png or 0000.png), and
 FOLDER/flow/CAMERA/NNNN.flo[.gz] the flow to the next, with NNNN_mask.png where it has one (255: seen
-at both times). Views of cameras that are not there get no answer. Use it with
-guidance.cameras = "test", whose cameras have names.
+at both times). They are brought to the size of the views. Views of cameras that are not there get no
+answer. Use it with guidance.cameras = "test", whose cameras have names.
 """
 import os
 import sys
@@ -15,7 +15,17 @@ import sys
 import numpy as np
 
 from gflow_guidance import Answer, fail, serve
-from picture_files import read_flo, read_png, read_rgb
+from picture_files import read_flo, read_png, read_rgb, resized
+
+
+def require_shape(what, planes, view):
+    """Error unless they are as wide for their height as the view, but for the rounding of sizes."""
+    height, width = planes.shape[-2:]
+    if not 0.98 < width * view.camera.height / (height * view.camera.width) < 1.02:
+        raise ValueError(
+            f"the {what} of {view.camera.name} is {width}x{height}, the view"
+            f" {view.camera.width}x{view.camera.height}: they must have the same shape"
+        )
 
 
 class Target:
@@ -32,40 +42,48 @@ class Target:
         paths = [os.path.join(self.folder, name) for name in names]
         return next((path for path in paths if os.path.isfile(path)), None)
 
-    def picture(self, camera, frame, background):
-        path = self.first(f"{camera}/{frame}.png", f"{camera}/{frame:04}.png")
-        if not camera or path is None:
+    def picture(self, view, frame, background):
+        """[3, H, W] in the view's size; None where there is none."""
+        camera = view.camera
+        path = self.first(f"{camera.name}/{frame}.png", f"{camera.name}/{frame:04}.png")
+        if not camera.name or path is None:
             return None
-        return self.once((path, tuple(background)), lambda key: read_rgb(key[0], background))
+        rgb = self.once((path, tuple(background)), lambda key: read_rgb(key[0], background))
+        require_shape("picture", rgb, view)
+        return resized(rgb, camera.height, camera.width)
 
-    def flow(self, camera, frame):
-        base = f"flow/{camera}/{frame:04}"
+    def flow(self, view, frame):
+        """[2, H, W] in the view's pixels and [H, W] where it is known; None, None without any."""
+        camera = view.camera
+        base = f"flow/{camera.name}/{frame:04}"
         path = self.first(base + ".flo", base + ".flo.gz")
-        if not camera or path is None:
+        if not camera.name or path is None:
             return None, None
         flow, known = self.once(path, read_flo)
         mask = self.first(base + "_mask.png")
-        return flow, known & (self.once(mask, read_png)[:, :, 0] == 255) if mask else known
+        if mask:
+            known = known & (self.once(mask, read_png)[:, :, 0] == 255)
+        require_shape("flow", flow, view)
+        per_pixel = np.array([camera.width / flow.shape[2], camera.height / flow.shape[1]])
+        known = resized(known.astype(np.float32), camera.height, camera.width) > 0.999
+        return resized(flow * per_pixel[:, None, None], camera.height, camera.width), known
 
     def guide(self, request):
         answers = []
         for view in request.views:
             answer = Answer()
-            wanted = self.picture(view.camera.name, request.frame, request.background)
+            wanted = self.picture(view, request.frame, request.background)
             if wanted is not None:
-                if wanted.shape != view.rgb.shape:
-                    raise ValueError(
-                        f"the picture of {view.camera.name} is {wanted.shape[2]}x{wanted.shape[1]},"
-                        f" the view {view.camera.width}x{view.camera.height}"
-                    )
                 answer.gradient = view.rgb - wanted
             if request.next_frame == request.frame + 1:  # what the files lead to
-                answer.flow, answer.confidence = self.flow(view.camera.name, request.frame)
+                answer.flow, answer.confidence = self.flow(view, request.frame)
             answers.append(answer)
         return answers
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2 or not os.path.isdir(sys.argv[1]):
+    if len(sys.argv) != 2:
         fail("example_target.py wants one argument, a folder with pictures")
+    if not os.path.isdir(sys.argv[1]):
+        fail(f"example_target.py: there is no folder {sys.argv[1]}")
     serve(Target(sys.argv[1]).guide)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads PNG pictures and .flo optical flow with numpy alone."""
+"""Reads PNG pictures and .flo optical flow with numpy alone, and brings them to another size."""
 import gzip
 import struct
 import zlib
@@ -88,3 +88,18 @@ def read_flo(path):
     flow = np.frombuffer(data, "<f4", 2 * width * height, 12).reshape(height, width, 2)
     known = (np.abs(flow) < 1e9).all(2)
     return np.where(known, flow.transpose(2, 0, 1), 0).astype(np.float32), known
+
+
+def _overlaps(size, parts):
+    """[parts, size]: the share of each of `size` pixels in the mean over each of `parts` stretches."""
+    ends = np.arange(parts + 1) * (size / parts)
+    pixels = np.arange(size)
+    begin = np.maximum(ends[:-1, None], pixels)
+    end = np.minimum(ends[1:, None], pixels + 1)
+    return np.clip(end - begin, 0, None) * (parts / size)
+
+
+def resized(planes, height, width):
+    """Planes [..., H, W] as [..., height, width] float32: each pixel the mean of what it covers."""
+    rows, columns = _overlaps(planes.shape[-2], height), _overlaps(planes.shape[-1], width)
+    return (rows @ planes @ columns.T).astype(np.float32)

@@ -38,7 +38,11 @@ std::map<int, Film> films_of(const Scene& scene) {
 
 PointTracks read_point_tracks(const std::string& path) {
   const Arrays arrays = read_npz(path, {"tracks", "visibility"});
-  const Array& xy = array_named(arrays, "tracks", path);
+  if (!arrays.count("tracks"))
+    throw Error(fmt::format(
+        "{} has no array 'tracks': expected is one of (pictures, points, 2), x, y in pixels",
+        path));
+  const Array& xy = arrays.at("tracks");
   if (xy.shape.size() != 3 || xy.shape[0] < 1 || xy.shape[1] < 1 || xy.shape[2] != 2)
     throw Error(
         fmt::format("{}: array 'tracks' has shape {}, expected is (pictures, points, 2), pixels",
@@ -89,6 +93,29 @@ TeacherFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, in
   return teacher;
 }
 
+namespace {
+
+// Error when points that are in sight all lie outside their camera's pictures, or all within the
+// first pixel as shares of the width would.
+void require_inside(const PointTracks& tracks, const Camera& stored, const std::string& path) {
+  size_t in_sight = 0, inside = 0, in_first = 0;
+  for (size_t i = 0; i < tracks.seen.size(); ++i) {
+    if (!tracks.seen[i]) continue;
+    const float x = tracks.xy[2 * i], y = tracks.xy[2 * i + 1];
+    ++in_sight;
+    inside += x >= 0 && y >= 0 && x < float(stored.width) && y < float(stored.height);
+    in_first += x >= 0 && y >= 0 && x <= 1 && y <= 1;
+  }
+  if (in_sight == 0 || inside > in_first) return;
+  throw Error(
+      fmt::format("{}: no point lies inside the pictures of camera {}{}: 'tracks' must be x, y in "
+                  "pixels of the pictures as they are stored, {}x{}",
+                  path, stored.name, in_first ? " but within the first pixel" : "", stored.width,
+                  stored.height));
+}
+
+}  // namespace
+
 std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                                            size_t first, const FrameStore& frames,
                                            const std::string& folder) {
@@ -115,6 +142,9 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
     if (!tracks) {
       const std::string path =
           is_file ? folder : (fs::path(folder) / (stored.name + ".npz")).string();
+      if (!fs::exists(path))
+        throw Error(fmt::format("flow.tracks: there are no tracks of camera {}: looked for {}",
+                                stored.name, path));
       if (stored.lens.kind != Lens::Kind::none)
         throw Error(fmt::format(
             "flow.tracks: the pictures of camera {} have a lens, which is taken out of them, but "
@@ -124,6 +154,7 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
       if (int(tracks->pictures) != film.count)
         throw Error(fmt::format("{} follows points through {} pictures, camera {} has {}", path,
                                 tracks->pictures, stored.name, film.count));
+      require_inside(*tracks, stored, path);
     }
     loaders.emplace_back([=, tracks = tracks] {
       return flow_of_points(*tracks, size_t(pair.frame - film.first),

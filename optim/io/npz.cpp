@@ -119,7 +119,7 @@ const Array& array_named(const Arrays& arrays, const std::string& name, const st
   std::string names;
   for (const auto& entry : arrays) names += (names.empty() ? "" : ", ") + entry.first;
   throw Error(
-      fmt::format("{} has no array '{}'; it has {}", path, name, names.empty() ? "none" : names));
+      fmt::format("{} has no array '{}'{}", path, name, names.empty() ? "" : "; it has " + names));
 }
 
 }  // namespace gflow

@@ -7,10 +7,8 @@
 
 namespace gflow {
 
-LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder,
-                       std::optional<std::array<double, 3>> origin) {
+SceneOptions options_of(const SceneConfig& config) {
   SceneOptions options;
-  options.origin = origin;
   options.images = config.images;
   options.holdout = config.holdout;
   options.test_every = config.test_every;
@@ -25,6 +23,13 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
   options.first_step = config.first_step;
   options.stride = config.stride;
   options.max_steps = config.max_steps;
+  return options;
+}
+
+LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder,
+                       std::optional<std::array<double, 3>> origin) {
+  SceneOptions options = options_of(config);
+  options.origin = origin;
   LoadedScene loaded{read_scene(config.path, options), nullptr};
   for (const std::string& notice : loaded.scene.notices) warn(notice);
   FrameStoreOptions store;

@@ -10,6 +10,9 @@
 
 namespace gflow {
 
+// What the settings say to read_scene.
+SceneOptions options_of(const SceneConfig& config);
+
 // A scene read as the configuration says, and its pictures.
 struct LoadedScene {
   Scene scene;

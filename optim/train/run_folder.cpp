@@ -333,6 +333,18 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
   return {of_all, of_each};
 }
 
+MetricsConfig RunFolder::judged_by() const {
+  std::ifstream in(path("results.json"));
+  const Json results = Json::parse(in, nullptr, false);
+  const auto test = results.is_object() ? results.value("test", Json()) : Json();
+  const auto named = [&](const char* key) {
+    return test.is_object() && test.contains(key) && test[key].is_string()
+               ? test[key].get<std::string>()
+               : "";
+  };
+  return {named("lpips_model"), named("clip_model")};
+}
+
 void RunFolder::write_facts(const RunFacts& facts) const {
   const Json run{{"iterations", facts.iterations},
                  {"train_seconds", facts.train_seconds},

@@ -80,6 +80,8 @@ class RunFolder {
   std::vector<std::string> write_results(const Evaluation& evaluation, const std::string& split,
                                          const RunFacts& facts, const TrainConfig& config,
                                          size_t gaussians, bool latest = true) const;
+  // The networks that judged results.json; none where there is no such file.
+  MetricsConfig judged_by() const;
   // Of the last training, for an evaluation made later; zeros when there was none.
   RunFacts read_facts() const;
   void write_facts(const RunFacts& facts) const;

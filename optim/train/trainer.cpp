@@ -15,8 +15,8 @@ namespace {
 
 constexpr double kNotSeen = std::numeric_limits<double>::quiet_NaN();  // in this step
 constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
-constexpr uint kSplitStream = 7, kPairStream = 8, kBackgroundStream = 9, kNoiseStream = 10,
-               kReachStream = 15;  // of random numbers
+constexpr uint kSplitStream = 7, kBackgroundStream = 9, kNoiseStream = 10;  // of random numbers;
+                                                                            // sampler.cpp has more
 
 // A part of interleaved rows [H, W, channels].
 template <class T>

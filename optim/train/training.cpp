@@ -142,9 +142,16 @@ void require_what_judges(const TrainConfig& config, const Scene& scene, const Fr
   if (!scene.tracks_path.empty()) read_tracks(scene.tracks_path, scene.origin);
 }
 
-// The settings of a run with some of [metrics] changed; Error for any other.
-TrainConfig judged_by(const TrainConfig& config, const std::vector<std::string>& settings) {
+// The settings of a run with some of [metrics] changed; Error for any other. A network that judged
+// the run before does so again unless the settings say otherwise.
+TrainConfig judged_by(const TrainConfig& config, const MetricsConfig& before,
+                      const std::vector<std::string>& settings) {
   TrainConfig changed = config;
+  const auto keep = [](std::string& network, const std::string& former) {
+    if (network.empty() && std::filesystem::exists(former)) network = former;
+  };
+  keep(changed.metrics.lpips, before.lpips);
+  keep(changed.metrics.clip, before.clip);
   for (const std::string& setting : settings) {
     apply_setting(changed, setting);
     TrainConfig rest = changed;
@@ -377,7 +384,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   const StopSentence stop("interrupted while evaluating; nothing was lost");
   const auto lock = run.lock_if_free();
   const RunState state = read_run_state(run, iteration);
-  const TrainConfig config = judged_by(state.config, settings);
+  const TrainConfig config = judged_by(state.config, run.judged_by(), settings);
   LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, state.model);

@@ -31,7 +31,7 @@ struct RunEvaluation {
 };
 // iteration: as for read_run_state. Of another than the latest only the results are written, under
 // names of their own. settings: "metrics.key=value" that are others than the run's; the run keeps
-// its own.
+// its own. Networks that judged results.json judge again where neither says anything.
 RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,
                            int iteration = latest_iteration,
                            const std::vector<std::string>& settings = {});

@@ -73,7 +73,8 @@ TEST(PointTracks, AreReadFromAnArchive) {
   expect_error([&] { read_point_tracks(folder.file("flat.npz")); },
                {"flat.npz", "(3, 8)", "(pictures, points, 2)"});
   write_npz(folder.file("none.npz"), {{"paths", {{3, 8}, kTracks}}});
-  expect_error([&] { read_point_tracks(folder.file("none.npz")); }, {"none.npz", "tracks"});
+  expect_error([&] { read_point_tracks(folder.file("none.npz")); },
+               {"none.npz has no array 'tracks'", "(pictures, points, 2)"});
 }
 
 TEST(PointTracks, BelongToTheCamerasOfAScene) {
@@ -95,5 +96,17 @@ TEST(PointTracks, BelongToTheCamerasOfAScene) {
   expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/t"); },
                {"input.npz", "2 pictures", "input has 3"});
   expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/u"); },
-               {"u/input.npz"});
+               {"no tracks of camera input", "u/input.npz"});
+  // Shares of the width instead of pixels, or pixels of larger pictures.
+  for (const auto& [factor, words] : {std::pair(0.01f, "but within the first pixel"),
+                                      std::pair(1000.f, "pictures of camera input: ")}) {
+    std::vector<float> xy = kTracks;
+    for (float& value : xy) value *= factor;
+    write_npz(folder.file("t/input.npz"), {{"tracks", {{3, 4, 2}, xy}}});
+    expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/t"); },
+                 {"input.npz: no point lies inside", words, "stored, 48x40"});
+  }
+  // A camera may see none of them.
+  write_npz(folder.file("t/input.npz"), {{"tracks", {{3, 4, 2}, std::vector<float>(24, kNan)}}});
+  EXPECT_EQ(track_flows(scene, pairs, 0, frames, folder.path() + "/t").size(), 4u);
 }

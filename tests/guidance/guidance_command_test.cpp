@@ -141,6 +141,44 @@ TEST_F(GuidanceCommand, AProgramThatDoesNotGreetLeavesNoRunBehind) {
   expect_refused(train("kept", "cat"), {"{\"protocol\":\"gflow-guidance\"", "version"});
 }
 
+// The example's pictures and flow in the size of the views: here those of half the width.
+TEST_F(GuidanceCommand, TheExampleFitsItsPicturesToTheViews) {
+  if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
+  const std::string program = folder_->write("fits.py", R"(
+import sys
+import numpy as np
+from example_target import Target
+from gflow_guidance import Camera, View
+from picture_files import read_flo, read_rgb
+views = sys.argv[1] + "/views"
+white = np.ones(3)
+whole = read_rgb(views + "/cam00/0001.png", white)
+(flow, known), (height, width) = read_flo(sys.argv[2]), whole.shape[1:]
+def view(w, h):
+    camera = Camera("cam00", w, h, np.eye(3), np.eye(4))
+    return View(camera, 0, 0, 0, 0.5, np.zeros((3, h, w), np.float32), None)
+target = Target(views)
+assert np.abs(target.picture(view(width, height), 1, white) - whole).max() < 1e-6
+half = target.picture(view(width // 2, height // 2), 1, white)
+assert np.abs(half - whole.reshape(3, height // 2, 2, width // 2, 2).mean((2, 4))).max() < 1e-6
+its, there = target.flow(view(width // 2, height // 2), 1)
+mean = flow.reshape(2, height // 2, 2, width // 2, 2).mean((2, 4)) / 2
+assert there.any() and np.abs(its - mean)[:, there].max() < 1e-5
+assert abs(target.picture(view(18, 15), 1, white).mean() - whole.mean()) < 1e-3
+try:
+    target.picture(view(width, height // 2), 1, white)
+except ValueError as problem:
+    assert "the same shape" in str(problem)
+else:
+    raise AssertionError("another shape was taken")
+)");
+  std::string flow = scene_->path() + "/flow/cam00/0001.flo";
+  if (!fs::exists(flow)) flow += ".gz";
+  const std::string command = python() + program + " " + folder_->path() + " " + flow;
+  EXPECT_EQ(std::system((command + " > " + path("fits.err") + " 2>&1").c_str()), 0)
+      << contents(path("fits.err"));
+}
+
 // The script as a user calls it; what it makes is judged elsewhere.
 TEST_F(GuidanceCommand, TwoStagesGoFromThePicturesToAMovingScene) {
   const std::string script = std::string(GFLOW_SOURCE_DIR) + "/apps/guidance/two_stages";

@@ -179,19 +179,30 @@ sys.stderr = open("/dev/null", "w")
 def guide(r):
     if r.views[0].camera.width == 5:
         return [Answer(gradient=r.views[0].rgb[:, 1:])]
+    if r.views[0].camera.width == 6:
+        return [Answer(gradient=v.rgb, weight=float("nan")) for v in r.views]
+    if r.views[0].camera.width == 7:
+        return [Answer()]
     raise ValueError("the object is gone")
 serve(guide)
 )");
-  ProcessGuidance guidance(python() + program, 60, {});
-  expect_error([&] { guidance.guide(some_request(1, 5, 4)); }, {"[3,3,5]", "[3,4,5]"});
-  expect_error([&] { guidance.guide(some_request(1, 4, 4)); }, {"ValueError: the object is gone"});
+  const auto expect = [&](const GuidanceRequest& request,
+                          std::initializer_list<std::string> words) {
+    ProcessGuidance guidance(python() + program, 60, {});  // it ends with its error
+    expect_error([&] { guidance.guide(request); }, words);
+  };
+  expect(some_request(1, 5, 4), {"[3,3,5]", "[3,4,5]"});
+  expect(some_request(1, 6, 4), {"the weight of an answer is nan"});
+  expect(some_request(2, 7, 4), {"1 answers to 2 views"});
+  expect(some_request(1, 4, 4), {"ValueError: the object is gone"});
 }
 
 TEST(Process, TheExamplesRefuseWhatTheyCannotUse) {
   if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
   const std::string folder = GFLOW_SOURCE_DIR "/apps/guidance/";
-  expect_failure(python() + folder + "example_target.py no/such/folder", {"folder with pictures"},
-                 60);
+  expect_failure(python() + folder + "example_target.py", {"folder with pictures"}, 60);
+  expect_failure(python() + folder + "example_target.py no/such/folder",
+                 {"there is no folder no/such/folder"}, 60);
   // Whichever is missing here: packages, or the weights.
   expect_failure(python() + folder + "example_zero123.py no/such/weights", {"gave up"}, 60);
 }

@@ -173,6 +173,17 @@ TEST_F(CommandTest, EvalJudgesByTheNetworksItIsGiven) {
   EXPECT_TRUE(views["cam00_0000"]["lpips"].is_number());
   EXPECT_EQ(contents(copy + "/config.toml"), contents(run() + "/config.toml"));
 
+  // Who says nothing keeps the figures; who says none has none.
+  const auto judged = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"eval", copy, "--quiet"});
+    EXPECT_EQ(gflow(more).code, 0);
+    return nlohmann::json::parse(contents(copy + "/results.json"))["test"];
+  };
+  EXPECT_EQ(judged({}), test);
+  const auto without = judged({"--set", "metrics.lpips="});
+  EXPECT_TRUE(without["lpips"].is_null());
+  EXPECT_EQ(without["clip"], test["clip"]);
+
   expect_refused({"eval", copy, "--set", "metrics.lpips=no/such.onnx"}, {"no/such.onnx"});
   expect_refused({"eval", copy, "--set", "metrics.clip=" + networks + "lpips.onnx"},
                  {"metrics.clip", "lpips.onnx", "2 inputs"});

@@ -96,13 +96,16 @@ TEST_F(Experiment, TrainsWhatTheFileNamesAndTabulatesIt) {
   EXPECT_NE(contents(out("/plots/curve_small_steps.tsv")).find("off"), std::string::npos);
   const Image sheet = read_image(out("/pictures/small.png"));
   const Image one = read_image(run("small-on-seed0") + "/compare.png");
+  // White to the right of the caption: none of its words is cut off.
+  for (int y = 0; y < 24; ++y)
+    EXPECT_EQ(sheet.pixels[3 * (size_t(y) * size_t(sheet.width) + size_t(sheet.width) - 1)], 255);
   EXPECT_GE(sheet.width, one.width);
   EXPECT_GT(sheet.height, 2 * one.height);
 }
 
 // The scene has five steps and one test camera.
 TEST_F(Experiment, FiguresOfSomeStepsOfTheVideo) {
-  ASSERT_EQ(experiment(file("metrics = [\"psnr@1-2\", \"psnr\"]")).code, 0);
+  ASSERT_EQ(experiment(file("metrics = [\"psnr@1-2\", \"psnr\", \"psnr@3-9\"]")).code, 0);
   const Json row = read(out("/table.json"))["rows"][1];
   double mean = 0;
   for (const char* seed : {"0", "3"}) {
@@ -113,23 +116,32 @@ TEST_F(Experiment, FiguresOfSomeStepsOfTheVideo) {
   EXPECT_NEAR(row["figures"]["psnr@1-2"]["mean"], mean, 1e-9);
   EXPECT_NE(row["figures"]["psnr@1-2"]["mean"], row["figures"]["psnr"]["mean"]);
   EXPECT_NE(contents(out("/table.md")).find("PSNR [dB], steps 1 to 2"), std::string::npos);
+  EXPECT_TRUE(row["figures"]["psnr@3-9"]["mean"].is_null());  // there is no step 9
 }
 
 TEST_F(Experiment, PicturesOfAViewAtSomeSteps) {
-  const Outcome outcome = experiment(file("films = [\"cam00@1-3\", \"cam99@0-1\"]\n"));
+  for (const char* film : {"cam99@0-1", "cam00@5-9"}) {  // told before anything is trained
+    const Outcome refused =
+        experiment(file(fmt::format("films = [\"cam00@0-1\", \"{}\"]\n", film)));
+    EXPECT_EQ(refused.code, 1);
+    EXPECT_NE(refused.err.find(fmt::format(
+                  "a.toml: no scene has pictures for film {}: small has cam00@0-4", film)),
+              std::string::npos)
+        << refused.err;
+    EXPECT_FALSE(fs::exists(out()));
+  }
+  const Outcome outcome = experiment(file("films = [\"cam00@1-3\"]\n"));
   ASSERT_EQ(outcome.code, 0);
-  EXPECT_NE(outcome.err.find("no scene has test views cam99_"), std::string::npos) << outcome.err;
   const Image sheet = read_image(out("/pictures/small_cam00_1-3.png"));
   const Image one = read_image(run("small-on-seed0") + "/test/cam00_0002.png");
   const int compared = read_image(run("small-on-seed0") + "/compare.png").height;
   const int words = (read_image(out("/pictures/small.png")).height - 2 * compared) / 3;
-  EXPECT_EQ(sheet.width, 3 * one.width);                // steps 1, 2, 3
+  EXPECT_GE(sheet.width, 3 * one.width);                // steps 1, 2, 3, and room for the words
   EXPECT_EQ(sheet.height, 3 * one.height + 4 * words);  // truth and two rows
   // The middle of the last row.
   for (const int x : {0, one.width / 2, one.width - 1})
     EXPECT_EQ(sheet.pixels[3 * (size_t(sheet.height - 1) * sheet.width + one.width + x)],
               one.pixels[3 * (size_t(one.height - 1) * one.width + x)]);
-  EXPECT_FALSE(fs::exists(out("/pictures/small_cam99_0-1.png")));  // the scene has no such view
 }
 
 TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
@@ -148,6 +160,45 @@ TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
             std::string::npos);
   ASSERT_EQ(experiment(toml, {"--jobs", "2"}).code, 0);
   EXPECT_EQ(contents(out("/table.csv")), table);
+}
+
+// Signs that mean something in tables and plots, a baseline for each row of a group, and rows that
+// have fewer steps than a film shows.
+TEST_F(Experiment, OddNamesBaselinesOfAGroupAndShorterRows) {
+  const Outcome outcome = experiment(folder_.write(
+      "odd.toml", fmt::format("scenes = [{{ path = '{}', name = \"o'clock\" }}]\n"
+                              "metrics = ['psnr']\nfilms = ['cam00@1-4']\n"
+                              "baseline = ['*', \"it's | all\"]\n"
+                              "[settings]\ntrain.iterations = 2\nflow.enabled = false\n"
+                              "[[axis]]\nname = 'ssim | weight'\nsetting = 'loss.ssim'\n"
+                              "values = [0, 0.2]\n[[axis]]\nname = 'steps used'\n"
+                              "choices = [{{ name = \"it's | all\" }}, "
+                              "{{ name = 'three', scene.max_steps = 3 }}]\n",
+                              scene_->path())));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(outcome.err, "");  // gnuplot took the names
+  std::string markdown = contents(out("/table.md"));
+  markdown.erase(0, markdown.find("| scene"));
+  EXPECT_NE(markdown.find("| scene | ssim \\| weight | steps used | PSNR [dB] |"),
+            std::string::npos)
+      << markdown;
+  EXPECT_NE(markdown.find("| o'clock | 0.2 | it's \\| all | "), std::string::npos) << markdown;
+  const Json rows = read(out("/table.json"))["rows"];
+  const auto psnr = [&](size_t row) { return rows[row]["figures"]["psnr"]["mean"].get<double>(); };
+  for (const size_t base : {0, 2})  // each third row against the one above, of its own weight
+    EXPECT_NE(markdown.find(fmt::format("({:+.2f})", psnr(base + 1) - psnr(base))),
+              std::string::npos)
+        << markdown;
+  EXPECT_EQ(std::count(markdown.begin(), markdown.end(), '('), 2) << markdown;
+
+  const Image film = read_image(out("/pictures/o_clock_cam00_1-4.png"));
+  const Image one = read_image(run("o_clock-0-three-seed0") + "/test/cam00_0002.png");
+  const auto last_row = [](const Image& picture, int x) {
+    return picture.pixels[3 * (size_t(picture.height - 1) * size_t(picture.width) + size_t(x))];
+  };
+  for (const int x : {0, one.width - 1})  // the last training has steps 1 and 2, then nothing
+    EXPECT_EQ(last_row(film, one.width + x), last_row(one, x));
+  for (int x = 2 * one.width; x < film.width; ++x) EXPECT_EQ(last_row(film, x), 255) << x;
 }
 
 // The cell of a table's row (from 0) in the column called `name`.
