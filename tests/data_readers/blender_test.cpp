@@ -46,6 +46,20 @@ TEST(Blender, OpenGlPosesBecomeViewMatrices) {
   EXPECT_NEAR(pixel.y(), 3 - 4 / 2., 1e-9);
 }
 
+// The last column is where it stands, whichever way it is turned.
+TEST(Blender, ATurnedCameraStandsWhereItsPoseSays) {
+  const TemporaryFolder folder;
+  make(folder, frame("./train/a", "0", "[[0, 0, 1, 1], [1, 0, 0, 2], [0, 1, 0, 3], [0, 0, 0, 1]]"));
+  const Camera camera = read_scene(folder.path()).cameras.at(0);
+  EXPECT_TRUE(camera.position().isApprox(Eigen::Vector3d(1, 2, 3)));
+  // Ahead (-z of the camera) is the world's -x, right its +y, up its +z.
+  const Eigen::Vector2d middle = camera.project({-1, 2, 3}), pixel = camera.project({-1, 3, 4});
+  EXPECT_NEAR(middle.x(), 4, 1e-9);
+  EXPECT_NEAR(middle.y(), 3, 1e-9);
+  EXPECT_NEAR(pixel.x(), 4 + 4 / 2., 1e-9);
+  EXPECT_NEAR(pixel.y(), 3 - 4 / 2., 1e-9);
+}
+
 TEST(Blender, EqualPosesAreOneCameraWithFlowPairsInTime) {
   const TemporaryFolder folder;
   make(folder, frame("train/c", "1.0", pose) + "," + frame("train/b.png", "0.5", other_pose) + "," +

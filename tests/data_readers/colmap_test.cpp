@@ -129,14 +129,17 @@ TEST(Colmap, EveryDistortionHasItsCoefficientsInTheirPlaces) {
 TEST(Colmap, PicturesOfAnotherSizeKeepTheirLens) {
   const TemporaryFolder folder;
   make_text(folder);
-  folder.write("sparse/0/cameras.txt", "7 SIMPLE_RADIAL 16 12 20 8 6 -.1\n");
+  folder.write("sparse/0/cameras.txt", "7 SIMPLE_RADIAL 1616 1200 2000 808 600 -.1\n");
   make_png(folder, "images/a.png");
   make_png(folder, "images/b.png");
   const Camera camera = read_scene(folder.path()).cameras[0];
   EXPECT_EQ(camera.width, 8);
-  EXPECT_EQ(camera.fx, 10);
-  EXPECT_EQ(camera.lens.fx, 10);
-  EXPECT_EQ(camera.lens.cy, 3);
+  // 1/202 as wide and 1/200 as high
+  EXPECT_NEAR(camera.fx, 2000. / 202, 1e-12);
+  EXPECT_NEAR(camera.fy, 10, 1e-12);
+  EXPECT_NEAR(camera.lens.fx, 2000. / 202, 1e-12);
+  EXPECT_NEAR(camera.lens.cx, 4, 1e-12);
+  EXPECT_NEAR(camera.lens.cy, 3, 1e-12);
 }
 
 TEST(Colmap, MasksBesideThePicturesBecomeAlpha) {

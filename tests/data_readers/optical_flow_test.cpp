@@ -45,4 +45,7 @@ TEST(OpticalFlow, ResizingScalesTheVectors) {
   EXPECT_EQ(half.flow.uv[0], 2);
   EXPECT_EQ(half.flow.uv[1], 1);
   EXPECT_EQ(half.confidence.size(), 8u);
+  const TeacherFlow narrow = resized(teacher, 4, 4);
+  EXPECT_EQ(narrow.flow.uv[0], 2);
+  EXPECT_EQ(narrow.flow.uv[1], 2);
 }

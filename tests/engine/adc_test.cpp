@@ -130,6 +130,25 @@ TEST(Adc, RemovesTheFaintTheHugeAndTheNeverVisible) {
   EXPECT_EQ(field.sources(), (std::vector<int>{1, 5, 6}));
 }
 
+TEST(Adc, RemovesWhatIsHugeAlongAnyAxis) {
+  Field field(std::vector<Made>(4));
+  std::vector<float> log_scales = field.values("log_scales");
+  for (size_t i = 0; i < 3; ++i) log_scales[4 * i + i] = std::log(11.f);
+  field.parameters["log_scales"].values.write(field.queue, log_scales);
+  field.refine();
+  EXPECT_EQ(field.sources(), (std::vector<int>{3}));
+}
+
+// In a view of 20 x 10 pixels half the image is 10 pixels wide and 5 high.
+TEST(Adc, PullsCountByHalfTheImageAlongEachAxis) {
+  Field field(std::vector<Made>(4));
+  const Buffer<cl_uint> touched(field.queue, {1, 1, 1, 1}, "tiles");
+  const Buffer<float> v(field.queue, {0.09f, 0, 0.11f, 0, 0, 0.18f, 0, 0.22f}, "v_means2d");
+  field.density.see(field.queue, {20, 10, touched, v});
+  field.refine();
+  EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 1, 2, 3, 3}));
+}
+
 TEST(Adc, MakesTwoOfWhatIsPulledAtMoreThanTheThreshold) {
   Field field({pulled(0.99f), pulled(1.01f), pulled(2, 1.f), pulled(0)});
   field.see();

@@ -114,6 +114,30 @@ TEST(Engine, WhatStandsStillNeedsNoSecondPose) {
   }
 }
 
+// A tile of movers alone has their flow, one of what stands still none; where both are, both count.
+TEST(Engine, TilesOfMoversAloneHaveTheirFlow) {
+  for (const int lanes : {0, 1}) {
+    Queue queue = test_queue(lanes);
+    PosedScene s = random_scene({});
+    s.shot.settings.transport = Transport::material;
+    s.shot.camera = s.shot.camera_t2 = test_camera(45, 30);
+    for (auto& [name, values] : s.p) values.clear();
+    add_gaussian(s, {-.9, -.4, 3}, {.1, .1, .1}, .8, {.05, .02, 0});  // moves
+    add_gaussian(s, {.1, .1, 3}, {.1, .1, .1}, .8, {.05, .02, 0});    // moves, beside the third
+    add_gaussian(s, {.1, .2, 3}, {.1, .1, .1}, .8, {0, 0, 0});
+    add_gaussian(s, {.9, .4, 3}, {.1, .1, .1}, .8, {0, 0, 0});
+    DeviceScene twice(queue, s), once(queue, s);
+    once.stand_still_from(2);
+    const std::vector<float> expected = twice.forward().at("flow"),
+                             flow = once.forward().at("flow");
+    EXPECT_LT(relative_l2(flow, expected), 1e-6) << lanes;
+    const reference::Planes v = random_cotangents(s, 1);
+    std::vector<float> a = once.backward(v).at("means_t2"), b = twice.backward(v).at("means_t2");
+    a.resize(6), b.resize(6);  // of the movers
+    EXPECT_LT(relative_l2(a, b), 1e-6) << lanes;
+  }
+}
+
 // What is left out has no part in any pixel: images and gradients have the same bits with it.
 TEST(Engine, SkipsChangeNoBit) {
   Queue queue = test_queue();

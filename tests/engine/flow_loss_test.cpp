@@ -140,10 +140,10 @@ TEST(FlowLoss, OfOnePixelIsTheHandMadeOne) {
 }
 
 TEST(FlowLoss, IsBitwiseZeroWhereThereIsNoWeight) {
-  const std::vector<float> teacher_x = {1, NOT_A_NUMBER, INFINITE, -2e5f, 1, 1};
-  const size_t n = teacher_x.size();
-  std::vector<float> teacher(teacher_x);
-  teacher.resize(2 * n, 1.f);
+  std::vector<float> teacher = {1, NOT_A_NUMBER, INFINITE, -2e5f, 1, 1, 1, 1, 1};
+  const size_t n = teacher.size();
+  for (const float y : {1.f, 1.f, 1.f, 1.f, 1.f, 1.f, NOT_A_NUMBER, INFINITE, -2e5f})
+    teacher.push_back(y);
   Case c = row_of(std::vector<float>(2 * n, -5.f), teacher);
   c.confidence[0] = 0;
   c.alpha[4] = 0;

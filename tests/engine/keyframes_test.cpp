@@ -139,18 +139,23 @@ TEST(Keyframes, ChildrenKeepTheirParentsPathThroughDensityControl) {
   rule.max_scale = 10;
   rule.split.split_scale = 1;
   const Buffer<cl_uint> touched(queue, {1, 1, 1, 1}, "tiles");
-  const Buffer<float> v(queue, {0, 0, 9, 0, 0, 0, 0, 0}, "v");
+  const Buffer<float> v(queue, {0, 0, 9, 0, 0, 0, 9, 0}, "v");
   density.see(queue, {20, 10, touched, v});
   density.refine(queue, p, check.motion(), rule, 1);
-  ASSERT_EQ(p.count, 4u);  // 0, 1, 1 again, 3
-  const size_t source[] = {0, 1, 1, 3};
+  const size_t source[] = {0, 1, 1, 3, 3}, n = 5;  // one more than before
+  ASSERT_EQ(p.count, n);
   const std::vector<float> shifts = p["key_shifts"].values.read(queue);
-  ASSERT_EQ(shifts.size(), 36u);
+  ASSERT_EQ(shifts.size(), 9 * n);
   for (size_t k = 0; k < 3; ++k)
-    for (size_t i = 0; i < 4; ++i)
+    for (size_t i = 0; i < n; ++i)
       for (size_t c = 0; c < 3; ++c)
-        EXPECT_EQ(shifts[(k * 4 + i) * 3 + c],
+        EXPECT_EQ(shifts[(k * n + i) * 3 + c],
                   float(before.at("key_shifts")[(k * 4 + source[i]) * 3 + c]));
+  // Two children at one place show what the parent did: 1 - o = (1 - o')^2.
+  const auto shown = [](float logit) { return 1 / (1 + std::exp(-double(logit))); };
+  const std::vector<float> logits = p["logit_opacities"].values.read(queue);
+  EXPECT_EQ(logits[0], 1);
+  for (size_t i = 1; i < n; ++i) EXPECT_NEAR(std::pow(1 - shown(logits[i]), 2), 1 - shown(1), 1e-6);
 }
 
 }  // namespace

@@ -90,7 +90,10 @@ TEST(Mcmc, TheFaintTheNeverVisibleAndTheBrokenMoveToTheLive) {
   Field field({0.5f, 0.01f, 0.5f, 0.5f, 0.5f});
   // Gone where exp(-d^2 / 2 s^2) < 0.05, 2.45 deviations away: 0.49.
   field.parameters["means_t"].values.write(field.queue, {0.5f, 0.5f, 1.5f, NAN, -0.48f});
-  field.parameters["log_scales"].values.fill(field.queue, std::log(0.2f));
+  std::vector<float> log_scales;  // in space and time
+  for (int i = 0; i < 5; ++i)
+    for (const float s : {0.01f, 0.02f, 0.03f, 0.2f}) log_scales.push_back(std::log(s));
+  field.parameters["log_scales"].values.write(field.queue, log_scales);
   field.refine();
   const std::vector<int> rows = field.sources();
   ASSERT_EQ(rows.size(), 5u);

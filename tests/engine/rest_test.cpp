@@ -183,22 +183,34 @@ TEST_P(RestOf, AllButTheMotionOfThoseAtRestSurvivesThereAndBack) {
   TwoCopies made(shape_of(GetParam()));
   Queue& queue = made.queue;
   Parameters& p = made.split.parameters();
-  const std::vector<cl_uint> back = made.move(p, std::vector<cl_uint>(kCount, 1u));
+  // First every other row changes sides or stays, then all move.
+  std::vector<cl_uint> some;
+  for (size_t j = 0; j < kCount; ++j) some.push_back(j % 2);
+  const std::vector<cl_uint> there = made.move(p, some);
+  ASSERT_EQ(p.moving, kCount / 2);
+  const std::vector<cl_uint> back =
+      ordered(there, made.move(p, std::vector<cl_uint>(kCount, 1u)), kCount, 1);
   ASSERT_EQ(p.moving, kCount);
-  EXPECT_EQ(ordered(made.order, back, kCount, 1), made.order);
+  const std::vector<cl_uint> order = ordered(made.order, back, kCount, 1);
+  const auto always_moved = [&](size_t j) { return back[j] < 7 && some[back[j]]; };
   const Parameters& all = made.all.parameters();
-  EXPECT_EQ(ordered(all.rows.steps.read(queue), made.order, kCount, 1), p.rows.steps.read(queue));
+  EXPECT_EQ(ordered(all.rows.steps.read(queue), order, kCount, 1), p.rows.steps.read(queue));
   const auto expect_same = [&](const GroupSpec& spec, const Buffer<float>& before,
                                const Buffer<float>& after, size_t keys, bool own, bool moments) {
     const std::vector<float> a = before.read(queue), b = after.read(queue);
     ASSERT_EQ(a.size(), b.size());
+    const std::vector<float> rest_of =
+        spec.rest_of.empty() ? std::vector<float>{} : all[spec.rest_of].values.read(queue);
     for (size_t k = 0; k < keys; ++k)
       for (size_t j = 0; j < kCount; ++j)
         for (size_t c = 0; c < spec.width; ++c) {
           const size_t at = (k * kCount + j) * spec.width + c;
-          float expected = a[(k * kCount + made.order[j]) * spec.width + c];
-          if (own && moments && j >= 7) expected = 0;
-          if (own && !moments && j >= 7 && spec.rest < 0) expected = spec.rest;
+          float expected = a[(k * kCount + order[j]) * spec.width + c];
+          if (own && !always_moved(j)) {
+            expected = spec.rest;
+            if (!rest_of.empty()) expected = rest_of[order[j] * spec.width + c];
+            if (moments) expected = 0;
+          }
           EXPECT_EQ(b[at], expected) << spec.name << " " << j;
         }
   };
@@ -385,14 +397,18 @@ TEST(Rest, EvidenceOfDensityControlGoesWithItsRows) {
   const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
   const Buffer<float> v(made.queue, {1, 0, 2, 0, 3, 0}, "v_means2d");
   density.see(made.queue, {2, 2, touched, v});
-  const auto pull = [&] {
+  const Buffer<cl_uint> fewer(made.queue, {0, 1, 1}, "tiles");
+  density.see(made.queue, {2, 2, fewer, v});
+  const auto evidence = [&](const char* name) {
     Arrays arrays;
     density.save_state(made.queue, arrays);
-    return std::get<std::vector<float>>(arrays.at("density/pull").values);
+    return std::get<std::vector<float>>(arrays.at(name).values);
   };
-  EXPECT_EQ(pull(), (std::vector<float>{1, 2, 3}));
+  EXPECT_EQ(evidence("density/pull"), (std::vector<float>{1, 4, 6}));
+  EXPECT_EQ(evidence("density/views"), (std::vector<float>{1, 2, 2}));
   density.reorder(made.queue, made.rest.refine(made.queue, made.p, *made.motion, made.rule));
-  EXPECT_EQ(pull(), (std::vector<float>{2, 1, 3}));
+  EXPECT_EQ(evidence("density/pull"), (std::vector<float>{4, 1, 6}));
+  EXPECT_EQ(evidence("density/views"), (std::vector<float>{2, 1, 2}));
 }
 
 // Of rows 0 moving, 1 and 2 at rest, the last one grows.

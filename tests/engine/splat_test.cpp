@@ -195,6 +195,22 @@ TEST_P(Splat, BlendsHundredsOfLayers) {  // T16: faint ones over an opaque one
   expect_reference(queue, s, {2e-5, 1e-4, 5e-5});
 }
 
+// Where one part of a tile is opaque the others go on: what lies behind shows there.
+TEST_P(Splat, AnOpaquePartDoesNotCloseItsTile) {
+  PosedScene s = scene_of(0, 16, 16);
+  s.shot.camera = s.shot.camera_t2 = test_camera(16, 16);
+  std::mt19937 rng(5);
+  for (int i = 0; i < 80; ++i) {  // the first 40 in the upper left corner
+    const double x = i < 40 ? -.8 : .3, jitter = .05 * (double(rng() % 100) / 100 - .5);
+    const double size = i < 40 ? .3 : .1;  // the first cover some pixels whole
+    add_gaussian(s, {x + jitter, x - jitter, 2 + .02 * i}, {size, size, size}, i < 40 ? .9 : .1,
+                 {jitter, .02, 0});
+    for (int c = 0; c < 3; ++c) s.p["colors"][3 * i + c] = double(float(rng() % 100) / 100);
+  }
+  // opaque layers: alpha/(1 - alpha) multiplies the rounding of what is behind
+  expect_reference(queue, s, {5e-6, 1e-4, 1e-4});
+}
+
 TEST_P(Splat, DrawsAFewSplatsInAFullHdImage) {
   PosedScene s = scene_of(0, narrow() ? 640 : 1920, narrow() ? 360 : 1080);
   std::mt19937 rng(7);

@@ -126,6 +126,10 @@ TEST(Checkpoint, OtherArchivesAndFormatsAreRefusedWithTheReason) {
   }
   with_facts("{\"format\": 1, \"arrays\": {\"gone\": [3]}}");
   expect_error([&] { read_checkpoint(path); }, {"a.npz", "'gone'"});
+  const std::string facts = "{\"format\": 1, \"arrays\": {\"means\": [3]}}";
+  write_npz(path, {{"facts", {{facts.size()}, std::vector<uint8_t>(facts.begin(), facts.end())}},
+                   {"means", {{2}, std::vector<float>{1, 2}}}});
+  expect_error([&] { read_checkpoint(path); }, {"'means'", "not the shape it was written with"});
 }
 
 TEST(CheckpointFolder, KeepsTheLastTwo) {
