@@ -20,6 +20,11 @@ Chunks chunks_for(const Queue& queue, size_t size, size_t least) {
   return {cl_uint(count), cl_uint((size + count - 1) / count)};
 }
 
+Chunks chunks_of_sums(size_t size, size_t least, size_t most) {
+  const size_t count = std::clamp<size_t>(size / least, 1, most);
+  return {cl_uint(count), cl_uint((size + count - 1) / count)};
+}
+
 int chunk_group(const Queue& queue) { return queue.lanes == 1 ? 256 : 1; }
 
 }  // namespace gflow

@@ -15,6 +15,10 @@ struct Chunks {
 // arrays of 2^31 elements or more: kernels index with 32 bits.
 Chunks chunks_for(const Queue& queue, size_t size, size_t least);
 
+// The same for sums of floats, whose rounding depends on how they are cut: `most` chunks wherever
+// the array is long enough, whatever the number of cores.
+Chunks chunks_of_sums(size_t size, size_t least, size_t most);
+
 // Work-items of a chunk's work-group: 1 or 256.
 int chunk_group(const Queue& queue);
 

@@ -40,7 +40,8 @@ void print_runs(const Plan& plan, const std::string& folder, int jobs) {
     standings.push_back(standing_of(run, folder));
     width = std::max(width, run.id.size());
   }
-  const std::vector<double> left = seconds_left(plan, standings);
+  const auto [left, guessed] = time_left(plan, standings);
+  const char* about = guessed ? "perhaps" : "about";
   double all = 0;
   for (size_t i = 0; i < plan.runs.size(); ++i) {
     const Standing& s = standings[i];
@@ -50,8 +51,9 @@ void print_runs(const Plan& plan, const std::string& folder, int jobs) {
     if (s.status == Status::stopped) state = fmt::format("stopped after {} steps", s.steps);
     if (s.status == Status::other_settings) state = "other settings: " + s.difference;
     if (s.status != Status::finished)
-      state += fmt::format(", {} left", std::isnan(left[i]) ? "nobody knows how much is"
-                                                            : "about " + duration_text(left[i]));
+      state += fmt::format(", {} left", std::isnan(left[i])
+                                            ? "nobody knows how much is"
+                                            : fmt::format("{} {}", about, duration_text(left[i])));
     fmt::print("{:<{}}  {:>7} steps  {}\n", plan.runs[i].id, width,
                plan.runs[i].config.train.iterations, state);
     all += left[i];
@@ -62,8 +64,9 @@ void print_runs(const Plan& plan, const std::string& folder, int jobs) {
   fmt::print("{} runs, {} of them finished; {}\n", plan.runs.size(), finished,
              std::isnan(all)
                  ? "how long the others take is known when one of them is"
-                 : fmt::format("about {} left{}", duration_text(all / jobs),
-                               jobs > 1 ? fmt::format(" with {} at a time", jobs) : ""));
+                 : fmt::format("{} {} left{}{}", about, duration_text(all / jobs),
+                               jobs > 1 ? fmt::format(" with {} at a time", jobs) : "",
+                               guessed ? ", guessed from steps and pixels: no run has begun" : ""));
 }
 
 void write_text(const std::string& path, const std::string& text) {
@@ -98,6 +101,7 @@ void run_experiment(const Flags& flags, const GlobalOptions& options) {
   how.quiet = options.quiet;
   how.redo = flags.redo;
   require_films(plan);
+  for (const std::string& device : how.devices) find_device(device);
   if (flags.dry_run) return print_runs(plan, folder, how.jobs);
   std::filesystem::create_directories(folder);
   const FileLock lock(folder + "/.lock", folder);

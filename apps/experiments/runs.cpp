@@ -15,12 +15,17 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <memory>
+#include <numeric>
 #include <thread>
+#include <tuple>
+#include <utility>
 
 #include "optim/data/json_file.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/train/judging_networks.hpp"
+#include "optim/train/loaded_scene.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/run_folder.hpp"
 
@@ -99,9 +104,30 @@ bool same_pictures(const TrainConfig& a, const TrainConfig& b) {
   });
 }
 
-int steps_made(const std::string& run) {
+// The last line of the log of a training: its step, and the seconds of training until then.
+std::pair<int, double> steps_made(const std::string& run) {
   const auto line = nlohmann::json::parse(last_line(run + "/metrics.jsonl"), nullptr, false);
-  return line.is_object() ? line.value("iteration", 0) : 0;
+  if (!line.is_object()) return {0, std::nan("")};
+  return {line.value("iteration", 0), line.value("seconds", std::nan(""))};
+}
+
+// Whether another process trains there: one that a gflow which was killed has left behind.
+bool is_being_trained(const std::string& run) {
+  return fs::is_directory(run) && !RunFolder(run).lock_if_free();
+}
+
+// Seconds a step may take where no run tells: measured were 256 x 192 pixels and 30 000 Gaussians
+// with flow, 10 ms on two cores with AVX-512 (PoCL). Another device or motion model may be several
+// times faster or slower. NaN where the scene cannot be read.
+double guessed_step(const SceneConfig& config) try {
+  const Scene scene = read_scene(config.path, options_of(config));
+  double pixels = 0;
+  for (const Camera& camera : scene.cameras)
+    pixels += double(camera.width) * camera.height / double(scene.cameras.size());
+  const double cores = std::max(1u, std::thread::hardware_concurrency());
+  return 4e-7 * pixels / double(config.resolution * config.resolution) / cores;
+} catch (const Error&) {
+  return std::nan("");
 }
 
 // One training as another process.
@@ -157,10 +183,7 @@ class Training {
 class Pool {
  public:
   Pool(const Plan& plan, const std::string& folder, const RunOptions& options)
-      : plan_(plan),
-        folder_(folder),
-        options_(options),
-        progress_("runs", total_steps(plan), options.quiet, 0) {
+      : plan_(plan), folder_(folder), options_(options) {
     for (size_t i = 0; i < plan.runs.size(); ++i) {
       const Standing standing = standing_of(plan.runs[i], folder);
       steps_.push_back(standing.steps);
@@ -174,7 +197,7 @@ class Pool {
       has_ended_.push_back(standing.status == Status::finished);
       if (standing.status != Status::finished) waiting_.push_back({i, other});
     }
-    std::reverse(waiting_.begin(), waiting_.end());  // the next one is the last
+    progress_ = std::make_unique<Progress>("runs", total_steps(plan), options.quiet, steps_done());
   }
 
   ~Pool() {  // only what an error left running
@@ -191,7 +214,7 @@ class Pool {
       if (interrupted() && !told_to_stop_) stop_all();
       look();
     }
-    progress_.finish();
+    progress_->finish();
     if (interrupted())
       throw Interrupted(fmt::format("stopped with {} of {} runs finished; the same command goes on",
                                     finished(), plan_.runs.size()));
@@ -208,6 +231,7 @@ class Pool {
     for (const PlannedRun& run : plan.runs) steps += run.config.train.iterations;
     return steps;
   }
+  long steps_done() const { return std::accumulate(steps_.begin(), steps_.end(), 0L); }
   size_t finished() const {
     return plan_.runs.size() - waiting_.size() - running_.size() - failures_.size() - stopped_;
   }
@@ -223,7 +247,16 @@ class Pool {
 
   void start_more() {
     while (!waiting_.empty() && int(running_.size()) < options_.jobs && !interrupted()) {
-      const auto [i, anew] = waiting_.back();
+      const auto next = std::find_if(waiting_.begin(), waiting_.end(), [&](const auto& run) {
+        return !is_being_trained(RunFiles(folder_, plan_.runs[run.first].id).run);
+      });
+      if (next == waiting_.end()) {
+        if (running_.empty() && !std::exchange(told_to_wait_, true))
+          progress_->say(fmt::format("gflow: another process trains {}: waiting for its end",
+                                     plan_.runs[waiting_[0].first].id));
+        return;
+      }
+      const auto [i, anew] = *next;
       // The first device that none is on, or the one with fewest.
       std::vector<std::string> devices = options_.devices;
       if (devices.empty()) devices.push_back("");
@@ -234,7 +267,7 @@ class Pool {
       const std::string device = *std::min_element(
           devices.begin(), devices.end(),
           [&](const std::string& a, const std::string& b) { return taken(a) < taken(b); });
-      waiting_.pop_back();
+      waiting_.erase(next);
       const std::string run = RunFiles(folder_, plan_.runs[i].id).run;
       // Before the new settings stand beside it: a training that is stopped early must not leave
       // the results of the former one under them.
@@ -257,7 +290,7 @@ class Pool {
     for (auto entry = running_.begin(); entry != running_.end();) {
       const size_t i = entry->first;
       const PlannedRun& run = plan_.runs[i];
-      steps_[i] = std::max(steps_[i], steps_made(RunFiles(folder_, run.id).run));
+      steps_[i] = std::max(steps_[i], steps_made(RunFiles(folder_, run.id).run).first);
       if (!entry->second.training.ended()) {
         ++entry;
         continue;
@@ -271,16 +304,15 @@ class Pool {
         fail(i);
       entry = running_.erase(entry);
     }
-    long done = 0;
-    for (const int steps : steps_) done += steps;
-    progress_.update(done, {{"finished", fmt::format("{}/{}", finished(), plan_.runs.size())},
-                            {"running", fmt::format("{}", running_.size())}});
+    progress_->update(steps_done(),
+                      {{"finished", fmt::format("{}/{}", finished(), plan_.runs.size())},
+                       {"running", fmt::format("{}", running_.size())}});
   }
 
   void fail(size_t i) {
     failures_.push_back(i);
     const RunFiles files(folder_, plan_.runs[i].id);
-    progress_.say(fmt::format("{} failed: {}", plan_.runs[i].id, reason(files.log)));
+    progress_->say(fmt::format("{} failed: {}", plan_.runs[i].id, reason(files.log)));
   }
 
   struct Job {
@@ -291,14 +323,14 @@ class Pool {
   const Plan& plan_;
   std::string folder_;
   RunOptions options_;
-  Progress progress_;
+  std::unique_ptr<Progress> progress_;
   std::vector<bool> has_ended_;                   // of each run, well
   std::vector<int> steps_;                        // of each run
-  std::vector<std::pair<size_t, bool>> waiting_;  // run, and whether it is begun anew
+  std::vector<std::pair<size_t, bool>> waiting_;  // run, and whether it is begun anew; in order
   std::map<size_t, Job> running_;
   std::vector<size_t> failures_;
   size_t stopped_ = 0;
-  bool told_to_stop_ = false;
+  bool told_to_stop_ = false, told_to_wait_ = false;
 };
 
 }  // namespace
@@ -309,8 +341,11 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   if (!fs::exists(files.settings) || !RunFolder::is_run(files.run)) return standing;
   const RunFacts facts = RunFolder(files.run).read_facts();
   const bool finished = facts.finished && fs::exists(files.run + "/results.json");
-  standing.steps = finished ? run.config.train.iterations : steps_made(files.run);
-  if (finished) standing.seconds = train_seconds(files.run + "/results.json");
+  std::tie(standing.steps, standing.seconds) = steps_made(files.run);
+  if (finished) {
+    standing.steps = run.config.train.iterations;
+    standing.seconds = train_seconds(files.run + "/results.json");
+  }
   standing.status = finished ? Status::finished : Status::stopped;
   TrainConfig before;
   apply_file(before, files.settings);
@@ -323,30 +358,37 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   return standing;
 }
 
-std::vector<double> seconds_left(const Plan& plan, const std::vector<Standing>& standings) {
-  // Seconds a step of the finished runs of a scene, or of all.
+TimeLeft time_left(const Plan& plan, const std::vector<Standing>& standings) {
+  // Seconds a step of the runs of a scene, or of all.
   const auto pace = [&](const std::string& scene) {
     double seconds = 0, steps = 0;
     for (size_t i = 0; i < plan.runs.size(); ++i)
-      if (standings[i].status == Status::finished && !std::isnan(standings[i].seconds) &&
+      if (standings[i].status != Status::other_settings && standings[i].steps > 0 &&
+          !std::isnan(standings[i].seconds) &&
           (scene.empty() || plan.rows[plan.runs[i].row].scene == scene)) {
         seconds += standings[i].seconds;
-        steps += plan.runs[i].config.train.iterations;
+        steps += standings[i].steps;
       }
     return steps > 0 ? seconds / steps : std::nan("");
   };
-  std::vector<double> left;
+  TimeLeft time{{}, std::isnan(pace(""))};
+  std::map<std::string, double> guesses;  // by scene
   for (size_t i = 0; i < plan.runs.size(); ++i) {
     const int steps = standings[i].status == Status::other_settings ? 0 : standings[i].steps;
     double each = pace(plan.rows[plan.runs[i].row].scene);
     if (std::isnan(each)) each = pace("");
+    if (time.guessed) {
+      const std::string& scene = plan.rows[plan.runs[i].row].scene;
+      if (!guesses.count(scene)) guesses[scene] = guessed_step(plan.runs[i].config.scene);
+      each = guesses[scene];
+    }
     const ScheduleConfig& train = plan.runs[i].config.train;
     double seconds = each * double(train.iterations - steps);
     const double most = 60.0 * double(train.minutes);
     if (most > 0 && !(seconds < most)) seconds = most;
-    left.push_back(standings[i].status == Status::finished ? 0 : seconds);
+    time.left.push_back(standings[i].status == Status::finished ? 0 : seconds);
   }
-  return left;
+  return time;
 }
 
 void train_all(const Plan& plan, const std::string& folder, const RunOptions& options) {

@@ -20,15 +20,19 @@ enum class Status { missing, stopped, finished, other_settings };
 struct Standing {
   Status status = Status::missing;
   int steps = 0;           // made
-  double seconds = 0;      // a finished one trained; NaN where its results do not say
+  double seconds = 0;      // they took; NaN where nothing says
   std::string difference;  // other_settings: the first setting that is another, and its values
 };
 
 Standing standing_of(const PlannedRun& run, const std::string& folder);
 
-// Likely seconds that are left of each run, from those that are finished, of the same scene where
-// there is one; NaN where none is.
-std::vector<double> seconds_left(const Plan& plan, const std::vector<Standing>& standings);
+// Likely seconds that are left of each run, from the steps that were made, of the same scene where
+// there are any. Where there are none at all, by the size of the pictures: `guessed`.
+struct TimeLeft {
+  std::vector<double> left;  // NaN: not known
+  bool guessed = false;
+};
+TimeLeft time_left(const Plan& plan, const std::vector<Standing>& standings);
 
 struct RunOptions {
   int jobs = 1;                      // trainings at a time
@@ -43,8 +47,9 @@ struct RunsFailed : Error {
 };
 
 // Trains what is missing, as other processes. A run that fails is told and the others go on;
-// RunsFailed at the end names it. Error before anything is done when there is a run with other
-// settings and not redo. On a signal all are stopped, which saves them: Interrupted.
+// RunsFailed at the end names it. What another process is training already is waited for. Error
+// before anything is done when there is a run with other settings and not redo. On a signal all are
+// stopped, which saves them: Interrupted.
 void train_all(const Plan& plan, const std::string& folder, const RunOptions& options);
 
 }  // namespace gflow::experiments

@@ -81,6 +81,31 @@ Words scenes_of(const Plan& plan) {
   return scenes;
 }
 
+// Of the k-th of `count` bars, as #RRGGBB: round the circle of hues, every other one darker.
+std::string colour(size_t k, size_t count) {
+  const double hue = 6 * double(k) / double(count), value = k % 2 ? 150 : 220;
+  const auto level = [&](double at) {  // 1 within 60 degrees of its hue, 0 from 120 on
+    const double away = std::fabs(std::remainder(hue - at, 6));
+    return int(value * (0.15 + 0.85 * std::clamp(2 - away, 0.0, 1.0)));
+  };
+  return fmt::format("#{:02x}{:02x}{:02x}", level(0), level(2), level(4));
+}
+
+// Where bars begin: at 0 where less is better; PSNR and SSIM far from 0 would all look alike, so
+// theirs a fifth of their range below the least.
+template <class Line>
+double lowest(const std::vector<Line>& lines, Better better) {
+  if (better == Better::lower) return 0;
+  double least = HUGE_VAL, most = -HUGE_VAL;
+  for (const Line& line : lines) {
+    const double mean = line.cells[0].mean();
+    if (std::isnan(mean)) continue;
+    least = std::min(least, mean);
+    most = std::max(most, mean);
+  }
+  return least - std::max(0.2 * (most - least), 1e-3 * std::fabs(least));
+}
+
 bool is_baseline(const Plan& plan, const Row& row) {
   bool is = !plan.baseline.empty();
   for (size_t k = 0; k < plan.baseline.size(); ++k)
@@ -217,10 +242,18 @@ std::string Results::markdown() const {
     finished += result.is_object();
     if (result.is_object()) devices.insert(result.value("device", ""));
   }
+  std::set<std::string> seen;  // scenes
+  for (size_t i = 0; i < results_.size(); ++i)
+    if (results_[i].is_object() && results_[i].contains("test") &&
+        results_[i]["test"].value("trained_on", false))
+      seen.insert(plan_.rows[plan_.runs[i].row].scene);
   return fmt::format(
-      "# {}\n\n{} of {} runs{}. Means{}.\n\n{}", plan_.title, finished, plan_.runs.size(),
+      "# {}\n\n{} of {} runs{}. Means{}.{}\n\n{}", plan_.title, finished, plan_.runs.size(),
       devices.empty() ? "" : fmt::format(", on {}", fmt::join(devices, " and ")),
       plan_.runs.size() > plan_.rows.size() ? " ± standard deviation over seeds" : " of one seed",
+      seen.empty() ? ""
+                   : fmt::format(" The test views of {} were trained on: they are no new views.",
+                                 fmt::join(seen, ", ")),
       markdown_of(metrics_, true));
 }
 
@@ -318,14 +351,18 @@ std::vector<Plot> Results::bars() const {
       }
       plot.table.push_back(words);
     }
-    // From 0 where less is better; PSNR and SSIM far from 0 would all look alike.
+    Words series;
+    for (size_t k = 0; k < each; ++k)
+      series.push_back(
+          fmt::format("'{}.tsv' using {}:{}:xtic(1) title columnheader({}) lc rgb '{}'", plot.name,
+                      2 * k + 2, 2 * k + 3, 2 * k + 2, colour(k, each)));
+    plot.height += int(20 * each);  // for the names
     plot.script = fmt::format(
         "set termoption noenhanced\nset datafile missing '?'\nset style data histograms\n"
-        "set style histogram errorbars gap 2 lw 1\nset style fill solid 0.8\nset ylabel {}\n"
-        "{}plot for [i=2:{}:2] '{}.tsv' using i:i+1:xtic(1) title columnheader(i)",
-        quoted(metrics_[m].label),
-        metrics_[m].better == Better::lower ? "set yrange [0:*]\n" : "set yrange [*:*]\n", 2 * each,
-        plot.name);
+        "set style histogram errorbars gap 2 lw 1\nset style fill solid 0.8\n"
+        "set key outside below left Left reverse maxcols 1\nset ylabel {}\nset yrange [{}:*]\n"
+        "plot {}",
+        quoted(metrics_[m].label), lowest(lines, metrics_[m].better), fmt::join(series, ", "));
     plots.push_back(plot);
   }
   return plots;

@@ -12,9 +12,8 @@ answer. Use it with guidance.cameras = "test", whose cameras have names.
 import os
 import sys
 
+from gflow_guidance import Answer, fail, serve  # says it when there is no numpy
 import numpy as np
-
-from gflow_guidance import Answer, fail, serve
 from picture_files import read_flo, read_png, read_rgb, resized
 
 

@@ -18,7 +18,11 @@ import sys
 from dataclasses import dataclass
 from typing import List, Optional
 
-import numpy as np
+try:
+    import numpy as np
+except ImportError:  # told as fail() does, before there is anything to serve
+    print(json.dumps({"error": f"{sys.executable} has no numpy: install it, or name another Python"}))
+    sys.exit(1)
 
 VERSION = 1  # of the protocol
 

@@ -95,9 +95,9 @@ TeacherFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, in
 
 namespace {
 
-// Error when points that are in sight all lie outside their camera's pictures, or all within the
-// first pixel as shares of the width would.
-void require_inside(const PointTracks& tracks, const Camera& stored, const std::string& path) {
+// How many places are in sight. Error when they all lie outside their camera's pictures, or all
+// within the first pixel as shares of the width would.
+size_t require_inside(const PointTracks& tracks, const Camera& stored, const std::string& path) {
   size_t in_sight = 0, inside = 0, in_first = 0;
   for (size_t i = 0; i < tracks.seen.size(); ++i) {
     if (!tracks.seen[i]) continue;
@@ -106,7 +106,7 @@ void require_inside(const PointTracks& tracks, const Camera& stored, const std::
     inside += x >= 0 && y >= 0 && x < float(stored.width) && y < float(stored.height);
     in_first += x >= 0 && y >= 0 && x <= 1 && y <= 1;
   }
-  if (in_sight == 0 || inside > in_first) return;
+  if (in_sight == 0 || inside > in_first) return in_sight;
   throw Error(
       fmt::format("{}: no point lies inside the pictures of camera {}{}: 'tracks' must be x, y in "
                   "pixels of the pictures as they are stored, {}x{}",
@@ -127,6 +127,7 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
         ".npz for each",
         folder, films.size(), scene.name));
   std::map<int, std::shared_ptr<const PointTracks>> tracks_of;  // by track
+  size_t in_sight = 0;
   std::vector<FlowStore::Loader> loaders;
   for (size_t i = first; i < pairs.size(); ++i) {
     const FlowPair pair = pairs[i];
@@ -154,7 +155,7 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
       if (int(tracks->pictures) != film.count)
         throw Error(fmt::format("{} follows points through {} pictures, camera {} has {}", path,
                                 tracks->pictures, stored.name, film.count));
-      require_inside(*tracks, stored, path);
+      in_sight += require_inside(*tracks, stored, path);
     }
     loaders.emplace_back([=, tracks = tracks] {
       return flow_of_points(*tracks, size_t(pair.frame - film.first),
@@ -163,6 +164,11 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
                             float(camera.height) / float(stored.height));
     });
   }
+  if (!tracks_of.empty() && in_sight == 0)
+    throw Error(
+        fmt::format("{}: no camera has a point in sight: 'tracks' has no finite numbers, or "
+                    "'visibility' none above .5",
+                    folder));
   return loaders;
 }
 

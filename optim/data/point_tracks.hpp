@@ -32,7 +32,7 @@ TeacherFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, in
 // Loaders of pairs[first] and those after it, from FOLDER/<camera name>.npz; `folder` itself may be
 // the file where one camera filmed everything. None for pairs without a next frame. Error when a
 // file is missing, has not as many pictures as its camera, no point inside them, or belongs to
-// pictures with a lens.
+// pictures with a lens, and when no camera has a point in sight.
 std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                                            size_t first, const FrameStore& frames,
                                            const std::string& folder);

@@ -108,7 +108,7 @@ void BasesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                            size_t rows) {
   const size_t n = std::min(rows, p.count);
   const KeyWeights keys = pose(queue, p, t);
-  const Chunks chunks = chunks_for(queue, n, 64);
+  const Chunks chunks = chunks_of_sums(n, 64, queue.lanes == 1 ? 1024 : 64);
   partials_.ensure(queue, chunks.count * kPose * size_t(shape_.bases));
   partials_.fill(queue, 0.f);  // the last chunks may be empty
   bases_bwd_(queue, Range::over(chunks.count, chunk_group(queue) == 1 ? 1 : 64), cl_uint(n),

@@ -50,15 +50,11 @@ Defines defines(const HexplaneShape& s) {
 
 // Chunks of Gaussians with a copy of the planes of their own: few, for the copies must be summed.
 Chunks plane_chunks(const Queue& queue, size_t n) {
-  const size_t most = queue.lanes == 1 ? 64 : std::min<size_t>(queue.info.compute_units, 16);
-  const size_t count = std::clamp<size_t>(n / 256, 1, most);
-  return {cl_uint(count), cl_uint((n + count - 1) / count)};
+  return chunks_of_sums(n, 256, queue.lanes == 1 ? 64 : 4);
 }
 // Chunks with a copy of the network.
 Chunks network_chunks(const Queue& queue, size_t n) {
-  const size_t most = queue.lanes == 1 ? 32 : std::min<size_t>(4 * queue.info.compute_units, 64);
-  const size_t count = std::clamp<size_t>(n / 128, 1, most);
-  return {cl_uint(count), cl_uint((n + count - 1) / count)};
+  return chunks_of_sums(n, 128, queue.lanes == 1 ? 32 : 16);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // `gflow experiment`: what a file names is trained once, whatever stops it, and the tables hold
 // what the runs came to.
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -12,6 +13,9 @@ namespace gflow {
 namespace {
 
 using Json = nlohmann::json;
+
+// Number of steps, and a model to begin with that is not there.
+const char* const no_first_file = "5\ninit.from = \"file\"\ninit.file = \"/no/such.ply\"";
 
 class Experiment : public testing::Test {
  protected:
@@ -314,6 +318,48 @@ TEST_F(Experiment, FlowIsSharedBetweenRunsOfTheSamePicturesOnly) {
   EXPECT_GT(flow_files_shared("small-2-0.2-seed0", "small-2-0.1-seed0"), 0);
 }
 
+// A gflow that was killed leaves its training behind: it is waited for, not taken for a failure.
+TEST_F(Experiment, WhatAnotherProcessTrainsIsWaitedFor) {
+  const std::string toml = file("", "400");
+  {
+    Command command({"experiment", toml, "-o", out(), "--quiet"});
+    for (int i = 0; i < 6000 && !fs::exists(run("small-off-seed0") + "/metrics.jsonl"); ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    command.send(SIGKILL);
+    command.wait();
+  }
+  const Outcome outcome = experiment(toml);
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(contents(out("/table.md")).find("4 of 4 runs"), std::string::npos);
+}
+
+TEST_F(Experiment, ADeviceThatIsNotThereIsToldBeforeAnythingIsTrained) {
+  const Outcome outcome = experiment(file(), {"--devices", "no such device"});
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find("no such device"), std::string::npos) << outcome.err;
+  EXPECT_FALSE(fs::exists(out()));
+}
+
+// Trainings side by side have fewer cores each: that must change no bit of any motion model.
+TEST_F(Experiment, TheNumberOfCoresChangesNoBit) {
+  for (const char* motion : {"spacetime", "native4d", "keyframes", "bases", "hexplane"}) {
+    const auto model = [&](const std::string& cores) {
+      const std::string path = out(motion + cores);
+      EXPECT_EQ(gflow({"train", scene_->path(), "-o", path, "--iterations", "8", "--quiet", "--set",
+                       std::string("motion.model=") + motion, "--set", "init.count=600"},
+                      "export POCL_MAX_PTHREAD_COUNT=" + cores)
+                    .code,
+                0);
+      std::map<std::string, std::string> files;
+      for (const auto& entry : fs::directory_iterator(path + "/point_cloud/iteration_8"))
+        files[entry.path().filename()] = contents(entry.path().string());
+      EXPECT_FALSE(files.empty());
+      return files;
+    };
+    EXPECT_TRUE(model("1") == model("2")) << motion;
+  }
+}
+
 TEST_F(Experiment, OtherSettingsAreNotMixedIn) {
   ASSERT_EQ(experiment(file()).code, 0);
   const std::string changed = file("", "5");
@@ -325,19 +371,21 @@ TEST_F(Experiment, OtherSettingsAreNotMixedIn) {
       << refused.err;
   EXPECT_EQ(read(run("small-off-seed0") + "/results.json")["iterations"], 4);
   // A training that is to be done again and comes to nothing leaves no results of the former one.
-  EXPECT_EQ(experiment(changed, {"--redo", "--devices", "no such device"}).code, 1);
+  EXPECT_EQ(experiment(file("", no_first_file), {"--redo"}).code, 1);
+  file("", "5");  // as it was
   EXPECT_NE(experiment(changed, {"--dry-run"}).out.find("4 runs, 0 of them finished"),
             std::string::npos);
-  ASSERT_EQ(experiment(changed, {"--redo"}).code, 0);
+  const Outcome redone = experiment(changed, {"--redo"});
+  ASSERT_EQ(redone.code, 0) << redone.err;
   EXPECT_EQ(read(run("small-on-seed3") + "/results.json")["iterations"], 5);
 }
 
 TEST_F(Experiment, ARunThatFailsLeavesTheOthers) {
-  // No such device: every run fails, and each says why in its log.
-  const Outcome none = experiment(file(), {"--devices", "no such device"});
+  // Every run fails, and each says why in its log.
+  const Outcome none = experiment(file("", no_first_file));
   EXPECT_EQ(none.code, 1);
   EXPECT_NE(none.err.find("4 of 4 runs failed"), std::string::npos) << none.err;
-  EXPECT_NE(none.err.find("no such device"), std::string::npos) << none.err;
+  EXPECT_NE(none.err.find("no/such.ply"), std::string::npos) << none.err;
   // One cannot be made because a file is in its place.
   fs::remove_all(out());
   fs::create_directories(out("/runs"));
