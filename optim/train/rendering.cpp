@@ -157,8 +157,10 @@ Image comparison_picture(Queue& queue, Model& model, const RenderView& view, Fra
                          const RenderOptions& options) {
   if (!view.truth) throw Error("view " + view.name + " has no picture to be compared with");
   Painter painter(queue, model, options);
-  return comparison(view, frames, painter.draw(view), view.time_t2 >= 0,
-                    painter.flow_scale({view}));
+  // Colours by the reference: that looks the same beside each model that is compared with it.
+  const bool with_flow = view.time_t2 >= 0;
+  const float longest = with_flow ? flow_length_above(reference_flow(view, frames), 0.002) : 0;
+  return comparison(view, frames, painter.draw(view), with_flow, std::max(longest, 1.f));
 }
 
 RenderReport render_views(Queue& queue, Model& model, const std::vector<RenderView>& views,
