@@ -122,6 +122,32 @@ TEST(Keyframes, OnAKeyOnlyItsRowsAreSeenAndActive) {
   EXPECT_EQ(p.more[0].rows.seen.read(queue), std::vector<cl_uint>(15, 0u));
 }
 
+// A key that time comes to goes on in a straight line from the two before it, or from the first.
+TEST(Keyframes, AKeyBeginsWhereThePathWasHeading) {
+  Queue queue = test_queue();
+  MotionShape shape;
+  shape.motion = MotionModelKind::keyframes;
+  shape.keys = 4;
+  MotionCheck check(queue, shape, 5, {});
+  Parameters& p = check.parameters();
+  auto* motion = dynamic_cast<KeyframesMotion*>(&check.motion());
+  ASSERT_TRUE(motion);
+  const Named before = check.values();
+  for (const int key : {1, 3}) motion->start_key(queue, p, key);
+  for (const auto& [name, width] : {std::pair{"key_shifts", 3}, {"key_turns", 4}}) {
+    const std::vector<float> after = p[name].values.read(queue);
+    const std::vector<double>& was = before.at(name);
+    const size_t block = 5 * size_t(width);
+    for (size_t i = 0; i < block; ++i) {
+      EXPECT_EQ(after[i], float(was[i]));
+      EXPECT_EQ(after[block + i], float(was[i]));
+      EXPECT_EQ(after[2 * block + i], float(was[2 * block + i]));
+      EXPECT_EQ(after[3 * block + i], 2 * after[2 * block + i] - after[block + i]) << name << i;
+    }
+  }
+  for (const int key : {0, 4}) EXPECT_THROW(motion->start_key(queue, p, key), Error);
+}
+
 TEST(Keyframes, ChildrenKeepTheirParentsPathThroughDensityControl) {
   Queue queue = test_queue();
   MotionShape shape;
