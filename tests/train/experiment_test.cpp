@@ -396,6 +396,27 @@ TEST_F(Experiment, ARunThatFailsLeavesTheOthers) {
   EXPECT_NE(contents(out("/table.md")).find("3 of 4 runs"), std::string::npos);
 }
 
+// Their scenes are stood in for by the small one, whose views are called otherwise than their
+// films.
+TEST_F(Experiment, TheShippedFilesAreRead) {
+  for (const char* scene :
+       {"n3v-baton", "n3v-sphere", "c4d-hammer", "c4d-fox", "dnerf-knight", "consistent4d_trex"})
+    fs::create_directory_symlink(scene_->path(), folder_.file(scene));
+  int files = 0;
+  for (const auto& entry : fs::directory_iterator(GFLOW_SOURCE_DIR "/apps/experiments")) {
+    if (entry.path().extension() != ".toml") continue;
+    ++files;
+    const Outcome outcome =
+        experiment(entry.path().string(), {"--dry-run", "--scenes", folder_.path()});
+    if (contents(entry.path().string()).find("\nfilms = ") != std::string::npos)
+      EXPECT_NE(outcome.err.find("no scene has pictures for film"), std::string::npos)
+          << outcome.err;
+    else
+      EXPECT_EQ(outcome.code, 0) << entry.path() << outcome.err;
+  }
+  EXPECT_GE(files, 10);
+}
+
 TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   const auto expect = [&](const std::string& text, std::initializer_list<std::string> words) {
     const Outcome outcome = experiment(folder_.write("a.toml", text));
