@@ -6,10 +6,12 @@
 #include <cmath>
 
 #include "data_readers/made_scene.hpp"
+#include "guidance/python.hpp"
 #include "optim/data/chained_flow.hpp"
 #include "optim/data/colmap_model.hpp"
 #include "optim/data/flow_store.hpp"
 #include "optim/data/image_header.hpp"
+#include "optim/data/point_tracks.hpp"
 #include "optim/data/readers.hpp"
 #include "optim/io/npy.hpp"
 
@@ -284,4 +286,33 @@ TEST(SharedScenes, RealFlowFilesAreRead) {
     EXPECT_NEAR(valid / double(flow.valid.size()), 0.162, 0.0005) << path;
     EXPECT_NEAR(length / valid, 51, 0.5) << path;
   }
+}
+
+// What tracks_of_truth.py says of points is the scene's true flow where they are.
+TEST(SharedScenes, TracksOfTruthAgreeWithTheTrueFlow) {
+  const std::string folder = shared("scenes/n3v-sphere");
+  if (!there(folder) || !has_python()) return;
+  const TemporaryFolder out;
+  const std::string script = GFLOW_SOURCE_DIR "/apps/experiments/tracks_of_truth.py ";
+  ASSERT_EQ(std::system((python() + script + folder + " " + out.path() + " > /dev/null").c_str()),
+            0);
+  const Scene scene = read_scene(folder);
+  const PointTracks tracks = read_point_tracks(out.path() + "/cam03.npz");
+  ASSERT_EQ(tracks.pictures, 20u);
+  EXPECT_EQ(tracks.points, 128u);
+  size_t known = 0;
+  for (const Frame& frame : scene.train) {
+    if (scene.cameras[size_t(frame.camera)].name != "cam03" || frame.step > 17) continue;
+    const TeacherFlow truth = read_true_flow(frame, 256, 192);
+    const TeacherFlow told =
+        flow_of_points(tracks, size_t(frame.step), size_t(frame.step) + 1, 256, 192);
+    for (size_t i = 0; i < truth.flow.valid.size(); ++i) {
+      if (!told.flow.valid[i]) continue;
+      ++known;
+      ASSERT_EQ(truth.confidence[i], 255);
+      for (size_t axis : {0, 1})
+        ASSERT_NEAR(told.flow.uv[2 * i + axis], truth.flow.uv[2 * i + axis], 0.25);
+    }
+  }
+  EXPECT_GT(known, 18u * 128u / 4);  // the side that is seen, one point a pixel
 }
