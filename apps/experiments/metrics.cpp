@@ -75,8 +75,8 @@ Metric metric_named(const std::string& name) {
   for (const Metric& metric : all_metrics()) {
     if (whole != metric.name) continue;
     if (at == std::string::npos) return metric;
-    const bool of_motion = whole == "motion_error";
-    const bool of_tracks = of_motion || whole == "track_error";
+    const bool of_motion = whole.rfind("motion_error", 0) == 0;
+    const bool of_tracks = of_motion || whole.rfind("track_error", 0) == 0;
     const bool of_views = metric.path.size() == 2 && std::string(metric.path[0]) == "test";
     if (!of_tracks && !of_views) throw Error("metric '" + whole + "' has no value for each step");
     const auto steps = step_range(name.substr(at + 1));
@@ -85,8 +85,8 @@ Metric metric_named(const std::string& name) {
     Metric part = metric;
     part.name = name;
     part.label = fmt::format("{}, steps {} to {}", metric.label, steps->first, steps->second);
-    if (of_tracks)
-      part.path = {"test", "tracks", of_motion ? "motion_by_step" : "by_step"};
+    if (of_tracks)  // of all points, or of those that are seen
+      part.path.back() = of_motion ? "motion_by_step" : "by_step";
     else
       part.path = {"test", "by_step", metric.path[1]};
     part.steps = steps;

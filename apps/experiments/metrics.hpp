@@ -32,8 +32,8 @@ std::optional<std::pair<size_t, size_t>> step_range(const std::string& text);
 // differ from one time to the next.
 const std::vector<Metric>& all_metrics();
 std::vector<std::string> metric_names();
-// NAME or, for figures that views have and for track_error, NAME@FIRST-LAST: at those time steps of
-// the video, from 0. Error when there is none of that name.
+// NAME or, for figures of views, tracks and motions, NAME@FIRST-LAST: at those time steps of the
+// video, from 0. Error when there is none of that name.
 Metric metric_named(const std::string& name);
 // Whether two trainings alike have the same.
 bool is_repeatable(const Metric& metric);

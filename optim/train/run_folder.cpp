@@ -317,7 +317,9 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
   if (const auto& tracks = evaluation.tracks; tracks && tracks->seen)
     test["tracks"]["seen"] = {{"share", tracks->seen->share},
                               {"mean", tracks->seen->mean},
-                              {"motion", tracks->seen->motion}};
+                              {"motion", tracks->seen->motion},
+                              {"by_step", tracks->seen->by_step},
+                              {"motion_by_step", tracks->seen->motion_by_step}};
   const Json results{{split, test},
                      {"num_gaussians", gaussians},
                      {"iterations", facts.iterations},

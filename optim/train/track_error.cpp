@@ -140,8 +140,10 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
   std::vector<double> sums(tracks.points, 0.0);
   std::vector<uint8_t> seen_so_far(tracks.points, 1);
   size_t steps_seen = 0, kept_seen = 0;  // of all points
-  TrackError::Seen seen;
   TrackError error;
+  TrackError::Seen seen;
+  seen.by_step.assign(tracks.steps, 0.0);
+  seen.motion_by_step.assign(tracks.steps, std::nan(""));
   const double later_steps = double(tracks.steps - 1), all = later_steps * double(tracks.points);
   error.by_step.assign(tracks.steps, 0.0);
   error.motion_by_step.assign(tracks.steps, 0.0);
@@ -149,6 +151,8 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
   for (size_t step = 0; step + 1 < tracks.steps; ++step) {
     const std::vector<Carrier> now = carriers(queue, model, model.time(double(step) / later_steps),
                                               model.time(double(step + 1) / later_steps));
+    size_t seen_now = 0, kept_now = 0;
+    double motions = 0, distances = 0;  // of those
     for (size_t k = 0; k < tracks.points; ++k) {
       if (!carried(now, points[k])) error.lost += 1 / all;
       const double distance = double((points[k] - truth(step + 1, k)).norm());
@@ -160,14 +164,20 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
       error.motion_by_step[step + 1] += motion / double(tracks.points);
       if (!tracks.seen.empty()) {
         const uint8_t now_seen = tracks.seen[step * tracks.points + k];
-        steps_seen += now_seen;
-        seen.motion += now_seen ? motion : 0;
+        seen_now += now_seen;
+        motions += now_seen ? motion : 0;
         seen_so_far[k] &= now_seen;
-        kept_seen += seen_so_far[k];
-        seen.mean += seen_so_far[k] ? distance : 0;
+        kept_now += seen_so_far[k];
+        distances += seen_so_far[k] ? distance : 0;
       }
       error.still += double((truth(0, k) - truth(step + 1, k)).norm()) / all;
     }
+    steps_seen += seen_now;
+    kept_seen += kept_now;
+    seen.motion += motions;
+    seen.mean += distances;
+    seen.by_step[step + 1] = kept_now ? distances / double(kept_now) : std::nan("");
+    if (seen_now) seen.motion_by_step[step + 1] = motions / double(seen_now);
     error.mean += error.by_step[step + 1] / later_steps;
     error.motion += error.motion_by_step[step + 1] / later_steps;
   }

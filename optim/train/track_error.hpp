@@ -42,6 +42,7 @@ struct TrackError {
     double share = 0;   // of all steps of all points
     double mean = 0;    // of points for as long as they have been seen in every step
     double motion = 0;  // of these steps
+    std::vector<double> by_step, motion_by_step;  // as above; NaN where none is seen
   };
   std::optional<Seen> seen;
 };

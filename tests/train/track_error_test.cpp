@@ -119,6 +119,13 @@ TEST(TrackError, WhatTrainingSawIsToldApart) {
   EXPECT_NEAR(error.seen->share, 4. / 8, 1e-12);
   EXPECT_NEAR(error.seen->mean, (.25 + .5 + .25) / 3, 1e-6);
   EXPECT_NEAR(error.seen->motion, .25, 1e-6);
+  ASSERT_EQ(error.seen->by_step.size(), 3u);
+  ASSERT_EQ(error.seen->motion_by_step.size(), 3u);
+  EXPECT_TRUE(std::isnan(error.seen->motion_by_step[0]));
+  for (const size_t step : {1u, 2u}) {
+    EXPECT_NEAR(error.seen->by_step[step], .25 * double(step), 1e-6);
+    EXPECT_NEAR(error.seen->motion_by_step[step], .25, 1e-6);
+  }
   scene.train[1].flow_path.clear();  // one that nobody knows
   mark_seen(tracks, scene, frames);
   EXPECT_TRUE(tracks.seen.empty());
