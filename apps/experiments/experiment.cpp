@@ -42,7 +42,7 @@ void print_runs(const Plan& plan, const std::string& folder, int jobs) {
   }
   const auto [left, guessed] = time_left(plan, standings);
   const char* about = guessed ? "perhaps" : "about";
-  double all = 0;
+  double all = 0, longest = 0;
   for (size_t i = 0; i < plan.runs.size(); ++i) {
     const Standing& s = standings[i];
     std::string state = "not begun";
@@ -57,6 +57,7 @@ void print_runs(const Plan& plan, const std::string& folder, int jobs) {
     fmt::print("{:<{}}  {:>7} steps  {}\n", plan.runs[i].id, width,
                plan.runs[i].config.train.iterations, state);
     all += left[i];
+    longest = std::max(longest, left[i]);
   }
   const auto finished = std::count_if(standings.begin(), standings.end(), [](const Standing& s) {
     return s.status == Status::finished;
@@ -64,9 +65,11 @@ void print_runs(const Plan& plan, const std::string& folder, int jobs) {
   fmt::print("{} runs, {} of them finished; {}\n", plan.runs.size(), finished,
              std::isnan(all)
                  ? "how long the others take is known when one of them is"
-                 : fmt::format("{} {} left{}{}", about, duration_text(all / jobs),
-                               jobs > 1 ? fmt::format(" with {} at a time", jobs) : "",
-                               guessed ? ", guessed from steps and pixels: no run has begun" : ""));
+                 : fmt::format(
+                       "{} {} left{}{}", about, duration_text(std::max(all / jobs, longest)),
+                       jobs > 1 ? fmt::format(" with {} at a time", jobs) : "",
+                       guessed ? ", guessed from steps and pixels, training alone: no run has begun"
+                               : ""));
 }
 
 void write_text(const std::string& path, const std::string& text) {

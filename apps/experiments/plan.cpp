@@ -298,6 +298,8 @@ class Reader {
       known = words[k] == any_choice ||
               std::any_of(axes[k].choices.begin(), axes[k].choices.end(),
                           [&](const Choice& choice) { return choice.name == words[k]; });
+    known &= std::any_of(words.begin(), words.end(),
+                         [](const std::string& word) { return word != any_choice; });
     if (known) return words;
     std::vector<std::string> choices;
     for (const Axis& axis : axes) {

@@ -340,7 +340,10 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   Standing standing;
   if (!fs::exists(files.settings) || !RunFolder::is_run(files.run)) return standing;
   const RunFacts facts = RunFolder(files.run).read_facts();
-  const bool finished = facts.finished && fs::exists(files.run + "/results.json");
+  // One whose results were lost or damaged is judged again, as one that was stopped before.
+  std::ifstream results(files.run + "/results.json");
+  const bool finished =
+      facts.finished && nlohmann::json::parse(results, nullptr, false).is_object();
   std::tie(standing.steps, standing.seconds) = steps_made(files.run);
   if (finished) {
     standing.steps = run.config.train.iterations;

@@ -159,7 +159,7 @@ TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
   // From the beginning, two at a time; one of them was lost, one stopped before its results.
   EXPECT_GT(flow_files_shared("small-on-seed3", "small-on-seed0"), 0);
   fs::remove_all(run("small-off-seed0"));
-  fs::remove(run("small-on-seed3") + "/results.json");
+  std::ofstream(run("small-on-seed3") + "/results.json") << "{ damaged";
   EXPECT_NE(experiment(toml, {"--dry-run"}).out.find("4 runs, 2 of them finished"),
             std::string::npos);
   ASSERT_EQ(experiment(toml, {"--jobs", "2"}).code, 0);
@@ -433,6 +433,8 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect(scenes + "seeds = [-1]", {"line 2", "seeds are whole numbers"});
   expect(scenes + "metrics = [\"psnr\", \"psnr\"]", {"'psnr' is named twice"});
   expect(scenes + "baseline = \"off\"", {"line 2", "there is no axis"});
+  expect(scenes + "baseline = \"*\"\n[[axis]]\nname = \"a\"\nchoices = [{ name = \"b\" }]",
+         {"line 2", "'baseline' must name a choice"});
   expect(scenes + "seeds = [99999999999]", {"line 2", "0 to 2000000000"});
   expect(scenes + "[settings]\ntrain.seed = 7", {"'train.seed'", "the list 'seeds'"});
   expect(scenes + "[settings]\nscene.path = \"/b\"", {"'scene.path'", "the list 'scenes'"});
