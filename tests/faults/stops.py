@@ -1,4 +1,4 @@
-"""Trainings that are killed while they save, interrupted at any moment, or two in one folder."""
+"""Trainings that are killed while they save, interrupted at any moment, two in one folder or side by side."""
 import os
 import random
 import shutil
@@ -41,10 +41,14 @@ class Long:
     def finish(self):
         """Goes on to the end, and says what is then not as in a training without stops."""
         outcome = self.world.run([*self.arguments, "--resume"])
+        return self.judged(outcome)
+
+    def judged(self, outcome):
+        """What is wrong with a training that came to its end; forgets it."""
         wrong = complaints(outcome, (0,)) + [f"{path} was left behind" for path in unfinished_in(self.run)]
         if outcome.code == 0:
             left = self._left()
-            wrong += [f"{name} is not as in a training without stops" for name in left
+            wrong += [f"{name} is not as in a training that nothing disturbed" for name in left
                       if left[name] != self.expected[name]]
         self.begin_anew()
         return wrong
@@ -140,7 +144,19 @@ def two_in_one_folder(world):
     return results
 
 
+def side_by_side(world):
+    """Two trainings of 2000 steps at the same time, in folders of their own: each to the byte as one alone."""
+    long = Long(world, "beside", checkpoint_every=500, iterations=2000)
+    runs = [world.path("beside-first"), world.path("beside-second")]
+    both = [world.start([run if word == long.run else word for word in long.arguments]) for run in runs]
+    for run, process in zip(runs, both):
+        outcome = ended(process)
+        os.rename(run, long.run)
+        yield [f"{os.path.basename(run)}: {what}" for what in long.judged(outcome)]
+
+
 def faults(world, every):
     yield f"stops: kill -9 while saving, {KILLS} times", lambda: killed_in_saving(world)
     yield f"stops: SIGINT, SIGTERM, SIGHUP at {SIGNALS} moments", lambda: signalled(world)
     yield "stops: two processes in one folder", lambda: two_in_one_folder(world)
+    yield "stops: two trainings side by side", lambda: side_by_side(world)
