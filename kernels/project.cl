@@ -72,7 +72,7 @@ kernel void project_fwd(const uint n, const PinholeCamera camera,
   const int2 y = tile_span(p.mean.y, reach_y, camera.height);
   if (x.x > x.y || y.x > y.y) return;
   const Whitening w = whiten(p.m);
-  const float sum = p.mean.x + p.mean.y + w.k1 + w.k2 + w.k3 + log2_opacity + w.det;
+  const float sum = p.mean.x + p.mean.y + p.p.z + w.k1 + w.k2 + w.k3 + log2_opacity + w.det;
   if (!is_finite_real(sum)) return;
 
   const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;

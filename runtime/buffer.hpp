@@ -89,7 +89,7 @@ class Buffer {
     check_range("reading", first, count);
     std::vector<T> data(count);
     if (count)
-      cl_call("reading " + describe(), [&] {
+      queue.wait("reading " + describe(), [&] {
         queue.handle.enqueueReadBuffer(handle_, CL_TRUE, first * sizeof(T), count * sizeof(T),
                                        data.data());
       });
@@ -164,7 +164,7 @@ class Buffer {
   void enqueue_write(Queue& queue, size_t first, const std::vector<T>& data, cl_bool wait) {
     check_range("writing", first, data.size());
     if (!data.empty())
-      cl_call("writing " + describe(), [&] {
+      queue.wait("writing " + describe(), [&] {
         queue.handle.enqueueWriteBuffer(handle_, wait, first * sizeof(T), data.size() * sizeof(T),
                                         data.data());
       });

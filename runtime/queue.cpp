@@ -35,6 +35,7 @@ Queue::Queue(const cl::Device& device, const QueueOptions& options)
     : device(device),
       info(device_info(device)),
       lanes(checked_lanes(options.lanes, info)),
+      watchdog_(std::make_unique<Watchdog>(info.full_name(), device_timeout())),
       profile_(options.profile),
       poison_(wanted("GFLOW_POISON_BUFFERS", debug_build)),
       finish_each_launch_(wanted("GFLOW_SYNC", false)) {
@@ -44,16 +45,12 @@ Queue::Queue(const cl::Device& device, const QueueOptions& options)
   });
 }
 
-void Queue::finish() {
-  cl_call("waiting for " + info.full_name(), [&] { handle.finish(); });
-}
-
 void Queue::flush() {
   cl_call("handing work to " + info.full_name(), [&] { handle.flush(); });
 }
 
 void Queue::launched(const std::string& kernel, const cl::Event& event) {
-  if (finish_each_launch_) cl_call("running kernel " + kernel, [&] { handle.finish(); });
+  if (finish_each_launch_) wait("running kernel " + kernel, [&] { handle.finish(); });
   if (!profile_) return;
   events_.emplace_back(kernel, event);
   const size_t most_kept = 4096;  // a long training must not hoard driver objects

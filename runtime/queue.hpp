@@ -3,10 +3,13 @@
 // Work is only queued; nothing is waited for except by finish() and blocking reads and writes.
 #pragma once
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "runtime/device.hpp"
+#include "runtime/error.hpp"
+#include "runtime/watchdog.hpp"
 
 namespace gflow {
 
@@ -31,7 +34,18 @@ class Queue {
   Queue& operator=(const Queue&) = delete;
 
   // Waits until all queued work is done.
-  void finish();
+  void finish() {
+    wait("waiting for " + info.full_name(), [&] { handle.finish(); });
+  }
+  // Runs f, a call of OpenCL that waits, as cl_call does, under the watchdog.
+  template <class F>
+  void wait(const std::string& doing, F&& f) {
+    cl_call(doing, [&] { watchdog_->wait(f); });
+  }
+  // For destructors: waits for an event, whatever comes of it.
+  void wait_quietly(const cl::Event& event) {
+    watchdog_->wait([&] { clWaitForEvents(1, &event()); });
+  }
   // Hands queued work to the device without waiting; for long launch sequences on GPUs.
   void flush();
 
@@ -57,6 +71,7 @@ class Queue {
  private:
   void fold_events();
 
+  std::unique_ptr<Watchdog> watchdog_;
   bool profile_;
   bool poison_;
   bool finish_each_launch_;  // GFLOW_SYNC=1: an error then belongs to the launch just made

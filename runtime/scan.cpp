@@ -31,13 +31,14 @@ void Scan::exclusive(Queue& queue, const Buffer<cl_uint>& in, Buffer<cl_uint>& o
 uint64_t Scan::total(Queue& queue) const { return total_.read(queue)[0]; }
 
 void Scan::fetch_total(Queue& queue) {
-  fetched_ = std::make_unique<Fetched>();
+  fetched_ = std::make_unique<Fetched>(queue);
   fetched_->event = total_.read_async(queue, fetched_->value);
   cl_call("starting the queue", [&] { queue.handle.flush(); });
 }
 
 uint64_t Scan::fetched_total() {
-  cl_call("waiting for a total", [&] { fetched_->event.wait(); });
+  fetched_->queue.wait("waiting for a total", [&] { fetched_->event.wait(); });
+  fetched_->event = cl::Event();
   return fetched_->value[0];
 }
 

@@ -26,10 +26,12 @@ class Scan {
  private:
   // What the device may still write to is not let go of.
   struct Fetched {
+    Queue& queue;
     std::vector<cl_ulong> value;
     cl::Event event;
+    explicit Fetched(Queue& queue) : queue(queue) {}
     ~Fetched() {
-      if (event()) clWaitForEvents(1, &event());
+      if (event()) queue.wait_quietly(event);
     }
   };
   int group_;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // T29: one broken value in one Gaussian at the left of an image, in every slot of what the engine
 // is given. At the right no bit may change, and the broken one must be named: not seen where it is
-// not finite.
+// not finite. A broken camera concerns all: of it nothing may come that is not a number.
+#include <cstddef>
 #include <cstring>
 #include <limits>
 #include <map>
@@ -148,6 +149,30 @@ class Poisoned {
   std::map<std::string, std::vector<float>> unturned_;  // the culprit's record without that turn
 };
 
+// Every poison in every number of both cameras, or of that at t2 alone. Where flow cannot be formed
+// for the camera at t2, its gradients are no numbers either: Adam refuses and counts those rows,
+// and the training goes back. Of what flow has no part in, and of images, all must be finite.
+Harm camera(Queue& queue, const reference::Planes& v, bool both) {
+  Harm harm;
+  const size_t numbers = offsetof(PinholeCamera, width) / sizeof(float);
+  for (size_t k = 0; k < numbers; ++k)
+    for (const float poison : poisons()) {
+      PosedScene s = two_sides();
+      const auto put = [&](PinholeCamera& c) {
+        std::memcpy(reinterpret_cast<char*>(&c) + k * sizeof(float), &poison, sizeof poison);
+      };
+      if (both) put(s.shot.camera);
+      put(s.shot.camera_t2);
+      DeviceScene device(queue, s);
+      for (const auto& [name, image] : device.forward()) harm.not_finite += count_not_finite(image);
+      for (const auto& [name, gradient] : device.backward(v))
+        if (both || name == "colors" || name == "opacities")
+          harm.not_finite += count_not_finite(gradient);
+      ++harm.cases;
+    }
+  return harm;
+}
+
 Rows poison(Queue& queue) {
   Rows rows;
   Poisoned scene(queue);
@@ -163,6 +188,12 @@ Rows poison(Queue& queue) {
     const Harm h = scene.cotangent(image);
     rows.push_back({fmt::format("v_{}, {:.0f} cases: others' gradients changed", image, h.cases),
                     h.gradients_changed, 0});
+  }
+  for (const bool both : {true, false}) {
+    const Harm h = camera(queue, random_cotangents(two_sides(), 10), both);
+    rows.push_back(
+        {fmt::format("{}, {:.0f} cases: not finite", both ? "cameras" : "camera at t2", h.cases),
+         h.not_finite, 0});
   }
   return rows;
 }

@@ -43,4 +43,13 @@ int RollBack::go_back(int step, const StepFigures& figures, std::string& notice)
   return from;
 }
 
+void RollBack::save_what_there_is(int step, double seconds,
+                                  const std::optional<StepFigures>& before) {
+  queue_.finish();
+  StepFigures now;
+  now.gaussians = trainer_.gaussians();
+  now.refused = trainer_.refused(queue_);
+  if (is_sound(now, before.value_or(StepFigures{}))) checkpoints_.write(step, seconds);
+}
+
 }  // namespace gflow

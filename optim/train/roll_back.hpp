@@ -2,6 +2,8 @@
 // A training whose figures stop being numbers goes back to its last checkpoint and learns more
 // slowly from there (numerics 3, "non-finite loss").
 #pragma once
+#include <optional>
+
 #include "optim/train/resume.hpp"
 #include "optim/train/trainer.hpp"
 
@@ -23,6 +25,10 @@ class RollBack {
   // so in `notice`. Returns that step. Error when there is none, or after `most` times: then
   // broken.npz in the run holds the state that the training came to.
   int go_back(int step, const StepFigures& figures, std::string& notice);
+
+  // Saves the state after `step` steps, when the next one failed for want of memory, if it is sound
+  // as far as can be seen without an image: `before` as for is_sound().
+  void save_what_there_is(int step, double seconds, const std::optional<StepFigures>& before);
 
  private:
   Queue& queue_;

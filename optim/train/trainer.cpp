@@ -413,6 +413,10 @@ void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& p
     motion_loss_->set_pairs(queue, load_neighbours(arrays, model_.parameters.count, path));
 }
 
+size_t Trainer::refused(Queue& queue) {
+  return reduce_.count_nonzero(queue, model_.parameters.rows.refused);
+}
+
 StepFigures Trainer::figures(Queue& queue) {
   StepFigures figures;
   const ImageLossValue image = image_loss_.value(queue);
@@ -434,9 +438,9 @@ StepFigures Trainer::figures(Queue& queue) {
     figures.motion = MotionLossValue{kNotSeen, kNotSeen, kNotSeen, kNotSeen, kNotSeen};
   }
   if (guide_) figures.guidance = guide_->figures(queue);
-  figures.gaussians = model_.parameters.count;
+  figures.gaussians = gaussians();
   figures.moving = model_.parameters.moving;
-  figures.refused = reduce_.count_nonzero(queue, model_.parameters.rows.refused);
+  figures.refused = refused(queue);
   const std::vector<float> rgb = renderer_.images().rgb.read(queue);
   double sum = 0;
   const size_t pixels = rgb.size() / 3;

@@ -53,6 +53,10 @@ class Trainer {
   bool untouched() const { return untouched_; }
   // Waits.
   StepFigures figures(Queue& queue);
+  // Two of them that need no image: of how many Gaussians, and how many had a gradient that Adam
+  // could not take. Waits.
+  size_t gaussians() const { return model_.parameters.count; }
+  size_t refused(Queue& queue);
   // A sentence for the user about something that happened since the last call, or "".
   std::string take_notice() { return std::exchange(notice_, ""); }
 

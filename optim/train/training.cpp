@@ -192,16 +192,17 @@ bool is_of_device(const Error& error) {
 }
 
 // The same when the device failed. For want of memory the step may not have begun to change
-// anything, and the device may still answer: then the steps before it are saved.
-Error without_device(Queue& queue, const Error& problem, const Trainer& trainer, int step,
-                     double seconds, Checkpointer& checkpoints, const RunFolder& run) {
+// anything, and the device may still answer: then the steps before it are saved. `before`: the last
+// figures that were looked at.
+Error without_device(const Error& problem, const Trainer& trainer, int step, double seconds,
+                     RollBack& roll_back, const std::optional<StepFigures>& before,
+                     const RunFolder& run) {
   const auto saved = [&] {
     const std::vector<int> steps = run.checkpoints().steps();
     return steps.empty() ? 0 : steps[0];
   };
   if (saved() < step && is_out_of_memory(problem) && trainer.untouched()) try {
-      queue.finish();
-      checkpoints.write(step, seconds);
+      roll_back.save_what_there_is(step, seconds, before);
     } catch (const Error&) {  // what there is to say is why the step failed
     }
   if (saved() == 0) return Error(fmt::format("{}; no step is saved", problem.what()));
@@ -233,7 +234,7 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
     } catch (const Error& problem) {
       if (!is_of_device(problem)) throw;
       progress.finish();
-      throw without_device(queue, problem, trainer, step, watch.seconds(), checkpoints, run);
+      throw without_device(problem, trainer, step, watch.seconds(), roll_back, before, run);
     }
     if (!guard) {
       queue.finish();

@@ -1,4 +1,4 @@
-"""The device: allocations, copies, launches and builds that fail, devices that are lost, devices that are
+"""The device: allocations, copies, launches and builds that fail, devices that are lost, that hang, that are
 small."""
 import os
 import re
@@ -9,7 +9,8 @@ from world import broken_checkpoints, checkpoints_of, complaints, failed_calls, 
 
 NAMES = {-2: "CL_DEVICE_NOT_AVAILABLE", -4: "CL_MEM_OBJECT_ALLOCATION_FAILURE", -5: "CL_OUT_OF_RESOURCES",
          -6: "CL_OUT_OF_HOST_MEMORY", -11: "CL_BUILD_PROGRAM_FAILURE", -36: "CL_INVALID_COMMAND_QUEUE",
-         -42: "CL_INVALID_BINARY", -61: "CL_INVALID_BUFFER_SIZE"}
+         -42: "CL_INVALID_BINARY", -61: "CL_INVALID_BUFFER_SIZE", 1: "nothing came back for 1 s"}
+HANGS = 1
 FOREVER = 10**9
 ALL = "setup,build,kernel,argument,create,launch,copy,wait,flush"
 
@@ -29,7 +30,8 @@ def trial(world, tag, kinds, first, last, code, resume):
         shutil.copytree(world.stopped, run)
     outcome = world.run(["train", world.scene, "-o", run, *settings(), *(["--resume"] if resume else [])],
                         {"LD_PRELOAD": world.shims["fail_opencl"], "CLFAULT_KINDS": kinds, "CLFAULT_CALL": str(first),
-                         "CLFAULT_LAST": str(last), "CLFAULT_CODE": str(code), "CLFAULT_REPORT": report})
+                         "CLFAULT_LAST": str(last), "CLFAULT_CODE": str(code), "CLFAULT_REPORT": report,
+                         **({"GFLOW_DEVICE_TIMEOUT": "1"} if code == HANGS else {})})
     failed, calls = failed_calls(report)
     os.remove(report)
     if first == 0:
@@ -114,9 +116,10 @@ def faults(world, every):
              ("launch after a step", "launch", (-4, -5, -36), 40, few, True),
              ("copy, read, write or fill", "copy", (-4, -5, -36), 40, few, True),
              ("wait", "wait", (-5, -36), FOREVER, 0, True),
+             ("answer", "wait", (HANGS,), 3, few, True),
              ("context, queue, flush", "setup,flush", (-2, -5, -6), FOREVER, 0, True)]
     for name, kinds, codes, first, others, resume in table:
-        yield f"device: {name} fails", lambda a=(name.split()[0] + str(resume), kinds, codes, first, others, resume): (
+        yield f"device: {name} {'never comes' if HANGS in codes else 'fails'}", lambda a=(name.split()[0] + str(resume), kinds, codes, first, others, resume): (
             in_turn(world, *a))
     for resume in (False, True):
         yield f"device: lost {'after' if resume else 'before or in'} the first steps", lambda r=resume: (

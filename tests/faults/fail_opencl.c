@@ -4,7 +4,7 @@
 //   CLFAULT_KINDS    kinds that count, e.g. "create" or "launch,copy"; see KINDS below
 //   CLFAULT_CALL     k, from 1; 0: none fails
 //   CLFAULT_LAST     the last one that fails (default: k alone)
-//   CLFAULT_CODE     what it returns, e.g. -4
+//   CLFAULT_CODE     what it returns, e.g. -4; 1: it never returns
 //   CLFAULT_LARGEST  CL_DEVICE_MAX_MEM_ALLOC_SIZE [bytes]; CLFAULT_MEMORY: CL_DEVICE_GLOBAL_MEM_SIZE
 //   CLFAULT_REPORT   file that gets a line a call that counts: its number, "failed" or "made", its name
 // KINDS: setup (context, queue), build (program, its building, its binaries), kernel, argument, create
@@ -53,6 +53,7 @@ static cl_int fault(const char *kind, const char *name) {
   const int length =
       snprintf(line, sizeof line, "%ld %s %s\n", n, failed ? "failed" : "made", name);
   if (report >= 0 && write(report, line, (size_t)length) < 0) return code;
+  while (failed && code > 0) pause();
   return failed ? code : CL_SUCCESS;
 }
 

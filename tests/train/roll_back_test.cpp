@@ -90,6 +90,21 @@ TEST_F(Broken, GoesBackToTheCheckpointWithHalfTheRates) {
   EXPECT_TRUE(is_sound(training.trainer.figures(queue), {}));
 }
 
+TEST_F(Broken, IsNotSavedWhereMemoryEnds) {
+  training.steps(queue, 20);
+  const StepFigures before = training.trainer.figures(queue);
+  break_colours();
+  training.steps(queue, 1);
+  roll_back.save_what_there_is(21, 0, before);
+  EXPECT_TRUE(run.checkpoints().steps().empty());
+}
+
+TEST_F(Broken, WhatIsSoundIsSavedWhereMemoryEnds) {
+  training.steps(queue, 20);
+  roll_back.save_what_there_is(20, 0, training.trainer.figures(queue));
+  EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{20});
+}
+
 TEST_F(Broken, EndsAfterThreeReturnsAndKeepsTheStateItCameTo) {
   checkpoints.write(0, 0);
   StepFigures figures;
