@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow devices`: what there is, what of it matters, and whether it can be trusted. Each device
-// checks itself; a driver that fails in the middle of it costs its own row only.
+// checks itself; a driver that fails in the middle of it costs its own row only (one that hangs
+// ends the command).
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -100,6 +101,7 @@ nlohmann::ordered_json as_json(const CheckedDevice& device) {
 
 // All devices, or the one that --device asks for.
 std::vector<DeviceInfo> wanted_devices(const GlobalOptions& options) {
+  device_timeout();  // what is wrong with it is not a device's fault
   try {
     std::vector<DeviceInfo> all = list_devices();
     if (options.device.empty()) return all;

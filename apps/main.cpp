@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gflow command. Every failure becomes one sentence on stderr and an exit code:
-// 0 done, 1 an error or a wrong command line, 2 no usable device or one that hangs, 128 + signal
-// interrupted.
+// 0 done, 1 an error or a wrong command line, 2 no usable device, 4 a device that hangs, 128 +
+// signal interrupted.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <new>
@@ -17,6 +18,7 @@
 #include "apps/signals.hpp"
 #include "optim/data/decoder_log.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/unfinished_file.hpp"
 
 namespace {
 
@@ -83,6 +85,7 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   gflow::set_signals();
+  std::at_quick_exit([] { gflow::remove_unfinished_files(); });  // a device that hangs: Watchdog
 #ifdef GFLOW_WITH_OPENCV
   gflow::silence_decoders();
 #endif

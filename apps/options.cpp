@@ -10,6 +10,7 @@
 namespace gflow {
 
 Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options) {
+  device_timeout();  // what is wrong with it is not the device's fault
   try {
     Queue queue(find_device(options.device), queue_options);
     for (const SelfCheckRow& row : full_self_check(queue))

@@ -73,7 +73,7 @@ kernel void project_fwd(const uint n, const PinholeCamera camera,
   if (x.x > x.y || y.x > y.y) return;
   const Whitening w = whiten(p.m);
   const float sum = p.mean.x + p.mean.y + p.p.z + w.k1 + w.k2 + w.k3 + log2_opacity + w.det;
-  if (!is_finite_real(sum)) return;
+  if (!is_finite_real(sum)) return;  // z too: what is infinitely far projects to numbers
 
   const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;
   vstore4((float4)(p.mean.x, p.mean.y, k.x, k.y), 4 * i, splats);

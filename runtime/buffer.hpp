@@ -163,11 +163,12 @@ class Buffer {
 
   void enqueue_write(Queue& queue, size_t first, const std::vector<T>& data, cl_bool wait) {
     check_range("writing", first, data.size());
-    if (!data.empty())
-      queue.wait("writing " + describe(), [&] {
-        queue.handle.enqueueWriteBuffer(handle_, wait, first * sizeof(T), data.size() * sizeof(T),
-                                        data.data());
-      });
+    if (data.empty()) return;
+    const auto call = [&] {
+      queue.handle.enqueueWriteBuffer(handle_, wait, first * sizeof(T), data.size() * sizeof(T),
+                                      data.data());
+    };
+    wait ? queue.wait("writing " + describe(), call) : cl_call("writing " + describe(), call);
   }
 
   void check_range(const char* doing, size_t first, size_t count) const {

@@ -39,7 +39,7 @@ Queue::Queue(const cl::Device& device, const QueueOptions& options)
       profile_(options.profile),
       poison_(wanted("GFLOW_POISON_BUFFERS", debug_build)),
       finish_each_launch_(wanted("GFLOW_SYNC", false)) {
-  cl_call("making a queue on " + info.full_name(), [&] {
+  wait("making a queue on " + info.full_name(), [&] {
     context = cl::Context(device);
     handle = cl::CommandQueue(context, device, profile_ ? CL_QUEUE_PROFILING_ENABLE : 0);
   });

@@ -24,7 +24,7 @@ class Scan {
   uint64_t fetched_total();
 
  private:
-  // What the device may still write to is not let go of.
+  // What the device may still write to is not let go of. The queue stays where it is meanwhile.
   struct Fetched {
     Queue& queue;
     std::vector<cl_ulong> value;

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include <charconv>
-#include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 
@@ -15,8 +15,8 @@
 
 namespace gflow {
 
-Watchdog::Watchdog(std::string device, int seconds)
-    : device_(std::move(device)), seconds_(seconds) {
+Watchdog::Watchdog(std::string device, int seconds, std::chrono::milliseconds tick)
+    : device_(std::move(device)), seconds_(seconds), tick_(tick) {
   if (seconds_ > 0) thread_ = std::thread([this] { watch(); });
 }
 
@@ -31,20 +31,20 @@ Watchdog::~Watchdog() {
 }
 
 void Watchdog::watch() {
+  // On a terminal a progress line may stand there: it goes.
+  const std::string sentence = fmt::format(
+      "{}gflow: waiting for {}: nothing came back for {} s, so it hangs, or needs longer than "
+      "GFLOW_DEVICE_TIMEOUT={} (seconds; 0: any) allows; what was saved before is whole\n",
+      ::isatty(STDERR_FILENO) ? "\r\x1b[K" : "", device_, seconds_, seconds_);
   unsigned last = 0;
   std::unique_lock lock(mutex_);
-  for (int ticks = 0; !end_.wait_for(lock, std::chrono::seconds(1), [&] { return ends_; });) {
+  for (int ticks = 0; !end_.wait_for(lock, tick_, [&] { return ends_; });) {
     const unsigned now = wait_;
     ticks = now && now == last ? ticks + 1 : 0;
     last = now;
-    if (ticks < seconds_) continue;
-    // On a terminal a progress line may stand there: it goes.
-    fmt::print(
-        stderr,
-        "{}gflow: waiting for {}: nothing came back for {} s, so it hangs, or needs longer than "
-        "GFLOW_DEVICE_TIMEOUT={} (seconds; 0: wait for ever) allows; what was saved before is "
-        "whole, and a training goes on from there with --resume\n",
-        ::isatty(STDERR_FILENO) ? "\r\x1b[K" : "", device_, ticks, seconds_);
+    if (ticks * tick_ < std::chrono::seconds(seconds_)) continue;
+    std::fputs(sentence.c_str(), stderr);
+    std::fflush(stdout);  // who waits in OpenCL does not print
     std::quick_exit(hang_exit_code);
   }
 }
@@ -58,8 +58,7 @@ int device_timeout() {
   if (problem != std::errc() || rest != end || seconds < 0)
     throw Error(
         fmt::format("the variable GFLOW_DEVICE_TIMEOUT is '{}'; it must be a whole number of "
-                    "seconds, the longest "
-                    "that a device may take to answer (0: any)",
+                    "seconds, the longest that a device may take to answer (0: any)",
                     text));
   return seconds;
 }

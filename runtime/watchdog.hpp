@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// A kernel that never ends, or a driver that forgot its queue, would hold a program for ever:
-// whoever waits for a device does it under a watchdog (numerics section 3, "device lost / hang").
+// A kernel that never ends, or a driver that forgot its queue, would hold a program for ever: the
+// queue's waits for finish, reads, writes and events are watched (numerics section 3, "device lost
+// / hang").
 #pragma once
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <mutex>
 #include <string>
@@ -16,15 +18,17 @@ namespace gflow {
 // destroyed.
 class Watchdog {
  public:
-  static constexpr int hang_exit_code = 2;  // as for a device that cannot be used
+  static constexpr int hang_exit_code = 4;
 
-  // `device`: its name for the sentence. `seconds`: the longest wait; 0: any.
-  Watchdog(std::string device, int seconds);
+  // `device`: its name for the sentence. `seconds`: the longest wait; 0: any. `tick`: how often it
+  // looks.
+  Watchdog(std::string device, int seconds,
+           std::chrono::milliseconds tick = std::chrono::seconds(1));
   ~Watchdog();
   Watchdog(const Watchdog&) = delete;
   Watchdog& operator=(const Watchdog&) = delete;
 
-  // Runs f, which waits for the device.
+  // Runs f, which waits for the device. For one thread at a time.
   template <class F>
   auto wait(F&& f) -> decltype(f()) {
     const Waiting waiting(*this);
@@ -41,7 +45,8 @@ class Watchdog {
 
   const std::string device_;
   const int seconds_;
-  unsigned waits_ = 0;             // so far; touched by the queue's thread alone
+  const std::chrono::milliseconds tick_;
+  unsigned waits_ = 0;             // so far
   std::atomic<unsigned> wait_{0};  // number of the one going on; 0: none
   std::mutex mutex_;
   std::condition_variable end_;

@@ -46,6 +46,12 @@ class DeviceScene {
     write(scales2_, "scales_t2");
   }
 
+  // Looks from elsewhere, at pictures of the same size.
+  void aim(const PinholeCamera& camera, const PinholeCamera& camera_t2) {
+    view_.camera = camera;
+    view_.camera_t2 = camera_t2;
+  }
+
   // View::moving; the rows from there on get a wrong pose at t2, which must not be looked at.
   void stand_still_from(size_t row) {
     view_.moving = row;

@@ -49,7 +49,7 @@ void RollBack::save_what_there_is(int step, double seconds,
   StepFigures now;
   now.gaussians = trainer_.gaussians();
   now.refused = trainer_.refused(queue_);
-  if (is_sound(now, before.value_or(StepFigures{}))) checkpoints_.write(step, seconds);
+  if (is_sound(now, before.value_or(now))) checkpoints_.write(step, seconds);
 }
 
 }  // namespace gflow

@@ -9,8 +9,9 @@ from world import broken_checkpoints, checkpoints_of, complaints, failed_calls, 
 
 NAMES = {-2: "CL_DEVICE_NOT_AVAILABLE", -4: "CL_MEM_OBJECT_ALLOCATION_FAILURE", -5: "CL_OUT_OF_RESOURCES",
          -6: "CL_OUT_OF_HOST_MEMORY", -11: "CL_BUILD_PROGRAM_FAILURE", -36: "CL_INVALID_COMMAND_QUEUE",
-         -42: "CL_INVALID_BINARY", -61: "CL_INVALID_BUFFER_SIZE", 1: "nothing came back for 1 s"}
-HANGS = 1
+         -42: "CL_INVALID_BINARY", -61: "CL_INVALID_BUFFER_SIZE"}
+HANGS, HANG_SECONDS, HANG_CODE = 1, 5, 4
+NAMES[HANGS] = f"nothing came back for {HANG_SECONDS} s"
 FOREVER = 10**9
 ALL = "setup,build,kernel,argument,create,launch,copy,wait,flush"
 
@@ -31,7 +32,7 @@ def trial(world, tag, kinds, first, last, code, resume):
     outcome = world.run(["train", world.scene, "-o", run, *settings(), *(["--resume"] if resume else [])],
                         {"LD_PRELOAD": world.shims["fail_opencl"], "CLFAULT_KINDS": kinds, "CLFAULT_CALL": str(first),
                          "CLFAULT_LAST": str(last), "CLFAULT_CODE": str(code), "CLFAULT_REPORT": report,
-                         **({"GFLOW_DEVICE_TIMEOUT": "1"} if code == HANGS else {})})
+                         **({"GFLOW_DEVICE_TIMEOUT": str(HANG_SECONDS)} if code == HANGS else {})})
     failed, calls = failed_calls(report)
     os.remove(report)
     if first == 0:
@@ -47,7 +48,7 @@ def trial(world, tag, kinds, first, last, code, resume):
         wrong = [] if len(outcome.err.splitlines()) == 1 else [f"more than one sentence: {outcome.err!r}"]
         wrong += [] if os.path.exists(run + "/results.json") else ["there are no results"]
     else:
-        wrong = complaints(outcome, (0, 1, 2), [NAMES[code]] if "says:" not in outcome.err else [])
+        wrong = complaints(outcome, (HANG_CODE,) if code == HANGS else (0, 1, 2), [NAMES[code]] if "says:" not in outcome.err else [])
         wrong += world.differences(run) if outcome.code == 0 else []
     wrong += broken_checkpoints(run)
     wrong += [f"{path} was left behind" for path in unfinished_in(run)]
@@ -119,7 +120,8 @@ def faults(world, every):
              ("answer", "wait", (HANGS,), 3, few, True),
              ("context, queue, flush", "setup,flush", (-2, -5, -6), FOREVER, 0, True)]
     for name, kinds, codes, first, others, resume in table:
-        yield f"device: {name} {'never comes' if HANGS in codes else 'fails'}", lambda a=(name.split()[0] + str(resume), kinds, codes, first, others, resume): (
+        what = "never comes" if HANGS in codes else "fails"
+        yield f"device: {name} {what}", lambda a=(name.split()[0] + str(resume), kinds, codes, first, others, resume): (
             in_turn(world, *a))
     for resume in (False, True):
         yield f"device: lost {'after' if resume else 'before or in'} the first steps", lambda r=resume: (

@@ -11,5 +11,5 @@ def faults(world, every):
     yield "device: an allocation fails after a step", lambda: device.in_turn(
         world, "quick", "create", (-4,), 0, 1, True)
     yield "device: lost after a step", lambda: device.in_turn(world, "quick lost", device.ALL, (-36,), 0, 1, True, True)
-    yield "device: hangs after a step", lambda: device.in_turn(world, "quick hang", "wait", (device.HANGS,), 0, 1, True)
+    yield "device: hangs after a step", lambda: device.in_turn(world, "quick hang", "wait", (device.HANGS,), 0, 2, True)
     yield "surroundings: no OpenCL driver", lambda: surroundings.no_driver(world)

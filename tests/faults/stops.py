@@ -151,8 +151,10 @@ def side_by_side(world):
     both = [world.start([run if word == long.run else word for word in long.arguments]) for run in runs]
     for run, process in zip(runs, both):
         outcome = ended(process)
-        os.rename(run, long.run)
-        yield [f"{os.path.basename(run)}: {what}" for what in long.judged(outcome)]
+        if outcome.code == 0:
+            os.rename(run, long.run)
+        wrong = long.judged(outcome) if outcome.code == 0 else [outcome.last_line()]
+        yield [f"{os.path.basename(run)}: {what}" for what in wrong]
 
 
 def faults(world, every):

@@ -3,47 +3,45 @@
 #include "runtime/watchdog.hpp"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <chrono>
-#include <csignal>
+#include <functional>
+#include <thread>
+#include <utility>
 
+#include "device.hpp"
 #include "environment.hpp"
-#include "runtime/error.hpp"
+#include "runtime/buffer.hpp"
+#include "runtime/scan.hpp"
 
 namespace gflow {
 namespace {
 
-void sleep_seconds(double seconds) {
-  std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
-}
+using std::chrono::milliseconds;
 
-TEST(Watchdog, EndsAProgramWhoseDeviceHangs) {
-  GTEST_FLAG_SET(death_test_style, "threadsafe");
-  EXPECT_EXIT(
-      {
-        Watchdog dog("Vendor / Device", 1);
-        dog.wait([] { sleep_seconds(60); });
-      },
-      ::testing::ExitedWithCode(Watchdog::hang_exit_code),
-      "gflow: waiting for Vendor / Device: nothing came back for 1 s.*GFLOW_DEVICE_TIMEOUT=1");
-}
+// Twenty looks a second at waits of at most one: a machine that stands still for a while costs one.
+Watchdog quick_dog() { return {"Vendor / Device", 1, milliseconds(50)}; }
 
 TEST(Watchdog, LetsManyShortWaitsAndLongWorkBetweenThemPass) {
-  Watchdog dog("Vendor / Device", 1);
-  for (int i = 0; i < 30; ++i) dog.wait([] { sleep_seconds(.1); });  // three seconds in all
-  sleep_seconds(2.5);                                                // work of the program's own
+  Watchdog dog = quick_dog();
+  const auto doze = [] { std::this_thread::sleep_for(milliseconds(100)); };
+  for (int i = 0; i < 15; ++i) dog.wait(doze);
+  for (int i = 0; i < 15; ++i) doze();  // work of the program's own
   EXPECT_EQ(dog.wait([] { return 7; }), 7);
 }
 
 TEST(Watchdog, IsOverAsSoonAsAWaitThrew) {
-  Watchdog dog("Vendor / Device", 1);
+  Watchdog dog = quick_dog();
   EXPECT_THROW(dog.wait([] { throw Error("lost"); }), Error);
-  sleep_seconds(2.5);
+  std::this_thread::sleep_for(milliseconds(1500));
+}
+
+TEST(Watchdog, WaitsForEverWhereThatIsAsked) {
+  Watchdog dog("Vendor / Device", 0, milliseconds(50));
+  dog.wait([] { std::this_thread::sleep_for(milliseconds(1500)); });
 }
 
 TEST(Watchdog, HasATimeThatTheEnvironmentChooses) {
-  EXPECT_EQ(device_timeout(), 600);
   for (const auto& [text, seconds] : {std::pair{"0", 0}, {"7", 7}}) {
     const Environment set("GFLOW_DEVICE_TIMEOUT", text);
     EXPECT_EQ(device_timeout(), seconds);
@@ -51,6 +49,44 @@ TEST(Watchdog, HasATimeThatTheEnvironmentChooses) {
   for (const char* text : {"", "-1", "1.5", "10s", "99999999999999999999"}) {
     const Environment set("GFLOW_DEVICE_TIMEOUT", text);
     EXPECT_THROW(device_timeout(), Error) << text;
+  }
+}
+
+// Every way to wait, on a queue that stands still before an event that never comes.
+TEST(Watchdog, EndsAProgramThatWaitsForADeviceThatHangs) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const Environment set("GFLOW_DEVICE_TIMEOUT", "1");
+  struct Hung {
+    Queue queue = test_queue();
+    Scan scan{queue};
+    Buffer<cl_uint> in{queue, {1, 2, 3}, "in"}, out{"out"};
+    cl::UserEvent never{queue.context};
+    Hung() {
+      scan.exclusive(queue, in, out, 3);
+      queue.finish();
+      const std::vector<cl::Event> before{never};
+      queue.handle.enqueueBarrierWithWaitList(&before);
+    }
+  };
+  const std::pair<const char*, std::function<void(Hung&)>> ways[] = {
+      {"finish", [](Hung& h) { h.queue.finish(); }},
+      {"read", [](Hung& h) { h.in.read(h.queue); }},
+      {"write",
+       [](Hung& h) {
+         h.in.write(h.queue, {4, 5, 6});
+       }},
+      {"total", [](Hung& h) { h.scan.fetch_total(h.queue), h.scan.fetched_total(); }},
+      {"total not asked for",
+       [](Hung& h) { h.scan.fetch_total(h.queue), h.scan.fetch_total(h.queue); }}};
+  for (const auto& [name, wait] : ways) {
+    SCOPED_TRACE(name);
+    EXPECT_EXIT(
+        {
+          Hung hung;
+          wait(hung);
+        },
+        ::testing::ExitedWithCode(Watchdog::hang_exit_code),
+        "gflow: waiting for .*: nothing came back for 1 s.*GFLOW_DEVICE_TIMEOUT=1");
   }
 }
 

@@ -97,6 +97,10 @@ TEST_F(Broken, IsNotSavedWhereMemoryEnds) {
   training.steps(queue, 1);
   roll_back.save_what_there_is(21, 0, before);
   EXPECT_TRUE(run.checkpoints().steps().empty());
+  // With nothing to compare with, as when a training has just gone on, what was refused is of
+  // before.
+  roll_back.save_what_there_is(21, 0, {});
+  EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{21});
 }
 
 TEST_F(Broken, WhatIsSoundIsSavedWhereMemoryEnds) {
