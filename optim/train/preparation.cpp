@@ -171,10 +171,11 @@ HostModel Preparation::first_model(Queue& queue) {
   const size_t holds = most_gaussians(queue.info, none.parameters, size_t(config_.density.memory));
   TrainConfig config = config_;
   if (holds < size_t(config.density.cap)) {
-    warn(
-        fmt::format("the memory allowed by density.memory holds {} Gaussians, fewer than "
-                    "density.cap = {}: there will be no more",
-                    holds, config.density.cap));
+    warn(fmt::format(
+        "memory is short: density.memory, and the {:.1f} MiB that {} gives in one piece, "
+        "hold {} Gaussians, fewer than density.cap = {}; there will be no more",
+        double(queue.info.max_allocation) / (1 << 20), queue.info.full_name(), holds,
+        config.density.cap));
     config.density.cap = std::max(int(holds), 1);
   }
   return initial_model(scene(), frames(), parts_, watchers_, neighbours_, *flows_, config);
