@@ -16,7 +16,10 @@ import os
 import re
 import sys
 
-import numpy as np
+try:
+    import numpy as np
+except ImportError:
+    sys.exit("tracks_of_truth.py needs numpy (python3-numpy)")
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "guidance"))
 from picture_files import read_flo, read_png
