@@ -5,6 +5,7 @@
 #include "adc.cl"
 #include "bin.cl"
 #include "flow_loss.cl"
+#include "flow_tiles.cl"
 #include "image_loss.cl"
 #include "reduce.cl"
 #include "rows.cl"

@@ -1,32 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
-// The flow loss: scale * sum over pixels of confidence * alpha * rho(flow - teacher), rho the
-// robust norm of shared/loss.h, alpha a constant: where nothing is drawn, no motion is asked for.
-// A pixel without weight (confidence 0, alpha 0, or a teacher that is not a number or moves more
-// than 1e5 px) gives exactly 0, whatever the other values are.
-// One work-item per LANES neighbouring pixels; bitwise repeatable, since nothing is summed here.
+// The flow loss: scale * sum over pixels of tile weight * confidence * alpha * rho(flow - teacher), rho
+// the robust norm of shared/loss.h, alpha a constant: where nothing is drawn, no motion is asked for.
+// A pixel without weight (tile or confidence 0, alpha 0, or a teacher that is not a number or moves
+// more than 1e5 px) gives exactly 0, whatever the other values are.
+// One work-item per LANES neighbouring pixels of a row, which lie in one tile; bitwise repeatable, since nothing is summed here.
 // 256x192 with PoCL 3.1 on Zen 3 (AVX2): 0.10 ms of CPU time with LANES 8; as a scalar work-item a
 // pixel, which PoCL does not vectorise, 0.62 ms.
 #include "shared/lane_row.h"
 #include "shared/loss.h"
 
-kernel void flow_loss(const uint pixels, const float scale, const float knee,
+kernel void flow_loss(const uint width, const uint height, const float scale, const float knee,
+                      const int sampled,                           // 0: every tile weighs 1
+                      global const float* restrict tile_weights,  // [tiles] flow_tiles.cl
                       global const float* restrict flow,        // [2, H, W] px
                       global const float* restrict alpha,       // [H, W]
                       global const float* restrict teacher,     // [2, H, W] px
                       global const uchar* restrict confidence,  // [H, W] 255 = full
                       global float* restrict v_flow,            // [2, H, W]
-                      global float* restrict terms) {  // [3, H, W] loss, end point error, counted
-  const uint i = get_global_id(0) * LANES;
-  if (i >= pixels) return;
-  const int count = pixels - i;
+                      global float* restrict terms) {  // [3, H, W] loss; tile weight times end point error, and 1
+  const uint runs = (width + LANES - 1) / LANES, pixels = width * height;
+  const uint x0 = get_global_id(0) % runs * LANES, y0 = get_global_id(0) / runs;
+  if (y0 >= height) return;
+  const uint i = y0 * width + x0;
+  const int count = width - x0;
+  const uint tile = y0 / TILE * ((width + TILE - 1) / TILE) + x0 / TILE;
+  const float asked = sampled ? tile_weights[tile] : 1.0f;
   const lane zero = TO_LANE(0.0f);
   const lane teacher_x = row_load(teacher + i, count);
   const lane teacher_y = row_load(teacher + pixels + i, count);
   const lane x = row_load(flow + i, count) - teacher_x;
   const lane y = row_load(flow + pixels + i, count) - teacher_y;
   const lane trust = row_load_bytes(confidence + i, count) * (1.0f / 255.0f);
-  const lane weight = scale * trust * row_load(alpha + i, count);
-  const lane_int counted = (trust > zero) & (fabs(teacher_x) <= TO_LANE(TEACHER_LIMIT)) &
+  const lane weight = asked * scale * trust * row_load(alpha + i, count);
+  const lane_int counted = (asked * trust > zero) & (fabs(teacher_x) <= TO_LANE(TEACHER_LIMIT)) &
                            (fabs(teacher_y) <= TO_LANE(TEACHER_LIMIT));  // NaN fails
   const lane_int weighted = counted & (weight > zero);
 
@@ -35,6 +41,7 @@ kernel void flow_loss(const uint pixels, const float scale, const float knee,
   row_store(LANE_SELECT(zero, v.y, weighted), v_flow + pixels + i, count);
   const lane loss = weight * robust_norm(x, y, knee);
   row_store(LANE_SELECT(zero, loss, weighted), terms + i, count);
-  row_store(LANE_SELECT(zero, robust_norm(x, y, 1e-20f), counted), terms + pixels + i, count);
-  row_store(LANE_SELECT(zero, TO_LANE(1.0f), counted), terms + 2 * pixels + i, count);
+  const lane error = asked * robust_norm(x, y, 1e-20f);
+  row_store(LANE_SELECT(zero, error, counted), terms + pixels + i, count);
+  row_store(LANE_SELECT(zero, TO_LANE(asked), counted), terms + 2 * pixels + i, count);
 }

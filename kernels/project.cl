@@ -83,14 +83,33 @@ kernel void project_fwd(const uint n, const PinholeCamera camera,
   depth_keys[i] = as_uint(p.p.z);  // z > 0: the bits are ordered
 }
 
+// Of those that are seen, who touches a tile whose flow is asked for (View::flow_tiles).
+kernel void flow_rows(const uint n, const uint tiles_x,
+                      global const float* restrict flow_tiles,    // [tiles] 0: not asked for
+                      global const ushort* restrict tile_boxes,   // [N, 4]
+                      global const uint* restrict tiles_touched,  // [N]
+                      global uint* restrict flow_touched) {       // [N] 0 or 1
+  const uint i = get_global_id(0);
+  if (i >= n) return;
+  uint touched = 0;
+  if (tiles_touched[i] > 0) {
+    const ushort4 box = vload4(i, tile_boxes);
+    for (uint row = box.y; row <= box.w && !touched; ++row)
+      for (uint column = box.x; column <= box.z && !touched; ++column)
+        touched = flow_tiles[row * tiles_x + column] != 0.f;
+  }
+  flow_touched[i] = touched;
+}
+
 // Completes the splats that are seen by colour and flow. Rows from `moving` on stand still in this
-// view (View::moving): no flow.
+// view (View::moving), those without with_flow touch no tile whose flow is asked for: no flow.
 kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera camera, const PinholeCamera camera2,
                           global const float* restrict means, global const float* restrict factors,
                           global const float* restrict colors,      // [N, 3]
                           global const float* restrict means_t2,    // [N, 3]
                           global const float* restrict factors_t2,  // [N, 3, 3]
                           global const uint* restrict tiles_touched,
+                          global const uint* restrict with_flow,  // [N]
                           global float* restrict splats) {
   const uint i = get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
@@ -100,7 +119,7 @@ kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera c
   float2 m = (float2)(0.f);
   float4 h = (float4)(0.f);
 #if FLOW
-  if (i < moving) {
+  if (i < moving && with_flow[i]) {
     const Projection p2 = project(camera2, load3(means_t2, i), load_mat3(factors_t2, i));
     if (p2.p.z >= camera.near_plane) {  // behind camera 2 there is no flow to speak of
       const Projection p = project(camera, load3(means, i), load_mat3(factors, i));

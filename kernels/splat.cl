@@ -3,9 +3,8 @@
 // pass and with no list a pixel. Repeatable: each pixel sums in depth order.
 //   LANES > 1   one work-item (group of 1) a tile; splats outer, touched cells inner
 //   LANES == 1  one work-group of 256 a tile, one work-item a pixel, splats through local memory
-// A picture with flow may be shared between this kernel with FLOW and without (Skips::flow): tiles
-// with splats below `moving` are the first's, the others, without flow, the second's. Alone they are
-// given ALL_ROWS and 0.
+// A picture with flow may be shared between this kernel with FLOW and without: tiles with_flow are the
+// first's, the others the second's, which show none (tiles_with_flow).
 // Numbers: README, "Speed".
 #include "shared/pixel.h"
 
@@ -18,7 +17,24 @@ static inline void cell_blend(PixelSums* sums, Splat s, CellFootprint at) {
 }
 #endif
 
-kernel void splat_fwd(const int width, const int height, const uint moving,
+// Which tiles of a shared picture have flow: those that are asked of (View::flow_tiles, if chosen) and
+// have a splat below `moving` (View::moving). One work-item a tile.
+kernel void tiles_with_flow(const uint tiles, const uint moving, const int chosen,
+                            global const float* restrict flow_tiles,   // [tiles]
+                            global const uint* restrict tile_offsets,  // [tiles + 1]
+                            global const uint* restrict isect_ids,     // [M]
+                            global uchar* restrict with_flow) {        // [tiles]
+  const uint tile = get_global_id(0);
+  if (tile >= tiles) return;
+  uchar moves = 0;
+  if (!chosen || flow_tiles[tile] != 0.f)
+    for (uint k = tile_offsets[tile]; k < tile_offsets[tile + 1] && !moves; ++k)
+      moves = isect_ids[k] < moving;
+  with_flow[tile] = moves;
+}
+
+kernel void splat_fwd(const int width, const int height, const int shared,
+                      global const uchar* restrict with_flow,  // [tiles] read if shared
                       const float background_r,
                       const float background_g, const float background_b,
                       global const float* restrict splats,      // [N, 16]
@@ -35,17 +51,11 @@ kernel void splat_fwd(const int width, const int height, const uint moving,
   const int tile = get_group_id(0);
   const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
   const size_t pixels = (size_t)width * height;
-  const uint first = tile_offsets[tile], end = tile_offsets[tile + 1];
+  const int ours = !shared || with_flow[tile] == FLOW;
+  const uint first = tile_offsets[tile], end = ours ? tile_offsets[tile + 1] : first;
 #if LANES == 1
-  local int moves;
-  if (moving > 0 && moving < ALL_ROWS) {
-    if (get_local_id(0) == 0) moves = 0;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (uint k = first + get_local_id(0); k < end; k += get_local_size(0))
-      if (isect_ids[k] < moving) moves = 1;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    if (moves != FLOW) return;
-  }
+  // A tile that is not ours goes on with nothing to do: after a return here PoCL 3.1 forgot which pixels
+  // are in the picture.
   local float4 batch[BATCH * 4];
   local ushort batch_mask[BATCH];
   local int open_pixels[2];
@@ -75,7 +85,7 @@ kernel void splat_fwd(const int width, const int height, const uint moving,
     if (still_open(p.T) && x < width && y < height) open_pixels[turn ^ 1] = 1;
     barrier(CLK_LOCAL_MEM_FENCE);
   }
-  if (x >= width || y >= height) return;
+  if (!ours || x >= width || y >= height) return;
   const size_t at = (size_t)y * width + x;
   const float T = fabs(p.T);
   rgb[at] = fma(T, background_r, p.r);
@@ -96,14 +106,10 @@ kernel void splat_fwd(const int width, const int height, const uint moving,
   flow[at] = W > 0.f ? p.fx / W : 0.f;
   flow[pixels + at] = W > 0.f ? p.fy / W : 0.f;
 #else
-  if (moving > 0) flow[at] = flow[pixels + at] = 0.f;
+  if (shared) flow[at] = flow[pixels + at] = 0.f;
 #endif
 #else
-  if (moving > 0 && moving < ALL_ROWS) {
-    int moves = 0;
-    for (uint k = first; k < end; ++k) moves |= isect_ids[k] < moving;
-    if (moves != FLOW) return;
-  }
+  if (!ours) return;
   PixelSums sums[TILE_PARTS];
   for (int i = 0; i < TILE_PARTS; ++i) sums[i] = pixel_start();
   for (uint k = first; k < end; ++k) {
@@ -153,7 +159,7 @@ kernel void splat_fwd(const int width, const int height, const uint moving,
     lane_store(LANE_SELECT(zero, p.fx / W, W > zero), flow, x, y, width, height);
     lane_store(LANE_SELECT(zero, p.fy / W, W > zero), flow + pixels, x, y, width, height);
 #else
-    if (moving > 0) {
+    if (shared) {
       lane_store(TO_LANE(0.f), flow, x, y, width, height);
       lane_store(TO_LANE(0.f), flow + pixels, x, y, width, height);
     }

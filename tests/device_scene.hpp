@@ -52,12 +52,25 @@ class DeviceScene {
     view_.camera_t2 = camera_t2;
   }
 
+  // Makes the pose at t2 of a Gaussian one that must not be looked at.
+  void break_second_pose_of(size_t row) {
+    t2_.means.fill_range(queue_, 3 * row, 3, std::numeric_limits<float>::quiet_NaN());
+    quats2_.fill_range(queue_, 4 * row, 4, std::numeric_limits<float>::quiet_NaN());
+  }
+
   // View::moving; the rows from there on get a wrong pose at t2, which must not be looked at.
   void stand_still_from(size_t row) {
     view_.moving = row;
     const size_t rest = t2_.opacities.size() - row;
     t2_.means.fill_range(queue_, 3 * row, 3 * rest, 3.f);
     quats2_.fill_range(queue_, 4 * row, 4 * rest, 0.5f);
+  }
+
+  // View::flow_tiles.
+  void ask_flow_of(const std::vector<float>& tiles) {
+    flow_tiles_.ensure(queue_, tiles.size());
+    flow_tiles_.write(queue_, tiles);
+    view_.flow_tiles = &flow_tiles_;
   }
 
   // rgb, alpha, transmittance, and depth, flow where the channels have them.
@@ -117,6 +130,7 @@ class DeviceScene {
   Channels channels_;
   View view_;
   std::array<float, 3> background_;
+  Buffer<float> flow_tiles_{"flow tiles"};
   GaussiansAt t1_, t2_;
   Buffer<float> colors_{"colors"}, quats_{"quats"}, scales_{"scales"}, quats2_{"quats_t2"},
       scales2_{"scales_t2"};

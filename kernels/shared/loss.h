@@ -76,6 +76,13 @@ static inline SsimPixel ssim_pixel(SsimMeans m) {
 // A teacher flow with a larger component is a fault of its file or estimator, and masked [px].
 #define TEACHER_LIMIT 1e5f
 
+// With which probability a tile counts for the flow in a step, 1 / share times as much, so that the
+// gradient is that of all tiles in the mean: `motion` is the fastest that is asked of it [px], calm in
+// (0, 1] the least share, calm_px the motion from which it always counts, above 0.
+static inline real flow_share(real motion, real calm, real calm_px) {
+  return fmin(fmax(motion / calm_px, calm), (real)1);
+}
+
 // rho(r) = sqrt(r^2 + knee^2) - knee of r = |(x, y)|: r^2 / (2 knee) near 0, r - knee far away;
 // knee > 0. Divided by the largest of |x|, |y|, knee, so that no square over- or underflows, and
 // written without the difference: rho = r^2 / (sqrt(r^2 + knee^2) + knee).

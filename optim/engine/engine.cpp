@@ -25,7 +25,8 @@ Splatting& Engine::without_flow(Queue& queue) {
 }
 
 bool Engine::shared() const {
-  return channels_.flow && settings_.skip.flow && view_.moving > 0 && view_.moving < splats_.count;
+  const bool some_move = view_.moving > 0 && view_.moving < splats_.count;
+  return channels_.flow && (view_.flow_tiles || (settings_.skip.flow && some_move));
 }
 
 void Engine::project(Queue& queue, const View& view, Channels channels, const GaussiansAt& at_t1) {
@@ -43,14 +44,15 @@ void Engine::draw(Queue& queue, const std::array<float, 3>& background, const Ga
   steps.project.complete(queue, view_, at_t1, at_t2, colors, splats_);
   bin_.build(queue, images_.width, images_.height, splats_, tiles_);
   if (!shared()) return steps.splatting.forward(queue, background, splats_, tiles_, images_);
-  steps.splatting.forward(queue, background, splats_, tiles_, images_, view_.moving);
-  without_flow(queue).forward(queue, background, splats_, tiles_, images_, view_.moving);
+  const Buffer<cl_uchar>& with_flow = steps.splatting.tiles_with_flow(queue, view_, tiles_);
+  steps.splatting.forward(queue, background, splats_, tiles_, images_, &with_flow);
+  without_flow(queue).forward(queue, background, splats_, tiles_, images_, &with_flow);
 }
 
 void Engine::backward(Queue& queue, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
                       const ImageGradients& v, GaussianGradients& gradients) {
   Steps& steps = steps_for(queue, channels_);
-  const bool parts = channels_.flow && settings_.skip.flow && (shared() || v.flow_in_parts);
+  const bool parts = channels_.flow && (shared() || (settings_.skip.flow && v.flow_in_parts));
   steps.splatting.backward(queue, splats_, tiles_, images_, v, partials_, parts);
   if (parts) without_flow(queue).backward(queue, splats_, tiles_, images_, v, partials_, parts);
   steps.splatting.gather(queue, splats_, tiles_, partials_, moments_);

@@ -41,7 +41,7 @@ class Engine {
   Steps& steps_for(Queue& queue, Channels channels);
   // Draws the tiles without flow of pictures with flow,
   Splatting& without_flow(Queue& queue);
-  // which there are when something stands still in the view.
+  // which there are when something stands still in the view, or tiles were chosen.
   bool shared() const;
 
   EngineSettings settings_;

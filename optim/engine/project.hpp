@@ -10,13 +10,17 @@
 namespace gflow {
 
 // Splats and where they lie, an entry a Gaussian. tiles_touched = 0: not seen.
-// Of rows that are not seen only tiles_touched = 0 is defined.
+// Of rows that are not seen only tiles_touched = 0 and flow_touched = 0 are defined.
 struct Splats {
   size_t count = 0;                                // N
   Buffer<float> records{"splats"};                 // [N, 16] shared/pixel.h
   Buffer<cl_ushort> tile_boxes{"tile_boxes"};      // [N, 4] first x, first y, last x, last y
   Buffer<cl_uint> tiles_touched{"tiles_touched"};  // [N]
   Buffer<cl_uint> depth_keys{"depth_keys"};        // [N] monotone in depth
+  Buffer<cl_uint> flow_touched{"flow_touched"};    // [N] with View::flow_tiles: 1 touches one
+  bool chosen = false;                             // there are flow_touched
+  // Who has a second time, above 0: the others' pose there matters to nobody.
+  const Buffer<cl_uint>& with_flow() const { return chosen ? flow_touched : tiles_touched; }
 };
 
 // What is looked at: the camera at t1 and, for flow, at t2 (the same one when it stands still).
@@ -28,6 +32,10 @@ struct View {
   // show no flow and what they ask of their place at t2 stays theirs (v_means_t2): it is not a part
   // of v_means. Nothing else of t2 is read or written.
   size_t moving = all_rows;
+  // [tiles], row by row; 0: no flow is asked of the tile, which shows none; who touches no others
+  // has none. Of all tiles without it. It must live until the backward pass, of which v_flow must
+  // be 0 in those tiles.
+  const Buffer<float>* flow_tiles = nullptr;
 };
 
 class Project {
@@ -48,8 +56,9 @@ class Project {
   Kernel<cl_uint, PinholeCamera, In<float>, In<float>, In<float>, Out<float>, Out<cl_ushort>,
          Out<cl_uint>, Out<cl_uint>>
       project_fwd_;
+  Kernel<cl_uint, cl_uint, In<float>, In<cl_ushort>, In<cl_uint>, Out<cl_uint>> flow_rows_;
   Kernel<cl_uint, cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
-         In<float>, In<cl_uint>, Out<float>>
+         In<float>, In<cl_uint>, In<cl_uint>, Out<float>>
       transport_fwd_;
   Kernel<cl_uint, cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>,

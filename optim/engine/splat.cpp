@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/engine/splat.hpp"
 
+#include <algorithm>
+
 #include "optim/engine/raster.hpp"
 
 namespace gflow {
@@ -18,27 +20,39 @@ Splatting::Splatting(Queue& queue, const EngineSettings& settings, Channels chan
       settings_(settings),
       channels_(channels),
       program_(raster_program(queue, settings, channels)),
+      tiles_with_flow_(program_, "tiles_with_flow"),
       splat_fwd_(program_, "splat_fwd"),
       splat_bwd_(program_, "splat_bwd"),
       gather_(program_, "gather") {}
 
+const Buffer<cl_uchar>& Splatting::tiles_with_flow(Queue& queue, const View& view,
+                                                   const Tiles& tiles) {
+  with_flow_.ensure(queue, tiles.count());
+  no_choice_.ensure(queue, 0);
+  tiles_with_flow_(queue, Range::over(tiles.count(), 16), cl_uint(tiles.count()),
+                   cl_uint(std::min(view.moving, size_t(ALL_ROWS))),
+                   int(view.flow_tiles != nullptr), view.flow_tiles ? *view.flow_tiles : no_choice_,
+                   tiles.tile_offsets, tiles.isect_ids, with_flow_);
+  return with_flow_;
+}
+
 void Splatting::forward(Queue& queue, const std::array<float, 3>& background, const Splats& splats,
-                        const Tiles& tiles, Images& images, size_t moving) {
-  const bool shares = moving != all_rows;
+                        const Tiles& tiles, Images& images, const Buffer<cl_uchar>* with_flow) {
   const size_t pixels = size_t(images.width) * images.height;
   images.rgb.ensure(queue, 3 * pixels);
   images.alpha.ensure(queue, pixels);
   images.depth.ensure(queue, channels_.depth ? pixels : 0);
   images.transmittance.ensure(queue, pixels);
-  if (channels_.flow || !shares) {
+  if (channels_.flow || !with_flow) {
     images.flow.ensure(queue, channels_.flow ? 2 * pixels : 0);
     images.flow_weight.ensure(queue, channels_.flow && settings_.top_k ? pixels : 0);
   }
-  const cl_uint below = shares ? cl_uint(moving) : channels_.flow ? ALL_ROWS : 0;
-  splat_fwd_(queue, tile_groups(tiles, lanes_, 1), images.width, images.height, below,
-             background[0], background[1], background[2], splats.records, tiles.tile_offsets,
-             tiles.isect_ids, tiles.masks, images.rgb, images.alpha, images.depth, images.flow,
-             images.flow_weight, images.transmittance);
+  no_tiles_.ensure(queue, 0);
+  splat_fwd_(queue, tile_groups(tiles, lanes_, 1), images.width, images.height,
+             int(with_flow != nullptr), with_flow ? *with_flow : no_tiles_, background[0],
+             background[1], background[2], splats.records, tiles.tile_offsets, tiles.isect_ids,
+             tiles.masks, images.rgb, images.alpha, images.depth, images.flow, images.flow_weight,
+             images.transmittance);
 }
 
 void Splatting::backward(Queue& queue, const Splats& splats, const Tiles& tiles,

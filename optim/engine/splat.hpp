@@ -10,10 +10,13 @@ namespace gflow {
 class Splatting {
  public:
   Splatting(Queue& queue, const EngineSettings& settings, Channels channels);
+  // Which tiles of a picture have flow, given what is asked and moves: [tiles] 0 or 1, for
+  // forward().
+  const Buffer<cl_uchar>& tiles_with_flow(Queue& queue, const View& view, const Tiles& tiles);
   // images.width and height are set by the caller. Of a picture shared between one with flow and
-  // one without, the first draws the tiles with splats below `moving`, the other those without.
+  // one without, each draws the tiles that are its own by with_flow.
   void forward(Queue& queue, const std::array<float, 3>& background, const Splats& splats,
-               const Tiles& tiles, Images& images, size_t moving = all_rows);
+               const Tiles& tiles, Images& images, const Buffer<cl_uchar>* with_flow = nullptr);
   // partials [M, 16]; moments [N, 16], undefined for Gaussians that were not seen. All of v is read
   // that the channels have, v_alpha always. In two halves: first all tiles, or with `shared` those
   // that ask for flow, or none, as the channels have it; then the sums over them.
@@ -27,14 +30,19 @@ class Splatting {
   EngineSettings settings_;
   Channels channels_;
   Program program_;
-  Kernel<cl_int, cl_int, cl_uint, cl_float, cl_float, cl_float, In<float>, In<cl_uint>, In<cl_uint>,
-         In<cl_ushort>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_int, In<float>, In<cl_uint>, In<cl_uint>, Out<cl_uchar>>
+      tiles_with_flow_;
+  Kernel<cl_int, cl_int, cl_int, In<cl_uchar>, cl_float, cl_float, cl_float, In<float>, In<cl_uint>,
+         In<cl_uint>, In<cl_ushort>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
+         Out<float>>
       splat_fwd_;
   Kernel<cl_int, cl_int, cl_int, In<float>, In<cl_uint>, In<cl_uint>, In<cl_uint>, In<cl_ushort>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<float>, Out<float>>
       splat_bwd_;
   Kernel<cl_uint, In<cl_uint>, In<float>, Out<float>> gather_;
+  Buffer<float> no_choice_{"no choice of tiles"};
+  Buffer<cl_uchar> with_flow_{"tiles with flow"}, no_tiles_{"no tiles with flow"};
 };
 
 }  // namespace gflow

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "shared/constants.h"
 #include "shared/loss.h"
 
 namespace gflow {
@@ -27,7 +28,8 @@ FlowLoss::FlowLoss(Queue& queue, float robust_px)
 
 void FlowLoss::run(Queue& queue, float weight, int width, int height, const Buffer<float>& flow,
                    const Buffer<float>& alpha, const Buffer<float>& teacher,
-                   const Buffer<cl_uchar>& confidence, Buffer<float>& v_flow) {
+                   const Buffer<cl_uchar>& confidence, Buffer<float>& v_flow,
+                   const Buffer<float>* tile_weights) {
   const size_t pixels = size_t(width) * height;
   if (flow.size() < 2 * pixels || teacher.size() < 2 * pixels || v_flow.size() < 2 * pixels ||
       alpha.size() < pixels || confidence.size() < pixels)
@@ -36,9 +38,17 @@ void FlowLoss::run(Queue& queue, float weight, int width, int height, const Buff
         " {} {}; flows need two a pixel, alpha and confidence one",
         width, height, flow.name(), flow.size(), teacher.name(), teacher.size(), v_flow.name(),
         v_flow.size(), alpha.name(), alpha.size(), confidence.name(), confidence.size()));
+  const size_t tiles = ((size_t(width) + TILE - 1) / TILE) * ((size_t(height) + TILE - 1) / TILE);
+  if (tile_weights && tile_weights->size() < tiles)
+    throw Error(fmt::format("flow loss of {} x {} pixels: {} has {} values for {} tiles", width,
+                            height, tile_weights->name(), tile_weights->size(), tiles));
   terms_.ensure(queue, 3 * pixels);
-  flow_loss_(queue, Range::over((pixels + lanes_ - 1) / lanes_, 64), cl_uint(pixels),
-             weight / float(pixels), robust_px_, flow, alpha, teacher, confidence, v_flow, terms_);
+  no_weights_.ensure(queue, 0);
+  const size_t runs = (size_t(width) + lanes_ - 1) / lanes_;  // of LANES pixels in a row
+  flow_loss_(queue, Range::over(runs * size_t(height), 64), cl_uint(width), cl_uint(height),
+             weight / float(pixels), robust_px_, int(tile_weights != nullptr),
+             tile_weights ? *tile_weights : no_weights_, flow, alpha, teacher, confidence, v_flow,
+             terms_);
   pixels_ = pixels;
 }
 
@@ -46,9 +56,9 @@ FlowLossValue FlowLoss::value(Queue& queue) {
   if (pixels_ == 0) throw Error("flow loss: its value was asked for before its first run");
   FlowLossValue value;
   value.loss = reduce_.sum(queue, terms_, 0, pixels_);
-  value.confident_pixels = size_t(reduce_.sum(queue, terms_, 2 * pixels_, pixels_));
+  value.confident_pixels = reduce_.sum(queue, terms_, 2 * pixels_, pixels_);
   if (value.confident_pixels > 0)
-    value.epe = reduce_.sum(queue, terms_, pixels_, pixels_) / double(value.confident_pixels);
+    value.epe = reduce_.sum(queue, terms_, pixels_, pixels_) / value.confident_pixels;
   return value;
 }
 

@@ -29,6 +29,11 @@ PinholeCamera pinhole(const Camera& camera, float near_plane) {
   return p;
 }
 
+const Buffer<cl_uint>& Renderer::with_second_time() const {
+  const Splats& splats = engine_.splats();
+  return shot_.motion_loss ? splats.tiles_touched : splats.with_flow();
+}
+
 bool Renderer::bends() const {
   return shot_.motion_loss && shot_.motion_loss->weights().acceleration > 0 && time_t0() > -1e-6 &&
          time_t0() < 1 + 1e-6;
@@ -49,7 +54,8 @@ void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   engine_.project(queue, view, {shot.flow, shot.depth}, t1_);
   const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
   if (shot.flow || shot.motion_loss)
-    model.motion->at(queue, model.parameters, model.time(shot.time_t2), &seen, t2_, view.moving);
+    model.motion->at(queue, model.parameters, model.time(shot.time_t2), &with_second_time(), t2_,
+                     view.moving);
   if (bends()) model.motion->at(queue, model.parameters, model.time(time_t0()), &seen, t0_);
   model.color.forward(queue, model.parameters, shot_.sh_degree, shot.view.camera, t1_, seen,
                       colors_);
@@ -70,8 +76,8 @@ void Renderer::backward(Queue& queue, Model& model, const ImageGradients& v) {
   model.motion->backward(queue, p, model.time(shot_.time), true, seen, g.v_means, g.v_factors,
                          g.v_opacities);
   if (shot_.flow || shot_.motion_loss)
-    model.motion->backward(queue, p, model.time(shot_.time_t2), false, seen, g.v_means_t2,
-                           g.v_factors_t2, g.v_opacities, shot_.view.moving);
+    model.motion->backward(queue, p, model.time(shot_.time_t2), false, with_second_time(),
+                           g.v_means_t2, g.v_factors_t2, g.v_opacities, shot_.view.moving);
   if (bends())
     model.motion->backward(queue, p, model.time(time_t0()), false, seen, g.v_means_t0,
                            g.v_factors_t0, g.v_opacities);

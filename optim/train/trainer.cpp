@@ -15,8 +15,8 @@ namespace {
 
 constexpr double kNotSeen = std::numeric_limits<double>::quiet_NaN();  // in this step
 constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
-constexpr uint kSplitStream = 7, kBackgroundStream = 9, kNoiseStream = 10;  // of random numbers;
-                                                                            // sampler.cpp has more
+constexpr uint kSplitStream = 7, kBackgroundStream = 9, kNoiseStream = 10,
+               kTileStream = 17;  // of random numbers; sampler.cpp has more
 
 // A part of interleaved rows [H, W, channels].
 template <class T>
@@ -121,6 +121,9 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       renderer_(queue, training_settings(config)),
       image_loss_(queue, config.loss.ssim),
       flow_loss_(queue, config.flow.robust_px),
+      flow_tiles_(config.flow.calm < 1 ? std::make_unique<FlowTiles>(
+                                             queue, CalmRule{config.flow.calm, config.flow.calm_px})
+                                       : nullptr),
       motion_loss_(motion_loss_for(queue, config.loss, scene)),
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
       density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
@@ -171,7 +174,8 @@ void Trainer::step(Queue& queue, int step) {
   if (now.begins && now.time_step > 0)
     model_.motion->start_key(queue, model_.parameters, now.time_step);
   if (guide_ && guide_->due(step)) guide(queue, step);  // first: it may fail
-  for (const Sample& sample : sampler_.at(step)) train_view(queue, sample, step);
+  int in_batch = 0;
+  for (const Sample& sample : sampler_.at(step)) train_view(queue, sample, step, in_batch++);
   update(queue, step);
   const uint32_t seed = uint32_t(config_.train.seed);
   const int done = step + 1;
@@ -186,7 +190,27 @@ void Trainer::step(Queue& queue, int step) {
   }
 }
 
-void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
+// Before the view's binning waits for the queue, hence in turns: what the view before the last
+// uploaded from is free.
+float Trainer::upload_teacher(Queue& queue, const Sample& sample, int width) {
+  Teacher& teacher = teachers_[turn_ ^= 1];
+  const Rect& part = sample.part;
+  const auto flow = flows_.get(size_t(sample.pair));
+  cut_planes(flow->flow.uv, width, part, teacher.flow);
+  cut(config_.flow.confidence ? flow->confidence : flow->flow.valid, width, 1, part,
+      teacher.confidence);
+  if (!config_.flow.confidence)
+    for (cl_uchar& c : teacher.confidence) c = c ? 255 : 0;
+  teacher_.ensure(queue, teacher.flow.size());
+  teacher_.write_async(queue, teacher.flow);
+  confidence_.ensure(queue, teacher.confidence.size());
+  confidence_.write_async(queue, teacher.confidence);
+  const auto unknown = std::count(teacher.confidence.begin(), teacher.confidence.end(), 0);
+  v_.flow_in_parts = size_t(unknown) > teacher.confidence.size() / 4;
+  return config_.flow.weight * float(config_.flow.every) * flow->emphasis;
+}
+
+void Trainer::train_view(Queue& queue, const Sample& sample, int step, int in_batch) {
   const Camera& camera = frames_.camera(*sample.frame);
   const Rect& part = sample.part;
   const size_t pixels = size_t(part.width) * size_t(part.height);
@@ -199,6 +223,7 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
   const std::array<uint8_t, 3> behind = background(step);
   for (size_t c = 0; c < 3; ++c) shot.background[c] = float(behind[c]) / 255;
   had_flow_ = sample.pair >= 0;
+  float flow_weight = 0;
   if (had_flow_) {
     const FlowPair& pair = pairs_[size_t(sample.pair)];
     if (pair.next >= 0) {
@@ -209,6 +234,13 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
       shot.time_t2 = sample.frame->flow_time;
     }
     shot.flow = true;
+    flow_weight = share * upload_teacher(queue, sample, camera.width);
+    if (flow_tiles_)
+      shot.view.flow_tiles =
+          &flow_tiles_->choose(queue,
+                               random_bits(uint(config_.train.seed), kTileStream,
+                                           uint(step) * uint(config_.train.batch) + uint(in_batch)),
+                               part.width, part.height, teacher_, confidence_);
   } else {  // for a motion loss: the next step in time, or the one before
     const double later = shot.time + 1.0 / std::max(scene_.steps - 1, 1);
     shot.time_t2 = later < 1 + 1e-6 ? later : 2 * shot.time - later;
@@ -234,22 +266,9 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step) {
   const Images& images = renderer_.images();
   image_loss_.run(queue, part.width, part.height, images.rgb, truth_, v_.v_rgb, share);
   if (had_flow_) {
-    const auto flow = flows_.get(size_t(sample.pair));
-    cut_planes(flow->flow.uv, camera.width, part, flow_planes_);
-    cut(config_.flow.confidence ? flow->confidence : flow->flow.valid, camera.width, 1, part,
-        confidence_part_);
-    if (!config_.flow.confidence)
-      for (cl_uchar& c : confidence_part_) c = c ? 255 : 0;
-    teacher_.ensure(queue, 2 * pixels);
-    teacher_.write_async(queue, flow_planes_);
-    confidence_.ensure(queue, pixels);
-    confidence_.write_async(queue, confidence_part_);
-    const auto unknown = std::count(confidence_part_.begin(), confidence_part_.end(), 0);
-    v_.flow_in_parts = size_t(unknown) > pixels / 4;
     v_.v_flow.ensure(queue, 2 * pixels);
-    flow_loss_.run(queue, share * config_.flow.weight * float(config_.flow.every) * flow->emphasis,
-                   part.width, part.height, images.flow, images.alpha, teacher_, confidence_,
-                   v_.v_flow);
+    flow_loss_.run(queue, flow_weight, part.width, part.height, images.flow, images.alpha, teacher_,
+                   confidence_, v_.v_flow, shot.view.flow_tiles);
   }
   renderer_.backward(queue, model_, v_);
   learn_from(queue, shot, camera.width, camera.height);

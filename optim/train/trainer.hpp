@@ -14,6 +14,7 @@
 #include "optim/density/order.hpp"
 #include "optim/density/rest.hpp"
 #include "optim/loss/flow_loss.hpp"
+#include "optim/loss/flow_tiles.hpp"
 #include "optim/loss/image_loss.hpp"
 #include "optim/loss/motion_loss.hpp"
 #include "optim/train/config.hpp"
@@ -83,7 +84,9 @@ class Trainer {
   void prefetch(int step);
   // Behind pictures with alpha, sRGB.
   std::array<uint8_t, 3> background(int step) const;
-  void train_view(Queue& queue, const Sample& sample, int step);
+  void train_view(Queue& queue, const Sample& sample, int step, int in_batch);
+  // Uploads a sample's flow and its confidence. How much the flow loss weighs for it.
+  float upload_teacher(Queue& queue, const Sample& sample, int width);
   // Asks for guidance and adds its gradients.
   void guide(Queue& queue, int step);
   // After the gradients of a view of a camera: what density control and rest learn from it.
@@ -108,6 +111,7 @@ class Trainer {
   Renderer renderer_;
   ImageLoss image_loss_;
   FlowLoss flow_loss_;
+  std::unique_ptr<FlowTiles> flow_tiles_;    // nullptr: all tiles always count
   std::unique_ptr<MotionLoss> motion_loss_;  // nullptr: all its weights are 0
   Adam adam_;
   std::unique_ptr<Density> density_;
@@ -123,8 +127,12 @@ class Trainer {
   Buffer<float> teacher_{"teacher flow"};
   ImageGradients v_;
   // what asynchronous writes read from
-  std::vector<cl_uchar> picture_part_, confidence_part_;
-  std::vector<float> flow_planes_;
+  std::vector<cl_uchar> picture_part_;
+  struct Teacher {
+    std::vector<float> flow;  // [2, H, W]
+    std::vector<cl_uchar> confidence;
+  } teachers_[2];  // one may still be read while the other is written
+  int turn_ = 0;
   bool had_flow_ = false, had_motion_loss_ = false;
   bool neighbours_known_ = false;
   bool untouched_ = true;  // by the step under way

@@ -11,6 +11,7 @@
 #include "compare.hpp"
 #include "device.hpp"
 #include "reference/loss.hpp"
+#include "shared/constants.h"
 
 namespace gflow {
 namespace {
@@ -22,6 +23,7 @@ struct Case {
   int width, height;
   std::vector<float> flow, alpha, teacher;
   std::vector<cl_uchar> confidence;
+  std::vector<float> tile_weights = {};  // none: all tiles weigh 1
 };
 
 Case random_case(int width, int height) {
@@ -65,13 +67,20 @@ Result run(const Case& c, float weight, float robust_px, int lanes = 0) {
   const Buffer<cl_uchar> confidence(queue, c.confidence, "confidence");
   Buffer<float> v_flow(queue, c.flow.size(), "v_flow");
   v_flow.fill(queue, 7);  // must be overwritten
-  loss.run(queue, weight, c.width, c.height, flow, alpha, teacher, confidence, v_flow);
+  const Buffer<float> tile_weights(queue, c.tile_weights, "tile weights");
+  loss.run(queue, weight, c.width, c.height, flow, alpha, teacher, confidence, v_flow,
+           c.tile_weights.empty() ? nullptr : &tile_weights);
   return {v_flow.read(queue), loss.value(queue)};
 }
 
 reference::FlowLossResult expected(const Case& c, double weight, double knee) {
   std::vector<double> confidence(c.confidence.begin(), c.confidence.end());
-  for (double& m : confidence) m /= 255;
+  const size_t width = size_t(c.width), tiles_x = (width + TILE - 1) / TILE;
+  for (size_t i = 0; i < confidence.size(); ++i) {
+    confidence[i] /= 255;
+    if (!c.tile_weights.empty())
+      confidence[i] *= double(c.tile_weights[i / width / TILE * tiles_x + i % width / TILE]);
+  }
   return reference::flow_loss({c.flow.begin(), c.flow.end()}, {c.alpha.begin(), c.alpha.end()},
                               {c.teacher.begin(), c.teacher.end()}, confidence, weight, knee);
 }
@@ -111,6 +120,32 @@ TEST_P(FlowLossLanes, MatchTheReferenceAtEverySize) {
       EXPECT_NEAR(actual.value.loss, want.loss, 1e-6 * want.loss);
       EXPECT_EQ(actual.value.confident_pixels, confident_pixels(c.teacher, c.confidence));
     }
+}
+
+// Tiles weigh what they were given: nothing, once or several times; the error is a mean by it.
+TEST_P(FlowLossLanes, WeighsEachTile) {
+  const int sizes[][2] = {{1, 1}, {17, 15}, {35, 50}, {320, 96}};
+  for (const auto& [width, height] : sizes) {
+    Case c = random_case(width, height);
+    const size_t tiles_x = size_t(width + 15) / 16, tiles = tiles_x * (size_t(height + 15) / 16);
+    for (size_t tile = 0; tile < tiles; ++tile)
+      c.tile_weights.push_back(tile == 0 ? 4.f : float(tile % 3));
+    const auto want = expected(c, 0.5, 0.1);
+    const Result actual = run(c, 0.5f, 0.1f, GetParam());
+    EXPECT_TRUE(all_close(actual.v_flow, want.v_flow, {1e-6, 1e-12}));
+    EXPECT_NEAR(actual.value.loss, want.loss, 1e-6 * want.loss);
+    double errors = 0, counted = 0;
+    const size_t pixels = c.alpha.size(), w = size_t(width);
+    for (size_t i = 0; i < pixels; ++i) {
+      const double s = double(c.tile_weights[i / w / 16 * tiles_x + i % w / 16]);
+      if (c.confidence[i] == 0) continue;
+      counted += s;
+      errors += s * std::hypot(double(c.flow[i] - c.teacher[i]),
+                               double(c.flow[pixels + i] - c.teacher[pixels + i]));
+    }
+    EXPECT_EQ(actual.value.confident_pixels, counted);
+    EXPECT_NEAR(actual.value.epe, counted > 0 ? errors / counted : 0, 1e-5);
+  }
 }
 
 TEST(FlowLoss, GradientIsFiniteAndNoLongerThanOneForAnyDifference) {
@@ -184,6 +219,9 @@ TEST(FlowLoss, RefusesWhatItCannotUse) {
   const Buffer<cl_uchar> confidence(queue, 4, "confidence");
   EXPECT_THROW(loss.run(queue, 1, 2, 2, flow, alpha, flow, confidence, v_flow), Error);
   EXPECT_THROW(confident_pixels({1, 2, 3}, {1, 1}), Error);
+  v_flow.ensure(queue, 8);
+  const Buffer<float> no_tile(queue, 0, "tile weights");
+  EXPECT_THROW(loss.run(queue, 1, 2, 2, flow, alpha, flow, confidence, v_flow, &no_tile), Error);
 }
 
 }  // namespace

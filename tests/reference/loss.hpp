@@ -82,7 +82,8 @@ struct FlowLossResult {
   std::vector<double> v_flow;  // [2, H, W]
 };
 
-// flow, teacher [2, H, W], alpha and confidence (in [0, 1]) [H, W].
+// flow, teacher [2, H, W], alpha and confidence (in [0, 1]) [H, W], the weight of a pixel's tile
+// among it.
 inline FlowLossResult flow_loss(const std::vector<double>& flow, const std::vector<double>& alpha,
                                 const std::vector<double>& teacher,
                                 const std::vector<double>& confidence, double weight, double knee) {

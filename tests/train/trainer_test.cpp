@@ -277,6 +277,16 @@ TEST_F(TrainerTest, FlowOfPositiveWeightChangesTheModel) {
   EXPECT_NE(with.at("gaussians/quats"), bits_after(queue(), config, 20).at("gaussians/quats"));
 }
 
+TEST_F(TrainerTest, CalmTilesCountInSomeSteps) {
+  TrainConfig config = small_config(scene(), 40);
+  config.flow.calm = 0.2f;
+  config.flow.calm_px = 100;  // all are calm
+  const auto some = bits_after(queue(), config, 40);
+  expect_equal_bits(some, bits_after(queue(), config, 40));
+  config.flow.calm = 1;
+  EXPECT_NE(some.at("gaussians/quats"), bits_after(queue(), config, 40).at("gaussians/quats"));
+}
+
 // Weights are of means over all Gaussians, and here they are few.
 TrainConfig with_motion_losses(TrainConfig config) {
   config.loss.rigidity = 0.01f;

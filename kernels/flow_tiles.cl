@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which tiles of a picture the flow is asked of in a step: those where the teacher moves always, those
+// where it is calm now and then, so much the more (flow_share). A tile without confident pixels
+// never. The gradient of the sum over tiles, each by its weight, is that of all in the mean.
+// One work-item a tile.
+#include "shared/lane_row.h"
+#include "shared/loss.h"
+#include "shared/random.h"
+
+kernel void flow_tiles(const uint width, const uint height, const float calm, const float calm_px,
+                       const uint seed, const uint stream,
+                       global const float* restrict teacher,     // [2, H, W] px
+                       global const uchar* restrict confidence,  // [H, W] 255 = full
+                       global float* restrict tile_weights) {    // [tiles] 0: not asked
+  const uint tiles_x = (width + TILE - 1) / TILE, tiles_y = (height + TILE - 1) / TILE;
+  const uint tile = get_global_id(0), pixels = width * height;
+  if (tile >= tiles_x * tiles_y) return;
+  const uint left = tile % tiles_x * TILE, top = tile / tiles_x * TILE;
+  const uint right = min(left + TILE, width), bottom = min(top + TILE, height);
+  union {
+    lane all;
+    float one[LANES];
+  } most;  // |motion|^2 by confidence^2; below 0: no pixel has a say
+  most.all = TO_LANE(-1.0f);
+  for (uint row = top; row < bottom; ++row)
+    for (uint column = left; column < right; column += LANES) {
+      const uint i = row * width + column;
+      const int count = right - column;
+      const lane x = row_load(teacher + i, count), y = row_load(teacher + pixels + i, count);
+      const lane trust = row_load_bytes(confidence + i, count) * (1.0f / 255.0f);
+      const lane_int counts = (trust > TO_LANE(0.0f)) & (fabs(x) <= TO_LANE(TEACHER_LIMIT)) &
+                              (fabs(y) <= TO_LANE(TEACHER_LIMIT));  // NaN fails
+      const lane square = trust * trust * (x * x + y * y);
+      most.all = fmax(most.all, LANE_SELECT(TO_LANE(-1.0f), square, counts));
+    }
+  float square = most.one[0];
+  for (int k = 1; k < LANES; ++k) square = fmax(square, most.one[k]);
+  const float share = square < 0.0f ? 0.0f : flow_share(sqrt(square), calm, calm_px);
+  tile_weights[tile] = random_uniform(seed, stream, tile) <= share ? 1.0f / share : 0.0f;
+}

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// Launches kernels/flow_tiles.cl.
+#include "optim/loss/flow_tiles.hpp"
+
+#include <cmath>
+
+#include "shared/constants.h"
+
+namespace gflow {
+namespace {
+
+constexpr cl_uint kTileStream = 16;  // of random numbers
+
+CalmRule checked(const CalmRule& rule) {
+  if (!(rule.share > 0 && rule.share <= 1))
+    throw Error(
+        fmt::format("choosing tiles for the flow: the share of calm ones is {}, it must be"
+                    " above 0 and at most 1",
+                    rule.share));
+  if (!(rule.px > 0 && std::isfinite(rule.px)))
+    throw Error(fmt::format("choosing tiles for the flow: calm is below {} px, it must be above 0",
+                            rule.px));
+  return rule;
+}
+
+}  // namespace
+
+FlowTiles::FlowTiles(Queue& queue, const CalmRule& rule)
+    : rule_(checked(rule)), program_(queue, "common.cl"), flow_tiles_(program_, "flow_tiles") {}
+
+const Buffer<float>& FlowTiles::choose(Queue& queue, uint32_t seed, int width, int height,
+                                       const Buffer<float>& teacher,
+                                       const Buffer<cl_uchar>& confidence) {
+  const size_t pixels = size_t(width) * size_t(height);
+  if (teacher.size() < 2 * pixels || confidence.size() < pixels)
+    throw Error(fmt::format(
+        "choosing tiles for the flow of {} x {} pixels: {} has {} values, {} {};"
+        " two and one a pixel are needed",
+        width, height, teacher.name(), teacher.size(), confidence.name(), confidence.size()));
+  const size_t tiles = ((size_t(width) + TILE - 1) / TILE) * ((size_t(height) + TILE - 1) / TILE);
+  weights_.ensure(queue, tiles);
+  flow_tiles_(queue, Range::over(tiles, 16), cl_uint(width), cl_uint(height), rule_.share, rule_.px,
+              seed, kTileStream, teacher, confidence, weights_);
+  return weights_;
+}
+
+}  // namespace gflow
