@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// The flow loss: scale * sum over pixels of tile weight * confidence * alpha * rho(flow - teacher), rho
-// the robust norm of shared/loss.h, alpha a constant: where nothing is drawn, no motion is asked for.
+// The flow loss: scale * sum over pixels of tile weight * confidence * alpha * rho(flow - teacher),
+// rho the robust norm of shared/loss.h, alpha a constant: where nothing is drawn, no motion is asked
+// for.
 // A pixel without weight (tile or confidence 0, alpha 0, or a teacher that is not a number or moves
 // more than 1e5 px) gives exactly 0, whatever the other values are.
-// One work-item per LANES neighbouring pixels of a row, which lie in one tile; bitwise repeatable, since nothing is summed here.
+// One work-item per LANES neighbouring pixels of a row, which lie in one tile; bitwise repeatable,
+// since nothing is summed here.
 // 256x192 with PoCL 3.1 on Zen 3 (AVX2): 0.10 ms of CPU time with LANES 8; as a scalar work-item a
 // pixel, which PoCL does not vectorise, 0.62 ms.
 #include "shared/lane_row.h"
 #include "shared/loss.h"
 
 kernel void flow_loss(const uint width, const uint height, const float scale, const float knee,
-                      const int sampled,                           // 0: every tile weighs 1
+                      const int sampled,                          // 0: every tile weighs 1
                       global const float* restrict tile_weights,  // [tiles] flow_tiles.cl
                       global const float* restrict flow,        // [2, H, W] px
                       global const float* restrict alpha,       // [H, W]

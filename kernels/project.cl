@@ -83,9 +83,9 @@ kernel void project_fwd(const uint n, const PinholeCamera camera,
   depth_keys[i] = as_uint(p.p.z);  // z > 0: the bits are ordered
 }
 
-// Of those that are seen, who touches a tile whose flow is asked for (View::flow_tiles).
+// Of those that are seen, who touches a tile that has flow (View::flow_tiles).
 kernel void flow_rows(const uint n, const uint tiles_x,
-                      global const float* restrict flow_tiles,    // [tiles] 0: not asked for
+                      global const float* restrict flow_tiles,    // [tiles] 0: has none
                       global const ushort* restrict tile_boxes,   // [N, 4]
                       global const uint* restrict tiles_touched,  // [N]
                       global uint* restrict flow_touched) {       // [N] 0 or 1
@@ -102,14 +102,14 @@ kernel void flow_rows(const uint n, const uint tiles_x,
 }
 
 // Completes the splats that are seen by colour and flow. Rows from `moving` on stand still in this
-// view (View::moving), those without with_flow touch no tile whose flow is asked for: no flow.
+// view (View::moving), those without rows_with_flow touch no tile that has flow.
 kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera camera, const PinholeCamera camera2,
                           global const float* restrict means, global const float* restrict factors,
                           global const float* restrict colors,      // [N, 3]
                           global const float* restrict means_t2,    // [N, 3]
                           global const float* restrict factors_t2,  // [N, 3, 3]
                           global const uint* restrict tiles_touched,
-                          global const uint* restrict with_flow,  // [N]
+                          global const uint* restrict rows_with_flow,  // [N]
                           global float* restrict splats) {
   const uint i = get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
@@ -119,7 +119,7 @@ kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera c
   float2 m = (float2)(0.f);
   float4 h = (float4)(0.f);
 #if FLOW
-  if (i < moving && with_flow[i]) {
+  if (i < moving && rows_with_flow[i]) {
     const Projection p2 = project(camera2, load3(means_t2, i), load_mat3(factors_t2, i));
     if (p2.p.z >= camera.near_plane) {  // behind camera 2 there is no flow to speak of
       const Projection p = project(camera, load3(means, i), load_mat3(factors, i));

@@ -3,8 +3,8 @@
 // pass and with no list a pixel. Repeatable: each pixel sums in depth order.
 //   LANES > 1   one work-item (group of 1) a tile; splats outer, touched cells inner
 //   LANES == 1  one work-group of 256 a tile, one work-item a pixel, splats through local memory
-// A picture with flow may be shared between this kernel with FLOW and without: tiles with_flow are the
-// first's, the others the second's, which show none (tiles_with_flow).
+// A picture with flow may be shared between this kernel with FLOW and without: the tiles with_flow
+// are the first's, the others, which show none, the second's.
 // Numbers: README, "Speed".
 #include "shared/pixel.h"
 
@@ -17,8 +17,8 @@ static inline void cell_blend(PixelSums* sums, Splat s, CellFootprint at) {
 }
 #endif
 
-// Which tiles of a shared picture have flow: those that are asked of (View::flow_tiles, if chosen) and
-// have a splat below `moving` (View::moving). One work-item a tile.
+// Which tiles of a shared picture have flow: those of View::flow_tiles, if some were chosen, with a
+// splat below `moving`. One work-item a tile.
 kernel void tiles_with_flow(const uint tiles, const uint moving, const int chosen,
                             global const float* restrict flow_tiles,   // [tiles]
                             global const uint* restrict tile_offsets,  // [tiles + 1]
@@ -54,8 +54,8 @@ kernel void splat_fwd(const int width, const int height, const int shared,
   const int ours = !shared || with_flow[tile] == FLOW;
   const uint first = tile_offsets[tile], end = ours ? tile_offsets[tile + 1] : first;
 #if LANES == 1
-  // A tile that is not ours goes on with nothing to do: after a return here PoCL 3.1 forgot which pixels
-  // are in the picture.
+  // A tile that is not ours goes on with nothing to do: after a return here PoCL 3.1 forgot which
+  // pixels are in the picture.
   local float4 batch[BATCH * 4];
   local ushort batch_mask[BATCH];
   local int open_pixels[2];

@@ -3,8 +3,8 @@
 // leaves the 16 sums of shared/pixel.h in its own slot; `gather` adds a Gaussian's slots in order.
 // No atomics: bitwise repeatable. Needs only the output images, no last index and no list a pixel.
 // Numbers: README, "Speed".
-// With `shared` the kernel with FLOW takes the tiles that ask for flow, and the one without the others
-// (Skips::flow).
+// With `shared` the kernel with FLOW takes the tiles whose v_flow is not 0, and the one without the
+// others (Skips::flow, View::flow_tiles).
 // ASKING 1: cells of pixels that ask for nothing, every cotangent 0, are left out (Skips::asking).
 #include "shared/pixel.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow bench skip`: what each piece of work that is left out (settings skip.*) would cost, alone
-// and all together, in training steps on a scene; and what it changes of the result.
+// `gflow bench skip`: what each piece of work that is left out (skip.*, flow.calm) would cost,
+// alone and all together, in training steps on a scene; and what it changes of the result.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -23,6 +23,8 @@ std::vector<Kind> kinds_of() {
     kinds.push_back({fmt::format("without {}", name), {off}});
     none.settings.push_back(off);
   });
+  kinds.push_back({"without calm", {"flow.calm=1"}});  // a skip, too, in the mean over steps
+  none.settings.push_back("flow.calm=1");
   kinds.push_back(none);
   return kinds;
 }
@@ -76,8 +78,9 @@ void run_skip(const StepOptions& o, const GlobalOptions& options) {
 
 void add_skip(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<StepOptions>();
-  CLI::App* skip = bench.add_subcommand(
-      "skip", "Training steps on a scene without each of the settings skip.*, and without all");
+  CLI::App* skip = bench.add_subcommand("skip",
+                                        "Training steps on a scene without each of the settings "
+                                        "skip.* and flow.calm, and without all");
   add_step_options(*skip, *flags);
   skip->callback([flags, &options] { run_skip(*flags, options); });
 }

@@ -25,8 +25,12 @@ Splatting& Engine::without_flow(Queue& queue) {
 }
 
 bool Engine::shared() const {
-  const bool some_move = view_.moving > 0 && view_.moving < splats_.count;
-  return channels_.flow && (view_.flow_tiles || (settings_.skip.flow && some_move));
+  const size_t moving = movers();
+  return channels_.flow && (view_.flow_tiles || (moving > 0 && moving < splats_.count));
+}
+
+size_t Engine::movers() const {
+  return settings_.skip.flow && settings_.top_k == 0 ? view_.moving : all_rows;
 }
 
 void Engine::project(Queue& queue, const View& view, Channels channels, const GaussiansAt& at_t1) {
@@ -44,7 +48,8 @@ void Engine::draw(Queue& queue, const std::array<float, 3>& background, const Ga
   steps.project.complete(queue, view_, at_t1, at_t2, colors, splats_);
   bin_.build(queue, images_.width, images_.height, splats_, tiles_);
   if (!shared()) return steps.splatting.forward(queue, background, splats_, tiles_, images_);
-  const Buffer<cl_uchar>& with_flow = steps.splatting.tiles_with_flow(queue, view_, tiles_);
+  const Buffer<cl_uchar>& with_flow =
+      steps.splatting.tiles_with_flow(queue, view_.flow_tiles, movers(), tiles_);
   steps.splatting.forward(queue, background, splats_, tiles_, images_, &with_flow);
   without_flow(queue).forward(queue, background, splats_, tiles_, images_, &with_flow);
 }
@@ -52,7 +57,7 @@ void Engine::draw(Queue& queue, const std::array<float, 3>& background, const Ga
 void Engine::backward(Queue& queue, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
                       const ImageGradients& v, GaussianGradients& gradients) {
   Steps& steps = steps_for(queue, channels_);
-  const bool parts = channels_.flow && (shared() || (settings_.skip.flow && v.flow_in_parts));
+  const bool parts = channels_.flow && settings_.skip.flow && (shared() || v.flow_in_parts);
   steps.splatting.backward(queue, splats_, tiles_, images_, v, partials_, parts);
   if (parts) without_flow(queue).backward(queue, splats_, tiles_, images_, v, partials_, parts);
   steps.splatting.gather(queue, splats_, tiles_, partials_, moments_);

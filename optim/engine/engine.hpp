@@ -43,6 +43,9 @@ class Engine {
   Splatting& without_flow(Queue& queue);
   // which there are when something stands still in the view, or tiles were chosen.
   bool shared() const;
+  // The rows below this decide which tiles have flow. With top_k all: the weights that flow is
+  // divided by are the flow kernel's, and what rests is told by them, too, where it should be.
+  size_t movers() const;
 
   EngineSettings settings_;
   Bin bin_;

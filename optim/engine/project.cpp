@@ -42,7 +42,7 @@ void Project::complete(Queue& queue, const View& view, const GaussiansAt& at_t1,
   const size_t n = splats.count;
   transport_fwd_(queue, Range::over(n), cl_uint(n), moving_of(view, n), view.camera, view.camera_t2,
                  at_t1.means, at_t1.factors, colors, at_t2.means, at_t2.factors,
-                 splats.tiles_touched, splats.with_flow(), splats.records);
+                 splats.tiles_touched, splats.rows_with_flow(), splats.records);
 }
 
 void Project::backward(Queue& queue, const View& view, const GaussiansAt& at_t1,

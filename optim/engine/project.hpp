@@ -10,17 +10,17 @@
 namespace gflow {
 
 // Splats and where they lie, an entry a Gaussian. tiles_touched = 0: not seen.
-// Of rows that are not seen only tiles_touched = 0 and flow_touched = 0 are defined.
+// Of rows that are not seen only that, and flow_touched = 0, is defined.
 struct Splats {
   size_t count = 0;                                // N
   Buffer<float> records{"splats"};                 // [N, 16] shared/pixel.h
   Buffer<cl_ushort> tile_boxes{"tile_boxes"};      // [N, 4] first x, first y, last x, last y
   Buffer<cl_uint> tiles_touched{"tiles_touched"};  // [N]
   Buffer<cl_uint> depth_keys{"depth_keys"};        // [N] monotone in depth
-  Buffer<cl_uint> flow_touched{"flow_touched"};    // [N] with View::flow_tiles: 1 touches one
-  bool chosen = false;                             // there are flow_touched
-  // Who has a second time, above 0: the others' pose there matters to nobody.
-  const Buffer<cl_uint>& with_flow() const { return chosen ? flow_touched : tiles_touched; }
+  Buffer<cl_uint> flow_touched{"flow_touched"};    // [N] 1: touches one of View::flow_tiles
+  bool chosen = false;                             // there were such tiles
+  // [N] above 0: seen, and in a tile that has flow. Only of these is the pose at t2 looked at.
+  const Buffer<cl_uint>& rows_with_flow() const { return chosen ? flow_touched : tiles_touched; }
 };
 
 // What is looked at: the camera at t1 and, for flow, at t2 (the same one when it stands still).
@@ -32,9 +32,9 @@ struct View {
   // show no flow and what they ask of their place at t2 stays theirs (v_means_t2): it is not a part
   // of v_means. Nothing else of t2 is read or written.
   size_t moving = all_rows;
-  // [tiles], row by row; 0: no flow is asked of the tile, which shows none; who touches no others
-  // has none. Of all tiles without it. It must live until the backward pass, of which v_flow must
-  // be 0 in those tiles.
+  // Which tiles have flow: [tiles], row by row, 0 for those that have none; nullptr: all have. A
+  // Gaussian that touches none of them needs no pose at t2. To be kept until the backward pass,
+  // whose v_flow must be 0 in the tiles without flow.
   const Buffer<float>* flow_tiles = nullptr;
 };
 
@@ -43,7 +43,8 @@ class Project {
   Project(Queue& queue, const EngineSettings& settings, Channels channels);
   // Splats without colour and flow; decides what is seen.
   void forward(Queue& queue, const View& view, const GaussiansAt& at_t1, Splats& splats);
-  // Adds colour and, with flow, motion for what is seen; nothing else of colors and at_t2 is read.
+  // Adds colour for what is seen and, with flow, motion for rows_with_flow(); nothing else of
+  // colors and at_t2 is read.
   // Without flow at_t1 may be passed for at_t2.
   void complete(Queue& queue, const View& view, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
                 const Buffer<float>& colors, Splats& splats);

@@ -25,14 +25,14 @@ Splatting::Splatting(Queue& queue, const EngineSettings& settings, Channels chan
       splat_bwd_(program_, "splat_bwd"),
       gather_(program_, "gather") {}
 
-const Buffer<cl_uchar>& Splatting::tiles_with_flow(Queue& queue, const View& view,
-                                                   const Tiles& tiles) {
+const Buffer<cl_uchar>& Splatting::tiles_with_flow(Queue& queue, const Buffer<float>* flow_tiles,
+                                                   size_t moving, const Tiles& tiles) {
   with_flow_.ensure(queue, tiles.count());
   no_choice_.ensure(queue, 0);
   tiles_with_flow_(queue, Range::over(tiles.count(), 16), cl_uint(tiles.count()),
-                   cl_uint(std::min(view.moving, size_t(ALL_ROWS))),
-                   int(view.flow_tiles != nullptr), view.flow_tiles ? *view.flow_tiles : no_choice_,
-                   tiles.tile_offsets, tiles.isect_ids, with_flow_);
+                   cl_uint(std::min(moving, size_t(ALL_ROWS))), int(flow_tiles != nullptr),
+                   flow_tiles ? *flow_tiles : no_choice_, tiles.tile_offsets, tiles.isect_ids,
+                   with_flow_);
   return with_flow_;
 }
 

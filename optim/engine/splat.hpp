@@ -10,9 +10,10 @@ namespace gflow {
 class Splatting {
  public:
   Splatting(Queue& queue, const EngineSettings& settings, Channels channels);
-  // Which tiles of a picture have flow, given what is asked and moves: [tiles] 0 or 1, for
-  // forward().
-  const Buffer<cl_uchar>& tiles_with_flow(Queue& queue, const View& view, const Tiles& tiles);
+  // Which tiles of a picture have flow, [tiles] 0 or 1 for forward(): those with a weight in
+  // flow_tiles (nullptr: all) and a splat below `moving`.
+  const Buffer<cl_uchar>& tiles_with_flow(Queue& queue, const Buffer<float>* flow_tiles,
+                                          size_t moving, const Tiles& tiles);
   // images.width and height are set by the caller. Of a picture shared between one with flow and
   // one without, each draws the tiles that are its own by with_flow.
   void forward(Queue& queue, const std::array<float, 3>& background, const Splats& splats,

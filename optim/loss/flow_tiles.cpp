@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-constexpr cl_uint kTileStream = 16;  // of random numbers
+constexpr cl_uint kTileStream = 16;  // of random numbers; those before are the trainer's
 
 CalmRule checked(const CalmRule& rule) {
   if (!(rule.share > 0 && rule.share <= 1))

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Flow where a scene needs it: tiles of 16 x 16 pixels in which the teacher moves are asked of in
 // every step, calm ones in a share of the steps, 1 / share times as much. An estimate of the
-// gradient of all tiles that is right in the mean, and costs what is asked alone.
+// gradient of all tiles that is right in the mean, and costs what is asked alone. What is not
+// linear in the gradient is not right in the mean: in calm tiles its mean length (density control
+// by adc, waking of those at rest) and square (Adam) are larger. What that costs:
+// optim/loss/README.md.
 #pragma once
 #include "runtime/kernel.hpp"
 

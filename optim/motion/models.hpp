@@ -78,6 +78,10 @@ void add_rest(const MotionShape& shape, HostGroups& groups, size_t count, uint32
 // Whether every Gaussian lasts for the whole video: there is one common pose, and what moves is
 // that, not which Gaussians there are.
 constexpr bool is_permanent(MotionModelKind kind) { return kind == MotionModelKind::hexplane; }
+// Whether each Gaussian has one path of few numbers for all of its life.
+constexpr bool has_stiff_paths(MotionModelKind kind) {
+  return kind == MotionModelKind::spacetime || kind == MotionModelKind::native4d;
+}
 
 // Gives Gaussian i, at rest, not turned, of spatial scale s and temporal scale s_t, the velocity v;
 // native4d: or the largest along v that those scales allow; keyframes: around its own moment;

@@ -388,7 +388,7 @@ struct FlowConfig {
   bool detach_weights = false;
   float robust_px = 0.5f;
   int every = 1;
-  float calm = 0.1f;
+  float calm = 0;
   float calm_px = 0.5f;
   int start = 0;
   int max_gap = 2;
@@ -433,11 +433,15 @@ struct FlowConfig {
           "knee of the robust norm: quadratic below, linear above [px]", above(0));
     field("every", self.every, "the flow loss counts in every n-th step only, n times as much",
           at_least(1));
-    field("calm", self.calm,
-          "share of the steps in which a tile of 16x16 pixels where nothing moves counts for the "
-          "flow, so many times as much; 1: in all",
-          between(0.01, 1));
-    field("calm_px", self.calm_px, "motion from which it always counts; below in proportion [px]",
+    field(
+        "calm", self.calm,
+        "probability with which a tile of 16x16 pixels where the flow to learn is 0 counts in a "
+        "step, then 1/probability times as much; 1: all tiles in every step; 0: 0.1 for spacetime "
+        "and native4d, else 1",
+        between(0, 1));
+    field("calm_px", self.calm_px,
+          "flow (times its confidence) from which a tile counts in every step; below, the "
+          "probability is in proportion, at least flow.calm [px]",
           above(0));
     field("start", self.start, "first step with the flow loss", at_least(0));
     field("max_gap", self.max_gap, "frames further apart than this are not compared [time steps]",

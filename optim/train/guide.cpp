@@ -14,7 +14,7 @@ namespace gflow {
 namespace {
 
 constexpr uint kGuidanceStream = 11, kAzimuthStream = 12, kElevationStream = 13,
-               kCameraStream = 14;  // of random numbers; the trainer has those before
+               kCameraStream = 14;  // of random numbers; trainer.cpp has others
 
 // The layouts whose cameras stand on the ground by definition, and look at the origin if nobody
 // says where they are.

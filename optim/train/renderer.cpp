@@ -31,7 +31,7 @@ PinholeCamera pinhole(const Camera& camera, float near_plane) {
 
 const Buffer<cl_uint>& Renderer::with_second_time() const {
   const Splats& splats = engine_.splats();
-  return shot_.motion_loss ? splats.tiles_touched : splats.with_flow();
+  return shot_.motion_loss ? splats.tiles_touched : splats.rows_with_flow();
 }
 
 bool Renderer::bends() const {

@@ -16,7 +16,7 @@ namespace {
 constexpr double kNotSeen = std::numeric_limits<double>::quiet_NaN();  // in this step
 constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
 constexpr uint kSplitStream = 7, kBackgroundStream = 9, kNoiseStream = 10,
-               kTileStream = 17;  // of random numbers; sampler.cpp has more
+               kTileSeedStream = 17;  // of random numbers; sampler.cpp has more
 
 // A part of interleaved rows [H, W, channels].
 template <class T>
@@ -66,6 +66,14 @@ std::unique_ptr<Rest> rest_for(Queue& queue, const TrainConfig& config, const Sc
                                const Parameters& parameters) {
   if (config.motion.rest == 0 || scene.steps < 2 || config.train.sequential) return nullptr;
   return parameters.can_rest() ? std::make_unique<Rest>(queue) : nullptr;
+}
+
+// nullptr when the flow of all tiles counts in every step. A path with many numbers, each moved by
+// few pictures, is shaken by pulls that are rare and strong: optim/loss/README.md.
+std::unique_ptr<FlowTiles> flow_tiles_for(Queue& queue, const FlowConfig& flow,
+                                          MotionModelKind motion) {
+  const float share = flow.calm > 0 ? flow.calm : has_stiff_paths(motion) ? 0.1f : 1.f;
+  return share < 1 ? std::make_unique<FlowTiles>(queue, CalmRule{share, flow.calm_px}) : nullptr;
 }
 
 PinholeCamera part_of(PinholeCamera camera, const Rect& part) {
@@ -121,9 +129,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       renderer_(queue, training_settings(config)),
       image_loss_(queue, config.loss.ssim),
       flow_loss_(queue, config.flow.robust_px),
-      flow_tiles_(config.flow.calm < 1 ? std::make_unique<FlowTiles>(
-                                             queue, CalmRule{config.flow.calm, config.flow.calm_px})
-                                       : nullptr),
+      flow_tiles_(flow_tiles_for(queue, config.flow, model.shape.motion)),
       motion_loss_(motion_loss_for(queue, config.loss, scene)),
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
       density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
@@ -190,23 +196,21 @@ void Trainer::step(Queue& queue, int step) {
   }
 }
 
-// Before the view's binning waits for the queue, hence in turns: what the view before the last
-// uploaded from is free.
+// The binning of the view before waited for what it had uploaded: that is free now.
 float Trainer::upload_teacher(Queue& queue, const Sample& sample, int width) {
-  Teacher& teacher = teachers_[turn_ ^= 1];
   const Rect& part = sample.part;
   const auto flow = flows_.get(size_t(sample.pair));
-  cut_planes(flow->flow.uv, width, part, teacher.flow);
+  cut_planes(flow->flow.uv, width, part, flow_planes_);
   cut(config_.flow.confidence ? flow->confidence : flow->flow.valid, width, 1, part,
-      teacher.confidence);
+      confidence_part_);
   if (!config_.flow.confidence)
-    for (cl_uchar& c : teacher.confidence) c = c ? 255 : 0;
-  teacher_.ensure(queue, teacher.flow.size());
-  teacher_.write_async(queue, teacher.flow);
-  confidence_.ensure(queue, teacher.confidence.size());
-  confidence_.write_async(queue, teacher.confidence);
-  const auto unknown = std::count(teacher.confidence.begin(), teacher.confidence.end(), 0);
-  v_.flow_in_parts = size_t(unknown) > teacher.confidence.size() / 4;
+    for (cl_uchar& c : confidence_part_) c = c ? 255 : 0;
+  teacher_.ensure(queue, flow_planes_.size());
+  teacher_.write_async(queue, flow_planes_);
+  confidence_.ensure(queue, confidence_part_.size());
+  confidence_.write_async(queue, confidence_part_);
+  const auto unknown = std::count(confidence_part_.begin(), confidence_part_.end(), 0);
+  v_.flow_in_parts = size_t(unknown) > confidence_part_.size() / 4;
   return config_.flow.weight * float(config_.flow.every) * flow->emphasis;
 }
 
@@ -238,7 +242,7 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step, int in_ba
     if (flow_tiles_)
       shot.view.flow_tiles =
           &flow_tiles_->choose(queue,
-                               random_bits(uint(config_.train.seed), kTileStream,
+                               random_bits(uint(config_.train.seed), kTileSeedStream,
                                            uint(step) * uint(config_.train.batch) + uint(in_batch)),
                                part.width, part.height, teacher_, confidence_);
   } else {  // for a motion loss: the next step in time, or the one before
@@ -444,8 +448,9 @@ StepFigures Trainer::figures(Queue& queue) {
   figures.loss = image.total;
   if (had_flow_) {
     const FlowLossValue flow = flow_loss_.value(queue);
-    figures.flow_loss = flow.loss;
-    figures.epe = flow.epe;
+    const bool none_asked = flow_tiles_ && flow.confident_pixels == 0;
+    figures.flow_loss = none_asked ? kNotSeen : flow.loss;
+    figures.epe = none_asked ? kNotSeen : flow.epe;
     figures.loss += flow.loss;
   } else if (config_.flow.every > 1 && flows_.size() > 0) {
     figures.flow_loss = figures.epe = kNotSeen;

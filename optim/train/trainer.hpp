@@ -29,7 +29,8 @@ namespace gflow {
 struct StepFigures {
   double l1 = 0, ssim = 0, loss = 0;
   double psnr = 0;  // of the last view [dB]
-  // Of the last view with flow [px]; NaN in a step without (flow.every), 0 where there is none.
+  // Of the last view with flow [px], estimated from the tiles that were asked (flow.calm); NaN in a
+  // step without (flow.every) or where none was asked, 0 where there is no flow at all.
   double flow_loss = 0, epe = 0;
   // Of the last view, NaN in a step without such a loss (loss.motion_every); none: no training has.
   std::optional<MotionLossValue> motion;
@@ -127,12 +128,8 @@ class Trainer {
   Buffer<float> teacher_{"teacher flow"};
   ImageGradients v_;
   // what asynchronous writes read from
-  std::vector<cl_uchar> picture_part_;
-  struct Teacher {
-    std::vector<float> flow;  // [2, H, W]
-    std::vector<cl_uchar> confidence;
-  } teachers_[2];  // one may still be read while the other is written
-  int turn_ = 0;
+  std::vector<cl_uchar> picture_part_, confidence_part_;
+  std::vector<float> flow_planes_;
   bool had_flow_ = false, had_motion_loss_ = false;
   bool neighbours_known_ = false;
   bool untouched_ = true;  // by the step under way

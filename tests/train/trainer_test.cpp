@@ -287,6 +287,30 @@ TEST_F(TrainerTest, CalmTilesCountInSomeSteps) {
   EXPECT_NE(some.at("gaussians/quats"), bits_after(queue(), config, 40).at("gaussians/quats"));
 }
 
+// Of a model that does not learn: the loss of some tiles is that of all, in the mean over steps.
+TEST_F(TrainerTest, TheLossOfSomeTilesIsThatOfAllInTheMean) {
+  TrainConfig config = small_config(scene(), 90);
+  config.flow.calm_px = 100;  // all are calm
+  const auto mean_loss = [&](float calm) {
+    config.flow.calm = calm;
+    SmallTraining training(queue(), config);
+    training.trainer.set_caution(0);
+    double sum = 0;
+    size_t without = 0;
+    for (int i = 0; i < 90; ++i) {
+      training.steps(queue(), 1);
+      const double loss = training.trainer.figures(queue()).flow_loss;
+      std::isfinite(loss) ? sum += loss : ++without;  // no tile was asked
+    }
+    EXPECT_LT(without, 45u);
+    return sum / 90;
+  };
+  const double all = mean_loss(1), some = mean_loss(0.3f);
+  EXPECT_NE(some, all);
+  // A few tiles hold most of it: a deviation of sqrt(.7 / .3 / 3) a step, .1 of the mean; three.
+  EXPECT_NEAR(some / all, 1, 0.3);
+}
+
 // Weights are of means over all Gaussians, and here they are few.
 TrainConfig with_motion_losses(TrainConfig config) {
   config.loss.rigidity = 0.01f;
