@@ -56,8 +56,9 @@ void run_step(const StepOptions& o, const GlobalOptions& options) {
 
 void add_step(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<StepOptions>();
-  CLI::App* step = bench.add_subcommand(
-      "step", "Training steps on a scene: pictures alone, with flow, with each regulariser");
+  CLI::App* step = bench.add_subcommand("step",
+                                        "Training steps on a scene: pictures alone, with flow, of "
+                                        "calm tiles too, with each regulariser");
   add_step_options(*step, *flags);
   step->callback([flags, &options] { run_step(*flags, options); });
 }
