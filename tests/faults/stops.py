@@ -124,12 +124,14 @@ def two_in_one_folder(world):
         first = long.go_on()
         while first.poll() is None and not checkpoints_of(long.run):
             time.sleep(0.005)
+        first.send_signal(signal.SIGSTOP)  # it must still be at work when the last of the others comes
         wrong = []
         for more in ([], ["--resume"], ["--overwrite"]):
             second = world.run([*long.arguments, *more])
             wrong += complaints(second, (1,), [f"written by process {first.pid}"])
         beside = world.run(["info", long.run])
         wrong += complaints(beside, (0,))
+        first.send_signal(signal.SIGCONT)
         outcome = ended(first)
         wrong += complaints(outcome, (0,)) + long.finish()
         results.append([f"pair {trial + 1}: {what}" for what in wrong])
