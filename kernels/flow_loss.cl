@@ -19,7 +19,8 @@ kernel void flow_loss(const uint width, const uint height, const float scale, co
                       global const float* restrict teacher,     // [2, H, W] px
                       global const uchar* restrict confidence,  // [H, W] 255 = full
                       global float* restrict v_flow,            // [2, H, W]
-                      global float* restrict terms) {  // [3, H, W] loss; tile weight times end point error, and 1
+                      // [3, H, W] loss; tile weight times end point error, and times 1
+                      global float* restrict terms) {
   const uint runs = (width + LANES - 1) / LANES, pixels = width * height;
   const uint x0 = get_global_id(0) % runs * LANES, y0 = get_global_id(0) / runs;
   if (y0 >= height) return;
