@@ -23,7 +23,7 @@ static inline Native4d load_native4d(uint i, uint moving, global const float* me
 
 // At the first time of a view: opacity 0, and nothing else written, for those outside their window.
 // At a second time (first = 0): the rows with tiles_touched > 0 only, whether still there or not:
-// what is seen at t1 moves also while it fades.
+// what is seen at t1 moves also while it fades. Nobody needs their opacities then.
 kernel void native4d_fwd(const uint n, const uint moving, const float t, const float cutoff,
                          const int first,
                          global const uint* restrict tiles_touched,     // [N] read if not first
@@ -45,7 +45,7 @@ kernel void native4d_fwd(const uint n, const uint moving, const float t, const f
     return;
   }
   const Slice s = slice_at(g, t);
-  opacities_at[i] = s.life.opacity;
+  if (first) opacities_at[i] = s.life.opacity;
   store3(means_at, i, s.mean);
   store_mat3(factors_at, i, s.factor);
 }

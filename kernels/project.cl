@@ -37,18 +37,30 @@ static inline int2 tile_span(float centre, float reach, int pixels) {
   return (int)to >= first ? (int2)(first / TILE, (int)to / TILE) : (int2)(1, 0);
 }
 
-// Where the splats lie and what they cover.
-kernel void project_fwd(const uint n, const PinholeCamera camera,
+// Whether one of the tiles in a box (first x y, last x y) has flow.
+static inline uint touches_flow(ushort4 box, uint tiles_x, global const float* flow_tiles) {
+  for (uint row = box.y; row <= box.w; ++row)
+    for (uint column = box.x; column <= box.z; ++column)
+      if (flow_tiles[row * tiles_x + column] != 0.f) return 1;
+  return 0;
+}
+
+// Where the splats lie and what they cover. With `chosen`, flow_touched says of each whether it
+// touches a tile that has flow (View::flow_tiles); else it and flow_tiles are not touched.
+kernel void project_fwd(const uint n, const PinholeCamera camera, const int chosen,
                         global const float* restrict means,      // [N, 3] world, at t1
                         global const float* restrict factors,    // [N, 3, 3] covariance = L L^T
                         global const float* restrict opacities,  // [N] 0: not there at t1
+                        global const float* restrict flow_tiles,  // [tiles] 0: has none
                         global float* restrict splats,           // [N, 16] see shared/pixel.h
                         global ushort* restrict tile_boxes,      // [N, 4] first x y, last x y
                         global uint* restrict tiles_touched,     // [N]
+                        global uint* restrict flow_touched,      // [N] 0 or 1
                         global uint* restrict depth_keys) {      // [N] monotone in depth
   const uint i = get_global_id(0);
   if (i >= n) return;
   tiles_touched[i] = 0;
+  if (chosen) flow_touched[i] = 0;
   const float opacity = opacities[i];
   if (opacity == 0.f) return;  // not there, as most are in a long video
   const float log2_opacity = log2(opacity);
@@ -78,27 +90,11 @@ kernel void project_fwd(const uint n, const PinholeCamera camera,
   const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;
   vstore4((float4)(p.mean.x, p.mean.y, k.x, k.y), 4 * i, splats);
   vstore4((float4)(k.z, log2_opacity, p.p.z, 0.f), 4 * i + 1, splats);
-  vstore4((ushort4)(x.x, y.x, x.y, y.y), i, tile_boxes);
+  const ushort4 box = (ushort4)(x.x, y.x, x.y, y.y);
+  vstore4(box, i, tile_boxes);
+  if (chosen) flow_touched[i] = touches_flow(box, (camera.width + TILE - 1) / TILE, flow_tiles);
   tiles_touched[i] = (uint)(x.y - x.x + 1) * (uint)(y.y - y.x + 1);
   depth_keys[i] = as_uint(p.p.z);  // z > 0: the bits are ordered
-}
-
-// Of those that are seen, who touches a tile that has flow (View::flow_tiles).
-kernel void flow_rows(const uint n, const uint tiles_x,
-                      global const float* restrict flow_tiles,    // [tiles] 0: has none
-                      global const ushort* restrict tile_boxes,   // [N, 4]
-                      global const uint* restrict tiles_touched,  // [N]
-                      global uint* restrict flow_touched) {       // [N] 0 or 1
-  const uint i = get_global_id(0);
-  if (i >= n) return;
-  uint touched = 0;
-  if (tiles_touched[i] > 0) {
-    const ushort4 box = vload4(i, tile_boxes);
-    for (uint row = box.y; row <= box.w && !touched; ++row)
-      for (uint column = box.x; column <= box.z && !touched; ++column)
-        touched = flow_tiles[row * tiles_x + column] != 0.f;
-  }
-  flow_touched[i] = touched;
 }
 
 // Completes the splats that are seen by colour and flow. Rows from `moving` on stand still in this

@@ -33,7 +33,8 @@ static inline Spacetime load_spacetime(uint i, uint moving, SPACETIME_IN) {
 }
 
 // At the first time of a view: opacity 0, and nothing else written, for those outside their window.
-// At a second time (first = 0): the rows with tiles_touched > 0 only, in their window or not.
+// At a second time (first = 0): the rows with tiles_touched > 0 only, in their window or not, without
+// their opacities, which nobody needs then.
 kernel void spacetime_fwd(const uint n, const uint moving, const float t, const float sigmas,
                           const int first,
                           global const uint* restrict tiles_touched,  // [N] read if not first
@@ -48,7 +49,7 @@ kernel void spacetime_fwd(const uint n, const uint moving, const float t, const 
     return;
   }
   const SpacetimeCut cut = spacetime_at(load_spacetime(i, moving, SPACETIME_ROWS), t);
-  opacities_at[i] = cut.life.opacity;
+  if (first) opacities_at[i] = cut.life.opacity;
   store3(means_at, i, cut.mean);
   store_mat3(factors_at, i, cut.factor);
 }

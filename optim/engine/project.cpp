@@ -15,7 +15,6 @@ cl_uint moving_of(const View& view, size_t n) { return cl_uint(std::min(view.mov
 Project::Project(Queue& queue, const EngineSettings& settings, Channels channels)
     : program_(raster_program(queue, settings, channels)),
       project_fwd_(program_, "project_fwd"),
-      flow_rows_(program_, "flow_rows"),
       transport_fwd_(program_, "transport_fwd"),
       project_bwd_(program_, "project_bwd") {}
 
@@ -26,15 +25,12 @@ void Project::forward(Queue& queue, const View& view, const GaussiansAt& at_t1, 
   splats.tile_boxes.ensure(queue, 4 * n);
   splats.tiles_touched.ensure(queue, n);
   splats.depth_keys.ensure(queue, n);
-  project_fwd_(queue, Range::over(n), cl_uint(n), view.camera, at_t1.means, at_t1.factors,
-               at_t1.opacities, splats.records, splats.tile_boxes, splats.tiles_touched,
-               splats.depth_keys);
   splats.chosen = view.flow_tiles;
-  if (!splats.chosen) return;
-  splats.flow_touched.ensure(queue, n);
-  const size_t tiles_x = (size_t(view.camera.width) + TILE - 1) / TILE;
-  flow_rows_(queue, Range::over(n), cl_uint(n), cl_uint(tiles_x), *view.flow_tiles,
-             splats.tile_boxes, splats.tiles_touched, splats.flow_touched);
+  splats.flow_touched.ensure(queue, splats.chosen ? n : 1);
+  project_fwd_(queue, Range::over(n), cl_uint(n), view.camera, int(splats.chosen), at_t1.means,
+               at_t1.factors, at_t1.opacities, splats.chosen ? *view.flow_tiles : at_t1.opacities,
+               splats.records, splats.tile_boxes, splats.tiles_touched, splats.flow_touched,
+               splats.depth_keys);
 }
 
 void Project::complete(Queue& queue, const View& view, const GaussiansAt& at_t1,

@@ -10,7 +10,7 @@
 namespace gflow {
 
 // Splats and where they lie, an entry a Gaussian. tiles_touched = 0: not seen.
-// Of rows that are not seen only that, and flow_touched = 0, is defined.
+// Of rows that are not seen only that, and flow_touched = 0 where tiles were chosen, is defined.
 struct Splats {
   size_t count = 0;                                // N
   Buffer<float> records{"splats"};                 // [N, 16] shared/pixel.h
@@ -18,7 +18,7 @@ struct Splats {
   Buffer<cl_uint> tiles_touched{"tiles_touched"};  // [N]
   Buffer<cl_uint> depth_keys{"depth_keys"};        // [N] monotone in depth
   Buffer<cl_uint> flow_touched{"flow_touched"};    // [N] 1: touches one of View::flow_tiles
-  bool chosen = false;                             // there were such tiles
+  bool chosen = false;                             // there were such tiles, else it is undefined
   // [N] above 0: seen, and in a tile that has flow. Only of these is the pose at t2 looked at.
   const Buffer<cl_uint>& rows_with_flow() const { return chosen ? flow_touched : tiles_touched; }
 };
@@ -54,10 +54,9 @@ class Project {
 
  private:
   Program program_;
-  Kernel<cl_uint, PinholeCamera, In<float>, In<float>, In<float>, Out<float>, Out<cl_ushort>,
-         Out<cl_uint>, Out<cl_uint>>
+  Kernel<cl_uint, PinholeCamera, cl_int, In<float>, In<float>, In<float>, In<float>, Out<float>,
+         Out<cl_ushort>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
       project_fwd_;
-  Kernel<cl_uint, cl_uint, In<float>, In<cl_ushort>, In<cl_uint>, Out<cl_uint>> flow_rows_;
   Kernel<cl_uint, cl_uint, PinholeCamera, PinholeCamera, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<cl_uint>, In<cl_uint>, Out<float>>
       transport_fwd_;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "shared/constants.h"
+#include "shared/random.h"
 
 namespace gflow {
 namespace {
@@ -40,7 +41,7 @@ const Buffer<float>& FlowTiles::choose(Queue& queue, uint32_t seed, int width, i
   const size_t tiles = ((size_t(width) + TILE - 1) / TILE) * ((size_t(height) + TILE - 1) / TILE);
   weights_.ensure(queue, tiles);
   flow_tiles_(queue, Range::over(tiles, 16), cl_uint(width), cl_uint(height), rule_.share, rule_.px,
-              seed, kTileStream, teacher, confidence, weights_);
+              float(random_uniform(seed, kTileStream, 0)), teacher, confidence, weights_);
   return weights_;
 }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Flow where a scene needs it: tiles of 16 x 16 pixels in which the teacher moves are asked of in
-// every step, calm ones in a share of the steps, 1 / share times as much. An estimate of the
-// gradient of all tiles that is right in the mean, and costs what is asked alone. What is not
-// linear in the gradient is not right in the mean: in calm tiles its mean length (density control
-// by adc, waking of those at rest) and square (Adam) are larger. What that costs:
-// optim/loss/README.md.
+// every step, calm ones in a share of the steps, 1 / share times as much, those of a picture in the
+// same steps. An estimate of the gradient of all tiles that is right in the mean, and costs what is
+// asked alone. What is not linear in the gradient is not right in the mean: in calm tiles its mean
+// length (density control by adc, waking of those at rest) and square (Adam) are larger. What that
+// costs: optim/loss/README.md.
 #pragma once
 #include "runtime/kernel.hpp"
 
@@ -29,8 +29,7 @@ class FlowTiles {
  private:
   CalmRule rule_;
   Program program_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_uint, cl_uint, In<float>, In<cl_uchar>,
-         Out<float>>
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_float, In<float>, In<cl_uchar>, Out<float>>
       flow_tiles_;
   Buffer<float> weights_{"tile weights"};
 };

@@ -41,13 +41,14 @@ class Motion {
 
   // Gaussians at time t. With seen = nullptr (the time that is drawn) those outside their time
   // window have opacity 0 and else undefined rows. Otherwise t is the second time of a flow: rows
-  // with (*seen)[i] > 0 are set, in their window or not, the others undefined; of the first `rows`
-  // only (View::moving; models whose Gaussians cannot rest need not look).
+  // with (*seen)[i] > 0 are set, in their window or not, but for their opacities, which nobody
+  // needs then; the others are undefined; of the first `rows` only (View::moving; models whose
+  // Gaussians cannot rest need not look).
   virtual void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
                   GaussiansAt& gaussians, size_t rows = Parameters::all) = 0;
 
-  // Gaussians at the time that is drawn, for one camera: those that it cannot see may have opacity 0,
-  // too, and undefined rows.
+  // Gaussians at the time that is drawn, for one camera: those that it cannot see may have opacity
+  // 0, too, and undefined rows.
   virtual void seen_at(Queue& queue, const Parameters& parameters, float t, const PinholeCamera&,
                        GaussiansAt& gaussians) {
     at(queue, parameters, t, nullptr, gaussians);

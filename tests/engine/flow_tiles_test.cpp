@@ -63,6 +63,12 @@ TEST_P(FlowTilesLanes, AsksOfEachAsOftenAsItShould) {
       ++count[t];
       EXPECT_NEAR(double(weights[t]) * share[t], 1, 1e-6) << t;
       sum[t] += double(weights[t]);
+      // Those of one share come together, and with them all that move more.
+      for (size_t other = 0; other < kTiles; ++other) {
+        if (share[other] >= share[t]) {
+          EXPECT_GT(weights[other], 0) << i << ": " << t << " without " << other;
+        }
+      }
     }
   }
   for (size_t t = 0; t < kTiles; ++t) {
@@ -84,8 +90,6 @@ TEST(FlowTiles, AllWidthsChooseTheSame) {
     all.push_back(chosen(queue, {0.3f, 0.5f}, asked, 7));
   }
   for (const auto& weights : all) EXPECT_EQ(weights, all[0]);
-  Queue queue = test_queue();
-  EXPECT_NE(chosen(queue, {0.3f, 0.5f}, {}, 8), chosen(queue, {0.3f, 0.5f}, {}, 9));
 }
 
 // The gradient of the loss over all tiles is the mean of those over the tiles chosen.
@@ -108,15 +112,14 @@ TEST(FlowTiles, TheLossIsRightInTheMean) {
   };
   const std::array<double, 3> all = sum_of(nullptr);
   std::array<double, 3> mean{};
-  const int draws = 1000;
+  const int draws = 4000;
   for (uint32_t i = 0; i < draws; ++i) {
     const auto one = sum_of(&tiles.choose(queue, i, kWidth, kHeight, teacher, confidence));
     for (size_t k = 0; k < 3; ++k) mean[k] += one[k] / draws;
   }
-  // 15 tiles at a quarter: a deviation of sqrt(3 / 15) = .45 a draw, .014 of the mean; four of
+  // All tiles at a quarter at once: a deviation of sqrt(3) = 1.7 a draw, .027 of the mean; four of
   // them.
-  for (const size_t k : {0, 1}) EXPECT_NEAR(mean[k] / all[k], 1, 0.06) << k;
-  EXPECT_NEAR(mean[2] / all[2], 1, 0.06);
+  for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(mean[k] / all[k], 1, 0.11) << k;
 }
 
 TEST(FlowTiles, RefusesWhatItCannotUse) {

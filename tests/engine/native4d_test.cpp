@@ -5,6 +5,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "compare.hpp"
 #include "device_scene.hpp"
 #include "engine/eigen_maths.hpp"
@@ -150,20 +152,20 @@ TEST(Native4d, DeviceCutsAsTheDoubleFormulas) {
   const Buffer<cl_uint> all(queue, std::vector<cl_uint>(N, 1u), "seen");
   motion.at(queue, m.p, .25f, nullptr, windowed);
   motion.at(queue, m.p, .25f, &all, whole);
-  std::vector<double> means, factors, opacities, windowed_opacities;
+  std::vector<double> means, factors, opacities;
   for (size_t i = 0; i < N; ++i) {
     const Slice s = slice_at(reference::native4d_row(m.values, i), .25);
     for (double x : {s.mean.x, s.mean.y, s.mean.z}) means.push_back(x);
     for (real3 r : {s.factor.r1, s.factor.r2, s.factor.r3})
       for (double x : {r.x, r.y, r.z}) factors.push_back(x);
-    opacities.push_back(s.life.opacity);
-    windowed_opacities.push_back(s.life.marginal > .5 ? s.life.opacity : 0);
+    opacities.push_back(s.life.marginal > .5 ? s.life.opacity : 0);
   }
   EXPECT_TRUE(all_close(whole.means.read(queue), means, FLOAT_MATHS));
   EXPECT_TRUE(all_close(whole.factors.read(queue), factors, FLOAT_MATHS));
-  EXPECT_TRUE(all_close(whole.opacities.read(queue), opacities, FLOAT_MATHS));
-  EXPECT_TRUE(all_close(windowed.opacities.read(queue), windowed_opacities, FLOAT_MATHS));
-  EXPECT_NE(opacities, windowed_opacities);
+  EXPECT_TRUE(all_close(windowed.opacities.read(queue), opacities, FLOAT_MATHS));
+  const auto cut = std::count(opacities.begin(), opacities.end(), 0.0);
+  EXPECT_GT(cut, 0);
+  EXPECT_LT(cut, std::ptrdiff_t(N));
 }
 
 TEST(Native4d, DeviceGradientOfTwoTimesIsTheSumForWhatWasSeenAndUntouchedElsewhere) {
