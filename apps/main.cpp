@@ -18,12 +18,13 @@
 #include "apps/signals.hpp"
 #include "optim/data/decoder_log.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/printable.hpp"
 #include "optim/io/unfinished_file.hpp"
 
 namespace {
 
 int say(const std::string& sentence, int exit_code) {
-  std::fprintf(stderr, "gflow: %s\n", sentence.c_str());
+  std::fprintf(stderr, "gflow: %s\n", gflow::printable(sentence).c_str());
   return exit_code;
 }
 

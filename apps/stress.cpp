@@ -56,7 +56,8 @@ void require_writable(const std::string& path) {
   if (path.empty()) return;
   std::string parent = std::filesystem::path(path).parent_path().string();
   if (parent.empty()) parent = ".";
-  if (std::filesystem::is_directory(path) || ::access(parent.c_str(), W_OK) != 0)
+  const bool there = std::filesystem::exists(path);
+  if ((there && !std::filesystem::is_regular_file(path)) || ::access(parent.c_str(), W_OK) != 0)
     throw Error(fmt::format("--json {}: no file can be written there", path));
 }
 
@@ -64,12 +65,15 @@ const char* verdict(bool good) { return good ? "ok" : "FAILS"; }
 
 struct Outcome {
   size_t passed = 0, failed = 0;
+  std::vector<std::string> failures;  // the lines of the table that said so
   nlohmann::ordered_json tests = nlohmann::ordered_json::array();
   nlohmann::ordered_json derivatives = nlohmann::ordered_json::array();
 };
 
 // As wide as the longest of the conditions is.
 constexpr int kCondition = 74;
+// Of the derivatives: but for the few that are longer still.
+constexpr int kKernel = 40, kParameters = 62;
 
 size_t longest_name(const Tests& tests) {
   size_t longest = 0;
@@ -92,8 +96,11 @@ void run_test(Queue& queue, const Test& test, size_t width, bool quiet, Outcome&
   for (const Row& row : rows) {
     const bool good = passed(row);
     ++(good ? outcome.passed : outcome.failed);
-    fmt::print("{:<4} {:<{}} {:<{}} {:>9.3g} {:>9.2g}  {}\n", test.id, test.name, width,
-               row.condition, kCondition, row.figure, row.bound, verdict(good));
+    const std::string line =
+        fmt::format("{:<4} {:<{}} {:<{}} {:>9.3g} {:>9.2g}  {}\n", test.id, test.name, width,
+                    row.condition, kCondition, row.figure, row.bound, verdict(good));
+    fmt::print("{}", line);
+    if (!good) outcome.failures.push_back(line);
     figures.push_back({{"condition", row.condition},
                        {"figure", row.figure},
                        {"bound", row.bound},
@@ -105,14 +112,17 @@ void run_test(Queue& queue, const Test& test, size_t width, bool quiet, Outcome&
 }
 
 void run_derivatives(Queue& queue, Outcome& outcome) {
-  fmt::print("\n{:<22} {:<44} {:>10} {:>10} {:>12} {:>8}\n", "derivative of", "by", "to double",
-             "bound", "differences", "bound");
+  fmt::print("\n{:<{}} {:<{}} {:>10} {:>10} {:>12} {:>8}\n", "derivative of", kKernel, "by",
+             kParameters, "to double", "bound", "differences", "bound");
   for (const Derivative& d : stress::derivatives(queue)) {
     const bool good = passed(d);
     ++(good ? outcome.passed : outcome.failed);
-    fmt::print("{:<22} {:<44} {:>10.2g} {:>10.2g} {:>12.2g} {:>8.2g}  {}\n", d.kernel, d.parameters,
-               d.against_double, d.double_bound, d.against_differences, d.differences_bound,
-               verdict(good));
+    const std::string line =
+        fmt::format("{:<{}} {:<{}} {:>10.2g} {:>10.2g} {:>12.2g} {:>8.2g}  {}\n", d.kernel, kKernel,
+                    d.parameters, kParameters, d.against_double, d.double_bound,
+                    d.against_differences, d.differences_bound, verdict(good));
+    fmt::print("{}", line);
+    if (!good) outcome.failures.push_back(line);
     outcome.derivatives.push_back({{"kernel", d.kernel},
                                    {"parameters", d.parameters},
                                    {"against_double", d.against_double},
@@ -136,6 +146,7 @@ void run(const Flags& flags, const GlobalOptions& options) {
     for (const Test& test : tests) run_test(queue, test, width, options.quiet, outcome);
   }
   if (flags.only.empty()) run_derivatives(queue, outcome);
+  if (!outcome.failures.empty()) fmt::print("\nfailed:\n{}", fmt::join(outcome.failures, ""));
   fmt::print("\n{} of {} figures within their bounds\n", outcome.passed,
              outcome.passed + outcome.failed);
   if (!flags.json.empty()) {

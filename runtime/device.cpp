@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <csignal>
 #include <cstdlib>
 
 namespace gflow {
@@ -14,7 +15,29 @@ namespace {
 const char* const no_device_message =
     "no OpenCL device found: install a driver, on Debian e.g. `apt install pocl-opencl-icd`";
 
+// What the program does at signals, put back at the end. PoCL's LLVM takes them over when its
+// platform is first asked for: a signal that was ignored (nohup) would end the program.
+class KeepSignals {
+ public:
+  KeepSignals() {
+    for (int signal = 1; signal < kSignals; ++signal)
+      known_[signal] = ::sigaction(signal, nullptr, &actions_[signal]) == 0;
+  }
+  ~KeepSignals() {
+    for (int signal = 1; signal < kSignals; ++signal)
+      if (known_[signal]) ::sigaction(signal, &actions_[signal], nullptr);
+  }
+  KeepSignals(const KeepSignals&) = delete;
+  KeepSignals& operator=(const KeepSignals&) = delete;
+
+ private:
+  static constexpr int kSignals = 32;
+  struct sigaction actions_[kSignals] = {};
+  bool known_[kSignals] = {};
+};
+
 std::vector<cl::Device> all_devices() {
+  const KeepSignals keep;
   std::vector<cl::Platform> platforms;
   try {
     cl::Platform::get(&platforms);
@@ -87,7 +110,7 @@ DeviceInfo device_info(const cl::Device& device, int index) {
 }
 
 int lanes_for(const DeviceInfo& info) {
-  if (!info.is_cpu) return 1;  // a GPU's lanes are its work-items
+  if (!info.is_cpu) return 1;                     // a GPU's lanes are its work-items
   if (info.platform == "rusticl") return 1;       // its compiler takes vectors apart, in minutes
   if (info.native_vector_width >= 16) return 16;  // AVX-512: a 4x4 cell is one register
   if (info.native_vector_width >= 8) return 8;    // AVX2

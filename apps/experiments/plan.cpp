@@ -11,6 +11,7 @@
 #include <set>
 
 #include "apps/experiments/metrics.hpp"
+#include "optim/io/atomic_file.hpp"
 
 namespace gflow::experiments {
 namespace {
@@ -36,6 +37,7 @@ class Reader {
   Reader(const std::string& path, const std::string& scenes) : path_(path), scenes_(scenes) {}
 
   Plan read() {
+    require_file(path_);
     try {
       file_ = toml::parse_file(path_);
     } catch (const toml::parse_error& problem) {

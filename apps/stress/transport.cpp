@@ -112,6 +112,7 @@ Rows nothing_moved(Queue& queue) {  // T9
       Cases c = cases(length, 0, 9);
       c.m2 = c.m1;
       const DeviceMaths::Transported found = device.transport(mode, c.m1, c.m2, c.gh);
+      // material has -0 among them, which a flow's sum, begun at +0, does not keep.
       not_zero +=
           double(std::count_if(found.h.begin(), found.h.end(), [](float x) { return !(x == 0); }));
       broken += count_not_finite(found.v_m1) + count_not_finite(found.v_m2);

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "optim/io/atomic_file.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -26,7 +27,9 @@ class Source {
 
 class FileSource : public Source {
  public:
-  explicit FileSource(const std::string& path) : file_(path, std::ios::binary) {
+  explicit FileSource(const std::string& path) {
+    require_file(path);
+    file_.open(path, std::ios::binary);
     if (!file_) throw Error(fmt::format("cannot read picture {}: {}", path, std::strerror(errno)));
   }
   bool read(size_t position, uint8_t* to, size_t n) override {

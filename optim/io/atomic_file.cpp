@@ -116,12 +116,19 @@ std::string_view view(const Bytes& bytes) {
 
 }  // namespace
 
+void require_file(const std::string& path) {
+  struct stat info;
+  if (::stat(path.c_str(), &info) != 0)
+    throw Error(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
+  if (!S_ISREG(info.st_mode)) throw Error(fmt::format("cannot read {}: it is not a file", path));
+}
+
 Bytes read_file(const std::string& path, size_t limit) {
+  require_file(path);
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   struct stat info;
   if (file.get() < 0 || ::fstat(file.get(), &info) != 0)
     throw Error(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
-  if (!S_ISREG(info.st_mode)) throw Error(fmt::format("cannot read {}: it is not a file", path));
   if (size_t(info.st_size) > limit)
     throw Error(fmt::format("cannot read {}: it has {} bytes, at most {} are expected here", path,
                             info.st_size, limit));

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "optim/io/atomic_file.hpp"
 #include "optim/io/compressed_ply.hpp"
 #include "optim/io/dot_splat.hpp"
 #include "optim/io/four_dgs.hpp"
@@ -100,6 +101,7 @@ float logit_of_opacity(double opacity) {
 double opacity_of_logit(double logit) { return 1 / (1 + std::exp(-logit)); }
 
 SplatFormat splat_format(const std::string& path) {
+  require_file(path);
   std::ifstream file(path, std::ios::binary);
   char start[6] = {};
   file.read(start, 5);

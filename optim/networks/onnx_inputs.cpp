@@ -12,6 +12,7 @@
 #include <set>
 #include <string_view>
 
+#include "optim/io/atomic_file.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -90,6 +91,7 @@ std::vector<int64_t> sizes_of(std::string_view shape) {
 }  // namespace
 
 std::vector<NetworkInput> onnx_input_list(const std::string& path) {
+  require_file(path);
   std::ifstream file(path, std::ios::binary);
   if (!file) throw Error(fmt::format("cannot open the network {}", path));
   const std::string bytes{std::istreambuf_iterator<char>(file), {}};

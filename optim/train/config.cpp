@@ -12,6 +12,7 @@
 #include <sstream>
 #include <type_traits>
 
+#include "optim/io/atomic_file.hpp"
 #include "optim/train/edit_distance.hpp"
 #include "runtime/error.hpp"
 
@@ -275,6 +276,7 @@ EngineSettings engine_settings(const TrainConfig& config) {
 }
 
 void apply_file(TrainConfig& config, const std::string& path) {
+  require_file(path);
   apply_toml(config, path, [&] { return toml::parse_file(path); });
 }
 

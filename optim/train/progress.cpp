@@ -10,6 +10,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "optim/io/printable.hpp"
+
 namespace gflow {
 namespace {
 
@@ -89,7 +91,7 @@ void Progress::advance() {
 void Progress::say(const std::string& sentence) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const bool drawn = terminal_ && !quiet_;  // a line that is being redrawn must go first
-  std::fputs(((drawn ? "\r\x1b[K" : "") + sentence + "\n").c_str(), stderr);
+  std::fputs(((drawn ? "\r\x1b[K" : "") + printable(sentence) + "\n").c_str(), stderr);
 }
 
 void Progress::finish() {

@@ -4,11 +4,13 @@
 #include <cstdio>
 #include <string>
 
+#include "optim/io/printable.hpp"
+
 namespace gflow {
 
 // One sentence on stderr.
 inline void warn(const std::string& sentence) {
-  std::fprintf(stderr, "gflow: warning: %s\n", sentence.c_str());
+  std::fprintf(stderr, "gflow: warning: %s\n", printable(sentence).c_str());
 }
 
 }  // namespace gflow

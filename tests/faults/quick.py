@@ -1,6 +1,7 @@
 """The few cases that run with all tests: one of each kind that has found something, in seconds."""
 import device
 import disk
+import stops
 import surroundings
 
 
@@ -13,3 +14,4 @@ def faults(world, every):
     yield "device: lost after a step", lambda: device.in_turn(world, "quick lost", device.ALL, (-36,), 0, 1, True, True)
     yield "device: hangs after a step", lambda: device.in_turn(world, "quick hang", "wait", (device.HANGS,), 0, 2, True)
     yield "surroundings: no OpenCL driver", lambda: surroundings.no_driver(world)
+    yield "stops: signals that are ignored (nohup)", lambda: stops.ignored(world)

@@ -116,6 +116,21 @@ def signalled(world):
         yield [f"{signal.Signals(number).name} {trial + 1}: {what}" for what in wrong]
 
 
+def ignored(world):
+    """As under nohup: what is ignored at the start stays so, also when drivers have taken over the signals."""
+    for number in (signal.SIGHUP, signal.SIGINT):
+        run = world.path("ignored")
+        shutil.rmtree(run, ignore_errors=True)
+        process = world.start(["train", world.scene, "-o", run, *settings(), "--set", "train.iterations=200"],
+                              ignored=(number,))
+        while process.poll() is None and not checkpoints_of(run):  # under way, with handlers that save
+            time.sleep(0.001)
+        process.send_signal(number)
+        outcome = ended(process)
+        late = [] if checkpoints_of(run) else ["it was not under way when the signal came"]
+        yield [f"{signal.Signals(number).name}: {what}" for what in complaints(outcome, (0,)) + late]
+
+
 def two_in_one_folder(world):
     """Whoever comes second is refused, with the number of the first, which is not disturbed."""
     results = []
@@ -162,5 +177,6 @@ def side_by_side(world):
 def faults(world, every):
     yield f"stops: kill -9 while saving, {KILLS} times", lambda: killed_in_saving(world)
     yield f"stops: SIGINT, SIGTERM, SIGHUP at {SIGNALS} moments", lambda: signalled(world)
+    yield "stops: signals that are ignored (nohup)", lambda: ignored(world)
     yield "stops: two processes in one folder", lambda: two_in_one_folder(world)
     yield "stops: two trainings side by side", lambda: side_by_side(world)

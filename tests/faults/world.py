@@ -141,10 +141,14 @@ class World:
     def model(run):
         return f"{run}/point_cloud/iteration_10/point_cloud.ply"
 
-    def start(self, arguments, env=None):
+    def start(self, arguments, env=None, ignored=()):
+        def signals():
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            for number in ignored:
+                signal.signal(number, signal.SIG_IGN)
         return subprocess.Popen([self.gflow, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                                 errors="surrogateescape", env={**os.environ, **(env or {})},
-                                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+                                preexec_fn=signals)
 
     def run(self, arguments, env=None):
         return ended(self.start(arguments, env))

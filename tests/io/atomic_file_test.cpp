@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/io/atomic_file.hpp"
 
+#include <sys/stat.h>
+
 #include "io/file_size_limit.hpp"
 #include "io/temporary_folder.hpp"
 #include "optim/io/npy.hpp"
+#include "optim/io/splat_table.hpp"
 
 using namespace gflow;
 
@@ -53,6 +56,17 @@ TEST(AtomicFile, MissingFilesFoldersAndLongFilesAreRefused) {
   expect_error([&] { read_file(folder.path()); }, {"not a file"});
   const std::string path = folder.write("long", std::string(100, 'x'));
   expect_error([&] { read_file(path, 99); }, {"100 bytes", "at most 99"});
+}
+
+// A pipe without a writer would be waited for without end.
+TEST(AtomicFile, WhatIsNoFileIsNotOpened) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(::mkfifo(folder.file("pipe").c_str(), 0600), 0);
+  for (const std::string& path : {folder.file("pipe"), folder.path(), std::string("/dev/zero")}) {
+    expect_error([&] { read_file(path); }, {path, "it is not a file"});
+    expect_error([&] { read_splats(path); }, {path, "it is not a file"});
+  }
+  expect_error([&] { require_file(folder.file("none")); }, {"none", "No such file"});
 }
 
 TEST(AtomicFile, GzipIsExpandedByContent) {

@@ -7,7 +7,15 @@
 namespace gflow {
 namespace {
 
-class Interrupt : public testing::TestWithParam<int> {};
+class Interrupt : public testing::TestWithParam<int> {
+ protected:
+  // The tests may run under nohup, which ignores some.
+  void SetUp() override { former_ = std::signal(GetParam(), SIG_DFL); }
+  void TearDown() override { std::signal(GetParam(), former_); }
+
+ private:
+  void (*former_)(int) = nullptr;
+};
 
 TEST_P(Interrupt, TheFirstSignalOnlyRaisesTheFlag) {
   const InterruptGuard guard;

@@ -369,6 +369,13 @@ TEST(Spz, RefusesOtherVersionsAndTruncatedOnes) {
   std::string huge = bytes;
   huge.replace(8, 4, "\xff\xff\xff\xff");
   expect_error([&] { read_splats(folder.write("d.spz", huge)); }, {"d.spz", "4294967295"});
+  // A million Gaussians of nothing but zeros: a thousandth of the memory it would fill.
+  std::string bomb = bytes.substr(0, 16) + std::string(20000000, '\0');
+  const uint32_t million = 1000000;
+  std::memcpy(&bomb[8], &million, sizeof million);
+  write_file_atomically(folder.file("e.spz"), gzip(bomb));
+  expect_error([&] { read_splats(folder.file("e.spz")); },
+               {"e.spz", "1000000 Gaussians", "packed"});
 }
 
 // --- whichever

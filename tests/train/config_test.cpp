@@ -10,6 +10,7 @@
 #include <fstream>
 #include <functional>
 
+#include "io/temporary_folder.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -63,6 +64,13 @@ TEST(Config, AFileChangesWhatItNamesAndNothingElse) {
   EXPECT_EQ(config.flow.weight, 1.0f);  // a whole number is a number
   EXPECT_EQ(config.flow.transport, Transport::ot);
   EXPECT_EQ(config.train.batch, TrainConfig().train.batch);
+}
+
+// toml++ takes a folder for an empty file.
+TEST(Config, AFolderOrADeviceIsNoFile) {
+  TrainConfig config;
+  for (const std::string path : {"/tmp", "/dev/zero"})
+    expect_error([&] { apply_file(config, path); }, {path, "it is not a file"});
 }
 
 TEST(Config, EveryPresetPassesTheCheck) {
