@@ -2,6 +2,7 @@
 #include "fuzz/targets.hpp"
 
 #include <unistd.h>
+#include <zlib.h>
 
 #include <filesystem>
 #include <fstream>
@@ -9,6 +10,7 @@
 #include "data_readers/made_scene.hpp"
 #include "optim/data/cameras_json.hpp"
 #include "optim/data/colmap_model.hpp"
+#include "optim/data/given_cameras.hpp"
 #include "optim/data/image_header.hpp"
 #include "optim/data/movie.hpp"
 #include "optim/data/packed_flow.hpp"
@@ -24,7 +26,7 @@
 #include "optim/io/spz.hpp"
 #include "optim/train/checkpoint.hpp"
 #include "optim/train/config.hpp"
-#include "optim/train/model.hpp"
+#include "train/random_model.hpp"
 
 namespace gflow::fuzz {
 namespace {
@@ -50,6 +52,30 @@ void write(const std::string& name, const std::string& text) {
   write(name, text.data(), text.size());
 }
 
+// A zip of stored entries with the checksums that its bytes have: otherwise nothing that is damaged
+// would come past them to what reads the arrays. Other bytes come back as they are.
+std::string with_checksums(const uint8_t* bytes, size_t size) {
+  std::string zip(reinterpret_cast<const char*>(bytes), size);
+  const auto number = [&](size_t at, int length) {
+    size_t value = 0;
+    for (int k = length; k-- > 0;) value = value << 8 | uint8_t(zip[at + size_t(k)]);
+    return value;
+  };
+  // An entry of the directory: its checksum stands at 16, its length at 24, where it is at 42; the
+  // entry itself: 30 bytes of which 14 to 17 are the checksum, a name, more (lengths at 26, 28).
+  for (size_t at = zip.find("PK\1\2"); at != std::string::npos; at = zip.find("PK\1\2", at + 1)) {
+    if (at + 46 > zip.size()) break;
+    const size_t length = number(at + 24, 4), entry = number(at + 42, 4);
+    if (entry + 30 > zip.size()) continue;
+    const size_t begin = entry + 30 + number(entry + 26, 2) + number(entry + 28, 2);
+    if (begin > zip.size() || zip.size() - begin < length) continue;
+    const uLong sum = crc32(0, reinterpret_cast<const Bytef*>(zip.data()) + begin, uInt(length));
+    for (size_t k = 0; k < 4; ++k)
+      zip[at + 16 + k] = zip[entry + 14 + k] = char(sum >> (8 * k) & 255);
+  }
+  return zip;
+}
+
 template <class Read>
 void may_refuse(Read&& read) {
   try {
@@ -62,6 +88,11 @@ void may_refuse(Read&& read) {
 template <class Read>
 void as_file(const uint8_t* bytes, size_t size, const std::string& name, Read&& read) {
   write(name, bytes, size);
+  may_refuse([&] { read(folder() + "/" + name); });
+}
+template <class Read>
+void as_zip(const uint8_t* bytes, size_t size, const std::string& name, Read&& read) {
+  write(name, with_checksums(bytes, size));
   may_refuse([&] { read(folder() + "/" + name); });
 }
 
@@ -189,7 +220,7 @@ void npy_seeds(const std::string& to) {
 }
 
 void npz(const uint8_t* bytes, size_t size) {
-  as_file(bytes, size, "a.npz", [](const std::string& path) { read_npz(path); });
+  as_zip(bytes, size, "a.npz", [](const std::string& path) { read_npz(path); });
 }
 void npz_seeds(const std::string& to) {
   for (const Packing packing : {Packing::deflated, Packing::stored})
@@ -202,7 +233,7 @@ void npz_seeds(const std::string& to) {
 }
 
 void point_tracks(const uint8_t* bytes, size_t size) {
-  as_file(bytes, size, "t.npz", [](const std::string& path) {
+  as_zip(bytes, size, "t.npz", [](const std::string& path) {
     const PointTracks tracks = read_point_tracks(path);
     flow_of_points(tracks, 0, tracks.pictures - 1, 8, 6);
   });
@@ -225,6 +256,8 @@ void flo_seeds(const std::string& to) {
          flow.width = 3, flow.height = 2, flow.uv.resize(12), flow.valid.assign(6, 1);
          write_flo(p, flow);
        }));
+  const Bytes zipped = gzip(contents(to + "/a"));
+  seed(to, "gz", std::string(zipped.begin(), zipped.end()));
 }
 
 void kitti_flow(const uint8_t* bytes, size_t size) {
@@ -286,12 +319,41 @@ void config(const uint8_t* bytes, size_t size) {
 }
 void config_seeds(const std::string& to) { seed(to, "a", to_toml(TrainConfig())); }
 
+// A model of each motion, and what it keeps in a second file: the first byte chooses.
+constexpr size_t kMotions = 5;
+const std::vector<File>& model_files(size_t motion) {
+  static const std::vector<std::vector<File>> all = [] {
+    std::vector<std::vector<File>> files;
+    for (size_t k = 0; k < kMotions; ++k) {
+      const std::string path = folder() + "/made.ply";
+      fs::remove(tables_path(path));
+      write_model(path, random_model(2, 1, MotionModelKind(k)));
+      files.push_back({{"m.ply", contents(path)}});
+      if (fs::exists(tables_path(path)))
+        files.back().push_back({"m.motion.npz", contents(tables_path(path))});
+    }
+    return files;
+  }();
+  return all[motion % kMotions];
+}
 void model(const uint8_t* bytes, size_t size) {
-  as_file(bytes, size, "m.ply", [](const std::string& path) { read_model(path); });
+  if (size == 0) return;
+  const std::vector<File>& files = model_files(bytes[0] / 2);
+  fs::remove(folder() + "/model/m.motion.npz");
+  std::string input(reinterpret_cast<const char*>(bytes), size);
+  if (bytes[0] % files.size() == 1) input = input[0] + with_checksums(bytes + 1, size - 1);
+  in_scene(reinterpret_cast<const uint8_t*>(input.data()), input.size(), "model", files,
+           [](const std::string& path) { read_model(path + "/m.ply"); });
+}
+void model_seeds(const std::string& to) {
+  for (size_t k = 0; k < kMotions; ++k)
+    for (size_t file = 0; file < model_files(k).size(); ++file)
+      seed(to, fmt::format("{}_{}", k, file),
+           std::string(1, char(2 * k + file)) + model_files(k)[file].text);
 }
 
 void checkpoint(const uint8_t* bytes, size_t size) {
-  as_file(bytes, size, "c.npz", [](const std::string& path) { read_checkpoint(path); });
+  as_zip(bytes, size, "c.npz", [](const std::string& path) { read_checkpoint(path); });
   may_refuse([] { read_checkpoint_facts(folder() + "/c.npz"); });
 }
 void checkpoint_seeds(const std::string& to) {
@@ -308,6 +370,19 @@ void cameras_json_seeds(const std::string& to) {
   seed(to, "a",
        R"([{"id": 0, "img_name": "a", "width": 8, "height": 6, "position": [0, 0, 1],
             "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fx": 10, "fy": 11}])");
+}
+
+// As `--cameras FILE` of a plain video.
+void given_cameras(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "transforms.json", [](const std::string& path) {
+    SceneOptions options;
+    options.cameras = path;
+    for (const size_t pictures : {1, 3}) cameras_of_view(options, pictures, 54, 96, "v.mp4");
+  });
+}
+void given_cameras_seeds(const std::string& to) {
+  cameras_json_seeds(to);
+  seed(to, "nerfstudio", capture("nerfstudio/transforms.json"));
 }
 
 // --- scenes of several files --------------------------------------------------------------------
@@ -452,9 +527,10 @@ const std::vector<Target>& targets() {
                                        {"video", video, video_seeds},
                                        {"packed_flow", packed_flow, packed_flow_seeds},
                                        {"config", config, config_seeds},
-                                       {"model", model, ply_seeds},
+                                       {"model", model, model_seeds},
                                        {"checkpoint", checkpoint, checkpoint_seeds},
                                        {"cameras_json", cameras_json, cameras_json_seeds},
+                                       {"given_cameras", given_cameras, given_cameras_seeds},
                                        {"colmap_text", colmap_text, colmap_text_seeds},
                                        {"colmap_binary", colmap_binary, colmap_binary_seeds},
                                        {"nerfies", nerfies, nerfies_seeds},
