@@ -9,6 +9,7 @@
 #include "apps/stress/splats.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/density/mcmc.hpp"
+#include "optim/density/rest.hpp"
 #include "optim/engine/color.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
@@ -366,6 +367,59 @@ Derivative price_row(Queue& queue) {
           1e-6};
 }
 
+// What wakes those at rest: the gradient by velocities that they would have, of a view in which
+// they are drawn at both times, and of one in which they stand still: at t2 they are where they are
+// at t.
+Derivative pull_row(Queue& queue) {
+  constexpr size_t n = 40;
+  const float t = .7f, t2 = .9f;
+  Random random(51);
+  const auto numbers = [&](size_t count) {
+    Floats x;
+    while (x.size() < count) x.push_back(float(random.normal()));
+    return x;
+  };
+  const Floats means_t = numbers(n), v = numbers(3 * n), v2 = numbers(3 * n);
+  Parameters p(queue, n, {{"means_t", 1}});
+  p["means_t"].values.write(queue, means_t);
+  p.moving = 0;
+  const Buffer<cl_uint> seen(queue, std::vector<cl_uint>(n, 1u), "seen");
+  const Buffer<float> v_means(queue, v, "v_means"), v_means_t2(queue, v2, "v_means_t2");
+  Floats found;
+  for (const bool stood_still : {false, true}) {
+    Rest rest(queue);
+    rest.see(queue, p, seen, t, v_means, &t2, v_means_t2, stood_still);
+    Arrays state;
+    rest.save_state(queue, p, state);
+    const auto& pulls = std::get<Floats>(state.at("rest/pulls").values);
+    for (size_t i = 0; i < n; ++i) found.insert(found.end(), &pulls[4 * i], &pulls[4 * i] + 3);
+  }
+  const auto since = [&](size_t k, bool stood_still) {  // how long velocities act until t2
+    return double(t2) - (stood_still ? double(t) : double(means_t[k / 3]));
+  };
+  const auto cost = [&](const std::vector<double>& velocities) {
+    double sum = 0;
+    for (size_t k = 0; k < 6 * n; ++k) {
+      const size_t i = k % (3 * n);
+      sum += velocities[k] * (double(v[i]) * (double(t) - double(means_t[i / 3])) +
+                              double(v2[i]) * since(i, k >= 3 * n));
+    }
+    return sum;
+  };
+  std::vector<double> expected;
+  for (const bool stood_still : {false, true})
+    for (size_t k = 0; k < 3 * n; ++k)
+      expected.push_back(double(v[k]) * (double(t) - double(means_t[k / 3])) +
+                         double(v2[k]) * since(k, stood_still));
+  const std::vector<double> at(6 * n, 0.1);
+  return {"rest_pull",
+          "velocities of those at rest",
+          relative_error(found, expected),
+          relative_error(expected, slopes(cost, at, 1e-3)),
+          1e-4,
+          1e-6};
+}
+
 }  // namespace
 
 std::vector<Derivative> derivatives(Queue& queue) {
@@ -385,6 +439,7 @@ std::vector<Derivative> derivatives(Queue& queue) {
   for (const float ssim : {0.f, .2f}) rows.push_back(image_loss_row(queue, ssim));
   rows.push_back(flow_loss_row(queue));
   rows.push_back(price_row(queue));
+  rows.push_back(pull_row(queue));
   return rows;
 }
 

@@ -40,11 +40,12 @@ INSTANTIATE_TEST_SUITE_P(Numerics, Stress, testing::ValuesIn(quick_tests()),
                            return name;
                          });
 
-// Names of the kernels that compute gradients: they end with _bwd, or write to something called v_.
+// Names of the kernels that compute gradients: they end with _bwd, or write to something called v_,
+// or pulls (what gradients by velocities would be).
 std::set<std::string> gradient_kernels() {
   std::set<std::string> names;
   const std::regex head(R"(kernel void (\w+)\(([^)]*)\))");
-  const std::regex written(R"(global \w+\* restrict v_\w+)");
+  const std::regex written(R"(global \w+\* restrict (v_\w+|pulls))");
   for (const auto& [file, text] : kernel_sources())
     for (std::sregex_iterator it(text.begin(), text.end(), head), end; it != end; ++it) {
       const std::string name = (*it)[1],
