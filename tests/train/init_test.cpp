@@ -188,7 +188,7 @@ TEST(InitialModel, RefusesAFileThatCannotBeginAScene) {
   Loaded loaded(config);
   expect_error([&] { loaded.model(config); }, {"init.from", "init.file names none"});
   const std::string path = config.init.file = scene.folder().file("first.ply");
-  expect_error([&] { loaded.model(config); }, {"first.ply", "missing"});
+  expect_error([&] { loaded.model(config); }, {"first.ply", "No such file"});
   write_ply(path, static_splat(7));
   config.density.cap = 6;
   expect_error([&] { loaded.model(config); }, {"first.ply", "7 Gaussians", "density.cap = 6"});
