@@ -105,7 +105,7 @@ SplatFormat splat_format(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   char start[6] = {};
   file.read(start, 5);
-  if (file.gcount() < 3) throw Error("cannot read " + path + ": it is missing or empty");
+  if (file.gcount() < 3) throw Error("cannot read " + path + ": it has less than three bytes");
   if (is_four_dgs(start)) return SplatFormat::four_dgs;
   const std::string first(start, 3);
   if (first == "ply")

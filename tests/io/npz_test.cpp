@@ -3,6 +3,7 @@
 
 #include <cstdlib>
 
+#include "fuzz/zip_checksums.hpp"
 #include "io/temporary_folder.hpp"
 
 using namespace gflow;
@@ -81,6 +82,26 @@ TEST(Npz, DamagedContentsAreRefused) {
   whole[100] ^= 0x55;  // within the compressed values
   folder.write("bad.npz", whole);
   expect_error([&] { read_npz(folder.file("bad.npz")); }, {"'abc'", "bad.npz"});
+}
+
+// What the fuzzer relies on: with the checksums of what is there, the damage is read.
+TEST(Npz, DamageIsReadWhenTheChecksumsAreThoseOfIt) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.npz");
+  write_npz(path, {{"a", {{2}, std::vector<int32_t>{7, 8}}}, {"b", {{1}, std::vector<int32_t>{9}}}},
+            Packing::stored);
+  std::string bytes = contents(path);
+  for (const int32_t value : {8, 9}) {
+    const size_t at = bytes.find(std::string(reinterpret_cast<const char*>(&value), sizeof value));
+    ASSERT_NE(at, std::string::npos);
+    bytes[at] = char(value + 10);
+  }
+  expect_error([&] { read_npz(folder.write("bad.npz", bytes)); }, {"bad.npz"});
+  const std::string mended =
+      fuzz::with_checksums(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
+  const Arrays back = read_npz(folder.write("mended.npz", mended));
+  EXPECT_EQ(std::get<std::vector<int32_t>>(back.at("a").values), (std::vector<int32_t>{7, 18}));
+  EXPECT_EQ(std::get<std::vector<int32_t>>(back.at("b").values), (std::vector<int32_t>{19}));
 }
 
 TEST(Npz, AnUnwritablePlaceIsAnError) {
