@@ -129,7 +129,7 @@ BenchScene random_scene(Queue& queue, int width, int height, size_t count, size_
 }
 
 BenchScene scene_of_file(Queue& queue, const std::string& path, bool flow) {
-  SplatScene file = splat_scene(queue, read_npz(path), 0.01f, path);
+  SplatScene file = splat_scene(queue, read_npz(path, splat_arrays_known), 0.01f, path);
   if (flow && !file.moves)
     throw Error(
         fmt::format("reading {}: flow needs the second time: means_t2, quats_t2, "

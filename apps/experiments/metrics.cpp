@@ -108,7 +108,8 @@ double value_of(const Metric& metric, const nlohmann::json& results) {
   }
   if (metric.steps) {
     // The mean of fewer steps would stand under a heading that promises more.
-    if (metric.steps->second >= node->size()) return std::numeric_limits<double>::quiet_NaN();
+    if (!node->is_array() || metric.steps->second >= node->size())
+      return std::numeric_limits<double>::quiet_NaN();
     double sum = 0;
     size_t count = 0;
     for (size_t k = metric.steps->first; k <= metric.steps->second; ++k) {

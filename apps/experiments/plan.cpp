@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -11,7 +10,7 @@
 #include <set>
 
 #include "apps/experiments/metrics.hpp"
-#include "optim/io/atomic_file.hpp"
+#include "optim/train/toml_file.hpp"
 
 namespace gflow::experiments {
 namespace {
@@ -37,9 +36,8 @@ class Reader {
   Reader(const std::string& path, const std::string& scenes) : path_(path), scenes_(scenes) {}
 
   Plan read() {
-    require_file(path_);
     try {
-      file_ = toml::parse_file(path_);
+      file_ = read_toml(path_);
     } catch (const toml::parse_error& problem) {
       const auto line = problem.source().begin.line;
       throw Error(line == 0 ? fmt::format("cannot read {}: {}", path_, problem.description())

@@ -21,6 +21,7 @@
 #include <tuple>
 #include <utility>
 
+#include "apps/experiments/metrics.hpp"
 #include "optim/data/json_file.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
@@ -76,9 +77,7 @@ std::string reason(const std::string& log) {
 
 // What its training took, over all its parts.
 double train_seconds(const std::string& results) {
-  const nlohmann::json read = read_json(results);
-  const auto seconds = read.is_object() ? read.find("train_seconds") : read.end();
-  return seconds != read.end() && seconds->is_number() ? seconds->get<double>() : std::nan("");
+  return member_or(read_json(results), "train_seconds", std::nan(""));
 }
 
 // Computed flow and unpacked video of an earlier run of the scene serve the next one, which looks
@@ -107,8 +106,7 @@ bool same_pictures(const TrainConfig& a, const TrainConfig& b) {
 // The last line of the log of a training: its step, and the seconds of training until then.
 std::pair<int, double> steps_made(const std::string& run) {
   const auto line = nlohmann::json::parse(last_line(run + "/metrics.jsonl"), nullptr, false);
-  if (!line.is_object()) return {0, std::nan("")};
-  return {line.value("iteration", 0), line.value("seconds", std::nan(""))};
+  return {member_or(line, "iteration", 0), member_or(line, "seconds", std::nan(""))};
 }
 
 // Whether another process trains there: one that a gflow which was killed has left behind.

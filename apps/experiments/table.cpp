@@ -240,12 +240,12 @@ std::string Results::markdown() const {
   std::set<std::string> devices;
   for (const nlohmann::json& result : results_) {
     finished += result.is_object();
-    if (result.is_object()) devices.insert(result.value("device", ""));
+    if (result.is_object()) devices.insert(member_or(result, "device", std::string()));
   }
   std::set<std::string> seen;  // scenes
   for (size_t i = 0; i < results_.size(); ++i)
     if (results_[i].is_object() && results_[i].contains("test") &&
-        results_[i]["test"].value("trained_on", false))
+        member_or(results_[i]["test"], "trained_on", false))
       seen.insert(plan_.rows[plan_.runs[i].row].scene);
   return fmt::format(
       "# {}\n\n{} of {} runs{}. Means{}.{}\n\n{}", plan_.title, finished, plan_.runs.size(),
@@ -388,8 +388,8 @@ std::vector<Plot> Results::curves(const std::string& folder) const {
           const auto step = nlohmann::json::parse(line, nullptr, false);
           if (step.is_object())
             plot.table.push_back(
-                {fmt::format("{}", step.value(by_time ? "seconds" : "iteration", 0.0)),
-                 fmt::format("{}", step.value("psnr", 0.0))});
+                {fmt::format("{}", member_or(step, by_time ? "seconds" : "iteration", 0.0)),
+                 fmt::format("{}", member_or(step, "psnr", std::nan("")))});
         }
         lines +=
             fmt::format("{}'{}.tsv' index {} using 1:2 with lines lw 1.5 title columnheader(2)",

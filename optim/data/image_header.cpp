@@ -10,6 +10,7 @@
 #include <fstream>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/packed_size.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -167,6 +168,10 @@ ImageHeader check_image_bytes(const Bytes& bytes, const std::string& path) {
   const bool ended =
       parsed.is_png ? png_has_end(bytes, parsed.data) : jpeg_has_end(bytes, parsed.data);
   if (!ended) refuse(path, "it is truncated");
+  // One colour packs a thousand times, and films begin black: an 8K picture of four bytes a pixel.
+  constexpr size_t one_colour = size_t{256} << 20;
+  require_plausible_size(4 * size_t(parsed.header.width) * size_t(parsed.header.height),
+                         bytes.size(), path, one_colour);
   return parsed.header;
 }
 

@@ -11,6 +11,10 @@
 namespace gflow {
 namespace {
 
+// A value takes 16 bytes of memory and may take 2 of a file; a hundred thousand cameras take 40 MB.
+constexpr size_t largest_json = size_t{128} << 20;
+constexpr int deepest_json = 100;  // a level takes 100 bytes of memory and one of the file
+
 bool is_finite_number(const Json& value) {
   return value.is_number() && std::isfinite(value.get<double>());
 }
@@ -18,9 +22,15 @@ bool is_finite_number(const Json& value) {
 }  // namespace
 
 Json read_json(const std::string& path) {
-  const Bytes bytes = read_file(path);
+  const Bytes bytes = read_file(path, largest_json);
+  const auto not_too_deep = [&](int depth, Json::parse_event_t, const Json&) {
+    if (depth > deepest_json)
+      throw Error(fmt::format("cannot read {}: its lists are nested more than {} deep", path,
+                              deepest_json));
+    return true;
+  };
   try {
-    return Json::parse(bytes.begin(), bytes.end());
+    return Json::parse(bytes.begin(), bytes.end(), not_too_deep);
   } catch (const Json::exception& cause) {
     throw Error(fmt::format("cannot read {}: it is no JSON ({})", path, cause.what()));
   }

@@ -12,7 +12,8 @@ namespace gflow {
 
 using Json = nlohmann::json;
 
-// The whole file. Error when it is missing or no JSON (NaN is none).
+// The whole file. Error when it is missing, larger than 128 MB, nested more than 100 deep or no
+// JSON (NaN is none).
 Json read_json(const std::string& path);
 
 // A member of an object. Error when there is none; `where` names the object.

@@ -17,6 +17,7 @@
 #include <regex>
 #include <utility>
 
+#include "optim/io/packed_size.hpp"
 #include "optim/io/unfinished_file.hpp"
 #include "runtime/error.hpp"
 
@@ -162,6 +163,11 @@ Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
   if (inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK)
     throw Error(fmt::format("cannot expand {}: zlib did not start", path));
   const std::unique_ptr<z_stream, int (*)(z_stream*)> guard(&stream, inflateEnd);
+  const LengthOf plausible_length = [&](const Bytes& beginning) {
+    const size_t length = length_of(beginning);
+    require_plausible_size(length, stored.size(), path);
+    return length;
+  };
   Bytes expanded;
   size_t consumed = 0, announced = 0;
   int state = Z_OK;
@@ -181,8 +187,10 @@ Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
       throw Error(fmt::format("{} is truncated: its gzip stream has no end", path));
     if (state != Z_OK && state != Z_STREAM_END)
       throw Error(fmt::format("{} is damaged: {}", path, stream.msg ? stream.msg : "not gzip"));
-    if (before > 0 || expanded.size() == piece || state == Z_STREAM_END)  // a whole first piece
-      require_announced(expanded, length_of, announced, path);
+    if (before > 0 || expanded.size() == piece || state == Z_STREAM_END) {  // a whole first piece
+      require_announced(expanded, plausible_length, announced, path);
+      expanded.reserve(announced + 2 * piece);  // else twice as much while it grows
+    }
   }
   return expanded;
 }

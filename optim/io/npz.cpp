@@ -5,10 +5,12 @@
 #include <fmt/format.h>
 #include <zip.h>
 
+#include <filesystem>
 #include <memory>
 #include <vector>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/packed_size.hpp"
 
 namespace gflow {
 namespace {
@@ -39,15 +41,18 @@ Archive open_archive(const std::string& path, int flags, const char* doing) {
   return archive;
 }
 
-// The bytes of entry i, no more than their header announces. They are read piece by piece, because
-// the size that a damaged archive states may be anything.
-Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name) {
+// The bytes of entry i, no more than their header announces and `plausible` accepts. They are read
+// piece by piece, because the size that a damaged archive states may be anything.
+template <class Plausible>
+Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name, Plausible&& plausible) {
   const Entry entry(zip_fopen_index(archive, i, 0));
   if (!entry) throw Error(fmt::format("cannot read array {}: {}", name, zip_strerror(archive)));
   Bytes bytes;
   size_t announced = 0;
   const auto length_of = [&](const Bytes& beginning) {
-    return npy_length(beginning.data(), beginning.size(), name);
+    const size_t length = npy_length(beginning.data(), beginning.size(), name);
+    plausible(length);
+    return length;
   };
   for (;;) {
     constexpr size_t piece = size_t{1} << 20;
@@ -58,7 +63,9 @@ Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name) {
       throw Error(fmt::format("cannot read array {}: {}", name, zip_file_strerror(entry.get())));
     bytes.resize(before + size_t(got));
     if (got == 0) return bytes;
-    if (bytes.size() >= piece) require_announced(bytes, length_of, announced, "array " + name);
+    if (bytes.size() < piece) continue;  // a small one, and its end
+    require_announced(bytes, length_of, announced, "array " + name);
+    bytes.reserve(announced + 2 * piece);  // else twice as much while it grows
   }
 }
 
@@ -66,6 +73,8 @@ Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name) {
 
 Arrays read_npz(const std::string& path, const std::set<std::string>& only) {
   const Archive archive = open_archive(path, ZIP_RDONLY, "read");
+  const size_t file_size = std::filesystem::file_size(path);
+  size_t unpacked = 0;  // of all arrays
   Arrays arrays;
   const zip_int64_t n = zip_get_num_entries(archive.get(), 0);
   for (zip_uint64_t i = 0; i < zip_uint64_t(n); ++i) {
@@ -77,7 +86,11 @@ Arrays read_npz(const std::string& path, const std::set<std::string>& only) {
     name.resize(name.size() - suffix_length);
     if (!only.empty() && !only.count(name)) continue;
     const std::string where = fmt::format("'{}' of {}", name, path);
-    const Bytes bytes = entry_bytes(archive.get(), i, where);
+    const Bytes bytes = entry_bytes(archive.get(), i, where, [&](size_t more) {
+      require_plausible_size(unpacked + more, file_size, path);
+    });
+    unpacked += bytes.size();
+    require_plausible_size(unpacked, file_size, path);
     arrays.emplace(name, parse_npy(bytes.data(), bytes.size(), where));
   }
   return arrays;

@@ -16,6 +16,7 @@
 #include <filesystem>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/packed_size.hpp"
 #include "optim/io/splat_table.hpp"
 #include "runtime/error.hpp"
 
@@ -89,7 +90,6 @@ size_t quat_bytes_of(const Header& header) { return header.version == 2 ? 3 : 4;
 size_t bytes_each(const Header& header) {
   return 9 + 1 + 3 + 3 + quat_bytes_of(header) + 3 * coefficients_of(header);
 }
-constexpr size_t kMostPacked = 100;      // real scenes: 1 to 3 times
 constexpr size_t kMostBehind = 1 << 20;  // what other programs may have put behind the Gaussians
 
 }  // namespace
@@ -99,11 +99,9 @@ PlyTable read_spz(const std::string& path) {
   const size_t stored = std::filesystem::file_size(path);
   const Bytes bytes = read_file_or_gzip(path, [&](const Bytes& beginning) {
     const Header header = read_header(beginning, path);
-    const size_t announced = sizeof header + header.count * bytes_each(header);
-    if (announced > kMostPacked * stored + kMostBehind)
-      refuse(path, fmt::format("its {} Gaussians would be packed {} times, more than any scene is",
-                               header.count, announced / std::max(stored, size_t{1})));
-    return announced + kMostBehind;
+    const size_t length = sizeof header + header.count * bytes_each(header) + kMostBehind;
+    require_plausible_size(length, stored, path, kMostBehind);  // no scene is of equal Gaussians
+    return length;
   });
   const Header header = read_header(bytes, path);
   const size_t n = header.count, coefficients = coefficients_of(header);

@@ -3,7 +3,6 @@
 #include "optim/train/config.hpp"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,8 +11,8 @@
 #include <sstream>
 #include <type_traits>
 
-#include "optim/io/atomic_file.hpp"
 #include "optim/train/edit_distance.hpp"
+#include "optim/train/toml_file.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -276,8 +275,7 @@ EngineSettings engine_settings(const TrainConfig& config) {
 }
 
 void apply_file(TrainConfig& config, const std::string& path) {
-  require_file(path);
-  apply_toml(config, path, [&] { return toml::parse_file(path); });
+  apply_toml(config, path, [&] { return read_toml(path); });
 }
 
 void apply_text(TrainConfig& config, const std::string& text, const std::string& name) {

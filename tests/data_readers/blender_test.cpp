@@ -137,4 +137,11 @@ TEST(Blender, WhatIsNoJsonIsRefused) {
   expect_error([&] { read_scene(folder.path()); }, {"'frames'"});
   folder.write("transforms_train.json", R"({"camera_angle_x": NaN, "frames": []})");
   expect_error([&] { read_scene(folder.path()); }, {"no JSON"});
+  const auto nested = [](size_t depth) {
+    return R"({"frames": )" + std::string(depth, '[') + std::string(depth, ']') + "}";
+  };
+  folder.write("transforms_train.json", nested(90));
+  expect_error([&] { read_scene(folder.path()); }, {"frame"});
+  folder.write("transforms_train.json", nested(1000000));
+  expect_error([&] { read_scene(folder.path()); }, {"nested more than 100 deep"});
 }

@@ -127,6 +127,10 @@ TEST(Image, WhatIsNoPictureIsRefused) {
   std::string huge = from_hex(grey16_png);
   huge[16] = 0x7f;  // first byte of the width
   expect_error([&] { read_image(folder.write("h.png", huge)); }, {"h.png", "possible are 1 to"});
+  make_png(folder, "b.png");
+  std::string bomb = contents(folder.file("b.png"));
+  bomb[18] = bomb[22] = 0x30;  // 12288 pixels and some a side
+  expect_error([&] { read_image(folder.write("b.png", bomb)); }, {"b.png", "would unpack to"});
 }
 
 TEST(Image, TruncatedJpegsAreRefused) {

@@ -17,5 +17,9 @@ struct Target {
 };
 
 const std::vector<Target>& targets();
+std::vector<Target> splat_targets();
+std::vector<Target> file_targets();
+std::vector<Target> scene_targets();
+std::vector<Target> run_targets();
 
 }  // namespace gflow::fuzz

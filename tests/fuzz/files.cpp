@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+// Arrays, flow, pictures, video and cameras: single files.
+#include "fuzz/inputs.hpp"
+#include "optim/data/cameras_json.hpp"
+#include "optim/data/given_cameras.hpp"
+#include "optim/data/image_header.hpp"
+#include "optim/data/movie.hpp"
+#include "optim/data/packed_flow.hpp"
+#include "optim/data/point_tracks.hpp"
+#include "optim/data/video.hpp"
+#include "optim/io/flo.hpp"
+#include "optim/io/npz.hpp"
+
+namespace gflow::fuzz {
+namespace {
+
+void npy(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "a.npy", [](const std::string& path) { read_npy(path); });
+}
+void npy_seeds(const std::string& to) {
+  seed(to, "a", written("s.npy", [](const std::string& p) {
+         write_npy(p, {{2, 3}, std::vector<float>(6, 1.f)});
+       }));
+}
+
+void npz(const uint8_t* bytes, size_t size) {
+  as_zip(bytes, size, "a.npz", [](const std::string& path) { read_npz(path); });
+}
+void npz_seeds(const std::string& to) {
+  for (const Packing packing : {Packing::deflated, Packing::stored})
+    seed(to, packing == Packing::stored ? "stored" : "deflated",
+         written("s.npz", [&](const std::string& p) {
+           write_npz(
+               p, {{"a", {{2}, std::vector<double>{1, 2}}}, {"b", {{}, std::vector<int32_t>{1}}}},
+               packing);
+         }));
+}
+
+void point_tracks(const uint8_t* bytes, size_t size) {
+  as_zip(bytes, size, "t.npz", [](const std::string& path) {
+    const PointTracks tracks = read_point_tracks(path);
+    flow_of_points(tracks, 0, tracks.pictures - 1, 8, 6);
+  });
+}
+void point_tracks_seeds(const std::string& to) {
+  seed(to, "a", written("s.npz", [](const std::string& p) {
+         write_npz(p,
+                   {{"tracks", {{2, 2, 2}, std::vector<float>{1, 2, 3, 4, 2, 2, 4, 4}}},
+                    {"visibility", {{2, 2}, std::vector<uint8_t>{1, 1, 0, 1}}}},
+                   Packing::stored);
+       }));
+}
+
+void flo(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "a.flo", [](const std::string& path) { read_flo(path); });
+}
+void flo_seeds(const std::string& to) {
+  seed(to, "a", written("s.flo", [](const std::string& p) {
+         FlowField flow;
+         flow.width = 3, flow.height = 2, flow.uv.resize(12), flow.valid.assign(6, 1);
+         write_flo(p, flow);
+       }));
+  const Bytes zipped = gzip(contents(to + "/a"));
+  seed(to, "gz", std::string(zipped.begin(), zipped.end()));
+}
+
+void kitti_flow(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "a.png", [](const std::string& path) { read_kitti_flow(path); });
+}
+void kitti_flow_seeds(const std::string& to) { seed(to, "a", png(4, 3)); }
+
+void picture(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "a.png", [](const std::string& path) {
+    const ImageHeader header = read_image_header(path);
+    if (size_t(header.width) * size_t(header.height) < 1 << 20) read_image(path);
+  });
+}
+void picture_seeds(const std::string& to) {
+  seed(to, "rgb", png(5, 4));
+  seed(to, "rgba", png(5, 4, 4));
+  const std::string jpg = folder() + "/made.jpg";
+  write_png(jpg, pattern(8, 8));  // by its ending a JPEG
+  seed(to, "jpg", contents(jpg));
+}
+
+// As a video is read: what it says, when its frames are shown, the first of them.
+void video(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "a.mp4", [](const std::string& path) {
+    const VideoInfo info = video_info(path);
+    const std::vector<double> times = frame_times(path, 4);
+    if (size_t(info.width) * size_t(info.height) > 1 << 20) return;
+    Video open(path);
+    for (int k = 0; k < int(times.size()); ++k) open.frame(k);
+  });
+}
+void video_seeds(const std::string& to) {
+  seed(to, "mp4", written("s.mp4", [](const std::string& path) {
+         write_movie(
+             path, 3, [](size_t) { return pattern(32, 24); }, 10);
+       }));
+}
+
+void packed_flow(const uint8_t* bytes, size_t size) {
+  may_refuse([&] { unpacked(Bytes(bytes, bytes + size), "the input"); });
+}
+void packed_flow_seeds(const std::string& to) {
+  TeacherFlow teacher;
+  teacher.flow.width = 4, teacher.flow.height = 3;
+  for (int i = 0; i < 12; ++i) {
+    teacher.flow.uv.push_back(float(i) / 4), teacher.flow.uv.push_back(-1);
+    teacher.flow.valid.push_back(1), teacher.confidence.push_back(uint8_t(20 * i));
+  }
+  const Bytes bytes = packed(teacher);
+  seed(to, "a", std::string(bytes.begin(), bytes.end()));
+}
+
+void cameras_json(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "cameras.json", [](const std::string& path) { read_cameras_json(path, 1); });
+}
+void cameras_json_seeds(const std::string& to) {
+  seed(to, "a",
+       R"([{"id": 0, "img_name": "a", "width": 8, "height": 6, "position": [0, 0, 1],
+            "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fx": 10, "fy": 11}])");
+}
+
+// As `--cameras FILE` of a plain video.
+void given_cameras(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "transforms.json", [](const std::string& path) {
+    SceneOptions options;
+    options.cameras = path;
+    for (const size_t pictures : {1, 3}) cameras_of_view(options, pictures, 54, 96, "v.mp4");
+  });
+}
+void given_cameras_seeds(const std::string& to) {
+  cameras_json_seeds(to);
+  seed(to, "nerfstudio", capture("nerfstudio/transforms.json"));
+}
+
+}  // namespace
+
+std::vector<Target> file_targets() {
+  return {{"npy", npy, npy_seeds},
+          {"npz", npz, npz_seeds},
+          {"point_tracks", point_tracks, point_tracks_seeds},
+          {"flo", flo, flo_seeds},
+          {"kitti_flow", kitti_flow, kitti_flow_seeds},
+          {"picture", picture, picture_seeds},
+          {"video", video, video_seeds},
+          {"packed_flow", packed_flow, packed_flow_seeds},
+          {"cameras_json", cameras_json, cameras_json_seeds},
+          {"given_cameras", given_cameras, given_cameras_seeds}};
+}
+
+}  // namespace gflow::fuzz

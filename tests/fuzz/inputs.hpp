@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// How the bytes of a fuzzer become files, and files its seeds.
+#pragma once
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "data_readers/made_scene.hpp"
+#include "fuzz/targets.hpp"
+#include "fuzz/zip_checksums.hpp"
+
+namespace gflow::fuzz {
+
+namespace fs = std::filesystem;
+
+// A folder in memory, for as long as the process lives.
+inline const std::string& folder() {
+  static const struct Folder {
+    std::string path = fmt::format("/dev/shm/gflow-fuzz-{}", ::getpid());
+    Folder() { fs::create_directories(path); }
+    ~Folder() { fs::remove_all(path); }
+  } folder;
+  return folder.path;
+}
+
+inline void write(const std::string& name, const void* bytes, size_t size) {
+  const fs::path path = folder() + "/" + name;
+  fs::create_directories(path.parent_path());
+  std::ofstream(path, std::ios::binary).write(static_cast<const char*>(bytes), long(size));
+}
+inline void write(const std::string& name, const std::string& text) {
+  write(name, text.data(), text.size());
+}
+
+template <class Read>
+void may_refuse(Read&& read) {
+  try {
+    read();
+  } catch (const Error&) {
+  }
+}
+
+// The bytes as a file of that name.
+template <class Read>
+void as_file(const uint8_t* bytes, size_t size, const std::string& name, Read&& read) {
+  write(name, bytes, size);
+  may_refuse([&] { read(folder() + "/" + name); });
+}
+template <class Read>
+void as_zip(const uint8_t* bytes, size_t size, const std::string& name, Read&& read) {
+  write(name, with_checksums(bytes, size));
+  may_refuse([&] { read(folder() + "/" + name); });
+}
+
+struct File {
+  std::string name, text;
+};
+
+// A scene of these files but for one, which the first byte chooses: that is the rest of the bytes.
+template <class Read>
+void in_scene(const uint8_t* bytes, size_t size, const std::string& scene,
+              const std::vector<File>& files, Read&& read) {
+  if (size == 0) return;
+  const size_t other = bytes[0] % files.size();
+  for (size_t i = 0; i < files.size(); ++i)
+    if (i != other)
+      write(scene + "/" + files[i].name, files[i].text);
+    else if (fs::path(files[i].name).extension() == ".npz")
+      write(scene + "/" + files[i].name, with_checksums(bytes + 1, size - 1));
+    else
+      write(scene + "/" + files[i].name, bytes + 1, size - 1);
+  may_refuse([&] { read(folder() + "/" + scene); });
+}
+
+inline void seed(const std::string& folder, const std::string& name, const std::string& bytes) {
+  std::ofstream(folder + "/" + name, std::ios::binary) << bytes;
+}
+inline void seeds_of(const std::string& folder, const std::vector<File>& files) {
+  for (size_t i = 0; i < files.size(); ++i)
+    seed(folder, std::to_string(i), std::string(1, char(i)) + files[i].text);
+}
+inline void copy_seed(const std::string& folder, const std::string& path, size_t most = 1 << 18) {
+  if (fs::exists(path) && fs::file_size(path) <= most)
+    fs::copy_file(path, folder + "/" + fs::path(path).filename().string(),
+                  fs::copy_options::overwrite_existing);
+}
+inline void copy_seeds(const std::string& folder, const std::string& from) {
+  if (!fs::exists(from)) return;
+  for (const auto& entry : fs::recursive_directory_iterator(from))
+    if (entry.is_regular_file()) copy_seed(folder, entry.path().string());
+}
+
+inline std::string capture(const std::string& name) {
+  return contents(std::string(GFLOW_SOURCE_DIR) + "/tests/data/captures/" + name);
+}
+
+// A picture of this size as the bytes of a PNG.
+inline std::string png(int width, int height, int channels = 3) {
+  const std::string name = folder() + "/made.png";
+  write_png(name, pattern(width, height, channels));
+  return contents(name);
+}
+
+inline std::string written(const std::string& name,
+                           const std::function<void(const std::string&)>& write) {
+  write(folder() + "/" + name);
+  return contents(folder() + "/" + name);
+}
+
+}  // namespace gflow::fuzz
