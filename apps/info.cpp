@@ -14,6 +14,7 @@
 #include "apps/model_source.hpp"
 #include "apps/options.hpp"
 #include "optim/data/video.hpp"
+#include "optim/io/atomic_file.hpp"
 #include "optim/io/four_dgs.hpp"
 #include "optim/io/splat_table.hpp"
 #include "optim/train/views.hpp"
@@ -169,11 +170,12 @@ Json info_of_scene(const std::string& path) {
 Json info_of_file(const std::string& path) {
   try {
     splat_format(path);
-  } catch (const Error&) {
+  } catch (const Error& no_splat) {
+    require_file(path);
     try {
       video_info(path);
     } catch (const Error&) {
-      return info_of_splats(path);  // says what it reads
+      throw Error(fmt::format("{}; nor is it a video that can be read", no_splat.what()));
     }
     return info_of_scene(path);
   }

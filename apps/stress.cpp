@@ -30,21 +30,23 @@ struct Flags {
 // The tests meant. Error that lists the numbers there are when one is not known.
 Tests chosen(const Flags& flags) {
   Tests all = all_tests(), wanted;
-  for (const std::string& id : flags.only) {
+  std::vector<std::string> only = flags.only;
+  for (std::string& id : only) {
+    if (!id.empty() && id[0] == 't') id[0] = 'T';
     const bool known =
         std::any_of(all.begin(), all.end(), [&](const Test& t) { return t.id == id; });
     if (known) continue;
     std::string ids;
-    for (const Test& t : all)
-      if (ids.find(t.id + ",") == std::string::npos) ids += t.id + ", ";
+    for (const Test& t : all)  // some have a second part
+      if (ids.find(t.id + ", ") == std::string::npos) ids += t.id + ", ";
     throw Error(fmt::format(
         "--only {}: there is no such test here; there are {}. T42 to T45 and T47 have commands of "
         "their own: tests/faults/run, tests/fuzz/run, tests/second_opinions, gflow bench pareto",
         id, ids.substr(0, ids.size() - 2)));
   }
   for (Test& t : all) {
-    const bool named = std::find(flags.only.begin(), flags.only.end(), t.id) != flags.only.end();
-    if ((flags.only.empty() || named) && (t.quick || !flags.quick)) wanted.push_back(std::move(t));
+    const bool named = std::find(only.begin(), only.end(), t.id) != only.end();
+    if ((only.empty() || named) && (t.quick || !flags.quick)) wanted.push_back(std::move(t));
   }
   if (wanted.empty())
     throw Error("--quick leaves out all that --only names: they take minutes each");
@@ -107,6 +109,7 @@ void run_test(Queue& queue, const Test& test, size_t width, bool quiet, Outcome&
                        {"passed", good}});
   }
   std::fflush(stdout);
+  if (!quiet) fmt::print(stderr, "{} {}: {:.1f} s\n", test.id, test.name, seconds);
   outcome.tests.push_back(
       {{"test", test.id}, {"name", test.name}, {"seconds", seconds}, {"figures", figures}});
 }

@@ -12,6 +12,21 @@
 namespace gflow {
 namespace bench {
 
+namespace {
+
+// Before anything is measured. The report looks whether it is of the same bench.
+std::string no_report(const std::string& path) {
+  try {
+    const Bytes bytes = read_file(path);
+    const Json json = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
+    return json.is_object() && json.contains("rows") ? "" : path + " is no report of gflow bench";
+  } catch (const Error& problem) {
+    return problem.what();
+  }
+}
+
+}  // namespace
+
 void add_common(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--repeats", options.repeats, "Measured runs; medians are told")
       ->check(number_in(1, 1000));
@@ -22,7 +37,8 @@ void add_common(CLI::App& bench, BenchOptions& options) {
       .add_option("--compare", options.compare,
                   "Show ratios to an earlier --json FILE; those above 1.1 are marked and make the "
                   "exit code 3")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(CLI::Validator(no_report, ""));
 }
 
 std::pair<int, int> size_named(const std::string& option, const std::string& text) {

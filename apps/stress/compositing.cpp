@@ -231,12 +231,28 @@ Rows clamp(Queue& queue) {  // T21
   return rows;
 }
 
-double worst_image_error(Queue& queue, const PosedScene& s) {
-  const reference::Rendering r = reference::render(s.shot, reference::posed(s.p));
+// Images and gradients against the sum over all splats at every pixel.
+void compare_with_dense(Queue& queue, const PosedScene& s, const std::string& name, Rows& rows) {
+  const reference::Gaussians g = reference::posed(s.p);
+  const reference::Rendering r = reference::render(s.shot, g);
+  const std::vector<uint8_t>& doubtful = r.contributors.doubtful;
   DeviceScene device(queue, s);
   const FloatArrays images = device.forward();
-  return std::max(largest_error(images.at("rgb"), r.images.rgb, r.contributors.doubtful),
-                  largest_error(images.at("alpha"), r.images.alpha, r.contributors.doubtful));
+  rows.push_back({name + ", colour and alpha",
+                  std::max(largest_error(images.at("rgb"), r.images.rgb, doubtful),
+                           largest_error(images.at("alpha"), r.images.alpha, doubtful)),
+                  1e-5});
+  double fastest = 0;
+  for (const double f : r.images.flow) fastest = std::max(fastest, std::fabs(f));
+  rows.push_back({name + ", flow by its largest",
+                  largest_error(images.at("flow"), r.images.flow, doubtful) / fastest, 1e-5});
+  const reference::Planes v = random_cotangents(s, 22, doubtful);
+  const FloatArrays found = device.backward(v);
+  double gradient = 0;
+  for (const auto& [key, values] :
+       reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, r, v)))
+    if (norm(values) > 1e-6) gradient = std::max(gradient, relative_l2(found.at(key), values));
+  rows.push_back({name + ", worst gradient, relative L2", gradient, 1e-4});
 }
 
 Rows tiles(Queue& queue) {  // T22
@@ -247,16 +263,16 @@ Rows tiles(Queue& queue) {  // T22
     spec.n = width > 1000 ? 20 : 150;
     spec.width = width;
     spec.height = height;
-    rows.push_back({fmt::format("image {} x {}", width, height),
-                    worst_image_error(queue, random_scene(spec)), 1e-5});
+    compare_with_dense(queue, random_scene(spec), fmt::format("image {} x {}", width, height),
+                       rows);
   }
   for (const int across : {1, 2, 5, 10}) {  // 1 to 100 tiles
     PosedScene s = random_scene({0, 160, 160});
     s.shot.camera = s.shot.camera_t2 = test_camera(160, 160);
     const double sigma = 16. * across / 6.7 * 4 / 160;
-    add_gaussian(s, {.013, -.021, 4}, {sigma, sigma, .1}, .9);
-    rows.push_back({fmt::format("one splat over about {} tiles", across * across),
-                    worst_image_error(queue, s), 1e-5});
+    add_gaussian(s, {.013, -.021, 4}, {sigma, sigma, .1}, .9, {.03, .02, .1});
+    compare_with_dense(queue, s, fmt::format("one splat over about {} tiles", across * across),
+                       rows);
   }
   return rows;
 }

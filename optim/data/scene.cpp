@@ -13,6 +13,7 @@
 
 #include "optim/data/reader_util.hpp"
 #include "optim/data/readers.hpp"
+#include "optim/io/atomic_file.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -40,6 +41,7 @@ constexpr Layout layouts[] = {{"video", is_video, read_video_file},
                               {"consistent4d", has_numbered_pictures, read_consistent4d}};
 
 Scene read_recognised(const std::string& path, const SceneOptions& options) {
+  if (fs::exists(path) && !fs::is_directory(path)) require_file(path);
   for (const Layout& layout : layouts)
     if (layout.is(path)) return layout.read(path, options);
   throw Error(fmt::format(

@@ -115,6 +115,7 @@ std::string last_settings(const CheckpointFolder& checkpoints, TrainConfig& conf
 }  // namespace
 
 void RunFolder::make() const {
+  if (folder_.empty()) throw Error("a run folder has an empty name; -o FOLDER gives it one");
   std::error_code problem;
   // Training replaces what is in a run folder; what is in any other folder is not ours.
   if (holds_something(folder_) && !fs::exists(path(kStamp)))
