@@ -66,7 +66,7 @@ Agreement agreement(Queue& queue, int count) {
     spec.cover = 8 + k % 4 * 8;
     spec.opaque = k % 3 == 0 ? .1 : 0;
     PosedScene s = random_scene(spec);
-    s.shot.settings.transport = kTransports[k % 3];
+    s.shot.settings.transport = kTransports[k % 4];
     const reference::Gaussians g = reference::posed(s.p);
     const reference::Rendering r = reference::render(s.shot, g);
     const reference::Planes v = random_cotangents(s, unsigned(k), r.contributors.doubtful);

@@ -2,9 +2,11 @@
 // T31-T33: Adam over ten thousand steps with spikes, gradients that are no numbers, and what
 // rounding noise becomes of.
 #include <cstring>
+#include <tuple>
 
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
+#include "optim/train/config.hpp"
 #include "runtime/adam.hpp"
 
 namespace gflow::stress {
@@ -133,7 +135,8 @@ Rows bad_gradients(Queue& queue) {  // T32
 // cancel, so that its gradient is nothing but rounding. `size`: root mean square of the others.
 Rows noise_gain(Queue& queue) {  // T33
   constexpr size_t rows = 40, n = 3 * rows, terms = 128;
-  const float lr = .01f, shipped = 1e-8f;  // AdamGroups of optim/train/config.hpp
+  const float lr = .01f;
+  const AdamGroups shipped;
   const auto run = [&](bool backwards, double size, float epsilon) {
     Trained trained(queue, rows);
     Random random(33);
@@ -157,10 +160,14 @@ Rows noise_gain(Queue& queue) {  // T33
     return most / double(lr);
   };
   Rows out;
-  for (const auto& [name, size] :
-       {std::pair{"means, 1e-5", 1e-5}, {"turns, 2e-7", 2e-7}, {"times, 5e-8", 5e-8}})
+  for (const auto& [name, size, epsilon] : {std::tuple{"means, 1e-5", 1e-5, shipped.eps_means},
+                                            {"turns, 2e-7", 2e-7, shipped.eps_quats},
+                                            {"scales, 3e-7", 3e-7, shipped.eps_scales},
+                                            {"opacities, 6e-7", 6e-7, shipped.eps_opacity},
+                                            {"colour, 8e-7", 8e-7, shipped.eps_sh},
+                                            {"times, 5e-8", 5e-8, shipped.eps_means}})
     out.push_back({fmt::format("gradients as of {}: in steps of the rate", name),
-                   largest_difference(size, shipped), 1});
+                   largest_difference(size, epsilon), 1});
   // It can fail: without a floor Adam makes whole steps of the noise.
   out.push_back({"epsilon 1e-15 instead: one step by that difference",
                  1 / largest_difference(1e-5, 1e-15f), .2});

@@ -37,6 +37,7 @@ bool same(float a, float b) { return std::memcmp(&a, &b, sizeof(float)) == 0; }
 
 struct Harm {
   double images_changed = 0, gradients_changed = 0, not_finite = 0, unnamed = 0, cases = 0;
+  double reached = 0;  // cases where the culprit truly lies at the right: nothing is compared
 };
 
 class Poisoned {
@@ -71,6 +72,7 @@ class Poisoned {
         device_.upload(s);
         const FloatArrays found = device_.forward();
         const bool reaches = std::isfinite(poison) && reaches_right();
+        harm.reached += reaches;
         compare_images(found, reaches, harm);
         compare_gradients(device_.backward(v_), reaches, harm);
         if (!std::isfinite(poison)) harm.unnamed += !named(slot);
@@ -197,6 +199,7 @@ Rows poison(Queue& queue) {
     rows.push_back({at + ": others' gradients changed", h.gradients_changed, 0});
     rows.push_back({at + ": not finite", h.not_finite, 0});
     rows.push_back({at + ": culprit not named", h.unnamed, 0});
+    rows.push_back({at + ": share in which it truly reaches the others", h.reached / h.cases, .125});
   }
   for (const char* image : {"rgb", "alpha", "depth", "flow"}) {
     const Harm h = scene.cotangent(image);

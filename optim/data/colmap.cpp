@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 
 #include "optim/data/colmap_model.hpp"
 #include "optim/data/image_header.hpp"
@@ -38,8 +39,11 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
   scene.layout = "colmap";
   scene.steps = 1;
   scene.fps = 24;
+  std::set<std::string> names;
   for (size_t i = 0; i < model.images.size(); ++i) {
     const ColmapImage& image = model.images[i];
+    if (!names.insert(image.name).second)
+      throw Error(fmt::format("{} names the picture {} twice", sparse, image.name));
     Frame frame;
     frame.path = path_inside(pictures, image.name, sparse);
     if (!fs::is_regular_file(frame.path))

@@ -4,6 +4,7 @@
 #include "optim/data/image_header.hpp"
 
 #include <fmt/format.h>
+#include <zlib.h>
 
 #include <cerrno>
 #include <cstring>
@@ -141,10 +142,17 @@ Parsed parse(Source& source, const std::string& path) {
   return parsed;
 }
 
-bool png_has_end(const Bytes& bytes, size_t at) {
-  while (at <= bytes.size() && bytes.size() - at >= 12) {
-    if (std::memcmp(bytes.data() + at + 4, "IEND", 4) == 0) return true;
-    at += 12 + size_t(big_endian(bytes.data() + at, 4));
+// From its first chunk to the last one; Error where a checksum is wrong, which libpng would tell on
+// its own, in its own words.
+bool png_has_end(const Bytes& bytes, const std::string& path) {
+  for (size_t at = 8; at <= bytes.size() && bytes.size() - at >= 12;) {
+    const size_t length = big_endian(bytes.data() + at, 4);
+    if (bytes.size() - at - 12 < length) return false;
+    const uint8_t* const named = bytes.data() + at + 4;  // checked from its name on
+    if (crc32(0, named, uInt(length + 4)) != big_endian(named + 4 + length, 4))
+      refuse(path, "it is damaged: a checksum of its PNG is wrong");
+    if (std::memcmp(named, "IEND", 4) == 0) return true;
+    at += 12 + length;
   }
   return false;
 }
@@ -165,8 +173,7 @@ ImageHeader read_image_header(const std::string& path) {
 ImageHeader check_image_bytes(const Bytes& bytes, const std::string& path) {
   MemorySource source(bytes);
   const Parsed parsed = parse(source, path);
-  const bool ended =
-      parsed.is_png ? png_has_end(bytes, parsed.data) : jpeg_has_end(bytes, parsed.data);
+  const bool ended = parsed.is_png ? png_has_end(bytes, path) : jpeg_has_end(bytes, parsed.data);
   if (!ended) refuse(path, "it is truncated");
   // One colour packs a thousand times, and films begin black: an 8K picture of four bytes a pixel.
   constexpr size_t one_colour = size_t{256} << 20;

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "optim/io/atomic_file.hpp"
@@ -11,9 +12,39 @@
 namespace gflow {
 namespace {
 
-// A value takes 16 bytes of memory and may take 2 of a file; a hundred thousand cameras take 40 MB.
+// A hundred thousand cameras of forty values each take 80 MB.
 constexpr size_t largest_json = size_t{128} << 20;
-constexpr int deepest_json = 100;  // a level takes 100 bytes of memory and one of the file
+constexpr size_t most_values = 5000000;  // each takes up to 64 bytes of memory and two of the file
+constexpr int deepest_json = 100;        // a level takes 100 bytes of memory and one of the file
+
+// Looked at before it is parsed: the parser's own callback takes time by the square of a list's
+// length (nlohmann-json 3.11 goes through the list whenever an entry ends).
+void require_modest(const Bytes& json, const std::string& path) {
+  int depth = 0, deepest = 0;
+  size_t values = 1;
+  bool in_text = false;
+  for (size_t i = 0; i < json.size(); ++i) {
+    const char c = char(json[i]);
+    if (in_text && c == '\\')
+      ++i;
+    else if (c == '"')
+      in_text = !in_text;
+    else if (in_text)
+      continue;
+    else if (c == '[' || c == '{')
+      deepest = std::max(deepest, ++depth), ++values;
+    else if (c == ']' || c == '}')
+      --depth;
+    else if (c == ',')
+      ++values;
+  }
+  if (deepest > deepest_json)
+    throw Error(
+        fmt::format("cannot read {}: its lists are nested more than {} deep", path, deepest_json));
+  if (values > most_values)
+    throw Error(fmt::format("cannot read {}: it has {} values, at most {} are expected", path,
+                            values, most_values));
+}
 
 bool is_finite_number(const Json& value) {
   return value.is_number() && std::isfinite(value.get<double>());
@@ -23,14 +54,9 @@ bool is_finite_number(const Json& value) {
 
 Json read_json(const std::string& path) {
   const Bytes bytes = read_file(path, largest_json);
-  const auto not_too_deep = [&](int depth, Json::parse_event_t, const Json&) {
-    if (depth > deepest_json)
-      throw Error(fmt::format("cannot read {}: its lists are nested more than {} deep", path,
-                              deepest_json));
-    return true;
-  };
+  require_modest(bytes, path);
   try {
-    return Json::parse(bytes.begin(), bytes.end(), not_too_deep);
+    return Json::parse(bytes.begin(), bytes.end());
   } catch (const Json::exception& cause) {
     throw Error(fmt::format("cannot read {}: it is no JSON ({})", path, cause.what()));
   }
@@ -57,7 +83,11 @@ double needed_number(const Json& object, const std::string& key, const std::stri
 
 std::string text(const Json& value, const std::string& what) {
   if (!value.is_string()) throw Error(what + " is no text");
-  return value.get<std::string>();
+  const auto words = value.get<std::string>();
+  if (std::any_of(words.begin(), words.end(),
+                  [](char c) { return static_cast<unsigned char>(c) < 0x20; }))
+    throw Error(what + " holds line ends or other characters that are not shown");
+  return words;
 }
 
 std::vector<std::string> texts(const Json& value, const std::string& what) {

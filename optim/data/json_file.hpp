@@ -12,8 +12,8 @@ namespace gflow {
 
 using Json = nlohmann::json;
 
-// The whole file. Error when it is missing, larger than 128 MB, nested more than 100 deep or no
-// JSON (NaN is none).
+// The whole file. Error when it is missing, larger than 128 MB, of more than five million values or
+// 100 levels, or no JSON (NaN is none).
 Json read_json(const std::string& path);
 
 // A member of an object. Error when there is none; `where` names the object.
@@ -25,7 +25,7 @@ std::optional<double> number(const Json& object, const std::string& key, const s
 // The same where it must be there.
 double needed_number(const Json& object, const std::string& key, const std::string& where);
 
-// A text. Error when `value` is anything else; `what` names it.
+// A text of one line. Error when `value` is anything else; `what` names it.
 std::string text(const Json& value, const std::string& what);
 
 // A list of texts.

@@ -107,31 +107,43 @@ void select_steps(Scene& scene, const SceneOptions& options) {
 // Sorts the splits, and makes names unique by appending a number where paths gave equal ones.
 void order_frames(Scene& scene) {
   std::set<std::string> names;
+  std::map<std::string, int> used;  // numbers behind a name: none is tried twice
   for (std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val}) {
     std::stable_sort(split->begin(), split->end(), [](const Frame& a, const Frame& b) {
       return std::tie(a.track, a.time) < std::tie(b.track, b.time);
     });
     for (Frame& frame : *split) {
       const std::string name = frame.name;
-      for (int n = 2; !names.insert(frame.name).second; ++n)
-        frame.name = fmt::format("{}_{}", name, n);
+      while (!names.insert(frame.name).second)
+        frame.name = fmt::format("{}_{}", name, ++used.try_emplace(name, 1).first->second);
     }
   }
 }
 
+// What else no float could hold the squares and products of.
 void check(const Scene& scene) {
+  constexpr double most = 1e6, farthest = 1e12;
+  const auto within = [](double focal, double side) {
+    return focal >= side / most && focal <= side * most;
+  };
   if (scene.train.empty())
     throw Error(fmt::format("scene {} has no training pictures", scene.folder));
   for (const Camera& camera : scene.cameras) {
-    const bool ok = camera.width > 0 && camera.height > 0 && camera.fx > 0 && camera.fy > 0 &&
-                    std::isfinite(camera.fx + camera.fy + camera.cx + camera.cy) &&
-                    camera.viewmat.allFinite();
+    const double side = std::max(camera.width, camera.height);
+    const bool ok = camera.width > 0 && camera.height > 0 && within(camera.fx, side) &&
+                    within(camera.fy, side) && camera.fx > 0 && camera.fy > 0 &&
+                    std::fabs(camera.cx) <= most * side && std::fabs(camera.cy) <= most * side;
     if (!ok)
       throw Error(fmt::format(
-          "camera {} of {} has size {}x{}, focal lengths {} and {} and centre ({}, {}): all must "
-          "be finite, sizes and focal lengths positive",
+          "camera {} of {} has size {}x{}, focal lengths {} and {} and centre ({}, {}): sizes must "
+          "be positive, focal lengths a millionth to a million times as much, the centre no "
+          "further",
           camera.name, scene.folder, camera.width, camera.height, camera.fx, camera.fy, camera.cx,
           camera.cy));
+    if (!(camera.viewmat.allFinite() && camera.viewmat.topRightCorner<3, 1>().norm() <= farthest))
+      throw Error(fmt::format(
+          "camera {} of {} stands {} from the origin: at most {:g} are possible", camera.name,
+          scene.folder, camera.viewmat.topRightCorner<3, 1>().norm(), farthest));
   }
 }
 

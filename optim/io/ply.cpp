@@ -127,13 +127,16 @@ bool parse_line(const std::string& line, Header& header, bool& has_format,
 Header parse_header(const Bytes& bytes, const std::string& path) {
   if (bytes.size() < 4 || std::memcmp(bytes.data(), "ply", 3) != 0)
     refuse(path, "it does not begin with 'ply'");
+  constexpr size_t longest = size_t{1} << 20;  // gflow's settings in comments take 40 kB
+  const auto stop = bytes.begin() + long(std::min(bytes.size(), longest));
   Header header;
   bool has_format = false, ended = false;
-  auto at = std::find(bytes.begin(), bytes.end(), '\n');
+  auto at = std::find(bytes.begin(), stop, '\n');
   while (!ended) {
-    if (at == bytes.end()) refuse(path, "it has no line 'end_header'");
-    const auto end = std::find(at + 1, bytes.end(), '\n');
-    if (end == bytes.end()) refuse(path, "it has no line 'end_header'");
+    const auto end = at == stop ? stop : std::find(at + 1, stop, '\n');
+    if (end == stop)
+      refuse(path, bytes.size() < longest ? "it has no line 'end_header'"
+                                          : "it has no line 'end_header' within its first MB");
     std::string line(at + 1, end);
     if (!line.empty() && line.back() == '\r') line.pop_back();
     ended = parse_line(line, header, has_format, path);

@@ -8,8 +8,13 @@
 namespace gflow {
 
 // As it is but for characters that a terminal obeys (escape, backspace, the C1 controls in UTF-8),
-// which are written \x1b. Line ends and tabs stay.
+// which are written \x1b. Line ends and tabs stay. Of a long text the middle is left out: the line
+// of a file may be all of it.
 inline std::string printable(const std::string& text) {
+  constexpr size_t most = 8000;  // what a compiler says of a kernel is shorter
+  if (text.size() > most)
+    return fmt::format("{} [... {} bytes ...] {}", printable(text.substr(0, most / 2)),
+                       text.size() - most, printable(text.substr(text.size() - most / 2)));
   std::string out;
   for (size_t i = 0; i < text.size(); ++i) {
     const auto at = [&](size_t k) {

@@ -73,17 +73,20 @@ int sh_degree_of(const PlyTable& table, const std::string& path) {
 }
 
 SplatTable standard_table(const PlyTable& table, const std::string& path) {
-  SplatTable result(table.rows, sh_degree_of(table, path));
+  const int sh_degree = sh_degree_of(table, path);
+  const auto is_normal = [](const std::string& name) { return name[0] == 'n'; };
+  for (const std::string& name : SplatTable(0, sh_degree).table.names)
+    if (table.column(name) < 0 && !is_normal(name))
+      throw Error(
+          fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
+                      "Gaussians",
+                      path, name));
+  SplatTable result(table.rows, sh_degree);
   result.table.origin = table.origin;
   const std::vector<std::string>& names = result.table.names;
   for (size_t to = 0; to < names.size(); ++to) {
     const int from = table.column(names[to]);
-    if (from < 0 && names[to][0] == 'n') continue;  // normals mean nothing here
-    if (from < 0)
-      throw Error(
-          fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
-                      "Gaussians",
-                      path, names[to]));
+    if (from < 0) continue;  // normals mean nothing here
     for (size_t i = 0; i < table.rows; ++i)
       result.table.values[i * names.size() + to] =
           table.values[i * table.names.size() + size_t(from)];

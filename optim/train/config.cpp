@@ -191,7 +191,7 @@ void assign_setting(TrainConfig& config, const std::string& section, const std::
 // otherwise a piece of text.
 toml::table value_table(const std::string& text) {
   try {
-    return toml::parse("value = " + text);
+    return parse_toml("value = " + text, "--set");
   } catch (const toml::parse_error&) {
     char* end = nullptr;
     const double number = std::strtod(text.c_str(), &end);
@@ -279,7 +279,7 @@ void apply_file(TrainConfig& config, const std::string& path) {
 }
 
 void apply_text(TrainConfig& config, const std::string& text, const std::string& name) {
-  apply_toml(config, name, [&] { return toml::parse(text); });
+  apply_toml(config, name, [&] { return parse_toml(text, name); });
 }
 
 void apply_setting(TrainConfig& config, const std::string& assignment) {

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/atomic_file.hpp"
@@ -370,11 +371,14 @@ RunFacts RunFolder::read_facts() const {
     facts.device = run.value("device", "");
     facts.motion = run.value("motion", "");
     facts.finished = run.value("finished", false);
+    if (facts.iterations >= 0) return facts;
   } catch (const Json::exception&) {
-    throw Error("reading " + path("training.json") +
-                ": it is not the JSON that `gflow train` writes; delete it to go on");
   }
-  return facts;
+  static std::set<std::string> told;
+  if (told.insert(folder_).second)
+    warn(fmt::format("{} is not the JSON that `gflow train` writes: what the run took is not known",
+                     path("training.json")));
+  return {};
 }
 
 }  // namespace gflow

@@ -5,17 +5,13 @@
 #include <string>
 #include <string_view>
 
-#include "optim/io/atomic_file.hpp"
-
 namespace gflow {
 
-// A file of settings, at most 4 MB. Error when it cannot be read; toml::parse_error when it is no
-// TOML.
-inline toml::table read_toml(const std::string& path) {
-  constexpr size_t largest = size_t{4} << 20;  // all settings take 40 kB with their comments
-  const Bytes bytes = read_file(path, largest);
-  return toml::parse(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()),
-                     path);
-}
+// Settings from a text; `path` is what Errors and the table's places name. Error when a key has
+// more than 100 parts; toml::parse_error when it is no TOML.
+toml::table parse_toml(std::string_view text, const std::string& path);
+
+// A file of them, at most 1 MB. Error also when it cannot be read.
+toml::table read_toml(const std::string& path);
 
 }  // namespace gflow

@@ -8,8 +8,11 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 
+#include "optim/data/image_header.hpp"
 #include "optim/data/true_depth.hpp"
+#include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/train/begin.hpp"
 #include "optim/train/guidance_source.hpp"
@@ -166,6 +169,12 @@ TrainConfig judged_by(const TrainConfig& config, const MetricsConfig& before,
   return changed;
 }
 
+// Before a former training is given up for another one: Error where a picture is damaged.
+void require_whole_pictures(const Scene& scene) {
+  for (const Frame& frame : scene.train)
+    if (frame.video_frame < 0) check_image_bytes(read_file(frame.path), frame.path);
+}
+
 // Error when the file that training begins with cannot be used, or would be gone by then.
 void require_first_file(const TrainConfig& config, const RunFolder& run) {
   if (run.would_forget(config.init.file))
@@ -212,10 +221,12 @@ Error without_device(const Error& problem, const Trainer& trainer, int step, dou
 
 // The training loop from step number `step`; returns the number of steps made, earlier ones
 // included. Sets `guard` after the first one, in which kernels may be compiled for long: before it
-// there is nothing to save.
+// there is nothing to save. Then `begun` is called where there is one: until then the folder holds
+// another training.
 int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, Trainer& trainer,
                 const Model& model, int step, const Stopwatch& watch, Checkpointer& checkpoints,
-                std::optional<InterruptGuard>& guard, bool quiet) {
+                std::optional<InterruptGuard>& guard, bool quiet,
+                const std::function<void()>& begun) {
   const ScheduleConfig& plan = config.train;
   Progress progress("train", plan.iterations, quiet, step);
   RollBack roll_back(queue, run, trainer, checkpoints);
@@ -230,15 +241,17 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
     } catch (const GuidanceFailed& problem) {
       if (guard && interrupted()) break;  // the step has not begun
       progress.finish();
+      if (!guard && begun) throw;
       throw without_guidance(problem, step, watch.seconds(), checkpoints, run);
     } catch (const Error& problem) {
-      if (!is_of_device(problem)) throw;
       progress.finish();
+      if (!is_of_device(problem) || (!guard && begun)) throw;
       throw without_device(problem, trainer, step, watch.seconds(), roll_back, before, run);
     }
     if (!guard) {
       queue.finish();
       guard.emplace();
+      if (begun) begun();
     }
     const std::string notice = trainer.take_notice();
     if (!notice.empty()) progress.say("gflow: " + notice);
@@ -307,26 +320,36 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // broken ones are named now
   prepared.look_for_change();  // a scene may not show what init.from asks for
 
-  // Nothing is wrong with what goes in: from here on the former run is replaced.
-  stop.say("interrupted while preparing the training; " + how_to_go_on(run));
-  if (!resumed) run.forget_training();
-  run.forget_results();
-  run.write_config(config);
-  run.write_cameras(scene);
+  // Nothing is wrong with what goes in. Another training stays until the first step of this one is
+  // made, which shows that it can be.
+  const bool replaces = !resumed && !(run.checkpoints().steps().empty() && run.models().empty());
+  if (replaces) require_whole_pictures(scene);
+  std::optional<HostModel> first;
+  const auto begin_run = [&] {
+    if (!resumed) run.forget_training();
+    run.forget_results();
+    run.write_config(config);
+    run.write_cameras(scene);
+    if (first) write_model(run.path("input.ply"), *first);
+    first.reset();
+  };
+  if (!replaces) begin_run();
+  const std::string left = replaces ? "the former training is as it was" : how_to_go_on(run);
+  stop.say("interrupted while preparing the training; " + left);
   warn_of_idle_settings(scene, config);
   if (!quiet) fmt::print(stderr, "{}", in_words(scene, prepared.frames().cameras()));
-  if (prepared.lacks_flow())
-    stop.say("interrupted while computing optical flow; " + how_to_go_on(run));
+  if (prepared.lacks_flow()) stop.say("interrupted while computing optical flow; " + left);
   prepared.compute_flow(run.path("flow"), quiet);
 
-  stop.say("interrupted before the first training step; " + how_to_go_on(run));
+  stop.say("interrupted before the first training step; " + left);
   const auto first_model = [&] {
-    const HostModel first = prepared.first_model(queue);
-    write_model(run.path("input.ply"), first);
+    first = prepared.first_model(queue);
+    if (!replaces) write_model(run.path("input.ply"), *first);
     if (!quiet)
-      fmt::print(stderr, "{}",
-                 first_gaussians_in_words(first, scene, config.init, prepared.began_with_stereo()));
-    return Model(queue, first);
+      fmt::print(
+          stderr, "{}",
+          first_gaussians_in_words(*first, scene, config.init, prepared.began_with_stereo()));
+    return Model(queue, *first);
   };
   const auto shape_to_resume = [&] {
     ModelShape shape = model_shape(scene, config);
@@ -337,6 +360,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     return shape;
   };
   Model model = resumed ? Model(queue, shape_to_resume(), 0) : first_model();
+  if (!replaces) first.reset();
   if (!quiet) fmt::print(stderr, "motion model: {}\n", name_of(model.shape.motion));
   Trainer trainer = prepared.trainer(queue, model, guidance.get());
   CheckpointFacts former;
@@ -349,9 +373,11 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   Checkpointer checkpoints(queue, config, scene, run, trainer, model.shape);
   const Stopwatch watch(former.seconds);
   std::optional<InterruptGuard> guard;
-  const int steps = train_steps(queue, config, run, trainer, model, former.step, watch, checkpoints,
-                                guard, quiet);
-  prepared.flows().prefetch({});  // of steps that an interruption or the clock left out
+  const int steps =
+      train_steps(queue, config, run, trainer, model, former.step, watch, checkpoints, guard, quiet,
+                  replaces ? std::function<void()>(begin_run) : nullptr);
+  prepared.flows().prefetch({});        // of steps that an interruption or the clock left out
+  if (replaces && !guard) begin_run();  // there were no steps to make
   if (!guard) guard.emplace();
   const RunFacts facts{steps,
                        watch.seconds(),

@@ -144,4 +144,14 @@ TEST(Blender, WhatIsNoJsonIsRefused) {
   expect_error([&] { read_scene(folder.path()); }, {"frame"});
   folder.write("transforms_train.json", nested(1000000));
   expect_error([&] { read_scene(folder.path()); }, {"nested more than 100 deep"});
+  folder.write("transforms_train.json", R"({"frames": ")" + std::string(200, '[') + R"(\"[["})");
+  expect_error([&] { read_scene(folder.path()); }, {"'frames'"});  // a text
+  // Long lists take time by their length: a million entries were an hour by its square.
+  std::string many = R"({"camera_angle_x": 1, "frames": [{})";
+  for (int i = 0; i < 1000000; ++i) many += ",{}";
+  folder.write("transforms_train.json", many + "]}");
+  expect_error([&] { read_scene(folder.path()); }, {"file_path"});
+  for (int i = 0; i < 3; ++i) many += many.substr(many.find(",{}"));
+  folder.write("transforms_train.json", many + "]}");
+  expect_error([&] { read_scene(folder.path()); }, {"values, at most 5000000"});
 }

@@ -53,6 +53,8 @@ void point_tracks_seeds(const std::string& to) {
 
 void flo(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "a.flo", [](const std::string& path) { read_flo(path); });
+  const Bytes packed = gzip({reinterpret_cast<const char*>(bytes), size});
+  as_file(packed.data(), packed.size(), "a.flo.gz", [](const std::string& p) { read_flo(p); });
 }
 void flo_seeds(const std::string& to) {
   seed(to, "a", written("s.flo", [](const std::string& p) {
@@ -65,12 +67,12 @@ void flo_seeds(const std::string& to) {
 }
 
 void kitti_flow(const uint8_t* bytes, size_t size) {
-  as_file(bytes, size, "a.png", [](const std::string& path) { read_kitti_flow(path); });
+  as_png(bytes, size, "a.png", [](const std::string& path) { read_kitti_flow(path); });
 }
 void kitti_flow_seeds(const std::string& to) { seed(to, "a", png(4, 3)); }
 
 void picture(const uint8_t* bytes, size_t size) {
-  as_file(bytes, size, "a.png", [](const std::string& path) {
+  as_png(bytes, size, "a.png", [](const std::string& path) {
     const ImageHeader header = read_image_header(path);
     if (size_t(header.width) * size_t(header.height) < 1 << 20) read_image(path);
   });

@@ -29,6 +29,10 @@ extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
     const std::string folder = std::string((*argv)[2]) + "/" + target.name;
     std::filesystem::create_directories(folder);
     target.make_seeds(folder);
+    if (std::filesystem::is_empty(folder)) {
+      std::fprintf(stderr, "fuzz: target %s has no seed\n", target.name);
+      std::exit(1);
+    }
     std::printf("%s\n", target.name);
   }
   std::exit(0);

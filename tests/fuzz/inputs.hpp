@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "data_readers/made_scene.hpp"
+#include "fuzz/checksums.hpp"
 #include "fuzz/targets.hpp"
-#include "fuzz/zip_checksums.hpp"
 
 namespace gflow::fuzz {
 
@@ -53,6 +53,12 @@ void as_file(const uint8_t* bytes, size_t size, const std::string& name, Read&& 
 template <class Read>
 void as_zip(const uint8_t* bytes, size_t size, const std::string& name, Read&& read) {
   write(name, with_checksums(bytes, size));
+  may_refuse([&] { read(folder() + "/" + name); });
+}
+
+template <class Read>
+void as_png(const uint8_t* bytes, size_t size, const std::string& name, Read&& read) {
+  write(name, with_png_checksums(bytes, size));
   may_refuse([&] { read(folder() + "/" + name); });
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians at one time and all times, as other programs write them.
 #include "fuzz/inputs.hpp"
+#include "optim/io/atomic_file.hpp"
 #include "optim/io/compressed_ply.hpp"
 #include "optim/io/dot_splat.hpp"
 #include "optim/io/four_dgs.hpp"
@@ -41,6 +42,18 @@ void compressed_ply(const uint8_t* bytes, size_t size) {
           [](const std::string& path) { read_compressed_ply(path); });
 }
 void compressed_ply_seeds(const std::string& to) {
+  std::string made = "ply\nformat binary_little_endian 1.0\nelement chunk 1\n";
+  for (const char* of : {"", "scale_"})
+    for (const char* end : {"min_", "max_"})
+      for (const char axis : {'x', 'y', 'z'})
+        made += fmt::format("property float {}{}{}\n", end, of, axis);
+  made += "element vertex 2\n";
+  for (const char* name : {"position", "rotation", "scale", "color"})
+    made += fmt::format("property uint packed_{}\n", name);
+  made += "element sh 2\n";
+  for (int k = 0; k < 9; ++k) made += fmt::format("property uchar f_rest_{}\n", k);
+  made += "end_header\n" + std::string(12 * 4 + 2 * 16 + 2 * 9, '\1');
+  seed(to, "made", made);
   copy_seeds(to, shared("data/splat_models/splat_transform_fixtures"));
 }
 
@@ -52,11 +65,20 @@ void dot_splat_seeds(const std::string& to) {
        written("s.splat", [](const std::string& p) { write_dot_splat(p, small_table(0)); }));
 }
 
+// Packed here: of a packed file that is damaged zlib refuses nearly all.
 void spz(const uint8_t* bytes, size_t size) {
-  as_file(bytes, size, "a.spz", [](const std::string& path) { read_spz(path); });
+  const Bytes packed = gzip({reinterpret_cast<const char*>(bytes), size});
+  as_file(packed.data(), packed.size(), "a.spz", [](const std::string& path) { read_spz(path); });
 }
 void spz_seeds(const std::string& to) {
-  copy_seeds(to, shared("data/splat_models/splat_transform_fixtures"));
+  for (const int version : {2, 3})
+    for (const int degree : {0, 3}) {
+      const size_t each =
+          size_t(version == 2 ? 19 : 20) + 3 * size_t((degree + 1) * (degree + 1) - 1);
+      seed(to, fmt::format("version_{}_degree_{}", version, degree),
+           "NGSP" + std::string{char(version), 0, 0, 0, 2, 0, 0, 0, char(degree), 12, 0, 0} +
+               std::string(2 * each, '\1'));
+    }
 }
 
 void four_dgs(const uint8_t* bytes, size_t size) {

@@ -3,7 +3,7 @@
 
 #include <cstdlib>
 
-#include "fuzz/zip_checksums.hpp"
+#include "fuzz/checksums.hpp"
 #include "io/temporary_folder.hpp"
 
 using namespace gflow;

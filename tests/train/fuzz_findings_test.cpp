@@ -33,6 +33,7 @@ TEST(FuzzFindings, SeedsAreReadAtEveryQuarter) {
   for (const fuzz::Target& target : fuzz::targets()) {
     const TemporaryFolder folder;
     target.make_seeds(folder.path());
+    EXPECT_FALSE(fs::is_empty(folder.path())) << target.name;
     for (const auto& entry : fs::directory_iterator(folder.path())) {
       SCOPED_TRACE(fmt::format("{} {}", target.name, entry.path().filename().string()));
       const std::string whole = contents(entry.path().string());

@@ -384,6 +384,15 @@ TEST_F(Resume, AWrongInputLeavesTheFormerRunAsItWas) {
   expect_left_alone({"--init", "visual-hull"}, {"init.from", "no alpha"});
   for (const std::string& first : {latest_model("run"), run("run") + "/input.ply"})
     expect_left_alone({"--init", first}, {"init.file " + first, "would replace", "copy"});
+
+  const std::string damaged = run("damaged"), picture = damaged + "/cam01/images/0001.png";
+  fs::copy(scene_->path(), damaged, fs::copy_options::recursive);
+  fs::permissions(picture, fs::perms::owner_write, fs::perm_options::add);
+  fs::resize_file(picture, fs::file_size(picture) / 2);
+  expect_refused({"train", damaged, "-o", run("run"), "--quiet", "--overwrite"},
+                 {picture, "truncated"});
+  EXPECT_EQ(fs::last_write_time(run("run") + "/config.toml"), before);
+  EXPECT_TRUE(fs::exists(checkpoint(240)) && fs::exists(run("run") + "/results.json"));
 }
 
 // A mistyped -o, or the same command once more.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Past the checksums of a zip: what a fuzzer has damaged reaches the reader of the arrays.
+// Past the checksums of a zip or PNG: what a fuzzer has damaged reaches who reads what is in it.
 #pragma once
 #include <zlib.h>
 
@@ -30,6 +30,22 @@ inline std::string with_checksums(const uint8_t* bytes, size_t size) {
       zip[at + 16 + k] = zip[entry + 14 + k] = char(sum >> (8 * k) & 255);
   }
   return zip;
+}
+
+// The same of a PNG: behind its signature chunks of a length, a name, data and the checksum of name
+// and data.
+inline std::string with_png_checksums(const uint8_t* bytes, size_t size) {
+  std::string png(reinterpret_cast<const char*>(bytes), size);
+  for (size_t at = 8; at + 12 <= png.size();) {
+    size_t length = 0;
+    for (size_t k = 0; k < 4; ++k) length = length << 8 | uint8_t(png[at + k]);
+    if (length > png.size() - at - 12) break;
+    const auto* named = reinterpret_cast<const Bytef*>(png.data()) + at + 4;
+    const uLong sum = crc32(0, named, uInt(length + 4));
+    for (size_t k = 0; k < 4; ++k) png[at + 8 + length + k] = char(sum >> (8 * (3 - k)) & 255);
+    at += 12 + length;
+  }
+  return png;
 }
 
 }  // namespace gflow::fuzz
