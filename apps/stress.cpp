@@ -31,8 +31,10 @@ struct Flags {
 Tests chosen(const Flags& flags) {
   Tests all = all_tests(), wanted;
   std::vector<std::string> only = flags.only;
-  for (std::string& id : only) {
+  for (std::string& id : only) {  // "T7", " t7", "7"
+    id.erase(0, id.find_first_not_of(" \t"));
     if (!id.empty() && id[0] == 't') id[0] = 'T';
+    if (!id.empty() && id[0] != 'T') id = "T" + id;
     const bool known =
         std::any_of(all.begin(), all.end(), [&](const Test& t) { return t.id == id; });
     if (known) continue;

@@ -9,6 +9,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <map>
 #include <set>
 #include <sstream>
@@ -60,6 +61,8 @@ struct TypedTable {
   PlyTable table;
   std::vector<Type> types;
 };
+
+constexpr size_t longest_header = size_t{1} << 20;  // a model's comments and properties take 10 kB
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
   throw Error(fmt::format("cannot read PLY {}: {}", path, why));
@@ -127,7 +130,7 @@ bool parse_line(const std::string& line, Header& header, bool& has_format,
 Header parse_header(const Bytes& bytes, const std::string& path) {
   if (bytes.size() < 4 || std::memcmp(bytes.data(), "ply", 3) != 0)
     refuse(path, "it does not begin with 'ply'");
-  constexpr size_t longest = size_t{1} << 20;  // gflow's settings in comments take 40 kB
+  constexpr size_t longest = longest_header;
   const auto stop = bytes.begin() + long(std::min(bytes.size(), longest));
   Header header;
   bool has_format = false, ended = false;
@@ -349,8 +352,13 @@ std::vector<float> PlyTable::column_values(const std::string& name) const {
 }
 
 std::vector<std::string> ply_vertex_properties(const std::string& path) {
+  require_file(path);
+  Bytes beginning(longest_header);
+  std::ifstream file(path, std::ios::binary);
+  file.read(reinterpret_cast<char*>(beginning.data()), long(beginning.size()));
+  beginning.resize(size_t(file.gcount()));
   std::vector<std::string> names;
-  for (const Element& element : parse_header(read_file(path), path).elements)
+  for (const Element& element : parse_header(beginning, path).elements)
     if (element.name == "vertex")
       for (const Property& property : element.properties) names.push_back(property.name);
   return names;

@@ -72,15 +72,24 @@ int sh_degree_of(const PlyTable& table, const std::string& path) {
   return degree;
 }
 
-SplatTable standard_table(const PlyTable& table, const std::string& path) {
-  const int sh_degree = sh_degree_of(table, path);
-  const auto is_normal = [](const std::string& name) { return name[0] == 'n'; };
+namespace {
+
+// Error where a column of the standard table is not among these; normals mean nothing here.
+void require_columns(const std::vector<std::string>& names, int sh_degree,
+                     const std::string& path) {
   for (const std::string& name : SplatTable(0, sh_degree).table.names)
-    if (table.column(name) < 0 && !is_normal(name))
+    if (name[0] != 'n' && std::find(names.begin(), names.end(), name) == names.end())
       throw Error(
           fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
                       "Gaussians",
                       path, name));
+}
+
+}  // namespace
+
+SplatTable standard_table(const PlyTable& table, const std::string& path) {
+  const int sh_degree = sh_degree_of(table, path);
+  require_columns(table.names, sh_degree, path);
   SplatTable result(table.rows, sh_degree);
   result.table.origin = table.origin;
   const std::vector<std::string>& names = result.table.names;
@@ -127,7 +136,10 @@ SplatFormat splat_format(const std::string& path) {
 PlyTable read_splats(const std::string& path) { return read_splats(path, splat_format(path)); }
 
 PlyTable read_splats(const std::string& path, SplatFormat format) {
-  if (format == SplatFormat::ply) return read_ply(path);
+  if (format == SplatFormat::ply) {
+    require_columns(ply_vertex_properties(path), 0, path);  // before memory is taken for its rows
+    return read_ply(path);
+  }
   if (format == SplatFormat::compressed_ply) return finite(read_compressed_ply(path), path);
   if (format == SplatFormat::spz) return finite(read_spz(path), path);
   if (format == SplatFormat::four_dgs)

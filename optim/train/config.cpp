@@ -182,6 +182,13 @@ void assign_setting(TrainConfig& config, const std::string& section, const std::
     assign(in, member, range...);
     known = true;
   });
+  TrainConfig::sections(config, [&](const char* its_name, auto&, const char*) {
+    if (section.empty() && key == its_name)
+      throw Error(
+          fmt::format("{}: '{}' is a section: its settings stand below [{}], or are named "
+                      "{}.SETTING",
+                      in.where, key, key, key));
+  });
   if (!known)
     throw Error(fmt::format("{}: there is no setting '{}'; the nearest is '{}'", in.where, in.name,
                             nearest_setting(section, key)));

@@ -242,6 +242,13 @@ HostModel read_model(const std::string& path) {
     value = std::decay_t<decltype(value)>(comment_value(table, name, double(value), lowest));
   });
 
+  for (const ColumnBlock& block : column_blocks(moving, model.shape))
+    for (const std::string& name : block.names)
+      if (table.column(name) < 0)
+        throw Error(
+            fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
+                        "Gaussians",
+                        path, name));
   model.shape.origin = origin_of(table);
   const auto widths = widths_of(model.shape);
   for (const auto& [name, width] : widths) model.groups[name].assign(width * model.count, 0.f);
@@ -250,14 +257,9 @@ HostModel read_model(const std::string& path) {
     const size_t width = widths.at(block.group);
     std::vector<float>& values = model.groups[block.group];
     for (size_t c = 0; c < block.names.size(); ++c) {
-      const int from = table.column(block.names[c]);
-      if (from < 0)
-        throw Error(
-            fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
-                        "Gaussians",
-                        path, block.names[c]));
+      const size_t from = size_t(table.column(block.names[c]));
       for (size_t i = 0; i < table.rows; ++i)
-        values[i * width + block.first + c] = table.values[i * columns + size_t(from)];
+        values[i * width + block.first + c] = table.values[i * columns + from];
     }
   }
   const size_t rest = size_t((model.shape.sh_degree + 1) * (model.shape.sh_degree + 1) - 1);
