@@ -41,6 +41,7 @@ void may_refuse(Read&& read) {
   try {
     read();
   } catch (const Error&) {
+  } catch (const fs::filesystem_error&) {  // of a name that no file system takes: path and reason
   }
 }
 
