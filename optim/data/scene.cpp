@@ -131,8 +131,8 @@ void check(const Scene& scene) {
   for (const Camera& camera : scene.cameras) {
     const double side = std::max(camera.width, camera.height);
     const bool ok = camera.width > 0 && camera.height > 0 && within(camera.fx, side) &&
-                    within(camera.fy, side) && camera.fx > 0 && camera.fy > 0 &&
-                    std::fabs(camera.cx) <= most * side && std::fabs(camera.cy) <= most * side;
+                    within(camera.fy, side) && std::fabs(camera.cx) <= most * side &&
+                    std::fabs(camera.cy) <= most * side;
     if (!ok)
       throw Error(fmt::format(
           "camera {} of {} has size {}x{}, focal lengths {} and {} and centre ({}, {}): sizes must "
@@ -140,10 +140,11 @@ void check(const Scene& scene) {
           "further",
           camera.name, scene.folder, camera.width, camera.height, camera.fx, camera.fy, camera.cx,
           camera.cy));
-    if (!(camera.viewmat.allFinite() && camera.viewmat.topRightCorner<3, 1>().norm() <= farthest))
-      throw Error(fmt::format(
-          "camera {} of {} stands {} from the origin: at most {:g} are possible", camera.name,
-          scene.folder, camera.viewmat.topRightCorner<3, 1>().norm(), farthest));
+    const double away = camera.viewmat.topRightCorner<3, 1>().stableNorm();
+    if (!(camera.viewmat.allFinite() && away <= farthest))
+      throw Error(
+          fmt::format("camera {} of {} stands {:g} from the origin: at most {:g} are possible",
+                      camera.name, scene.folder, away, farthest));
   }
 }
 

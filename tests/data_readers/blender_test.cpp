@@ -127,6 +127,14 @@ TEST(Blender, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(a(pose), R"("x": 1)"); }, {"camera_angle_x", "fl_x"});
   expect_error([&] { with(a(pose), R"("camera_angle_x": 4)"); }, {"camera_angle_x", "(0, pi)"});
   expect_error([&] { with(a(pose), R"("fl_x": 9, "w": 8, "h": 8)"); }, {"8x6", "8x8"});
+  for (const char* number : {"1e-300", "1e300"})
+    expect_error([&] { with(a(pose), fmt::format(R"("fl_x": {})", number)); },
+                 {"camera", "a millionth to a million times"});
+  expect_error([&] { with(a(pose), R"("fl_x": 9, "cx": 1e30)"); }, {"the centre no further"});
+  expect_error([&] { with(a("[[1,0,0,1e300],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); },
+               {"camera", "1e+300 from the origin"});
+  expect_error([&] { with(frame("train/a\\ngflow: done", "0", pose)); }, {"not shown"});
+  expect_error([&] { with(frame("train/a\\u0000b", "0", pose)); }, {"not shown"});
 }
 
 TEST(Blender, WhatIsNoJsonIsRefused) {

@@ -199,6 +199,10 @@ TEST(Colmap, AFolderOfPicturesIsAStaticScene) {
   EXPECT_EQ(scene.points.size(), 1u);
   std::filesystem::remove(folder.file("images/b.png"));
   expect_error([&] { read_scene(folder.path()); }, {"b.png", "there is no"});
+  std::string images = contents(folder.file("sparse/0/images.txt"));
+  images.replace(images.find("b.png"), 5, "a.png");
+  folder.write("sparse/0/images.txt", images);
+  expect_error([&] { read_scene(folder.path()); }, {"sparse/0", "a.png twice"});
 }
 
 TEST(Scene, AnUnknownLayoutSaysWhatWasLookedFor) {
