@@ -87,6 +87,28 @@ TEST_F(GuidanceCommand, AProgramThatDiesCostsNothingButTheTime) {
   EXPECT_NE(line.find("\"guidance\":0."), std::string::npos) << line;
 }
 
+// What cannot make its first step replaces nothing.
+TEST_F(GuidanceCommand, AFormerTrainingStaysUntilTheFirstStepOfAnother) {
+  ASSERT_EQ(
+      gflow({"train", scene_->path(), "-o", path("former"), "--iterations", "2", "--quiet"}).code,
+      0);
+  const auto left = [] {
+    std::string all;
+    for (const char* name : {"config.toml", "results.json", "input.ply", "training.json",
+                             "metrics.jsonl", "point_cloud/iteration_2/point_cloud.ply"})
+      all += contents(path("former") + "/" + name);
+    return all;
+  };
+  const std::string before = left();
+  std::vector<std::string> another = train("former", "echo '{\"version\": 1}'");
+  another.push_back("--overwrite");
+  const Outcome outcome = gflow(another);
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find("ended with exit code 0"), std::string::npos) << outcome.err;
+  EXPECT_TRUE(left() == before);
+  EXPECT_TRUE(fs::exists(path("former") + "/checkpoints/iteration_2.npz"));
+}
+
 TEST_F(GuidanceCommand, AnInterruptionDoesNotWaitForTheAnswer) {
   if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
   folder_->write("slow.py", R"(

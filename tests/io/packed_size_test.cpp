@@ -36,8 +36,8 @@ TEST(PackedSize, AFlowOfASizeThatNoPictureHas) {
 
 TEST(PackedSize, ArraysOfZerosTogether) {
   const TemporaryFolder folder;
-  const Array zeros{{size_t{40} << 20}, std::vector<uint8_t>(size_t{40} << 20)};
-  write_npz(folder.file("a.npz"), {{"a", zeros}, {"b", zeros}});
-  expect_error([&] { read_npz(folder.file("a.npz")); }, {"a.npz", "unpack to 80 MB"});
-  EXPECT_EQ(read_npz(folder.file("a.npz"), {"b"}).at("b").size(), zeros.size());
+  const Array zeros{{size_t{30} << 20}, std::vector<uint8_t>(size_t{30} << 20)};
+  write_npz(folder.file("a.npz"), {{"a", zeros}, {"b", zeros}, {"c", zeros}});
+  expect_error([&] { read_npz(folder.file("a.npz")); }, {"a.npz", "unpack to 90 MB"});
+  EXPECT_EQ(read_npz(folder.file("a.npz"), {"a", "c"}).at("c").size(), zeros.size());
 }
