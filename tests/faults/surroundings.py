@@ -98,6 +98,14 @@ def no_driver(world):
     return results
 
 
+def no_environment(world):
+    """As a service may start a program: no variable but where compiled kernels are kept, which are none yet."""
+    cache = world.path("no-environment")
+    done = subprocess.run([world.gflow, "devices"], env={"POCL_CACHE_DIR": cache}, capture_output=True, text=True)
+    return [[] if done.returncode == 0 and "usable" in done.stdout else
+            [f"exit code {done.returncode}: {done.stdout}{done.stderr}"]]
+
+
 def damaged_caches(world):
     """Nothing in the cache of compiled kernels, or wrong with its folder, changes anything, or is said."""
     good, cache = world.path("cache good"), world.path("cache")
@@ -181,4 +189,5 @@ def faults(world, every):
     yield "surroundings: locales with a decimal comma", lambda: locales(world)
     yield "surroundings: odd paths and links", lambda: odd_paths(world)
     yield "surroundings: no OpenCL driver", lambda: no_driver(world)
+    yield "surroundings: no environment", lambda: no_environment(world)
     yield "surroundings: damaged caches of kernels", lambda: damaged_caches(world)
