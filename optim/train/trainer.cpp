@@ -118,7 +118,8 @@ EngineSettings training_settings(const TrainConfig& config) {
 Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
                  const std::vector<FlowPair>& pairs, FlowStore& flows, std::vector<Rect> parts,
                  Model& model, Guidance* guidance)
-    : config_(config),
+    : queue_(queue),
+      config_(config),
       scene_(scene),
       frames_(frames),
       pairs_(pairs),
@@ -138,6 +139,13 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       rest_(rest_for(queue, config, scene, model.parameters)),
       guide_(guidance ? std::make_unique<Guide>(queue, config, scene, frames, *guidance) : nullptr),
       reduce_(queue) {}
+
+Trainer::~Trainer() {
+  try {
+    queue_.finish();
+  } catch (const Error&) {  // of a device that failed, which whoever used it was told
+  }
+}
 
 int Trainer::sh_degree(int step) const {
   return std::min(config_.motion.sh_degree, step / config_.motion.sh_interval);

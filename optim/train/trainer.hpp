@@ -48,6 +48,10 @@ class Trainer {
   Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
           const std::vector<FlowPair>& pairs, FlowStore& flows, std::vector<Rect> parts,
           Model& model, Guidance* guidance = nullptr);
+  // Waits: the device may still read what a step has uploaded.
+  ~Trainer();
+  Trainer(const Trainer&) = delete;
+  Trainer& operator=(const Trainer&) = delete;
 
   // Step number `step`, from 0. GuidanceFailed leaves everything as it was before the step.
   void step(Queue& queue, int step);
@@ -101,6 +105,7 @@ class Trainer {
   void put_in_order(Queue& queue);
   void memory_is_short(const std::string& sentence);
 
+  Queue& queue_;
   const TrainConfig& config_;
   const Scene& scene_;
   FrameStore& frames_;
