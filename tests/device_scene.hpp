@@ -2,6 +2,8 @@
 // A test scene on the device: uploaded once, drawn and differentiated by the engine, results read
 // back by name. And how results are compared.
 #pragma once
+#include <cstring>
+
 #include "optim/engine/engine.hpp"
 #include "optim/engine/posed.hpp"
 #include "tests/device.hpp"
@@ -13,6 +15,20 @@ using FloatArrays = std::map<std::string, std::vector<float>>;
 
 inline std::vector<float> to_float(const std::vector<double>& a) {
   return std::vector<float>(a.begin(), a.end());
+}
+
+// An output, every value of which a kernel must have written: with GFLOW_POISON_BUFFERS memory
+// holds a number that none computes until then.
+inline std::vector<float> written(Queue& queue, const Buffer<float>& output) {
+  std::vector<float> values = output.read(queue);
+  for (size_t i = 0; i < values.size(); ++i) {
+    uint32_t bits;
+    std::memcpy(&bits, &values[i], sizeof bits);
+    if (bits == poison)
+      throw Error(
+          fmt::format("{}: value {} of {} was never written", output.name(), i, values.size()));
+  }
+  return values;
 }
 
 class DeviceScene {
@@ -79,11 +95,11 @@ class DeviceScene {
     posed_.forward(queue_, quats2_, scales2_, t2_.factors);
     engine.forward(queue_, view_, channels_, background_, t1_, t2_, colors_);
     const Images& images = engine.images();
-    FloatArrays out{{"rgb", images.rgb.read(queue_)},
-                    {"alpha", images.alpha.read(queue_)},
-                    {"transmittance", images.transmittance.read(queue_)}};
-    if (channels_.depth) out["depth"] = images.depth.read(queue_);
-    if (channels_.flow) out["flow"] = images.flow.read(queue_);
+    FloatArrays out{{"rgb", written(queue_, images.rgb)},
+                    {"alpha", written(queue_, images.alpha)},
+                    {"transmittance", written(queue_, images.transmittance)}};
+    if (channels_.depth) out["depth"] = written(queue_, images.depth);
+    if (channels_.flow) out["flow"] = written(queue_, images.flow);
     return out;
   }
 
