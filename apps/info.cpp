@@ -175,9 +175,6 @@ Json info_of_file(const std::string& path) {
     try {
       video_info(path);
     } catch (const Error&) {
-      const std::string extension = fs::path(path).extension().string();
-      for (const char* known : {".ply", ".splat", ".spz", ".4dgs"})
-        if (extension == known) throw no_splat;
       throw Error(fmt::format("{}; nor is it a video that can be read", no_splat.what()));
     }
     return info_of_scene(path);

@@ -14,12 +14,14 @@ namespace bench {
 
 namespace {
 
-// Before anything is measured. The report looks whether it is of the same bench.
-std::string no_report(const std::string& path) {
+// Why this is no report of the bench, or "". Before anything is measured.
+std::string no_report(const std::string& path, const std::string& bench) {
   try {
     const Bytes bytes = read_file(path);
     const Json json = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
-    return json.is_object() && json.contains("rows") ? "" : path + " is no report of gflow bench";
+    const bool is_one = json.is_object() && json.contains("bench") && json["bench"] == bench &&
+                        json.contains("rows") && json["rows"].is_object();
+    return is_one ? "" : fmt::format("{}: it is no report of `gflow bench {}`", path, bench);
   } catch (const Error& problem) {
     return problem.what();
   }
@@ -38,7 +40,9 @@ void add_common(CLI::App& bench, BenchOptions& options) {
                   "Show ratios to an earlier --json FILE; those above 1.1 are marked and make the "
                   "exit code 3")
       ->type_name("FILE")
-      ->check(CLI::Validator(no_report, ""));
+      ->check(CLI::Validator(
+          [name = bench.get_name()](const std::string& path) { return no_report(path, name); },
+          ""));
 }
 
 std::pair<int, int> size_named(const std::string& option, const std::string& text) {

@@ -45,9 +45,10 @@ template <class T>
 T member_or(const nlohmann::json& object, const char* key, T otherwise) {
   if (!object.is_object() || !object.contains(key)) return otherwise;
   const nlohmann::json& value = object[key];
-  const bool fits = std::is_same_v<T, bool>   ? value.is_boolean()
-                    : std::is_arithmetic_v<T> ? value.is_number()
-                                              : value.is_string();
+  const bool fits = std::is_same_v<T, bool>       ? value.is_boolean()
+                    : std::is_integral_v<T>       ? value.is_number_integer()
+                    : std::is_floating_point_v<T> ? value.is_number()
+                                                  : value.is_string();
   return fits ? value.get<T>() : otherwise;
 }
 

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // T16, T17, T19, T21, T22: what pixels make of layers: deep, thin, opaque, one alone; the stop; the
 // cut at .99; splats over many tiles and images of odd sizes.
-#include "apps/stress/figures.hpp"
-#include "apps/stress/stress.hpp"
-#include "tests/device_scene.hpp"
+#include "apps/stress/dense.hpp"
 
 namespace gflow::stress {
 namespace {
@@ -229,30 +227,6 @@ Rows clamp(Queue& queue) {  // T21
   }
   rows.push_back({"two of .99 and 1 on the threshold, colour", most, 1.0001e-4});
   return rows;
-}
-
-// Images and gradients against the sum over all splats at every pixel.
-void compare_with_dense(Queue& queue, const PosedScene& s, const std::string& name, Rows& rows) {
-  const reference::Gaussians g = reference::posed(s.p);
-  const reference::Rendering r = reference::render(s.shot, g);
-  const std::vector<uint8_t>& doubtful = r.contributors.doubtful;
-  DeviceScene device(queue, s);
-  const FloatArrays images = device.forward();
-  rows.push_back({name + ", colour and alpha",
-                  std::max(largest_error(images.at("rgb"), r.images.rgb, doubtful),
-                           largest_error(images.at("alpha"), r.images.alpha, doubtful)),
-                  1e-5});
-  double fastest = 0;
-  for (const double f : r.images.flow) fastest = std::max(fastest, std::fabs(f));
-  rows.push_back({name + ", flow by its largest",
-                  largest_error(images.at("flow"), r.images.flow, doubtful) / fastest, 1e-5});
-  const reference::Planes v = random_cotangents(s, 22, doubtful);
-  const FloatArrays found = device.backward(v);
-  double gradient = 0;
-  for (const auto& [key, values] :
-       reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, r, v)))
-    if (norm(values) > 1e-6) gradient = std::max(gradient, relative_l2(found.at(key), values));
-  rows.push_back({name + ", worst gradient, relative L2", gradient, 1e-4});
 }
 
 Rows tiles(Queue& queue) {  // T22

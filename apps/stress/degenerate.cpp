@@ -2,6 +2,7 @@
 // T30: no Gaussian, one, none seen, all at one depth, 1e5 over one pixel, surfels and needles.
 #include <cstring>
 
+#include "apps/stress/dense.hpp"
 #include "apps/stress/device_maths.hpp"
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
@@ -42,26 +43,6 @@ bool same_bits(const FloatArrays& a, const FloatArrays& b) {
   return a.size() == b.size();
 }
 
-// Colour and gradients against the double reference.
-void compare_with_double(Queue& queue, const PosedScene& s, const std::string& at, Rows& rows) {
-  const reference::Gaussians g = reference::posed(s.p);
-  const reference::Rendering expected = reference::render(s.shot, g);
-  const reference::Planes v = random_cotangents(s, 30, expected.contributors.doubtful);
-  DeviceScene device(queue, s);
-  const FloatArrays images = device.forward();
-  rows.push_back(
-      {at + ", colour",
-       largest_error(images.at("rgb"), expected.images.rgb, expected.contributors.doubtful), 1e-5});
-  double worst_gradient = 0;
-  const reference::Named v_expected =
-      reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, expected, v));
-  const FloatArrays v_found = device.backward(v);
-  for (const auto& [key, values] : v_expected)
-    if (norm(values) > 1e-6)
-      worst_gradient = std::max(worst_gradient, relative_l2(v_found.at(key), values));
-  rows.push_back({at + ", worst gradient, relative L2", worst_gradient, 1e-4});
-}
-
 Rows degenerate(Queue& queue) {
   Rows rows;
   PosedScene none = random_scene({0, 40, 30});
@@ -70,7 +51,7 @@ Rows degenerate(Queue& queue) {
 
   PosedScene one = none;
   add_gaussian(one, {.1, -.05, 3}, {.3, .2, .1}, .8, {.1, .05, 0});
-  compare_with_double(queue, one, "one Gaussian", rows);
+  compare_with_dense(queue, one, "one Gaussian", rows);
 
   PosedScene behind = none;
   for (int i = 0; i < 100; ++i) add_gaussian(behind, {0, 0, -1. - i}, {.5, .5, .5}, .9);
@@ -119,7 +100,7 @@ Rows degenerate(Queue& queue) {
         }();
     for (const Transport t : {Transport::paper, Transport::ot, Transport::material}) {
       s.shot.settings.transport = t;
-      compare_with_double(queue, s, fmt::format("{}, transport {}", name, mode_name(int(t))), rows);
+      compare_with_dense(queue, s, fmt::format("{}, transport {}", name, mode_name(int(t))), rows);
     }
   }
   return rows;

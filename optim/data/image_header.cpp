@@ -69,7 +69,8 @@ uint32_t big_endian(const uint8_t* b, int n) {
 
 struct Parsed {
   ImageHeader header;
-  size_t data = 0;  // position of the first compressed byte
+  size_t data = 0;           // position of the first compressed byte
+  size_t bytes_a_pixel = 3;  // decoded
   bool is_png = false;
 };
 
@@ -86,6 +87,8 @@ Parsed parse_png(Source& source, const std::string& path) {
       parsed.header.width = int(std::min(big_endian(ihdr, 4), 1u << 30));
       parsed.header.height = int(std::min(big_endian(ihdr + 4, 4), 1u << 30));
       parsed.header.has_alpha = ihdr[9] == 4 || ihdr[9] == 6;
+      const size_t channels = ihdr[9] == 0 ? 1 : parsed.header.has_alpha ? 4 : 3;
+      parsed.bytes_a_pixel = channels * (ihdr[8] > 8 ? 2 : 1);
     }
     if (std::memcmp(chunk + 4, "tRNS", 4) == 0 && ihdr[9] == 3) parsed.header.has_alpha = true;
     if (std::memcmp(chunk + 4, "IDAT", 4) == 0) {
@@ -142,14 +145,15 @@ Parsed parse(Source& source, const std::string& path) {
   return parsed;
 }
 
-// From its first chunk to the last one; Error where a checksum is wrong, which libpng would tell on
-// its own, in its own words.
-bool png_has_end(const Bytes& bytes, const std::string& path) {
+// Whether its chunks go to the last one. Error where the checksum of one that pixels depend on is
+// wrong, which libpng would tell on its own, in its own words; it leaves out others (lower case).
+bool has_whole_chunks(const Bytes& bytes, const std::string& path) {
   for (size_t at = 8; at <= bytes.size() && bytes.size() - at >= 12;) {
     const size_t length = big_endian(bytes.data() + at, 4);
     if (bytes.size() - at - 12 < length) return false;
     const uint8_t* const named = bytes.data() + at + 4;  // checked from its name on
-    if (crc32(0, named, uInt(length + 4)) != big_endian(named + 4 + length, 4))
+    const bool counts = (named[0] & 0x20) == 0;
+    if (counts && crc32(0, named, uInt(length + 4)) != big_endian(named + 4 + length, 4))
       refuse(path, "it is damaged: a checksum of its PNG is wrong");
     if (std::memcmp(named, "IEND", 4) == 0) return true;
     at += 12 + length;
@@ -173,12 +177,13 @@ ImageHeader read_image_header(const std::string& path) {
 ImageHeader check_image_bytes(const Bytes& bytes, const std::string& path) {
   MemorySource source(bytes);
   const Parsed parsed = parse(source, path);
-  const bool ended = parsed.is_png ? png_has_end(bytes, path) : jpeg_has_end(bytes, parsed.data);
+  const bool ended =
+      parsed.is_png ? has_whole_chunks(bytes, path) : jpeg_has_end(bytes, parsed.data);
   if (!ended) refuse(path, "it is truncated");
-  // One colour packs a thousand times, and films begin black: an 8K picture of four bytes a pixel.
+  // One colour packs a thousand times, and films begin black: 8K with 16 bits and alpha.
   constexpr size_t one_colour = size_t{256} << 20;
-  require_plausible_size(4 * size_t(parsed.header.width) * size_t(parsed.header.height),
-                         bytes.size(), path, one_colour);
+  const size_t pixels = size_t(parsed.header.width) * size_t(parsed.header.height);
+  require_plausible_size(parsed.bytes_a_pixel * pixels, bytes.size(), path, one_colour);
   return parsed.header;
 }
 

@@ -84,9 +84,8 @@ double needed_number(const Json& object, const std::string& key, const std::stri
 std::string text(const Json& value, const std::string& what) {
   if (!value.is_string()) throw Error(what + " is no text");
   const auto words = value.get<std::string>();
-  if (std::any_of(words.begin(), words.end(),
-                  [](char c) { return static_cast<unsigned char>(c) < 0x20; }))
-    throw Error(what + " holds line ends or other characters that are not shown");
+  if (words.find_first_of(std::string("\n\r\0", 3)) != std::string::npos)
+    throw Error(what + " is no text of one line");
   return words;
 }
 

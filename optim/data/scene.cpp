@@ -120,7 +120,7 @@ void order_frames(Scene& scene) {
   }
 }
 
-// What else no float could hold the squares and products of.
+// Floats must hold what is made of cameras: the squares of lengths, and products of them.
 void check(const Scene& scene) {
   constexpr double most = 1e6, farthest = 1e12;
   const auto within = [](double focal, double side) {
@@ -136,8 +136,9 @@ void check(const Scene& scene) {
     if (!ok)
       throw Error(fmt::format(
           "camera {} of {} has size {}x{}, focal lengths {} and {} and centre ({}, {}): sizes must "
-          "be positive, focal lengths a millionth to a million times as much, the centre no "
-          "further",
+          "be positive, focal lengths a millionth to a million times the longer side, the centre "
+          "no "
+          "further off",
           camera.name, scene.folder, camera.width, camera.height, camera.fx, camera.fy, camera.cx,
           camera.cy));
     const double away = camera.viewmat.topRightCorner<3, 1>().stableNorm();

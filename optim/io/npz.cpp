@@ -6,11 +6,11 @@
 #include <zip.h>
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <vector>
 
 #include "optim/io/atomic_file.hpp"
-#include "optim/io/packed_size.hpp"
 
 namespace gflow {
 namespace {
@@ -43,8 +43,8 @@ Archive open_archive(const std::string& path, int flags, const char* doing) {
 
 // The bytes of entry i, no more than their header announces and `plausible` accepts. They are read
 // piece by piece, because the size that a damaged archive states may be anything.
-template <class Plausible>
-Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name, Plausible&& plausible) {
+Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name,
+                  const std::function<void(size_t length)>& plausible) {
   const Entry entry(zip_fopen_index(archive, i, 0));
   if (!entry) throw Error(fmt::format("cannot read array {}: {}", name, zip_strerror(archive)));
   Bytes bytes;
@@ -71,9 +71,10 @@ Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name, Plaus
 
 }  // namespace
 
-Arrays read_npz(const std::string& path, const std::set<std::string>& only) {
+Arrays read_npz(const std::string& path, const std::set<std::string>& only, size_t always) {
+  std::error_code gone;  // which opening it tells; afterwards it may vanish
+  const size_t file_size = std::filesystem::file_size(path, gone);
   const Archive archive = open_archive(path, ZIP_RDONLY, "read");
-  const size_t file_size = std::filesystem::file_size(path);
   size_t unpacked = 0;  // of all arrays
   Arrays arrays;
   const zip_int64_t n = zip_get_num_entries(archive.get(), 0);
@@ -87,10 +88,10 @@ Arrays read_npz(const std::string& path, const std::set<std::string>& only) {
     if (!only.empty() && !only.count(name)) continue;
     const std::string where = fmt::format("'{}' of {}", name, path);
     const Bytes bytes = entry_bytes(archive.get(), i, where, [&](size_t more) {
-      require_plausible_size(unpacked + more, file_size, path);
+      require_plausible_size(unpacked + more, file_size, path, always);
     });
     unpacked += bytes.size();
-    require_plausible_size(unpacked, file_size, path);
+    require_plausible_size(unpacked, file_size, path, always);
     arrays.emplace(name, parse_npy(bytes.data(), bytes.size(), where));
   }
   return arrays;

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "optim/io/npy.hpp"
+#include "optim/io/packed_size.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -16,8 +17,10 @@ namespace gflow {
 using Arrays = std::map<std::string, Array>;
 
 // All arrays of an archive by name (without ".npy"). Error when it is missing, damaged, or when an
-// entry is no array that gflow reads. `only`: unless empty, the others are not read.
-Arrays read_npz(const std::string& path, const std::set<std::string>& only = {});
+// entry is no array that gflow reads. `only`: unless empty, the others are not read. `always`: what
+// they may hold however small the file is, as for require_plausible_size [bytes].
+Arrays read_npz(const std::string& path, const std::set<std::string>& only = {},
+                size_t always = always_plausible);
 
 // Deflating trained parameters and their moments saves a third of the space and takes thirty times
 // as long.

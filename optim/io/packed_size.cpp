@@ -12,8 +12,8 @@ void require_plausible_size(size_t unpacked, size_t stored, const std::string& p
   constexpr size_t most = 100;
   if (unpacked > always && (unpacked - always) / most >= stored)
     throw Error(fmt::format(
-        "cannot read {}: its {} bytes would unpack to {} MB, {} times as much, which no "
-        "picture, flow or array is packed",
+        "cannot read {}: its {} bytes would unpack to {} MB, {} times as much, which is "
+        "more than gflow unpacks",
         path, stored, unpacked >> 20, unpacked / (stored > 0 ? stored : 1)));
 }
 

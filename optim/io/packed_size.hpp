@@ -10,8 +10,8 @@ namespace gflow {
 // nothing moves and arrays of one value take next to nothing [bytes].
 inline constexpr size_t always_plausible = size_t{64} << 20;
 
-// Before memory is taken for what a file of `stored` bytes says that it holds: Error beyond
-// `always` and a hundred times the file. Scenes, flow and arrays are packed 1 to 10 times, and
+// Before memory is taken for what a file of `stored` bytes says that it holds: Error from
+// `always` and a hundred times the file on. Scenes, flow and arrays are packed 1 to 10 times, and
 // deflate cannot do more than 1032.
 void require_plausible_size(size_t unpacked, size_t stored, const std::string& path,
                             size_t always = always_plausible);

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstring>
@@ -62,7 +63,7 @@ struct TypedTable {
   std::vector<Type> types;
 };
 
-constexpr size_t longest_header = size_t{1} << 20;  // a model's comments and properties take 10 kB
+constexpr size_t longest_header = size_t{1} << 20;  // headers have some dozen lines
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
   throw Error(fmt::format("cannot read PLY {}: {}", path, why));
@@ -130,16 +131,16 @@ bool parse_line(const std::string& line, Header& header, bool& has_format,
 Header parse_header(const Bytes& bytes, const std::string& path) {
   if (bytes.size() < 4 || std::memcmp(bytes.data(), "ply", 3) != 0)
     refuse(path, "it does not begin with 'ply'");
-  constexpr size_t longest = longest_header;
-  const auto stop = bytes.begin() + long(std::min(bytes.size(), longest));
+  const auto stop = bytes.begin() + long(std::min(bytes.size(), longest_header));
   Header header;
   bool has_format = false, ended = false;
   auto at = std::find(bytes.begin(), stop, '\n');
   while (!ended) {
     const auto end = at == stop ? stop : std::find(at + 1, stop, '\n');
     if (end == stop)
-      refuse(path, bytes.size() < longest ? "it has no line 'end_header'"
-                                          : "it has no line 'end_header' within its first MB");
+      refuse(path, bytes.size() < longest_header
+                       ? "it has no line 'end_header'"
+                       : "it has no line 'end_header' within its first MB");
     std::string line(at + 1, end);
     if (!line.empty() && line.back() == '\r') line.pop_back();
     ended = parse_line(line, header, has_format, path);
@@ -355,6 +356,7 @@ std::vector<std::string> ply_vertex_properties(const std::string& path) {
   require_file(path);
   Bytes beginning(longest_header);
   std::ifstream file(path, std::ios::binary);
+  if (!file) throw Error(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
   file.read(reinterpret_cast<char*>(beginning.data()), long(beginning.size()));
   beginning.resize(size_t(file.gcount()));
   std::vector<std::string> names;

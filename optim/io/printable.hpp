@@ -11,10 +11,17 @@ namespace gflow {
 // which are written \x1b. Line ends and tabs stay. Of a long text the middle is left out: the line
 // of a file may be all of it.
 inline std::string printable(const std::string& text) {
-  constexpr size_t most = 8000;  // what a compiler says of a kernel is shorter
-  if (text.size() > most)
-    return fmt::format("{} [... {} bytes ...] {}", printable(text.substr(0, most / 2)),
-                       text.size() - most, printable(text.substr(text.size() - most / 2)));
+  constexpr size_t most = 65536;  // what a compiler says of a kernel is shorter
+  if (text.size() > most) {
+    const auto continues = [&](size_t at) {
+      return (text[at] & 0xc0) == 0x80;
+    };  // a letter of UTF-8
+    size_t end = most / 2, begin = text.size() - most / 2;
+    while (end > 0 && continues(end)) --end;
+    while (begin < text.size() && continues(begin)) ++begin;
+    return fmt::format("{} [... {} bytes ...] {}", printable(text.substr(0, end)), begin - end,
+                       printable(text.substr(begin)));
+  }
   std::string out;
   for (size_t i = 0; i < text.size(); ++i) {
     const auto at = [&](size_t k) {

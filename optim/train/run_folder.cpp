@@ -365,7 +365,8 @@ RunFacts RunFolder::read_facts() const {
   if (!in) return facts;
   try {
     const Json run = Json::parse(in);
-    facts.iterations = run.value("iterations", 0);
+    const Json& iterations = run.at("iterations");
+    facts.iterations = iterations.is_number_integer() ? iterations.get<int>() : -1;
     facts.train_seconds = run.value("train_seconds", 0.0);
     facts.peak_memory_mib = run.value("peak_memory_mib", 0.0);
     facts.device = run.value("device", "");

@@ -7,8 +7,8 @@
 
 namespace gflow {
 
-// Settings from a text; `path` is what Errors and the table's places name. Error when a key has
-// more than 100 parts; toml::parse_error when it is no TOML.
+// Settings from a text; `path` is what Errors and the table's places name. Error when it has more
+// than 5000 dots; toml::parse_error when it is no TOML.
 toml::table parse_toml(std::string_view text, const std::string& path);
 
 // A file of them, at most 1 MB. Error also when it cannot be read.

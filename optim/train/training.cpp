@@ -171,8 +171,10 @@ TrainConfig judged_by(const TrainConfig& config, const MetricsConfig& before,
 
 // Before a former training is given up for another one: Error where a picture is damaged.
 void require_whole_pictures(const Scene& scene) {
-  for (const Frame& frame : scene.train)
+  for (const Frame& frame : scene.train) {
     if (frame.video_frame < 0) check_image_bytes(read_file(frame.path), frame.path);
+    if (!frame.mask_path.empty()) check_image_bytes(read_file(frame.mask_path), frame.mask_path);
+  }
 }
 
 // Error when the file that training begins with cannot be used, or would be gone by then.
@@ -221,17 +223,18 @@ Error without_device(const Error& problem, const Trainer& trainer, int step, dou
 
 // The training loop from step number `step`; returns the number of steps made, earlier ones
 // included. Sets `guard` after the first one, in which kernels may be compiled for long: before it
-// there is nothing to save. Then `begun` is called where there is one: until then the folder holds
-// another training.
+// there is nothing to save. Then, when its figures are sound, `begin` is called where there is one:
+// until then the folder holds another training.
 int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, Trainer& trainer,
                 const Model& model, int step, const Stopwatch& watch, Checkpointer& checkpoints,
                 std::optional<InterruptGuard>& guard, bool quiet,
-                const std::function<void()>& begun) {
+                const std::function<void()>& begin) {
   const ScheduleConfig& plan = config.train;
   Progress progress("train", plan.iterations, quiet, step);
   RollBack roll_back(queue, run, trainer, checkpoints);
   StepFigures figures;
   std::optional<StepFigures> before;
+  bool begun = !begin;
   const auto time_is_over = [&] {
     return plan.minutes > 0 && watch.seconds() > 60 * double(plan.minutes);
   };
@@ -241,17 +244,16 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
     } catch (const GuidanceFailed& problem) {
       if (guard && interrupted()) break;  // the step has not begun
       progress.finish();
-      if (!guard && begun) throw;
+      if (!begun) throw;
       throw without_guidance(problem, step, watch.seconds(), checkpoints, run);
     } catch (const Error& problem) {
       progress.finish();
-      if (!is_of_device(problem) || (!guard && begun)) throw;
+      if (!is_of_device(problem) || !begun) throw;
       throw without_device(problem, trainer, step, watch.seconds(), roll_back, before, run);
     }
     if (!guard) {
       queue.finish();
       guard.emplace();
-      if (begun) begun();
     }
     const std::string notice = trainer.take_notice();
     if (!notice.empty()) progress.say("gflow: " + notice);
@@ -261,12 +263,15 @@ int train_steps(Queue& queue, const TrainConfig& config, const RunFolder& run, T
     if (logs || saves) {  // what is saved is looked at before
       figures = trainer.figures(queue);
       if (!is_sound(figures, before.value_or(figures))) {
+        if (!begun) throw Error("the loss of the first step is no number");
         std::string sentence;
         step = roll_back.go_back(done, figures, sentence) - 1;
         progress.say("gflow: " + sentence);
         continue;
       }
       before = figures;
+      if (!begun) begin();
+      begun = true;
     }
     if (logs) try_append_metrics(run, step, watch.seconds(), figures);
     progress.update(done, terms_of(figures));
@@ -325,6 +330,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const bool replaces = !resumed && !(run.checkpoints().steps().empty() && run.models().empty());
   if (replaces) require_whole_pictures(scene);
   std::optional<HostModel> first;
+  bool begun = false;
   const auto begin_run = [&] {
     if (!resumed) run.forget_training();
     run.forget_results();
@@ -332,6 +338,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     run.write_cameras(scene);
     if (first) write_model(run.path("input.ply"), *first);
     first.reset();
+    begun = true;
   };
   if (!replaces) begin_run();
   const std::string left = replaces ? "the former training is as it was" : how_to_go_on(run);
@@ -373,12 +380,17 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   Checkpointer checkpoints(queue, config, scene, run, trainer, model.shape);
   const Stopwatch watch(former.seconds);
   std::optional<InterruptGuard> guard;
-  const int steps =
-      train_steps(queue, config, run, trainer, model, former.step, watch, checkpoints, guard, quiet,
-                  replaces ? std::function<void()>(begin_run) : nullptr);
-  prepared.flows().prefetch({});        // of steps that an interruption or the clock left out
-  if (replaces && !guard) begin_run();  // there were no steps to make
+  int steps = 0;
+  try {
+    steps = train_steps(queue, config, run, trainer, model, former.step, watch, checkpoints, guard,
+                        quiet, begun ? std::function<void()>() : begin_run);
+  } catch (const Error& problem) {
+    if (begun) throw;
+    throw Error(fmt::format("{}; {}", problem.what(), left));
+  }
+  prepared.flows().prefetch({});  // of steps that an interruption or the clock left out
   if (!guard) guard.emplace();
+  if (!begun) begin_run();  // there were no steps to make
   const RunFacts facts{steps,
                        watch.seconds(),
                        peak_memory_mib(),

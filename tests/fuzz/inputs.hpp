@@ -41,7 +41,8 @@ void may_refuse(Read&& read) {
   try {
     read();
   } catch (const Error&) {
-  } catch (const fs::filesystem_error&) {  // of a name that no file system takes: path and reason
+  } catch (const fs::filesystem_error& problem) {  // the program says its path and reason
+    if (problem.code() != std::errc::filename_too_long) throw;
   }
 }
 

@@ -104,7 +104,8 @@ setting = "flow.top_k"
 values = [0, 20]
 )");
   seed(to, "variants", "scenes = ['ball']\n[[variant]]\nname = 'x'\nloss.rigidity = 1\n");
-  copy_seeds(to, std::string(GFLOW_SOURCE_DIR) + "/apps/experiments");
+  for (const auto& entry : fs::directory_iterator(GFLOW_SOURCE_DIR "/apps/experiments"))
+    if (entry.path().extension() == ".toml") copy_seed(to, entry.path().string());
 }
 
 // What a finished run has left, as an experiment and a training that goes on read it.

@@ -17,6 +17,8 @@ struct Target {
 };
 
 const std::vector<Target>& targets();
+
+// Of these, a file each.
 std::vector<Target> splat_targets();
 std::vector<Target> file_targets();
 std::vector<Target> scene_targets();

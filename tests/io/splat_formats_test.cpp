@@ -375,6 +375,10 @@ TEST(Spz, RefusesOtherVersionsAndTruncatedOnes) {
   std::memcpy(&bomb[8], &million, sizeof million);
   write_file_atomically(folder.file("e.spz"), gzip(bomb));
   expect_error([&] { read_splats(folder.file("e.spz")); }, {"e.spz", "would unpack to"});
+  const uint32_t thousand = 1000;  // of them are no bomb
+  std::memcpy(&bomb[8], &thousand, sizeof thousand);
+  write_file_atomically(folder.file("f.spz"), gzip(bomb.substr(0, 100000)));
+  EXPECT_EQ(read_splats(folder.file("f.spz")).rows, thousand);
 }
 
 // --- whichever

@@ -261,7 +261,7 @@ TEST_F(Resume, PointCloudsOnTheWayAreKeptAndShown) {
   for (const char* command : {"render", "export"})
     expect_refused({command, run("run"), "-o", run("out.ply"), "--iteration", "7"},
                    {"iteration 7", "100, 200, 220, 240"});
-  // A new training forgets them before its first step: they are of another one.
+  // A new training forgets them: they are of another one.
   ASSERT_EQ(gflow(train("run", {"--iterations", "1", "--overwrite"})).code, 0);
   EXPECT_EQ(RunFolder(run("run")).models(), std::vector<int>{1});
 }

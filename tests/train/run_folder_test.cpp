@@ -265,10 +265,12 @@ TEST(RunFolder, FactsOfTheTrainingComeBack) {
 TEST(RunFolder, DamagedFactsAreAsNoFacts) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  for (const char* text : {"{\"iterations\": 30", "[1]", "{\"iterations\": \"many\"}",
-                           "", "{\"iterations\": -5}"}) {
+  for (const char* text : {"{\"iterations\": 30", "[1]", "{\"iterations\": \"many\"}", "",
+                           "{\"iterations\": -5, \"finished\": true}",
+                           "{\"iterations\": 1e300, \"finished\": true}"}) {
     folder.write("training.json", text);
     EXPECT_EQ(run.read_facts().iterations, 0) << text;
+    EXPECT_FALSE(run.read_facts().finished) << text;
   }
 }
 

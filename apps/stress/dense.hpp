@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene on the device against the sum over all splats at every pixel, in double.
+#pragma once
+#include "apps/stress/figures.hpp"
+#include "apps/stress/stress.hpp"
+#include "tests/device_scene.hpp"
+
+namespace gflow::stress {
+
+// Adds a row each for colour and alpha, flow (by its largest) and the worst gradient; a value that
+// is no number is infinitely far off.
+inline void compare_with_dense(Queue& queue, const PosedScene& s, const std::string& name,
+                               Rows& rows) {
+  const reference::Gaussians g = reference::posed(s.p);
+  const reference::Rendering r = reference::render(s.shot, g);
+  const std::vector<uint8_t>& doubtful = r.contributors.doubtful;
+  DeviceScene device(queue, s);
+  const FloatArrays images = device.forward();
+  rows.push_back({name + ", colour and alpha",
+                  worst({largest_error(images.at("rgb"), r.images.rgb, doubtful),
+                         largest_error(images.at("alpha"), r.images.alpha, doubtful)}),
+                  1e-5});
+  double fastest = 0;
+  for (const double f : r.images.flow) fastest = std::max(fastest, std::fabs(f));
+  rows.push_back({name + ", flow by its largest",
+                  largest_error(images.at("flow"), r.images.flow, doubtful) / fastest, 1e-5});
+  const reference::Planes v = random_cotangents(s, 22, doubtful);
+  const FloatArrays found = device.backward(v);
+  std::vector<double> errors;
+  for (const auto& [key, values] :
+       reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, r, v)))
+    errors.push_back(norm(values) > 1e-6 ? relative_l2(found.at(key), values)
+                                         : distance(found.at(key), values));
+  rows.push_back({name + ", worst gradient, relative L2", worst(errors), 1e-4});
+}
+
+}  // namespace gflow::stress
