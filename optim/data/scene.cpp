@@ -135,9 +135,8 @@ void check(const Scene& scene) {
                     std::fabs(camera.cy) <= most * side;
     if (!ok)
       throw Error(fmt::format(
-          "camera {} of {} has size {}x{}, focal lengths {} and {} and centre ({}, {}): sizes must "
-          "be positive, focal lengths a millionth to a million times the longer side, the centre "
-          "no "
+          "camera {} of {} has size {}x{}, focal lengths {} and {} and centre ({}, {}): sizes are "
+          "above 0, focal lengths a millionth to a million times the longer side, the centre no "
           "further off",
           camera.name, scene.folder, camera.width, camera.height, camera.fx, camera.fy, camera.cx,
           camera.cy));

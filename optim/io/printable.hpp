@@ -13,9 +13,8 @@ namespace gflow {
 inline std::string printable(const std::string& text) {
   constexpr size_t most = 65536;  // what a compiler says of a kernel is shorter
   if (text.size() > most) {
-    const auto continues = [&](size_t at) {
-      return (text[at] & 0xc0) == 0x80;
-    };  // a letter of UTF-8
+    // A letter of UTF-8.
+    const auto continues = [&](size_t at) { return (text[at] & 0xc0) == 0x80; };
     size_t end = most / 2, begin = text.size() - most / 2;
     while (end > 0 && continues(end)) --end;
     while (begin < text.size() && continues(begin)) ++begin;

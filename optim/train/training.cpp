@@ -326,19 +326,19 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   prepared.look_for_change();  // a scene may not show what init.from asks for
 
   // Nothing is wrong with what goes in. Another training stays until the first step of this one is
-  // made, which shows that it can be.
+  // made and sound, which shows that it can be.
   const bool replaces = !resumed && !(run.checkpoints().steps().empty() && run.models().empty());
   if (replaces) require_whole_pictures(scene);
   std::optional<HostModel> first;
   bool begun = false;
   const auto begin_run = [&] {
+    begun = true;  // whatever comes of it
     if (!resumed) run.forget_training();
     run.forget_results();
     run.write_config(config);
     run.write_cameras(scene);
     if (first) write_model(run.path("input.ply"), *first);
     first.reset();
-    begun = true;
   };
   if (!replaces) begin_run();
   const std::string left = replaces ? "the former training is as it was" : how_to_go_on(run);

@@ -395,6 +395,18 @@ TEST_F(Resume, AWrongInputLeavesTheFormerRunAsItWas) {
   EXPECT_TRUE(fs::exists(checkpoint(240)) && fs::exists(run("run") + "/results.json"));
 }
 
+// The first step is made, and what it begins with cannot be written: too late to keep the former
+// run.
+TEST_F(Resume, AFormerRunThatIsGoneIsNotSaidToBeThere) {
+  ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
+  fs::remove(run("run") + "/cameras.json");
+  fs::create_directory(run("run") + "/cameras.json");
+  const Outcome outcome = gflow(train("run", {"--iterations", "2", "--overwrite"}));
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find("cameras.json"), std::string::npos) << outcome.err;
+  EXPECT_EQ(outcome.err.find("as it was"), std::string::npos) << outcome.err;
+}
+
 // A mistyped -o, or the same command once more.
 TEST_F(Resume, AFinishedTrainingIsReplacedOnRequestOnly) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
