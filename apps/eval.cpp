@@ -11,7 +11,7 @@
 #include "apps/model_source.hpp"
 #include "apps/options.hpp"
 #include "apps/report.hpp"
-#include "optim/train/training.hpp"
+#include "optim/train/judging.hpp"
 
 namespace gflow {
 

@@ -18,9 +18,9 @@
 #include "optim/io/interrupt.hpp"
 #include "optim/train/linear_pieces.hpp"
 #include "optim/train/progress.hpp"
+#include "optim/train/run_state.hpp"
 #include "optim/train/slice.hpp"
 #include "optim/train/splatv.hpp"
-#include "optim/train/training.hpp"
 #include "optim/train/views.hpp"
 
 namespace gflow {

@@ -17,7 +17,7 @@
 #include "optim/io/interrupt.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
-#include "optim/train/training.hpp"
+#include "optim/train/run_state.hpp"
 
 namespace gflow {
 namespace {

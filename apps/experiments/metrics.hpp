@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -38,19 +37,6 @@ std::vector<std::string> metric_names();
 Metric metric_named(const std::string& name);
 // Whether two trainings alike have the same.
 bool is_repeatable(const Metric& metric);
-
-// A number, text or truth value of an object; `otherwise` where it has none, or something else: the
-// files of a run may be damaged.
-template <class T>
-T member_or(const nlohmann::json& object, const char* key, T otherwise) {
-  if (!object.is_object() || !object.contains(key)) return otherwise;
-  const nlohmann::json& value = object[key];
-  const bool fits = std::is_same_v<T, bool>       ? value.is_boolean()
-                    : std::is_integral_v<T>       ? value.is_number_integer()
-                    : std::is_floating_point_v<T> ? value.is_number()
-                                                  : value.is_string();
-  return fits ? value.get<T>() : otherwise;
-}
 
 // NaN where the file has none, or not all of the steps asked for.
 double value_of(const Metric& metric, const nlohmann::json& results);

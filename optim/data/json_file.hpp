@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 namespace gflow {
@@ -36,5 +37,18 @@ std::vector<double> numbers(const Json& value, size_t count, const std::string& 
 
 // rows x columns finite numbers, row by row; more rows than asked for are passed over.
 Eigen::MatrixXd matrix(const Json& value, int rows, int columns, const std::string& what);
+
+// A number, text or truth value of an object; `otherwise` where it has none, or something else: for
+// files of our own, which may be damaged.
+template <class T>
+T member_or(const Json& object, const char* key, T otherwise) {
+  if (!object.is_object() || !object.contains(key)) return otherwise;
+  const Json& value = object[key];
+  const bool fits = std::is_same_v<T, bool>       ? value.is_boolean()
+                    : std::is_integral_v<T>       ? value.is_number_integer()
+                    : std::is_floating_point_v<T> ? value.is_number()
+                                                  : value.is_string();
+  return fits ? value.get<T>() : otherwise;
+}
 
 }  // namespace gflow

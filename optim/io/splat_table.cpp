@@ -72,17 +72,20 @@ int sh_degree_of(const PlyTable& table, const std::string& path) {
   return degree;
 }
 
+void require_property(const std::vector<std::string>& names, const std::string& name,
+                      const std::string& path) {
+  if (std::find(names.begin(), names.end(), name) == names.end())
+    throw Error(fmt::format(
+        "reading {}: property '{}' is missing, this is no PLY of trained Gaussians", path, name));
+}
+
 namespace {
 
 // Error where a column of the standard table is not among these; normals mean nothing here.
 void require_columns(const std::vector<std::string>& names, int sh_degree,
                      const std::string& path) {
   for (const std::string& name : SplatTable(0, sh_degree).table.names)
-    if (name[0] != 'n' && std::find(names.begin(), names.end(), name) == names.end())
-      throw Error(
-          fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
-                      "Gaussians",
-                      path, name));
+    if (name[0] != 'n') require_property(names, name, path);
 }
 
 }  // namespace

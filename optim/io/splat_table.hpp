@@ -29,6 +29,10 @@ struct SplatTable {
   PlyTable table;
 };
 
+// Error that names `path` where `name` is not among the names of a PLY's properties.
+void require_property(const std::vector<std::string>& names, const std::string& name,
+                      const std::string& path);
+
 // The standard's columns of any table. Error that names `path` when one is missing.
 SplatTable standard_table(const PlyTable& table, const std::string& path);
 

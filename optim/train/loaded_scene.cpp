@@ -2,6 +2,9 @@
 #include "optim/train/loaded_scene.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <filesystem>
 
 #include "optim/train/warning.hpp"
 
@@ -48,6 +51,31 @@ const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string&
   if (!frames) throw Error("there is no split '" + split + "': choose train, test or val");
   if (frames->empty()) throw Error(fmt::format("scene {} has no {} views", scene.name, split));
   return *frames;
+}
+
+std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
+  namespace fs = std::filesystem;
+  std::string stamp = fmt::format("packed DIS flow, resolution {} background {}\n",
+                                  config.resolution, name_of(config.background));
+  const auto add_file = [&](const std::string& path) {
+    stamp += fmt::format("{} {} {}\n", path, fs::file_size(path),
+                         fs::last_write_time(path).time_since_epoch().count());
+  };
+  std::string last;
+  for (const std::vector<Frame>* frames : {&scene.train, &scene.test})
+    for (const Frame& frame : *frames) {
+      stamp += frame.name + "\n";
+      if (!frame.mask_path.empty()) add_file(frame.mask_path);
+      if (frame.path == last) continue;  // the next frame of one video
+      add_file(frame.path);
+      last = frame.path;
+    }
+  for (const Camera& camera : scene.cameras)
+    if (camera.lens.kind != Lens::Kind::none)
+      stamp += fmt::format("lens {} {} of {} {} {} {} as {} {}\n", int(camera.lens.kind),
+                           fmt::join(camera.lens.k, " "), camera.lens.fx, camera.lens.fy,
+                           camera.lens.cx, camera.lens.cy, camera.fx, camera.fy);
+  return stamp;
 }
 
 }  // namespace gflow

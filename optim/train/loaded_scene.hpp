@@ -27,4 +27,8 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
 // The frames of a split; Error when it has none.
 const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split);
 
+// Everything that cached flow and video frames depend on: pictures and masks by path, size and time
+// of change, which picture follows which, what is undone of the lens, and how flow is computed.
+std::string cache_stamp(const Scene& scene, const SceneConfig& config);
+
 }  // namespace gflow

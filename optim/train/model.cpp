@@ -247,12 +247,7 @@ HostModel read_model(const std::string& path) {
   });
 
   for (const ColumnBlock& block : column_blocks(moving, model.shape))
-    for (const std::string& name : block.names)
-      if (table.column(name) < 0)
-        throw Error(
-            fmt::format("reading {}: property '{}' is missing, this is no PLY of trained "
-                        "Gaussians",
-                        path, name));
+    for (const std::string& name : block.names) require_property(table.names, name, path);
   model.shape.origin = origin_of(table);
   const auto widths = widths_of(model.shape);
   for (const auto& [name, width] : widths) model.groups[name].assign(width * model.count, 0.f);

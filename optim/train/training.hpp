@@ -22,18 +22,4 @@ enum class Start { anew, overwrite, resume };
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
                      Start start = Start::anew);
 
-// Of a model of a run, on its scene's test views (or "train", "val").
-struct RunEvaluation {
-  Evaluation evaluation;
-  std::string state;  // RunState::text of the model
-  // Paths of the results; none beside a training, which will write them.
-  std::vector<std::string> written;
-};
-// iteration: as for read_run_state. Of another than the latest only the results are written, under
-// names of their own. settings: "metrics.key=value" that are others than the run's; the run keeps
-// its own. Networks that judged results.json judge again where neither says anything.
-RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,
-                           int iteration = latest_iteration,
-                           const std::vector<std::string>& settings = {});
-
 }  // namespace gflow

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/train_steps.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "optim/train/guidance_source.hpp"
+#include "optim/train/progress.hpp"
+#include "optim/train/roll_back.hpp"
+#include "optim/train/warning.hpp"
+#include "runtime/usage.hpp"
+
+namespace gflow {
+namespace {
+
+std::vector<ProgressTerm> terms_of(const StepFigures& f) {
+  std::vector<ProgressTerm> terms{{"loss", fmt::format("{:.4f}", f.loss)},
+                                  {"L1", fmt::format("{:.4f}", f.l1)},
+                                  {"psnr", fmt::format("{:.1f}", f.psnr)}};
+  if (f.epe > 0) terms.push_back({"epe", fmt::format("{:.2f} px", f.epe)});
+  if (f.motion && std::isfinite(f.motion->total()))
+    terms.push_back({"motion", fmt::format("{:.4f}", f.motion->total())});
+  if (f.guidance && std::isfinite(f.guidance->pull))
+    terms.push_back({"guidance", fmt::format("{:.4f}", f.guidance->pull)});
+  terms.push_back({"", fmt::format("{} Gaussians", f.gaussians)});
+  if (f.moving < f.gaussians) terms.push_back({"", fmt::format("{} move", f.moving)});
+  if (f.refused) terms.push_back({"refused", std::to_string(f.refused)});
+  return terms;
+}
+
+void save_model(Queue& queue, const Model& model, const RunFolder& run, int iteration) {
+  const std::string path = run.model_path(iteration);
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  std::error_code problem;
+  std::filesystem::create_directories(folder, problem);
+  if (problem) throw Error(fmt::format("cannot make {}: {}", folder.string(), problem.message()));
+  write_model(path, model.read(queue));
+}
+
+// A model on the way; that it does not fit on the disk is no reason to stop.
+void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int iteration) {
+  try {
+    save_model(queue, model, run, iteration);
+  } catch (const Error& problem) {
+    warn(fmt::format("no point cloud of step {}: {}; training goes on", iteration, problem.what()));
+  }
+}
+
+// Nor is a line of the log that does not.
+void try_append_metrics(const RunFolder& run, int step, double seconds,
+                        const StepFigures& figures) {
+  try {
+    run.append_metrics(step, seconds, figures);
+  } catch (const Error& problem) {
+    warn(fmt::format("no metrics of step {}: {}; training goes on", step, problem.what()));
+  }
+}
+
+// Whether the n-th step is the last of a round of `every`; 0: there are none.
+bool ends_round(int n, int every) { return every > 0 && n % every == 0; }
+
+// What to throw when the guidance of a step failed; the steps before it are saved.
+Error without_guidance(const GuidanceFailed& problem, const Training& training, int step) {
+  const RunFolder& run = training.run;
+  if (step == 0)
+    return Error(fmt::format("{}; no step was trained, {}", problem.what(), how_to_go_on(run)));
+  training.checkpoints.write(step, training.watch.seconds());
+  return Error(fmt::format("{}; {} steps are saved, {}", problem.what(), step, how_to_go_on(run)));
+}
+
+// Whether the device failed. That a program does not build is none of its doing.
+bool is_of_device(const Error& error) {
+  const auto* of_opencl = dynamic_cast<const ClError*>(&error);
+  return is_out_of_memory(error) || (of_opencl && of_opencl->code != CL_BUILD_PROGRAM_FAILURE);
+}
+
+// The same when the device failed. For want of memory the step may not have begun to change
+// anything, and the device may still answer: then the steps before it are saved. `before`: the last
+// figures that were looked at.
+Error without_device(const Error& problem, const Training& training, int step, RollBack& roll_back,
+                     const std::optional<StepFigures>& before) {
+  const RunFolder& run = training.run;
+  const auto saved = [&] {
+    const std::vector<int> steps = run.checkpoints().steps();
+    return steps.empty() ? 0 : steps[0];
+  };
+  if (saved() < step && is_out_of_memory(problem) && training.trainer.untouched()) try {
+      roll_back.save_what_there_is(step, training.watch.seconds(), before);
+    } catch (const Error&) {  // what there is to say is why the step failed
+    }
+  if (saved() == 0) return Error(fmt::format("{}; no step is saved", problem.what()));
+  return Error(fmt::format("{}; {} of {} steps are saved, {}", problem.what(), saved(), step,
+                           how_to_go_on(run)));
+}
+
+}  // namespace
+
+int train_steps(Training& training, int step, std::optional<InterruptGuard>& guard, bool quiet,
+                const std::function<void()>& begin) {
+  auto& [queue, config, run, model, trainer, checkpoints, watch] = training;
+  const ScheduleConfig& plan = config.train;
+  Progress progress("train", plan.iterations, quiet, step);
+  RollBack roll_back(queue, run, trainer, checkpoints);
+  StepFigures figures;
+  std::optional<StepFigures> before;
+  bool begun = !begin;
+  const auto time_is_over = [&] {
+    return plan.minutes > 0 && training.watch.seconds() > 60 * double(plan.minutes);
+  };
+  for (; step < plan.iterations && !(guard && interrupted()) && !time_is_over(); ++step) {
+    try {
+      trainer.step(queue, step);
+    } catch (const GuidanceFailed& problem) {
+      if (guard && interrupted()) break;  // the step has not begun
+      progress.finish();
+      if (!begun) throw;
+      throw without_guidance(problem, training, step);
+    } catch (const Error& problem) {
+      progress.finish();
+      if (!is_of_device(problem) || !begun) throw;
+      throw without_device(problem, training, step, roll_back, before);
+    }
+    if (!guard) {
+      queue.finish();
+      guard.emplace();
+    }
+    const std::string notice = trainer.take_notice();
+    if (!notice.empty()) progress.say("gflow: " + notice);
+    const int done = step + 1;
+    const bool last = done == plan.iterations, logs = step % plan.log_every == 0 || last;
+    const bool saves = !last && ends_round(done, plan.checkpoint_every);
+    if (logs || saves) {  // what is saved is looked at before
+      figures = trainer.figures(queue);
+      if (!is_sound(figures, before.value_or(figures))) {
+        if (!begun) throw Error("the loss of the first step is no number");
+        std::string sentence;
+        step = roll_back.go_back(done, figures, sentence) - 1;
+        progress.say("gflow: " + sentence);
+        continue;
+      }
+      before = figures;
+      if (!begun) begin();
+      begun = true;
+    }
+    if (logs) try_append_metrics(run, step, watch.seconds(), figures);
+    progress.update(done, terms_of(figures));
+    if (last) continue;
+    if (ends_round(done, plan.save_every)) try_save_model(queue, model, run, done);
+    if (saves) checkpoints.try_write(done, watch.seconds());
+  }
+  queue.finish();
+  progress.finish();
+  return step;
+}
+
+RunFacts keep_result(Training& training, int steps) {
+  const auto& [queue, config, run, model, trainer, checkpoints, watch] = training;
+  const RunFacts facts{steps,
+                       watch.seconds(),
+                       peak_memory_mib(),
+                       queue.info.full_name(),
+                       name_of(model.shape.motion),
+                       !interrupted()};
+  const int stopped = run.read_facts().iterations;  // where it was gone on from
+  save_model(queue, model, run, steps);
+  if (stopped != steps && !ends_round(stopped, config.train.save_every)) run.forget_model(stopped);
+  run.write_facts(facts);
+  checkpoints.write(steps, facts.train_seconds);
+  return facts;
+}
+
+}  // namespace gflow

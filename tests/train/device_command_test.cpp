@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow devices` and `gflow stress`: what they say of a device, and of one that does not hold.
+#include <nlohmann/json.hpp>
+
+#include "io/folder.hpp"
+#include "runtime/device.hpp"
+#include "train/command.hpp"
+
+namespace gflow {
+namespace {
+
+using nlohmann::json;
+
+constexpr const char* kOkWord = "  ok\n";
+
+size_t lines_with(const std::string& text, const std::string& part) {
+  size_t count = 0;
+  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
+  return count;
+}
+
+TEST(DevicesCommand, TellsOfEachDeviceWhatItIsAndHowItCheckedItself) {
+  const std::vector<DeviceInfo> devices = list_devices();
+  const Outcome table = gflow({"devices"}), as_json = gflow({"devices", "--json"});
+  ASSERT_EQ(table.code, 0) << table.err;
+  ASSERT_EQ(as_json.code, 0) << as_json.err;
+  const json told = json::parse(as_json.out);
+  ASSERT_EQ(told.size(), devices.size());
+  for (size_t i = 0; i < devices.size(); ++i) {
+    const json& one = told[i];
+    EXPECT_EQ(one["index"], devices[i].index);
+    EXPECT_EQ(one["name"], devices[i].name);
+    EXPECT_EQ(one["lanes"], devices[i].lanes);
+    EXPECT_EQ(one["memory_bytes"], devices[i].global_memory);
+    EXPECT_EQ(one["usable"], one["reason"] == "") << one["reason"];
+    EXPECT_NE(table.out.find(devices[i].name), std::string::npos);
+  }
+  // The tests run on the first one, which is usable then.
+  EXPECT_GE(told[0]["self_check"].size(), 6u);
+  for (const json& row : told[0]["self_check"]) {
+    EXPECT_TRUE(row["passed"]) << row;
+    EXPECT_LE(row["figure"], row["bound"]) << row;
+    EXPECT_NE(table.out.find(row["name"].get<std::string>()), std::string::npos) << row;
+  }
+  EXPECT_EQ(lines_with(table.out, "\n   usable\n"), lines_with(as_json.out, "\"usable\": true"));
+}
+
+TEST(DevicesCommand, ShowsTheOneAskedForAndRefusesOneThereIsNot) {
+  const Outcome first = gflow({"devices", "--json", "--device", "0"});
+  ASSERT_EQ(first.code, 0) << first.err;
+  const json told = json::parse(first.out);
+  ASSERT_EQ(told.size(), 1u);
+  EXPECT_EQ(told[0]["index"], 0);
+
+  const Outcome none = gflow({"devices", "--device", "no such device"});
+  EXPECT_EQ(none.code, 2);
+  EXPECT_EQ(none.out, "");
+  EXPECT_NE(none.err.find("no OpenCL device matches 'no such device'"), std::string::npos);
+  EXPECT_NE(none.err.find("0: " + list_devices()[0].full_name()), std::string::npos) << none.err;
+}
+
+// The kernels of this program's source, one line of a file changed: an arithmetic that is wrong.
+class ChangedKernels {
+ public:
+  ChangedKernels(const std::string& file, const std::string& from, const std::string& to) {
+    fs::copy(GFLOW_SOURCE_DIR "/kernels", folder_.path(), fs::copy_options::recursive);
+    const std::string path = folder_.file(file);
+    std::string text = contents(path);
+    const size_t at = text.find(from);
+    EXPECT_NE(at, std::string::npos) << from << " in " << file;
+    if (at != std::string::npos) text.replace(at, from.size(), to);
+    std::ofstream(path) << text;
+  }
+  // What a shell does first.
+  std::string environment() const { return "export GFLOW_KERNEL_DIR='" + folder_.path() + "'"; }
+
+ private:
+  TemporaryFolder folder_;
+};
+
+TEST(DevicesCommand, ADeviceWhoseArithmeticIsWrongIsRefusedForAnyWork) {
+  const ChangedKernels kernels("selfcheck.cl", "sqrt(positives[i]);",
+                               "sqrt(positives[i]) * 1.00001f;");
+  const Outcome outcome = gflow({"devices"}, kernels.environment());
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_EQ(lines_with(outcome.out, "refused: float32 sqrt, error in ulp:"), list_devices().size());
+  EXPECT_NE(outcome.err.find("refused"), std::string::npos) << outcome.err;
+
+  const Outcome work = gflow({"stress", "--only", "T5"}, kernels.environment());
+  EXPECT_EQ(work.code, 2);
+  EXPECT_NE(work.err.find("float32 sqrt, error in ulp"), std::string::npos) << work.err;
+}
+
+TEST(StressCommand, WritesTheFiguresThatItPrints) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("figures.json");
+  const Outcome outcome = gflow({"stress", "--only", "t5, 21", "--json", path});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const json told = json::parse(contents(path));
+  EXPECT_EQ(told["failed"], 0);
+  ASSERT_EQ(told["tests"].size(), 2u);
+  EXPECT_EQ(told["tests"][0]["test"], "T5");
+  EXPECT_EQ(told["tests"][1]["test"], "T21");
+  size_t rows = 0;
+  for (const json& test : told["tests"])
+    for (const json& row : test["figures"]) {
+      ++rows;
+      EXPECT_TRUE(row["passed"]) << row;
+      EXPECT_LE(row["figure"], row["bound"]) << row;
+      EXPECT_NE(outcome.out.find(row["condition"].get<std::string>()), std::string::npos) << row;
+    }
+  EXPECT_EQ(told["passed"], rows);
+  EXPECT_EQ(lines_with(outcome.out, kOkWord), rows);
+  EXPECT_NE(outcome.out.find(std::to_string(rows) + " of " + std::to_string(rows) + " figures"),
+            std::string::npos);
+  EXPECT_NE(outcome.err.find("T21"), std::string::npos) << "progress";
+  EXPECT_EQ(gflow({"--quiet", "stress", "--only", "5"}).err, "");
+}
+
+TEST(StressCommand, ABoundThatIsNotKeptIsExitCodeThree) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("figures.json");
+  const ChangedKernels kernels("stress.cl", "dets[i] = w.det;", "dets[i] = w.det * 1.001f;");
+  const Outcome outcome =
+      gflow({"--quiet", "stress", "--only", "T5", "--json", path}, kernels.environment());
+  EXPECT_EQ(outcome.code, 3) << outcome.err;
+  const size_t failed = json::parse(contents(path))["failed"];
+  EXPECT_GT(failed, 0u);
+  EXPECT_EQ(lines_with(outcome.out, "  FAILS\n"), 2 * failed) << "once more at the end";
+}
+
+TEST(StressCommand, RefusesWhatItDoesNotKnow) {
+  expect_refused({"stress", "--only", "T99"}, {"--only T99", "T5, ", "T42 to T45"});
+  expect_refused({"stress", "--only", "5", "--json", "/nowhere/figures.json"},
+                 {"--json /nowhere/figures.json", "no file can be written there"});
+  EXPECT_NE(gflow({"stress", "--only", "5", "--derivatives"}).code, 0);
+}
+
+}  // namespace
+}  // namespace gflow
