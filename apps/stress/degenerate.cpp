@@ -89,15 +89,14 @@ Rows degenerate(Queue& queue) {
                                      {"needles", real3{.5, 0, 0}},
                                      {"points", real3{0, 0, 0}}}) {
     PosedScene s = random_scene({60, 40, 30});
-    for (const char* end : {"", "_t2"})
-      for (size_t i = 0; i < s.count(); ++i)
-        s.p[std::string("scales") + end] = [&] {
-          std::vector<double> all = s.p.at(std::string("scales") + end);
-          all[3 * i] = double(float(scales.x));
-          all[3 * i + 1] = double(float(scales.y));
-          all[3 * i + 2] = scales.z;
-          return all;
-        }();
+    for (const char* end : {"scales", "scales_t2"}) {
+      std::vector<double>& all = s.p.at(end);
+      for (size_t i = 0; i < s.count(); ++i) {
+        all[3 * i] = double(float(scales.x));
+        all[3 * i + 1] = double(float(scales.y));
+        all[3 * i + 2] = scales.z;
+      }
+    }
     for (const Transport t : {Transport::paper, Transport::ot, Transport::material}) {
       s.shot.settings.transport = t;
       compare_with_dense(queue, s, fmt::format("{}, transport {}", name, mode_name(int(t))), rows);
