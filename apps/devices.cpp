@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/options.hpp"
+#include "optim/io/json_text.hpp"
 #include "optim/motion/gradient_check.hpp"
 
 namespace gflow {
@@ -124,7 +125,7 @@ void run(const GlobalOptions& options, bool json) {
     else
       print_table(device);
   }
-  if (json) fmt::print("{}\n", list.dump(2));
+  if (json) fmt::print("{}\n", json_text(list, 2));
   const bool any_usable =
       std::any_of(devices.begin(), devices.end(),
                   [](const CheckedDevice& device) { return device.reason.empty(); });

@@ -13,6 +13,8 @@
 #include "apps/options.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/file_lock.hpp"
+#include "optim/io/json_text.hpp"
+#include "optim/train/guidance_source.hpp"
 #include "optim/train/progress.hpp"
 
 namespace gflow {
@@ -24,7 +26,7 @@ struct Flags {
   std::string file, folder, scenes = ".";
   std::vector<std::string> devices;
   int jobs = 0;
-  bool dry_run = false, redo = false;
+  bool dry_run = false, redo = false, allow_command = false;
 };
 
 std::string folder_of(const Flags& flags) {
@@ -80,7 +82,7 @@ void write_everything(const Plan& plan, const std::string& folder) {
   const Results table(plan, results_of(plan, folder));
   write_text(folder + "/table.md", table.markdown());
   write_text(folder + "/table.csv", table.csv());
-  write_text(folder + "/table.json", table.json().dump(1) + "\n");
+  write_text(folder + "/table.json", json_text(table.json(), 1) + "\n");
   write_text(folder + "/costs.md", table.costs());
   write_text(folder + "/runs.csv", table.runs_csv());
   fmt::print("{}\n{}", table.markdown(), table.costs());
@@ -105,6 +107,10 @@ void run_experiment(const Flags& flags, const GlobalOptions& options) {
   how.redo = flags.redo;
   require_films(plan);
   for (const std::string& device : how.devices) find_device(device);
+  if (!flags.allow_command)
+    for (const PlannedRun& run : plan.runs)
+      require_no_program(run.config, fmt::format("{}: training {}", flags.file, run.id));
+  how.allow_command = flags.allow_command;
   if (flags.dry_run) return print_runs(plan, folder, how.jobs);
   std::filesystem::create_directories(folder);
   const FileLock lock(folder + "/.lock", folder);
@@ -144,6 +150,8 @@ void add_experiment(CLI::App& app, const GlobalOptions& options) {
   command->add_flag("--dry-run", flags->dry_run, "Tell what would be trained, and train nothing");
   command->add_flag("--redo", flags->redo,
                     "Train anew what was trained with settings that the file no longer has");
+  command->add_flag("--allow-command", flags->allow_command,
+                    "Start the programs that guidance.command names in the file");
   command->callback([flags, &options] { run_experiment(*flags, options); });
 }
 

@@ -12,6 +12,7 @@
 #include "apps/command_line.hpp"
 #include "apps/model_source.hpp"
 #include "apps/options.hpp"
+#include "apps/output_path.hpp"
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/dot_splat.hpp"
 #include "optim/io/four_dgs.hpp"
@@ -225,7 +226,12 @@ void export_model(const ExportFlags& flags, const ModelSource& source,
 
 void run_export(ExportFlags flags, const GlobalOptions& options) {
   flags.format = format_of(flags);
+  if (flags.format == "ply-sequence")
+    require_no_folder_of_run(flags.output);
+  else
+    require_no_file_of_run(flags.output);
   const ModelSource source = model_source(flags.model, flags.iteration);
+  require_other_file(flags.output, source.path);
   export_model(flags, source, options);
   const auto& [x, y, z] = source.model.shape.origin;
   const bool restored = flags.format == "ply" || flags.format == "ply-sequence";

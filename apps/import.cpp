@@ -4,12 +4,15 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <optional>
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
+#include "apps/output_path.hpp"
 #include "optim/io/four_dgs.hpp"
 #include "optim/io/splat_table.hpp"
 
@@ -38,6 +41,13 @@ PlyTable moment_of(const ImportFlags& flags) {
 }
 
 void run_import(const ImportFlags& flags) {
+  std::string ending = std::filesystem::path(flags.output).extension().string();
+  for (char& c : ending) c = char(std::tolower(static_cast<unsigned char>(c)));
+  if (ending != ".ply")
+    throw Error(
+        fmt::format("importing to {}: a PLY is written; end the name in .ply", flags.output));
+  require_other_file(flags.output, flags.input);
+  require_no_file_of_run(flags.output);
   const SplatFormat format = format_wanted(flags);
   if (flags.time && format != SplatFormat::four_dgs)
     throw Error(fmt::format("--time is for .4dgs files, whose Gaussians move; {} is {}",

@@ -16,6 +16,7 @@
 #include "optim/data/video.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/four_dgs.hpp"
+#include "optim/io/json_text.hpp"
 #include "optim/io/splat_table.hpp"
 #include "optim/train/views.hpp"
 
@@ -242,7 +243,7 @@ void add_info(CLI::App& app, const GlobalOptions&) {
   command->callback([flags] {
     const Json info = info_of(flags->path, flags->iteration);
     if (flags->json)
-      fmt::print("{}\n", info.dump(1));
+      fmt::print("{}\n", json_text(info, 1));
     else
       print_info(info);
   });

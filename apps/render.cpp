@@ -13,6 +13,7 @@
 #include "apps/command_line.hpp"
 #include "apps/model_source.hpp"
 #include "apps/options.hpp"
+#include "apps/output_path.hpp"
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/train/progress.hpp"
@@ -30,21 +31,6 @@ struct RenderFlags {
   double fps = 0;
   bool no_compare = false;
 };
-
-// Error where pictures would lie among the files of a run: in its folder itself, or in one of those
-// that training writes. Another folder in a run may be made.
-void require_no_run(const std::string& output) {
-  static const std::set<std::string> own = {"",       "checkpoints", "flow",
-                                            "frames", "test",        "point_cloud"};
-  std::string inner;  // what is next on the way from `folder` to the output
-  for (fs::path folder = fs::weakly_canonical(output); folder.has_relative_path();
-       inner = folder.filename().string(), folder = folder.parent_path())
-    if (own.count(inner) && RunFolder::is_run(folder.string()))
-      throw Error(
-          fmt::format("drawing into {}: there lie the files of a run; name a folder of its own, "
-                      "{} say",
-                      output, (folder / "pictures").string()));
-}
 
 // The model, what its run says about it, and the scene when there is one.
 struct Source : ModelSource {
@@ -163,7 +149,7 @@ void print_written(const RenderReport& report, const std::vector<RenderView>& vi
 void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   if (!flags.split.empty() && !flags.camera.empty())
     throw Error("--split and --camera exclude each other: a camera is shown at all of its times");
-  require_no_run(flags.output);
+  require_no_folder_of_run(flags.output);
   const Source source = find_source(flags);
   std::vector<RenderView> views = views_wanted(flags, source);
   const bool still = stands_still(source.model);

@@ -7,6 +7,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
+#include "apps/output_path.hpp"
 #include "optim/engine/splat_file.hpp"
 #include "optim/train/warning.hpp"
 
@@ -60,6 +61,8 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
   command->callback([flags, &options] {
     flags->splat.settings.transport = transport_named(flags->transport);
     flags->splat.settings.stop = stop_rule_named(flags->stop);
+    require_other_file(flags->output, flags->input);
+    require_no_file_of_run(flags->output);
     const Arrays input = read_npz(flags->input, splat_arrays_known);
     QueueOptions queue_options;
     queue_options.lanes = flags->lanes;

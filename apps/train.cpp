@@ -7,9 +7,11 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "apps/options.hpp"
 #include "apps/report.hpp"
+#include "optim/train/guidance_source.hpp"
 #include "optim/train/judging_networks.hpp"
 #include "optim/train/training.hpp"
 
@@ -23,7 +25,7 @@ struct TrainFlags {
   int save_every = 0;
   int64_t seed = 0;
   bool profile = false;
-  bool resume = false, overwrite = false;
+  bool resume = false, overwrite = false, allow_command = false;
 };
 
 // Where the device's time went, longest first.
@@ -42,7 +44,13 @@ TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
   TrainConfig config;
   if (flags.resume && RunFolder::is_run(flags.run)) config = RunFolder(flags.run).read_config();
   if (!flags.config_file.empty()) apply_file(config, flags.config_file);
+  const std::string command_of_file = std::exchange(config.guidance.command, "");
   for (const std::string& setting : flags.settings) apply_setting(config, setting);
+  if (config.guidance.command.empty()) {
+    config.guidance.command = command_of_file;
+    if (!flags.allow_command)
+      require_no_program(config, flags.config_file.empty() ? flags.run : flags.config_file);
+  }
   if (!flags.scene.empty())
     config.scene.path = std::filesystem::absolute(flags.scene).lexically_normal().string();
   else if (!flags.resume)
@@ -157,6 +165,9 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->add_flag("--overwrite", flags->overwrite,
                  "Begin anew where the output folder holds a training, finished or stopped")
       ->excludes("--resume");
+  command->add_flag("--allow-command", flags->allow_command,
+                    "Start the program that guidance.command names in a file: in --config, or in "
+                    "the run that is resumed");
   command->add_flag("--profile", flags->profile, "Print the time each kernel took");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });
 }

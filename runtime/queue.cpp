@@ -9,9 +9,14 @@
 namespace gflow {
 namespace {
 
+// Error when it is set to what is no answer.
 bool wanted(const char* variable, bool otherwise) {
   const char* value = std::getenv(variable);
-  return value ? std::string(value) == "1" : otherwise;
+  const std::string answer = value ? value : "";
+  if (answer.empty()) return otherwise;
+  if (answer != "0" && answer != "1")
+    throw Error(fmt::format("{} is '{}'; it must be 1 or 0", variable, answer));
+  return answer == "1";
 }
 
 #ifdef NDEBUG

@@ -131,13 +131,15 @@ double guessed_step(const SceneConfig& config) try {
 // One training as another process.
 class Training {
  public:
-  Training(const PlannedRun& run, const std::string& folder, const std::string& device) {
+  Training(const PlannedRun& run, const std::string& folder, const std::string& device,
+           bool allow_command) {
     const RunFiles files(folder, run.id);
     write_file_atomically(files.settings, to_toml(run.config));
     std::vector<std::string> arguments{"gflow",        "train",   run.config.scene.path,
                                        "-o",           files.run, "--config",
                                        files.settings, "--quiet", "--resume"};
     if (!device.empty()) arguments.insert(arguments.end(), {"--device", device});
+    if (allow_command) arguments.push_back("--allow-command");
     std::vector<char*> argv;
     for (std::string& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);
@@ -275,7 +277,8 @@ class Pool {
       for (size_t other = 0; fresh && other < plan_.runs.size(); ++other)
         if (has_ended_[other] && same_pictures(plan_.runs[other].config, plan_.runs[i].config))
           share_caches(RunFiles(folder_, plan_.runs[other].id).run, run);
-      running_.emplace(i, Job{Training(plan_.runs[i], folder_, device), device});
+      running_.emplace(
+          i, Job{Training(plan_.runs[i], folder_, device, options_.allow_command), device});
     }
   }
 

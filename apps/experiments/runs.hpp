@@ -39,6 +39,7 @@ struct RunOptions {
   std::vector<std::string> devices;  // which they take in turn; empty: the default one
   bool quiet = false;
   bool redo = false;  // runs with other settings are begun anew
+  bool allow_command = false;  // programs that guidance.command names are started
 };
 
 // Some runs did not come to their end.

@@ -5,6 +5,7 @@
 
 #include "optim/data/json_file.hpp"
 #include "optim/data/reader_util.hpp"
+#include "optim/io/json_text.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -68,7 +69,7 @@ std::string cameras_json(const std::vector<Camera>& cameras) {
                     {"cx", c.cx},
                     {"cy", c.cy}});
   }
-  return list.dump(1) + "\n";
+  return json_text(list, 1) + "\n";
 }
 
 Camera camera_named(const std::vector<Camera>& cameras, const std::string& name) {

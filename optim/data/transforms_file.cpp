@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 
 #include "optim/data/image_header.hpp"
 #include "optim/data/lens.hpp"
@@ -123,11 +124,17 @@ Transforms read_transforms(const std::string& path) {
 std::vector<Frame> read_frames(const std::string& folder, const Transforms& file,
                                const SceneOptions& options, Scene& scene) {
   std::vector<Frame> frames;
+  std::map<std::string, size_t> known;  // pictures, and the frames that they are
   for (const Json& entry : file.json["frames"]) {
     const std::string where = fmt::format("frame {} of {}", frames.size(), file.path);
     require_object(entry, where);
     Frame frame;
     frame.path = picture_of(folder, file, entry, where);
+    const auto [before, is_new] =
+        known.emplace(fs::path(frame.path).lexically_normal().string(), frames.size());
+    if (!is_new)
+      throw Error(fmt::format("{} has the picture {} of frame {} again; each may be there once",
+                              where, frame.path, before->second));
     if (options.masks != Masks::none) frame.mask_path = mask_of(folder, file, entry, where);
     frame.time = number(entry, "time", where).value_or(0);
     if (frame.time < 0 || frame.time > 1)

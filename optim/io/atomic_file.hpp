@@ -17,8 +17,8 @@ using Bytes = std::vector<uint8_t>;
 // files that expand without end.
 inline constexpr size_t largest_file = size_t{1} << 32;
 
-// Before a library opens it: Error when there is no file of that name, or something else, as a folder
-// or a pipe, which would be waited for without end.
+// Before a library opens it: Error when there is no file of that name, or something else, as a
+// folder or a pipe, which would be waited for without end.
 void require_file(const std::string& path);
 
 // Contents of a file. Error when it is missing, unreadable or longer than `limit` bytes.

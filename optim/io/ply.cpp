@@ -172,17 +172,28 @@ class Rows {
 
   double next(Type type) { return ascii_ ? next_word() : next_binary(type); }
 
+  // After the last value of a row: in text it ends the line.
+  void end_row() {
+    if (!ascii_) return;
+    while (at_ < end_ && std::strchr(" \t\r", *at_)) ++at_;
+    if (at_ < end_ && *at_ != '\n')
+      refuse(path_, fmt::format("line {} has more values than its element has properties",
+                                1 + std::count(begin_, at_, '\n')));
+  }
+
   void step_over(const Element& element) {
     const bool lists = std::any_of(element.properties.begin(), element.properties.end(),
                                    [](const Property& p) { return p.is_list; });
     if (!ascii_ && !lists) return step_over_fixed(element);
     if (element.properties.empty()) return;
-    for (size_t row = 0; row < element.rows; ++row)
+    for (size_t row = 0; row < element.rows; ++row) {
       for (const Property& property : element.properties) {
         const double n = property.is_list ? next(property.length_type) : 1;
         if (!(n >= 0)) refuse(path_, fmt::format("a list of {} is {} long", element.name, n));
         for (double i = 0; i < n; ++i) next(property.type);
       }
+      end_row();
+    }
   }
 
  private:
@@ -195,18 +206,25 @@ class Rows {
     at_ += element.rows * stride;
   }
 
+  [[noreturn]] void not_a_number(const char* word) const {
+    const char* stop = std::find_if(word, std::min(end_, word + 20),
+                                    [](char c) { return c == ' ' || c == '\n' || c == '\r'; });
+    refuse(path_, fmt::format("'{}' in line {} is no number", std::string(word, stop),
+                              1 + std::count(begin_, word, '\n')));
+  }
+
   double next_word() {
     while (at_ < end_ && std::strchr(" \t\r\n", *at_)) ++at_;
     if (at_ == end_) truncated();
     double value = 0;
     const auto result = std::from_chars(at_, end_, value);
-    if (result.ec != std::errc()) {
-      const char* stop = std::find_if(at_, std::min(end_, at_ + 20),
-                                      [](char c) { return c == ' ' || c == '\n' || c == '\r'; });
-      refuse(path_, fmt::format("'{}' in line {} is no number", std::string(at_, stop),
-                                1 + std::count(begin_, at_, '\n')));
-    }
+    if (result.ec != std::errc()) not_a_number(at_);
     at_ = result.ptr;
+    if (at_ < end_ && !std::strchr(" \t\r\n", *at_)) {  // 0-1 is not two of them
+      const char* begin = at_;
+      while (begin > begin_ && !std::strchr(" \t\r\n", begin[-1])) --begin;
+      not_a_number(begin);
+    }
     return value;
   }
 
@@ -271,9 +289,11 @@ std::vector<T> read_rows(const Element& element, bool ascii, Rows& rows, const s
   check_rows(element, ascii, rows.bytes_left(), path);
   std::vector<T> values;
   values.reserve(element.rows * element.properties.size());
-  for (size_t row = 0; row < element.rows; ++row)
+  for (size_t row = 0; row < element.rows; ++row) {
     for (const Property& property : element.properties)
       values.push_back(T(rows.next(property.type)));
+    rows.end_row();
+  }
   return values;
 }
 

@@ -2,6 +2,7 @@
 #include "optim/motion/parameters_state.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace gflow {
 namespace {
@@ -63,6 +64,19 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
         buffer.write(queue, exact_values<typename Values::value_type>(arrays, name, shape, path));
       });
   parameters = std::move(loaded);
+}
+
+std::string unsound_array(const Arrays& arrays) {
+  const std::string second = "/exp_avg_sq";
+  for (const auto& [name, array] : arrays) {
+    const auto* values = std::get_if<std::vector<float>>(&array.values);
+    if (!values || (name.rfind("gaussians/", 0) != 0 && name.rfind("table", 0) != 0)) continue;
+    const bool is_second = name.size() > second.size() &&
+                           name.compare(name.size() - second.size(), second.size(), second) == 0;
+    for (const float value : *values)
+      if (!std::isfinite(value) || (is_second && value < 0)) return name;
+  }
+  return "";
 }
 
 StateValues state_values(const Arrays& arrays, const std::vector<GroupSpec>& specs,

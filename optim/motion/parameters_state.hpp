@@ -18,6 +18,10 @@ void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays);
 void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
                 const std::string& path);
 
+// Of such arrays the first with what no training may leave, by name: a value that is not finite, a
+// second moment below 0. Empty when there is none.
+std::string unsound_array(const Arrays& arrays);
+
 // The values alone, by group, read without a device: in groups of what moves, the rows of those
 // that do, which are the first `moving` of all. Error as load_state.
 struct StateValues {

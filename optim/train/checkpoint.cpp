@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "optim/io/json_text.hpp"
+#include "optim/motion/parameters_state.hpp"
 #include "optim/train/warning.hpp"
 
 namespace gflow {
@@ -94,8 +96,7 @@ CheckpointFacts facts_of(const Json& json) {
 }  // namespace
 
 void write_checkpoint(const std::string& path, const Checkpoint& checkpoint) {
-  // A path need not be UTF-8, and JSON must.
-  const std::string text = json_of(checkpoint).dump(-1, ' ', false, Json::error_handler_t::replace);
+  const std::string text = json_text(json_of(checkpoint));
   Arrays arrays = checkpoint.arrays;
   arrays[kFacts] = {{text.size()}, std::vector<uint8_t>(text.begin(), text.end())};
   write_npz(path, arrays, Packing::stored);
@@ -109,6 +110,12 @@ Checkpoint read_checkpoint(const std::string& path) {
     checkpoint.arrays.erase(kFacts);
     require_arrays(json, checkpoint.arrays, path);
     checkpoint.facts = facts_of(json);
+    const std::string unsound = unsound_array(checkpoint.arrays);
+    if (!unsound.empty())
+      throw Error(fmt::format(
+          "{} cannot be gone on from: in array '{}' are values that no training leaves, not finite "
+          "or a second moment below 0",
+          path, unsound));
   } catch (const Json::exception& problem) {
     throw Error(fmt::format("{} is no checkpoint: {}", path, problem.what()));
   }
@@ -179,7 +186,10 @@ std::optional<CheckpointFolder::Found> CheckpointFolder::latest() const {
   for (const int step : steps()) {
     if (!reason.empty()) warn(reason + "; the checkpoint before it is tried");
     try {
-      return Found{path(step), read_checkpoint(path(step))};
+      Found found{path(step), read_checkpoint(path(step))};
+      if (found.checkpoint.facts.step == step) return found;
+      reason = fmt::format("{} is damaged: it says that it is of step {}", found.path,
+                           found.checkpoint.facts.step);
     } catch (const Error& problem) {
       reason = problem.what();
     }

@@ -109,15 +109,18 @@ void assign(const Incoming& in, std::string& member) {
 template <class Integer, std::enable_if_t<std::is_integral_v<Integer>, int> = 0>
 void assign(const Incoming& in, Integer& member, const Allowed& range) {
   const auto value = in.node->value_exact<int64_t>();
-  const std::string expected = "a whole number, " + range.text();
+  constexpr Integer most = std::numeric_limits<Integer>::max();
+  if (value && *value > most) in.refuse(fmt::format("a whole number, at most {}", most));
   if (!value || *value < std::numeric_limits<Integer>::min() ||
-      *value > std::numeric_limits<Integer>::max() || !range.contains(static_cast<double>(*value)))
-    in.refuse(expected);
+      !range.contains(static_cast<double>(*value)))
+    in.refuse("a whole number, " + range.text());
   member = static_cast<Integer>(*value);
 }
 
 void assign(const Incoming& in, float& member, const Allowed& range) {
   const auto value = in.node->is_number() ? in.node->value<double>() : std::nullopt;
+  constexpr double most = std::numeric_limits<float>::max();
+  if (value && *value > most) in.refuse(fmt::format("a number, at most {:.3g}", most));
   if (!value || !range.contains(*value)) in.refuse("a number, " + range.text());
   member = static_cast<float>(*value);
 }

@@ -10,6 +10,7 @@
 #include "optim/train/judging_networks.hpp"
 #include "optim/train/pictures.hpp"
 #include "optim/train/warning.hpp"
+#include "shared/loss.h"
 
 namespace gflow {
 namespace {
@@ -47,8 +48,11 @@ Reference reference_of(const TeacherFlow& teacher, bool truth) {
   r.seen = teacher.confidence;
   const size_t pixels = r.known.size();
   r.moving.resize(pixels);
-  for (size_t i = 0; i < pixels; ++i)
+  const auto too_large = [](float x) { return std::fabs(x) > TEACHER_LIMIT; };  // as training
+  for (size_t i = 0; i < pixels; ++i) {
+    if (too_large(r.planes[i]) || too_large(r.planes[pixels + i])) r.known[i] = 0;
     r.moving[i] = r.known[i] && std::hypot(r.planes[i], r.planes[pixels + i]) > kMoving;
+  }
   return r;
 }
 

@@ -48,6 +48,16 @@ std::unique_ptr<Guidance> guidance_of(const TrainConfig& train) {
   throw Error("a guidance provider without a name");
 }
 
+void require_no_program(const TrainConfig& config, const std::string& where) {
+  if (config.guidance.provider != GuidanceProvider::process || config.guidance.command.empty())
+    return;
+  const std::string& command = config.guidance.command;
+  throw Error(
+      fmt::format("{} would start a program, guidance.command = {}: add --allow-command if that is "
+                  "what you want, or name the program by --set guidance.command=...",
+                  where, command.substr(0, command.find('\n'))));
+}
+
 void require_guided_views(const TrainConfig& train, const Scene& scene) {
   const GuidanceConfig& config = train.guidance;
   if (!config.enabled() || config.cameras == GuidanceCameras::orbit) return;

@@ -3,12 +3,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 
 #include "optim/io/splat_table.hpp"
 #include "optim/motion/parameters_state.hpp"
+#include "optim/train/warning.hpp"
 
 namespace gflow {
 namespace {
@@ -233,6 +235,24 @@ void write_model(const std::string& path, const HostModel& model) {
   write_ply(path, table);
 }
 
+namespace {
+
+// Says how many are larger than a float can be: they are not drawn.
+void warn_of_scales(const HostModel& model, const std::string& path) {
+  const std::vector<float>& log_scales = model.groups.at("log_scales");
+  size_t too_large = 0;
+  for (size_t i = 0; i < model.count; ++i) {
+    const float* s = &log_scales[4 * i];
+    too_large += !std::isfinite(std::exp(std::max({s[0], s[1], s[2]})));
+  }
+  if (too_large > 0)
+    warn(fmt::format(
+        "{} of the Gaussians in {} have scales that no float can hold and are not drawn", too_large,
+        path));
+}
+
+}  // namespace
+
 HostModel read_model(const std::string& path) {
   const PlyTable table = read_splats(path);
   HostModel model;
@@ -283,6 +303,7 @@ HostModel read_model(const std::string& path) {
       if (!std::isfinite(values[i]))
         throw Error(fmt::format("reading {}: Gaussian {} has a value in {} that is not finite",
                                 path, model.count ? i * model.count / values.size() : 0, name));
+  warn_of_scales(model, path);
   return model;
 }
 

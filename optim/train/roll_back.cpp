@@ -5,18 +5,22 @@
 
 #include <cmath>
 
+#include "optim/motion/parameters_state.hpp"
+
 namespace gflow {
 
 bool is_sound(const StepFigures& now, const StepFigures& before) {
-  return std::isfinite(now.loss) && now.refused <= before.refused + 10 + now.gaussians / 1000;
+  return std::isfinite(now.loss) && now.unsound.empty() &&
+         now.refused <= before.refused + 10 + now.gaussians / 1000;
 }
 
 int RollBack::go_back(int step, const StepFigures& figures, std::string& notice) {
   const std::string what =
-      std::isfinite(figures.loss)
-          ? fmt::format("{} Gaussians had gradients that are no numbers at step {}",
-                        figures.refused, step)
-          : fmt::format("the loss is {} at step {}", figures.loss, step);
+      !std::isfinite(figures.loss) ? fmt::format("the loss is {} at step {}", figures.loss, step)
+      : !figures.unsound.empty()
+          ? fmt::format("{} has values that are no numbers at step {}", figures.unsound, step)
+          : fmt::format("{} Gaussians had gradients that are no numbers at step {}",
+                        figures.refused, step);
   std::optional<CheckpointFolder::Found> last = run_.checkpoints().latest();
   const int from = last ? last->checkpoint.facts.step : -1;
   times_ = from == from_ ? times_ + 1 : 1;
@@ -49,6 +53,7 @@ void RollBack::save_what_there_is(int step, double seconds,
   StepFigures now;
   now.gaussians = trainer_.gaussians();
   now.refused = trainer_.refused(queue_);
+  now.unsound = unsound_array(trainer_.state(queue_));
   if (is_sound(now, before.value_or(now))) checkpoints_.write(step, seconds);
 }
 

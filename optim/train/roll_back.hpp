@@ -9,9 +9,9 @@
 
 namespace gflow {
 
-// Whether a training with these figures is worth going on with: its loss is a number, and since the
-// figures before no more than one Gaussian in a thousand (and ten more) had gradients that Adam
-// could not take.
+// Whether a training with these figures is worth going on with: its loss and all that it has
+// learned are numbers, and since the figures before no more than one Gaussian in a thousand (and
+// ten more) had gradients that Adam could not take.
 bool is_sound(const StepFigures& now, const StepFigures& before);
 
 class RollBack {

@@ -15,6 +15,7 @@
 
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/json_text.hpp"
 #include "optim/train/views.hpp"
 #include "optim/train/warning.hpp"
 
@@ -266,7 +267,7 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
   if (f.guidance)
     line.update({{"guidance", number(f.guidance->pull)},
                  {"guidance_flow_epe", number(f.guidance->flow_epe)}});
-  append_lines(path("metrics.jsonl"), iteration == 0, line.dump() + "\n");
+  append_lines(path("metrics.jsonl"), iteration == 0, json_text(line) + "\n");
   const std::string table = path("metrics.csv");
   const bool anew = iteration == 0 || !fs::exists(table);
   append_lines(table, anew, (anew ? csv_names(line) : "") + csv_values(line));
@@ -303,7 +304,7 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
   const std::string of_all = path("results" + suffix), of_each = path("per_view" + suffix);
   Json views = Json::object();
   for (const ViewFigures& view : evaluation.views) views[view.name] = figures_of(view);
-  write_text(of_each, views.dump(1) + "\n");
+  write_text(of_each, json_text(views, 1) + "\n");
   Json test = figures_of(evaluation.mean);
   test["by_step"] = figures_by_step(evaluation.views);
   test["flow_reference"] = evaluation.flow_reference;
@@ -332,8 +333,7 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
                      {"resolution", config.scene.resolution},
                      {"background", name_of(config.scene.background)},
                      {"seed", config.train.seed}};
-  // A path need not be UTF-8.
-  write_text(of_all, results.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_text(of_all, json_text(results, 1) + "\n");
   return {of_all, of_each};
 }
 
@@ -356,7 +356,7 @@ void RunFolder::write_facts(const RunFacts& facts) const {
                  {"device", facts.device},
                  {"motion", facts.motion},
                  {"finished", facts.finished}};
-  write_text(path("training.json"), run.dump(1) + "\n");
+  write_text(path("training.json"), json_text(run, 1) + "\n");
 }
 
 RunFacts RunFolder::read_facts() const {

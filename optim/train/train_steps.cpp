@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "optim/motion/parameters_state.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/roll_back.hpp"
@@ -131,8 +132,10 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
     const int done = step + 1;
     const bool last = done == plan.iterations, logs = step % plan.log_every == 0 || last;
     const bool saves = !last && ends_round(done, plan.checkpoint_every);
-    if (logs || saves) {  // what is saved is looked at before
+    const bool shows = !last && ends_round(done, plan.save_every);
+    if (logs || saves || shows) {  // what is kept is looked at before
       figures = trainer.figures(queue);
+      if (last || saves || shows) figures.unsound = unsound_array(trainer.state(queue));
       if (!is_sound(figures, before.value_or(figures))) {
         if (!begun) throw Error("the loss of the first step is no number");
         std::string sentence;
@@ -146,8 +149,7 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
     }
     if (logs) try_append_metrics(run, step, watch.seconds(), figures);
     progress.update(done, terms_of(figures));
-    if (last) continue;
-    if (ends_round(done, plan.save_every)) try_save_model(queue, model, run, done);
+    if (shows) try_save_model(queue, model, run, done);
     if (saves) checkpoints.try_write(done, watch.seconds());
   }
   queue.finish();
@@ -163,6 +165,11 @@ RunFacts keep_result(Training& training, int steps) {
                        queue.info.full_name(),
                        name_of(model.shape.motion),
                        !interrupted()};
+  const std::string unsound = unsound_array(trainer.state(queue));
+  if (!unsound.empty())  // stopped between two looks at it
+    throw Error(fmt::format(
+        "training {}: {} has values that are no numbers after {} steps; {}", run.folder(), unsound,
+        steps, run.checkpoints().steps().empty() ? "no step is saved" : how_to_go_on(run)));
   const int stopped = run.read_facts().iterations;  // where it was gone on from
   save_model(queue, model, run, steps);
   if (stopped != steps && !ends_round(stopped, config.train.save_every)) run.forget_model(stopped);

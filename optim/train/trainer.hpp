@@ -38,6 +38,8 @@ struct StepFigures {
   std::optional<GuideFigures> guidance;
   size_t gaussians = 0, moving = 0;
   size_t refused = 0;  // rows that had a gradient Adam could not take, so far
+  // unsound_array() of the state, where that was looked at: before something of it is kept.
+  std::string unsound;
 };
 
 class Trainer {

@@ -115,7 +115,7 @@ std::vector<double> parse_times(const std::string& text) {
   if (times.empty() || !fine)
     throw Error(
         fmt::format("--times {}: times lie in 0 to 1 and are written as 0:1:40 (40 times "
-                    "from 0 to 1) or as a list 0,0.25,1",
+                    "from 0 to 1; a million at most) or as a list 0,0.25,1",
                     text));
   return times;
 }

@@ -128,6 +128,8 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   const std::string and_more = std::string(intrinsics) + ", ";
   expect_error([&] { with(frame(99)); }, {"transforms.json", "frame_99.png", "there is no"});
   expect_error([&] { with(""); }, {"transforms.json", "no training pictures"});
+  expect_error([&] { with(frame(1) + ", " + frame(2) + ", " + frame(1)); },
+               {"frame 2 of", "frame_1.png of frame 0 again"});
   expect_error([&] { with(frame(1, R"(, "mask_path": "m.png")")); }, {"mask 'm.png'", "no"});
   expect_error([&] { with(frame(1, R"(, "mask_path": 3)")); }, {"'mask_path'", "no text"});
   expect_error([&] { with(frame(1), and_more + R"("camera_model": "EQUIRECTANGULAR")"); },

@@ -50,7 +50,8 @@ serve(guide)
     return path("config.toml");
   }
   static std::vector<std::string> train(const std::string& run, const std::string& command) {
-    return {"train", scene_->path(), "-o", path(run), "--config", write_config(command), "--quiet"};
+    return {"train",    scene_->path(),        "-o",      path(run),
+            "--config", write_config(command), "--quiet", "--allow-command"};
   }
   static std::string result(const std::string& run) {
     return contents(path(run) + "/point_cloud/iteration_60/point_cloud.ply") +
@@ -76,7 +77,8 @@ TEST_F(GuidanceCommand, AProgramThatDiesCostsNothingButTheTime) {
     EXPECT_NE(broken.err.find(part), std::string::npos) << broken.err;
 
   folder_->write("healthy", "");
-  const Outcome resumed = gflow({"train", "-o", path("broken"), "--resume", "--quiet"});
+  const Outcome resumed =
+      gflow({"train", "-o", path("broken"), "--resume", "--quiet", "--allow-command"});
   EXPECT_EQ(resumed.code, 0) << resumed.err;
   const Outcome whole = gflow(train("whole", command));
   ASSERT_EQ(whole.code, 0) << whole.err;
@@ -85,6 +87,54 @@ TEST_F(GuidanceCommand, AProgramThatDiesCostsNothingButTheTime) {
   std::string line;
   ASSERT_TRUE(std::getline(metrics, line));
   EXPECT_NE(line.find("\"guidance\":0."), std::string::npos) << line;
+}
+
+// Nothing that stands in a file is run unless the user says so.
+TEST_F(GuidanceCommand, AProgramThatAFileNamesIsNotStartedUnasked) {
+  const std::string ran = path("ran"), command = "touch " + ran + "; exit 3";
+  std::vector<std::string> of_config = train("unasked", command);
+  of_config.pop_back();
+  expect_refused(of_config, {"config.toml would start a program", "touch " + ran, "--allow-command",
+                             "--set guidance.command"});
+  EXPECT_FALSE(fs::exists(path("unasked")));
+
+  // A run of somebody else, with its settings and with those in a checkpoint alone.
+  ASSERT_EQ(
+      gflow({"train", scene_->path(), "-o", path("theirs"), "--iterations", "2", "--quiet"}).code,
+      0);
+  const RunFolder theirs(path("theirs"));
+  Checkpoint checkpoint = read_checkpoint(theirs.checkpoints().path(2));
+  TrainConfig config = theirs.read_config();
+  config.guidance.provider = GuidanceProvider::process;
+  config.guidance.command = command;
+  config.train.iterations = 4;
+  checkpoint.facts.config = to_toml(config);
+  theirs.checkpoints().write(checkpoint);
+  theirs.write_config(config);
+  const std::vector<std::string> resume{"train", "-o", path("theirs"), "--resume", "--quiet"};
+  expect_refused(resume, {path("theirs") + " would start a program", "--allow-command"});
+  fs::remove(path("theirs") + "/config.toml");
+  const Outcome from_checkpoint = gflow(resume);
+  EXPECT_EQ(from_checkpoint.code, 1);
+  EXPECT_NE(from_checkpoint.err.find("would start a program"), std::string::npos);
+
+  folder_->write("plan.toml", "scenes = [\"" + scene_->path() +
+                                  "\"]\n[settings]\nguidance.provider = \"process\"\n"
+                                  "guidance.command = \"" +
+                                  command + "\"\n");
+  expect_refused({"experiment", path("plan.toml"), "-o", path("plan")},
+                 {"plan.toml: training", "would start a program", "--allow-command"});
+  EXPECT_FALSE(fs::exists(path("plan")));
+  EXPECT_FALSE(fs::exists(ran));
+
+  // Who names it, or allows it, gets it.
+  std::vector<std::string> named = of_config;
+  named.insert(named.end(), {"--set", "guidance.command=" + command});
+  expect_refused(named, {"ended with exit code 3"});
+  EXPECT_TRUE(fs::remove(ran));
+  of_config.push_back("--allow-command");
+  expect_refused(of_config, {"ended with exit code 3"});
+  EXPECT_TRUE(fs::remove(ran));
 }
 
 // What cannot make its first step replaces nothing.
@@ -137,7 +187,8 @@ serve(guide)
   EXPECT_NE(outcome.err.find("interrupted after 12 of 60 steps"), std::string::npos) << outcome.err;
 
   folder_->write("quick", "");
-  const Outcome resumed = gflow({"train", "-o", path("slow"), "--resume", "--quiet"});
+  const Outcome resumed =
+      gflow({"train", "-o", path("slow"), "--resume", "--quiet", "--allow-command"});
   EXPECT_EQ(resumed.code, 0) << resumed.err;
   const Outcome whole = gflow(train("quickly", command));
   ASSERT_EQ(whole.code, 0) << whole.err;

@@ -130,6 +130,24 @@ TEST(Ply, RefusesHeadersThatMakeNoSense) {
                {"x, y and z"});
 }
 
+TEST(Ply, TakesDamagedTextForNoOtherNumbers) {
+  const TemporaryFolder folder;
+  const auto read = [&](const std::string& rows) {
+    return read_ply(folder.write("a.ply",
+                                 "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\n"
+                                 "property float y\nend_header\n" +
+                                     rows))
+        .values;
+  };
+  const std::vector<float> four{1, 2, 3, 4};
+  EXPECT_EQ(read("1 2\n3 4\n"), four);
+  EXPECT_EQ(read("1 2 \r\n\n3\n4"), four);
+  expect_error([&] { read("1-2\n3 4\n"); }, {"a.ply", "'1-2' in line 7 is no number"});
+  expect_error([&] { read("1 2\n3 1.2.3\n"); }, {"'1.2.3' in line 8"});
+  expect_error([&] { read("0x10 2\n3 4\n"); }, {"'0x10' in line 7"});
+  expect_error([&] { read("1 2 3\n4 5\n"); }, {"line 7 has more values"});
+}
+
 TEST(Ply, RefusesPositionsThatAreNotFinite) {
   const TemporaryFolder folder;
   expect_error(

@@ -2,6 +2,8 @@
 // The file itself: nothing but what was written is ever read from it.
 #include "optim/train/checkpoint.hpp"
 
+#include <cmath>
+
 #include "io/file_size_limit.hpp"
 #include "io/temporary_folder.hpp"
 
@@ -160,6 +162,30 @@ TEST(CheckpointFolder, TakesTheOneBeforeADamagedOneAndSaysSo) {
   checkpoints.write(some_checkpoint(15));
   EXPECT_TRUE(std::filesystem::exists(checkpoints.path(10)));
   EXPECT_FALSE(std::filesystem::exists(checkpoints.path(20)));
+}
+
+// Whoever writes the right checksums, a training does not go on from what none leaves.
+TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
+  const TemporaryFolder folder;
+  const CheckpointFolder checkpoints(folder.path());
+  const auto taken = [&](const Checkpoint& last, const std::string& reason) {
+    checkpoints.write(some_checkpoint(10));
+    write_checkpoint(checkpoints.path(20), last);
+    testing::internal::CaptureStderr();
+    const auto found = checkpoints.latest();
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_NE(said.find(reason), std::string::npos) << said;
+    return found ? found->checkpoint.facts.step : -1;
+  };
+  for (const float value : {std::nanf(""), HUGE_VALF, -1.f})
+    for (const char* name : {"gaussians/means", "gaussians/means/exp_avg_sq", "table1/planes"}) {
+      if (value == -1 && std::string(name) != "gaussians/means/exp_avg_sq") continue;
+      Checkpoint last = some_checkpoint(20);
+      last.arrays[name] = {{1, 3}, std::vector<float>{0, 1, value}};
+      EXPECT_EQ(taken(last, std::string("'") + name + "'"), 10) << name << " " << value;
+    }
+  for (const int step : {-5, 10, 30}) EXPECT_EQ(taken(some_checkpoint(step), "of step"), 10);
+  EXPECT_EQ(taken(some_checkpoint(20), ""), 20);
 }
 
 TEST(CheckpointFolder, WithNoneThatCanBeReadIsAnError) {

@@ -157,7 +157,7 @@ TEST(Config, AWrongTypeIsRefusedWithWhatIsAllowed) {
 
 TEST(Config, AValueOutOfRangeIsRefusedWithTheRange) {
   EXPECT_CONTAINS(message_of_setting("train.iterations=0"), "at least 1");
-  EXPECT_CONTAINS(message_of_setting("train.iterations=99999999999"), "train.iterations");
+  EXPECT_CONTAINS(message_of_setting("train.iterations=99999999999"), "at most 2147483647");
   EXPECT_CONTAINS(message_of_setting("loss.ssim=1.01"), "0 to 1");
   EXPECT_CONTAINS(message_of_setting("scene.radius=0"), "above 0");
   EXPECT_CONTAINS(message_of_setting("scene.resolution=3"), "one of 1, 2, 4, 8");
@@ -166,7 +166,7 @@ TEST(Config, AValueOutOfRangeIsRefusedWithTheRange) {
 TEST(Config, NanAndInfinityAreRefusedEverywhere) {
   EXPECT_CONTAINS(message_of_setting("flow.weight=nan"), "flow.weight");
   EXPECT_CONTAINS(message_of_setting("flow.weight=inf"), "flow.weight");
-  EXPECT_CONTAINS(message_of_setting("flow.weight=1e300"), "flow.weight");
+  EXPECT_CONTAINS(message_of_setting("flow.weight=1e300"), "at most 3.4e+38");
   TrainConfig config;
   config.lr.opacity = std::numeric_limits<float>::quiet_NaN();
   EXPECT_CONTAINS(message_of([&] { check(config); }), "lr.opacity");

@@ -73,6 +73,22 @@ TEST(Evaluate, DynamicPixelsAreThoseWhoseTrueFlowExceedsOnePixel) {
   }
 }
 
+// As the loss does, it leaves out what no flow can be.
+TEST(Evaluate, FlowOfAHundredThousandPixelsIsNoTruth) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const Evaluation before = judged(queue, scene, scene.truth);
+  const LoadedScene loaded = load_scene(small_config(scene, 1).scene, "");
+  for (size_t k = 0; k + 1 < loaded.scene.test.size(); ++k) {
+    FlowField truth = read_flo(loaded.scene.test[k].flow_path);
+    for (const size_t i : {size_t(3), size_t(40), size_t(41)}) truth.uv[2 * i + i % 2] = 1e9f;
+    write_flo(loaded.scene.test[k].flow_path, truth);
+  }
+  const Evaluation after = judged(queue, scene, scene.truth);
+  for (size_t k = 0; k + 1 < loaded.scene.test.size(); ++k)
+    EXPECT_NEAR(after.views[k].flow_epe, before.views[k].flow_epe, 1e-4);
+}
+
 // A model whose moving Gaussians have other colours; what it draws is read again, in 8 bits.
 TEST(Evaluate, SsimOfWhatMovesIsTheMeanOverThesePixels) {
   Queue queue = test_queue();

@@ -165,6 +165,64 @@ TEST_F(FilesCommand, SplatDrawsAnArchive) {
   EXPECT_EQ(output.at("g_rgb_means").shape, (std::vector<size_t>{2, 3}));
 }
 
+TEST_F(FilesCommand, NothingIsWrittenOverWhatItIsMadeFrom) {
+  const TemporaryFolder folder;
+  const std::string ply = folder.file("a.ply"), npz = folder.file("in.npz");
+  fs::copy_file(model(), ply);
+  write_npz(npz, small_npz());
+  fs::create_symlink("a.ply", folder.file("link.ply"));
+  const std::string before = contents(ply), archive = contents(npz);
+  expect_refused({"export", ply, "-o", ply}, {"a.ply", "made from"});
+  expect_refused({"export", ply, "-o", folder.file("link.ply")}, {"link.ply", "made from"});
+  expect_refused({"import", ply, "-o", folder.path() + "/./a.ply"}, {"made from"});
+  expect_refused({"splat", npz, "-o", npz}, {"in.npz", "made from"});
+  EXPECT_TRUE(contents(ply) == before);
+  EXPECT_TRUE(contents(npz) == archive);
+}
+
+TEST_F(FilesCommand, NothingIsWrittenOverTheFilesOfARun) {
+  const TemporaryFolder folder;
+  const std::string still = folder.file("still.ply"), npz = folder.file("in.npz");
+  ASSERT_EQ(gflow({"export", run(), "-o", still}).code, 0);
+  write_npz(npz, small_npz());
+  const std::string checkpoint = run() + "/checkpoints/iteration_3.npz";
+  const std::string before =
+      contents(checkpoint) + contents(model()) + contents(run() + "/input.ply");
+  expect_refused({"export", run(), "-o", model()}, {"what a training writes into", run()});
+  expect_refused({"export", run(), "-o", run() + "/input.ply"}, {"input.ply"});
+  expect_refused({"export", run(), "-o", run() + "/checkpoints", "--format", "ply-sequence"},
+                 {"files of a run"});
+  expect_refused({"import", still, "-o", run() + "/point_cloud/other.ply"}, {"other.ply"});
+  expect_refused({"import", still, "-o", checkpoint}, {"end the name in .ply"});
+  expect_refused({"splat", npz, "-o", checkpoint}, {"what a training writes into"});
+  EXPECT_TRUE(contents(checkpoint) + contents(model()) + contents(run() + "/input.ply") == before);
+  // Beside them there is room.
+  const std::string own = run() + "/still.splat";
+  EXPECT_EQ(gflow({"export", run(), "-o", own}).code, 0);
+  EXPECT_EQ(gflow({"export", run(), "-o", own}).code, 0);
+  fs::remove(own);
+}
+
+TEST_F(FilesCommand, ANameThatIsNotUtf8IsNoObstacle) {
+  const TemporaryFolder folder;
+  const std::string name = folder.path() + "/a\xff.ply";
+  fs::copy_file(model(), name);
+  const Outcome outcome = gflow({"info", "--json", name});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("a\xef\xbf\xbd.ply"), std::string::npos) << outcome.out;
+}
+
+TEST_F(FilesCommand, ScalesThatNoFloatHoldsAreTold) {
+  const TemporaryFolder folder;
+  const std::string still = folder.file("still.ply");
+  ASSERT_EQ(gflow({"export", run(), "-o", still}).code, 0);
+  PlyTable table = read_ply(still);
+  table.values[size_t(table.column("scale_1"))] = 89;
+  write_ply(still, table);
+  const Outcome outcome = gflow({"render", still, "-o", folder.path() + "/out", "--times", "0"});
+  EXPECT_NE(outcome.err.find("1 of the Gaussians"), std::string::npos) << outcome.err;
+}
+
 TEST_F(FilesCommand, SplatNamesGaussiansThatAreBroken) {
   const TemporaryFolder folder;
   Arrays input = small_npz();

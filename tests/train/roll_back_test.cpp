@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "optim/motion/parameters_state.hpp"
 #include "train/command.hpp"
 #include "train/small_scene.hpp"
 
@@ -19,6 +20,9 @@ TEST(RollBack, ATrainingIsSoundWhoseLossIsANumberAndThatRefusesFew) {
   now.refused = 7 + 16;
   EXPECT_FALSE(is_sound(now, before));
   now.refused = 7;
+  now.unsound = "gaussians/means";
+  EXPECT_FALSE(is_sound(now, before));
+  now.unsound.clear();
   for (const double loss : {std::nan(""), HUGE_VAL}) {
     now.loss = loss;
     EXPECT_FALSE(is_sound(now, before));
@@ -119,6 +123,39 @@ TEST_F(Broken, EndsAfterThreeReturnsAndKeepsTheStateItCameTo) {
                {"the loss is nan at step 9", "3 returns to step 0", "lr.", "broken.npz"});
   EXPECT_EQ(read_checkpoint(run.path("broken.npz")).facts.step, 9);
   EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{0});
+}
+
+// The loss does not tell: what is so far away is not drawn.
+TEST_F(Broken, ValuesThatAreNoNumbersAreNamedAndNotSaved) {
+  training.steps(queue, 20);
+  const StepFigures before = training.trainer.figures(queue);
+  training.model.parameters["means"].values.fill_range(queue, 3, 1, HUGE_VALF);
+  roll_back.save_what_there_is(20, 0, before);
+  EXPECT_TRUE(run.checkpoints().steps().empty());
+  StepFigures figures = training.trainer.figures(queue);
+  figures.unsound = unsound_array(training.trainer.state(queue));
+  expect_error([&] { roll_back.go_back(20, figures, notice); },
+               {"gaussians/means has values that are no numbers at step 20", "broken.npz"});
+}
+
+TEST(BrokenRun, EndsWhereParametersAreNoNumbersThoughTheLossIs) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TemporaryFolder folder;
+  const std::string run = folder.path() + "/run";
+  const auto train = [&](const std::string& more) {
+    return gflow({"train", scene.path(), "-o", run, "--quiet", "--iterations", "10", "--set",
+                  "lr.means=1e38", "--set", more});
+  };
+  for (const char* more : {"train.log_every=4", "train.save_every=4", "train.minutes=1e-6"}) {
+    const Outcome outcome = train(more);
+    EXPECT_EQ(outcome.code, 1) << more;
+    EXPECT_NE(outcome.err.find("has values that are no numbers"), std::string::npos) << outcome.err;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    EXPECT_TRUE(RunFolder(run).checkpoints().steps().empty()) << more;
+    EXPECT_TRUE(RunFolder(run).models().empty()) << more;
+    fs::remove_all(run);
+  }
 }
 
 TEST(BrokenRun, WithoutACheckpointEndsWithASentenceAndGoesOnFromNothing) {

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/output_path.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <set>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+
+// As RunFolder::is_run, which is not in every build.
+bool is_run(const fs::path& folder) {
+  std::error_code none;
+  return fs::exists(folder / "config.toml", none) || fs::is_directory(folder / "checkpoints", none);
+}
+
+// Whether a training writes what is so called in the folder of its run.
+bool is_of_training(const std::string& name) {
+  static const std::set<std::string> names = {
+      ".lock",         "broken.npz",       "cameras.json", "caches.stamp",
+      "checkpoints",   "compare.png",      "config.toml",  "flow",
+      "frames",        "input.motion.npz", "input.ply",    "metrics.csv",
+      "metrics.jsonl", "point_cloud",      "test",         "training.json"};
+  const bool result = name.rfind("results", 0) == 0 || name.rfind("per_view", 0) == 0;
+  return names.count(name) || (result && fs::path(name).extension() == ".json");
+}
+
+// The run among whose files the path lies, empty where there is none. itself: also a run's folder.
+fs::path run_around(const std::string& path, bool itself) {
+  std::string inner;  // what is next on the way from `folder` to the path
+  for (fs::path folder = fs::weakly_canonical(path); folder.has_relative_path();
+       inner = folder.filename().string(), folder = folder.parent_path())
+    if ((inner.empty() ? itself : is_of_training(inner)) && is_run(folder)) return folder;
+  return {};
+}
+
+}  // namespace
+
+void require_other_file(const std::string& output, const std::string& input) {
+  std::error_code missing;
+  if (fs::equivalent(output, input, missing))
+    throw Error(fmt::format("writing {}: that is the file it is made from; name another", output));
+}
+
+void require_no_file_of_run(const std::string& output) {
+  const fs::path run = run_around(output, false);
+  if (!run.empty())
+    throw Error(
+        fmt::format("writing {}: that is among what a training writes into {}; name another "
+                    "file",
+                    output, run.string()));
+}
+
+void require_no_folder_of_run(const std::string& output) {
+  const fs::path run = run_around(output, true);
+  if (!run.empty())
+    throw Error(
+        fmt::format("drawing into {}: there lie the files of a run; name a folder of its "
+                    "own, {} say",
+                    output, (run / "pictures").string()));
+}
+
+}  // namespace gflow
