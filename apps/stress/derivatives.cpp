@@ -149,9 +149,10 @@ Derivative image_row(Queue& queue, const std::string& image, Transport transport
         along += direction[i] * gradient[i];
       }
       reference::Named moved = s.p;
+      const std::vector<double>& from = s.p.at(name);
+      std::vector<double>& to = moved.at(name);
       const auto loss = [&](const std::vector<double>& step) {
-        for (size_t i = 0; i < direction.size(); ++i)
-          moved[name][i] = s.p[name][i] + step[0] * direction[i];
+        for (size_t i = 0; i < direction.size(); ++i) to[i] = from[i] + step[0] * direction[i];
         return inner(reference::render(s.shot, reference::posed(moved), &r.contributors).images, v);
       };
       const double slope = slopes(loss, {0}, 1e-4)[0];
