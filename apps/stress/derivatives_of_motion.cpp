@@ -431,11 +431,13 @@ Derivative plane_rule_row(Queue& queue) {
 
 std::vector<Derivative> motion_derivatives(Queue& queue) {
   std::vector<Derivative> rows;
-  for (const auto& [kind, text] : {std::pair{MotionModelKind::spacetime, spacetime_text},
-                                   {MotionModelKind::native4d, native4d_text},
-                                   {MotionModelKind::keyframes, shifted_text},
-                                   {MotionModelKind::bases, basis_text},
-                                   {MotionModelKind::hexplane, hexplane_text}}) {
+  const std::pair<MotionModelKind, double (*)()> texts[] = {
+      {MotionModelKind::spacetime, spacetime_text},
+      {MotionModelKind::native4d, native4d_text},
+      {MotionModelKind::keyframes, shifted_text},
+      {MotionModelKind::bases, basis_text},
+      {MotionModelKind::hexplane, hexplane_text}};
+  for (const auto& [kind, text] : texts) {
     std::string groups;
     const double to_double = device_error(queue, shape_of(kind), groups);
     rows.push_back({names_of(kind)[size_t(kind)], groups, to_double, text(), 1e-4, 1e-6});

@@ -33,13 +33,15 @@ Rows against_differences(Queue&) {  // T34
       for (const double x : gradient) most = std::max(most, std::fabs(x));
       for (size_t i = 0; i < gradient.size(); ++i) {
         const double h = 1e-6;
+        const double at = s.p.at(name)[i];
         reference::Named moved = s.p;
+        double& value = moved.at(name)[i];
         const auto loss = [&](double x) {
-          moved[name][i] = x;
+          value = x;
           return inner(reference::render(s.shot, reference::posed(moved), &r.contributors).images,
                        v);
         };
-        const double difference = (loss(s.p[name][i] + h) - loss(s.p[name][i] - h)) / (2 * h);
+        const double difference = (loss(at + h) - loss(at - h)) / (2 * h);
         error = std::max(error, std::fabs(difference - gradient[i]));
       }
       rows.push_back({fmt::format("{}, by {}, off differences, of the largest", name_of(t), name),

@@ -78,9 +78,10 @@ TEST_P(HexplaneOfSomeShapes, TheDoubleDerivativeIsThatOfCentralDifferences) {
     for (const auto& [name, gradient] :
          {std::pair{"planes", &found.planes}, std::pair{"network", &found.network}}) {
       Named q = p;
+      std::vector<double>& some = q[name];
       const auto expected = numeric_gradient(
           [&](const std::vector<double>& x) {
-            q[name] = x;
+            some = x;
             return sum(q, mean);
           },
           p[name], 1e-6);
