@@ -1,11 +1,19 @@
 """The device: allocations, copies, launches and builds that fail, devices that are lost, that hang, that are
-small."""
+small.
+
+Which exit code is right (the table in README.md, NoUsableDevice in apps/options.hpp, main in apps/main.cpp):
+4 where the device hangs; 2 where it fails before or in the check that stands before any work, and then nothing
+was written; 1 where it fails later, also where it is lost. 0 only where gflow can do without: memory that is
+short while density control, rest or order change the Gaussians (trainer.cpp), and a checkpoint on the way that cannot
+be read off the device (Checkpointer::try_write), both of which are said; the cache of compiled programs; and the
+last wait of all, when everything is written and the trainer lets go of its memory (~Trainer)."""
 import os
 import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 
-from world import broken_checkpoints, checkpoints_of, complaints, failed_calls, settings, unfinished_in
+from world import (broken_checkpoints, checkpoints_of, complaints, contents_under, failed_calls, settings,
+                   unfinished_in)
 
 NAMES = {-2: "CL_DEVICE_NOT_AVAILABLE", -4: "CL_MEM_OBJECT_ALLOCATION_FAILURE", -5: "CL_OUT_OF_RESOURCES",
          -6: "CL_OUT_OF_HOST_MEMORY", -11: "CL_BUILD_PROGRAM_FAILURE", -36: "CL_INVALID_COMMAND_QUEUE",
@@ -13,7 +21,44 @@ NAMES = {-2: "CL_DEVICE_NOT_AVAILABLE", -4: "CL_MEM_OBJECT_ALLOCATION_FAILURE", 
 HANGS, HANG_SECONDS, HANG_CODE = 1, 5, 4
 NAMES[HANGS] = f"nothing came back for {HANG_SECONDS} s"
 FOREVER = 10**9
-ALL = "setup,build,kernel,argument,create,launch,copy,wait,flush"
+ALL = "setup,build,binary,kernel,argument,create,launch,copy,wait,flush"
+# is_out_of_memory() in runtime/error.cpp.
+OF_MEMORY = (-4, -5, -6, -61)
+
+
+def calls_of_check(world, kinds, cache):
+    """The calls before any work: those of `gflow devices`, which opens and checks a device as each command does."""
+    report = world.path("device-check.report")
+    outcome = world.run(["devices", "--device", os.environ["GFLOW_DEVICE"]], {
+        "LD_PRELOAD": world.shims["fail_opencl"], "CLFAULT_KINDS": kinds, "CLFAULT_REPORT": report,
+        "GFLOW_CACHE_DIR": cache})
+    if outcome.code != 0:
+        raise SystemExit(f"without a fault the device must be usable: {outcome.err}")
+    calls = [name for _, name in failed_calls(report)[1]]
+    os.remove(report)
+    return calls
+
+
+def right_codes(outcome, code, failed, calls, check, count):
+    """The exit codes that a fault may have. failed: the calls that failed; calls: all; check: those before work;
+    count: how many there are without a fault."""
+    number, name = failed[0]
+    of_cache = (name in ("clCreateProgramWithBinary", "clGetProgramInfo") or
+                (name == "clBuildProgram" and calls[number - 2][1] == "clCreateProgramWithBinary"))
+    if of_cache and {what for _, what in failed} <= {"clCreateProgramWithBinary", "clGetProgramInfo", name}:
+        return (0,)
+    if code == HANGS:
+        return (HANG_CODE,)
+    if number <= len(check):
+        return (2,)
+    if name == "clFinish" and number == count:
+        return (0,)
+    short = "memory is short" in outcome.err and code in OF_MEMORY
+    return (0, 1) if short or no_checkpoint(outcome) else (1,)
+
+
+def no_checkpoint(outcome):
+    return re.fullmatch(r"gflow: warning: no checkpoint of step \d+: .*; training goes on\n", outcome.err)
 
 
 def spread(numbers, first, more):
@@ -23,8 +68,9 @@ def spread(numbers, first, more):
     return numbers[:first] + rest[every - 1::every]
 
 
-def trial(world, tag, kinds, first, last, code, resume):
-    """A training, from the start or from step 4, in which the calls first .. last of these kinds fail."""
+def trial(world, tag, kinds, first, last, code, resume, cache="", check=(), count=0):
+    """A training, from the start or from step 4, in which the calls first .. last of these kinds fail. cache: of
+    compiled programs, "": none; check: the calls before any work; count: how many there are without a fault."""
     run, report = world.path("device-" + tag), world.path(f"device-{tag}.report")
     shutil.rmtree(run, ignore_errors=True)
     if resume:
@@ -32,6 +78,7 @@ def trial(world, tag, kinds, first, last, code, resume):
     outcome = world.run(["train", world.scene, "-o", run, *settings(), *(["--resume"] if resume else [])],
                         {"LD_PRELOAD": world.shims["fail_opencl"], "CLFAULT_KINDS": kinds, "CLFAULT_CALL": str(first),
                          "CLFAULT_LAST": str(last), "CLFAULT_CODE": str(code), "CLFAULT_REPORT": report,
+                         "GFLOW_CACHE_DIR": cache,
                          **({"GFLOW_DEVICE_TIMEOUT": str(HANG_SECONDS)} if code == HANGS else {})})
     failed, calls = failed_calls(report)
     os.remove(report)
@@ -42,14 +89,22 @@ def trial(world, tag, kinds, first, last, code, resume):
     if not failed:
         return [f"{where}: the fault did not strike"]
     where += f" ({failed[0][1]})"
+    codes = right_codes(outcome, code, failed, calls, check, count)
     short = "memory is short" in outcome.err
     if outcome.code == 0 and short:
         # One sentence about it, and the training is worth what it is: with fewer Gaussians.
         wrong = [] if len(outcome.err.splitlines()) == 1 else [f"more than one sentence: {outcome.err!r}"]
+        wrong += [] if NAMES[code] in outcome.err else [f"does not say {NAMES[code]}: {outcome.err!r}"]
         wrong += [] if os.path.exists(run + "/results.json") else ["there are no results"]
+        wrong += [] if 0 in codes else [f"it goes on without what it cannot do without: {outcome.err!r}"]
     else:
-        wrong = complaints(outcome, (HANG_CODE,) if code == HANGS else (0, 1, 2), [NAMES[code]] if "says:" not in outcome.err else [])
+        wrong = complaints(outcome, codes, [NAMES[code]] if "says:" not in outcome.err else [])
         wrong += world.differences(run) if outcome.code == 0 else []
+        wrong += [f"it succeeds and says {outcome.err!r}"] if (
+            outcome.code == 0 and outcome.err and not no_checkpoint(outcome)) else []
+    if outcome.code == 2:
+        before = contents_under(world.stopped) if resume else {}
+        wrong += [] if contents_under(run) == before else ["it refuses the device and has written before"]
     wrong += broken_checkpoints(run)
     wrong += [f"{path} was left behind" for path in unfinished_in(run)]
     if resume and not any(step >= 4 for step in checkpoints_of(run)):
@@ -63,16 +118,29 @@ def trial(world, tag, kinds, first, last, code, resume):
     return [f"{where}: {what}" for what in wrong]
 
 
-def in_turn(world, name, kinds, codes, first, more, resume, lost=False):
-    outcome, calls = trial(world, name + "-clean", kinds, 0, 0, 0, resume)
+def in_turn(world, name, kinds, codes, first, more, resume, lost=False, cache=""):
+    check = calls_of_check(world, kinds, cache)
+    outcome, calls = trial(world, name + "-clean", kinds, 0, 0, 0, resume, cache)
     if outcome.code != 0 or not calls:
         yield [f"without a fault: {outcome.last_line()}, {len(calls)} calls"]
         return
+    if [what for _, what in calls[:len(check)]] != check:
+        yield ["a training does not check the device as gflow devices does"]
+        return
     numbers = spread([n for n, _ in calls], first, more)
-    jobs = [(f"{name}-{k}", kinds, k, FOREVER if lost else k, codes[i % len(codes)], resume)
+    jobs = [(f"{name}-{k}", kinds, k, FOREVER if lost else k, codes[i % len(codes)], resume, cache, check, len(calls))
             for i, k in enumerate(numbers)]
     with ThreadPoolExecutor(2) as pool:
         yield from pool.map(lambda job: trial(world, *job), jobs)
+
+
+def caches(world):
+    """Programs that cannot be kept, or taken from where they were kept: nothing changes, and nothing is said."""
+    cold, warm = world.path("kernels-cold"), world.path("kernels")
+    outcome = world.train(world.path("device-warm"), {"GFLOW_CACHE_DIR": warm})
+    yield complaints(outcome, (0,))
+    yield trial(world, "cold", "binary", 1, FOREVER, -6, False, cold)
+    yield from in_turn(world, "warm", "binary,build", (-42, -6, -5), FOREVER, 0, False, cache=warm)
 
 
 def smaller(world):
@@ -110,7 +178,7 @@ def faults(world, every):
     few = more or 40
     table = [("allocation", "create", (-4, -61), FOREVER, 0, False),
              ("allocation after a step", "create", (-4, -6, -5), FOREVER, 0, True),
-             ("build", "build", (-11, -6), FOREVER, 0, False),
+             ("build", "build", (-11, -6, -5), FOREVER, 0, False),
              ("kernel made", "kernel", (-6, -5), 20, few, False),
              ("argument of a kernel", "argument", (-5, -6), 10, few // 2, True),
              ("launch", "launch", (-4, -5, -36), 30, few, False),
@@ -126,4 +194,5 @@ def faults(world, every):
     for resume in (False, True):
         yield f"device: lost {'after' if resume else 'before or in'} the first steps", lambda r=resume: (
             in_turn(world, f"lost{r}", ALL, (-36, -5, -2), 0, few, r, lost=True))
+    yield "device: no program can be kept or taken from the cache", lambda: caches(world)
     yield "device: smaller than what is asked of it", lambda: smaller(world)

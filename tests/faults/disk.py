@@ -5,7 +5,7 @@ import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 
-from world import broken_checkpoints, checkpoints_of, complaints, content, failed_calls, settings, unfinished_in
+from world import broken_checkpoints, checkpoints_of, complaints, contents_under, failed_calls, settings, unfinished_in
 
 REASONS = {errno.ENOSPC: "No space left on device", errno.EIO: "Input/output error",
            errno.EROFS: "Read-only file system"}
@@ -24,11 +24,6 @@ def worth_failing(calls):
         if not what.startswith("fwrite ") or first or last or number % 40 == 0:
             chosen.append(number)
     return chosen
-
-
-def contents_under(folder):
-    return {os.path.relpath(os.path.join(where, name), folder): content(os.path.join(where, name))
-            for where, _, names in os.walk(folder) for name in names}
 
 
 class Trial:

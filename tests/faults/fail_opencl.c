@@ -7,9 +7,11 @@
 //   CLFAULT_CODE     what it returns, e.g. -4; 1: it never returns
 //   CLFAULT_LARGEST  CL_DEVICE_MAX_MEM_ALLOC_SIZE [bytes]; CLFAULT_MEMORY: CL_DEVICE_GLOBAL_MEM_SIZE
 //   CLFAULT_REPORT   file that gets a line a call that counts: its number, "failed" or "made", its name
-// KINDS: setup (context, queue), build (program, its building, its binaries), kernel, argument, create
-// (buffers), launch, copy (read, write, map, copy, fill), wait (finish, events), flush.
-// A wait that fails has waited: what a device still writes to would otherwise be let go of.
+// KINDS: setup (context, queue), build (program of a source, building of any), binary (program of a
+// binary, binaries of a program), kernel, argument, create (buffers), launch, copy (read, write, map,
+// copy, fill), wait (finish, events), flush.
+// A wait that fails has waited: what a device still writes to would otherwise be let go of. A build that
+// fails was tried: a driver asked for the log of what it never built says that there is no such program.
 #define _GNU_SOURCE
 #define CL_TARGET_OPENCL_VERSION 120
 #define CL_USE_DEPRECATED_OPENCL_1_2_APIS
@@ -70,10 +72,10 @@ static cl_int fault(const char *kind, const char *name) {
     if (error) *error = failed;                       \
     return NULL;                                      \
   }
-#define WAIT(name, parameters, arguments)           \
+#define TRIED(kind, name, parameters, arguments)    \
   cl_int name parameters {                          \
     const cl_int result = NEXT(name) arguments;     \
-    const cl_int failed = fault("wait", #name);     \
+    const cl_int failed = fault(kind, #name);       \
     return failed ? failed : result;                \
   }
 
@@ -89,15 +91,15 @@ MAKE("setup", cl_command_queue, clCreateCommandQueue,
 MAKE("build", cl_program, clCreateProgramWithSource,
      (cl_context context, cl_uint count, const char **texts, const size_t *lengths, cl_int *error),
      (context, count, texts, lengths, error))
-MAKE("build", cl_program, clCreateProgramWithBinary,
+MAKE("binary", cl_program, clCreateProgramWithBinary,
      (cl_context context, cl_uint count, const cl_device_id *devices, const size_t *lengths,
       const unsigned char **binaries, cl_int *states, cl_int *error),
      (context, count, devices, lengths, binaries, states, error))
-CALL("build", clBuildProgram,
-     (cl_program program, cl_uint count, const cl_device_id *devices, const char *options,
-      void(CL_CALLBACK *notify)(cl_program, void *), void *data),
-     (program, count, devices, options, notify, data))
-CALL("build", clGetProgramInfo,
+TRIED("build", clBuildProgram,
+      (cl_program program, cl_uint count, const cl_device_id *devices, const char *options,
+       void(CL_CALLBACK *notify)(cl_program, void *), void *data),
+      (program, count, devices, options, notify, data))
+CALL("binary", clGetProgramInfo,
      (cl_program program, cl_program_info what, size_t room, void *value, size_t *size),
      (program, what, room, value, size))
 MAKE("kernel", cl_kernel, clCreateKernel, (cl_program program, const char *name, cl_int *error),
@@ -133,8 +135,8 @@ MAKE("copy", void *, clEnqueueMapBuffer,
       size_t size, cl_uint events, const cl_event *before, cl_event *event, cl_int *error),
      (queue, buffer, wait, flags, at, size, events, before, event, error))
 CALL("flush", clFlush, (cl_command_queue queue), (queue))
-WAIT(clFinish, (cl_command_queue queue), (queue))
-WAIT(clWaitForEvents, (cl_uint count, const cl_event *events), (count, events))
+TRIED("wait", clFinish, (cl_command_queue queue), (queue))
+TRIED("wait", clWaitForEvents, (cl_uint count, const cl_event *events), (count, events))
 
 cl_int clGetDeviceInfo(cl_device_id device, cl_device_info what, size_t room, void *value,
                        size_t *size) {

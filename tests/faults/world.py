@@ -77,6 +77,11 @@ def content(path):
         return file.read()
 
 
+def contents_under(folder):
+    return {os.path.relpath(os.path.join(where, name), folder): content(os.path.join(where, name))
+            for where, _, names in os.walk(folder) for name in names}
+
+
 class World:
     def __init__(self, gflow, work):
         self.work = work
