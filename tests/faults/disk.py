@@ -1,98 +1,10 @@
 """The disk: the k-th call that changes a file fails, once or from then on."""
-import errno
 import os
-import re
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 
-from world import broken_checkpoints, checkpoints_of, complaints, contents_under, failed_calls, settings, unfinished_in
-
-REASONS = {errno.ENOSPC: "No space left on device", errno.EIO: "Input/output error",
-           errno.EROFS: "Read-only file system"}
-FOREVER = 10**9
-# What no training may be stopped by: there may be room later. (A rename to metrics.jsonl is of before its start.)
-GOES_ON = re.compile(r"(?!rename ).*/(metrics\.(jsonl|csv)$|\.?iteration_[48]\.)")
-
-
-def worth_failing(calls):
-    """The calls to let fail: all, but of a row of fwrites to one file, which differ in nothing, the first, the
-    last and every fortieth."""
-    chosen = []
-    for i, (number, what) in enumerate(calls):
-        first = i == 0 or calls[i - 1][1] != what
-        last = i + 1 == len(calls) or calls[i + 1][1] != what
-        if not what.startswith("fwrite ") or first or last or number % 40 == 0:
-            chosen.append(number)
-    return chosen
-
-
-class Trial:
-    """One command with one fault. prepare(folder) makes what is there before; arguments(folder) the command;
-    check(folder, outcome, before) tells what is wrong afterwards."""
-
-    def __init__(self, world, name, prepare, arguments, check):
-        self.world, self.name = world, name
-        self.prepare, self.arguments, self.check = prepare, arguments, check
-
-    def run(self, first, last, code, tag):
-        folder = self.world.path(f"{self.name}-{tag}")
-        shutil.rmtree(folder, ignore_errors=True)
-        os.makedirs(folder)
-        self.prepare(folder)
-        before = contents_under(folder)
-        report = folder + ".report"
-        if os.path.exists(report):
-            os.remove(report)
-        outcome = self.world.run(self.arguments(folder), {
-            "LD_PRELOAD": self.world.shims["fail_io"], "FAULT_FOLDER": folder, "FAULT_CALL": str(first),
-            "FAULT_LAST": str(last), "FAULT_ERRNO": str(code), "FAULT_REPORT": report})
-        failed, calls = failed_calls(report)
-        if first == 0:
-            return outcome, calls, folder
-        # FFmpeg writes videos, and tells nobody why it could not.
-        video = failed and failed[0][1].endswith(".mp4")
-        reason = (REASONS[code], "FFmpeg did not write all of it") if video else REASONS[code]
-        wrong = complaints(outcome, (0, 1), [reason, folder])
-        wrong += [f"{line!r} does not say why" for line in outcome.warnings() if REASONS[code] not in line]
-        wrong += [f"{path} was left behind" for path in unfinished_in(folder)]
-        wrong += self.check(folder, outcome, before)
-        shutil.rmtree(folder, ignore_errors=True)
-        where = f"{os.strerror(code)} at call {first}{'' if first == last else ' and all later'}"
-        if not failed:
-            return [f"{where}: the fault did not strike"]
-        if outcome.code and first == last and GOES_ON.match(failed[0][1]):
-            wrong.append(f"training stops, and could go on: {outcome.last_line()}")
-        where += " (" + failed[0][1].replace(folder, "") + ")"
-        return [f"{where}: {what}" for what in wrong]
-
-
-def every_call(trial, every):
-    """Lets each call fail alone, and each third one (`every`: each) with all later ones."""
-    outcome, calls, folder = trial.run(0, 0, 0, "clean")
-    if outcome.code != 0 or not calls:
-        yield [f"without a fault: {outcome.last_line()}, {len(calls)} calls"]
-        return
-    shutil.rmtree(folder)
-    numbers = [n for n, _ in calls] if every else worth_failing(calls)
-    codes = list(REASONS)
-    jobs = []
-    for i, k in enumerate(numbers):
-        for code in codes if every else [codes[i % 3]]:
-            jobs.append((k, k, code))
-        if every or i % 3 == 0:
-            jobs.append((k, FOREVER, codes[i // 3 % 3]))
-    with ThreadPoolExecutor(2) as pool:
-        yield from pool.map(lambda job: trial.run(*job[1], job[0]), enumerate(jobs))
-
-
-def chosen_calls(trial, word, most):
-    """Lets the first calls fail whose file has this word."""
-    outcome, calls, folder = trial.run(0, 0, 0, "clean")
-    shutil.rmtree(folder)
-    numbers = [n for n, what in calls if word in what][:most]
-    if outcome.code != 0 or not numbers:
-        return [[f"without a fault: {outcome.last_line()}, no file has {word!r}"]]
-    return [trial.run(k, k, errno.ENOSPC, str(k)) for k in numbers]
+from outputs import gnuplot, others
+from trial import Trial, every_call, from_some_on
+from world import broken_checkpoints, checkpoints_of, contents_under, settings
 
 
 def training(world, name, prepare, arguments):
@@ -177,9 +89,11 @@ def trials(world):
     world.run(["export", world.whole, "-o", still, "--quiet"])
     made.append(one_output(world, "import", lambda folder: ["import", still, "-o", folder + "/out.ply", "--quiet"],
                            "out.ply"))
+    made += others(world)
     return {trial.name: trial for trial in made}
 
 
 def faults(world, every):
     for name, trial in trials(world).items():
         yield f"disk: every write of {name}", lambda trial=trial: every_call(trial, every)
+    yield "disk: full when gnuplot draws", lambda: from_some_on(gnuplot(world), 6)

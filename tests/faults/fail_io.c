@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// Preloaded into gflow (LD_PRELOAD): the k-th call that changes a file under one folder fails. Which
-// file a descriptor belongs to is asked of /proc, so that no table can be wrong.
+// Preloaded into gflow (LD_PRELOAD): the k-th call that changes, or reads, a file under one folder
+// fails. Which file a descriptor belongs to is asked of /proc, so that no table can be wrong.
 //   FAULT_FOLDER  only paths under it count (no symbolic link in it)
 //   FAULT_CALL    k, from 1; 0: none fails
 //   FAULT_LAST    the last one that fails (default: k alone; a large number: the disk stays full)
 //   FAULT_ERRNO   the number errno is set to
 //   FAULT_REPORT  file that gets a line a call: its number, "failed" or "made", its name, the path
+//   FAULT_READS   1: the calls that read count, instead of those that change
+//   FAULT_WHO     whose calls count: "first", of the program started but of none that it starts, or a
+//                 program's name; default: of all, each counting for itself
 // Calls: open to write, write, pwrite, writev, fwrite, fopen to write, fclose, close of what was
 // open to write, fsync, rename, ftruncate, truncate, mkdir. The C library's own calls of write
-// (behind fwrite) do not come by here, hence fwrite.
+// (behind fwrite) do not come by here, hence fwrite. Calls that read: open and fopen to read, read,
+// pread, readv, fread, mmap of what is open to read; not fgets, getc and fscanf. A file
+// that is being written (.part) may be opened to be flushed.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -19,6 +24,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/uio.h>
 #include <unistd.h>
@@ -26,7 +32,7 @@
 static atomic_long calls;
 static char folder[PATH_MAX];
 static long first, last;
-static int code, report = -1;
+static int code, report = -1, reads;
 
 #define NEXT(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
 
@@ -37,11 +43,17 @@ static long number(const char *name, long otherwise) {
 
 __attribute__((constructor)) static void start(void) {
   const char *wanted = getenv("FAULT_FOLDER"), *to = getenv("FAULT_REPORT");
+  const char *who = getenv("FAULT_WHO");
   if (!wanted || !to) return;
+  if (who && !strcmp(who, "first"))
+    unsetenv("LD_PRELOAD");
+  else if (who && strcmp(who, program_invocation_short_name))
+    return;
   snprintf(folder, sizeof folder, "%s", wanted);
   first = number("FAULT_CALL", 0);
   last = number("FAULT_LAST", first);
   code = (int)number("FAULT_ERRNO", ENOSPC);
+  reads = (int)number("FAULT_READS", 0);
   report = NEXT(open)(to, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
 }
 
@@ -51,8 +63,8 @@ static void say(long n, const char *outcome, const char *what, const char *path)
   if (report >= 0 && NEXT(write)(report, line, (size_t)length) < 0) return;
 }
 
-// Whether this call is to fail; errno is then set.
-static int strikes(const char *what, const char *path) {
+// Whether this call, which changes or reads a file, is to fail; errno is then set.
+static int counts(const char *what, const char *path) {
   const size_t length = strlen(folder);
   if (!length || !path || strncmp(path, folder, length) != 0 ||
       (path[length] != '/' && path[length] != '\0'))
@@ -62,6 +74,15 @@ static int strikes(const char *what, const char *path) {
   say(n, failed ? "failed" : "made", what, path);
   errno = failed ? code : before;
   return failed;
+}
+
+static int strikes(const char *what, const char *path) { return !reads && counts(what, path); }
+static int strikes_reading(const char *what, const char *path) {
+  struct stat facts;
+  const int before = errno, regular = reads && path && !stat(path, &facts) &&
+                                      S_ISREG(facts.st_mode) && !strstr(path, ".part");
+  errno = before;
+  return regular && counts(what, path);
 }
 
 // The path of a descriptor that is open to write (or of any, for fsync); NULL: it has none.
@@ -81,9 +102,14 @@ static int strikes_at(const char *what, int fd, int any) {
   char path[PATH_MAX];
   return *folder && strikes(what, path_of(fd, any, path));
 }
+static int strikes_reading_of(const char *what, int fd) {
+  char path[PATH_MAX];
+  return reads && *folder && strikes_reading(what, path_of(fd, 1, path));
+}
 
 static int opened(const char *name, const char *path, int flags, mode_t mode) {
   if ((flags & O_ACCMODE) != O_RDONLY && strikes("open", path)) return -1;
+  if ((flags & O_ACCMODE) == O_RDONLY && strikes_reading("open", path)) return -1;
   return ((int (*)(const char *, int, ...))dlsym(RTLD_NEXT, name))(path, flags, mode);
 }
 #define OPEN(name)                                                  \
@@ -99,6 +125,7 @@ OPEN(open64)
 
 static FILE *file_opened(const char *name, const char *path, const char *mode) {
   if (strpbrk(mode, "wa+") && strikes("fopen", path)) return NULL;
+  if (!strpbrk(mode, "wa+") && strikes_reading("fopen", path)) return NULL;
   return ((FILE * (*)(const char *, const char *)) dlsym(RTLD_NEXT, name))(path, mode);
 }
 FILE *fopen(const char *path, const char *mode) { return file_opened("fopen", path, mode); }
@@ -146,4 +173,34 @@ int rename(const char *from, const char *to) {
 }
 int mkdir(const char *path, mode_t mode) {
   return strikes("mkdir", path) ? -1 : NEXT(mkdir)(path, mode);
+}
+
+size_t fread(void *bytes, size_t size, size_t count, FILE *file) {
+  if (strikes_reading_of("fread", fileno(file))) {
+    file->_flags |= 0x20;
+    return 0;
+  }
+  return NEXT(fread)(bytes, size, count, file);
+}
+size_t __fread_chk(void *bytes, size_t room, size_t size, size_t count, FILE *file) {
+  return size && room / size < count ? (abort(), 0) : fread(bytes, size, count, file);
+}
+ssize_t read(int fd, void *bytes, size_t count) {
+  return strikes_reading_of("read", fd) ? -1 : NEXT(read)(fd, bytes, count);
+}
+ssize_t __read_chk(int fd, void *bytes, size_t count, size_t room) {
+  return room < count ? (abort(), -1) : read(fd, bytes, count);
+}
+ssize_t pread(int fd, void *bytes, size_t count, off_t at) {
+  return strikes_reading_of("pread", fd) ? -1 : NEXT(pread)(fd, bytes, count, at);
+}
+ssize_t pread64(int fd, void *bytes, size_t count, off64_t at) {
+  return strikes_reading_of("pread", fd) ? -1 : NEXT(pread64)(fd, bytes, count, at);
+}
+ssize_t readv(int fd, const struct iovec *parts, int count) {
+  return strikes_reading_of("readv", fd) ? -1 : NEXT(readv)(fd, parts, count);
+}
+void *mmap(void *to, size_t size, int protection, int flags, int fd, off_t at) {
+  if (fd >= 0 && strikes_reading_of("mmap", fd)) return MAP_FAILED;
+  return NEXT(mmap)(to, size, protection, flags, fd, at);
 }

@@ -1,0 +1,145 @@
+"""Commands that write results, but for trainings, and the judgement of what a failing disk leaves of these."""
+import json
+import os
+import shutil
+
+from trial import Trial
+from world import ROOT, SETTINGS, complaints, contents_under
+
+PLAN = """title = "Faults"
+scenes = [{{ path = "{scene}", name = "demo" }}]
+seeds = [0, 1]
+metrics = ["psnr", "minutes"]
+[settings]
+{settings}
+"""
+
+
+def is_whole(path, new, right):
+    """Whether a file that has times in it, which no two runs have alike, has its end and its lines."""
+    if path.endswith(".json"):
+        return json.loads(new).keys() == json.loads(right).keys()
+    if path.endswith(".svg"):
+        return new.rstrip().endswith(b"</svg>")
+    if path.endswith(".png"):
+        return new.endswith(b"IEND\xaeB`\x82")
+    return new.endswith(b"\n") and new.count(b"\n") == right.count(b"\n")
+
+
+def replaces(world, name, prepare, arguments, timed=(), who="", old=(), reads=False, free=None, again=True):
+    """A command that writes files, each of which is then the one there was before or the new one; and, with
+    `again`, the same command succeeds afterwards. timed: parts of names of files in which there are times; old:
+    names of files that are replaced; free: part of names of files that need be whole only in the end."""
+    def prepare_all(folder):
+        prepare(folder)
+        for path in old:
+            os.makedirs(os.path.dirname(os.path.join(folder, path)), exist_ok=True)
+            with open(os.path.join(folder, path), "wb") as file:
+                file.write(b"the file that was there before")
+
+    def is_new(path, now, done):
+        right = trial.right.get(path)
+        if os.path.basename(path) == ".lock":  # it has the number of a process
+            return True
+        if free and free in path and not (done and path.endswith((".ply", ".png", ".toml"))):
+            return not done or right is not None
+        if right is None or now == right:
+            return now == right
+        try:
+            return any(word in path for word in timed) and is_whole(path, now, right)
+        except ValueError:
+            return False
+
+    def differences(folder, before, done):
+        now = contents_under(folder)
+        wrong = [f"{path} is gone" for path in before if path not in now]
+        for path in now:
+            if not is_new(path, now[path], done) and (done or now[path] != before.get(path)):
+                wrong.append(f"{path} is neither the old nor the new one" if path in trial.right and not done else
+                             f"{path} is not as without the fault")
+        missing = [path for path in trial.right if done and path not in now]
+        return wrong + ([f"there is no {', '.join(missing[:3])} ({len(missing)} in all)"] if missing else [])
+
+    def check(folder, outcome, before):
+        wrong = differences(folder, before, outcome.code == 0)
+        if outcome.code != 0 and again:
+            then = world.run(arguments(folder))
+            wrong += [f"then: {what}" for what in complaints(then, (0,)) + differences(folder, {}, True)]
+        return wrong
+
+    trial = Trial(world, name, prepare_all, arguments, check, reads, who)
+    return trial
+
+
+def with_old_results(world):
+    def prepare(folder):
+        shutil.copytree(world.whole, folder + "/run")
+        for name in ("results.json", "per_view.json"):  # as of another gflow
+            path = f"{folder}/run/{name}"
+            with open(path, encoding="utf-8") as file:
+                results = json.load(file)
+            (results if isinstance(results, dict) else results[0])["psnr"] = 1
+            with open(path, "w", encoding="utf-8") as file:
+                json.dump(results, file)
+    return prepare
+
+
+def half_an_experiment(world):
+    """One of two trainings is done, and its table is there."""
+    base = world.path("half")
+
+    def prepare(folder):
+        if not os.path.isdir(base):
+            os.makedirs(base)
+            with open(base + "/plan.toml", "w", encoding="utf-8") as file:
+                file.write(PLAN.format(scene=world.scene, settings="\n".join(
+                    setting.replace("=", " = ", 1) for setting in SETTINGS)))
+            outcome = world.run(experiment(base))
+            if outcome.code != 0:
+                raise SystemExit(f"without a fault the experiment must succeed: {outcome.err}")
+            for name in os.listdir(base + "/out/runs"):
+                if "seed1" in name:
+                    path = f"{base}/out/runs/{name}"
+                    shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)
+        shutil.copytree(base, folder, dirs_exist_ok=True)
+    return prepare
+
+
+def experiment(folder):
+    return ["experiment", folder + "/plan.toml", "-o", folder + "/out", "--quiet"]
+
+
+def raster(folder):
+    return ["bench", "raster", "--pixels", "16x16", "--gaussians", "100", "--repeats", "1", "--json",
+            folder + "/out.json", "--plots", folder + "/plots", "--quiet"]
+
+
+TIMED_OF_EXPERIMENT = ("costs.md", "runs.csv", "table.", "plots/")
+OLD_PLOTS = tuple("plots/raster." + ending for ending in ("tsv", "gnuplot", "svg", "png"))
+
+
+def others(world):
+    """Commands that write, but for train, render, import and the exports of one file."""
+    splat = os.path.join(ROOT, "tests/data/oracle/small_paper.npz")
+    nothing = lambda folder: None
+    return [
+        replaces(world, "eval", with_old_results(world), lambda folder: ["eval", folder + "/run", "--quiet"],
+                 ("results.json",)),
+        replaces(world, "ply-sequence", nothing,
+                 lambda folder: ["export", world.whole, "--format", "ply-sequence", "-o", folder + "/out", "--quiet"],
+                 again=False),  # it takes no folder in which there is something
+        replaces(world, "splat", nothing, lambda folder: ["splat", splat, "-o", folder + "/out.npz", "--quiet"],
+                 old=("out.npz",)),
+        replaces(world, "stress", nothing,
+                 lambda folder: ["stress", "--only", "T1", "--json", folder + "/out.json", "--quiet"],
+                 ("out.json",), old=("out.json",)),
+        replaces(world, "bench", nothing, raster, ("out.json", "plots/"), who="first",
+                 old=("out.json", *OLD_PLOTS)),
+        replaces(world, "experiment", half_an_experiment(world), experiment, TIMED_OF_EXPERIMENT, who="first",
+                 free="seed1")]
+
+
+def gnuplot(world):
+    """What gnuplot, which bench starts, has no room to write."""
+    return replaces(world, "gnuplot", lambda folder: None, raster, ("out.json", "plots/"), who="gnuplot",
+                    old=("out.json", *OLD_PLOTS))

@@ -1,0 +1,116 @@
+"""A command with one fault of the disk in it: the k-th call that changes a file, or reads one, fails."""
+import errno
+import os
+import re
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+
+from world import complaints, contents_under, failed_calls, unfinished_in
+
+REASONS = {errno.ENOSPC: "No space left on device", errno.EIO: "Input/output error",
+           errno.EROFS: "Read-only file system"}
+FOREVER = 10**9
+# What no training may be stopped by: there may be room later. (A rename to metrics.jsonl is of before its start.)
+GOES_ON = re.compile(r"(?!rename ).*/(metrics\.(jsonl|csv)$|\.?iteration_[48]\.)")
+
+
+def worth_failing(calls):
+    """The calls to let fail: all, but of a row of equal fwrites or reads of one file the first, the last and
+    every fortieth."""
+    chosen = []
+    for i, (number, what) in enumerate(calls):
+        first = i == 0 or calls[i - 1][1] != what
+        last = i + 1 == len(calls) or calls[i + 1][1] != what
+        if not what.startswith(("fwrite ", "fread ", "read ")) or first or last or number % 40 == 0:
+            chosen.append(number)
+    return chosen
+
+
+class Trial:
+    """One command with one fault. prepare(folder) makes what is there before; arguments(folder) the command;
+    check(folder, outcome, before) tells what is wrong afterwards. reads: calls that read fail, not those that
+    change; who: FAULT_WHO of fail_io.c. right: what is in the folder where nothing fails."""
+
+    def __init__(self, world, name, prepare, arguments, check, reads=False, who=""):
+        self.world, self.name, self.reads, self.who = world, name, reads, who
+        self.prepare, self.arguments, self.check = prepare, arguments, check
+        self.right = {}
+
+    def run(self, first, last, code, tag):
+        folder = self.world.path(f"{self.name}-{tag}")
+        shutil.rmtree(folder, ignore_errors=True)
+        os.makedirs(folder)
+        self.prepare(folder)
+        before = contents_under(folder)
+        report = folder + ".report"
+        if os.path.exists(report):
+            os.remove(report)
+        outcome = self.world.run(self.arguments(folder), {
+            "LD_PRELOAD": self.world.shims["fail_io"], "FAULT_FOLDER": folder, "FAULT_CALL": str(first),
+            "FAULT_LAST": str(last), "FAULT_ERRNO": str(code), "FAULT_REPORT": report,
+            "FAULT_READS": str(int(self.reads)), **({"FAULT_WHO": self.who} if self.who else {})})
+        failed, calls = failed_calls(report)
+        if first == 0:
+            self.right = contents_under(folder)
+            return outcome, calls, folder
+        where = f"{os.strerror(code)} at call {first}{'' if first == last else ' and all later'}"
+        if not failed:
+            shutil.rmtree(folder)
+            return [f"{where}: the fault did not strike"]
+        where += " (" + failed[0][1].replace(folder, "") + ")"
+        wrong = complaints(outcome, (0, 1), self.needles(failed, folder, code))
+        if not self.reads:
+            wrong += [f"{line!r} does not say why" for line in outcome.warnings() if REASONS[code] not in line]
+        wrong += [f"{path} was left behind" for path in unfinished_in(folder)]
+        wrong += self.check(folder, outcome, before)
+        if not self.reads and outcome.code and first == last and GOES_ON.match(failed[0][1]):
+            wrong.append(f"training stops, and could go on: {outcome.last_line()}")
+        shutil.rmtree(folder, ignore_errors=True)
+        return [f"{where}: {what}" for what in wrong]
+
+    def needles(self, failed, folder, code):
+        """What the sentence must have in it."""
+        if self.reads:
+            return [tuple(os.path.basename(what) for _, what in failed)]
+        # FFmpeg writes videos, and tells nobody why it could not.
+        video = failed[0][1].endswith(".mp4")
+        return [(REASONS[code], "FFmpeg did not write all of it") if video else REASONS[code], folder]
+
+
+def every_call(trial, every):
+    """Lets each call fail alone, and each third one (`every`: each) with all later ones."""
+    outcome, calls, folder = trial.run(0, 0, 0, "clean")
+    if outcome.code != 0 or not calls:
+        yield [f"without a fault: {outcome.last_line()}, {len(calls)} calls"]
+        return
+    shutil.rmtree(folder)
+    numbers = [n for n, _ in calls] if every else worth_failing(calls)
+    codes = [errno.EIO] if trial.reads else list(REASONS)
+    jobs = []
+    for i, k in enumerate(numbers):
+        for code in codes if every else [codes[i % len(codes)]]:
+            jobs.append((k, k, code))
+        if every or i % 3 == 0:
+            jobs.append((k, FOREVER, codes[i // 3 % len(codes)]))
+    with ThreadPoolExecutor(2) as pool:
+        yield from pool.map(lambda job: trial.run(*job[1], job[0]), enumerate(jobs))
+
+
+def chosen_calls(trial, word, most):
+    """Lets the first calls fail whose file has this word."""
+    outcome, calls, folder = trial.run(0, 0, 0, "clean")
+    shutil.rmtree(folder)
+    numbers = [n for n, what in calls if word in what][:most]
+    if outcome.code != 0 or not numbers:
+        return [[f"without a fault: {outcome.last_line()}, no file has {word!r}"]]
+    return [trial.run(k, k, errno.ENOSPC, str(k)) for k in numbers]
+
+
+def from_some_on(trial, count):
+    """Lets some calls, spread over all, and all later ones fail."""
+    outcome, calls, folder = trial.run(0, 0, 0, "clean")
+    shutil.rmtree(folder)
+    if outcome.code != 0 or not calls:
+        return [[f"without a fault: {outcome.last_line()}, {len(calls)} calls"]]
+    numbers = sorted({calls[i * (len(calls) - 1) // (count - 1)][0] for i in range(count)})
+    return [trial.run(k, FOREVER, errno.ENOSPC, str(k)) for k in numbers]
