@@ -4,13 +4,48 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <string_view>
 
 #include "optim/io/atomic_file.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
+
+namespace {
+
+struct NotDrawn : Error {  // there is no gnuplot, or it refused
+  using Error::Error;
+};
+
+// What gnuplot writes last; it does not tell when a disk was full.
+void require_whole(const std::string& picture, std::string_view end, const std::string& path) {
+  const Bytes bytes = read_file(picture);
+  const bool whole = bytes.size() >= end.size() &&
+                     std::equal(end.begin(), end.end(), bytes.end() - long(end.size()),
+                                [](char a, uint8_t b) { return uint8_t(a) == b; });
+  if (whole) return;
+  require_room(picture, path);
+  throw Error(fmt::format("cannot write {}: gnuplot has left it unfinished", path));
+}
+
+std::string name_of_file(const std::string& path) {
+  return std::filesystem::path(path).filename().string();
+}
+
+// Runs the script in its folder, its pictures going into these files there.
+void run_gnuplot(const std::string& script, const std::string& folder, const std::string& svg,
+                 const std::string& png) {
+  setenv("GFLOW_PLOTS", folder.c_str(), 1);  // not read by the shell, whatever it holds
+  const std::string command =
+      fmt::format("cd -- \"$GFLOW_PLOTS\" && gnuplot -e \"svg='{}'; png='{}'\" {} 2> /dev/null",
+                  name_of_file(svg), name_of_file(png), script);
+  if (std::system(command.c_str()) != 0) throw NotDrawn("gnuplot could not");
+}
+
+}  // namespace
 
 std::string draw(const Plot& plot, const std::string& folder) {
   std::error_code problem;
@@ -18,28 +53,34 @@ std::string draw(const Plot& plot, const std::string& folder) {
   if (problem)
     throw Error(
         fmt::format("drawing into {}: cannot make that folder: {}", folder, problem.message()));
-  const auto write = [&](const std::string& ending, const std::string& text) {
-    write_file_atomically((std::filesystem::path(folder) / (plot.name + ending)).string(),
-                          Bytes(text.begin(), text.end()));
+  const auto path = [&](const char* ending) {
+    return (std::filesystem::path(folder) / (plot.name + ending)).string();
   };
   std::string data;
   for (const std::vector<std::string>& line : plot.table)
     data += fmt::format("{}\n", fmt::join(line, "\t"));
-  write(".tsv", data);
+  write_file_atomically(path(".tsv"), std::string_view(data));
   std::string script = "set datafile separator tab\nset grid\nset key outside right\n";
   for (const auto& [terminal, ending] : {std::pair{"svg", "svg"}, {"pngcairo", "png"}}) {
+    script += fmt::format("if (!exists('{0}')) {0} = '{1}.{0}'\n", ending, plot.name);
     script += fmt::format("set terminal {} size {},{} background rgb 'white'\n", terminal,
                           plot.width, plot.height);
-    script += fmt::format("set output '{}.{}'\n{}\n", plot.name, ending, plot.script);
+    script += fmt::format("set output {}\n{}\n", ending, plot.script);
   }
-  write(".gnuplot", script);
-  setenv("GFLOW_PLOTS", folder.c_str(), 1);  // not read by the shell, whatever it holds
-  const std::string command =
-      fmt::format("cd -- \"$GFLOW_PLOTS\" && gnuplot {}.gnuplot 2> /dev/null", plot.name);
-  if (std::system(command.c_str()) == 0)
-    return (std::filesystem::path(folder) / (plot.name + ".svg")).string();
-  return fmt::format("run `gnuplot {}.gnuplot` in {} (gnuplot, Debian's gnuplot-nox, could not)",
-                     plot.name, folder);
+  write_file_atomically(path(".gnuplot"), std::string_view(script));
+  try {
+    replace_file(path(".svg"), [&](const std::string& svg) {
+      replace_file(path(".png"), [&](const std::string& png) {
+        run_gnuplot(plot.name + ".gnuplot", folder, svg, png);
+        require_whole(svg, "</svg>\n\n", path(".svg"));
+        require_whole(png, "IEND\xae\x42\x60\x82", path(".png"));
+      });
+    });
+  } catch (const NotDrawn&) {
+    return fmt::format("run `gnuplot {}.gnuplot` in {} (gnuplot, Debian's gnuplot-nox, could not)",
+                       plot.name, folder);
+  }
+  return path(".svg");
 }
 
 Plot bars(const std::string& name, const std::string& what,

@@ -84,14 +84,17 @@ double train_seconds(const std::string& results) {
 // at their stamp. Hard links will do: such files are replaced, never changed.
 void share_caches(const std::string& from, const std::string& to) {
   std::error_code none;  // what cannot be shared is made again
+  // First, so that there is never a folder that no training seems to have made; each file is whole.
+  fs::create_directories(to, none);
+  fs::copy_file(from + "/caches.stamp", to + "/caches.stamp", fs::copy_options::skip_existing,
+                none);
+  if (!fs::exists(to + "/caches.stamp", none)) return;
   for (const char* name : {"flow", "frames"})
     for (const auto& entry : fs::recursive_directory_iterator(from + "/" + name, none)) {
       const fs::path link = to / fs::relative(entry.path(), from);
       fs::create_directories(link.parent_path(), none);
       if (entry.is_regular_file()) fs::create_hard_link(entry.path(), link, none);
     }
-  fs::create_directories(to, none);
-  fs::copy_file(from + "/caches.stamp", to + "/caches.stamp", none);
 }
 
 // Whether two trainings look at the same pictures at the same steps, so that the flow between those

@@ -12,6 +12,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/atomic_file.hpp"
@@ -21,6 +22,19 @@
 
 namespace gflow {
 namespace {
+
+// A file as text, "" where there is none (any longer: a training may remove it meanwhile). Error
+// that names it when it cannot be read.
+std::string text_if_there(const std::string& path) {
+  try {
+    const Bytes bytes = read_file(path);
+    return {bytes.begin(), bytes.end()};
+  } catch (const Error&) {
+    std::error_code none;
+    if (std::filesystem::exists(path, none)) throw;
+    return "";
+  }
+}
 
 constexpr const char* kStamp = "caches.stamp";  // every run folder has it
 constexpr const char* kLock = ".lock";
@@ -274,7 +288,7 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
 }
 
 void RunFolder::keep_metrics_before(int iteration) const {
-  std::ifstream in(path("metrics.jsonl"));
+  std::istringstream in(text_if_there(path("metrics.jsonl")));
   std::string kept, table;
   for (std::string line; std::getline(in, line);) {
     const Json parsed = Json::parse(line, nullptr, false);
@@ -338,8 +352,7 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
 }
 
 MetricsConfig RunFolder::judged_by() const {
-  std::ifstream in(path("results.json"));
-  const Json results = Json::parse(in, nullptr, false);
+  const Json results = Json::parse(text_if_there(path("results.json")), nullptr, false);
   const auto test = results.is_object() ? results.value("test", Json()) : Json();
   const auto named = [&](const char* key) {
     return test.is_object() && test.contains(key) && test[key].is_string()
@@ -361,10 +374,10 @@ void RunFolder::write_facts(const RunFacts& facts) const {
 
 RunFacts RunFolder::read_facts() const {
   RunFacts facts;
-  std::ifstream in(path("training.json"));
-  if (!in) return facts;
   try {
-    const Json run = Json::parse(in);
+    const std::string text = text_if_there(path("training.json"));
+    if (text.empty()) return facts;
+    const Json run = Json::parse(text);
     const Json& iterations = run.at("iterations");
     facts.iterations = iterations.is_number_integer() ? iterations.get<int>() : -1;
     facts.train_seconds = run.value("train_seconds", 0.0);
@@ -374,6 +387,7 @@ RunFacts RunFolder::read_facts() const {
     facts.finished = run.value("finished", false);
     if (facts.iterations >= 0) return facts;
   } catch (const Json::exception&) {
+  } catch (const Error&) {  // nor can it be read
   }
   static std::set<std::string> told;
   if (told.insert(folder_).second)

@@ -108,7 +108,7 @@ TEST(Bench, ParetoTellsTimeAndErrorOfAChoiceAndDrawsThem) {
   EXPECT_NE(table.find("| **shipped** | "), std::string::npos) << table;
   const std::string data = contents(folder.file("plots/pareto.tsv"));
   EXPECT_EQ(std::count(data.begin(), data.end(), '\n'), 6);
-  EXPECT_NE(contents(folder.file("plots/pareto.gnuplot")).find("set output 'pareto.svg'"),
+  EXPECT_NE(contents(folder.file("plots/pareto.gnuplot")).find("svg = 'pareto.svg'"),
             std::string::npos);
 }
 
