@@ -55,7 +55,7 @@ Rows quaternions(Queue& queue) {  // T25
       if (length < 1e-6f) radial = std::max(radial, std::sqrt(size) > 0 ? infinite : 0.);
     }
     rows.push_back({at + ", rotation, relative", rotation, 1e-6});
-    rows.push_back({at + ", gradient along q, of its length", radial, 3e-6});
+    rows.push_back({at + ", gradient along q, of its length", radial, 1e-6});
   }
   return rows;
 }
