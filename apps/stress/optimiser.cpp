@@ -160,12 +160,14 @@ Rows noise_gain(Queue& queue) {  // T33
     return most / double(lr);
   };
   Rows out;
-  for (const auto& [name, size, epsilon] : {std::tuple{"means, 1e-5", 1e-5, shipped.eps_means},
-                                            {"turns, 2e-7", 2e-7, shipped.eps_quats},
-                                            {"scales, 3e-7", 3e-7, shipped.eps_scales},
-                                            {"opacities, 6e-7", 6e-7, shipped.eps_opacity},
-                                            {"colour, 8e-7", 8e-7, shipped.eps_sh},
-                                            {"times, 5e-8", 5e-8, shipped.eps_means}})
+  for (const auto& [name, size, epsilon] :
+       {std::tuple{"means, 1e-5", 1e-5, shipped.eps_means},
+        {"turns, 2e-7", 2e-7, shipped.eps_quats},
+        {"scales, 3e-7", 3e-7, shipped.eps_scales},
+        {"opacities, 6e-7", 6e-7, shipped.eps_opacity},
+        {"colour, 8e-7", 8e-7, shipped.eps_sh},
+        {"times, 5e-8", 5e-8, shipped.eps_means},
+        {"hexplane's planes, 1.5e-7", 1.5e-7, shipped.eps_field}})
     out.push_back({fmt::format("gradients as of {}: in steps of the rate", name),
                    largest_difference(size, epsilon), 1});
   // It can fail: without a floor Adam makes whole steps of the noise.
