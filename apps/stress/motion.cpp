@@ -25,9 +25,8 @@ Rows spins(Queue& queue) {  // T12
       const FlowErrors e = flow_errors(device, TRANSPORT_MATERIAL, a, b);
       material = std::max(material, e.error);
       share = std::max(share, e.error / e.flow);
-      if (degrees > 5) continue;
-      // The paper's map does not see an infinitesimal spin d: an error of d sqrt(p^2 + q^2); pixels
-      // with |z| <= 3 have 0.949 of the variance. Of 5 degrees the square of d is seen already.
+      // The paper's map errs as much as if nothing had turned: |R(d) - I| sqrt(p^2 + q^2) for a
+      // spin by d, and |R(d) - I| = 2 sin(d / 2); pixels with |z| <= 3 have 0.949 of the variance.
       const FlowErrors paper = flow_errors(device, TRANSPORT_PAPER, a, b);
       const double analytic =
           2 * std::sin(degrees * 3.14159265358979 / 360) * paper.spread * std::sqrt(.9494);
