@@ -37,13 +37,15 @@ Rows norms(Queue& queue) {
     const double expected = double(r) / std::hypot(double(r), double(kKnee));
     rows.push_back({fmt::format("r = {:.0e}, gradient, relative", r),
                     std::fabs(double(found.v_flow[0]) / expected - 1), 1e-6});
-    if (r < 1e-19f) continue;  // r^2 / (2 knee) is no float
-    rows.push_back(
-        {fmt::format("r = {:.0e}, loss, relative", r),
-         std::fabs(found.loss / (double(r) * double(r) /
-                                 (std::hypot(double(r), double(kKnee)) + double(kKnee))) -
-                   1),
-         1e-6});
+    const double loss =
+        double(r) * double(r) / (std::hypot(double(r), double(kKnee)) + double(kKnee));
+    constexpr double least = std::numeric_limits<float>::min();
+    if (loss < least)  // as good as 0 where floats are
+      rows.push_back({fmt::format("r = {:.0e}, loss, off double's {:.0e}", r, loss),
+                      std::fabs(found.loss - loss), least});
+    else
+      rows.push_back(
+          {fmt::format("r = {:.0e}, loss, relative", r), std::fabs(found.loss / loss - 1), 1e-6});
   }
   // The slope has no step at the knee: on either side of it by 1e-7 of a px.
   const double below = double(at(queue, loss, std::nextafter(kKnee, 0.f)).v_flow[0]);
