@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // T40, T41: trainings with density control that must not differ by a bit: run again, on a busy
-// machine, and after going on from a saved state.
+// machine, and after going on from a saved state; and one that breaks and goes back.
 #include <atomic>
 #include <thread>
 
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
+#include "optim/train/roll_back.hpp"
 #include "tests/train/small_training.hpp"
 
 namespace gflow::stress {
@@ -117,13 +118,59 @@ Rows resumed(Queue& queue, int times) {  // T41
   return {{fmt::format("{} times stopped at a random step: with another hash", times), wrong, 0}};
 }
 
+double not_finite_in(const Arrays& arrays) {
+  double count = 0;
+  for (const auto& [name, array] : arrays)
+    if (const auto* values = std::get_if<std::vector<float>>(&array.values))
+      count += count_not_finite(*values);
+  return count;
+}
+
+// Colours beyond what a sum over a picture holds, and a place that is no number: back to the
+// checkpoint, and on from there.
+Rows gone_back(Queue& queue) {  // T41
+  const SmallScene scene(queue);
+  constexpr int saved = 20, steps = 100;
+  const TrainConfig config = config_of(scene, steps);
+  SmallTraining training(queue, config);
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path() + "/run");
+  Checkpointer checkpoints(queue, config, training.loaded.scene, run, training.trainer,
+                           training.model.shape);
+  RollBack roll_back(queue, run, training.trainer, checkpoints);
+  training.steps(queue, saved);
+  checkpoints.write(saved, 0);
+  Bits kept = training.bits(queue);
+  training.model.parameters["sh0"].values.fill(queue, 3e37f);
+  training.model.parameters["means"].values.fill_range(queue, 0, 1, std::nanf(""));
+  training.steps(queue, 1);
+  const StepFigures broken = training.trainer.figures(queue);
+  StepFigures loss_alone;
+  loss_alone.loss = broken.loss;
+  std::string notice;
+  const int back = roll_back.go_back(saved + 1, broken, notice);
+  Bits now = training.bits(queue);
+  for (Bits* bits : {&kept, &now}) bits->erase("caution");  // half the rates from here on
+  training.go_on(queue, training.trainer.state(queue), back);
+  training.steps(queue, steps - back);
+  const StepFigures figures = training.trainer.figures(queue);
+  return {
+      {"a loss that is no number: taken for one, or for sound",
+       double(std::isfinite(broken.loss)) + double(is_sound(loss_alone, {})), 0},
+      {"gone back: steps off the checkpoint's", std::fabs(double(back - saved)), 0},
+      {"gone back: other bits than the checkpoint's", double(hash(now) != hash(kept)), 0},
+      {"and on to step 100: values not finite", not_finite_in(training.trainer.state(queue)), 0},
+      {"and on to step 100: not sound", double(!is_sound(figures, {})), 0}};
+}
+
 }  // namespace
 
 Tests training_tests() {
   return {{"T40", "training repeated", true, [](Queue& q) { return repeated(q, 300); }},
           {"T40", "the same, 2000 steps", false, [](Queue& q) { return repeated(q, 2000); }},
           {"T41", "training resumed", true, [](Queue& q) { return resumed(q, 1); }},
-          {"T41", "the same, 20 times", false, [](Queue& q) { return resumed(q, 20); }}};
+          {"T41", "the same, 20 times", false, [](Queue& q) { return resumed(q, 20); }},
+          {"T41", "training gone back", true, gone_back}};
 }
 
 }  // namespace gflow::stress
