@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // T29: one broken value in one Gaussian at the left of an image, in every slot of what the engine
 // is given. At the right no bit may change, and the broken one must be named: not seen where it is
-// not finite. A broken camera concerns all: what comes of it must be numbers.
+// not finite, or so large that it is left out. A broken camera concerns all: what comes of it must
+// be numbers.
 #include <cstring>
 #include <functional>
 #include <limits>
@@ -37,7 +38,8 @@ bool same(float a, float b) { return std::memcmp(&a, &b, sizeof(float)) == 0; }
 
 struct Harm {
   double images_changed = 0, gradients_changed = 0, not_finite = 0, unnamed = 0, cases = 0;
-  double reached = 0;  // cases where the culprit truly lies at the right: nothing is compared
+  double left_out = 0;  // cases of finite values in which the culprit is not drawn, or not moved
+  double reached = 0;   // cases where the culprit truly lies at the right: nothing is compared
 };
 
 class Poisoned {
@@ -56,6 +58,8 @@ class Poisoned {
       device_.forward();
       unturned_[slot] = culprits_record();
     }
+    without_ = drawn_with("opacities", 0);
+    unmoved_ = drawn_with("means_t2", std::nan(""));
     device_.upload(clean_);
     device_.forward();
   }
@@ -75,7 +79,9 @@ class Poisoned {
         harm.reached += reaches;
         compare_images(found, reaches, harm);
         compare_gradients(device_.backward(v_), reaches, harm);
-        if (!std::isfinite(poison)) harm.unnamed += !named(slot);
+        const bool drops = std::isfinite(poison) && left_out(slot, found);
+        harm.left_out += drops;
+        if (drops || !std::isfinite(poison)) harm.unnamed += !named(slot);
         ++harm.cases;
       }
     device_.upload(clean_);
@@ -109,6 +115,21 @@ class Poisoned {
   bool reaches_right() {
     return device_.engine.splats().tiles_touched.read_range(queue_, 0, 1)[0] > 0 &&
            device_.engine.splats().tile_boxes.read_range(queue_, 0, 4)[2] >= 4;
+  }
+  FloatArrays drawn_with(const std::string& slot, double culprits) {
+    PosedScene s = clean_;
+    s.p[slot][0] = culprits;
+    device_.upload(s);
+    return device_.forward();
+  }
+  // Whether the image is that without the culprit, or, of a slot at t2, without its flow.
+  bool left_out(const std::string& slot, const FloatArrays& found) const {
+    const auto equal = [&](const char* image, const FloatArrays& other) {
+      const std::vector<float>&a = found.at(image), &b = other.at(image);
+      return std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
+    };
+    if (slot.find("_t2") != std::string::npos) return equal("flow", unmoved_);
+    return equal("rgb", without_) && equal("alpha", without_) && equal("depth", without_);
   }
   // Whether the engine's own arrays say which one is broken: not seen; without a colour; without
   // flow; or, of a quaternion, without a turn.
@@ -148,6 +169,7 @@ class Poisoned {
   reference::Planes v_;
   DeviceScene device_;
   FloatArrays images_, gradients_;
+  FloatArrays without_, unmoved_;  // images without the culprit, and without its flow
   std::map<std::string, std::vector<float>> unturned_;  // the culprit's record without that turn
 };
 
@@ -198,8 +220,11 @@ Rows poison(Queue& queue) {
     rows.push_back({at + ": others' pixels changed", h.images_changed, 0});
     rows.push_back({at + ": others' gradients changed", h.gradients_changed, 0});
     rows.push_back({at + ": not finite", h.not_finite, 0});
-    rows.push_back({at + ": culprit not named", h.unnamed, 0});
-    rows.push_back({at + ": share in which it truly reaches the others", h.reached / h.cases, .125});
+    rows.push_back(
+        {fmt::format("{}: culprit not named, left out with {:.0f} numbers", at, h.left_out),
+         h.unnamed, 0});
+    rows.push_back(
+        {at + ": share in which it truly reaches the others", h.reached / h.cases, .125});
   }
   for (const char* image : {"rgb", "alpha", "depth", "flow"}) {
     const Harm h = scene.cotangent(image);
