@@ -167,7 +167,10 @@ Rows noise_gain(Queue& queue) {  // T33
         {"opacities, 6e-7", 6e-7, shipped.eps_opacity},
         {"colour, 8e-7", 8e-7, shipped.eps_sh},
         {"times, 5e-8", 5e-8, shipped.eps_means},
-        {"hexplane's planes, 1.5e-7", 1.5e-7, shipped.eps_field}})
+        {"hexplane's planes, 1.5e-7", 1.5e-7, shipped.eps_planes},
+        {"hexplane's planes, 2e-5", 2e-5, shipped.eps_planes},
+        {"hexplane's network, 4e-5", 4e-5, shipped.eps_network},
+        {"hexplane's network, 1e-2", 1e-2, shipped.eps_network}})
     out.push_back({fmt::format("gradients as of {}: in steps of the rate", name),
                    largest_difference(size, epsilon), 1});
   // It can fail: without a floor Adam makes whole steps of the noise.

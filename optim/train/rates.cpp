@@ -45,9 +45,9 @@ AdamRate Rates::planned(Quantity quantity, int step) const {
     case Quantity::color:
       return {lr.sh, eps.eps_sh};
     case Quantity::plane:
-      return {between_rates(lr.planes, lr.planes_final, field_share), eps.eps_field};
+      return {between_rates(lr.planes, lr.planes_final, field_share), eps.eps_planes};
     case Quantity::network:
-      return {between_rates(lr.network, lr.network_final, field_share), eps.eps_field};
+      return {between_rates(lr.network, lr.network_final, field_share), eps.eps_network};
     case Quantity::color_rest:
       return {lr.sh / lr.sh_rest_divisor, eps.eps_sh};
     case Quantity::weight:
