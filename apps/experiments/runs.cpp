@@ -25,6 +25,7 @@
 #include "optim/data/json_file.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/text_file.hpp"
 #include "optim/train/judging_networks.hpp"
 #include "optim/train/loaded_scene.hpp"
 #include "optim/train/progress.hpp"
@@ -345,7 +346,7 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   if (!fs::exists(files.settings) || !RunFolder::is_run(files.run)) return standing;
   const RunFacts facts = RunFolder(files.run).read_facts();
   // One whose results were lost or damaged is judged again, as one that was stopped before.
-  std::ifstream results(files.run + "/results.json");
+  const std::string results = text_if_there(files.run + "/results.json");
   const bool finished =
       facts.finished && nlohmann::json::parse(results, nullptr, false).is_object();
   std::tie(standing.steps, standing.seconds) = steps_made(files.run);

@@ -6,13 +6,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <map>
 #include <numeric>
 #include <set>
+#include <sstream>
 
 #include "apps/experiments/runs.hpp"
 #include "optim/data/json_file.hpp"
+#include "optim/io/text_file.hpp"
 
 namespace gflow::experiments {
 namespace {
@@ -381,7 +382,8 @@ std::vector<Plot> Results::curves(const std::string& folder) const {
       for (size_t i = 0; i < plan_.runs.size(); ++i) {
         const Row& row = plan_.rows[plan_.runs[i].row];
         if (row.scene != scene || !is_first_seed(plan_, i) || !results_[i].is_object()) continue;
-        std::ifstream metrics(RunFiles(folder, plan_.runs[i].id).run + "/metrics.jsonl");
+        std::istringstream metrics(
+            text_if_there(RunFiles(folder, plan_.runs[i].id).run + "/metrics.jsonl"));
         if (block > 0) plot.table.insert(plot.table.end(), 2, Words{});
         plot.table.push_back({by_time ? "seconds" : "steps", plain(name_of(row, plan_.title))});
         for (std::string line; std::getline(metrics, line);) {

@@ -17,24 +17,12 @@
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/json_text.hpp"
+#include "optim/io/text_file.hpp"
 #include "optim/train/views.hpp"
 #include "optim/train/warning.hpp"
 
 namespace gflow {
 namespace {
-
-// A file as text, "" where there is none (any longer: a training may remove it meanwhile). Error
-// that names it when it cannot be read.
-std::string text_if_there(const std::string& path) {
-  try {
-    const Bytes bytes = read_file(path);
-    return {bytes.begin(), bytes.end()};
-  } catch (const Error&) {
-    std::error_code none;
-    if (std::filesystem::exists(path, none)) throw;
-    return "";
-  }
-}
 
 constexpr const char* kStamp = "caches.stamp";  // every run folder has it
 constexpr const char* kLock = ".lock";
@@ -387,7 +375,6 @@ RunFacts RunFolder::read_facts() const {
     facts.finished = run.value("finished", false);
     if (facts.iterations >= 0) return facts;
   } catch (const Json::exception&) {
-  } catch (const Error&) {  // nor can it be read
   }
   static std::set<std::string> told;
   if (told.insert(folder_).second)

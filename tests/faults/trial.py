@@ -72,9 +72,12 @@ class Trial:
         """What the sentence must have in it."""
         if self.reads:
             return [tuple(os.path.basename(what) for _, what in failed)]
-        # FFmpeg writes videos, and tells nobody why it could not.
-        video = failed[0][1].endswith(".mp4")
-        return [(REASONS[code], "FFmpeg did not write all of it") if video else REASONS[code], folder]
+        # FFmpeg writes videos, gnuplot plots, and they tell nobody why they could not.
+        words = {".mp4": "FFmpeg did not write all of it", ".svg": "gnuplot has left it unfinished",
+                 ".png": "gnuplot has left it unfinished"}
+        other = words.get(os.path.splitext(failed[0][1])[1]) if self.who == "gnuplot" or (
+            failed[0][1].endswith(".mp4")) else None
+        return [(REASONS[code], other) if other else REASONS[code], folder]
 
 
 def every_call(trial, every):
