@@ -107,11 +107,11 @@ void run_experiment(const Flags& flags, const GlobalOptions& options) {
   how.redo = flags.redo;
   require_films(plan);
   for (const std::string& device : how.devices) find_device(device);
-  if (!flags.allow_command)
-    for (const PlannedRun& run : plan.runs)
-      require_no_program(run.config, fmt::format("{}: training {}", flags.file, run.id));
   how.allow_command = flags.allow_command;
   if (flags.dry_run) return print_runs(plan, folder, how.jobs);
+  for (const PlannedRun& run : plan.runs)
+    if (!flags.allow_command && standing_of(run, folder).status != Status::finished)
+      require_no_program(run.config, fmt::format("{}: training {}", flags.file, run.id));
   std::filesystem::create_directories(folder);
   const FileLock lock(folder + "/.lock", folder);
   try {

@@ -13,10 +13,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// As RunFolder::is_run, which is not in every build.
+// Whether gflow has made the folder of a run; RunFolder, which knows more, is not in every build.
 bool is_run(const fs::path& folder) {
   std::error_code none;
-  return fs::exists(folder / "config.toml", none) || fs::is_directory(folder / "checkpoints", none);
+  return fs::exists(folder / "caches.stamp", none) ||
+         (fs::exists(folder / "config.toml", none) && fs::exists(folder / "cameras.json", none));
 }
 
 // Whether a training writes what is so called in the folder of its run.

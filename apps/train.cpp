@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
-#include <utility>
 
 #include "apps/options.hpp"
 #include "apps/report.hpp"
@@ -43,14 +42,15 @@ void print_timings(Queue& queue) {
 TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
   TrainConfig config;
   if (flags.resume && RunFolder::is_run(flags.run)) config = RunFolder(flags.run).read_config();
+  const std::string command_of_run = config.guidance.command;
   if (!flags.config_file.empty()) apply_file(config, flags.config_file);
-  const std::string command_of_file = std::exchange(config.guidance.command, "");
-  for (const std::string& setting : flags.settings) apply_setting(config, setting);
-  if (config.guidance.command.empty()) {
-    config.guidance.command = command_of_file;
-    if (!flags.allow_command)
-      require_no_program(config, flags.config_file.empty() ? flags.run : flags.config_file);
+  const bool of_run = config.guidance.command == command_of_run;
+  bool by_hand = flags.allow_command;  // said on the command line
+  for (const std::string& setting : flags.settings) {
+    apply_setting(config, setting);
+    by_hand |= setting.rfind("guidance.command", 0) == 0;
   }
+  if (!by_hand) require_no_program(config, of_run ? flags.run : flags.config_file);
   if (!flags.scene.empty())
     config.scene.path = std::filesystem::absolute(flags.scene).lexically_normal().string();
   else if (!flags.resume)

@@ -158,6 +158,9 @@ Header parse_header(const Bytes& bytes, const std::string& path) {
   return header;
 }
 
+// Between words of a text; a 0 is none.
+bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
+
 // The rows, value by value, in either format. Running past the end is an Error.
 class Rows {
  public:
@@ -175,7 +178,7 @@ class Rows {
   // After the last value of a row: in text it ends the line.
   void end_row() {
     if (!ascii_) return;
-    while (at_ < end_ && std::strchr(" \t\r", *at_)) ++at_;
+    while (at_ < end_ && *at_ != '\n' && is_blank(*at_)) ++at_;
     if (at_ < end_ && *at_ != '\n')
       refuse(path_, fmt::format("line {} has more values than its element has properties",
                                 1 + std::count(begin_, at_, '\n')));
@@ -207,22 +210,23 @@ class Rows {
   }
 
   [[noreturn]] void not_a_number(const char* word) const {
-    const char* stop = std::find_if(word, std::min(end_, word + 20),
-                                    [](char c) { return c == ' ' || c == '\n' || c == '\r'; });
-    refuse(path_, fmt::format("'{}' in line {} is no number", std::string(word, stop),
-                              1 + std::count(begin_, word, '\n')));
+    const char* stop = std::find_if(word, std::min(end_, word + 20), is_blank);
+    std::string shown;
+    for (; word < stop; ++word) shown += *word == '\0' ? "\\0" : std::string(1, *word);
+    refuse(path_,
+           fmt::format("'{}' in line {} is no number", shown, 1 + std::count(begin_, stop, '\n')));
   }
 
   double next_word() {
-    while (at_ < end_ && std::strchr(" \t\r\n", *at_)) ++at_;
+    while (at_ < end_ && is_blank(*at_)) ++at_;
     if (at_ == end_) truncated();
     double value = 0;
     const auto result = std::from_chars(at_, end_, value);
     if (result.ec != std::errc()) not_a_number(at_);
     at_ = result.ptr;
-    if (at_ < end_ && !std::strchr(" \t\r\n", *at_)) {  // 0-1 is not two of them
+    if (at_ < end_ && !is_blank(*at_)) {  // 0-1 is not two of them
       const char* begin = at_;
-      while (begin > begin_ && !std::strchr(" \t\r\n", begin[-1])) --begin;
+      while (begin > begin_ && !is_blank(begin[-1])) --begin;
       not_a_number(begin);
     }
     return value;

@@ -17,7 +17,7 @@ inline std::string text_if_there(const std::string& path) {
     return {bytes.begin(), bytes.end()};
   } catch (const Error&) {
     std::error_code none;
-    if (std::filesystem::exists(path, none)) throw;
+    if (std::filesystem::exists(path, none) || none) throw;
     return "";
   }
 }

@@ -110,7 +110,8 @@ template <class Integer, std::enable_if_t<std::is_integral_v<Integer>, int> = 0>
 void assign(const Incoming& in, Integer& member, const Allowed& range) {
   const auto value = in.node->value_exact<int64_t>();
   constexpr Integer most = std::numeric_limits<Integer>::max();
-  if (value && *value > most) in.refuse(fmt::format("a whole number, at most {}", most));
+  if (value && *value > most && range.contains(double(most)))
+    in.refuse(fmt::format("a whole number, at most {}", most));
   if (!value || *value < std::numeric_limits<Integer>::min() ||
       !range.contains(static_cast<double>(*value)))
     in.refuse("a whole number, " + range.text());
@@ -120,7 +121,8 @@ void assign(const Incoming& in, Integer& member, const Allowed& range) {
 void assign(const Incoming& in, float& member, const Allowed& range) {
   const auto value = in.node->is_number() ? in.node->value<double>() : std::nullopt;
   constexpr double most = std::numeric_limits<float>::max();
-  if (value && *value > most) in.refuse(fmt::format("a number, at most {:.3g}", most));
+  if (value && *value > most && range.contains(most))
+    in.refuse(fmt::format("a number, at most {:.3g}", most));
   if (!value || !range.contains(*value)) in.refuse("a number, " + range.text());
   member = static_cast<float>(*value);
 }

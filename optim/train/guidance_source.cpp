@@ -54,7 +54,7 @@ void require_no_program(const TrainConfig& config, const std::string& where) {
   const std::string& command = config.guidance.command;
   throw Error(
       fmt::format("{} would start a program, guidance.command = {}: add --allow-command if that is "
-                  "what you want, or name the program by --set guidance.command=...",
+                  "what you want",
                   where, command.substr(0, command.find('\n'))));
 }
 

@@ -87,6 +87,16 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
   return found;
 }
 
+namespace {
+
+std::string resuming_command(const RunFolder& run, const TrainConfig& config) {
+  const bool starts_program = config.guidance.provider == GuidanceProvider::process;
+  return fmt::format("gflow train -o {} --resume{}", run.folder(),
+                     starts_program ? " --allow-command" : "");
+}
+
+}  // namespace
+
 void require_no_training(const RunFolder& run) {
   if (run.checkpoints().steps().empty() && run.models().empty()) return;
   TrainConfig former;
@@ -103,16 +113,16 @@ void require_no_training(const RunFolder& run) {
   const bool out_of_time = ended.finished && ended.iterations == step;  // train.minutes
   if (step < all && !out_of_time)
     throw Error(fmt::format(
-        "{} holds a training that was stopped at step {} of {}: `gflow train -o {} --resume` goes "
-        "on with it, --overwrite begins anew",
-        run.folder(), step, all, run.folder()));
+        "{} holds a training that was stopped at step {} of {}: `{}` goes on with it, --overwrite "
+        "begins anew",
+        run.folder(), step, all, resuming_command(run, former)));
   throw Error(fmt::format(
       "{} holds a finished training{}: name another folder, or replace it with --overwrite",
       run.folder(), former.scene.path.empty() ? "" : " of " + former.scene.path));
 }
 
-std::string how_to_go_on(const RunFolder& run) {
-  return fmt::format("`gflow train -o {} --resume` goes on from there", run.folder());
+std::string how_to_go_on(const RunFolder& run, const TrainConfig& config) {
+  return fmt::format("`{}` goes on from there", resuming_command(run, config));
 }
 
 Checkpointer::Checkpointer(Queue& queue, const TrainConfig& config, const Scene& scene,

@@ -17,8 +17,9 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
 // Error when the folder holds a training, finished or stopped before its end.
 void require_no_training(const RunFolder& run);
 
-// "`gflow train -o RUN --resume` goes on from there"
-std::string how_to_go_on(const RunFolder& run);
+// "`gflow train -o RUN --resume` goes on from there", with the option that a run needs which starts
+// a program.
+std::string how_to_go_on(const RunFolder& run, const TrainConfig& config);
 
 // Writes the checkpoints of one training; all references must outlive it.
 class Checkpointer {

@@ -14,13 +14,16 @@ bool is_sound(const StepFigures& now, const StepFigures& before) {
          now.refused <= before.refused + 10 + now.gaussians / 1000;
 }
 
+std::string what_is_unsound(const StepFigures& figures, int step) {
+  return !std::isfinite(figures.loss) ? fmt::format("the loss is {} at step {}", figures.loss, step)
+         : !figures.unsound.empty()
+             ? fmt::format("{} has values that are no numbers at step {}", figures.unsound, step)
+             : fmt::format("{} Gaussians had gradients that are no numbers at step {}",
+                           figures.refused, step);
+}
+
 int RollBack::go_back(int step, const StepFigures& figures, std::string& notice) {
-  const std::string what =
-      !std::isfinite(figures.loss) ? fmt::format("the loss is {} at step {}", figures.loss, step)
-      : !figures.unsound.empty()
-          ? fmt::format("{} has values that are no numbers at step {}", figures.unsound, step)
-          : fmt::format("{} Gaussians had gradients that are no numbers at step {}",
-                        figures.refused, step);
+  const std::string what = what_is_unsound(figures, step);
   std::optional<CheckpointFolder::Found> last = run_.checkpoints().latest();
   const int from = last ? last->checkpoint.facts.step : -1;
   times_ = from == from_ ? times_ + 1 : 1;

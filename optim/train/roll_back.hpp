@@ -14,6 +14,9 @@ namespace gflow {
 // ten more) had gradients that Adam could not take.
 bool is_sound(const StepFigures& now, const StepFigures& before);
 
+// Of figures that are not sound, in words: what it is at that step.
+std::string what_is_unsound(const StepFigures& figures, int step);
+
 class RollBack {
  public:
   static constexpr int most = 3;  // times in a row from one checkpoint

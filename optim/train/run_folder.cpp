@@ -364,7 +364,7 @@ RunFacts RunFolder::read_facts() const {
   RunFacts facts;
   try {
     const std::string text = text_if_there(path("training.json"));
-    if (text.empty()) return facts;
+    if (text.empty() && !fs::exists(path("training.json"))) return facts;
     const Json run = Json::parse(text);
     const Json& iterations = run.at("iterations");
     facts.iterations = iterations.is_number_integer() ? iterations.get<int>() : -1;
@@ -375,6 +375,7 @@ RunFacts RunFolder::read_facts() const {
     facts.finished = run.value("finished", false);
     if (facts.iterations >= 0) return facts;
   } catch (const Json::exception&) {
+  } catch (const Error&) {  // nor can it be read
   }
   static std::set<std::string> told;
   if (told.insert(folder_).second)

@@ -66,9 +66,11 @@ bool ends_round(int n, int every) { return every > 0 && n % every == 0; }
 Error without_guidance(const GuidanceFailed& problem, const Training& training, int step) {
   const RunFolder& run = training.run;
   if (step == 0)
-    return Error(fmt::format("{}; no step was trained, {}", problem.what(), how_to_go_on(run)));
+    return Error(fmt::format("{}; no step was trained, {}", problem.what(),
+                             how_to_go_on(run, training.config)));
   training.checkpoints.write(step, training.watch.seconds());
-  return Error(fmt::format("{}; {} steps are saved, {}", problem.what(), step, how_to_go_on(run)));
+  return Error(fmt::format("{}; {} steps are saved, {}", problem.what(), step,
+                           how_to_go_on(run, training.config)));
 }
 
 // Whether the device failed. That a program does not build is none of its doing.
@@ -93,7 +95,7 @@ Error without_device(const Error& problem, const Training& training, int step, R
     }
   if (saved() == 0) return Error(fmt::format("{}; no step is saved", problem.what()));
   return Error(fmt::format("{}; {} of {} steps are saved, {}", problem.what(), saved(), step,
-                           how_to_go_on(run)));
+                           how_to_go_on(run, training.config)));
 }
 
 }  // namespace
@@ -137,7 +139,7 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
       figures = trainer.figures(queue);
       if (last || saves || shows) figures.unsound = unsound_array(trainer.state(queue));
       if (!is_sound(figures, before.value_or(figures))) {
-        if (!begun) throw Error("the loss of the first step is no number");
+        if (!begun) throw Error(what_is_unsound(figures, done));
         std::string sentence;
         step = roll_back.go_back(done, figures, sentence) - 1;
         progress.say("gflow: " + sentence);
@@ -166,10 +168,17 @@ RunFacts keep_result(Training& training, int steps) {
                        name_of(model.shape.motion),
                        !interrupted()};
   const std::string unsound = unsound_array(trainer.state(queue));
-  if (!unsound.empty())  // stopped between two looks at it
-    throw Error(fmt::format(
-        "training {}: {} has values that are no numbers after {} steps; {}", run.folder(), unsound,
-        steps, run.checkpoints().steps().empty() ? "no step is saved" : how_to_go_on(run)));
+  if (!unsound.empty()) {  // stopped between two looks at it
+    checkpoints.write_to(run.path("broken.npz"), steps);
+    const std::string sentence = fmt::format(
+        "training {}: {} has values that are no numbers after {} steps, which are kept in "
+        "broken.npz; {}",
+        run.folder(), unsound, steps,
+        run.checkpoints().steps().empty() ? "no step is saved"
+                                          : how_to_go_on(run, training.config));
+    if (interrupted()) throw Interrupted(sentence);
+    throw Error(sentence);
+  }
   const int stopped = run.read_facts().iterations;  // where it was gone on from
   save_model(queue, model, run, steps);
   if (stopped != steps && !ends_round(stopped, config.train.save_every)) run.forget_model(stopped);

@@ -94,7 +94,8 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     first.reset();
   };
   if (!replaces) begin_run();
-  const std::string left = replaces ? "the former training is as it was" : how_to_go_on(run);
+  const std::string left =
+      replaces ? "the former training is as it was" : how_to_go_on(run, config);
   stop.say("interrupted while preparing the training; " + left);
   warn_of_idle_settings(scene, config);
   if (!quiet) fmt::print(stderr, "{}", in_words(scene, prepared.frames().cameras()));
@@ -145,7 +146,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   if (interrupted())
     throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}, {}", steps,
                                   config.train.iterations, run.model_path(steps),
-                                  how_to_go_on(run)));
+                                  how_to_go_on(run, config)));
   if (scene.test.empty()) return {};
   const Evaluation evaluation = judge(queue, model, config, prepared.loaded(), scene.test, quiet,
                                       run.path("test"), run.path("flow"));

@@ -145,6 +145,7 @@ TEST(Ply, TakesDamagedTextForNoOtherNumbers) {
   expect_error([&] { read("1-2\n3 4\n"); }, {"a.ply", "'1-2' in line 7 is no number"});
   expect_error([&] { read("1 2\n3 1.2.3\n"); }, {"'1.2.3' in line 8"});
   expect_error([&] { read("0x10 2\n3 4\n"); }, {"'0x10' in line 7"});
+  expect_error([&] { read(std::string("1 2\n3\0004\n", 8)); }, {"'3\\04' in line 8 is no number"});
   expect_error([&] { read("1 2 3\n4 5\n"); }, {"line 7 has more values"});
 }
 

@@ -147,7 +147,7 @@ TEST(BrokenRun, EndsWhereParametersAreNoNumbersThoughTheLossIs) {
     return gflow({"train", scene.path(), "-o", run, "--quiet", "--iterations", "10", "--set",
                   "lr.means=1e38", "--set", more});
   };
-  for (const char* more : {"train.log_every=4", "train.save_every=4", "train.minutes=1e-6"}) {
+  for (const char* more : {"train.log_every=4", "train.save_every=4"}) {
     const Outcome outcome = train(more);
     EXPECT_EQ(outcome.code, 1) << more;
     EXPECT_NE(outcome.err.find("has values that are no numbers"), std::string::npos) << outcome.err;
@@ -156,6 +156,16 @@ TEST(BrokenRun, EndsWhereParametersAreNoNumbersThoughTheLossIs) {
     EXPECT_TRUE(RunFolder(run).models().empty()) << more;
     fs::remove_all(run);
   }
+  // Ended by the clock, between two looks at it.
+  const Outcome outcome =
+      gflow({"train", scene.path(), "-o", run, "--quiet", "--iterations", "1000000", "--set",
+             "lr.means=1e38", "--set", "train.minutes=0.02", "--set", "train.log_every=1000000",
+             "--set", "train.checkpoint_every=0"});
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find("which are kept in broken.npz; no step is saved"), std::string::npos)
+      << outcome.err;
+  EXPECT_TRUE(fs::exists(run + "/broken.npz"));
+  EXPECT_TRUE(RunFolder(run).models().empty());
 }
 
 TEST(BrokenRun, WithoutACheckpointEndsWithASentenceAndGoesOnFromNothing) {
