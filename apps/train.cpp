@@ -101,7 +101,7 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
                                           : flags.overwrite ? Start::overwrite
                                                             : Start::anew);
   print_report(evaluation);
-  fmt::print("model     {}\n", run.model_path(run.read_facts().iterations));
+  fmt::print("model     {}\n", run.model_path(run.models().at(0)));
   if (!evaluation.views.empty())
     fmt::print("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
   if (flags.profile) print_timings(queue);

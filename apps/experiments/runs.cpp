@@ -345,7 +345,6 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   const RunFiles files(folder, run.id);
   Standing standing;
   if (!fs::exists(files.settings) || !RunFolder::is_run(files.run)) return standing;
-  text_if_there(files.run + "/training.json");  // a run is not trained anew for a disk that fails
   const RunFacts facts = RunFolder(files.run).read_facts();
   // One whose results were lost or damaged is judged again, as one that was stopped before.
   const std::string results = text_if_there(files.run + "/results.json");

@@ -104,8 +104,8 @@ void require_no_training(const RunFolder& run) {
   std::optional<CheckpointFolder::Found> last;
   try {
     former = run.read_config();
-    ended = run.read_facts();
     last = run.checkpoints().latest();
+    ended = run.read_facts();
   } catch (const Error&) {  // damaged: what is known decides
   }
   const int all = former.train.iterations;

@@ -375,7 +375,6 @@ RunFacts RunFolder::read_facts() const {
     facts.finished = run.value("finished", false);
     if (facts.iterations >= 0) return facts;
   } catch (const Json::exception&) {
-  } catch (const Error&) {  // nor can it be read
   }
   static std::set<std::string> told;
   if (told.insert(folder_).second)

@@ -83,7 +83,8 @@ class RunFolder {
   // The networks that judged results.json; none where there is no such file.
   MetricsConfig judged_by() const;
   // Of the last training, for an evaluation made later; zeros when there was none, or, with a
-  // warning, when what says so is damaged: model and checkpoints do without.
+  // warning, when what says so is damaged: model and checkpoints do without. Error when it is there
+  // and cannot be read.
   RunFacts read_facts() const;
   void write_facts(const RunFacts& facts) const;
 

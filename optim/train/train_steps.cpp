@@ -98,6 +98,15 @@ Error without_device(const Error& problem, const Training& training, int step, R
                            how_to_go_on(run, training.config)));
 }
 
+// Steps of the training before, 0 where nothing can tell: no reason to lose this one.
+int stopped_at(const RunFolder& run) {
+  try {
+    return run.read_facts().iterations;
+  } catch (const Error&) {
+    return 0;
+  }
+}
+
 }  // namespace
 
 int train_steps(Training& training, int step, std::optional<InterruptGuard>& guard, bool quiet,
@@ -179,7 +188,7 @@ RunFacts keep_result(Training& training, int steps) {
     if (interrupted()) throw Interrupted(sentence);
     throw Error(sentence);
   }
-  const int stopped = run.read_facts().iterations;  // where it was gone on from
+  const int stopped = stopped_at(run);  // where it was gone on from
   save_model(queue, model, run, steps);
   if (stopped != steps && !ends_round(stopped, config.train.save_every)) run.forget_model(stopped);
   run.write_facts(facts);
