@@ -2,7 +2,6 @@
 // T7-T11, T15: the transports' H and its gradient on the device, for needles that move little and
 // much, that do not move, that turn with the image.
 #include <cstring>
-#include <tuple>
 
 #include "apps/stress/splats.hpp"
 #include "apps/stress/stress.hpp"
@@ -211,22 +210,17 @@ double turn_error(DeviceMaths& device, int mode, const Cases& c) {
   return std::sqrt(difference / length);
 }
 
-// The needles that are not here do not keep it: README.md.
 Rows frame_turn(Queue& queue) {  // T11
   Rows rows;
   DeviceMaths device(queue);
-  for (const auto& [mode, length, width] : {std::tuple{TRANSPORT_PAPER, 3., kThin},
-                                            {TRANSPORT_PAPER, 40., 8.},
-                                            {TRANSPORT_PAPER, 30., 1.},
-                                            {TRANSPORT_OT, 3., kThin},
-                                            {TRANSPORT_OT, 40., 8.},
-                                            {TRANSPORT_OT, 30., 1.},
-                                            {TRANSPORT_OT, 300., 1.},
-                                            {TRANSPORT_MATERIAL, 3., kThin},
-                                            {TRANSPORT_MATERIAL, 40., 8.}})
-    rows.push_back({fmt::format("{}, {:g} x {:g} px turned by 90 degrees, relative L2",
-                                mode_name(mode), length, width),
-                    turn_error(device, mode, cases(length, .2, 11, false, width)), 1e-6});
+  for (const int mode : {TRANSPORT_PAPER, TRANSPORT_OT, TRANSPORT_MATERIAL})
+    for (const auto& [length, width] : {std::pair{3., kThin}, {40., 8.}, {30., 1.}, {300., 1.}}) {
+      const bool bound_by_z = mode == TRANSPORT_PAPER && length == 300;  // README.md
+      rows.push_back({fmt::format("{}, {:g} x {:g} px turned by 90 degrees, relative L2",
+                                  mode_name(mode), length, width),
+                      turn_error(device, mode, cases(length, .2, 11, false, width)),
+                      bound_by_z ? 1e-5 : 1e-6});
+    }
   return rows;
 }
 

@@ -79,6 +79,14 @@ static inline Monge2 monge2(Whitening w1, Whitening w2, Mat23 m1, Mat23 m2) {
   return o;
 }
 
+// W = K M, for H = E W^T of material. Its first row is k1 (r1 - (b/c) r2) with b = r1.r2 and
+// c = |r2|^2 + DILATION: for needles a difference of nearly equal vectors (1e-5 of H at 300 x 1 px),
+// so formed as k1/c (r2 x (r1 x r2) + DILATION r1), in which nothing cancels (2e-7 there).
+static inline Mat23 whitened_factor(Whitening w, Mat23 m) {
+  const real3 minors = cross_exactly(m.r1, m.r2);
+  return make_mat23((cross(m.r2, minors) + m.r1 * (real)DILATION) * (w.k1 / w.s.c), m.r2 * w.k3);
+}
+
 // H of one splat.
 static inline Mat2 transport(int mode, Mat23 m1, Whitening w1, Mat23 m2) {
   if (mode == TRANSPORT_PAPER) {
@@ -89,7 +97,7 @@ static inline Mat2 transport(int mode, Mat23 m1, Whitening w1, Mat23 m2) {
   if (mode == TRANSPORT_OT)
     return mat2_mul(mat2_of(monge2(w1, whiten(m2), m1, m2).change), whitening_u(w1));
   if (mode == TRANSPORT_MATERIAL)
-    return mat23_outer(mat23_sub(m2, m1), mat23_left(whitening_k(w1), m1));
+    return mat23_outer(mat23_sub(m2, m1), whitened_factor(w1, m1));
   return make_mat2((real)0, (real)0, (real)0, (real)0);
 }
 
@@ -131,7 +139,7 @@ static inline TransportGradient transport_vjp(int mode, Mat23 m1, Whitening w1, 
     g.m1 = covariance_vjp(m1, x1);
   } else if (mode == TRANSPORT_MATERIAL) {
     const Mat2 k = whitening_k(w1);
-    const Mat23 e = mat23_sub(m2, m1), w = mat23_left(k, m1);
+    const Mat23 e = mat23_sub(m2, m1), w = whitened_factor(w1, m1);
     const Mat2 h = mat23_outer(e, w), ght = mat2_transpose(gh);
     const Mat2 hg = mat2_mul(mat2_transpose(h), gh);
     const Mat2 both = make_mat2(hg.a + hg.a, hg.b + hg.c, hg.c + hg.b, hg.d + hg.d);

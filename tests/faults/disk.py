@@ -24,20 +24,16 @@ def training(world, name, prepare, arguments):
 
 def one_output(world, name, arguments, output):
     """A command that replaces `output`, a file: it is the old one or the new one."""
-    new = {}
-
     def prepare(folder):
         with open(os.path.join(folder, output), "wb") as file:
             file.write(b"the file that was there before")
 
     def check(folder, outcome, before):
         now = contents_under(folder)
-        if not new:
-            assert world.run(arguments(folder)).code == 0
-            new.update(contents_under(folder))
-        right = new if outcome.code == 0 else before
+        right = trial.right if outcome.code == 0 else before
         return [] if now == right else [f"{output} is neither the old nor the new one: {sorted(now)}"]
-    return Trial(world, name, prepare, arguments, check)
+    trial = Trial(world, name, prepare, arguments, check)
+    return trial
 
 
 def is_whole_video(content):
@@ -55,21 +51,17 @@ def is_whole_video(content):
 def pictures(world):
     """Rendering: the files that are there are those of an undisturbed rendering; videos may be by another
     encoder, which is tried where the first cannot begin."""
-    reference = world.path("pictures")
     command = lambda folder: ["render", world.whole, "-o", folder + "/out", "--quiet"]
-    whole = {}
 
     def check(folder, outcome, before):
-        if not whole:
-            assert world.run(["render", world.whole, "-o", reference, "--quiet"]).code == 0
-            whole.update(contents_under(reference))
-        now = contents_under(folder + "/out")
+        now, whole = contents_under(folder), trial.right
         wrong = [f"{name} is there and not whole" for name in now if now[name] != whole.get(name)
                  and not (name.endswith(".mp4") and is_whole_video(now[name]))]
         if outcome.code == 0 and sorted(now) != sorted(whole):
             wrong.append(f"it succeeds without {sorted(set(whole) - set(now))}")
         return wrong
-    return Trial(world, "render", lambda folder: None, command, check)
+    trial = Trial(world, "render", lambda folder: None, command, check)
+    return trial
 
 
 def stopped_before(world):
