@@ -2,7 +2,7 @@
 import os
 import shutil
 
-from outputs import gnuplot, others
+from outputs import gnuplot, is_whole_video, others
 from trial import Trial, every_call, from_some_on
 from world import broken_checkpoints, checkpoints_of, contents_under, settings
 
@@ -34,18 +34,6 @@ def one_output(world, name, arguments, output):
         return [] if now == right else [f"{output} is neither the old nor the new one: {sorted(now)}"]
     trial = Trial(world, name, prepare, arguments, check)
     return trial
-
-
-def is_whole_video(content):
-    """Whether its boxes (length, name, contents) end where the file does, with an index among them."""
-    at, names = 0, []
-    while at + 8 <= len(content):
-        length = int.from_bytes(content[at:at + 4], "big")
-        names.append(content[at + 4:at + 8])
-        if length < 8:
-            return False
-        at += length
-    return at == len(content) and b"moov" in names
 
 
 def pictures(world):

@@ -24,7 +24,9 @@ def training(world, name, start):
         wrong += world.differences(run, PLACES) if outcome.code == 0 else []
         return wrong + world.resumed_as_undisturbed(run, PLACES)
     arguments = lambda folder: ["train", folder + "/scene", "-o", folder + "/run", "--resume", *settings()]
-    return Trial(world, name, prepare, arguments, check, reads=True)
+    trial = Trial(world, name, prepare, arguments, check, reads=True)
+    trial.varies = True  # frames are read ahead, and again, in the order in which threads come to them
+    return trial
 
 
 def copied(*pairs):
