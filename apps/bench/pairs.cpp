@@ -32,4 +32,8 @@ Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& sett
 double forward_flops(Channels c) { return 32 + (c.flow ? 12 : 0) + (c.depth ? 2 : 0); }
 double backward_flops(Channels c) { return 52 + (c.flow ? 28 : 0) + (c.depth ? 4 : 0); }
 
+double bytes_of(const Touched& t) {
+  return 7 * 4 * t.parameters * t.moved + 900 * t.drawn + 310 * t.intersections + 110 * t.pixels;
+}
+
 }  // namespace gflow::bench

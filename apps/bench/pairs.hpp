@@ -18,4 +18,14 @@ Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& sett
 double forward_flops(Channels channels);
 double backward_flops(Channels channels);
 
+// What a training step touches: Gaussians that Adam moves, of so many parameters each; those that
+// are drawn, their tiles, and pixels.
+struct Touched {
+  double moved = 0, parameters = 0, drawn = 0, intersections = 0, pixels = 0;
+};
+// Bytes it reads and writes, counted from the kernels' arguments (floats are 4 bytes): Adam's seven
+// reads and writes of a parameter; a drawn Gaussian's poses, records, sort keys and gradients; an
+// intersection's ids, masks, record and 16 sums; a pixel's images and their gradients.
+double bytes_of(const Touched& touched);
+
 }  // namespace gflow::bench

@@ -86,11 +86,7 @@ double wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
   return report["rows"][fmt::format("512x512, {}", gaussians)]["wall [ms]"]["median"];
 }
 
-// What one step touches, counted from the kernels' arguments (floats are 4 bytes): a Gaussian's
-// 50 parameters (spacetime, colour of degree 2) in Adam's seven reads and writes, its poses,
-// records, sort keys and gradients; an intersection's ids, masks, record and 16 sums; a pixel's
-// images and their gradients.
-constexpr double kGaussianBytes = 7 * 50 * 4 + 900, kIntersectionBytes = 310, kPixelBytes = 110;
+constexpr double kParameters = 50;  // spacetime, colour of degree 2
 
 void predict(const ScalingOptions& o, const Point& largest, double peak_gflops, Report& report) {
   const double gaussians = 5e6, pixels = 3840.0 * 2160.0;
@@ -100,8 +96,7 @@ void predict(const ScalingOptions& o, const Point& largest, double peak_gflops, 
       std::max(1.5 * gaussians, largest.intersections / largest.x * gaussians);
   const Channels channels{true, false};
   const double flops = pairs * (forward_flops(channels) + backward_flops(channels));
-  const double bytes =
-      gaussians * kGaussianBytes + intersections * kIntersectionBytes + pixels * kPixelBytes;
+  const double bytes = bytes_of({gaussians, kParameters, gaussians, intersections, pixels});
   const double splat_ms =
       largest.cost.kernel_ms.at("splat_fwd").median + largest.cost.kernel_ms.at("splat_bwd").median;
   const double here = largest.pairs * (forward_flops(channels) + backward_flops(channels)) * 1e-6 /

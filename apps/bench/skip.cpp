@@ -23,7 +23,7 @@ std::vector<Kind> kinds_of() {
     kinds.push_back({fmt::format("without {}", name), {off}});
     none.settings.push_back(off);
   });
-  kinds.push_back({"without calm", {"flow.calm=1"}});  // a skip, too, in the mean over steps
+  kinds.push_back({"flow of calm tiles too", {"flow.calm=1"}});  // a skip in the mean over steps
   none.settings.push_back("flow.calm=1");
   kinds.push_back(none);
   return kinds;
@@ -65,8 +65,10 @@ void run_skip(const StepOptions& o, const GlobalOptions& options) {
                 {{"wall [ms]", spread_of(c.wall)},
                  {"CPU [ms]", spread_of(c.cpu)},
                  single("of all skips", spread_of(c.cpu).median / shipped),
-                 single("Gaussians drawn", double(c.drawn)),
-                 single("intersections", double(c.intersections)),
+                 single("moved by Adam", c.touched.moved),
+                 single("drawn", c.touched.drawn),
+                 single("intersections", c.touched.intersections),
+                 single("bytes [1e6]", 1e-6 * bytes_of(c.touched)),
                  single("pairs in cells", c.pairs.masked),
                  single("pairs blended", c.pairs.blended),
                  single("model differs by", difference(c.end, costs[0].end))}});

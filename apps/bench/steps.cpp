@@ -10,6 +10,7 @@
 
 #include "apps/command_line.hpp"
 #include "optim/train/progress.hpp"
+#include "runtime/reduce.hpp"
 #include "runtime/usage.hpp"
 
 namespace gflow::bench {
@@ -24,6 +25,12 @@ TrainConfig configured(const StepOptions& o, const std::vector<std::string>& set
   config.train.iterations = 2 * std::max(o.warm, o.block * (o.common.repeats + 1));
   check(config);
   return config;
+}
+
+double parameters_of_one(const HostModel& model) {
+  size_t values = 0;
+  for (const auto& [name, group] : model.groups) values += group.size();
+  return double(values) / double(std::max<size_t>(model.count, 1));
 }
 
 // A training that goes on in its own way.
@@ -63,8 +70,13 @@ class GoingOn {
     cost.end = model_.read(queue);
     const Engine& engine = trainer_->renderer().engine();
     cost.pairs = count_pairs(queue, engine, engine_settings(config_));
-    cost.intersections = engine.tiles().intersections;
-    for (const cl_uint tiles : engine.splats().tiles_touched.read(queue)) cost.drawn += tiles > 0;
+    const Images& images = engine.images();
+    Reduce reduce(queue);
+    cost.touched = {double(reduce.count_nonzero(queue, model_.parameters.rows.seen)),
+                    parameters_of_one(cost.end),
+                    double(reduce.count_nonzero(queue, engine.splats().tiles_touched)),
+                    double(engine.tiles().intersections),
+                    double(images.width) * double(images.height)};
     return std::move(cost);
   }
 

@@ -40,7 +40,7 @@ struct StepCost {
   std::vector<double> wall, cpu, busy;                 // [ms]
   std::map<std::string, std::vector<double>> kernels;  // [ms] on the device
   HostModel end;
-  size_t drawn = 0, intersections = 0;  // Gaussians in the picture, and their tiles
+  Touched touched;
   Pairs pairs;
 };
 // Of all kinds, a block of steps of each in turn, so that a machine that slows down slows all.
