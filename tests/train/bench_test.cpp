@@ -181,10 +181,13 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   EXPECT_EQ(all["model differs by"], 0);
   for (const char* exact : {"masks", "saturated", "asking", "outside", "flow"})
     EXPECT_EQ(rows[fmt::format("without {}", exact)]["model differs by"], 0) << exact;
-  EXPECT_GT(rows["without calm"]["model differs by"], 0);  // right in the mean
+  EXPECT_GT(rows["flow of calm tiles too"]["model differs by"], 0);  // right in the mean
   EXPECT_GT(rows["without masks"]["pairs in cells"], all["pairs in cells"]);
   EXPECT_GT(rows["without boxes"]["intersections"], all["intersections"]);
   EXPECT_GT(none["pairs in cells"], all["pairs in cells"]);
+  EXPECT_GE(all["moved by Adam"], all["drawn"]);
+  EXPECT_GT(rows["without unseen"]["moved by Adam"], all["moved by Adam"]);
+  EXPECT_GT(rows["without unseen"]["bytes [1e6]"], all["bytes [1e6]"]);
   EXPECT_EQ(rows["without masks"]["pairs blended"], all["pairs blended"]);
 }
 
