@@ -217,7 +217,15 @@ std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& came
   std::vector<ColmapImage> images;
   const std::vector<std::string> lines = text_lines(path);
   for (size_t i = 0; i < lines.size(); i += 2) {  // every second line holds observations
-    if (lines[i].empty()) break;
+    if (lines[i].empty()) {
+      if (std::all_of(lines.begin() + long(i), lines.end(),
+                      [](const std::string& line) { return line.empty(); }))
+        break;
+      throw Error(fmt::format(
+          "cannot read {}: where picture {} should be is an empty line; each takes two lines, the "
+          "second of which may be empty",
+          path, images.size() + 1));
+    }
     std::istringstream words(lines[i]);
     uint32_t id, camera_id;
     double q[4], t[3];

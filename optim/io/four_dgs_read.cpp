@@ -9,6 +9,7 @@
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/four_dgs.hpp"
 #include "optim/io/four_dgs_grid.hpp"
+#include "optim/io/packed_size.hpp"
 #include "optim/io/splat_table.hpp"
 #include "runtime/error.hpp"
 
@@ -17,22 +18,31 @@ namespace {
 
 using namespace four_dgs;
 
-// More than any scene has: guards against small files that would fill the memory.
-constexpr uint64_t kMostSplats = uint64_t{1} << 25;
-constexpr uint64_t kMostInflated = 1032;  // times; what deflate can do
+constexpr uint64_t kMostSplats = uint64_t{1} << 25;  // more than any scene has
+// What a Gaussian takes while its chunk is read, spherical harmonics aside [bytes].
+constexpr uint64_t kSplatBytes = sizeof(MovingSplat) + 4 * 24;
 
 constexpr double kLargest = 1e15;  // place, velocity and time: their products fit a float
 
 // A stretch of the file, read from its beginning; names the file in its errors.
 class Reader {
  public:
-  Reader(const std::string& path, std::string_view bytes) : path_(path), rest_(bytes) {}
+  Reader(const std::string& path, std::string_view bytes)
+      : path_(path), file_size_(bytes.size()), rest_(bytes) {}
 
   [[noreturn]] void refuse(const std::string& why) const {
     throw Error(fmt::format("cannot read {}: {}", path_, why));
   }
   size_t size() const { return rest_.size(); }
-  Reader of(std::string_view bytes) const { return {path_, bytes}; }
+  // Before memory is taken: streams of one value make large scenes of small files.
+  void require_plausible(uint64_t memory) const {
+    require_plausible_size(memory, file_size_, path_);
+  }
+  Reader of(std::string_view bytes) const {
+    Reader part = *this;
+    part.rest_ = bytes;
+    return part;
+  }
 
   std::string_view take(uint64_t length, const char* what) {
     if (length > rest_.size())
@@ -57,13 +67,12 @@ class Reader {
 
  private:
   const std::string& path_;
+  size_t file_size_;
   std::string_view rest_;
 };
 
 std::string inflated(const Reader& in, std::string_view bytes, uint64_t size) {
-  if (size > kMostInflated * bytes.size() + 64)
-    in.refuse(
-        fmt::format("it is damaged: {} bytes cannot hold {} compressed ones", bytes.size(), size));
+  in.require_plausible(size);
   std::string out(size + 1, '\0');  // one more shows a stream that is too long
   uLongf got = out.size();
   uLong used = bytes.size();
@@ -182,6 +191,8 @@ class FileReader {
     if (declared_ > kMostSplats)
       in.refuse(
           fmt::format("it says it has {} Gaussians, gflow reads up to {}", declared_, kMostSplats));
+    const auto bands = uint64_t(scene_.sh_degree) + 1;
+    in.require_plausible(declared_ * (kSplatBytes + 4 * 3 * (bands * bands - 1)));
   }
 
   // Records that must come once, before all Gaussians.

@@ -112,7 +112,8 @@ bool parse_line(const std::string& line, Header& header, bool& has_format,
     Element element;
     long long rows = -1;
     words >> element.name >> rows;
-    if (!words || rows < 0) refuse(path, fmt::format("'{}' has no number of rows", line));
+    if (!words || rows < 0 || !(words >> std::ws).eof())
+      refuse(path, fmt::format("'{}' has no number of rows", line.substr(0, 60)));
     element.rows = size_t(rows);
     header.elements.push_back(element);
   } else if (keyword == "property") {

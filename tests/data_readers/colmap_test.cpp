@@ -179,6 +179,9 @@ TEST(Colmap, ModelsThatContradictThemselvesAreRefused) {
   expect_error(read, {"images.txt"});
   folder.write("sparse/0/images.txt", "1 0 0 0 0 0 0 0 7 a.png\n\n");
   expect_error(read, {"a.png", "not finite"});
+  const std::string first = "1 1 0 0 0 0 0 0 7 a.png\n", second = "2 1 0 0 0 0 0 0 7 b.png\n";
+  folder.write("sparse/0/images.txt", first + "\n\n\n" + second + "\n");
+  expect_error(read, {"images.txt", "picture 2", "empty line"});
   folder.write("sparse/0/images.txt", "1 1 0 0\n");
   expect_error(read, {"images.txt", "'1 1 0 0'"});
   std::filesystem::remove(folder.file("sparse/0/cameras.txt"));

@@ -142,13 +142,13 @@ void given_cameras_seeds(const std::string& to) {
 
 std::vector<Target> file_targets() {
   return {{"npy", npy, npy_seeds},
-          {"npz", npz, npz_seeds},
-          {"point_tracks", point_tracks, point_tracks_seeds},
-          {"flo", flo, flo_seeds},
-          {"kitti_flow", kitti_flow, kitti_flow_seeds},
-          {"picture", picture, picture_seeds},
-          {"video", video, video_seeds},
-          {"packed_flow", packed_flow, packed_flow_seeds},
+          {"npz", npz, npz_seeds, Holds::packed},
+          {"point_tracks", point_tracks, point_tracks_seeds, Holds::packed},
+          {"flo", flo, flo_seeds, Holds::packed},
+          {"kitti_flow", kitti_flow, kitti_flow_seeds, Holds::packed},
+          {"picture", picture, picture_seeds, Holds::packed},
+          {"video", video, video_seeds, Holds::anything},
+          {"packed_flow", packed_flow, packed_flow_seeds, Holds::packed},
           {"cameras_json", cameras_json, cameras_json_seeds},
           {"given_cameras", given_cameras, given_cameras_seeds}};
 }

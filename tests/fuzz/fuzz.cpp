@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // libFuzzer's entry points. GFLOW_FUZZ_TARGET names the reader; `fuzz --seeds FOLDER` writes valid
 // inputs of each into FOLDER/NAME instead.
+#include <sanitizer/allocator_interface.h>
+
+#include <atomic>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -9,6 +12,8 @@
 #include "fuzz/targets.hpp"
 
 namespace {
+
+using gflow::fuzz::Holds;
 
 const gflow::fuzz::Target& chosen() {
   static const gflow::fuzz::Target* const target = [] {
@@ -21,10 +26,35 @@ const gflow::fuzz::Target& chosen() {
   return *target;
 }
 
+// Memory of the whole process that is allocated now, and the most of it since `most` was set
+// [bytes].
+std::atomic<long> allocated{0}, most{0};
+
+void count_malloc(const volatile void*, size_t size) {
+  const long now = allocated += long(size);
+  long before = most;
+  while (now > before && !most.compare_exchange_weak(before, now)) {
+  }
+}
+void count_free(const volatile void* place) {
+  allocated -= long(__sanitizer_get_allocated_size(place));
+}
+
+// What reading may take: twice the file and 64 MB, or of a compressed file twice what it may hold
+// and 64 MB (optim/io/README.md).
+size_t memory_allowed(size_t size) {
+  constexpr size_t mb = size_t{1} << 20;
+  const bool packed = chosen().holds == Holds::packed;
+  return 64 * mb + 2 * (packed ? 64 * mb + 100 * size : size);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
-  if (*argc < 3 || std::strcmp((*argv)[1], "--seeds") != 0) return 0;
+  if (*argc < 3 || std::strcmp((*argv)[1], "--seeds") != 0) {
+    __sanitizer_install_malloc_and_free_hooks(count_malloc, count_free);
+    return 0;
+  }
   for (const auto& target : gflow::fuzz::targets()) {
     const std::string folder = std::string((*argv)[2]) + "/" + target.name;
     std::filesystem::create_directories(folder);
@@ -39,6 +69,13 @@ extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
 }
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size) {
+  const long before = allocated;
+  most = before;
   chosen().read(bytes, size);
+  const size_t taken = size_t(most - before);
+  if (chosen().holds != Holds::anything && taken > memory_allowed(size)) {
+    std::fprintf(stderr, "fuzz: reading %zu bytes took %zu MB of memory\n", size, taken >> 20);
+    std::abort();
+  }
   return 0;
 }

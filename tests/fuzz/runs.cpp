@@ -174,11 +174,11 @@ void guidance_seeds(const std::string& to) {
 
 std::vector<Target> run_targets() {
   return {{"config", config, config_seeds},
-          {"model", model, model_seeds},
-          {"checkpoint", checkpoint, checkpoint_seeds},
+          {"model", model, model_seeds, Holds::packed},
+          {"checkpoint", checkpoint, checkpoint_seeds, Holds::packed},
           {"plan", plan, plan_seeds},
-          {"run_folder", run_folder, run_folder_seeds},
-          {"guidance", guidance, guidance_seeds}};
+          {"run_folder", run_folder, run_folder_seeds, Holds::packed},
+          {"guidance", guidance, guidance_seeds, Holds::packed}};
 }
 
 }  // namespace gflow::fuzz

@@ -175,12 +175,12 @@ void consistent4d_seeds(const std::string& to) { seeds_of(to, consistent4d_files
 std::vector<Target> scene_targets() {
   return {{"colmap_text", colmap_text, colmap_text_seeds},
           {"colmap_binary", colmap_binary, colmap_binary_seeds},
-          {"nerfies", nerfies, nerfies_seeds},
-          {"panoptic", panoptic, panoptic_seeds},
-          {"nerfstudio", nerfstudio, nerfstudio_seeds},
-          {"blender", blender, blender_seeds},
-          {"n3v", n3v, n3v_seeds},
-          {"consistent4d", consistent4d, consistent4d_seeds}};
+          {"nerfies", nerfies, nerfies_seeds, Holds::packed},
+          {"panoptic", panoptic, panoptic_seeds, Holds::packed},
+          {"nerfstudio", nerfstudio, nerfstudio_seeds, Holds::packed},
+          {"blender", blender, blender_seeds, Holds::packed},
+          {"n3v", n3v, n3v_seeds, Holds::packed},
+          {"consistent4d", consistent4d, consistent4d_seeds, Holds::packed}};
 }
 
 }  // namespace gflow::fuzz

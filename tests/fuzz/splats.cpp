@@ -90,6 +90,11 @@ void four_dgs(const uint8_t* bytes, size_t size) {
 void four_dgs_seeds(const std::string& to) {
   for (const char* name : {"one_gaussian", "two_windows", "chunk_ends_first"})
     copy_seed(to, fmt::format("{}/tests/data/four_dgs/{}.4dgs", GFLOW_SOURCE_DIR, name));
+  MovingSplats equal;  // a stream of one value for all
+  equal.duration = 1;
+  equal.splats.resize(20000);
+  for (MovingSplat& splat : equal.splats) splat.scales = {1, 1, 1};
+  write_four_dgs(to + "/equal.4dgs", equal);
 }
 
 }  // namespace
@@ -98,8 +103,8 @@ std::vector<Target> splat_targets() {
   return {{"ply", ply, ply_seeds},
           {"compressed_ply", compressed_ply, compressed_ply_seeds},
           {"dot_splat", dot_splat, dot_splat_seeds},
-          {"spz", spz, spz_seeds},
-          {"four_dgs", four_dgs, four_dgs_seeds}};
+          {"spz", spz, spz_seeds, Holds::packed},
+          {"four_dgs", four_dgs, four_dgs_seeds, Holds::packed}};
 }
 
 }  // namespace gflow::fuzz

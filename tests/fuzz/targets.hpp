@@ -9,11 +9,16 @@
 
 namespace gflow::fuzz {
 
+// How much may be in a file: its size, more as it is compressed, or, in a video, what FFmpeg makes
+// of it.
+enum class Holds { its_size, packed, anything };
+
 struct Target {
   const char* name;
   void (*read)(const uint8_t* bytes, size_t size);
   // Valid inputs to begin from, written as files into a folder.
   void (*make_seeds)(const std::string& folder);
+  Holds holds = Holds::its_size;
 };
 
 const std::vector<Target>& targets();

@@ -401,6 +401,9 @@ TEST(FourDgs, SaysWhatItCannotRead) {
   expect(file, {"a.4dgs", "3 Gaussians", "has 2"});
   file.count = uint64_t{1} << 60;
   expect(file, {"a.4dgs", "1152921504606846976 Gaussians"});
+  // Streams of one value for all would fit so many into a kilobyte.
+  file.count = uint64_t{1} << 22;
+  expect(file, {"a.4dgs", "would unpack to"});
   std::string bytes = HandMade().bytes();
   bytes[5] = '2';
   expect_error([&] { read_four_dgs(folder.write("b.4dgs", bytes)); }, {"b.4dgs", "version '2'"});

@@ -103,7 +103,8 @@ TEST(Ply, RefusesCountsThatCannotBeInTheFile) {
   for (const char* format : {"ascii", "binary_little_endian"})
     for (const char* count : {"4000000000", "9000000000000000000"})
       expect_error([&] { read_ply(with(format, count)); }, {"a.ply", "truncated"});
-  expect_error([&] { read_ply(with("ascii", "-1")); }, {"number of rows"});
+  for (const char* rows : {"-1", "0x10", "1.5", "1 9", "1e3"})
+    expect_error([&] { read_ply(with("ascii", rows)); }, {"number of rows"});
   expect_error([&] { read_ply(with("binary_big_endian", "1")); }, {"binary_big_endian"});
 }
 
