@@ -387,7 +387,7 @@ struct FlowConfig {
   bool detach_t1 = false;
   bool detach_weights = false;
   float robust_px = 0.5f;
-  int every = 1;
+  int every = 0;
   float calm = 0;
   float calm_px = 0.5f;
   int start = 0;
@@ -431,8 +431,10 @@ struct FlowConfig {
           "let the flow loss change how Gaussians move, not what they cover");
     field("robust_px", self.robust_px,
           "knee of the robust norm: quadratic below, linear above [px]", above(0));
-    field("every", self.every, "the flow loss counts in every n-th step only, n times as much",
-          at_least(1));
+    field("every", self.every,
+          "the flow loss counts in every n-th step only, n times as much; 0: 2 for spacetime and "
+          "native4d, else 1",
+          at_least(0));
     field(
         "calm", self.calm,
         "probability with which a tile of 16x16 pixels where the flow to learn is 0 counts in a "

@@ -126,7 +126,7 @@ std::string how_to_go_on(const RunFolder& run, const TrainConfig& config) {
 }
 
 Checkpointer::Checkpointer(Queue& queue, const TrainConfig& config, const Scene& scene,
-                           const RunFolder& run, const Trainer& trainer, const ModelShape& shape)
+                           const RunFolder& run, Trainer& trainer, const ModelShape& shape)
     : queue_(queue), folder_(run.checkpoints()), trainer_(trainer) {
   facts_.config = to_toml(config);
   facts_.scene = scene_stamp(scene);

@@ -25,7 +25,7 @@ std::string how_to_go_on(const RunFolder& run, const TrainConfig& config);
 class Checkpointer {
  public:
   Checkpointer(Queue& queue, const TrainConfig& config, const Scene& scene, const RunFolder& run,
-               const Trainer& trainer, const ModelShape& shape);
+               Trainer& trainer, const ModelShape& shape);
   // After `step` steps that took so many seconds. Waits.
   void write(int step, double seconds);
   // Warns instead of throwing: a training that cannot be saved is worth finishing, and there may be
@@ -37,7 +37,7 @@ class Checkpointer {
  private:
   Queue& queue_;
   CheckpointFolder folder_;
-  const Trainer& trainer_;
+  Trainer& trainer_;
   CheckpointFacts facts_;
 };
 

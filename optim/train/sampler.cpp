@@ -12,6 +12,12 @@ namespace {
 
 constexpr uint kPairStream = 8, kReachStream = 15;  // of random numbers; trainer.cpp has others
 
+// A path of few numbers learns as much from flow in every second step: optim/loss/README.md.
+int steps_to_flow(const FlowConfig& flow, MotionModelKind motion) {
+  if (flow.every > 0) return flow.every;
+  return has_stiff_paths(motion) ? 2 : 1;
+}
+
 }  // namespace
 
 Sampler::Sampler(const TrainConfig& config, const Scene& scene, const FrameStore& frames,
@@ -22,6 +28,7 @@ Sampler::Sampler(const TrainConfig& config, const Scene& scene, const FrameStore
       frames_(frames),
       parts_(std::move(parts)),
       unfolding_(Unfolding::of(config, is_permanent(shape.motion))),
+      flow_every_(steps_to_flow(config.flow, shape.motion)),
       ways_(scene.train.size()) {
   require_sequence(config, scene, shape);
   const bool sequential = config.train.sequential;
@@ -65,7 +72,7 @@ std::vector<Sample> Sampler::at(int step) const {
   const bool whole = step % (focus + 1) == 0;
   const size_t turn = whole ? size_t(step) / size_t(focus + 1)
                             : size_t(step) - size_t(step) / size_t(focus + 1) - 1;
-  const bool with_flow = turn % size_t(config_.flow.every) == 0;
+  const bool with_flow = turn % size_t(flow_every_) == 0;
   std::vector<Sample> samples;
   for (int b = 0; b < config_.train.batch; ++b) {
     const size_t at = turn * size_t(config_.train.batch) + size_t(b);

@@ -33,6 +33,8 @@ class Sampler {
   // Which time steps a training step is about.
   Stage stage(int step) const { return stage_at(config_.train, std::max(scene_.steps, 1), step); }
   const Unfolding& unfolding() const { return unfolding_; }
+  // Steps from one with flow to the next (flow.every).
+  int flow_every() const { return flow_every_; }
 
  private:
   // Training frames to choose from, all and those with a part smaller than the whole, of all time
@@ -54,6 +56,7 @@ class Sampler {
   const FrameStore& frames_;
   std::vector<Rect> parts_;
   Unfolding unfolding_;
+  int flow_every_ = 1;
   std::vector<Choice> choices_;
   std::vector<Ways> ways_;  // one a training frame
 };

@@ -219,7 +219,7 @@ float Trainer::upload_teacher(Queue& queue, const Sample& sample, int width) {
   confidence_.write_async(queue, confidence_part_);
   const auto unknown = std::count(confidence_part_.begin(), confidence_part_.end(), 0);
   v_.flow_in_parts = size_t(unknown) > confidence_part_.size() / 4;
-  return config_.flow.weight * float(config_.flow.every) * flow->emphasis;
+  return config_.flow.weight * float(sampler_.flow_every()) * flow->emphasis;
 }
 
 void Trainer::train_view(Queue& queue, const Sample& sample, int step, int in_batch) {
@@ -281,6 +281,7 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step, int in_ba
     v_.v_flow.ensure(queue, 2 * pixels);
     flow_loss_.run(queue, flow_weight, part.width, part.height, images.flow, images.alpha, teacher_,
                    confidence_, v_.v_flow, shot.view.flow_tiles);
+    flow_is_new_ = true;
   }
   renderer_.backward(queue, model_, v_);
   learn_from(queue, shot, camera.width, camera.height);
@@ -423,13 +424,17 @@ void Trainer::put_in_order(Queue& queue) {
   }
 }
 
-Arrays Trainer::state(Queue& queue) const {
+Arrays Trainer::state(Queue& queue) {
   Arrays arrays;
   save_state(queue, model_.parameters, arrays);
   if (density_) density_->save_state(queue, arrays);
   if (rest_) rest_->save_state(queue, model_.parameters, arrays);
   if (motion_loss_ && neighbours_known_) save_state(motion_loss_->pairs(), arrays);
   if (rates_.caution != 1) arrays["caution"] = {{1}, std::vector<float>{rates_.caution}};
+  // For the log of a step without flow.
+  const FlowFigures flow = flow_figures(queue);
+  if (sampler_.flow_every() > 1 && flow.known)
+    arrays["flow_figures"] = {{2}, std::vector<float>{flow.loss, flow.epe}};
   return arrays;
 }
 
@@ -438,7 +443,13 @@ void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& p
   if (density_) density_->load_state(queue, arrays, path);
   if (rest_) rest_->load_state(queue, model_.parameters, arrays, path);
   const bool cautious = arrays.count("caution");
-  rates_.caution = cautious ? array_named(arrays, "caution", path).as_float().at(0) : 1;
+  rates_.caution = cautious ? exact_values<float>(arrays, "caution", {1}, path)[0] : 1;
+  flow_is_new_ = false;
+  flow_figures_ = {};
+  if (arrays.count("flow_figures")) {
+    const std::vector<float>& flow = exact_values<float>(arrays, "flow_figures", {2}, path);
+    flow_figures_ = {true, flow[0], flow[1]};
+  }
   neighbours_known_ = motion_loss_ && arrays.count("neighbours/offsets");
   if (neighbours_known_)
     motion_loss_->set_pairs(queue, load_neighbours(arrays, model_.parameters.count, path));
@@ -448,20 +459,28 @@ size_t Trainer::refused(Queue& queue) {
   return reduce_.count_nonzero(queue, model_.parameters.rows.refused);
 }
 
+Trainer::FlowFigures Trainer::flow_figures(Queue& queue) {
+  if (flow_is_new_) {
+    const FlowLossValue flow = flow_loss_.value(queue);
+    const bool none_asked = flow_tiles_ && flow.confident_pixels == 0;
+    flow_figures_ = {!none_asked, float(flow.loss / sampler_.flow_every()), float(flow.epe)};
+    flow_is_new_ = false;
+  }
+  return flow_figures_;
+}
+
 StepFigures Trainer::figures(Queue& queue) {
   StepFigures figures;
   const ImageLossValue image = image_loss_.value(queue);
   figures.l1 = image.l1;
   figures.ssim = image.ssim;
   figures.loss = image.total;
-  if (had_flow_) {
-    const FlowLossValue flow = flow_loss_.value(queue);
-    const bool none_asked = flow_tiles_ && flow.confident_pixels == 0;
-    figures.flow_loss = none_asked ? kNotSeen : flow.loss;
-    figures.epe = none_asked ? kNotSeen : flow.epe;
-    figures.loss += flow.loss;
-  } else if (config_.flow.every > 1 && flows_.size() > 0) {
-    figures.flow_loss = figures.epe = kNotSeen;
+  const bool has_flow = flows_.size() > 0 && config_.flow.weight > 0;
+  if (had_flow_ || (has_flow && sampler_.flow_every() > 1)) {
+    const FlowFigures flow = flow_figures(queue);
+    figures.flow_loss = flow.known ? double(flow.loss) : kNotSeen;
+    figures.epe = flow.known ? double(flow.epe) : kNotSeen;
+    figures.loss += double(flow.loss);
   }
   if (had_motion_loss_) {
     figures.motion = motion_loss_->value(queue);

@@ -29,8 +29,9 @@ namespace gflow {
 struct StepFigures {
   double l1 = 0, ssim = 0, loss = 0;
   double psnr = 0;  // of the last view [dB]
-  // Of the last view with flow [px], estimated from the tiles that were asked (flow.calm); NaN in a
-  // step without (flow.every) or where none was asked, 0 where there is no flow at all.
+  // Of the last view with flow [1, px], estimated from the tiles that were asked (flow.calm), and
+  // by flow.weight however seldom it counts (flow.every): NaN where none was asked, 0 where there
+  // is no flow at all.
   double flow_loss = 0, epe = 0;
   // Of the last view, NaN in a step without such a loss (loss.motion_every); none: no training has.
   std::optional<MotionLossValue> motion;
@@ -69,7 +70,7 @@ class Trainer {
   std::string take_notice() { return std::exchange(notice_, ""); }
 
   // All that a later step depends on beside configuration, scene and step number. Waits.
-  Arrays state(Queue& queue) const;
+  Arrays state(Queue& queue);
   // Goes on from there, whatever the model was. Error when the arrays are not those of such a
   // model; `path`: the file they come from, for messages.
   void set_state(Queue& queue, const Arrays& arrays, const std::string& path);
@@ -86,6 +87,12 @@ class Trainer {
   const Renderer& renderer() const { return renderer_; }
 
  private:
+  struct FlowFigures {
+    bool known = false;  // a tile was asked
+    float loss = 0, epe = 0;
+  };
+  // Of the last view with flow; unknown before there was one. Waits.
+  FlowFigures flow_figures(Queue& queue);
   // Has pictures and flow of the next steps loaded in the background, flow that must be computed
   // for several of them.
   void prefetch(int step);
@@ -137,7 +144,9 @@ class Trainer {
   // what asynchronous writes read from
   std::vector<cl_uchar> picture_part_, confidence_part_;
   std::vector<float> flow_planes_;
-  bool had_flow_ = false, had_motion_loss_ = false;
+  bool had_flow_ = false, had_motion_loss_ = false;  // the last view
+  bool flow_is_new_ = false;                         // and flow_figures_ of an earlier one
+  FlowFigures flow_figures_;
   bool neighbours_known_ = false;
   bool untouched_ = true;  // by the step under way
 };

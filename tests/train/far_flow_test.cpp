@@ -33,6 +33,7 @@ class FarFlow : public ::testing::Test {
     TrainConfig config = small_config(scene_, 600);
     config.density.enabled = false;
     config.flow.reach = reach;
+    config.flow.every = 1;  // what is compared here is which flow
     return config;
   }
   // Flow error where the blob moves, in the view held out [px].

@@ -199,7 +199,7 @@ class SmallTraining {
   }
 
   // All that a training step changes, by name, as bits.
-  std::map<std::string, std::vector<uint32_t>> bits(Queue& queue) const {
+  std::map<std::string, std::vector<uint32_t>> bits(Queue& queue) {
     std::map<std::string, std::vector<uint32_t>> all;
     for (const auto& [name, array] : trainer.state(queue))
       std::visit([&, &name = name](const auto& values) { all[name] = bits_of(values); },

@@ -4,44 +4,12 @@
 #include <set>
 
 #include "optim/density/memory.hpp"
-#include "train/small_scene.hpp"
+#include "train/on_one_scene.hpp"
 
 namespace gflow {
 namespace {
 
-struct Made {
-  Queue queue = test_queue();
-  SmallScene scene{queue};
-};
-
-// One scene for all tests of this file: drawing it is not what they are about.
-class TrainerTest : public testing::Test {
- protected:
-  static void SetUpTestSuite() { made_ = new Made; }
-  static void TearDownTestSuite() {
-    delete made_;
-    made_ = nullptr;
-  }
-  Queue& queue() { return made_->queue; }
-  const SmallScene& scene() { return made_->scene; }
-
- private:
-  static Made* made_;
-};
-Made* TrainerTest::made_ = nullptr;
-
-std::map<std::string, std::vector<uint32_t>> bits_after(Queue& queue, const TrainConfig& config,
-                                                        int steps) {
-  SmallTraining training(queue, config);
-  training.steps(queue, steps);
-  return training.bits(queue);
-}
-
-void expect_equal_bits(const std::map<std::string, std::vector<uint32_t>>& a,
-                       const std::map<std::string, std::vector<uint32_t>>& b) {
-  ASSERT_EQ(a.size(), b.size());
-  for (const auto& [name, values] : a) EXPECT_TRUE(values == b.at(name)) << name;
-}
+class TrainerTest : public OnOneScene {};
 
 TEST_F(TrainerTest, TwoRunsOf500StepsGiveTheSameBits) {
   TrainConfig config = small_config(scene(), 500);
@@ -256,66 +224,6 @@ TEST_F(TrainerTest, AnotherSeedGivesAnotherModel) {
   const auto first = bits_after(queue(), config, 20);
   config.train.seed = 4;
   EXPECT_NE(first.at("gaussians/means"), bits_after(queue(), config, 20).at("gaussians/means"));
-}
-
-TEST_F(TrainerTest, FlowOfWeightZeroChangesNoBit) {
-  TrainConfig config = small_config(scene(), 150);
-  config.flow.enabled = false;
-  const auto without = bits_after(queue(), config, 150);
-  config.flow.enabled = true;
-  config.flow.weight = 0;
-  expect_equal_bits(without, bits_after(queue(), config, 150));
-  config.flow.weight = 0.5f;
-  config.flow.start = 150;  // later than the last step
-  expect_equal_bits(without, bits_after(queue(), config, 150));
-}
-
-TEST_F(TrainerTest, FlowOfPositiveWeightChangesTheModel) {
-  TrainConfig config = small_config(scene(), 20);
-  const auto with = bits_after(queue(), config, 20);
-  config.flow.enabled = false;
-  EXPECT_NE(with.at("gaussians/quats"), bits_after(queue(), config, 20).at("gaussians/quats"));
-}
-
-TEST_F(TrainerTest, CalmTilesCountInSomeSteps) {
-  TrainConfig config = small_config(scene(), 40);
-  config.flow.calm = 0.2f;
-  config.flow.calm_px = 100;  // all are calm
-  const auto some = bits_after(queue(), config, 40);
-  expect_equal_bits(some, bits_after(queue(), config, 40));
-  config.flow.calm = 1;
-  EXPECT_NE(some.at("gaussians/quats"), bits_after(queue(), config, 40).at("gaussians/quats"));
-}
-
-// Of a model that does not learn: the loss of some tiles is that of all, in the mean over steps.
-TEST_F(TrainerTest, TheLossOfSomeTilesIsThatOfAllInTheMean) {
-  constexpr int kSteps = 900;
-  constexpr double kShare = 0.3;
-  TrainConfig config = small_config(scene(), kSteps);
-  config.flow.calm_px = 1e6f;  // all are calm
-  int asked = 0;
-  const auto mean_loss = [&](float calm) {
-    config.flow.calm = calm;
-    SmallTraining training(queue(), config);
-    training.trainer.set_caution(0);
-    double sum = 0;
-    asked = 0;
-    for (int i = 0; i < kSteps; ++i) {
-      training.steps(queue(), 1);
-      const double loss = training.trainer.figures(queue()).flow_loss;
-      if (!(loss > 0)) continue;  // the step has no flow; NaN: no tile was asked
-      sum += loss;
-      ++asked;
-    }
-    return sum / kSteps;
-  };
-  const double all = mean_loss(1);
-  const double with_flow = asked;
-  const double some = mean_loss(float(kShare));
-  // Deviations: sqrt(.3 .7 / 900) = .015 of the share, sqrt(.7 / .3 / 900) = .051 of the mean;
-  // four.
-  EXPECT_NEAR(asked / with_flow, kShare, 0.07);
-  EXPECT_NEAR(some / all, 1, 0.23);
 }
 
 // Weights are of means over all Gaussians, and here they are few.

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// When flow counts in a training, and what the log says of it.
+#include <cmath>
+
+#include "train/on_one_scene.hpp"
+
+namespace gflow {
+namespace {
+
+class FlowInTraining : public OnOneScene {};
+
+TEST_F(FlowInTraining, FlowOfWeightZeroChangesNoBit) {
+  TrainConfig config = small_config(scene(), 150);
+  config.flow.enabled = false;
+  const auto without = bits_after(queue(), config, 150);
+  config.flow.enabled = true;
+  config.flow.weight = 0;
+  expect_equal_bits(without, bits_after(queue(), config, 150));
+  config.flow.weight = 0.5f;
+  config.flow.start = 150;  // later than the last step
+  expect_equal_bits(without, bits_after(queue(), config, 150));
+}
+
+TEST_F(FlowInTraining, FlowOfPositiveWeightChangesTheModel) {
+  TrainConfig config = small_config(scene(), 20);
+  const auto with = bits_after(queue(), config, 20);
+  config.flow.enabled = false;
+  EXPECT_NE(with.at("gaussians/quats"), bits_after(queue(), config, 20).at("gaussians/quats"));
+}
+
+TEST_F(FlowInTraining, CalmTilesCountInSomeSteps) {
+  TrainConfig config = small_config(scene(), 40);
+  config.flow.calm = 0.2f;
+  config.flow.calm_px = 100;  // all are calm
+  const auto some = bits_after(queue(), config, 40);
+  expect_equal_bits(some, bits_after(queue(), config, 40));
+  config.flow.calm = 1;
+  EXPECT_NE(some.at("gaussians/quats"), bits_after(queue(), config, 40).at("gaussians/quats"));
+}
+
+// Of a model that does not learn: the loss of some tiles is that of all, in the mean over steps.
+TEST_F(FlowInTraining, TheLossOfSomeTilesIsThatOfAllInTheMean) {
+  constexpr int kSteps = 900;
+  constexpr double kShare = 0.3;
+  TrainConfig config = small_config(scene(), kSteps);
+  config.flow.calm_px = 1e6f;  // all are calm
+  config.flow.every = 1;
+  int asked = 0;
+  const auto mean_loss = [&](float calm) {
+    config.flow.calm = calm;
+    SmallTraining training(queue(), config);
+    training.trainer.set_caution(0);
+    double sum = 0;
+    asked = 0;
+    for (int i = 0; i < kSteps; ++i) {
+      training.steps(queue(), 1);
+      const double loss = training.trainer.figures(queue()).flow_loss;
+      if (!(loss > 0)) continue;  // the step has no flow; NaN: no tile was asked
+      sum += loss;
+      ++asked;
+    }
+    return sum / kSteps;
+  };
+  const double all = mean_loss(1);
+  const double with_flow = asked;
+  const double some = mean_loss(float(kShare));
+  // Deviations: sqrt(.3 .7 / 900) = .015 of the share, sqrt(.7 / .3 / 900) = .051 of the mean;
+  // four.
+  EXPECT_NEAR(asked / with_flow, kShare, 0.07);
+  EXPECT_NEAR(some / all, 1, 0.23);
+}
+
+TEST_F(FlowInTraining, CountsInEverySecondStepOfStiffPathsAndInEachOfOthers) {
+  for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
+                                     MotionModelKind::keyframes, MotionModelKind::hexplane}) {
+    TrainConfig config = small_config(scene(), 20);
+    config.motion.model = choice_of(kind);
+    const auto shipped = bits_after(queue(), config, 20);
+    config.flow.every = has_stiff_paths(kind) ? 2 : 1;
+    expect_equal_bits(shipped, bits_after(queue(), config, 20));
+    config.flow.every = 3 - config.flow.every;
+    EXPECT_NE(shipped.at("gaussians/quats"), bits_after(queue(), config, 20).at("gaussians/quats"))
+        << int(kind);
+  }
+}
+
+// A training that does not learn, so that its figures differ by what is shown alone: n steps apart,
+// with n times the weight, the loss that is told is that of the weight.
+TEST_F(FlowInTraining, TheLossThatIsToldIsByTheWeight) {
+  TrainConfig config = small_config(scene(), 40);
+  config.flow.calm = 1;
+  const auto first_figures = [&](int every) {
+    config.flow.every = every;
+    SmallTraining training(queue(), config);
+    training.trainer.set_caution(0);
+    StepFigures figures;
+    for (int i = 0; i < 40 && !(figures.epe > 0); ++i) {
+      training.steps(queue(), 1);
+      figures = training.trainer.figures(queue());
+    }
+    return figures;
+  };
+  const StepFigures each = first_figures(1), fifth = first_figures(5);
+  ASSERT_GT(each.flow_loss, 0);
+  EXPECT_EQ(each.epe, fifth.epe);
+  EXPECT_NEAR(each.flow_loss, fifth.flow_loss, 1e-6 * each.flow_loss);
+}
+
+TEST_F(FlowInTraining, AStepWithoutShowsThatOfTheStepBeforeAlsoWhenResumed) {
+  TrainConfig config = small_config(scene(), 60);
+  config.flow.calm = 1;
+  config.flow.every = 4;
+  SmallTraining training(queue(), config), other(queue(), config);
+  training.steps(queue(), 20);
+  for (int done = 20; done < 28; ++done) {  // with flow and without
+    const Arrays state = training.trainer.state(queue());
+    training.steps(queue(), 1);
+    const StepFigures figures = training.trainer.figures(queue());
+    EXPECT_GT(figures.epe, 0);
+    other.go_on(queue(), state, done);
+    other.steps(queue(), 1);
+    const StepFigures resumed = other.trainer.figures(queue());
+    EXPECT_EQ(figures.epe, resumed.epe);
+    EXPECT_EQ(figures.flow_loss, resumed.flow_loss);
+    EXPECT_EQ(figures.loss, resumed.loss);
+  }
+}
+
+}  // namespace
+}  // namespace gflow
