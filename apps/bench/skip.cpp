@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow bench skip`: what each piece of work that is left out (skip.*, flow.calm) would cost,
+// `gflow bench skip`: what each piece of work that is left out (skip.*, flow.*) would cost,
 // alone and all together, in training steps on a scene; and what it changes of the result.
 #include <fmt/format.h>
 
@@ -23,8 +23,10 @@ std::vector<Kind> kinds_of() {
     kinds.push_back({fmt::format("without {}", name), {off}});
     none.settings.push_back(off);
   });
-  kinds.push_back({"flow of calm tiles too", {"flow.calm=1"}});  // a skip in the mean over steps
-  none.settings.push_back("flow.calm=1");
+  // Skips in the mean over steps.
+  kinds.push_back({"flow of calm tiles too", {"flow.calm=1"}});
+  kinds.push_back({"flow in every step", {"flow.every=1"}});
+  none.settings.insert(none.settings.end(), {"flow.calm=1", "flow.every=1"});
   kinds.push_back(none);
   return kinds;
 }
@@ -82,7 +84,7 @@ void add_skip(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<StepOptions>();
   CLI::App* skip = bench.add_subcommand("skip",
                                         "Training steps on a scene without each of the settings "
-                                        "skip.* and flow.calm, and without all");
+                                        "skip.*, flow.calm and flow.every, and without all");
   add_step_options(*skip, *flags);
   skip->callback([flags, &options] { run_skip(*flags, options); });
 }
