@@ -13,6 +13,7 @@
 #include "apps/options.hpp"
 #include "optim/io/json_text.hpp"
 #include "optim/motion/gradient_check.hpp"
+#include "runtime/environment.hpp"
 
 namespace gflow {
 namespace {
@@ -102,7 +103,7 @@ nlohmann::ordered_json as_json(const CheckedDevice& device) {
 
 // All devices, or the one that --device asks for.
 std::vector<DeviceInfo> wanted_devices(const GlobalOptions& options) {
-  device_timeout();  // what is wrong with it is not a device's fault
+  check_environment();
   try {
     std::vector<DeviceInfo> all = list_devices();
     if (options.device.empty()) return all;

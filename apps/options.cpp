@@ -6,11 +6,12 @@
 #include <fmt/format.h>
 
 #include "optim/motion/gradient_check.hpp"
+#include "runtime/environment.hpp"
 
 namespace gflow {
 
 Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options) {
-  device_timeout();  // what is wrong with it is not the device's fault
+  check_environment();
   try {
     Queue queue(find_device(options.device), queue_options);
     for (const SelfCheckRow& row : full_self_check(queue))

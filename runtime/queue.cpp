@@ -4,20 +4,10 @@
 
 #include <fmt/format.h>
 
-#include <cstdlib>
+#include "runtime/environment.hpp"
 
 namespace gflow {
 namespace {
-
-// Error when it is set to what is no answer.
-bool wanted(const char* variable, bool otherwise) {
-  const char* value = std::getenv(variable);
-  const std::string answer = value ? value : "";
-  if (answer.empty()) return otherwise;
-  if (answer != "0" && answer != "1")
-    throw Error(fmt::format("{} is '{}'; it must be 1 or 0", variable, answer));
-  return answer == "1";
-}
 
 #ifdef NDEBUG
 constexpr bool debug_build = false;
@@ -42,8 +32,8 @@ Queue::Queue(const cl::Device& device, const QueueOptions& options)
       lanes(checked_lanes(options.lanes, info)),
       watchdog_(std::make_unique<Watchdog>(info.full_name(), device_timeout())),
       profile_(options.profile),
-      poison_(wanted("GFLOW_POISON_BUFFERS", debug_build)),
-      finish_each_launch_(wanted("GFLOW_SYNC", false)) {
+      poison_(is_wanted("GFLOW_POISON_BUFFERS", debug_build)),
+      finish_each_launch_(is_wanted("GFLOW_SYNC", false)) {
   wait("making a queue on " + info.full_name(), [&] {
     context = cl::Context(device);
     handle = cl::CommandQueue(context, device, profile_ ? CL_QUEUE_PROFILING_ENABLE : 0);

@@ -91,6 +91,19 @@ TEST(DevicesCommand, ADeviceWhoseArithmeticIsWrongIsRefusedForAnyWork) {
   EXPECT_NE(work.err.find("float32 sqrt, error in ulp"), std::string::npos) << work.err;
 }
 
+// No device is to blame for these.
+TEST(DevicesCommand, AVariableThatIsNoAnswerIsAnError) {
+  for (const char* set : {"GFLOW_POISON_BUFFERS=yes", "GFLOW_SYNC=2", "GFLOW_KERNEL_DIR=/nowhere",
+                          "GFLOW_DEVICE_TIMEOUT=soon"})
+    for (const std::vector<std::string>& command :
+         {std::vector<std::string>{"devices"}, {"stress", "--only", "T5"}}) {
+      const Outcome outcome = gflow(command, std::string("export ") + set);
+      EXPECT_EQ(outcome.code, 1) << set << outcome.err;
+      const std::string name(set, std::string(set).find('='));
+      EXPECT_NE(outcome.err.find(name + " is '"), std::string::npos) << outcome.err;
+    }
+}
+
 TEST(StressCommand, WritesTheFiguresThatItPrints) {
   const TemporaryFolder folder;
   const std::string path = folder.file("figures.json");
