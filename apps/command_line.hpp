@@ -13,6 +13,10 @@ CLI::Validator choice_of(std::vector<std::string> words);
 // The value is a number from low to high.
 CLI::Validator number_in(double low, double high);
 
+// Error where no file can be written: told now rather than when all is done. Empty: none is asked
+// for. `option` asked for it.
+void require_writable(const std::string& option, const std::string& path);
+
 // The sentence for a command line that `app` refused with `problem`: it names the nearest command
 // or option when the one given does not exist.
 std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem);

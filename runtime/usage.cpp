@@ -3,6 +3,11 @@
 
 #include <sys/resource.h>
 
+#include <fstream>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
 namespace gflow {
 namespace {
 
@@ -22,5 +27,12 @@ double cpu_seconds() {
 }
 
 double peak_memory_mib() { return double(usage().ru_maxrss) / 1024; }
+
+void begin_peak_memory() {
+#ifdef __GLIBC__
+  malloc_trim(0);  // what was freed is not had any more
+#endif
+  std::ofstream("/proc/self/clear_refs") << "5";  // proc(5)
+}
 
 }  // namespace gflow

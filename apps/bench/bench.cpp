@@ -8,6 +8,7 @@
 
 #include "apps/command_line.hpp"
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/interrupt.hpp"
 
 namespace gflow {
 namespace bench {
@@ -43,6 +44,12 @@ void add_common(CLI::App& bench, BenchOptions& options) {
       ->check(CLI::Validator(
           [name = bench.get_name()](const std::string& path) { return no_report(path, name); },
           ""));
+}
+
+void check_outputs(const BenchOptions& options) { require_writable("--json", options.json); }
+
+void stop_if_interrupted() {
+  if (interrupted()) throw Interrupted("interrupted: nothing was measured to its end");
 }
 
 std::pair<int, int> size_named(const std::string& option, const std::string& text) {

@@ -17,6 +17,12 @@ struct BenchOptions {
 };
 void add_common(CLI::App& bench, BenchOptions& options);
 
+// Error where a file that is to be written cannot be: before anything is measured.
+void check_outputs(const BenchOptions& options);
+
+// Under an InterruptGuard: Interrupted where Ctrl-C was pressed, so that scratch folders go.
+void stop_if_interrupted();
+
 // "512x512" as width and height; Error names the option when it is no size.
 std::pair<int, int> size_named(const std::string& option, const std::string& text);
 

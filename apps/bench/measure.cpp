@@ -21,8 +21,10 @@ double wall_ms() {
 Spread spread_of(std::vector<double> values) {
   if (values.empty()) return {};
   std::sort(values.begin(), values.end());
-  const auto at = [&](double share) {
-    return values[size_t(share * double(values.size() - 1) + 0.5)];
+  const auto at = [&](double share) {  // between the two nearest ranks
+    const double rank = share * double(values.size() - 1);
+    const size_t below = size_t(rank), above = std::min(below + 1, values.size() - 1);
+    return values[below] + (rank - double(below)) * (values[above] - values[below]);
   };
   return {at(0.5), at(0.25), at(0.75)};
 }

@@ -149,12 +149,14 @@ Cost cost_at(const Place& place, const EngineSettings& settings, const ParetoOpt
   return cost_of(*place.queue, o.common.repeats, [&] { shown(); });
 }
 
-// Nobody else is faster and as exact in every measure.
+// Nobody else is faster and as exact in every measure, by more than times spread from run to run
+// and than decimals that nobody sees.
 std::vector<bool> front_of(const std::vector<Measured>& all) {
+  constexpr double kSpread = 1.05, kSame = 1.01;
   const auto worse = [](const Measured& a, const Measured& b) {  // a than b, or as bad
     const Errors &x = a.found.without_cutoffs, &y = b.found.without_cutoffs;
-    return a.of_shipped > b.of_shipped && x.rgb >= y.rgb && x.flow_px >= y.flow_px &&
-           x.gradients >= y.gradients;
+    return a.of_shipped > kSpread * b.of_shipped && kSame * x.rgb >= y.rgb &&
+           kSame * x.flow_px >= y.flow_px && kSame * x.gradients >= y.gradients;
   };
   std::vector<bool> front;
   for (const Measured& a : all)
@@ -223,7 +225,7 @@ std::string markdown_of(const Queue& queue, const ParetoOptions& o,
       "random Gaussians, without motion model and Adam; CPU time, and its ratio to the shipped "
       "settings measured right after. Errors at {} and {} against the shipped definition in "
       "double: with its cut-offs, and without any. **On the front**: nothing else here is faster "
-      "and at least as exact in every error without cut-offs.\n\n"
+      "by more than 5 % and as exact, to 1 %, in every error without cut-offs.\n\n"
       "| choice | CPU [ms] | of shipped | colour, as defined | flow [px] | gradients | "
       "colour, without cut-offs | flow [px] | gradients | front |\n"
       "|---|---|---|---|---|---|---|---|---|---|\n",
@@ -243,13 +245,22 @@ std::string markdown_of(const Queue& queue, const ParetoOptions& o,
 
 void run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
   chosen(0, o.knobs);  // refuses before anything is made
+  check_outputs(o.common);
+  require_writable("--markdown", o.markdown);
   const Place home(options, o, 0);
   Report report("pareto", *home.queue, measure_peak(*home.queue),
-                {{"pixels", o.pixels}, {"gaussians", o.gaussians}, {"repeats", o.common.repeats}});
+                {{"pixels", o.pixels},
+                 {"gaussians", o.gaussians},
+                 {"check pixels", o.check_pixels},
+                 {"check gaussians", o.check_gaussians},
+                 {"repeats", o.common.repeats}});
   const Exact exact(*home.queue, *home.small);
   cost_at(home, {}, o);  // warm
   std::vector<Measured> all;
-  for (const Choice& choice : chosen(home.queue->lanes, o.knobs)) {
+  const std::vector<Choice> tried = chosen(home.queue->lanes, o.knobs);
+  for (const Choice& choice : tried) {
+    if (!options.quiet)
+      fmt::print(stderr, "{} of {}: {}\n", all.size() + 1, tried.size(), choice.name);
     std::unique_ptr<Place> other;
     if (choice.lanes) other = std::make_unique<Place>(options, o, choice.lanes);
     const Place& place = other ? *other : home;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <memory>
 
 #include "apps/bench/bench.hpp"
@@ -30,8 +31,8 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
     {"motion", {"spacetime_fwd"}},
     {"project", {"project_fwd"}},
     {"bin",
-     {"scan_sums", "scan_offsets", "scan_write", "sort_count", "sort_scatter", "tile_count",
-      "tile_columns", "tile_scatter"}},
+     {"seen_count", "seen_write", "scan_sums", "scan_offsets", "scan_write", "sort_count",
+      "sort_scatter", "tile_count", "tile_columns", "tile_scatter"}},
     {"mask", {"cell_mask"}},
     {"transport", {"transport_fwd"}},
     {"splat", {"splat_fwd"}},
@@ -79,7 +80,8 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak&
     report.add({scene.name + ": " + name,
                 {{"device [ms]", ms},
                  {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
-                 single("of the FMA peak [%]", ms.median > 0 ? 100 * share / ms.median : 0)}});
+                 // Of the others nobody has counted the operations.
+                 single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN)}});
   };
   double all_ms = 0;
   for (const auto& [kernel, ms] : cost.kernel_ms) all_ms += ms.median;
@@ -98,16 +100,22 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak&
 }
 
 void run_raster(const RasterOptions& o, const GlobalOptions& options) {
+  check_outputs(o.common);
   QueueOptions queue_options;
   queue_options.profile = true;
   queue_options.lanes = o.lanes;
   Queue queue = open_queue(options, queue_options);
   const Peak peak = measure_peak(queue);
   Report report("raster", queue, peak,
-                {{"flow", !o.no_flow}, {"depth", o.depth}, {"repeats", o.common.repeats}});
+                {{"flow", !o.no_flow},
+                 {"depth", o.depth},
+                 {"scene", o.file},
+                 {"frames", o.frames},
+                 {"repeats", o.common.repeats}});
   std::vector<std::vector<std::string>> shares{{"scene"}};
   for (const auto& [stage, kernels] : stages) shares[0].push_back(stage);
   if (!o.file.empty()) {
+    begin_peak_memory();
     measure(queue, scene_of_file(queue, o.file, !o.no_flow), o, peak, report, shares);
   } else {
     const bool pair_up = !o.grid && o.sizes.size() == o.gaussians.size();
@@ -115,6 +123,7 @@ void run_raster(const RasterOptions& o, const GlobalOptions& options) {
       for (size_t k = 0; k < o.gaussians.size(); ++k) {
         if (pair_up && i != k) continue;
         const auto [width, height] = size_named("--pixels", o.sizes[i]);
+        begin_peak_memory();
         measure(queue, random_scene(queue, width, height, o.gaussians[k], o.frames), o, peak,
                 report, shares);
       }
@@ -128,22 +137,26 @@ void add_raster(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<RasterOptions>();
   CLI::App* raster = bench.add_subcommand(
       "raster", "One image of moving Gaussians and its gradients, stage by stage");
-  raster
-      ->add_option("SCENE", flags->file,
-                   "Gaussians as for `gflow splat`; left out: random ones, about 48 in a pixel")
-      ->type_name("FILE.npz");
-  raster->add_option("--pixels", flags->sizes, "Sizes of the image, as often as --gaussians")
-      ->delimiter(',')
-      ->type_name("WxH,...");
-  raster->add_option("--gaussians", flags->gaussians, "How many, for each size")
-      ->delimiter(',')
-      ->check(number_in(1, 20000000))
-      ->type_name("N,...");
-  raster
-      ->add_option("--frames", flags->frames,
-                   "Frames, each with so many of its own; the middle one is drawn")
-      ->check(number_in(1, 1000));
-  raster->add_flag("--grid", flags->grid, "Each size with each number");
+  CLI::Option* const file =
+      raster
+          ->add_option("SCENE", flags->file,
+                       "Gaussians as for `gflow splat`; left out: random ones, about 48 in a pixel")
+          ->type_name("FILE.npz");
+  // What only random ones have.
+  CLI::Option* const random[] = {
+      raster->add_option("--pixels", flags->sizes, "Sizes of the image, as often as --gaussians")
+          ->delimiter(',')
+          ->type_name("WxH,..."),
+      raster->add_option("--gaussians", flags->gaussians, "How many, for each size")
+          ->delimiter(',')
+          ->check(number_in(1, 20000000))
+          ->type_name("N,..."),
+      raster
+          ->add_option("--frames", flags->frames,
+                       "Frames, each with so many of its own; the middle one is drawn")
+          ->check(number_in(1, 1000)),
+      raster->add_flag("--grid", flags->grid, "Each size with each number")};
+  for (CLI::Option* option : random) file->excludes(option);
   raster->add_option("--lanes", flags->lanes, "Pixels a work-item: 16, 8, 4, 1; 0: the device's")
       ->check(choice_of({"0", "1", "4", "8", "16"}));
   raster->add_flag("--no-flow", flags->no_flow, "No flow image");

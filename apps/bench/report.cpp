@@ -16,6 +16,7 @@ constexpr double kSlower = 1.1;  // a ratio of medians above it is worth a look
 
 // Four digits, as long as that is readable.
 std::string digits(double x) {
+  if (std::isnan(x)) return "-";
   const double size = std::fabs(x);
   if (size == 0) return "0";
   if (size >= 1e7 || size < 1e-3) return fmt::format("{:.2e}", x);
@@ -64,8 +65,10 @@ Report::Report(std::string bench, const Queue& queue, const Peak& peak, Json fac
             {"compute_units", queue.info.compute_units},
             {"lanes", queue.lanes},
             {"peak_gflops", peak.gflops},
-            {"peak_copy_gbs", peak.copy_gbs}} {
-  for (const auto& [key, value] : facts.items()) head_[key] = value;
+            {"peak_copy_gbs", peak.copy_gbs}},
+      facts_(std::move(facts)) {
+  facts_["lanes"] = queue.lanes;
+  for (const auto& [key, value] : facts_.items()) head_[key] = value;
 }
 
 void Report::print() const {
@@ -111,6 +114,10 @@ int Report::compare(const std::string& old_path) const {
                             head_["bench"].get<std::string>()));
   if (text("device") != head_["device"])
     fmt::print("{} was measured on another device, {}\n", old_path, text("device"));
+  for (const auto& [key, value] : facts_.items())
+    if (key != "repeats" && old.contains(key) && old[key] != value)
+      throw Error(fmt::format("comparing with {}: that was measured with {} {}, this with {}",
+                              old_path, key, old[key].dump(), value.dump()));
   const auto median_of = [](const Json& figure) {
     return figure.is_object() && figure.contains("median") && figure["median"].is_number()
                ? figure["median"].get<double>()

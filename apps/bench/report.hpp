@@ -43,7 +43,7 @@ class Report {
   int compare(const std::string& old_path) const;
 
  private:
-  Json head_;
+  Json head_, facts_;  // facts_ are in head_, too
   std::vector<Row> rows_;
 };
 

@@ -3,6 +3,7 @@
 // pixels, frames and cores; and what 5 million at 3840x2160 would take on a GPU, from counted bytes
 // and operations.
 #include <fmt/format.h>
+#include <sys/wait.h>
 
 #include <CLI/CLI.hpp>
 #include <cmath>
@@ -16,6 +17,7 @@
 #include "apps/bench/whole_step.hpp"
 #include "apps/command_line.hpp"
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/interrupt.hpp"
 #include "runtime/usage.hpp"
 
 namespace gflow::bench {
@@ -36,6 +38,7 @@ struct Point {
 
 Point measured(Queue& queue, const ScalingOptions& o, const std::string& sweep, double x, int side,
                size_t gaussians, size_t frames) {
+  begin_peak_memory();
   BenchScene scene = random_scene(queue, side, side, gaussians, frames);
   WholeStep step(queue, scene, {true, false});
   Point p{sweep, x, cost_of(queue, o.common.repeats, [&] { step(); }), 0, 0, 0};
@@ -79,7 +82,10 @@ double wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
       "{} "
       "--repeats {} --json \"$GFLOW_BENCH_FILE\" > /dev/null 2>&1",
       cores, gaussians, o.common.repeats);
-  if (std::system(command.c_str()) != 0) return NAN;
+  const int status = std::system(command.c_str());  // Ctrl-C reaches that one alone
+  const int code = WIFEXITED(status) ? WEXITSTATUS(status) : exit_code_of(WTERMSIG(status));
+  if (code == exit_code_of(SIGINT)) throw Interrupted("interrupted: the cores were not compared");
+  if (code != 0) return NAN;
   const Bytes bytes = read_file(file);
   const Json report = Json::parse(bytes.begin(), bytes.end());
   if (report["compute_units"] != cores) return NAN;
@@ -124,11 +130,12 @@ Plot plot_of(const std::vector<Point>& points) {
 }
 
 void run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
+  check_outputs(o.common);
   QueueOptions queue_options;
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
   const Peak peak = measure_peak(queue);
-  Report report("scaling", queue, peak, {{"repeats", o.common.repeats}});
+  Report report("scaling", queue, peak, {{"most", o.most}, {"repeats", o.common.repeats}});
   std::vector<Point> points;
   for (size_t n = 1000; n <= o.most; n = n % 3 == 0 ? n / 3 * 10 : n * 3)
     points.push_back(measured(queue, o, "Gaussians", double(n), 512, n, 1));

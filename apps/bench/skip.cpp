@@ -9,6 +9,7 @@
 
 #include "apps/bench/steps.hpp"
 #include "apps/command_line.hpp"
+#include "optim/io/interrupt.hpp"
 
 namespace gflow::bench {
 namespace {
@@ -47,15 +48,18 @@ double difference(const HostModel& a, const HostModel& b) {
 }
 
 void run_skip(const StepOptions& o, const GlobalOptions& options) {
+  check_outputs(o.common);
   QueueOptions queue_options;
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
+  const InterruptGuard guard;
   const ScratchFolder folder;
   const Trained from = warmed_up(queue, o, folder, options.quiet);
   Report report("skip", queue, measure_peak(queue),
                 {{"scene", o.scene},
                  {"settings", o.settings},
                  {"steps before", o.warm},
+                 {"block", o.block},
                  {"steps compared", o.block * (o.common.repeats + 1)},
                  {"repeats", o.common.repeats}});
   const std::vector<Kind> kinds = kinds_of();

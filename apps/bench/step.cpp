@@ -7,6 +7,7 @@
 
 #include "apps/bench/steps.hpp"
 #include "apps/command_line.hpp"
+#include "optim/io/interrupt.hpp"
 
 namespace gflow::bench {
 namespace {
@@ -19,13 +20,19 @@ const std::vector<Kind> kinds{
     {"flow, acceleration", {"loss.acceleration=1"}}};
 
 void run_step(const StepOptions& o, const GlobalOptions& options) {
+  check_outputs(o.common);
   QueueOptions queue_options;
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
+  const InterruptGuard guard;
   const ScratchFolder folder;
   const Trained from = warmed_up(queue, o, folder, options.quiet);
   Report report("step", queue, measure_peak(queue),
-                {{"scene", o.scene}, {"steps before", o.warm}, {"repeats", o.common.repeats}});
+                {{"scene", o.scene},
+                 {"settings", o.settings},
+                 {"steps before", o.warm},
+                 {"block", o.block},
+                 {"repeats", o.common.repeats}});
   const std::vector<StepCost> costs = costs_of_steps(queue, o, kinds, from, folder);
   const double pictures = spread_of(costs[0].cpu).median;
   for (size_t i = 0; i < kinds.size(); ++i) {

@@ -103,6 +103,7 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
   for (int step = 0; step < o.warm; ++step) {
     trainer.step(queue, step);
     progress.update(step + 1);
+    stop_if_interrupted();
   }
   queue.finish();
   return {model.read(queue), trainer.state(queue)};
@@ -114,10 +115,16 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
   std::vector<std::unique_ptr<GoingOn>> trainings;
   for (const Kind& kind : kinds)
     trainings.push_back(std::make_unique<GoingOn>(queue, o, kind, from, folder));
-  for (auto& training : trainings) training->block(queue, o.block);  // compiles and decodes
+  for (auto& training : trainings) {  // compiles and decodes
+    training->block(queue, o.block);
+    stop_if_interrupted();
+  }
   for (auto& training : trainings) training->cost = {};
   for (int k = 0; k < o.common.repeats; ++k)
-    for (auto& training : trainings) training->block(queue, o.block);
+    for (auto& training : trainings) {
+      training->block(queue, o.block);
+      stop_if_interrupted();
+    }
   std::vector<StepCost> costs;
   for (auto& training : trainings) costs.push_back(training->end(queue));
   return costs;

@@ -192,6 +192,43 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   EXPECT_EQ(rows["without masks"]["pairs blended"], all["pairs blended"]);
 }
 
+TEST(Bench, AReportOfOtherThingsIsNotCompared) {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const std::vector<std::string> sizes{"--pixels", "16x16", "--gaussians", "20"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.end(), sizes.begin(), sizes.end());
+    return gflow(raster(more));
+  };
+  ASSERT_EQ(with({"--json", file}).code, 0);
+  for (const std::vector<std::string>& other :
+       {std::vector<std::string>{"--lanes", "1"}, {"--no-flow"}, {"--depth"}, {"--frames", "3"}}) {
+    std::vector<std::string> words = other;
+    words.insert(words.end(), {"--compare", file});
+    const Outcome outcome = with(words);
+    EXPECT_EQ(outcome.code, 1) << other[0];
+    EXPECT_NE(
+        outcome.err.find("was measured with " + other[0].substr(other[0] == "--no-flow" ? 5 : 2)),
+        std::string::npos)
+        << outcome.err;
+  }
+}
+
+TEST(Bench, WhatCannotBeWrittenIsToldBeforeAnythingIsMeasured) {
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"raster", "--json", "/nowhere/a.json"},
+        {"pareto", "--markdown", "/nowhere/a.md"},
+        {"scaling", "--json", "/dev/full"}}) {
+    std::vector<std::string> words{"bench"};
+    words.insert(words.end(), command.begin(), command.end());
+    const Outcome outcome = gflow(words);
+    EXPECT_EQ(outcome.code, 1);
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_NE(outcome.err.find(command[2] + ": no file can be written there"), std::string::npos)
+        << outcome.err;
+  }
+}
+
 TEST(Bench, AnEarlierReportIsComparedByRatio) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
