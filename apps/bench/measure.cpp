@@ -16,6 +16,34 @@ double wall_ms() {
   return std::chrono::duration<double, std::milli>(now).count();
 }
 
+class Timed {
+ public:
+  Timed(Queue& queue, const std::function<void()>& work) : queue_(queue), work_(work) {}
+
+  void run(bool counts) {
+    queue_.finish();
+    queue_.reset_timings();
+    const double wall_start = wall_ms(), cpu_start = cpu_seconds();
+    work_();
+    queue_.finish();
+    if (!counts) return;
+    cpu_.push_back(1e3 * (cpu_seconds() - cpu_start));
+    wall_.push_back(wall_ms() - wall_start);
+    for (const auto& [name, timing] : queue_.timings()) kernels_[name].push_back(timing.total_ms);
+  }
+  Cost cost() const {
+    Cost cost{spread_of(wall_), spread_of(cpu_), {}};
+    for (const auto& [name, times] : kernels_) cost.kernel_ms[name] = spread_of(times);
+    return cost;
+  }
+
+ private:
+  Queue& queue_;
+  const std::function<void()>& work_;
+  std::vector<double> wall_, cpu_;
+  std::map<std::string, std::vector<double>> kernels_;
+};
+
 }  // namespace
 
 Spread spread_of(std::vector<double> values) {
@@ -30,22 +58,19 @@ Spread spread_of(std::vector<double> values) {
 }
 
 Cost cost_of(Queue& queue, int repeats, const std::function<void()>& work) {
-  std::vector<double> wall, cpu;
-  std::map<std::string, std::vector<double>> kernels;
+  Timed timed(queue, work);
+  for (int i = -kWarm; i < repeats; ++i) timed.run(i >= 0);
+  return timed.cost();
+}
+
+std::pair<Cost, Cost> costs_in_turn(Queue& queue_a, const std::function<void()>& a, Queue& queue_b,
+                                    const std::function<void()>& b, int repeats) {
+  Timed first(queue_a, a), second(queue_b, b);
   for (int i = -kWarm; i < repeats; ++i) {
-    queue.finish();
-    queue.reset_timings();
-    const double wall_start = wall_ms(), cpu_start = cpu_seconds();
-    work();
-    queue.finish();
-    if (i < 0) continue;
-    cpu.push_back(1e3 * (cpu_seconds() - cpu_start));
-    wall.push_back(wall_ms() - wall_start);
-    for (const auto& [name, timing] : queue.timings()) kernels[name].push_back(timing.total_ms);
+    first.run(i >= 0);
+    second.run(i >= 0);
   }
-  Cost cost{spread_of(wall), spread_of(cpu), {}};
-  for (const auto& [name, times] : kernels) cost.kernel_ms[name] = spread_of(times);
-  return cost;
+  return {first.cost(), second.cost()};
 }
 
 }  // namespace gflow::bench

@@ -26,4 +26,8 @@ struct Cost {
 // Runs `work` as often as said after two runs that compile and grow buffers.
 Cost cost_of(Queue& queue, int repeats, const std::function<void()>& work);
 
+// Of two, a run of each in turn, so that a machine that slows down slows both.
+std::pair<Cost, Cost> costs_in_turn(Queue& queue_a, const std::function<void()>& a, Queue& queue_b,
+                                    const std::function<void()>& b, int repeats);
+
 }  // namespace gflow::bench

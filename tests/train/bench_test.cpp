@@ -192,20 +192,20 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   EXPECT_EQ(rows["without masks"]["pairs blended"], all["pairs blended"]);
 }
 
+Outcome small_raster(std::vector<std::string> more) {
+  for (const char* word : {"--pixels", "16x16", "--gaussians", "20"}) more.push_back(word);
+  return gflow(raster(more));
+}
+
 TEST(Bench, AReportOfOtherThingsIsNotCompared) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
-  const std::vector<std::string> sizes{"--pixels", "16x16", "--gaussians", "20"};
-  const auto with = [&](std::vector<std::string> more) {
-    more.insert(more.end(), sizes.begin(), sizes.end());
-    return gflow(raster(more));
-  };
-  ASSERT_EQ(with({"--json", file}).code, 0);
+  ASSERT_EQ(small_raster({"--json", file}).code, 0);
   for (const std::vector<std::string>& other :
        {std::vector<std::string>{"--lanes", "1"}, {"--no-flow"}, {"--depth"}, {"--frames", "3"}}) {
     std::vector<std::string> words = other;
     words.insert(words.end(), {"--compare", file});
-    const Outcome outcome = with(words);
+    const Outcome outcome = small_raster(words);
     EXPECT_EQ(outcome.code, 1) << other[0];
     EXPECT_NE(
         outcome.err.find("was measured with " + other[0].substr(other[0] == "--no-flow" ? 5 : 2)),
@@ -232,26 +232,22 @@ TEST(Bench, WhatCannotBeWrittenIsToldBeforeAnythingIsMeasured) {
 TEST(Bench, AnEarlierReportIsComparedByRatio) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
-  const std::vector<std::string> sizes{"--pixels", "16x16", "--gaussians", "20"};
-  const auto with = [&](std::vector<std::string> more) {
-    more.insert(more.end(), sizes.begin(), sizes.end());
-    return gflow(raster(more));
-  };
-  ASSERT_EQ(with({"--json", file}).code, 0);
+  ASSERT_EQ(small_raster({"--json", file}).code, 0);
   const auto compared_with = [&](double factor) {
     Json report = read(file);
     for (Json& row : report["rows"])
       for (Json& figure : row)
         if (figure.is_object()) figure["median"] = figure["median"].get<double>() * factor;
     const std::string old = folder.write("old.json", report.dump());
-    return with({"--compare", old});
+    return small_raster({"--compare", old});
   };
   EXPECT_EQ(compared_with(1e6).code, 0);
   const Outcome slower = compared_with(1e-6);
   EXPECT_EQ(slower.code, 3);
   EXPECT_NE(slower.out.find("slower than in"), std::string::npos) << slower.out;
   EXPECT_EQ(slower.err, "");
-  const Outcome none = with({"--compare", folder.write("no.json", "{\"bench\": \"step\"}")});
+  const Outcome none =
+      small_raster({"--compare", folder.write("no.json", "{\"bench\": \"step\"}")});
   EXPECT_EQ(none.code, 1);
   EXPECT_NE(none.err.find("no.json: it is no report of `gflow bench raster`"), std::string::npos)
       << none.err;
