@@ -197,6 +197,29 @@ Outcome small_raster(std::vector<std::string> more) {
   return gflow(raster(more));
 }
 
+// Of two values the median is the middle, with as much below as above.
+TEST(Bench, QuartilesLieBetweenRanksAndWhatNobodyCountedIsNotZero) {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const Outcome outcome = gflow({"bench", "raster", "--pixels", "16x16", "--gaussians", "20",
+                                 "--repeats", "2", "--json", file});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json rows = read(file)["rows"];
+  const Json& wall = rows["16x16, 20"]["wall [ms]"];
+  const double low = wall["low"], high = wall["high"], median = wall["median"];
+  EXPECT_LT(low, high);
+  EXPECT_NEAR(median, (low + high) / 2, 1e-9 * high);
+  EXPECT_GT(rows["16x16, 20: splat"]["of the FMA peak [%]"], 0);
+  EXPECT_TRUE(rows["16x16, 20: bin"]["of the FMA peak [%]"].is_null());
+}
+
+TEST(Bench, OptionsOfRandomScenesDoNotGoWithAFile) {
+  const Outcome outcome =
+      gflow(raster({GFLOW_SOURCE_DIR "/tests/data/oracle/small_paper.npz", "--frames", "5"}));
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find("--frames"), std::string::npos) << outcome.err;
+}
+
 TEST(Bench, AReportOfOtherThingsIsNotCompared) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
