@@ -16,7 +16,7 @@
 
 #include "optim/data/lens.hpp"
 #include "optim/data/reader_util.hpp"
-#include "optim/io/atomic_file.hpp"
+#include "optim/io/file_pieces.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -35,22 +35,36 @@ const char* const model_names[] = {"SIMPLE_PINHOLE",
                                    "RADIAL_FISHEYE",
                                    "THIN_PRISM_FISHEYE"};
 
+// Each takes some hundred bytes of memory, and no scene has as many files.
+constexpr size_t most_entries = 100000;
+
+void require_modest(size_t entries, const char* what, const std::string& path) {
+  if (entries > most_entries)
+    throw Error(fmt::format("cannot read {}: it has more than {} {}, no scene has as many", path,
+                            most_entries, what));
+}
+
 // Little-endian values of a binary file in order.
 class BinaryFile {
  public:
-  explicit BinaryFile(std::string path) : path_(std::move(path)), bytes_(read_file(path_)) {}
+  explicit BinaryFile(const std::string& path) : file_(path) {}
 
   template <class T>
   T next() {
-    need(1, sizeof(T));
     T value;
-    std::memcpy(&value, bytes_.data() + at_, sizeof value);
-    at_ += sizeof value;
+    const std::string_view bytes = file_.ahead(sizeof value);
+    if (bytes.size() < sizeof value) truncated();
+    std::memcpy(&value, bytes.data(), sizeof value);
+    file_.step(sizeof value);
     return value;
   }
   std::string next_name() {
     std::string name;
-    while (const char c = next<char>()) name += c;
+    while (const char c = next<char>()) {
+      name += c;
+      if (name.size() > 4096)
+        throw Error(fmt::format("{} has a picture whose name does not end", file_.path()));
+    }
     return name;
   }
   // A number of records of at least `record` bytes.
@@ -61,31 +75,30 @@ class BinaryFile {
   }
   void skip(uint64_t n, size_t record) {
     need(n, record);
-    at_ += n * record;
+    file_.step(n * record);
   }
-  const std::string& path() const { return path_; }
 
  private:
   void need(uint64_t n, size_t record) const {
-    if (n > (bytes_.size() - at_) / record)
-      throw Error(fmt::format("{} is truncated: it ends within its records", path_));
+    if (n > file_.left() / record) truncated();
+  }
+  [[noreturn]] void truncated() const {
+    throw Error(fmt::format("{} is truncated: it ends within its records", file_.path()));
   }
 
-  std::string path_;
-  Bytes bytes_;
-  size_t at_ = 0;
+  FilePieces file_;
 };
 
-// Lines of a text file that are not comments; empty lines are kept, for images without points.
-std::vector<std::string> text_lines(const std::string& path) {
-  const Bytes bytes = read_file(path);
-  std::istringstream text(std::string(bytes.begin(), bytes.end()));
-  std::vector<std::string> lines;
-  for (std::string line; std::getline(text, line);) {
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    if (line.empty() || line[0] != '#') lines.push_back(line);
-  }
-  return lines;
+// The next line that is no comment; empty lines count. False at the end of the file.
+bool next_entry(FilePieces& file, std::string& line) {
+  while (file.ahead(1) == "#") file.skip_line();
+  return file.next_line(line);
+}
+
+// As next_entry for a line that is not needed, however long it is.
+void skip_entry(FilePieces& file) {
+  while (file.ahead(1) == "#") file.skip_line();
+  file.skip_line();
 }
 
 [[noreturn]] void bad_line(const std::string& path, const std::string& line) {
@@ -148,7 +161,9 @@ using Cameras = std::map<uint32_t, Camera>;
 Cameras cameras_bin(const std::string& path) {
   BinaryFile file(path);
   Cameras cameras;
-  for (uint64_t n = file.next_count(24); n > 0; --n) {
+  const uint64_t count = file.next_count(24);
+  require_modest(count, "cameras", path);
+  for (uint64_t n = count; n > 0; --n) {
     const auto id = file.next<uint32_t>();
     const auto model_id = file.next<int32_t>();
     const bool named = model_id >= 0 && size_t(model_id) < std::size(model_names);
@@ -164,7 +179,8 @@ Cameras cameras_bin(const std::string& path) {
 
 Cameras cameras_txt(const std::string& path) {
   Cameras cameras;
-  for (const std::string& line : text_lines(path)) {
+  FilePieces file(path);
+  for (std::string line; next_entry(file, line);) {
     if (line.empty()) continue;
     std::istringstream words(line);
     uint32_t id;
@@ -176,6 +192,7 @@ Cameras cameras_txt(const std::string& path) {
     for (double& value : parameters)
       if (!(words >> value)) bad_line(path, line);
     cameras[id] = make_camera(model, width, height, parameters, path);
+    require_modest(cameras.size(), "cameras", path);
   }
   return cameras;
 }
@@ -200,7 +217,9 @@ ColmapImage make_image(const std::string& name, const double q[4], const double 
 std::vector<ColmapImage> images_bin(const std::string& path, const Cameras& cameras) {
   BinaryFile file(path);
   std::vector<ColmapImage> images;
-  for (uint64_t n = file.next_count(64); n > 0; --n) {
+  const uint64_t count = file.next_count(64);
+  require_modest(count, "pictures", path);
+  for (uint64_t n = count; n > 0; --n) {
     file.next<uint32_t>();  // image id
     double q[4], t[3];
     for (double& value : q) value = file.next<double>();
@@ -215,26 +234,28 @@ std::vector<ColmapImage> images_bin(const std::string& path, const Cameras& came
 
 std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& cameras) {
   std::vector<ColmapImage> images;
-  const std::vector<std::string> lines = text_lines(path);
-  for (size_t i = 0; i < lines.size(); i += 2) {  // every second line holds observations
-    if (lines[i].empty()) {
-      if (std::all_of(lines.begin() + long(i), lines.end(),
-                      [](const std::string& line) { return line.empty(); }))
-        break;
-      throw Error(fmt::format(
-          "cannot read {}: where picture {} should be is an empty line; each takes two lines, the "
-          "second of which may be empty",
-          path, images.size() + 1));
+  FilePieces file(path);
+  for (std::string line; next_entry(file, line);) {
+    if (line.empty()) {
+      while (next_entry(file, line))
+        if (!line.empty())
+          throw Error(fmt::format(
+              "cannot read {}: where picture {} should be is an empty line; each takes two lines, "
+              "the second of which may be empty",
+              path, images.size() + 1));
+      break;
     }
-    std::istringstream words(lines[i]);
+    std::istringstream words(line);
     uint32_t id, camera_id;
     double q[4], t[3];
     std::string name;
     words >> id;
     for (double& value : q) words >> value;
     for (double& value : t) words >> value;
-    if (!(words >> camera_id >> std::ws) || !std::getline(words, name)) bad_line(path, lines[i]);
+    if (!(words >> camera_id >> std::ws) || !std::getline(words, name)) bad_line(path, line);
     images.push_back(make_image(name, q, t, camera_id, cameras, path));
+    require_modest(images.size(), "pictures", path);
+    skip_entry(file);  // its observations
   }
   return images;
 }
@@ -249,10 +270,18 @@ void append_point(PointCloud& points, const double xyz[3], const int rgb[3],
   }
 }
 
+PointCloud room_for_points(size_t count) {
+  PointCloud points;
+  points.xyz.reserve(3 * count);
+  points.rgb.reserve(3 * count);
+  return points;
+}
+
 PointCloud points_bin(const std::string& path) {
   BinaryFile file(path);
-  PointCloud points;
-  for (uint64_t n = file.next_count(43 + 8); n > 0; --n) {
+  const uint64_t count = file.next_count(43 + 8);
+  PointCloud points = room_for_points(count);
+  for (uint64_t n = count; n > 0; --n) {
     file.next<uint64_t>();  // point id
     double xyz[3];
     int rgb[3];
@@ -265,9 +294,19 @@ PointCloud points_bin(const std::string& path) {
   return points;
 }
 
+// Points that the lines of a text are room for; none is shorter than "1 0 0 0 0 0 0".
+size_t most_points(const std::string& path) {
+  FilePieces file(path);
+  const size_t most = file.left() / 14 + 1;
+  size_t lines = 0;
+  while (file.skip_line()) ++lines;
+  return std::min(lines, most);
+}
+
 PointCloud points_txt(const std::string& path) {
-  PointCloud points;
-  for (const std::string& line : text_lines(path)) {
+  PointCloud points = room_for_points(most_points(path));
+  FilePieces file(path);
+  for (std::string line; next_entry(file, line);) {
     if (line.empty()) continue;
     std::istringstream words(line);
     uint64_t id;

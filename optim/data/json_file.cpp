@@ -12,9 +12,9 @@
 namespace gflow {
 namespace {
 
-// A hundred thousand cameras of forty values each take 80 MB.
+// Twenty thousand cameras of forty values each take 16 MB.
 constexpr size_t largest_json = size_t{128} << 20;
-constexpr size_t most_values = 5000000;  // each takes up to 64 bytes of memory and two of the file
+constexpr size_t most_values = 800000;  // each takes up to 80 bytes of memory: 64 MB
 constexpr int deepest_json = 100;        // a level takes 100 bytes of memory and one of the file
 
 // Looked at before it is parsed: the parser's own callback takes time by the square of a list's

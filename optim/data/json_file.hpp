@@ -13,7 +13,7 @@ namespace gflow {
 
 using Json = nlohmann::json;
 
-// The whole file. Error when it is missing, larger than 128 MB, of more than five million values or
+// The whole file. Error when it is missing, larger than 128 MB, of more than 800 000 values or
 // 100 levels, or no JSON (NaN is none).
 Json read_json(const std::string& path);
 

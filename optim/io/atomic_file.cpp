@@ -15,31 +15,14 @@
 #include <filesystem>
 #include <memory>
 #include <regex>
-#include <utility>
 
+#include "optim/io/descriptor.hpp"
 #include "optim/io/packed_size.hpp"
 #include "optim/io/unfinished_file.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
 namespace {
-
-// A file descriptor that is closed when it goes out of scope.
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  int get() const { return fd_; }
-  // Some file systems say only here that there was no room for what was written.
-  bool close() { return ::close(std::exchange(fd_, -1)) == 0; }
-
- private:
-  int fd_;
-};
 
 // Removes the temporary unless the rename made it the real file.
 class Temporary {

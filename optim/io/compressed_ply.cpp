@@ -47,14 +47,22 @@ class Column {
     if (element.property(name) < 0)
       refuse(path, fmt::format("its element '{}' has no property '{}'", element.name, name));
   }
-  double operator[](size_t row) const {
-    return element_.values[row * element_.properties.size() + at_];
-  }
+  double operator[](size_t row) const { return element_.value(row, at_); }
+  uint32_t word(size_t row) const { return element_.words[row * element_.properties.size() + at_]; }
 
  private:
   const PlyElement& element_;
   size_t at_;
 };
+
+// A column of words that several numbers are packed in.
+Column packed(const PlyElement& element, const std::string& name, const std::string& path) {
+  const Column column(element, name, path);
+  if (element.reals[size_t(element.property(name))])
+    refuse(path,
+           fmt::format("its property '{}' is a float, expected are the bits of a uint", name));
+  return column;
+}
 
 // Three ranges, such as min_x to max_x, y, z.
 struct Ranges {
@@ -134,8 +142,10 @@ PlyTable read_compressed_ply(const std::string& path) {
   if (chunks.rows != needed)
     refuse(path, fmt::format("its {} Gaussians take {} chunks of {}, it has {}", vertices.rows,
                              needed, kChunk, chunks.rows));
-  const Column position(vertices, "packed_position", path), scale(vertices, "packed_scale", path);
-  const Column rotation(vertices, "packed_rotation", path), color(vertices, "packed_color", path);
+  const Column position = packed(vertices, "packed_position", path);
+  const Column scale = packed(vertices, "packed_scale", path);
+  const Column rotation = packed(vertices, "packed_rotation", path);
+  const Column color = packed(vertices, "packed_color", path);
   const Ranges positions = ranges_of(chunks, {"x", "y", "z"}, path);
   const Ranges scales = ranges_of(chunks, {"scale_x", "scale_y", "scale_z"}, path);
   const bool ranged_colors = chunks.property("min_r") >= 0;
@@ -147,10 +157,10 @@ PlyTable read_compressed_ply(const std::string& path) {
     rest.emplace_back(*sh, "f_rest_" + std::to_string(k), path);
   for (size_t i = 0; i < vertices.rows; ++i) {
     const size_t chunk = i / kChunk;
-    const auto where = shares_11_10_11(uint32_t(position[i]));
-    const auto size = shares_11_10_11(uint32_t(scale[i]));
-    const auto quat = unpack_quat(uint32_t(rotation[i]));
-    const uint32_t rgba = uint32_t(color[i]);
+    const auto where = shares_11_10_11(position.word(i));
+    const auto size = shares_11_10_11(scale.word(i));
+    const auto quat = unpack_quat(rotation.word(i));
+    const uint32_t rgba = color.word(i);
     SplatRow row = table.row(i);
     for (size_t k = 0; k < 3; ++k) {
       const double level = share(rgba, 24 - 8 * int(k), 8);

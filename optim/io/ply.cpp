@@ -6,350 +6,71 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstring>
-#include <fstream>
-#include <map>
-#include <set>
-#include <sstream>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/ply_rows.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
 namespace {
 
-enum class Type { i8, u8, i16, u16, i32, u32, f32, f64 };
-
-size_t size_of(Type type) {
-  switch (type) {
-    case Type::i8:
-    case Type::u8:
-      return 1;
-    case Type::i16:
-    case Type::u16:
-      return 2;
-    case Type::f64:
-      return 8;
-    default:
-      return 4;
-  }
+const PlyElementHeader* vertices_of(const PlyHeader& header) {
+  for (const PlyElementHeader& element : header.elements)
+    if (element.name == "vertex") return &element;
+  return nullptr;
 }
 
-struct Property {
-  std::string name;
-  Type type;
-  bool is_list = false;
-  Type length_type = Type::u8;  // of a list
-};
-
-struct Element {
-  std::string name;
-  size_t rows = 0;
-  std::vector<Property> properties;
-};
-
-struct Header {
-  bool ascii = false;
-  std::vector<Element> elements;
-  std::vector<std::string> comments;
-  size_t length = 0;  // bytes up to the first row
-};
-
-struct TypedTable {
-  PlyTable table;
-  std::vector<Type> types;
-};
-
-constexpr size_t longest_header = size_t{1} << 20;  // headers have some dozen lines
-
-[[noreturn]] void refuse(const std::string& path, const std::string& why) {
-  throw Error(fmt::format("cannot read PLY {}: {}", path, why));
+// Skips what comes before the element "vertex". Error when there is none.
+const PlyElementHeader& find_vertices(PlyRows& rows, const std::string& path) {
+  const PlyElementHeader* vertices = vertices_of(rows.header());
+  if (!vertices) refuse_ply(path, "it has no element 'vertex'");
+  for (const PlyElementHeader* before = rows.header().elements.data(); before != vertices; ++before)
+    rows.skip(*before);
+  rows.require_rows(*vertices);
+  return *vertices;
 }
 
-Type parse_type(const std::string& word, const std::string& path) {
-  static const std::map<std::string, Type> types = {
-      {"char", Type::i8},   {"int8", Type::i8},     {"uchar", Type::u8},   {"uint8", Type::u8},
-      {"short", Type::i16}, {"int16", Type::i16},   {"ushort", Type::u16}, {"uint16", Type::u16},
-      {"int", Type::i32},   {"int32", Type::i32},   {"uint", Type::u32},   {"uint32", Type::u32},
-      {"float", Type::f32}, {"float32", Type::f32}, {"double", Type::f64}, {"float64", Type::f64}};
-  const auto found = types.find(word);
-  if (found == types.end()) refuse(path, fmt::format("'{}' is no property type", word));
-  return found->second;
+std::vector<std::string> names_of(const PlyElementHeader& element) {
+  std::vector<std::string> names;
+  for (const PlyProperty& property : element.properties) names.push_back(property.name);
+  return names;
 }
 
-Property parse_property(std::istringstream& words, const std::string& path) {
-  Property property{};
-  std::string type;
-  words >> type;
-  if (type == "list") {
-    property.is_list = true;
-    words >> type;
-    property.length_type = parse_type(type, path);
-    words >> type;
-  }
-  property.type = parse_type(type, path);
-  if (!(words >> property.name)) refuse(path, "a property in its header has no name");
-  return property;
+// Index of a name, or -1.
+int find(const std::vector<std::string>& names, const std::string& name) {
+  const auto found = std::find(names.begin(), names.end(), name);
+  return found == names.end() ? -1 : int(found - names.begin());
 }
 
-// One header line; true when it was the last.
-bool parse_line(const std::string& line, Header& header, bool& has_format,
-                const std::string& path) {
-  std::istringstream words(line);
-  std::string keyword, word;
-  words >> keyword;
-  if (keyword == "format") {
-    words >> word;
-    if (word != "ascii" && word != "binary_little_endian")
-      refuse(path,
-             fmt::format("its format is '{}', known are ascii and binary_little_endian", word));
-    header.ascii = word == "ascii";
-    has_format = true;
-  } else if (keyword == "element") {
-    Element element;
-    long long rows = -1;
-    words >> element.name >> rows;
-    if (!words || rows < 0 || !(words >> std::ws).eof())
-      refuse(path, fmt::format("'{}' has no number of rows", line.substr(0, 60)));
-    element.rows = size_t(rows);
-    header.elements.push_back(element);
-  } else if (keyword == "property") {
-    if (header.elements.empty()) refuse(path, "a property comes before any element");
-    header.elements.back().properties.push_back(parse_property(words, path));
-  } else if (keyword == "comment") {
-    header.comments.push_back(line.size() > 8 ? line.substr(8) : "");
-  } else if (keyword == "end_header") {
-    return true;
-  } else if (!keyword.empty() && keyword != "obj_info") {
-    refuse(path, fmt::format("its header line '{}' is unknown", line.substr(0, 60)));
-  }
-  return false;
+std::array<int, 3> find_each(const std::vector<std::string>& names,
+                             const std::array<const char*, 3>& three) {
+  return {find(names, three[0]), find(names, three[1]), find(names, three[2])};
 }
 
-Header parse_header(const Bytes& bytes, const std::string& path) {
-  if (bytes.size() < 4 || std::memcmp(bytes.data(), "ply", 3) != 0)
-    refuse(path, "it does not begin with 'ply'");
-  const auto stop = bytes.begin() + long(std::min(bytes.size(), longest_header));
-  Header header;
-  bool has_format = false, ended = false;
-  auto at = std::find(bytes.begin(), stop, '\n');
-  while (!ended) {
-    const auto end = at == stop ? stop : std::find(at + 1, stop, '\n');
-    if (end == stop)
-      refuse(path, bytes.size() < longest_header
-                       ? "it has no line 'end_header'"
-                       : "it has no line 'end_header' within its first MB");
-    std::string line(at + 1, end);
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    ended = parse_line(line, header, has_format, path);
-    at = end;
-  }
-  if (!has_format) refuse(path, "its header has no line 'format'");
-  for (const Element& element : header.elements) {
-    std::set<std::string> names;
-    for (const Property& property : element.properties)
-      if (!names.insert(property.name).second)
-        refuse(path, fmt::format("its element '{}' has the property '{}' twice", element.name,
-                                 property.name));
-  }
-  header.length = size_t(at + 1 - bytes.begin());
-  return header;
+// Whether the file has all of these columns, and as doubles.
+bool are_doubles(const PlyElementHeader& element, const std::array<int, 3>& columns) {
+  return std::all_of(columns.begin(), columns.end(), [&](int column) {
+    return column >= 0 && element.properties[size_t(column)].type == PlyType::f64;
+  });
 }
 
-// Between words of a text; a 0 is none.
-bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
-
-// The rows, value by value, in either format. Running past the end is an Error.
-class Rows {
- public:
-  Rows(const Bytes& bytes, const Header& header, const std::string& path)
-      : begin_(reinterpret_cast<const char*>(bytes.data())),
-        at_(begin_ + header.length),
-        end_(reinterpret_cast<const char*>(bytes.data()) + bytes.size()),
-        ascii_(header.ascii),
-        path_(path) {}
-
-  size_t bytes_left() const { return size_t(end_ - at_); }
-
-  double next(Type type) { return ascii_ ? next_word() : next_binary(type); }
-
-  // After the last value of a row: in text it ends the line.
-  void end_row() {
-    if (!ascii_) return;
-    while (at_ < end_ && *at_ != '\n' && is_blank(*at_)) ++at_;
-    if (at_ < end_ && *at_ != '\n')
-      refuse(path_, fmt::format("line {} has more values than its element has properties",
-                                1 + std::count(begin_, at_, '\n')));
-  }
-
-  void step_over(const Element& element) {
-    const bool lists = std::any_of(element.properties.begin(), element.properties.end(),
-                                   [](const Property& p) { return p.is_list; });
-    if (!ascii_ && !lists) return step_over_fixed(element);
-    if (element.properties.empty()) return;
-    for (size_t row = 0; row < element.rows; ++row) {
-      for (const Property& property : element.properties) {
-        const double n = property.is_list ? next(property.length_type) : 1;
-        if (!(n >= 0)) refuse(path_, fmt::format("a list of {} is {} long", element.name, n));
-        for (double i = 0; i < n; ++i) next(property.type);
-      }
-      end_row();
-    }
-  }
-
- private:
-  [[noreturn]] void truncated() const { refuse(path_, "it is truncated: rows are missing"); }
-
-  void step_over_fixed(const Element& element) {
-    size_t stride = 0;
-    for (const Property& property : element.properties) stride += size_of(property.type);
-    if (stride && element.rows > bytes_left() / stride) truncated();
-    at_ += element.rows * stride;
-  }
-
-  [[noreturn]] void not_a_number(const char* word) const {
-    const char* stop = std::find_if(word, std::min(end_, word + 20), is_blank);
-    std::string shown;
-    for (; word < stop; ++word) shown += *word == '\0' ? "\\0" : std::string(1, *word);
-    refuse(path_,
-           fmt::format("'{}' in line {} is no number", shown, 1 + std::count(begin_, stop, '\n')));
-  }
-
-  double next_word() {
-    while (at_ < end_ && is_blank(*at_)) ++at_;
-    if (at_ == end_) truncated();
-    double value = 0;
-    const auto result = std::from_chars(at_, end_, value);
-    if (result.ec != std::errc()) not_a_number(at_);
-    at_ = result.ptr;
-    if (at_ < end_ && !is_blank(*at_)) {  // 0-1 is not two of them
-      const char* begin = at_;
-      while (begin > begin_ && !is_blank(begin[-1])) --begin;
-      not_a_number(begin);
-    }
-    return value;
-  }
-
-  template <class T>
-  double take() {
-    if (bytes_left() < sizeof(T)) truncated();
-    T value;
-    std::memcpy(&value, at_, sizeof value);
-    at_ += sizeof value;
-    return double(value);
-  }
-
-  double next_binary(Type type) {
-    switch (type) {
-      case Type::i8:
-        return take<int8_t>();
-      case Type::u8:
-        return take<uint8_t>();
-      case Type::i16:
-        return take<int16_t>();
-      case Type::u16:
-        return take<uint16_t>();
-      case Type::i32:
-        return take<int32_t>();
-      case Type::u32:
-        return take<uint32_t>();
-      case Type::f32:
-        return take<float>();
-      case Type::f64:
-        return take<double>();
-    }
-    truncated();
-  }
-
-  const char* begin_;
-  const char* at_;
-  const char* end_;
-  bool ascii_;
-  const std::string& path_;
-};
-
-// Refuses an element that cannot be in the bytes that are left: each ASCII value takes two at least
-// (a digit and a space), but for the last.
-void check_rows(const Element& element, bool ascii, size_t bytes_left, const std::string& path) {
-  size_t stride = 0;
-  for (const Property& property : element.properties) {
-    if (property.is_list)
-      refuse(path, fmt::format("property '{}' of {} is a list, expected are numbers", property.name,
-                               element.name));
-    stride += ascii ? 2 : size_of(property.type);
-  }
-  if (!stride) refuse(path, fmt::format("its element '{}' has no properties", element.name));
-  const bool vertices = element.name == "vertex";
-  if (element.rows > (bytes_left + 1) / stride)
-    refuse(path, fmt::format("it is truncated: {} {} need {} bytes, {} follow the header",
-                             element.rows, vertices ? "vertices" : "rows of " + element.name,
-                             double(element.rows) * double(stride), bytes_left));
+// An integer modulo 2^32; 0 for what a text has in place of one.
+uint32_t integer_bits(double value) {
+  return std::abs(value) < 9e18 ? uint32_t(int64_t(value)) : 0;
 }
 
-template <class T>
-std::vector<T> read_rows(const Element& element, bool ascii, Rows& rows, const std::string& path) {
-  check_rows(element, ascii, rows.bytes_left(), path);
-  std::vector<T> values;
-  values.reserve(element.rows * element.properties.size());
-  for (size_t row = 0; row < element.rows; ++row) {
-    for (const Property& property : element.properties)
-      values.push_back(T(rows.next(property.type)));
-    rows.end_row();
-  }
-  return values;
-}
-
-// Of the values [rows, columns], the middle of x, y and z, in whole units; those that are finite.
-std::array<double, 3> origin_of(const std::vector<double>& values, size_t columns,
-                                const std::array<int, 3>& position) {
-  std::array<double, 3> origin = {0, 0, 0};
+// The middle of points [n, 3], in whole units; of what is finite.
+std::array<double, 3> middle_of(const std::vector<double>& points) {
+  std::array<double, 3> middle = {0, 0, 0};
   for (size_t axis = 0; axis < 3; ++axis) {
     double sum = 0, count = 0;
-    for (size_t i = size_t(position[axis]); i < values.size(); i += columns)
-      if (std::isfinite(values[i])) sum += values[i], ++count;
-    if (count > 0 && std::isfinite(sum)) origin[axis] = std::round(sum / count);
+    for (size_t i = axis; i < points.size(); i += 3)
+      if (std::isfinite(points[i])) sum += points[i], ++count;
+    if (count > 0 && std::isfinite(sum)) middle[axis] = std::round(sum / count);
   }
-  return origin;
-}
-
-TypedTable read_typed(const std::string& path) {
-  const Bytes bytes = read_file(path);
-  const Header header = parse_header(bytes, path);
-  Rows rows(bytes, header, path);
-  for (const Element& element : header.elements) {
-    if (element.name != "vertex") {
-      rows.step_over(element);
-      continue;
-    }
-    TypedTable result;
-    result.table.comments = header.comments;
-    result.table.rows = element.rows;
-    for (const Property& property : element.properties) {
-      result.table.names.push_back(property.name);
-      result.types.push_back(property.type);
-    }
-    const std::array<int, 3> position = {result.table.column("x"), result.table.column("y"),
-                                         result.table.column("z")};
-    const bool exact = std::all_of(position.begin(), position.end(), [&](int column) {
-      return column >= 0 && result.types[size_t(column)] == Type::f64;
-    });
-    if (!exact) {
-      result.table.values = read_rows<float>(element, header.ascii, rows, path);
-      return result;
-    }
-    std::vector<double> values = read_rows<double>(element, header.ascii, rows, path);
-    const size_t columns = result.table.names.size();
-    result.table.origin = origin_of(values, columns, position);
-    for (size_t axis = 0; axis < 3; ++axis)
-      for (size_t i = size_t(position[axis]); i < values.size(); i += columns)
-        values[i] -= result.table.origin[axis];
-    result.table.values.assign(values.begin(), values.end());
-    return result;
-  }
-  refuse(path, "it has no element 'vertex'");
+  return middle;
 }
 
 template <class T>
@@ -357,17 +78,14 @@ void append(std::string& bytes, const T* values, size_t n) {
   bytes.append(reinterpret_cast<const char*>(values), n * sizeof(T));
 }
 
-uint8_t to_byte(float value, Type type) {
-  const float scaled = type == Type::f32 || type == Type::f64 ? value * 255 : value;
+uint8_t to_byte(float value, PlyType type) {
+  const float scaled = is_real(type) ? value * 255 : value;
   return uint8_t(std::isfinite(scaled) ? std::clamp(scaled + .5f, 0.f, 255.f) : 0.f);
 }
 
 }  // namespace
 
-int PlyTable::column(const std::string& name) const {
-  const auto found = std::find(names.begin(), names.end(), name);
-  return found == names.end() ? -1 : int(found - names.begin());
-}
+int PlyTable::column(const std::string& name) const { return find(names, name); }
 
 std::vector<float> PlyTable::column_values(const std::string& name) const {
   const int c = column(name);
@@ -378,36 +96,64 @@ std::vector<float> PlyTable::column_values(const std::string& name) const {
 }
 
 std::vector<std::string> ply_vertex_properties(const std::string& path) {
-  require_file(path);
-  Bytes beginning(longest_header);
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
-  file.read(reinterpret_cast<char*>(beginning.data()), long(beginning.size()));
-  beginning.resize(size_t(file.gcount()));
-  std::vector<std::string> names;
-  for (const Element& element : parse_header(beginning, path).elements)
-    if (element.name == "vertex")
-      for (const Property& property : element.properties) names.push_back(property.name);
-  return names;
+  const PlyRows rows(path);
+  const PlyElementHeader* vertices = vertices_of(rows.header());
+  return vertices ? names_of(*vertices) : std::vector<std::string>();
 }
 
-PlyTable read_ply(const std::string& path) { return read_typed(path).table; }
+PlyTable read_ply(const std::string& path) {
+  PlyRows rows(path);
+  const PlyElementHeader& vertices = find_vertices(rows, path);
+  PlyTable table;
+  table.comments = rows.header().comments;
+  table.names = names_of(vertices);
+  table.rows = vertices.rows;
+  const size_t columns = table.names.size();
+  const std::array<int, 3> position = find_each(table.names, {"x", "y", "z"});
+  const bool exact = are_doubles(vertices, position);
+  std::vector<double> places;  // [rows, 3] where they are exact
+  table.values.reserve(table.rows * columns);
+  if (exact) places.reserve(table.rows * 3);
+  rows.read(vertices, [&](const double* values) {
+    table.values.insert(table.values.end(), values, values + columns);
+    if (exact)
+      for (const int column : position) places.push_back(values[column]);
+  });
+  if (!exact) return table;
+  table.origin = middle_of(places);
+  for (size_t i = 0; i < places.size(); ++i)
+    table.values[i / 3 * columns + size_t(position[i % 3])] =
+        float(places[i] - table.origin[i % 3]);
+  return table;
+}
 
-int PlyElement::property(const std::string& name) const {
-  const auto found = std::find(properties.begin(), properties.end(), name);
-  return found == properties.end() ? -1 : int(found - properties.begin());
+int PlyElement::property(const std::string& name) const { return find(properties, name); }
+
+double PlyElement::value(size_t row, size_t property) const {
+  const uint32_t bits = words[row * properties.size() + property];
+  float real;
+  std::memcpy(&real, &bits, sizeof real);
+  return reals[property] ? double(real) : double(bits);
 }
 
 std::vector<PlyElement> read_ply_elements(const std::string& path) {
-  const Bytes bytes = read_file(path);
-  const Header header = parse_header(bytes, path);
-  Rows rows(bytes, header, path);
+  PlyRows rows(path);
   std::vector<PlyElement> elements;
-  for (const Element& element : header.elements) {
-    PlyElement result{element.name, {}, element.rows, {}};
-    for (const Property& property : element.properties) result.properties.push_back(property.name);
-    result.values = read_rows<double>(element, header.ascii, rows, path);
-    elements.push_back(std::move(result));
+  for (const PlyElementHeader& header : rows.header().elements) {
+    PlyElement element{header.name, names_of(header), {}, header.rows, {}};
+    for (const PlyProperty& property : header.properties)
+      element.reals.push_back(is_real(property.type));
+    rows.require_rows(header);
+    element.words.reserve(header.rows * header.properties.size());
+    rows.read(header, [&](const double* values) {
+      for (size_t c = 0; c < element.reals.size(); ++c) {
+        const float real = float(values[c]);
+        uint32_t bits = integer_bits(values[c]);
+        if (element.reals[c]) std::memcpy(&bits, &real, sizeof bits);
+        element.words.push_back(bits);
+      }
+    });
+    elements.push_back(std::move(element));
   }
   return elements;
 }
@@ -440,23 +186,30 @@ void write_ply(const std::string& path, const PlyTable& table) {
 }
 
 PointCloud read_point_cloud(const std::string& path) {
-  const TypedTable typed = read_typed(path);
-  const PlyTable& table = typed.table;
-  const int position[3] = {table.column("x"), table.column("y"), table.column("z")};
-  const int color[3] = {table.column("red"), table.column("green"), table.column("blue")};
-  for (int i = 0; i < 3; ++i)
-    if (position[i] < 0) refuse(path, "its vertices have no x, y and z");
-  const bool colored = color[0] >= 0 && color[1] >= 0 && color[2] >= 0;
+  PlyRows rows(path);
+  const PlyElementHeader& vertices = find_vertices(rows, path);
+  const std::vector<std::string> names = names_of(vertices);
+  const std::array<int, 3> position = find_each(names, {"x", "y", "z"});
+  const std::array<int, 3> color = find_each(names, {"red", "green", "blue"});
+  const auto is_there = [](int column) { return column >= 0; };
+  if (!std::all_of(position.begin(), position.end(), is_there))
+    refuse_ply(path, "its vertices have no x, y and z");
+  const bool colored = std::all_of(color.begin(), color.end(), is_there);
+  const bool exact = are_doubles(vertices, position);
   PointCloud points;
-  for (size_t row = 0; row < table.rows; ++row) {
-    const float* values = table.values.data() + row * table.names.size();
-    for (int i = 0; i < 3; ++i) {
-      if (!std::isfinite(values[position[i]]))
-        refuse(path, fmt::format("the position of vertex {} is not finite", row));
-      points.xyz.push_back(double(values[position[i]]) + table.origin[size_t(i)]);
-      if (colored) points.rgb.push_back(to_byte(values[color[i]], typed.types[size_t(color[i])]));
+  points.xyz.reserve(3 * vertices.rows);
+  if (colored) points.rgb.reserve(3 * vertices.rows);
+  rows.read(vertices, [&](const double* values) {
+    for (size_t i = 0; i < 3; ++i) {
+      const double place = values[position[i]];
+      if (!std::isfinite(float(place)))
+        refuse_ply(path, fmt::format("the position of vertex {} is not finite", points.size()));
+      points.xyz.push_back(exact ? place : double(float(place)));
     }
-  }
+    for (size_t i = 0; i < 3 && colored; ++i)
+      points.rgb.push_back(
+          to_byte(float(values[color[i]]), vertices.properties[size_t(color[i])].type));
+  });
   return points;
 }
 

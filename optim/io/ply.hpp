@@ -44,16 +44,19 @@ std::vector<std::string> ply_vertex_properties(const std::string& path);
 // Binary little-endian, all properties float; x, y and z double where they have an origin.
 void write_ply(const std::string& path, const PlyTable& table);
 
-// One element of a PLY with its scalar properties, each value exact: also 32-bit integers that hold
-// packed bits, which a float would round.
+// One element of a PLY with its scalar properties: reals as floats, integers exactly (also 32 bits
+// that hold something packed, which a float would round).
 struct PlyElement {
   std::string name;
   std::vector<std::string> properties;
+  std::vector<bool> reals;  // [properties] whether it is a float
   size_t rows = 0;
-  std::vector<double> values;  // [rows, properties]
+  std::vector<uint32_t> words;  // [rows, properties] the bits of each, integers modulo 2^32
 
   // Index of a property, or -1.
   int property(const std::string& name) const;
+  // A value; integers as if they had no sign.
+  double value(size_t row, size_t property) const;
 };
 
 // Every element, in the file's order. Errors as read_ply, but lists are refused in all of them and

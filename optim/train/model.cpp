@@ -254,7 +254,7 @@ void warn_of_scales(const HostModel& model, const std::string& path) {
 }  // namespace
 
 HostModel read_model(const std::string& path) {
-  const PlyTable table = read_splats(path);
+  PlyTable table = read_splats(path);
   HostModel model;
   model.count = table.rows;
   const auto has = [&](const char* name) { return table.column(name) >= 0; };
@@ -290,6 +290,7 @@ HostModel read_model(const std::string& path) {
       for (size_t i = 0; i < table.rows; ++i)
         sh_rest[(i * rest + k) * 3 + c] = table.values[i * columns + from];
     }
+  table.values = {};  // or there were three copies at once
   if (moving) read_tables(tables_path(path), model);
   if (!moving) {  // a static scene is there for ever
     add_rest(model.shape, model.groups, model.count);

@@ -156,12 +156,12 @@ TEST(Blender, WhatIsNoJsonIsRefused) {
   }
   folder.write("transforms_train.json", R"({"frames": "\")" + std::string(200, '[') + R"("})");
   expect_error([&] { read_scene(folder.path()); }, {"'frames'"});  // a text
-  // Long lists take time by their length: a million entries were an hour by its square.
+  // Long lists take time by their length: 300 000 entries were five minutes by its square.
   std::string many = R"({"camera_angle_x": 1, "frames": [{})";
-  for (int i = 0; i < 1000000; ++i) many += ",{}";
+  for (int i = 0; i < 300000; ++i) many += ",{}";
   folder.write("transforms_train.json", many + "]}");
   expect_error([&] { read_scene(folder.path()); }, {"file_path"});
   for (int i = 0; i < 3; ++i) many += many.substr(many.find(",{}"));
   folder.write("transforms_train.json", many + "]}");
-  expect_error([&] { read_scene(folder.path()); }, {"values, at most 5000000"});
+  expect_error([&] { read_scene(folder.path()); }, {"values, at most 800000"});
 }

@@ -2,6 +2,7 @@
 #include <cstring>
 
 #include "data_readers/made_scene.hpp"
+#include "io/memory_of.hpp"
 #include "optim/data/colmap_model.hpp"
 #include "optim/data/scene.hpp"
 
@@ -140,6 +141,52 @@ TEST(Colmap, PicturesOfAnotherSizeKeepTheirLens) {
   EXPECT_NEAR(camera.lens.fx, 2000. / 202, 1e-12);
   EXPECT_NEAR(camera.lens.cx, 4, 1e-12);
   EXPECT_NEAR(camera.lens.cy, 3, 1e-12);
+}
+
+TEST(Colmap, ObservationsOfAPictureAreSteppedOver) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  std::string observed;
+  for (int i = 0; i < 200000; ++i) observed += "100.5 200.5 " + std::to_string(i) + " ";
+  folder.write("sparse/0/images.txt",
+               "2 1 0 0 0 0 0 5 7 b.png\n# comment\n" + observed + "\n1 0 0 0 2 1 2 3 7 a.png");
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+}
+
+TEST(Colmap, MorePicturesThanASceneHasAreRefused) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  std::string cameras, images;
+  for (int i = 0; i <= 100000; ++i) {
+    cameras += std::to_string(i) + " SIMPLE_PINHOLE 8 6 10 4 3\n";
+    images += "1 1 0 0 0 0 0 5 7 b.png\n\n";
+  }
+  folder.write("sparse/0/images.txt", images);
+  const auto read = [&] { read_colmap_model(folder.file("sparse/0")); };
+  expect_error(read, {"images.txt", "more than 100000 pictures"});
+  folder.write("sparse/0/cameras.txt", cameras);
+  expect_error(read, {"cameras.txt", "more than 100000 cameras"});
+
+  make_binary(folder);
+  const std::string many = raw(uint64_t(100001)) + std::string(100001 * 64, '\0');
+  folder.write("sparse/0/images.bin", many);
+  expect_error(read, {"images.bin", "more than 100000 pictures"});
+  folder.write("sparse/0/cameras.bin", many);
+  expect_error(read, {"cameras.bin", "more than 100000 cameras"});
+}
+
+// Read whole, a text took up to sixteen times its size.
+TEST(Colmap, ReadingPointsTakesTheMemoryOfWhatIsMadeOfThem) {
+  const TemporaryFolder folder;
+  std::string text;
+  for (int i = 0; i < 2000000; ++i) text += "1 0.5 -1 2 10 20 30 0.1 2 0\n";
+  folder.write("sparse/0/points3D.txt", text);
+  std::string().swap(text);
+  const double points_mib = 27 * 2e6 / (1 << 20);
+  const auto read = [&] {
+    EXPECT_EQ(read_colmap_points(folder.file("sparse/0")).size(), 2000000u);
+  };
+  EXPECT_LT(memory_of(read), points_mib + 8);
 }
 
 TEST(Colmap, MasksBesideThePicturesBecomeAlpha) {

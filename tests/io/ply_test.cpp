@@ -3,6 +3,7 @@
 
 #include <cstring>
 
+#include "io/memory_of.hpp"
 #include "io/temporary_folder.hpp"
 
 using namespace gflow;
@@ -122,8 +123,13 @@ TEST(Ply, RefusesHeadersThatMakeNoSense) {
   expect_error(
       [&] { read(start + "element vertex 1\nproperty list uchar int x\nend_header\n1 1\n"); },
       {"is a list"});
-  expect_error([&] { read(start + "element vertex 1\nproperty float x\nend_header\nabc\n"); },
-               {"'abc' in line 6 is no number"});
+  expect_error(
+      [&] {
+        read(start +
+             "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+             "end_header\n1 abc 2\n");
+      },
+      {"'abc' in line 8 is no number"});
   expect_error(
       [&] { read(start + "element vertex 0\nproperty float x\nproperty int x\nend_header\n"); },
       {"'vertex'", "'x' twice"});
@@ -159,4 +165,55 @@ TEST(Ply, RefusesPositionsThatAreNotFinite) {
                                       "property float y\nproperty float z\nend_header\n0 nan 1\n"));
       },
       {"vertex 0", "not finite"});
+}
+
+TEST(Ply, RowsMayLieAcrossThePiecesOfAFile) {
+  const TemporaryFolder folder;
+  const std::string header =
+      "element vertex 60000\nproperty float x\nproperty double y\nproperty uchar z\nend_header\n";
+  std::string text = "ply\nformat ascii 1.0\n" + header;
+  std::string binary = "ply\nformat binary_little_endian 1.0\n" + header;
+  std::vector<float> values;
+  for (int i = 0; i < 60000; ++i) {
+    const float x = float(i) / 8;
+    const double y = -1.5 * i;
+    text += std::to_string(x) + " " + std::to_string(y) + std::string(size_t(i % 7), ' ') + "\t" +
+            std::to_string(i % 256) + (i % 3 ? "\n" : " \r\n\n");
+    binary += raw(x) + raw(y) + raw(uint8_t(i));
+    for (const float value : {x, float(y), float(i % 256)}) values.push_back(value);
+  }
+  EXPECT_EQ(read_ply(folder.write("text.ply", text)).values, values);
+  EXPECT_EQ(read_ply(folder.write("binary.ply", binary)).values, values);
+  text.replace(text.rfind("\n", text.size() - 3), 1, "x\n");
+  const auto line = std::count(text.begin(), text.end(), '\n');
+  expect_error([&] { read_ply(folder.write("text.ply", text)); },
+               {"x' in line " + std::to_string(line - 1)});
+}
+
+TEST(Ply, NoNumberGoesOnForThousandsOfDigits) {
+  const TemporaryFolder folder;
+  const auto read = [&](size_t digits) {
+    return read_ply(folder.write("a.ply",
+                                 "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
+                                 "end_header\n" +
+                                     std::string(digits, '0') + "7 \n"))
+        .values;
+  };
+  EXPECT_EQ(read(4000), (std::vector<float>{7}));
+  expect_error([&] { read(5000); }, {"'00000000000000000000' in line 6 is no number"});
+}
+
+// Read whole, the texts took six times their size.
+TEST(Ply, ReadingTakesTheMemoryOfWhatIsMadeOfIt) {
+  const TemporaryFolder folder;
+  std::string text =
+      "ply\nformat ascii 1.0\nelement vertex 4000000\nproperty float x\nproperty float y\n"
+      "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
+      "end_header\n";
+  for (int i = 0; i < 4000000; ++i) text += "0.25 0.5 1.5 1 2 3\n";
+  const std::string path = folder.write("a.ply", text);
+  std::string().swap(text);
+  constexpr double mib = 4e6 / (1 << 20);
+  EXPECT_LT(memory_of([&] { EXPECT_EQ(read_point_cloud(path).size(), 4000000u); }), 28 * mib + 8);
+  EXPECT_LT(memory_of([&] { EXPECT_EQ(read_ply(path).rows, 4000000u); }), 24 * mib + 8);
 }

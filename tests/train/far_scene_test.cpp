@@ -68,14 +68,13 @@ TEST_F(FarSceneTest, IsTrainedDrawnAndExportedInItsWorld) {
   // For other programs, in the world of the scene, to 1e-9 of its coordinates (numerics T28).
   const PlyTable slice_now = slice(queue, there.model, 0.5).table;
   write_ply(folder.file("now.ply"), slice_now);
-  const PlyElement now = read_ply_elements(folder.file("now.ply")).at(0);
+  const PointCloud now = read_point_cloud(folder.file("now.ply"));
   const char* const axes[] = {"x", "y", "z"};
   for (size_t axis = 0; axis < 3; ++axis) {
     const std::vector<float> local = slice_now.column_values(axes[axis]);
-    for (size_t i = 0; i < now.rows; ++i) {
-      const double world = now.values[i * now.properties.size() + size_t(now.property(axes[axis]))];
-      EXPECT_NEAR(world, double(local[i]) + origin[axis], 1e-9 * std::fabs(origin[axis]));
-    }
+    for (size_t i = 0; i < now.size(); ++i)
+      EXPECT_NEAR(now.xyz[3 * i + axis], double(local[i]) + origin[axis],
+                  1e-9 * std::fabs(origin[axis]));
   }
 
   // And such a file is where a training may begin.
@@ -83,10 +82,10 @@ TEST_F(FarSceneTest, IsTrainedDrawnAndExportedInItsWorld) {
   far_config.init.file = folder.file("now.ply");
   const std::vector<float> first =
       SmallTraining(queue, far_config).model.parameters["means"].values.read(queue);
-  ASSERT_EQ(first.size(), 3 * now.rows);
+  ASSERT_EQ(first.size(), now.xyz.size());
   for (size_t axis = 0; axis < 3; ++axis) {
     const std::vector<float> local = slice_now.column_values(axes[axis]);
-    for (size_t i = 0; i < now.rows; ++i) EXPECT_NEAR(first[3 * i + axis], local[i], 1e-5);
+    for (size_t i = 0; i < now.size(); ++i) EXPECT_NEAR(first[3 * i + axis], local[i], 1e-5);
   }
 }
 

@@ -46,15 +46,12 @@ double export_error(Queue& queue, const Scene& there, const Scene& here, const P
   Model model(queue, host);
   const TemporaryFolder folder;
   write_ply(folder.file("now.ply"), slice(queue, model, .5).table);
-  const PlyElement now = read_ply_elements(folder.file("now.ply")).at(0);
-  const char* const axes[] = {"x", "y", "z"};
+  const PointCloud now = read_point_cloud(folder.file("now.ply"));
   std::vector<double> errors;
-  for (size_t axis = 0; axis < 3; ++axis)
-    for (size_t i = 0; i < now.rows; ++i) {
-      const double found = now.values[i * now.properties.size() + size_t(now.property(axes[axis]))];
-      const double expected = here.points.xyz[3 * i + axis] + away[axis];
-      errors.push_back(std::fabs(found - expected) / std::fabs(away[axis]));
-    }
+  for (size_t i = 0; i < now.xyz.size(); ++i) {
+    const double expected = here.points.xyz[i] + away[i % 3];
+    errors.push_back(std::fabs(now.xyz[i] - expected) / std::fabs(away[i % 3]));
+  }
   return worst(errors);
 }
 
