@@ -5,14 +5,15 @@
 #include "shared/bases.h"
 #include "shared/keys.h"
 #include "shared/still_rows.h"
+#include "shared/unrolled.h"
 
 #define POSE 7  // floats of a pose: unit quaternion, shift
 
 // Not normalised; row k B + b of the tables is key k of basis b, and 0 is no motion.
 static inline real4 basis_quat(int bases, int b, KeyWeights keys, global const float* basis_turns) {
   real4 q = make_real4(1.f, 0.f, 0.f, 0.f);
-  for (int k = 0; k < keys.count; ++k)
-    q += load4(basis_turns, (keys.first + k) * bases + b) * keys.weight[k];
+  FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count)
+  q += load4(basis_turns, (keys.first + k) * bases + b) * keys.weight[k];
   return q;
 }
 
@@ -24,8 +25,8 @@ kernel void bases_pose(const int bases, const KeyWeights keys,
   const int b = get_global_id(0);
   if (b >= bases) return;
   real3 shift = make_real3(0.f, 0.f, 0.f);
-  for (int k = 0; k < keys.count; ++k)
-    shift += load3(basis_shifts, (keys.first + k) * bases + b) * keys.weight[k];
+  FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count)
+  shift += load3(basis_shifts, (keys.first + k) * bases + b) * keys.weight[k];
   const real4 q = quat_normalize(basis_quat(bases, b, keys, basis_turns)).q;
   global float* o = poses + POSE * b;
   vstore4(q, 0, o);
@@ -162,7 +163,7 @@ kernel void bases_gather(const uint chunks, const int bases, const KeyWeights ke
   }
   const real4 v_quat =
       quat_normalize_vjp(quat_normalize(basis_quat(bases, b, keys, basis_turns)), v_unit);
-  for (int k = 0; k < keys.count; ++k) {
+  FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count) {
     const float w = keys.weight[k];
     const uint row = (keys.first + k) * bases + b;
     if (w == 0.f) continue;

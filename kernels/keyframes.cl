@@ -3,6 +3,7 @@
 // first and second time, and what is written are as in native4d.cl. One work-item a Gaussian.
 #include "shared/keys.h"
 #include "shared/still_rows.h"
+#include "shared/unrolled.h"
 
 #ifndef SCALES  // whether sizes follow keys, too; only for the syntax check, the host always says
 #define SCALES 1
@@ -16,7 +17,7 @@ static inline Shift shift_at(uint moving, uint i, KeyWeights keys, global const 
   d.quat = make_real4(0.f, 0.f, 0.f, 0.f);
   d.log_scales = make_real3(0.f, 0.f, 0.f);
   if (i >= moving) return d;
-  for (int k = 0; k < keys.count; ++k) {
+  FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count) {
     const uint row = (keys.first + k) * moving + i;
     d.mean += load3(key_shifts, row) * keys.weight[k];
     d.quat += load4(key_turns, row) * keys.weight[k];
@@ -64,7 +65,7 @@ kernel void keyframes_bwd(const uint n, const uint moving, const float t, const 
   if (fresh) seen[i] = 1;
   put_still(i, v, fresh, V_STILL_ROWS);
   if (i >= moving) return;
-  for (int k = 0; k < keys.count; ++k) {
+  FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count) {
     const float w = keys.weight[k];
     const uint row = (keys.first + k) * moving + i;
     const real3 v_scales = make_real3(v.log_scales.x, v.log_scales.y, v.log_scales.z) * w;

@@ -5,6 +5,7 @@
 #include "shared/arrays.h"
 #include "shared/sh.h"
 #include "shared/types.h"
+#include "shared/unrolled.h"
 
 // Camera centre in the world: -R^T t.
 static inline real3 camera_centre(PinholeCamera c) {
@@ -18,7 +19,7 @@ static inline real3 camera_centre(PinholeCamera c) {
 
 static inline real3 sh_sum(ShBasis b, int count, real3 band0, global const float* rest) {
   real3 c = make_real3(0.5f, 0.5f, 0.5f) + band0 * b.y[0];
-  for (int k = 1; k < count; ++k) c += load3(rest, k - 1) * b.y[k];
+  FOR_UNROLLED(k, 1, 16, count) c += load3(rest, k - 1) * b.y[k];
   return c;
 }
 
@@ -61,14 +62,14 @@ kernel void sh_bwd(const uint n, const int degree, const int stride, const Pinho
   v = make_real3(c.x > 0.f ? v.x : 0.f, c.y > 0.f ? v.y : 0.f, c.z > 0.f ? v.z : 0.f);
   if (!seen[i]) {
     store3(v_sh0, i, v * b.y[0]);
-    for (int k = 1; k <= stride; ++k) store3(v_own, k - 1, v * b.y[k]);  // 0 where not active
+    FOR_UNROLLED(k, 1, 16, stride + 1) store3(v_own, k - 1, v * b.y[k]);  // 0 where not active
   } else {
     add3(v_sh0, i, v * b.y[0]);
-    for (int k = 1; k < count; ++k) add3(v_own, k - 1, v * b.y[k]);
+    FOR_UNROLLED(k, 1, 16, count) add3(v_own, k - 1, v * b.y[k]);
   }
   if (degree == 0) return;
   ShBasis v_b;
   for (int k = 0; k < 16; ++k) v_b.y[k] = 0.f;
-  for (int k = 1; k < count; ++k) v_b.y[k] = dot(load3(own, k - 1), v);
+  FOR_UNROLLED(k, 1, 16, count) v_b.y[k] = dot(load3(own, k - 1), v);
   add3(v_means, i, direction_to_vjp(o, sh_basis_vjp(degree, o.d, v_b)));
 }

@@ -70,14 +70,17 @@ TEST(Bases, OneFullWeightIsThatRigidMotion) {
   }
 }
 
-class BasesOfSomeSizes : public testing::TestWithParam<std::pair<int, int>> {};
+// Keys, bases, and lanes: 0 for those of the device, 1 for GPUs.
+class BasesOfSomeSizes : public testing::TestWithParam<std::tuple<int, int, int>> {};
 INSTANTIATE_TEST_SUITE_P(Motion, BasesOfSomeSizes,
-                         testing::Values(std::pair{1, 1}, std::pair{5, 1}, std::pair{4, 3},
-                                         std::pair{3, 32}));
+                         testing::Values(std::tuple{1, 1, 0}, std::tuple{5, 1, 0},
+                                         std::tuple{4, 3, 0}, std::tuple{3, 32, 0},
+                                         std::tuple{4, 3, 1}));
 
 TEST_P(BasesOfSomeSizes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
-  Queue queue = test_queue();
-  const MotionShape shape = shape_of(GetParam().first, GetParam().second);
+  const auto& [keys, bases, lanes] = GetParam();
+  Queue queue = test_queue(lanes);
+  const MotionShape shape = shape_of(keys, bases);
   MotionCheck check(
       queue, shape, 150,
       [&](const Named& p, size_t i, double t) { return reference::bases_at(shape, p, i, t); },

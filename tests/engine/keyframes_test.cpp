@@ -84,13 +84,14 @@ TEST(Shifted, GradientEqualsCentralDifferences) {
 
 // ---- on the device
 
-// Number of keys, and whether sizes have them, too.
-class KeyframesOfSomeKeys : public testing::TestWithParam<std::tuple<int, bool>> {};
+// Number of keys, whether sizes have them, too, and lanes: 0 for those of the device, 1 for GPUs.
+class KeyframesOfSomeKeys : public testing::TestWithParam<std::tuple<int, bool, int>> {};
 INSTANTIATE_TEST_SUITE_P(Motion, KeyframesOfSomeKeys,
-                         testing::Combine(testing::Values(1, 2, 3, 7), testing::Bool()));
+                         testing::Combine(testing::Values(1, 2, 3, 7), testing::Bool(),
+                                          testing::Values(0, 1)));
 
 TEST_P(KeyframesOfSomeKeys, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
-  Queue queue = test_queue();
+  Queue queue = test_queue(std::get<2>(GetParam()));
   MotionShape shape;
   shape.motion = MotionModelKind::keyframes;
   shape.duration = 2;

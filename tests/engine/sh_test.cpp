@@ -90,8 +90,12 @@ TEST(Sh, GradientByThePointEqualsCentralDifferences) {
 
 constexpr size_t N = 29;
 
-TEST(Sh, DeviceColoursAndGradientsAreTheDoubleOnes) {
-  Queue queue = test_queue();
+// 0: what suits the device; 1: the kernels of GPUs, whose loops are written out.
+class ShLanes : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(All, ShLanes, testing::Values(0, 1));
+
+TEST_P(ShLanes, DeviceColoursAndGradientsAreTheDoubleOnes) {
+  Queue queue = test_queue(GetParam());
   Color color(queue, 3);
   const PinholeCamera camera = random_scene({}).shot.camera;
   const real3 centre = reference::camera_centre(camera);
