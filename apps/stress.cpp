@@ -13,6 +13,7 @@
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/interrupt.hpp"
 
 namespace gflow {
 namespace {
@@ -130,15 +131,18 @@ void run(const Flags& flags, const GlobalOptions& options) {
   const Tests tests = chosen(flags);
   require_writable("--json", flags.json);
   Queue queue = open_queue(options);
+  const InterruptGuard guard;
   Outcome outcome;
   fmt::print("{}, {} lanes\n", queue.info.full_name(), queue.lanes);
   if (!flags.derivatives) {
     const size_t width = longest_name(tests);
     fmt::print("{:<4} {:<{}} {:<{}} {:>9} {:>9}\n", "test", "", width, "condition", kCondition,
                "figure", "bound");
-    for (const Test& test : tests) run_test(queue, test, width, options.quiet, outcome);
+    for (const Test& test : tests)
+      if (!interrupted()) run_test(queue, test, width, options.quiet, outcome);
   }
-  if (flags.only.empty()) run_derivatives(queue, outcome);
+  if (flags.only.empty() && !interrupted()) run_derivatives(queue, outcome);
+  const bool stopped = interrupted();
   if (!outcome.failures.empty()) fmt::print("\nfailed:\n{}", fmt::join(outcome.failures, ""));
   fmt::print("\n{} of {} figures within their bounds\n", outcome.passed,
              outcome.passed + outcome.failed);
@@ -146,6 +150,7 @@ void run(const Flags& flags, const GlobalOptions& options) {
     const nlohmann::ordered_json all{{"device", queue.info.full_name()},
                                      {"driver", queue.info.driver},
                                      {"lanes", queue.lanes},
+                                     {"interrupted", stopped},
                                      {"passed", outcome.passed},
                                      {"failed", outcome.failed},
                                      {"tests", outcome.tests},
@@ -153,6 +158,10 @@ void run(const Flags& flags, const GlobalOptions& options) {
     const std::string text = all.dump(1) + "\n";
     write_file_atomically(flags.json, Bytes(text.begin(), text.end()));
   }
+  if (stopped)
+    throw Interrupted(fmt::format("interrupted after {} of {} tests; the figures above {}",
+                                  outcome.tests.size(), tests.size(),
+                                  flags.json.empty() ? "are all" : "are in " + flags.json));
   if (outcome.failed > 0) throw CLI::RuntimeError(3);
 }
 

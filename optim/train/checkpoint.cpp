@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "optim/io/json_text.hpp"
@@ -81,9 +82,12 @@ void require_arrays(const Json& json, const Arrays& arrays, const std::string& p
                             arrays.size(), shapes.size()));
 }
 
-CheckpointFacts facts_of(const Json& json) {
+CheckpointFacts facts_of(const Json& json, const std::string& path) {
   CheckpointFacts facts;
-  facts.step = json.at("step");
+  const Json& step = json.at("step");
+  if (!step.is_number_integer() || step < 0 || step > std::numeric_limits<int>::max())
+    throw Error(fmt::format("{} is damaged: it says that it is of step {}", path, step.dump()));
+  facts.step = step;
   facts.seconds = json.at("seconds");
   facts.config = json.at("config");
   facts.scene = json.at("scene");
@@ -109,7 +113,7 @@ Checkpoint read_checkpoint(const std::string& path) {
     const Json json = facts_json(checkpoint.arrays, path);
     checkpoint.arrays.erase(kFacts);
     require_arrays(json, checkpoint.arrays, path);
-    checkpoint.facts = facts_of(json);
+    checkpoint.facts = facts_of(json, path);
     const std::string unsound = unsound_array(checkpoint.arrays);
     if (!unsound.empty())
       throw Error(fmt::format(
@@ -124,7 +128,7 @@ Checkpoint read_checkpoint(const std::string& path) {
 
 CheckpointFacts read_checkpoint_facts(const std::string& path) {
   try {
-    return facts_of(facts_json(read_npz(path, {kFacts}), path));
+    return facts_of(facts_json(read_npz(path, {kFacts}), path), path);
   } catch (const Json::exception& problem) {
     throw Error(fmt::format("{} is no checkpoint: {}", path, problem.what()));
   }

@@ -126,6 +126,12 @@ TEST(Checkpoint, OtherArchivesAndFormatsAreRefusedWithTheReason) {
     expect_error([&] { read_checkpoint(path); },
                  {"a.npz", std::string("format ") + format, "reads format 1"});
   }
+  for (const char* step : {"1099511627776", "-1", "0.5", "\"7\""}) {  // 2^40 is 0 to 32 bits
+    with_facts("{\"format\": 1, \"arrays\": {}, \"step\": " + std::string(step) + "}");
+    const std::string said = std::string("damaged: it says that it is of step ") + step;
+    expect_error([&] { read_checkpoint(path); }, {"a.npz", said});
+    expect_error([&] { read_checkpoint_facts(path); }, {"a.npz", said});
+  }
   with_facts("{\"format\": 1, \"arrays\": {\"gone\": [3]}}");
   expect_error([&] { read_checkpoint(path); }, {"a.npz", "'gone'"});
   const std::string facts = "{\"format\": 1, \"arrays\": {\"means\": [3]}}";

@@ -38,7 +38,7 @@ class Command {
     const std::string out = folder_.file("out"), err = folder_.file("err");
     pid_ = fork();
     if (pid_ != 0) return;
-    setpgid(0, 0);  // so that a signal may be sent to all that it starts
+    setpgid(0, 0);                 // so that a signal may be sent to all that it starts
     std::signal(SIGINT, SIG_DFL);  // shells ignore it in what they start in the background
     dup2(open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
     dup2(open(err.c_str(), O_WRONLY | O_CREAT, 0600), STDERR_FILENO);
@@ -62,6 +62,8 @@ class Command {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
   }
+  // What it said on stderr until now.
+  std::string said() const { return contents(folder_.file("err")); }
   Outcome wait() const {
     int status = 0;
     waitpid(pid_, &status, 0);

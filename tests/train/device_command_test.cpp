@@ -149,5 +149,22 @@ TEST(StressCommand, RefusesWhatItDoesNotKnow) {
   EXPECT_NE(gflow({"stress", "--only", "5", "--derivatives"}).code, 0);
 }
 
+TEST(StressCommand, InterruptedItKeepsTheFiguresThatItHas) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("figures.json");
+  const Command command({"stress", "--json", path});
+  for (int i = 0; i < 6000 && command.said().find(" s\n") == std::string::npos; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));  // the first test has ended
+  command.send(SIGINT);
+  const Outcome outcome = command.wait();
+  EXPECT_EQ(outcome.code, 130);
+  EXPECT_NE(outcome.err.find("interrupted after "), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find(path), std::string::npos) << outcome.err;
+  const json figures = json::parse(contents(path));
+  EXPECT_EQ(figures["interrupted"], true);
+  EXPECT_GE(figures["tests"].size(), 1u);
+  EXPECT_TRUE(figures["derivatives"].empty());
+}
+
 }  // namespace
 }  // namespace gflow
