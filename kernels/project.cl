@@ -72,7 +72,10 @@ kernel void project_fwd(const uint n, const PinholeCamera camera, const int chos
   // (scaled z); a hair more than that, so that rounding cannot lose a pixel the pixel test keeps.
   const float s_xx = dot(p.m.r1, p.m.r1) + DILATION, s_yy = dot(p.m.r2, p.m.r2) + DILATION;
 #if TIGHT_BOXES
-  const float reach = (log2_opacity - ALPHA_MIN_LOG2 + 1e-3f) / HALF_LOG2_E;
+  float reach = (log2_opacity - ALPHA_MIN_LOG2 + 1e-3f) / HALF_LOG2_E;
+#ifdef BOX_SIGMAS  // cuts off what is farther out: only to measure what that would save
+  reach = fmin(reach, BOX_SIGMAS * BOX_SIGMAS);
+#endif
   const float reach_x = sqrt(reach * s_xx), reach_y = sqrt(reach * s_yy);
 #else  // as if opaque, and as long in every direction as along its longer axis
   const float half_difference = 0.5f * (s_xx - s_yy), s_xy = dot(p.m.r1, p.m.r2);

@@ -3,6 +3,7 @@
 
 #include <sys/resource.h>
 
+#include <ctime>
 #include <fstream>
 #ifdef __GLIBC__
 #include <malloc.h>
@@ -24,6 +25,12 @@ double seconds(const timeval& t) { return double(t.tv_sec) + 1e-6 * double(t.tv_
 double cpu_seconds() {
   const rusage u = usage();
   return seconds(u.ru_utime) + seconds(u.ru_stime);
+}
+
+double thread_cpu_seconds() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
 }
 
 double peak_memory_mib() { return double(usage().ru_maxrss) / 1024; }

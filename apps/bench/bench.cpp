@@ -70,8 +70,8 @@ void deliver(const Report& report, const BenchOptions& options, const Plot& plot
   }
   if (!options.plots.empty()) fmt::print("plot: {}\n", draw(plot, options.plots));
   if (options.compare.empty()) return;
-  if (const int slower = report.compare(options.compare); slower > 0) {
-    fmt::print("{} slower than in {}\n", slower, options.compare);
+  if (const int worse = report.compare(options.compare); worse > 0) {
+    fmt::print("{} worse than in {}\n", worse, options.compare);
     throw CLI::RuntimeError(3);
   }
 }

@@ -51,8 +51,12 @@ std::vector<Choice> choices(int lanes) {
     add("exp2", name).defines = {{"EXP2_DEGREE", degree}};
   add("moments kept in", "16 bits").defines = {{"MOMENT_BITS", "16"}};
   add("boxes", "loose").skip.boxes = false;
+  for (const char* sigmas : {"3.f", "2.5f", "2.f"})
+    add("boxes", fmt::format("of at most {} sigma", sigmas)).defines = {{"BOX_SIGMAS", sigmas}};
   add("cell masks", "off").skip.masks = false;
   add("saturated tiles", "walked on").skip.saturated = false;
+  Skips& none = add("skips", "none").skip;
+  Skips::fields(none, [](const char*, bool& on, const char*) { on = false; });
   for (const int w : {1, 4, 8, 16})
     if (w != lanes) {
       all.push_back({"lanes", fmt::format("lanes {}", w), {}, w});
@@ -279,12 +283,12 @@ void run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
     report.add({choice.name,
                 {{"CPU [ms]", cost.cpu_ms},
                  single("of shipped", m.of_shipped),
-                 single("colour", a.rgb),
-                 single("flow [px]", a.flow_px),
-                 single("gradients", a.gradients),
-                 single("colour, all", b.rgb),
-                 single("flow, all [px]", b.flow_px),
-                 single("gradients, all", b.gradients)}});
+                 error("colour", a.rgb),
+                 error("flow [px]", a.flow_px),
+                 error("gradients", a.gradients),
+                 error("colour, all", b.rgb),
+                 error("flow, all [px]", b.flow_px),
+                 error("gradients, all", b.gradients)}});
   }
   const std::vector<bool> front = front_of(all);
   if (!o.markdown.empty()) {

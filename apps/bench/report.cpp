@@ -12,7 +12,7 @@
 namespace gflow::bench {
 namespace {
 
-constexpr double kSlower = 1.1;  // a ratio of medians above it is worth a look
+constexpr double kGrown = 1.1;  // a ratio of medians above it is worth a look
 
 // Four digits, as long as that is readable.
 std::string digits(double x) {
@@ -53,6 +53,21 @@ void print_table(const std::vector<std::vector<std::string>>& lines) {
 bool is_time(const Figure& f) {
   return f.spread &&
          (f.name.find("[ms]") != std::string::npos || f.name.find("[s]") != std::string::npos);
+}
+
+// A figure of a report that was read; NaN where it has none.
+Spread figure_of(const Json& rows, const std::string& row, const std::string& name) {
+  const double nan = std::nan("");
+  if (!rows.contains(row) || !rows[row].is_object() || !rows[row].contains(name))
+    return {nan, nan, nan};
+  const Json& figure = rows[row][name];
+  const auto part = [&](const char* key) {
+    if (figure.is_number()) return figure.get<double>();
+    return figure.is_object() && figure.contains(key) && figure[key].is_number()
+               ? figure[key].get<double>()
+               : nan;
+  };
+  return {part("median"), part("low"), part("high")};
 }
 
 }  // namespace
@@ -118,32 +133,37 @@ int Report::compare(const std::string& old_path) const {
     if (key != "repeats" && old.contains(key) && old[key] != value)
       throw Error(fmt::format("comparing with {}: that was measured with {} {}, this with {}",
                               old_path, key, old[key].dump(), value.dump()));
-  const auto median_of = [](const Json& figure) {
-    return figure.is_object() && figure.contains("median") && figure["median"].is_number()
-               ? figure["median"].get<double>()
-               : std::nan("");
-  };
   std::vector<std::vector<std::string>> lines{{"", "before", "now", "ratio"}};
-  int slower = 0;
-  for (const Row& row : rows_)
+  std::vector<std::string> only_here, only_there;
+  int grown = 0;
+  for (const Row& row : rows_) {
+    if (!old["rows"].contains(row.name)) only_here.push_back(row.name);
     for (const Figure& f : row.figures) {
-      if (!is_time(f) || !old["rows"].contains(row.name) || !old["rows"][row.name].is_object() ||
-          !old["rows"][row.name].contains(f.name))
-        continue;
-      const double before = median_of(old["rows"][row.name][f.name]), now = f.value.median;
-      if (!(before > 0)) continue;
-      const bool worse = now / before > kSlower;
-      slower += worse;
-      lines.push_back({row.name + ", " + f.name, digits(before), digits(now),
-                       fmt::format("{:.3f}{}", now / before, worse ? " slower" : "")});
+      const Spread before = figure_of(old["rows"], row.name, f.name);
+      const double ratio = f.value.median / before.median;
+      if (!(is_time(f) || f.error) || !(before.median > 0)) continue;
+      const bool larger = ratio > kGrown, apart = f.error || f.value.low > before.high;
+      grown += larger && apart;
+      lines.push_back({row.name + ", " + f.name, digits(before.median), digits(f.value.median),
+                       fmt::format("{:.3f}{}", ratio,
+                                   !larger   ? ""
+                                   : !apart  ? " within the quartiles"
+                                   : f.error ? " less exact"
+                                             : " slower")});
     }
+  }
+  for (const auto& [name, figures] : old["rows"].items())
+    if (std::none_of(rows_.begin(), rows_.end(), [&](const Row& row) { return row.name == name; }))
+      only_there.push_back(name);
   if (lines.size() == 1)
     throw Error(
         fmt::format("comparing with {}: it has no time of a row that is here, measure the "
                     "same again",
                     old_path));
   print_table(lines);
-  return slower;
+  if (!only_here.empty()) fmt::print("only here: {}\n", fmt::join(only_here, ", "));
+  if (!only_there.empty()) fmt::print("only in {}: {}\n", old_path, fmt::join(only_there, ", "));
+  return grown;
 }
 
 }  // namespace gflow::bench

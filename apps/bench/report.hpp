@@ -18,9 +18,14 @@ struct Figure {
   std::string name;
   Spread value;
   bool spread = true;
+  bool error = false;  // that may not grow either, as times may not
 };
 inline Figure single(std::string name, double value) {
   return {std::move(name), {value, value, value}, false};
+}
+
+inline Figure error(std::string name, double value) {
+  return {std::move(name), {value, value, value}, false, true};
 }
 
 // What was measured, under a name that no other row of the report has.
@@ -38,8 +43,10 @@ class Report {
   // Rows with the same figures side by side in one table, medians, and quartiles where they differ.
   void print() const;
   Json json() const;
-  // The ratio of medians, new by old, of every time with a spread ("[ms]", "[s]") that both have.
-  // Ratios above 1.1 are marked; how many is returned. Error when OLD is no report of this bench.
+  // The ratios of medians, new by old, of every time with a spread ("[ms]", "[s]") and of every
+  // error that both have, and which rows only one of them has. What has grown by more than a tenth
+  // is marked, times only where the quartiles do not overlap; how many is returned. Error when OLD
+  // is no report of this bench.
   int compare(const std::string& old_path) const;
 
  private:

@@ -42,6 +42,7 @@ void run_step(const StepOptions& o, const GlobalOptions& options) {
                 {{"wall [ms]", wall},
                  {"CPU [ms]", cpu},
                  {"device busy [ms]", busy},
+                 {"host [ms]", spread_of(c.host)},
                  single("idle [%]", 100 * std::max(0.0, 1 - busy.median / wall.median)),
                  single("CPU, of pictures alone", cpu.median / pictures),
                  single("Gaussians", double(c.end.count))}});

@@ -52,8 +52,9 @@ class GoingOn {
     queue.finish();
     queue.reset_timings();
     const auto start = std::chrono::steady_clock::now();
-    const double cpu = cpu_seconds();
+    const double cpu = cpu_seconds(), host = thread_cpu_seconds();
     for (const int end = step_ + steps; step_ < end; ++step_) trainer_->step(queue, step_);
+    cost.host.push_back(1e3 * (thread_cpu_seconds() - host) / steps);
     queue.finish();
     cost.cpu.push_back(1e3 * (cpu_seconds() - cpu) / steps);
     const std::chrono::duration<double, std::milli> wall = std::chrono::steady_clock::now() - start;

@@ -37,7 +37,7 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
 
 // What a step of a kind costs, the mean of each block of steps, and what the last one drew.
 struct StepCost {
-  std::vector<double> wall, cpu, busy;                 // [ms]
+  std::vector<double> wall, cpu, busy, host;  // [ms]; busy: the device; host: the training thread
   std::map<std::string, std::vector<double>> kernels;  // [ms] on the device
   HostModel end;
   Touched touched;

@@ -69,28 +69,20 @@ TEST(Bench, OneSplatOverThePictureIsOnePairAPixel) {
   EXPECT_NE(moving.err.find("means_t2"), std::string::npos) << moving.err;
 }
 
+// A pareto of seconds with more options.
+Outcome small_pareto(const std::vector<std::string>& more) {
+  std::vector<std::string> words{"bench",          "pareto", "--repeats",         "1",
+                                 "--pixels",       "32x32",  "--gaussians",       "200",
+                                 "--check-pixels", "24x24",  "--check-gaussians", "150"};
+  words.insert(words.end(), more.begin(), more.end());
+  return gflow(words);
+}
+
 TEST(Bench, ParetoTellsTimeAndErrorOfAChoiceAndDrawsThem) {
   const TemporaryFolder folder;
-  const Outcome outcome = gflow({"bench",
-                                 "pareto",
-                                 "--repeats",
-                                 "1",
-                                 "--pixels",
-                                 "32x32",
-                                 "--gaussians",
-                                 "200",
-                                 "--check-pixels",
-                                 "24x24",
-                                 "--check-gaussians",
-                                 "150",
-                                 "--knob",
-                                 "alpha >=",
-                                 "--json",
-                                 folder.file("a.json"),
-                                 "--plots",
-                                 folder.file("plots"),
-                                 "--markdown",
-                                 folder.file("a.md")});
+  const Outcome outcome =
+      small_pareto({"--knob", "alpha >=", "--json", folder.file("a.json"), "--plots",
+                    folder.file("plots"), "--markdown", folder.file("a.md")});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = read(folder.file("a.json"))["rows"];
   ASSERT_EQ(rows.size(), 5u);
@@ -110,6 +102,31 @@ TEST(Bench, ParetoTellsTimeAndErrorOfAChoiceAndDrawsThem) {
   EXPECT_EQ(std::count(data.begin(), data.end(), '\n'), 6);
   EXPECT_NE(contents(folder.file("plots/pareto.gnuplot")).find("svg = 'pareto.svg'"),
             std::string::npos);
+}
+
+TEST(Bench, BoxesThatCutSplatsOffAreLessExactAndSkipsAreNot) {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  ASSERT_EQ(small_pareto({"--knob", "boxes", "--knob", "skips", "--json", file}).code, 0);
+  Json report = read(file);
+  Json& rows = report["rows"];
+  const double exact = rows["shipped"]["colour"];
+  EXPECT_LT(rows["skips none"]["colour"], 1.5 * exact);
+  EXPECT_LT(rows["boxes loose"]["colour"], 1.5 * exact);
+  EXPECT_GT(rows["boxes of at most 3.f sigma"]["colour"], 10 * exact);
+  EXPECT_GT(rows["boxes of at most 2.f sigma"]["colour"],
+            rows["boxes of at most 3.f sigma"]["colour"]);
+
+  // And an error that grows is told as a time is.
+  for (Json& row : rows)
+    for (Json& figure : row)
+      if (figure.is_object()) figure["high"] = 1e6;
+  rows["shipped"]["gradients"] = 0.5 * rows["shipped"]["gradients"].get<double>();
+  const Outcome compared = small_pareto(
+      {"--knob", "boxes", "--knob", "skips", "--compare", folder.write("old.json", report.dump())});
+  EXPECT_EQ(compared.code, 3) << compared.err;
+  EXPECT_NE(compared.out.find("less exact\n"), std::string::npos) << compared.out;
+  EXPECT_NE(compared.out.find("\n1 worse than in "), std::string::npos) << compared.out;
 }
 
 TEST(Bench, AnUnknownKnobIsNamedWithThoseThereAre) {
@@ -260,15 +277,28 @@ TEST(Bench, AnEarlierReportIsComparedByRatio) {
     Json report = read(file);
     for (Json& row : report["rows"])
       for (Json& figure : row)
-        if (figure.is_object()) figure["median"] = figure["median"].get<double>() * factor;
+        if (figure.is_object())
+          for (Json& part : figure) part = part.get<double>() * factor;
     const std::string old = folder.write("old.json", report.dump());
     return small_raster({"--compare", old});
   };
   EXPECT_EQ(compared_with(1e6).code, 0);
   const Outcome slower = compared_with(1e-6);
   EXPECT_EQ(slower.code, 3);
-  EXPECT_NE(slower.out.find("slower than in"), std::string::npos) << slower.out;
+  EXPECT_NE(slower.out.find("worse than in"), std::string::npos) << slower.out;
   EXPECT_EQ(slower.err, "");
+  Json report = read(file);  // slower by its medians, but once it had been as slow
+  const std::string row = report["rows"].items().begin().key();
+  for (Json& one : report["rows"])
+    for (Json& figure : one)
+      if (figure.is_object()) figure["median"] = 1e-6, figure["high"] = 1e6;
+  report["rows"]["gone"] = report["rows"][row];
+  report["rows"].erase(row);
+  const Outcome unsure = small_raster({"--compare", folder.write("old.json", report.dump())});
+  EXPECT_EQ(unsure.code, 0) << unsure.out;
+  for (const std::string& said :
+       {std::string("within the quartiles"), "only here: " + row, std::string("old.json: gone\n")})
+    EXPECT_NE(unsure.out.find(said), std::string::npos) << said << "\n" << unsure.out;
   const Outcome none =
       small_raster({"--compare", folder.write("no.json", "{\"bench\": \"step\"}")});
   EXPECT_EQ(none.code, 1);
