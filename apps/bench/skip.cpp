@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow bench skip`: what each piece of work that is left out (skip.*, flow.*) would cost,
-// alone and all together, in training steps on a scene; and what it changes of the result.
+// `gflow bench skip`: what each piece of work that is left out (skip.*, motion.cutoff, flow.*)
+// would cost, alone and all together, in training steps on a scene; and what it changes of the
+// result.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -24,10 +25,11 @@ std::vector<Kind> kinds_of() {
     kinds.push_back({fmt::format("without {}", name), {off}});
     none.settings.push_back(off);
   });
+  kinds.push_back({"at every time", {"motion.cutoff=0"}});
   // Skips in the mean over steps.
   kinds.push_back({"flow of calm tiles too", {"flow.calm=1"}});
   kinds.push_back({"flow in every step", {"flow.every=1"}});
-  none.settings.insert(none.settings.end(), {"flow.calm=1", "flow.every=1"});
+  none.settings.insert(none.settings.end(), {"motion.cutoff=0", "flow.calm=1", "flow.every=1"});
   kinds.push_back(none);
   return kinds;
 }
@@ -86,9 +88,10 @@ void run_skip(const StepOptions& o, const GlobalOptions& options) {
 
 void add_skip(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<StepOptions>();
-  CLI::App* skip = bench.add_subcommand("skip",
-                                        "Training steps on a scene without each of the settings "
-                                        "skip.*, flow.calm and flow.every, and without all");
+  CLI::App* skip =
+      bench.add_subcommand("skip",
+                           "Training steps on a scene without each of the settings "
+                           "skip.*, motion.cutoff, flow.calm and flow.every, and without all");
   add_step_options(*skip, *flags);
   skip->callback([flags, &options] { run_skip(*flags, options); });
 }

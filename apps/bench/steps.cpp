@@ -33,6 +33,12 @@ double parameters_of_one(const HostModel& model) {
   return double(values) / double(std::max<size_t>(model.count, 1));
 }
 
+// The model with what of its shape a setting may change meanwhile.
+HostModel shown_by(const TrainConfig& config, HostModel model) {
+  model.shape.cutoff = config.motion.cutoff;
+  return model;
+}
+
 // A training that goes on in its own way.
 class GoingOn {
  public:
@@ -40,7 +46,7 @@ class GoingOn {
           const ScratchFolder& folder)
       : config_(configured(o, kind.settings)),
         prepared_(config_, folder.file("frames")),
-        model_(queue, from.model),
+        model_(queue, shown_by(config_, from.model)),
         step_(o.warm) {
     prepared_.compute_flow(folder.file("flow"), true);
     prepared_.look_for_change();
