@@ -173,6 +173,8 @@ Json info_of_file(const std::string& path) {
     splat_format(path);
   } catch (const Error& no_splat) {
     require_file(path);
+    for (const char* splats : {".ply", ".splat", ".spz", ".4dgs"})
+      if (fs::path(path).extension() == splats) throw;
     try {
       video_info(path);
     } catch (const Error&) {

@@ -142,7 +142,9 @@ void run(const Flags& flags, const GlobalOptions& options) {
       if (!interrupted()) run_test(queue, test, width, options.quiet, outcome);
   }
   if (flags.only.empty() && !interrupted()) run_derivatives(queue, outcome);
-  const bool stopped = interrupted();
+  const size_t left_out = flags.derivatives ? 0 : tests.size() - outcome.tests.size();
+  const bool table_left_out = flags.only.empty() && outcome.derivatives.empty();
+  const bool stopped = left_out > 0 || table_left_out;
   if (!outcome.failures.empty()) fmt::print("\nfailed:\n{}", fmt::join(outcome.failures, ""));
   fmt::print("\n{} of {} figures within their bounds\n", outcome.passed,
              outcome.passed + outcome.failed);
@@ -159,9 +161,11 @@ void run(const Flags& flags, const GlobalOptions& options) {
     write_file_atomically(flags.json, Bytes(text.begin(), text.end()));
   }
   if (stopped)
-    throw Interrupted(fmt::format("interrupted after {} of {} tests; the figures above {}",
-                                  outcome.tests.size(), tests.size(),
-                                  flags.json.empty() ? "are all" : "are in " + flags.json));
+    throw Interrupted(
+        fmt::format("interrupted: {} of {} tests and {}table of derivatives are left "
+                    "out; the figures above are complete{}",
+                    left_out, tests.size(), table_left_out ? "the " : "no ",
+                    flags.json.empty() ? "" : ", and in " + flags.json));
   if (outcome.failed > 0) throw CLI::RuntimeError(3);
 }
 

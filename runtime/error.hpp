@@ -10,9 +10,16 @@
 
 namespace gflow {
 
+// A text of a file may have zeros, at which what() would end: they become "\\0".
+inline std::string without_zeros(std::string text) {
+  for (size_t at = text.find('\0'); at != text.npos; at = text.find('\0', at + 2))
+    text.replace(at, 1, "\\0");
+  return text;
+}
+
 // Base of all errors of gflow; what() is a full sentence for the user.
 struct Error : std::runtime_error {
-  using std::runtime_error::runtime_error;
+  explicit Error(std::string sentence) : std::runtime_error(without_zeros(std::move(sentence))) {}
 };
 
 // An array that is larger than the device gives.

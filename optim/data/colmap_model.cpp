@@ -95,10 +95,27 @@ bool next_entry(FilePieces& file, std::string& line) {
   return file.next_line(line);
 }
 
-// As next_entry for a line that is not needed, however long it is.
-void skip_entry(FilePieces& file) {
-  while (file.ahead(1) == "#") file.skip_line();
-  file.skip_line();
+// The observations of a picture, which are not needed: x, y and a point's number, or none. Error
+// when the line is something else, such as another picture.
+void skip_observations(FilePieces& file, const std::string& picture) {
+  std::string line;
+  next_entry(file, line);
+  std::istringstream first(line.substr(0, 200));
+  size_t numbers = 0;
+  for (double number; numbers < 3 && first >> number;) ++numbers;
+  size_t words = 0;
+  bool in_word = false;
+  for (const char c : line) {
+    const bool blank = c == ' ' || c == '\t';
+    words += !blank && !in_word;
+    in_word = !blank;
+  }
+  const bool whole = line.size() < FilePieces::longest_line;
+  if (words > 0 && (numbers < 3 || (whole && words % 3 != 0)))
+    throw Error(fmt::format(
+        "cannot read {}: the line after that of picture {} is not x, y and point number of what "
+        "was seen in it; each picture takes two lines, the second of which may be empty",
+        file.path(), picture));
 }
 
 [[noreturn]] void bad_line(const std::string& path, const std::string& line) {
@@ -138,7 +155,7 @@ const CameraModel& model_named(const std::string& name, const std::string& path)
 }
 
 // p: the parameters in COLMAP's order.
-Camera make_camera(const CameraModel& model, int64_t width, int64_t height,
+Camera make_camera(const CameraModel& model, double width, double height,
                    const std::vector<double>& p, const std::string& path) {
   if (width < 1 || height < 1 || width > 1 << 20 || height > 1 << 20)
     throw Error(fmt::format("{} has a camera of {}x{} pixels", path, width, height));
@@ -172,7 +189,7 @@ Cameras cameras_bin(const std::string& path) {
     const auto width = file.next<uint64_t>(), height = file.next<uint64_t>();
     std::vector<double> parameters = room_for_parameters(model);
     for (double& value : parameters) value = file.next<double>();
-    cameras[id] = make_camera(model, int64_t(width), int64_t(height), parameters, path);
+    cameras[id] = make_camera(model, double(width), double(height), parameters, path);
   }
   return cameras;
 }
@@ -191,7 +208,7 @@ Cameras cameras_txt(const std::string& path) {
     std::vector<double> parameters = room_for_parameters(model);
     for (double& value : parameters)
       if (!(words >> value)) bad_line(path, line);
-    cameras[id] = make_camera(model, width, height, parameters, path);
+    cameras[id] = make_camera(model, double(width), double(height), parameters, path);
     require_modest(cameras.size(), "cameras", path);
   }
   return cameras;
@@ -255,7 +272,7 @@ std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& came
     if (!(words >> camera_id >> std::ws) || !std::getline(words, name)) bad_line(path, line);
     images.push_back(make_image(name, q, t, camera_id, cameras, path));
     require_modest(images.size(), "pictures", path);
-    skip_entry(file);  // its observations
+    skip_observations(file, name);
   }
   return images;
 }
@@ -263,7 +280,7 @@ std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& came
 void append_point(PointCloud& points, const double xyz[3], const int rgb[3],
                   const std::string& path) {
   for (int i = 0; i < 3; ++i) {
-    if (!std::isfinite(xyz[i]))
+    if (!std::isfinite(float(xyz[i])))
       throw Error(fmt::format("point {} of {} is not finite", points.size(), path));
     points.xyz.push_back(xyz[i]);
     points.rgb.push_back(uint8_t(std::clamp(rgb[i], 0, 255)));

@@ -7,44 +7,13 @@
 #include <cmath>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/modest_json.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
 namespace {
 
-// Twenty thousand cameras of forty values each take 16 MB.
 constexpr size_t largest_json = size_t{128} << 20;
-constexpr size_t most_values = 800000;  // each takes up to 80 bytes of memory: 64 MB
-constexpr int deepest_json = 100;        // a level takes 100 bytes of memory and one of the file
-
-// Looked at before it is parsed: the parser's own callback takes time by the square of a list's
-// length (nlohmann-json 3.11 goes through the list whenever an entry ends).
-void require_modest(const Bytes& json, const std::string& path) {
-  int depth = 0, deepest = 0;
-  size_t values = 1;
-  bool in_text = false;
-  for (size_t i = 0; i < json.size(); ++i) {
-    const char c = char(json[i]);
-    if (in_text && c == '\\')
-      ++i;
-    else if (c == '"')
-      in_text = !in_text;
-    else if (in_text)
-      continue;
-    else if (c == '[' || c == '{')
-      deepest = std::max(deepest, ++depth), ++values;
-    else if (c == ']' || c == '}')
-      --depth;
-    else if (c == ',')
-      ++values;
-  }
-  if (deepest > deepest_json)
-    throw Error(
-        fmt::format("cannot read {}: its lists are nested more than {} deep", path, deepest_json));
-  if (values > most_values)
-    throw Error(fmt::format("cannot read {}: it has {} values, at most {} are expected", path,
-                            values, most_values));
-}
 
 bool is_finite_number(const Json& value) {
   return value.is_number() && std::isfinite(value.get<double>());
@@ -54,11 +23,11 @@ bool is_finite_number(const Json& value) {
 
 Json read_json(const std::string& path) {
   const Bytes bytes = read_file(path, largest_json);
-  require_modest(bytes, path);
+  require_modest_json(bytes.data(), bytes.size(), path);
   try {
     return Json::parse(bytes.begin(), bytes.end());
   } catch (const Json::exception& cause) {
-    throw Error(fmt::format("cannot read {}: it is no JSON ({})", path, cause.what()));
+    throw Error(fmt::format("cannot read {}: it is no JSON ({})", path, reason_of(cause)));
   }
 }
 

@@ -136,7 +136,11 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
       throw Error(fmt::format("{} has the picture {} of frame {} again; each may be there once",
                               where, frame.path, before->second));
     if (options.masks != Masks::none) frame.mask_path = mask_of(folder, file, entry, where);
-    frame.time = number(entry, "time", where).value_or(0);
+    const auto time = number(entry, "time", where);
+    if (time.has_value() != file.json["frames"][0].contains("time"))
+      throw Error(fmt::format("{} has {} 'time', others of it have {}: it takes all or none", where,
+                              time ? "a" : "no", time ? "none" : "one"));
+    frame.time = time.value_or(0);
     if (frame.time < 0 || frame.time > 1)
       throw Error(fmt::format("'time' of {} is {}, expected is 0 to 1", where, frame.time));
     const ImageHeader header = read_image_header(frame.path);

@@ -172,7 +172,7 @@ PlyTable read_compressed_ply(const std::string& path) {
     *row.logit_opacity = logit_of_opacity(share(rgba, 0, 8));
     for (size_t k = 0; k < table.rest; ++k) row.sh_rest[k] = unpack_sh(rest[k][i]);
   }
-  return table.table;
+  return std::move(table.table);
 }
 
 }  // namespace gflow

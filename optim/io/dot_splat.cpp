@@ -85,7 +85,7 @@ PlyTable read_dot_splat(const std::string& path) {
     *row.logit_opacity = logit_of_opacity(at[27] / 255.0);
     for (size_t k = 0; k < 4; ++k) row.quat[k] = (float(at[28 + k]) - 128) / 128;
   }
-  return table.table;
+  return std::move(table.table);
 }
 
 void write_dot_splat(const std::string& path, const PlyTable& table) {

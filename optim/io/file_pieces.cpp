@@ -16,7 +16,6 @@ namespace gflow {
 namespace {
 
 constexpr size_t piece_size = size_t{1} << 18;
-constexpr size_t longest_line = size_t{1} << 20;
 
 }  // namespace
 
@@ -67,9 +66,7 @@ bool FilePieces::pass_line(std::string* line) {
     const std::string_view text(piece_.data() + first_, held_);
     const size_t length = std::min(text.find('\n'), text.size());
     ended = length < text.size();
-    if (line) line->append(text.substr(0, length));
-    if (line && line->size() > longest_line)
-      throw Error(fmt::format("cannot read {}: it has a line of more than a MB", path_));
+    if (line) line->append(text.substr(0, std::min(length, longest_line - line->size())));
     step(length + size_t(ended));
   }
   if (line && !line->empty() && line->back() == '\r') line->pop_back();

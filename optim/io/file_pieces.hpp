@@ -12,6 +12,9 @@ namespace gflow {
 // is made of it.
 class FilePieces {
  public:
+  static constexpr size_t longest_line = size_t{1} << 20;
+
+
   // Errors as read_file's (atomic_file.hpp): missing, unreadable, no file, or too long.
   explicit FilePieces(const std::string& path);
 
@@ -30,7 +33,7 @@ class FilePieces {
   void step(size_t n);
 
   // Steps over the rest of a line; the first puts it into `line`, without the characters that end
-  // it, which is an Error where there is more than a MB of it. False at the end of the file.
+  // it, of a longer one than longest_line what is no longer. False at the end of the file.
   bool next_line(std::string& line);
   bool skip_line();
 

@@ -6,9 +6,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
-#include <regex>
+#include <string_view>
 
 #include "runtime/error.hpp"
 
@@ -29,12 +30,32 @@ struct Header {
   throw Error(fmt::format("cannot read array {}: {}", name, why));
 }
 
-std::vector<size_t> parse_shape(const std::string& text, const std::string& name) {
+std::string_view without_blanks(std::string_view text) {
+  return text.substr(std::min(text.find_first_not_of(" \t\n\r"), text.size()));
+}
+
+// What stands behind 'key': in a dictionary; "" without it.
+std::string_view value_of(std::string_view dictionary, std::string_view key) {
+  const size_t at = dictionary.find(fmt::format("'{}'", key));
+  if (at == dictionary.npos) return "";
+  const std::string_view rest = without_blanks(dictionary.substr(at + key.size() + 2));
+  return rest.substr(0, 1) == ":" ? without_blanks(rest.substr(1)) : "";
+}
+
+// What stands before `end` in a text that begins with `begin`; "" where it is not so.
+std::string_view between(char begin, std::string_view text, char end) {
+  const size_t stop = text.find(end, 1);
+  return text.empty() || text[0] != begin || stop == text.npos ? "" : text.substr(1, stop - 1);
+}
+
+// "3, 4" or "3," or "".
+std::vector<size_t> parse_shape(std::string_view text, const std::string& name) {
   std::vector<size_t> shape;
-  const std::regex number("[0-9]+");
-  for (std::sregex_iterator i(text.begin(), text.end(), number), end; i != end; ++i) {
-    if (i->length() > 15) refuse(name, fmt::format("its shape ({}) is too large", text));
-    shape.push_back(std::stoull(i->str()));
+  for (size_t at = text.find_first_of("0123456789"); at < text.size();) {
+    const size_t end = std::min(text.find_first_not_of("0123456789", at), text.size());
+    if (end - at > 15) refuse(name, fmt::format("its shape ({}) is too large", text));
+    shape.push_back(std::stoull(std::string(text.substr(at, end - at))));
+    at = text.find_first_of("0123456789", end);
   }
   return shape;
 }
@@ -49,21 +70,22 @@ Header parse_header(const uint8_t* bytes, size_t length, const std::string& name
   if (length < start) refuse(name, "it is truncated within its header");
   size_t text_length = bytes[8] | size_t(bytes[9]) << 8;
   if (version > 1) text_length |= size_t(bytes[10]) << 16 | size_t(bytes[11]) << 24;
-  constexpr size_t longest_header = 65536;  // std::regex recurses: keep its input short
+  constexpr size_t longest_header = 65536;  // NumPy's own have some hundred bytes
   if (text_length > longest_header) refuse(name, "its header is longer than any of an array");
   if (length - start < text_length) refuse(name, "it is truncated within its header");
-  const std::string text(reinterpret_cast<const char*>(bytes + start), text_length);
+  const std::string_view text(reinterpret_cast<const char*>(bytes + start), text_length);
 
-  const std::regex descr("'descr'\\s*:\\s*'([^']{1,20})'");
-  const std::regex order("'fortran_order'\\s*:\\s*(True|False)");
-  const std::regex shape("'shape'\\s*:\\s*\\(([0-9, ]{0,200})\\)");
-  std::smatch descr_match, order_match, shape_match;
-  if (!std::regex_search(text, descr_match, descr))
+  const std::string_view descr = between('\'', value_of(text, "descr"), '\'');
+  if (descr.empty() || descr.size() > 20)
     refuse(name, "it holds records or objects, expected is one number type such as f4");
-  if (!std::regex_search(text, order_match, order) || !std::regex_search(text, shape_match, shape))
+  const std::string_view order = value_of(text, "fortran_order"), shape = value_of(text, "shape");
+  const std::string_view extents = between('(', shape, ')');
+  const bool fortran = order.substr(0, 4) == "True";
+  if ((!fortran && order.substr(0, 5) != "False") || shape.substr(0, 1) != "(" ||
+      shape.find(')') == shape.npos || extents.size() > 200 ||
+      extents.find_first_not_of("0123456789, ") != extents.npos)
     refuse(name, "its header does not give order and shape");
-  return {descr_match[1], order_match[1] == "True", parse_shape(shape_match[1], name),
-          start + text_length};
+  return {std::string(descr), fortran, parse_shape(extents, name), start + text_length};
 }
 
 // Product of shape. Error when it exceeds what size_t can count in bytes.

@@ -104,8 +104,8 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
 PlyHeader parse_header(FilePieces& file) {
   const std::string& path = file.path();
   const std::string_view text = file.ahead(longest_header);
-  if (text.size() < 4 || text.substr(0, 3) != "ply")
-    refuse_ply(path, "it does not begin with 'ply'");
+  const size_t first = std::min(text.find_first_of("\r\n"), text.size());
+  if (text.substr(0, first) != "ply") refuse_ply(path, "it does not begin with a line 'ply'");
   PlyHeader header;
   bool has_format = false, ended = false;
   size_t at = text.find('\n');
@@ -153,9 +153,10 @@ void PlyRows::require_rows(const PlyElementHeader& element) const {
   const bool vertices = element.name == "vertex";
   if (element.rows > (file_.left() + 1) / stride)
     refuse_ply(file_.path(),
-               fmt::format("it is truncated: {} {} need {} bytes, {} follow the header",
-                           element.rows, vertices ? "vertices" : "rows of " + element.name,
-                           double(element.rows) * double(stride), file_.left()));
+               fmt::format("it is truncated: {} {} need {}{} bytes, {} are left", element.rows,
+                           vertices ? "vertices" : "rows of " + element.name,
+                           header_.ascii ? "at least " : "", double(element.rows) * double(stride),
+                           file_.left()));
 }
 
 void PlyRows::skip(const PlyElementHeader& element) {
@@ -184,21 +185,27 @@ void PlyRows::skip_fixed(const PlyElementHeader& element) {
 void PlyRows::truncated() const { refuse_ply(file_.path(), "it is truncated: rows are missing"); }
 
 // text: where the word begins, up to behind it or further.
-void PlyRows::not_a_number(std::string_view text) const {
+void PlyRows::refuse_word(std::string_view text, const char* what) const {
   std::string shown;
   for (const char c : text.substr(0, 20)) {
     if (is_blank(c)) break;
-    shown += c == '\0' ? "\\0" : std::string(1, c);
+    shown += c;
   }
-  refuse_ply(file_.path(), fmt::format("'{}' in line {} is no number", shown,
-                                       line_of(file_.path(), file_.place())));
+  refuse_ply(file_.path(),
+             fmt::format("'{}' in line {} {}", shown, line_of(file_.path(), file_.place()), what));
 }
 
+// To the next word: within a row in the same line.
 void PlyRows::step_over_blanks() {
   for (;;) {
     const std::string_view text = file_.ahead(longest_word);
-    const auto word = std::find_if_not(text.begin(), text.end(), is_blank);
+    const auto word = std::find_if(text.begin(), text.end(),
+                                   [&](char c) { return !is_blank(c) || (c == '\n' && in_row_); });
     file_.step(size_t(word - text.begin()));
+    if (word != text.end() && *word == '\n')
+      refuse_ply(file_.path(),
+                 fmt::format("line {} has fewer values than its element has properties",
+                             line_of(file_.path(), file_.place())));
     if (word != text.end() || text.empty()) return;
   }
 }
@@ -207,11 +214,15 @@ double PlyRows::next_word() {
   step_over_blanks();
   const std::string_view text = file_.ahead(longest_word);
   if (text.empty()) truncated();
+  in_row_ = true;
   double value = 0;
   const char* const end = text.data() + text.size();
-  const auto result = std::from_chars(text.data(), end, value);
+  const bool plus = text[0] == '+' && text.size() > 1 && text[1] != '-';  // from_chars takes none
+  const auto result = std::from_chars(text.data() + plus, end, value);
   const bool whole = result.ptr == end ? text.size() == file_.left() : is_blank(*result.ptr);
-  if (result.ec != std::errc() || !whole) not_a_number(text);  // 0-1 is not two of them
+  if (result.ec == std::errc::invalid_argument || !whole)  // 0-1 is not two of them
+    refuse_word(text, "is no number");
+  if (result.ec != std::errc()) refuse_word(text, "is more or less than a number can be");
   file_.step(size_t(result.ptr - text.data()));
   return value;
 }
@@ -251,6 +262,7 @@ double PlyRows::next_binary(PlyType type) {
 // After the last value of a row: in text it ends the line.
 void PlyRows::end_row() {
   if (!header_.ascii) return;
+  in_row_ = false;
   for (;;) {
     const std::string_view text = file_.ahead(longest_word);
     const auto stop =

@@ -71,10 +71,11 @@ class PlyRows {
   void step_over_blanks();
   void skip_fixed(const PlyElementHeader& element);
   [[noreturn]] void truncated() const;
-  [[noreturn]] void not_a_number(std::string_view text) const;
+  [[noreturn]] void refuse_word(std::string_view text, const char* what) const;
 
   FilePieces file_;
   PlyHeader header_;
+  bool in_row_ = false;  // of a text, behind its first value
 };
 
 }  // namespace gflow

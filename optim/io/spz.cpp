@@ -136,7 +136,7 @@ PlyTable read_spz(const std::string& path) {
     row.quat[2] = -float(q[1]);
     row.quat[3] = -float(q[2]);
   }
-  return table.table;
+  return std::move(table.table);
 }
 
 }  // namespace gflow

@@ -25,30 +25,30 @@ struct MotionShape {
   int bases = 0;         // bases: motions that all Gaussians share
   HexplaneShape hexplane;
 
-  // Calls field(name, member, lowest) for each number that this model's files hold; all are above
-  // `lowest`.
+  // Calls field(name, member, lowest, highest) for each number that this model's files hold; all
+  // are above `lowest` and at most `highest`.
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("duration", self.duration, 0.0);
-    field("cutoff", self.cutoff, 0.0);
+    field("duration", self.duration, 0.0, 1e9);
+    field("cutoff", self.cutoff, -1e-30, 0.5);  // may be 0
     const bool keyed =
         self.motion == MotionModelKind::keyframes || self.motion == MotionModelKind::bases;
-    if (keyed) field("keys", self.keys, 0.0);
-    if (self.motion == MotionModelKind::keyframes) field("key_scales", self.key_scales, -1.0);
-    if (self.motion == MotionModelKind::bases) field("bases", self.bases, 0.0);
+    if (keyed) field("keys", self.keys, 0.0, 1e6);
+    if (self.motion == MotionModelKind::keyframes) field("key_scales", self.key_scales, -1.0, 1.0);
+    if (self.motion == MotionModelKind::bases) field("bases", self.bases, 0.0, 1e3);
     if (self.motion != MotionModelKind::hexplane) return;
     auto& h = self.hexplane;
-    field("resolution", h.resolution, 1.0);
-    field("times", h.times, 0.0);
-    field("levels", h.levels, 0.0);
-    field("channels", h.channels, 0.0);
-    field("hidden", h.hidden, 0.0);
-    field("layers", h.layers, 0.0);
+    field("resolution", h.resolution, 1.0, 1e4);
+    field("times", h.times, 0.0, 1e6);
+    field("levels", h.levels, 0.0, 16.0);
+    field("channels", h.channels, 0.0, 1e3);
+    field("hidden", h.hidden, 0.0, 1e3);
+    field("layers", h.layers, 0.0, 1e3);
     const char* const centre[] = {"centre_x", "centre_y", "centre_z"};
     const char* const half_size[] = {"half_size_x", "half_size_y", "half_size_z"};
     for (size_t axis = 0; axis < 3; ++axis) {
-      field(centre[axis], h.centre[axis], -1e30);
-      field(half_size[axis], h.half_size[axis], 0.0);
+      field(centre[axis], h.centre[axis], -1e30, 1e30);
+      field(half_size[axis], h.half_size[axis], 0.0, 1e30);
     }
   }
 };

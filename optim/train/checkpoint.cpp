@@ -5,11 +5,14 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
 
 #include "optim/io/json_text.hpp"
+#include "optim/io/modest_json.hpp"
 #include "optim/motion/parameters_state.hpp"
 #include "optim/train/warning.hpp"
 
@@ -21,25 +24,44 @@ using Json = nlohmann::ordered_json;
 
 constexpr int kFormat = 1;  // rises when what the arrays mean changes
 constexpr const char* kFacts = "facts";
+constexpr double kFarthest = 1e15;  // units: what lies farther no double tells from its neighbours
 
 Json json_of(const ModelShape& shape) {
   Json json{{"motion", names_of(shape.motion)[size_t(shape.motion)]},
             {"sh_degree", shape.sh_degree}};
-  MotionShape::fields(shape, [&](const char* name, auto value, double) { json[name] = value; });
+  MotionShape::fields(shape,
+                      [&](const char* name, auto value, double, double) { json[name] = value; });
   json["origin"] = shape.origin;
   return json;
 }
 
-ModelShape shape_of(const Json& json) {
+// A number above `lowest` and at most `highest`. Error that names it where it is no such.
+double number_in(const Json& json, const char* name, double lowest, double highest,
+                 const std::string& path) {
+  const Json& value = json.at(name);
+  if (!value.is_number() || !(value.get<double>() > lowest && value.get<double>() <= highest))
+    throw Error(fmt::format("{} is damaged: it says that '{}' is {}", path, name, value.dump()));
+  return value;
+}
+
+ModelShape shape_of(const Json& json, const std::string& path) {
   const auto names = names_of(MotionModelKind{});
   const auto name = std::find(names.begin(), names.end(), json.at("motion").get<std::string>());
-  if (name == names.end()) throw Error("there is no motion model " + json.at("motion").dump());
+  if (name == names.end())
+    throw Error(fmt::format("{} is of a motion model that is not known here, {}; there are {}",
+                            path, json.at("motion").dump(), fmt::join(names, ", ")));
   ModelShape shape;
   shape.motion = MotionModelKind(name - names.begin());
-  shape.sh_degree = json.at("sh_degree");
-  MotionShape::fields(
-      shape, [&](const char* field, auto& value, double) { json.at(field).get_to(value); });
-  if (json.contains("origin")) json.at("origin").get_to(shape.origin);  // older ones have none
+  shape.sh_degree = int(number_in(json, "sh_degree", -1, 3, path));
+  MotionShape::fields(shape, [&](const char* field, auto& value, double lowest, double highest) {
+    value = std::decay_t<decltype(value)>(number_in(json, field, lowest, highest, path));
+  });
+  if (!json.contains("origin")) return shape;  // of an older gflow
+  json.at("origin").get_to(shape.origin);
+  for (const double x : shape.origin)
+    if (!(std::fabs(x) <= kFarthest))
+      throw Error(fmt::format("{} is damaged: it says that its origin is {}", path,
+                              json.at("origin").dump()));
   return shape;
 }
 
@@ -60,13 +82,16 @@ Json facts_json(const Arrays& arrays, const std::string& path) {
   const auto* text =
       found == arrays.end() ? nullptr : std::get_if<std::vector<uint8_t>>(&found->second.values);
   if (!text) throw Error(path + " is no checkpoint: it does not say what it holds ('facts')");
+  require_modest_json(text->data(), text->size(), path);
   const Json json = Json::parse(text->begin(), text->end());
-  const int format = json.at("format");
+  const Json& format = json.at("format");
+  if (!format.is_number_integer())
+    throw Error(fmt::format("{} is no checkpoint: its format is {}", path, format.dump()));
   if (format != kFormat)
     throw Error(
         fmt::format("{} has checkpoint format {} and this gflow reads format {}: go on with the "
                     "gflow that wrote it, or train anew without --resume",
-                    path, format, kFormat));
+                    path, format.dump(), kFormat));
   return json;
 }
 
@@ -82,10 +107,20 @@ void require_arrays(const Json& json, const Arrays& arrays, const std::string& p
                             arrays.size(), shapes.size()));
 }
 
+// The number in iteration_NUMBER.npz, or -1.
+int step_of_name(const fs::path& path) {
+  int step = -1;
+  const std::string name = path.filename().string();
+  const bool numbered = std::sscanf(name.c_str(), "iteration_%d", &step) == 1;
+  return numbered && name == fmt::format("iteration_{}.npz", step) ? step : -1;
+}
+
 CheckpointFacts facts_of(const Json& json, const std::string& path) {
   CheckpointFacts facts;
   const Json& step = json.at("step");
-  if (!step.is_number_integer() || step < 0 || step > std::numeric_limits<int>::max())
+  const int named = step_of_name(path);
+  if (!step.is_number_integer() || step < 0 || step > std::numeric_limits<int>::max() ||
+      (named >= 0 && step != named))
     throw Error(fmt::format("{} is damaged: it says that it is of step {}", path, step.dump()));
   facts.step = step;
   facts.seconds = json.at("seconds");
@@ -93,7 +128,7 @@ CheckpointFacts facts_of(const Json& json, const std::string& path) {
   facts.scene = json.at("scene");
   facts.device = json.at("device");
   facts.program = json.at("program");
-  if (json.contains("model")) facts.shape = shape_of(json.at("model"));
+  if (json.contains("model")) facts.shape = shape_of(json.at("model"), path);
   return facts;
 }
 
@@ -121,7 +156,7 @@ Checkpoint read_checkpoint(const std::string& path) {
           "or a second moment below 0",
           path, unsound));
   } catch (const Json::exception& problem) {
-    throw Error(fmt::format("{} is no checkpoint: {}", path, problem.what()));
+    throw Error(fmt::format("{} is no checkpoint: {}", path, reason_of(problem)));
   }
   return checkpoint;
 }
@@ -130,7 +165,7 @@ CheckpointFacts read_checkpoint_facts(const std::string& path) {
   try {
     return facts_of(facts_json(read_npz(path, {kFacts}), path), path);
   } catch (const Json::exception& problem) {
-    throw Error(fmt::format("{} is no checkpoint: {}", path, problem.what()));
+    throw Error(fmt::format("{} is no checkpoint: {}", path, reason_of(problem)));
   }
 }
 
@@ -159,12 +194,9 @@ std::string CheckpointFolder::path(int step) const {
 std::vector<int> CheckpointFolder::steps() const {
   std::vector<int> steps;
   std::error_code none;  // a training may remove the folder meanwhile
-  for (const auto& entry : fs::directory_iterator(folder_, none)) {
-    int step = -1;
-    const std::string name = entry.path().filename().string();
-    if (std::sscanf(name.c_str(), "iteration_%d", &step) == 1 && entry.path() == path(step))
-      steps.push_back(step);
-  }
+  fs::directory_iterator entry(folder_, none), end;
+  for (; !none && entry != end; entry.increment(none))
+    if (const int step = step_of_name(entry->path()); step >= 0) steps.push_back(step);
   std::sort(steps.rbegin(), steps.rend());
   return steps;
 }
@@ -190,10 +222,7 @@ std::optional<CheckpointFolder::Found> CheckpointFolder::latest() const {
   for (const int step : steps()) {
     if (!reason.empty()) warn(reason + "; the checkpoint before it is tried");
     try {
-      Found found{path(step), read_checkpoint(path(step))};
-      if (found.checkpoint.facts.step == step) return found;
-      reason = fmt::format("{} is damaged: it says that it is of step {}", found.path,
-                           found.checkpoint.facts.step);
+      return Found{path(step), read_checkpoint(path(step))};
     } catch (const Error& problem) {
       reason = problem.what();
     }

@@ -59,13 +59,13 @@ std::map<std::string, size_t> widths_of(const MotionShape& shape) {
   return widths;
 }
 
-// A number above `lowest` from a comment "key value", or the default.
-double comment_value(const PlyTable& table, const std::string& key, double otherwise,
-                     double lowest) {
+// A number above `lowest` and at most `highest` from a comment "key value", or the default.
+double comment_value(const PlyTable& table, const std::string& key, double otherwise, double lowest,
+                     double highest) {
   for (const std::string& comment : table.comments)
     if (comment.rfind(key + " ", 0) == 0) {
       const double value = std::strtod(comment.c_str() + key.size() + 1, nullptr);
-      if (std::isfinite(value) && value > lowest) return value;
+      if (value > lowest && value <= highest) return value;
     }
   return otherwise;
 }
@@ -200,7 +200,7 @@ void write_model(const std::string& path, const HostModel& model) {
   table.rows = model.count;
   const MotionModelKind kind = model.shape.motion;
   table.comments = {std::string("gflow ") + names_of(kind)[size_t(kind)]};
-  MotionShape::fields(model.shape, [&](const char* name, auto value, double) {
+  MotionShape::fields(model.shape, [&](const char* name, auto value, double, double) {
     table.comments.push_back(fmt::format("{} {}", name, value));
   });
   const auto& [x, y, z] = model.shape.origin;
@@ -262,8 +262,10 @@ HostModel read_model(const std::string& path) {
   const bool moving = has("scale_t") || has("rot_r_0") || has("motion_0");
   model.shape.motion = kind;
   model.shape.sh_degree = sh_degree_of(table, path);
-  MotionShape::fields(model.shape, [&](const char* name, auto& value, double lowest) {
-    value = std::decay_t<decltype(value)>(comment_value(table, name, double(value), lowest));
+  MotionShape::fields(model.shape, [&](const char* name, auto& value, double lowest,
+                                       double highest) {
+    value =
+        std::decay_t<decltype(value)>(comment_value(table, name, double(value), lowest, highest));
   });
 
   for (const ColumnBlock& block : column_blocks(moving, model.shape))

@@ -17,6 +17,7 @@
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/json_text.hpp"
+#include "optim/io/modest_json.hpp"
 #include "optim/io/text_file.hpp"
 #include "optim/train/views.hpp"
 #include "optim/train/warning.hpp"
@@ -340,7 +341,9 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
 }
 
 MetricsConfig RunFolder::judged_by() const {
-  const Json results = Json::parse(text_if_there(path("results.json")), nullptr, false);
+  const std::string text = text_if_there(path("results.json"));
+  require_modest_json(text.data(), text.size(), path("results.json"));
+  const Json results = Json::parse(text, nullptr, false);
   const auto test = results.is_object() ? results.value("test", Json()) : Json();
   const auto named = [&](const char* key) {
     return test.is_object() && test.contains(key) && test[key].is_string()
@@ -365,6 +368,7 @@ RunFacts RunFolder::read_facts() const {
   try {
     const std::string text = text_if_there(path("training.json"));
     if (text.empty() && !fs::exists(path("training.json"))) return facts;
+    require_modest_json(text.data(), text.size(), path("training.json"));
     const Json run = Json::parse(text);
     const Json& iterations = run.at("iterations");
     facts.iterations = iterations.is_number_integer() ? iterations.get<int>() : -1;

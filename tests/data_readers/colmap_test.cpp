@@ -153,6 +153,29 @@ TEST(Colmap, ObservationsOfAPictureAreSteppedOver) {
   expect_the_model(read_colmap_model(folder.file("sparse/0")));
 }
 
+TEST(Colmap, APictureInPlaceOfObservationsIsToldNotSteppedOver) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  for (const char* second :
+       {"1 0 0 0 2 1 2 3 7 a.png", "1 0 0 0 2 1 2 3 7 17", "1.5 2.5", "# 1\nx"}) {
+    folder.write("sparse/0/images.txt", std::string("2 1 0 0 0 0 0 5 7 b.png\n") + second + "\n");
+    expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+                 {"images.txt", "after that of picture b.png", "takes two lines"});
+  }
+}
+
+TEST(Colmap, PointsFartherThanAFloatIsAreRefusedAndTracksMayBeLong) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  std::string track;
+  for (int i = 0; i < 200000; ++i) track += " 2 " + std::to_string(i);
+  folder.write("sparse/0/points3D.txt", "1 0.5 -1 2 10 20 30 0.1" + track + "\n");
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+  folder.write("sparse/0/points3D.txt", "1 0.5 1e300 2 10 20 30 0.1 2 0\n");
+  expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+               {"point 0 of", "points3D.txt", "not finite"});
+}
+
 TEST(Colmap, MorePicturesThanASceneHasAreRefused) {
   const TemporaryFolder folder;
   make_text(folder);

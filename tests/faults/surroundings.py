@@ -90,7 +90,7 @@ def no_driver(world):
     for arguments in (["train", world.scene, "-o", world.path("none"), *settings()],
                       ["train", "-o", world.stopped, "--resume"], ["devices"], ["bench", "raster"], ["stress", "--quick"],
                       ["render", world.whole, "-o", world.path("none"), "--quiet"], ["eval", world.whole]):
-        outcome = world.run(arguments, {"OCL_ICD_VENDORS": "/nonexistent"})
+        outcome = world.run(arguments, {"OCL_ICD_VENDORS": world.path("no drivers")})
         wrong = complaints(outcome, (2,), ["no OpenCL device found: install"])
         if os.path.exists(world.path("none")):
             wrong.append("something was written")

@@ -79,6 +79,22 @@ TEST(Npy, RefusesWhatItDoesNotRead) {
   expect_error([&] { parse("no array at all"); }, {"x.npy", ".npy file"});
 }
 
+// Headers that a regular expression overflowed the stack with.
+TEST(Npy, BlanksAndLettersOfAnyNumberAreNoObstacle) {
+  const std::string four(4, '\0'), blanks(60000, ' ');
+  const std::string order = ", 'fortran_order': False, 'shape': (1,)}";
+  EXPECT_EQ(parse(npy("{'descr'" + blanks + ": '<f4'" + order, four)).size(), 1u);
+  EXPECT_EQ(parse(npy("{'descr': " + blanks + "'<f4'" + order, four)).size(), 1u);
+  expect_error([&] { parse(npy("{'descr'" + blanks, four)); }, {"records"});
+  expect_error([&] { parse(npy("{'descr': '" + std::string(60000, 'f') + "'" + order, four)); },
+               {"records"});
+  for (const std::string& shape :
+       std::vector<std::string>{"(1", "1,)", "(1, x)", "(" + blanks + ")"})
+    expect_error([&] { parse(npy(dictionary("<f4", shape), four)); }, {"order and shape"});
+  for (const char* other : {"Truly", "0", ""})
+    expect_error([&] { parse(npy(dictionary("<f4", "(1,)", other), four)); }, {"order and shape"});
+}
+
 TEST(Npy, RefusesALengthThatIsNotTheShapes) {
   const std::string four(4, '\0');
   expect_error([&] { parse(npy(dictionary("<f4", "(2,)"), four)); }, {"4 bytes", "needs 8"});

@@ -113,7 +113,9 @@ TEST(Ply, RefusesHeadersThatMakeNoSense) {
   const TemporaryFolder folder;
   const auto read = [&](const std::string& text) { read_point_cloud(folder.write("a.ply", text)); };
   const std::string start = "ply\nformat ascii 1.0\n";
-  expect_error([&] { read("plx"); }, {"a.ply", "'ply'"});
+  for (const char* other : {"plx", "plyx\n", "", "pl"})
+    expect_error([&] { read(other); }, {"a.ply", "a line 'ply'"});
+  expect_error([&] { read("ply"); }, {"end_header"});
   expect_error([&] { read(start + "element vertex 1\nproperty float x\n"); }, {"end_header"});
   expect_error([&] { read(start + "end_header\n"); }, {"no element 'vertex'"});
   expect_error([&] { read(start + "property float x\nend_header\n"); }, {"before any element"});
@@ -148,12 +150,15 @@ TEST(Ply, TakesDamagedTextForNoOtherNumbers) {
   };
   const std::vector<float> four{1, 2, 3, 4};
   EXPECT_EQ(read("1 2\n3 4\n"), four);
-  EXPECT_EQ(read("1 2 \r\n\n3\n4"), four);
+  EXPECT_EQ(read("1 2 \r\n\n\n3\t+4"), four);
   expect_error([&] { read("1-2\n3 4\n"); }, {"a.ply", "'1-2' in line 7 is no number"});
   expect_error([&] { read("1 2\n3 1.2.3\n"); }, {"'1.2.3' in line 8"});
   expect_error([&] { read("0x10 2\n3 4\n"); }, {"'0x10' in line 7"});
   expect_error([&] { read(std::string("1 2\n3\0004\n", 8)); }, {"'3\\04' in line 8 is no number"});
   expect_error([&] { read("1 2 3\n4 5\n"); }, {"line 7 has more values"});
+  expect_error([&] { read("1\n2 3\n4 5\n"); }, {"line 7 has fewer values"});
+  expect_error([&] { read("1 2\n3 1e400\n"); }, {"'1e400' in line 8 is more or less than"});
+  expect_error([&] { read("1 2\n3 +-4\n"); }, {"'+-4' in line 8 is no number"});
 }
 
 TEST(Ply, RefusesPositionsThatAreNotFinite) {

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <random>
 
+#include "io/memory_of.hpp"
 #include "io/temporary_folder.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/compressed_ply.hpp"
@@ -270,6 +271,17 @@ TEST(CompressedPly, RefusesWhatDoesNotFitTogether) {
                {"c.ply", "truncated", "300 rows of sh"});
   bytes.replace(bytes.find("element vertex 300"), 18, "element vertex 9999999999");
   expect_error([&] { read_splats(folder.write("d.ply", bytes)); }, {"d.ply", "truncated"});
+}
+
+// Its words and one table, not two.
+TEST(CompressedPly, ReadingTakesTheMemoryOfWhatIsMadeOfIt) {
+  const TemporaryFolder folder;
+  constexpr size_t n = 150000;
+  SplatTable table = random_splats(n, 3);
+  const std::string path = folder.write("a.ply", CompressedPly{}.bytes(table));
+  table = SplatTable(0, 0);
+  const double mib = double(n) * (4 * (45 + 4) + 4 * 62) / (1 << 20);
+  EXPECT_LT(memory_of([&] { EXPECT_EQ(read_splats(path).rows, n); }), mib + 8);
 }
 
 TEST(CompressedPly, RefusesARangeThatIsNotFinite) {

@@ -7,6 +7,11 @@
 namespace gflow {
 namespace {
 
+TEST(Error, GoesOnBehindTheZerosOfATextFromAFile) {
+  const std::string text("a\0\0b\0", 5);
+  EXPECT_STREQ(Error("its name is '" + text + "'").what(), "its name is 'a\\0\\0b\\0'");
+}
+
 TEST(ClError, SaysWhatWasBeingDoneWhichCallAndItsCodeByName) {
   try {
     cl_call("filling a bath", []() -> void { throw cl::Error(CL_INVALID_VALUE, "clPour"); });

@@ -62,10 +62,39 @@ TEST(Checkpoint, HoldsTheShapeOfItsModel) {
     EXPECT_EQ(read.motion, shape.motion);
     EXPECT_EQ(read.sh_degree, 3);
     std::vector<double> expected, found;
-    MotionShape::fields(shape, [&](const char*, auto x, double) { expected.push_back(x); });
-    MotionShape::fields(read, [&](const char*, auto x, double) { found.push_back(x); });
+    MotionShape::fields(shape, [&](const char*, auto x, double, double) { expected.push_back(x); });
+    MotionShape::fields(read, [&](const char*, auto x, double, double) { found.push_back(x); });
     EXPECT_EQ(found, expected);
   }
+}
+
+TEST(Checkpoint, ShapesThatNoModelHasAreRefused) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.npz");
+  const auto refused = [&](const char* name, const std::function<void(ModelShape&)>& spoil) {
+    Checkpoint checkpoint = some_checkpoint(20);
+    checkpoint.facts.shape = ModelShape();
+    spoil(*checkpoint.facts.shape);
+    write_checkpoint(path, checkpoint);
+    expect_error([&] { read_checkpoint(path); }, {path, "damaged: it says that", name});
+    expect_error([&] { read_checkpoint_facts(path); }, {path, name});
+  };
+  refused("'duration'", [](ModelShape& s) { s.duration = 0; });
+  refused("'duration' is null", [](ModelShape& s) { s.duration = INFINITY; });
+  refused("'cutoff'", [](ModelShape& s) { s.cutoff = 1; });
+  refused("'sh_degree' is 1000000", [](ModelShape& s) { s.sh_degree = 1000000; });
+  refused("'sh_degree' is -5", [](ModelShape& s) { s.sh_degree = -5; });
+  refused("origin", [](ModelShape& s) { s.origin[1] = 1e308; });
+  refused("'keys' is 0", [](ModelShape& s) { s.motion = MotionModelKind::keyframes; });
+}
+
+TEST(Checkpoint, OfAnotherStepThanItsNameSaysIsRefused) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("iteration_30.npz");
+  write_checkpoint(path, some_checkpoint(20));
+  expect_error([&] { read_checkpoint(path); }, {"iteration_30.npz is damaged", "of step 20"});
+  write_checkpoint(path, some_checkpoint(30));
+  EXPECT_EQ(read_checkpoint(path).facts.step, 30);
 }
 
 TEST(Checkpoint, APathThatIsNotUtf8IsNoObstacle) {
@@ -126,6 +155,10 @@ TEST(Checkpoint, OtherArchivesAndFormatsAreRefusedWithTheReason) {
     expect_error([&] { read_checkpoint(path); },
                  {"a.npz", std::string("format ") + format, "reads format 1"});
   }
+  with_facts("{\"format\": 4294967297}");  // 1 to 32 bits
+  expect_error([&] { read_checkpoint(path); }, {"format 4294967297"});
+  with_facts("{\"format\": 1, \"config\": " + std::string(200, '[') + std::string(200, ']') + "}");
+  expect_error([&] { read_checkpoint(path); }, {"a.npz", "nested more than 100"});
   for (const char* step : {"1099511627776", "-1", "0.5", "\"7\""}) {  // 2^40 is 0 to 32 bits
     with_facts("{\"format\": 1, \"arrays\": {}, \"step\": " + std::string(step) + "}");
     const std::string said = std::string("damaged: it says that it is of step ") + step;

@@ -158,7 +158,7 @@ TEST(StressCommand, InterruptedItKeepsTheFiguresThatItHas) {
   command.send(SIGINT);
   const Outcome outcome = command.wait();
   EXPECT_EQ(outcome.code, 130);
-  EXPECT_NE(outcome.err.find("interrupted after "), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("interrupted: "), std::string::npos) << outcome.err;
   EXPECT_NE(outcome.err.find(path), std::string::npos) << outcome.err;
   const json figures = json::parse(contents(path));
   EXPECT_EQ(figures["interrupted"], true);

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/io/modest_json.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "runtime/error.hpp"
+
+namespace gflow {
+namespace {
+
+// Twenty thousand cameras of forty values each take 16 MB.
+constexpr size_t most_values = 800000;  // each takes up to 80 bytes of memory: 64 MB
+constexpr int deepest_json = 100;       // a level takes 100 bytes of memory and one of the file
+
+}  // namespace
+
+// Looked at before it is parsed: the parser's own callback takes time by the square of a list's
+// length (nlohmann-json 3.11 goes through the list whenever an entry ends).
+void require_modest_json(const void* text, size_t size, const std::string& path) {
+  const char* json = static_cast<const char*>(text);
+  int depth = 0, deepest = 0;
+  size_t values = 1;
+  bool in_text = false;
+  for (size_t i = 0; i < size; ++i) {
+    const char c = json[i];
+    if (in_text && c == '\\')
+      ++i;
+    else if (c == '"')
+      in_text = !in_text;
+    else if (in_text)
+      continue;
+    else if (c == '[' || c == '{')
+      deepest = std::max(deepest, ++depth), ++values;
+    else if (c == ']' || c == '}')
+      --depth;
+    else if (c == ',')
+      ++values;
+  }
+  if (deepest > deepest_json)
+    throw Error(
+        fmt::format("cannot read {}: its lists are nested more than {} deep", path, deepest_json));
+  if (values > most_values)
+    throw Error(fmt::format("cannot read {}: it has {} values, at most {} are expected", path,
+                            values, most_values));
+}
+
+std::string reason_of(const nlohmann::json::exception& problem) {
+  const std::string text = problem.what();  // "[json.exception.type_error.302] type must be ..."
+  const size_t end = text.find("] ");
+  return text.rfind("[json.exception", 0) == 0 && end != text.npos ? text.substr(end + 2) : text;
+}
+
+}  // namespace gflow

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is asked of JSON that others wrote before it is parsed, and said of what cannot be.
+#pragma once
+#include <cstddef>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace gflow {
+
+// Error that names `path` for a text of more than 800 000 values or 100 levels: a value of a few
+// bytes takes up to 80 of memory.
+void require_modest_json(const void* text, size_t size, const std::string& path);
+
+// The library's reason without its own name for it.
+std::string reason_of(const nlohmann::json::exception& problem);
+
+}  // namespace gflow
