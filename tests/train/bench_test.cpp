@@ -193,7 +193,7 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
              "--set", "density.enabled=false", "--json", file, "--quiet"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = read(file)["rows"];
-  ASSERT_EQ(rows.size(), 12u);
+  ASSERT_EQ(rows.size(), 13u);
   const Json &all = rows["all skips"], &none = rows["no skip"];
   EXPECT_EQ(all["model differs by"], 0);
   for (const char* exact : {"masks", "saturated", "asking", "outside", "flow"})
@@ -202,6 +202,7 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
     EXPECT_GT(rows[in_the_mean]["model differs by"], 0) << in_the_mean;
   EXPECT_GT(rows["without masks"]["pairs in cells"], all["pairs in cells"]);
   EXPECT_GT(rows["without boxes"]["intersections"], all["intersections"]);
+  EXPECT_GE(rows["at every time"]["drawn"], all["drawn"]);
   EXPECT_GT(none["pairs in cells"], all["pairs in cells"]);
   EXPECT_GE(all["moved by Adam"], all["drawn"]);
   EXPECT_GT(rows["without unseen"]["moved by Adam"], all["moved by Adam"]);
