@@ -8,9 +8,11 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <sstream>
 
@@ -100,18 +102,21 @@ bool next_entry(FilePieces& file, std::string& line) {
 void skip_observations(FilePieces& file, const std::string& picture) {
   std::string line;
   next_entry(file, line);
-  std::istringstream first(line.substr(0, 200));
+  const char *at = line.data(), *const end = at + line.size();
+  const auto to_word = [&] {
+    at = std::find_if(at, end, [](char c) { return c != ' ' && c != '\t'; });
+  };
   size_t numbers = 0;
-  for (double number; numbers < 3 && first >> number;) ++numbers;
-  size_t words = 0;
-  bool in_word = false;
-  for (const char c : line) {
-    const bool blank = c == ' ' || c == '\t';
-    words += !blank && !in_word;
-    in_word = !blank;
+  bool sound = true;
+  for (to_word(); at != end && sound; to_word(), ++numbers) {
+    double number;
+    const auto word = std::from_chars(at, end, number);
+    sound = word.ec != std::errc::invalid_argument &&
+            (word.ptr == end || *word.ptr == ' ' || *word.ptr == '\t');
+    at = word.ptr;
   }
-  const bool whole = line.size() < FilePieces::longest_line;
-  if (words > 0 && (numbers < 3 || (whole && words % 3 != 0)))
+  const bool whole = line.size() < FilePieces::longest_line;  // else a word may be cut
+  if (whole && (!sound || numbers % 3 != 0))
     throw Error(fmt::format(
         "cannot read {}: the line after that of picture {} is not x, y and point number of what "
         "was seen in it; each picture takes two lines, the second of which may be empty",
@@ -280,8 +285,9 @@ std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& came
 void append_point(PointCloud& points, const double xyz[3], const int rgb[3],
                   const std::string& path) {
   for (int i = 0; i < 3; ++i) {
-    if (!std::isfinite(float(xyz[i])))
-      throw Error(fmt::format("point {} of {} is not finite", points.size(), path));
+    if (!(std::fabs(xyz[i]) <= double(std::numeric_limits<float>::max())))
+      throw Error(fmt::format("point {} of {} is not finite, or farther off than a float can be",
+                              points.size(), path));
     points.xyz.push_back(xyz[i]);
     points.rgb.push_back(uint8_t(std::clamp(rgb[i], 0, 255)));
   }

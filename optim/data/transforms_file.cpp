@@ -138,7 +138,7 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
     if (options.masks != Masks::none) frame.mask_path = mask_of(folder, file, entry, where);
     const auto time = number(entry, "time", where);
     if (time.has_value() != file.json["frames"][0].contains("time"))
-      throw Error(fmt::format("{} has {} 'time', others of it have {}: it takes all or none", where,
+      throw Error(fmt::format("{} has {} 'time' and frame 0 has {}: it takes all or none", where,
                               time ? "a" : "no", time ? "none" : "one"));
     frame.time = time.value_or(0);
     if (frame.time < 0 || frame.time > 1)

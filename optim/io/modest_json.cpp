@@ -46,6 +46,15 @@ void require_modest_json(const void* text, size_t size, const std::string& path)
                             values, most_values));
 }
 
+bool is_modest_json(const void* text, size_t size) {
+  try {
+    require_modest_json(text, size, "");
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
 std::string reason_of(const nlohmann::json::exception& problem) {
   const std::string text = problem.what();  // "[json.exception.type_error.302] type must be ..."
   const size_t end = text.find("] ");

@@ -11,6 +11,9 @@ namespace gflow {
 // bytes takes up to 80 of memory.
 void require_modest_json(const void* text, size_t size, const std::string& path);
 
+// The same as a question.
+bool is_modest_json(const void* text, size_t size);
+
 // The library's reason without its own name for it.
 std::string reason_of(const nlohmann::json::exception& problem);
 

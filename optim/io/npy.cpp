@@ -31,7 +31,7 @@ struct Header {
 }
 
 std::string_view without_blanks(std::string_view text) {
-  return text.substr(std::min(text.find_first_not_of(" \t\n\r"), text.size()));
+  return text.substr(std::min(text.find_first_not_of(" \t\n\r\v\f"), text.size()));
 }
 
 // What stands behind 'key': in a dictionary; "" without it.

@@ -105,7 +105,10 @@ PlyHeader parse_header(FilePieces& file) {
   const std::string& path = file.path();
   const std::string_view text = file.ahead(longest_header);
   const size_t first = std::min(text.find_first_of("\r\n"), text.size());
-  if (text.substr(0, first) != "ply") refuse_ply(path, "it does not begin with a line 'ply'");
+  const size_t word = std::min(text.find_first_of(" \t"), first);
+  if (text.substr(0, word) != "ply" ||
+      text.substr(word, first - word).find_first_not_of(" \t") != text.npos)
+    refuse_ply(path, "it does not begin with a line 'ply'");
   PlyHeader header;
   bool has_format = false, ended = false;
   size_t at = text.find('\n');
@@ -222,7 +225,8 @@ double PlyRows::next_word() {
   const bool whole = result.ptr == end ? text.size() == file_.left() : is_blank(*result.ptr);
   if (result.ec == std::errc::invalid_argument || !whole)  // 0-1 is not two of them
     refuse_word(text, "is no number");
-  if (result.ec != std::errc()) refuse_word(text, "is more or less than a number can be");
+  if (result.ec != std::errc())
+    refuse_word(text, "is nearer to 0 or farther from it than a number can be");
   file_.step(size_t(result.ptr - text.data()));
   return value;
 }

@@ -3,6 +3,7 @@
 // is one more word here, beside its own four files.
 #pragma once
 #include <array>
+#include <limits>
 #include <map>
 #include <memory>
 
@@ -29,8 +30,8 @@ struct MotionShape {
   // are above `lowest` and at most `highest`.
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("duration", self.duration, 0.0, 1e9);
-    field("cutoff", self.cutoff, -1e-30, 0.5);  // may be 0
+    field("duration", self.duration, 0.0, 1e30);
+    field("cutoff", self.cutoff, -std::numeric_limits<double>::denorm_min(), 0.5);  // may be 0
     const bool keyed =
         self.motion == MotionModelKind::keyframes || self.motion == MotionModelKind::bases;
     if (keyed) field("keys", self.keys, 0.0, 1e6);

@@ -64,8 +64,10 @@ double comment_value(const PlyTable& table, const std::string& key, double other
                      double highest) {
   for (const std::string& comment : table.comments)
     if (comment.rfind(key + " ", 0) == 0) {
-      const double value = std::strtod(comment.c_str() + key.size() + 1, nullptr);
-      if (value > lowest && value <= highest) return value;
+      const char* const text = comment.c_str() + key.size() + 1;
+      char* end = nullptr;
+      const double value = std::strtod(text, &end);
+      if (end != text && value > lowest && value <= highest) return value;
     }
   return otherwise;
 }

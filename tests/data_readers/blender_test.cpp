@@ -118,7 +118,7 @@ TEST(Blender, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(frame("train/a", "1.5", pose)); }, {"'time'", "1.5", "0 to 1"});
   expect_error([&] { with(frame("train/a", "\"x\"", pose)); }, {"'time'", "no finite number"});
   expect_error([&] { with(frame("train/a", "0.5", pose) + ", " + frame("train/b", "", pose)); },
-               {"frame 1 of", "has no 'time', others of it have one"});
+               {"frame 1 of", "has no 'time' and frame 0 has one"});
   expect_error([&] { with(a("[[1,0,0,null],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); },
                {"transform_matrix", "frame 0"});
   expect_error([&] { with(a("[[1,0,0,1e999],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); },

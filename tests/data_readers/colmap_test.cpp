@@ -146,7 +146,7 @@ TEST(Colmap, PicturesOfAnotherSizeKeepTheirLens) {
 TEST(Colmap, ObservationsOfAPictureAreSteppedOver) {
   const TemporaryFolder folder;
   make_text(folder);
-  std::string observed;
+  std::string observed = "nan nan -1 ";
   for (int i = 0; i < 200000; ++i) observed += "100.5 200.5 " + std::to_string(i) + " ";
   folder.write("sparse/0/images.txt",
                "2 1 0 0 0 0 0 5 7 b.png\n# comment\n" + observed + "\n1 0 0 0 2 1 2 3 7 a.png");
@@ -156,8 +156,8 @@ TEST(Colmap, ObservationsOfAPictureAreSteppedOver) {
 TEST(Colmap, APictureInPlaceOfObservationsIsToldNotSteppedOver) {
   const TemporaryFolder folder;
   make_text(folder);
-  for (const char* second :
-       {"1 0 0 0 2 1 2 3 7 a.png", "1 0 0 0 2 1 2 3 7 17", "1.5 2.5", "# 1\nx"}) {
+  for (const char* second : {"1 0 0 0 2 1 2 3 7 a.png", "1 0 0 0 2 1 2 3 7 17", "1.5 2.5", "# 1\nx",
+                             "1 0 0 0 2 1 2 3 7 d e f.png"}) {
     folder.write("sparse/0/images.txt", std::string("2 1 0 0 0 0 0 5 7 b.png\n") + second + "\n");
     expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
                  {"images.txt", "after that of picture b.png", "takes two lines"});

@@ -115,7 +115,8 @@ TEST(Ply, RefusesHeadersThatMakeNoSense) {
   const std::string start = "ply\nformat ascii 1.0\n";
   for (const char* other : {"plx", "plyx\n", "", "pl"})
     expect_error([&] { read(other); }, {"a.ply", "a line 'ply'"});
-  expect_error([&] { read("ply"); }, {"end_header"});
+  for (const char* begun : {"ply", "ply \t\r\n"})
+    expect_error([&] { read(begun); }, {"end_header"});
   expect_error([&] { read(start + "element vertex 1\nproperty float x\n"); }, {"end_header"});
   expect_error([&] { read(start + "end_header\n"); }, {"no element 'vertex'"});
   expect_error([&] { read(start + "property float x\nend_header\n"); }, {"before any element"});
@@ -157,7 +158,7 @@ TEST(Ply, TakesDamagedTextForNoOtherNumbers) {
   expect_error([&] { read(std::string("1 2\n3\0004\n", 8)); }, {"'3\\04' in line 8 is no number"});
   expect_error([&] { read("1 2 3\n4 5\n"); }, {"line 7 has more values"});
   expect_error([&] { read("1\n2 3\n4 5\n"); }, {"line 7 has fewer values"});
-  expect_error([&] { read("1 2\n3 1e400\n"); }, {"'1e400' in line 8 is more or less than"});
+  expect_error([&] { read("1 2\n3 1e400\n"); }, {"'1e400' in line 8 is nearer to 0 or farther"});
   expect_error([&] { read("1 2\n3 +-4\n"); }, {"'+-4' in line 8 is no number"});
 }
 

@@ -54,6 +54,21 @@ TEST_P(EverySphericalHarmonicsDegree, ComesBackFromAFileBitByBit) {
   EXPECT_EQ(back.groups, model.groups);
 }
 
+TEST(Model, OfAFileKeepsACutoffOfZeroAndTakesNoWordForIt) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("model.ply");
+  HostModel model = random_model(5, 0);
+  model.shape.cutoff = 0;
+  write_model(path, model);
+  EXPECT_EQ(read_model(path).shape.cutoff, 0.f);
+  std::string bytes = contents(path);
+  for (const char* damaged : {"cutoff x", "cutoff -", "cutoff 9"}) {
+    bytes.replace(bytes.find("cutoff "), 8, damaged);
+    folder.write("model.ply", bytes);
+    EXPECT_EQ(read_model(path).shape.cutoff, ModelShape().cutoff) << damaged;
+  }
+}
+
 TEST_P(EverySphericalHarmonicsDegree, ComesBackFromTheDeviceBitByBit) {
   Queue queue = test_queue();
   const HostModel model = random_model(5, GetParam());

@@ -265,12 +265,15 @@ TEST(RunFolder, FactsOfTheTrainingComeBack) {
 TEST(RunFolder, DamagedFactsAreAsNoFacts) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  for (const char* text : {"{\"iterations\": 30", "[1]", "{\"iterations\": \"many\"}", "",
-                           "{\"iterations\": -5, \"finished\": true}",
-                           "{\"iterations\": 1e300, \"finished\": true}"}) {
-    folder.write("training.json", text);
+  for (const std::string& text :
+       std::vector<std::string>{"{\"iterations\": 30", "[1]", "{\"iterations\": \"many\"}", "",
+                                "{\"iterations\": -5, \"finished\": true}",
+                                "{\"iterations\": 1e300, \"finished\": true}",
+                                std::string(200, '[') + std::string(200, ']')}) {
+    for (const char* name : {"training.json", "results.json"}) folder.write(name, text);
     EXPECT_EQ(run.read_facts().iterations, 0) << text;
     EXPECT_FALSE(run.read_facts().finished) << text;
+    EXPECT_EQ(run.judged_by().lpips_model, "") << text;
   }
 }
 
