@@ -273,7 +273,7 @@ TEST(RunFolder, DamagedFactsAreAsNoFacts) {
     for (const char* name : {"training.json", "results.json"}) folder.write(name, text);
     EXPECT_EQ(run.read_facts().iterations, 0) << text;
     EXPECT_FALSE(run.read_facts().finished) << text;
-    EXPECT_EQ(run.judged_by().lpips_model, "") << text;
+    EXPECT_EQ(run.judged_by().lpips, "") << text;
   }
 }
 
