@@ -12,8 +12,9 @@
 // Not normalised; row k B + b of the tables is key k of basis b, and 0 is no motion.
 static inline real4 basis_quat(int bases, int b, KeyWeights keys, global const float* basis_turns) {
   real4 q = make_real4(1.f, 0.f, 0.f, 0.f);
-  FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count)
-  q += load4(basis_turns, (keys.first + k) * bases + b) * keys.weight[k];
+  FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count) {
+    q += load4(basis_turns, (keys.first + k) * bases + b) * keys.weight[k];
+  }
   return q;
 }
 
@@ -25,8 +26,9 @@ kernel void bases_pose(const int bases, const KeyWeights keys,
   const int b = get_global_id(0);
   if (b >= bases) return;
   real3 shift = make_real3(0.f, 0.f, 0.f);
-  FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count)
-  shift += load3(basis_shifts, (keys.first + k) * bases + b) * keys.weight[k];
+  FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count) {
+    shift += load3(basis_shifts, (keys.first + k) * bases + b) * keys.weight[k];
+  }
   const real4 q = quat_normalize(basis_quat(bases, b, keys, basis_turns)).q;
   global float* o = poses + POSE * b;
   vstore4(q, 0, o);

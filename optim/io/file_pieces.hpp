@@ -14,7 +14,6 @@ class FilePieces {
  public:
   static constexpr size_t longest_line = size_t{1} << 20;
 
-
   // Errors as read_file's (atomic_file.hpp): missing, unreadable, no file, or too long.
   explicit FilePieces(const std::string& path);
 
