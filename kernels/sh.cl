@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Colour of each Gaussian from its spherical harmonics, seen from the camera at its mean at t1.
 // Band 0 has an array of its own (its learning rate differs). `degree` may be below what is stored:
-// bands not yet active cost nothing. One work-item a Gaussian.
+// bands above it count as 0, and those above `walked`, from `degree` to what is stored, cost nothing.
+// One work-item a Gaussian.
 #include "shared/arrays.h"
 #include "shared/sh.h"
 #include "shared/types.h"
@@ -24,7 +25,8 @@ static inline real3 sh_sum(ShBasis b, int count, real3 band0, global const float
 }
 
 // stride: coefficients stored a Gaussian beside the first.
-kernel void sh_fwd(const uint n, const int degree, const int stride, const PinholeCamera camera,
+kernel void sh_fwd(const uint n, const int degree, const int walked, const int stride,
+                   const PinholeCamera camera,
                    global const float* restrict means,      // [N, 3]
                    global const uint* restrict tiles_touched,  // [N] 0: skipped
                    global const float* restrict sh0,        // [N, 3]
@@ -33,15 +35,17 @@ kernel void sh_fwd(const uint n, const int degree, const int stride, const Pinho
   const uint i = get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
   const Direction o = direction_to(load3(means, i), camera_centre(camera));
-  const int count = (degree + 1) * (degree + 1);
+  const int count = (walked + 1) * (walked + 1);
   const real3 c =
       sh_sum(sh_basis(degree, o.d), count, load3(sh0, i), sh_rest + (size_t)i * stride * 3);
   store3(colors, i, fmax(c, make_real3(0.f, 0.f, 0.f)));
 }
 
-// For what was seen in this view; the rest is left alone. Adds to v_means. v_sh0 and v_sh_rest are
-// set for Gaussians not `seen` before in this training step and added to for the others.
-kernel void sh_bwd(const uint n, const int degree, const int stride, const PinholeCamera camera,
+// For what was seen in this view; the rest is left alone. Adds to v_means. v_sh0 and, where more than
+// band 0 is walked through, v_sh_rest are set for Gaussians not `seen` before in this training step and
+// added to for the others.
+kernel void sh_bwd(const uint n, const int degree, const int walked, const int stride,
+                   const PinholeCamera camera,
                    global const float* restrict means, global const float* restrict sh0,
                    global const float* restrict sh_rest,
                    global const uint* restrict tiles_touched,
@@ -54,7 +58,7 @@ kernel void sh_bwd(const uint n, const int degree, const int stride, const Pinho
   if (i >= n || tiles_touched[i] == 0) return;
   const Direction o = direction_to(load3(means, i), camera_centre(camera));
   const ShBasis b = sh_basis(degree, o.d);
-  const int count = (degree + 1) * (degree + 1);
+  const int count = (walked + 1) * (walked + 1);
   global const float* own = sh_rest + (size_t)i * stride * 3;
   global float* v_own = v_sh_rest + (size_t)i * stride * 3;
   const real3 c = sh_sum(b, count, load3(sh0, i), own);
@@ -62,7 +66,8 @@ kernel void sh_bwd(const uint n, const int degree, const int stride, const Pinho
   v = make_real3(c.x > 0.f ? v.x : 0.f, c.y > 0.f ? v.y : 0.f, c.z > 0.f ? v.z : 0.f);
   if (!seen[i]) {
     store3(v_sh0, i, v * b.y[0]);
-    FOR_UNROLLED(k, 1, 16, stride + 1) store3(v_own, k - 1, v * b.y[k]);  // 0 where not active
+    const int all = walked == 0 ? 1 : stride + 1;
+    FOR_UNROLLED(k, 1, 16, all) store3(v_own, k - 1, v * b.y[k]);  // 0 where not active
   } else {
     add3(v_sh0, i, v * b.y[0]);
     FOR_UNROLLED(k, 1, 16, count) add3(v_own, k - 1, v * b.y[k]);

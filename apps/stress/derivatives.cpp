@@ -250,7 +250,7 @@ Derivative sh_row(Queue& queue) {
   GaussianGradients g;
   g.zero(queue, n);
   g.v_colors.write(queue, v);
-  color.backward(queue, parameters, 3, camera, at,
+  color.backward(queue, parameters, {3, 3}, camera, at,
                  Buffer<cl_uint>(queue, std::vector<cl_uint>(n, 1u), "touched"), g);
   const double to_double =
       std::max({relative_l2(g.v_means.read(queue), expected["means"]),

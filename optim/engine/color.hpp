@@ -13,42 +13,55 @@ inline std::vector<GroupSpec> color_groups(int highest) {
           {"sh_rest", size_t(3 * ((highest + 1) * (highest + 1) - 1)), Quantity::color_rest}};
 }
 
+// What is shown of the harmonics, and how far they are walked through.
+struct Bands {
+  int degree;  // those above count as 0
+  int walked;  // the highest that is looked at, from `degree` to what is stored: a saving, no
+               // choice
+};
+
 class Color {
  public:
   // highest: degree that the parameters have room for, 0 to 3.
   Color(Queue& queue, int highest)
-      : stride_((highest + 1) * (highest + 1) - 1),
+      : highest_(highest),
         program_(queue, "common.cl"),
         sh_fwd_(program_, "sh_fwd"),
         sh_bwd_(program_, "sh_bwd") {}
 
-  // colors [N, 3] with the bands up to `degree`, of what is seen; the others are undefined.
-  void forward(Queue& queue, const Parameters& p, int degree, const PinholeCamera& camera,
+  // Those up to `degree`; with `skip` (settings.hpp) no others are walked through.
+  Bands bands(int degree, bool skip) const { return {degree, skip ? degree : highest_}; }
+
+  // colors [N, 3] of what is seen; the others are undefined.
+  void forward(Queue& queue, const Parameters& p, Bands bands, const PinholeCamera& camera,
                const GaussiansAt& gaussians, const Buffer<cl_uint>& tiles_touched,
                Buffer<float>& colors) {
     colors.ensure(queue, 3 * p.count);
-    sh_fwd_(queue, Range::over(p.count), cl_uint(p.count), degree, stride_, camera, gaussians.means,
-            tiles_touched, p["sh0"].values, p["sh_rest"].values, colors);
+    sh_fwd_(queue, Range::over(p.count), cl_uint(p.count), bands.degree, bands.walked, stride(),
+            camera, gaussians.means, tiles_touched, p["sh0"].values, p["sh_rest"].values, colors);
   }
 
-  // From v.v_colors to the groups' gradients and to v.v_means (the view direction depends on the
-  // mean). To be called before Motion::backward, which marks rows as seen.
-  void backward(Queue& queue, Parameters& p, int degree, const PinholeCamera& camera,
+  // From v.v_colors to the groups' gradients, those of sh_rest only where bands of it are walked
+  // through, and to v.v_means (the view direction depends on the mean). To be called before
+  // Motion::backward, which marks rows as seen.
+  void backward(Queue& queue, Parameters& p, Bands bands, const PinholeCamera& camera,
                 const GaussiansAt& gaussians, const Buffer<cl_uint>& tiles_touched,
                 GaussianGradients& v) {
-    sh_bwd_(queue, Range::over(p.count), cl_uint(p.count), degree, stride_, camera, gaussians.means,
-            p["sh0"].values, p["sh_rest"].values, tiles_touched, p.rows.seen, v.v_colors,
-            p["sh0"].grads, p["sh_rest"].grads, v.v_means);
+    sh_bwd_(queue, Range::over(p.count), cl_uint(p.count), bands.degree, bands.walked, stride(),
+            camera, gaussians.means, p["sh0"].values, p["sh_rest"].values, tiles_touched,
+            p.rows.seen, v.v_colors, p["sh0"].grads, p["sh_rest"].grads, v.v_means);
   }
 
  private:
-  int stride_;
+  int stride() const { return (highest_ + 1) * (highest_ + 1) - 1; }
+
+  int highest_;
   Program program_;
-  Kernel<cl_uint, cl_int, cl_int, PinholeCamera, In<float>, In<cl_uint>, In<float>, In<float>,
-         Out<float>>
+  Kernel<cl_uint, cl_int, cl_int, cl_int, PinholeCamera, In<float>, In<cl_uint>, In<float>,
+         In<float>, Out<float>>
       sh_fwd_;
-  Kernel<cl_uint, cl_int, cl_int, PinholeCamera, In<float>, In<float>, In<float>, In<cl_uint>,
-         In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_int, cl_int, cl_int, PinholeCamera, In<float>, In<float>, In<float>,
+         In<cl_uint>, In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>>
       sh_bwd_;
 };
 

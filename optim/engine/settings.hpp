@@ -20,8 +20,8 @@ enum class Transport {
 // Whether the splat that saturates a pixel is still drawn.
 enum class StopRule { include, exclude };
 
-// Work that is left out. `boxes`, `masks`, `saturated`, `asking` and `flow` change no bit of an
-// image or a gradient (but the sign of a 0), but without boxes more Gaussians count as seen;
+// Work that is left out. `boxes`, `masks`, `saturated`, `asking`, `flow` and `bands` change no bit
+// of an image or a gradient (but the sign of a 0), but without boxes more Gaussians count as seen;
 // `still` changes the last bits of gradients, since sums that are 0 are not formed; `unseen`
 // changes what becomes of Gaussians that no picture shows.
 struct Skips {
@@ -32,6 +32,7 @@ struct Skips {
   bool outside = true;    // the shape of what the camera cannot see (shared/lookout.h)
   bool still = true;      // the second time of what rests before a camera at rest (View::moving)
   bool flow = true;    // flow in tiles where nothing moves, its gradients where none are asked for
+  bool bands = true;   // spherical harmonics, and their Adam, above the degree in use (sh.cl)
   bool unseen = true;  // Adam's steps of Gaussians that no picture of a step shows
 
   template <class Self, class Field>
@@ -45,6 +46,7 @@ struct Skips {
     field("still", self.still, "the second time of Gaussians at rest before a camera at rest");
     field("flow", self.flow,
           "flow in tiles where all is at rest, its gradients in tiles that ask for none");
+    field("bands", self.bands, "bands of the spherical harmonics that are not in use yet");
     field("unseen", self.unseen,
           "optimiser steps of Gaussians that no picture of the step shows; off changes results");
   }

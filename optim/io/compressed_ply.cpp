@@ -151,7 +151,7 @@ PlyTable read_compressed_ply(const std::string& path) {
   const bool ranged_colors = chunks.property("min_r") >= 0;
   const Ranges colors = ranged_colors ? ranges_of(chunks, {"r", "g", "b"}, path) : Ranges{};
 
-  SplatTable table(vertices.rows, degree_of(sh, vertices.rows, path));
+  SplatTable table(vertices.rows, degree_of(sh, vertices.rows, path), Normals::none);
   std::vector<Column> rest;
   for (size_t k = 0; k < table.rest; ++k)
     rest.emplace_back(*sh, "f_rest_" + std::to_string(k), path);

@@ -12,6 +12,7 @@
 #include <numeric>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/file_pieces.hpp"
 #include "optim/io/splat_table.hpp"
 #include "runtime/error.hpp"
 
@@ -69,15 +70,16 @@ void append(std::string& bytes, const SplatRow& row) {
 }  // namespace
 
 PlyTable read_dot_splat(const std::string& path) {
-  const Bytes bytes = read_file(path);
-  if (bytes.empty() || bytes.size() % kSize)
+  FilePieces file(path);
+  const size_t size = file.left();
+  if (size == 0 || size % kSize)
     throw Error(
         fmt::format("cannot read {}: a .splat file has {} bytes for each Gaussian, and {} "
                     "are no multiple of that; it is truncated or something else",
-                    path, kSize, bytes.size()));
-  SplatTable table(bytes.size() / kSize, 0);
-  for (size_t i = 0; i < table.table.rows; ++i) {
-    const uint8_t* at = bytes.data() + i * kSize;
+                    path, kSize, size));
+  SplatTable table(size / kSize, 0, Normals::none);
+  for (size_t i = 0; i < table.table.rows; ++i, file.step(kSize)) {
+    const auto* at = reinterpret_cast<const uint8_t*>(file.ahead(kSize).data());
     const SplatRow row = table.row(i);
     std::memcpy(row.mean, at, 3 * sizeof(float));
     read_log_scales(at + 12, i, path, row.log_scales);

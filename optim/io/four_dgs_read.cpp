@@ -400,7 +400,7 @@ PlyTable splats_at(const MovingSplats& scene, double time) {
     const double tau = (time - s.mean_t) / s.life, weight = std::exp(-tau * tau / 2);
     if (s.begin <= time && time < s.end && weight >= scene.cutoff) seen.push_back({&s, weight});
   }
-  SplatTable table(seen.size(), scene.sh_degree);
+  SplatTable table(seen.size(), scene.sh_degree, Normals::none);
   for (size_t i = 0; i < seen.size(); ++i) {
     const MovingSplat& s = *seen[i].splat;
     const SplatRow row = table.row(i);
@@ -413,7 +413,7 @@ PlyTable splats_at(const MovingSplats& scene, double time) {
     *row.logit_opacity = logit_of_opacity(s.opacity * seen[i].weight);
     std::copy_n(scene.sh_rest.begin() + long(table.rest * s.sh_row), table.rest, row.sh_rest);
   }
-  return table.table;
+  return std::move(table.table);
 }
 
 }  // namespace gflow

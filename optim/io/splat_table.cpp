@@ -36,10 +36,11 @@ PlyTable finite(PlyTable table, const std::string& path) {
 
 }  // namespace
 
-SplatTable::SplatTable(size_t rows, int sh_degree)
-    : rest(size_t(3 * ((sh_degree + 1) * (sh_degree + 1) - 1))) {
+SplatTable::SplatTable(size_t rows, int sh_degree, Normals normals)
+    : rest(size_t(3 * ((sh_degree + 1) * (sh_degree + 1) - 1))), normals(normals) {
   table.rows = rows;
-  table.names = {"x", "y", "z", "nx", "ny", "nz"};
+  table.names = {"x", "y", "z"};
+  if (normals == Normals::zero) table.names.insert(table.names.end(), {"nx", "ny", "nz"});
   append_numbered(table.names, "f_dc_", 3);
   append_numbered(table.names, "f_rest_", rest);
   table.names.push_back("opacity");
@@ -49,9 +50,10 @@ SplatTable::SplatTable(size_t rows, int sh_degree)
 }
 
 SplatRow SplatTable::row(size_t i) {
-  float* v = table.values.data() + i * table.names.size();
-  float* after = v + 9 + rest;
-  return {v, v + 6, v + 9, after, after + 1, after + 4};
+  float* mean = table.values.data() + i * table.names.size();
+  float* sh0 = mean + (normals == Normals::zero ? 6 : 3);
+  float* after = sh0 + 3 + rest;
+  return {mean, sh0, sh0 + 3, after, after + 1, after + 4};
 }
 
 int sh_degree_of(size_t rest_columns) {
@@ -81,11 +83,11 @@ void require_property(const std::vector<std::string>& names, const std::string& 
 
 namespace {
 
-// Error where a column of the standard table is not among these; normals mean nothing here.
+// Error where a column of the standard table is not among these.
 void require_columns(const std::vector<std::string>& names, int sh_degree,
                      const std::string& path) {
-  for (const std::string& name : SplatTable(0, sh_degree).table.names)
-    if (name[0] != 'n') require_property(names, name, path);
+  for (const std::string& name : SplatTable(0, sh_degree, Normals::none).table.names)
+    require_property(names, name, path);
 }
 
 }  // namespace
@@ -98,7 +100,7 @@ SplatTable standard_table(const PlyTable& table, const std::string& path) {
   const std::vector<std::string>& names = result.table.names;
   for (size_t to = 0; to < names.size(); ++to) {
     const int from = table.column(names[to]);
-    if (from < 0) continue;  // normals mean nothing here
+    if (from < 0) continue;  // a normal
     for (size_t i = 0; i < table.rows; ++i)
       result.table.values[i * names.size() + to] =
           table.values[i * table.names.size() + size_t(from)];

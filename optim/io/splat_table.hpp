@@ -18,14 +18,19 @@ struct SplatRow {
   float* quat;           // [4] w x y z
 };
 
+// Whether a table has columns of normals. They mean nothing, but a standard PLY has them: viewers
+// count on each column's place.
+enum class Normals { none, zero };
+
 // A table with the columns of a standard 3DGS PLY (x y z, nx ny nz, f_dc_*, f_rest_*, opacity,
 // scale_*, rot_*), all zero at first.
 struct SplatTable {
-  // sh_degree 0 to 3.
-  SplatTable(size_t rows, int sh_degree);
+  // sh_degree 0 to 3. A table that is read and not written has no need of normals.
+  SplatTable(size_t rows, int sh_degree, Normals normals = Normals::zero);
   SplatRow row(size_t i);
 
   size_t rest;  // number of f_rest columns
+  Normals normals;
   PlyTable table;
 };
 
@@ -58,9 +63,10 @@ constexpr std::array<const char*, 5> names_of(SplatFormat) {
 // when it is none of these.
 SplatFormat splat_format(const std::string& path);
 
-// The Gaussians of any splat file. A PLY may have more columns than the standard's, or fewer: they
-// are what is in the file. Error when it cannot be read as what splat_format says, or values that
-// are computed are not finite; and for a .4dgs, whose Gaussians move (four_dgs.hpp reads it).
+// The Gaussians of any splat file, without normals where it has none. A PLY may have more columns
+// than the standard's, or fewer: they are what is in the file. Error when it cannot be read as what
+// splat_format says, or values that are computed are not finite; and for a .4dgs, whose Gaussians
+// move (four_dgs.hpp reads it).
 PlyTable read_splats(const std::string& path);
 PlyTable read_splats(const std::string& path, SplatFormat format);
 

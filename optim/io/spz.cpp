@@ -117,7 +117,7 @@ PlyTable read_spz(const std::string& path) {
   const uint8_t* quats = scales + 3 * n;
   const uint8_t* harmonics = quats + quat_bytes * n;
 
-  SplatTable table(n, header.sh_degree);
+  SplatTable table(n, header.sh_degree, Normals::none);
   for (size_t i = 0; i < n; ++i) {
     const SplatRow row = table.row(i);
     for (size_t k = 0; k < 3; ++k) {

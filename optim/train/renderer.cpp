@@ -39,6 +39,10 @@ bool Renderer::bends() const {
          time_t0() < 1 + 1e-6;
 }
 
+Bands Renderer::bands(const Model& model) const {
+  return model.color.bands(shot_.sh_degree, skip_.bands);
+}
+
 void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   shot_ = shot;
   shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
@@ -57,8 +61,7 @@ void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
     model.motion->at(queue, model.parameters, model.time(shot.time_t2), &with_second_time(), t2_,
                      view.moving);
   if (bends()) model.motion->at(queue, model.parameters, model.time(time_t0()), &seen, t0_);
-  model.color.forward(queue, model.parameters, shot_.sh_degree, shot.view.camera, t1_, seen,
-                      colors_);
+  model.color.forward(queue, model.parameters, bands(model), shot.view.camera, t1_, seen, colors_);
   engine_.draw(queue, shot.background, t1_, shot.flow ? t2_ : t1_, colors_);
 }
 
@@ -72,7 +75,7 @@ void Renderer::backward(Queue& queue, Model& model, const ImageGradients& v) {
     g.v_factors_t2.fill(queue, 0);
   }
   if (shot_.motion_loss) shot_.motion_loss->run(queue, seen, bends() ? &t0_ : nullptr, t1_, t2_, g);
-  model.color.backward(queue, p, shot_.sh_degree, shot_.view.camera, t1_, seen, g);
+  model.color.backward(queue, p, bands(model), shot_.view.camera, t1_, seen, g);
   model.motion->backward(queue, p, model.time(shot_.time), true, seen, g.v_means, g.v_factors,
                          g.v_opacities);
   if (shot_.flow || shot_.motion_loss)

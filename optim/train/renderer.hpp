@@ -46,6 +46,7 @@ class Renderer {
  private:
   // Whose pose at the second time matters.
   const Buffer<cl_uint>& with_second_time() const;
+  Bands bands(const Model& model) const;
   bool bends() const;  // whether the motion loss has a third moment within the video
   double time_t0() const { return 2 * shot_.time - shot_.time_t2; }
 

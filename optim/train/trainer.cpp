@@ -339,15 +339,19 @@ void Trainer::update(Queue& queue, int step) {
     keys.rows.seen.fill_range(queue, 0, size_t(now.time_step) * p.moving, 0u);
   }
   if (density_) density_->add_gradients(queue, p, density_rule_);
+  const auto unused = [&](const GroupSpec& spec) {
+    return config_.skip.bands && spec.quantity == Quantity::color_rest && sh_degree(step) == 0;
+  };
   for (Table* table : p.tables()) {
     const bool moving = table != &p;
     if (moving ? !now.moves() || warming : !now.fits()) continue;
     for (size_t g = 0; g < table->groups.size(); ++g)
-      adam_.refuse(queue, table->groups[g], table->rows, table->active_in(table->specs[g]));
+      if (!unused(table->specs[g]))
+        adam_.refuse(queue, table->groups[g], table->rows, table->active_in(table->specs[g]));
     adam_.advance(queue, table->rows, table->active);
     for (size_t g = 0; g < table->groups.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
-      if (spec.quantity == Quantity::color_rest && sh_degree(step) == 0) continue;
+      if (unused(spec)) continue;
       // Photographs of one moment; and who is trained moment by moment has no time of its own.
       if (spec.motion && (scene_.steps < 2 || now.time_step == 0)) continue;
       adam_.step(queue, table->groups[g], table->rows, table->active_in(spec),
