@@ -9,6 +9,7 @@ Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
     : cutoff_(cutoff),
       program_(queue, "native4d.cl"),
       native4d_fwd_(program_, "native4d_fwd"),
+      native4d_seen_fwd_(program_, "native4d_seen_fwd"),
       native4d_bwd_(program_, "native4d_bwd"),
       native4d_split_(program_, "native4d_split"),
       native4d_pace_(program_, "native4d_pace") {}
@@ -31,6 +32,17 @@ void Native4dMotion::at(Queue& queue, const Parameters& p, float t, const Buffer
                 p["quats"].values, p["quats_r"].values, p["log_scales"].values,
                 p["logit_opacities"].values, gaussians.means, gaussians.factors,
                 gaussians.opacities);
+}
+
+void Native4dMotion::seen_at(Queue& queue, const Parameters& p, float t,
+                             const PinholeCamera& camera, GaussiansAt& gaussians) {
+  gaussians.ensure(queue, p.count);
+  const size_t lanes = size_t(queue.lanes);
+  native4d_seen_fwd_(queue, Range::over((p.count + lanes - 1) / lanes), cl_uint(p.count),
+                     cl_uint(p.moving), t, cutoff_, camera, p["means"].values, p["means_t"].values,
+                     p["quats"].values, p["quats_r"].values, p["log_scales"].values,
+                     p["logit_opacities"].values, gaussians.means, gaussians.factors,
+                     gaussians.opacities);
 }
 
 void Native4dMotion::backward(Queue& queue, Parameters& p, float t, bool first,

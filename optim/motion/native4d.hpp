@@ -17,6 +17,8 @@ class Native4dMotion : public Motion {
   std::vector<GroupSpec> groups() const override { return native4d_groups(); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians, size_t rows = Parameters::all) override;
+  void seen_at(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
+               GaussiansAt& gaussians) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
@@ -31,6 +33,9 @@ class Native4dMotion : public Motion {
   Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
       native4d_fwd_;
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, PinholeCamera, In<float>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
+      native4d_seen_fwd_;
   Kernel<cl_uint, cl_uint, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<cl_uint>, In<float>, In<float>, In<float>, Out<cl_uint>, Out<float>,
          Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gaussians posed for a camera (Motion::seen_at): all that it draws is there to the last bit, most
+// of the others are not.
+#include <random>
+
+#include "compare.hpp"
+#include "device.hpp"
+#include "device_scene.hpp"
+#include "optim/engine/engine.hpp"
+#include "optim/motion/models.hpp"
+
+namespace gflow {
+namespace {
+
+// The models that look at the camera; lanes: 0 what suits the device, 1 as on GPUs.
+class Outside : public testing::TestWithParam<std::tuple<MotionModelKind, int>> {};
+INSTANTIATE_TEST_SUITE_P(Motion, Outside,
+                         testing::Combine(testing::Values(MotionModelKind::spacetime,
+                                                          MotionModelKind::native4d),
+                                          testing::Values(0, 1)),
+                         [](const auto& info) {
+                           const MotionModelKind kind = std::get<0>(info.param);
+                           return fmt::format("{}_{}", names_of(kind)[size_t(kind)],
+                                              std::get<1>(info.param));
+                         });
+
+// Values up to so much of a group: needles, large and small ones, that cross the view.
+float most_of(const GroupSpec& spec) {
+  if (spec.quantity == Quantity::opacity) return 6;
+  if (spec.quantity == Quantity::scale) return 2.5f;
+  return spec.name == "means" ? 10 : 1.5f;
+}
+
+constexpr size_t N = 4000, SOME_MOVE = 3000;
+
+// The first has no place.
+void fill_randomly(Queue& queue, Parameters& p) {
+  std::mt19937 rng(8);
+  const auto random = [&] { return 2 * float(rng()) / 4294967296.f - 1; };
+  for (size_t g = 0; g < p.groups.size(); ++g) {
+    const GroupSpec& spec = p.specs[g];
+    std::vector<float> values;
+    for (size_t i = 0; i < spec.width * N; ++i)
+      values.push_back(most_of(spec) * random() -
+                       (spec.quantity == Quantity::scale && i % 4 < 3 ? 2 : 0));
+    if (spec.name == "means") values[0] = NAN;
+    p.groups[g].values.write(queue, values);
+  }
+  p.rows.seen.fill(queue, 0u);
+}
+
+TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
+  Queue queue = test_queue(std::get<1>(GetParam()));
+  MotionShape shape;
+  shape.motion = std::get<0>(GetParam());
+  const auto motion = make_motion(queue, shape);
+  Parameters p(queue, N, motion->groups(), motion->tables());
+  fill_randomly(queue, p);
+
+  PinholeCamera camera = test_camera(64, 48);
+  camera.near_plane = .05f;
+  PinholeCamera part = camera;  // a part of a larger picture
+  part.left = 30;
+  part.top = 10;
+  part.full_width = 120;
+  part.full_height = 90;
+  for (const PinholeCamera& c : {camera, part})
+    for (const bool boxes : {true, false})
+      for (const size_t moving : {N, SOME_MOVE}) {
+        p.moving = moving;
+        EngineSettings settings;
+        settings.skip.boxes = boxes;
+        Engine engine(queue, settings);
+        GaussiansAt all, some;
+        motion->at(queue, p, .25f, nullptr, all);
+        engine.project(queue, {c, c}, {false, false}, all);
+        const std::vector<cl_uint> touched = engine.splats().tiles_touched.read(queue);
+        motion->seen_at(queue, p, .25f, c, some);
+        engine.project(queue, {c, c}, {false, false}, some);
+        EXPECT_EQ(engine.splats().tiles_touched.read(queue), touched);
+        const std::vector<float> before = all.opacities.read(queue),
+                                 now = some.opacities.read(queue);
+        const std::vector<float> shapes = all.factors.read(queue),
+                                 shapes_now = some.factors.read(queue);
+        size_t there = 0, posed = 0, seen = 0;
+        for (size_t i = 0; i < N; ++i) {
+          there += before[i] > 0;
+          posed += now[i] > 0;
+          seen += touched[i] > 0;
+          if (touched[i] == 0) continue;
+          EXPECT_EQ(now[i], before[i]);
+          for (size_t k = 9 * i; k < 9 * i + 9; ++k) EXPECT_EQ(shapes_now[k], shapes[k]);
+        }
+        EXPECT_GT(seen, 100u);
+        EXPECT_GT(there - seen, 1000u);
+        EXPECT_LT(posed - seen, (there - seen) / 3);
+      }
+}
+
+}  // namespace
+}  // namespace gflow
