@@ -52,7 +52,7 @@ void run_import(const ImportFlags& flags) {
   if (flags.time && format != SplatFormat::four_dgs)
     throw Error(fmt::format("--time is for .4dgs files, whose Gaussians move; {} is {}",
                             flags.input, names_of(format)[size_t(format)]));
-  const PlyTable table =
+  PlyTable table =
       format == SplatFormat::four_dgs ? moment_of(flags) : read_splats(flags.input, format);
   if (table.column("scale_t") >= 0)
     throw Error(
@@ -60,6 +60,7 @@ void run_import(const ImportFlags& flags) {
                     "makes a PLY of one of its times",
                     flags.input));
   const SplatTable standard = standard_table(table, flags.input);
+  table.values = {};  // or there were three copies at once
   for (size_t i = 0; i < standard.table.values.size(); ++i)
     if (!std::isfinite(standard.table.values[i]))
       throw Error(
