@@ -74,6 +74,7 @@ void run_skip(const StepOptions& o, const GlobalOptions& options) {
                  {"CPU [ms]", spread_of(c.cpu)},
                  single("of all skips", spread_of(c.cpu).median / shipped),
                  single("moved by Adam", c.touched.moved),
+                 single("posed", c.posed),
                  single("drawn", c.touched.drawn),
                  single("intersections", c.touched.intersections),
                  single("bytes [1e6]", 1e-6 * bytes_of(c.touched)),

@@ -78,6 +78,9 @@ class GoingOn {
     const Engine& engine = trainer_->renderer().engine();
     cost.pairs = count_pairs(queue, engine, engine_settings(config_));
     const Images& images = engine.images();
+    const std::vector<float> opacities = trainer_->renderer().gaussians().opacities.read(queue);
+    cost.posed = double(std::count_if(opacities.begin(), opacities.begin() + long(cost.end.count),
+                                      [](float opacity) { return opacity > 0; }));
     Reduce reduce(queue);
     cost.touched = {double(reduce.count_nonzero(queue, model_.parameters.rows.seen)),
                     parameters_of_one(cost.end),

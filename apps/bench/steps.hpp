@@ -40,6 +40,7 @@ struct StepCost {
   std::vector<double> wall, cpu, busy, host;  // [ms]; busy: the device; host: the training thread
   std::map<std::string, std::vector<double>> kernels;  // [ms] on the device
   HostModel end;
+  double posed = 0;  // Gaussians whose shape at the time drawn was made
   Touched touched;
   Pairs pairs;
 };

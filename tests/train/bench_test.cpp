@@ -193,16 +193,18 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
              "--set", "density.enabled=false", "--json", file, "--quiet"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = read(file)["rows"];
-  ASSERT_EQ(rows.size(), 13u);
+  ASSERT_EQ(rows.size(), 14u);
   const Json &all = rows["all skips"], &none = rows["no skip"];
   EXPECT_EQ(all["model differs by"], 0);
-  for (const char* exact : {"masks", "saturated", "asking", "outside", "flow"})
+  for (const char* exact : {"masks", "saturated", "asking", "outside", "flow", "bands"})
     EXPECT_EQ(rows[fmt::format("without {}", exact)]["model differs by"], 0) << exact;
   for (const char* in_the_mean : {"flow of calm tiles too", "flow in every step"})
     EXPECT_GT(rows[in_the_mean]["model differs by"], 0) << in_the_mean;
   EXPECT_GT(rows["without masks"]["pairs in cells"], all["pairs in cells"]);
   EXPECT_GT(rows["without boxes"]["intersections"], all["intersections"]);
   EXPECT_GE(rows["at every time"]["drawn"], all["drawn"]);
+  EXPECT_GE(rows["without outside"]["posed"], all["posed"]);
+  EXPECT_GE(all["posed"], all["drawn"]);
   EXPECT_GT(none["pairs in cells"], all["pairs in cells"]);
   EXPECT_GE(all["moved by Adam"], all["drawn"]);
   EXPECT_GT(rows["without unseen"]["moved by Adam"], all["moved by Adam"]);
