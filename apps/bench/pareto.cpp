@@ -8,6 +8,7 @@
 
 #include "apps/bench/bench.hpp"
 #include "apps/bench/exact.hpp"
+#include "apps/bench/front.hpp"
 #include "apps/command_line.hpp"
 #include "optim/io/atomic_file.hpp"
 
@@ -152,22 +153,14 @@ Shown timed(const Place& place, const EngineSettings& settings) {
           random_gradients(*place.queue, pixels, {true, false})};
 }
 
-// Nobody else is as fast and as exact in every measure, and in one of them better, beyond what
-// times differ by from run to run and decimals that nobody sees.
+// By the errors without cut-offs.
 std::vector<bool> front_of(const std::vector<Measured>& all) {
-  constexpr double kSpread = 1.03, kSame = 1.01, kMoreExact = 1.1;
-  const auto worse = [](const Measured& a, const Measured& b) {  // a than b
-    const Errors &x = a.found.without_cutoffs, &y = b.found.without_cutoffs;
-    const auto errors = {x.rgb / y.rgb, x.flow_px / y.flow_px, x.gradients / y.gradients};
-    const double time = a.of_shipped / b.of_shipped;
-    return time > 1 / kSpread && std::min(errors) > 1 / kSame &&
-           (time > kSpread || std::max(errors) > kMoreExact);
-  };
-  std::vector<bool> front;
-  for (const Measured& a : all)
-    front.push_back(
-        std::none_of(all.begin(), all.end(), [&](const Measured& b) { return worse(a, b); }));
-  return front;
+  std::vector<TimeAndErrors> costs;
+  for (const Measured& m : all) {
+    const Errors& e = m.found.without_cutoffs;
+    costs.push_back({m.of_shipped, {e.rgb, e.flow_px, e.gradients}});
+  }
+  return pareto_front(costs);
 }
 
 // Six pictures of error over time: without cut-offs above, as defined below. Who stands where the

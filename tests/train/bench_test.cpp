@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow bench`: what it counts is right and what it writes can be compared. No time is judged.
+#include <chrono>
+#include <csignal>
 #include <nlohmann/json.hpp>
+#include <thread>
 
+#include "apps/bench/front.hpp"
 #include "optim/io/npz.hpp"
 #include "train/command.hpp"
 #include "train/small_scene.hpp"
@@ -127,6 +131,38 @@ TEST(Bench, BoxesThatCutSplatsOffAreLessExactAndSkipsAreNot) {
   EXPECT_EQ(compared.code, 3) << compared.err;
   EXPECT_NE(compared.out.find("less exact\n"), std::string::npos) << compared.out;
   EXPECT_NE(compared.out.find("\n1 worse than in "), std::string::npos) << compared.out;
+}
+
+// 3 % of time and 1 % of an error are nothing.
+TEST(Bench, TheFrontHasWhoNobodyIsBetterThan) {
+  using Costs = std::vector<bench::TimeAndErrors>;
+  const auto front = [](const Costs& all) { return bench::pareto_front(all); };
+  const bench::TimeAndErrors shipped{1, {1, 1, 1}};
+  EXPECT_EQ(front({shipped}), (std::vector<bool>{true}));
+  EXPECT_EQ(front({shipped, shipped}), (std::vector<bool>{true, true}));
+  EXPECT_EQ(front({shipped, {.9, {1, 1, 1}}}), (std::vector<bool>{false, true})) << "faster";
+  EXPECT_EQ(front({shipped, {1, {1, .8, 1}}}), (std::vector<bool>{false, true})) << "more exact";
+  EXPECT_EQ(front({shipped, {.9, {1, 1, 1.2}}}), (std::vector<bool>{true, true})) << "a choice";
+  EXPECT_EQ(front({shipped, {.98, {1, 1, 1}}}), (std::vector<bool>{true, true})) << "noise";
+  EXPECT_EQ(front({shipped, {.9, {1.005, 1, 1}}}), (std::vector<bool>{false, true})) << "decimals";
+  EXPECT_EQ(front({{2, {1, 1, 1}}, {1.5, {.5, 1, 1}}, {1, {1, .5, 1}}}),
+            (std::vector<bool>{false, true, true}));
+}
+
+TEST(Bench, InterruptedItLeavesNothingBehind) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TemporaryFolder folder;
+  const Command command({"bench", "step", scene.path(), "--warm", "1000000"},
+                        "export TMPDIR='" + folder.path() + "'");
+  for (int i = 0; i < 6000 && command.said().find("train") == std::string::npos; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_FALSE(fs::is_empty(folder.path()));
+  command.send(SIGINT);
+  const Outcome outcome = command.wait();
+  EXPECT_EQ(outcome.code, 130);
+  EXPECT_NE(outcome.err.find("interrupted"), std::string::npos) << outcome.err;
+  EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 
 TEST(Bench, AnUnknownKnobIsNamedWithThoseThereAre) {

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Who of several choices is worth a look: the Pareto front of time and errors.
+#pragma once
+#include <algorithm>
+#include <array>
+#include <vector>
+
+namespace gflow::bench {
+
+// The time and the errors of a choice, all > 0, each in a unit of its own.
+struct TimeAndErrors {
+  double time = 1;
+  std::array<double, 3> errors{1, 1, 1};
+};
+
+// Whether each is on the front: nobody else is as fast and as exact in every measure, and in one of
+// them better, beyond what times differ by from run to run and decimals that nobody sees.
+inline std::vector<bool> pareto_front(const std::vector<TimeAndErrors>& all) {
+  constexpr double kSpread = 1.03, kSame = 1.01, kMoreExact = 1.1;
+  const auto worse = [](const TimeAndErrors& a, const TimeAndErrors& b) {  // a than b
+    const double time = a.time / b.time;
+    double least = a.errors[0] / b.errors[0], most = least;
+    for (size_t k = 1; k < a.errors.size(); ++k) {
+      least = std::min(least, a.errors[k] / b.errors[k]);
+      most = std::max(most, a.errors[k] / b.errors[k]);
+    }
+    return time > 1 / kSpread && least > 1 / kSame && (time > kSpread || most > kMoreExact);
+  };
+  std::vector<bool> front;
+  for (const TimeAndErrors& a : all)
+    front.push_back(
+        std::none_of(all.begin(), all.end(), [&](const TimeAndErrors& b) { return worse(a, b); }));
+  return front;
+}
+
+}  // namespace gflow::bench
