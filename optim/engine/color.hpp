@@ -16,8 +16,7 @@ inline std::vector<GroupSpec> color_groups(int highest) {
 // What is shown of the harmonics, and how far they are walked through.
 struct Bands {
   int degree;  // those above count as 0
-  int walked;  // the highest that is looked at, from `degree` to what is stored: a saving, no
-               // choice
+  int walked;  // the highest that is looked at, from `degree` to what is stored: nobody sees which
 };
 
 class Color {
