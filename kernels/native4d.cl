@@ -69,8 +69,13 @@ static inline LaneQuat lane_quat_mul(LaneQuat a, LaneQuat b) {
 static inline LaneQuat lane_quat_scale(LaneQuat q, lane s) {
   return lane_quat(q.t * s, q.x * s, q.y * s, q.z * s);
 }
-static inline LaneQuat lane_quat_unit(LaneQuat q) {
-  return lane_quat_scale(q, 1.f / sqrt(q.t * q.t + q.x * q.x + q.y * q.y + q.z * q.z));
+static inline lane lane_quat_norm2(LaneQuat q) {
+  return q.t * q.t + q.x * q.x + q.y * q.y + q.z * q.z;
+}
+// Whether its length is one that quat_normalize (shared/quat.h) treats as any other, and whose square
+// is a float.
+static inline lane_int lane_quat_sound(lane norm2) {
+  return (norm2 > TO_LANE(1e-11f)) & (norm2 < TO_LANE(1e36f));
 }
 
 // At the first time, for a camera: as spacetime_seen_fwd (spacetime.cl), with the place and, for the
@@ -110,8 +115,11 @@ kernel void native4d_seen_fwd(const uint n, const uint moving, const float t, co
     in[14].row[r] = g.log_scales.z, in[15].row[r] = g.log_scales.w;
     in[16].row[r] = g.logit_opacity;
   }
-  const LaneQuat l = lane_quat_unit(lane_quat(in[4].all, in[5].all, in[6].all, in[7].all));
-  const LaneQuat back = lane_quat_unit(lane_quat(in[8].all, -in[9].all, -in[10].all, -in[11].all));
+  const LaneQuat ql = lane_quat(in[4].all, in[5].all, in[6].all, in[7].all);
+  const LaneQuat qr_conj = lane_quat(in[8].all, -in[9].all, -in[10].all, -in[11].all);
+  const lane l2 = lane_quat_norm2(ql), r2 = lane_quat_norm2(qr_conj);
+  const LaneQuat l = lane_quat_scale(ql, 1.f / sqrt(l2));
+  const LaneQuat back = lane_quat_scale(qr_conj, 1.f / sqrt(r2));
   const LaneQuat axes[4] = {lane_quat(-l.x, l.t, l.z, -l.y), lane_quat(-l.y, -l.z, l.t, l.x),
                             lane_quat(-l.z, l.y, -l.x, l.t), l};  // ql e_k
   LaneQuat p[4];  // the columns of P
@@ -139,6 +147,7 @@ kernel void native4d_seen_fwd(const uint n, const uint moving, const float t, co
   shown.all = !(there <= TO_LANE(0.999f * cutoff)) &
               may_be_seen(camera, fma(vx, dt, in[0].all), fma(vy, dt, in[1].all),
                           fma(vz, dt, in[2].all), sqrt(size) + 1e-6f * sqrt(all), opacity);
+  shown.all |= !(lane_quat_sound(l2) & lane_quat_sound(r2));
   for (uint r = 0; r < count; ++r) {
     const uint i = first + r;
     opacities_at[i] = 0.f;

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
@@ -16,7 +17,20 @@ namespace {
 
 constexpr int largest_side = 16384;
 
+// FFmpeg takes a text that names other files (a playlist) for a video, too, and opens them wherever
+// they are: only files whose pictures are in themselves are let through.
+void refuse_playlists() {
+  static const int set =
+      ::setenv("OPENCV_FFMPEG_CAPTURE_OPTIONS",
+               "protocol_whitelist;file|format_whitelist;mov,mp4,m4a,3gp,3g2,mj2,"
+               "matroska,webm,avi,mpeg,mpegts,mpegvideo,flv,ogg,asf,gif,apng,ivf,"
+               "yuv4mpegpipe,h264,hevc,m4v,mjpeg,dv,mxf,nut,rm,vc1,obu,av1",
+               0);
+  (void)set;
+}
+
 cv::VideoCapture open_video(const std::string& path) {
+  refuse_playlists();
   if (!std::filesystem::is_regular_file(path))
     throw Error(fmt::format("cannot read video {}: there is no such file", path));
   if (std::filesystem::file_size(path) == 0)

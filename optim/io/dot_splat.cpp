@@ -79,7 +79,10 @@ PlyTable read_dot_splat(const std::string& path) {
                     path, kSize, size));
   SplatTable table(size / kSize, 0, Normals::none);
   for (size_t i = 0; i < table.table.rows; ++i, file.step(kSize)) {
-    const auto* at = reinterpret_cast<const uint8_t*>(file.ahead(kSize).data());
+    const std::string_view bytes = file.ahead(kSize);
+    if (bytes.size() < kSize)
+      throw Error(fmt::format("cannot read {}: it became shorter while it was read", path));
+    const auto* at = reinterpret_cast<const uint8_t*>(bytes.data());
     const SplatRow row = table.row(i);
     std::memcpy(row.mean, at, 3 * sizeof(float));
     read_log_scales(at + 12, i, path, row.log_scales);

@@ -51,6 +51,16 @@ TEST(VideoFile, ATruncatedOneIsTold) {
       << half.notices[0];
 }
 
+// Or a downloaded file would make gflow open any other.
+TEST(VideoFile, APlaylistIsNoVideo) {
+  const TemporaryFolder folder;
+  const std::string video = make_video(folder, "a.avi", 3);
+  const std::string list = folder.write(
+      "list.mp4", "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n" + video + "\n#EXT-X-ENDLIST\n");
+  EXPECT_EQ(video_info(video).frames, 3);
+  EXPECT_THROW(video_info(list), Error);
+}
+
 TEST(VideoFile, AFileIsASceneOfOneStaticCamera) {
   const TemporaryFolder folder;
   for (const char* name : {"a.avi", "a.mkv", "a.mov"}) {

@@ -44,6 +44,11 @@ void fill_randomly(Queue& queue, Parameters& p) {
       values.push_back(most_of(spec) * random() -
                        (spec.quantity == Quantity::scale && i % 4 < 3 ? 2 : 0));
     if (spec.name == "means") values[0] = NAN;
+    // Quaternions whose length no square holds, and those that are no direction.
+    if (spec.quantity == Quantity::rotation && spec.width == 4)
+      for (size_t i = 0; i < N; ++i)
+        for (size_t k = 0; k < 4; ++k)
+          values[4 * i + k] *= i % 50 == 1 ? 1e19f : i % 50 == 2 ? 3e-8f : 1;
     p.groups[g].values.write(queue, values);
   }
   p.rows.seen.fill(queue, 0u);
