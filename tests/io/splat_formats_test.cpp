@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of other programs are packed here from known Gaussians, by the formats' descriptions; what
 // is read must be these to half a step of the format.
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <random>
@@ -47,11 +48,18 @@ struct Tolerance {
   double mean, log_scale, quat, color, opacity, sh;
 };
 
+std::vector<std::string> without_normals(std::vector<std::string> names) {
+  names.erase(std::remove_if(names.begin(), names.end(),
+                             [](const std::string& n) { return n.size() == 2 && n[0] == 'n'; }),
+              names.end());
+  return names;
+}
+
 // Equal to the tolerance in each quantity; quaternions up to their sign and length.
 void expect_near(SplatTable& expected, PlyTable read, const Tolerance& tolerance) {
   ASSERT_EQ(read.rows, expected.table.rows);
   SplatTable got = standard_table(read, "test");
-  ASSERT_EQ(got.rest, expected.rest);
+  ASSERT_EQ(without_normals(read.names), without_normals(expected.table.names));
   for (size_t i = 0; i < read.rows; ++i) {
     const SplatRow a = expected.row(i), b = got.row(i);
     double dot = 0, norms = 0, norm_a = 0;
