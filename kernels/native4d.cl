@@ -96,10 +96,20 @@ kernel void native4d_seen_fwd(const uint n, const uint moving, const float t, co
   const uint first = get_global_id(0) * LANES;
   if (first >= n) return;
   const uint count = min((uint)LANES, n - first);
-  union {
-    lane all;
-    float row[LANES];
-  } in[17];  // mean 0 to 2, t - mean_t 3, ql 4 to 7, qr 8 to 11, log scales 12 to 15, logit 16
+  // No longer than along the longest axis, wherever that points: its window is that long at most.
+  Lookout lookout = lookout_nobody();
+  for (uint r = 0; r < count; ++r) {
+    const float4 s = vload4(first + r, log_scales);
+    lookout.dt.row[r] = t - means_t[first + r];
+    lookout.log_life.row[r] = fmax(fmax(s.x, s.y), fmax(s.z, s.w));
+  }
+  for (uint r = count; r < LANES; ++r) lookout.dt.row[r] = INFINITY;
+  const float sigmas = sqrt(-2.f * log(cutoff));
+  if (!lane_any(lookout_lives(lookout.dt.all, lookout.log_life.all, sigmas))) {
+    lookout_none(first, count, opacities_at);
+    return;
+  }
+  LaneFloats in[17];  // mean 0 to 2, t - mean_t 3, ql 4 to 7, qr 8 to 11, log scales 12 to 15, logit 16
   for (int k = 0; k < 17; ++k) in[k].all = TO_LANE(0.f);
   for (uint r = 0; r < count; ++r) {
     const uint i = first + r;
@@ -140,10 +150,7 @@ kernel void native4d_seen_fwd(const uint n, const uint moving, const float t, co
   }
   const lane dt = in[3].all, there = lookout_exp(-0.5f * dt * dt / tt);
   const lane opacity = there / (TO_LANE(1.f) + lookout_exp(-in[16].all));
-  union {
-    lane_int all;
-    int row[LANES];
-  } shown;
+  LaneInts shown;
   shown.all = !(there <= TO_LANE(0.999f * cutoff)) &
               may_be_seen(camera, fma(vx, dt, in[0].all), fma(vy, dt, in[1].all),
                           fma(vz, dt, in[2].all), sqrt(size) + 1e-6f * sqrt(all), opacity);

@@ -67,35 +67,21 @@ kernel void spacetime_seen_fwd(const uint n, const uint moving, const float t, c
   const uint first = get_global_id(0) * LANES;
   if (first >= n) return;
   const uint count = min((uint)LANES, n - first);
-  union {
-    lane all;
-    float row[LANES];
-  } tau, life, logit, longest, x, y, z;
-  tau.all = life.all = logit.all = longest.all = x.all = y.all = z.all = TO_LANE(0.f);
+  Lookout lookout = lookout_nobody();
+  LaneInts shown;
+  shown.all = lookout_time(&lookout, first, count, t, sigmas, means_t, log_scales);
+  if (!lane_any(shown.all)) {
+    lookout_none(first, count, opacities_at);
+    return;
+  }
   for (uint r = 0; r < count; ++r) {
     const uint i = first + r;
-    const float dt = t - means_t[i];
+    const float dt = lookout.dt.row[r];
     float3 mean = load3(means, i);
     if (i < moving) mean += (load3(velocities, i) + load3(half_accelerations, i) * dt) * dt;
-    x.row[r] = mean.x;
-    y.row[r] = mean.y;
-    z.row[r] = mean.z;
-    tau.row[r] = dt;
-    const float4 s = vload4(i, log_scales);
-    const float sxy = s.x > s.y ? s.x : s.y;
-    longest.row[r] = sxy > s.z ? sxy : s.z;
-    life.row[r] = s.w;
-    logit.row[r] = logit_opacities[i];
+    lookout_put(&lookout, r, mean, vload4(i, log_scales), logit_opacities[i]);
   }
-  const lane reach = lookout_exp(life.all), apart = tau.all / reach;
-  const lane opacity =
-      lookout_exp(-0.5f * apart * apart) / (TO_LANE(1.f) + lookout_exp(-logit.all));
-  union {
-    lane_int all;
-    int row[LANES];
-  } shown;
-  shown.all = !(fabs(apart) > TO_LANE(1.001f * sigmas)) &
-              may_be_seen(camera, x.all, y.all, z.all, lookout_exp(longest.all), opacity);
+  shown.all &= lookout_shows(lookout, camera);
   for (uint r = 0; r < count; ++r) {
     const uint i = first + r;
     if (!shown.row[r] || !life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) {

@@ -21,7 +21,7 @@ class WholeStep {
 
   void operator()() {
     BenchScene& s = scene_;
-    if (s.motion) s.motion->at(queue_, *s.parameters, s.t1, nullptr, s.at_t1);
+    if (s.motion) s.motion->seen_at(queue_, *s.parameters, s.t1, s.view.camera, s.at_t1);
     engine_.project(queue_, s.view, channels_, s.at_t1);
     const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
     if (s.motion && channels_.flow) s.motion->at(queue_, *s.parameters, s.t2, &seen, s.at_t2);

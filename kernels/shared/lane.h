@@ -98,7 +98,9 @@ static inline lane lane_exp2(lane x) {
 }
 #endif
 
-#if LANES > 1
+#if LANES == 1
+static inline int lane_any(lane_int a) { return a; }
+#else
 // Sum over the lanes, in a fixed tree.
 #if LANES == 16
 static inline float lane_sum(lane a) {

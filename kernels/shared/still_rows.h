@@ -27,17 +27,24 @@ static inline Still load_still(uint i, STILL_IN) {
   return g;
 }
 
-// Whether the Gaussian counts at time t, drawn first, or was seen then. Sets its opacity to 0 where
-// it is drawn and outside its window.
+// Whether the Gaussian is drawn at time t; sets its opacity to 0 where it is not.
+static inline int still_is_drawn(uint i, float t, float sigmas,
+                                 global const float* restrict means_t,
+                                 global const float* restrict log_scales,
+                                 global float* restrict opacities_at) {
+  if (life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) return 1;
+  opacities_at[i] = 0.f;
+  return 0;
+}
+
+// Whether it counts at time t: drawn first, or seen then.
 static inline int still_in_window(uint i, float t, float sigmas, int first,
                                   global const uint* restrict tiles_touched,
                                   global const float* restrict means_t,
                                   global const float* restrict log_scales,
                                   global float* restrict opacities_at) {
   if (!first) return tiles_touched[i] != 0;
-  if (life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) return 1;
-  opacities_at[i] = 0.f;
-  return 0;
+  return still_is_drawn(i, t, sigmas, means_t, log_scales, opacities_at);
 }
 
 static inline void store_shifted(uint i, Shifted o, global float* restrict means_at,

@@ -68,6 +68,7 @@ BasesMotion::BasesMotion(Queue& queue, const MotionShape& shape)
       program_(queue, "bases.cl"),
       bases_pose_(program_, "bases_pose"),
       bases_fwd_(program_, "bases_fwd"),
+      bases_seen_fwd_(program_, "bases_seen_fwd"),
       bases_bwd_(program_, "bases_bwd"),
       bases_gather_(program_, "bases_gather"),
       still_rows_(queue) {
@@ -100,6 +101,19 @@ void BasesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl
              p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
              p["logit_opacities"].values, p["basis_logits"].values, poses_, p["pivots"].values,
              gaussians.means, gaussians.factors, gaussians.opacities);
+}
+
+void BasesMotion::seen_at(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
+                          GaussiansAt& gaussians) {
+  gaussians.ensure(queue, p.count);
+  pose(queue, p, t);
+  const size_t lanes = size_t(queue.lanes);
+  bases_seen_fwd_(queue, Range::over((p.count + lanes - 1) / lanes), cl_uint(p.count),
+                  cl_uint(p.moving), shape_.bases, t, window_sigmas(shape_.cutoff), camera,
+                  p["means"].values, p["means_t"].values, p["quats"].values,
+                  p["log_scales"].values, p["logit_opacities"].values, p["basis_logits"].values,
+                  poses_, p["pivots"].values, gaussians.means, gaussians.factors,
+                  gaussians.opacities);
 }
 
 void BasesMotion::backward(Queue& queue, Parameters& p, float t, bool first,

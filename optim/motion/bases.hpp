@@ -26,6 +26,8 @@ class BasesMotion : public Motion {
   std::vector<TableSpec> tables() const override { return bases_tables(shape_.keys, shape_.bases); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians, size_t rows = Parameters::all) override;
+  void seen_at(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
+               GaussiansAt& gaussians) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
@@ -45,6 +47,10 @@ class BasesMotion : public Motion {
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
          Out<float>>
       bases_fwd_;
+  Kernel<cl_uint, cl_uint, cl_int, cl_float, cl_float, PinholeCamera, In<float>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
+         Out<float>>
+      bases_seen_fwd_;
   Kernel<cl_uint, cl_uint, cl_uint, cl_int, cl_float, cl_int, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>,
          In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,

@@ -19,6 +19,7 @@ KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
       scales_(shape.key_scales ? "key_scales" : "key_shifts"),
       program_(queue, "keyframes.cl", {{"SCALES", shape.key_scales}}),
       keyframes_fwd_(program_, "keyframes_fwd"),
+      keyframes_seen_fwd_(program_, "keyframes_seen_fwd"),
       keyframes_bwd_(program_, "keyframes_bwd"),
       keyframes_start_(program_, "keyframes_start"),
       still_rows_(queue) {
@@ -35,6 +36,18 @@ void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffe
                  p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
                  p["logit_opacities"].values, p["key_shifts"].values, p["key_turns"].values,
                  p[scales_].values, gaussians.means, gaussians.factors, gaussians.opacities);
+}
+
+void KeyframesMotion::seen_at(Queue& queue, const Parameters& p, float t,
+                              const PinholeCamera& camera, GaussiansAt& gaussians) {
+  gaussians.ensure(queue, p.count);
+  const size_t lanes = size_t(queue.lanes);
+  keyframes_seen_fwd_(queue, Range::over((p.count + lanes - 1) / lanes), cl_uint(p.count),
+                      cl_uint(p.moving), t, window_sigmas(shape_.cutoff), camera,
+                      key_weights(t, shape_.duration, shape_.keys), p["means"].values,
+                      p["means_t"].values, p["quats"].values, p["log_scales"].values,
+                      p["logit_opacities"].values, p["key_shifts"].values, p["key_turns"].values,
+                      p[scales_].values, gaussians.means, gaussians.factors, gaussians.opacities);
 }
 
 void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,

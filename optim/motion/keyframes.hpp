@@ -22,6 +22,8 @@ class KeyframesMotion : public Motion {
   std::vector<TableSpec> tables() const override { return keyframes_tables(shape_); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians, size_t rows = Parameters::all) override;
+  void seen_at(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
+               GaussiansAt& gaussians) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
@@ -39,6 +41,10 @@ class KeyframesMotion : public Motion {
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>,
          Out<float>, Out<float>>
       keyframes_fwd_;
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, PinholeCamera, KeyWeights, In<float>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
+         Out<float>>
+      keyframes_seen_fwd_;
   Kernel<cl_uint, cl_uint, cl_float, cl_int, KeyWeights, In<float>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>,
          Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<cl_uint>,

@@ -16,7 +16,9 @@ namespace {
 class Outside : public testing::TestWithParam<std::tuple<MotionModelKind, int>> {};
 INSTANTIATE_TEST_SUITE_P(Motion, Outside,
                          testing::Combine(testing::Values(MotionModelKind::spacetime,
-                                                          MotionModelKind::native4d),
+                                                          MotionModelKind::native4d,
+                                                          MotionModelKind::keyframes,
+                                                          MotionModelKind::bases),
                                           testing::Values(0, 1)),
                          [](const auto& info) {
                            const MotionModelKind kind = std::get<0>(info.param);
@@ -37,20 +39,21 @@ constexpr size_t N = 4000, SOME_MOVE = 3000;
 void fill_randomly(Queue& queue, Parameters& p) {
   std::mt19937 rng(8);
   const auto random = [&] { return 2 * float(rng()) / 4294967296.f - 1; };
-  for (size_t g = 0; g < p.groups.size(); ++g) {
-    const GroupSpec& spec = p.specs[g];
-    std::vector<float> values;
-    for (size_t i = 0; i < spec.width * N; ++i)
-      values.push_back(most_of(spec) * random() -
-                       (spec.quantity == Quantity::scale && i % 4 < 3 ? 2 : 0));
-    if (spec.name == "means") values[0] = NAN;
-    // Quaternions whose length no square holds, and those that are no direction.
-    if (spec.quantity == Quantity::rotation && spec.width == 4)
-      for (size_t i = 0; i < N; ++i)
-        for (size_t k = 0; k < 4; ++k)
-          values[4 * i + k] *= i % 50 == 1 ? 1e19f : i % 50 == 2 ? 3e-8f : 1;
-    p.groups[g].values.write(queue, values);
-  }
+  for (Table* table : p.tables())
+    for (size_t g = 0; g < table->groups.size(); ++g) {
+      const GroupSpec& spec = table->specs[g];
+      std::vector<float> values;
+      for (size_t i = 0; i < spec.width * table->count; ++i)
+        values.push_back(most_of(spec) * random() -
+                         (spec.name == "log_scales" && i % 4 < 3 ? 2 : 0));
+      if (spec.name == "means") values[0] = NAN;
+      // Quaternions whose length no square holds, and those that are no direction.
+      if (spec.quantity == Quantity::rotation && spec.width == 4 && table == &p)
+        for (size_t i = 0; i < N; ++i)
+          for (size_t k = 0; k < 4; ++k)
+            values[4 * i + k] *= i % 50 == 1 ? 1e19f : i % 50 == 2 ? 3e-8f : 1;
+      table->groups[g].values.write(queue, values);
+    }
   p.rows.seen.fill(queue, 0u);
 }
 
@@ -58,6 +61,9 @@ TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
   Queue queue = test_queue(std::get<1>(GetParam()));
   MotionShape shape;
   shape.motion = std::get<0>(GetParam());
+  shape.keys = 4;
+  shape.key_scales = 1;
+  shape.bases = 3;
   const auto motion = make_motion(queue, shape);
   Parameters p(queue, N, motion->groups(), motion->tables());
   fill_randomly(queue, p);
