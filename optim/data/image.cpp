@@ -28,6 +28,16 @@ Image from_mat(const cv::Mat& mat) {
   return image;
 }
 
+// Its colours by one of OpenCV's conversions, straight into the picture: a large one is not there
+// three times.
+Image converted(const cv::Mat& mat, int channels, int conversion) {
+  Image image{mat.cols, mat.rows, channels, {}};
+  image.pixels.resize(mat.total() * size_t(channels));
+  cv::Mat header(image.height, image.width, CV_8UC(channels), image.pixels.data());
+  cv::cvtColor(mat, header, conversion);
+  return image;
+}
+
 void check_pixels(const Image& image, const std::string& doing) {
   const size_t n = size_t(image.width) * size_t(image.height) * size_t(image.channels);
   const bool channels = image.channels == 1 || image.channels == 3 || image.channels == 4;
@@ -96,19 +106,15 @@ Image resampled(const Image& image, Sample sample) {
 }  // namespace
 
 Image read_image(const std::string& path) {
-  cv::Mat mat = to_8_bit(decode(path), path);
-  if (mat.channels() == 1)
-    cv::cvtColor(mat, mat, cv::COLOR_GRAY2RGB);
-  else
-    cv::cvtColor(mat, mat, mat.channels() == 4 ? cv::COLOR_BGRA2RGBA : cv::COLOR_BGR2RGB);
-  return from_mat(mat);
+  const cv::Mat mat = to_8_bit(decode(path), path);
+  if (mat.channels() == 4) return converted(mat, 4, cv::COLOR_BGRA2RGBA);
+  return converted(mat, 3, mat.channels() == 1 ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
 }
 
 Image read_grey(const std::string& path) {
-  cv::Mat mat = to_8_bit(decode(path), path);
-  if (mat.channels() > 1)
-    cv::cvtColor(mat, mat, mat.channels() == 4 ? cv::COLOR_BGRA2GRAY : cv::COLOR_BGR2GRAY);
-  return from_mat(mat);
+  const cv::Mat mat = to_8_bit(decode(path), path);
+  if (mat.channels() == 1) return from_mat(mat);
+  return converted(mat, 1, mat.channels() == 4 ? cv::COLOR_BGRA2GRAY : cv::COLOR_BGR2GRAY);
 }
 
 Image over_background(Image image, std::array<uint8_t, 3> background) {

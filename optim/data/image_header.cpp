@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <zlib.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -70,7 +71,7 @@ uint32_t big_endian(const uint8_t* b, int n) {
 struct Parsed {
   ImageHeader header;
   size_t data = 0;           // position of the first compressed byte
-  size_t bytes_a_pixel = 3;  // decoded
+  size_t bytes_a_pixel = 3;  // decoded, and at least the 3 of RGB that grey becomes
   bool is_png = false;
 };
 
@@ -88,9 +89,12 @@ Parsed parse_png(Source& source, const std::string& path) {
       parsed.header.height = int(std::min(big_endian(ihdr + 4, 4), 1u << 30));
       parsed.header.has_alpha = ihdr[9] == 4 || ihdr[9] == 6;
       const size_t channels = ihdr[9] == 0 ? 1 : parsed.header.has_alpha ? 4 : 3;
-      parsed.bytes_a_pixel = channels * (ihdr[8] > 8 ? 2 : 1);
+      parsed.bytes_a_pixel = std::max<size_t>(3, channels * (ihdr[8] > 8 ? 2 : 1));
     }
-    if (std::memcmp(chunk + 4, "tRNS", 4) == 0 && ihdr[9] == 3) parsed.header.has_alpha = true;
+    if (std::memcmp(chunk + 4, "tRNS", 4) == 0 && ihdr[9] == 3) {
+      parsed.header.has_alpha = true;
+      parsed.bytes_a_pixel = 4;
+    }
     if (std::memcmp(chunk + 4, "IDAT", 4) == 0) {
       parsed.data = at;
       return parsed;

@@ -3,6 +3,7 @@
 
 #include "data_readers/made_scene.hpp"
 #include "fuzz/checksums.hpp"
+#include "io/memory_of.hpp"
 #include "optim/data/image_header.hpp"
 #include "optim/data/video.hpp"
 
@@ -136,6 +137,26 @@ TEST(Image, WhatIsNoPictureIsRefused) {
   const auto* bytes = reinterpret_cast<const uint8_t*>(bomb.data());
   bomb = fuzz::with_png_checksums(bytes, bomb.size());
   expect_error([&] { read_image(folder.write("b.png", bomb)); }, {"b.png", "would unpack to"});
+}
+
+TEST(Image, GreyCountsAsTheThreeChannelsThatItBecomes) {
+  const TemporaryFolder folder;
+  write_png(folder.file("g.png"), pattern(16, 16, 1));
+  std::string bomb = contents(folder.file("g.png"));
+  bomb[18] = bomb[22] = 0x30;  // 12304 x 12304: 151 MB of grey, 454 MB of RGB
+  const auto* bytes = reinterpret_cast<const uint8_t*>(bomb.data());
+  bomb = fuzz::with_png_checksums(bytes, bomb.size());
+  const std::string path = folder.write("b.png", bomb);
+  expect_error([&] { read_image(path); }, {"b.png", "would unpack to"});
+  expect_error([&] { read_grey(path); }, {"b.png", "would unpack to"});
+}
+
+TEST(Image, GreyIsReadWithoutASecondCopyInColour) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("g.png");
+  write_png(path, Image{4096, 4096, 1, std::vector<uint8_t>(size_t{4096} * 4096, 7)});
+  // 16 MiB as stored and 48 MiB of RGB; 48 MiB more with a copy.
+  EXPECT_LT(memory_of([&] { EXPECT_EQ(read_image(path).pixels.back(), 7); }), 80);
 }
 
 TEST(Image, TruncatedJpegsAreRefused) {
