@@ -5,11 +5,26 @@
 
 #include <string>
 
+#include "optim/io/utf8.hpp"
+
 namespace gflow {
 
-// As it is but for characters that a terminal obeys (escape, backspace, the C1 controls in UTF-8),
-// which are written \x1b. Line ends and tabs stay. Of a long text the middle is left out: the line
-// of a file may be all of it.
+// Appends the letter at text[at], or \x1b for what a terminal obeys (escape, backspace, line ends,
+// the C1 controls in UTF-8) and for a byte that is no UTF-8; the place behind it.
+inline size_t append_letter(std::string& out, const std::string& text, size_t at) {
+  const size_t size = utf8_letter(text, at);
+  const auto first = static_cast<unsigned char>(text[at]);
+  const auto last = static_cast<unsigned char>(text[at + (size > 0 ? size - 1 : 0)]);
+  const bool control = first < 0x20 || first == 0x7f || (first == 0xc2 && last < 0xa0);
+  if (size == 0 || control)
+    out += fmt::format("\\x{:02x}", last);
+  else
+    out.append(text, at, size);
+  return at + (size > 0 ? size : 1);
+}
+
+// A whole message: letters as above, but line ends and tabs stay. Of a long text the middle is left
+// out.
 inline std::string printable(const std::string& text) {
   constexpr size_t most = 65536;  // what a compiler says of a kernel is shorter
   if (text.size() > most) {
@@ -22,19 +37,21 @@ inline std::string printable(const std::string& text) {
                        printable(text.substr(begin)));
   }
   std::string out;
-  for (size_t i = 0; i < text.size(); ++i) {
-    const auto at = [&](size_t k) {
-      return static_cast<unsigned char>(k < text.size() ? text[k] : 0);
-    };
-    const bool c1 = at(i) == 0xc2 && at(i + 1) >= 0x80 && at(i + 1) < 0xa0;
-    if (c1)
-      out += fmt::format("\\x{:02x}", at(++i));
-    else if ((at(i) < 0x20 && at(i) != '\n' && at(i) != '\t') || at(i) == 0x7f)
-      out += fmt::format("\\x{:02x}", at(i));
+  for (size_t i = 0; i < text.size();)
+    if (text[i] == '\n' || text[i] == '\t')
+      out += text[i++];
     else
-      out += text[i];
-  }
+      i = append_letter(out, text, i);
   return out;
+}
+
+// What a file or an option says, within a message: one line whatever it holds, and no more of it
+// than one needs to find it there.
+inline std::string excerpt(const std::string& text, size_t most_letters = 60) {
+  std::string out;
+  size_t at = 0;
+  for (size_t n = 0; n < most_letters && at < text.size(); ++n) at = append_letter(out, text, at);
+  return at < text.size() ? out + "..." : out;
 }
 
 }  // namespace gflow

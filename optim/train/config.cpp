@@ -11,6 +11,7 @@
 #include <sstream>
 #include <type_traits>
 
+#include "optim/io/printable.hpp"
 #include "optim/train/edit_distance.hpp"
 #include "optim/train/toml_file.hpp"
 #include "runtime/error.hpp"
@@ -28,23 +29,7 @@ std::string toml_text(float value) {
   if (std::isfinite(value) && text.find_first_of(".e") == std::string::npos) text += ".0";
   return text;
 }
-// Whether TOML can hold it; a path need not be UTF-8.
-bool is_utf8(const std::string& text) {
-  for (size_t i = 0; i < text.size();) {
-    const auto lead = static_cast<unsigned char>(text[i++]);
-    const int more = lead < 0x80 ? 0 : lead < 0xe0 ? 1 : lead < 0xf0 ? 2 : 3;
-    if (more && (lead < 0xc2 || lead > 0xf4)) return false;
-    uint32_t code = more ? lead & (0x3fu >> more) : lead;
-    for (int n = 0; n < more; ++n, ++i) {
-      if (i == text.size() || (text[i] & 0xc0) != 0x80) return false;
-      code = code << 6 | (text[i] & 0x3fu);
-    }
-    const bool too_long = code < (more == 2 ? 0x800u : more == 3 ? 0x10000u : 0u);
-    if (too_long || (code >= 0xd800 && code < 0xe000) || code > 0x10ffff) return false;
-  }
-  return true;
-}
-// "" for what the file could not be read again with: who goes on is then asked for the scene.
+// "" for a path that is no UTF-8, as TOML must be: who goes on is then asked for the scene.
 std::string toml_text(const std::string& value) {
   if (!is_utf8(value)) return "\"\"";
   std::string text = "\"";
