@@ -7,7 +7,10 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <optional>
+#include <type_traits>
 
+#include "optim/io/printable.hpp"
 #include "optim/io/splat_table.hpp"
 #include "optim/motion/parameters_state.hpp"
 #include "optim/train/warning.hpp"
@@ -59,40 +62,93 @@ std::map<std::string, size_t> widths_of(const MotionShape& shape) {
   return widths;
 }
 
-// A number above `lowest` and at most `highest` from a comment "key value", or the default.
-double comment_value(const PlyTable& table, const std::string& key, double otherwise, double lowest,
-                     double highest) {
+constexpr const char* model_comment = "gflow ";
+
+// What follows `start` in the first comment that begins with it.
+std::optional<std::string> comment_after(const PlyTable& table, const std::string& start) {
   for (const std::string& comment : table.comments)
-    if (comment.rfind(key + " ", 0) == 0) {
-      const char* const text = comment.c_str() + key.size() + 1;
-      char* end = nullptr;
-      const double value = std::strtod(text, &end);
-      if (end != text && value > lowest && value <= highest) return value;
-    }
-  return otherwise;
+    if (comment.rfind(start, 0) == 0) return comment.substr(start.size());
+  return std::nullopt;
+}
+
+// The numbers that make up `text`, and nothing else.
+std::optional<std::vector<double>> only_numbers(const std::string& text) {
+  std::vector<double> numbers;
+  const char* at = text.c_str();
+  for (char* end = nullptr;; at = end) {
+    const double value = std::strtod(at, &end);
+    if (end == at) break;
+    numbers.push_back(value);
+  }
+  while (*at == ' ' || *at == '\t') ++at;
+  if (at != text.c_str() + text.size() || numbers.empty()) return std::nullopt;
+  return numbers;
+}
+
+// Comments of others are their own words: one that begins as ours, but not with a number, says
+// nothing of the model. In a file that gflow wrote it is damaged.
+bool says_nothing(const PlyTable& table, const std::string& text) {
+  char* end = nullptr;
+  std::strtod(text.c_str(), &end);
+  return end == text.c_str() && !comment_after(table, model_comment);
+}
+
+// Of the comment "key value": a number above `lowest` and at most `highest`. Where there is none,
+// it is as the member stands: the file is another program's, or older than key_scales.
+template <class Number>
+void read_comment(const PlyTable& table, const std::string& key, Number& member, double lowest,
+                  double highest, const std::string& path) {
+  const auto text = comment_after(table, key + " ");
+  const bool always_there = key != "key_scales" && comment_after(table, model_comment);
+  if (!text && always_there)
+    throw Error(
+        fmt::format("reading {}: gflow wrote it, but its comment '{}' is missing: it is "
+                    "damaged",
+                    path, key));
+  if (!text || says_nothing(table, *text)) return;
+  const auto numbers = only_numbers(*text);
+  const double value = numbers && numbers->size() == 1 ? (*numbers)[0] : std::nan("");
+  const bool whole = std::is_integral_v<Number>;
+  const bool from_0 = lowest < 0 && lowest > -1e-300;  // above the number before 0
+  if (!(value > lowest && value <= highest) || (whole && value != std::floor(value)))
+    throw Error(
+        fmt::format("reading {}: its comment '{} {}' is damaged: expected is a {}number "
+                    "{} {:g}, at most {:g}",
+                    path, key, excerpt(*text), whole ? "whole " : "",
+                    from_0 ? "of at least" : "above", from_0 ? 0 : lowest, highest));
+  member = Number(value);
 }
 
 // What positions are relative to: its comment "origin x y z", or, where they are doubles, the
 // table's.
-std::array<double, 3> origin_of(const PlyTable& table) {
+std::array<double, 3> origin_of(const PlyTable& table, const std::string& path) {
   std::array<double, 3> origin = table.origin;
-  for (const std::string& comment : table.comments) {
-    std::array<double, 3> said{};
-    if (std::sscanf(comment.c_str(), "origin %lf %lf %lf", &said[0], &said[1], &said[2]) != 3)
-      continue;
-    for (size_t axis = 0; axis < 3; ++axis)
-      if (std::isfinite(said[axis])) origin[axis] += said[axis];
-  }
+  const auto text = comment_after(table, "origin ");
+  if (!text || says_nothing(table, *text)) return origin;
+  constexpr double farthest = 1e30;
+  const auto said = only_numbers(*text);
+  if (!said || said->size() != 3 ||
+      !std::all_of(said->begin(), said->end(), [](double x) { return std::fabs(x) <= farthest; }))
+    throw Error(
+        fmt::format("reading {}: its comment 'origin {}' is damaged: expected are three "
+                    "numbers of at most {:g}",
+                    path, excerpt(*text), farthest));
+  for (size_t axis = 0; axis < 3; ++axis) origin[axis] += (*said)[axis];
   return origin;
 }
 
 // The model that a file was written by: its comment "gflow MODEL"; files without one that move are
 // told apart by their properties.
-MotionModelKind kind_of(const PlyTable& table) {
+MotionModelKind kind_of(const PlyTable& table, const std::string& path) {
   const auto names = names_of(MotionModelKind{});
-  for (const std::string& comment : table.comments)
-    for (size_t k = 0; k < names.size(); ++k)
-      if (comment == std::string("gflow ") + names[k]) return MotionModelKind(k);
+  if (const auto word = comment_after(table, model_comment)) {
+    const auto found = std::find(names.begin(), names.end(), *word);
+    if (found != names.end()) return MotionModelKind(found - names.begin());
+    throw Error(
+        fmt::format("reading {}: its comment 'gflow {}' names no motion model; known are "
+                    "{}",
+                    path, excerpt(*word), fmt::join(names, ", ")));
+  }
   return table.column("rot_r_0") >= 0 ? MotionModelKind::native4d : MotionModelKind::spacetime;
 }
 
@@ -260,19 +316,18 @@ HostModel read_model(const std::string& path) {
   HostModel model;
   model.count = table.rows;
   const auto has = [&](const char* name) { return table.column(name) >= 0; };
-  const MotionModelKind kind = kind_of(table);
+  const MotionModelKind kind = kind_of(table, path);
   const bool moving = has("scale_t") || has("rot_r_0") || has("motion_0");
   model.shape.motion = kind;
   model.shape.sh_degree = sh_degree_of(table, path);
-  MotionShape::fields(model.shape, [&](const char* name, auto& value, double lowest,
-                                       double highest) {
-    value =
-        std::decay_t<decltype(value)>(comment_value(table, name, double(value), lowest, highest));
-  });
+  MotionShape::fields(model.shape,
+                      [&](const char* name, auto& value, double lowest, double highest) {
+                        read_comment(table, name, value, lowest, highest, path);
+                      });
 
   for (const ColumnBlock& block : column_blocks(moving, model.shape))
     for (const std::string& name : block.names) require_property(table.names, name, path);
-  model.shape.origin = origin_of(table);
+  model.shape.origin = origin_of(table, path);
   const auto widths = widths_of(model.shape);
   for (const auto& [name, width] : widths) model.groups[name].assign(width * model.count, 0.f);
   const size_t columns = table.names.size();

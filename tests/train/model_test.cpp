@@ -54,19 +54,69 @@ TEST_P(EverySphericalHarmonicsDegree, ComesBackFromAFileBitByBit) {
   EXPECT_EQ(back.groups, model.groups);
 }
 
-TEST(Model, OfAFileKeepsACutoffOfZeroAndTakesNoWordForIt) {
+// The file with its header line "comment KEY ..." replaced, or without it.
+std::string with_comment(std::string bytes, const std::string& key, const std::string& instead) {
+  const size_t at = bytes.find("comment " + key + " ");
+  EXPECT_NE(at, std::string::npos) << key;
+  const size_t end = bytes.find('\n', at) + 1;
+  return bytes.replace(at, end - at, instead.empty() ? "" : "comment " + instead + "\n");
+}
+
+TEST(Model, OfAFileKeepsACutoffOfZero) {
   const TemporaryFolder folder;
   const std::string path = folder.file("model.ply");
   HostModel model = random_model(5, 0);
   model.shape.cutoff = 0;
   write_model(path, model);
   EXPECT_EQ(read_model(path).shape.cutoff, 0.f);
-  std::string bytes = contents(path);
-  for (const char* damaged : {"cutoff x", "cutoff -", "cutoff 9"}) {
-    bytes.replace(bytes.find("cutoff "), 8, damaged);
-    folder.write("model.ply", bytes);
-    EXPECT_EQ(read_model(path).shape.cutoff, ModelShape().cutoff) << damaged;
-  }
+}
+
+TEST(Model, RefusesDamagedCommentsOfItsOwnFiles) {
+  const TemporaryFolder folder;
+  const auto expect_damaged = [&](MotionModelKind kind, const std::string& key,
+                                  const std::string& damaged, const char* why) {
+    HostModel model = random_model(5, 0, kind);
+    model.shape.origin = {6e6, 0, 1};
+    write_model(folder.file("model.ply"), model);
+    folder.write("model.ply", with_comment(contents(folder.file("model.ply")), key, damaged));
+    SCOPED_TRACE(damaged.empty() ? "without " + key : damaged);
+    expect_error([&] { read_model(folder.file("model.ply")); }, {"model.ply", "comment", why});
+  };
+  const auto spacetime = MotionModelKind::spacetime;
+  for (const char* cutoff : {"cutoff x", "cutoff -", "cutoff 9", "cutoff -0.1", "cutoff nan"})
+    expect_damaged(spacetime, "cutoff", cutoff, "at least 0, at most 0.5");
+  for (const char* duration : {"duration -1", "duration 0", "duration nan", "duration 1e400",
+                               "duration 1 s", "duration 1 2", "duration  "})
+    expect_damaged(spacetime, "duration", duration, "above 0, at most 1e+30");
+  expect_damaged(spacetime, "duration", "", "'duration' is missing");
+  expect_damaged(spacetime, "gflow", "gflow spacetimes", "no motion model; known are spacetime");
+  for (const char* origin : {"origin 1e400 0 0", "origin nan 0 0", "origin 1 2", "origin 1 2 3 4"})
+    expect_damaged(spacetime, "origin", origin, "three numbers");
+  expect_damaged(MotionModelKind::keyframes, "keys", "keys 2.5", "whole number above 0");
+  expect_damaged(MotionModelKind::keyframes, "key_scales", "key_scales 2", "at most 1");
+}
+
+// Files of the first models with keys had no comment key_scales.
+TEST(Model, ReadsKeysWithoutTheirScales) {
+  const TemporaryFolder folder;
+  HostModel model = random_model(5, 0, MotionModelKind::keyframes);
+  model.shape.key_scales = 0;
+  write_model(folder.file("model.ply"), model);
+  folder.write("model.ply", with_comment(contents(folder.file("model.ply")), "key_scales", ""));
+  EXPECT_EQ(read_model(folder.file("model.ply")).shape.key_scales, 0);
+}
+
+TEST(Model, TakesTheCommentsOfOthersForTheirOwnWords) {
+  const TemporaryFolder folder;
+  write_model(folder.file("model.ply"), random_model(5, 0));
+  std::string bytes = contents(folder.file("model.ply"));
+  bytes = with_comment(bytes, "gflow", "origin of this file: a camera");
+  bytes = with_comment(bytes, "cutoff", "");
+  folder.write("model.ply", with_comment(bytes, "duration", "duration of the film: a minute"));
+  const ModelShape shape = read_model(folder.file("model.ply")).shape;
+  EXPECT_EQ(shape.duration, ModelShape().duration);
+  EXPECT_EQ(shape.cutoff, ModelShape().cutoff);
+  EXPECT_EQ(shape.origin, ModelShape().origin);
 }
 
 TEST_P(EverySphericalHarmonicsDegree, ComesBackFromTheDeviceBitByBit) {
