@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <set>
 
 #include "apps/command_line.hpp"
 #include "apps/experiments/runs.hpp"
@@ -16,6 +17,7 @@
 #include "optim/io/json_text.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/progress.hpp"
+#include "runtime/device.hpp"
 
 namespace gflow {
 namespace {
@@ -96,6 +98,24 @@ void write_everything(const Plan& plan, const std::string& folder) {
     fmt::print("pictures  {}\n", sheet);
 }
 
+// NoUsableDevice where one that trainings would run on is not there or cannot be used: each of them
+// would tell so for itself, behind tables of nothing.
+void require_devices(const Plan& plan, const std::string& folder, const RunOptions& how) {
+  std::set<std::string> wanted(how.devices.begin(), how.devices.end());
+  if (wanted.empty())
+    for (const PlannedRun& run : plan.runs)
+      if (standing_of(run, folder).status != Status::finished)
+        wanted.insert(run.config.train.device);
+  try {
+    for (const std::string& device : wanted) {
+      const DeviceInfo info = device_info(find_device(device));
+      require_usable(info, info.lanes);
+    }
+  } catch (const Error& problem) {
+    throw NoUsableDevice(problem.what());
+  }
+}
+
 void run_experiment(const Flags& flags, const GlobalOptions& options) {
   const Plan plan = read_plan(flags.file, flags.scenes);
   const std::string folder = folder_of(flags);
@@ -106,8 +126,8 @@ void run_experiment(const Flags& flags, const GlobalOptions& options) {
   how.quiet = options.quiet;
   how.redo = flags.redo;
   require_films(plan);
-  for (const std::string& device : how.devices) find_device(device);
   how.allow_command = flags.allow_command;
+  if (!flags.dry_run || !how.devices.empty()) require_devices(plan, folder, how);
   if (flags.dry_run) return print_runs(plan, folder, how.jobs);
   for (const PlannedRun& run : plan.runs)
     if (!flags.allow_command && standing_of(run, folder).status != Status::finished)

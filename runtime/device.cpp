@@ -71,9 +71,11 @@ bool is_index(const std::string& text) {
          std::all_of(text.begin(), text.end(), [](unsigned char c) { return std::isdigit(c); });
 }
 
+// In one line, as every message is.
 std::string listing(const std::vector<DeviceInfo>& infos) {
   std::string text;
-  for (const auto& info : infos) text += fmt::format("\n  {}: {}", info.index, info.full_name());
+  for (const auto& info : infos)
+    text += fmt::format("{} {}: {}", info.index > 0 ? "," : "", info.index, info.full_name());
   return text;
 }
 

@@ -334,10 +334,21 @@ TEST_F(Experiment, WhatAnotherProcessTrainsIsWaitedFor) {
 }
 
 TEST_F(Experiment, ADeviceThatIsNotThereIsToldBeforeAnythingIsTrained) {
-  const Outcome outcome = experiment(file(), {"--devices", "no such device"});
-  EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("no such device"), std::string::npos) << outcome.err;
-  EXPECT_FALSE(fs::exists(out()));
+  const auto expect_no_device = [&](const std::vector<std::string>& more, const char* driver,
+                                    const char* why) {
+    std::vector<std::string> arguments{"experiment", file(), "-o", out(), "--quiet"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Outcome outcome = gflow(arguments, driver);
+    EXPECT_EQ(outcome.code, 2);
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_NE(outcome.err.find(why), std::string::npos) << outcome.err;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    EXPECT_FALSE(fs::exists(out()));
+  };
+  expect_no_device({"--devices", "no such device"}, "", "matches 'no such device'");
+  expect_no_device({"--device", "999"}, "", "no OpenCL device 999");
+  expect_no_device({}, "export OCL_ICD_VENDORS=/no/such/folder/", "no OpenCL device found");
+  expect_no_device({}, "export GFLOW_DEVICE=999", "no OpenCL device 999");
 }
 
 // Trainings side by side have fewer cores each: that must change no bit of any motion model. So
