@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "optim/io/printable.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow::experiments {
@@ -78,10 +79,12 @@ Metric metric_named(const std::string& name) {
     const bool of_motion = whole.rfind("motion_error", 0) == 0;
     const bool of_tracks = of_motion || whole.rfind("track_error", 0) == 0;
     const bool of_views = metric.path.size() == 2 && std::string(metric.path[0]) == "test";
-    if (!of_tracks && !of_views) throw Error("metric '" + whole + "' has no value for each step");
+    if (!of_tracks && !of_views)
+      throw Error("metric '" + excerpt(whole) + "' has no value for each step");
     const auto steps = step_range(name.substr(at + 1));
     if (!steps)
-      throw Error("metric '" + name + "': expected is NAME@FIRST-LAST, for example psnr@10-12");
+      throw Error("metric '" + excerpt(name) +
+                  "': expected is NAME@FIRST-LAST, for example psnr@10-12");
     Metric part = metric;
     part.name = name;
     part.label = fmt::format("{}, steps {} to {}", metric.label, steps->first, steps->second);
@@ -92,8 +95,8 @@ Metric metric_named(const std::string& name) {
     part.steps = steps;
     return part;
   }
-  throw Error(
-      fmt::format("there is no metric '{}'; known are {}", name, fmt::join(metric_names(), ", ")));
+  throw Error(fmt::format("there is no metric '{}'; known are {}", excerpt(name),
+                          fmt::join(metric_names(), ", ")));
 }
 
 bool is_repeatable(const Metric& metric) {

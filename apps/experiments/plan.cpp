@@ -10,6 +10,7 @@
 #include <set>
 
 #include "apps/experiments/metrics.hpp"
+#include "optim/io/printable.hpp"
 #include "optim/train/toml_file.hpp"
 
 namespace gflow::experiments {
@@ -40,8 +41,10 @@ class Reader {
       file_ = read_toml(path_);
     } catch (const toml::parse_error& problem) {
       const auto line = problem.source().begin.line;
-      throw Error(line == 0 ? fmt::format("cannot read {}: {}", path_, problem.description())
-                            : fmt::format("{}, line {}: {}", path_, line, problem.description()));
+      throw Error(line == 0 ? fmt::format("cannot read {}: {}", path_,
+                                          excerpt(std::string(problem.description()), 200))
+                            : fmt::format("{}, line {}: {}", path_, line,
+                                          excerpt(std::string(problem.description()), 200)));
     }
     expect_keys(file_, {"title", "scenes", "seeds", "config", "metrics", "baseline", "films",
                         "settings", "axis", "variant"});
@@ -68,8 +71,8 @@ class Reader {
   void expect_keys(const toml::table& table, const std::vector<std::string>& known) const {
     for (const auto& [key, node] : table)
       if (std::find(known.begin(), known.end(), key.str()) == known.end())
-        throw Error(fmt::format("{}: there is no '{}' here; known are {}", at(node), key.str(),
-                                fmt::join(known, ", ")));
+        throw Error(fmt::format("{}: there is no '{}' here; known are {}", at(node),
+                                excerpt(std::string(key.str())), fmt::join(known, ", ")));
   }
 
   std::string text(const toml::node& node, const std::string& name) const {
@@ -97,7 +100,8 @@ class Reader {
     if (const auto* value = node.as_boolean()) return value->get() ? "true" : "false";
     if (const auto* value = node.as_integer()) return fmt::format("{}", value->get());
     if (const auto* value = node.as_floating_point()) return fmt::format("{}", value->get());
-    throw Error(fmt::format("{}: '{}' must be a number, a text, true or false", at(node), key));
+    throw Error(
+        fmt::format("{}: '{}' must be a number, a text, true or false", at(node), excerpt(key)));
   }
 
   // The settings of a table, but for some keys of its own.
@@ -129,7 +133,7 @@ class Reader {
     for (const toml::node& name : list(*node, "metrics")) {
       names.push_back(text(name, "metrics"));
       if (std::count(names.begin(), names.end(), names.back()) > 1)
-        throw Error(fmt::format("{}: metric '{}' is named twice", at(name), names.back()));
+        throw Error(fmt::format("{}: metric '{}' is named twice", at(name), excerpt(names.back())));
       try {
         metric_named(names.back());
       } catch (const Error& problem) {
@@ -151,7 +155,7 @@ class Reader {
       if (!steps || mark == 0)
         throw Error(
             fmt::format("{}: film '{}': expected is VIEW@FIRST-LAST, for example cam00@9-13",
-                        at(entry), words));
+                        at(entry), excerpt(words)));
       films.push_back({words.substr(0, mark), steps->first, steps->second});
     }
     return films;
@@ -227,7 +231,7 @@ class Reader {
     throw Error(
         fmt::format("{}: there is no scene '{}': looked for {}; --scenes names the folder "
                     "they are in",
-                    where, path, fmt::join(tried, " and ")));
+                    where, excerpt(path), fmt::join(tried, " and ")));
   }
 
   Axis read_axis(const toml::table& fields) const {
@@ -278,7 +282,7 @@ class Reader {
     for (const Axis& axis : axes)
       if (!names.insert(axis.name).second)
         throw Error(fmt::format("{}: two columns would be called '{}'; give the axis another name",
-                                path_, axis.name));
+                                path_, excerpt(axis.name)));
     return axes;
   }
 
@@ -337,7 +341,8 @@ class Reader {
         check(config);
         for (const std::string& network : {config.metrics.lpips, config.metrics.clip})
           if (!network.empty() && !fs::exists(network))
-            throw Error(fmt::format("{}: there is no network '{}' to judge by", path_, network));
+            throw Error(fmt::format("{}: there is no network '{}' to judge by", path_,
+                                    excerpt(network, 200)));
         plan.runs.push_back(
             {file_name(fmt::format("{}-seed{}", id, seed)), plan.rows.size(), config});
       }
@@ -346,13 +351,20 @@ class Reader {
   }
 
   void expect_distinct(const std::vector<PlannedRun>& runs) const {
+    constexpr size_t longest = 200;  // file systems take 255, some behind the name
     std::set<std::string> ids;
-    for (const PlannedRun& run : runs)
+    for (const PlannedRun& run : runs) {
+      if (run.id.size() > longest)
+        throw Error(
+            fmt::format("{}: the folder of a run would be called {}, which is {} letters long, at "
+                        "most {} are possible: give scenes and choices shorter names",
+                        path_, excerpt(run.id), run.id.size(), longest));
       if (!ids.insert(run.id).second)
         throw Error(
             fmt::format("{}: two runs are called {}: give scenes and choices other names, "
                         "and each seed once",
                         path_, run.id));
+    }
   }
 
   std::string path_, scenes_;

@@ -19,6 +19,7 @@
 #include "optim/data/lens.hpp"
 #include "optim/data/reader_util.hpp"
 #include "optim/io/file_pieces.hpp"
+#include "optim/io/printable.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -120,12 +121,12 @@ void skip_observations(FilePieces& file, const std::string& picture) {
     throw Error(fmt::format(
         "cannot read {}: the line after that of picture {} is not x, y and point number of what "
         "was seen in it; each picture takes two lines, the second of which may be empty",
-        file.path(), picture));
+        file.path(), excerpt(picture)));
 }
 
 [[noreturn]] void bad_line(const std::string& path, const std::string& line) {
   throw Error(
-      fmt::format("{} has a line that is not in COLMAP's format: '{}'", path, line.substr(0, 60)));
+      fmt::format("{} has a line that is not in COLMAP's format: '{}'", path, excerpt(line)));
 }
 
 // COLMAP's models with one or two focal lengths first, then the centre, then the coefficients at
@@ -156,7 +157,7 @@ const CameraModel& model_named(const std::string& name, const std::string& path)
   throw Error(
       fmt::format("{} has a camera of model {}, known are {}; undistort the pictures with colmap "
                   "image_undistorter",
-                  path, name, names));
+                  path, excerpt(name), names));
 }
 
 // p: the parameters in COLMAP's order.
@@ -224,10 +225,10 @@ ColmapImage make_image(const std::string& name, const double q[4], const double 
   const auto found = cameras.find(camera_id);
   if (found == cameras.end())
     throw Error(fmt::format("{} gives picture {} the camera {}, which is not in the model", path,
-                            name, camera_id));
+                            excerpt(name), camera_id));
   const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
   if (!(length > 1e-6) || !std::isfinite(length + t[0] + t[1] + t[2]))
-    throw Error(fmt::format("the pose of picture {} in {} is not finite", name, path));
+    throw Error(fmt::format("the pose of picture {} in {} is not finite", excerpt(name), path));
   ColmapImage image{name, found->second};
   image.camera.name = name;
   image.camera.viewmat.topLeftCorner<3, 3>() =

@@ -13,6 +13,7 @@
 #include <set>
 
 #include "optim/data/colmap_model.hpp"
+#include "optim/io/printable.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -79,11 +80,18 @@ std::vector<std::string> list_videos(const std::string& folder) {
 
 std::string path_inside(const std::string& folder, const std::string& relative,
                         const std::string& source) {
+  constexpr size_t longest = 1024;  // more is no name, and no message
+  const auto is_control = [](unsigned char c) { return c < 0x20 || c == 0x7f; };
+  if (relative.size() > longest || std::any_of(relative.begin(), relative.end(), is_control))
+    throw Error(
+        fmt::format("{} names the file '{}': expected is a relative path in one line, at most {} "
+                    "bytes long",
+                    source, excerpt(relative), longest));
   const fs::path path = fs::path(relative).lexically_normal();
   if (relative.empty() || path.is_absolute() || *path.begin() == "..")
     throw Error(fmt::format(
         "{} names the file '{}', which is not in the scene folder; expected is a relative path",
-        source, relative));
+        source, excerpt(relative)));
   return (fs::path(folder) / path).string();
 }
 

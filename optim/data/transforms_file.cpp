@@ -13,6 +13,7 @@
 #include "optim/data/image_header.hpp"
 #include "optim/data/lens.hpp"
 #include "optim/data/reader_util.hpp"
+#include "optim/io/printable.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -70,8 +71,9 @@ Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera
     return behind_lens(camera, Lens::Kind::radial,
                        {k("k1"), k("k2"), k("p1"), k("p2"), k("k3"), k("k4"), k("k5"), k("k6")},
                        what);
-  throw Error(fmt::format(
-      "{} has the camera_model {}, known are PINHOLE, OPENCV and OPENCV_FISHEYE", where, model));
+  throw Error(
+      fmt::format("{} has the camera_model {}, known are PINHOLE, OPENCV and OPENCV_FISHEYE", where,
+                  excerpt(model)));
 }
 
 Camera camera_of(const Transforms& file, const Json& frame, const std::string& where,

@@ -11,6 +11,7 @@
 #include <set>
 #include <sstream>
 
+#include "optim/io/printable.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -48,7 +49,8 @@ PlyType parse_type(const std::string& word, const std::string& path) {
       {"float", PlyType::f32},  {"float32", PlyType::f32}, {"double", PlyType::f64},
       {"float64", PlyType::f64}};
   const auto found = types.find(word);
-  if (found == types.end()) refuse_ply(path, fmt::format("'{}' is no property type", word));
+  if (found == types.end())
+    refuse_ply(path, fmt::format("'{}' is no property type", excerpt(word)));
   return found->second;
 }
 
@@ -76,8 +78,8 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
   if (keyword == "format") {
     words >> word;
     if (word != "ascii" && word != "binary_little_endian")
-      refuse_ply(path,
-                 fmt::format("its format is '{}', known are ascii and binary_little_endian", word));
+      refuse_ply(path, fmt::format("its format is '{}', known are ascii and binary_little_endian",
+                                   excerpt(word)));
     header.ascii = word == "ascii";
     has_format = true;
   } else if (keyword == "element") {
@@ -85,7 +87,7 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
     long long rows = -1;
     words >> element.name >> rows;
     if (!words || rows < 0 || !(words >> std::ws).eof())
-      refuse_ply(path, fmt::format("'{}' has no number of rows", line.substr(0, 60)));
+      refuse_ply(path, fmt::format("'{}' has no number of rows", excerpt(line)));
     element.rows = size_t(rows);
     header.elements.push_back(element);
   } else if (keyword == "property") {
@@ -96,7 +98,7 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
   } else if (keyword == "end_header") {
     return true;
   } else if (!keyword.empty() && keyword != "obj_info") {
-    refuse_ply(path, fmt::format("its header line '{}' is unknown", line.substr(0, 60)));
+    refuse_ply(path, fmt::format("its header line '{}' is unknown", excerpt(line)));
   }
   return false;
 }
@@ -128,8 +130,8 @@ PlyHeader parse_header(FilePieces& file) {
     std::set<std::string> names;
     for (const PlyProperty& property : element.properties)
       if (!names.insert(property.name).second)
-        refuse_ply(path, fmt::format("its element '{}' has the property '{}' twice", element.name,
-                                     property.name));
+        refuse_ply(path, fmt::format("its element '{}' has the property '{}' twice",
+                                     excerpt(element.name), excerpt(property.name)));
   }
   file.step(at + 1);
   return header;
@@ -148,16 +150,17 @@ void PlyRows::require_rows(const PlyElementHeader& element) const {
   for (const PlyProperty& property : element.properties) {
     if (property.is_list)
       refuse_ply(file_.path(), fmt::format("property '{}' of {} is a list, expected are numbers",
-                                           property.name, element.name));
+                                           excerpt(property.name), excerpt(element.name)));
     stride += header_.ascii ? 2 : size_of(property.type);
   }
   if (!stride)
-    refuse_ply(file_.path(), fmt::format("its element '{}' has no properties", element.name));
+    refuse_ply(file_.path(),
+               fmt::format("its element '{}' has no properties", excerpt(element.name)));
   const bool vertices = element.name == "vertex";
   if (element.rows > (file_.left() + 1) / stride)
     refuse_ply(file_.path(),
                fmt::format("it is truncated: {} {} need {}{} bytes, {} are left", element.rows,
-                           vertices ? "vertices" : "rows of " + element.name,
+                           vertices ? "vertices" : "rows of " + excerpt(element.name),
                            header_.ascii ? "at least " : "", double(element.rows) * double(stride),
                            file_.left()));
 }

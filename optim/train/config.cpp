@@ -68,10 +68,10 @@ struct Incoming {
   std::optional<std::string> text;
 
   std::string shown() const {
-    if (text) return *text;
+    if (text) return excerpt(*text);
     std::ostringstream out;
     node->visit([&](const auto& value) { out << value; });
-    return out.str();
+    return excerpt(out.str());
   }
   [[noreturn]] void refuse(const std::string& allowed) const {
     throw Error(
@@ -180,8 +180,8 @@ void assign_setting(TrainConfig& config, const std::string& section, const std::
                       in.where, key, key, key));
   });
   if (!known)
-    throw Error(fmt::format("{}: there is no setting '{}'; the nearest is '{}'", in.where, in.name,
-                            nearest_setting(section, key)));
+    throw Error(fmt::format("{}: there is no setting '{}'; the nearest is '{}'", in.where,
+                            excerpt(in.name), nearest_setting(section, key)));
 }
 
 // A node for the text of --set: TOML where it is TOML, else a number where it is one (.5),
@@ -216,7 +216,7 @@ void apply_toml(TrainConfig& config, const std::string& path, Parse&& parse) {
     const auto at = problem.source().begin;
     throw Error(fmt::format("reading the configuration {}{}: {}", path,
                             at.line ? fmt::format(", line {}", at.line) : "",
-                            problem.description()));
+                            excerpt(std::string(problem.description()), 200)));
   }
   const auto where = [&](const toml::node& node) {
     return fmt::format("{}, line {}", path, node.source().begin.line);
@@ -230,7 +230,7 @@ void apply_toml(TrainConfig& config, const std::string& path, Parse&& parse) {
         config, [&](const char* its_name, auto&, const char*) { known |= name == its_name; });
     if (!known && table->empty())
       throw Error(fmt::format("{}: there is no section [{}]; the nearest is [{}]", where(node),
-                              name, nearest_section(name)));
+                              excerpt(name), nearest_section(name)));
     for (const auto& [key, value] : *table)
       assign_setting(config, name, std::string(key.str()), {where(value), "", &value, {}});
   }
@@ -282,7 +282,7 @@ void apply_text(TrainConfig& config, const std::string& text, const std::string&
 void apply_setting(TrainConfig& config, const std::string& assignment) {
   const size_t equals = assignment.find('=');
   const size_t dot = assignment.substr(0, equals).find('.');
-  const std::string where = "--set " + assignment;
+  const std::string where = "--set " + excerpt(assignment);
   if (equals == std::string::npos || dot == std::string::npos)
     throw Error(where +
                 ": a setting is written section.key=value, for example train.iterations=3000");

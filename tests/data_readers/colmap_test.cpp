@@ -258,6 +258,28 @@ TEST(Colmap, ModelsThatContradictThemselvesAreRefused) {
   expect_error(read, {"neither cameras.bin nor cameras.txt"});
 }
 
+TEST(Colmap, NamesThatAreNoneAreShownInOneShortLine) {
+  const TemporaryFolder folder;
+  make_binary(folder);
+  const std::string model = contents(folder.file("sparse/0/images.bin"));
+  make_png(folder, "images/a.png");
+  const auto expect_in_one_line = [&](const std::string& name, const char* shown) {
+    std::string images = model;
+    folder.write("sparse/0/images.bin", images.replace(images.find("b.png"), 5, name));
+    try {
+      read_scene(folder.path());
+      ADD_FAILURE() << "no error";
+    } catch (const Error& error) {
+      const std::string message = error.what();
+      EXPECT_NE(message.find(shown), std::string::npos) << message;
+      EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+      EXPECT_LT(message.size(), 400u) << message;
+    }
+  };
+  expect_in_one_line("b\nred.png", "'b\\x0ared.png'");
+  expect_in_one_line(std::string(4000, 'b'), "bbb...'");
+}
+
 TEST(Colmap, AFolderOfPicturesIsAStaticScene) {
   const TemporaryFolder folder;
   make_text(folder);

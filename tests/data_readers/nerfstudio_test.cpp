@@ -137,6 +137,9 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(frame(1), and_more + R"("k1": "x")"); }, {"'k1'", "no finite number"});
   expect_error([&] { with(frame(1), and_more + R"("ply_file_path": "../p.ply")"); },
                {"../p.ply", "relative path"});
+  expect_error(
+      [&] { with(frame(1), and_more + R"("ply_file_path": ")" + std::string(65536, 'p') + '"'); },
+      {"ppp...'", "at most 1024 bytes"});
   expect_error([&] { with(frame(1), R"("fl_x": 9, "w": 8, "h": 8)"); }, {"8x6", "8x8"});
   expect_error([&] { with(frame(1), R"("fl_x": 9, "w": -8, "h": 8)"); }, {"size -8x8"});
   expect_error([&] { with(frame(1), and_more + R"("train_filenames": 5)"); },

@@ -205,6 +205,19 @@ TEST(Config, AFileThatIsNotTomlIsNamedWithItsLine) {
                   "no/such/file.toml");
 }
 
+TEST(Config, WhatIsRefusedIsShownInOneShortLine) {
+  const std::string rubbish = "two\\nlines \\u001b[31m " + std::string(65536, 'x');
+  for (const std::string& text :
+       {"[train]\n\"" + rubbish + "\" = 1\n", "[\"" + rubbish + "\"]\n",
+        "[motion]\nmodel = \"" + rubbish + "\"\n", "[train]\niterations = \"" + rubbish + "\"\n"}) {
+    const std::string message = message_of_file(text);
+    EXPECT_CONTAINS(message, "two");
+    EXPECT_LT(message.size(), 400u) << message.substr(0, 400);
+    EXPECT_EQ(message.find_first_of("\n\x1b"), std::string::npos) << message.substr(0, 400);
+  }
+  EXPECT_LT(message_of_setting("motion.model=" + std::string(65536, 'x')).size(), 400u);
+}
+
 // A path need not be UTF-8, and TOML must: the rest of the settings are not lost with it.
 TEST(Config, WhatTomlCannotHoldIsLeftOutOfIt) {
   for (const char* path : {"caf\xc3\xa9 \xe7\x94\xbb \xf0\x9f\x8e\xac \xed\x9f\xbf", "plain"}) {

@@ -467,6 +467,8 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect(scenes + "[[axis]]\nsetting = \"flow.top_k\"", {"line 2", "no 'values'"});
   expect(scenes + "[[variant]]\nflow.weight = 0.1", {"line 2", "needs a 'name'"});
   expect(scenes + "[[variant]]\nname = \"a\"\n[[variant]]\nname = \"a\"", {"two runs", "a-seed0"});
+  expect(scenes + "[[variant]]\nname = \"" + std::string(300, 'a') + "\"",
+         {"aaa...", "at most 200", "shorter names"});
   expect(scenes + "baseline = \"b\"\n[[variant]]\nname = \"a\"", {"line 2", "'baseline'"});
   expect(scenes + "[[axis]]\nname = \"scene\"\nchoices = [{ name = \"a\" }]", {"two columns"});
 }
