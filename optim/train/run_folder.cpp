@@ -241,6 +241,11 @@ TrainConfig RunFolder::read_config() const {
   const std::string checkpoint = last_settings(checkpoints(), kept);
   try {
     TrainConfig config = kept;
+    if (fs::is_regular_file(path("config.toml")) && fs::file_size(path("config.toml")) == 0)
+      throw Error(
+          fmt::format("reading the configuration {}: it is empty, and a training writes all "
+                      "of its settings there",
+                      path("config.toml")));
     apply_file(config, path("config.toml"));
     check(config);
     return config;

@@ -128,6 +128,14 @@ TEST(RunFolder, ConfigurationComesBack) {
   EXPECT_EQ(to_toml(run.read_config()), to_toml(config));
 }
 
+// A disk that was full; as settings it would be those of every default.
+TEST(RunFolder, AnEmptyConfigurationIsRefused) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  folder.write("config.toml", "");
+  expect_error([&] { run.read_config(); }, {"config.toml", "is empty"});
+}
+
 TEST(RunFolder, ModelsAreInTheOrderOfTheirIterationsNotOfTheirNames) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
