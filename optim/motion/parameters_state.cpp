@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace gflow {
 namespace {
@@ -40,8 +41,31 @@ void for_each_buffer(P& parameters, Visit&& visit) {
 size_t count_of(const Arrays& arrays, const std::string& path) {
   return array_named(arrays, table_name(0) + "rows/steps", path).size();
 }
-size_t moving_of(const Arrays& arrays, const std::string& path) {
-  return exact_values<uint32_t>(arrays, moving_name, {1}, path)[0];
+size_t moving_of(const Arrays& arrays, size_t count, const std::string& path) {
+  const uint32_t moving = exact_values<uint32_t>(arrays, moving_name, {1}, path)[0];
+  if (moving > count)
+    throw Error(
+        fmt::format("{} is damaged: it says that {} of {} Gaussians move", path, moving, count));
+  return moving;
+}
+
+bool ends_with(const std::string& text, const std::string& end) {
+  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+// Whether a training can have left the values: what rates are divided by is above 0, what they are
+// multiplied with and second moments are no less, and one more step than was made can be counted.
+bool is_sound(const std::string& name, const std::vector<float>& values) {
+  const bool divides = ends_with(name, "/rows/reach");
+  const bool from_0 = divides || ends_with(name, "/rows/pace") || ends_with(name, "/exp_avg_sq");
+  return std::all_of(values.begin(), values.end(), [&](float value) {
+    return std::isfinite(value) && !(from_0 && value < 0) && !(divides && value == 0);
+  });
+}
+bool is_sound(const std::string& name, const std::vector<uint32_t>& values) {
+  constexpr uint32_t most = std::numeric_limits<int>::max();
+  return !ends_with(name, "/rows/steps") ||
+         std::all_of(values.begin(), values.end(), [](uint32_t steps) { return steps <= most; });
 }
 
 }  // namespace
@@ -56,7 +80,7 @@ void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays) {
 
 void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
                 const std::string& path) {
-  const size_t count = count_of(arrays, path), moving = moving_of(arrays, path);
+  const size_t count = count_of(arrays, path), moving = moving_of(arrays, count, path);
   Parameters loaded(queue, count, parameters.specs, parameters.more_specs, moving);
   for_each_buffer(
       loaded, [&](const std::string& name, auto& buffer, const std::vector<size_t>& shape) {
@@ -67,14 +91,11 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
 }
 
 std::string unsound_array(const Arrays& arrays) {
-  const std::string second = "/exp_avg_sq";
   for (const auto& [name, array] : arrays) {
-    const auto* values = std::get_if<std::vector<float>>(&array.values);
-    if (!values || (name.rfind("gaussians/", 0) != 0 && name.rfind("table", 0) != 0)) continue;
-    const bool is_second = name.size() > second.size() &&
-                           name.compare(name.size() - second.size(), second.size(), second) == 0;
-    for (const float value : *values)
-      if (!std::isfinite(value) || (is_second && value < 0)) return name;
+    if (name.rfind("gaussians/", 0) != 0 && name.rfind("table", 0) != 0) continue;
+    const auto* floats = std::get_if<std::vector<float>>(&array.values);
+    const auto* counts = std::get_if<std::vector<uint32_t>>(&array.values);
+    if ((floats && !is_sound(name, *floats)) || (counts && !is_sound(name, *counts))) return name;
   }
   return "";
 }
@@ -83,7 +104,7 @@ StateValues state_values(const Arrays& arrays, const std::vector<GroupSpec>& spe
                          const std::vector<TableSpec>& more_specs, const std::string& path) {
   StateValues values;
   values.count = count_of(arrays, path);
-  values.moving = std::min(moving_of(arrays, path), values.count);
+  values.moving = moving_of(arrays, values.count, path);
   const auto take = [&](size_t table, const GroupSpec& spec, size_t rows) {
     values.groups[spec.name] =
         exact_values<float>(arrays, table_name(table) + spec.name, {rows, spec.width}, path);

@@ -19,7 +19,8 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
                 const std::string& path);
 
 // Of such arrays the first with what no training may leave, by name: a value that is not finite, a
-// second moment below 0. Empty when there is none.
+// second moment or a pace below 0, a reach that is not above 0, more steps than an int counts.
+// Empty when there is none.
 std::string unsound_array(const Arrays& arrays);
 
 // The values alone, by group, read without a device: in groups of what moves, the rows of those

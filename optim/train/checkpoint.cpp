@@ -153,7 +153,7 @@ Checkpoint read_checkpoint(const std::string& path) {
     if (!unsound.empty())
       throw Error(fmt::format(
           "{} cannot be gone on from: in array '{}' are values that no training leaves, not finite "
-          "or a second moment below 0",
+          "or outside of what it can hold",
           path, unsound));
   } catch (const Json::exception& problem) {
     throw Error(fmt::format("{} is no checkpoint: {}", path, reason_of(problem)));

@@ -224,6 +224,17 @@ TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
       last.arrays[name] = {{1, 3}, std::vector<float>{0, 1, value}};
       EXPECT_EQ(taken(last, std::string("'") + name + "'"), 10) << name << " " << value;
     }
+  for (const auto& [name, value] : {std::pair("gaussians/rows/reach", 0.f),
+                                    {"gaussians/rows/reach", -1.f},
+                                    {"table1/rows/reach", 0.f},
+                                    {"gaussians/rows/pace", -1.f}}) {
+    Checkpoint last = some_checkpoint(20);
+    last.arrays[name] = {{2}, std::vector<float>{1, value}};
+    EXPECT_EQ(taken(last, std::string("'") + name + "'"), 10) << value;
+  }
+  Checkpoint wraps = some_checkpoint(20);  // at the next step
+  wraps.arrays["gaussians/rows/steps"] = {{2}, std::vector<uint32_t>{1, 4294967295u}};
+  EXPECT_EQ(taken(wraps, "'gaussians/rows/steps'"), 10);
   for (const int step : {-5, 10, 30}) EXPECT_EQ(taken(some_checkpoint(step), "of step"), 10);
   EXPECT_EQ(taken(some_checkpoint(20), ""), 20);
 }

@@ -47,6 +47,12 @@ TEST_P(StateOfCheckpoint, IsTheModelThatTheDeviceHolds) {
     Arrays less = arrays;
     less.erase("gaussians/quats");
     expect_error([&] { model_of_state(model.shape, less, "a file"); }, {"a file", "quats"});
+    Arrays more = arrays;
+    more["gaussians/moving"] = {{1}, std::vector<uint32_t>{4000000000u}};
+    expect_error([&] { model_of_state(model.shape, more, "a file"); },
+                 {"a file", "4000000000 of 60"});
+    expect_error([&] { load_state(queue, model.parameters, more, "a file"); },
+                 {"a file", "4000000000 of 60"});
   }
 }
 
