@@ -12,7 +12,6 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
-#include <limits>
 #include <map>
 #include <sstream>
 
@@ -40,6 +39,7 @@ const char* const model_names[] = {"SIMPLE_PINHOLE",
 
 // Each takes some hundred bytes of memory, and no scene has as many files.
 constexpr size_t most_entries = 100000;
+constexpr double farthest_point = 1e18;  // its square is a float still
 
 void require_modest(size_t entries, const char* what, const std::string& path) {
   if (entries > most_entries)
@@ -181,6 +181,11 @@ std::vector<double> room_for_parameters(const CameraModel& model) {
 
 using Cameras = std::map<uint32_t, Camera>;
 
+void add_camera(Cameras& cameras, uint32_t id, const Camera& camera, const std::string& path) {
+  if (!cameras.emplace(id, camera).second)
+    throw Error(fmt::format("{} has the camera {} twice, each may be there once", path, id));
+}
+
 Cameras cameras_bin(const std::string& path) {
   BinaryFile file(path);
   Cameras cameras;
@@ -195,7 +200,8 @@ Cameras cameras_bin(const std::string& path) {
     const auto width = file.next<uint64_t>(), height = file.next<uint64_t>();
     std::vector<double> parameters = room_for_parameters(model);
     for (double& value : parameters) value = file.next<double>();
-    cameras[id] = make_camera(model, double(width), double(height), parameters, path);
+    add_camera(cameras, id, make_camera(model, double(width), double(height), parameters, path),
+               path);
   }
   return cameras;
 }
@@ -214,7 +220,12 @@ Cameras cameras_txt(const std::string& path) {
     std::vector<double> parameters = room_for_parameters(model);
     for (double& value : parameters)
       if (!(words >> value)) bad_line(path, line);
-    cameras[id] = make_camera(model, double(width), double(height), parameters, path);
+    if (!(words >> std::ws).eof())
+      throw Error(
+          fmt::format("{} has a camera with more than the {} parameters of its model {}: '{}'",
+                      path, parameters.size(), model.name, excerpt(line)));
+    add_camera(cameras, id, make_camera(model, double(width), double(height), parameters, path),
+               path);
     require_modest(cameras.size(), "cameras", path);
   }
   return cameras;
@@ -286,11 +297,14 @@ std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& came
 void append_point(PointCloud& points, const double xyz[3], const int rgb[3],
                   const std::string& path) {
   for (int i = 0; i < 3; ++i) {
-    if (!(std::fabs(xyz[i]) <= double(std::numeric_limits<float>::max())))
-      throw Error(fmt::format("point {} of {} is not finite, or farther off than a float can be",
-                              points.size(), path));
+    if (!(std::fabs(xyz[i]) <= farthest_point))
+      throw Error(fmt::format("point {} of {} is not finite, or farther off than {:g}",
+                              points.size(), path, farthest_point));
+    if (rgb[i] < 0 || rgb[i] > 255)
+      throw Error(fmt::format("point {} of {} has the colour {} {} {}, expected are 0 to 255",
+                              points.size(), path, rgb[0], rgb[1], rgb[2]));
     points.xyz.push_back(xyz[i]);
-    points.rgb.push_back(uint8_t(std::clamp(rgb[i], 0, 255)));
+    points.rgb.push_back(uint8_t(rgb[i]));
   }
 }
 

@@ -155,7 +155,12 @@ std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Fo
     cameras.push_back(camera_of(&values[17 * i], i, footage[i], path));
   for (size_t i = 0; i < footage.size(); ++i) {
     const double near = values[17 * i + 15], far = values[17 * i + 16];
-    if (!(near > 0 && far > near && std::isfinite(far))) return cameras;  // not needed elsewhere
+    if (near == 0 && far == 0) return cameras;  // not known
+    if (!(near > 0 && far > near && std::isfinite(far)))
+      throw Error(
+          fmt::format("row {} of {} has the depths {} and {}: expected are a nearest above "
+                      "0 and a farther one, or 0 and 0 where they are not known",
+                      i, path, near, far));
     scene.near = i ? std::min(scene.near, near) : near;
     scene.far = std::max(scene.far, far);
   }

@@ -175,6 +175,9 @@ Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
       expanded.reserve(announced + 2 * piece);  // else twice as much while it grows
     }
   }
+  if (consumed < stored.size())
+    throw Error(fmt::format("{} is damaged: {} bytes follow the end of its gzip stream", path,
+                            stored.size() - consumed));
   return expanded;
 }
 

@@ -80,6 +80,10 @@ Header read_header(const Bytes& bytes, const std::string& path) {
   if (header.sh_degree > 3)
     refuse(path, fmt::format("its spherical harmonics have degree {}, gflow reads 0 to 3",
                              header.sh_degree));
+  constexpr int most_bits = 24;  // of a position, all
+  if (header.fraction_bits > most_bits)
+    refuse(path, fmt::format("its positions have {} bits behind the point, they have {} in all",
+                             header.fraction_bits, most_bits));
   return header;
 }
 

@@ -174,6 +174,13 @@ TEST(Colmap, PointsFartherThanAFloatIsAreRefusedAndTracksMayBeLong) {
   folder.write("sparse/0/points3D.txt", "1 0.5 1e300 2 10 20 30 0.1 2 0\n");
   expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
                {"point 0 of", "points3D.txt", "not finite"});
+  folder.write("sparse/0/points3D.txt", "1 0.5 1e19 2 10 20 30 0.1 2 0\n");
+  expect_error([&] { read_colmap_model(folder.file("sparse/0")); }, {"farther off than 1e+18"});
+  for (const char* colour : {"256 20 30", "10 -9 30"}) {
+    folder.write("sparse/0/points3D.txt", fmt::format("1 0.5 1 2 {} 0.1 2 0\n", colour));
+    expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+                 {"points3D.txt", std::string("colour ") + colour, "0 to 255"});
+  }
 }
 
 TEST(Colmap, MorePicturesThanASceneHasAreRefused) {
@@ -254,6 +261,14 @@ TEST(Colmap, ModelsThatContradictThemselvesAreRefused) {
   expect_error(read, {"images.txt", "picture 2", "empty line"});
   folder.write("sparse/0/images.txt", "1 1 0 0\n");
   expect_error(read, {"images.txt", "'1 1 0 0'"});
+  make_text(folder);
+  folder.write("sparse/0/cameras.txt",
+               "7 SIMPLE_PINHOLE 8 6 10 4 3\n7 SIMPLE_PINHOLE 8 6 20 4 3\n");
+  expect_error(read, {"cameras.txt", "camera 7 twice"});
+  folder.write("sparse/0/cameras.txt", "7 SIMPLE_PINHOLE 8 6 10 4 3 0.1 \n");
+  expect_error(read, {"cameras.txt", "more than the 3 parameters of its model SIMPLE_PINHOLE"});
+  folder.write("sparse/0/cameras.txt", "7 SIMPLE_PINHOLE 8 6 10 4 3 \n");
+  EXPECT_NO_THROW(read());
   std::filesystem::remove(folder.file("sparse/0/cameras.txt"));
   expect_error(read, {"neither cameras.bin nor cameras.txt"});
 }

@@ -151,6 +151,15 @@ TEST(N3v, ScenesThatContradictThemselvesAreRefused) {
   values[17 + 14] = -10;
   write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
   expect_error(read, {"row 1", "focal length -10"});
+  values[17 + 14] = 10;
+  for (const auto& [near, far] : {std::pair(-1., 5.), {1., HUGE_VAL}, {5., 5.}, {0., 5.}}) {
+    values[17 + 15] = near, values[17 + 16] = far;
+    write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
+    expect_error(read, {"row 1", "poses_bounds.npy", "depths"});
+  }
+  values[17 + 15] = values[17 + 16] = 0;
+  write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
+  EXPECT_NO_THROW(read());
   folder.write("poses_bounds.npy", "text");
   expect_error(read, {"poses_bounds.npy"});
   make_poses(folder, 3);

@@ -171,6 +171,14 @@ TEST(Ply, RefusesPositionsThatAreNotFinite) {
                                       "property float y\nproperty float z\nend_header\n0 nan 1\n"));
       },
       {"vertex 0", "not finite"});
+  expect_error(
+      [&] {
+        read_point_cloud(
+            folder.write("far.ply",
+                         "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
+                         "property float y\nproperty float z\nend_header\n0 1e19 1\n"));
+      },
+      {"vertex 0", "farther off than 1e+18"});
 }
 
 TEST(Ply, RowsMayLieAcrossThePiecesOfAFile) {

@@ -398,6 +398,16 @@ TEST(Spz, RefusesOtherVersionsAndTruncatedOnes) {
   std::string huge = bytes;
   huge.replace(8, 4, "\xff\xff\xff\xff");
   expect_error([&] { read_splats(folder.write("d.spz", huge)); }, {"d.spz", "4294967295"});
+  std::string shifted = bytes;
+  shifted[13] = 25;
+  expect_error([&] { read_splats(folder.write("g.spz", shifted)); },
+               {"g.spz", "25 bits behind the point", "24 in all"});
+  const Bytes packed = gzip(bytes);
+  expect_error(
+      [&] {
+        read_splats(folder.write("h.spz", std::string(packed.begin(), packed.end()) + "abc"));
+      },
+      {"h.spz", "3 bytes follow the end of its gzip stream"});
   // A million Gaussians of nothing but zeros: a thousandth of the memory it would fill.
   std::string bomb = bytes.substr(0, 16) + std::string(20000000, '\0');
   const uint32_t million = 1000000;
