@@ -60,6 +60,7 @@ void run_import(const ImportFlags& flags) {
                     "makes a PLY of one of its times",
                     flags.input));
   const SplatTable standard = standard_table(table, flags.input);
+  if (table.rows == 0) throw Error(fmt::format("importing {}: it holds no Gaussians", flags.input));
   table.values = {};  // or there were three copies at once
   for (size_t i = 0; i < standard.table.values.size(); ++i)
     if (!std::isfinite(standard.table.values[i]))

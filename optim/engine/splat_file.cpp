@@ -135,6 +135,24 @@ void require_finite(const std::vector<float>& values, const std::string& key,
       throw Error(fmt::format("reading {}: array '{}' has a value that is not finite", name, key));
 }
 
+// Error where the device cannot hold the images of such a file, with one of each's cotangents.
+void require_room_for_images(const DeviceInfo& device, size_t pixels, const Arrays& input,
+                             const std::string& name) {
+  const bool moves = input.count("means_t2") > 0;
+  const bool backward = std::any_of(input.begin(), input.end(), [](const auto& entry) {
+    return entry.first[0] == 'v' && entry.first[1] == '_';
+  });
+  const size_t shown = 3 + 1 + 1 + (moves ? 2 : 0);          // rgb, alpha, depth, flow
+  const size_t floats = shown + 1 + (backward ? shown : 0);  // and transmittance
+  const size_t largest = 3 * sizeof(float) * pixels, all = floats * sizeof(float) * pixels;
+  if (largest > device.max_allocation || all > device.global_memory)
+    throw Error(fmt::format(
+        "reading {}: images of as many pixels as array 'size' says take {} MiB, the largest of "
+        "them {} MiB, and {} has {} MiB, of which it gives {} MiB in one piece",
+        name, all >> 20, largest >> 20, device.full_name(), device.global_memory >> 20,
+        device.max_allocation >> 20));
+}
+
 }  // namespace
 
 const std::set<std::string> splat_arrays_known{
@@ -155,6 +173,7 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
           "reading {}: array 'size' says {} x {} pixels, each should be a whole number, 1 to 65535",
           name, sides[0], sides[1]));
   const int width = int(sides[0]), height = int(sides[1]);
+  require_room_for_images(queue.info, size_t(width) * size_t(height), input, name);
   const Array& means = array_named(input, "means", name);
   SplatScene s;
   const size_t n = s.count = means.shape.empty() ? 0 : means.shape[0];
@@ -189,6 +208,9 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
         std::isfinite(K[4])))
     throw Error("reading " + name +
                 ": K should hold two focal lengths above 0 and a finite centre");
+  if (K[1] != 0 || K[3] != 0 || K[6] != 0 || K[7] != 0 || K[8] != 1)
+    throw Error("reading " + name +
+                ": K should be fx 0 cx, 0 fy cy, 0 0 1: pixels askew are not supported");
   s.view = {camera_of(viewmat, K, width, height, near_plane),
             camera_of(viewmat2, K, width, height, near_plane)};
   return s;

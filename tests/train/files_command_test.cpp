@@ -2,6 +2,7 @@
 // Files in and out as a user writes and reads them: export, import, info, splat.
 #include <nlohmann/json.hpp>
 
+#include "optim/io/splat_table.hpp"
 #include "train/command_scene.hpp"
 
 namespace gflow {
@@ -165,6 +166,14 @@ TEST_F(FilesCommand, SplatDrawsAnArchive) {
   EXPECT_EQ(output.at("g_rgb_means").shape, (std::vector<size_t>{2, 3}));
 }
 
+TEST_F(FilesCommand, AFileWithoutGaussiansIsNotImported) {
+  const TemporaryFolder folder;
+  write_ply(folder.file("none.ply"), SplatTable(0, 0).table);
+  expect_refused({"import", folder.file("none.ply"), "-o", folder.file("out.ply")},
+                 {"none.ply", "holds no Gaussians"});
+  EXPECT_FALSE(fs::exists(folder.file("out.ply")));
+}
+
 TEST_F(FilesCommand, NothingIsWrittenOverWhatItIsMadeFrom) {
   const TemporaryFolder folder;
   const std::string ply = folder.file("a.ply"), npz = folder.file("in.npz");
@@ -294,6 +303,15 @@ TEST_F(FilesCommand, SplatRefusesArchivesThatAreBroken) {
   input["K"] = floats({3, 3}, {-16, 0, 8, 0, 16, 6, 0, 0, 1});
   write_npz(folder.file("flip.npz"), input);
   expect_refused({"splat", folder.file("flip.npz"), "-o", out}, {"flip.npz", "focal length"});
+  input["K"] = floats({3, 3}, {16, .5f, 8, 0, 16, 6, 0, 0, 1});
+  write_npz(folder.file("skew.npz"), input);
+  expect_refused({"splat", folder.file("skew.npz"), "-o", out}, {"skew.npz", "askew"});
+  input = small_npz();
+  input["size"] = Array{{2}, std::vector<double>{65535, 65535}};  // 48 GiB of rgb alone
+  write_npz(folder.file("large.npz"), input);
+  expect_refused({"splat", folder.file("large.npz"), "-o", out},
+                 {"large.npz", "take 98301 MiB", "the largest of them 49150 MiB", "in one piece"});
+  EXPECT_FALSE(fs::exists(out));
   input = small_npz();
   input["v_flow"] = Array{{12, 16, 2}, std::vector<float>(12 * 16 * 2, 1.f)};
   write_npz(folder.file("still.npz"), input);
