@@ -147,6 +147,7 @@ TEST(StressCommand, RefusesWhatItDoesNotKnow) {
   expect_refused({"stress", "--only", "5", "--json", "/nowhere/figures.json"},
                  {"--json /nowhere/figures.json", "no file can be written there"});
   EXPECT_NE(gflow({"stress", "--only", "5", "--derivatives"}).code, 0);
+  expect_refused({"stress", "--only", "5,35", "--quick"}, {"T35 'the same, 1000 scenes'"});
 }
 
 TEST(StressCommand, InterruptedItKeepsTheFiguresThatItHas) {
