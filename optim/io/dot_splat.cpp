@@ -71,6 +71,11 @@ void append(std::string& bytes, const SplatRow& row) {
 
 PlyTable read_dot_splat(const std::string& path) {
   FilePieces file(path);
+  return read_dot_splat(file);
+}
+
+PlyTable read_dot_splat(FilePieces& file) {
+  const std::string& path = file.path();
   const size_t size = file.left();
   if (size == 0 || size % kSize)
     throw Error(

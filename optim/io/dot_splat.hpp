@@ -2,6 +2,7 @@
 // .splat files, as antimatter15/splat and many web viewers read them: 32 bytes a Gaussian and
 // nothing else; colour is the same from all sides.
 #pragma once
+#include "optim/io/file_pieces.hpp"
 #include "optim/io/ply.hpp"
 
 namespace gflow {
@@ -9,6 +10,8 @@ namespace gflow {
 // As a standard 3DGS PLY of degree 0. Error when the file is no multiple of 32 bytes long, or a
 // scale is negative or not finite.
 PlyTable read_dot_splat(const std::string& path);
+// The rest of an open file; Error also when it becomes shorter meanwhile.
+PlyTable read_dot_splat(FilePieces& file);
 
 // Largest first (volume x opacity), so that a viewer that still loads shows what matters. Error
 // when a column of a standard 3DGS PLY is missing; spherical harmonics above degree 0 are left out.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <random>
 
 #include "io/memory_of.hpp"
@@ -176,6 +177,19 @@ TEST(DotSplat, RefusesWhatIsNoSuchFile) {
   bytes[19] = 0x3f;
   expect_error([&] { read_splats(folder.write("c.splat", bytes + std::string(8, '\x40'))); },
                {"c.splat", "Gaussian 0", "not finite"});
+}
+
+TEST(DotSplat, RefusesAFileThatBecomesShorterWhileItIsRead) {
+  const TemporaryFolder folder;
+  SplatTable table = random_splats(20000, 0);  // several pieces
+  write_dot_splat(folder.file("a.splat"), table.table);
+  for (const size_t left : {32u * 12000u, 32u * 12000u + 5u, 0u}) {
+    const std::string path = folder.write("b.splat", contents(folder.file("a.splat")));
+    FilePieces file(path);
+    std::filesystem::resize_file(path, left);
+    SCOPED_TRACE(left);
+    expect_error([&] { read_dot_splat(file); }, {"b.splat", "became shorter while it was read"});
+  }
 }
 
 // --- compressed PLY
