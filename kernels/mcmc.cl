@@ -2,6 +2,7 @@
 // Density control "mcmc" (Kheradmand et al. 2024): dead Gaussians move to live ones, drawn by
 // opacity; noise keeps faint ones searching; opacity and size cost a little.
 // Only prefix sums and binary searches over random numbers by index: bitwise repeatable.
+// Measured (PoCL, two cores with AVX-512, 30 000): in each step mcmc_noise 1.0 ms, mcmc_shrink .22.
 #include "shared/arrays.h"
 #include "shared/quat.h"
 #include "shared/random.h"
