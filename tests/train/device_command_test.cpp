@@ -142,12 +142,22 @@ TEST(StressCommand, ABoundThatIsNotKeptIsExitCodeThree) {
   EXPECT_EQ(lines_with(outcome.out, "  FAILS\n"), 2 * failed) << "once more at the end";
 }
 
+// T35 has a quick part, which runs, and another.
+TEST(StressCommand, TellsWhatQuickLeavesOut) {
+  const Outcome outcome = gflow({"--quiet", "stress", "--only", "5,35", "--quick"});
+  EXPECT_EQ(outcome.code, 0) << outcome.out;
+  EXPECT_NE(outcome.out.find("T35"), std::string::npos) << outcome.out;
+  EXPECT_EQ(
+      outcome.err,
+      "gflow: warning: --quick leaves out T35 'the same, 1000 scenes', which --only names and "
+      "which takes minutes\n");
+}
+
 TEST(StressCommand, RefusesWhatItDoesNotKnow) {
   expect_refused({"stress", "--only", "T99"}, {"--only T99", "T5, ", "T42 to T45"});
   expect_refused({"stress", "--only", "5", "--json", "/nowhere/figures.json"},
                  {"--json /nowhere/figures.json", "no file can be written there"});
   EXPECT_NE(gflow({"stress", "--only", "5", "--derivatives"}).code, 0);
-  expect_refused({"stress", "--only", "5,35", "--quick"}, {"T35 'the same, 1000 scenes'"});
 }
 
 TEST(StressCommand, InterruptedItKeepsTheFiguresThatItHas) {
