@@ -30,7 +30,8 @@ INSTANTIATE_TEST_SUITE_P(Motion, Outside,
 float most_of(const GroupSpec& spec) {
   if (spec.quantity == Quantity::opacity) return 6;
   if (spec.quantity == Quantity::scale) return 2.5f;
-  return spec.name == "means" ? 10 : 1.5f;
+  if (spec.name == "means") return 10;
+  return spec.name == "basis_shifts" || spec.name == "key_shifts" ? 6 : 1.5f;
 }
 
 constexpr size_t N = 4000, SOME_MOVE = 3000;
