@@ -86,7 +86,7 @@ std::vector<Choice> chosen(int lanes, const std::vector<std::string>& knobs) {
 struct Measured {
   Choice choice;
   Cost cost;
-  double of_shipped;  // CPU time, of that of the shipped settings measured in turn with it
+  Spread of_shipped;  // CPU time, of that of the shipped settings in the same repeat
   Exact::Found found;
 };
 
@@ -158,7 +158,7 @@ std::vector<bool> front_of(const std::vector<Measured>& all) {
   std::vector<TimeAndErrors> costs;
   for (const Measured& m : all) {
     const Errors& e = m.found.without_cutoffs;
-    costs.push_back({m.of_shipped, {e.rgb, e.flow_px, e.gradients}});
+    costs.push_back({m.of_shipped.median, {e.rgb, e.flow_px, e.gradients}});
   }
   return pareto_front(costs);
 }
@@ -202,11 +202,12 @@ Plot plot_of(const std::vector<Measured>& all, const std::vector<bool>& front) {
   plot.script += "unset multiplot";
   for (size_t i = 0; i < all.size(); ++i) {
     const Measured& m = all[i];
-    std::vector<std::string> line{m.choice.name, fmt::format("{:.4g}", m.of_shipped),
+    std::vector<std::string> line{m.choice.name, fmt::format("{:.4g}", m.of_shipped.median),
                                   front[i] ? "1" : "0"};
     for (const Part& part : parts) {
       const double error = part.error(m.found), shipped = part.error(all[0].found);
-      const bool apart = std::fabs(error / shipped - 1) > 0.1 || std::fabs(m.of_shipped - 1) > 0.15;
+      const bool apart =
+          std::fabs(error / shipped - 1) > 0.1 || std::fabs(m.of_shipped.median - 1) > 0.15;
       line.push_back(fmt::format("{:.3e}", error));
       line.push_back(apart || m.choice.shipped() ? m.choice.name : "");
     }
@@ -236,8 +237,8 @@ std::string markdown_of(const Queue& queue, const ParetoOptions& o,
         "| {}{}{} | {:.1f} | {:.2f} | {:.1e} | {:.1e} | {:.1e} | {:.1e} | {:.1e} | "
         "{:.1e} | {} |\n",
         m.choice.shipped() ? "**" : "", m.choice.name, m.choice.shipped() ? "**" : "",
-        m.cost.cpu_ms.median, m.of_shipped, a.rgb, a.flow_px, a.gradients, b.rgb, b.flow_px,
-        b.gradients, front[i] ? "yes" : "");
+        spread_of(m.cost.cpu_ms).median, m.of_shipped.median, a.rgb, a.flow_px, a.gradients, b.rgb,
+        b.flow_px, b.gradients, front[i] ? "yes" : "");
   }
   return text;
 }
@@ -269,13 +270,13 @@ void run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
     Shown shown(*place.queue, *place.small, choice.settings, uploaded(*place.queue, exact.loss()));
     shown();
     all.push_back({choice, cost,
-                   choice.shipped() ? 1 : cost.cpu_ms.median / of_shipped.cpu_ms.median,
+                   choice.shipped() ? Spread{1, 1, 1} : ratio_of(cost.cpu_ms, of_shipped.cpu_ms),
                    exact.compare(*place.queue, shown.engine().images(), shown.gradients())});
     const Measured& m = all.back();
     const Errors &a = m.found.as_defined, &b = m.found.without_cutoffs;
     report.add({choice.name,
-                {{"CPU [ms]", cost.cpu_ms},
-                 single("of shipped", m.of_shipped),
+                {{"CPU [ms]", spread_of(cost.cpu_ms)},
+                 {"of shipped", m.of_shipped},
                  error("colour", a.rgb),
                  error("flow [px]", a.flow_px),
                  error("gradients", a.gradients),

@@ -42,18 +42,6 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
     {"motion back", {"spacetime_bwd"}},
     {"Adam", {"adam_refuse", "adam_advance", "adam_step"}}};
 
-// Times a share, with its spread.
-Spread scaled(Spread s, double by) {
-  const Spread o{s.median * by, s.low * by, s.high * by};
-  return o.low <= o.high ? o : Spread{o.median, o.high, o.low};
-}
-
-Spread sum_of(const std::vector<Spread>& parts) {
-  Spread sum;
-  for (const Spread& s : parts) sum.median += s.median, sum.low += s.low, sum.high += s.high;
-  return sum;
-}
-
 void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak& peak,
              Report& report, std::vector<std::vector<std::string>>& shares) {
   const Channels channels{!o.no_flow, o.depth};
@@ -66,15 +54,16 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak&
     return stage == "backward" ? backward_flops(channels) : 0;
   };
   report.add({scene.name,
-              {{"wall [ms]", cost.wall_ms},
-               {"CPU [ms]", cost.cpu_ms},
-               single("half the CPU time [ms]", 0.5 * cost.cpu_ms.median),
+              {{"wall [ms]", spread_of(cost.wall_ms)},
+               {"CPU [ms]", spread_of(cost.cpu_ms)},
+               single("half the CPU time [ms]", 0.5 * spread_of(cost.cpu_ms).median),
                single("intersections", double(step.engine().tiles().intersections)),
                single("listed a pixel", pairs.listed / pixels),
                single("masked a pixel", pairs.masked / pixels),
                single("blended a pixel", pairs.blended / pixels),
                single("peak memory [MiB]", peak_memory_mib())}});
-  const auto row = [&](const std::string& name, Spread ms, double flops) {
+  const auto row = [&](const std::string& name, const Samples& times, double flops) {
+    const Spread ms = spread_of(times);
     // Operations in 1e9 a second by time in ms: 1e-6.
     const double share = flops * pairs.blended * 1e-6 / peak.gflops;
     report.add({scene.name + ": " + name,
@@ -83,17 +72,14 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak&
                  // Of the others nobody has counted the operations.
                  single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN)}});
   };
-  double all_ms = 0;
-  for (const auto& [kernel, ms] : cost.kernel_ms) all_ms += ms.median;
+  const Samples all = sum_of(cost.kernel_ms);
   shares.push_back({scene.name});
   for (const auto& [stage, kernels] : stages) {
-    std::vector<Spread> parts;
-    for (const std::string& kernel : kernels)
-      if (cost.kernel_ms.count(kernel)) parts.push_back(cost.kernel_ms.at(kernel));
-    shares.back().push_back(fmt::format("{:.3f}", 100 * sum_of(parts).median / all_ms));
-    if (parts.empty()) continue;
-    row(stage, sum_of(parts), flops_of(stage));
-    if (!o.kernels || parts.size() < 2) continue;
+    const Samples times = sum_of(cost.kernel_ms, kernels);
+    shares.back().push_back(fmt::format("{:.3f}", 100 * ratio_of(times, all).median));
+    if (times.empty()) continue;
+    row(stage, times, flops_of(stage));
+    if (!o.kernels || kernels.size() < 2) continue;
     for (const std::string& kernel : kernels)
       if (cost.kernel_ms.count(kernel)) row(kernel, cost.kernel_ms.at(kernel), 0);
   }

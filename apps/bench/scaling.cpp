@@ -62,7 +62,7 @@ double exponent(const std::vector<std::pair<double, double>>& points) {
 double exponent_of(const std::vector<Point>& points, const std::string& sweep) {
   std::vector<std::pair<double, double>> all;
   for (const Point& p : points)
-    if (p.sweep == sweep) all.emplace_back(p.x, p.cost.cpu_ms.median);
+    if (p.sweep == sweep) all.emplace_back(p.x, spread_of(p.cost.cpu_ms).median);
   if (all.size() < 2) return 0;  // --most left one
   all.erase(all.begin(), all.begin() + long(all.size() / 2) - (all.size() % 2 == 0));
   return exponent(all);
@@ -104,7 +104,7 @@ void predict(const ScalingOptions& o, const Point& largest, double peak_gflops, 
   const double flops = pairs * (forward_flops(channels) + backward_flops(channels));
   const double bytes = bytes_of({gaussians, kParameters, gaussians, intersections, pixels});
   const double splat_ms =
-      largest.cost.kernel_ms.at("splat_fwd").median + largest.cost.kernel_ms.at("splat_bwd").median;
+      spread_of(sum_of(largest.cost.kernel_ms, {"splat_fwd", "splat_bwd"})).median;
   const double here = largest.pairs * (forward_flops(channels) + backward_flops(channels)) * 1e-6 /
                       (splat_ms * peak_gflops);
   const double compute_ms = flops * 1e-9 / o.gpu_tflops, memory_ms = bytes * 1e-6 / o.gpu_gbs;
@@ -120,8 +120,8 @@ Plot plot_of(const std::vector<Point>& points) {
   plot.name = "scaling";
   plot.table = {{"sweep", "x", "CPU [ms]"}};
   for (const Point& p : points)
-    plot.table.push_back(
-        {p.sweep, fmt::format("{:.0f}", p.x), fmt::format("{:.4g}", p.cost.cpu_ms.median)});
+    plot.table.push_back({p.sweep, fmt::format("{:.0f}", p.x),
+                          fmt::format("{:.4g}", spread_of(p.cost.cpu_ms).median)});
   plot.script =
       "set logscale xy\nset xlabel 'how many'\nset ylabel 'CPU time of an image with flow, its "
       "gradients and Adam [ms]'\nplot for [s in 'Gaussians pixels frames'] 'scaling.tsv' every ::1 "
@@ -148,8 +148,8 @@ void run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
         measured(queue, o, "frames", double(frames), 256, std::min<size_t>(o.most, 10000), frames));
   for (const Point& p : points)
     report.add({fmt::format("{} {}", p.x, p.sweep),
-                {{"CPU [ms]", p.cost.cpu_ms},
-                 {"wall [ms]", p.cost.wall_ms},
+                {{"CPU [ms]", spread_of(p.cost.cpu_ms)},
+                 {"wall [ms]", spread_of(p.cost.wall_ms)},
                  single("intersections", p.intersections),
                  single("blended pairs", p.pairs),
                  single("peak memory [MiB]", p.peak_mib)}});

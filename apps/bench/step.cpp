@@ -34,29 +34,30 @@ void run_step(const StepOptions& o, const GlobalOptions& options) {
                  {"block", o.block},
                  {"repeats", o.common.repeats}});
   const std::vector<StepCost> costs = costs_of_steps(queue, o, kinds, from, folder);
-  const double pictures = spread_of(costs[0].cpu).median;
   for (size_t i = 0; i < kinds.size(); ++i) {
     const StepCost& c = costs[i];
-    const Spread wall = spread_of(c.wall), busy = spread_of(c.busy), cpu = spread_of(c.cpu);
+    Samples idle;
+    for (size_t k = 0; k < c.wall.size(); ++k)
+      idle.push_back(100 * std::max(0.0, 1 - c.busy[k] / c.wall[k]));
     report.add({kinds[i].name,
-                {{"wall [ms]", wall},
-                 {"CPU [ms]", cpu},
-                 {"device busy [ms]", busy},
+                {{"wall [ms]", spread_of(c.wall)},
+                 {"CPU [ms]", spread_of(c.cpu)},
+                 {"device busy [ms]", spread_of(c.busy)},
                  {"host [ms]", spread_of(c.host)},
-                 single("idle [%]", 100 * std::max(0.0, 1 - busy.median / wall.median)),
-                 single("CPU, of pictures alone", cpu.median / pictures),
+                 {"idle [%]", spread_of(idle)},
+                 {"CPU, of pictures alone", ratio_of(c.cpu, costs[0].cpu)},
                  single("Gaussians", double(c.end.count))}});
   }
   for (const size_t i : {0, 1}) {
-    std::vector<std::pair<std::string, Spread>> rows;
-    for (const auto& [name, times] : costs[i].kernels) rows.emplace_back(name, spread_of(times));
-    std::sort(rows.begin(), rows.end(),
-              [](const auto& a, const auto& b) { return a.second.median > b.second.median; });
-    const double busy = spread_of(costs[i].busy).median;
-    for (const auto& [name, ms] : rows)
-      report.add(
-          {kinds[i].name + ": " + name,
-           {{"device [ms]", ms}, single("of the device's time [%]", 100 * ms.median / busy)}});
+    std::vector<Row> rows;
+    for (const auto& [name, times] : costs[i].kernels)
+      rows.push_back({kinds[i].name + ": " + name,
+                      {{"device [ms]", spread_of(times)},
+                       {"of the device's time [%]", scaled(ratio_of(times, costs[i].busy), 100)}}});
+    std::sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) {
+      return a.figures[0].value.median > b.figures[0].value.median;
+    });
+    for (Row& row : rows) report.add(std::move(row));
   }
   deliver(report, o.common, plot_of("step", kinds, costs));
 }

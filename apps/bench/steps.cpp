@@ -65,15 +65,11 @@ class GoingOn {
     cost.cpu.push_back(1e3 * (cpu_seconds() - cpu) / steps);
     const std::chrono::duration<double, std::milli> wall = std::chrono::steady_clock::now() - start;
     cost.wall.push_back(wall.count() / steps);
-    double busy = 0;
-    for (const auto& [name, timing] : queue.timings()) {
-      cost.kernels[name].push_back(timing.total_ms / steps);
-      busy += timing.total_ms / steps;
-    }
-    cost.busy.push_back(busy);
+    append_kernels(cost.kernels, queue, cost.wall.size() - 1, steps);
   }
 
   StepCost end(Queue& queue) {
+    cost.busy = sum_of(cost.kernels);
     cost.end = model_.read(queue);
     const Engine& engine = trainer_->renderer().engine();
     cost.pairs = count_pairs(queue, engine, engine_settings(config_));
@@ -131,8 +127,8 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
   }
   for (auto& training : trainings) training->cost = {};
   for (int k = 0; k < o.common.repeats; ++k)
-    for (auto& training : trainings) {
-      training->block(queue, o.block);
+    for (const size_t i : order_of(trainings.size(), k)) {
+      trainings[i]->block(queue, o.block);
       stop_if_interrupted();
     }
   std::vector<StepCost> costs;

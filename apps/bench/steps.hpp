@@ -2,7 +2,6 @@
 // Training steps that are timed: a training is begun once, and several ways to go on from there are
 // compared over the same views.
 #pragma once
-#include <map>
 #include <string>
 #include <vector>
 
@@ -37,14 +36,14 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
 
 // What a step of a kind costs, the mean of each block of steps, and what the last one drew.
 struct StepCost {
-  std::vector<double> wall, cpu, busy, host;  // [ms]; busy: the device; host: the training thread
-  std::map<std::string, std::vector<double>> kernels;  // [ms] on the device
+  Samples wall, cpu, busy, host;  // [ms]; busy: the device; host: the training thread
+  KernelSamples kernels;          // [ms] on the device
   HostModel end;
   double posed = 0;  // Gaussians whose shape at the time drawn was made
   Touched touched;
   Pairs pairs;
 };
-// Of all kinds, a block of steps of each in turn, so that a machine that slows down slows all.
+// Of all kinds, a block of the same steps of each in every repeat, in the order of order_of.
 std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
                                      const std::vector<Kind>& kinds, const Trained& from,
                                      const ScratchFolder& folder);

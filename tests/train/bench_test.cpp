@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "apps/bench/front.hpp"
+#include "apps/bench/samples.hpp"
 #include "optim/io/npz.hpp"
 #include "train/command.hpp"
 #include "train/small_scene.hpp"
@@ -229,8 +230,9 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
              "--set", "density.enabled=false", "--json", file, "--quiet"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = read(file)["rows"];
-  ASSERT_EQ(rows.size(), 14u);
-  const Json &all = rows["all skips"], &none = rows["no skip"];
+  ASSERT_EQ(rows.size(), 15u);
+  const Json &all = rows["all skips"], &none = rows["no skip at all"];
+  const Json& inexact = rows["no exact skip"];  // as much is asked for, in the same way
   EXPECT_EQ(all["model differs by"], 0);
   for (const char* exact : {"masks", "saturated", "asking", "outside", "flow", "bands"})
     EXPECT_EQ(rows[fmt::format("without {}", exact)]["model differs by"], 0) << exact;
@@ -241,11 +243,49 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   EXPECT_GE(rows["at every time"]["drawn"], all["drawn"]);
   EXPECT_GE(rows["without outside"]["posed"], all["posed"]);
   EXPECT_GE(all["posed"], all["drawn"]);
-  EXPECT_GT(none["pairs in cells"], all["pairs in cells"]);
+  for (const Json* row : {&none, &inexact})
+    EXPECT_GT((*row)["pairs in cells"], all["pairs in cells"]);
+  EXPECT_LT(inexact["model differs by"], 0.1 * none["model differs by"].get<double>());
+  EXPECT_LT(inexact["moved by Adam"], none["moved by Adam"]);
+  EXPECT_GT(none["CPU, of all skips"]["high"], 0);
   EXPECT_GE(all["moved by Adam"], all["drawn"]);
   EXPECT_GT(rows["without unseen"]["moved by Adam"], all["moved by Adam"]);
   EXPECT_GT(rows["without unseen"]["bytes [1e6]"], all["bytes [1e6]"]);
   EXPECT_EQ(rows["without masks"]["pairs blended"], all["pairs blended"]);
+}
+
+TEST(Bench, EveryWayComesFirstAsOftenAsEveryOther) {
+  std::vector<std::vector<int>> before(5, std::vector<int>(5));
+  for (int repeat = 0; repeat < 20; ++repeat) {
+    const std::vector<size_t> order = bench::order_of(5, repeat);
+    for (size_t i = 0; i < 5; ++i)
+      for (size_t k = i + 1; k < 5; ++k) ++before[order[i]][order[k]];
+  }
+  for (size_t i = 0; i < 5; ++i)
+    for (size_t k = 0; k < 5; ++k) EXPECT_EQ(before[i][k], i == k ? 0 : 10) << i << " " << k;
+  EXPECT_NE(bench::order_of(5, 0), bench::order_of(5, 2));
+  EXPECT_EQ(bench::order_of(5, 3), bench::order_of(5, 3));
+}
+
+// A machine twice as slow in a repeat is so for both: their ratio is 2 in each.
+TEST(Bench, ARatioIsThatOfEachRepeat) {
+  const bench::Spread same = bench::ratio_of({2, 20, 4, 6}, {1, 10, 2, 3});
+  EXPECT_EQ(same.low, 2);
+  EXPECT_EQ(same.high, 2);
+  const bench::Spread apart = bench::ratio_of({1, 2, 3}, {1, 1, 1});
+  EXPECT_EQ(apart.low, 1.5);
+  EXPECT_EQ(apart.median, 2);
+  EXPECT_EQ(apart.high, 2.5);
+}
+
+// Quartiles of 1 + 9, 5 + 5 and 9 + 1; sums of quartiles would be from 6 to 14.
+TEST(Bench, QuartilesOfAStageAreThoseOfItsKernelsTogether) {
+  const bench::KernelSamples kernels{{"a", {1, 5, 9}}, {"b", {9, 5, 1}}, {"c", {1, 1, 1}}};
+  const bench::Spread sum = bench::spread_of(bench::sum_of(kernels, {"a", "b", "none"}));
+  EXPECT_EQ(sum.low, 10);
+  EXPECT_EQ(sum.high, 10);
+  EXPECT_EQ(bench::sum_of(kernels), (bench::Samples{11, 11, 11}));
+  EXPECT_TRUE(bench::sum_of(kernels, {"none"}).empty());
 }
 
 Outcome small_raster(std::vector<std::string> more) {

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is told of figures that were measured several times.
+#pragma once
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <random>
+#include <string>
+#include <vector>
+
+namespace gflow::bench {
+
+using Samples = std::vector<double>;                   // a value for each repeat
+using KernelSamples = std::map<std::string, Samples>;  // of each kernel
+
+// The middle of some values, and where the quarters below and above it begin.
+struct Spread {
+  double median = 0, low = 0, high = 0;
+};
+inline Spread spread_of(Samples values) {
+  if (values.empty()) return {};
+  std::sort(values.begin(), values.end());
+  const auto at = [&](double share) {  // between the two nearest ranks
+    const double rank = share * double(values.size() - 1);
+    const size_t below = size_t(rank), above = std::min(below + 1, values.size() - 1);
+    return values[below] + (rank - double(below)) * (values[above] - values[below]);
+  };
+  return {at(0.5), at(0.25), at(0.75)};
+}
+
+// Times a number > 0.
+inline Spread scaled(const Spread& s, double by) {
+  return {s.median * by, s.low * by, s.high * by};
+}
+
+// Of a / b in each repeat: what slows down a repeat slows both.
+inline Spread ratio_of(const Samples& a, const Samples& b) {
+  Samples ratios;
+  for (size_t i = 0; i < std::min(a.size(), b.size()); ++i) ratios.push_back(a[i] / b[i]);
+  return spread_of(std::move(ratios));
+}
+
+// The time of some kernels in each repeat; empty where none of them ran. A sum of their quartiles
+// would be no quartile of the sum.
+inline Samples sum_of(const KernelSamples& kernels, const std::vector<std::string>& names) {
+  Samples sum;
+  for (const std::string& name : names) {
+    const auto found = kernels.find(name);
+    if (found == kernels.end()) continue;
+    sum.resize(found->second.size());
+    for (size_t i = 0; i < sum.size(); ++i) sum[i] += found->second[i];
+  }
+  return sum;
+}
+inline Samples sum_of(const KernelSamples& kernels) {
+  std::vector<std::string> names;
+  for (const auto& [name, times] : kernels) names.push_back(name);
+  return sum_of(kernels, names);
+}
+
+// In which order `count` ways run in a repeat: shuffled, backwards in every second one, so that of
+// any two each comes first as often as the other. The same in every run.
+inline std::vector<size_t> order_of(size_t count, int repeat) {
+  std::vector<size_t> order(count);
+  std::iota(order.begin(), order.end(), 0);
+  std::mt19937 rng(unsigned(repeat) / 2);
+  std::shuffle(order.begin(), order.end(), rng);
+  if (repeat % 2) std::reverse(order.begin(), order.end());
+  return order;
+}
+
+}  // namespace gflow::bench
