@@ -52,8 +52,9 @@ double difference(const HostModel& a, const HostModel& b) {
   return apart == 0 ? 0 : std::sqrt(apart / length);
 }
 
-void run_skip(const StepOptions& o, const GlobalOptions& options) {
-  check_outputs(o.common);
+void run_skip(const StepOptions& asked, const GlobalOptions& options) {
+  check_outputs(asked.common);
+  const StepOptions o = with_whole_blocks(asked);
   QueueOptions queue_options;
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);

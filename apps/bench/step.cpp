@@ -12,15 +12,20 @@
 namespace gflow::bench {
 namespace {
 
-const std::vector<Kind> kinds{
-    {"pictures alone", {"flow.enabled=false"}},     {"with flow", {}},
-    {"flow in every step", {"flow.every=1"}},       {"flow of calm tiles too", {"flow.calm=1"}},
-    {"flow, rigidity", {"loss.rigidity=1"}},        {"flow, rotation", {"loss.rotation=1"}},
-    {"flow, isometry", {"loss.isometry=1"}},        {"flow, velocity", {"loss.velocity=1"}},
-    {"flow, acceleration", {"loss.acceleration=1"}}};
+const std::vector<Kind> kinds{{"pictures alone", {"flow.enabled=false"}},
+                              {"with flow", {}},
+                              {"flow in every step", {"flow.every=1"}},
+                              {"flow of calm tiles too", {"flow.calm=1"}},
+                              {"flow of all tiles in every step", {"flow.every=1", "flow.calm=1"}},
+                              {"flow, rigidity", {"loss.rigidity=1"}},
+                              {"flow, rotation", {"loss.rotation=1"}},
+                              {"flow, isometry", {"loss.isometry=1"}},
+                              {"flow, velocity", {"loss.velocity=1"}},
+                              {"flow, acceleration", {"loss.acceleration=1"}}};
 
-void run_step(const StepOptions& o, const GlobalOptions& options) {
-  check_outputs(o.common);
+void run_step(const StepOptions& asked, const GlobalOptions& options) {
+  check_outputs(asked.common);
+  const StepOptions o = with_whole_blocks(asked);
   QueueOptions queue_options;
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
@@ -66,9 +71,10 @@ void run_step(const StepOptions& o, const GlobalOptions& options) {
 
 void add_step(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<StepOptions>();
-  CLI::App* step = bench.add_subcommand("step",
-                                        "Training steps on a scene: pictures alone, with flow, in "
-                                        "every step, of calm tiles too, with each regulariser");
+  CLI::App* step =
+      bench.add_subcommand("step",
+                           "Training steps on a scene: pictures alone, with flow, in "
+                           "every step, of calm tiles too, both, with each regulariser");
   add_step_options(*step, *flags);
   step->callback([flags, &options] { run_step(*flags, options); });
 }

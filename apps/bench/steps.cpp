@@ -98,6 +98,17 @@ class GoingOn {
 
 }  // namespace
 
+StepOptions with_whole_blocks(StepOptions o) {
+  const int flow_every = configured(o, {}).flow.every;
+  const int every = flow_every > 0 ? flow_every : 2;  // 0: 2 or 1, by the model
+  const int block = (o.block + every - 1) / every * every;
+  if (block != o.block)
+    fmt::print(stderr, "--block {} becomes {}: as many steps with flow in each, one in {}\n",
+               o.block, block, every);
+  o.block = block;
+  return o;
+}
+
 Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folder, bool quiet) {
   const TrainConfig config = configured(o, {});
   Preparation prepared(config, folder.file("frames"));
@@ -155,7 +166,9 @@ void add_step_options(CLI::App& bench, StepOptions& options) {
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   bench.add_option("--warm", options.warm, "Steps of training before anything is measured")
       ->check(number_in(1, 1000000));
-  bench.add_option("--block", options.block, "Steps that are timed together")
+  bench
+      .add_option("--block", options.block,
+                  "Steps that are timed together; made a multiple of flow.every")
       ->check(number_in(1, 100000));
   add_common(bench, options.common);
 }

@@ -21,6 +21,10 @@ struct StepOptions {
 // Adds them to a sub-command.
 void add_step_options(CLI::App& bench, StepOptions& options);
 
+// With blocks as long as asked for or a little longer, so that each holds as many steps with flow
+// (flow.every); says so where they are longer.
+StepOptions with_whole_blocks(StepOptions o);
+
 // A way to go on: a name and what it changes of the settings.
 struct Kind {
   std::string name;

@@ -202,10 +202,25 @@ TEST(Bench, StepTellsEachKindAndItsKernels) {
                                  "--repeats", "1", "--json", file, "--quiet"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = read(file)["rows"];
-  for (const char* kind : {"pictures alone", "with flow", "flow, rigidity", "flow, velocity"})
+  for (const char* kind : {"pictures alone", "with flow", "flow of all tiles in every step",
+                           "flow, rigidity", "flow, velocity"})
     EXPECT_TRUE(rows.contains(kind)) << kind;
   EXPECT_FALSE(rows.contains("pictures alone: flow_loss"));
   EXPECT_TRUE(rows.contains("with flow: flow_loss"));
+}
+
+// Else one had more steps with flow than the next.
+TEST(Bench, BlocksHoldAsManyStepsWithFlow) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const Outcome outcome =
+      gflow({"bench", "step", scene.path(), "--warm", "1", "--block", "4", "--repeats", "1",
+             "--set", "flow.every=3", "--json", file, "--quiet"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.err.find("--block 4 becomes 6"), std::string::npos) << outcome.err;
+  EXPECT_EQ(read(file)["block"], 6);
 }
 
 TEST(Bench, WhatWasMeasuredIsShownWhereItCannotBeDrawn) {
