@@ -2,15 +2,14 @@
 // Who of several choices is worth a look: the Pareto front of time and errors.
 #pragma once
 #include <algorithm>
-#include <array>
 #include <vector>
 
 namespace gflow::bench {
 
-// The time and the errors of a choice, all > 0, each in a unit of its own.
+// The time and the errors of a choice, each in a unit of its own; all choices have as many errors.
 struct TimeAndErrors {
   double time = 1;
-  std::array<double, 3> errors{1, 1, 1};
+  std::vector<double> errors;
 };
 
 // Whether each is on the front: nobody else is as fast and as exact in every measure, and in one of
@@ -19,10 +18,11 @@ inline std::vector<bool> pareto_front(const std::vector<TimeAndErrors>& all) {
   constexpr double kSpread = 1.03, kSame = 1.01, kMoreExact = 1.1;
   const auto worse = [](const TimeAndErrors& a, const TimeAndErrors& b) {  // a than b
     const double time = a.time / b.time;
-    double least = a.errors[0] / b.errors[0], most = least;
-    for (size_t k = 1; k < a.errors.size(); ++k) {
-      least = std::min(least, a.errors[k] / b.errors[k]);
-      most = std::max(most, a.errors[k] / b.errors[k]);
+    double least = 1e300, most = 0;
+    for (size_t k = 0; k < a.errors.size(); ++k) {
+      const double ratio = a.errors[k] == b.errors[k] ? 1 : a.errors[k] / b.errors[k];  // 0 / 0
+      least = std::min(least, ratio);
+      most = std::max(most, ratio);
     }
     return time > 1 / kSpread && least > 1 / kSame && (time > kSpread || most > kMoreExact);
   };

@@ -101,6 +101,7 @@ void Report::print() const {
     print_table(lines);
     first = k;
   }
+  for (const std::string& note : notes_) fmt::print("{}\n", note);
 }
 
 Json Report::json() const {
@@ -113,6 +114,7 @@ Json Report::json() const {
                    : Json(f.value.median);
     all["rows"][row.name] = figures;
   }
+  if (!notes_.empty()) all["notes"] = notes_;
   return all;
 }
 

@@ -39,6 +39,8 @@ class Report {
   // `bench` is the sub-command; facts say what was run, e.g. {"pixels", "512x512"}.
   Report(std::string bench, const Queue& queue, const Peak& peak, Json facts);
   void add(Row row) { rows_.push_back(std::move(row)); }
+  // A sentence, without a full stop, that stands below the tables.
+  void note(std::string text) { notes_.push_back(std::move(text)); }
 
   // Rows with the same figures side by side in one table, medians, and quartiles where they differ.
   void print() const;
@@ -52,6 +54,7 @@ class Report {
  private:
   Json head_, facts_;  // facts_ are in head_, too
   std::vector<Row> rows_;
+  std::vector<std::string> notes_;
 };
 
 }  // namespace gflow::bench

@@ -101,12 +101,33 @@ TEST(Bench, ParetoTellsTimeAndErrorOfAChoiceAndDrawsThem) {
     EXPECT_GT(shipped[error], fine[error]) << error;
   }
   EXPECT_GT(fine["colour"], shipped["colour"]);
+  // Nobody else is as exact as defined: whatever the times, they are a choice.
+  EXPECT_EQ(shipped["on the front"], 1);
+  EXPECT_EQ(shipped["CPU, of shipped"]["high"], 1);
+  EXPECT_GT(fine["CPU, of shipped"]["high"], 0);
   const std::string table = contents(folder.file("a.md"));
-  EXPECT_NE(table.find("| **shipped** | "), std::string::npos) << table;
+  EXPECT_NE(table.find("| **shipped** | **1** | "), std::string::npos) << table;
   const std::string data = contents(folder.file("plots/pareto.tsv"));
   EXPECT_EQ(std::count(data.begin(), data.end(), '\n'), 6);
   EXPECT_NE(contents(folder.file("plots/pareto.gnuplot")).find("svg = 'pareto.svg'"),
             std::string::npos);
+}
+
+TEST(Bench, ParetoSaysWhereTheNativeExponentialIsTheBuiltInOne) {
+  const TemporaryFolder folder;
+  const Outcome outcome = small_pareto(
+      {"--knob", "exp2", "--json", folder.file("a.json"), "--markdown", folder.file("a.md")});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json rows = read(folder.file("a.json"))["rows"];
+  bool same = true;
+  for (const char* error :
+       {"colour", "flow [px]", "gradients", "colour, all", "flow, all [px]", "gradients, all"})
+    same = same && rows["exp2 native"][error] == rows["exp2 built in"][error];
+  const auto says = [](const std::string& text) {
+    return text.find("native is the same as built in") != std::string::npos;
+  };
+  EXPECT_EQ(says(outcome.out), same);
+  EXPECT_EQ(says(contents(folder.file("a.md"))), same);
 }
 
 TEST(Bench, BoxesThatCutSplatsOffAreLessExactAndSkipsAreNot) {
@@ -146,6 +167,7 @@ TEST(Bench, TheFrontHasWhoNobodyIsBetterThan) {
   EXPECT_EQ(front({shipped, {.9, {1, 1, 1.2}}}), (std::vector<bool>{true, true})) << "a choice";
   EXPECT_EQ(front({shipped, {.98, {1, 1, 1}}}), (std::vector<bool>{true, true})) << "noise";
   EXPECT_EQ(front({shipped, {.9, {1.005, 1, 1}}}), (std::vector<bool>{false, true})) << "decimals";
+  EXPECT_EQ(front({{1, {1, 0}}, {.9, {1, 0}}}), (std::vector<bool>{false, true})) << "no error";
   EXPECT_EQ(front({{2, {1, 1, 1}}, {1.5, {.5, 1, 1}}, {1, {1, .5, 1}}}),
             (std::vector<bool>{false, true, true}));
 }
