@@ -10,7 +10,6 @@
 #include "apps/bench/exact.hpp"
 #include "apps/bench/front.hpp"
 #include "apps/command_line.hpp"
-#include "optim/io/atomic_file.hpp"
 
 namespace gflow::bench {
 namespace {
@@ -19,7 +18,6 @@ struct ParetoOptions {
   BenchOptions common;
   std::string pixels = "512x512", check_pixels = "96x96";
   size_t gaussians = 100000, check_gaussians = 1400;
-  std::string markdown;
   std::vector<std::string> knobs;  // empty: all
 };
 
@@ -276,17 +274,15 @@ std::string markdown_of(const Queue& queue, const ParetoOptions& o,
   return text;
 }
 
-void run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
-  chosen(0, o.knobs);  // refuses before anything is made
-  check_outputs(o.common);
-  require_writable("--markdown", o.markdown);
+Result run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
   const Place home(options, o, 0);
-  Report report("pareto", *home.queue, measure_peak(*home.queue),
+  Report report("pareto", *home.queue,
                 {{"pixels", o.pixels},
                  {"gaussians", o.gaussians},
                  {"check pixels", o.check_pixels},
                  {"check gaussians", o.check_gaussians},
-                 {"repeats", o.common.repeats}});
+                 {"repeats", o.common.repeats}},
+                o.common.compare);
   const Exact exact(*home.queue, *home.small);
   Shown shipped = timed(home, {});
   std::vector<Measured> all;
@@ -322,11 +318,7 @@ void run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
                  single("on the front", front[i])}});
   }
   if (native_is_built_in(all)) report.note(kNativeIsBuiltIn);
-  if (!o.markdown.empty()) {
-    const std::string text = markdown_of(*home.queue, o, all, front);
-    write_file_atomically(o.markdown, Bytes(text.begin(), text.end()));
-  }
-  deliver(report, o.common, plot_of(all, front));
+  return {std::move(report), plot_of(all, front), markdown_of(*home.queue, o, all, front)};
 }
 
 }  // namespace
@@ -350,9 +342,13 @@ void add_pareto(CLI::App& bench, const GlobalOptions& options) {
       ->expected(1)
       ->default_str("")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  pareto->add_option("--markdown", flags->markdown, "Write the table here")->type_name("FILE.md");
+  pareto->add_option("--markdown", flags->common.markdown, "Write the table here")
+      ->type_name("FILE.md");
   add_common(*pareto, flags->common);
-  pareto->callback([flags, &options] { run_pareto(*flags, options); });
+  pareto->callback([flags, &options] {
+    chosen(0, flags->knobs);  // refuses before anything is made
+    deliver(flags->common, [&] { return run_pareto(*flags, options); });
+  });
 }
 
 }  // namespace gflow::bench

@@ -42,8 +42,8 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
     {"motion back", {"spacetime_bwd"}},
     {"Adam", {"adam_refuse", "adam_advance", "adam_step"}}};
 
-void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak& peak,
-             Report& report, std::vector<std::vector<std::string>>& shares) {
+void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& report,
+             std::vector<std::vector<std::string>>& shares) {
   const Channels channels{!o.no_flow, o.depth};
   WholeStep step(queue, scene, channels);
   const Cost cost = cost_of(queue, o.common.repeats, [&] { step(); });
@@ -62,17 +62,18 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak&
                single("masked a pixel", pairs.masked / pixels),
                single("blended a pixel", pairs.blended / pixels),
                single("peak memory [MiB]", peak_memory_mib())}});
+  const Samples all = sum_of(cost.kernel_ms);
   const auto row = [&](const std::string& name, const Samples& times, double flops) {
     const Spread ms = spread_of(times);
     // Operations in 1e9 a second by time in ms: 1e-6.
-    const double share = flops * pairs.blended * 1e-6 / peak.gflops;
+    const double share = flops * pairs.blended * 1e-6 / report.peak().gflops;
     report.add({scene.name + ": " + name,
                 {{"device [ms]", ms},
                  {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
                  // Of the others nobody has counted the operations.
-                 single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN)}});
+                 single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN)},
+                is_brief(times, all)});
   };
-  const Samples all = sum_of(cost.kernel_ms);
   shares.push_back({scene.name});
   for (const auto& [stage, kernels] : stages) {
     const Samples times = sum_of(cost.kernel_ms, kernels);
@@ -85,24 +86,23 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, const Peak&
   }
 }
 
-void run_raster(const RasterOptions& o, const GlobalOptions& options) {
-  check_outputs(o.common);
+Result run_raster(const RasterOptions& o, const GlobalOptions& options) {
   QueueOptions queue_options;
   queue_options.profile = true;
   queue_options.lanes = o.lanes;
   Queue queue = open_queue(options, queue_options);
-  const Peak peak = measure_peak(queue);
-  Report report("raster", queue, peak,
+  Report report("raster", queue,
                 {{"flow", !o.no_flow},
                  {"depth", o.depth},
                  {"scene", o.file},
                  {"frames", o.frames},
-                 {"repeats", o.common.repeats}});
+                 {"repeats", o.common.repeats}},
+                o.common.compare);
   std::vector<std::vector<std::string>> shares{{"scene"}};
   for (const auto& [stage, kernels] : stages) shares[0].push_back(stage);
   if (!o.file.empty()) {
     begin_peak_memory();
-    measure(queue, scene_of_file(queue, o.file, !o.no_flow), o, peak, report, shares);
+    measure(queue, scene_of_file(queue, o.file, !o.no_flow), o, report, shares);
   } else {
     const bool pair_up = !o.grid && o.sizes.size() == o.gaussians.size();
     for (size_t i = 0; i < o.sizes.size(); ++i)
@@ -110,11 +110,11 @@ void run_raster(const RasterOptions& o, const GlobalOptions& options) {
         if (pair_up && i != k) continue;
         const auto [width, height] = size_named("--pixels", o.sizes[i]);
         begin_peak_memory();
-        measure(queue, random_scene(queue, width, height, o.gaussians[k], o.frames), o, peak,
-                report, shares);
+        measure(queue, random_scene(queue, width, height, o.gaussians[k], o.frames), o, report,
+                shares);
       }
   }
-  deliver(report, o.common, bars("raster", "share of the device time [%]", std::move(shares)));
+  return {std::move(report), bars("raster", "share of the device time [%]", std::move(shares))};
 }
 
 }  // namespace
@@ -149,7 +149,8 @@ void add_raster(CLI::App& bench, const GlobalOptions& options) {
   raster->add_flag("--depth", flags->depth, "Expected depth as well");
   raster->add_flag("--kernels", flags->kernels, "Show the kernels of each stage");
   add_common(*raster, flags->common);
-  raster->callback([flags, &options] { run_raster(*flags, options); });
+  raster->callback(
+      [flags, &options] { deliver(flags->common, [&] { return run_raster(*flags, options); }); });
 }
 
 }  // namespace gflow::bench

@@ -12,7 +12,7 @@
 namespace gflow::bench {
 namespace {
 
-constexpr double kGrown = 1.1;  // a ratio of medians above it is worth a look
+constexpr double kGrown = 1.1;  // a ratio above it is worth a look
 
 // Four digits, as long as that is readable.
 std::string digits(double x) {
@@ -70,19 +70,47 @@ Spread figure_of(const Json& rows, const std::string& row, const std::string& na
   return {part("median"), part("low"), part("high")};
 }
 
+std::string text_of(const Json& report, const char* key) {
+  const Json value = report.value(key, Json());
+  return value.is_string() ? value.get<std::string>() : std::string();
+}
+
+// Of a row with CPU time, that alone.
+bool is_judged(const Row& row, const Figure& f) {
+  const auto is_cpu = [](const Figure& x) { return x.name == "CPU [ms]"; };
+  return !row.brief && (is_cpu(f) || std::none_of(row.figures.begin(), row.figures.end(), is_cpu));
+}
+
 }  // namespace
 
-Report::Report(std::string bench, const Queue& queue, const Peak& peak, Json facts)
-    : head_{{"bench", std::move(bench)},
-            {"version", GFLOW_VERSION},
-            {"device", queue.info.full_name()},
-            {"driver", queue.info.driver},
-            {"compute_units", queue.info.compute_units},
-            {"lanes", queue.lanes},
-            {"peak_gflops", peak.gflops},
-            {"peak_copy_gbs", peak.copy_gbs}},
-      facts_(std::move(facts)) {
+Json read_report(const std::string& path, const std::string& bench) {
+  const Bytes bytes = read_file(path);
+  Json report = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
+  if (!report.is_object() || report.value("bench", Json()) != bench || !report.contains("rows") ||
+      !report["rows"].is_object())
+    throw Error(fmt::format("{}: it is no report of `gflow bench {}`", path, bench));
+  return report;
+}
+
+Report::Report(std::string bench, Queue& queue, Json facts, const std::string& old)
+    : facts_(std::move(facts)), old_path_(old) {
   facts_["lanes"] = queue.lanes;
+  if (!old.empty()) {
+    old_ = read_report(old, bench);
+    for (const auto& [key, value] : facts_.items())
+      if (key != "repeats" && old_.contains(key) && old_[key] != value)
+        throw Error(fmt::format("comparing with {}: that was measured with {} {}, this with {}",
+                                old, key, old_[key].dump(), value.dump()));
+  }
+  peak_ = measure_peak(queue);
+  head_ = {{"bench", std::move(bench)},
+           {"version", GFLOW_VERSION},
+           {"device", queue.info.full_name()},
+           {"driver", queue.info.driver},
+           {"compute_units", queue.info.compute_units},
+           {"lanes", queue.lanes},
+           {"peak_gflops", peak_.gflops},
+           {"peak_copy_gbs", peak_.copy_gbs}};
   for (const auto& [key, value] : facts_.items()) head_[key] = value;
 }
 
@@ -118,54 +146,44 @@ Json Report::json() const {
   return all;
 }
 
-int Report::compare(const std::string& old_path) const {
-  const Bytes bytes = read_file(old_path);
-  const Json old = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
-  const auto text = [&](const char* key) {
-    return old.is_object() && old.contains(key) && old[key].is_string()
-               ? old[key].get<std::string>()
-               : std::string();
-  };
-  if (text("bench") != head_["bench"] || !old.contains("rows") || !old["rows"].is_object())
-    throw Error(fmt::format("comparing with {}: it is no report of `gflow bench {}`", old_path,
-                            head_["bench"].get<std::string>()));
-  if (text("device") != head_["device"])
-    fmt::print("{} was measured on another device, {}\n", old_path, text("device"));
-  for (const auto& [key, value] : facts_.items())
-    if (key != "repeats" && old.contains(key) && old[key] != value)
-      throw Error(fmt::format("comparing with {}: that was measured with {} {}, this with {}",
-                              old_path, key, old[key].dump(), value.dump()));
+std::vector<std::string> Report::compare() const {
+  const Json& rows = old_["rows"];
+  if (text_of(old_, "device") != head_["device"])
+    fmt::print("{} was measured on another device, {}\n", old_path_, text_of(old_, "device"));
   std::vector<std::vector<std::string>> lines{{"", "before", "now", "ratio"}};
-  std::vector<std::string> only_here, only_there;
-  int grown = 0;
+  std::vector<std::string> only_here, only_there, worse;
   for (const Row& row : rows_) {
-    if (!old["rows"].contains(row.name)) only_here.push_back(row.name);
+    if (!rows.contains(row.name)) only_here.push_back(row.name);
     for (const Figure& f : row.figures) {
-      const Spread before = figure_of(old["rows"], row.name, f.name);
-      const double ratio = f.value.median / before.median;
-      if (!(is_time(f) || f.error) || !(before.median > 0)) continue;
-      const bool larger = ratio > kGrown, apart = f.error || f.value.low > before.high;
-      grown += larger && apart;
-      lines.push_back({row.name + ", " + f.name, digits(before.median), digits(f.value.median),
-                       fmt::format("{:.3f}{}", ratio,
-                                   !larger   ? ""
-                                   : !apart  ? " within the quartiles"
-                                   : f.error ? " less exact"
-                                             : " slower")});
+      const Spread before = figure_of(rows, row.name, f.name);
+      if (!(is_time(f) || f.error) || !(before.low > 0)) continue;
+      const double ratio = f.value.low / before.low;
+      const std::string name = row.name + ", " + f.name;
+      const char* said = "";
+      if (ratio > kGrown) {
+        if (!f.error && !is_judged(row, f))
+          said = " not judged";
+        else if (!f.error && !(f.value.low > before.high))
+          said = " within the quartiles";
+        else
+          said = f.error ? " less exact" : " slower", worse.push_back(name);
+      }
+      lines.push_back(
+          {name, digits(before.low), digits(f.value.low), fmt::format("{:.3f}{}", ratio, said)});
     }
   }
-  for (const auto& [name, figures] : old["rows"].items())
+  for (const auto& [name, figures] : rows.items())
     if (std::none_of(rows_.begin(), rows_.end(), [&](const Row& row) { return row.name == name; }))
       only_there.push_back(name);
   if (lines.size() == 1)
     throw Error(
         fmt::format("comparing with {}: it has no time of a row that is here, measure the "
                     "same again",
-                    old_path));
+                    old_path_));
   print_table(lines);
   if (!only_here.empty()) fmt::print("only here: {}\n", fmt::join(only_here, ", "));
-  if (!only_there.empty()) fmt::print("only in {}: {}\n", old_path, fmt::join(only_there, ", "));
-  return grown;
+  if (!only_there.empty()) fmt::print("only in {}: {}\n", old_path_, fmt::join(only_there, ", "));
+  return worse;
 }
 
 }  // namespace gflow::bench

@@ -32,12 +32,23 @@ inline Figure error(std::string name, double value) {
 struct Row {
   std::string name;
   std::vector<Figure> figures;
+  bool brief = false;  // too small a part of the whole for its time to be judged
 };
+// Whether the times of a part are less than 5 % of the whole's.
+inline bool is_brief(const Samples& part, const Samples& whole) {
+  return ratio_of(part, whole).median < 0.05;
+}
+
+// Error where a file is no report of this bench.
+Json read_report(const std::string& path, const std::string& bench);
 
 class Report {
  public:
-  // `bench` is the sub-command; facts say what was run, e.g. {"pixels", "512x512"}.
-  Report(std::string bench, const Queue& queue, const Peak& peak, Json facts);
+  // `bench` is the sub-command; facts say what is run, e.g. {"pixels", "512x512"}. Measures the
+  // peaks. Error where `old`, the path of an earlier report or "", is none of this bench, or of
+  // other facts: before anything else is measured.
+  Report(std::string bench, Queue& queue, Json facts, const std::string& old);
+  const Peak& peak() const { return peak_; }
   void add(Row row) { rows_.push_back(std::move(row)); }
   // A sentence, without a full stop, that stands below the tables.
   void note(std::string text) { notes_.push_back(std::move(text)); }
@@ -45,14 +56,18 @@ class Report {
   // Rows with the same figures side by side in one table, medians, and quartiles where they differ.
   void print() const;
   Json json() const;
-  // The ratios of medians, new by old, of every time with a spread ("[ms]", "[s]") and of every
-  // error that both have, and which rows only one of them has. What has grown by more than a tenth
-  // is marked, times only where the quartiles do not overlap; how many is returned. Error when OLD
-  // is no report of this bench.
-  int compare(const std::string& old_path) const;
+  // Prints the ratios to the old report, of every time with a spread ("[ms]", "[s]") and of every
+  // error that both have, and which rows only one of them has. Returns the names of what is worse:
+  // an error that has grown by more than a tenth; a time whose lower quartile has (what disturbs a
+  // measurement only adds to it), where the quartiles do not overlap either. Of a row with CPU time
+  // only that is judged, as other programs take part of the other times; of a brief row nothing.
+  std::vector<std::string> compare() const;
 
  private:
   Json head_, facts_;  // facts_ are in head_, too
+  Peak peak_;
+  std::string old_path_;
+  Json old_;
   std::vector<Row> rows_;
   std::vector<std::string> notes_;
 };

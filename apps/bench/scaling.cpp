@@ -129,13 +129,12 @@ Plot plot_of(const std::vector<Point>& points) {
   return plot;
 }
 
-void run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
-  check_outputs(o.common);
+Result run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
   QueueOptions queue_options;
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
-  const Peak peak = measure_peak(queue);
-  Report report("scaling", queue, peak, {{"most", o.most}, {"repeats", o.common.repeats}});
+  Report report("scaling", queue, {{"most", o.most}, {"repeats", o.common.repeats}},
+                o.common.compare);
   std::vector<Point> points;
   for (size_t n = 1000; n <= o.most; n = n % 3 == 0 ? n / 3 * 10 : n * 3)
     points.push_back(measured(queue, o, "Gaussians", double(n), 512, n, 1));
@@ -167,8 +166,8 @@ void run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
                     {single("wall, once [ms]", wall), single("of one core", wall / one)}});
     }
   }
-  predict(o, largest, peak.gflops, report);
-  deliver(report, o.common, plot_of(points));
+  predict(o, largest, report.peak().gflops, report);
+  return {std::move(report), plot_of(points)};
 }
 
 }  // namespace
@@ -187,7 +186,8 @@ void add_scaling(CLI::App& bench, const GlobalOptions& options) {
   scaling->add_option("--gpu-gbs", flags->gpu_gbs, "And its memory: 1e9 bytes/s")
       ->check(number_in(0.1, 1e6));
   add_common(*scaling, flags->common);
-  scaling->callback([flags, &options] { run_scaling(*flags, options); });
+  scaling->callback(
+      [flags, &options] { deliver(flags->common, [&] { return run_scaling(*flags, options); }); });
 }
 
 }  // namespace gflow::bench

@@ -52,22 +52,21 @@ double difference(const HostModel& a, const HostModel& b) {
   return apart == 0 ? 0 : std::sqrt(apart / length);
 }
 
-void run_skip(const StepOptions& asked, const GlobalOptions& options) {
-  check_outputs(asked.common);
-  const StepOptions o = with_whole_blocks(asked);
+Result run_skip(const StepOptions& o, const GlobalOptions& options) {
   QueueOptions queue_options;
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
   const InterruptGuard guard;
   const ScratchFolder folder;
-  const Trained from = warmed_up(queue, o, folder, options.quiet);
-  Report report("skip", queue, measure_peak(queue),
+  Report report("skip", queue,
                 {{"scene", o.scene},
                  {"settings", o.settings},
                  {"steps before", o.warm},
                  {"block", o.block},
                  {"steps compared", o.block * (o.common.repeats + 1)},
-                 {"repeats", o.common.repeats}});
+                 {"repeats", o.common.repeats}},
+                o.common.compare);
+  const Trained from = warmed_up(queue, o, folder, options.quiet);
   const std::vector<Kind> kinds = kinds_of();
   const std::vector<StepCost> costs = costs_of_steps(queue, o, kinds, from, folder);
   for (size_t i = 0; i < kinds.size(); ++i) {
@@ -85,7 +84,7 @@ void run_skip(const StepOptions& asked, const GlobalOptions& options) {
                  single("pairs blended", c.pairs.blended),
                  single("model differs by", difference(c.end, costs[0].end))}});
   }
-  deliver(report, o.common, plot_of("skip", kinds, costs));
+  return {std::move(report), plot_of("skip", kinds, costs)};
 }
 
 }  // namespace
@@ -98,7 +97,10 @@ void add_skip(CLI::App& bench, const GlobalOptions& options) {
                            "motion.cutoff, flow.calm and flow.every; at last with none of the "
                            "exact ones (skip.*, but unseen), and with none at all");
   add_step_options(*skip, *flags);
-  skip->callback([flags, &options] { run_skip(*flags, options); });
+  skip->callback([flags, &options] {
+    const StepOptions o = with_whole_blocks(*flags);
+    deliver(o.common, [&] { return run_skip(o, options); });
+  });
 }
 
 }  // namespace gflow::bench

@@ -23,21 +23,20 @@ const std::vector<Kind> kinds{{"pictures alone", {"flow.enabled=false"}},
                               {"flow, velocity", {"loss.velocity=1"}},
                               {"flow, acceleration", {"loss.acceleration=1"}}};
 
-void run_step(const StepOptions& asked, const GlobalOptions& options) {
-  check_outputs(asked.common);
-  const StepOptions o = with_whole_blocks(asked);
+Result run_step(const StepOptions& o, const GlobalOptions& options) {
   QueueOptions queue_options;
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
   const InterruptGuard guard;
   const ScratchFolder folder;
-  const Trained from = warmed_up(queue, o, folder, options.quiet);
-  Report report("step", queue, measure_peak(queue),
+  Report report("step", queue,
                 {{"scene", o.scene},
                  {"settings", o.settings},
                  {"steps before", o.warm},
                  {"block", o.block},
-                 {"repeats", o.common.repeats}});
+                 {"repeats", o.common.repeats}},
+                o.common.compare);
+  const Trained from = warmed_up(queue, o, folder, options.quiet);
   const std::vector<StepCost> costs = costs_of_steps(queue, o, kinds, from, folder);
   for (size_t i = 0; i < kinds.size(); ++i) {
     const StepCost& c = costs[i];
@@ -58,13 +57,14 @@ void run_step(const StepOptions& asked, const GlobalOptions& options) {
     for (const auto& [name, times] : costs[i].kernels)
       rows.push_back({kinds[i].name + ": " + name,
                       {{"device [ms]", spread_of(times)},
-                       {"of the device's time [%]", scaled(ratio_of(times, costs[i].busy), 100)}}});
+                       {"of the device's time [%]", scaled(ratio_of(times, costs[i].busy), 100)}},
+                      is_brief(times, costs[i].busy)});
     std::sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) {
       return a.figures[0].value.median > b.figures[0].value.median;
     });
     for (Row& row : rows) report.add(std::move(row));
   }
-  deliver(report, o.common, plot_of("step", kinds, costs));
+  return {std::move(report), plot_of("step", kinds, costs)};
 }
 
 }  // namespace
@@ -76,7 +76,10 @@ void add_step(CLI::App& bench, const GlobalOptions& options) {
                            "Training steps on a scene: pictures alone, with flow, in "
                            "every step, of calm tiles too, both, with each regulariser");
   add_step_options(*step, *flags);
-  step->callback([flags, &options] { run_step(*flags, options); });
+  step->callback([flags, &options] {
+    const StepOptions o = with_whole_blocks(*flags);
+    deliver(o.common, [&] { return run_step(o, options); });
+  });
 }
 
 }  // namespace gflow::bench
