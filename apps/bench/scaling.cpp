@@ -58,13 +58,14 @@ double exponent(const std::vector<std::pair<double, double>>& points) {
   return (n * sxy - sx * sy) / (n * sxx - sx * sx);
 }
 
-// Of the upper half of a sweep, where what does not grow is small.
-double exponent_of(const std::vector<Point>& points, const std::string& sweep) {
+// Of the upper half of a sweep, where what does not grow is small; or of its last two points alone.
+double exponent_of(const std::vector<Point>& points, const std::string& sweep, bool last_two) {
   std::vector<std::pair<double, double>> all;
   for (const Point& p : points)
     if (p.sweep == sweep) all.emplace_back(p.x, spread_of(p.cost.cpu_ms).median);
   if (all.size() < 2) return 0;  // --most left one
-  all.erase(all.begin(), all.begin() + long(all.size() / 2) - (all.size() % 2 == 0));
+  const size_t upper = all.size() - all.size() / 2 + (all.size() % 2 == 0);
+  all.erase(all.begin(), all.end() - long(last_two ? 2 : upper));
   return exponent(all);
 }
 
@@ -94,38 +95,49 @@ double wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
 
 constexpr double kParameters = 50;  // spacetime, colour of degree 2
 
-void predict(const ScalingOptions& o, const Point& largest, double peak_gflops, Report& report) {
-  const double gaussians = 5e6, pixels = 3840.0 * 2160.0;
-  // So many are as small as pixels: a tile or two each; pairs a pixel as measured.
-  const double pairs = largest.pairs / (512 * 512) * pixels;
-  const double intersections =
-      std::max(1.5 * gaussians, largest.intersections / largest.x * gaussians);
+// What is predicted, and what is measured for it: as many Gaussians a pixel, for pairs a pixel and
+// tiles a Gaussian depend on that.
+constexpr double kGaussians = 5e6, kPixels = 3840.0 * 2160.0;
+constexpr int kSide = 512;
+constexpr size_t kAsDense = size_t(kGaussians / kPixels * kSide * kSide);
+
+void predict(const ScalingOptions& o, const Point& as_dense, Report& report) {
+  const double pairs = as_dense.pairs / (double(kSide) * kSide) * kPixels;
+  const double intersections = as_dense.intersections / double(kAsDense) * kGaussians;
   const Channels channels{true, false};
-  const double flops = pairs * (forward_flops(channels) + backward_flops(channels));
-  const double bytes = bytes_of({gaussians, kParameters, gaussians, intersections, pixels});
+  const double flops_of_pair = forward_flops(channels) + backward_flops(channels);
+  const double flops = pairs * flops_of_pair;
+  const double bytes = bytes_of({kGaussians, kParameters, kGaussians, intersections, kPixels});
   const double splat_ms =
-      spread_of(sum_of(largest.cost.kernel_ms, {"splat_fwd", "splat_bwd"})).median;
-  const double here = largest.pairs * (forward_flops(channels) + backward_flops(channels)) * 1e-6 /
-                      (splat_ms * peak_gflops);
+      spread_of(sum_of(as_dense.cost.kernel_ms, {"splat_fwd", "splat_bwd"})).median;
+  const double here = as_dense.pairs * flops_of_pair * 1e-6 / (splat_ms * report.peak().gflops);
   const double compute_ms = flops * 1e-9 / o.gpu_tflops, memory_ms = bytes * 1e-6 / o.gpu_gbs;
   report.add({"5 million, 3840x2160, predicted",
               {single("operations [1e9]", flops * 1e-9), single("bytes [1e9]", bytes * 1e-9),
                single("compute, at peak [ms]", compute_ms),
                single("compute, at the share of peak reached here [ms]", compute_ms / here),
-               single("memory, at peak [ms]", memory_ms)}});
+               single("memory, at peak [ms]", memory_ms),
+               single("a step, the longer of the last two [ms]",
+                      std::max(compute_ms / here, memory_ms))}});
 }
 
-Plot plot_of(const std::vector<Point>& points) {
+// A picture for each sweep, with an axis of its own. Each line of the table: sweep, x, ms.
+Plot plot_of(std::vector<std::vector<std::string>> table) {
   Plot plot;
   plot.name = "scaling";
-  plot.table = {{"sweep", "x", "CPU [ms]"}};
-  for (const Point& p : points)
-    plot.table.push_back({p.sweep, fmt::format("{:.0f}", p.x),
-                          fmt::format("{:.4g}", spread_of(p.cost.cpu_ms).median)});
-  plot.script =
-      "set logscale xy\nset xlabel 'how many'\nset ylabel 'CPU time of an image with flow, its "
-      "gradients and Adam [ms]'\nplot for [s in 'Gaussians pixels frames'] 'scaling.tsv' every ::1 "
-      "using (strcol(1) eq s ? $2 : 1/0):3 with linespoints pt 7 title s";
+  plot.height = 800;
+  plot.script = "set key off\nset logscale xy\nset multiplot layout 2,2\n";
+  std::string last = table[0][0];  // of the headings
+  for (const std::vector<std::string>& line : table) {
+    if (line[0] == last) continue;
+    last = line[0];
+    plot.script += fmt::format(
+        "set xlabel '{0}'\nset ylabel '{1} time [ms]'\nplot 'scaling.tsv' every ::1 using "
+        "(strcol(1) eq '{0}' ? $2 : 1/0):3 with linespoints pt 7\n",
+        last, last == "cores" ? "wall" : "CPU");
+  }
+  plot.script += "unset multiplot";
+  plot.table = std::move(table);
   return plot;
 }
 
@@ -138,7 +150,6 @@ Result run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
   std::vector<Point> points;
   for (size_t n = 1000; n <= o.most; n = n % 3 == 0 ? n / 3 * 10 : n * 3)
     points.push_back(measured(queue, o, "Gaussians", double(n), 512, n, 1));
-  const Point largest = points.back();
   for (const int side : {128, 256, 512, 1024})
     points.push_back(measured(queue, o, "pixels", double(side) * side, side,
                               std::min<size_t>(o.most, 30000), 1));
@@ -153,21 +164,27 @@ Result run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
                  single("blended pairs", p.pairs),
                  single("peak memory [MiB]", p.peak_mib)}});
   for (const char* sweep : {"Gaussians", "pixels", "frames"})
-    if (exponent_of(points, sweep) != 0)
+    if (exponent_of(points, sweep, true) != 0)
       report.add({fmt::format("time with {}", sweep),
-                  {single("exponent, upper half", exponent_of(points, sweep))}});
+                  {single("exponent, upper half", exponent_of(points, sweep, false)),
+                   single("of the last two", exponent_of(points, sweep, true))}});
+  std::vector<std::vector<std::string>> plotted{{"sweep", "x", "ms"}};
+  for (const Point& p : points)
+    plotted.push_back({p.sweep, fmt::format("{:.0f}", p.x),
+                       fmt::format("{:.4g}", spread_of(p.cost.cpu_ms).median)});
   if (queue.info.is_cpu) {
     const size_t gaussians = std::min<size_t>(o.most, 100000);
     const double one = wall_with_cores(1, gaussians, o, options);
     for (int cores = 1; cores <= int(queue.info.compute_units); cores *= 2) {
       const double wall = cores == 1 ? one : wall_with_cores(cores, gaussians, o, options);
-      if (std::isfinite(wall))
-        report.add({fmt::format("512x512, {} on {} cores", gaussians, cores),
-                    {single("wall, once [ms]", wall), single("of one core", wall / one)}});
+      if (!std::isfinite(wall)) continue;
+      report.add({fmt::format("512x512, {} on {} cores", gaussians, cores),
+                  {single("wall, once [ms]", wall), single("of one core", wall / one)}});
+      plotted.push_back({"cores", std::to_string(cores), fmt::format("{:.4g}", wall)});
     }
   }
-  predict(o, largest, report.peak().gflops, report);
-  return {std::move(report), plot_of(points)};
+  predict(o, measured(queue, o, "as dense", double(kAsDense), kSide, kAsDense, 1), report);
+  return {std::move(report), plot_of(std::move(plotted))};
 }
 
 }  // namespace

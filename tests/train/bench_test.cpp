@@ -213,6 +213,20 @@ TEST(Bench, ScalingTellsHowCostGrowsAndPredicts) {
   const Json& predicted = rows["5 million, 3840x2160, predicted"];
   EXPECT_NEAR(predicted["compute, at peak [ms]"].get<double>() * 10,
               predicted["operations [1e9]"].get<double>(), 1e-3);
+  EXPECT_EQ(predicted["a step, the longer of the last two [ms]"],
+            std::max(predicted["compute, at the share of peak reached here [ms]"].get<double>(),
+                     predicted["memory, at peak [ms]"].get<double>()));
+  EXPECT_TRUE(rows["time with frames"].contains("of the last two"));
+  // The scene does not depend on how many were tried beside it.
+  const Outcome fewer = gflow({"bench", "scaling", "--most", "1000", "--repeats", "1", "--json",
+                               file, "--plots", folder.file("plots")});
+  ASSERT_EQ(fewer.code, 0) << fewer.err;
+  const Json again = read(file)["rows"]["5 million, 3840x2160, predicted"];
+  for (const char* counted : {"operations [1e9]", "bytes [1e9]"})
+    EXPECT_EQ(again[counted], predicted[counted]) << counted;
+  const std::string script = contents(folder.file("plots/scaling.gnuplot"));
+  for (const char* axis : {"Gaussians", "pixels", "frames"})
+    EXPECT_NE(script.find(fmt::format("set xlabel '{}'", axis)), std::string::npos) << script;
 }
 
 TEST(Bench, StepTellsEachKindAndItsKernels) {
