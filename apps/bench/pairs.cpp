@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/bench/pairs.hpp"
 
+#include <cmath>
 #include <numeric>
 
 #include "runtime/kernel.hpp"
@@ -34,6 +35,24 @@ double backward_flops(Channels c) { return 52 + (c.flow ? 28 : 0) + (c.depth ? 4
 
 double bytes_of(const Touched& t) {
   return 7 * 4 * t.parameters * t.moved + 900 * t.drawn + 310 * t.intersections + 110 * t.pixels;
+}
+
+double bytes_of_stage(const std::string& stage, const Touched& t, Channels c) {
+  const double pose = 12 + 36, record = 64, flow = c.flow;  // a mean and a factor; a splat
+  const double planes = 4 * (6 + 2 * flow + c.depth);       // images of splat.cl
+  if (stage == "mask") return t.intersections * (4 + record / 2 + 2);
+  if (stage == "transport") return t.drawn * (4 + 12 + 2 * pose * flow + 36);
+  if (stage == "splat") return t.intersections * (4 + 2 + record) + t.pixels * planes;
+  if (stage == "backward")
+    return t.intersections * (4 + 4 + 2 + 2 * record) +
+           t.pixels * (planes + 4 * (4 + 2 * flow + c.depth));
+  if (stage == "gather") return t.intersections * record + t.drawn * (4 + record);
+  if (stage == "project back")
+    return t.drawn * (4 + 4 + record + (1 + flow) * 2 * pose + 4 + 12 + 8);
+  if (stage == "motion back")  // at the second time gradients are added to those of the first
+    return t.drawn * (8 + pose + 4 + 8 * t.parameters + flow * (pose + 12 * t.parameters));
+  if (stage == "Adam") return 4 * (1 + 7) * t.parameters * t.moved;  // adam_refuse reads them, too
+  return NAN;
 }
 
 }  // namespace gflow::bench

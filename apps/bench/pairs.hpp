@@ -28,4 +28,9 @@ struct Touched {
 // intersection's ids, masks, record and 16 sums; a pixel's images and their gradients.
 double bytes_of(const Touched& touched);
 
+// Bytes that a stage of `gflow bench raster` reads and writes at least: each argument that a
+// Gaussian, an intersection or a pixel needs once. NAN where nobody has counted (sorting) or what
+// is not drawn costs as well, but not always as much (finding out who is there).
+double bytes_of_stage(const std::string& stage, const Touched& touched, Channels channels);
+
 }  // namespace gflow::bench

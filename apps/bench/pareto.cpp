@@ -318,6 +318,7 @@ Result run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
                  single("on the front", front[i])}});
   }
   if (native_is_built_in(all)) report.note(kNativeIsBuiltIn);
+  report.measure_peak_again(*home.queue);
   return {std::move(report), plot_of(all, front), markdown_of(*home.queue, o, all, front)};
 }
 

@@ -11,6 +11,7 @@
 #include "apps/bench/pairs.hpp"
 #include "apps/bench/whole_step.hpp"
 #include "apps/command_line.hpp"
+#include "runtime/reduce.hpp"
 #include "runtime/usage.hpp"
 
 namespace gflow::bench {
@@ -63,15 +64,23 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& rep
                single("blended a pixel", pairs.blended / pixels),
                single("peak memory [MiB]", peak_memory_mib())}});
   const Samples all = sum_of(cost.kernel_ms);
+  Reduce reduce(queue);
+  const double drawn = double(reduce.count_nonzero(queue, step.engine().splats().tiles_touched));
+  Touched touched{drawn, 0, drawn, double(step.engine().tiles().intersections), pixels};
+  if (scene.parameters)
+    for (const ParameterGroup& group : scene.parameters->groups)
+      touched.parameters += double(group.width);
   const auto row = [&](const std::string& name, const Samples& times, double flops) {
     const Spread ms = spread_of(times);
-    // Operations in 1e9 a second by time in ms: 1e-6.
+    // Operations, or bytes, in 1e9 a second by time in ms: 1e-6.
     const double share = flops * pairs.blended * 1e-6 / report.peak().gflops;
     report.add({scene.name + ": " + name,
                 {{"device [ms]", ms},
                  {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
                  // Of the others nobody has counted the operations.
-                 single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN)},
+                 single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN),
+                 single("of the copy peak [%]", 100e-6 * bytes_of_stage(name, touched, channels) /
+                                                    report.peak().copy_gbs / ms.median)},
                 is_brief(times, all)});
   };
   shares.push_back({scene.name});
@@ -114,6 +123,7 @@ Result run_raster(const RasterOptions& o, const GlobalOptions& options) {
                 shares);
       }
   }
+  report.measure_peak_again(queue);
   return {std::move(report), bars("raster", "share of the device time [%]", std::move(shares))};
 }
 

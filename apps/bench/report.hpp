@@ -49,6 +49,8 @@ class Report {
   // other facts: before anything else is measured.
   Report(std::string bench, Queue& queue, Json facts, const std::string& old);
   const Peak& peak() const { return peak_; }
+  // Behind what was measured: a note tells where the peaks are others by then.
+  void measure_peak_again(Queue& queue);
   void add(Row row) { rows_.push_back(std::move(row)); }
   // A sentence, without a full stop, that stands below the tables.
   void note(std::string text) { notes_.push_back(std::move(text)); }

@@ -149,10 +149,21 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
 
 Plot plot_of(const std::string& name, const std::vector<Kind>& kinds,
              const std::vector<StepCost>& costs) {
-  std::vector<std::vector<std::string>> table{{"kind", "a training step"}};
-  for (size_t i = 0; i < kinds.size(); ++i)
-    table.push_back({kinds[i].name, fmt::format("{:.4g}", spread_of(costs[i].cpu).median)});
-  return bars(name, "CPU time [ms]", std::move(table));
+  Plot plot;
+  plot.name = name;
+  plot.table = {{"kind", "CPU [ms]", "lower quartile", "upper quartile"}};
+  for (size_t i = 0; i < kinds.size(); ++i) {
+    const Spread cpu = spread_of(costs[i].cpu);
+    plot.table.push_back({kinds[i].name, fmt::format("{:.4g}", cpu.median),
+                          fmt::format("{:.4g}", cpu.low), fmt::format("{:.4g}", cpu.high)});
+  }
+  plot.script = fmt::format(
+      "set termoption noenhanced\nset style data histograms\n"
+      "set style histogram errorbars gap 1 lw 1.5\nset style fill solid 0.6\nset yrange [0:*]\n"
+      "set ylabel 'CPU time of a training step [ms]'\nset xtics rotate by -25\nset key off\n"
+      "plot '{}.tsv' every ::1 using 2:3:4:xtic(1)",
+      name);
+  return plot;
 }
 
 void add_step_options(CLI::App& bench, StepOptions& options) {

@@ -52,7 +52,7 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
                                      const std::vector<Kind>& kinds, const Trained& from,
                                      const ScratchFolder& folder);
 
-// A bar of CPU time for each kind.
+// A bar of CPU time for each kind, with its quartiles.
 Plot plot_of(const std::string& name, const std::vector<Kind>& kinds,
              const std::vector<StepCost>& costs);
 

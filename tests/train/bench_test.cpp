@@ -276,12 +276,15 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   const SmallScene scene(queue);
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
-  const Outcome outcome =
-      gflow({"bench", "skip", scene.path(), "--warm", "4", "--block", "2", "--repeats", "1",
-             "--set", "density.enabled=false", "--json", file, "--quiet"});
+  const Outcome outcome = gflow({"bench", "skip", scene.path(), "--warm", "4", "--block", "2",
+                                 "--repeats", "1", "--set", "density.enabled=false", "--json", file,
+                                 "--quiet", "--plots", folder.file("plots")});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = read(file)["rows"];
   ASSERT_EQ(rows.size(), 15u);
+  const std::string bars = contents(folder.file("plots/skip.tsv"));
+  EXPECT_EQ(bars.find("kind\tCPU [ms]\tlower quartile\tupper quartile\nall skips\t"), 0u) << bars;
+  EXPECT_TRUE(fs::exists(folder.file("plots/skip.gnuplot")));
   const Json &all = rows["all skips"], &none = rows["no skip at all"];
   const Json& inexact = rows["no exact skip"];  // as much is asked for, in the same way
   EXPECT_EQ(all["model differs by"], 0);
@@ -351,13 +354,31 @@ TEST(Bench, QuartilesLieBetweenRanksAndWhatNobodyCountedIsNotZero) {
   const Outcome outcome = gflow({"bench", "raster", "--pixels", "16x16", "--gaussians", "20",
                                  "--repeats", "2", "--json", file});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const Json rows = read(file)["rows"];
+  const Json report = read(file), rows = report["rows"];
   const Json& wall = rows["16x16, 20"]["wall [ms]"];
   const double low = wall["low"], high = wall["high"], median = wall["median"];
   EXPECT_LT(low, high);
   EXPECT_NEAR(median, (low + high) / 2, 1e-9 * high);
   EXPECT_GT(rows["16x16, 20: splat"]["of the FMA peak [%]"], 0);
   EXPECT_TRUE(rows["16x16, 20: bin"]["of the FMA peak [%]"].is_null());
+  EXPECT_TRUE(rows["16x16, 20: bin"]["of the copy peak [%]"].is_null());
+  // An intersection's index, half a splat and the mask.
+  const Json& mask = rows["16x16, 20: mask"];
+  const double bytes = 1e-2 * mask["of the copy peak [%]"].get<double>() * 1e6 *
+                       mask["device [ms]"]["median"].get<double>() *
+                       report["peak_copy_gbs"].get<double>();
+  EXPECT_NEAR(bytes, 38 * rows["16x16, 20"]["intersections"].get<double>(), 1e-3);
+  for (const char* stage :
+       {"transport", "splat", "backward", "gather", "project back", "motion back", "Adam"})
+    EXPECT_GT(rows[std::string("16x16, 20: ") + stage]["of the copy peak [%]"], 0) << stage;
+  // Peaks that changed while it was measured are told.
+  bool changed = false;
+  for (const char* peak : {"peak_gflops", "peak_copy_gbs"}) {
+    const double before = report[peak], after = report[std::string(peak) + "_after"];
+    changed = changed || std::max(before, after) > 1.2 * std::min(before, after);
+  }
+  EXPECT_EQ(report.contains("notes"), changed);
+  EXPECT_EQ(outcome.out.find("the peaks were") != std::string::npos, changed);
 }
 
 TEST(Bench, OptionsOfRandomScenesDoNotGoWithAFile) {
