@@ -76,6 +76,9 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& rep
     const double share = flops * pairs.blended * 1e-6 / report.peak().gflops;
     report.add({scene.name + ": " + name,
                 {{"device [ms]", ms},
+                 queue.info.is_cpu ? Figure{"CPU, about [ms]",
+                                            spread_of(cpu_of(times, cost.cpu_ms, cost.wall_ms))}
+                                   : single("CPU, about [ms]", NAN),
                  {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
                  // Of the others nobody has counted the operations.
                  single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN),

@@ -77,7 +77,7 @@ std::string text_of(const Json& report, const char* key) {
 
 // Of a row with CPU time, that alone.
 bool is_judged(const Row& row, const Figure& f) {
-  const auto is_cpu = [](const Figure& x) { return x.name == "CPU [ms]"; };
+  const auto is_cpu = [](const Figure& x) { return is_time(x) && x.name.rfind("CPU", 0) == 0; };
   return !row.brief && (is_cpu(f) || std::none_of(row.figures.begin(), row.figures.end(), is_cpu));
 }
 

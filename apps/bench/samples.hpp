@@ -40,6 +40,14 @@ inline Spread ratio_of(const Samples& a, const Samples& b) {
   return spread_of(std::move(ratios));
 }
 
+// About the CPU time of kernels of a CPU: the time they took, by as many cores as were theirs in
+// that repeat. Other programs take cores from it, and it takes longer by as much.
+inline Samples cpu_of(const Samples& times, const Samples& cpu, const Samples& wall) {
+  Samples used;
+  for (size_t i = 0; i < times.size(); ++i) used.push_back(times[i] * cpu[i] / wall[i]);
+  return used;
+}
+
 // The time of some kernels in each repeat; empty where none of them ran. A sum of their quartiles
 // would be no quartile of the sum.
 inline Samples sum_of(const KernelSamples& kernels, const std::vector<std::string>& names) {

@@ -3,6 +3,7 @@
 // beside the pictures.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "apps/bench/steps.hpp"
@@ -55,10 +56,14 @@ Result run_step(const StepOptions& o, const GlobalOptions& options) {
   for (const size_t i : {0, 1}) {
     std::vector<Row> rows;
     for (const auto& [name, times] : costs[i].kernels)
-      rows.push_back({kinds[i].name + ": " + name,
-                      {{"device [ms]", spread_of(times)},
-                       {"of the device's time [%]", scaled(ratio_of(times, costs[i].busy), 100)}},
-                      is_brief(times, costs[i].busy)});
+      rows.push_back(
+          {kinds[i].name + ": " + name,
+           {{"device [ms]", spread_of(times)},
+            queue.info.is_cpu
+                ? Figure{"CPU, about [ms]", spread_of(cpu_of(times, costs[i].cpu, costs[i].wall))}
+                : single("CPU, about [ms]", NAN),
+            {"of the device's time [%]", scaled(ratio_of(times, costs[i].busy), 100)}},
+           is_brief(times, costs[i].busy)});
     std::sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) {
       return a.figures[0].value.median > b.figures[0].value.median;
     });
