@@ -33,6 +33,7 @@ void add_splat(CLI::App& app, const GlobalOptions& options);
 void add_stress(CLI::App& app, const GlobalOptions& options);
 void add_import(CLI::App& app, const GlobalOptions& options);
 void add_train(CLI::App& app, const GlobalOptions& options);  // these need OpenCV
+void add_settings(CLI::App& app, const GlobalOptions& options);
 void add_render(CLI::App& app, const GlobalOptions& options);
 void add_export(CLI::App& app, const GlobalOptions& options);
 void add_info(CLI::App& app, const GlobalOptions& options);

@@ -263,6 +263,7 @@ EngineSettings engine_settings(const TrainConfig& config) {
   const FlowConfig& flow = config.flow;
   EngineSettings settings;
   settings.skip = config.skip;
+  settings.defines = config.defines;
   settings.transport = flow.transport;
   settings.stop = flow.stop;
   settings.top_k = flow.top_k;
@@ -321,11 +322,19 @@ std::string to_toml(const TrainConfig& config) {
   return text;
 }
 
+std::vector<SettingInWords> settings_in_words(const TrainConfig& config) {
+  std::vector<SettingInWords> all;
+  for_each_setting(config, [&](const std::string& section, const std::string& key,
+                               const auto& member, const char* meaning, const auto&... range) {
+    all.push_back({section + "." + key, toml_text(member), meaning, allowed(member, range...)});
+  });
+  return all;
+}
+
 std::map<std::string, std::string> setting_values(const TrainConfig& config) {
   std::map<std::string, std::string> values;
-  for_each_setting(config,
-                   [&](const std::string& section, const std::string& key, const auto& member,
-                       const auto&...) { values[section + "." + key] = toml_text(member); });
+  for (SettingInWords& setting : settings_in_words(config))
+    values[setting.name] = std::move(setting.value);
   return values;
 }
 

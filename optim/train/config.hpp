@@ -728,6 +728,8 @@ struct TrainConfig {
   RenderConfig render;
   MetricsConfig metrics;
   Skips skip;
+  // Of the engine's kernels, in place of theirs; no setting: `gflow bench pareto` tries them.
+  std::vector<std::pair<std::string, std::string>> defines;
 
   // Calls section(name, part, help) for each section of the file.
   template <class Self, class Section>
@@ -767,6 +769,13 @@ void apply_setting(TrainConfig& config, const std::string& assignment);
 void check(const TrainConfig& config);
 // The whole configuration as TOML with a comment a line; reading it back gives the same values.
 std::string to_toml(const TrainConfig& config);
+// One setting in words: its value as TOML, what it means with its unit, and what it may be ("": any
+// text).
+struct SettingInWords {
+  std::string name, value, meaning, allowed;  // name: "section.key"
+};
+// All, in the order of the file.
+std::vector<SettingInWords> settings_in_words(const TrainConfig& config);
 // Every setting as "section.key" and its value as TOML.
 std::map<std::string, std::string> setting_values(const TrainConfig& config);
 

@@ -283,6 +283,20 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   expect_refused({"bench", "raster", "--pixels", "8"}, {"--pixels 8", "512x512"});
 }
 
+TEST_F(CommandTest, SettingsListsWhatTrainingMayBeTold) {
+  const Outcome all = gflow({"settings"});
+  EXPECT_EQ(all.code, 0) << all.err;
+  EXPECT_EQ(size_t(std::count(all.out.begin(), all.out.end(), '\n')), setting_values({}).size());
+  const Outcome some = gflow({"settings", "flow.ev"});
+  EXPECT_EQ(some.out.find("flow.every = "), 0u) << some.out;
+  EXPECT_EQ(std::count(some.out.begin(), some.out.end(), '\n'), 1) << some.out;
+  const auto json = nlohmann::json::parse(gflow({"settings", "skip.", "--json"}).out);
+  EXPECT_EQ(json["skip.masks"]["default"], "true");
+  EXPECT_EQ(json["skip.masks"]["allowed"], "true or false");
+  EXPECT_FALSE(json.contains("flow.every"));
+  expect_refused({"settings", "wieght"}, {"settings wieght: no setting", "weight"});
+}
+
 TEST_F(CommandTest, HelpIsThereForEveryCommand) {
   EXPECT_EQ(gflow({"--help"}).code, 0);
   EXPECT_EQ(gflow({"--version"}).code, 0);

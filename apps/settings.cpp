@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow settings`: what a training may be told, without making one.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "apps/options.hpp"
+#include "optim/io/printable.hpp"
+#include "optim/train/config.hpp"
+#include "optim/train/edit_distance.hpp"
+
+namespace gflow {
+namespace {
+
+// Those whose name contains the word. Error that tells the nearest where there is none.
+std::vector<SettingInWords> settings_named(const std::string& word) {
+  const std::vector<SettingInWords> all = settings_in_words({});
+  std::vector<SettingInWords> found;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(found),
+               [&](const auto& s) { return s.name.find(word) != std::string::npos; });
+  if (!found.empty()) return found;
+  const auto apart = [&](const SettingInWords& s) {  // of its whole name, or of what is in it
+    const size_t dot = s.name.find('.');
+    return std::min({edit_distance(s.name, word), edit_distance(s.name.substr(0, dot), word),
+                     edit_distance(s.name.substr(dot + 1), word)});
+  };
+  const auto nearest = std::min_element(
+      all.begin(), all.end(), [&](const auto& a, const auto& b) { return apart(a) < apart(b); });
+  throw Error(fmt::format("settings {}: no setting has that in its name; the nearest is {}",
+                          excerpt(word), nearest->name));
+}
+
+std::string as_toml(const SettingInWords& s) {
+  return fmt::format("{:<34}  # {}{}", fmt::format("{} = {}", s.name, s.value), s.meaning,
+                     s.allowed.empty() ? "" : " (" + s.allowed + ")");
+}
+
+}  // namespace
+
+void add_settings(CLI::App& app, const GlobalOptions&) {
+  struct Flags {
+    std::string word;
+    bool json = false;
+  };
+  auto flags = std::make_shared<Flags>();
+  CLI::App* command = app.add_subcommand(
+      "settings", "List the settings of training: default, meaning, unit, what they may be");
+  command->add_option("WORD", flags->word, "Only those with this in their name, e.g. flow. or rate")
+      ->type_name("WORD");
+  command->add_flag("--json", flags->json, "As JSON");
+  command->callback([flags] {
+    nlohmann::ordered_json all = nlohmann::ordered_json::object();
+    for (const SettingInWords& s : settings_named(flags->word))
+      if (flags->json)
+        all[s.name] = {{"default", s.value}, {"meaning", s.meaning}, {"allowed", s.allowed}};
+      else
+        fmt::print("{}\n", as_toml(s));
+    if (flags->json) fmt::print("{}\n", all.dump(1));
+  });
+}
+
+}  // namespace gflow
