@@ -98,7 +98,8 @@ void deliver(const BenchOptions& options, const std::function<Result()>& measure
     write_file_atomically(options.json, std::string_view(result.report.json().dump(1) + "\n"));
   if (!options.markdown.empty())
     write_file_atomically(options.markdown, std::string_view(result.markdown));
-  if (!options.plots.empty()) fmt::print("plot: {}\n", draw(result.plot, options.plots));
+  if (!options.plots.empty())
+    for (const Plot& plot : result.plots) fmt::print("plot: {}\n", draw(plot, options.plots));
   if (options.compare.empty()) return;
   std::vector<std::string> worse = result.report.compare();
   if (worse.empty()) return;

@@ -3,6 +3,7 @@
 #pragma once
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "apps/bench/report.hpp"
 #include "apps/options.hpp"
@@ -27,7 +28,7 @@ std::pair<int, int> size_named(const std::string& option, const std::string& tex
 // What was measured, and how to show it.
 struct Result {
   Report report;
-  Plot plot;
+  std::vector<Plot> plots;
   std::string markdown = "";
 };
 

@@ -2,14 +2,22 @@
 // `gflow bench pareto`: run time against error. Every choice about the image, tried alone: the time
 // of an image with flow and its gradients, and how far they are from double.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
 #include <memory>
 
 #include "apps/bench/bench.hpp"
+#include "apps/bench/choices.hpp"
 #include "apps/bench/exact.hpp"
 #include "apps/bench/front.hpp"
 #include "apps/command_line.hpp"
+#ifdef GFLOW_WITH_OPENCV
+#include "apps/bench/trained.hpp"
+#endif
 
 namespace gflow::bench {
 namespace {
@@ -19,67 +27,10 @@ struct ParetoOptions {
   std::string pixels = "512x512", check_pixels = "96x96";
   size_t gaussians = 100000, check_gaussians = 1400;
   std::vector<std::string> knobs;  // empty: all
+#ifdef GFLOW_WITH_OPENCV
+  TrainingOptions training;
+#endif
 };
-
-// One choice: what differs from the settings as shipped.
-struct Choice {
-  std::string knob, name;
-  EngineSettings settings;
-  int lanes = 0;  // 0: the device's
-  bool shipped() const { return knob == "shipped"; }
-};
-
-std::vector<Choice> choices(int lanes) {
-  std::vector<Choice> all{{"shipped", "shipped", {}}};
-  const auto add = [&](const char* knob, const std::string& value) -> EngineSettings& {
-    all.push_back({knob, fmt::format("{} {}", knob, value), {}});
-    return all.back().settings;
-  };
-  for (const char* name : {"paper", "ot", "translate"})
-    add("transport", name).transport = transport_named(name);
-  for (const int k : {1, 4, 16, 20, 32, 64}) add("top_k", std::to_string(k)).top_k = k;
-  add("stop", "exclude").stop = StopRule::exclude;
-  for (const char* t : {"1e-2f", "1e-3f", "1e-5f", "1e-6f"})
-    add("T_MIN", t).defines = {{"T_MIN", t}};
-  // log2 of 1/64, 1/128, 1/512, 1/2048
-  for (const auto& [name, log2] :
-       {std::pair{"1/64", "-6.f"}, {"1/128", "-7.f"}, {"1/512", "-9.f"}, {"1/2048", "-11.f"}})
-    add("alpha >=", name).defines = {{"ALPHA_MIN_LOG2", log2}};
-  for (const auto& [name, degree] :
-       {std::pair{"degree 3", "3"}, {"degree 4", "4"}, {"built in", "0"}, {"native", "1"}})
-    add("exp2", name).defines = {{"EXP2_DEGREE", degree}};
-  add("moments kept in", "16 bits").defines = {{"MOMENT_BITS", "16"}};
-  add("boxes", "loose").skip.boxes = false;
-  for (const char* sigmas : {"3.f", "2.5f", "2.f"})
-    add("boxes", fmt::format("of at most {} sigma", sigmas)).defines = {{"BOX_SIGMAS", sigmas}};
-  add("cell masks", "off").skip.masks = false;
-  add("saturated tiles", "walked on").skip.saturated = false;
-  Skips& none = add("skips", "none").skip;
-  Skips::fields(none, [](const char*, bool& on, const char*) { on = false; });
-  for (const int w : {1, 4, 8, 16})
-    if (w != lanes) {
-      all.push_back({"lanes", fmt::format("lanes {}", w), {}, w});
-    }
-  return all;
-}
-
-// The shipped one and those of the knobs asked for. Error when there is no such knob.
-std::vector<Choice> chosen(int lanes, const std::vector<std::string>& knobs) {
-  std::vector<Choice> all = choices(lanes);
-  std::vector<std::string> known;
-  for (const Choice& choice : all)
-    if (!choice.shipped() && (known.empty() || known.back() != choice.knob))
-      known.push_back(choice.knob);
-  for (const std::string& knob : knobs)
-    if (std::find(known.begin(), known.end(), knob) == known.end())
-      throw Error(fmt::format("--knob {}: there is none, but {}", knob, fmt::join(known, ", ")));
-  if (knobs.empty()) return all;
-  const auto unwanted = [&](const Choice& choice) {
-    return !choice.shipped() && std::find(knobs.begin(), knobs.end(), choice.knob) == knobs.end();
-  };
-  all.erase(std::remove_if(all.begin(), all.end(), unwanted), all.end());
-  return all;
-}
 
 constexpr char kNativeIsBuiltIn[] =
     "exp2 native is the same as built in on this device: their errors are equal";
@@ -274,6 +225,89 @@ std::string markdown_of(const Queue& queue, const ParetoOptions& o,
   return text;
 }
 
+#ifdef GFLOW_WITH_OPENCV
+
+// Mean and deviation, to so many digits; "-" where there is nothing to measure it by.
+std::string in_words(const Samples& values, int digits) {
+  const MeanAndDeviation m = mean_of(values);
+  if (std::isnan(m.mean)) return "-";
+  if (values.size() < 2) return fmt::format("{:.{}f}", m.mean, digits);
+  return fmt::format("{:.{}f} ± {:.{}f}", m.mean, digits, m.deviation, digits);
+}
+
+std::string markdown_of(const TrainingOptions& o, const std::vector<TrainedChoice>& all) {
+  std::string text = fmt::format(
+      "\n## In training\n\n"
+      "On `{}`{}{}: a training of {} steps with the shipped settings, with each choice of as many "
+      "steps as fit into the same CPU time, and what it shows of cameras it never saw. CPU time of "
+      "a step with flow, motion model and Adam, in the same repeat; mean and deviation of {} "
+      "seed{}.\n\n"
+      "| choice | CPU time of a step, of shipped | steps | PSNR [dB] | PSNR, moving [dB] | flow "
+      "error, moving [px] |\n"
+      "|---|---|---|---|---|---|\n",
+      std::filesystem::path(o.scene).lexically_normal().filename().string(),
+      o.settings.empty() ? "" : " with ", fmt::join(o.settings, ", "), o.steps, o.seeds,
+      o.seeds == 1 ? "" : "s");
+  for (const TrainedChoice& one : all) {
+    const Spread& time = one.of_shipped;
+    text += one.choice.shipped() ? "| **shipped** | **1** |"
+                                 : fmt::format("| {} | {:.2f} ({:.2f} - {:.2f}) |", one.choice.name,
+                                               time.median, time.low, time.high);
+    text += fmt::format(" {} | {} | {} | {} |\n", one.steps, in_words(one.psnr, 2),
+                        in_words(one.psnr_dynamic, 2), in_words(one.flow_epe_dynamic, 3));
+  }
+  return text;
+}
+
+void add_rows(Report& report, const std::vector<TrainedChoice>& all) {
+  for (const TrainedChoice& one : all) {
+    const auto figure = [](const char* name, const Samples& values) {
+      const auto [least, most] = std::minmax_element(values.begin(), values.end());
+      return Figure{name, {mean_of(values).mean, *least, *most}};
+    };
+    report.add({one.choice.name + ", trained",
+                {{"CPU of a step, of shipped", one.of_shipped},
+                 single("steps", one.steps),
+                 figure("PSNR [dB]", one.psnr),
+                 figure("moving [dB]", one.psnr_dynamic),
+                 figure("flow error, moving [px]", one.flow_epe_dynamic)}});
+  }
+}
+
+// What trainings of the same time come to, over what a step takes.
+Plot plot_of(const std::vector<TrainedChoice>& all) {
+  Plot plot;
+  plot.name = "pareto_trained";
+  plot.width = 1700;
+  plot.height = 560;
+  plot.table = {{"choice", "time", "PSNR [dB]", "deviation", "PSNR, moving [dB]", "deviation",
+                 "flow error, moving [px]", "deviation"}};
+  plot.script =
+      "set termoption noenhanced\nset datafile missing '?'\nset logscale x\n"
+      "set xlabel 'CPU time of a step, of the shipped settings'\n"
+      "set multiplot layout 1,3\nset key off\n";
+  for (const int column : {3, 5, 7})
+    plot.script += fmt::format(
+        "set title '{0}, in the same time'\n"
+        "plot 'pareto_trained.tsv' every ::1 using 2:{1}:{2} with yerrorbars pt 7 lc rgb 'blue', "
+        "'' every ::1 using 2:{1}:1 with labels font ',8' left offset 0.6,0, "
+        "'' every ::1::1 using 2:{1} with points pt 6 ps 2 lw 2 lc rgb 'red'\n",
+        plot.table[0][size_t(column) - 1], column, column + 1);
+  plot.script += "unset multiplot";
+  for (const TrainedChoice& one : all) {
+    std::vector<std::string> line{one.choice.name, fmt::format("{:.4g}", one.of_shipped.median)};
+    for (const Samples* values : {&one.psnr, &one.psnr_dynamic, &one.flow_epe_dynamic}) {
+      const MeanAndDeviation m = mean_of(*values);
+      line.push_back(std::isnan(m.mean) ? "?" : fmt::format("{:.4f}", m.mean));
+      line.push_back(std::isnan(m.mean) ? "?" : fmt::format("{:.4f}", m.deviation));
+    }
+    plot.table.push_back(line);
+  }
+  return plot;
+}
+
+#endif
+
 Result run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
   const Place home(options, o, 0);
   Report report("pareto", *home.queue,
@@ -286,7 +320,7 @@ Result run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
   const Exact exact(*home.queue, *home.small);
   Shown shipped = timed(home, {});
   std::vector<Measured> all;
-  const std::vector<Choice> tried = chosen(home.queue->lanes, o.knobs);
+  const std::vector<Choice> tried = choices_of(home.queue->lanes, o.knobs);
   for (const Choice& choice : tried) {
     if (!options.quiet)
       fmt::print(stderr, "{} of {}: {}\n", all.size() + 1, tried.size(), choice.name);
@@ -318,8 +352,19 @@ Result run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
                  single("on the front", front[i])}});
   }
   if (native_is_built_in(all)) report.note(kNativeIsBuiltIn);
+  std::vector<Plot> plots{plot_of(all, front)};
+  std::string markdown = markdown_of(*home.queue, o, all, front);
+#ifdef GFLOW_WITH_OPENCV
+  if (!o.training.scene.empty()) {
+    const std::vector<TrainedChoice> trained =
+        train_choices(*home.queue, tried, o.training, o.common.repeats, options);
+    add_rows(report, trained);
+    plots.push_back(plot_of(trained));
+    markdown += markdown_of(o.training, trained);
+  }
+#endif
   report.measure_peak_again(*home.queue);
-  return {std::move(report), plot_of(all, front), markdown_of(*home.queue, o, all, front)};
+  return {std::move(report), std::move(plots), std::move(markdown)};
 }
 
 }  // namespace
@@ -343,11 +388,28 @@ void add_pareto(CLI::App& bench, const GlobalOptions& options) {
       ->expected(1)
       ->default_str("")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+#ifdef GFLOW_WITH_OPENCV
+  TrainingOptions& training = flags->training;
+  pareto
+      ->add_option("--scene", training.scene,
+                   "Also train this scene with each choice, for as long as --steps take as "
+                   "shipped, and judge what becomes of it")
+      ->type_name("PATH");
+  pareto->add_option("--steps", training.steps, "Of the shipped settings")
+      ->check(number_in(10, 1000000));
+  pareto->add_option("--seeds", training.seeds, "Trainings of each choice")
+      ->check(number_in(1, 100));
+  pareto->add_option("--set", training.settings, "A setting of these trainings; may be repeated")
+      ->type_name("SECTION.KEY=VALUE")
+      ->expected(1)
+      ->default_str("")
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+#endif
   pareto->add_option("--markdown", flags->common.markdown, "Write the table here")
       ->type_name("FILE.md");
   add_common(*pareto, flags->common);
   pareto->callback([flags, &options] {
-    chosen(0, flags->knobs);  // refuses before anything is made
+    choices_of(0, flags->knobs);  // refuses before anything is made
     deliver(flags->common, [&] { return run_pareto(*flags, options); });
   });
 }

@@ -127,7 +127,7 @@ Result run_raster(const RasterOptions& o, const GlobalOptions& options) {
       }
   }
   report.measure_peak_again(queue);
-  return {std::move(report), bars("raster", "share of the device time [%]", std::move(shares))};
+  return {std::move(report), {bars("raster", "share of the device time [%]", std::move(shares))}};
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // What is told of figures that were measured several times.
 #pragma once
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <numeric>
 #include <random>
@@ -26,6 +27,18 @@ inline Spread spread_of(Samples values) {
     return values[below] + (rank - double(below)) * (values[above] - values[below]);
   };
   return {at(0.5), at(0.25), at(0.75)};
+}
+
+// Of values with normal noise; the deviation is that of a single one, 0 of fewer than two.
+struct MeanAndDeviation {
+  double mean = 0, deviation = 0;
+};
+inline MeanAndDeviation mean_of(const Samples& values) {
+  const double n = double(values.size());
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
+  double squares = 0;
+  for (const double v : values) squares += (v - mean) * (v - mean);
+  return {mean, n < 2 ? 0 : std::sqrt(squares / (n - 1))};
 }
 
 // Times a number > 0.

@@ -185,7 +185,7 @@ Result run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
   }
   predict(o, measured(queue, o, "as dense", double(kAsDense), kSide, kAsDense, 1), report);
   report.measure_peak_again(queue);
-  return {std::move(report), plot_of(std::move(plotted))};
+  return {std::move(report), {plot_of(std::move(plotted))}};
 }
 
 }  // namespace

@@ -85,7 +85,7 @@ Result run_skip(const StepOptions& o, const GlobalOptions& options) {
                  single("model differs by", difference(c.end, costs[0].end))}});
   }
   report.measure_peak_again(queue);
-  return {std::move(report), plot_of("skip", kinds, costs)};
+  return {std::move(report), {plot_of("skip", kinds, costs)}};
 }
 
 }  // namespace

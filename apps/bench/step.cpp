@@ -70,7 +70,7 @@ Result run_step(const StepOptions& o, const GlobalOptions& options) {
     for (Row& row : rows) report.add(std::move(row));
   }
   report.measure_peak_again(queue);
-  return {std::move(report), plot_of("step", kinds, costs)};
+  return {std::move(report), {plot_of("step", kinds, costs)}};
 }
 
 }  // namespace

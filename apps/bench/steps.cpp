@@ -16,11 +16,12 @@
 namespace gflow::bench {
 namespace {
 
-TrainConfig configured(const StepOptions& o, const std::vector<std::string>& settings) {
+TrainConfig configured(const StepOptions& o, const Kind& kind) {
   TrainConfig config;
   config.scene.path = o.scene;
   for (const std::string& setting : o.settings) apply_setting(config, setting);
-  for (const std::string& setting : settings) apply_setting(config, setting);
+  for (const std::string& setting : kind.settings) apply_setting(config, setting);
+  if (kind.change) kind.change(config);
   // The number of Gaussians grows in the first half.
   config.train.iterations = 2 * std::max(o.warm, o.block * (o.common.repeats + 1));
   check(config);
@@ -44,43 +45,44 @@ class GoingOn {
  public:
   GoingOn(Queue& queue, const StepOptions& o, const Kind& kind, const Trained& from,
           const ScratchFolder& folder)
-      : config_(configured(o, kind.settings)),
+      : queue_(kind.queue ? *kind.queue : queue),
+        config_(configured(o, kind)),
         prepared_(config_, folder.file("frames")),
-        model_(queue, shown_by(config_, from.model)),
+        model_(queue_, shown_by(config_, from.model)),
         step_(o.warm) {
     prepared_.compute_flow(folder.file("flow"), true);
     prepared_.look_for_change();
-    trainer_.reset(new Trainer(prepared_.trainer(queue, model_)));
-    trainer_->set_state(queue, from.state, "the first training");
+    trainer_.reset(new Trainer(prepared_.trainer(queue_, model_)));
+    trainer_->set_state(queue_, from.state, "the first training");
   }
 
-  void block(Queue& queue, int steps) {
-    queue.finish();
-    queue.reset_timings();
+  void block(int steps) {
+    queue_.finish();
+    queue_.reset_timings();
     const auto start = std::chrono::steady_clock::now();
     const double cpu = cpu_seconds(), host = thread_cpu_seconds();
-    for (const int end = step_ + steps; step_ < end; ++step_) trainer_->step(queue, step_);
+    for (const int end = step_ + steps; step_ < end; ++step_) trainer_->step(queue_, step_);
     cost.host.push_back(1e3 * (thread_cpu_seconds() - host) / steps);
-    queue.finish();
+    queue_.finish();
     cost.cpu.push_back(1e3 * (cpu_seconds() - cpu) / steps);
     const std::chrono::duration<double, std::milli> wall = std::chrono::steady_clock::now() - start;
     cost.wall.push_back(wall.count() / steps);
-    append_kernels(cost.kernels, queue, cost.wall.size() - 1, steps);
+    append_kernels(cost.kernels, queue_, cost.wall.size() - 1, steps);
   }
 
-  StepCost end(Queue& queue) {
+  StepCost end() {
     cost.busy = sum_of(cost.kernels);
-    cost.end = model_.read(queue);
+    cost.end = model_.read(queue_);
     const Engine& engine = trainer_->renderer().engine();
-    cost.pairs = count_pairs(queue, engine, engine_settings(config_));
+    cost.pairs = count_pairs(queue_, engine, engine_settings(config_));
     const Images& images = engine.images();
-    const std::vector<float> opacities = trainer_->renderer().gaussians().opacities.read(queue);
+    const std::vector<float> opacities = trainer_->renderer().gaussians().opacities.read(queue_);
     cost.posed = double(std::count_if(opacities.begin(), opacities.begin() + long(cost.end.count),
                                       [](float opacity) { return opacity > 0; }));
-    Reduce reduce(queue);
-    cost.touched = {double(reduce.count_nonzero(queue, model_.parameters.rows.seen)),
+    Reduce reduce(queue_);
+    cost.touched = {double(reduce.count_nonzero(queue_, model_.parameters.rows.seen)),
                     parameters_of_one(cost.end),
-                    double(reduce.count_nonzero(queue, engine.splats().tiles_touched)),
+                    double(reduce.count_nonzero(queue_, engine.splats().tiles_touched)),
                     double(engine.tiles().intersections),
                     double(images.width) * double(images.height)};
     return std::move(cost);
@@ -89,6 +91,7 @@ class GoingOn {
   StepCost cost;
 
  private:
+  Queue& queue_;
   TrainConfig config_;
   Preparation prepared_;
   Model model_;
@@ -99,7 +102,7 @@ class GoingOn {
 }  // namespace
 
 StepOptions with_whole_blocks(StepOptions o) {
-  const int flow_every = configured(o, {}).flow.every;
+  const int flow_every = configured(o, Kind()).flow.every;
   const int every = flow_every > 0 ? flow_every : 2;  // 0: 2 or 1, by the model
   const int block = (o.block + every - 1) / every * every;
   if (block != o.block)
@@ -110,7 +113,7 @@ StepOptions with_whole_blocks(StepOptions o) {
 }
 
 Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folder, bool quiet) {
-  const TrainConfig config = configured(o, {});
+  const TrainConfig config = configured(o, Kind());
   Preparation prepared(config, folder.file("frames"));
   prepared.compute_flow(folder.file("flow"), quiet);
   prepared.look_for_change();
@@ -133,17 +136,17 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
   for (const Kind& kind : kinds)
     trainings.push_back(std::make_unique<GoingOn>(queue, o, kind, from, folder));
   for (auto& training : trainings) {  // compiles and decodes
-    training->block(queue, o.block);
+    training->block(o.block);
     stop_if_interrupted();
   }
   for (auto& training : trainings) training->cost = {};
   for (int k = 0; k < o.common.repeats; ++k)
     for (const size_t i : order_of(trainings.size(), k)) {
-      trainings[i]->block(queue, o.block);
+      trainings[i]->block(o.block);
       stop_if_interrupted();
     }
   std::vector<StepCost> costs;
-  for (auto& training : trainings) costs.push_back(training->end(queue));
+  for (auto& training : trainings) costs.push_back(training->end());
   return costs;
 }
 

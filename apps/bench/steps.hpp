@@ -2,6 +2,7 @@
 // Training steps that are timed: a training is begun once, and several ways to go on from there are
 // compared over the same views.
 #pragma once
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -25,10 +26,13 @@ void add_step_options(CLI::App& bench, StepOptions& options);
 // (flow.every); says so where they are longer.
 StepOptions with_whole_blocks(StepOptions o);
 
-// A way to go on: a name and what it changes of the settings.
+// A way to go on: a name and what it changes of the settings; on a queue of its own (other lanes),
+// or on that of the others.
 struct Kind {
   std::string name;
   std::vector<std::string> settings;
+  std::function<void(TrainConfig&)> change = {};  // after the settings
+  Queue* queue = nullptr;
 };
 
 // Where all kinds go on from.
