@@ -28,10 +28,10 @@ struct TrainedChoice {
   Samples psnr, psnr_dynamic, flow_epe_dynamic;
 };
 
-// First the time of a step with each choice, from the middle of one training, `repeats` blocks of
-// it in turn with the shipped one; then the trainings, of so many steps as that time leaves. So who
-// disturbs the machine during the long trainings changes nothing. Error when the scene cannot be
-// trained; Interrupted on Ctrl-C.
+// First the time of a step with each choice, from the middle of one training, at least `repeats`
+// blocks of it in turn with the shipped one; then the trainings, of so many steps as that time
+// leaves. So who disturbs the machine during the long trainings changes nothing. Error when the
+// scene cannot be trained; Interrupted on Ctrl-C.
 std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>& choices,
                                          const TrainingOptions& o, int repeats,
                                          const GlobalOptions& options);
