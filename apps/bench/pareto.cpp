@@ -396,7 +396,7 @@ void add_pareto(CLI::App& bench, const GlobalOptions& options) {
                    "shipped, and judge what becomes of it")
       ->type_name("PATH");
   pareto->add_option("--steps", training.steps, "Of the shipped settings")
-      ->check(number_in(10, 1000000));
+      ->check(number_in(1, 1000000));
   pareto->add_option("--seeds", training.seeds, "Trainings of each choice")
       ->check(number_in(1, 100));
   pareto->add_option("--set", training.settings, "A setting of these trainings; may be repeated")

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "apps/bench/steps.hpp"
 #include "apps/command_line.hpp"
@@ -14,7 +13,6 @@
 namespace gflow::bench {
 namespace {
 
-constexpr int kWarm = 1500;  // the middle of a training
 // Trainings that are timed in turn, with their pictures in memory.
 constexpr size_t kSideBySide = 6;
 // Each is made anew so often: what it takes differed by up to 8 % from one making to the next, for
@@ -75,7 +73,7 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
   StepOptions timing;
   timing.scene = o.scene;
   timing.settings = o.settings;
-  timing.warm = kWarm;
+  timing.warm = std::max(1, o.steps / 2);
   timing.common.repeats = (repeats + kPlaces - 1) / kPlaces;
   timing = with_whole_blocks(timing);
   const Trained from = warmed_up(queue, timing, folder, options.quiet);
@@ -94,7 +92,7 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
     }
     for (size_t i = 1; i < group.size(); ++i) {
       const Spread ratio = ratio_of(cpu[i], cpu[0]);
-      const int steps = std::max(1, int(std::lround(o.steps / ratio.median)));
+      const int steps = std::max(1, int(o.steps / ratio.median));
       all.push_back({choices[first + i - 1], ratio, steps, {}, {}, {}});
     }
   }

@@ -28,7 +28,7 @@ struct TrainedChoice {
   Samples psnr, psnr_dynamic, flow_epe_dynamic;
 };
 
-// First the time of a step with each choice, from the middle of one training, at least `repeats`
+// First the time of a step with each choice, from the middle of one of --steps, at least `repeats`
 // blocks of it in turn with the shipped one; then the trainings, of so many steps as that time
 // leaves. So who disturbs the machine during the long trainings changes nothing. Error when the
 // scene cannot be trained; Interrupted on Ctrl-C.
