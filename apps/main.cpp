@@ -52,12 +52,12 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   app.fallthrough();
 #ifdef GFLOW_WITH_OPENCV
   gflow::add_train(app, options);
-  gflow::add_settings(app, options);
   gflow::add_render(app, options);
   gflow::add_eval(app, options);
   gflow::add_export(app, options);
   gflow::add_info(app, options);
   gflow::add_experiment(app, options);
+  gflow::add_settings(app, options);
 #endif
   gflow::add_import(app, options);
   gflow::add_splat(app, options);
