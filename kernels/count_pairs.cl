@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How many pairs of a pixel and a splat there are, for `gflow bench`: the work of splat.cl, counted
-// and not done. One work-item a pixel.
+// How many pairs of a pixel and a splat there are, for `gflow bench`: the work of splat.cl and
+// splat_bwd.cl, counted and not done. One work-item a pixel.
 #undef LANES  // of the device
 #define LANES 1
 #include "shared/pixel.h"
@@ -10,17 +10,23 @@ kernel void count_pairs(const int width, const int height,
                         global const uint* restrict tile_offsets,  // [tiles + 1]
                         global const uint* restrict isect_ids,     // [M]
                         global const ushort* restrict masks,       // [M]
+                        global const uint* restrict ends,     // [tiles] how much of a list is walked
+                        global const ushort* restrict cells,  // [tiles] that are looked at, bit by bit
                         global uint* restrict listed,              // [H, W] splats of its tile
                         global uint* restrict masked,              // [H, W] of those, in its cell
-                        global uint* restrict blended) {           // [H, W] of those, in its colour
+                        global uint* restrict blended,             // [H, W] of those, in its colour
+                        global uint* restrict open) {  // [H, W] how many it looks at until it is full
   const int x = get_global_id(0), y = get_global_id(1);
   if (x >= width || y >= height) return;
   const int tiles_x = (width + TILE - 1) / TILE, tile = y / TILE * tiles_x + x / TILE;
   const int cell = y % TILE / CELL * (TILE / CELL) + x % TILE / CELL;
-  uint in_cell = 0, in_color = 0;
+  uint in_cell = 0, in_color = 0, still = 0;
+  const uint first = tile_offsets[tile], count = ends[tile];
   lane T = TO_LANE(1.f);
-  for (uint k = tile_offsets[tile]; k < tile_offsets[tile + 1]; ++k) {
-    if (!(masks[k] >> cell & 1)) continue;
+  for (uint j = 0; j < count; ++j) {
+    const uint k = first + j;
+    if (still_open(T)) still = j + 1;
+    if (!((masks[k] & cells[tile]) >> cell & 1)) continue;
     ++in_cell;
     const Splat s = splat_load(splats, isect_ids[k]);
     const Coverage c = cover(footprint(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y), T);
@@ -28,7 +34,8 @@ kernel void count_pairs(const int width, const int height,
     in_color += c.alpha > 0.f;
   }
   const size_t at = (size_t)y * width + x;
-  listed[at] = tile_offsets[tile + 1] - tile_offsets[tile];
+  listed[at] = count;
   masked[at] = in_cell;
   blended[at] = in_color;
+  open[at] = still;
 }

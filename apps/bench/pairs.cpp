@@ -1,31 +1,123 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/bench/pairs.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 
 #include "runtime/kernel.hpp"
 
 namespace gflow::bench {
+namespace {
 
-Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& settings) {
-  Program program(queue, "count_pairs.cl", {{"EXCLUDE", int(settings.stop == StopRule::exclude)}});
-  Kernel<cl_int, cl_int, In<float>, In<cl_uint>, In<cl_uint>, In<cl_ushort>, Out<cl_uint>,
-         Out<cl_uint>, Out<cl_uint>>
-      count(program, "count_pairs");
-  const Images& images = engine.images();
-  const size_t pixels = size_t(images.width) * size_t(images.height);
-  Buffer<cl_uint> listed(queue, pixels, "listed pairs"), masked(queue, pixels, "masked pairs");
-  Buffer<cl_uint> blended(queue, pixels, "blended pairs");
-  const Tiles& tiles = engine.tiles();
-  count(queue, Range::grid(size_t(images.width), size_t(images.height)), images.width,
-        images.height, engine.splats().records, tiles.tile_offsets, tiles.isect_ids, tiles.masks,
-        listed, masked, blended);
-  const auto sum = [&](const Buffer<cl_uint>& buffer) {
-    const std::vector<cl_uint> counts = buffer.read(queue);
-    return std::accumulate(counts.begin(), counts.end(), 0.0);
+// Of each tile, bit by bit, the cells with a pixel whose gradients are not 0.
+std::vector<cl_ushort> cells_that_ask(Queue& queue, const Images& images, const ImageGradients& v,
+                                      bool flow) {
+  const size_t width = size_t(images.width), pixels = width * size_t(images.height);
+  const size_t across = (width + TILE - 1) / TILE;
+  std::vector<cl_ushort> cells(across * ((size_t(images.height) + TILE - 1) / TILE), 0);
+  const auto look = [&](const Buffer<float>& planes, size_t count) {
+    const std::vector<float> values = planes.read(queue);
+    for (size_t i = 0; i < count * pixels; ++i) {
+      if (values[i] == 0) continue;
+      const size_t y = i % pixels / width, x = i % width;
+      const size_t cell = y % TILE / CELL * (TILE / CELL) + x % TILE / CELL;
+      cells[y / TILE * across + x / TILE] |= cl_ushort(1u << cell);
+    }
   };
-  return {sum(listed), sum(masked), sum(blended)};
+  look(v.v_rgb, 3);
+  look(v.v_alpha, 1);
+  if (flow) look(v.v_flow, 2);
+  return cells;
+}
+
+double sum(const std::vector<cl_uint>& counts) {
+  return std::accumulate(counts.begin(), counts.end(), 0.0);
+}
+
+// Walks the lists: of each tile from its start to `ends`, in `cells`.
+class Walk {
+ public:
+  Walk(Queue& queue, const Engine& engine, const EngineSettings& settings)
+      : queue_(queue),
+        engine_(engine),
+        program_(queue, "count_pairs.cl", {{"EXCLUDE", int(settings.stop == StopRule::exclude)}}),
+        count_(program_, "count_pairs"),
+        width_(size_t(engine.images().width)),
+        height_(size_t(engine.images().height)) {
+    for (Buffer<cl_uint>* plane : {&listed, &masked, &blended, &open_})
+      plane->ensure(queue, width_ * height_);
+  }
+
+  void operator()(const std::vector<cl_uint>& ends, const std::vector<cl_ushort>& cells) {
+    const Tiles& tiles = engine_.tiles();
+    ends_.ensure(queue_, ends.size());
+    ends_.write(queue_, ends);
+    cells_.ensure(queue_, cells.size());
+    cells_.write(queue_, cells);
+    count_(queue_, Range::grid(width_, height_), cl_int(width_), cl_int(height_),
+           engine_.splats().records, tiles.tile_offsets, tiles.isect_ids, tiles.masks, ends_,
+           cells_, listed, masked, blended, open_);
+  }
+
+  // How far the kernels go when they stop where all of those cells are full, which they look at
+  // after so many splats; no further than `ends`.
+  std::vector<cl_uint> stops(const std::vector<cl_uint>& ends,
+                             const std::vector<cl_ushort>& cells) const {
+    const std::vector<cl_uint> open = open_.read(queue_);
+    const size_t across = (width_ + TILE - 1) / TILE;
+    std::vector<cl_uint> most(ends.size(), 0);
+    for (size_t y = 0; y < height_; ++y)
+      for (size_t x = 0; x < width_; ++x) {
+        const size_t tile = y / TILE * across + x / TILE;
+        const size_t cell = y % TILE / CELL * (TILE / CELL) + x % TILE / CELL;
+        if (cells[tile] >> cell & 1) most[tile] = std::max(most[tile], open[y * width_ + x]);
+      }
+    const cl_uint batch = queue_.lanes == 1 ? 64 : 32;  // splat.cl
+    for (size_t tile = 0; tile < most.size(); ++tile)
+      most[tile] = std::min(ends[tile], (most[tile] + batch - 1) / batch * batch);
+    return most;
+  }
+
+  Buffer<cl_uint> listed{"listed pairs"}, masked{"masked pairs"}, blended{"blended pairs"};
+
+ private:
+  Queue& queue_;
+  const Engine& engine_;
+  Program program_;
+  Kernel<cl_int, cl_int, In<float>, In<cl_uint>, In<cl_uint>, In<cl_ushort>, In<cl_uint>,
+         In<cl_ushort>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
+      count_;
+  size_t width_, height_;
+  Buffer<cl_uint> open_{"looked at until full"}, ends_{"ends of lists"};
+  Buffer<cl_ushort> cells_{"cells looked at"};
+};
+
+}  // namespace
+
+Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& settings,
+                  const ImageGradients* v, bool flow) {
+  const std::vector<cl_uint> offsets = engine.tiles().tile_offsets.read(queue);
+  std::vector<cl_uint> whole(engine.tiles().count());
+  for (size_t tile = 0; tile < whole.size(); ++tile)
+    whole[tile] = offsets[tile + 1] - offsets[tile];
+  const std::vector<cl_ushort> all(whole.size(), 0xffff);
+  const bool stops = settings.skip.saturated;
+  const std::vector<cl_ushort> asking =
+      v && settings.skip.asking ? cells_that_ask(queue, engine.images(), *v, flow) : all;
+
+  Walk walk(queue, engine, settings);
+  walk(whole, all);
+  Pairs pairs;
+  pairs.listed = sum(walk.listed.read(queue));
+  const std::vector<cl_uint> there = stops ? walk.stops(whole, all) : whole;
+  const std::vector<cl_uint> back = stops ? walk.stops(whole, asking) : whole;
+  walk(there, all);
+  pairs.masked = sum(walk.masked.read(queue));
+  pairs.blended = sum(walk.blended.read(queue));
+  walk(back, asking);
+  pairs.back = sum(walk.masked.read(queue));
+  return pairs;
 }
 
 // Forward: exponent 8, exp2 13, cut, weight and what passes 5, colour 6; flow 12, depth 2. Backward
@@ -34,7 +126,8 @@ double forward_flops(Channels c) { return 32 + (c.flow ? 12 : 0) + (c.depth ? 2 
 double backward_flops(Channels c) { return 52 + (c.flow ? 28 : 0) + (c.depth ? 4 : 0); }
 
 double bytes_of(const Touched& t) {
-  return 7 * 4 * t.parameters * t.moved + 900 * t.drawn + 310 * t.intersections + 110 * t.pixels;
+  return 7 * 4 * t.parameters * t.moved + 900 * t.drawn + 310 * t.intersections +
+         (107 + t.picture) * t.pixels;
 }
 
 double bytes_of_stage(const std::string& stage, const Touched& t, Channels c) {

@@ -77,10 +77,14 @@ Result run_skip(const StepOptions& o, const GlobalOptions& options) {
                  {"CPU, of all skips", ratio_of(c.cpu, costs[0].cpu)},
                  single("moved by Adam", c.touched.moved),
                  single("posed", c.posed),
+                 single("posed at t2", c.posed_t2),
                  single("drawn", c.touched.drawn),
+                 single("colour values", c.color_values),
                  single("intersections", c.touched.intersections),
+                 single("tiles with flow", c.tiles_with_flow),
                  single("bytes [1e6]", 1e-6 * bytes_of(c.touched)),
                  single("pairs in cells", c.pairs.masked),
+                 single("pairs back", c.pairs.back),
                  single("pairs blended", c.pairs.blended),
                  single("model differs by", difference(c.end, costs[0].end))}});
   }

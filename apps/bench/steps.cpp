@@ -23,10 +23,13 @@ TrainConfig configured(const StepOptions& o, const Kind& kind) {
   for (const std::string& setting : kind.settings) apply_setting(config, setting);
   if (kind.change) kind.change(config);
   // The number of Gaussians grows in the first half.
-  config.train.iterations = 2 * std::max(o.warm, o.block * (o.common.repeats + 1));
+  config.train.iterations = 2 * std::max(o.warm, o.block * (o.common.repeats + 2));
   check(config);
   return config;
 }
+
+// Steps of which one has flow; 0 in a configuration: 2 or 1, by the model.
+int flow_every(const TrainConfig& config) { return config.flow.every > 0 ? config.flow.every : 2; }
 
 double parameters_of_one(const HostModel& model) {
   size_t values = 0;
@@ -73,24 +76,62 @@ class GoingOn {
   StepCost end() {
     cost.busy = sum_of(cost.kernels);
     cost.end = model_.read(queue_);
-    const Engine& engine = trainer_->renderer().engine();
-    cost.pairs = count_pairs(queue_, engine, engine_settings(config_));
-    const Images& images = engine.images();
-    const std::vector<float> opacities = trainer_->renderer().gaussians().opacities.read(queue_);
-    cost.posed = double(std::count_if(opacities.begin(), opacities.begin() + long(cost.end.count),
-                                      [](float opacity) { return opacity > 0; }));
-    Reduce reduce(queue_);
-    cost.touched = {double(reduce.count_nonzero(queue_, model_.parameters.rows.seen)),
-                    parameters_of_one(cost.end),
-                    double(reduce.count_nonzero(queue_, engine.splats().tiles_touched)),
-                    double(engine.tiles().intersections),
-                    double(images.width) * double(images.height)};
+    const int steps = flow_every(config_);
+    for (int k = 0; k < steps; ++k) {
+      trainer_->step(queue_, step_++);
+      count(1.0 / steps);
+    }
     return std::move(cost);
   }
 
   StepCost cost;
 
  private:
+  // Adds so much of the work of the last step.
+  void count(double share) {
+    const Renderer& renderer = trainer_->renderer();
+    const Engine& engine = renderer.engine();
+    const Shot& shot = renderer.shot();
+    Reduce reduce(queue_);
+    const Pairs pairs = count_pairs(queue_, engine, engine_settings(config_),
+                                    &trainer_->image_gradients(), shot.flow);
+    cost.pairs.listed += share * pairs.listed;
+    cost.pairs.masked += share * pairs.masked;
+    cost.pairs.blended += share * pairs.blended;
+    cost.pairs.back += share * pairs.back;
+    const size_t all = model_.parameters.count;
+    const std::vector<float> opacities = renderer.gaussians().opacities.read(queue_);
+    cost.posed += share * double(std::count_if(opacities.begin(), opacities.begin() + long(all),
+                                               [](float opacity) { return opacity > 0; }));
+    if (shot.flow || shot.motion_loss) {
+      const std::vector<cl_uint> twice = renderer.with_second_time().read(queue_);
+      const size_t moving = std::min(all, shot.view.moving);
+      cost.posed_t2 +=
+          share *
+          double(moving - size_t(std::count(twice.begin(), twice.begin() + long(moving), 0u)));
+    }
+    if (shot.flow) {
+      const Buffer<cl_uchar>* chosen = engine.tiles_with_flow();
+      size_t tiles = engine.tiles().count();
+      if (chosen) {
+        const std::vector<cl_uchar> with_flow = chosen->read(queue_);
+        tiles = size_t(std::count(with_flow.begin(), with_flow.begin() + long(tiles), 1));
+      }
+      cost.tiles_with_flow += share * double(tiles);
+    }
+    const double drawn = double(reduce.count_nonzero(queue_, engine.splats().tiles_touched));
+    const int walked = model_.color.bands(shot.sh_degree, config_.skip.bands).walked;
+    cost.color_values += share * drawn * 3 * (walked + 1) * (walked + 1);
+    Touched& t = cost.touched;
+    const double moved = double(reduce.count_nonzero(queue_, model_.parameters.rows.seen));
+    t.parameters = parameters_of_one(cost.end);
+    t.moved += share * moved;
+    t.drawn += share * drawn;
+    t.intersections += share * double(engine.tiles().intersections);
+    t.pixels += share * double(engine.images().width) * double(engine.images().height);
+    t.picture = config_.skip.compact ? 3 : 12;
+  }
+
   Queue& queue_;
   TrainConfig config_;
   Preparation prepared_;
@@ -102,8 +143,7 @@ class GoingOn {
 }  // namespace
 
 StepOptions with_whole_blocks(StepOptions o) {
-  const int flow_every = configured(o, Kind()).flow.every;
-  const int every = flow_every > 0 ? flow_every : 2;  // 0: 2 or 1, by the model
+  const int every = flow_every(configured(o, Kind()));
   const int block = (o.block + every - 1) / every * every;
   if (block != o.block)
     fmt::print(stderr, "--block {} becomes {}: as many steps with flow in each, one in {}\n",

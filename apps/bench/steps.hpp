@@ -47,7 +47,10 @@ struct StepCost {
   Samples wall, cpu, busy, host;  // [ms]; busy: the device; host: the training thread
   KernelSamples kernels;          // [ms] on the device
   HostModel end;
-  double posed = 0;  // Gaussians whose shape at the time drawn was made
+  // The work, in the mean over as many steps as have one with flow (flow.every).
+  double posed = 0, posed_t2 = 0;  // Gaussians whose shape at the times drawn was made
+  double tiles_with_flow = 0;
+  double color_values = 0;  // that are read to know the colours
   Touched touched;
   Pairs pairs;
 };

@@ -47,11 +47,11 @@ void Engine::draw(Queue& queue, const std::array<float, 3>& background, const Ga
   Steps& steps = steps_for(queue, channels_);
   steps.project.complete(queue, view_, at_t1, at_t2, colors, splats_);
   bin_.build(queue, images_.width, images_.height, splats_, tiles_);
+  with_flow_ = nullptr;
   if (!shared()) return steps.splatting.forward(queue, background, splats_, tiles_, images_);
-  const Buffer<cl_uchar>& with_flow =
-      steps.splatting.tiles_with_flow(queue, view_.flow_tiles, movers(), tiles_);
-  steps.splatting.forward(queue, background, splats_, tiles_, images_, &with_flow);
-  without_flow(queue).forward(queue, background, splats_, tiles_, images_, &with_flow);
+  with_flow_ = &steps.splatting.tiles_with_flow(queue, view_.flow_tiles, movers(), tiles_);
+  steps.splatting.forward(queue, background, splats_, tiles_, images_, with_flow_);
+  without_flow(queue).forward(queue, background, splats_, tiles_, images_, with_flow_);
 }
 
 void Engine::backward(Queue& queue, const GaussiansAt& at_t1, const GaussiansAt& at_t2,

@@ -35,6 +35,8 @@ class Engine {
   const Images& images() const { return images_; }
   const Splats& splats() const { return splats_; }
   const Tiles& tiles() const { return tiles_; }
+  // Of the last draw() with flow, 1 for each tile that has some; nullptr: all have.
+  const Buffer<cl_uchar>* tiles_with_flow() const { return with_flow_; }
 
  private:
   struct Steps;  // the kernels of one choice of channels, compiled when first used
@@ -55,8 +57,9 @@ class Engine {
   Splats splats_;
   Tiles tiles_;
   Images images_;
-  Buffer<float> partials_{"partials"};  // [M, 16]
-  Buffer<float> moments_{"moments"};    // [N, 16]
+  const Buffer<cl_uchar>* with_flow_ = nullptr;  // of a Splatting
+  Buffer<float> partials_{"partials"};           // [M, 16]
+  Buffer<float> moments_{"moments"};             // [N, 16]
 };
 
 }  // namespace gflow

@@ -20,10 +20,10 @@ enum class Transport {
 // Whether the splat that saturates a pixel is still drawn.
 enum class StopRule { include, exclude };
 
-// Work that is left out. `boxes`, `masks`, `saturated`, `asking`, `flow` and `bands` change no bit
-// of an image or a gradient (but the sign of a 0), but without boxes more Gaussians count as seen;
-// `still` changes the last bits of gradients, since sums that are 0 are not formed; `unseen`
-// changes what becomes of Gaussians that no picture shows.
+// Work that is left out. `boxes`, `masks`, `saturated`, `asking`, `flow`, `bands` and `compact`
+// change no bit of an image or a gradient (but the sign of a 0), but without boxes more Gaussians
+// count as seen; `still` changes the last bits of gradients, since sums that are 0 are not formed;
+// `unseen` changes what becomes of Gaussians that no picture shows.
 struct Skips {
   bool boxes = true;      // tiles outside the box of the ellipse where alpha >= 1/255 (project.cl)
   bool masks = true;      // cells of a tile outside that ellipse (cell_mask.cl)
@@ -31,9 +31,10 @@ struct Skips {
   bool asking = true;     // the way back through cells where every gradient is 0 (splat_bwd.cl)
   bool outside = true;    // the shape of what the camera cannot see (shared/lookout.h)
   bool still = true;      // the second time of what rests before a camera at rest (View::moving)
-  bool flow = true;    // flow in tiles where nothing moves, its gradients where none are asked for
-  bool bands = true;   // spherical harmonics, and their Adam, above the degree in use (sh.cl)
-  bool unseen = true;  // Adam's steps of Gaussians that no picture of a step shows
+  bool flow = true;     // flow in tiles where nothing moves, its gradients where none are asked for
+  bool bands = true;    // spherical harmonics, and their Adam, above the degree in use (sh.cl)
+  bool compact = true;  // three quarters of a picture on the device: bytes, not floats
+  bool unseen = true;   // Adam's steps of Gaussians that no picture of a step shows
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -47,6 +48,8 @@ struct Skips {
     field("flow", self.flow,
           "flow in tiles where all is at rest, its gradients in tiles that ask for none");
     field("bands", self.bands, "bands of the spherical harmonics that are not in use yet");
+    field("compact", self.compact,
+          "three quarters of the bytes of a picture on the device, decoded there; off: floats");
     field("unseen", self.unseen,
           "optimiser steps of Gaussians that no picture of the step shows; off changes results");
   }

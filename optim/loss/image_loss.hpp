@@ -27,17 +27,24 @@ class ImageLoss {
   // weight multiplies the gradient, not value(): the share of the whole when this is a part of it.
   void run(Queue& queue, int width, int height, const Buffer<float>& rgb,
            const Buffer<cl_uchar>& truth, Buffer<float>& v_rgb, float weight = 1);
+  // The same with bytes / 255 as truth; of equal values every bit is equal.
+  void run(Queue& queue, int width, int height, const Buffer<float>& rgb,
+           const Buffer<float>& truth, Buffer<float>& v_rgb, float weight = 1);
 
   // The loss of the last run(); waits for it. Error before the first.
   ImageLossValue value(Queue& queue);
 
  private:
   void resize(Queue& queue, int width, int height);
+  template <class Prepare, class Truth>
+  void run(Queue& queue, int width, int height, const Buffer<float>& rgb, Prepare& prepare,
+           const Truth& truth, Buffer<float>& v_rgb, float weight);
 
   float ssim_weight_;
   int lanes_, strip_rows_;
   Program program_;
   Kernel<ImageLossSize, In<float>, In<cl_uchar>, Out<float>, Out<float>> image_loss_prepare_;
+  Kernel<ImageLossSize, In<float>, In<float>, Out<float>, Out<float>> image_loss_prepare_floats_;
   Kernel<ImageLossSize, In<float>, In<float>, Out<float>, Out<float>, Out<float>, Out<float>>
       ssim_fwd_;
   Kernel<ImageLossSize, cl_float, cl_float, In<float>, In<float>, In<float>, In<float>, In<float>,

@@ -42,10 +42,11 @@ class Renderer {
   const GaussianGradients& gradients() const { return gradients_; }
   // Whether those at rest stood still in the last view with flow (View::moving).
   bool stood_still() const { return shot_.view.moving < all_rows; }
+  const Shot& shot() const { return shot_; }  // the last
+  // Whose pose at the second time matters, of the rows below shot().view.moving.
+  const Buffer<cl_uint>& with_second_time() const;
 
  private:
-  // Whose pose at the second time matters.
-  const Buffer<cl_uint>& with_second_time() const;
   Bands bands(const Model& model) const;
   bool bends() const;  // whether the motion loss has a third moment within the video
   double time_t0() const { return 2 * shot_.time - shot_.time_t2; }

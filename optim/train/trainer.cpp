@@ -270,13 +270,11 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step, int in_ba
   if (picture->channels == 4)
     picture_part_ =
         over_background({part.width, part.height, 4, std::move(picture_part_)}, behind).pixels;
-  truth_.ensure(queue, 3 * pixels);
-  truth_.write_async(queue, picture_part_);
   v_.v_rgb.ensure(queue, 3 * pixels);
   v_.v_alpha.ensure(queue, pixels);
   v_.v_alpha.fill(queue, 0.f);
   const Images& images = renderer_.images();
-  image_loss_.run(queue, part.width, part.height, images.rgb, truth_, v_.v_rgb, share);
+  compare_with_picture(queue, part.width, part.height, share);
   if (had_flow_) {
     v_.v_flow.ensure(queue, 2 * pixels);
     flow_loss_.run(queue, flow_weight, part.width, part.height, images.flow, images.alpha, teacher_,
@@ -285,6 +283,21 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step, int in_ba
   }
   renderer_.backward(queue, model_, v_);
   learn_from(queue, shot, camera.width, camera.height);
+}
+
+void Trainer::compare_with_picture(Queue& queue, int width, int height, float share) {
+  const Buffer<float>& rgb = renderer_.images().rgb;
+  if (config_.skip.compact) {
+    truth_.ensure(queue, picture_part_.size());
+    truth_.write_async(queue, picture_part_);
+    return image_loss_.run(queue, width, height, rgb, truth_, v_.v_rgb, share);
+  }
+  picture_floats_.resize(picture_part_.size());
+  std::transform(picture_part_.begin(), picture_part_.end(), picture_floats_.begin(),
+                 [](cl_uchar byte) { return float(byte) / 255; });  // rounded as the kernel does
+  truth_floats_.ensure(queue, picture_floats_.size());
+  truth_floats_.write_async(queue, picture_floats_);
+  image_loss_.run(queue, width, height, rgb, truth_floats_, v_.v_rgb, share);
 }
 
 void Trainer::guide(Queue& queue, int step) {

@@ -85,6 +85,7 @@ class Trainer {
   Stage stage(int step) const { return sampler_.stage(step); }
   // As after the last view of the last step.
   const Renderer& renderer() const { return renderer_; }
+  const ImageGradients& image_gradients() const { return v_; }  // v_flow is stale without flow
 
  private:
   struct FlowFigures {
@@ -99,6 +100,8 @@ class Trainer {
   // Behind pictures with alpha, sRGB.
   std::array<uint8_t, 3> background(int step) const;
   void train_view(Queue& queue, const Sample& sample, int step, int in_batch);
+  // The image loss of what was drawn, by picture_part_, and its gradient.
+  void compare_with_picture(Queue& queue, int width, int height, float share);
   // Uploads a sample's flow and its confidence. How much the flow loss weighs for it.
   float upload_teacher(Queue& queue, const Sample& sample, int width);
   // Asks for guidance and adds its gradients.
@@ -139,11 +142,11 @@ class Trainer {
   std::string notice_;
   Reduce reduce_;
   Buffer<cl_uchar> truth_{"truth"}, confidence_{"confidence"};
-  Buffer<float> teacher_{"teacher flow"};
+  Buffer<float> truth_floats_{"truth as floats"}, teacher_{"teacher flow"};
   ImageGradients v_;
   // what asynchronous writes read from
   std::vector<cl_uchar> picture_part_, confidence_part_;
-  std::vector<float> flow_planes_;
+  std::vector<float> flow_planes_, picture_floats_;
   bool had_flow_ = false, had_motion_loss_ = false;  // the last view
   bool flow_is_new_ = false;                         // and flow_figures_ of an earlier one
   FlowFigures flow_figures_;

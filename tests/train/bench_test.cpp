@@ -322,14 +322,14 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
                                  "--quiet", "--plots", folder.file("plots")});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = read(file)["rows"];
-  ASSERT_EQ(rows.size(), 15u);
+  ASSERT_EQ(rows.size(), 16u);
   const std::string bars = contents(folder.file("plots/skip.tsv"));
   EXPECT_EQ(bars.find("kind\tCPU [ms]\tlower quartile\tupper quartile\nall skips\t"), 0u) << bars;
   EXPECT_TRUE(fs::exists(folder.file("plots/skip.gnuplot")));
   const Json &all = rows["all skips"], &none = rows["no skip at all"];
   const Json& inexact = rows["no exact skip"];  // as much is asked for, in the same way
   EXPECT_EQ(all["model differs by"], 0);
-  for (const char* exact : {"masks", "saturated", "asking", "outside", "flow", "bands"})
+  for (const char* exact : {"masks", "saturated", "asking", "outside", "flow", "bands", "compact"})
     EXPECT_EQ(rows[fmt::format("without {}", exact)]["model differs by"], 0) << exact;
   for (const char* in_the_mean : {"flow of calm tiles too", "flow in every step"})
     EXPECT_GT(rows[in_the_mean]["model differs by"], 0) << in_the_mean;
@@ -347,6 +347,18 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   EXPECT_GT(rows["without unseen"]["moved by Adam"], all["moved by Adam"]);
   EXPECT_GT(rows["without unseen"]["bytes [1e6]"], all["bytes [1e6]"]);
   EXPECT_EQ(rows["without masks"]["pairs blended"], all["pairs blended"]);
+  // What is left out of the way back, of the second time, of flow and of colour.
+  EXPECT_GE(rows["without asking"]["pairs back"], all["pairs back"]);
+  EXPECT_EQ(rows["without asking"]["pairs back"], rows["without asking"]["pairs in cells"]);
+  EXPECT_GE(rows["without saturated"]["pairs in cells"], all["pairs in cells"]);
+  EXPECT_EQ(rows["without saturated"]["pairs blended"], all["pairs blended"]);
+  EXPECT_GE(rows["without still"]["posed at t2"], all["posed at t2"]);
+  EXPECT_GT(rows["flow in every step"]["tiles with flow"], 0);
+  EXPECT_GT(none["tiles with flow"], all["tiles with flow"]);
+  const double each = 3 * 9;  // motion.sh_degree 2
+  EXPECT_EQ(rows["without bands"]["colour values"], each * all["drawn"].get<double>());
+  EXPECT_LT(all["colour values"], rows["without bands"]["colour values"]);
+  EXPECT_GT(rows["without compact"]["bytes [1e6]"], all["bytes [1e6]"]);
 }
 
 TEST(Bench, EveryWayComesFirstAsOftenAsEveryOther) {
