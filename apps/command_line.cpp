@@ -91,6 +91,11 @@ CLI::Validator number_in(double low, double high) {
       "");
 }
 
+CLI::Validator path_given() {
+  return CLI::Validator(
+      [](std::string& path) { return path.empty() ? "the path is empty; name one" : ""; }, "");
+}
+
 std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
   const std::vector<const CLI::App*> path = understood(app);
   std::vector<std::string> commands;

@@ -13,6 +13,10 @@ CLI::Validator choice_of(std::vector<std::string> words);
 // The value is a number from low to high.
 CLI::Validator number_in(double low, double high);
 
+// The value is not empty, as "$FOLDER" is where no such variable is set: what belongs into that
+// folder would be written to the root of the file system.
+CLI::Validator path_given();
+
 // Error where no file can be written: told now rather than when all is done. Empty: none is asked
 // for. `option` asked for it.
 void require_writable(const std::string& option, const std::string& path);

@@ -155,6 +155,7 @@ void add_experiment(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option("-o,--output", flags->folder,
                    "Folder of runs and tables; default: the file's name, here")
+      ->check(path_given())
       ->type_name("FOLDER")
       ->default_str("");
   command->add_option("--scenes", flags->scenes, "Where scenes are that do not lie beside the file")

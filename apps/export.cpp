@@ -251,6 +251,7 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
       ->required()
       ->type_name("PATH");
   command->add_option("-o,--output", flags->output, "File that is written; ply-sequence: folder")
+      ->check(path_given())
       ->required()
       ->type_name("PATH");
   command

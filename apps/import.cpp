@@ -86,6 +86,7 @@ void add_import(CLI::App& app, const GlobalOptions&) {
       ->required()
       ->type_name("PATH");
   command->add_option("-o,--output", flags->output, "PLY that is written")
+      ->check(path_given())
       ->required()
       ->type_name("FILE.ply");
   std::vector<std::string> formats{"auto"};

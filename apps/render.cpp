@@ -146,10 +146,19 @@ void print_written(const RenderReport& report, const std::vector<RenderView>& vi
                one_time ? ", so more than one of --times" : "");
 }
 
+// Names of pictures and videos may be those of the scene's own.
+void require_no_scene(const std::string& folder) {
+  const std::string layout = fs::is_directory(folder) ? layout_of(folder) : "";
+  if (!layout.empty())
+    throw Error(fmt::format("drawing into {}: there lies a scene ({}); name a folder of its own",
+                            folder, layout));
+}
+
 void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   if (!flags.split.empty() && !flags.camera.empty())
     throw Error("--split and --camera exclude each other: a camera is shown at all of its times");
   require_no_folder_of_run(flags.output);
+  require_no_scene(flags.output);
   const Source source = find_source(flags);
   std::vector<RenderView> views = views_wanted(flags, source);
   const bool still = stands_still(source.model);
@@ -193,6 +202,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
       ->required()
       ->type_name("PATH");
   command->add_option("-o,--output", flags->output, "Folder that is written")
+      ->check(path_given())
       ->required()
       ->type_name("FOLDER");
   command

@@ -34,6 +34,7 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
           "-o,--output", flags->output,
           "The .npz that is written: rgb alpha depth flow, g_* for each v_*, and in broken "
           "the numbers of Gaussians with values that are not finite")
+      ->check(path_given())
       ->required()
       ->type_name("FILE.npz");
   command

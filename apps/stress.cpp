@@ -189,7 +189,9 @@ void add_stress(CLI::App& app, const GlobalOptions& options) {
           ->type_name("NUMBERS");
   command->add_flag("--derivatives", flags->derivatives, "Only the table of derivatives")
       ->excludes(only);
-  command->add_option("--json", flags->json, "Write the figures here")->type_name("FILE");
+  command->add_option("--json", flags->json, "Write the figures here")
+      ->check(path_given())
+      ->type_name("FILE");
   command->callback([flags, &options] { run(*flags, options); });
 }
 

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "apps/report.hpp"
 #include "optim/train/guidance_source.hpp"
@@ -120,6 +121,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
                    "it may be left out")
       ->type_name("PATH");
   command->add_option("-o,--output", flags->run, "Run folder that is written")
+      ->check(path_given())
       ->required()
       ->type_name("FOLDER");
   command->add_option("--config", flags->config_file, "Settings in a TOML file; empty: defaults")

@@ -55,8 +55,11 @@ void check_outputs(const BenchOptions& options) {
 void add_common(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--repeats", options.repeats, "Measured runs; medians are told")
       ->check(number_in(1, 1000));
-  bench.add_option("--json", options.json, "Write what was measured here")->type_name("FILE");
+  bench.add_option("--json", options.json, "Write what was measured here")
+      ->check(path_given())
+      ->type_name("FILE");
   bench.add_option("--plots", options.plots, "Draw it, into this folder (gnuplot)")
+      ->check(path_given())
       ->type_name("DIR");
   bench
       .add_option(

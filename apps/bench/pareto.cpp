@@ -406,6 +406,7 @@ void add_pareto(CLI::App& bench, const GlobalOptions& options) {
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
 #endif
   pareto->add_option("--markdown", flags->common.markdown, "Write the table here")
+      ->check(path_given())
       ->type_name("FILE.md");
   add_common(*pareto, flags->common);
   pareto->callback([flags, &options] {

@@ -276,6 +276,11 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
                  {"--transport", "'papr'", "paper, ot, material or translate"});
   expect_refused({"splat", "a.npz", "-o", out, "--stop", "x"}, {"'x'", "include or exclude"});
   expect_refused({"splat", "a.npz", "-o", out, "--lanes", "3"}, {"'3'", "0, 1, 4, 8 or 16"});
+  for (const char* command : {"train", "render", "export", "import", "experiment", "splat"})
+    expect_refused({command, "some", "-o", ""}, {"--output", "the path is empty"});
+  for (const char* option : {"--json", "--plots", "--markdown"})
+    expect_refused({"bench", "pareto", option, ""}, {option, "the path is empty"});
+  expect_refused({"stress", "--json", ""}, {"--json", "the path is empty"});
   expect_refused({"render", run(), "-o", out, "--up", "w"}, {"'w'", "-y or -z"});
   expect_refused({"render", run(), "-o", out, "--fps", "nan"}, {"'nan'", "from 0 to 1000"});
   expect_refused({"bench", "raster", "--gaussians", "0"}, {"'0'", "from 1 to 20000000"});
