@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adam over rows first .. first + rows - 1 of parameters. A row with seen[row] == 0 keeps every bit
-// of its values and moments. Order within a training step: adam_refuse for every group,
-// adam_advance once, then adam_step for every group. Repeatable bit for bit: no two work-items
-// share an element.
+// of its values and moments; once it is seen again, they decay by the steps that it missed. Order
+// within a training step: adam_refuse for every group, adam_advance once, then adam_step for every
+// group. Repeatable bit for bit: no two work-items share an element.
 // CPUs (LANES > 1) take ADAM_SPAN rows a work-item, whose floats are neighbours in memory, in
 // vectors.
 // Measured (PoCL, two cores with AVX-512, 100 000 rows of 23 floats in 8 groups): 4.1 ms for all
-// three; a row a work-item, with a look into the table in each group, took 8.9 ms.
+// three with beta1 = 0.9; a row a work-item, with a look into the table in each group, took 8.9 ms.
 #include "shared/adam.h"
 #include "shared/lane_row.h"
 #include "shared/work.h"
@@ -50,22 +50,32 @@ kernel void adam_refuse(const uint first, const uint rows, const uint width,
 #endif
 }
 
-// One work-item per row: counts the step that seen rows are about to make, and says what it does to
-// their rates: .x multiplies them, .y the root of the second moment; (0, -1) for rows not seen.
-kernel void adam_advance(const uint first, const uint rows, const uint table_size,
-                         global const float* restrict corrections,  // [table_size, 2] by steps
-                         global const uint* restrict seen,          // [rows]
-                         global const float* restrict pace,         // [rows] multiplies the rate
-                         global uint* restrict steps,               // [rows]
-                         global float* restrict rates) {            // [rows, 2]
+// One work-item per row: counts the steps of seen rows up to number `now`, that which they are about
+// to make, and says what these do to it (AdamRow; correction1 times pace). Steps count from a row's
+// first gradient on: what has no moments yet has none to decay. Without makes_up what a row missed never was.
+// correction2 is -1 for rows not seen.
+kernel void adam_advance(const uint first, const uint rows, const uint now, const int makes_up,
+                         const uint table_size,
+                         global const float* restrict table,  // [table_size, 4] AdamRow by steps
+                         global const uint* restrict seen,    // [rows]
+                         global const float* restrict pace,   // [rows] multiplies the rate
+                         global uint* restrict steps,         // [rows]
+                         global uint* restrict last,          // [rows] number of its last step
+                         global float* restrict rates) {      // [rows, 4]
   const uint row = first + get_global_id(0);
   if (row >= first + rows) return;
-  float2 rate = (float2)(0.f, -1.f);
+  float4 rate = (float4)(0.f, -1.f, 0.f, 0.f);
   if (seen[row] != 0) {
-    rate = vload2(min(++steps[row], table_size - 1), corrections);
+    const uint before = steps[row];
+    const uint missed = before == 0 || !makes_up ? 0 : now - last[row] - 1;
+    // Beyond the table all is as at its end, and counts must not wrap.
+    steps[row] = min(before + missed + 1, 0x7fffffffu);
+    last[row] = now;
+    rate.xy = vload4(min(steps[row], table_size - 1), table).xy;
+    rate.zw = vload4(min(missed, table_size - 1), table).zw;
     rate.x *= pace[row];
   }
-  vstore2(rate, row, rates);
+  vstore4(rate, row, rates);
 }
 
 #define ADAM_ARRAYS                                                  \
@@ -73,42 +83,51 @@ kernel void adam_advance(const uint first, const uint rows, const uint table_siz
       global float* restrict exp_avg, global float* restrict exp_avg_sq
 #define ADAM_ARRAYS_AT grads, values, exp_avg, exp_avg_sq
 
-static inline void update_one(size_t i, AdamStep step, float2 c, ADAM_ARRAYS) {
+static inline void update_one(size_t i, AdamStep step, float4 c, ADAM_ARRAYS) {
+  const AdamRow row = {c.x, c.y, c.z, c.w};
   AdamState s;
   s.value = values[i];
-  s.exp_avg = exp_avg[i];
+  s.exp_avg = step.beta1 > 0.f ? exp_avg[i] : 0.f;
   s.exp_avg_sq = exp_avg_sq[i];
-  s = adam_update(s, grads[i], step, c.x, c.y);
+  s = adam_update(s, grads[i], step, row);
   values[i] = s.value;
-  exp_avg[i] = s.exp_avg;
+  if (step.beta1 > 0.f) exp_avg[i] = s.exp_avg;
   exp_avg_sq[i] = s.exp_avg_sq;
 }
 
 #if LANES > 1
+typedef struct LaneRow {
+  lane x, y, z, w;  // an AdamRow each
+} LaneRow;
+
 // shared/adam.h's adam_update on LANES floats from i on; those with y < 0 keep every bit.
-static inline void update_lanes(size_t i, AdamStep step, lane x, lane y, ADAM_ARRAYS) {
+static inline void update_lanes(size_t i, AdamStep step, LaneRow c, ADAM_ARRAYS) {
   const lane g = ROW_LOAD(grads + i), value = ROW_LOAD(values + i);
-  const lane m = ROW_LOAD(exp_avg + i), v = ROW_LOAD(exp_avg_sq + i);
-  const lane m2 = step.beta1 * m + (1 - step.beta1) * g;
-  const lane v2 = step.beta2 * v + (1 - step.beta2) * (g * g);
-  const lane moved = value - step.lr * x * m2 / (y * sqrt(v2) + step.epsilon);
-  const lane_int counts = y >= TO_LANE(0.f);
+  const lane v = ROW_LOAD(exp_avg_sq + i);
+  const lane_int counts = c.y >= TO_LANE(0.f);
+  lane m2 = g;
+  if (step.beta1 > 0.f) {
+    const lane m = ROW_LOAD(exp_avg + i);
+    m2 = step.beta1 * (c.z * m) + (1 - step.beta1) * g;
+    ROW_STORE(LANE_SELECT(m, m2, counts), exp_avg + i);
+  }
+  const lane v2 = step.beta2 * (c.w * v) + (1 - step.beta2) * (g * g);
+  const lane moved = value - step.lr * c.x * m2 / (c.y * sqrt(v2) + step.epsilon);
   ROW_STORE(LANE_SELECT(value, moved, counts), values + i);
-  ROW_STORE(LANE_SELECT(m, m2, counts), exp_avg + i);
   ROW_STORE(LANE_SELECT(v, v2, counts), exp_avg_sq + i);
 }
 #endif
 
-// One work-item per scalar, or per ADAM_SPAN rows.
+// One work-item per scalar, or per ADAM_SPAN rows. exp_avg is left alone where beta1 is 0.
 kernel void adam_step(const uint first, const uint rows, const uint width, const AdamStep step,
                       const int per_time,
-                      global const float* restrict rates,  // [rows, 2] of adam_advance
+                      global const float* restrict rates,  // [rows, 4] of adam_advance
                       global const float* restrict reach,  // [rows] divides them, per_time times
                       ADAM_ARRAYS) {                       // [rows, width]
 #if LANES == 1
   const size_t i = (size_t)first * width + get_global_id(0), row = i / width;
   if (row >= first + rows) return;
-  float2 c = vload2(row, rates);
+  float4 c = vload4(row, rates);
   if (c.y < 0.f) return;
   for (int k = 0; k < per_time; ++k) c.x /= reach[row];
   update_one(i, step, c, ADAM_ARRAYS_AT);
@@ -116,32 +135,36 @@ kernel void adam_step(const uint first, const uint rows, const uint width, const
   const size_t begin = first + (size_t)get_global_id(0) * ADAM_SPAN, all = first + rows;
   if (begin >= all) return;
   const uint count = (uint)min((size_t)ADAM_SPAN, all - begin);
-  float2 c[ADAM_SPAN];
+  float4 c[ADAM_SPAN];
   int any = 0;
   for (uint r = 0; r < count; ++r) {
-    c[r] = vload2(begin + r, rates);
+    c[r] = vload4(begin + r, rates);
     any |= c[r].y >= 0.f;
     for (int k = 0; k < per_time; ++k) c[r].x /= reach[begin + r];
   }
   if (!any) return;
   if (width < LANES && count == ADAM_SPAN) {
-    // The rows' floats one after the other: whole vectors, each float with its row's rate.
-    float x[ADAM_SPAN * LANES], y[ADAM_SPAN * LANES];
+    // The rows' floats one after the other: whole vectors, each float with its row's figures.
+    float x[ADAM_SPAN * LANES], y[ADAM_SPAN * LANES], z[ADAM_SPAN * LANES], w[ADAM_SPAN * LANES];
     for (uint r = 0, e = 0; r < ADAM_SPAN; ++r)
       for (uint k = 0; k < width; ++k, ++e) {
         x[e] = c[r].x;
         y[e] = c[r].y;
+        z[e] = c[r].z;
+        w[e] = c[r].w;
       }
-    for (uint e = 0; e < ADAM_SPAN * width; e += LANES)
-      update_lanes(begin * width + e, step, ROW_LOAD(x + e), ROW_LOAD(y + e), ADAM_ARRAYS_AT);
+    for (uint e = 0; e < ADAM_SPAN * width; e += LANES) {
+      const LaneRow row = {ROW_LOAD(x + e), ROW_LOAD(y + e), ROW_LOAD(z + e), ROW_LOAD(w + e)};
+      update_lanes(begin * width + e, step, row, ADAM_ARRAYS_AT);
+    }
     return;
   }
   for (uint r = 0; r < count; ++r) {
     if (c[r].y < 0.f) continue;
     const size_t start = (begin + r) * width;
+    const LaneRow row = {TO_LANE(c[r].x), TO_LANE(c[r].y), TO_LANE(c[r].z), TO_LANE(c[r].w)};
     uint k = 0;
-    for (; k + LANES <= width; k += LANES)
-      update_lanes(start + k, step, TO_LANE(c[r].x), TO_LANE(c[r].y), ADAM_ARRAYS_AT);
+    for (; k + LANES <= width; k += LANES) update_lanes(start + k, step, row, ADAM_ARRAYS_AT);
     for (; k < width; ++k) update_one(start + k, step, c[r], ADAM_ARRAYS_AT);
   }
 #endif

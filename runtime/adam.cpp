@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bias corrections come from a table made in double: 1 - beta2^t in float is off by up to 7e-6,
-// and a power per scalar is slow.
+// Bias corrections and decays come from a table made in double: 1 - beta2^t in float is off by up
+// to 7e-6, and a power per scalar is slow.
 #include "runtime/adam.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "shared/work.h"
@@ -11,18 +12,18 @@ namespace gflow {
 namespace {
 
 // Entries of the table; later steps use the last one. .999^32767 = 6e-15, so there both corrections
-// are 1 in float; betas nearer to 1 are refused.
+// are 1 in float and what decayed for so long no longer counts; betas nearer to 1 are refused.
 const size_t table_size = 32768;
 
-std::vector<float> correction_table(const AdamConfig& config) {
+std::vector<float> rows_by_steps(const AdamConfig& config) {
   for (const float beta : {config.beta1, config.beta2})
     if (!(beta >= 0 && beta < 1) || std::pow(double(beta), table_size - 1) > 1e-8)
       throw Error(fmt::format("Adam's beta is {}; it must be in [0, 0.9994]", beta));
-  std::vector<float> table(2 * table_size, 0.f);
-  for (size_t t = 1; t < table_size; ++t) {
-    const AdamCorrection correction = adam_correction(config, double(t));
-    table[2 * t] = float(correction.c1);
-    table[2 * t + 1] = float(correction.c2);
+  std::vector<float> table;
+  for (size_t t = 0; t < table_size; ++t) {
+    const AdamRow row = adam_row(config, double(std::max<size_t>(t, 1)), double(t));
+    for (const double figure : {row.correction1, row.correction2, row.decay1, row.decay2})
+      table.push_back(float(figure));
   }
   return table;
 }
@@ -43,7 +44,8 @@ void check_rows(const ParameterGroup& group, const RowState& state, const RowRan
   const size_t end = rows.first + rows.count, values = end * group.width;
   if (values <= group.values.size() && values <= group.grads.size() &&
       values <= group.exp_avg.size() && values <= group.exp_avg_sq.size() &&
-      end <= state.seen.size() && end <= state.steps.size() && end <= state.refused.size())
+      end <= state.seen.size() && end <= state.steps.size() && end <= state.last.size() &&
+      end <= state.refused.size())
     return;
   throw Error(fmt::format("Adam was asked for {} rows of {} values in {}, whose arrays are shorter",
                           end, group.width, group.values.name()));
@@ -54,9 +56,10 @@ size_t spans(size_t rows) { return (rows + ADAM_SPAN - 1) / ADAM_SPAN; }
 
 }  // namespace
 
-AdamCorrection adam_correction(const AdamConfig& config, double t) {
-  return {1 / (1 - std::pow(double(config.beta1), t)),
-          1 / std::sqrt(1 - std::pow(double(config.beta2), t))};
+AdamRow adam_row(const AdamConfig& config, double t, double missed) {
+  const double beta1 = config.beta1, beta2 = config.beta2;
+  return {1 / (1 - std::pow(beta1, t)), 1 / std::sqrt(1 - std::pow(beta2, t)),
+          std::pow(beta1, missed), std::pow(beta2, missed)};
 }
 
 ParameterGroup::ParameterGroup(Queue& queue, const std::string& name, size_t rows, size_t width)
@@ -69,6 +72,7 @@ ParameterGroup::ParameterGroup(Queue& queue, const std::string& name, size_t row
 RowState::RowState(Queue& queue, size_t rows)
     : seen(no_rows(queue, rows, "seen")),
       steps(no_rows(queue, rows, "steps")),
+      last(no_rows(queue, rows, "last")),
       refused(no_rows(queue, rows, "refused")),
       pace(queue, rows, "pace"),
       reach(queue, rows, "reach") {
@@ -83,7 +87,7 @@ Adam::Adam(Queue& queue, const AdamConfig& config)
       adam_refuse_(program_, "adam_refuse"),
       adam_advance_(program_, "adam_advance"),
       adam_step_(program_, "adam_step"),
-      corrections_(queue, correction_table(config), "adam corrections") {}
+      table_(queue, rows_by_steps(config), "adam table") {}
 
 void Adam::refuse(Queue& queue, const ParameterGroup& group, RowState& state, RowRange rows) {
   check_rows(group, state, rows);
@@ -92,10 +96,11 @@ void Adam::refuse(Queue& queue, const ParameterGroup& group, RowState& state, Ro
 }
 
 void Adam::advance(Queue& queue, RowState& state, RowRange rows) {
-  state.rates.ensure(queue, 2 * state.steps.size());
+  state.rates.ensure(queue, 4 * state.steps.size());
+  ++state.now;
   adam_advance_(queue, Range::over(rows.count, 256), cl_uint(rows.first), cl_uint(rows.count),
-                cl_uint(table_size), corrections_, state.seen, state.pace, state.steps,
-                state.rates);
+                state.now, cl_int(config_.makes_up), cl_uint(table_size), table_, state.seen,
+                state.pace, state.steps, state.last, state.rates);
 }
 
 void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, RowRange rows,

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adam for arrays of rows (one row per Gaussian, say) in which only some rows were seen. A row that
-// was not seen keeps every bit, and each row has its own step count, so that a row seen seldom gets
-// the bias correction of its own history.
+// was not seen keeps every bit. When it is seen again, its moments have decayed as if its gradient
+// had been 0 meanwhile. With beta1 = 0 a gradient of 0 moves nothing, so the result is that of
+// steps for all rows, but for rounding; with beta1 > 0 what the mean gradient would have gone on to
+// do meanwhile is left out.
 #pragma once
 #include <algorithm>
 #include <string>
@@ -16,6 +18,7 @@ namespace gflow {
 struct AdamConfig {
   float beta1 = 0.9f;    // decay of the mean gradient, in [0, 1)
   float beta2 = 0.999f;  // decay of the mean squared gradient, in [0, 1)
+  bool makes_up = true;  // false: steps that a row missed never were
 };
 
 // Step size and noise floor of one parameter group at one training step.
@@ -51,11 +54,13 @@ struct ParameterGroup {
 struct RowState {
   RowState(Queue& queue, size_t rows);  // nothing seen, no step made, none refused
   Buffer<cl_uint> seen;                 // 0: the row is not touched in this training step
-  Buffer<cl_uint> steps;                // steps the row has made
-  Buffer<cl_uint> refused;              // 1: had a gradient that Adam cannot take; never reset here
-  Buffer<float> pace;                   // multiplies the row's learning rates; 1 unless changed
-  Buffer<float> reach;                  // divides those of groups per time; 1 unless changed
-  Buffer<float> rates{"rates"};         // [rows, 2] of the step that is being made, by advance()
+  Buffer<cl_uint> steps;         // from its first gradient up to its last step, missed ones too
+  Buffer<cl_uint> last;          // number of its last step, if steps > 0
+  Buffer<cl_uint> refused;       // 1: had a gradient that Adam cannot take; never reset here
+  Buffer<float> pace;            // multiplies the row's learning rates; 1 unless changed
+  Buffer<float> reach;           // divides those of groups per time; 1 unless changed
+  Buffer<float> rates{"rates"};  // [rows, 4] of the step that is being made, by advance()
+  cl_uint now = 0;               // steps made so far, by any row
 };
 
 // A training step is: refuse() for every group, advance() once, step() for every group.
@@ -67,7 +72,7 @@ class Adam {
   // Rows with a gradient in this group that is not finite (or whose square is not) become unseen
   // and refused, so that they are skipped in all groups.
   void refuse(Queue& queue, const ParameterGroup& group, RowState& state, RowRange rows);
-  // Counts one step for the rows seen.
+  // Begins a step and counts it, and those missed since its last one, for each row seen.
   void advance(Queue& queue, RowState& state, RowRange rows);
   // Moves the values of the rows seen against their gradients.
   void step(Queue& queue, ParameterGroup& group, const RowState& state, RowRange rows,
@@ -78,18 +83,17 @@ class Adam {
   bool gpu_;
   Program program_;
   Kernel<cl_uint, cl_uint, cl_uint, In<float>, Out<cl_uint>, Out<cl_uint>> adam_refuse_;
-  Kernel<cl_uint, cl_uint, cl_uint, In<float>, In<cl_uint>, In<float>, Out<cl_uint>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_uint, cl_int, cl_uint, In<float>, In<cl_uint>, In<float>,
+         Out<cl_uint>, Out<cl_uint>, Out<float>>
       adam_advance_;
   Kernel<cl_uint, cl_uint, cl_uint, AdamStep, cl_int, In<float>, In<float>, In<float>, Out<float>,
          Out<float>, Out<float>>
       adam_step_;
-  Buffer<float> corrections_;  // [table, 2] by step count
+  Buffer<float> table_;  // [table, 4] AdamRow by steps
 };
 
-// The corrections c1, c2 of shared/adam.h at step t = 1, 2, ..., in double.
-struct AdamCorrection {
-  double c1, c2;
-};
-AdamCorrection adam_correction(const AdamConfig& config, double t);
+// shared/adam.h: the corrections at step t = 1, 2, ... of a row, in double, and the decays of so
+// many steps missed.
+AdamRow adam_row(const AdamConfig& config, double t, double missed);
 
 }  // namespace gflow

@@ -2,6 +2,8 @@
 // One Adam step for one scalar (Kingma & Ba 2015, algorithm 1), both bias corrections included:
 //   m = b1 m + (1 - b1) g,  v = b2 v + (1 - b2) g^2,  x -= lr c1 m / (c2 sqrt(v) + eps)
 // with c1 = 1 / (1 - b1^t), c2 = 1 / sqrt(1 - b2^t), which the host computes in double.
+// A step of gradient 0 makes b2 v of v. Of k such steps in a row b2^k v comes, and with b1 = 0 they
+// move nothing: so they can be left out, and made up for by one product when a gradient comes.
 #ifndef GFLOW_ADAM_H
 #define GFLOW_ADAM_H
 #include "shared/dialect.h"
@@ -15,11 +17,17 @@ typedef struct AdamState {
   real value, exp_avg, exp_avg_sq;  // x, m, v
 } AdamState;
 
-static inline AdamState adam_update(AdamState s, real grad, AdamStep step, real correction1,
-                                    real correction2) {
-  s.exp_avg = step.beta1 * s.exp_avg + (1 - step.beta1) * grad;
-  s.exp_avg_sq = step.beta2 * s.exp_avg_sq + (1 - step.beta2) * (grad * grad);
-  s.value -= step.lr * correction1 * s.exp_avg / (correction2 * sqrt(s.exp_avg_sq) + step.epsilon);
+// What a row's history does to its step: c1 (times what else multiplies its rate), c2, and b1^k and
+// b2^k for the k steps that it missed.
+typedef struct AdamRow {
+  real correction1, correction2, decay1, decay2;
+} AdamRow;
+
+static inline AdamState adam_update(AdamState s, real grad, AdamStep step, AdamRow row) {
+  s.exp_avg = step.beta1 * (row.decay1 * s.exp_avg) + (1 - step.beta1) * grad;
+  s.exp_avg_sq = step.beta2 * (row.decay2 * s.exp_avg_sq) + (1 - step.beta2) * (grad * grad);
+  s.value -=
+      step.lr * row.correction1 * s.exp_avg / (row.correction2 * sqrt(s.exp_avg_sq) + step.epsilon);
   return s;
 }
 

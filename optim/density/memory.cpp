@@ -32,7 +32,7 @@ size_t bytes_per_gaussian(const Parameters& parameters) {
   for_each_own_table(parameters, [&](const Table& table, size_t keys) {
     for (const GroupSpec& spec : table.specs)
       words += keys * 4 * spec.width;  // values, gradients, two moments
-    words += keys * 5;                 // RowState
+    words += keys * 10;                // RowState
   });
   // Twice the tables: the old and the new. What draws has a quarter to spare (Buffer::ensure).
   return 4 * (2 * words + drawing_words * 5 / 4);

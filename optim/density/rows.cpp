@@ -32,6 +32,8 @@ void RowMover::gather(Queue& queue, const Parameters& p, size_t keys, const Buff
     values(true, group.exp_avg_sq, to.groups[g].exp_avg_sq);
   }
   counts(from.rows.steps, to.rows.steps);
+  counts(from.rows.last, to.rows.last);
+  to.rows.now = from.rows.now;
   counts(from.rows.refused, to.rows.refused);
   const auto factors = [&](const Buffer<float>& old, Buffer<float>& fresh) {
     rows_gather_(queue, Range::over(to.count), k, n, old_n, 1u, 0, 1.f, 0, source, child, old, old,

@@ -23,7 +23,8 @@ enum class StopRule { include, exclude };
 // Work that is left out. `boxes`, `masks`, `saturated`, `asking`, `flow`, `bands` and `compact`
 // change no bit of an image or a gradient (but the sign of a 0), but without boxes more Gaussians
 // count as seen; `still` changes the last bits of gradients, since sums that are 0 are not formed;
-// `unseen` changes what becomes of Gaussians that no picture shows.
+// `unseen` those of steps, which a Gaussian makes up for when it is seen again (shared/adam.h; with
+// adam.beta1 above 0 what the mean gradient would do meanwhile is left out).
 struct Skips {
   bool boxes = true;      // tiles outside the box of the ellipse where alpha >= 1/255 (project.cl)
   bool masks = true;      // cells of a tile outside that ellipse (cell_mask.cl)
@@ -51,7 +52,7 @@ struct Skips {
     field("compact", self.compact,
           "three quarters of the bytes of a picture on the device, decoded there; off: floats");
     field("unseen", self.unseen,
-          "optimiser steps of Gaussians that no picture of the step shows; off changes results");
+          "optimiser steps of Gaussians that no picture of the step shows, made up for later");
   }
 };
 

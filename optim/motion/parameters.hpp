@@ -140,10 +140,10 @@ class Parameters : public Table {
     }
   }
 
-  // Instead: every Gaussian counts as seen, with gradient 0 so far.
+  // Instead: every Gaussian that ever was seen counts as seen, with gradient 0 so far.
   void count_as_seen(Queue& queue) {
     forget_seen(queue);
-    rows.seen.fill(queue, 1u);
+    rows.seen.copy_from(queue, rows.steps);
     for (ParameterGroup& group : groups) group.grads.fill(queue, 0.f);
   }
 

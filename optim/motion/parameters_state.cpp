@@ -9,6 +9,7 @@ namespace gflow {
 namespace {
 
 constexpr const char* moving_name = "gaussians/moving";
+constexpr const char* now_name = "rows/now";
 
 // What stands before the names of a table's arrays; 0: that of the Gaussians.
 std::string table_name(size_t table) {
@@ -32,6 +33,7 @@ void for_each_buffer(P& parameters, Visit&& visit) {
     }
     const std::vector<size_t> shape{table.count};
     visit(name + "rows/steps", table.rows.steps, shape);
+    visit(name + "rows/last", table.rows.last, shape);
     visit(name + "rows/refused", table.rows.refused, shape);
     visit(name + "rows/pace", table.rows.pace, shape);
     visit(name + "rows/reach", table.rows.reach, shape);
@@ -62,10 +64,19 @@ bool is_sound(const std::string& name, const std::vector<float>& values) {
     return std::isfinite(value) && !(from_0 && value < 0) && !(divides && value == 0);
   });
 }
-bool is_sound(const std::string& name, const std::vector<uint32_t>& values) {
-  constexpr uint32_t most = std::numeric_limits<int>::max();
-  return !ends_with(name, "/rows/steps") ||
-         std::all_of(values.begin(), values.end(), [](uint32_t steps) { return steps <= most; });
+bool is_sound(const Arrays& arrays, const std::string& name, const std::vector<uint32_t>& values) {
+  const auto at_most = [&](uint32_t most) {
+    return std::all_of(values.begin(), values.end(), [&](uint32_t value) { return value <= most; });
+  };
+  if (ends_with(name, "/rows/last")) {  // a row's last step is behind it
+    const auto now = arrays.find(name.substr(0, name.size() - 9) + now_name);
+    const auto* step =
+        now == arrays.end() ? nullptr : std::get_if<std::vector<uint32_t>>(&now->second.values);
+    return !step || step->size() != 1 || at_most(step->front());
+  }
+  const bool counts =
+      ends_with(name, "/rows/steps") || ends_with(name, std::string("/") + now_name);
+  return !counts || at_most(std::numeric_limits<int>::max());
 }
 
 }  // namespace
@@ -76,6 +87,9 @@ void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays) {
     arrays[name] = {shape, buffer.read(queue)};
   });
   arrays[moving_name] = {{1}, std::vector<uint32_t>{uint32_t(parameters.moving)}};
+  const auto tables = parameters.tables();
+  for (size_t t = 0; t < tables.size(); ++t)
+    arrays[table_name(t) + now_name] = {{1}, std::vector<uint32_t>{tables[t]->rows.now}};
 }
 
 void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
@@ -87,6 +101,9 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
         using Values = decltype(buffer.read(queue));
         buffer.write(queue, exact_values<typename Values::value_type>(arrays, name, shape, path));
       });
+  const auto tables = loaded.tables();
+  for (size_t t = 0; t < tables.size(); ++t)
+    tables[t]->rows.now = exact_values<uint32_t>(arrays, table_name(t) + now_name, {1}, path)[0];
   parameters = std::move(loaded);
 }
 
@@ -95,7 +112,8 @@ std::string unsound_array(const Arrays& arrays) {
     if (name.rfind("gaussians/", 0) != 0 && name.rfind("table", 0) != 0) continue;
     const auto* floats = std::get_if<std::vector<float>>(&array.values);
     const auto* counts = std::get_if<std::vector<uint32_t>>(&array.values);
-    if ((floats && !is_sound(name, *floats)) || (counts && !is_sound(name, *counts))) return name;
+    if ((floats && !is_sound(name, *floats)) || (counts && !is_sound(arrays, name, *counts)))
+      return name;
   }
   return "";
 }

@@ -554,6 +554,7 @@ struct LearningRates {
   float planes_final = 4e-4f;
   float network = 8e-4f;
   float network_final = 8e-5f;
+  float fade = 0.3f;
   float pace = 1;
   float pace_most = 8;
 
@@ -581,6 +582,11 @@ struct LearningRates {
     field("planes_final", self.planes_final, "at the last step, reached exponentially", above(0));
     field("network", self.network, "hexplane's network, at the first step", at_least(0));
     field("network_final", self.network_final, "at the last step, reached exponentially", above(0));
+    field(
+        "fade", self.fade,
+        "rates without one for the last step fall over the second half, exponentially, to this [x "
+        "that before]",
+        above_up_to(0, 1));
     field("pace", self.pace,
           "rates grow with (length of the video / time a Gaussian is seen) to this power; 0: not",
           between(0, 1));
@@ -595,7 +601,8 @@ struct LearningRates {
 // hexplane's planes 1.5e-7 (root mean square 2e-5), of its network 4e-5 (1e-2): the smallest that
 // T33 allows.
 struct AdamGroups {
-  float beta1 = 0.9f;
+  float beta1 = 0;
+  float beta1_paths = 0.9f;
   float beta2 = 0.999f;
   float eps_means = 1e-8f;
   float eps_sh = 1e-8f;
@@ -607,7 +614,13 @@ struct AdamGroups {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("beta1", self.beta1, "memory of the mean gradient", between(0, 0.9994f));
+    field(
+        "beta1", self.beta1,
+        "memory of the mean gradient; above 0, what no picture shows rests in place of gliding on",
+        between(0, 0.9994f));
+    field("beta1_paths", self.beta1_paths,
+          "the same of keys, bases, planes and networks, of which a step that shows none never was",
+          between(0, 0.9994f));
     field("beta2", self.beta2, "memory of its square", between(0, 0.9994f));
     field("eps_means", self.eps_means, "in space and time", above(0));
     field("eps_sh", self.eps_sh, "colour", above(0));

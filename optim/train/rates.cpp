@@ -31,27 +31,28 @@ AdamRate Rates::planned(Quantity quantity, int step) const {
   const bool permanent = is_permanent(shape_.motion);
   const double share = stage_at(config_.train, std::max(scene_.steps, 1), step).share;
   const double field_share = Unfolding::of(config_, permanent).share_after(step);
+  const float fade = between_rates(1, lr.fade, std::max(2 * share - 1, 0.0));
   switch (quantity) {
     case Quantity::position:
       return {position(step), eps.eps_means};
     case Quantity::time:
-      return {lr.mean_t * shape_.duration, eps.eps_means};
+      return {fade * lr.mean_t * shape_.duration, eps.eps_means};
     case Quantity::rotation:
       return {between_rates(lr.quats, lr.quats_final, share), eps.eps_quats};
     case Quantity::scale:
-      return {lr.scales, eps.eps_scales};
+      return {fade * lr.scales, eps.eps_scales};
     case Quantity::opacity:
-      return {permanent ? config_.hexplane.opacity : lr.opacity, eps.eps_opacity};
+      return {fade * (permanent ? config_.hexplane.opacity : lr.opacity), eps.eps_opacity};
     case Quantity::color:
-      return {lr.sh, eps.eps_sh};
+      return {fade * lr.sh, eps.eps_sh};
     case Quantity::plane:
       return {between_rates(lr.planes, lr.planes_final, field_share), eps.eps_planes};
     case Quantity::network:
       return {between_rates(lr.network, lr.network_final, field_share), eps.eps_network};
     case Quantity::color_rest:
-      return {lr.sh / lr.sh_rest_divisor, eps.eps_sh};
+      return {fade * lr.sh / lr.sh_rest_divisor, eps.eps_sh};
     case Quantity::weight:
-      return {lr.weights, eps.eps_quats};
+      return {fade * lr.weights, eps.eps_quats};
   }
   throw Error("a parameter without a learning rate");
 }

@@ -133,6 +133,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       flow_tiles_(flow_tiles_for(queue, config.flow, model.shape.motion)),
       motion_loss_(motion_loss_for(queue, config.loss, scene)),
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
+      path_adam_(queue, {config.adam.beta1_paths, config.adam.beta2, false}),
       density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
       density_rule_(density_rule(config.density, scene, model.shape)),
       order_(queue),
@@ -358,17 +359,18 @@ void Trainer::update(Queue& queue, int step) {
   for (Table* table : p.tables()) {
     const bool moving = table != &p;
     if (moving ? !now.moves() || warming : !now.fits()) continue;
+    Adam& adam = moving ? path_adam_ : adam_;
     for (size_t g = 0; g < table->groups.size(); ++g)
       if (!unused(table->specs[g]))
-        adam_.refuse(queue, table->groups[g], table->rows, table->active_in(table->specs[g]));
-    adam_.advance(queue, table->rows, table->active);
+        adam.refuse(queue, table->groups[g], table->rows, table->active_in(table->specs[g]));
+    adam.advance(queue, table->rows, table->active);
     for (size_t g = 0; g < table->groups.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
       if (unused(spec)) continue;
       // Photographs of one moment; and who is trained moment by moment has no time of its own.
       if (spec.motion && (scene_.steps < 2 || now.time_step == 0)) continue;
-      adam_.step(queue, table->groups[g], table->rows, table->active_in(spec),
-                 rates_.of(spec, step));
+      adam.step(queue, table->groups[g], table->rows, table->active_in(spec),
+                rates_.of(spec, step));
     }
   }
 }

@@ -29,9 +29,9 @@ TEST(Memory, TablesWithKeysCountByTheirKeysSharedOnesNot) {
   shared.rows = 1000;
   const size_t plain = bytes_per_gaussian(Parameters(queue, 7, {{"a", 3}}));
   EXPECT_EQ(bytes_per_gaussian(Parameters(queue, 7, {{"a", 3}}, {shared})), plain);
-  // four arrays of two floats and five counts a row, old and new
+  // four arrays of two floats and ten words a row (RowState), old and new
   EXPECT_EQ(bytes_per_gaussian(Parameters(queue, 7, {{"a", 3}}, {keyed})),
-            plain + 6u * (2 * 4 + 5) * 4 * 2);
+            plain + 6u * (2 * 4 + 10) * 4 * 2);
 }
 
 TEST(Memory, ABudgetIsKeptAndUsedUp) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam against its formula in double, closed forms, and the rule that unseen rows keep every bit.
+// Adam against its formula in double, closed forms, the rule that unseen rows keep every bit, and
+// steps for some rows against steps for all.
 // Parameter: lanes 0 (one work-item per row on CPUs) and 1 (one per scalar).
 #include "runtime/adam.hpp"
 
@@ -30,10 +31,10 @@ bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
 
 // One group of rows on the device with its Adam.
 struct Fixture {
-  Fixture(int lanes, size_t rows, size_t width)
+  Fixture(int lanes, size_t rows, size_t width, const AdamConfig& config = {})
       : queue(test_queue(lanes)),
         rows(rows),
-        adam(queue),
+        adam(queue, config),
         group(queue, "values", rows, width),
         state(queue, rows) {
     state.seen.fill(queue, 1);
@@ -72,31 +73,100 @@ TEST_P(AdamTest, ConstantGradientMovesByTheLearningRateEveryStep) {
   EXPECT_NEAR(f.group.values.read(f.queue)[0], -250, 250 * 1e-5);
 }
 
+// Who is seen in step t, from 1: each row in its own rhythm, some from the first step on, one
+// never.
+std::vector<cl_uint> seen_in(unsigned t, size_t rows) {
+  std::vector<cl_uint> seen(rows);
+  for (size_t row = 0; row + 1 < rows; ++row)
+    seen[row] = row % 5 == 0 || (row * 7 + t * t) % (2 + row % 11) == 0;
+  return seen;
+}
+
 TEST_P(AdamTest, FollowsTheReferenceInDoubleWithRowsSeenNowAndThen) {
-  const size_t rows = 333, width = 3, n = rows * width;
-  Fixture f(GetParam(), rows, width);
-  std::vector<AdamState> reference(n, {0, 0, 0});
-  std::vector<int> made(rows, 0);
-  const AdamConfig config;
-  const AdamRate rate{0.01f, 1e-8f};
-  for (unsigned t = 1; t <= 50; ++t) {
-    const auto grads = normal_floats(n, t);
-    std::vector<cl_uint> seen(rows);
-    for (size_t row = 0; row < rows; ++row) seen[row] = (row * 7 + t) % 3 != 0;
-    f.state.seen.write(f.queue, seen);
-    f.step(grads, rate);
-    for (size_t i = 0; i < n; ++i) {
-      if (!seen[i / width]) continue;
-      if (i % width == 0) ++made[i / width];
-      const AdamCorrection c = adam_correction(config, made[i / width]);
-      reference[i] = adam_update(reference[i], grads[i],
-                                 {config.beta1, config.beta2, rate.lr, rate.epsilon}, c.c1, c.c2);
+  for (const float beta1 : {0.9f, 0.f}) {
+    const size_t rows = 333, width = 3, n = rows * width;
+    AdamConfig config;
+    config.beta1 = beta1;
+    Fixture f(GetParam(), rows, width, config);
+    std::vector<AdamState> reference(n, {0, 0, 0});
+    std::vector<unsigned> first(rows, 0), last(rows, 0);
+    const AdamRate rate{0.01f, 1e-8f};
+    for (unsigned t = 1; t <= 50; ++t) {
+      const std::vector<float> grads = normal_floats(n, t);
+      const std::vector<cl_uint> seen = seen_in(t, rows);
+      f.state.seen.write(f.queue, seen);
+      f.step(grads, rate);
+      for (size_t row = 0; row < rows; ++row) {
+        if (!seen[row]) continue;
+        if (!first[row]) first[row] = last[row] = t;
+        const unsigned missed = t == last[row] ? 0 : t - last[row] - 1;
+        const AdamRow figures = adam_row(config, t - first[row] + 1, missed);
+        for (size_t i = row * width; i < (row + 1) * width; ++i)
+          reference[i] = adam_update(reference[i], grads[i],
+                                     {config.beta1, config.beta2, rate.lr, rate.epsilon}, figures);
+        last[row] = t;
+      }
     }
+    std::vector<double> expected;
+    for (const AdamState& s : reference) expected.push_back(s.value);
+    // 50 steps of .01, each good to about 20 roundings, where m nearly cancels too
+    EXPECT_TRUE(all_close(f.group.values.read(f.queue), expected, {1e-5, 1e-6})) << beta1;
   }
-  std::vector<double> expected;
-  for (const AdamState& s : reference) expected.push_back(s.value);
-  // 50 steps of .01, each good to about 20 roundings, where m nearly cancels too
-  EXPECT_TRUE(all_close(f.group.values.read(f.queue), expected, {1e-5, 1e-6}));
+}
+
+// With beta1 = 0 what a row misses is made up for: nothing is lost by leaving it out. Steps for all
+// begin with a row's first gradient, as in training (Parameters::count_as_seen).
+TEST_P(AdamTest, LeavingOutStepsWithoutAGradientChangesNothing) {
+  const size_t rows = 100, width = 7, n = rows * width;
+  AdamConfig config;
+  config.beta1 = 0;
+  Fixture some(GetParam(), rows, width, config), all(GetParam(), rows, width, config);
+  const AdamRate rate{0.01f, 1e-8f};
+  std::vector<cl_uint> begun(rows, 0);
+  for (unsigned t = 1; t <= 300; ++t) {
+    auto grads = normal_floats(n, t);
+    const auto seen = seen_in(t, rows);
+    some.state.seen.write(some.queue, seen);
+    some.step(grads, rate);
+    for (size_t row = 0; row < rows; ++row) {
+      begun[row] |= seen[row];
+      if (!seen[row])
+        for (size_t k = 0; k < width; ++k) grads[row * width + k] = 0;
+    }
+    all.state.seen.write(all.queue, begun);
+    all.step(grads, rate);
+  }
+  const auto found = some.group.values.read(some.queue),
+             expected = all.group.values.read(all.queue);
+  // A decay of k steps at once is good to a rounding, one by one to k: of 300 steps of .01 to 3
+  // each.
+  EXPECT_TRUE(all_close(found, std::vector<double>(expected.begin(), expected.end()), {0, 3e-5}));
+  EXPECT_EQ(found.back(), 0);  // the last row never had a gradient
+  EXPECT_GT(std::fabs(found[0]), 1e-3);
+}
+
+TEST_P(AdamTest, WithoutMemoryOfTheMeanItsArrayIsLeftAlone) {
+  AdamConfig config;
+  config.beta1 = 0;
+  Fixture f(GetParam(), 40, 3, config);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  f.group.exp_avg.fill(f.queue, nan);
+  f.step(std::vector<float>(120, 2), {0.5f, 1e-15f});
+  EXPECT_TRUE(
+      all_close(f.group.values.read(f.queue), std::vector<double>(120, -.5), {4e-7, 1e-30}));
+  for (const float m : f.group.exp_avg.read(f.queue)) EXPECT_TRUE(std::isnan(m));
+}
+
+// A row that was away for longer than the table is long has forgotten what it knew.
+TEST_P(AdamTest, AfterALongAbsenceOnlyTheNewGradientCounts) {
+  Fixture f(GetParam(), 1, 1);
+  f.step({100}, {0, 1e-15f});
+  f.state.now += 100000;
+  f.step({1}, {1, 0});
+  EXPECT_EQ(f.state.steps.read(f.queue)[0], 100002u);
+  EXPECT_EQ(f.state.last.read(f.queue)[0], 100002u);
+  // m = .1, v = .001, and nothing to correct
+  EXPECT_NEAR(f.group.values.read(f.queue)[0], -0.1 / std::sqrt(0.001), 1e-4);
 }
 
 // The textbook update, written out here; the shared formula is not used.
@@ -203,15 +273,20 @@ TEST_P(AdamTest, RatesOfARowGrowWithItsPaceAndShrinkWithItsReach) {
 TEST_P(AdamTest, StepsBeyondTheTableUseNoCorrection) {
   Fixture f(GetParam(), 1, 1);
   f.state.steps.write(f.queue, {1000000});
+  f.state.last.write(f.queue, {1000000});
+  f.state.now = 1000000;
   f.step({1}, {1, 0});
   // m = .1, v = .001, uncorrected: the step is .1 / sqrt(.001)
   EXPECT_NEAR(f.group.values.read(f.queue)[0], -0.1 / std::sqrt(0.001), 1e-4);
 }
 
-TEST(AdamCorrection, IsOneInFloatAtTheEndOfTheTable) {
-  const AdamCorrection c = adam_correction(AdamConfig{}, 32767);
-  EXPECT_EQ(float(c.c1), 1);
-  EXPECT_EQ(float(c.c2), 1);
+TEST(AdamRow, IsOneInFloatAtTheEndOfTheTable) {
+  const AdamRow row = adam_row(AdamConfig{}, 32767, 32767);
+  EXPECT_EQ(float(row.correction1), 1);
+  EXPECT_EQ(float(row.correction2), 1);
+  EXPECT_LT(row.decay2, 1e-13);
+  EXPECT_EQ(adam_row(AdamConfig{}, 1, 0).decay1, 1);
+  EXPECT_EQ(adam_row(AdamConfig{}, 1, 2).decay1, double(.9f) * double(.9f));
 }
 
 TEST(Adam, RefusesABetaWhoseCorrectionOutlastsTheTable) {

@@ -151,24 +151,24 @@ TEST(Checkpoint, OtherArchivesAndFormatsAreRefusedWithTheReason) {
   expect_error([&] { read_checkpoint(path); }, {"a.npz", "no checkpoint"});
   with_facts("{\"format\": \"new\"}");
   expect_error([&] { read_checkpoint(path); }, {"a.npz", "no checkpoint"});
-  for (const char* format : {"0", "2"}) {
+  for (const char* format : {"1", "3"}) {
     with_facts("{\"format\": " + std::string(format) + "}");
     expect_error([&] { read_checkpoint(path); },
-                 {"a.npz", std::string("format ") + format, "reads format 1"});
+                 {"a.npz", std::string("format ") + format, "reads format 2"});
   }
-  with_facts("{\"format\": 4294967297}");  // 1 to 32 bits
-  expect_error([&] { read_checkpoint(path); }, {"format 4294967297"});
-  with_facts("{\"format\": 1, \"config\": " + std::string(200, '[') + std::string(200, ']') + "}");
+  with_facts("{\"format\": 4294967298}");  // 2 to 32 bits
+  expect_error([&] { read_checkpoint(path); }, {"format 4294967298"});
+  with_facts("{\"format\": 2, \"config\": " + std::string(200, '[') + std::string(200, ']') + "}");
   expect_error([&] { read_checkpoint(path); }, {"a.npz", "nested more than 100"});
   for (const char* step : {"1099511627776", "-1", "0.5", "\"7\""}) {  // 2^40 is 0 to 32 bits
-    with_facts("{\"format\": 1, \"arrays\": {}, \"step\": " + std::string(step) + "}");
+    with_facts("{\"format\": 2, \"arrays\": {}, \"step\": " + std::string(step) + "}");
     const std::string said = std::string("damaged: it says that it is of step ") + step;
     expect_error([&] { read_checkpoint(path); }, {"a.npz", said});
     expect_error([&] { read_checkpoint_facts(path); }, {"a.npz", said});
   }
-  with_facts("{\"format\": 1, \"arrays\": {\"gone\": [3]}}");
+  with_facts("{\"format\": 2, \"arrays\": {\"gone\": [3]}}");
   expect_error([&] { read_checkpoint(path); }, {"a.npz", "'gone'"});
-  const std::string facts = "{\"format\": 1, \"arrays\": {\"means\": [3]}}";
+  const std::string facts = "{\"format\": 2, \"arrays\": {\"means\": [3]}}";
   write_npz(path, {{"facts", {{facts.size()}, std::vector<uint8_t>(facts.begin(), facts.end())}},
                    {"means", {{2}, std::vector<float>{1, 2}}}});
   expect_error([&] { read_checkpoint(path); }, {"'means'", "not the shape it was written with"});
@@ -235,6 +235,13 @@ TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
   Checkpoint wraps = some_checkpoint(20);  // at the next step
   wraps.arrays["gaussians/rows/steps"] = {{2}, std::vector<uint32_t>{1, 4294967295u}};
   EXPECT_EQ(taken(wraps, "'gaussians/rows/steps'"), 10);
+  Checkpoint far = some_checkpoint(20);
+  far.arrays["table1/rows/now"] = {{1}, std::vector<uint32_t>{4294967295u}};
+  EXPECT_EQ(taken(far, "'table1/rows/now'"), 10);
+  Checkpoint to_come = some_checkpoint(20);  // a row's last step, while the table is at 7
+  to_come.arrays["gaussians/rows/now"] = {{1}, std::vector<uint32_t>{7}};
+  to_come.arrays["gaussians/rows/last"] = {{2}, std::vector<uint32_t>{7, 8}};
+  EXPECT_EQ(taken(to_come, "'gaussians/rows/last'"), 10);
   for (const int step : {-5, 10, 30}) EXPECT_EQ(taken(some_checkpoint(step), "of step"), 10);
   EXPECT_EQ(taken(some_checkpoint(20), ""), 20);
 }

@@ -41,11 +41,26 @@ TEST_F(RatesTest, ThatOfPlacesFallsByEqualRatiosAndIsInExtentsOfTheScene) {
   EXPECT_FLOAT_EQ(rate(Quantity::position, 50), 0.025f);
 }
 
-TEST_F(RatesTest, ThatOfRotationsFallsTooOthersStay) {
+TEST_F(RatesTest, ThatOfRotationsFallsTooOthersStayUpToTheMiddle) {
   EXPECT_FLOAT_EQ(rate(Quantity::rotation, 50), 0.2f);
   EXPECT_FLOAT_EQ(rate(Quantity::scale, 0), config.lr.scales);
+  EXPECT_FLOAT_EQ(rate(Quantity::scale, 50), config.lr.scales);
+  EXPECT_FLOAT_EQ(rate(Quantity::opacity, 50), config.lr.opacity);
+}
+
+TEST_F(RatesTest, FromTheMiddleOnThoseWithoutALastValueFade) {
+  config.lr.fade = 0.25f;
+  for (const Quantity quantity : {Quantity::scale, Quantity::opacity, Quantity::color,
+                                  Quantity::color_rest, Quantity::time, Quantity::weight}) {
+    const float before = rate(quantity, 50);
+    EXPECT_FLOAT_EQ(rate(quantity, 75), 0.5f * before);  // half way from 1 to a quarter
+    EXPECT_FLOAT_EQ(rate(quantity, 0), before);
+  }
+  const float with = rate(Quantity::position, 75), turning = rate(Quantity::rotation, 75);
+  config.lr.fade = 1;
+  EXPECT_EQ(rate(Quantity::position, 75), with);
+  EXPECT_EQ(rate(Quantity::rotation, 75), turning);
   EXPECT_FLOAT_EQ(rate(Quantity::scale, 99), config.lr.scales);
-  EXPECT_FLOAT_EQ(rate(Quantity::opacity, 99), config.lr.opacity);
 }
 
 TEST_F(RatesTest, HigherBandsOfColourLearnSlowerByTheirDivisor) {
