@@ -8,8 +8,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
+#include <sstream>
 #include <type_traits>
 
+#include "optim/io/decimal.hpp"
 #include "optim/io/printable.hpp"
 #include "optim/io/splat_table.hpp"
 #include "optim/motion/parameters_state.hpp"
@@ -74,14 +76,13 @@ std::optional<std::string> comment_after(const PlyTable& table, const std::strin
 // The numbers that make up `text`, and nothing else.
 std::optional<std::vector<double>> only_numbers(const std::string& text) {
   std::vector<double> numbers;
-  const char* at = text.c_str();
-  for (char* end = nullptr;; at = end) {
-    const double value = std::strtod(at, &end);
-    if (end == at) break;
-    numbers.push_back(value);
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    const auto number = decimal_number(word);
+    if (!number) return std::nullopt;
+    numbers.push_back(*number);
   }
-  while (*at == ' ' || *at == '\t') ++at;
-  if (at != text.c_str() + text.size() || numbers.empty()) return std::nullopt;
+  if (numbers.empty()) return std::nullopt;
   return numbers;
 }
 
