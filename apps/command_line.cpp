@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "optim/io/decimal.hpp"
 #include "optim/train/edit_distance.hpp"
 #include "runtime/error.hpp"
 
@@ -83,9 +84,8 @@ CLI::Validator choice_of(std::vector<std::string> words) {
 CLI::Validator number_in(double low, double high) {
   return CLI::Validator(
       [low, high](std::string& text) {
-        double value = 0;
-        const bool in_range =
-            CLI::detail::lexical_cast(text, value) && value >= low && value <= high;
+        const auto value = decimal_number(text);
+        const bool in_range = value && *value >= low && *value <= high;
         return in_range ? "" : fmt::format("'{}' is no number from {} to {}", text, low, high);
       },
       "");

@@ -63,6 +63,7 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
       "(..._iteration_N.json of one that is not the latest), but not while the run is being "
       "trained");
   command->add_option("RUN", flags->run, "Run folder of `gflow train`")
+      ->check(path_given())
       ->required()
       ->type_name("FOLDER");
   command->add_option("--split", flags->split, "Views: test, train or val")

@@ -150,6 +150,7 @@ void add_experiment(CLI::App& app, const GlobalOptions& options) {
   CLI::App* command = app.add_subcommand(
       "experiment", "Run the trainings a file names; tables, plots and pictures of them");
   command->add_option("FILE", flags->file, "What is trained: scenes, settings, choices, seeds")
+      ->check(path_given())
       ->required()
       ->type_name("FILE.toml");
   command

@@ -114,8 +114,9 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
   InterruptGuard guard;
   Progress progress("export", long(times.size()), quiet);
   for (size_t k = 0; k < times.size(); ++k) {
-    write_ply(fmt::format("{}/frame_{:04}.ply", folder, k + 1),
-              slice(queue, model, times[k]).table);
+    SliceRows now(queue, model, times[k]);
+    write_ply(fmt::format("{}/frame_{:04}.ply", folder, k + 1), now.head(),
+              [&](size_t i, float* values) { now.row(i, values); });
     progress.advance();
     if (interrupted())
       throw Interrupted(fmt::format("interrupted after {} of {} files, which are in {}", k + 1,
@@ -180,7 +181,7 @@ void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
   if (flags.fps > 0) rule.fps = flags.fps;
   const HostModel& host = source.model;
   Queue queue = open_queue(options);
-  Model model(queue, host);
+  Model model(queue, host, Purpose::showing);
   InterruptGuard guard;
   Progress progress("export", rule.steps, options.quiet);
   MovingSplats pieces = linear_pieces(queue, model, rule, [&] {
@@ -196,9 +197,9 @@ void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
              host.count, pieces.splats.size(), pieces.duration);
 }
 
-void export_model(const ExportFlags& flags, const ModelSource& source,
-                  const GlobalOptions& options) {
-  const HostModel& host = source.model;
+// The source's model is empty afterwards, but for its shape, where the device has it.
+void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOptions& options) {
+  HostModel& host = source.model;
   const bool sequence = flags.format == "ply-sequence";
   if (flags.format == "splatv") {
     require_no_times(flags);
@@ -215,12 +216,15 @@ void export_model(const ExportFlags& flags, const ModelSource& source,
     times = {single_time(flags)};
   }
   Queue queue = open_queue(options);
-  Model model(queue, host);
+  Model model(queue, host, Purpose::showing);
+  host.groups.clear();
   if (sequence) return export_sequence(queue, model, times, flags.output, options.quiet);
-  const PlyTable table = slice(queue, model, times[0]).table;
-  if (flags.format == "ply") write_ply(flags.output, table);
-  if (flags.format == "splat") write_dot_splat(flags.output, table);
-  fmt::print("written   {}, {} of {} Gaussians, at time {}\n", flags.output, table.rows, host.count,
+  SliceRows now(queue, model, times[0]);
+  const auto row = [&](size_t i, float* values) { now.row(i, values); };
+  const size_t rows = now.head().rows;
+  if (flags.format == "ply") write_ply(flags.output, now.head(), row);
+  if (flags.format == "splat") write_dot_splat(flags.output, rows, now.sh_degree(), row);
+  fmt::print("written   {}, {} of {} Gaussians, at time {}\n", flags.output, rows, host.count,
              times[0]);
 }
 
@@ -230,7 +234,7 @@ void run_export(ExportFlags flags, const GlobalOptions& options) {
     require_no_folder_of_run(flags.output);
   else
     require_no_file_of_run(flags.output);
-  const ModelSource source = model_source(flags.model, flags.iteration);
+  ModelSource source = model_source(flags.model, flags.iteration);
   require_other_file(flags.output, source.path);
   export_model(flags, source, options);
   const auto& [x, y, z] = source.model.shape.origin;
@@ -248,6 +252,7 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
   CLI::App* command =
       app.add_subcommand("export", "Write a model as files that other programs show");
   command->add_option("RUN|FILE", flags->model, "Run folder of `gflow train`, or any splat file")
+      ->check(path_given())
       ->required()
       ->type_name("PATH");
   command->add_option("-o,--output", flags->output, "File that is written; ply-sequence: folder")

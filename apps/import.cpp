@@ -52,26 +52,27 @@ void run_import(const ImportFlags& flags) {
   if (flags.time && format != SplatFormat::four_dgs)
     throw Error(fmt::format("--time is for .4dgs files, whose Gaussians move; {} is {}",
                             flags.input, names_of(format)[size_t(format)]));
-  PlyTable table =
+  const PlyTable table =
       format == SplatFormat::four_dgs ? moment_of(flags) : read_splats(flags.input, format);
   if (table.column("scale_t") >= 0)
     throw Error(
         fmt::format("{} is a moving model of gflow; `gflow export --format ply --times T` "
                     "makes a PLY of one of its times",
                     flags.input));
-  const SplatTable standard = standard_table(table, flags.input);
+  const StandardRows standard(table, flags.input);
   if (table.rows == 0) throw Error(fmt::format("importing {}: it holds no Gaussians", flags.input));
-  table.values = {};  // or there were three copies at once
-  for (size_t i = 0; i < standard.table.values.size(); ++i)
-    if (!std::isfinite(standard.table.values[i]))
-      throw Error(
-          fmt::format("{}: Gaussian {} has a value that is not finite ({}), which no viewer "
-                      "can draw",
-                      flags.input, i / standard.table.names.size(),
-                      standard.table.names[i % standard.table.names.size()]));
-  write_ply(flags.output, standard.table);
+  const auto copy_finite = [&](size_t i, float* values) {
+    standard.copy(i, values);
+    for (size_t c = 0; c < standard.head().names.size(); ++c)
+      if (!std::isfinite(values[c]))
+        throw Error(
+            fmt::format("{}: Gaussian {} has a value that is not finite ({}), which no viewer "
+                        "can draw",
+                        flags.input, i, standard.head().names[c]));
+  };
+  write_ply(flags.output, standard.head(), copy_finite);
   fmt::print("read      {}, {}\nwritten   {}, {} Gaussians\n", flags.input,
-             names_of(format)[size_t(format)], flags.output, standard.table.rows);
+             names_of(format)[size_t(format)], flags.output, table.rows);
 }
 
 }  // namespace
@@ -83,6 +84,7 @@ void add_import(CLI::App& app, const GlobalOptions&) {
   command
       ->add_option("FILE", flags->input,
                    "3DGS PLY, compressed PLY (SuperSplat), .splat, .spz or .4dgs")
+      ->check(path_given())
       ->required()
       ->type_name("PATH");
   command->add_option("-o,--output", flags->output, "PLY that is written")

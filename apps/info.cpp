@@ -238,6 +238,7 @@ void add_info(CLI::App& app, const GlobalOptions&) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand("info", "Say what is in a splat file, a run or a scene");
   command->add_option("PATH", flags->path, "Splat file, run folder or scene folder")
+      ->check(path_given())
       ->required()
       ->type_name("PATH");
   add_iteration(*command, flags->iteration);

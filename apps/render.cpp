@@ -146,7 +146,29 @@ void print_written(const RenderReport& report, const std::vector<RenderView>& vi
                one_time ? ", so more than one of --times" : "");
 }
 
-// Names of pictures and videos may be those of the scene's own.
+// Whether `gflow render` has filled the folder, or was stopped while it began to: what it makes
+// first are folders of these names.
+bool is_of_render(const std::string& folder) {
+  bool nothing_else = true;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    const bool first = name == "rgb" || name == "alpha" || name == "depth";
+    nothing_else &= first && entry.is_directory() && fs::is_empty(entry.path());
+  }
+  const auto holds = [&](const char* kind) { return fs::is_directory(folder + "/" + kind); };
+  return nothing_else || (holds("rgb") && holds("alpha") && holds("depth"));
+}
+
+// A picture or a video that is there may have the name of one that is drawn.
+void require_no_other_files(const std::string& folder) {
+  if (fs::is_directory(folder) && !is_of_render(folder))
+    throw Error(fmt::format(
+        "drawing into {}: it is not empty, and nothing that gflow render has drawn is in it; name "
+        "a new folder, or one that it has filled before",
+        folder));
+}
+
+// The same of a scene, which may have folders of these names.
 void require_no_scene(const std::string& folder) {
   const std::string layout = fs::is_directory(folder) ? layout_of(folder) : "";
   if (!layout.empty())
@@ -159,6 +181,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
     throw Error("--split and --camera exclude each other: a camera is shown at all of its times");
   require_no_folder_of_run(flags.output);
   require_no_scene(flags.output);
+  require_no_other_files(flags.output);
   const Source source = find_source(flags);
   std::vector<RenderView> views = views_wanted(flags, source);
   const bool still = stands_still(source.model);
@@ -175,7 +198,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   render.compare = !flags.no_compare;
 
   Queue queue = open_queue(options);
-  Model model(queue, source.model);
+  Model model(queue, source.model, Purpose::showing);
   InterruptGuard guard;
   Progress progress("render", long(views.size()), options.quiet);
   const RenderReport report = render_views(
@@ -199,6 +222,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
       "render",
       "Draw a trained model: colour, alpha, depth, flow, comparison with the truth, and videos");
   command->add_option("RUN|FILE", flags->model, "Run folder of `gflow train`, or any splat file")
+      ->check(path_given())
       ->required()
       ->type_name("PATH");
   command->add_option("-o,--output", flags->output, "Folder that is written")

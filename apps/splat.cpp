@@ -27,6 +27,7 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
                    "means quats scales opacities colors, viewmat K size [background], and for "
                    "flow means_t2 quats_t2 scales_t2 [viewmat_t2]; cotangents v_rgb v_alpha "
                    "v_depth v_flow")
+      ->check(path_given())
       ->required()
       ->type_name("FILE.npz");
   command

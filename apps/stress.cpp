@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
@@ -69,18 +70,46 @@ struct Outcome {
   nlohmann::ordered_json derivatives = nlohmann::ordered_json::array();
 };
 
-// As wide as the longest of the conditions is.
-constexpr int kCondition = 74;
-// Of the derivatives: but for the few that are longer still.
-constexpr int kKernel = 40, kParameters = 62;
+// Of a line of 80 characters, what figure, bound and verdict leave.
+constexpr size_t kLine = 80, kCondition = 49;
 
-size_t longest_name(const Tests& tests) {
-  size_t longest = 0;
-  for (const Test& test : tests) longest = std::max(longest, test.name.size());
-  return longest;
+// A text in lines of at most so many characters, broken between words, all but the first of them
+// indented by two more.
+std::vector<std::string> lines_of(const std::string& text, size_t width) {
+  std::vector<std::string> lines{""};
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    std::string& line = lines.back();
+    const bool begins = line.find_first_not_of(' ') == line.npos;
+    if (!begins && line.size() + 1 + word.size() > width)
+      lines.push_back("  " + word);
+    else
+      line += (begins ? "" : " ") + word;
+  }
+  return lines;
 }
 
-void run_test(Queue& queue, const Test& test, size_t width, bool quiet, Outcome& outcome) {
+std::string heading_of(const Test& test) {
+  return fmt::format("{:<4}{:<{}} {:>9} {:>9}\n", test.id, test.name, kCondition, "figure",
+                     "bound");
+}
+
+std::string text_of(const Row& row) {
+  std::vector<std::string> lines = lines_of(row.condition, kCondition);
+  lines.back() = fmt::format("{:<{}} {:>9.3g} {:>9.2g}  {}", lines.back(), kCondition, row.figure,
+                             row.bound, verdict(passed(row)));
+  return fmt::format("    {}\n", fmt::join(lines, "\n    "));
+}
+
+std::string text_of(const Derivative& d) {
+  return fmt::format(
+      "{}\n    to double {:.2g}, bound {:.2g}; differences {:.2g}, bound {:.2g}  {}\n",
+      fmt::join(lines_of(fmt::format("{} by {}", d.kernel, d.parameters), kLine), "\n"),
+      d.against_double, d.double_bound, d.against_differences, d.differences_bound,
+      verdict(passed(d)));
+}
+
+void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
   if (!quiet) fmt::print(stderr, "{} {} ...\n", test.id, test.name);
   const auto start = std::chrono::steady_clock::now();
   Rows rows;
@@ -92,14 +121,12 @@ void run_test(Queue& queue, const Test& test, size_t width, bool quiet, Outcome&
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   nlohmann::ordered_json figures = nlohmann::ordered_json::array();
+  fmt::print("{}", heading_of(test));
   for (const Row& row : rows) {
     const bool good = passed(row);
     ++(good ? outcome.passed : outcome.failed);
-    const std::string line =
-        fmt::format("{:<4} {:<{}} {:<{}} {:>9.3g} {:>9.2g}  {}\n", test.id, test.name, width,
-                    row.condition, kCondition, row.figure, row.bound, verdict(good));
-    fmt::print("{}", line);
-    if (!good) outcome.failures.push_back(line);
+    fmt::print("{}", text_of(row));
+    if (!good) outcome.failures.push_back(heading_of(test) + text_of(row));
     figures.push_back({{"condition", row.condition},
                        {"figure", row.figure},
                        {"bound", row.bound},
@@ -112,17 +139,12 @@ void run_test(Queue& queue, const Test& test, size_t width, bool quiet, Outcome&
 }
 
 void run_derivatives(Queue& queue, Outcome& outcome) {
-  fmt::print("\n{:<{}} {:<{}} {:>10} {:>10} {:>12} {:>8}\n", "derivative of", kKernel, "by",
-             kParameters, "to double", "bound", "differences", "bound");
+  fmt::print("\nderivatives: off double, and double off differences\n");
   for (const Derivative& d : stress::derivatives(queue)) {
     const bool good = passed(d);
     ++(good ? outcome.passed : outcome.failed);
-    const std::string line =
-        fmt::format("{:<{}} {:<{}} {:>10.2g} {:>10.2g} {:>12.2g} {:>8.2g}  {}\n", d.kernel, kKernel,
-                    d.parameters, kParameters, d.against_double, d.double_bound,
-                    d.against_differences, d.differences_bound, verdict(good));
-    fmt::print("{}", line);
-    if (!good) outcome.failures.push_back(line);
+    fmt::print("{}", text_of(d));
+    if (!good) outcome.failures.push_back(text_of(d));
     outcome.derivatives.push_back({{"kernel", d.kernel},
                                    {"parameters", d.parameters},
                                    {"against_double", d.against_double},
@@ -140,13 +162,9 @@ void run(const Flags& flags, const GlobalOptions& options) {
   const InterruptGuard guard;
   Outcome outcome;
   fmt::print("{}, {} lanes\n", queue.info.full_name(), queue.lanes);
-  if (!flags.derivatives) {
-    const size_t width = longest_name(tests);
-    fmt::print("{:<4} {:<{}} {:<{}} {:>9} {:>9}\n", "test", "", width, "condition", kCondition,
-               "figure", "bound");
+  if (!flags.derivatives)
     for (const Test& test : tests)
-      if (!interrupted()) run_test(queue, test, width, options.quiet, outcome);
-  }
+      if (!interrupted()) run_test(queue, test, options.quiet, outcome);
   if (flags.only.empty() && !interrupted()) run_derivatives(queue, outcome);
   const size_t left_out = flags.derivatives ? 0 : tests.size() - outcome.tests.size();
   const bool table_left_out = flags.only.empty() && outcome.derivatives.empty();

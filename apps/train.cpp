@@ -119,6 +119,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
                    "Folder of the scene (N3V, Panoptic, nerfies, Consistent4D, D-NeRF/Blender, "
                    "nerfstudio, COLMAP, numbered pictures), or a video file; with --resume "
                    "it may be left out")
+      ->check(path_given())
       ->type_name("PATH");
   command->add_option("-o,--output", flags->run, "Run folder that is written")
       ->check(path_given())

@@ -62,12 +62,13 @@ AdamRow adam_row(const AdamConfig& config, double t, double missed) {
           std::pow(beta1, missed), std::pow(beta2, missed)};
 }
 
-ParameterGroup::ParameterGroup(Queue& queue, const std::string& name, size_t rows, size_t width)
+ParameterGroup::ParameterGroup(Queue& queue, const std::string& name, size_t rows, size_t width,
+                               bool learns)
     : width(width),
       values(queue, rows * width, name),
-      grads(zeros(queue, rows * width, name + " grads")),
-      exp_avg(zeros(queue, rows * width, name + " exp_avg")),
-      exp_avg_sq(zeros(queue, rows * width, name + " exp_avg_sq")) {}
+      grads(zeros(queue, learns ? rows * width : 0, name + " grads")),
+      exp_avg(zeros(queue, learns ? rows * width : 0, name + " exp_avg")),
+      exp_avg_sq(zeros(queue, learns ? rows * width : 0, name + " exp_avg_sq")) {}
 
 RowState::RowState(Queue& queue, size_t rows)
     : seen(no_rows(queue, rows, "seen")),

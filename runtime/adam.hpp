@@ -44,8 +44,9 @@ struct RowRange {
 
 // One parameter array with its gradients and Adam's moments, all [rows, width].
 struct ParameterGroup {
-  // Moments and gradients are zero, values undefined.
-  ParameterGroup(Queue& queue, const std::string& name, size_t rows, size_t width);
+  // Moments and gradients are zero, values undefined. Those of what does not learn are empty.
+  ParameterGroup(Queue& queue, const std::string& name, size_t rows, size_t width,
+                 bool learns = true);
   size_t width;
   Buffer<float> values, grads, exp_avg, exp_avg_sq;
 };

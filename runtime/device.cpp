@@ -128,6 +128,11 @@ cl::Device find_device(const std::string& wanted_or_empty) {
   const auto infos = infos_of(devices);
   std::string wanted = wanted_or_empty;
   if (const char* named = std::getenv("GFLOW_DEVICE"); wanted.empty() && named) wanted = named;
+  if (!wanted.empty() && wanted.find_first_not_of(" \t") == wanted.npos)  // it is in every name
+    throw Error(fmt::format(
+        "the OpenCL device is named by blanks alone; it takes its number or a part of its name, "
+        "and there are:{}",
+        listing(infos)));
   if (wanted.empty()) {
     const auto gpu =
         std::find_if(infos.begin(), infos.end(), [](const DeviceInfo& d) { return d.is_gpu; });

@@ -140,6 +140,7 @@ void add_raster(CLI::App& bench, const GlobalOptions& options) {
       raster
           ->add_option("SCENE", flags->file,
                        "Gaussians as for `gflow splat`; left out: random ones, about 48 in a pixel")
+          ->check(path_given())
           ->type_name("FILE.npz");
   // What only random ones have.
   CLI::Option* const random[] = {

@@ -211,6 +211,7 @@ Plot plot_of(const std::string& name, const std::vector<Kind>& kinds,
 
 void add_step_options(CLI::App& bench, StepOptions& options) {
   bench.add_option("SCENE", options.scene, "Folder of the scene, or a video")
+      ->check(path_given())
       ->required()
       ->type_name("PATH");
   bench.add_option("--set", options.settings, "A setting of training; may be repeated")

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 
 #include "optim/data/reader_util.hpp"
 #include "optim/data/readers.hpp"
@@ -15,11 +16,30 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
+std::string path_of(const std::string& folder, const std::string& split) {
+  return (fs::path(folder) / ("transforms_" + split + ".json")).string();
+}
+
+bool has_times(const Transforms& file) {
+  const Json& frames = file.json["frames"];
+  return !frames.empty() && frames[0].is_object() && frames[0].contains("time");
+}
+
+// timed: whether the training frames have a 'time', set by the first file that is read; views of a
+// moving scene without one would all be taken for its beginning.
 std::vector<Frame> read_split(const std::string& folder, const std::string& split,
-                              const SceneOptions& options, Scene& scene) {
-  const std::string path = (fs::path(folder) / ("transforms_" + split + ".json")).string();
+                              const SceneOptions& options, std::optional<bool>& timed,
+                              Scene& scene) {
+  const std::string path = path_of(folder, split);
   if (!fs::exists(path)) return {};
-  return read_frames(folder, read_transforms(path), options, scene);
+  const Transforms file = read_transforms(path);
+  if (!timed) timed = has_times(file);
+  if (!file.json["frames"].empty() && has_times(file) != *timed)
+    throw Error(
+        fmt::format("frame 0 of {} has {} 'time' and those of {} have {}: it takes all or "
+                    "none",
+                    path, *timed ? "no" : "a", path_of(folder, "train"), *timed ? "one" : "none"));
+  return read_frames(folder, file, options, scene);
 }
 
 // True flow leads from a frame's time one training interval ahead.
@@ -42,9 +62,10 @@ Scene read_blender(const std::string& folder, const SceneOptions& options) {
   Scene scene;
   scene.layout = "blender";
   scene.fps = 24;
-  scene.train = read_split(folder, "train", options, scene);
-  scene.test = read_split(folder, "test", options, scene);
-  scene.val = read_split(folder, "val", options, scene);
+  std::optional<bool> timed;
+  scene.train = read_split(folder, "train", options, timed, scene);
+  scene.test = read_split(folder, "test", options, timed, scene);
+  scene.val = read_split(folder, "val", options, timed, scene);
   if (scene.train.empty())
     throw Error(fmt::format("{}/transforms_train.json has no frames", folder));
 

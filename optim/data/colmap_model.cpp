@@ -8,6 +8,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstring>
@@ -351,7 +352,8 @@ PointCloud points_txt(const std::string& path) {
     double xyz[3];
     int rgb[3];
     words >> id >> xyz[0] >> xyz[1] >> xyz[2] >> rgb[0] >> rgb[1] >> rgb[2];
-    if (!words) bad_line(path, line);
+    const bool whole = words.eof() || std::isspace(words.peek());  // 0x10 begins with a 0
+    if (!words || !whole) bad_line(path, line);
     append_point(points, xyz, rgb, path);
   }
   return points;

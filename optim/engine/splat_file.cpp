@@ -145,12 +145,17 @@ void require_room_for_images(const DeviceInfo& device, size_t pixels, const Arra
   const size_t shown = 3 + 1 + 1 + (moves ? 2 : 0);          // rgb, alpha, depth, flow
   const size_t floats = shown + 1 + (backward ? shown : 0);  // and transmittance
   const size_t largest = 3 * sizeof(float) * pixels, all = floats * sizeof(float) * pixels;
-  if (largest > device.max_allocation || all > device.global_memory)
+  const auto mib = [](uint64_t bytes) { return double(bytes) / (1 << 20); };
+  if (all > device.global_memory)
     throw Error(fmt::format(
-        "reading {}: images of as many pixels as array 'size' says take {} MiB, the largest of "
-        "them {} MiB, and {} has {} MiB, of which it gives {} MiB in one piece",
-        name, all >> 20, largest >> 20, device.full_name(), device.global_memory >> 20,
-        device.max_allocation >> 20));
+        "reading {}: images of as many pixels as array 'size' says take {:.1f} MiB in all, and {} "
+        "has {:.1f} MiB",
+        name, mib(all), device.full_name(), mib(device.global_memory)));
+  if (largest > device.max_allocation)
+    throw Error(fmt::format(
+        "reading {}: a picture of as many pixels as array 'size' says takes {:.1f} MiB, and {} "
+        "gives at most {:.1f} MiB in one piece",
+        name, mib(largest), device.full_name(), mib(device.max_allocation)));
 }
 
 }  // namespace

@@ -35,8 +35,7 @@ class Temporary {
   }
   const std::string& path() const { return path_; }
   void rename_to(const std::string& path) {
-    if (::rename(path_.c_str(), path.c_str()) != 0)
-      throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+    if (::rename(path_.c_str(), path.c_str()) != 0) refuse_to_write(path, errno);
     renamed_ = true;
   }
 
@@ -59,15 +58,13 @@ std::string temporary_name(const std::string& path) {
     const Descriptor claim(
         ::open(candidate.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
     if (claim.get() >= 0) return candidate;
-    if (errno != EEXIST)
-      throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+    if (errno != EEXIST) refuse_to_write(path, errno);
   }
 }
 
 void flush_to_disk(const std::string& temporary, const std::string& path) {
   const Descriptor file(::open(temporary.c_str(), O_RDONLY | O_CLOEXEC));
-  if (file.get() < 0 || ::fsync(file.get()) != 0)
-    throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+  if (file.get() < 0 || ::fsync(file.get()) != 0) refuse_to_write(path, errno);
 }
 
 // So that the name, too, outlasts a loss of power. Not every file system can; the file itself is
@@ -90,8 +87,7 @@ void write_all(const std::string& temporary, int flag, std::string_view bytes,
     ok = written > 0;
     if (ok) bytes.remove_prefix(size_t(written));
   }
-  if (!ok || !file.close())
-    throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+  if (!ok || !file.close()) refuse_to_write(path, errno);
 }
 
 std::string_view view(const Bytes& bytes) {
@@ -99,6 +95,12 @@ std::string_view view(const Bytes& bytes) {
 }
 
 }  // namespace
+
+void refuse_to_write(const std::string& path, int code) {
+  const std::string sentence = fmt::format("cannot write {}: {}", path, std::strerror(code));
+  if (code == ENOSPC || code == EDQUOT) throw DiskFull(sentence);
+  throw Error(sentence);
+}
 
 void require_file(const std::string& path) {
   struct stat info;
@@ -154,8 +156,10 @@ Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
   Bytes expanded;
   size_t consumed = 0, announced = 0;
   int state = Z_OK;
+  // No more than what a short file can expand to: most are.
+  constexpr size_t most_packed = 1032;  // deflate's limit
+  const size_t piece = std::min(size_t{1} << 20, most_packed * stored.size() + 1);
   while (state != Z_STREAM_END) {
-    constexpr size_t piece = size_t{1} << 20;
     const size_t before = expanded.size();
     expanded.resize(before + piece);
     stream.next_in = stored.data() + consumed;
@@ -172,7 +176,8 @@ Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
       throw Error(fmt::format("{} is damaged: {}", path, stream.msg ? stream.msg : "not gzip"));
     if (before > 0 || expanded.size() == piece || state == Z_STREAM_END) {  // a whole first piece
       require_announced(expanded, plausible_length, announced, path);
-      expanded.reserve(announced + 2 * piece);  // else twice as much while it grows
+      if (state != Z_STREAM_END)
+        expanded.reserve(announced + 2 * piece);  // else twice as much while it grows
     }
   }
   if (consumed < stored.size())
@@ -210,6 +215,21 @@ void write_file_atomically(const std::string& path, std::string_view bytes) {
 
 void write_file_atomically(const std::string& path, const Bytes& bytes) {
   write_file_atomically(path, view(bytes));
+}
+
+void write_file_in_pieces(const std::string& path,
+                          const std::function<void(const Append&)>& write) {
+  constexpr size_t enough = size_t{1} << 20;  // for one call of the system
+  replace_file(path, [&](const std::string& temporary) {
+    std::string waiting;
+    write([&](std::string_view piece) {
+      waiting.append(piece);
+      if (waiting.size() < enough) return;
+      write_all(temporary, O_APPEND, waiting, path);
+      waiting.clear();
+    });
+    write_all(temporary, O_APPEND, waiting, path);
+  });
 }
 
 void require_free_space(const std::string& folder, uint64_t bytes, const std::string& what,

@@ -9,7 +9,17 @@
 #include <string_view>
 #include <vector>
 
+#include "runtime/error.hpp"
+
 namespace gflow {
+
+// A file that was not written because the disk, or the user's share of it, is full: what makes room
+// may help.
+struct DiskFull : Error {
+  using Error::Error;
+};
+// The error of the system's number `code`: "cannot write PATH: why".
+[[noreturn]] void refuse_to_write(const std::string& path, int code);
 
 using Bytes = std::vector<uint8_t>;
 
@@ -42,6 +52,11 @@ void require_announced(const Bytes& so_far, const LengthOf& length_of, size_t& a
 // old file remains, and the Error says path and reason. Missing folders are not made.
 void write_file_atomically(const std::string& path, std::string_view bytes);
 void write_file_atomically(const std::string& path, const Bytes& bytes);
+
+// The same of bytes that are made while they are written: `write` hands them over a piece at a
+// time.
+using Append = std::function<void(std::string_view piece)>;
+void write_file_in_pieces(const std::string& path, const std::function<void(const Append&)>& write);
 
 // The same for libraries that write files themselves: `write` receives the temporary's name, which
 // has the extension of path, and throws when it fails.

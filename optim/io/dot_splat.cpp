@@ -36,16 +36,18 @@ void read_log_scales(const uint8_t* bytes, size_t i, const std::string& path, fl
   }
 }
 
-// Indices by falling volume x opacity; equal ones stay in order.
-std::vector<size_t> by_weight(const std::vector<SplatRow>& rows) {
-  std::vector<double> weight;
-  for (const SplatRow& row : rows)
-    weight.push_back(double(row.log_scales[0]) + row.log_scales[1] + row.log_scales[2] +
-                     std::log(opacity_of_logit(*row.logit_opacity)));
-  std::vector<size_t> order(rows.size());
-  std::iota(order.begin(), order.end(), size_t{0});
+// The logarithm of volume x opacity.
+double weight_of(const SplatRow& row) {
+  return double(row.log_scales[0]) + row.log_scales[1] + row.log_scales[2] +
+         std::log(opacity_of_logit(*row.logit_opacity));
+}
+
+// Indices by falling weight; equal ones stay in order.
+std::vector<uint32_t> by_weight(const std::vector<double>& weights) {
+  std::vector<uint32_t> order(weights.size());
+  std::iota(order.begin(), order.end(), uint32_t{0});
   std::stable_sort(order.begin(), order.end(),
-                   [&](size_t a, size_t b) { return weight[a] > weight[b]; });
+                   [&](uint32_t a, uint32_t b) { return weights[a] > weights[b]; });
   return order;
 }
 
@@ -99,12 +101,28 @@ PlyTable read_dot_splat(FilePieces& file) {
 }
 
 void write_dot_splat(const std::string& path, const PlyTable& table) {
-  SplatTable standard = standard_table(table, path);
-  std::vector<SplatRow> rows;
-  for (size_t i = 0; i < table.rows; ++i) rows.push_back(standard.row(i));
+  const StandardRows standard(table, path);
+  write_dot_splat(path, table.rows, standard.sh_degree(),
+                  [&](size_t i, float* values) { standard.copy(i, values); });
+}
+
+void write_dot_splat(const std::string& path, size_t rows, int sh_degree, const PlyRow& row) {
+  if (rows > std::numeric_limits<uint32_t>::max())
+    throw Error(fmt::format("cannot write {}: {} Gaussians are too many", path, rows));
   std::string bytes;
-  for (const size_t i : by_weight(rows)) append(bytes, rows[i]);
-  write_file_atomically(path, bytes);
+  std::vector<double> weights;
+  bytes.reserve(kSize * rows);
+  weights.reserve(rows);
+  SplatTable one(1, sh_degree);
+  for (size_t i = 0; i < rows; ++i) {
+    row(i, one.table.values.data());
+    append(bytes, one.row(0));
+    weights.push_back(weight_of(one.row(0)));
+  }
+  const std::vector<uint32_t> order = by_weight(weights);
+  write_file_in_pieces(path, [&](const Append& write) {
+    for (const size_t i : order) write({bytes.data() + kSize * i, kSize});
+  });
 }
 
 }  // namespace gflow

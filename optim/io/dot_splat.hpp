@@ -16,5 +16,7 @@ PlyTable read_dot_splat(FilePieces& file);
 // Largest first (volume x opacity), so that a viewer that still loads shows what matters. Error
 // when a column of a standard 3DGS PLY is missing; spherical harmonics above degree 0 are left out.
 void write_dot_splat(const std::string& path, const PlyTable& table);
+// The same of rows, [SplatTable(0, sh_degree)'s columns], that are made while they are written.
+void write_dot_splat(const std::string& path, size_t rows, int sh_degree, const PlyRow& row);
 
 }  // namespace gflow

@@ -121,8 +121,13 @@ void write_npz(const std::string& path, const Arrays& arrays, Packing packing) {
       if (packing == Packing::stored)
         zip_set_file_compression(archive.get(), zip_uint64_t(index), ZIP_CM_STORE, 0);
     }
-    if (zip_close(archive.get()) != 0)
+    if (zip_close(archive.get()) != 0) {
+      zip_error_t* why = zip_get_error(archive.get());
+      const bool of_system = zip_error_system_type(why) == ZIP_ET_SYS;
+      if (of_system && zip_error_code_system(why) != 0)
+        refuse_to_write(path, zip_error_code_system(why));
       throw Error(fmt::format("cannot write {}: {}", path, zip_strerror(archive.get())));
+    }
     archive.release();  // closed: zip_discard would free it twice
   });
 }

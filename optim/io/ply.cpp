@@ -61,15 +61,19 @@ uint32_t integer_bits(double value) {
   return std::abs(value) < 9e18 ? uint32_t(int64_t(value)) : 0;
 }
 
-// The middle of points [n, 3], in whole units; of what is finite.
-std::array<double, 3> middle_of(const std::vector<double>& points) {
-  std::array<double, 3> middle = {0, 0, 0};
-  for (size_t axis = 0; axis < 3; ++axis) {
-    double sum = 0, count = 0;
-    for (size_t i = axis; i < points.size(); i += 3)
-      if (std::isfinite(points[i])) sum += points[i], ++count;
-    if (count > 0 && std::isfinite(sum)) middle[axis] = std::round(sum / count);
-  }
+// The middle of the positions in a file, in whole units; of what is finite. Rather read twice than
+// kept as doubles, which take six times a text of short numbers.
+std::array<double, 3> middle_of(const std::string& path, const std::array<int, 3>& position) {
+  std::array<double, 3> middle = {0, 0, 0}, sum = {0, 0, 0}, count = {0, 0, 0};
+  PlyRows rows(path);
+  rows.read(find_vertices(rows, path), [&](const double* values) {
+    for (size_t axis = 0; axis < 3; ++axis)
+      if (const double place = values[position[axis]]; std::isfinite(place))
+        sum[axis] += place, ++count[axis];
+  });
+  for (size_t axis = 0; axis < 3; ++axis)
+    if (count[axis] > 0 && std::isfinite(sum[axis]))
+      middle[axis] = std::round(sum[axis] / count[axis]);
   return middle;
 }
 
@@ -111,19 +115,14 @@ PlyTable read_ply(const std::string& path) {
   const size_t columns = table.names.size();
   const std::array<int, 3> position = find_each(table.names, {"x", "y", "z"});
   const bool exact = are_doubles(vertices, position);
-  std::vector<double> places;  // [rows, 3] where they are exact
+  if (exact) table.origin = middle_of(path, position);
   table.values.reserve(table.rows * columns);
-  if (exact) places.reserve(table.rows * 3);
   rows.read(vertices, [&](const double* values) {
     table.values.insert(table.values.end(), values, values + columns);
-    if (exact)
-      for (const int column : position) places.push_back(values[column]);
+    float* const row = table.values.data() + table.values.size() - columns;
+    for (size_t axis = 0; axis < 3 && exact; ++axis)
+      row[position[axis]] = float(values[position[axis]] - table.origin[axis]);
   });
-  if (!exact) return table;
-  table.origin = middle_of(places);
-  for (size_t i = 0; i < places.size(); ++i)
-    table.values[i / 3 * columns + size_t(position[i % 3])] =
-        float(places[i] - table.origin[i % 3]);
   return table;
 }
 
@@ -159,30 +158,45 @@ std::vector<PlyElement> read_ply_elements(const std::string& path) {
 }
 
 void write_ply(const std::string& path, const PlyTable& table) {
-  if (table.names.empty() || table.values.size() != table.rows * table.names.size())
+  const size_t columns = table.names.size();
+  if (columns == 0 || table.values.size() != table.rows * columns)
     throw Error(fmt::format("cannot write {}: {} rows of {} properties are not {} values", path,
-                            table.rows, table.names.size(), table.values.size()));
+                            table.rows, columns, table.values.size()));
+  write_ply(path, table, [&](size_t i, float* values) {
+    std::copy_n(table.values.data() + i * columns, columns, values);
+  });
+}
+
+void write_ply(const std::string& path, const PlyTable& head, const PlyRow& row) {
   std::string bytes = "ply\nformat binary_little_endian 1.0\n";
-  for (const std::string& comment : table.comments) bytes += fmt::format("comment {}\n", comment);
-  bytes += fmt::format("element vertex {}\n", table.rows);
-  const bool far = table.origin != std::array<double, 3>{0, 0, 0};
+  for (const std::string& comment : head.comments) bytes += fmt::format("comment {}\n", comment);
+  bytes += fmt::format("element vertex {}\n", head.rows);
+  const bool far = head.origin != std::array<double, 3>{0, 0, 0};
   std::vector<int> axes;  // of each column whose values are doubles, else -1
-  for (const std::string& name : table.names) {
+  for (const std::string& name : head.names) {
     const bool position = far && (name == "x" || name == "y" || name == "z");
     axes.push_back(position ? name[0] - 'x' : -1);
     bytes += fmt::format("property {} {}\n", position ? "double" : "float", name);
   }
   bytes += "end_header\n";
-  if (!far) append(bytes, table.values.data(), table.values.size());
-  for (size_t i = 0; far && i < table.values.size(); ++i) {
-    const int axis = axes[i % axes.size()];
-    const double place = axis < 0 ? 0 : double(table.values[i]) + table.origin[size_t(axis)];
-    if (axis < 0)
-      append(bytes, &table.values[i], 1);
-    else
-      append(bytes, &place, 1);
-  }
-  write_file_atomically(path, bytes);
+  std::vector<float> values(head.names.size());
+  write_file_in_pieces(path, [&](const Append& write) {
+    for (size_t i = 0; i < head.rows; ++i) {
+      row(i, values.data());
+      if (!far) append(bytes, values.data(), values.size());
+      for (size_t c = 0; c < values.size() && far; ++c) {
+        const int axis = axes[c];
+        const double place = axis < 0 ? 0 : double(values[c]) + head.origin[size_t(axis)];
+        if (axis < 0)
+          append(bytes, &values[c], 1);
+        else
+          append(bytes, &place, 1);
+      }
+      write(bytes);
+      bytes.clear();
+    }
+    write(bytes);  // of a table without rows
+  });
 }
 
 PointCloud read_point_cloud(const std::string& path) {
@@ -226,13 +240,17 @@ void write_point_cloud(const std::string& path, const PointCloud& points) {
       "property float x\nproperty float y\nproperty float z\n{}end_header\n",
       points.size(),
       colored ? "property uchar red\nproperty uchar green\nproperty uchar blue\n" : "");
-  for (size_t i = 0; i < points.size(); ++i) {
-    const float place[3] = {float(points.xyz[3 * i]), float(points.xyz[3 * i + 1]),
-                            float(points.xyz[3 * i + 2])};
-    append(bytes, place, 3);
-    if (colored) append(bytes, points.rgb.data() + 3 * i, 3);
-  }
-  write_file_atomically(path, bytes);
+  write_file_in_pieces(path, [&](const Append& write) {
+    for (size_t i = 0; i < points.size(); ++i) {
+      const float place[3] = {float(points.xyz[3 * i]), float(points.xyz[3 * i + 1]),
+                              float(points.xyz[3 * i + 2])};
+      append(bytes, place, 3);
+      if (colored) append(bytes, points.rgb.data() + 3 * i, 3);
+      write(bytes);
+      bytes.clear();
+    }
+    write(bytes);  // of no points
+  });
 }
 
 }  // namespace gflow

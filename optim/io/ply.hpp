@@ -5,6 +5,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,11 @@ std::vector<std::string> ply_vertex_properties(const std::string& path);
 
 // Binary little-endian, all properties float; x, y and z double where they have an origin.
 void write_ply(const std::string& path, const PlyTable& table);
+
+// The values of row i of a table, [names], put into `values`: asked for in order, once each.
+using PlyRow = std::function<void(size_t i, float* values)>;
+// The same of rows that are made while they are written; `head` has all but the values.
+void write_ply(const std::string& path, const PlyTable& head, const PlyRow& row);
 
 // One element of a PLY with its scalar properties: reals as floats, integers exactly (also 32 bits
 // that hold something packed, which a float would round).

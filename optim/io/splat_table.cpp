@@ -92,19 +92,25 @@ void require_columns(const std::vector<std::string>& names, int sh_degree,
 
 }  // namespace
 
+StandardRows::StandardRows(const PlyTable& table, const std::string& path)
+    : table_(table), sh_degree_(sh_degree_of(table, path)), head_(SplatTable(0, sh_degree_).table) {
+  require_columns(table.names, sh_degree_, path);
+  head_.rows = table.rows;
+  head_.origin = table.origin;
+  for (const std::string& name : head_.names) from_.push_back(table.column(name));
+}
+
+void StandardRows::copy(size_t i, float* values) const {
+  const float* row = table_.values.data() + i * table_.names.size();
+  for (const int from : from_) *values++ = from < 0 ? 0 : row[from];
+}
+
 SplatTable standard_table(const PlyTable& table, const std::string& path) {
-  const int sh_degree = sh_degree_of(table, path);
-  require_columns(table.names, sh_degree, path);
-  SplatTable result(table.rows, sh_degree);
+  const StandardRows rows(table, path);
+  SplatTable result(table.rows, rows.sh_degree());
   result.table.origin = table.origin;
-  const std::vector<std::string>& names = result.table.names;
-  for (size_t to = 0; to < names.size(); ++to) {
-    const int from = table.column(names[to]);
-    if (from < 0) continue;  // a normal
-    for (size_t i = 0; i < table.rows; ++i)
-      result.table.values[i * names.size() + to] =
-          table.values[i * table.names.size() + size_t(from)];
-  }
+  const size_t columns = result.table.names.size();
+  for (size_t i = 0; i < table.rows; ++i) rows.copy(i, &result.table.values[i * columns]);
   return result;
 }
 

@@ -38,7 +38,25 @@ struct SplatTable {
 void require_property(const std::vector<std::string>& names, const std::string& name,
                       const std::string& path);
 
-// The standard's columns of any table. Error that names `path` when one is missing.
+// The standard's columns of any table, a row at a time: where a copy of all would be in the way.
+// Error that names `path` when one is missing. The table must outlive it.
+class StandardRows {
+ public:
+  StandardRows(const PlyTable& table, const std::string& path);
+  int sh_degree() const { return sh_degree_; }
+  // The standard's table but for its values.
+  const PlyTable& head() const { return head_; }
+  // A PlyRow of it.
+  void copy(size_t i, float* values) const;
+
+ private:
+  const PlyTable& table_;
+  int sh_degree_;
+  PlyTable head_;
+  std::vector<int> from_;  // of each of its columns the table's; -1: a normal
+};
+
+// The same as a copy of all.
 SplatTable standard_table(const PlyTable& table, const std::string& path);
 
 // Degree of spherical harmonics that have so many f_rest columns (0, 9, 24, 45), or -1.

@@ -43,8 +43,9 @@ struct GroupSpec {
 class Table {
  public:
   // `count` rows of undefined values, zero gradients and moments; the first `moving` of them in
-  // groups of what moves.
-  Table(Queue& queue, size_t count, size_t moving, std::vector<GroupSpec> specs)
+  // groups of what moves. Without gradients and moments, three quarters of the memory, where it
+  // does not learn.
+  Table(Queue& queue, size_t count, size_t moving, std::vector<GroupSpec> specs, bool learns = true)
       : count(count),
         moving(moving),
         specs(std::move(specs)),
@@ -52,7 +53,7 @@ class Table {
         active{0, count} {
     groups.reserve(this->specs.size());
     for (const GroupSpec& spec : this->specs)
-      groups.emplace_back(queue, spec.name, rows_of(spec), spec.width);
+      groups.emplace_back(queue, spec.name, rows_of(spec), spec.width, learns);
   }
 
   size_t rows_of(const GroupSpec& spec) const { return spec.moving ? moving : count; }
@@ -91,12 +92,12 @@ class Parameters : public Table {
   static constexpr size_t all = std::numeric_limits<size_t>::max();
 
   Parameters(Queue& queue, size_t count, std::vector<GroupSpec> specs,
-             std::vector<TableSpec> more_specs = {}, size_t moving = all)
-      : Table(queue, count, std::min(count, moving), std::move(specs)),
+             std::vector<TableSpec> more_specs = {}, size_t moving = all, bool learns = true)
+      : Table(queue, count, std::min(count, moving), std::move(specs), learns),
         more_specs(std::move(more_specs)) {
     for (const TableSpec& spec : this->more_specs) {
       const size_t table_rows = spec.count(this->moving);
-      more.emplace_back(queue, table_rows, table_rows, spec.groups);
+      more.emplace_back(queue, table_rows, table_rows, spec.groups, learns);
       more.back().active = {0, 0};
     }
   }

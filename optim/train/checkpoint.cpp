@@ -2,6 +2,7 @@
 #include "optim/train/checkpoint.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -206,7 +207,12 @@ void CheckpointFolder::write(const Checkpoint& checkpoint) const {
   fs::create_directories(folder_, problem);
   if (problem) throw Error(fmt::format("cannot make {}: {}", folder_, problem.message()));
   const int step = checkpoint.facts.step;
-  write_checkpoint(path(step), checkpoint);
+  try {
+    write_checkpoint(path(step), checkpoint);
+  } catch (const DiskFull& full) {
+    if (!make_room(full)) throw;
+    write_checkpoint(path(step), checkpoint);
+  }
   bool kept_one = false;  // later ones are those that could not be read
   for (const int other : steps()) {
     if (other == step) continue;
@@ -215,6 +221,31 @@ void CheckpointFolder::write(const Checkpoint& checkpoint) const {
     else
       fs::remove(path(other), problem);
   }
+}
+
+bool CheckpointFolder::make_room(const DiskFull& problem) const {
+  const auto can_be_read = [&](int step) {
+    try {
+      read_checkpoint(path(step));
+      return true;
+    } catch (const std::exception&) {  // or there is not enough memory to tell
+      return false;
+    }
+  };
+  std::vector<int> older = steps();
+  if (older.size() < 2) return false;
+  const auto kept = std::find_if(older.begin(), older.end(), can_be_read);
+  if (kept == older.end()) return false;
+  const int last = *kept;
+  older.erase(kept);
+  std::vector<int> removed;
+  std::error_code failed;
+  for (const int step : older)
+    if (fs::remove(path(step), failed)) removed.push_back(step);
+  if (removed.empty()) return false;
+  warn(fmt::format("{}; older checkpoints make room (step {}), that of step {} stays",
+                   problem.what(), fmt::join(removed, ", "), last));
+  return true;
 }
 
 std::optional<CheckpointFolder::Found> CheckpointFolder::latest() const {

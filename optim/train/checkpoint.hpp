@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "optim/io/atomic_file.hpp"
 #include "optim/io/npz.hpp"
 #include "optim/train/model.hpp"
 #include "runtime/queue.hpp"
@@ -56,9 +57,12 @@ class CheckpointFolder {
   };
 
   std::string path(int step) const;
-  // Writes one and keeps, beside it, the last before it only. Error when it cannot be written; then
-  // those that were there remain.
+  // Writes one and keeps, beside it, the last before it only. Where the disk is full, make_room()
+  // helps. Error when it cannot be written; then the last of those that were there remains.
   void write(const Checkpoint& checkpoint) const;
+  // Before something later than all of them is written where there is no room for it, as `problem`
+  // says: removes all but the last that can be read, which is warned of. Whether any was removed.
+  bool make_room(const DiskFull& problem) const;
   // The last one that can be read, none when the folder has no checkpoints; warns of those that
   // cannot. Error when there are some and none can be read.
   std::optional<Found> latest() const;

@@ -6,11 +6,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <optional>
 #include <sstream>
 #include <type_traits>
 
+#include "optim/io/decimal.hpp"
 #include "optim/io/printable.hpp"
 #include "optim/train/edit_distance.hpp"
 #include "optim/train/toml_file.hpp"
@@ -108,7 +108,9 @@ void assign(const Incoming& in, float& member, const Allowed& range) {
   constexpr double most = std::numeric_limits<float>::max();
   if (value && *value > most && range.contains(most))
     in.refuse(fmt::format("a number, at most {:.3g}", most));
-  if (!value || !range.contains(*value)) in.refuse("a number, " + range.text());
+  const bool is_text = in.node->is_string();  // which may be a number to others, as 0x1p-2
+  if (!value || !range.contains(*value))
+    in.refuse((is_text ? "a decimal number, " : "a number, ") + range.text());
   member = static_cast<float>(*value);
 }
 
@@ -190,9 +192,7 @@ toml::table value_table(const std::string& text) {
   try {
     return parse_toml("value = " + text, "--set");
   } catch (const toml::parse_error&) {
-    char* end = nullptr;
-    const double number = std::strtod(text.c_str(), &end);
-    if (!text.empty() && *end == '\0') return toml::table{{"value", number}};
+    if (const auto number = decimal_number(text)) return toml::table{{"value", *number}};
     return toml::table{{"value", text}};
   }
 }
@@ -214,9 +214,14 @@ void apply_toml(TrainConfig& config, const std::string& path, Parse&& parse) {
     file = parse();
   } catch (const toml::parse_error& problem) {
     const auto at = problem.source().begin;
+    std::string why(problem.description());
+    // toml++ says this of 1e999.
+    if (why.find("floating-point") != why.npos &&
+        why.find("could not be interpreted as a value") != why.npos)
+      why = fmt::format("the number {} is farther from 0 than a number can be",
+                        why.substr(why.find('\''), why.rfind('\'') + 1 - why.find('\'')));
     throw Error(fmt::format("reading the configuration {}{}: {}", path,
-                            at.line ? fmt::format(", line {}", at.line) : "",
-                            excerpt(std::string(problem.description()), 200)));
+                            at.line ? fmt::format(", line {}", at.line) : "", excerpt(why, 200)));
   }
   const auto where = [&](const toml::node& node) {
     return fmt::format("{}, line {}", path, node.source().begin.line);
@@ -284,9 +289,12 @@ void apply_setting(TrainConfig& config, const std::string& assignment) {
   const size_t equals = assignment.find('=');
   const size_t dot = assignment.substr(0, equals).find('.');
   const std::string where = "--set " + excerpt(assignment);
-  if (equals == std::string::npos || dot == std::string::npos)
-    throw Error(where +
-                ": a setting is written section.key=value, for example train.iterations=3000");
+  const auto require_both = [&](bool both) {
+    if (!both)
+      throw Error(where +
+                  ": a setting is written section.key=value, for example train.iterations=3000");
+  };
+  require_both(equals != std::string::npos && dot != std::string::npos);
   const auto trimmed = [](const std::string& text) {
     const size_t first = text.find_first_not_of(" \t");
     return first == std::string::npos
@@ -296,6 +304,7 @@ void apply_setting(TrainConfig& config, const std::string& assignment) {
   const std::string section = trimmed(assignment.substr(0, dot));
   const std::string key = trimmed(assignment.substr(dot + 1, equals - dot - 1));
   const std::string text = trimmed(assignment.substr(equals + 1));
+  require_both(!section.empty() && !key.empty());
   const toml::table table = value_table(text);
   assign_setting(config, section, key, {where, "", table.get("value"), text});
 }

@@ -8,8 +8,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
+#include <sstream>
 #include <type_traits>
 
+#include "optim/io/decimal.hpp"
 #include "optim/io/printable.hpp"
 #include "optim/io/splat_table.hpp"
 #include "optim/motion/parameters_state.hpp"
@@ -74,14 +76,13 @@ std::optional<std::string> comment_after(const PlyTable& table, const std::strin
 // The numbers that make up `text`, and nothing else.
 std::optional<std::vector<double>> only_numbers(const std::string& text) {
   std::vector<double> numbers;
-  const char* at = text.c_str();
-  for (char* end = nullptr;; at = end) {
-    const double value = std::strtod(at, &end);
-    if (end == at) break;
-    numbers.push_back(value);
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    const auto number = decimal_number(word);
+    if (!number) return std::nullopt;
+    numbers.push_back(*number);
   }
-  while (*at == ' ' || *at == '\t') ++at;
-  if (at != text.c_str() + text.size() || numbers.empty()) return std::nullopt;
+  if (numbers.empty()) return std::nullopt;
   return numbers;
 }
 
@@ -220,13 +221,15 @@ std::string tables_path(const std::string& path) {
   return std::filesystem::path(path).replace_extension(".motion.npz").string();
 }
 
-Model::Model(Queue& queue, const ModelShape& shape, size_t count)
+Model::Model(Queue& queue, const ModelShape& shape, size_t count, Purpose purpose)
     : shape(shape),
       motion(make_motion(queue, shape)),
       color(queue, shape.sh_degree),
-      parameters(queue, count, all_groups(shape), motion_tables(shape)) {}
+      parameters(queue, count, all_groups(shape), motion_tables(shape), Parameters::all,
+                 purpose == Purpose::training) {}
 
-Model::Model(Queue& queue, const HostModel& host) : Model(queue, host.shape, host.count) {
+Model::Model(Queue& queue, const HostModel& host, Purpose purpose)
+    : Model(queue, host.shape, host.count, purpose) {
   for (Table* table : parameters.tables())
     for (size_t g = 0; g < table->specs.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
@@ -271,26 +274,25 @@ void write_model(const std::string& path, const HostModel& model) {
   append({"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"});
   append({"t", "scale_t"});
   for (const MotionColumns& motion : motion_columns(model.shape)) append(motion.properties);
-  const size_t columns = table.names.size();
-  table.values.assign(columns * table.rows, 0.f);
+  struct Source {
+    const std::vector<float>& values;
+    size_t width, first, count, to;
+  };
+  std::vector<Source> sources;
   const auto widths = widths_of(model.shape);
-  for (const ColumnBlock& block : column_blocks(true, model.shape)) {
-    const std::vector<float>& values = model.groups.at(block.group);
-    const size_t width = widths.at(block.group), to = size_t(table.column(block.names[0]));
-    for (size_t i = 0; i < table.rows; ++i)
-      for (size_t c = 0; c < block.names.size(); ++c)
-        table.values[i * columns + to + c] = values[i * width + block.first + c];
-  }
-  if (rest) {
-    const std::vector<float>& values = model.groups.at("sh_rest");
-    const size_t to = size_t(table.column("f_rest_0"));
-    for (size_t i = 0; i < table.rows; ++i)
-      for (size_t k = 0; k < rest; ++k)
-        for (size_t c = 0; c < 3; ++c)
-          table.values[i * columns + to + c * rest + k] = values[(i * rest + k) * 3 + c];
-  }
+  for (const ColumnBlock& block : column_blocks(true, model.shape))
+    sources.push_back({model.groups.at(block.group), widths.at(block.group), block.first,
+                       block.names.size(), size_t(table.column(block.names[0]))});
+  const float* sh_rest = rest ? model.groups.at("sh_rest").data() : nullptr;
+  const size_t to_rest = rest ? size_t(table.column("f_rest_0")) : 0;
   write_tables(tables_path(path), model);
-  write_ply(path, table);
+  write_ply(path, table, [&](size_t i, float* row) {
+    std::fill_n(row, table.names.size(), 0.f);  // normals
+    for (const Source& from : sources)
+      std::copy_n(&from.values[i * from.width + from.first], from.count, row + from.to);
+    for (size_t k = 0; k < rest; ++k)
+      for (size_t c = 0; c < 3; ++c) row[to_rest + c * rest + k] = sh_rest[(i * rest + k) * 3 + c];
+  });
 }
 
 namespace {

@@ -27,12 +27,15 @@ struct HostModel {
   HostGroups groups;
 };
 
+// What a model is for: one that is only shown takes a quarter of the device's memory.
+enum class Purpose { training, showing };
+
 class Model {
  public:
   // `count` Gaussians of undefined values.
-  Model(Queue& queue, const ModelShape& shape, size_t count);
+  Model(Queue& queue, const ModelShape& shape, size_t count, Purpose purpose = Purpose::training);
   // Error when a group is missing or has the wrong length.
-  Model(Queue& queue, const HostModel& host);
+  Model(Queue& queue, const HostModel& host, Purpose purpose = Purpose::training);
 
   // Model time of a scene time in [0, 1].
   float time(double scene_time) const { return float(scene_time * shape.duration); }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "optim/io/atomic_file.hpp"
 #include "optim/motion/parameters_state.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/progress.hpp"
@@ -96,6 +97,42 @@ Error without_device(const Error& problem, const Training& training, int step, R
   if (saved() == 0) return Error(fmt::format("{}; no step is saved", problem.what()));
   return Error(fmt::format("{}; {} of {} steps are saved, {}", problem.what(), saved(), step,
                            how_to_go_on(run, training.config)));
+}
+
+// Runs what writes something of the end; "" or why it could not. Where the disk is full, older
+// checkpoints make room for the model.
+std::string why_not(const RunFolder& run, const std::function<void()>& write) {
+  try {
+    try {
+      write();
+    } catch (const DiskFull& full) {
+      if (!run.checkpoints().make_room(full)) throw;
+      write();
+    }
+  } catch (const Error& problem) {
+    return problem.what();
+  }
+  return "";
+}
+
+// What to throw when the end could not be kept in full: `model` and `rest` are why not, or "".
+Error not_all_kept(const Training& training, int steps, const std::string& model,
+                   const std::string& rest) {
+  const RunFolder& run = training.run;
+  const std::vector<int> saved = run.checkpoints().steps();
+  const int last = saved.empty() ? 0 : saved[0];
+  const std::string go_on =
+      last > 0 ? "; once that is mended, " + how_to_go_on(run, training.config) : "";
+  if (model.empty())
+    return Error(
+        fmt::format("{}; the model is in {}, {}{}", rest, run.model_path(steps),
+                    last > 0 ? fmt::format("the last checkpoint is of step {} of {}", last, steps)
+                             : "there is no checkpoint",
+                    go_on));
+  if (last == steps)
+    return Error(fmt::format("{}; all {} steps are kept in {}{}", model, steps,
+                             run.checkpoints().path(last), go_on));
+  return Error(fmt::format("{}; {} of {} steps are saved{}", model, last, steps, go_on));
 }
 
 // Steps of the training before, 0 where nothing can tell: no reason to lose this one.
@@ -189,11 +226,16 @@ RunFacts keep_result(Training& training, int steps) {
     throw Error(sentence);
   }
   const int stopped = stopped_at(run);  // where it was gone on from
-  save_model(queue, model, run, steps);
-  if (stopped != steps && !ends_round(stopped, config.train.save_every)) run.forget_model(stopped);
-  run.write_facts(facts);
-  checkpoints.write(steps, facts.train_seconds);
-  return facts;
+  // Each is worth having without the other: either of them holds the model.
+  const std::string no_model = why_not(run, [&] { save_model(queue, model, run, steps); });
+  if (no_model.empty() && stopped != steps && !ends_round(stopped, config.train.save_every))
+    run.forget_model(stopped);
+  const std::string no_facts = why_not(run, [&] { run.write_facts(facts); });
+  const std::string no_checkpoint =
+      why_not(run, [&] { checkpoints.write(steps, facts.train_seconds); });
+  const std::string no_rest = no_checkpoint.empty() ? no_facts : no_checkpoint;
+  if (no_model.empty() && no_rest.empty()) return facts;
+  throw not_all_kept(training, steps, no_model, no_rest);
 }
 
 }  // namespace gflow

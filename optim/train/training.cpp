@@ -148,11 +148,16 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
                                   config.train.iterations, run.model_path(steps),
                                   how_to_go_on(run, config)));
   if (scene.test.empty()) return {};
-  const Evaluation evaluation = judge(queue, model, config, prepared.loaded(), scene.test, quiet,
-                                      run.path("test"), run.path("flow"));
-  run.write_results(evaluation, "test", facts, config, model.parameters.count);
-  write_comparison(queue, model, config, prepared.loaded(), run);
-  return evaluation;
+  try {
+    const Evaluation evaluation = judge(queue, model, config, prepared.loaded(), scene.test, quiet,
+                                        run.path("test"), run.path("flow"));
+    run.write_results(evaluation, "test", facts, config, model.parameters.count);
+    write_comparison(queue, model, config, prepared.loaded(), run);
+    return evaluation;
+  } catch (const DiskFull& full) {
+    throw DiskFull(fmt::format("{}; the model is in {}, `gflow eval {}` judges it", full.what(),
+                               run.model_path(steps), run.folder()));
+  }
 }
 
 }  // namespace gflow

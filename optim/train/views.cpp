@@ -6,10 +6,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <map>
 #include <set>
 #include <sstream>
+
+#include "optim/io/decimal.hpp"
 
 namespace gflow {
 namespace {
@@ -17,11 +18,11 @@ namespace {
 constexpr double same_time = 1e-6;
 constexpr size_t few = 4;  // fewer views of a camera make no video
 
-// A number and nothing else, or NaN.
-double number_in(const std::string& text) {
-  char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
-  return !text.empty() && *end == '\0' ? value : std::nan("");
+// A number and nothing else but blanks before it, or NaN.
+double number_in(const std::string& blanks_and_number) {
+  const size_t first = blanks_and_number.find_first_not_of(" \t");
+  const std::string text = first == std::string::npos ? "" : blanks_and_number.substr(first);
+  return decimal_number(text).value_or(std::nan(""));
 }
 
 std::vector<std::string> pieces(const std::string& text, char separator) {

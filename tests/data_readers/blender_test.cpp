@@ -90,6 +90,25 @@ TEST(Blender, TrueFlowMakesAPairWithoutANextFrame) {
   EXPECT_FALSE(first.flow_mask_path.empty());
 }
 
+// A test view without one would be compared with the beginning.
+TEST(Blender, TimesAreInAllFilesOrNone) {
+  const TemporaryFolder folder;
+  const std::string top = R"("camera_angle_x": 1.0)";
+  const auto with = [&](const std::string& train, const std::string& test) {
+    make(folder, frame("train/a", train, pose), top);
+    folder.write("transforms_test.json", transforms(frame("train/b", test, pose), top));
+    return read_scene(folder.path()).test.size();
+  };
+  EXPECT_EQ(with("", ""), 1u);
+  EXPECT_EQ(with("0", "0.5"), 1u);
+  expect_error([&] { with("0", ""); },
+               {"transforms_test.json has no 'time'", "transforms_train.json have one"});
+  expect_error([&] { with("", "0.5"); },
+               {"transforms_test.json has a 'time'", "transforms_train.json have none"});
+  folder.write("transforms_test.json", transforms("", top));
+  EXPECT_TRUE(read_scene(folder.path()).test.empty());
+}
+
 TEST(Blender, IntrinsicsOfAFrameWinAndFollowThePictureSize) {
   const TemporaryFolder folder;
   make(folder, frame("train/a", "", pose, R"(, "fl_x": 20, "fl_y": 22, "cx": 9, "cy": 5)"),

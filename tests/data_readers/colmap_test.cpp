@@ -183,6 +183,20 @@ TEST(Colmap, PointsFartherThanAFloatIsAreRefusedAndTracksMayBeLong) {
   }
 }
 
+// Not read as the 0 that they begin with.
+TEST(Colmap, HexadecimalNumbersAreRefused) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  for (const char* point : {"1 0x1p3 -1 2 10 20 30 0.1", "1 0.5 -1 2 10 20 0x1e 0.1"}) {
+    folder.write("sparse/0/points3D.txt", std::string(point) + " 2 0\n");
+    expect_error([&] { read_colmap_points(folder.file("sparse/0")); }, {"points3D.txt", point});
+  }
+  for (const char* camera : {"7 SIMPLE_PINHOLE 8 6 0x1p3 4 3", "7 SIMPLE_PINHOLE 8 6 10 4 0x3"}) {
+    folder.write("sparse/0/cameras.txt", std::string(camera) + "\n");
+    expect_error([&] { read_colmap_model(folder.file("sparse/0")); }, {"cameras.txt", camera});
+  }
+}
+
 TEST(Colmap, MorePicturesThanASceneHasAreRefused) {
   const TemporaryFolder folder;
   make_text(folder);

@@ -1,9 +1,11 @@
 """The disk: the k-th call that changes a file fails, once or from then on."""
+import errno
 import os
+import re
 import shutil
 
 from outputs import gnuplot, is_whole_video, others
-from trial import Trial, every_call, from_some_on
+from trial import FOREVER, Trial, every_call, from_some_on
 from world import broken_checkpoints, checkpoints_of, contents_under, settings
 
 
@@ -20,6 +22,32 @@ def training(world, name, prepare, arguments):
         wrong += world.differences(run, lost) if outcome.code == 0 else []
         return wrong + world.resumed_as_undisturbed(run, lost)
     return Trial(world, name, prepare, arguments, check)
+
+
+def full_at_the_end(world):
+    """From some write of the end on the disk is full until something is removed: the checkpoint before the last
+    makes room, and nothing is lost."""
+    trial = training(world, "train until there is room", lambda folder: None,
+                     lambda folder: ["train", world.scene, "-o", folder + "/run", *settings()])
+    as_ever = trial.check
+
+    def check(folder, outcome, before):
+        wrong = [] if outcome.code == 0 else [outcome.last_line()]
+        if "older checkpoints make room (step 4), that of step 8 stays" not in outcome.err:
+            wrong.append(f"it does not say what made room: {outcome.err.strip()!r}")
+        return wrong + as_ever(folder, outcome, before)
+    trial.check, trial.room = check, True
+    outcome, calls, folder = trial.run(0, 0, 0, "clean")
+    shutil.rmtree(folder)
+    if outcome.code != 0:
+        yield [f"without a fault: {outcome.last_line()}"]
+        return
+    of_end = re.compile(r"(open|write|fsync|rename) .*/(point_cloud/iteration_10/|\.?training[.0-9]|"
+                        r"checkpoints/\.?iteration_10\.)")
+    numbers = [number for number, what in calls if of_end.match(what)]
+    if len(numbers) < 9:
+        yield [f"only {len(numbers)} calls write the end"]
+    yield from (trial.run(k, FOREVER, errno.ENOSPC, str(k)) for k in numbers)
 
 
 def one_output(world, name, arguments, output):
@@ -77,3 +105,4 @@ def faults(world, every):
     for name, trial in trials(world).items():
         yield f"disk: every write of {name}", lambda trial=trial: every_call(trial, every)
     yield "disk: full when gnuplot draws", lambda: from_some_on(gnuplot(world), 6)
+    yield "disk: full when a training ends, until something is removed", lambda: full_at_the_end(world)

@@ -4,6 +4,7 @@
 //   FAULT_FOLDER  only paths under it count (no symbolic link in it)
 //   FAULT_CALL    k, from 1; 0: none fails
 //   FAULT_LAST    the last one that fails (default: k alone; a large number: the disk stays full)
+//   FAULT_ROOM    1: no more fail once a file is removed, temporaries aside: there is room again
 //   FAULT_ERRNO   the number errno is set to
 //   FAULT_REPORT  file that gets a line a call: its number, "failed" or "made", its name, the path
 //   FAULT_READS   1: the calls that read count, instead of those that change
@@ -30,9 +31,10 @@
 #include <unistd.h>
 
 static atomic_long calls;
+static atomic_int removed;
 static char folder[PATH_MAX];
 static long first, last;
-static int code, report = -1, reads;
+static int code, report = -1, reads, room;
 
 #define NEXT(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
 
@@ -54,6 +56,7 @@ __attribute__((constructor)) static void start(void) {
   last = number("FAULT_LAST", first);
   code = (int)number("FAULT_ERRNO", ENOSPC);
   reads = (int)number("FAULT_READS", 0);
+  room = (int)number("FAULT_ROOM", 0);
   report = NEXT(open)(to, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
 }
 
@@ -70,7 +73,7 @@ static int counts(const char *what, const char *path) {
       (path[length] != '/' && path[length] != '\0'))
     return 0;
   const long n = atomic_fetch_add(&calls, 1) + 1;
-  const int failed = first > 0 && n >= first && n <= last, before = errno;
+  const int failed = first > 0 && n >= first && n <= last && !(room && removed), before = errno;
   say(n, failed ? "failed" : "made", what, path);
   errno = failed ? code : before;
   return failed;
@@ -171,6 +174,13 @@ int truncate(const char *path, off_t size) {
 int rename(const char *from, const char *to) {
   return strikes("rename", to) ? -1 : NEXT(rename)(from, to);
 }
+static int gone(const char *path, int result) {
+  const size_t length = strlen(folder);
+  if (result == 0 && length && !strncmp(path, folder, length) && !strstr(path, ".part")) removed = 1;
+  return result;
+}
+int unlink(const char *path) { return gone(path, NEXT(unlink)(path)); }
+int remove(const char *path) { return gone(path, NEXT(remove)(path)); }
 int mkdir(const char *path, mode_t mode) {
   return strikes("mkdir", path) ? -1 : NEXT(mkdir)(path, mode);
 }
@@ -203,4 +213,8 @@ ssize_t readv(int fd, const struct iovec *parts, int count) {
 void *mmap(void *to, size_t size, int protection, int flags, int fd, off_t at) {
   if (fd >= 0 && strikes_reading_of("mmap", fd)) return MAP_FAILED;
   return NEXT(mmap)(to, size, protection, flags, fd, at);
+}
+void *mmap64(void *to, size_t size, int protection, int flags, int fd, off64_t at) {
+  if (fd >= 0 && strikes_reading_of("mmap", fd)) return MAP_FAILED;
+  return NEXT(mmap64)(to, size, protection, flags, fd, at);
 }

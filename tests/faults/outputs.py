@@ -100,6 +100,12 @@ def with_old_results(world):
     return prepare
 
 
+def write_plan(world, path):
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(PLAN.format(scene=world.scene, settings="\n".join(
+            setting.replace("=", " = ", 1) for setting in SETTINGS)))
+
+
 def half_an_experiment(world):
     """One of two trainings is done, and its table is there."""
     base = world.path("half")
@@ -107,9 +113,7 @@ def half_an_experiment(world):
     def prepare(folder):
         if not os.path.isdir(base):
             os.makedirs(base)
-            with open(base + "/plan.toml", "w", encoding="utf-8") as file:
-                file.write(PLAN.format(scene=world.scene, settings="\n".join(
-                    setting.replace("=", " = ", 1) for setting in SETTINGS)))
+            write_plan(world, base + "/plan.toml")
             outcome = world.run(experiment(base))
             if outcome.code != 0:
                 raise SystemExit(f"without a fault the experiment must succeed: {outcome.err}")

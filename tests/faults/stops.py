@@ -7,7 +7,7 @@ import time
 
 from world import broken_checkpoints, checkpoints_of, complaints, ended, settings, unfinished_in
 
-KILLS, SIGNALS, PAIRS = 200, 100, 10
+KILLS, SIGNALS, PAIRS, EARLY = 200, 100, 10, 90
 
 
 class Long:
@@ -116,6 +116,32 @@ def signalled(world):
         yield [f"{signal.Signals(number).name} {trial + 1}: {what}" for what in wrong]
 
 
+def early(world):
+    """A signal before the program has its handlers, or while it looks at its command line: it dies of it or says
+    so, and nothing is there that was not, or is half-written."""
+    still, out = world.path("early.splat"), world.path("early")
+    world.run(["export", world.whole, "-o", still, "--quiet"])
+    random.seed(4)
+    for trial in range(EARLY):
+        shutil.rmtree(out, ignore_errors=True)
+        os.makedirs(out)
+        arguments = (["import", still, "-o", out + "/out.ply"], ["export", world.whole, "-o", out + "/out.splat"],
+                     ["render", world.whole, "-o", out + "/pictures"], ["eval", world.whole], ["devices"],
+                     ["train", world.scene, "-o", out + "/run", *settings()])[trial % 6]
+        number = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)[trial // 6 % 3]
+        process = world.start(arguments)
+        time.sleep(random.uniform(0, 0.5) if trial % 2 else random.uniform(0, 0.05))
+        process.send_signal(number)
+        outcome = ended(process)
+        wrong = [] if outcome.code == -number and not outcome.err else complaints(
+            outcome, (0, 128 + number), ["interrupted"])
+        wrong += [f"{path} was left behind" for path in unfinished_in(out) + unfinished_in(world.whole)]
+        wrong += broken_checkpoints(out + "/run")
+        yield [f"{arguments[0]}, {signal.Signals(number).name} {trial + 1}: {what}" for what in wrong]
+    wrong = world.differences(world.whole)  # what eval was stopped at
+    yield [f"eval: {what}" for what in wrong]
+
+
 def ignored(world):
     """As under nohup: what is ignored at the start stays so, also when drivers have taken over the signals."""
     for number in (signal.SIGHUP, signal.SIGINT):
@@ -177,6 +203,7 @@ def side_by_side(world):
 def faults(world, every):
     yield f"stops: kill -9 while saving, {KILLS} times", lambda: killed_in_saving(world)
     yield f"stops: SIGINT, SIGTERM, SIGHUP at {SIGNALS} moments", lambda: signalled(world)
+    yield "stops: signals in the first half second", lambda: early(world)
     yield "stops: signals that are ignored (nohup)", lambda: ignored(world)
     yield "stops: two processes in one folder", lambda: two_in_one_folder(world)
     yield "stops: two trainings side by side", lambda: side_by_side(world)

@@ -6,6 +6,7 @@ import shutil
 import struct
 import subprocess
 
+from outputs import write_plan
 from world import complaints, content, ended, settings
 
 
@@ -87,9 +88,12 @@ def odd_paths(world):
 
 def no_driver(world):
     results = []
+    plan = world.path("no-driver.toml")
+    write_plan(world, plan)
     for arguments in (["train", world.scene, "-o", world.path("none"), *settings()],
                       ["train", "-o", world.stopped, "--resume"], ["devices"], ["bench", "raster"], ["stress", "--quick"],
-                      ["render", world.whole, "-o", world.path("none"), "--quiet"], ["eval", world.whole]):
+                      ["render", world.whole, "-o", world.path("none"), "--quiet"], ["eval", world.whole],
+                      ["experiment", plan, "-o", world.path("none"), "--quiet"]):
         outcome = world.run(arguments, {"OCL_ICD_VENDORS": world.path("no drivers")})
         wrong = complaints(outcome, (2,), ["no OpenCL device found: install"])
         if os.path.exists(world.path("none")):

@@ -36,6 +36,7 @@ class Trial:
         self.prepare, self.arguments, self.check = prepare, arguments, check
         self.right = {}
         self.varies = False  # how many calls there are hangs on the clock
+        self.room = False  # what fails does so until a file is removed
 
     def run(self, first, last, code, tag):
         folder = self.world.path(f"{self.name}-{tag}")
@@ -49,7 +50,7 @@ class Trial:
         outcome = self.world.run(self.arguments(folder), {
             "LD_PRELOAD": self.world.shims["fail_io"], "FAULT_FOLDER": folder, "FAULT_CALL": str(first),
             "FAULT_LAST": str(last), "FAULT_ERRNO": str(code), "FAULT_REPORT": report,
-            "FAULT_READS": str(int(self.reads)), **({"FAULT_WHO": self.who} if self.who else {})})
+            "FAULT_READS": str(int(self.reads)), "FAULT_ROOM": str(int(self.room)), **({"FAULT_WHO": self.who} if self.who else {})})
         failed, calls = failed_calls(report)
         if first == 0:
             self.right = contents_under(folder)

@@ -45,6 +45,39 @@ TEST(AtomicFile, AFullDiskIsAnErrorThatLeavesTheOldFile) {
   EXPECT_EQ(folder.count(), 1u);
 }
 
+TEST(AtomicFile, AFullDiskIsToldFromOtherFaults) {
+  EXPECT_THROW(refuse_to_write("a", ENOSPC), DiskFull);
+  EXPECT_THROW(refuse_to_write("a", EDQUOT), DiskFull);
+  try {
+    refuse_to_write("a", EIO);
+  } catch (const DiskFull&) {
+    ADD_FAILURE() << "no room would help";
+  } catch (const Error& error) {
+    EXPECT_EQ(std::string(error.what()), "cannot write a: Input/output error");
+  }
+}
+
+TEST(AtomicFile, PiecesAreOneFileOrNone) {
+  const TemporaryFolder folder;
+  const std::string path = folder.write("a.txt", "old");
+  const std::string piece(300000, 'x');
+  const auto write_ten = [&](const Append& write) {
+    for (int i = 0; i < 10; ++i) write(piece);
+  };
+  {
+    const FileSizeLimit limit(2000000);  // a first part is written
+    expect_error([&] { write_file_in_pieces(path, write_ten); },
+                 {"cannot write " + path, "File too large"});
+  }
+  EXPECT_EQ(contents(path), "old");
+  EXPECT_EQ(folder.count(), 1u);
+  write_file_in_pieces(path, write_ten);
+  EXPECT_EQ(contents(path), std::string(3000000, 'x'));
+  write_file_in_pieces(path, [](const Append&) {});
+  EXPECT_EQ(contents(path), "");
+  EXPECT_EQ(folder.count(), 1u);
+}
+
 TEST(AtomicFile, AMissingFolderIsNamed) {
   expect_error([] { write_file_atomically("/no/such/folder/x", std::string_view("a")); },
                {"/no/such/folder/x", "No such file or directory"});

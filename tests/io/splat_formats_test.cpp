@@ -154,6 +154,15 @@ TEST(DotSplat, ReadingTakesTheMemoryOfWhatIsMadeOfIt) {
             double(n) * 56 / (1 << 20) + 8);
 }
 
+// What is written of a Gaussian, and its place in the order; not a copy of the table as well.
+TEST(DotSplat, WritingTakesTheMemoryOfTheFileAndItsOrder) {
+  const TemporaryFolder folder;
+  constexpr size_t n = 1000000;
+  const SplatTable table(n, 1);
+  EXPECT_LT(memory_of([&] { write_dot_splat(folder.file("a.splat"), table.table); }),
+            double(n) * (32 + 8 + 4 + 4) / (1 << 20) + 8);
+}
+
 TEST(DotSplat, OpaqueAndEmptyGaussiansHaveFiniteLogits) {
   const TemporaryFolder folder;
   std::string bytes;

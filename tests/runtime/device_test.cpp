@@ -50,6 +50,15 @@ TEST(Device, IsFoundByIndexAndByPartOfItsNameInAnyCase) {
   EXPECT_EQ(device_info(find_device(shouted)).name, first.name);
 }
 
+// A blank is part of nearly every name.
+TEST(Device, BlanksAloneAreNoName) {
+  for (const char* blank : {" ", " \t "}) {
+    const std::string message = message_of([&] { find_device(blank); });
+    EXPECT_NE(message.find("blanks alone"), std::string::npos) << message;
+    EXPECT_NE(message.find(list_devices()[0].name), std::string::npos) << message;
+  }
+}
+
 TEST(Device, WrongNameIsAnsweredWithTheNamesThereAre) {
   const std::string message = message_of([] { find_device("no such device"); });
   EXPECT_NE(message.find("no OpenCL device matches 'no such device'; there are: 0: "),

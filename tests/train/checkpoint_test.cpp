@@ -255,6 +255,35 @@ TEST(CheckpointFolder, WithNoneThatCanBeReadIsAnError) {
   testing::internal::GetCapturedStderr();
 }
 
+// What is removed is never the last that can be read.
+TEST(CheckpointFolder, MakesRoomByTheOnesBeforeTheLast) {
+  const TemporaryFolder folder;
+  const CheckpointFolder checkpoints(folder.path());
+  const DiskFull full("cannot write the next: No space left on device");
+  std::string said;
+  const auto makes_room = [&] {
+    testing::internal::CaptureStderr();
+    const bool made = checkpoints.make_room(full);
+    said = testing::internal::GetCapturedStderr();
+    return made;
+  };
+  EXPECT_FALSE(makes_room());
+  checkpoints.write(some_checkpoint(10));
+  EXPECT_FALSE(makes_room());
+  checkpoints.write(some_checkpoint(20));
+  EXPECT_TRUE(makes_room());
+  EXPECT_EQ(checkpoints.steps(), std::vector<int>{20});
+  for (const char* part : {"No space left", "step 10", "step 20 stays"})
+    EXPECT_NE(said.find(part), std::string::npos) << part << " in " << said;
+  folder.write("iteration_30.npz", "damaged");
+  EXPECT_TRUE(makes_room());
+  EXPECT_EQ(checkpoints.steps(), std::vector<int>{20});
+  folder.write("iteration_20.npz", "damaged");
+  folder.write("iteration_30.npz", "damaged");
+  EXPECT_FALSE(makes_room());
+  EXPECT_EQ(folder.count(), 2u);
+}
+
 TEST(CheckpointFolder, OnAFullDiskTheOlderOnesRemain) {
   const TemporaryFolder folder;
   const CheckpointFolder checkpoints(folder.path());

@@ -278,11 +278,17 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   expect_refused({"splat", "a.npz", "-o", out, "--lanes", "3"}, {"'3'", "0, 1, 4, 8 or 16"});
   for (const char* command : {"train", "render", "export", "import", "experiment", "splat"})
     expect_refused({command, "some", "-o", ""}, {"--output", "the path is empty"});
+  for (const char* command : {"import", "export", "render", "splat", "experiment", "train"})
+    expect_refused({command, "", "-o", out}, {"the path is empty", command});
+  for (const char* command : {"info", "eval"})
+    expect_refused({command, ""}, {"the path is empty", command});
+  expect_refused({"bench", "step", ""}, {"SCENE: the path is empty", "bench step"});
   for (const char* option : {"--json", "--plots", "--markdown"})
     expect_refused({"bench", "pareto", option, ""}, {option, "the path is empty"});
   expect_refused({"stress", "--json", ""}, {"--json", "the path is empty"});
   expect_refused({"render", run(), "-o", out, "--up", "w"}, {"'w'", "-y or -z"});
   expect_refused({"render", run(), "-o", out, "--fps", "nan"}, {"'nan'", "from 0 to 1000"});
+  expect_refused({"render", run(), "-o", out, "--fps", "0x1p3"}, {"'0x1p3'", "from 0 to 1000"});
   expect_refused({"bench", "raster", "--gaussians", "0"}, {"'0'", "from 1 to 20000000"});
   expect_refused({"bench", "raster", "--pixels", "8"}, {"--pixels 8", "512x512"});
 }
@@ -327,7 +333,7 @@ TEST_F(CommandTest, AFileThatCannotBeWrittenIsOneSentenceAndLeavesNothing) {
   const std::string cache = "export GFLOW_CACHE_DIR='" + folder.file("cache") + "'";
   const std::string limited = cache + "; ulimit -f 2";  // 1 or 2 KiB
   ASSERT_EQ(gflow(splat, cache).code, 0);
-  ASSERT_EQ(gflow({"render", run(), "-o", folder.path(), "--quiet"}, cache).code, 0);
+  ASSERT_EQ(gflow({"render", run(), "-o", folder.file("drawn"), "--quiet"}, cache).code, 0);
   ASSERT_EQ(gflow(train(folder.file("run")), cache).code, 0);
   fs::remove(out.file("out.npz"));
   expect_refused(splat, {"out.npz", "File too large"}, limited);

@@ -56,6 +56,28 @@ TEST(ApplySetting, TakesNumbersAsPeopleWriteThem) {
   EXPECT_EQ(config.flow.weight, 2.f);
 }
 
+// As in a file: TOML has none of these.
+TEST(ApplySetting, TakesNoHexadecimalFractions) {
+  for (const std::string text : {"0x1p-2", "0x.8", "0X1P3"})
+    EXPECT_CONTAINS(message_of_setting("flow.weight=" + text),
+                    "flow.weight = " + text + " is not allowed; it must be a decimal number");
+  EXPECT_CONTAINS(message_of_file("[flow]\nweight = 0x1p-2\n"), "line 2");
+  TrainConfig config;
+  apply_setting(config, "flow.weight=0x10");  // TOML's whole numbers may be
+  EXPECT_EQ(config.flow.weight, 16.f);
+}
+
+TEST(Config, ANumberThatNoneCanBeIsNamed) {
+  EXPECT_CONTAINS(message_of_file("[flow]\nweight = -1e999\n"),
+                  "line 2: the number '1e999' is farther from 0 than a number can be");
+  EXPECT_CONTAINS(message_of_setting("flow.weight=1e999"), "1e999 is not allowed");
+}
+
+TEST(ApplySetting, ASettingHasTwoNames) {
+  for (const char* text : {"train.=3", ".seed=3", " . =3"})
+    EXPECT_CONTAINS(message_of_setting(text), "a setting is written section.key=value");
+}
+
 TEST(Config, AFileChangesWhatItNamesAndNothingElse) {
   const TemporaryFile file("[train]\niterations = 77\n[flow]\nweight = 1\ntransport = \"ot\"\n");
   TrainConfig config;

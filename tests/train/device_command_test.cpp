@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow devices` and `gflow stress`: what they say of a device, and of one that does not hold.
 #include <nlohmann/json.hpp>
+#include <regex>
+#include <sstream>
 
 #include "io/folder.hpp"
 #include "runtime/device.hpp"
@@ -17,6 +19,11 @@ size_t lines_with(const std::string& text, const std::string& part) {
   size_t count = 0;
   for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
   return count;
+}
+
+// Long texts go on in the next line.
+std::string in_one_line(const std::string& text) {
+  return std::regex_replace(text, std::regex("\\s+"), " ");
 }
 
 TEST(DevicesCommand, TellsOfEachDeviceWhatItIsAndHowItCheckedItself) {
@@ -114,13 +121,14 @@ TEST(StressCommand, WritesTheFiguresThatItPrints) {
   ASSERT_EQ(told["tests"].size(), 2u);
   EXPECT_EQ(told["tests"][0]["test"], "T5");
   EXPECT_EQ(told["tests"][1]["test"], "T21");
+  const std::string shown = in_one_line(outcome.out);
   size_t rows = 0;
   for (const json& test : told["tests"])
     for (const json& row : test["figures"]) {
       ++rows;
       EXPECT_TRUE(row["passed"]) << row;
       EXPECT_LE(row["figure"], row["bound"]) << row;
-      EXPECT_NE(outcome.out.find(row["condition"].get<std::string>()), std::string::npos) << row;
+      EXPECT_NE(shown.find(row["condition"].get<std::string>()), std::string::npos) << row;
     }
   EXPECT_EQ(told["passed"], rows);
   EXPECT_EQ(lines_with(outcome.out, kOkWord), rows);
@@ -128,6 +136,21 @@ TEST(StressCommand, WritesTheFiguresThatItPrints) {
             std::string::npos);
   EXPECT_NE(outcome.err.find("T21"), std::string::npos) << "progress";
   EXPECT_EQ(gflow({"--quiet", "stress", "--only", "5"}).err, "");
+}
+
+// As wide as a terminal is by default, whatever a condition says.
+TEST(StressCommand, NoLineIsLongerThan80Characters) {
+  for (const std::vector<std::string>& what :
+       {std::vector<std::string>{"--only", "12,18,21,40", "--quick"}, {"--derivatives"}}) {
+    std::vector<std::string> arguments{"--quiet", "stress"};
+    arguments.insert(arguments.end(), what.begin(), what.end());
+    std::istringstream lines(gflow(arguments).out);
+    size_t count = 0;
+    std::string line;
+    std::getline(lines, line);  // the name of the device
+    for (; std::getline(lines, line); ++count) EXPECT_LE(line.size(), 80u) << line;
+    EXPECT_GT(count, 20u);
+  }
 }
 
 TEST(StressCommand, ABoundThatIsNotKeptIsExitCodeThree) {

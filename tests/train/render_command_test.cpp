@@ -22,6 +22,22 @@ TEST_F(RenderCommand, RenderDoesNotMixItsFilesWithThoseOfARun) {
   fs::remove_all(run() + "/pictures");
 }
 
+TEST_F(RenderCommand, RenderLeavesAFolderOfOthersAlone) {
+  const TemporaryFolder folder, begun;
+  const std::string video = folder.write("cam00.mp4", "a film of my own");
+  const std::vector<std::string> render{"render", run(), "-o", folder.path(), "--quiet"};
+  expect_refused(render, {folder.path(), "not empty", "new folder"});
+  EXPECT_EQ(contents(video), "a film of my own");
+  EXPECT_EQ(folder.count(), 1u);
+  fs::create_directory(folder.path() + "/rgb");  // pictures, too
+  expect_refused(render, {"not empty"});
+  for (const char* kind : {"rgb", "alpha"}) fs::create_directory(begun.path() + "/" + kind);
+  for (const char* more : {"stopped while it began", "with notes beside it"}) {
+    EXPECT_EQ(gflow({"render", run(), "-o", begun.path(), "--quiet"}).code, 0) << more;
+    begun.write("notes.txt", "seen");
+  }
+}
+
 TEST_F(RenderCommand, RenderDividesTheSize) {
   const TemporaryFolder of_run, of_file;
   EXPECT_EQ(gflow({"render", run(), "-o", of_run.path(), "-r", "2", "--quiet"}).code, 0);

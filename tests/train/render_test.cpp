@@ -125,7 +125,7 @@ TEST(ParseTimes, ReadsRangesAndLists) {
 
 TEST(ParseTimes, RefusesEverythingElseAndShowsHow) {
   for (const char* text : {"", "x", "0:1", "0:1:0", "0:1:2.5", "0:1:2:3", "0:2:3", "-0.1", "0,,1",
-                           "nan", "0,1x", "0:1:99999999999"})
+                           "nan", "0,1x", "0x1p-1", "0:1:99999999999"})
     expect_error([&] { parse_times(text); }, {text, "0:1:40", "0,0.25,1"});
 }
 
