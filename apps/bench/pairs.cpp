@@ -126,7 +126,7 @@ double forward_flops(Channels c) { return 32 + (c.flow ? 12 : 0) + (c.depth ? 2 
 double backward_flops(Channels c) { return 52 + (c.flow ? 28 : 0) + (c.depth ? 4 : 0); }
 
 double bytes_of(const Touched& t) {
-  return 7 * 4 * t.parameters * t.moved + 900 * t.drawn + 310 * t.intersections +
+  return 6 * 4 * t.parameters * t.moved + 900 * t.drawn + 310 * t.intersections +
          (107 + t.picture) * t.pixels;
 }
 
@@ -144,7 +144,7 @@ double bytes_of_stage(const std::string& stage, const Touched& t, Channels c) {
     return t.drawn * (4 + 4 + record + (1 + flow) * 2 * pose + 4 + 12 + 8);
   if (stage == "motion back")  // at the second time gradients are added to those of the first
     return t.drawn * (8 + pose + 4 + 8 * t.parameters + flow * (pose + 12 * t.parameters));
-  if (stage == "Adam") return 4 * (1 + 7) * t.parameters * t.moved;  // adam_refuse reads them, too
+  if (stage == "Adam") return 4 * 6 * t.parameters * t.moved;  // gradients twice, values, second moments
   return NAN;
 }
 

@@ -27,7 +27,7 @@ double backward_flops(Channels channels);
 struct Touched {
   double moved = 0, parameters = 0, drawn = 0, intersections = 0, pixels = 0, picture = 3;
 };
-// Bytes it reads and writes, counted from the kernels' arguments (floats are 4 bytes): Adam's seven
+// Bytes it reads and writes, counted from the kernels' arguments (floats are 4 bytes): Adam's six
 // reads and writes of a parameter; a drawn Gaussian's poses, records, sort keys and gradients; an
 // intersection's ids, masks, record and 16 sums; a pixel's images and their gradients.
 double bytes_of(const Touched& touched);

@@ -63,7 +63,7 @@ Result run_skip(const StepOptions& o, const GlobalOptions& options) {
                  {"settings", o.settings},
                  {"steps before", o.warm},
                  {"block", o.block},
-                 {"steps compared", o.block * (o.common.repeats + 1)},
+                 {"steps compared", o.block * (repeats_a_making(o) + 1)},
                  {"repeats", o.common.repeats}},
                 o.common.compare);
   const Trained from = warmed_up(queue, o, folder, options.quiet);
@@ -75,17 +75,17 @@ Result run_skip(const StepOptions& o, const GlobalOptions& options) {
                 {{"wall [ms]", spread_of(c.wall)},
                  {"CPU [ms]", spread_of(c.cpu)},
                  {"CPU, of all skips", ratio_of(c.cpu, costs[0].cpu)},
-                 single("moved by Adam", c.touched.moved),
-                 single("posed", c.posed),
-                 single("posed at t2", c.posed_t2),
-                 single("drawn", c.touched.drawn),
-                 single("colour values", c.color_values),
-                 single("intersections", c.touched.intersections),
-                 single("tiles with flow", c.tiles_with_flow),
-                 single("bytes [1e6]", 1e-6 * bytes_of(c.touched)),
-                 single("pairs in cells", c.pairs.masked),
-                 single("pairs back", c.pairs.back),
-                 single("pairs blended", c.pairs.blended),
+                 single("moved by Adam", c.work.touched.moved),
+                 single("posed", c.work.posed),
+                 single("posed at t2", c.work.posed_t2),
+                 single("drawn", c.work.touched.drawn),
+                 single("colour values", c.work.color_values),
+                 single("intersections", c.work.touched.intersections),
+                 single("tiles with flow", c.work.tiles_with_flow),
+                 single("bytes [1e6]", 1e-6 * bytes_of(c.work.touched)),
+                 single("pairs in cells", c.work.pairs.masked),
+                 single("pairs back", c.work.pairs.back),
+                 single("pairs blended", c.work.pairs.blended),
                  single("model differs by", difference(c.end, costs[0].end))}});
   }
   report.measure_peak_again(queue);

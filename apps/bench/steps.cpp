@@ -76,6 +76,7 @@ class GoingOn {
   StepCost end() {
     cost.busy = sum_of(cost.kernels);
     cost.end = model_.read(queue_);
+    cost.work = {};
     const int steps = flow_every(config_);
     for (int k = 0; k < steps; ++k) {
       trainer_->step(queue_, step_++);
@@ -95,18 +96,19 @@ class GoingOn {
     Reduce reduce(queue_);
     const Pairs pairs = count_pairs(queue_, engine, engine_settings(config_),
                                     &trainer_->image_gradients(), shot.flow);
-    cost.pairs.listed += share * pairs.listed;
-    cost.pairs.masked += share * pairs.masked;
-    cost.pairs.blended += share * pairs.blended;
-    cost.pairs.back += share * pairs.back;
+    cost.work.pairs.listed += share * pairs.listed;
+    cost.work.pairs.masked += share * pairs.masked;
+    cost.work.pairs.blended += share * pairs.blended;
+    cost.work.pairs.back += share * pairs.back;
     const size_t all = model_.parameters.count;
     const std::vector<float> opacities = renderer.gaussians().opacities.read(queue_);
-    cost.posed += share * double(std::count_if(opacities.begin(), opacities.begin() + long(all),
-                                               [](float opacity) { return opacity > 0; }));
+    cost.work.posed +=
+        share * double(std::count_if(opacities.begin(), opacities.begin() + long(all),
+                                     [](float opacity) { return opacity > 0; }));
     if (shot.flow || shot.motion_loss) {
       const std::vector<cl_uint> twice = renderer.with_second_time().read(queue_);
       const size_t moving = std::min(all, shot.view.moving);
-      cost.posed_t2 +=
+      cost.work.posed_t2 +=
           share *
           double(moving - size_t(std::count(twice.begin(), twice.begin() + long(moving), 0u)));
     }
@@ -117,12 +119,12 @@ class GoingOn {
         const std::vector<cl_uchar> with_flow = chosen->read(queue_);
         tiles = size_t(std::count(with_flow.begin(), with_flow.begin() + long(tiles), 1));
       }
-      cost.tiles_with_flow += share * double(tiles);
+      cost.work.tiles_with_flow += share * double(tiles);
     }
     const double drawn = double(reduce.count_nonzero(queue_, engine.splats().tiles_touched));
     const int walked = model_.color.bands(shot.sh_degree, config_.skip.bands).walked;
-    cost.color_values += share * drawn * 3 * (walked + 1) * (walked + 1);
-    Touched& t = cost.touched;
+    cost.work.color_values += share * drawn * 3 * (walked + 1) * (walked + 1);
+    Touched& t = cost.work.touched;
     const double moved = double(reduce.count_nonzero(queue_, model_.parameters.rows.seen));
     t.parameters = parameters_of_one(cost.end);
     t.moved += share * moved;
@@ -169,24 +171,29 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
   return {model.read(queue), trainer.state(queue)};
 }
 
+int repeats_a_making(const StepOptions& o) { return (o.common.repeats + kMakings - 1) / kMakings; }
+
 std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
                                      const std::vector<Kind>& kinds, const Trained& from,
                                      const ScratchFolder& folder) {
-  std::vector<std::unique_ptr<GoingOn>> trainings;
-  for (const Kind& kind : kinds)
-    trainings.push_back(std::make_unique<GoingOn>(queue, o, kind, from, folder));
-  for (auto& training : trainings) {  // compiles and decodes
-    training->block(o.block);
-    stop_if_interrupted();
-  }
-  for (auto& training : trainings) training->cost = {};
-  for (int k = 0; k < o.common.repeats; ++k)
-    for (const size_t i : order_of(trainings.size(), k)) {
-      trainings[i]->block(o.block);
+  std::vector<StepCost> costs(kinds.size());
+  const int repeats = repeats_a_making(o);
+  for (int first = 0; first < o.common.repeats; first += repeats) {
+    std::vector<std::unique_ptr<GoingOn>> trainings;
+    for (const Kind& kind : kinds)
+      trainings.push_back(std::make_unique<GoingOn>(queue, o, kind, from, folder));
+    for (auto& training : trainings) {  // compiles and decodes
+      training->block(o.block);
       stop_if_interrupted();
     }
-  std::vector<StepCost> costs;
-  for (auto& training : trainings) costs.push_back(training->end());
+    for (size_t i = 0; i < kinds.size(); ++i) trainings[i]->cost = std::move(costs[i]);
+    for (int k = 0; k < repeats; ++k)
+      for (const size_t i : order_of(trainings.size(), first + k)) {
+        trainings[i]->block(o.block);
+        stop_if_interrupted();
+      }
+    for (size_t i = 0; i < kinds.size(); ++i) costs[i] = trainings[i]->end();
+  }
   return costs;
 }
 

@@ -42,18 +42,27 @@ struct Trained {
 };
 Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folder, bool quiet);
 
-// What a step of a kind costs, the mean of each block of steps, and what the last one drew.
-struct StepCost {
-  Samples wall, cpu, busy, host;  // [ms]; busy: the device; host: the training thread
-  KernelSamples kernels;          // [ms] on the device
-  HostModel end;
-  // The work, in the mean over as many steps as have one with flow (flow.every).
+// What a step works on, in the mean over as many steps as have one with flow (flow.every).
+struct StepWork {
   double posed = 0, posed_t2 = 0;  // Gaussians whose shape at the times drawn was made
   double tiles_with_flow = 0;
   double color_values = 0;  // that are read to know the colours
   Touched touched;
   Pairs pairs;
 };
+
+// What a step of a kind costs, the mean of each block of steps, and what the last ones did.
+struct StepCost {
+  Samples wall, cpu, busy, host;  // [ms]; busy: the device; host: the training thread
+  KernelSamples kernels;          // [ms] on the device
+  HostModel end;
+  StepWork work;
+};
+// A training is made anew so often while it is timed: what it takes differs by up to 8 % from one
+// making to the next, for as long as it is there (where its buffers lie in memory, perhaps).
+constexpr int kMakings = 3;
+// Repeats of one making; together they are at least as many as asked for.
+int repeats_a_making(const StepOptions& o);
 // Of all kinds, a block of the same steps of each in every repeat, in the order of order_of.
 std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
                                      const std::vector<Kind>& kinds, const Trained& from,

@@ -15,9 +15,6 @@ namespace {
 
 // Trainings that are timed in turn, with their pictures in memory.
 constexpr size_t kSideBySide = 6;
-// Each is made anew so often: what it takes differed by up to 8 % from one making to the next, for
-// as long as it was there (where its buffers lie in memory, perhaps).
-constexpr int kPlaces = 3;
 
 void choose(TrainConfig& config, const EngineSettings& settings) {
   config.flow.transport = settings.transport;
@@ -74,7 +71,7 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
   timing.scene = o.scene;
   timing.settings = o.settings;
   timing.warm = std::max(1, o.steps / 2);
-  timing.common.repeats = (repeats + kPlaces - 1) / kPlaces;
+  timing.common.repeats = repeats;
   timing = with_whole_blocks(timing);
   const Trained from = warmed_up(queue, timing, folder, options.quiet);
   std::vector<TrainedChoice> all{{choices[0], {1, 1, 1}, o.steps, {}, {}, {}}};
@@ -84,14 +81,9 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
       fmt::print(stderr, "steps of {} to {} of {} choices\n", first + 1, end, kinds.size());
     std::vector<Kind> group{kinds[0]};
     group.insert(group.end(), kinds.begin() + long(first), kinds.begin() + long(end));
-    std::vector<Samples> cpu(group.size());
-    for (int place = 0; place < kPlaces; ++place) {
-      const std::vector<StepCost> costs = costs_of_steps(queue, timing, group, from, folder);
-      for (size_t i = 0; i < group.size(); ++i)
-        cpu[i].insert(cpu[i].end(), costs[i].cpu.begin(), costs[i].cpu.end());
-    }
+    const std::vector<StepCost> costs = costs_of_steps(queue, timing, group, from, folder);
     for (size_t i = 1; i < group.size(); ++i) {
-      const Spread ratio = ratio_of(cpu[i], cpu[0]);
+      const Spread ratio = ratio_of(costs[i].cpu, costs[0].cpu);
       const int steps = std::max(1, int(o.steps / ratio.median));
       all.push_back({choices[first + i - 1], ratio, steps, {}, {}, {}});
     }

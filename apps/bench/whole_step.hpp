@@ -2,6 +2,7 @@
 // What is timed of a random scene: everything between its parameters and their next values.
 #pragma once
 #include "apps/bench/scene.hpp"
+#include "optim/train/config.hpp"
 #include "runtime/adam.hpp"
 
 namespace gflow::bench {
@@ -17,7 +18,7 @@ class WholeStep {
         v_(random_gradients(
             queue, size_t(scene.view.camera.width) * size_t(scene.view.camera.height), channels)),
         engine_(queue),
-        adam_(queue) {}
+        adam_(queue, {AdamGroups{}.beta1, AdamGroups{}.beta2}) {}
 
   void operator()() {
     BenchScene& s = scene_;

@@ -157,6 +157,22 @@ TEST_P(AdamTest, WithoutMemoryOfTheMeanItsArrayIsLeftAlone) {
   for (const float m : f.group.exp_avg.read(f.queue)) EXPECT_TRUE(std::isnan(m));
 }
 
+// Keys and planes: steps that a row missed never were, so its second moment is that of a row that
+// was seen in each.
+TEST_P(AdamTest, WhatMakesUpForNothingGoesOnWhereItStopped) {
+  AdamConfig config;
+  config.makes_up = false;
+  Fixture f(GetParam(), 2, 1, config);
+  for (cl_uint t = 0; t < 30; ++t) {
+    f.state.seen.write(f.queue, {1u, cl_uint(t % 3 == 0)});
+    f.step({0.5f, 0.5f}, {0.125f, 1e-15f});
+  }
+  // A constant gradient moves by the rate in each step of a row's own.
+  const std::vector<double> expected{-30 * 0.125, -10 * 0.125};
+  EXPECT_TRUE(all_close(f.group.values.read(f.queue), expected, {1e-5, 0}));
+  EXPECT_EQ(f.state.steps.read(f.queue), (std::vector<cl_uint>{30, 10}));
+}
+
 // A row that was away for longer than the table is long has forgotten what it knew.
 TEST_P(AdamTest, AfterALongAbsenceOnlyTheNewGradientCounts) {
   Fixture f(GetParam(), 1, 1);
