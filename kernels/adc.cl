@@ -60,15 +60,15 @@ kernel void adc_sources(const uint n, global const uint* restrict copies,
   }
 }
 
-// No opacity stays above a level: what the pictures need rises again, the rest will go. The moments
-// of what was lowered are forgotten, they speak of another place.
+// No opacity stays above a level: what the pictures need rises again, the rest will go. The mean
+// gradient of what was lowered is forgotten, it speaks of another place. How large its gradients are
+// is not: the next step would be 1 / sqrt(1 - beta2) times the rate, more than the reset itself.
 kernel void adc_reset(const uint n, const float most_logit, global float* restrict logit_opacities,
-                      global float* restrict exp_avg, global float* restrict exp_avg_sq) {
+                      global float* restrict exp_avg) {
   const uint i = get_global_id(0);
   if (i >= n || !(logit_opacities[i] > most_logit)) return;
   logit_opacities[i] = most_logit;
   exp_avg[i] = 0.f;
-  exp_avg_sq[i] = 0.f;
 }
 
 kernel void adc_reorder(const uint n, global const uint* restrict source,

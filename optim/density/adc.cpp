@@ -60,8 +60,7 @@ void AdcDensity::after_step(Queue& queue, Parameters& p, const GaussiansAt&,
     return;
   ParameterGroup& opacities = p["logit_opacities"];
   adc_reset_(queue, Range::over(p.count), cl_uint(p.count),
-             logit(std::min(2 * rule.min_opacity, 0.99f)), opacities.values, opacities.exp_avg,
-             opacities.exp_avg_sq);
+             logit(std::min(2 * rule.min_opacity, 0.99f)), opacities.values, opacities.exp_avg);
 }
 
 void AdcDensity::refine(Queue& queue, Parameters& p, Motion& motion, const DensityRule& rule,

@@ -37,7 +37,7 @@ class AdcDensity : public Density {
       adc_rank_;
   Kernel<cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>> adc_grow_;
   Kernel<cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>, Out<cl_uint>> adc_sources_;
-  Kernel<cl_uint, cl_float, Out<float>, Out<float>, Out<float>> adc_reset_;
+  Kernel<cl_uint, cl_float, Out<float>, Out<float>> adc_reset_;
   Kernel<cl_uint, In<cl_uint>, In<float>, In<float>, Out<float>, Out<float>> adc_reorder_;
   RowMover rows_;
   Scan scan_;

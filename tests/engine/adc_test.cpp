@@ -347,7 +347,7 @@ TEST(Adc, MayRemoveEverything) {
   EXPECT_EQ(field.parameters.count, 0u);
 }
 
-TEST(Adc, ResetsOpacitiesAndTheirMomentsOnlyWhenDueAndWhereHigher) {
+TEST(Adc, ResetsOpacitiesAndTheirMeanGradientOnlyWhenDueAndWhereHigher) {
   Made low;
   low.opacity = 0.008f;
   Field field({low, Made{}});
@@ -366,7 +366,7 @@ TEST(Adc, ResetsOpacitiesAndTheirMomentsOnlyWhenDueAndWhereHigher) {
   EXPECT_NEAR(sigmoid(double(reset[1])), 2 * 0.005, 1e-8);  // rounding of a logit near -5
   const ParameterGroup& opacities = field.parameters["logit_opacities"];
   EXPECT_EQ(opacities.exp_avg.read(field.queue), (std::vector<float>{0, 0}));  // row 0 had 0
-  EXPECT_EQ(opacities.exp_avg_sq.read(field.queue), (std::vector<float>{0, 0}));
+  EXPECT_EQ(opacities.exp_avg_sq.read(field.queue), (std::vector<float>{0, 1}));  // as before
   EXPECT_EQ(field.parameters["means"].exp_avg.read(field.queue)[3], 1);
 }
 
