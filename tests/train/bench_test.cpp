@@ -341,7 +341,7 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   for (const Json* row : {&none, &inexact})
     EXPECT_GT((*row)["pairs in cells"], all["pairs in cells"]);
   EXPECT_LT(inexact["model differs by"], 0.1 * none["model differs by"].get<double>());
-  EXPECT_LT(inexact["moved by Adam"], none["moved by Adam"]);
+  EXPECT_GT(inexact["moved by Adam"], all["moved by Adam"]);
   EXPECT_GT(none["CPU, of all skips"]["high"], 0);
   EXPECT_GE(all["moved by Adam"], all["drawn"]);
   EXPECT_GT(rows["without unseen"]["moved by Adam"], all["moved by Adam"]);

@@ -85,6 +85,7 @@ TEST_F(FarFlow, TeachesTheMotionByItself) {
   TrainConfig none = config(1), far = config(0);
   none.flow.weight = 0;
   far.flow.far_share = 1;  // over 2 and 4 pictures, never between neighbours
+  none.train.iterations = far.train.iterations = 1000;
   EXPECT_LT(flow_error(far), 0.5 * flow_error(none));
 }
 

@@ -145,7 +145,7 @@ TEST(BrokenRun, EndsWhereParametersAreNoNumbersThoughTheLossIs) {
   const std::string run = folder.path() + "/run";
   const auto train = [&](const std::string& more) {
     return gflow({"train", scene.path(), "-o", run, "--quiet", "--iterations", "10", "--set",
-                  "lr.means=1e38", "--set", more});
+                  "lr.mean_t=3e38", "--set", more});
   };
   for (const char* more : {"train.log_every=4", "train.save_every=4"}) {
     const Outcome outcome = train(more);
@@ -159,7 +159,7 @@ TEST(BrokenRun, EndsWhereParametersAreNoNumbersThoughTheLossIs) {
   // Ended by the clock, between two looks at it.
   const Outcome outcome =
       gflow({"train", scene.path(), "-o", run, "--quiet", "--iterations", "1000000", "--set",
-             "lr.means=1e38", "--set", "train.minutes=0.02", "--set", "train.log_every=1000000",
+             "lr.scales=3e38", "--set", "train.minutes=0.02", "--set", "train.log_every=1000000",
              "--set", "train.checkpoint_every=0"});
   EXPECT_EQ(outcome.code, 1);
   EXPECT_NE(outcome.err.find("which are kept in broken.npz; no step is saved"), std::string::npos)
