@@ -64,7 +64,8 @@ bool is_sound(const std::string& name, const std::vector<float>& values) {
     return std::isfinite(value) && !(from_0 && value < 0) && !(divides && value == 0);
   });
 }
-bool is_sound(const Arrays& arrays, const std::string& name, const std::vector<uint32_t>& values) {
+bool is_sound(const Arrays& arrays, const std::string& name, const std::vector<uint32_t>& values,
+              uint32_t steps) {
   const auto at_most = [&](uint32_t most) {
     return std::all_of(values.begin(), values.end(), [&](uint32_t value) { return value <= most; });
   };
@@ -74,9 +75,8 @@ bool is_sound(const Arrays& arrays, const std::string& name, const std::vector<u
         now == arrays.end() ? nullptr : std::get_if<std::vector<uint32_t>>(&now->second.values);
     return !step || step->size() != 1 || at_most(step->front());
   }
-  const bool counts =
-      ends_with(name, "/rows/steps") || ends_with(name, std::string("/") + now_name);
-  return !counts || at_most(std::numeric_limits<int>::max());
+  if (ends_with(name, std::string("/") + now_name)) return at_most(steps);
+  return !ends_with(name, "/rows/steps") || at_most(std::numeric_limits<int>::max());
 }
 
 }  // namespace
@@ -107,12 +107,12 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
   parameters = std::move(loaded);
 }
 
-std::string unsound_array(const Arrays& arrays) {
+std::string unsound_array(const Arrays& arrays, uint32_t steps) {
   for (const auto& [name, array] : arrays) {
     if (name.rfind("gaussians/", 0) != 0 && name.rfind("table", 0) != 0) continue;
     const auto* floats = std::get_if<std::vector<float>>(&array.values);
     const auto* counts = std::get_if<std::vector<uint32_t>>(&array.values);
-    if ((floats && !is_sound(name, *floats)) || (counts && !is_sound(arrays, name, *counts)))
+    if ((floats && !is_sound(name, *floats)) || (counts && !is_sound(arrays, name, *counts, steps)))
       return name;
   }
   return "";

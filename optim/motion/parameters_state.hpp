@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a checkpoint keeps of parameters: everything that a later training step reads.
 #pragma once
+#include <limits>
+#include <string>
+
 #include "optim/io/npz.hpp"
 #include "optim/motion/models.hpp"
 
@@ -19,9 +22,10 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
                 const std::string& path);
 
 // Of such arrays the first with what no training may leave, by name: a value that is not finite, a
-// second moment or a pace below 0, a reach that is not above 0, more steps than an int counts.
-// Empty when there is none.
-std::string unsound_array(const Arrays& arrays);
+// second moment or a pace below 0, a reach that is not above 0, more steps than an int counts, or a
+// table that is further than the `steps` of its training. Empty when there is none.
+std::string unsound_array(const Arrays& arrays,
+                          uint32_t steps = uint32_t(std::numeric_limits<int>::max()));
 
 // The values alone, by group, read without a device: in groups of what moves, the rows of those
 // that do, which are the first `moving` of all. Error as load_state.

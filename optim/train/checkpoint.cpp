@@ -150,7 +150,7 @@ Checkpoint read_checkpoint(const std::string& path) {
     checkpoint.arrays.erase(kFacts);
     require_arrays(json, checkpoint.arrays, path);
     checkpoint.facts = facts_of(json, path);
-    const std::string unsound = unsound_array(checkpoint.arrays);
+    const std::string unsound = unsound_array(checkpoint.arrays, uint32_t(checkpoint.facts.step));
     if (!unsound.empty())
       throw Error(fmt::format(
           "{} cannot be gone on from: in array '{}' are values that no training leaves, not finite "

@@ -238,6 +238,8 @@ TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
   Checkpoint far = some_checkpoint(20);
   far.arrays["table1/rows/now"] = {{1}, std::vector<uint32_t>{4294967295u}};
   EXPECT_EQ(taken(far, "'table1/rows/now'"), 10);
+  far.arrays["table1/rows/now"] = {{1}, std::vector<uint32_t>{21}};  // the training is at 20
+  EXPECT_EQ(taken(far, "'table1/rows/now'"), 10);
   Checkpoint to_come = some_checkpoint(20);  // a row's last step, while the table is at 7
   to_come.arrays["gaussians/rows/now"] = {{1}, std::vector<uint32_t>{7}};
   to_come.arrays["gaussians/rows/last"] = {{2}, std::vector<uint32_t>{7, 8}};
