@@ -144,7 +144,8 @@ double bytes_of_stage(const std::string& stage, const Touched& t, Channels c) {
     return t.drawn * (4 + 4 + record + (1 + flow) * 2 * pose + 4 + 12 + 8);
   if (stage == "motion back")  // at the second time gradients are added to those of the first
     return t.drawn * (8 + pose + 4 + 8 * t.parameters + flow * (pose + 12 * t.parameters));
-  if (stage == "Adam") return 4 * 6 * t.parameters * t.moved;  // gradients twice, values, second moments
+  if (stage == "Adam")
+    return 4 * 6 * t.parameters * t.moved;  // gradients twice, values, second moments
   return NAN;
 }
 
