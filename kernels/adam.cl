@@ -118,7 +118,7 @@ static inline void update_lanes(size_t i, AdamStep step, LaneRow c, ADAM_ARRAYS)
 }
 #endif
 
-// One work-item per scalar, or per ADAM_SPAN rows. exp_avg is left alone where beta1 is 0.
+// One work-item per scalar, or per ADAM_SPAN rows. Where beta1 is 0 exp_avg may be a null pointer.
 kernel void adam_step(const uint first, const uint rows, const uint width, const AdamStep step,
                       const int per_time,
                       global const float* restrict rates,  // [rows, 4] of adam_advance

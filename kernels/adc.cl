@@ -64,11 +64,11 @@ kernel void adc_sources(const uint n, global const uint* restrict copies,
 // gradient of what was lowered is forgotten, it speaks of another place. How large its gradients are
 // is not: the next step would be 1 / sqrt(1 - beta2) times the rate, more than the reset itself.
 kernel void adc_reset(const uint n, const float most_logit, global float* restrict logit_opacities,
-                      global float* restrict exp_avg) {
+                      global float* restrict exp_avg) {  // null: none is kept
   const uint i = get_global_id(0);
   if (i >= n || !(logit_opacities[i] > most_logit)) return;
   logit_opacities[i] = most_logit;
-  exp_avg[i] = 0.f;
+  if (exp_avg) exp_avg[i] = 0.f;
 }
 
 kernel void adc_reorder(const uint n, global const uint* restrict source,

@@ -43,9 +43,8 @@ Buffer<cl_uint> no_rows(Queue& queue, size_t rows, const std::string& name) {
 void check_rows(const ParameterGroup& group, const RowState& state, const RowRange& rows) {
   const size_t end = rows.first + rows.count, values = end * group.width;
   if (values <= group.values.size() && values <= group.grads.size() &&
-      values <= group.exp_avg.size() && values <= group.exp_avg_sq.size() &&
-      end <= state.seen.size() && end <= state.steps.size() && end <= state.last.size() &&
-      end <= state.refused.size())
+      values <= group.exp_avg_sq.size() && end <= state.seen.size() && end <= state.steps.size() &&
+      end <= state.last.size() && end <= state.refused.size())
     return;
   throw Error(fmt::format("Adam was asked for {} rows of {} values in {}, whose arrays are shorter",
                           end, group.width, group.values.name()));
@@ -67,8 +66,13 @@ ParameterGroup::ParameterGroup(Queue& queue, const std::string& name, size_t row
     : width(width),
       values(queue, rows * width, name),
       grads(zeros(queue, learns ? rows * width : 0, name + " grads")),
-      exp_avg(zeros(queue, learns ? rows * width : 0, name + " exp_avg")),
+      exp_avg(name + " exp_avg"),
       exp_avg_sq(zeros(queue, learns ? rows * width : 0, name + " exp_avg_sq")) {}
+
+void ParameterGroup::remember(Queue& queue) {
+  if (exp_avg.size() != exp_avg_sq.size())
+    exp_avg = zeros(queue, exp_avg_sq.size(), exp_avg.name());
+}
 
 RowState::RowState(Queue& queue, size_t rows)
     : seen(no_rows(queue, rows, "seen")),
@@ -107,6 +111,7 @@ void Adam::advance(Queue& queue, RowState& state, RowRange rows) {
 void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, RowRange rows,
                 AdamRate rate) {
   check_rows(group, state, rows);
+  if (config_.beta1 > 0) group.remember(queue);
   const AdamStep step{config_.beta1, config_.beta2, rate.lr, rate.epsilon};
   adam_step_(queue, Range::over(gpu_ ? rows.count * group.width : spans(rows.count)),
              cl_uint(rows.first), cl_uint(rows.count), cl_uint(group.width), step, rate.per_time,

@@ -44,9 +44,13 @@ struct RowRange {
 
 // One parameter array with its gradients and Adam's moments, all [rows, width].
 struct ParameterGroup {
-  // Moments and gradients are zero, values undefined. Those of what does not learn are empty.
+  // Gradients and exp_avg_sq are zero, values undefined. Those of what does not learn are empty,
+  // and so is exp_avg until a step with beta1 > 0.
   ParameterGroup(Queue& queue, const std::string& name, size_t rows, size_t width,
                  bool learns = true);
+  bool remembers() const { return exp_avg.size() > 0; }
+  void remember(Queue& queue);  // exp_avg 0, unless it is there
+
   size_t width;
   Buffer<float> values, grads, exp_avg, exp_avg_sq;
 };

@@ -27,25 +27,27 @@ void for_each_own_table(const Parameters& p, Visit&& visit) {
 
 }  // namespace
 
-size_t bytes_per_gaussian(const Parameters& parameters) {
+size_t bytes_per_gaussian(const Parameters& parameters, bool remembers) {
   size_t words = 0;
   for_each_own_table(parameters, [&](const Table& table, size_t keys) {
-    for (const GroupSpec& spec : table.specs)
-      words += keys * 4 * spec.width;  // values, gradients, two moments
-    words += keys * 10;                // RowState
+    // values, gradients, two moments
+    const size_t arrays = &table == &parameters && !remembers ? 3 : 4;
+    for (const GroupSpec& spec : table.specs) words += keys * arrays * spec.width;
+    words += keys * 10;  // RowState
   });
   // Twice the tables: the old and the new. What draws has a quarter to spare (Buffer::ensure).
   return 4 * (2 * words + drawing_words * 5 / 4);
 }
 
-size_t most_gaussians(const DeviceInfo& device, const Parameters& parameters, size_t budget) {
+size_t most_gaussians(const DeviceInfo& device, const Parameters& parameters, size_t budget,
+                      bool remembers) {
   const uint64_t bytes = budget ? uint64_t(budget) << 20 : device.global_memory / 4 * 3;
   size_t widest = intersections * 16 * 5 / 4;  // words a Gaussian in one array: the partials
   for_each_own_table(parameters, [&](const Table& table, size_t keys) {
     for (const GroupSpec& spec : table.specs) widest = std::max(widest, keys * spec.width);
   });
-  return size_t(
-      std::min(bytes / bytes_per_gaussian(parameters), device.max_allocation / (4 * widest)));
+  return size_t(std::min(bytes / bytes_per_gaussian(parameters, remembers),
+                         device.max_allocation / (4 * widest)));
 }
 
 }  // namespace gflow

@@ -28,7 +28,10 @@ void RowMover::gather(Queue& queue, const Parameters& p, size_t keys, const Buff
                    spec.rest, int(!spec.rest_of.empty()), source, child, old, rest_rows, fresh);
     };
     values(false, group.values, to.groups[g].values);
-    values(true, group.exp_avg, to.groups[g].exp_avg);
+    if (group.remembers()) {
+      to.groups[g].exp_avg.ensure(queue, rows * spec.width);
+      values(true, group.exp_avg, to.groups[g].exp_avg);
+    }
     values(true, group.exp_avg_sq, to.groups[g].exp_avg_sq);
   }
   counts(from.rows.steps, to.rows.steps);

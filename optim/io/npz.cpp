@@ -135,8 +135,10 @@ void write_npz(const std::string& path, const Arrays& arrays, Packing packing) {
 const Array& array_named(const Arrays& arrays, const std::string& name, const std::string& path) {
   const auto found = arrays.find(name);
   if (found != arrays.end()) return found->second;
+  constexpr size_t most_named = 8;
   std::string names;
   for (const auto& entry : arrays) names += (names.empty() ? "" : ", ") + entry.first;
+  if (arrays.size() > most_named) names = fmt::format("{} others", arrays.size());
   throw Error(
       fmt::format("{} has no array '{}'{}", path, name, names.empty() ? "" : "; it has " + names));
 }

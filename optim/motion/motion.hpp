@@ -27,6 +27,7 @@ struct PaceRule {
   float duration = 1;   // length of the video [model time]
   float time_step = 1;  // duration / steps of the video [model time]
   float power = 1, most = 8;
+  static constexpr float kMost = 1000;  // that `most` may be
 };
 
 // Groups that every model has, and density control reads: means [N,3], means_t [N,1] (a Gaussian's

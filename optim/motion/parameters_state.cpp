@@ -10,6 +10,8 @@ namespace {
 
 constexpr const char* moving_name = "gaussians/moving";
 constexpr const char* now_name = "rows/now";
+constexpr const char* last_name = "/rows/last";
+constexpr const char* mean_gradient = "/exp_avg";  // not of what keeps none
 
 // What stands before the names of a table's arrays; 0: that of the Gaussians.
 std::string table_name(size_t table) {
@@ -28,7 +30,7 @@ void for_each_buffer(P& parameters, Visit&& visit) {
       const std::string values = name + table.specs[g].name;
       const std::vector<size_t> shape{table.rows_of(table.specs[g]), group.width};
       visit(values, group.values, shape);
-      visit(values + "/exp_avg", group.exp_avg, shape);
+      visit(values + mean_gradient, group.exp_avg, shape);
       visit(values + "/exp_avg_sq", group.exp_avg_sq, shape);
     }
     const std::vector<size_t> shape{table.count};
@@ -54,14 +56,20 @@ size_t moving_of(const Arrays& arrays, size_t count, const std::string& path) {
 bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
+// Of the table whose rows/last this is.
+std::string now_beside(const std::string& last) {
+  return last.substr(0, last.rfind(last_name) + 1) + now_name;
+}
 
-// Whether a training can have left the values: what rates are divided by is above 0, what they are
-// multiplied with and second moments are no less, and one more step than was made can be counted.
+// Whether a training can have left the values: what rates are divided by is above 0, second moments
+// and what rates are multiplied with are no less, nor is the latter more than it may be, and one
+// more step than was made can be counted.
 bool is_sound(const std::string& name, const std::vector<float>& values) {
-  const bool divides = ends_with(name, "/rows/reach");
-  const bool from_0 = divides || ends_with(name, "/rows/pace") || ends_with(name, "/exp_avg_sq");
+  const bool divides = ends_with(name, "/rows/reach"), paces = ends_with(name, "/rows/pace");
+  const bool from_0 = divides || paces || ends_with(name, "/exp_avg_sq");
   return std::all_of(values.begin(), values.end(), [&](float value) {
-    return std::isfinite(value) && !(from_0 && value < 0) && !(divides && value == 0);
+    return std::isfinite(value) && !(from_0 && value < 0) && !(divides && value == 0) &&
+           !(paces && value > PaceRule::kMost);
   });
 }
 bool is_sound(const Arrays& arrays, const std::string& name, const std::vector<uint32_t>& values,
@@ -69,8 +77,8 @@ bool is_sound(const Arrays& arrays, const std::string& name, const std::vector<u
   const auto at_most = [&](uint32_t most) {
     return std::all_of(values.begin(), values.end(), [&](uint32_t value) { return value <= most; });
   };
-  if (ends_with(name, "/rows/last")) {  // a row's last step is behind it
-    const auto now = arrays.find(name.substr(0, name.size() - 9) + now_name);
+  if (ends_with(name, last_name)) {  // a row's last step is behind it
+    const auto now = arrays.find(now_beside(name));
     const auto* step =
         now == arrays.end() ? nullptr : std::get_if<std::vector<uint32_t>>(&now->second.values);
     return !step || step->size() != 1 || at_most(step->front());
@@ -84,7 +92,7 @@ bool is_sound(const Arrays& arrays, const std::string& name, const std::vector<u
 void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays) {
   for_each_buffer(parameters, [&](const std::string& name, const auto& buffer,
                                   const std::vector<size_t>& shape) {
-    arrays[name] = {shape, buffer.read(queue)};
+    if (buffer.size() || shape[0] == 0) arrays[name] = {shape, buffer.read(queue)};
   });
   arrays[moving_name] = {{1}, std::vector<uint32_t>{uint32_t(parameters.moving)}};
   const auto tables = parameters.tables();
@@ -99,6 +107,10 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
   for_each_buffer(
       loaded, [&](const std::string& name, auto& buffer, const std::vector<size_t>& shape) {
         using Values = decltype(buffer.read(queue));
+        if (ends_with(name, mean_gradient)) {
+          if (arrays.count(name) == 0) return;
+          buffer.ensure(queue, shape[0] * shape[1]);
+        }
         buffer.write(queue, exact_values<typename Values::value_type>(arrays, name, shape, path));
       });
   const auto tables = loaded.tables();
@@ -113,7 +125,7 @@ std::string unsound_array(const Arrays& arrays, uint32_t steps) {
     const auto* floats = std::get_if<std::vector<float>>(&array.values);
     const auto* counts = std::get_if<std::vector<uint32_t>>(&array.values);
     if ((floats && !is_sound(name, *floats)) || (counts && !is_sound(arrays, name, *counts, steps)))
-      return name;
+      return ends_with(name, last_name) ? name + "' or '" + now_beside(name) : name;
   }
   return "";
 }

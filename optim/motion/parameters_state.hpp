@@ -9,10 +9,10 @@
 
 namespace gflow {
 
-// Adds for each group of each table TABLE/GROUP, TABLE/GROUP/exp_avg and TABLE/GROUP/exp_avg_sq
-// [rows, width], and of the rows TABLE/rows/steps, refused, pace and reach [rows]. TABLE is
-// gaussians, table1, table2 and so on. And gaussians/moving [1], how many move. Gradients and what
-// was seen are a step's own. Waits.
+// Adds for each group of each table TABLE/GROUP, TABLE/GROUP/exp_avg where it is kept and
+// TABLE/GROUP/exp_avg_sq [rows, width], and of the rows TABLE/rows/steps, refused, pace and reach
+// [rows]. TABLE is gaussians, table1, table2 and so on. And gaussians/moving [1], how many move.
+// Gradients and what was seen are a step's own. Waits.
 void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays);
 
 // The reverse; the number of Gaussians becomes that of the arrays. Error that names the array when
@@ -22,8 +22,9 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
                 const std::string& path);
 
 // Of such arrays the first with what no training may leave, by name: a value that is not finite, a
-// second moment or a pace below 0, a reach that is not above 0, more steps than an int counts, or a
-// table that is further than the `steps` of its training. Empty when there is none.
+// second moment or a pace below 0, a pace above PaceRule::kMost, a reach that is not above 0, more
+// steps than an int counts, or a table that is further than the `steps` of its training; two names
+// where they contradict each other. Empty when there is none.
 std::string unsound_array(const Arrays& arrays,
                           uint32_t steps = uint32_t(std::numeric_limits<int>::max()));
 

@@ -91,7 +91,7 @@ Json facts_json(const Arrays& arrays, const std::string& path) {
   if (format != kFormat)
     throw Error(
         fmt::format("{} has checkpoint format {} and this gflow reads format {}: go on with the "
-                    "gflow that wrote it, or train anew without --resume",
+                    "gflow that wrote it, or begin anew with --overwrite in place of --resume",
                     path, format.dump(), kFormat));
   return json;
 }
@@ -260,8 +260,8 @@ std::optional<CheckpointFolder::Found> CheckpointFolder::latest() const {
   }
   if (reason.empty()) return std::nullopt;
   throw Error(
-      fmt::format("no checkpoint in {} can be used: {}; without --resume, training starts "
-                  "anew and replaces them",
+      fmt::format("no checkpoint in {} can be used: {}; --overwrite in place of --resume begins "
+                  "anew",
                   folder_, reason));
 }
 

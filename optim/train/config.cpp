@@ -68,7 +68,8 @@ struct Incoming {
   std::optional<std::string> text;
 
   std::string shown() const {
-    if (text) return excerpt(*text);
+    if (text) return text->empty() ? "nothing" : excerpt(*text);
+    if (node->is_array()) return "a list";
     std::ostringstream out;
     node->visit([&](const auto& value) { out << value; });
     return excerpt(out.str());
@@ -95,10 +96,9 @@ template <class Integer, std::enable_if_t<std::is_integral_v<Integer>, int> = 0>
 void assign(const Incoming& in, Integer& member, const Allowed& range) {
   const auto value = in.node->value_exact<int64_t>();
   constexpr Integer most = std::numeric_limits<Integer>::max();
-  if (value && *value > most && range.contains(double(most)))
+  if (value && *value > most && range.contains(int64_t(most)))
     in.refuse(fmt::format("a whole number, at most {}", most));
-  if (!value || *value < std::numeric_limits<Integer>::min() ||
-      !range.contains(static_cast<double>(*value)))
+  if (!value || *value < std::numeric_limits<Integer>::min() || !range.contains(*value))
     in.refuse("a whole number, " + range.text());
   member = static_cast<Integer>(*value);
 }
@@ -201,7 +201,8 @@ template <class Member>
 void check_value(const std::string&, const Member&) {}
 template <class Number>
 void check_value(const std::string& name, const Number& value, const Allowed& range) {
-  if (!range.contains(static_cast<double>(value)))
+  using Widest = std::conditional_t<std::is_integral_v<Number>, int64_t, double>;
+  if (!range.contains(static_cast<Widest>(value)))
     throw Error(
         fmt::format("{} = {} is not allowed; it must be {}", name, toml_text(value), range.text()));
 }
@@ -247,6 +248,12 @@ Allowed one_of(std::vector<float> values) {
   Allowed range;
   range.among = std::move(values);
   return range;
+}
+
+bool Allowed::contains(int64_t value) const {
+  const double number = double(value);  // a float does not tell 2000000001 from its neighbours
+  if (!among.empty()) return std::find(among.begin(), among.end(), number) != among.end();
+  return number >= min && number <= max;
 }
 
 bool Allowed::contains(double value) const {

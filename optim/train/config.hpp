@@ -26,7 +26,8 @@ struct Allowed {
   std::vector<float> among = {};
 
   bool contains(double value) const;  // false for NaN and infinities
-  std::string text() const;           // "0 to 1", "at least 1", "above 0", "one of 1, 2, 4, 8"
+  bool contains(int64_t value) const;
+  std::string text() const;  // "0 to 1", "at least 1", "above 0", "one of 1, 2, 4, 8"
 };
 inline Allowed between(float min, float max) { return {min, max}; }
 inline Allowed at_least(float min) { return {min}; }
@@ -590,7 +591,7 @@ struct LearningRates {
     field("pace", self.pace,
           "rates grow with (length of the video / time a Gaussian is seen) to this power; 0: not",
           between(0, 1));
-    field("pace_most", self.pace_most, "but at most so many times", at_least(1));
+    field("pace_most", self.pace_most, "but at most so many times", between(1, PaceRule::kMost));
   }
 };
 
@@ -601,6 +602,9 @@ struct LearningRates {
 // hexplane's planes 1.5e-7 (root mean square 2e-5), of its network 4e-5 (1e-2): the smallest that
 // T33 allows.
 struct AdamGroups {
+  // The root of the smallest float that is not flushed to 0: below it a gradient whose square is
+  // none moves its parameter by more than the rate, up to no number at all.
+  static constexpr float kLeastEpsilon = 1.1e-19f;
   float beta1 = 0;
   float beta1_paths = 0.9f;
   float beta2 = 0.999f;
@@ -622,13 +626,13 @@ struct AdamGroups {
           "the same of keys, bases, planes and networks, of which a step that shows none never was",
           between(0, 0.9994f));
     field("beta2", self.beta2, "memory of its square", between(0, 0.9994f));
-    field("eps_means", self.eps_means, "in space and time", above(0));
-    field("eps_sh", self.eps_sh, "colour", above(0));
-    field("eps_opacity", self.eps_opacity, "opacity", above(0));
-    field("eps_scales", self.eps_scales, "in space and time", above(0));
-    field("eps_quats", self.eps_quats, "rotation", above(0));
-    field("eps_planes", self.eps_planes, "planes of hexplane", above(0));
-    field("eps_network", self.eps_network, "network of hexplane", above(0));
+    field("eps_means", self.eps_means, "in space and time", at_least(kLeastEpsilon));
+    field("eps_sh", self.eps_sh, "colour", at_least(kLeastEpsilon));
+    field("eps_opacity", self.eps_opacity, "opacity", at_least(kLeastEpsilon));
+    field("eps_scales", self.eps_scales, "in space and time", at_least(kLeastEpsilon));
+    field("eps_quats", self.eps_quats, "rotation", at_least(kLeastEpsilon));
+    field("eps_planes", self.eps_planes, "planes of hexplane", at_least(kLeastEpsilon));
+    field("eps_network", self.eps_network, "network of hexplane", at_least(kLeastEpsilon));
   }
 };
 

@@ -231,7 +231,13 @@ Seeds at_most(const Seeds& all, size_t most) {
 HostModel read_init_file(const TrainConfig& config) {
   const std::string& path = config.init.file;
   if (path.empty()) throw Error("init.from is \"file\", but init.file names none");
-  const HostModel file = read_model(path);
+  const HostModel file = [&] {
+    try {
+      return read_model(path);
+    } catch (const Error& problem) {
+      throw Error(fmt::format("init.file: {}", problem.what()));
+    }
+  }();
   if (!stands_still(file))
     throw Error(
         fmt::format("init.file {} moves, first Gaussians stand still: `gflow export --format "

@@ -168,7 +168,8 @@ HostModel Preparation::first_model(Queue& queue) {
   if (from == InitFrom::stereo || (from == InitFrom::automatic && has_none))
     loaded_.scene.points = points_from_stereo();
   const Model none(queue, model_shape(scene(), config_), 0);
-  const size_t holds = most_gaussians(queue.info, none.parameters, size_t(config_.density.memory));
+  const size_t holds = most_gaussians(queue.info, none.parameters, size_t(config_.density.memory),
+                                      config_.adam.beta1 > 0);
   TrainConfig config = config_;
   if (holds < size_t(config.density.cap)) {
     warn(fmt::format(

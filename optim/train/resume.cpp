@@ -45,13 +45,14 @@ void require_same_training(const CheckpointFolder::Found& found, const TrainConf
     if (value != before.at(name))
       throw Error(
           fmt::format("resuming {}: it was begun with {} = {}, not {}, which would have changed "
-                      "what is trained already; leave the setting as it was, or train anew "
-                      "without --resume",
+                      "what is trained already; leave the setting as it was, or begin anew "
+                      "with --overwrite in place of --resume",
                       run.folder(), name, before.at(name), value));
   if (scene != facts.scene)
     throw Error(
         fmt::format("resuming {}: cameras or pictures of {} are not those it was begun with; "
-                    "give it the scene as it was, or train anew without --resume",
+                    "give it the scene as it was, or begin anew with --overwrite in place of "
+                    "--resume",
                     run.folder(), config.scene.path));
 }
 

@@ -76,6 +76,13 @@ std::unique_ptr<FlowTiles> flow_tiles_for(Queue& queue, const FlowConfig& flow,
   return share < 1 ? std::make_unique<FlowTiles>(queue, CalmRule{share, flow.calm_px}) : nullptr;
 }
 
+// Of keys, bases, planes and networks; nullptr when there are none.
+std::unique_ptr<Adam> path_adam_for(Queue& queue, const AdamGroups& adam,
+                                    const Parameters& parameters) {
+  const AdamConfig config{adam.beta1_paths, adam.beta2, false};
+  return parameters.more.empty() ? nullptr : std::make_unique<Adam>(queue, config);
+}
+
 PinholeCamera part_of(PinholeCamera camera, const Rect& part) {
   camera.full_width = camera.width;
   camera.full_height = camera.height;
@@ -133,7 +140,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       flow_tiles_(flow_tiles_for(queue, config.flow, model.shape.motion)),
       motion_loss_(motion_loss_for(queue, config.loss, scene)),
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
-      path_adam_(queue, {config.adam.beta1_paths, config.adam.beta2, false}),
+      path_adam_(path_adam_for(queue, config.adam, model.parameters)),
       density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
       density_rule_(density_rule(config.density, scene, model.shape)),
       order_(queue),
@@ -359,7 +366,7 @@ void Trainer::update(Queue& queue, int step) {
   for (Table* table : p.tables()) {
     const bool moving = table != &p;
     if (moving ? !now.moves() || warming : !now.fits()) continue;
-    Adam& adam = moving ? path_adam_ : adam_;
+    Adam& adam = moving ? *path_adam_ : adam_;
     for (size_t g = 0; g < table->groups.size(); ++g)
       if (!unused(table->specs[g]))
         adam.refuse(queue, table->groups[g], table->rows, table->active_in(table->specs[g]));
@@ -384,7 +391,8 @@ void Trainer::refine(Queue& queue, uint32_t seed) {
   Parameters& p = model_.parameters;
   DensityRule rule = density_rule_;
   const size_t budget = size_t(config_.density.memory);
-  memory_holds_ = std::min(memory_holds_, most_gaussians(queue.info, p, budget));
+  memory_holds_ =
+      std::min(memory_holds_, most_gaussians(queue.info, p, budget, config_.adam.beta1 > 0));
   rule.cap = std::min(rule.cap, memory_holds_);
   std::string short_of;
   try {

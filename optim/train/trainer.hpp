@@ -131,7 +131,8 @@ class Trainer {
   FlowLoss flow_loss_;
   std::unique_ptr<FlowTiles> flow_tiles_;    // nullptr: all tiles always count
   std::unique_ptr<MotionLoss> motion_loss_;  // nullptr: all its weights are 0
-  Adam adam_, path_adam_;  // of rows that are a Gaussian's own; of keys, bases, planes, networks
+  Adam adam_;                                // of the Gaussians' table
+  std::unique_ptr<Adam> path_adam_;          // of the others, if there are
   std::unique_ptr<Density> density_;
   DensityRule density_rule_;
   RowOrder order_;

@@ -49,6 +49,7 @@ class Field {
       std::vector<float> own;
       for (size_t i = 0; i < n * group.width; ++i) own.push_back(float(i / group.width));
       group.values.write(queue, own);
+      group.remember(queue);
       group.exp_avg.write(queue, own);
       group.exp_avg_sq.write(queue, own);
     }
@@ -365,7 +366,7 @@ TEST(Adc, ResetsOpacitiesAndTheirMeanGradientOnlyWhenDueAndWhereHigher) {
   EXPECT_EQ(reset[0], before[0]);
   EXPECT_NEAR(sigmoid(double(reset[1])), 2 * 0.005, 1e-8);  // rounding of a logit near -5
   const ParameterGroup& opacities = field.parameters["logit_opacities"];
-  EXPECT_EQ(opacities.exp_avg.read(field.queue), (std::vector<float>{0, 0}));  // row 0 had 0
+  EXPECT_EQ(opacities.exp_avg.read(field.queue), (std::vector<float>{0, 0}));     // row 0 had 0
   EXPECT_EQ(opacities.exp_avg_sq.read(field.queue), (std::vector<float>{0, 1}));  // as before
   EXPECT_EQ(field.parameters["means"].exp_avg.read(field.queue)[3], 1);
 }

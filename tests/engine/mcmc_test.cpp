@@ -32,6 +32,7 @@ class Field {
         for (size_t i = 0; i < own.size(); ++i)
           own[i] = float(i / group.width % std::max<size_t>(parameters.count, 1));
         group.values.write(queue, own);
+        group.remember(queue);
         group.exp_avg.write(queue, own);
         group.exp_avg_sq.write(queue, own);
       }

@@ -90,6 +90,7 @@ TEST(RowOrder, KeepsWhatEachGaussianHasAndThoseThatRestLast) {
   p.rows.steps.write(queue, steps);
   p["velocities"].values.write(queue, velocities);
   p["logit_opacities"].values.write(queue, opacities);
+  p["means"].remember(queue);
   p["means"].exp_avg.write(queue, moments);
 
   RowOrder order(queue);

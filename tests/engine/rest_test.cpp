@@ -41,6 +41,7 @@ class TwoCopies {
         for (ParameterGroup& group : table->groups) {
           std::vector<float> own(group.values.size());
           for (size_t k = 0; k < own.size(); ++k) own[k] = float(1 + k);
+          group.remember(queue);
           group.exp_avg.write(queue, own);
           group.exp_avg_sq.write(queue, own);
         }
@@ -345,8 +346,10 @@ TEST(Rest, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
   made.rule.wake = 4;
   made.refine();
   ASSERT_EQ(made.p.moving, 1u);
-  made.p["means"].exp_avg.fill(made.queue, 1.f);
-  made.p["velocities"].exp_avg.fill(made.queue, 1.f);
+  for (const char* name : {"means", "velocities"}) {
+    made.p[name].remember(made.queue);
+    made.p[name].exp_avg.fill(made.queue, 1.f);
+  }
   // Row 1 is pulled forward after its moment and back before it: a sum sqrt(20) times chance's. Row
   // 2 in three views of 20 the other way: sqrt(20) 14/20 = 3.1 times. Row 3 not at all.
   for (int k = 0; k < 20; ++k) {

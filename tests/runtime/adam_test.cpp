@@ -145,16 +145,24 @@ TEST_P(AdamTest, LeavingOutStepsWithoutAGradientChangesNothing) {
   EXPECT_GT(std::fabs(found[0]), 1e-3);
 }
 
-TEST_P(AdamTest, WithoutMemoryOfTheMeanItsArrayIsLeftAlone) {
+TEST_P(AdamTest, WithoutMemoryOfTheMeanThereIsNoArrayForIt) {
   AdamConfig config;
   config.beta1 = 0;
   Fixture f(GetParam(), 40, 3, config);
-  const float nan = std::numeric_limits<float>::quiet_NaN();
-  f.group.exp_avg.fill(f.queue, nan);
   f.step(std::vector<float>(120, 2), {0.5f, 1e-15f});
   EXPECT_TRUE(
       all_close(f.group.values.read(f.queue), std::vector<double>(120, -.5), {4e-7, 1e-30}));
-  for (const float m : f.group.exp_avg.read(f.queue)) EXPECT_TRUE(std::isnan(m));
+  EXPECT_FALSE(f.group.remembers());
+}
+
+TEST_P(AdamTest, ItIsThereFromTheFirstStepThatRemembersOn) {
+  Fixture f(GetParam(), 40, 3);
+  EXPECT_FALSE(f.group.remembers());
+  f.step(std::vector<float>(120, 2), {0.5f, 1e-15f});
+  const std::vector<float> expected(120, (1 - 0.9f) * 2);
+  EXPECT_EQ(f.group.exp_avg.read(f.queue), expected);
+  f.group.remember(f.queue);  // changes nothing
+  EXPECT_EQ(f.group.exp_avg.read(f.queue), expected);
 }
 
 // Keys and planes: steps that a row missed never were, so its second moment is that of a row that
@@ -208,6 +216,7 @@ TEST_P(AdamTest, UnseenRowsKeepEveryBit) {
   Fixture f(GetParam(), 4, 5);
   const auto values = normal_floats(20, 1), m = normal_floats(20, 2), v = normal_floats(20, 3);
   f.group.values.write(f.queue, values);
+  f.group.remember(f.queue);
   f.group.exp_avg.write(f.queue, m);
   f.group.exp_avg_sq.write(f.queue, v);
   f.state.steps.write(f.queue, {9, 9, 9, 9});

@@ -1,29 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow bench`: what it counts is right and what it writes can be compared. No time is judged.
-#include <chrono>
 #include <cmath>
-#include <csignal>
-#include <nlohmann/json.hpp>
-#include <thread>
 
-#include "apps/bench/front.hpp"
-#include "apps/bench/samples.hpp"
 #include "optim/io/npz.hpp"
-#include "train/command.hpp"
-#include "train/small_scene.hpp"
+#include "train/bench_command.hpp"
 
 namespace gflow {
 namespace {
-
-using Json = nlohmann::json;
 
 std::vector<std::string> raster(const std::vector<std::string>& more) {
   std::vector<std::string> arguments{"bench", "raster", "--repeats", "1"};
   arguments.insert(arguments.end(), more.begin(), more.end());
   return arguments;
 }
-
-Json read(const std::string& path) { return Json::parse(contents(path)); }
 
 TEST(Bench, RasterTellsEveryStageAndCountsTheWork) {
   const TemporaryFolder folder;
@@ -32,7 +21,7 @@ TEST(Bench, RasterTellsEveryStageAndCountsTheWork) {
                                         "--plots", folder.file("plots")}));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.out.find("40x24, 300: backward"), std::string::npos) << outcome.out;
-  const Json report = read(file);
+  const Json report = report_in(file);
   EXPECT_EQ(report["bench"], "raster");
   EXPECT_GT(report["peak_gflops"].get<double>(), 0);
   const Json& rows = report["rows"];
@@ -66,7 +55,7 @@ TEST(Bench, OneSplatOverThePictureIsOnePairAPixel) {
   const std::string file = folder.file("a.json");
   const Outcome outcome = gflow(raster({folder.file("a.npz"), "--no-flow", "--json", file}));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const Json all = read(file)["rows"][folder.file("a.npz")];
+  const Json all = report_in(file)["rows"][folder.file("a.npz")];
   for (const char* pairs : {"listed a pixel", "masked a pixel", "blended a pixel"})
     EXPECT_EQ(all[pairs], 1) << pairs;
   EXPECT_EQ(all["intersections"], 2);  // tiles
@@ -75,22 +64,13 @@ TEST(Bench, OneSplatOverThePictureIsOnePairAPixel) {
   EXPECT_NE(moving.err.find("means_t2"), std::string::npos) << moving.err;
 }
 
-// A pareto of seconds with more options.
-Outcome small_pareto(const std::vector<std::string>& more) {
-  std::vector<std::string> words{"bench",          "pareto", "--repeats",         "1",
-                                 "--pixels",       "32x32",  "--gaussians",       "200",
-                                 "--check-pixels", "24x24",  "--check-gaussians", "150"};
-  words.insert(words.end(), more.begin(), more.end());
-  return gflow(words);
-}
-
 TEST(Bench, ParetoTellsTimeAndErrorOfAChoiceAndDrawsThem) {
   const TemporaryFolder folder;
   const Outcome outcome =
       small_pareto({"--knob", "alpha >=", "--json", folder.file("a.json"), "--plots",
                     folder.file("plots"), "--markdown", folder.file("a.md")});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const Json rows = read(folder.file("a.json"))["rows"];
+  const Json rows = report_in(folder.file("a.json"))["rows"];
   ASSERT_EQ(rows.size(), 5u);
   const Json &shipped = rows["shipped"], &coarse = rows["alpha >= 1/64"],
              &fine = rows["alpha >= 1/2048"];
@@ -119,7 +99,7 @@ TEST(Bench, ParetoSaysWhereTheNativeExponentialIsTheBuiltInOne) {
   const Outcome outcome = small_pareto(
       {"--knob", "exp2", "--json", folder.file("a.json"), "--markdown", folder.file("a.md")});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const Json rows = read(folder.file("a.json"))["rows"];
+  const Json rows = report_in(folder.file("a.json"))["rows"];
   bool same = true;
   for (const char* error :
        {"colour", "flow [px]", "gradients", "colour, all", "flow, all [px]", "gradients, all"})
@@ -135,7 +115,7 @@ TEST(Bench, BoxesThatCutSplatsOffAreLessExactAndSkipsAreNot) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
   ASSERT_EQ(small_pareto({"--knob", "boxes", "--knob", "skips", "--json", file}).code, 0);
-  Json report = read(file);
+  Json report = report_in(file);
   Json& rows = report["rows"];
   const double exact = rows["shipped"]["colour"];
   EXPECT_LT(rows["skips none"]["colour"], 1.5 * exact);
@@ -156,79 +136,6 @@ TEST(Bench, BoxesThatCutSplatsOffAreLessExactAndSkipsAreNot) {
   EXPECT_NE(compared.out.find(", twice: shipped, gradients\n"), std::string::npos) << compared.out;
 }
 
-// 3 % of time and 1 % of an error are nothing.
-TEST(Bench, TheFrontHasWhoNobodyIsBetterThan) {
-  using Costs = std::vector<bench::TimeAndErrors>;
-  const auto front = [](const Costs& all) { return bench::pareto_front(all); };
-  const bench::TimeAndErrors shipped{1, {1, 1, 1}};
-  EXPECT_EQ(front({shipped}), (std::vector<bool>{true}));
-  EXPECT_EQ(front({shipped, shipped}), (std::vector<bool>{true, true}));
-  EXPECT_EQ(front({shipped, {.9, {1, 1, 1}}}), (std::vector<bool>{false, true})) << "faster";
-  EXPECT_EQ(front({shipped, {1, {1, .8, 1}}}), (std::vector<bool>{false, true})) << "more exact";
-  EXPECT_EQ(front({shipped, {.9, {1, 1, 1.2}}}), (std::vector<bool>{true, true})) << "a choice";
-  EXPECT_EQ(front({shipped, {.98, {1, 1, 1}}}), (std::vector<bool>{true, true})) << "noise";
-  EXPECT_EQ(front({shipped, {.9, {1.005, 1, 1}}}), (std::vector<bool>{false, true})) << "decimals";
-  EXPECT_EQ(front({{1, {1, 0}}, {.9, {1, 0}}}), (std::vector<bool>{false, true})) << "no error";
-  EXPECT_EQ(front({{2, {1, 1, 1}}, {1.5, {.5, 1, 1}}, {1, {1, .5, 1}}}),
-            (std::vector<bool>{false, true, true}));
-}
-
-// Of as many steps as fit into the time of the shipped ones.
-TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
-  Queue queue = test_queue();
-  const SmallScene scene(queue);
-  const TemporaryFolder folder;
-  const Outcome outcome =
-      small_pareto({"--knob", "lanes", "--scene", scene.path(), "--steps", "12", "--seeds", "2",
-                    "--set", "density.enabled=false", "--json", folder.file("a.json"), "--markdown",
-                    folder.file("a.md"), "--plots", folder.file("plots"), "--quiet"});
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const Json rows = read(folder.file("a.json"))["rows"];
-  const Json& shipped = rows["shipped, trained"];
-  EXPECT_EQ(shipped["steps"], 12);
-  for (const auto& [name, row] : rows.items()) {
-    if (name.find(", trained") == std::string::npos) continue;
-    const double time = row["CPU of a step, of shipped"]["median"], steps = row["steps"];
-    EXPECT_EQ(steps, std::max(1.0, std::floor(12 / time))) << name;
-    EXPECT_GT(row["PSNR [dB]"]["median"], 5) << name;
-  }
-  EXPECT_NE(contents(folder.file("a.md")).find("## In training"), std::string::npos);
-  EXPECT_TRUE(fs::exists(folder.file("plots/pareto_trained.tsv")));
-
-  // A single step each: what the choice is is all that they differ by.
-  const Outcome one =
-      small_pareto({"--knob", "alpha >=", "--knob", "saturated tiles", "--scene", scene.path(),
-                    "--steps", "1", "--seeds", "1", "--json", folder.file("b.json"), "--quiet"});
-  ASSERT_EQ(one.code, 0) << one.err;
-  const Json single = read(folder.file("b.json"))["rows"];
-  const Json& first = single["shipped, trained"]["PSNR [dB]"];
-  const Json& exact = single["saturated tiles walked on, trained"];
-  if (exact["steps"] == 1) {  // 2 where it took half the time
-    EXPECT_EQ(exact["PSNR [dB]"], first);
-  }
-  for (const char* other : {"alpha >= 1/64, trained", "alpha >= 1/2048, trained"})
-    EXPECT_NE(single[other]["PSNR [dB]"], first) << other;
-  const Outcome missing = small_pareto({"--knob", "lanes", "--scene", folder.file("nowhere")});
-  EXPECT_EQ(missing.code, 1);
-  EXPECT_EQ(missing.out, "");
-}
-
-TEST(Bench, InterruptedItLeavesNothingBehind) {
-  Queue queue = test_queue();
-  const SmallScene scene(queue);
-  const TemporaryFolder folder;
-  const Command command({"bench", "step", scene.path(), "--warm", "1000000"},
-                        "export TMPDIR='" + folder.path() + "'");
-  for (int i = 0; i < 6000 && command.said().find("train") == std::string::npos; ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  EXPECT_FALSE(fs::is_empty(folder.path()));
-  command.send(SIGINT);
-  const Outcome outcome = command.wait();
-  EXPECT_EQ(outcome.code, 130);
-  EXPECT_NE(outcome.err.find("interrupted"), std::string::npos) << outcome.err;
-  EXPECT_TRUE(fs::is_empty(folder.path()));
-}
-
 TEST(Bench, AnUnknownKnobIsNamedWithThoseThereAre) {
   const Outcome outcome = gflow({"bench", "pareto", "--knob", "speed"});
   EXPECT_EQ(outcome.code, 1);
@@ -243,7 +150,7 @@ TEST(Bench, ScalingTellsHowCostGrowsAndPredicts) {
   const Outcome outcome = gflow({"bench", "scaling", "--most", "3000", "--repeats", "1", "--json",
                                  file, "--gpu-tflops", "10"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const Json rows = read(file)["rows"];
+  const Json rows = report_in(file)["rows"];
   // As many pairs a pixel whatever their number; frames that are not drawn have none.
   const auto pairs = [&](const char* row) { return rows[row]["blended pairs"].get<double>(); };
   EXPECT_NEAR(pairs("3000 Gaussians") / pairs("1000 Gaussians"), 1, 0.2);
@@ -262,42 +169,12 @@ TEST(Bench, ScalingTellsHowCostGrowsAndPredicts) {
   const Outcome fewer = gflow({"bench", "scaling", "--most", "1000", "--repeats", "1", "--json",
                                file, "--plots", folder.file("plots")});
   ASSERT_EQ(fewer.code, 0) << fewer.err;
-  const Json again = read(file)["rows"]["5 million, 3840x2160, predicted"];
+  const Json again = report_in(file)["rows"]["5 million, 3840x2160, predicted"];
   for (const char* counted : {"operations [1e9]", "bytes [1e9]"})
     EXPECT_EQ(again[counted], predicted[counted]) << counted;
   const std::string script = contents(folder.file("plots/scaling.gnuplot"));
   for (const char* axis : {"Gaussians", "pixels", "frames"})
     EXPECT_NE(script.find(fmt::format("set xlabel '{}'", axis)), std::string::npos) << script;
-}
-
-TEST(Bench, StepTellsEachKindAndItsKernels) {
-  Queue queue = test_queue();
-  const SmallScene scene(queue);
-  const TemporaryFolder folder;
-  const std::string file = folder.file("a.json");
-  const Outcome outcome = gflow({"bench", "step", scene.path(), "--warm", "4", "--block", "2",
-                                 "--repeats", "1", "--json", file, "--quiet"});
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const Json rows = read(file)["rows"];
-  for (const char* kind : {"pictures alone", "with flow", "flow of all tiles in every step",
-                           "flow, rigidity", "flow, velocity"})
-    EXPECT_TRUE(rows.contains(kind)) << kind;
-  EXPECT_FALSE(rows.contains("pictures alone: flow_loss"));
-  EXPECT_TRUE(rows.contains("with flow: flow_loss"));
-}
-
-// Else one had more steps with flow than the next.
-TEST(Bench, BlocksHoldAsManyStepsWithFlow) {
-  Queue queue = test_queue();
-  const SmallScene scene(queue);
-  const TemporaryFolder folder;
-  const std::string file = folder.file("a.json");
-  const Outcome outcome =
-      gflow({"bench", "step", scene.path(), "--warm", "1", "--block", "4", "--repeats", "1",
-             "--set", "flow.every=3", "--json", file, "--quiet"});
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_NE(outcome.err.find("--block 4 becomes 6"), std::string::npos) << outcome.err;
-  EXPECT_EQ(read(file)["block"], 6);
 }
 
 TEST(Bench, AFolderThatCannotBeMadeIsToldBeforeAnythingIsMeasured) {
@@ -312,94 +189,6 @@ TEST(Bench, AFolderThatCannotBeMadeIsToldBeforeAnythingIsMeasured) {
       << outcome.err;
 }
 
-TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
-  Queue queue = test_queue();
-  const SmallScene scene(queue);
-  const TemporaryFolder folder;
-  const std::string file = folder.file("a.json");
-  const Outcome outcome = gflow({"bench", "skip", scene.path(), "--warm", "4", "--block", "2",
-                                 "--repeats", "1", "--set", "density.enabled=false", "--json", file,
-                                 "--quiet", "--plots", folder.file("plots")});
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const Json rows = read(file)["rows"];
-  ASSERT_EQ(rows.size(), 16u);
-  const std::string bars = contents(folder.file("plots/skip.tsv"));
-  EXPECT_EQ(bars.find("kind\tCPU [ms]\tlower quartile\tupper quartile\nall skips\t"), 0u) << bars;
-  EXPECT_TRUE(fs::exists(folder.file("plots/skip.gnuplot")));
-  const Json &all = rows["all skips"], &none = rows["no skip at all"];
-  const Json& inexact = rows["no exact skip"];  // as much is asked for, in the same way
-  EXPECT_EQ(all["model differs by"], 0);
-  for (const char* exact : {"masks", "saturated", "asking", "outside", "flow", "bands", "compact"})
-    EXPECT_EQ(rows[fmt::format("without {}", exact)]["model differs by"], 0) << exact;
-  for (const char* in_the_mean : {"flow of calm tiles too", "flow in every step"})
-    EXPECT_GT(rows[in_the_mean]["model differs by"], 0) << in_the_mean;
-  EXPECT_GT(rows["without masks"]["pairs in cells"], all["pairs in cells"]);
-  EXPECT_GT(rows["without boxes"]["intersections"], all["intersections"]);
-  EXPECT_GE(rows["at every time"]["drawn"], all["drawn"]);
-  EXPECT_GE(rows["without outside"]["posed"], all["posed"]);
-  EXPECT_GE(all["posed"], all["drawn"]);
-  for (const Json* row : {&none, &inexact})
-    EXPECT_GT((*row)["pairs in cells"], all["pairs in cells"]);
-  EXPECT_LT(inexact["model differs by"], 0.1 * none["model differs by"].get<double>());
-  EXPECT_GT(inexact["moved by Adam"], all["moved by Adam"]);
-  EXPECT_GT(none["CPU, of all skips"]["high"], 0);
-  EXPECT_GE(all["moved by Adam"], all["drawn"]);
-  EXPECT_GT(rows["without unseen"]["moved by Adam"], all["moved by Adam"]);
-  EXPECT_GT(rows["without unseen"]["bytes [1e6]"], all["bytes [1e6]"]);
-  EXPECT_EQ(rows["without masks"]["pairs blended"], all["pairs blended"]);
-  // What is left out of the way back, of the second time, of flow and of colour.
-  EXPECT_GE(rows["without asking"]["pairs back"], all["pairs back"]);
-  EXPECT_EQ(rows["without asking"]["pairs back"], rows["without asking"]["pairs in cells"]);
-  EXPECT_GE(rows["without saturated"]["pairs in cells"], all["pairs in cells"]);
-  EXPECT_EQ(rows["without saturated"]["pairs blended"], all["pairs blended"]);
-  EXPECT_GE(rows["without still"]["posed at t2"], all["posed at t2"]);
-  EXPECT_GT(rows["flow in every step"]["tiles with flow"], 0);
-  EXPECT_GT(none["tiles with flow"], all["tiles with flow"]);
-  const double each = 3 * 9;  // motion.sh_degree 2
-  EXPECT_EQ(rows["without bands"]["colour values"], each * all["drawn"].get<double>());
-  EXPECT_LT(all["colour values"], rows["without bands"]["colour values"]);
-  EXPECT_GT(rows["without compact"]["bytes [1e6]"], all["bytes [1e6]"]);
-}
-
-TEST(Bench, EveryWayComesFirstAsOftenAsEveryOther) {
-  std::vector<std::vector<int>> before(5, std::vector<int>(5));
-  for (int repeat = 0; repeat < 20; ++repeat) {
-    const std::vector<size_t> order = bench::order_of(5, repeat);
-    for (size_t i = 0; i < 5; ++i)
-      for (size_t k = i + 1; k < 5; ++k) ++before[order[i]][order[k]];
-  }
-  for (size_t i = 0; i < 5; ++i)
-    for (size_t k = 0; k < 5; ++k) EXPECT_EQ(before[i][k], i == k ? 0 : 10) << i << " " << k;
-  EXPECT_NE(bench::order_of(5, 0), bench::order_of(5, 2));
-  EXPECT_EQ(bench::order_of(5, 3), bench::order_of(5, 3));
-}
-
-// A machine twice as slow in a repeat is so for both: their ratio is 2 in each.
-TEST(Bench, ARatioIsThatOfEachRepeat) {
-  const bench::Spread same = bench::ratio_of({2, 20, 4, 6}, {1, 10, 2, 3});
-  EXPECT_EQ(same.low, 2);
-  EXPECT_EQ(same.high, 2);
-  const bench::Spread apart = bench::ratio_of({1, 2, 3}, {1, 1, 1});
-  EXPECT_EQ(apart.low, 1.5);
-  EXPECT_EQ(apart.median, 2);
-  EXPECT_EQ(apart.high, 2.5);
-}
-
-// A machine that gave one core instead of two took twice as long: no more was done.
-TEST(Bench, CpuTimeOfAStageDoesNotDependOnHowManyCoresWereFree) {
-  EXPECT_EQ(bench::cpu_of({3, 6}, {20, 20}, {10, 20}), (bench::Samples{6, 6}));
-}
-
-// Quartiles of 1 + 9, 5 + 5 and 9 + 1; sums of quartiles would be from 6 to 14.
-TEST(Bench, QuartilesOfAStageAreThoseOfItsKernelsTogether) {
-  const bench::KernelSamples kernels{{"a", {1, 5, 9}}, {"b", {9, 5, 1}}, {"c", {1, 1, 1}}};
-  const bench::Spread sum = bench::spread_of(bench::sum_of(kernels, {"a", "b", "none"}));
-  EXPECT_EQ(sum.low, 10);
-  EXPECT_EQ(sum.high, 10);
-  EXPECT_EQ(bench::sum_of(kernels), (bench::Samples{11, 11, 11}));
-  EXPECT_TRUE(bench::sum_of(kernels, {"none"}).empty());
-}
-
 Outcome small_raster(std::vector<std::string> more) {
   for (const char* word : {"--pixels", "16x16", "--gaussians", "20"}) more.push_back(word);
   return gflow(raster(more));
@@ -412,7 +201,7 @@ TEST(Bench, QuartilesLieBetweenRanksAndWhatNobodyCountedIsNotZero) {
   const Outcome outcome = gflow({"bench", "raster", "--pixels", "16x16", "--gaussians", "20",
                                  "--repeats", "2", "--json", file});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const Json report = read(file), rows = report["rows"];
+  const Json report = report_in(file), rows = report["rows"];
   const Json& wall = rows["16x16, 20"]["wall [ms]"];
   const double low = wall["low"], high = wall["high"], median = wall["median"];
   EXPECT_LT(low, high);
@@ -490,7 +279,7 @@ TEST(Bench, AnEarlierReportIsComparedByRatio) {
   const std::string file = folder.file("a.json");
   ASSERT_EQ(small_raster({"--json", file}).code, 0);
   const auto compared_with = [&](double factor) {
-    Json report = read(file);
+    Json report = report_in(file);
     for (Json& row : report["rows"])
       for (Json& figure : row)
         if (figure.is_object())
@@ -511,7 +300,7 @@ TEST(Bench, AnEarlierReportIsComparedByRatio) {
   for (const char* said : {"wall [ms]", "motion, device [ms]"})
     EXPECT_NE(slower.out.find(said), std::string::npos) << said;
   EXPECT_NE(slower.out.find(" not judged\n"), std::string::npos) << slower.out;
-  Json report = read(file);  // slower by its best, but once it had been as slow
+  Json report = report_in(file);  // slower by its best, but once it had been as slow
   const std::string row = report["rows"].items().begin().key();
   for (Json& one : report["rows"])
     for (Json& figure : one)

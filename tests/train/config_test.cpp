@@ -171,10 +171,12 @@ TEST(Config, AWrongTypeIsRefusedWithWhatIsAllowed) {
   EXPECT_CONTAINS(message_of_setting("train.iterations=many"), "train.iterations = many");
   EXPECT_CONTAINS(message_of_setting("train.iterations=many"), "a whole number, at least 1");
   EXPECT_CONTAINS(message_of_setting("train.iterations=2.5"), "a whole number");
+  EXPECT_CONTAINS(message_of_setting("train.iterations="), "train.iterations = nothing");
   EXPECT_CONTAINS(message_of_setting("flow.enabled=1"), "true or false");
   EXPECT_CONTAINS(message_of_setting("flow.weight=true"), "a number");
   EXPECT_CONTAINS(message_of_setting("flow.transport=teleport"), "paper, ot, material, translate");
   EXPECT_CONTAINS(message_of_file("[train]\ndevice = 3\n"), "text in quotes");
+  EXPECT_CONTAINS(message_of_file("[lr]\nfade = [0.3]\n"), "lr.fade = a list is not allowed");
 }
 
 TEST(Config, AValueOutOfRangeIsRefusedWithTheRange) {
@@ -183,6 +185,8 @@ TEST(Config, AValueOutOfRangeIsRefusedWithTheRange) {
   EXPECT_CONTAINS(message_of_setting("loss.ssim=1.01"), "0 to 1");
   EXPECT_CONTAINS(message_of_setting("scene.radius=0"), "above 0");
   EXPECT_CONTAINS(message_of_setting("scene.resolution=3"), "one of 1, 2, 4, 8");
+  EXPECT_CONTAINS(message_of_setting("train.seed=2000000001"), "0 to 2000000000");
+  EXPECT_CONTAINS(message_of_setting("adam.eps_means=1e-20"), "at least 1.1e-19");
 }
 
 TEST(Config, NanAndInfinityAreRefusedEverywhere) {

@@ -188,7 +188,7 @@ TEST(InitialModel, RefusesAFileThatCannotBeginAScene) {
   Loaded loaded(config);
   expect_error([&] { loaded.model(config); }, {"init.from", "init.file names none"});
   const std::string path = config.init.file = scene.folder().file("first.ply");
-  expect_error([&] { loaded.model(config); }, {"first.ply", "No such file"});
+  expect_error([&] { loaded.model(config); }, {"init.file", "first.ply", "No such file"});
   write_ply(path, static_splat(7));
   config.density.cap = 6;
   expect_error([&] { loaded.model(config); }, {"first.ply", "7 Gaussians", "density.cap = 6"});
@@ -241,7 +241,7 @@ TEST(InitialModel, StaysWithinTheCapAndTheMemorySeedsIncluded) {
     return prepared.first_model(queue);
   };
   const HostModel free = begun(0), within = begun(1);
-  const size_t holds = most_gaussians(queue.info, Model(queue, free).parameters, 1);
+  const size_t holds = most_gaussians(queue.info, Model(queue, free).parameters, 1, false);
   ASSERT_GT(free.count, holds);
   EXPECT_LE(within.count, holds);
   EXPECT_GT(within.count, holds / 2);

@@ -49,7 +49,7 @@ TEST_F(TrainerTest, StopsGrowingAtTheMemoryBudgetAndSaysSoOnce) {
     notices += !training.trainer.take_notice().empty();
   }
   const Parameters& p = training.model.parameters;
-  EXPECT_EQ(p.count, most_gaussians(queue().info, p, 1));
+  EXPECT_EQ(p.count, most_gaussians(queue().info, p, 1, config.adam.beta1 > 0));
   EXPECT_GT(p.count, scene().truth.count);
   EXPECT_EQ(notices, 1u);
 }
@@ -193,6 +193,27 @@ TEST_F(TrainerTest, AStateOfAnotherModelIsRefusedAndChangesNothing) {
   expect_error([&] { training.trainer.set_state(queue(), state, "some.npz"); },
                {"some.npz", "no array 'gaussians/means'"});
   expect_equal_bits(before, training.bits(queue()));
+}
+
+// Half of the moments, where no mean gradient is kept; and what is kept is gone on from.
+TEST_F(TrainerTest, TheMeanGradientIsSavedWhereItIsKept) {
+  const auto kept = [&](TrainConfig config) {
+    SmallTraining training(queue(), config);
+    training.steps(queue(), 3);
+    Arrays state = training.trainer.state(queue());
+    training.trainer.set_state(queue(), state, "some.npz");
+    for (const auto& [name, array] : training.trainer.state(queue()))
+      EXPECT_TRUE(array.values == state.at(name).values) << name;
+    return std::array<size_t, 3>{state.count("gaussians/means/exp_avg"),
+                                 state.count("gaussians/means/exp_avg_sq"),
+                                 state.count("table1/key_shifts/exp_avg")};
+  };
+  TrainConfig config = small_config(scene(), 20);
+  EXPECT_EQ(kept(config), (std::array<size_t, 3>{0, 1, 0}));
+  config.motion.model = choice_of(MotionModelKind::keyframes);
+  EXPECT_EQ(kept(config), (std::array<size_t, 3>{0, 1, 1}));
+  config.adam.beta1 = 0.5f;
+  EXPECT_EQ(kept(config), (std::array<size_t, 3>{1, 1, 1}));
 }
 
 TEST_F(TrainerTest, WorkThatIsLeftOutChangesNoBit) {

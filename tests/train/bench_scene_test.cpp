@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow bench` on scenes: step, skip, and pareto's trainings. No time is judged.
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <thread>
+
+#include "train/bench_command.hpp"
+#include "train/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+// Of as many steps as fit into the time of the shipped ones.
+TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TemporaryFolder folder;
+  const Outcome outcome =
+      small_pareto({"--knob", "lanes", "--scene", scene.path(), "--steps", "12", "--seeds", "2",
+                    "--set", "density.enabled=false", "--json", folder.file("a.json"), "--markdown",
+                    folder.file("a.md"), "--plots", folder.file("plots"), "--quiet"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json rows = report_in(folder.file("a.json"))["rows"];
+  const Json& shipped = rows["shipped, trained"];
+  EXPECT_EQ(shipped["steps"], 12);
+  for (const auto& [name, row] : rows.items()) {
+    if (name.find(", trained") == std::string::npos) continue;
+    const double time = row["CPU of a step, of shipped"]["median"], steps = row["steps"];
+    EXPECT_EQ(steps, std::max(1.0, std::floor(12 / time))) << name;
+    EXPECT_GT(row["PSNR [dB]"]["median"], 5) << name;
+  }
+  EXPECT_NE(contents(folder.file("a.md")).find("## In training"), std::string::npos);
+  EXPECT_TRUE(fs::exists(folder.file("plots/pareto_trained.tsv")));
+
+  // A single step each: what the choice is is all that they differ by.
+  const Outcome one =
+      small_pareto({"--knob", "alpha >=", "--knob", "saturated tiles", "--scene", scene.path(),
+                    "--steps", "1", "--seeds", "1", "--json", folder.file("b.json"), "--quiet"});
+  ASSERT_EQ(one.code, 0) << one.err;
+  const Json single = report_in(folder.file("b.json"))["rows"];
+  const Json& first = single["shipped, trained"]["PSNR [dB]"];
+  const Json& exact = single["saturated tiles walked on, trained"];
+  if (exact["steps"] == 1) {  // 2 where it took half the time
+    EXPECT_EQ(exact["PSNR [dB]"], first);
+  }
+  for (const char* other : {"alpha >= 1/64, trained", "alpha >= 1/2048, trained"})
+    EXPECT_NE(single[other]["PSNR [dB]"], first) << other;
+  const Outcome missing = small_pareto({"--knob", "lanes", "--scene", folder.file("nowhere")});
+  EXPECT_EQ(missing.code, 1);
+  EXPECT_EQ(missing.out, "");
+}
+
+TEST(Bench, InterruptedItLeavesNothingBehind) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TemporaryFolder folder;
+  const Command command({"bench", "step", scene.path(), "--warm", "1000000"},
+                        "export TMPDIR='" + folder.path() + "'");
+  for (int i = 0; i < 6000 && command.said().find("train") == std::string::npos; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_FALSE(fs::is_empty(folder.path()));
+  command.send(SIGINT);
+  const Outcome outcome = command.wait();
+  EXPECT_EQ(outcome.code, 130);
+  EXPECT_NE(outcome.err.find("interrupted"), std::string::npos) << outcome.err;
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(Bench, StepTellsEachKindAndItsKernels) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const Outcome outcome = gflow({"bench", "step", scene.path(), "--warm", "4", "--block", "2",
+                                 "--repeats", "1", "--json", file, "--quiet"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json rows = report_in(file)["rows"];
+  for (const char* kind : {"pictures alone", "with flow", "flow of all tiles in every step",
+                           "flow, rigidity", "flow, velocity"})
+    EXPECT_TRUE(rows.contains(kind)) << kind;
+  EXPECT_FALSE(rows.contains("pictures alone: flow_loss"));
+  EXPECT_TRUE(rows.contains("with flow: flow_loss"));
+}
+
+// Else one had more steps with flow than the next.
+TEST(Bench, BlocksHoldAsManyStepsWithFlow) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const Outcome outcome =
+      gflow({"bench", "step", scene.path(), "--warm", "1", "--block", "4", "--repeats", "1",
+             "--set", "flow.every=3", "--json", file, "--quiet"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.err.find("--block 4 becomes 6"), std::string::npos) << outcome.err;
+  EXPECT_EQ(report_in(file)["block"], 6);
+}
+
+TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  const Outcome outcome = gflow({"bench", "skip", scene.path(), "--warm", "4", "--block", "2",
+                                 "--repeats", "1", "--set", "density.enabled=false", "--json", file,
+                                 "--quiet", "--plots", folder.file("plots")});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json rows = report_in(file)["rows"];
+  ASSERT_EQ(rows.size(), 16u);
+  const std::string bars = contents(folder.file("plots/skip.tsv"));
+  EXPECT_EQ(bars.find("kind\tCPU [ms]\tlower quartile\tupper quartile\nall skips\t"), 0u) << bars;
+  EXPECT_TRUE(fs::exists(folder.file("plots/skip.gnuplot")));
+  const Json &all = rows["all skips"], &none = rows["no skip at all"];
+  const Json& inexact = rows["no exact skip"];  // as much is asked for, in the same way
+  EXPECT_EQ(all["model differs by"], 0);
+  for (const char* exact : {"masks", "saturated", "asking", "outside", "flow", "bands", "compact"})
+    EXPECT_EQ(rows[fmt::format("without {}", exact)]["model differs by"], 0) << exact;
+  for (const char* in_the_mean : {"flow of calm tiles too", "flow in every step"})
+    EXPECT_GT(rows[in_the_mean]["model differs by"], 0) << in_the_mean;
+  EXPECT_GT(rows["without masks"]["pairs in cells"], all["pairs in cells"]);
+  EXPECT_GT(rows["without boxes"]["intersections"], all["intersections"]);
+  EXPECT_GE(rows["at every time"]["drawn"], all["drawn"]);
+  EXPECT_GE(rows["without outside"]["posed"], all["posed"]);
+  EXPECT_GE(all["posed"], all["drawn"]);
+  for (const Json* row : {&none, &inexact})
+    EXPECT_GT((*row)["pairs in cells"], all["pairs in cells"]);
+  EXPECT_LT(inexact["model differs by"], 0.1 * none["model differs by"].get<double>());
+  EXPECT_GT(inexact["moved by Adam"], all["moved by Adam"]);
+  EXPECT_GT(none["CPU, of all skips"]["high"], 0);
+  EXPECT_GE(all["moved by Adam"], all["drawn"]);
+  EXPECT_GT(rows["without unseen"]["moved by Adam"], all["moved by Adam"]);
+  EXPECT_GT(rows["without unseen"]["bytes [1e6]"], all["bytes [1e6]"]);
+  EXPECT_EQ(rows["without masks"]["pairs blended"], all["pairs blended"]);
+  // What is left out of the way back, of the second time, of flow and of colour.
+  EXPECT_GE(rows["without asking"]["pairs back"], all["pairs back"]);
+  EXPECT_EQ(rows["without asking"]["pairs back"], rows["without asking"]["pairs in cells"]);
+  EXPECT_GE(rows["without saturated"]["pairs in cells"], all["pairs in cells"]);
+  EXPECT_EQ(rows["without saturated"]["pairs blended"], all["pairs blended"]);
+  EXPECT_GE(rows["without still"]["posed at t2"], all["posed at t2"]);
+  EXPECT_GT(rows["flow in every step"]["tiles with flow"], 0);
+  EXPECT_GT(none["tiles with flow"], all["tiles with flow"]);
+  const double each = 3 * 9;  // motion.sh_degree 2
+  EXPECT_EQ(rows["without bands"]["colour values"], each * all["drawn"].get<double>());
+  EXPECT_LT(all["colour values"], rows["without bands"]["colour values"]);
+  EXPECT_GT(rows["without compact"]["bytes [1e6]"], all["bytes [1e6]"]);
+}
+
+}  // namespace
+}  // namespace gflow
