@@ -12,6 +12,7 @@
 #include "apps/experiments/runs.hpp"
 #include "apps/experiments/table.hpp"
 #include "apps/options.hpp"
+#include "apps/signals.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/file_lock.hpp"
 #include "optim/io/json_text.hpp"
@@ -134,6 +135,7 @@ void run_experiment(const Flags& flags, const GlobalOptions& options) {
       require_no_program(run.config, fmt::format("{}: training {}", flags.file, run.id));
   std::filesystem::create_directories(folder);
   const FileLock lock(folder + "/.lock", folder);
+  let_children_end_with_this();
   try {
     train_all(plan, folder, how);
   } catch (const RunsFailed&) {

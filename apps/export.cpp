@@ -15,6 +15,7 @@
 #include "apps/output_path.hpp"
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/dot_splat.hpp"
+#include "optim/io/file_lock.hpp"
 #include "optim/io/four_dgs.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/train/linear_pieces.hpp"
@@ -111,6 +112,8 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
   std::error_code problem;
   fs::create_directories(folder, problem);
   if (problem) throw Error(fmt::format("making the folder {}: {}", folder, problem.message()));
+  const FolderLock lock(folder);
+  require_no_other_frames(folder);  // nobody else has filled it meanwhile
   InterruptGuard guard;
   Progress progress("export", long(times.size()), quiet);
   for (size_t k = 0; k < times.size(); ++k) {

@@ -14,6 +14,7 @@
 #include "apps/options.hpp"
 #include "apps/output_path.hpp"
 #include "optim/io/four_dgs.hpp"
+#include "optim/io/ply_comments.hpp"
 #include "optim/io/splat_table.hpp"
 
 namespace gflow {
@@ -52,8 +53,9 @@ void run_import(const ImportFlags& flags) {
   if (flags.time && format != SplatFormat::four_dgs)
     throw Error(fmt::format("--time is for .4dgs files, whose Gaussians move; {} is {}",
                             flags.input, names_of(format)[size_t(format)]));
-  const PlyTable table =
+  PlyTable table =
       format == SplatFormat::four_dgs ? moment_of(flags) : read_splats(flags.input, format);
+  table.origin = origin_of(table, flags.input);
   if (table.column("scale_t") >= 0)
     throw Error(
         fmt::format("{} is a moving model of gflow; `gflow export --format ply --times T` "

@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -27,6 +28,9 @@ int say(const std::string& sentence, int exit_code) {
   std::fprintf(stderr, "gflow: %s\n", gflow::printable(sentence).c_str());
   return exit_code;
 }
+
+// The program that read what is printed has ended, as `head` does: no reason for words.
+int nobody_reads() { return 128 + SIGPIPE; }
 
 // The options every sub-command has, repeated at the end of each sub-command's --help.
 std::string global_help(const CLI::App& app) {
@@ -86,6 +90,7 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  gflow::open_standard_streams();
   gflow::set_signals();
   std::at_quick_exit([] { gflow::remove_unfinished_files(); });  // a device that hangs: Watchdog
 #ifdef GFLOW_WITH_OPENCV
@@ -94,6 +99,7 @@ int main(int argc, char** argv) {
   try {
     const int code = run(argc, argv);
     if (std::fflush(stdout) == 0) return code;
+    if (errno == EPIPE) return nobody_reads();
     return say(fmt::format("cannot write to standard output: {}", std::strerror(errno)), 1);
   } catch (const gflow::Interrupted& stop) {
     return say(stop.what(), gflow::interrupted_exit_code());
@@ -108,9 +114,12 @@ int main(int argc, char** argv) {
         "a motion model, fewer keys or smaller planes need less",
         1);
   } catch (const std::filesystem::filesystem_error& problem) {
-    return say(fmt::format("cannot use {}: {}", problem.path1().string(), problem.code().message()),
+    const std::string path = problem.path1().string();
+    return say(path.empty() ? problem.what()
+                            : fmt::format("cannot use {}: {}", path, problem.code().message()),
                1);
   } catch (const std::system_error& problem) {  // fmt::print to a full disk, a thread refused
+    if (problem.code() == std::errc::broken_pipe) return nobody_reads();
     return say(problem.what(), 1);
   } catch (const std::exception& problem) {
     return say(fmt::format("an error nobody foresaw: {}", problem.what()), 1);

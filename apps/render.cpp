@@ -15,6 +15,7 @@
 #include "apps/options.hpp"
 #include "apps/output_path.hpp"
 #include "optim/data/cameras_json.hpp"
+#include "optim/io/file_lock.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
@@ -199,6 +200,11 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
 
   Queue queue = open_queue(options);
   Model model(queue, source.model, Purpose::showing);
+  std::error_code problem;
+  fs::create_directories(flags.output, problem);
+  if (problem)
+    throw Error(fmt::format("making the folder {}: {}", flags.output, problem.message()));
+  const FolderLock lock(flags.output);
   InterruptGuard guard;
   Progress progress("render", long(views.size()), options.quiet);
   const RenderReport report = render_views(

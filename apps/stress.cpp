@@ -15,6 +15,7 @@
 #include "apps/options.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/warning.hpp"
 
 namespace gflow {
@@ -110,7 +111,7 @@ std::string text_of(const Derivative& d) {
 }
 
 void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
-  if (!quiet) fmt::print(stderr, "{} {} ...\n", test.id, test.name);
+  if (!quiet) tell("{} {} ...\n", test.id, test.name);
   const auto start = std::chrono::steady_clock::now();
   Rows rows;
   try {
@@ -133,7 +134,7 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
                        {"passed", good}});
   }
   std::fflush(stdout);
-  if (!quiet) fmt::print(stderr, "{} {}: {:.1f} s\n", test.id, test.name, seconds);
+  if (!quiet) tell("{} {}: {:.1f} s\n", test.id, test.name, seconds);
   outcome.tests.push_back(
       {{"test", test.id}, {"name", test.name}, {"seconds", seconds}, {"figures", figures}});
 }

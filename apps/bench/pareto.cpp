@@ -17,6 +17,7 @@
 #include "apps/command_line.hpp"
 #ifdef GFLOW_WITH_OPENCV
 #include "apps/bench/trained.hpp"
+#include "optim/io/tell.hpp"
 #endif
 
 namespace gflow::bench {
@@ -322,8 +323,7 @@ Result run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
   std::vector<Measured> all;
   const std::vector<Choice> tried = choices_of(home.queue->lanes, o.knobs);
   for (const Choice& choice : tried) {
-    if (!options.quiet)
-      fmt::print(stderr, "{} of {}: {}\n", all.size() + 1, tried.size(), choice.name);
+    if (!options.quiet) tell("{} of {}: {}\n", all.size() + 1, tried.size(), choice.name);
     std::unique_ptr<Place> other;
     if (choice.lanes) other = std::make_unique<Place>(options, o, choice.lanes);
     const Place& place = other ? *other : home;

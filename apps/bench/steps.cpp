@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "apps/command_line.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/progress.hpp"
 #include "runtime/reduce.hpp"
 #include "runtime/usage.hpp"
@@ -148,8 +149,8 @@ StepOptions with_whole_blocks(StepOptions o) {
   const int every = flow_every(configured(o, Kind()));
   const int block = (o.block + every - 1) / every * every;
   if (block != o.block)
-    fmt::print(stderr, "--block {} becomes {}: as many steps with flow in each, one in {}\n",
-               o.block, block, every);
+    tell("--block {} becomes {}: as many steps with flow in each, one in {}\n", o.block, block,
+         every);
   o.block = block;
   return o;
 }

@@ -8,6 +8,7 @@
 #include "apps/bench/steps.hpp"
 #include "apps/command_line.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/evaluation.hpp"
 
 namespace gflow::bench {
@@ -77,8 +78,7 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
   std::vector<TrainedChoice> all{{choices[0], {1, 1, 1}, o.steps, {}, {}, {}}};
   for (size_t first = 1; first < kinds.size(); first += kSideBySide) {
     const size_t end = std::min(first + kSideBySide, kinds.size());
-    if (!options.quiet)
-      fmt::print(stderr, "steps of {} to {} of {} choices\n", first + 1, end, kinds.size());
+    if (!options.quiet) tell("steps of {} to {} of {} choices\n", first + 1, end, kinds.size());
     std::vector<Kind> group{kinds[0]};
     group.insert(group.end(), kinds.begin() + long(first), kinds.begin() + long(end));
     const std::vector<StepCost> costs = costs_of_steps(queue, timing, group, from, folder);
@@ -93,8 +93,8 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
     for (int seed = 0; seed < o.seeds; ++seed) {
       TrainedChoice& one = all[i];
       if (!options.quiet)
-        fmt::print(stderr, "training {} of {}: {}, {} steps, seed {}\n", i * o.seeds + seed + 1,
-                   all.size() * o.seeds, one.choice.name, one.steps, seed);
+        tell("training {} of {}: {}, {} steps, seed {}\n", i * o.seeds + seed + 1,
+             all.size() * o.seeds, one.choice.name, one.steps, seed);
       const ViewFigures mean =
           trained(kinds[i].queue ? *kinds[i].queue : queue, one.choice, o, one.steps, seed, folder)
               .mean;

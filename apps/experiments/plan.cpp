@@ -57,7 +57,9 @@ class Reader {
     const std::vector<Axis> axes = read_axes();
     for (const Axis& axis : axes) plan.axes.push_back(axis.name);
     plan.baseline = baseline(axes);
-    for (const Choice& scene : read_scenes()) add_rows(plan, base, scene, axes);
+    const std::vector<Choice> scenes = read_scenes();
+    expect_few_runs(scenes.size(), seeds().size(), axes);
+    for (const Choice& scene : scenes) add_rows(plan, base, scene, axes);
     expect_distinct(plan.runs);
     return plan;
   }
@@ -315,6 +317,18 @@ class Reader {
         fmt::format("{}: 'baseline' must name a choice of each axis, or \"{}\" for a row's own, in "
                     "their order: {}",
                     at(*node), any_choice, fmt::join(choices, ", ")));
+  }
+
+  // Error where there are more than anyone trains; the axes alone may come to any number.
+  void expect_few_runs(size_t scenes, size_t seeds, const std::vector<Axis>& axes) const {
+    constexpr double most = 10000;
+    double runs = double(scenes) * double(seeds);
+    for (const Axis& axis : axes) runs *= double(axis.choices.size());
+    if (runs > most)
+      throw Error(
+          fmt::format("{}: {} scenes, {} seeds and every combination of the choices of {} axes are "
+                      "{:.4g} runs, at most {} are done: take out choices, or make several files",
+                      path_, scenes, seeds, axes.size(), runs, most));
   }
 
   // The combinations of a scene, the last axis fastest.

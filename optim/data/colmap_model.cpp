@@ -95,6 +95,8 @@ class BinaryFile {
 
 // The next line that is no comment; empty lines count. False at the end of the file.
 bool next_entry(FilePieces& file, std::string& line) {
+  constexpr const char* byte_order = "\xef\xbb\xbf";  // which some editors put before a text
+  if (file.place() == 0 && file.ahead(3) == byte_order) file.step(3);
   while (file.ahead(1) == "#") file.skip_line();
   return file.next_line(line);
 }

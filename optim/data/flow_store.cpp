@@ -16,6 +16,7 @@
 
 #include "optim/data/lru_cache.hpp"
 #include "optim/data/reader_util.hpp"
+#include "optim/io/file_name.hpp"
 #include "optim/io/npy.hpp"
 #include "runtime/error.hpp"
 
@@ -213,7 +214,7 @@ FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pai
     const Frame& frame = scene.train[size_t(pair.frame)];
     const Camera camera = frames.camera(frame);
     const std::string step =
-        (fs::path(folder) / camera.name / fmt::format("{:04}", frame.step)).string();
+        (path_below(folder, camera.name) / fmt::format("{:04}", frame.step)).string();
     const std::string picture = (fs::path(folder) / fs::path(frame.path).stem()).string();
     std::vector<std::string> names;
     for (const std::string& base : {step, picture})

@@ -20,6 +20,7 @@
 #include "optim/data/lru_cache.hpp"
 #include "optim/data/opencv_threads.hpp"
 #include "optim/data/video.hpp"
+#include "optim/io/file_name.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -141,7 +142,7 @@ struct FrameStore::State {
     Unpacked& unpacked = video_of(frame.path);
     const std::lock_guard<std::mutex> lock(unpacked.mutex);
     const Camera& camera = reduced_cameras[size_t(frame.camera)];
-    const fs::path folder = fs::path(options.unpack_folder) / camera.name;
+    const fs::path folder = fs::path(options.unpack_folder) / as_file_name(camera.name);
     const auto file = [&](int k) { return (folder / fmt::format("{:05}.png", k)).string(); };
     std::error_code failed;
     fs::create_directories(folder, failed);

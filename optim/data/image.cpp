@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "optim/data/image_header.hpp"
+#include "optim/data/jpeg.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "runtime/error.hpp"
 
@@ -50,6 +51,8 @@ void check_pixels(const Image& image, const std::string& doing) {
 cv::Mat decode(const std::string& path) {
   const Bytes bytes = read_file(path);
   check_image_bytes(bytes, path);
+  if (const std::string why = bytes[0] == 0xff ? damage_of_jpeg(bytes) : ""; !why.empty())
+    throw Error(fmt::format("cannot read picture {}: it is damaged ({})", path, why));
   cv::Mat mat;
   try {
     mat = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);

@@ -14,6 +14,7 @@
 #include "optim/data/reader_util.hpp"
 #include "optim/data/readers.hpp"
 #include "optim/data/tracks.hpp"
+#include "optim/io/file_name.hpp"
 #include "optim/io/npy.hpp"
 #include "runtime/error.hpp"
 
@@ -149,7 +150,7 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
         throw Error(fmt::format("{} names the picture '{}', but there is no {}.png (nor .jpg)",
                                 dataset_path, id, base));
       frame.time = time_id(metadata, id, metadata_path);
-      frame.name = id;
+      frame.name = as_file_name(id);
       const ImageHeader header = read_image_header(frame.path);
       scene.has_alpha |= header.has_alpha;
       Camera camera =

@@ -67,7 +67,9 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
   split_frames(folder, file, options.test_every, frames, scene);
   if (scene.train.empty())
     throw Error(
-        fmt::format("{} names no training pictures: it has {} frames", file.path, frames.size()));
+        fmt::format("{} names no training pictures: of its {} frames none is in 'train_filenames', "
+                    "or all are for the test (scene.test_every)",
+                    file.path, frames.size()));
   const std::vector<double> times = distinct_times(scene.train);
   scene.steps = int(times.size());
   scene.points = points_of(folder, file);

@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 
+#include "optim/io/file_name.hpp"
 #include "optim/io/npz.hpp"
 #include "runtime/error.hpp"
 
@@ -141,8 +142,7 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
     const Film& film = films.at(frame.track);
     std::shared_ptr<const PointTracks>& tracks = tracks_of[frame.track];
     if (!tracks) {
-      const std::string path =
-          is_file ? folder : (fs::path(folder) / (stored.name + ".npz")).string();
+      const std::string path = is_file ? folder : path_below(folder, stored.name + ".npz").string();
       if (!fs::exists(path))
         throw Error(fmt::format("flow.tracks: there are no tracks of camera {}: looked for {}",
                                 stored.name, path));

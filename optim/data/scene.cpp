@@ -127,7 +127,9 @@ void check(const Scene& scene) {
     return focal >= side / most && focal <= side * most;
   };
   if (scene.train.empty())
-    throw Error(fmt::format("scene {} has no training pictures", scene.folder));
+    throw Error(fmt::format("scene {} has no training pictures: all of its {} are for the test{}",
+                            scene.folder, scene.test.size(),
+                            scene.layout == "colmap" ? " (scene.test_every)" : ""));
   for (const Camera& camera : scene.cameras) {
     const double side = std::max(camera.width, camera.height);
     const bool ok = camera.width > 0 && camera.height > 0 && within(camera.fx, side) &&

@@ -8,6 +8,7 @@
 
 #include "optim/data/flow_store.hpp"
 #include "optim/data/reader_util.hpp"
+#include "optim/io/file_name.hpp"
 
 namespace gflow {
 namespace fs = std::filesystem;
@@ -95,7 +96,7 @@ std::shared_ptr<const TeacherFlow> KnownViews::flow(const GuidanceRequest& reque
     return nullptr;  // the files lead to the next picture
   Frame frame;
   const fs::path base =
-      fs::path(folder_) / "flow" / camera.name / fmt::format("{:04}", request.frame);
+      path_below(fs::path(folder_) / "flow", camera.name) / fmt::format("{:04}", request.frame);
   if (!camera.name.empty()) find_true_flow(frame, base.string(), request.next_time);
   if (frame.flow_path.empty()) return nullptr;
   return flows_.get(

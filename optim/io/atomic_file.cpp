@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <climits>
 #include <cstring>
 #include <filesystem>
 #include <memory>
@@ -49,9 +50,12 @@ class Temporary {
 // libraries choose the format by it.
 std::string temporary_name(const std::string& path) {
   const std::filesystem::path full(path);
+  const std::string stem = full.stem().string(), ending = full.extension().string();
   for (unsigned n = 0;; ++n) {  // as is_temporary_name() knows it
-    const std::string name = fmt::format(".{}.{}-{}.part{}", full.stem().string(), ::getpid(), n,
-                                         full.extension().string());
+    const std::string own = fmt::format(".{}-{}.part{}", ::getpid(), n, ending);
+    // A name may have 255 bytes: of a long one its beginning does.
+    const size_t room = NAME_MAX - std::min<size_t>(own.size() + 1, NAME_MAX);
+    const std::string name = "." + stem.substr(0, room) + own;
     const std::string candidate = (full.parent_path() / name).string();
     struct stat info;
     if (::lstat(candidate.c_str(), &info) == 0) continue;

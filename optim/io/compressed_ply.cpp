@@ -58,9 +58,8 @@ class Column {
 // A column of words that several numbers are packed in.
 Column packed(const PlyElement& element, const std::string& name, const std::string& path) {
   const Column column(element, name, path);
-  if (element.reals[size_t(element.property(name))])
-    refuse(path,
-           fmt::format("its property '{}' is a float, expected are the bits of a uint", name));
+  if (!element.words_of_32[size_t(element.property(name))])
+    refuse(path, fmt::format("its property '{}' is no uint, whose bits are expected", name));
   return column;
 }
 

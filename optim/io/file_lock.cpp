@@ -12,6 +12,15 @@
 namespace gflow {
 namespace {
 
+// Error where another one has it; the file is closed then.
+void lock_or_close(int file, const std::string& what, std::string (*who)(int)) {
+  if (::flock(file, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  const std::string holder = who(file);
+  ::close(file);
+  throw FileIsLocked(
+      fmt::format("{} is being written by {}: wait for it or choose another folder", what, holder));
+}
+
 // "process 1234", as the holder wrote it; it may not have come to that yet.
 std::string holder(int file) {
   char text[16] = {};
@@ -24,17 +33,20 @@ std::string holder(int file) {
 FileLock::FileLock(const std::string& path, const std::string& what)
     : file_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666)) {
   if (file_ < 0) throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
-  if (::flock(file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-    const std::string who = holder(file_);
-    ::close(file_);
-    throw FileIsLocked(
-        fmt::format("{} is being written by {}: wait for it or choose another folder", what, who));
-  }
+  lock_or_close(file_, what, holder);
   // Who holds it is only said, so that a full disk is no reason to stop.
   const std::string pid = std::to_string(::getpid());
   if (::ftruncate(file_, 0) != 0 || ::pwrite(file_, pid.data(), pid.size(), 0) < 0) errno = 0;
 }
 
 FileLock::~FileLock() { ::close(file_); }
+
+FolderLock::FolderLock(const std::string& folder)
+    : folder_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+  if (folder_ < 0) throw Error(fmt::format("cannot use {}: {}", folder, std::strerror(errno)));
+  lock_or_close(folder_, folder, [](int) { return std::string("another process"); });
+}
+
+FolderLock::~FolderLock() { ::close(folder_); }
 
 }  // namespace gflow

@@ -27,4 +27,16 @@ class FileLock {
   int file_;
 };
 
+// The same of a folder that is there, with nothing left behind; FileIsLocked does not say who.
+class FolderLock {
+ public:
+  explicit FolderLock(const std::string& folder);
+  ~FolderLock();
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  int folder_;
+};
+
 }  // namespace gflow

@@ -13,7 +13,7 @@
 namespace gflow {
 namespace {
 
-std::atomic<int> signal_that_came{0};
+std::atomic<int> signal_that_came{0}, parent_to_stop_without{0};
 constexpr char kNoSentence[] = "gflow: interrupted\n";
 std::atomic<const char*> line_at_stop{kNoSentence};
 static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait for a lock");
@@ -61,7 +61,16 @@ void StopSentence::say(const std::string& sentence) {
 
 StopSentence::~StopSentence() { line_at_stop = kNoSentence; }
 
-bool interrupted() { return signal_that_came != 0; }
+void stop_without_parent(int parent) { parent_to_stop_without = parent; }
+
+bool interrupted() {
+  const int parent = parent_to_stop_without;
+  if (parent != 0 && ::getppid() != parent) {
+    int none = 0;
+    signal_that_came.compare_exchange_strong(none, SIGTERM);
+  }
+  return signal_that_came != 0;
+}
 
 int interrupted_exit_code() {
   const int signal = signal_that_came;

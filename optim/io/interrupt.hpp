@@ -33,6 +33,10 @@ class InterruptGuard {
 // Whether a signal came since the guard was built. Cheap: ask once a step.
 bool interrupted();
 
+// From now on interrupted() also where the process that started this one, of that number, is gone:
+// as by SIGTERM.
+void stop_without_parent(int parent);
+
 // Ends the program: one sentence on stderr, no file left half-written, exit code 128 + signal.
 // Calls nothing but what POSIX allows in a signal handler, and is meant to be one.
 [[noreturn]] void stop_at_once(int signal);

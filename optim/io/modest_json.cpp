@@ -11,8 +11,9 @@ namespace gflow {
 namespace {
 
 // Twenty thousand cameras of forty values each take 16 MB.
-constexpr size_t most_values = 800000;  // each takes up to 80 bytes of memory: 64 MB
-constexpr int deepest_json = 100;       // a level takes 100 bytes of memory and one of the file
+constexpr size_t most_values = 800000;            // each takes up to 80 bytes of memory: 64 MB
+constexpr size_t longest_text = size_t{1} << 20;  // the parser has a text up to four times
+constexpr int deepest_json = 100;  // a level takes 100 bytes of memory and one of the file
 
 }  // namespace
 
@@ -23,13 +24,16 @@ void require_modest_json(const void* text, size_t size, const std::string& path)
   int depth = 0, deepest = 0;
   size_t values = 1;
   bool in_text = false;
+  size_t begin = 0, longest = 0;  // of texts [bytes]
   for (size_t i = 0; i < size; ++i) {
     const char c = json[i];
     if (in_text && c == '\\')
       ++i;
-    else if (c == '"')
+    else if (c == '"') {
+      if (in_text) longest = std::max(longest, i - begin - 1);
       in_text = !in_text;
-    else if (in_text)
+      begin = i;
+    } else if (in_text)
       continue;
     else if (c == '[' || c == '{')
       deepest = std::max(deepest, ++depth), ++values;
@@ -38,9 +42,13 @@ void require_modest_json(const void* text, size_t size, const std::string& path)
     else if (c == ',')
       ++values;
   }
+  if (in_text) longest = std::max(longest, size - begin);  // it does not end
   if (deepest > deepest_json)
     throw Error(
         fmt::format("cannot read {}: its lists are nested more than {} deep", path, deepest_json));
+  if (longest > longest_text)
+    throw Error(fmt::format("cannot read {}: it has a text of {} bytes, at most {} are expected",
+                            path, longest, longest_text));
   if (values > most_values)
     throw Error(fmt::format("cannot read {}: it has {} values, at most {} are expected", path,
                             values, most_values));

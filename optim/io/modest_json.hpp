@@ -7,8 +7,8 @@
 
 namespace gflow {
 
-// Error that names `path` for a text of more than 800 000 values or 100 levels: a value of a few
-// bytes takes up to 80 of memory.
+// Error that names `path` where there are more than 800 000 values or 100 levels, as a value of a
+// few bytes takes up to 80 of memory, or a text within is longer than a megabyte.
 void require_modest_json(const void* text, size_t size, const std::string& path);
 
 // The same as a question.

@@ -139,9 +139,11 @@ std::vector<PlyElement> read_ply_elements(const std::string& path) {
   PlyRows rows(path);
   std::vector<PlyElement> elements;
   for (const PlyElementHeader& header : rows.header().elements) {
-    PlyElement element{header.name, names_of(header), {}, header.rows, {}};
-    for (const PlyProperty& property : header.properties)
+    PlyElement element{header.name, names_of(header), {}, {}, header.rows, {}};
+    for (const PlyProperty& property : header.properties) {
       element.reals.push_back(is_real(property.type));
+      element.words_of_32.push_back(property.type == PlyType::u32 || property.type == PlyType::i32);
+    }
     rows.require_rows(header);
     element.words.reserve(header.rows * header.properties.size());
     rows.read(header, [&](const double* values) {

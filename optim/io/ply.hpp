@@ -55,7 +55,8 @@ void write_ply(const std::string& path, const PlyTable& head, const PlyRow& row)
 struct PlyElement {
   std::string name;
   std::vector<std::string> properties;
-  std::vector<bool> reals;  // [properties] whether it is a float
+  std::vector<bool> reals;        // [properties] whether it is a float
+  std::vector<bool> words_of_32;  // [properties] whether it is an integer of 32 bits
   size_t rows = 0;
   std::vector<uint32_t> words;  // [rows, properties] the bits of each, integers modulo 2^32
 

@@ -80,6 +80,7 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
     if (word != "ascii" && word != "binary_little_endian")
       refuse_ply(path, fmt::format("its format is '{}', known are ascii and binary_little_endian",
                                    excerpt(word)));
+    if (has_format) refuse_ply(path, "its header has two lines 'format'");
     header.ascii = word == "ascii";
     has_format = true;
   } else if (keyword == "element") {

@@ -12,6 +12,7 @@
 #include <type_traits>
 
 #include "optim/io/decimal.hpp"
+#include "optim/io/ply_comments.hpp"
 #include "optim/io/printable.hpp"
 #include "optim/io/splat_table.hpp"
 #include "optim/motion/parameters_state.hpp"
@@ -64,36 +65,6 @@ std::map<std::string, size_t> widths_of(const MotionShape& shape) {
   return widths;
 }
 
-constexpr const char* model_comment = "gflow ";
-
-// What follows `start` in the first comment that begins with it.
-std::optional<std::string> comment_after(const PlyTable& table, const std::string& start) {
-  for (const std::string& comment : table.comments)
-    if (comment.rfind(start, 0) == 0) return comment.substr(start.size());
-  return std::nullopt;
-}
-
-// The numbers that make up `text`, and nothing else.
-std::optional<std::vector<double>> only_numbers(const std::string& text) {
-  std::vector<double> numbers;
-  std::istringstream words(text);
-  for (std::string word; words >> word;) {
-    const auto number = decimal_number(word);
-    if (!number) return std::nullopt;
-    numbers.push_back(*number);
-  }
-  if (numbers.empty()) return std::nullopt;
-  return numbers;
-}
-
-// Comments of others are their own words: one that begins as ours, but not with a number, says
-// nothing of the model. In a file that gflow wrote it is damaged.
-bool says_nothing(const PlyTable& table, const std::string& text) {
-  char* end = nullptr;
-  std::strtod(text.c_str(), &end);
-  return end == text.c_str() && !comment_after(table, model_comment);
-}
-
 // Of the comment "key value": a number above `lowest` and at most `highest`. Where there is none,
 // it is as the member stands: the file is another program's, or older than key_scales.
 template <class Number>
@@ -118,24 +89,6 @@ void read_comment(const PlyTable& table, const std::string& key, Number& member,
                     path, key, excerpt(*text), whole ? "whole " : "",
                     from_0 ? "of at least" : "above", from_0 ? 0 : lowest, highest));
   member = Number(value);
-}
-
-// What positions are relative to: its comment "origin x y z", or, where they are doubles, the
-// table's.
-std::array<double, 3> origin_of(const PlyTable& table, const std::string& path) {
-  std::array<double, 3> origin = table.origin;
-  const auto text = comment_after(table, "origin ");
-  if (!text || says_nothing(table, *text)) return origin;
-  constexpr double farthest = 1e30;
-  const auto said = only_numbers(*text);
-  if (!said || said->size() != 3 ||
-      !std::all_of(said->begin(), said->end(), [](double x) { return std::fabs(x) <= farthest; }))
-    throw Error(
-        fmt::format("reading {}: its comment 'origin {}' is damaged: expected are three "
-                    "numbers of at most {:g}",
-                    path, excerpt(*text), farthest));
-  for (size_t axis = 0; axis < 3; ++axis) origin[axis] += (*said)[axis];
-  return origin;
 }
 
 // The model that a file was written by: its comment "gflow MODEL"; files without one that move are

@@ -9,6 +9,7 @@
 #include "optim/data/estimated_flow.hpp"
 #include "optim/data/point_tracks.hpp"
 #include "optim/density/memory.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/init.hpp"
 #include "optim/train/progress.hpp"
@@ -116,10 +117,10 @@ FlowStore computed_flows(const TrainConfig& config, const LoadedScene& loaded,
   how.beforehand =
       compared <= views && likely_flow_bytes(loaded.scene, pairs, *loaded.frames) <= how.budget;
   if (!how.beforehand && !quiet)
-    fmt::print(stderr,
-               "optical flow of {} pairs of pictures is computed when it is needed and kept within "
-               "{} GiB in {}\n",
-               compared, config.flow.store, how.folder);
+    tell(
+        "optical flow of {} pairs of pictures is computed when it is needed and kept within "
+        "{} GiB in {}\n",
+        compared, config.flow.store, how.folder);
   Progress progress("flow ", long(compared), quiet || !how.beforehand || compared == 0);
   how.progress = counted(progress);
   FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, how);

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 
+#include "optim/io/tell.hpp"
 #include "optim/train/warning.hpp"
 
 namespace gflow {
@@ -81,10 +82,9 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
     warn_of_other_bits(found->checkpoint.facts, queue.info);
   }
   if (!quiet)
-    fmt::print(stderr, "{}\n",
-               found ? fmt::format("going on from {}", found->path)
-                     : fmt::format("{} has no checkpoint: training starts at the first step",
-                                   run.folder()));
+    tell("{}\n", found ? fmt::format("going on from {}", found->path)
+                       : fmt::format("{} has no checkpoint: training starts at the first step",
+                                     run.folder()));
   return found;
 }
 

@@ -7,6 +7,7 @@
 
 #include "optim/data/image_header.hpp"
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/begin.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/init.hpp"
@@ -98,7 +99,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
       replaces ? "the former training is as it was" : how_to_go_on(run, config);
   stop.say("interrupted while preparing the training; " + left);
   warn_of_idle_settings(scene, config);
-  if (!quiet) fmt::print(stderr, "{}", in_words(scene, prepared.frames().cameras()));
+  if (!quiet) tell("{}", in_words(scene, prepared.frames().cameras()));
   if (prepared.lacks_flow()) stop.say("interrupted while computing optical flow; " + left);
   prepared.compute_flow(run.path("flow"), quiet);
 
@@ -107,15 +108,14 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     first = prepared.first_model(queue);
     if (!replaces) write_model(run.path("input.ply"), *first);
     if (!quiet)
-      fmt::print(
-          stderr, "{}",
-          first_gaussians_in_words(*first, scene, config.init, prepared.began_with_stereo()));
+      tell("{}",
+           first_gaussians_in_words(*first, scene, config.init, prepared.began_with_stereo()));
     return Model(queue, *first);
   };
   Model model =
       resumed ? Model(queue, shape_to_resume(*resumed, scene, config, run), 0) : first_model();
   if (!replaces) first.reset();
-  if (!quiet) fmt::print(stderr, "motion model: {}\n", name_of(model.shape.motion));
+  if (!quiet) tell("motion model: {}\n", name_of(model.shape.motion));
   Trainer trainer = prepared.trainer(queue, model, guidance.get());
   CheckpointFacts former;
   if (resumed) {

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "optim/io/decimal.hpp"
+#include "optim/io/file_name.hpp"
 
 namespace gflow {
 namespace {
@@ -61,13 +62,6 @@ void set_flow_target(RenderView& view, const Frame& frame, const Frame* next,
   view.camera_t2 = cameras[size_t(next && !truth ? next->camera : frame.camera)];
   const bool shows_it = next && std::fabs(next->time - view.time_t2) < same_time;
   if (shows_it && (!truth || next->camera == frame.camera)) view.truth_t2 = next;
-}
-
-// A camera's name as part of a file name.
-std::string file_name(std::string name) {
-  for (char& c : name)
-    if (c == '/' || c == '\\' || c == '\0') c = '_';
-  return name.empty() || name[0] == '.' ? "camera" + name : name;
 }
 
 // The quantile of some values.
@@ -146,7 +140,8 @@ std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>
     view.name = frame.name;
     view.camera = cameras[size_t(frame.camera)];
     const bool rests = cameras_of_track[frame.track].size() == 1;
-    view.movie = rests && views_of_track[frame.track] >= few ? file_name(view.camera.name) : split;
+    view.movie =
+        rests && views_of_track[frame.track] >= few ? as_file_name(view.camera.name) : split;
     view.time = frame.time;
     view.truth = &frame;
     const bool has_next = i + 1 < frames.size() && frames[i + 1].track == frame.track &&
@@ -167,9 +162,9 @@ std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
   std::vector<RenderView> views;
   std::set<std::string> names;
   for (const Camera& camera : cameras) {
-    std::string name = file_name(camera.name);
+    std::string name = as_file_name(camera.name);
     for (int n = 2; !names.insert(name).second; ++n)
-      name = fmt::format("{}_{}", file_name(camera.name), n);
+      name = fmt::format("{}_{}", as_file_name(camera.name), n);
     for (size_t k = 0; k < times.size(); ++k) {
       RenderView view;
       view.name = times.size() > 1 ? fmt::format("{}_{:04}", name, k) : name;

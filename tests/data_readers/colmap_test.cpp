@@ -68,6 +68,16 @@ TEST(Colmap, ReadsATextModel) {
   expect_the_model(read_colmap_model(folder.file("sparse/0")));
 }
 
+TEST(Colmap, ReadsATextThatBeginsWithAByteOrderMark) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  for (const char* name : {"cameras", "images", "points3D"}) {
+    const std::string file = fmt::format("sparse/0/{}.txt", name);
+    folder.write(file, "\xef\xbb\xbf" + contents(folder.file(file)));
+  }
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+}
+
 TEST(Colmap, ReadsABinaryModel) {
   const TemporaryFolder folder;
   make_binary(folder);

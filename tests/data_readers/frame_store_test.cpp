@@ -122,6 +122,23 @@ TEST(FrameStore, VideoFramesAreUnpackedOnce) {
   EXPECT_NEAR(store.rgb(scene.train[3])->pixels[0], 170, 8);
 }
 
+// A camera's name is that of a file somebody else wrote.
+TEST(FrameStore, VideoFramesLieInTheFolderWhateverTheCameraIsCalled) {
+  const TemporaryFolder folder;
+  Scene scene = video_scene(folder);
+  const std::string outside = folder.file("victim");
+  for (const std::string& name : {outside, std::string("../../victim")}) {
+    scene.cameras[size_t(scene.train[0].camera)].name = name;
+    FrameStoreOptions options;
+    options.unpack_folder = folder.file("run") + "/frames";
+    FrameStore store(scene, options);
+    EXPECT_NEAR(store.rgb(scene.train[3])->pixels[0], 170, 8);
+    EXPECT_FALSE(std::filesystem::exists(outside));
+    for (const auto& made : std::filesystem::directory_iterator(options.unpack_folder))
+      EXPECT_EQ(made.path().filename().string().find('/'), std::string::npos);
+  }
+}
+
 TEST(FrameStore, VideoFramesWithoutAFolderLieInOneThatGoesWithTheStore) {
   const TemporaryFolder folder, temporary;
   const Environment there("TMPDIR", temporary.path());

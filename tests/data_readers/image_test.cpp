@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/data/image.hpp"
 
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
 #include "data_readers/made_scene.hpp"
 #include "fuzz/checksums.hpp"
 #include "io/memory_of.hpp"
@@ -169,6 +172,26 @@ TEST(Image, TruncatedJpegsAreRefused) {
   const std::string whole = contents(path);
   const std::string cut = folder.write("cut.jpg", whole.substr(0, whole.size() / 2));
   expect_error([&] { read_image(cut); }, {"cut.jpg", "truncated"});
+}
+
+TEST(Image, JpegsThatLackPixelsAreRefused) {
+  const TemporaryFolder folder;
+  cv::Mat noise(48, 64, CV_8UC3);
+  cv::randu(noise, 0, 255);
+  for (const bool progressive : {false, true}) {
+    std::vector<uint8_t> coded;
+    ASSERT_TRUE(cv::imencode(".jpg", noise, coded, {cv::IMWRITE_JPEG_PROGRESSIVE, progressive}));
+    const std::string whole(coded.begin(), coded.end()), end = "\xff\xd9";
+    EXPECT_EQ(read_image(folder.write("a.jpg", whole)).width, 64);
+    const std::string half = folder.write("half.jpg", whole.substr(0, whole.size() / 2) + end);
+    expect_error([&] { read_image(half); }, {"half.jpg", "damaged", "premature end"});
+    // Some cameras write more than they need.
+    std::string longer = whole;
+    longer.insert(whole.size() - 2, 5, '\0');
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(read_image(folder.write("b.jpg", longer)).width, 64);
+    testing::internal::GetCapturedStderr();  // OpenCV's decoder mentions it
+  }
 }
 
 TEST(Video, FramesAreReadAgainInAnyOrder) {

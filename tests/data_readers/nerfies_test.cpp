@@ -55,6 +55,19 @@ TEST(Nerfies, CamerasAreMovedAndScaledIntoTheScene) {
   EXPECT_NEAR(pixel.y(), 2.5 - 11 / 2., 1e-12);
 }
 
+// Files are called after it.
+TEST(Nerfies, AnIdWithFoldersIsANameWithout) {
+  const TemporaryFolder folder;
+  make(folder);
+  make_png(folder, "rgb/2x/sub/3.png");
+  folder.write("camera/sub/3.json", camera(3));
+  folder.write("dataset.json",
+               R"({"train_ids": ["000000", "000002", "000003"], "val_ids": ["sub/3"]})");
+  folder.write("metadata.json", R"({"000000": {"warp_id": 4}, "000002": {"warp_id": 6},
+      "000003": {"warp_id": 8}, "sub/3": {"warp_id": 5}})");
+  EXPECT_EQ(read_scene(folder.path()).test.at(0).name, "sub_3");
+}
+
 TEST(Nerfies, ThePicturesAskedForAreUsed) {
   const TemporaryFolder folder;
   make(folder);

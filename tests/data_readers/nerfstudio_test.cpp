@@ -128,6 +128,10 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   const std::string and_more = std::string(intrinsics) + ", ";
   expect_error([&] { with(frame(99)); }, {"transforms.json", "frame_99.png", "there is no"});
   expect_error([&] { with(""); }, {"transforms.json", "no training pictures"});
+  const std::string text(size_t{3} << 20, 'x');  // the parser has it several times
+  expect_error([&] { with(frame(1), and_more + "\"a\": \"" + text + "\""); },
+               {"transforms.json", "a text of 3145728 bytes"});
+  expect_error([&] { with(frame(1), and_more + "\"" + text); }, {"transforms.json", "a text of"});
   expect_error([&] { with(frame(1) + ", " + frame(2) + ", " + frame(1)); },
                {"frame 2 of", "frame_1.png of frame 0 again"});
   expect_error([&] { with(frame(1, R"(, "mask_path": "m.png")")); }, {"mask 'm.png'", "no"});

@@ -10,6 +10,15 @@
 
 using namespace gflow;
 
+// The temporary name beside it must not be longer than names may be.
+TEST(AtomicFile, ANameAsLongAsNamesMayBeIsWritten) {
+  const TemporaryFolder folder;
+  const std::string name = folder.path() + "/" + std::string(251, 'q') + ".ply";
+  write_file_atomically(name, std::string_view("abc"));
+  EXPECT_EQ(contents(name), "abc");
+  EXPECT_EQ(folder.count(), 1u);
+}
+
 TEST(AtomicFile, WritesAndReplaces) {
   const TemporaryFolder folder;
   const std::string path = folder.file("a.txt");

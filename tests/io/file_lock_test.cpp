@@ -41,6 +41,17 @@ TEST(FileLock, EndsWithAProcessThatIsKilled) {
   EXPECT_NO_THROW(FileLock(path, "the folder"));
 }
 
+TEST(FolderLock, OneAtATimeAndNothingIsLeft) {
+  const TemporaryFolder folder;
+  {
+    const FolderLock lock(folder.path());
+    expect_error([&] { FolderLock(folder.path()); }, {folder.path(), "another process"});
+  }
+  EXPECT_NO_THROW(FolderLock(folder.path()));
+  EXPECT_EQ(folder.count(), 0u);
+  expect_error([&] { FolderLock(folder.file("none")); }, {"none", "No such file"});
+}
+
 TEST(FileLock, WhereNoFileCanBeMadeTheReasonIsSaid) {
   const TemporaryFolder folder;
   expect_error([&] { FileLock(folder.path() + "/none/lock", "the folder"); },

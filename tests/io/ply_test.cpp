@@ -107,6 +107,8 @@ TEST(Ply, RefusesCountsThatCannotBeInTheFile) {
   for (const char* rows : {"-1", "0x10", "1.5", "1 9", "1e3"})
     expect_error([&] { read_ply(with("ascii", rows)); }, {"number of rows"});
   expect_error([&] { read_ply(with("binary_big_endian", "1")); }, {"binary_big_endian"});
+  expect_error([&] { read_ply(with("ascii 1.0\nformat binary_little_endian", "1")); },
+               {"two lines 'format'"});
 }
 
 TEST(Ply, RefusesHeadersThatMakeNoSense) {

@@ -307,6 +307,14 @@ TEST(CompressedPly, RefusesWhatDoesNotFitTogether) {
       },
       {"b.ply", "299 of 300"});
   std::string bytes = CompressedPly{}.bytes(table);
+  for (const char* type : {"uchar", "ushort", "float", "double"}) {
+    std::string other = bytes;
+    const std::string property = "uint packed_scale";
+    other.replace(other.find(property), 4, type);
+    other.append(4096, '\0');  // where a row takes more
+    expect_error([&] { read_splats(folder.write("d.ply", other)); },
+                 {"d.ply", "'packed_scale' is no uint"});
+  }
   expect_error([&] { read_splats(folder.write("c.ply", bytes.substr(0, bytes.size() - 20))); },
                {"c.ply", "truncated", "300 rows of sh"});
   bytes.replace(bytes.find("element vertex 300"), 18, "element vertex 9999999999");

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gflow program as a user runs it: train and eval, what every command says and how it exits.
+#include <sys/stat.h>
+
 #include <nlohmann/json.hpp>
 
 #include "optim/data/movie.hpp"
@@ -349,6 +351,34 @@ TEST_F(CommandTest, AFullStandardOutputIsNoSuccess) {
   const Outcome outcome = gflow({"--help"}, "exec >/dev/full");
   EXPECT_EQ(outcome.code, 1);
   EXPECT_NE(outcome.err.find("No space left"), std::string::npos) << outcome.err;
+}
+
+// Who reads the output may end at any time, as `head` does.
+TEST_F(CommandTest, NobodyWhoReadsIsNoReasonForWords) {
+  const TemporaryFolder folder;
+  const std::string pipe = folder.file("pipe");
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  // A shell opens both ends and closes that which reads.
+  const Outcome outcome = gflow({"settings"}, "exec 3<>'" + pipe + "' 1>'" + pipe + "' 3<&-");
+  EXPECT_EQ(outcome.code, 128 + SIGPIPE);
+  EXPECT_EQ(outcome.err, "");
+}
+
+// Notices and progress go nowhere then; least of all into a file that got the number of stderr.
+TEST_F(CommandTest, WithoutStandardStreamsATrainingIsTheSame) {
+  const TemporaryFolder folder;
+  const auto trained = [&](const std::string& name, const std::string& first) {
+    const std::string out = folder.path() + "/" + name;
+    const Outcome outcome = gflow(
+        {"train", scene().path(), "-o", out, "--iterations", "2", "--set", "flow.enabled=false"},
+        first);
+    EXPECT_EQ(outcome.code, 0) << name << " " << outcome.err;
+    EXPECT_LT(contents(out + "/.lock").size(), 12u) << contents(out + "/.lock");
+    return contents(out + "/point_cloud/iteration_2/point_cloud.ply");
+  };
+  const std::string expected = trained("plain", "");
+  EXPECT_EQ(trained("full", "exec 2>/dev/full"), expected);
+  EXPECT_EQ(trained("closed", "exec 2>&- 0<&-"), expected);
 }
 
 TEST_F(CommandTest, CtrlCBeforeAnyWorkIsOneSentenceToo) {

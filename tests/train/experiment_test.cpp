@@ -303,6 +303,19 @@ TEST_F(Experiment, ASignalStopsItAndTheSameCommandGoesOn) {
   EXPECT_NE(log.find("interrupted after "), std::string::npos) << log;
 }
 
+// However it ends: nobody is left who waits for them.
+TEST_F(Experiment, ItsTrainingsEndWithIt) {
+  const std::string toml = file("", "1000000");
+  Command command({"experiment", toml, "-o", out(), "--quiet"});
+  ASSERT_TRUE(wait_until([&] { return fs::exists(run("small-off-seed0") + "/metrics.jsonl"); }));
+  command.send(SIGKILL);
+  command.wait();
+  const std::string log = out("/runs/small-off-seed0.log");
+  EXPECT_TRUE(wait_until([&] {
+    return contents(log).find("interrupted after ") != std::string::npos;
+  })) << contents(log);
+}
+
 // Flow over two steps is not that over one, though the pictures have the same names.
 TEST_F(Experiment, FlowIsSharedBetweenRunsOfTheSamePicturesOnly) {
   const std::string toml = folder_.write(
@@ -464,6 +477,11 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect(scenes + "[settings]\ntrain.iteration = 3", {"line 2", "train.iteration", "iterations"});
   expect(scenes + "[settings]\ntrain.iterations = 0", {"train.iterations", "at least 1"});
   expect(scenes + "[[axis]]\nname = \"x\"", {"line 2", "choices"});
+  std::string axes;  // 2^64 runs
+  for (int i = 0; i < 64; ++i)
+    axes += fmt::format(
+        "[[axis]]\nname = \"x{}\"\nchoices = [{{ name = \"a\" }}, {{ name = \"b\" }}]\n", i);
+  expect(scenes + axes, {"64 axes", "1.845e+19 runs", "at most 10000"});
   expect(scenes + "[[axis]]\nsetting = \"flow.top_k\"", {"line 2", "no 'values'"});
   expect(scenes + "[[variant]]\nflow.weight = 0.1", {"line 2", "needs a 'name'"});
   expect(scenes + "[[variant]]\nname = \"a\"\n[[variant]]\nname = \"a\"", {"two runs", "a-seed0"});

@@ -2,6 +2,7 @@
 // Files in and out as a user writes and reads them: export, import, info, splat.
 #include <nlohmann/json.hpp>
 
+#include "optim/io/file_lock.hpp"
 #include "optim/io/splat_table.hpp"
 #include "train/command_scene.hpp"
 
@@ -33,6 +34,38 @@ TEST_F(FilesCommand, ExportWritesOneTimeThatInfoAndImportAndTrainRead) {
   const auto first =
       nlohmann::json::parse(gflow({"info", folder.file("run/input.ply"), "--json"}).out);
   EXPECT_EQ(first["gaussians"], still["gaussians"]);
+}
+
+// What positions are relative to: the file in gflow's words, the result in doubles.
+TEST_F(FilesCommand, ImportKeepsThePlaceInTheWorld) {
+  const TemporaryFolder folder;
+  const std::string ply = folder.file("now.ply"), out = folder.path() + "/out.ply";
+  ASSERT_EQ(gflow({"export", run(), "-o", ply}).code, 0);
+  const std::string plain = contents(ply);
+  const auto with_origin = [&](const std::string& origin) {
+    return folder.write("far.ply", "ply\ncomment origin " + origin + plain.substr(3));
+  };
+  ASSERT_EQ(gflow({"import", with_origin("6e6 0 -2000"), "-o", out}).code, 0);
+  const PlyTable before = read_ply(ply), after = read_ply(out);
+  ASSERT_EQ(after.rows, before.rows);
+  for (size_t i = 0; i < after.rows; ++i)
+    for (const auto& [name, axis, away] : {std::tuple("x", 0, 6e6), {"y", 1, 0.}, {"z", 2, -2e3}}) {
+      const auto at = [&, name = name](const PlyTable& table) {
+        return double(table.values[i * table.names.size() + size_t(table.column(name))]);
+      };
+      EXPECT_NEAR(at(after) + after.origin[size_t(axis)], at(before) + away, 1e-6);
+    }
+  expect_refused({"import", with_origin("nan 0 0"), "-o", out}, {"far.ply", "origin nan"});
+}
+
+// Two at a time would mix their pictures.
+TEST_F(FilesCommand, OneProcessWritesAFolder) {
+  const TemporaryFolder folder;
+  const FolderLock lock(folder.path());
+  expect_refused({"render", run(), "-o", folder.path(), "--quiet"},
+                 {folder.path(), "is being written by another process"});
+  expect_refused({"export", run(), "-o", folder.path(), "--format", "ply-sequence", "--quiet"},
+                 {folder.path(), "is being written by another process"});
 }
 
 TEST_F(FilesCommand, ExportTakesTheFormatFromTheEnding) {
