@@ -377,8 +377,12 @@ TEST_F(CommandTest, WithoutStandardStreamsATrainingIsTheSame) {
     return contents(out + "/point_cloud/iteration_2/point_cloud.ply");
   };
   const std::string expected = trained("plain", "");
-  EXPECT_EQ(trained("full", "exec 2>/dev/full"), expected);
-  EXPECT_EQ(trained("closed", "exec 2>&- 0<&-"), expected);
+  EXPECT_TRUE(trained("full", "exec 2>/dev/full") == expected);
+  EXPECT_TRUE(trained("closed", "exec 2>&-") == expected);
+  EXPECT_TRUE(trained("all closed", "exec 0<&- 2>&-") == expected);
+  const std::string pipe = folder.file("pipe");
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_TRUE(trained("unread", "exec 3<>'" + pipe + "' 2>'" + pipe + "' 3<&-") == expected);
 }
 
 TEST_F(CommandTest, CtrlCBeforeAnyWorkIsOneSentenceToo) {
