@@ -73,7 +73,8 @@ std::string reason(const std::string& log) {
   std::string found, begin = "gflow: ";
   for (std::string line; std::getline(in, line);)
     if (line.rfind(begin, 0) == 0) found = line.substr(begin.size());
-  return found.empty() ? last_line(log) : found;
+  if (found.empty()) found = last_line(log);
+  return found.empty() ? "it said nothing; perhaps the disk is full" : found;
 }
 
 // What its training took, over all its parts.
