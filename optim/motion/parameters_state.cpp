@@ -92,7 +92,9 @@ bool is_sound(const Arrays& arrays, const std::string& name, const std::vector<u
 void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays) {
   for_each_buffer(parameters, [&](const std::string& name, const auto& buffer,
                                   const std::vector<size_t>& shape) {
-    if (buffer.size() || shape[0] == 0) arrays[name] = {shape, buffer.read(queue)};
+    // Other empty arrays are of no rows or no columns, and belong there.
+    if (ends_with(name, mean_gradient) && buffer.size() == 0) return;
+    arrays[name] = {shape, buffer.read(queue)};
   });
   arrays[moving_name] = {{1}, std::vector<uint32_t>{uint32_t(parameters.moving)}};
   const auto tables = parameters.tables();

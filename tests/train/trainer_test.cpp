@@ -214,6 +214,8 @@ TEST_F(TrainerTest, TheMeanGradientIsSavedWhereItIsKept) {
   EXPECT_EQ(kept(config), (std::array<size_t, 3>{0, 1, 1}));
   config.adam.beta1 = 0.5f;
   EXPECT_EQ(kept(config), (std::array<size_t, 3>{1, 1, 1}));
+  config.motion.sh_degree = 0;  // a group of no columns is kept
+  EXPECT_EQ(kept(config), (std::array<size_t, 3>{1, 1, 1}));
 }
 
 TEST_F(TrainerTest, WorkThatIsLeftOutChangesNoBit) {
