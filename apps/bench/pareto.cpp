@@ -311,13 +311,17 @@ Plot plot_of(const std::vector<TrainedChoice>& all) {
 
 Result run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
   const Place home(options, o, 0);
-  Report report("pareto", *home.queue,
-                {{"pixels", o.pixels},
-                 {"gaussians", o.gaussians},
-                 {"check pixels", o.check_pixels},
-                 {"check gaussians", o.check_gaussians},
-                 {"repeats", o.common.repeats}},
-                o.common.compare);
+  Json facts{{"pixels", o.pixels},
+             {"gaussians", o.gaussians},
+             {"check pixels", o.check_pixels},
+             {"check gaussians", o.check_gaussians},
+             {"repeats", o.common.repeats}};
+#ifdef GFLOW_WITH_OPENCV
+  if (const TrainingOptions& t = o.training; !t.scene.empty())
+    facts["trained"] = {
+        {"scene", t.scene}, {"steps", t.steps}, {"seeds", t.seeds}, {"settings", t.settings}};
+#endif
+  Report report("pareto", *home.queue, facts, o.common.compare);
   const Exact exact(*home.queue, *home.small);
   Shown shipped = timed(home, {});
   std::vector<Measured> all;
@@ -411,6 +415,9 @@ void add_pareto(CLI::App& bench, const GlobalOptions& options) {
   add_common(*pareto, flags->common);
   pareto->callback([flags, &options] {
     choices_of(0, flags->knobs);  // refuses before anything is made
+#ifdef GFLOW_WITH_OPENCV
+    if (!flags->training.scene.empty()) require_trainable(flags->training);
+#endif
     deliver(flags->common, [&] { return run_pareto(*flags, options); });
   });
 }

@@ -49,6 +49,23 @@ Evaluation trained(Queue& queue, const Choice& choice, const TrainingOptions& o,
 
 }  // namespace
 
+void require_trainable(const TrainingOptions& o) {
+  TrainConfig asked;
+  asked.scene.path = o.scene;
+  for (const std::string& setting : o.settings) apply_setting(asked, setting);
+  check(asked);
+  TrainConfig chosen = asked;
+  choose(chosen, {});
+  const auto wanted = setting_values(asked), used = setting_values(chosen);
+  for (const auto& [name, value] : wanted)
+    if (used.at(name) != value)
+      throw Error(
+          fmt::format("--set {}={}: that is what the choices of this table differ by; "
+                      "--knob says which of them are tried",
+                      name, value));
+  read_scene(o.scene, options_of(asked.scene));
+}
+
 std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>& choices,
                                          const TrainingOptions& o, int repeats,
                                          const GlobalOptions& options) {

@@ -28,6 +28,10 @@ struct TrainedChoice {
   Samples psnr, psnr_dynamic, flow_epe_dynamic;
 };
 
+// Before anything is measured. Error when there is no such scene, or a setting is one that the
+// choices differ by.
+void require_trainable(const TrainingOptions& o);
+
 // First the time of a step with each choice, from the middle of one of --steps, at least `repeats`
 // blocks of it in turn with the shipped one; then the trainings, of so many steps as that time
 // leaves. So who disturbs the machine during the long trainings changes nothing. Error when the

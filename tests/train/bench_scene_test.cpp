@@ -46,9 +46,13 @@ TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
   }
   for (const char* other : {"alpha >= 1/64, trained", "alpha >= 1/2048, trained"})
     EXPECT_NE(single[other]["PSNR [dB]"], first) << other;
+  EXPECT_EQ(report_in(folder.file("b.json"))["trained"]["steps"], 1);
   const Outcome missing = small_pareto({"--knob", "lanes", "--scene", folder.file("nowhere")});
   EXPECT_EQ(missing.code, 1);
   EXPECT_EQ(missing.out, "");
+  EXPECT_EQ(missing.err.find("1 of"), std::string::npos) << missing.err;  // told before all else
+  expect_refused({"bench", "pareto", "--scene", scene.path(), "--set", "flow.top_k=1"},
+                 {"--set flow.top_k=1", "--knob"});
 }
 
 TEST(Bench, InterruptedItLeavesNothingBehind) {
