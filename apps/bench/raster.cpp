@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <memory>
+#include <set>
 
 #include "apps/bench/bench.hpp"
 #include "apps/bench/pairs.hpp"
@@ -98,6 +99,34 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& rep
   }
 }
 
+struct Case {
+  std::string size;
+  size_t gaussians;
+};
+
+// Of random Gaussians, each once. One size goes with every number, and the other way round.
+std::vector<Case> cases_of(const RasterOptions& o) {
+  const size_t sizes = o.sizes.size(), numbers = o.gaussians.size();
+  const bool each = o.grid || sizes == 1 || numbers == 1;
+  if (!each && sizes != numbers)
+    throw Error(
+        fmt::format("--pixels has {} sizes and --gaussians {} numbers: give as many of "
+                    "both, or --grid for each with each",
+                    sizes, numbers));
+  std::vector<Case> cases;
+  std::set<std::pair<std::string, size_t>> known;
+  for (size_t i = 0; i < sizes; ++i)
+    for (size_t k = 0; k < numbers; ++k) {
+      if (!each && i != k) continue;
+      if (!known.insert({o.sizes[i], o.gaussians[k]}).second)
+        throw Error(fmt::format("--pixels {} with --gaussians {} is asked for twice", o.sizes[i],
+                                o.gaussians[k]));
+      size_named("--pixels", o.sizes[i]);
+      cases.push_back({o.sizes[i], o.gaussians[k]});
+    }
+  return cases;
+}
+
 Result run_raster(const RasterOptions& o, const GlobalOptions& options) {
   QueueOptions queue_options;
   queue_options.profile = true;
@@ -116,15 +145,12 @@ Result run_raster(const RasterOptions& o, const GlobalOptions& options) {
     begin_peak_memory();
     measure(queue, scene_of_file(queue, o.file, !o.no_flow), o, report, shares);
   } else {
-    const bool pair_up = !o.grid && o.sizes.size() == o.gaussians.size();
-    for (size_t i = 0; i < o.sizes.size(); ++i)
-      for (size_t k = 0; k < o.gaussians.size(); ++k) {
-        if (pair_up && i != k) continue;
-        const auto [width, height] = size_named("--pixels", o.sizes[i]);
-        begin_peak_memory();
-        measure(queue, random_scene(queue, width, height, o.gaussians[k], o.frames), o, report,
-                shares);
-      }
+    for (const Case& one : cases_of(o)) {
+      const auto [width, height] = size_named("--pixels", one.size);
+      begin_peak_memory();
+      measure(queue, random_scene(queue, width, height, one.gaussians, o.frames), o, report,
+              shares);
+    }
   }
   report.measure_peak_again(queue);
   return {std::move(report), {bars("raster", "share of the device time [%]", std::move(shares))}};
@@ -144,10 +170,14 @@ void add_raster(CLI::App& bench, const GlobalOptions& options) {
           ->type_name("FILE.npz");
   // What only random ones have.
   CLI::Option* const random[] = {
-      raster->add_option("--pixels", flags->sizes, "Sizes of the image, as often as --gaussians")
+      raster
+          ->add_option("--pixels", flags->sizes,
+                       "Sizes of the image: one, or as many as of --gaussians")
           ->delimiter(',')
           ->type_name("WxH,..."),
-      raster->add_option("--gaussians", flags->gaussians, "How many, for each size")
+      raster
+          ->add_option("--gaussians", flags->gaussians,
+                       "How many: one number, or one for each size")
           ->delimiter(',')
           ->check(number_in(1, 20000000))
           ->type_name("N,..."),
@@ -163,8 +193,10 @@ void add_raster(CLI::App& bench, const GlobalOptions& options) {
   raster->add_flag("--depth", flags->depth, "Expected depth as well");
   raster->add_flag("--kernels", flags->kernels, "Show the kernels of each stage");
   add_common(*raster, flags->common);
-  raster->callback(
-      [flags, &options] { deliver(flags->common, [&] { return run_raster(*flags, options); }); });
+  raster->callback([flags, &options] {
+    if (flags->file.empty()) cases_of(*flags);  // refuses before anything is made
+    deliver(flags->common, [&] { return run_raster(*flags, options); });
+  });
 }
 
 }  // namespace gflow::bench

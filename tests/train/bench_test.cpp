@@ -235,6 +235,20 @@ TEST(Bench, OptionsOfRandomScenesDoNotGoWithAFile) {
   EXPECT_NE(outcome.err.find("--frames"), std::string::npos) << outcome.err;
 }
 
+TEST(Bench, CasesAreAsManyOfBothAndEachOnce) {
+  expect_refused(raster({"--pixels", "16x16,24x24", "--gaussians", "10,20,30"}),
+                 {"--pixels has 2 sizes", "--gaussians 3 numbers", "--grid"});
+  expect_refused(raster({"--pixels", "16x16,16x16", "--gaussians", "20"}),
+                 {"--pixels 16x16 with --gaussians 20", "twice"});
+  const TemporaryFolder folder;
+  const std::string file = folder.file("a.json");
+  ASSERT_EQ(
+      gflow(raster({"--pixels", "16x16", "--gaussians", "10,20", "--json", file, "--quiet"})).code,
+      0);
+  const Json rows = report_in(file)["rows"];
+  EXPECT_TRUE(rows.contains("16x16, 10") && rows.contains("16x16, 20"));
+}
+
 TEST(Bench, AReportOfOtherThingsIsNotCompared) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
