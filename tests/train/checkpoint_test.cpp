@@ -228,7 +228,7 @@ TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
                                     {"gaussians/rows/reach", -1.f},
                                     {"table1/rows/reach", 0.f},
                                     {"gaussians/rows/pace", -1.f},
-                                    {"gaussians/rows/pace", 3e38f}}) {
+                                    {"gaussians/rows/pace", 1001.f}}) {
     Checkpoint last = some_checkpoint(20);
     last.arrays[name] = {{2}, std::vector<float>{1, value}};
     EXPECT_EQ(taken(last, std::string("'") + name + "'"), 10) << value;

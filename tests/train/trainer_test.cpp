@@ -202,7 +202,9 @@ TEST_F(TrainerTest, TheMeanGradientIsSavedWhereItIsKept) {
     training.steps(queue(), 3);
     Arrays state = training.trainer.state(queue());
     training.trainer.set_state(queue(), state, "some.npz");
-    for (const auto& [name, array] : training.trainer.state(queue()))
+    const Arrays again = training.trainer.state(queue());
+    EXPECT_EQ(again.size(), state.size());
+    for (const auto& [name, array] : again)
       EXPECT_TRUE(array.values == state.at(name).values) << name;
     return std::array<size_t, 3>{state.count("gaussians/means/exp_avg"),
                                  state.count("gaussians/means/exp_avg_sq"),
