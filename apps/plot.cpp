@@ -82,6 +82,20 @@ std::string draw(const Plot& plot, const std::string& folder) {
   return path(".svg");
 }
 
+namespace {
+
+// Of neighbours in a stack: gnuplot has eight and begins again.
+std::string twelve_colors() {
+  std::string script;
+  int number = 0;
+  for (const char* color : {"4477aa", "ee6677", "228833", "ccbb44", "66ccee", "aa3377", "bbbbbb",
+                            "332288", "ee8866", "44bb99", "882255", "ffaabb"})
+    script += fmt::format("set linetype {} lc rgb '#{}'\n", ++number, color);
+  return script;
+}
+
+}  // namespace
+
 Plot bars(const std::string& name, const std::string& what,
           std::vector<std::vector<std::string>> table) {
   Plot plot;
@@ -89,8 +103,9 @@ Plot bars(const std::string& name, const std::string& what,
   plot.script = fmt::format(
       "set termoption noenhanced\nset style data histograms\nset style histogram rowstacked\n"
       "set style fill solid 0.8\nset boxwidth 0.7\nset yrange [0:*]\nset ylabel '{}'\n"
-      "set xtics rotate by -25\nplot for [i=2:{}] '{}.tsv' using i:xtic(1) title columnheader(i)",
-      what, table[0].size(), name);
+      "set xtics rotate by -25\nset rmargin 30\n{}"
+      "plot for [i=2:{}] '{}.tsv' using i:xtic(1) lt (i-1) title columnheader(i)",
+      what, twelve_colors(), table[0].size(), name);
   plot.table = std::move(table);
   return plot;
 }

@@ -50,10 +50,10 @@ kernel void adam_refuse(const uint first, const uint rows, const uint width,
 #endif
 }
 
-// One work-item per row: counts the steps of seen rows up to number `now`, that which they are about
-// to make, and says what these do to it (AdamRow; correction1 times pace). Steps count from a row's
-// first gradient on: what has no moments yet has none to decay. Without makes_up what a row missed never was.
-// correction2 is -1 for rows not seen.
+// One work-item per row: counts the steps of seen rows up to number `now`, that which they are
+// about to make, and says what these do to it (AdamRow; correction1 times pace). Steps count from a
+// row's first gradient on: what has no moments yet has none to decay. Without makes_up what a row
+// missed never was. correction2 is -1 for rows not seen.
 kernel void adam_advance(const uint first, const uint rows, const uint now, const int makes_up,
                          const uint table_size,
                          global const float* restrict table,  // [table_size, 4] AdamRow by steps

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Density control "adc": which Gaussians go, stay or become two.
 // Only sorts and prefix sums: bitwise repeatable. One work-item a Gaussian.
-// Measured (PoCL, two cores with AVX-512, 30 000): adc_accumulate, in each view, .03 ms; the rest when it refines only.
+// Measured (PoCL, two cores with AVX-512, 30 000): adc_accumulate, in each view, .03 ms; the rest
+// when it refines only.
 #include "shared/life.h"
 
 // After a view: how hard the loss pulls at each splat's place in the image [half the image].
@@ -61,8 +62,9 @@ kernel void adc_sources(const uint n, global const uint* restrict copies,
 }
 
 // No opacity stays above a level: what the pictures need rises again, the rest will go. The mean
-// gradient of what was lowered is forgotten, it speaks of another place. How large its gradients are
-// is not: the next step would be 1 / sqrt(1 - beta2) times the rate, more than the reset itself.
+// gradient of what was lowered is forgotten, it speaks of another place. How large its gradients
+// are is not: the next step would be 1 / sqrt(1 - beta2) times the rate, more than the reset
+// itself.
 kernel void adc_reset(const uint n, const float most_logit, global float* restrict logit_opacities,
                       global float* restrict exp_avg) {  // null: none is kept
   const uint i = get_global_id(0);

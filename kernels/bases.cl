@@ -2,8 +2,9 @@
 // The bases motion model on the device: the poses of the shared motions at a time, Gaussians that
 // follow them, and back. Windows, first and second time are as in native4d.cl. Gradients of the
 // poses are summed over chunks of Gaussians, then over chunks in order: bitwise repeatable.
-// Measured (PoCL, two cores with AVX-512, 30 000, of which 10 600 are seen, 8 bases): 2.4 ms, and 2.2
-// back; with a look at the camera first 2.0 ms, and project_fwd after it .32 instead of .48 (12 % of CPU time).
+// Measured (PoCL, two cores with AVX-512, 30 000, of which 10 600 are seen, 8 bases): 2.4 ms, and
+// 2.2 back; with a look at the camera first 2.0 ms, and project_fwd after it .32 instead of .48 (12
+// % of CPU time).
 #include "shared/bases.h"
 #include "shared/keys.h"
 #include "shared/lookout.h"
@@ -88,9 +89,9 @@ kernel void bases_fwd(const uint n, const uint moving, const int bases, const fl
   store_shifted(i, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
 }
 
-// At the first time, for a camera: as spacetime_seen_fwd (spacetime.cl). Where they are is found for
-// LANES Gaussians together, too: that is most of the work here. (exp() of a vector takes three times as
-// long as all the rest: PoCL takes it apart. This one is 1e-6 off for logits within 10.)
+// At the first time, for a camera: as spacetime_seen_fwd (spacetime.cl). Where they are is found
+// for LANES Gaussians together, too: that is most of the work here. (exp() of a vector takes three
+// times as long as all the rest: PoCL takes it apart. This one is 1e-6 off for logits within 10.)
 kernel void bases_seen_fwd(const uint n, const uint moving, const int bases, const float t,
                            const float sigmas, const PinholeCamera camera, STILL_IN,
                            global const float* restrict basis_logits,

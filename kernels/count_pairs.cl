@@ -10,12 +10,12 @@ kernel void count_pairs(const int width, const int height,
                         global const uint* restrict tile_offsets,  // [tiles + 1]
                         global const uint* restrict isect_ids,     // [M]
                         global const ushort* restrict masks,       // [M]
-                        global const uint* restrict ends,     // [tiles] how much of a list is walked
-                        global const ushort* restrict cells,  // [tiles] that are looked at, bit by bit
+                        global const uint* restrict ends,          // [tiles] where a walk ends
+                        global const ushort* restrict cells,       // [tiles] that are looked at
                         global uint* restrict listed,              // [H, W] splats of its tile
                         global uint* restrict masked,              // [H, W] of those, in its cell
                         global uint* restrict blended,             // [H, W] of those, in its colour
-                        global uint* restrict open) {  // [H, W] how many it looks at until it is full
+                        global uint* restrict open) {              // [H, W] looked at until it is full
   const int x = get_global_id(0), y = get_global_id(1);
   if (x >= width || y >= height) return;
   const int tiles_x = (width + TILE - 1) / TILE, tile = y / TILE * tiles_x + x / TILE;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The flow loss: scale * sum over pixels of tile weight * confidence * alpha * rho(flow - teacher),
-// rho the robust norm of shared/loss.h, alpha a constant: where nothing is drawn, no motion is asked
-// for.
+// rho the robust norm of shared/loss.h, alpha a constant: where nothing is drawn, no motion is
+// asked for.
 // A pixel without weight (tile or confidence 0, alpha 0, or a teacher that is not a number or moves
 // more than 1e5 px) gives exactly 0, whatever the other values are.
 // One work-item per LANES neighbouring pixels of a row, which lie in one tile; bitwise repeatable,

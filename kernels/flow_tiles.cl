@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which tiles of a picture the flow is asked of in a step: those where the teacher moves always,
-// those where it is calm now and then, so much the more (flow_share). A tile without confident pixels
-// never. The gradient of the sum over tiles, each by its weight, is that of all in the mean. One draw
-// for the picture: its calm tiles come together, as a Gaussian that reaches into one of them pays
-// for its second time as much as one that reaches into all.
+// those where it is calm now and then, so much the more (flow_share). A tile without confident
+// pixels never. The gradient of the sum over tiles, each by its weight, is that of all in the mean.
+// One draw for the picture: its calm tiles come together, as a Gaussian that reaches into one of
+// them pays for its second time as much as one that reaches into all.
 // 256x192, PoCL on two cores with AVX-512: 0.017 ms.
 // One work-item a tile.
 #include "shared/lane_row.h"

@@ -2,7 +2,8 @@
 // The keyframes motion model on the device: Gaussians on paths through keys, and back. Windows,
 // first and second time, and what is written are as in native4d.cl. One work-item a Gaussian.
 // Measured (PoCL, two cores with AVX-512, 30 000, of which 10 600 are seen): .95 ms, and .47 back;
-// with a look at the camera first .68 ms, and project_fwd after it .34 instead of .52 (13 % of a step's CPU time).
+// with a look at the camera first .68 ms, and project_fwd after it .34 instead of .52 (13 % of a
+// step's CPU time).
 #include "shared/keys.h"
 #include "shared/lookout.h"
 #include "shared/still_rows.h"

@@ -112,9 +112,10 @@ kernel void mcmc_shrink(const uint n, const float opacity_weight, const float sc
   vstore4(v + scale_weight * (float4)(exp(s.x), exp(s.y), exp(s.z), 0.f), i, v_log_scales);
 }
 
-// means += scale gate(opacity) covariance (three normal numbers), for rows seen in this step, so that
-// noise and gradients keep their proportion; gate = 1 / (1 + exp(100 (opacity - min_opacity))): those
-// about to die search, what is opaque stays. Beyond 0.2 above the least it is below 3e-9, left out.
+// means += scale gate(opacity) covariance (three normal numbers), for rows seen in this step, so
+// that noise and gradients keep their proportion; gate = 1 / (1 + exp(100 (opacity -
+// min_opacity))): those about to die search, what is opaque stays. Beyond 0.2 above the least it is
+// below 3e-9, left out.
 kernel void mcmc_noise(const uint n, const uint seed, const float scale, const float min_opacity,
                        global const uint* restrict seen,  // [N]
                        global const float* restrict logit_opacities,

@@ -3,8 +3,9 @@
 // the Gaussians seen in a view. Each work-item sums the gradient of one Gaussian over its pairs, in
 // their order, so nothing is added across work-items and every bit repeats. A pair stands in the
 // lists of both and is computed twice: cheaper than to keep its gradient for the other.
-// Measured (PoCL, two cores with AVX-512, 30 000 of which 8300 are seen): rigidity and isometry add .6 to .9 ms to a step of
-// 6.7, velocity .6, acceleration .4; poses at both times of those at rest are in that.
+// Measured (PoCL, two cores with AVX-512, 30 000 of which 8300 are seen): rigidity and isometry add
+// .6 to .9 ms to a step of 6.7, velocity .6, acceleration .4; poses at both times of those at rest
+// are in that.
 #include "shared/arrays.h"
 #include "shared/motion_loss.h"
 

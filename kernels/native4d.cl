@@ -72,17 +72,18 @@ static inline LaneQuat lane_quat_scale(LaneQuat q, lane s) {
 static inline lane lane_quat_norm2(LaneQuat q) {
   return q.t * q.t + q.x * q.x + q.y * q.y + q.z * q.z;
 }
-// Whether its length is one that quat_normalize (shared/quat.h) treats as any other, and whose square
-// is a float.
+// Whether its length is one that quat_normalize (shared/quat.h) treats as any other, and whose
+// square is a float.
 static inline lane_int lane_quat_sound(lane norm2) {
   return (norm2 > TO_LANE(1e-11f)) & (norm2 < TO_LANE(1e36f));
 }
 
-// At the first time, for a camera: as spacetime_seen_fwd (spacetime.cl), with the place and, for the
-// longest axis, the square root of all axes' squares together: the trace of the cut's covariance,
-// P_space P_space^T - velocity velocity^T |p_t|^2, is the sum over the columns of |space - velocity t|^2.
-// n3v-baton, 30 000 Gaussians of which 8300 are drawn, PoCL, two cores with AVX-512: 1.24 ms, and
-// project_fwd after it 0.33; native4d_fwd without a look at the camera 1.92 and 0.45 (12 % of a step).
+// At the first time, for a camera: as spacetime_seen_fwd (spacetime.cl), with the place and, for
+// the longest axis, the square root of all axes' squares together: the trace of the cut's
+// covariance, P_space P_space^T - velocity velocity^T |p_t|^2, is the sum over the columns of
+// |space - velocity t|^2. n3v-baton, 30 000 Gaussians of which 8300 are drawn, PoCL, two cores with
+// AVX-512: 1.24 ms, and project_fwd after it 0.33; native4d_fwd without a look at the camera 1.92
+// and 0.45 (12 % of a step).
 kernel void native4d_seen_fwd(const uint n, const uint moving, const float t, const float cutoff,
                               const PinholeCamera camera, global const float* restrict means,
                               global const float* restrict means_t,
@@ -109,7 +110,8 @@ kernel void native4d_seen_fwd(const uint n, const uint moving, const float t, co
     lookout_none(first, count, opacities_at);
     return;
   }
-  LaneFloats in[17];  // mean 0 to 2, t - mean_t 3, ql 4 to 7, qr 8 to 11, log scales 12 to 15, logit 16
+  // mean 0 to 2, t - mean_t 3, ql 4 to 7, qr 8 to 11, log scales 12 to 15, logit 16
+  LaneFloats in[17];
   for (int k = 0; k < 17; ++k) in[k].all = TO_LANE(0.f);
   for (uint r = 0; r < count; ++r) {
     const uint i = first + r;

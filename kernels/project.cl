@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians at t1 to packed splats, then their colour and, from t2, their flow: in two kernels, so
 // that colour and t2 need be known for what is seen only. project_fwd decides that:
-// tiles_touched[i] = 0 means "not seen", and every later step skips it: nothing else of such a row is
-// written. One work-item a Gaussian.
+// tiles_touched[i] = 0 means "not seen", and every later step skips it: nothing else of such a row
+// is written. One work-item a Gaussian.
 // Defines: FLOW 0|1, TRANSPORT (shared/transport.h), DETACH_T1 0|1, ABSGRAD 0|1 (shared/pixel.h),
 // TIGHT_BOXES 0|1 (Skips::boxes).
-// Measured (PoCL, two cores with AVX-512, 30 000 Gaussians of which 10 600 are drawn): project_fwd .33 ms,
-// transport_fwd .19, project_bwd .44.
+// Measured (PoCL, two cores with AVX-512, 30 000 Gaussians of which 10 600 are drawn): project_fwd
+// .33 ms, transport_fwd .19, project_bwd .44.
 #include "shared/arrays.h"
 #include "shared/transport.h"
 
@@ -104,7 +104,8 @@ kernel void project_fwd(const uint n, const PinholeCamera camera, const int chos
 
 // Completes the splats that are seen by colour and flow. Rows from `moving` on stand still in this
 // view (View::moving), those without rows_with_flow touch no tile that has flow.
-kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera camera, const PinholeCamera camera2,
+kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera camera,
+                          const PinholeCamera camera2,
                           global const float* restrict means, global const float* restrict factors,
                           global const float* restrict colors,      // [N, 3]
                           global const float* restrict means_t2,    // [N, 3]
@@ -140,9 +141,10 @@ kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera c
 }
 
 // From the 16 moments of each splat (kernel gather) back to the Gaussians at both times.
-// Rows that were not seen are left alone; of those that stand still (from `moving` on) v_means_t2 is
-// what flow asks of the mean at t2 alone, and v_factors_t2 is left alone too.
-kernel void project_bwd(const uint n, const uint moving, const PinholeCamera camera, const PinholeCamera camera2,
+// Rows that were not seen are left alone; of those that stand still (from `moving` on) v_means_t2
+// is what flow asks of the mean at t2 alone, and v_factors_t2 is left alone too.
+kernel void project_bwd(const uint n, const uint moving, const PinholeCamera camera,
+                        const PinholeCamera camera2,
                         global const float* restrict means, global const float* restrict factors,
                         global const float* restrict opacities,
                         global const float* restrict means_t2,

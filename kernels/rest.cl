@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The static/dynamic split: which Gaussians need no motion, where they rest, and which of those at
 // rest are pulled into motion. One work-item a Gaussian; bitwise repeatable.
-// Measured (PoCL, two cores with AVX-512, 30 000): rest_pull, in each view, .03 ms; the rest when it refines only.
+// Measured (PoCL, two cores with AVX-512, 30 000): rest_pull, in each view, .03 ms; the rest when
+// it refines only.
 #include "shared/arrays.h"
 #include "shared/rest.h"
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Colour of each Gaussian from its spherical harmonics, seen from the camera at its mean at t1.
 // Band 0 has an array of its own (its learning rate differs). `degree` may be below what is stored:
-// bands above it count as 0, and those above `walked`, from `degree` to what is stored, cost nothing.
-// One work-item a Gaussian.
-// Measured (PoCL, two cores with AVX-512, 10 600 of 30 000 seen, degree 1 of 2): .14 ms, and .23 back.
+// bands above it count as 0, and those above `walked`, from `degree` to what is stored, cost
+// nothing. One work-item a Gaussian.
+// Measured (PoCL, two cores with AVX-512, 10 600 of 30 000 seen, degree 1 of 2): .14 ms, and .23
+// back.
 #include "shared/arrays.h"
 #include "shared/sh.h"
 #include "shared/types.h"
@@ -42,9 +43,9 @@ kernel void sh_fwd(const uint n, const int degree, const int walked, const int s
   store3(colors, i, fmax(c, make_real3(0.f, 0.f, 0.f)));
 }
 
-// For what was seen in this view; the rest is left alone. Adds to v_means. v_sh0 and, where more than
-// band 0 is walked through, v_sh_rest are set for Gaussians not `seen` before in this training step and
-// added to for the others.
+// For what was seen in this view; the rest is left alone. Adds to v_means. v_sh0 and, where more
+// than band 0 is walked through, v_sh_rest are set for Gaussians not `seen` before in this training
+// step and added to for the others.
 kernel void sh_bwd(const uint n, const int degree, const int walked, const int stride,
                    const PinholeCamera camera,
                    global const float* restrict means, global const float* restrict sh0,

@@ -33,8 +33,8 @@ static inline Spacetime load_spacetime(uint i, uint moving, SPACETIME_IN) {
 }
 
 // At the first time of a view: opacity 0, and nothing else written, for those outside their window.
-// At a second time (first = 0): the rows with tiles_touched > 0 only, in their window or not, without
-// their opacities, which nobody needs then.
+// At a second time (first = 0): the rows with tiles_touched > 0 only, in their window or not,
+// without their opacities, which nobody needs then.
 kernel void spacetime_fwd(const uint n, const uint moving, const float t, const float sigmas,
                           const int first,
                           global const uint* restrict tiles_touched,  // [N] read if not first
@@ -56,9 +56,9 @@ kernel void spacetime_fwd(const uint n, const uint moving, const float t, const 
 
 // At the first time, for a camera: opacity 0 for those that it cannot see, too. One work-item per
 // LANES Gaussians, which are looked at together; those that may be seen are then posed one by one.
-// n3v-baton, 30 000 Gaussians of which a quarter is drawn, PoCL, two cores with AVX-512: 0.70 ms, and
-// project_fwd after it 0.49; spacetime_fwd without a look at the camera 0.79 and 0.75; the same look
-// by each work-item for itself 1.29 and 0.48.
+// n3v-baton, 30 000 Gaussians of which a quarter is drawn, PoCL, two cores with AVX-512: 0.70 ms,
+// and project_fwd after it 0.49; spacetime_fwd without a look at the camera 0.79 and 0.75; the same
+// look by each work-item for itself 1.29 and 0.48.
 kernel void spacetime_seen_fwd(const uint n, const uint moving, const float t, const float sigmas,
                                const PinholeCamera camera, SPACETIME_IN,
                                global float* restrict means_at,        // [N, 3]

@@ -5,16 +5,19 @@
 //   LANES == 1  one work-group of 256 a tile, one work-item a pixel, splats through local memory
 // A picture with flow may be shared between this kernel with FLOW and without: the tiles with_flow
 // are the first's, the others, which show none, the second's.
-// Measured (PoCL, two cores with AVX-512): 256x256 with 10 000, 512x512 with 100 000 Gaussians 1.3 and 6.9 ms, 46 and 35 % of
-// the FMA peak. What it came from: reading ahead -20 % (100 000), the next splat's footprint before the
-// last one's blend -3 to -7 %, loads that broadcast -5 %, z by one addition -5 %, rounding by a large
-// number -4 %. Estrin's form of the polynomial changed nothing.
+// Measured (PoCL, two cores): 256x256 with 10 000, 512x512 with 100 000 Gaussians 1.3 and 6.9 ms, 46
+// and 35 % of the FMA peak with AVX-512; 2.1 and 11.4 ms, 35 and 27 % with AVX2 (8 lanes, at three
+// quarters of that peak). What it came from: reading ahead -20 % (100 000), the next cell's
+// footprint before the last one's blend -3 to -7 %, loads that broadcast -5 %, z by one addition
+// -5 %, rounding by a large number -4 %, a cell's two parts without a loop -33 % (AVX2). Estrin's
+// form of the polynomial, and looking ahead by parts instead of cells (AVX2), changed nothing.
 #include "shared/pixel.h"
 
 #define BATCH 64  // LANES == 1: splats held in local memory at a time
 
 #if LANES > 1
 static inline void cell_blend(PixelSums* sums, Splat s, CellFootprint at) {
+#pragma unroll
   for (int part = 0; part < CELL_PARTS; ++part)
     sums[part] = pixel_blend(sums[part], s, at.part[part]);
 }
@@ -71,7 +74,8 @@ kernel void splat_fwd(const int width, const int height, const int shared,
   for (uint start = first; start < end; start += BATCH, turn ^= 1) {
     if (SATURATED && !open_pixels[turn]) break;  // the same for the whole group
     const uint count = min((uint)BATCH, end - start);
-    if ((uint)(l >> 2) < count) batch[l] = vload4(4 * isect_ids[start + (l >> 2)] + (l & 3), splats);
+    if ((uint)(l >> 2) < count)
+      batch[l] = vload4(4 * isect_ids[start + (l >> 2)] + (l & 3), splats);
     if ((uint)l < count) batch_mask[l] = masks[start + l];
     barrier(CLK_LOCAL_MEM_FENCE);
     if (l == 0) open_pixels[turn ^ 1] = 0;

@@ -2,8 +2,9 @@
 // The image's derivative: each tile walks its list front to back again, and each intersection
 // leaves the 16 sums of shared/pixel.h in its own slot; `gather` adds a Gaussian's slots in order.
 // No atomics: bitwise repeatable. Needs only the output images, no last index and no list a pixel.
-// Measured (PoCL, two cores with AVX-512): 256x256 with 10 000, 512x512 with 100 000 Gaussians 2.7 and 15.3 ms, 41 and 29 % of
-// the FMA peak. Reading ahead -12 % (100 000); the rest as in splat.cl.
+// Measured (PoCL, two cores): 256x256 with 10 000, 512x512 with 100 000 Gaussians 2.7 and 14.8 ms,
+// 41 and 30 % of the FMA peak with AVX-512; 3.9 and 22.3 ms, 34 and 25 % with AVX2. Reading ahead
+// -12 % (100 000); the rest as in splat.cl.
 // With `shared` the kernel with FLOW takes the tiles whose v_flow is not 0, and the one without the
 // others (Skips::flow, View::flow_tiles).
 // ASKING 1: cells of pixels that ask for nothing, every cotangent 0, are left out (Skips::asking).
@@ -111,6 +112,7 @@ static inline lane sums8(lane a0, lane a1, lane a2, lane a3, lane a4, lane a5, l
 
 #if LANES > 1
 static inline Moments cell_unblend(PixelGrads* state, Moments m, Splat s, CellFootprint at) {
+#pragma unroll
   for (int part = 0; part < CELL_PARTS; ++part)
     m = pixel_unblend(&state[part], m, s, at.part[part]);
   return m;
@@ -131,7 +133,8 @@ static inline float16 moments_sums(Moments m) {
 }
 #endif
 
-// Slots, as they are kept: floats, or their upper halves (MOMENT_BITS 16, for `gflow bench pareto`).
+// Slots, as they are kept: floats, or their upper halves (MOMENT_BITS 16, for `gflow bench
+// pareto`).
 #if MOMENT_BITS == 16
 #define KEPT(x, width) convert_ushort##width((as_uint##width(x) + 0x8000u) >> 16)
 #define KEPT_IN(partials) ((global ushort*)(partials))

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lists of a drawn image walked as splat.cl and as splat_bwd.cl walk them, for `gflow stress`: each
-// leaves what passes through a pixel and how many splats counted there. Both must have the same bits.
-// LANES > 1: one work-item a tile; LANES == 1: a group of 256 a tile, one work-item a pixel.
+// The lists of a drawn image walked as splat.cl and as splat_bwd.cl walk them, for `gflow stress`:
+// each leaves what passes through a pixel and how many splats counted there. Both must have the
+// same bits. LANES > 1: one work-item a tile; LANES == 1: a group of 256 a tile, one work-item a
+// pixel.
 #define FLOW 0
 #define DEPTH 0
 #include "shared/pixel.h"

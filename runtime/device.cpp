@@ -8,12 +8,22 @@
 #include <cctype>
 #include <csignal>
 #include <cstdlib>
+#include <filesystem>
 
 namespace gflow {
 namespace {
 
-const char* const no_device_message =
-    "no OpenCL device found: install a driver, on Debian e.g. `apt install pocl-opencl-icd`";
+// PoCL has no device where it cannot make its folder for programs.
+std::string no_device_message() {
+  const char* const cache = std::getenv("POCL_CACHE_DIR");
+  std::error_code problem;
+  if (cache && *cache && !std::filesystem::is_directory(cache, problem))
+    return fmt::format(
+        "no OpenCL device found: POCL_CACHE_DIR is {}, where no folder could be made: unset it, or "
+        "name one that can be written",
+        cache);
+  return "no OpenCL device found: install a driver, on Debian e.g. `apt install pocl-opencl-icd`";
+}
 
 // What the program does at signals, put back at the end. PoCL's LLVM takes them over when its
 // platform is first asked for: a signal that was ignored (nohup) would end the program.
@@ -44,7 +54,7 @@ std::vector<cl::Device> all_devices() {
   try {
     cl::Platform::get(&platforms);
   } catch (const cl::Error&) {
-    throw Error(no_device_message);  // the loader's answer to no driver is an error (-1001)
+    throw Error(no_device_message());  // the loader's answer to no driver is an error (-1001)
   }
   std::vector<cl::Device> all;
   for (const auto& platform : platforms) {
@@ -56,7 +66,7 @@ std::vector<cl::Device> all_devices() {
     }
     all.insert(all.end(), devices.begin(), devices.end());
   }
-  if (all.empty()) throw Error(no_device_message);
+  if (all.empty()) throw Error(no_device_message());
   return all;
 }
 

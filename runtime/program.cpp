@@ -67,7 +67,8 @@ std::string expand_includes(const std::string& file) {
 }
 
 Program::Program(Queue& queue, const std::string& file, const Defines& defines) : file(file) {
-  std::string options = fmt::format("-cl-std=CL1.2 -cl-kernel-arg-info -DLANES={} -DGROUP={}",
+  // -w: else PoCL counts on stderr what clang says of vectors that are wider than the registers.
+  std::string options = fmt::format("-cl-std=CL1.2 -w -cl-kernel-arg-info -DLANES={} -DGROUP={}",
                                     queue.lanes, chunk_group(queue));
   for (const auto& [name, value] : defines) options += " -D" + name + "=" + value.text;
   const std::string source = expand_includes(file);

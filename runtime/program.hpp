@@ -22,9 +22,9 @@ struct DefineValue {
 using Defines = std::vector<std::pair<std::string, DefineValue>>;  // becomes -DNAME=value
 
 // A compiled kernel file. It is built with LANES and GROUP (kernels/shared/work.h) as they suit the
-// device, and with these defines. The same file with the same defines is compiled once a queue, and its
-// binary is kept on disk where that pays (program_cache.hpp). GFLOW_KERNEL_DIR names a folder to
-// read the kernel files from instead of the embedded texts: for editing without a rebuild.
+// device, and with these defines. The same file with the same defines is compiled once a queue, and
+// its binary is kept on disk where that pays (program_cache.hpp). GFLOW_KERNEL_DIR names a folder
+// to read the kernel files from instead of the embedded texts: for editing without a rebuild.
 struct Program {
   // Error if the file or one it includes is missing; ClError with the compiler's log.
   Program(Queue& queue, const std::string& file, const Defines& defines = {});

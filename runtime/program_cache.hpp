@@ -10,8 +10,8 @@
 namespace gflow {
 
 // The place of one program's binary in the cache folder: $GFLOW_CACHE_DIR (empty = no cache), else
-// none on PoCL, which keeps its own, else $XDG_CACHE_HOME/gflow, else ~/.cache/gflow. The key covers
-// source, options, device and driver.
+// none on PoCL, which keeps its own, else $XDG_CACHE_HOME/gflow, else ~/.cache/gflow. The key
+// covers source, options, device and driver.
 class ProgramCache {
  public:
   ProgramCache(const Queue& queue, const std::string& source, const std::string& options);

@@ -34,8 +34,7 @@ struct Result {
 
 // Error where a file that is to be written cannot be. Then measures, prints, writes, draws and
 // compares as asked for: what was measured is shown whatever fails. Where something is worse than
-// in
-// --compare it measures once more, and ends the program with 3 where it is worse again.
+// in --compare it measures once more, and ends the program with 3 where it is worse again.
 void deliver(const BenchOptions& options, const std::function<Result()>& measure);
 
 void add_raster(CLI::App& bench, const GlobalOptions& options);

@@ -19,8 +19,8 @@ std::vector<Choice> all_choices(int lanes) {
     add("transport", name).transport = transport_named(name);
   for (const int k : {1, 4, 16, 20, 32, 64}) add("top_k", std::to_string(k)).top_k = k;
   add("stop", "exclude").stop = StopRule::exclude;
-  for (const char* t : {"1e-2f", "1e-3f", "1e-5f", "1e-6f"})
-    add("T_MIN", t).defines = {{"T_MIN", t}};
+  for (const std::string t : {"1e-2", "1e-3", "1e-5", "1e-6"})
+    add("pixels finished at", t).defines = {{"T_MIN", t + "f"}};
   // log2 of 1/64, 1/128, 1/512, 1/2048
   for (const auto& [name, log2] :
        {std::pair{"1/64", "-6.f"}, {"1/128", "-7.f"}, {"1/512", "-9.f"}, {"1/2048", "-11.f"}})
@@ -30,8 +30,8 @@ std::vector<Choice> all_choices(int lanes) {
     add("exp2", name).defines = {{"EXP2_DEGREE", degree}};
   add("moments kept in", "16 bits").defines = {{"MOMENT_BITS", "16"}};
   add("boxes", "loose").skip.boxes = false;
-  for (const char* sigmas : {"3.f", "2.5f", "2.f"})
-    add("boxes", fmt::format("of at most {} sigma", sigmas)).defines = {{"BOX_SIGMAS", sigmas}};
+  for (const std::string sigmas : {"3.0", "2.5", "2.0"})
+    add("boxes", "of at most " + sigmas + " sigma").defines = {{"BOX_SIGMAS", sigmas + "f"}};
   add("cell masks", "off").skip.masks = false;
   add("saturated tiles", "walked on").skip.saturated = false;
   Skips& none = add("skips", "none").skip;

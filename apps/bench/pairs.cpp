@@ -133,6 +133,10 @@ double bytes_of(const Touched& t) {
 double bytes_of_stage(const std::string& stage, const Touched& t, Channels c) {
   const double pose = 12 + 36, record = 64, flow = c.flow;  // a mean and a factor; a splat
   const double planes = 4 * (6 + 2 * flow + c.depth);       // images of splat.cl
+  if (stage == "motion") return (1 + flow) * t.drawn * (4 * t.parameters + pose + 4);
+  if (stage == "project") return t.drawn * (pose + 4 + record / 2 + 8 + 4 + 4);
+  if (stage == "bin")  // keys written; three passes of the sort; counted and scattered a tile
+    return t.drawn * (12 + 3 * (4 + 16) + 12 + 16) + 8 * t.intersections;
   if (stage == "mask") return t.intersections * (4 + record / 2 + 2);
   if (stage == "transport") return t.drawn * (4 + 12 + 2 * pose * flow + 36);
   if (stage == "splat") return t.intersections * (4 + 2 + record) + t.pixels * planes;

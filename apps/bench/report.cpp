@@ -13,6 +13,7 @@ namespace gflow::bench {
 namespace {
 
 constexpr double kGrown = 1.1;  // a ratio above it is worth a look
+constexpr double kFallen = 0.2;  // [dB] and so much less of a quality
 
 // Four digits, as long as that is readable.
 std::string digits(double x) {
@@ -75,6 +76,11 @@ std::string text_of(const Json& report, const char* key) {
   return value.is_string() ? value.get<std::string>() : std::string();
 }
 
+// In whatever order their keys are.
+bool same_json(const Json& a, const Json& b) {
+  return nlohmann::json::parse(a.dump()) == nlohmann::json::parse(b.dump());
+}
+
 // Of a row with CPU time, that alone.
 bool is_judged(const Row& row, const Figure& f) {
   const auto is_cpu = [](const Figure& x) { return is_time(x) && x.name.rfind("CPU", 0) == 0; };
@@ -98,7 +104,7 @@ Report::Report(std::string bench, Queue& queue, Json facts, const std::string& o
   if (!old.empty()) {
     old_ = read_report(old, bench);
     for (const auto& [key, value] : facts_.items())
-      if (key != "repeats" && old_.contains(key) && old_[key] != value)
+      if (key != "repeats" && old_.contains(key) && !same_json(old_[key], value))
         throw Error(fmt::format("comparing with {}: that was measured with {} {}, this with {}",
                                 old, key, old_[key].dump(), value.dump()));
   }
@@ -162,26 +168,35 @@ std::vector<std::string> Report::compare() const {
   const Json& rows = old_["rows"];
   if (text_of(old_, "device") != head_["device"])
     fmt::print("{} was measured on another device, {}\n", old_path_, text_of(old_, "device"));
-  std::vector<std::vector<std::string>> lines{{"", "before", "now", "ratio"}};
+  std::vector<std::vector<std::string>> lines{{"lower quartiles; errors and dB in the middle",
+                                               "before", "now", "ratio"}};
   std::vector<std::string> only_here, only_there, worse;
   for (const Row& row : rows_) {
     if (!rows.contains(row.name)) only_here.push_back(row.name);
     for (const Figure& f : row.figures) {
       const Spread before = figure_of(rows, row.name, f.name);
-      if (!(is_time(f) || f.error) || !(before.low > 0)) continue;
-      const double ratio = f.value.low / before.low;
       const std::string name = row.name + ", " + f.name;
+      if (f.quality && std::isfinite(before.median)) {
+        const double gain = f.value.median - before.median;
+        const bool fell = gain < -kFallen && f.value.high < before.low;
+        if (fell) worse.push_back(name);
+        lines.push_back({name, digits(before.median), digits(f.value.median),
+                         fmt::format("{:+.2f} dB{}", gain, fell ? " worse" : "")});
+      }
+      if (!(is_time(f) || f.error) || !(before.low > 0)) continue;
+      const auto shown = [&](const Spread& s) { return f.error ? s.median : s.low; };
+      const double ratio = shown(f.value) / shown(before);
       const char* said = "";
       if (ratio > kGrown) {
         if (!f.error && !is_judged(row, f))
           said = " not judged";
-        else if (!f.error && !(f.value.low > before.high))
-          said = " within the quartiles";
+        else if (!(f.value.low > before.high))
+          said = f.error ? " within the seeds" : " within the quartiles";
         else
           said = f.error ? " less exact" : " slower", worse.push_back(name);
       }
-      lines.push_back(
-          {name, digits(before.low), digits(f.value.low), fmt::format("{:.3f}{}", ratio, said)});
+      lines.push_back({name, digits(shown(before)), digits(shown(f.value)),
+                       fmt::format("{:.3f}{}", ratio, said)});
     }
   }
   for (const auto& [name, figures] : rows.items())

@@ -18,7 +18,8 @@ struct Figure {
   std::string name;
   Spread value;
   bool spread = true;
-  bool error = false;  // that may not grow either, as times may not
+  bool error = false;    // that may not grow either, as times may not
+  bool quality = false;  // [dB] that may not fall
 };
 inline Figure single(std::string name, double value) {
   return {std::move(name), {value, value, value}, false};
@@ -59,10 +60,12 @@ class Report {
   void print() const;
   Json json() const;
   // Prints the ratios to the old report, of every time with a spread ("[ms]", "[s]") and of every
-  // error that both have, and which rows only one of them has. Returns the names of what is worse:
-  // an error that has grown by more than a tenth; a time whose lower quartile has (what disturbs a
-  // measurement only adds to it), where the quartiles do not overlap either. Of a row with CPU time
-  // only that is judged, as other programs take part of the other times; of a brief row nothing.
+  // error that both have, the differences of qualities, and which rows only one of them has. Returns
+  // the names of what is worse: an error that has grown by more than a tenth, a quality that has
+  // fallen by more than .2 dB, a time whose lower quartile has grown by a tenth (what disturbs a
+  // measurement only adds to it); in each case only where the spreads do not overlap either. Of a
+  // row with CPU time only that is judged, as other programs take part of the other times; of a
+  // brief row nothing.
   std::vector<std::string> compare() const;
 
  private:

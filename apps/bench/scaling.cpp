@@ -79,9 +79,8 @@ double wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
   setenv("GFLOW_BENCH_FILE", file.c_str(), 1);
   if (!options.device.empty()) setenv("GFLOW_DEVICE", options.device.c_str(), 1);
   const std::string command = fmt::format(
-      "POCL_MAX_PTHREAD_COUNT={} \"$GFLOW_BENCH_SELF\" bench raster --pixels 512x512 --gaussians "
-      "{} "
-      "--repeats {} --json \"$GFLOW_BENCH_FILE\" > /dev/null 2>&1",
+      "POCL_MAX_PTHREAD_COUNT={} \"$GFLOW_BENCH_SELF\" bench raster --pixels 512x512 "
+      "--gaussians {} --repeats {} --json \"$GFLOW_BENCH_FILE\" > /dev/null 2>&1",
       cores, gaussians, o.common.repeats);
   const int status = std::system(command.c_str());  // Ctrl-C reaches that one alone
   const int code = WIFEXITED(status) ? WEXITSTATUS(status) : exit_code_of(WTERMSIG(status));

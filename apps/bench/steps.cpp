@@ -131,8 +131,9 @@ class GoingOn {
     t.moved += share * moved;
     t.drawn += share * drawn;
     t.intersections += share * double(engine.tiles().intersections);
-    t.pixels += share * double(engine.images().width) * double(engine.images().height);
-    t.picture = config_.skip.compact ? 3 : 12;
+    const double pixels = double(engine.images().width) * double(engine.images().height);
+    t.pixels += share * pixels;
+    t.picture = double(trainer_->picture_bytes()) / pixels;
   }
 
   Queue& queue_;
@@ -211,8 +212,9 @@ Plot plot_of(const std::string& name, const std::vector<Kind>& kinds,
   plot.script = fmt::format(
       "set termoption noenhanced\nset style data histograms\n"
       "set style histogram errorbars gap 1 lw 1.5\nset style fill solid 0.6\nset yrange [0:*]\n"
-      "set ylabel 'CPU time of a training step [ms]'\nset xtics rotate by -25\nset key off\n"
-      "plot '{}.tsv' every ::1 using 2:3:4:xtic(1)",
+      "set ylabel 'CPU time of a training step [ms]'\nset xtics rotate by -25\n"
+      "set rmargin 14\nset bmargin 7\n"
+      "set key off\nplot '{}.tsv' every ::1 using 2:3:4:xtic(1)",
       name);
   return plot;
 }

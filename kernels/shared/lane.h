@@ -33,8 +33,8 @@ typedef LANE_JOIN(int, LANES) lane_int;
 #define LANE_SELECT(no, yes, mask) select((no), (yes), (mask))
 #endif
 
-// Asks for memory that will be read, or written, some turns of a loop later: on CPUs records that lie
-// anywhere cost more time to fetch than to work on (splat_fwd -20 %, cell_mask -45 % with 100k
+// Asks for memory that will be read, or written, some turns of a loop later: on CPUs records that
+// lie anywhere cost more time to fetch than to work on (splat_fwd -20 %, cell_mask -45 % with 100k
 // splats). OpenCL's own prefetch() does nothing on PoCL.
 #if LANES > 1 && (defined(__x86_64__) || defined(__aarch64__))
 #define READ_SOON(pointer) __builtin_prefetch((const void*)(size_t)(pointer))
@@ -46,8 +46,9 @@ typedef LANE_JOIN(int, LANES) lane_int;
 
 // Where each lane's pixel centre lies within its part of a cell, and parts a cell.
 #if LANES == 16
-#define LANE_X ((lane)(.5f, 1.5f, 2.5f, 3.5f, .5f, 1.5f, 2.5f, 3.5f, .5f, 1.5f, 2.5f, 3.5f, .5f, 1.5f, 2.5f, 3.5f))
-#define LANE_Y ((lane)(.5f, .5f, .5f, .5f, 1.5f, 1.5f, 1.5f, 1.5f, 2.5f, 2.5f, 2.5f, 2.5f, 3.5f, 3.5f, 3.5f, 3.5f))
+#define LANE_X ((lane)((float4)(.5f, 1.5f, 2.5f, 3.5f), (float4)(.5f, 1.5f, 2.5f, 3.5f), \
+                       (float4)(.5f, 1.5f, 2.5f, 3.5f), (float4)(.5f, 1.5f, 2.5f, 3.5f)))
+#define LANE_Y ((lane)((float4)(.5f), (float4)(1.5f), (float4)(2.5f), (float4)(3.5f)))
 #elif LANES == 8
 #define LANE_X ((lane)(.5f, 1.5f, 2.5f, 3.5f, .5f, 1.5f, 2.5f, 3.5f))
 #define LANE_Y ((lane)(.5f, .5f, .5f, .5f, 1.5f, 1.5f, 1.5f, 1.5f))
@@ -64,9 +65,9 @@ typedef LANE_JOIN(int, LANES) lane_int;
 // 2^x for x <= 0 (any float; below -126 the result is not meaningful and must be masked by the
 // caller, which skips everything under ALPHA_MIN). Degree 5 minimax on [-.5, .5], relative error
 // 2e-7: on PoCL 27 % less time for the whole forward pass than exp2, native or not.
-// Rounding: 1.5 * 2^23 + x has round(x) in its lowest bits (3-5 % of the pass less than converting).
-// EXP2_DEGREE for `gflow bench pareto`: 3 and 4 have relative errors of 7.5e-5 and 2.6e-6, 0 is
-// exp2(), 1 native_exp2().
+// Rounding: 1.5 * 2^23 + x has round(x) in its lowest bits (3-5 % of the pass less than
+// converting). EXP2_DEGREE for `gflow bench pareto`: 3 and 4 have relative errors of 7.5e-5 and
+// 2.6e-6, 0 is exp2(), 1 native_exp2().
 #ifndef EXP2_DEGREE
 #define EXP2_DEGREE 5
 #endif

@@ -31,8 +31,8 @@ static inline LifeGradient life_vjp(Life o, real logit, real dt, real var, real 
 // Whether its marginal exceeds exp(-sigmas^2 / 2), dt away, without the exponential. NaN: no.
 static inline int life_reaches(real dt, real life, real sigmas) { return fabs(dt) < sigmas * life; }
 
-// Whether it is to be seen at all in [0, duration]: not where its window, `sigmas` standard deviations
-// each way, lies wholly outside. NaN: no.
+// Whether it is to be seen at all in [0, duration]: not where its window, `sigmas` standard
+// deviations each way, lies wholly outside. NaN: no.
 static inline int life_meets(real mean_t, real life, real duration, real sigmas) {
   const real outside = fmax(fmax(-mean_t, mean_t - duration), (real)0);
   return outside <= sigmas * life && is_finite_real(mean_t);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whether a camera may see Gaussians, LANES at a time, from what is known before their shapes at a
-// time are: place, longest axis, opacity (OpenCL C only). What project_fwd (project.cl) draws passes,
-// with margins for rounding; so a motion model need not pose what fails (Skips::outside).
+// time are: place, longest axis, opacity (OpenCL C only). What project_fwd (project.cl) draws
+// passes, with margins for rounding; so a motion model need not pose what fails (Skips::outside).
 #ifndef GFLOW_LOOKOUT_H
 #define GFLOW_LOOKOUT_H
 #include "shared/lane.h"
@@ -37,7 +37,8 @@ static inline lane_int may_be_seen(PinholeCamera cam, lane mean_x, lane mean_y, 
   const lane along =
       cam.fx * cam.fx * fma(u, u, TO_LANE(1.f)) + cam.fy * cam.fy * fma(v, v, TO_LANE(1.f));
   const lane size = longest * inv_z;
-  const lane reach = sqrt((8.1f / HALF_LOG2_E) * fma(1.01f * along, size * size, TO_LANE(DILATION)));
+  const lane variance = fma(1.01f * along, size * size, TO_LANE(DILATION));
+  const lane reach = sqrt((8.1f / HALF_LOG2_E) * variance);
   const lane left = fma(TO_LANE(cam.fx), x, TO_LANE(cam.cx - cam.left));
   const lane top = fma(TO_LANE(cam.fy), y, TO_LANE(cam.cy - cam.top));
   const lane_int fails = (opacity < TO_LANE(0.0039f)) |  // 1/255
@@ -62,10 +63,11 @@ static inline void lookout_none(uint first, uint count, global float* restrict o
   for (uint r = 0; r < count; ++r) opacities_at[first + r] = 0.f;
 }
 
-// What is looked at of Gaussians that live as shared/life.h says, with one scale an axis: first their
-// time alone (lookout_time), and the rest only where one of them lives: rows are kept in the order of
-// time (optim/density/order.hpp), so most of a long video's are passed over in this way: 1 million of 100
-// frames (PoCL, two cores with AVX-512) .6 ms, 3.9 to 7 when all were read (10 to 15 % of the step).
+// What is looked at of Gaussians that live as shared/life.h says, with one scale an axis: first
+// their time alone (lookout_time), and the rest only where one of them lives: rows are kept in the
+// order of time (optim/density/order.hpp), so most of a long video's are passed over in this way: 1
+// million of 100 frames (PoCL, two cores with AVX-512) .6 ms, 3.9 to 7 when all were read (10 to 15
+// % of the step).
 typedef struct Lookout {
   LaneFloats x, y, z;      // their place
   LaneFloats dt;           // time since their own moment

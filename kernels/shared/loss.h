@@ -76,9 +76,9 @@ static inline SsimPixel ssim_pixel(SsimMeans m) {
 // A teacher flow with a larger component is a fault of its file or estimator, and masked [px].
 #define TEACHER_LIMIT 1e5f
 
-// With which probability a tile counts for the flow in a step, then 1 / share times as much, so that
-// the gradient is that of all tiles in the mean: `motion` is the fastest that is asked of it [px],
-// calm in (0, 1] the least share, calm_px the motion from which it always counts, above 0.
+// With which probability a tile counts for the flow in a step, then 1 / share times as much, so
+// that the gradient is that of all tiles in the mean: `motion` is the fastest that is asked of it
+// [px], calm in (0, 1] the least share, calm_px the motion from which it always counts, above 0.
 static inline real flow_share(real motion, real calm, real calm_px) {
   return fmin(fmax(motion / calm_px, calm), (real)1);
 }

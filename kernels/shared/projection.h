@@ -49,8 +49,8 @@ typedef struct GaussianGradient {
 } GaussianGradient;
 
 // Gradient of a loss by mean and factor from its gradient by the projected mean, depth and M.
-static inline GaussianGradient project_vjp(PinholeCamera cam, Mat3 factor, Projection o, real2 v_mean,
-                                           real v_depth, Mat23 v_m) {
+static inline GaussianGradient project_vjp(PinholeCamera cam, Mat3 factor, Projection o,
+                                           real2 v_mean, real v_depth, Mat23 v_m) {
   GaussianGradient g;
   const real3 row1 = make_real3(cam.rotation[0], cam.rotation[1], cam.rotation[2]);
   const real3 row2 = make_real3(cam.rotation[3], cam.rotation[4], cam.rotation[5]);

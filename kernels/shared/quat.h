@@ -10,7 +10,8 @@ typedef struct UnitQuat {
 } UnitQuat;
 
 // q/|q|, by the largest component first so that neither |q| = 1e-30 nor 2e19 leaves float range
-// (numerics 2, "quaternion norm"). A quaternion with |q| < 1e-6 or a non-finite one is the identity.
+// (numerics 2, "quaternion norm"). A quaternion with |q| < 1e-6 or a non-finite one is the
+// identity.
 static inline UnitQuat quat_normalize(real4 q) {
   UnitQuat u;
   const real largest = fmax(fmax(fabs(q.x), fabs(q.y)), fmax(fabs(q.z), fabs(q.w)));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random numbers as a function of what they are for: (seed, stream, index) in, number out. No state,
-// so nothing depends on the order of work. Mixing by PCG's output permutation (O'Neill 2014) over
-// three rounds; uint arithmetic only, the same bits on every device.
+// Random numbers as a function of what they are for: (seed, stream, index) in, number out. No
+// state, so nothing depends on the order of work. Mixing by PCG's output permutation (O'Neill 2014)
+// over three rounds; uint arithmetic only, the same bits on every device.
 #ifndef GFLOW_RANDOM_H
 #define GFLOW_RANDOM_H
 #include "shared/dialect.h"

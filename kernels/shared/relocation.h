@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Many Gaussians in the place of one (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain
-// Monte Carlo", eq. 9): n equal ones of opacity x, with 1 - o = (1 - x)^n (shared_opacity_logit),
-// show in their middle what one of opacity o did, and along a line through it as much in all when
-// their size is the old one times o / S,
+// Many Gaussians in the place of one (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov
+// Chain Monte Carlo", eq. 9): n equal ones of opacity x, with 1 - o = (1 - x)^n
+// (shared_opacity_logit), show in their middle what one of opacity o did, and along a line through
+// it as much in all when their size is the old one times o / S,
 //   S = sum_{i=1}^{n} sum_{k=0}^{i-1} C(i-1, k) (-1)^k x^(k+1) / sqrt(k+1).
-// That alternating sum loses its digits as n grows. With 1/sqrt(k+1) = 1/sqrt(pi) int exp(-(k+1) u^2)
-// du it is, term by term, the opacity of n Gaussians along a line,
+// That alternating sum loses its digits as n grows. With 1/sqrt(k+1) = 1/sqrt(pi) int exp(-(k+1)
+// u^2) du it is, term by term, the opacity of n Gaussians along a line,
 //   S = 1/sqrt(pi) int 1 - (1 - x exp(-u^2))^n du,
 // of positive terms only, and needs no limit on n.
 #ifndef GFLOW_RELOCATION_H

@@ -80,8 +80,8 @@ static inline Monge2 monge2(Whitening w1, Whitening w2, Mat23 m1, Mat23 m2) {
 }
 
 // W = K M, for H = E W^T of material. Its first row is k1 (r1 - (b/c) r2) with b = r1.r2 and
-// c = |r2|^2 + DILATION: for needles a difference of nearly equal vectors (1e-5 of H at 300 x 1 px),
-// so formed as k1/c (r2 x (r1 x r2) + DILATION r1), in which nothing cancels (2e-7 there).
+// c = |r2|^2 + DILATION: for needles a difference of nearly equal vectors (1e-5 of H at 300 x 1
+// px), so formed as k1/c (r2 x (r1 x r2) + DILATION r1), in which nothing cancels (2e-7 there).
 static inline Mat23 whitened_factor(Whitening w, Mat23 m) {
   const real3 minors = cross_exactly(m.r1, m.r2);
   return make_mat23((cross(m.r2, minors) + m.r1 * (real)DILATION) * (w.k1 / w.s.c), m.r2 * w.k3);

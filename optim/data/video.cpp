@@ -2,14 +2,18 @@
 // Video files through OpenCV.
 #include "optim/data/video.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <opencv2/videoio/registry.hpp>
 
+#include "optim/io/descriptor.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -44,10 +48,12 @@ cv::VideoCapture open_video(const std::string& path) {
   } catch (const cv::Exception&) {
     // Reported below: a file that no decoder accepts.
   }
-  if (!ok)
-    throw Error(
-        fmt::format("cannot read video {}: it is truncated or OpenCV cannot decode it", path));
-  return capture;
+  if (ok) return capture;
+  // What forbids reading, or too many open files, is no damage.
+  if (const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); file.get() < 0)
+    throw Error(fmt::format("cannot read video {}: {}", path, std::strerror(errno)));
+  throw Error(
+      fmt::format("cannot read video {}: it is truncated or OpenCV cannot decode it", path));
 }
 
 bool grab(cv::VideoCapture& capture) {

@@ -7,9 +7,9 @@
 // Where this differs from the authors' program: relocation and growth draw together, in one round,
 // and from the whole line of opacities in equal parts; those that come to one place are moved apart
 // by half a size, because equal ones learn alike for long (n3v-baton, 3000 steps, seed 0: 35.1 dB,
-// without 33.8, by a whole size 34.8; without noise, with any growth, 33.5 to 33.8); noise reaches a
-// Gaussian, as Adam does, in the steps that see it; what lives wholly outside of the video counts as
-// dead.
+// without 33.8, by a whole size 34.8; without noise, with any growth, 33.5 to 33.8); noise reaches
+// a Gaussian, as Adam does, in the steps that see it; what lives wholly outside of the video counts
+// as dead.
 #pragma once
 #include "optim/density/density.hpp"
 #include "optim/density/rows.hpp"

@@ -86,6 +86,8 @@ class Trainer {
   // As after the last view of the last step.
   const Renderer& renderer() const { return renderer_; }
   const ImageGradients& image_gradients() const { return v_; }  // v_flow is stale without flow
+  // Of the true picture on the device, in all its pixels.
+  size_t picture_bytes() const { return truth_.size() + sizeof(float) * truth_floats_.size(); }
 
  private:
   struct FlowFigures {

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <opencv2/videoio.hpp>
 
 #include "data_readers/made_scene.hpp"
@@ -49,6 +52,27 @@ TEST(VideoFile, ATruncatedOneIsTold) {
   ASSERT_EQ(half.notices.size(), 1u);
   EXPECT_NE(half.notices[0].find("of the 40 frames that video"), std::string::npos)
       << half.notices[0];
+}
+
+// Whoever opens too many files, or may not read one, has no damaged video.
+TEST(VideoFile, TooManyOpenFilesAreNoDamage) {
+  const TemporaryFolder folder;
+  const std::string path = make_video(folder, "a.mkv", 3);
+  EXPECT_EQ(video_info(path).frames, 3);
+  rlimit before;
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
+  const int next = ::dup(0);  // the next descriptor is the first that is too many
+  ::close(next);
+  const rlimit none{rlim_t(next), before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
+  std::string said;
+  try {
+    video_info(path);
+  } catch (const Error& problem) {
+    said = problem.what();
+  }
+  ::setrlimit(RLIMIT_NOFILE, &before);
+  EXPECT_EQ(said, "cannot read video " + path + ": Too many open files");
 }
 
 // Or a downloaded file would make gflow open any other.

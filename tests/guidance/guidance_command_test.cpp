@@ -272,7 +272,8 @@ TEST_F(GuidanceCommand, TwoStagesGoFromThePicturesToAMovingScene) {
   const std::string model = path("stages") + "/dynamic/point_cloud/iteration_30/point_cloud.ply";
   const std::string made = contents(model);
   EXPECT_FALSE(made.empty());
-  ASSERT_EQ(run(scene_->path()), 0) << contents(path("stages.err"));  // goes on where it was: nothing is left to do
+  // Goes on where it was: nothing is left to do.
+  ASSERT_EQ(run(scene_->path()), 0) << contents(path("stages.err"));
   EXPECT_TRUE(contents(model) == made);
 }
 

@@ -99,6 +99,17 @@ TEST(DeviceDeathTest, WithoutADriverTheSentenceSaysWhatToInstall) {
               "pocl-opencl-icd`$");
 }
 
+TEST(DeviceDeathTest, WhereOnesProgramsCannotBeKeptThatIsTheReason) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");  // with PoCL it is so, too
+  const Environment no_cache("POCL_CACHE_DIR", "/proc/programs");
+  const auto list = [] {
+    std::cerr << message_of([] { list_devices(); });
+    std::exit(3);
+  };
+  EXPECT_EXIT(list(), testing::ExitedWithCode(3), "POCL_CACHE_DIR is /proc/programs, where no");
+}
+
 TEST(Device, TooSmallOneIsRefusedWithTheReason) {
   EXPECT_NO_THROW(require_usable(large_device(), 1));
   DeviceInfo info = large_device();

@@ -74,7 +74,7 @@ TEST(Program, FailedBuildGivesOptionsFileAndTheCompilersLog) {
   const KernelFolder folder;
   folder.write("bad.cl", "kernel void f(global int* x) {\n  x[0] = unknown_word;\n}\n");
   const std::string message = build_error("bad.cl");
-  EXPECT_EQ(message.find("building bad.cl with -cl-std=CL1.2 -cl-kernel-arg-info -DLANES="), 0u)
+  EXPECT_EQ(message.find("building bad.cl with -cl-std=CL1.2 -w -cl-kernel-arg-info -DLANES="), 0u)
       << message;
   EXPECT_NE(message.find("clBuildProgram returned CL_BUILD_PROGRAM_FAILURE (-11)"),
             std::string::npos)

@@ -46,7 +46,26 @@ TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
   }
   for (const char* other : {"alpha >= 1/64, trained", "alpha >= 1/2048, trained"})
     EXPECT_NE(single[other]["PSNR [dB]"], first) << other;
-  EXPECT_EQ(report_in(folder.file("b.json"))["trained"]["steps"], 1);
+  Json old = report_in(folder.file("b.json"));
+  EXPECT_EQ(old["trained"]["steps"], 1);
+  // Pictures and flow of trainings are compared, too: by more than a fifth of a dB, a tenth.
+  for (Json& row : old["rows"])
+    for (Json& figure : row)
+      if (figure.is_object()) figure["high"] = 1e6;
+  Json& once = old["rows"]["alpha >= 1/64, trained"];
+  for (const char* part : {"median", "low", "high"}) {
+    once["PSNR [dB]"][part] = first["median"].get<double>() + 40;
+    once["flow error, moving [px]"][part] = 1e-4;
+  }
+  const Outcome worse =
+      small_pareto({"--knob", "alpha >=", "--knob", "saturated tiles", "--scene", scene.path(),
+                    "--steps", "1", "--seeds", "1", "--quiet", "--compare",
+                    folder.write("old.json", old.dump())});
+  EXPECT_EQ(worse.code, 3) << worse.out << worse.err;
+  EXPECT_NE(worse.out.find(", twice: alpha >= 1/64, trained, PSNR [dB]; alpha >= 1/64, trained, "
+                           "flow error, moving [px]\n"),
+            std::string::npos)
+      << worse.out;
   const Outcome missing = small_pareto({"--knob", "lanes", "--scene", folder.file("nowhere")});
   EXPECT_EQ(missing.code, 1);
   EXPECT_EQ(missing.out, "");

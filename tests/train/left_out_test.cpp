@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// Training leaves out what its settings say, counted on the device: skip.outside, skip.still,
+// skip.compact. That nothing else changes: trainer_test.cpp, bench_scene_test.cpp.
+#include <gtest/gtest.h>
+
+#include "train/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+class LeftOutOfTraining : public testing::Test {
+ protected:
+  LeftOutOfTraining() : queue(test_queue()), scene(queue) {}
+  Queue queue;
+  SmallScene scene;
+};
+
+TEST_F(LeftOutOfTraining, TheShapesOfThoseOutsideThePicture) {
+  TrainConfig config = small_config(scene, 20);
+  const auto posed_and_drawn = [&](bool skip) {
+    config.skip.outside = skip;
+    SmallTraining training(queue, config);
+    training.model.parameters["means"].values.fill_range(queue, 0, 3 * 20, 30.f);  // far aside
+    std::array<size_t, 2> counts{};
+    for (int step = 0; step < 10; ++step) {
+      training.steps(queue, 1);
+      const Renderer& renderer = training.trainer.renderer();
+      for (float opacity : renderer.gaussians().opacities.read(queue)) counts[0] += opacity > 0;
+      for (cl_uint tiles : renderer.engine().splats().tiles_touched.read(queue))
+        counts[1] += tiles > 0;
+    }
+    return counts;
+  };
+  const auto some = posed_and_drawn(true), all = posed_and_drawn(false);
+  EXPECT_EQ(some[1], all[1]);
+  EXPECT_LT(some[0], all[0]);
+  EXPECT_GE(some[0], some[1]);
+}
+
+TEST_F(LeftOutOfTraining, TheSecondTimeOfThoseAtRest) {
+  TrainConfig config = small_config(scene, 200);
+  config.density.enabled = false;
+  config.motion.rest = 1;
+  config.motion.rest_every = 60;
+  config.flow.every = 1;
+  for (const bool skip : {true, false}) {
+    config.skip.still = skip;
+    SmallTraining training(queue, config);
+    training.steps(queue, 70);
+    const Parameters& p = training.model.parameters;
+    ASSERT_LT(p.moving, p.count);
+    const Renderer& renderer = training.trainer.renderer();
+    for (int i = 0; i < 20 && !renderer.shot().flow; ++i) training.steps(queue, 1);
+    ASSERT_TRUE(renderer.shot().flow);
+    EXPECT_EQ(renderer.stood_still(), skip);
+    EXPECT_EQ(renderer.shot().view.moving, skip ? p.moving : all_rows);
+  }
+}
+
+TEST_F(LeftOutOfTraining, ThreeQuartersOfThePicturesBytes) {
+  TrainConfig config = small_config(scene, 20);
+  const auto bytes = [&](bool skip) {
+    config.skip.compact = skip;
+    SmallTraining training(queue, config);
+    training.steps(queue, 1);
+    const Images& images = training.trainer.renderer().images();
+    return double(training.trainer.picture_bytes()) / (images.width * images.height);
+  };
+  EXPECT_EQ(bytes(true), 3);
+  EXPECT_EQ(bytes(false), 12);
+}
+
+}  // namespace
+}  // namespace gflow
