@@ -137,6 +137,8 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   const Json &all = rows["all skips"], &none = rows["no skip at all"];
   const Json& inexact = rows["no exact skip"];  // as much is asked for, in the same way
   EXPECT_EQ(all["model differs by"], 0);
+  EXPECT_NE(outcome.out.find("with flow in every step both, no skip at all takes "),
+            std::string::npos);
   for (const char* exact : {"masks", "saturated", "asking", "outside", "flow", "bands", "compact"})
     EXPECT_EQ(rows[fmt::format("without {}", exact)]["model differs by"], 0) << exact;
   for (const char* in_the_mean : {"flow of calm tiles too", "flow in every step"})
