@@ -44,6 +44,16 @@ void run_gnuplot(const std::string& script, const std::string& folder, const std
   if (std::system(command.c_str()) != 0) throw NotDrawn("gnuplot could not");
 }
 
+// Of neighbours in a stack: gnuplot has eight and begins again.
+std::string twelve_colors() {
+  std::string script;
+  int number = 0;
+  for (const char* color : {"4477aa", "ee6677", "228833", "ccbb44", "66ccee", "aa3377", "bbbbbb",
+                            "332288", "ee8866", "44bb99", "882255", "ffaabb"})
+    script += fmt::format("set linetype {} lc rgb '#{}'\n", ++number, color);
+  return script;
+}
+
 }  // namespace
 
 std::string draw(const Plot& plot, const std::string& folder) {
@@ -81,20 +91,6 @@ std::string draw(const Plot& plot, const std::string& folder) {
   }
   return path(".svg");
 }
-
-namespace {
-
-// Of neighbours in a stack: gnuplot has eight and begins again.
-std::string twelve_colors() {
-  std::string script;
-  int number = 0;
-  for (const char* color : {"4477aa", "ee6677", "228833", "ccbb44", "66ccee", "aa3377", "bbbbbb",
-                            "332288", "ee8866", "44bb99", "882255", "ffaabb"})
-    script += fmt::format("set linetype {} lc rgb '#{}'\n", ++number, color);
-  return script;
-}
-
-}  // namespace
 
 Plot bars(const std::string& name, const std::string& what,
           std::vector<std::vector<std::string>> table) {

@@ -2,8 +2,9 @@
 // Splats into tiles, each tile's list in depth order, ties by index. Those that are seen come
 // sorted by depth once; chunks of that order are counted a tile, the counts summed over chunks and
 // tiles, and the chunks scattered in order: stable, no atomics, bitwise repeatable (kernels.md 4,
-// S3). Measured (PoCL 3.1, 2 cores, 100 000 splats, 287 000 intersections): counting .9 ms,
-// scattering .9; with unsigned loops over y * tiles_x + x 1.1 each.
+// S3).
+// Measured (PoCL 3.1, 2 cores, 100 000 splats, 287 000 intersections): counting .9 ms, scattering
+// .9; with unsigned loops over y * tiles_x + x 1.1 each.
 #include "shared/constants.h"
 
 // The part [x, y) of n items that chunk c of `chunks` takes.

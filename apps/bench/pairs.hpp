@@ -33,8 +33,9 @@ struct Touched {
 double bytes_of(const Touched& touched);
 
 // Bytes that a stage of `gflow bench raster` reads and writes at least: each argument that a
-// Gaussian that is drawn, an intersection or a pixel needs, once (in sorting once a pass). More than
-// the copy peak would move in that time is what caches still held. NAN of a name that is no stage.
+// Gaussian that is drawn, an intersection or a pixel needs, once (in sorting once a pass). More
+// than the copy peak would move in that time is what caches still held. NAN of a name that is no
+// stage.
 double bytes_of_stage(const std::string& stage, const Touched& touched, Channels channels);
 
 }  // namespace gflow::bench

@@ -159,7 +159,8 @@ Plot plot_of(const std::vector<Measured>& all, const std::vector<bool>& front) {
       "set termoption noenhanced\nset datafile missing '?'\nset logscale y\nset format y "
       "'%.0e'\nset xrange [0.7:2.2]\n"
       "set xlabel 'CPU time, of the shipped settings (more than 2.2 is not shown)'\n"
-      "set multiplot layout 2,3 title 'blue: on the front; red: as shipped; grey: something else is "
+      "set multiplot layout 2,3 title 'blue: on the front; red: as shipped; grey: something else "
+      "is "
       "as fast and as exact'\nset key off\n";
   int column = 3;
   for (const Part& part : parts) {
@@ -299,8 +300,8 @@ Plot plot_of(const std::vector<TrainedChoice>& all) {
   plot.script += "unset multiplot";
   for (const TrainedChoice& one : all) {
     std::vector<std::string> line{one.choice.name, fmt::format("{:.4g}", one.of_shipped.median)};
-    for (const auto values : {&TrainedChoice::psnr, &TrainedChoice::psnr_dynamic,
-                              &TrainedChoice::flow_epe_dynamic}) {
+    for (const auto values :
+         {&TrainedChoice::psnr, &TrainedChoice::psnr_dynamic, &TrainedChoice::flow_epe_dynamic}) {
       const MeanAndDeviation m = mean_of(one.*values), shipped = mean_of(all[0].*values);
       const bool apart = std::fabs(one.of_shipped.median - 1) > 0.03 ||
                          std::fabs(m.mean - shipped.mean) > m.deviation + shipped.deviation;

@@ -44,8 +44,8 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
     {"motion back", {"spacetime_bwd"}},
     {"Adam", {"adam_refuse", "adam_advance", "adam_step"}}};
 
-// Half the CPU time from binning to gathering, the raster alone: wall time on two quiet cores. NaN on
-// a GPU.
+// Half the CPU time from binning to gathering, the raster alone: wall time on two quiet cores. NaN
+// on a GPU.
 double half_of_raster(const Queue& queue, const Cost& cost) {
   if (!queue.info.is_cpu) return NAN;
   KernelSamples raster;

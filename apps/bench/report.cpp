@@ -12,7 +12,7 @@
 namespace gflow::bench {
 namespace {
 
-constexpr double kGrown = 1.1;  // a ratio above it is worth a look
+constexpr double kGrown = 1.1;   // a ratio above it is worth a look
 constexpr double kFallen = 0.2;  // [dB] and so much less of a quality
 
 // Four digits, as long as that is readable.
@@ -168,8 +168,8 @@ std::vector<std::string> Report::compare() const {
   const Json& rows = old_["rows"];
   if (text_of(old_, "device") != head_["device"])
     fmt::print("{} was measured on another device, {}\n", old_path_, text_of(old_, "device"));
-  std::vector<std::vector<std::string>> lines{{"lower quartiles; errors and dB in the middle",
-                                               "before", "now", "ratio"}};
+  std::vector<std::vector<std::string>> lines{
+      {"lower quartiles; errors and dB in the middle", "before", "now", "ratio"}};
   std::vector<std::string> only_here, only_there, worse;
   for (const Row& row : rows_) {
     if (!rows.contains(row.name)) only_here.push_back(row.name);

@@ -60,12 +60,12 @@ class Report {
   void print() const;
   Json json() const;
   // Prints the ratios to the old report, of every time with a spread ("[ms]", "[s]") and of every
-  // error that both have, the differences of qualities, and which rows only one of them has. Returns
-  // the names of what is worse: an error that has grown by more than a tenth, a quality that has
-  // fallen by more than .2 dB, a time whose lower quartile has grown by a tenth (what disturbs a
-  // measurement only adds to it); in each case only where the spreads do not overlap either. Of a
-  // row with CPU time only that is judged, as other programs take part of the other times; of a
-  // brief row nothing.
+  // error that both have, the differences of qualities, and which rows only one of them has.
+  // Returns the names of what is worse: an error that has grown by more than a tenth, a quality
+  // that has fallen by more than .2 dB, a time whose lower quartile has grown by a tenth (what
+  // disturbs a measurement only adds to it); in each case only where the spreads do not overlap
+  // either. Of a row with CPU time only that is judged, as other programs take part of the other
+  // times; of a brief row nothing.
   std::vector<std::string> compare() const;
 
  private:

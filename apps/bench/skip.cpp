@@ -40,8 +40,8 @@ std::vector<Kind> kinds_of() {
   return kinds;
 }
 
-// That flow counts in every second step is no skip: it is another way to spend the time. So what all
-// skips save is told of steps that have flow as often, too.
+// That flow counts in every second step is no skip: it is another way to spend the time. So what
+// all skips save is told of steps that have flow as often, too.
 std::string saved_by_all(const std::vector<Kind>& kinds, const std::vector<StepCost>& costs) {
   const auto every = std::find_if(kinds.begin(), kinds.end(),
                                   [](const Kind& kind) { return kind.name == kEveryStep; });

@@ -116,8 +116,7 @@ TEST_P(LeftOut, SplatsBehindAFullTile) {
       ASSERT_FALSE(tile.forward_meets_nan());
       ASSERT_FALSE(tile.backward_meets_nan(std::vector<float>(3 * s.pixels(), 1.f)));
       ASSERT_GT(tile.ids.size(), 400u);
-      for (size_t k = tile.ids.size() / 2; k < tile.ids.size(); ++k)
-        tile.poison_color(tile.ids[k]);
+      for (size_t k = tile.ids.size() / 2; k < tile.ids.size(); ++k) tile.poison_color(tile.ids[k]);
       EXPECT_EQ(tile.backward_meets_nan(std::vector<float>(3 * s.pixels(), 1.f)), !saturated);
       EXPECT_EQ(tile.forward_meets_nan(), !saturated);
     }

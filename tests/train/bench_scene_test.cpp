@@ -57,10 +57,9 @@ TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
     once["PSNR [dB]"][part] = first["median"].get<double>() + 40;
     once["flow error, moving [px]"][part] = 1e-4;
   }
-  const Outcome worse =
-      small_pareto({"--knob", "alpha >=", "--knob", "saturated tiles", "--scene", scene.path(),
-                    "--steps", "1", "--seeds", "1", "--quiet", "--compare",
-                    folder.write("old.json", old.dump())});
+  const Outcome worse = small_pareto({"--knob", "alpha >=", "--knob", "saturated tiles", "--scene",
+                                      scene.path(), "--steps", "1", "--seeds", "1", "--quiet",
+                                      "--compare", folder.write("old.json", old.dump())});
   EXPECT_EQ(worse.code, 3) << worse.out << worse.err;
   EXPECT_NE(worse.out.find(", twice: alpha >= 1/64, trained, PSNR [dB]; alpha >= 1/64, trained, "
                            "flow error, moving [px]\n"),
