@@ -25,14 +25,14 @@ namespace {
 
 using namespace experiments;
 
-struct Flags {
+struct ExperimentFlags {
   std::string file, folder, scenes = ".";
   std::vector<std::string> devices;
   int jobs = 0;
   bool dry_run = false, redo = false, allow_command = false;
 };
 
-std::string folder_of(const Flags& flags) {
+std::string folder_of(const ExperimentFlags& flags) {
   if (!flags.folder.empty()) return flags.folder;
   return std::filesystem::path(flags.file).stem().string();
 }
@@ -117,7 +117,7 @@ void require_devices(const Plan& plan, const std::string& folder, const RunOptio
   }
 }
 
-void run_experiment(const Flags& flags, const GlobalOptions& options) {
+void run_experiment(const ExperimentFlags& flags, const GlobalOptions& options) {
   const Plan plan = read_plan(flags.file, flags.scenes);
   const std::string folder = folder_of(flags);
   RunOptions how;
@@ -148,7 +148,7 @@ void run_experiment(const Flags& flags, const GlobalOptions& options) {
 }  // namespace
 
 void add_experiment(CLI::App& app, const GlobalOptions& options) {
-  auto flags = std::make_shared<Flags>();
+  auto flags = std::make_shared<ExperimentFlags>();
   CLI::App* command = app.add_subcommand(
       "experiment", "Run the trainings a file names; tables, plots and pictures of them");
   command->add_option("FILE", flags->file, "What is trained: scenes, settings, choices, seeds")

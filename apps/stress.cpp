@@ -23,14 +23,14 @@ namespace {
 
 using namespace stress;
 
-struct Flags {
+struct StressFlags {
   bool quick = false, derivatives = false;
   std::vector<std::string> only;
   std::string json;
 };
 
 // The tests meant. Error that lists the numbers there are when one is not known.
-Tests chosen(const Flags& flags) {
+Tests chosen(const StressFlags& flags) {
   Tests all = all_tests(), wanted;
   std::vector<std::string> left_out;  // of those that --only names
   std::vector<std::string> only = flags.only;
@@ -95,7 +95,7 @@ std::string heading_of(const Test& test) {
                      "bound");
 }
 
-std::string text_of(const Row& row) {
+std::string text_of(const stress::Row& row) {
   std::vector<std::string> lines = lines_of(row.condition, kCondition);
   lines.back() = fmt::format("{:<{}} {:>9.3g} {:>9.2g}  {}", lines.back(), kCondition, row.figure,
                              row.bound, verdict(passed(row)));
@@ -123,7 +123,7 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   nlohmann::ordered_json figures = nlohmann::ordered_json::array();
   fmt::print("{}", heading_of(test));
-  for (const Row& row : rows) {
+  for (const stress::Row& row : rows) {
     const bool good = passed(row);
     ++(good ? outcome.passed : outcome.failed);
     fmt::print("{}", text_of(row));
@@ -156,7 +156,7 @@ void run_derivatives(Queue& queue, Outcome& outcome) {
   }
 }
 
-void run(const Flags& flags, const GlobalOptions& options) {
+void run(const StressFlags& flags, const GlobalOptions& options) {
   const Tests tests = chosen(flags);
   require_writable("--json", flags.json);
   Queue queue = open_queue(options);
@@ -197,7 +197,7 @@ void run(const Flags& flags, const GlobalOptions& options) {
 }  // namespace
 
 void add_stress(CLI::App& app, const GlobalOptions& options) {
-  auto flags = std::make_shared<Flags>();
+  auto flags = std::make_shared<StressFlags>();
   CLI::App* command = app.add_subcommand(
       "stress", "Test the numerics on this device; exit code 3 when a bound is not kept");
   auto* all = command->add_flag("--all", "Every test (default)");

@@ -98,7 +98,7 @@ Response respond(Queue& queue, const std::string& name, const Floats& values) {
           p["logit_opacities"].grads.read(queue)};
 }
 
-Rows scales(Queue& queue) {  // T26
+Rows parameter_scales(Queue& queue) {  // T26
   Floats values;
   for (float x = -100; x <= 100; x += 2.5f) values.push_back(x);
   const Response found = respond(queue, "log_scales", values);
@@ -147,7 +147,7 @@ Rows opacities(Queue& queue) {  // T27
 
 Tests parameter_tests() {
   return {{"T25", "length of quaternions", true, quaternions},
-          {"T26", "saturated scales", true, scales},
+          {"T26", "saturated scales", true, parameter_scales},
           {"T27", "saturated opacities", true, opacities}};
 }
 

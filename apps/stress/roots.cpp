@@ -237,7 +237,7 @@ Rows round_splats(Queue& queue) {  // T3
   return rows;
 }
 
-Rows scales(Queue& queue) {  // T4
+Rows root_scales(Queue& queue) {  // T4
   Rows rows;
   const double at_one = quantile(errors_at(queue, 1e4, 1).gradients, .99);
   for (int power = -12; power <= 12; power += 3) {
@@ -254,7 +254,7 @@ Tests root_tests() {
   return {{"T1", "roots in double", true, double_roots},
           {"T2", "gradient of A given S", true, device_roots},
           {"T3", "equal eigenvalues", true, round_splats},
-          {"T4", "scales 1e-12 to 1e12", true, scales}};
+          {"T4", "scales 1e-12 to 1e12", true, root_scales}};
 }
 
 }  // namespace gflow::stress

@@ -6,8 +6,8 @@
 namespace gflow::stress {
 namespace {
 
-constexpr int kCases = 20000;
-constexpr double kThin = 0.3;  // [px] across, before the dilation
+constexpr int kWhitened = 20000;
+constexpr double kThinnest = 0.3;  // [px] across, before the dilation
 
 Rows determinants(Queue& queue) {  // T5
   Rows rows;
@@ -16,15 +16,15 @@ Rows determinants(Queue& queue) {  // T5
     for (const double length : {1., 10., 100., 1e3, 1e4}) {
       Random random(5);
       Floats m;
-      for (int i = 0; i < kCases; ++i)
-        add_factor(m, random_axes(random, length, kThin), mixture(random, mixed));
-      const Floats dets = device.whiten(m, Floats(2 * kCases)).dets;
+      for (int i = 0; i < kWhitened; ++i)
+        add_factor(m, random_axes(random, length, kThinnest), mixture(random, mixed));
+      const Floats dets = device.whiten(m, Floats(2 * kWhitened)).dets;
       std::vector<double> errors;
-      for (int i = 0; i < kCases; ++i)
+      for (int i = 0; i < kWhitened; ++i)
         errors.push_back(std::fabs(double(dets[i]) / whiten(factor_at(m, i)).det - 1));
-      rows.push_back(
-          {fmt::format("{:.0f} px{}, worst of {}", length, mixed ? ", columns mixed" : "", kCases),
-           worst(errors), 5e-7});
+      rows.push_back({fmt::format("{:.0f} px{}, worst of {}", length,
+                                  mixed ? ", columns mixed" : "", kWhitened),
+                      worst(errors), 5e-7});
     }
   return rows;
 }
@@ -38,8 +38,8 @@ Rows exponents(Queue& queue) {  // T6
     Random random(6);
     Floats m, d;
     std::vector<double> expected;
-    for (int i = 0; i < kCases; ++i) {
-      add_factor(m, random_axes(random, length, kThin), mixture(random, true));
+    for (int i = 0; i < kWhitened; ++i) {
+      add_factor(m, random_axes(random, length, kThinnest), mixture(random, true));
       const Whitening w = whiten(factor_at(m, i));
       const double radius = 3 * std::sqrt(random.uniform(0, 1)), angle = random.angle();
       const double z1 = radius * std::cos(angle), z2 = radius * std::sin(angle);
@@ -51,7 +51,7 @@ Rows exponents(Queue& queue) {  // T6
     const Floats z = device.whiten(m, d).z;
     std::vector<double> errors;
     double negative = 0;
-    for (int i = 0; i < kCases; ++i) {
+    for (int i = 0; i < kWhitened; ++i) {
       const float q = z[2 * i] * z[2 * i] + z[2 * i + 1] * z[2 * i + 1];
       errors.push_back(std::fabs(double(q) - expected[i]));
       negative += !(q >= 0);

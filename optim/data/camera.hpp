@@ -6,9 +6,12 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 
 namespace gflow {
+
+constexpr double degree = M_PI / 180;  // [rad]
 
 // What a lens did to the stored pictures of a camera: optim/data/lens.hpp has the formulas.
 struct Lens {

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "optim/data/image_header.hpp"
 #include "optim/data/json_file.hpp"
 #include "optim/data/reader_util.hpp"
 #include "optim/io/json_text.hpp"
@@ -10,8 +11,6 @@
 
 namespace gflow {
 namespace {
-
-constexpr double largest_side = 16384;
 
 Camera camera_of(const Json& object, const std::string& where) {
   if (!object.is_object()) throw Error(where + " is no object");

@@ -50,10 +50,6 @@ std::vector<std::string> numbered_pictures(const std::string& folder) {
   return prefixes.size() == 1 ? named : std::vector<std::string>{};
 }
 
-std::string join(const std::string& folder, const std::string& name) {
-  return (fs::path(folder) / name).string();
-}
-
 // Times in [0, 1] of pictures in natural order, as their numbers: a gap is a gap in time. Evenly
 // where two pictures have one number.
 std::vector<double> times_of(const std::vector<std::string>& names) {
@@ -78,7 +74,7 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& pictu
   std::vector<Frame> frames;
   const std::vector<std::string> names = numbered_pictures(pictures);
   const std::vector<double> times = times_of(names);
-  const std::string first = (fs::path(pictures) / names[0]).string();
+  const std::string first = join(pictures, names[0]);
   const ImageHeader header = read_image_header(first);
   scene.has_alpha |= header.has_alpha;
   const std::vector<Camera> cameras =
@@ -87,7 +83,7 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& pictu
   for (const std::string& name : names) {
     const size_t k = frames.size();
     Frame frame;
-    frame.path = (fs::path(pictures) / name).string();
+    frame.path = join(pictures, name);
     frame.camera = int(scene.cameras.size() + (cameras.size() > 1 ? k : 0));
     frame.track = int(scene.cameras.size());
     frame.step = int(k);

@@ -18,7 +18,6 @@
 namespace gflow {
 namespace {
 
-constexpr int largest_side = 16384;
 constexpr char png_signature[] = "\x89PNG\r\n\x1a\n";
 
 // Bytes at a position, from a file or from memory; false when there are fewer.

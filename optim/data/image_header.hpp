@@ -8,8 +8,11 @@
 
 namespace gflow {
 
+// A picture or a view with more pixels on a side is refused everywhere [px].
+constexpr int largest_side = 16384;
+
 struct ImageHeader {
-  int width = 0, height = 0;  // [px], 1 to 16384
+  int width = 0, height = 0;  // [px], 1 to largest_side
   bool has_alpha = false;     // PNG with alpha channel or transparent palette entries
 };
 

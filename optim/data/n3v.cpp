@@ -23,7 +23,7 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr double frames_per_second = 30;  // of the N3V recordings
+constexpr double n3v_fps = 30;  // of the N3V recordings
 
 // One camera's pictures by step key: file stems, or frame numbers of a video.
 struct Footage {
@@ -32,12 +32,8 @@ struct Footage {
   std::map<std::string, std::string> pictures;  // stem -> path
   std::string video;                            // instead of pictures
   int video_frames = 0;
-  double fps = frames_per_second;
+  double fps = n3v_fps;
 };
-
-std::string join(const std::string& folder, const std::string& name) {
-  return (fs::path(folder) / name).string();
-}
 
 Footage from_pictures(const std::string& name, const std::string& folder) {
   Footage footage;
@@ -250,7 +246,7 @@ PointCloud read_points(const std::string& folder, const std::vector<Camera>& cam
 
 }  // namespace
 
-bool is_n3v(const std::string& folder) { return fs::exists(fs::path(folder) / "poses_bounds.npy"); }
+bool is_n3v(const std::string& folder) { return fs::exists(join(folder, "poses_bounds.npy")); }
 
 Scene read_n3v(const std::string& folder, const SceneOptions& options) {
   std::vector<Footage> footage = moving_footage(folder, options);

@@ -22,10 +22,6 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-std::string join(const std::string& folder, const std::string& name) {
-  return (fs::path(folder) / name).string();
-}
-
 // world = (stored - center) scale
 struct World {
   Eigen::Vector3d center = Eigen::Vector3d::Zero();

@@ -19,7 +19,7 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr double frames_per_second = 30;  // of the recordings
+constexpr double panoptic_fps = 30;  // of the recordings
 
 struct MetaFile {
   std::string path;
@@ -133,7 +133,7 @@ Scene read_panoptic(const std::string& folder, const SceneOptions& options) {
   const auto meta = [&](const char* name) { return (fs::path(folder) / name).string(); };
   Scene scene;
   scene.layout = "panoptic";
-  scene.fps = frames_per_second;
+  scene.fps = panoptic_fps;
   scene.train = read_split(folder, meta("train_meta.json"), options, scene);
   if (scene.train.empty())
     throw Error(fmt::format("{} names no pictures", meta("train_meta.json")));

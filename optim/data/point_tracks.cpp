@@ -17,8 +17,8 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr float farthest = 1e6f;     // [px] beyond it a place is nonsense
-constexpr double most_of_area = 16;  // [px] that a point counts as
+constexpr float farthest_place = 1e6f;  // [px] beyond it a place is nonsense
+constexpr double most_of_area = 16;     // [px] that a point counts as
 
 // The frames of one track, as places in Scene::train.
 struct Film {
@@ -62,7 +62,7 @@ PointTracks read_point_tracks(const std::string& path) {
   }
   for (size_t i = 0; i < tracks.seen.size(); ++i)
     for (size_t axis = 0; axis < 2; ++axis)
-      if (!(std::fabs(tracks.xy[2 * i + axis]) < farthest)) tracks.seen[i] = 0;
+      if (!(std::fabs(tracks.xy[2 * i + axis]) < farthest_place)) tracks.seen[i] = 0;
   return tracks;
 }
 

@@ -103,6 +103,10 @@ std::string first_existing(const std::string& folder, const std::vector<std::str
   return "";
 }
 
+std::string join(const std::string& folder, const std::string& name) {
+  return (fs::path(folder) / name).string();
+}
+
 std::string stem(const std::string& path) { return fs::path(path).stem().string(); }
 
 Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& position,

@@ -27,6 +27,9 @@ std::string path_inside(const std::string& folder, const std::string& relative,
 // The first of the names (relative to folder) that exists, with its folder; else empty.
 std::string first_existing(const std::string& folder, const std::vector<std::string>& names);
 
+// folder/name.
+std::string join(const std::string& folder, const std::string& name);
+
 // File name without folder and extension.
 std::string stem(const std::string& path);
 

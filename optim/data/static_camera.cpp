@@ -12,9 +12,7 @@
 namespace gflow {
 namespace {
 
-constexpr double degree = M_PI / 180;
-
-void check(const SceneOptions& options) {
+void check_orbit(const SceneOptions& options) {
   if (!(std::fabs(options.elevation) < 89.9))
     throw Error(fmt::format("the camera's elevation is {} degrees, possible is -89.9 to 89.9",
                             options.elevation));
@@ -30,7 +28,7 @@ void check(const SceneOptions& options) {
 
 Camera static_camera(const std::string& name, double azimuth, const SceneOptions& options,
                      int width, int height) {
-  check(options);
+  check_orbit(options);
   const double el = options.elevation * degree, az = azimuth * degree;
   const Eigen::Vector3d away(std::cos(el) * std::cos(az), std::cos(el) * std::sin(az),
                              std::sin(el));

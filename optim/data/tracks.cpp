@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-constexpr double farthest = 0.2;    // share of the width that dense flow bridges
+constexpr double flow_reach = 0.2;  // share of the width that dense flow bridges
 constexpr double same_time = 1e-9;  // [videos]
 
 // How far away the scene is for a camera: the median of its points. Without points it is taken to
@@ -44,7 +44,7 @@ bool are_near(const Camera& from, const Camera& to, double depth) {
         const Eigen::Vector2d pixel(x * from.width, y * from.height);
         const Eigen::Vector3d point = point_at(from, pixel, z);
         if (!((to.viewmat * point.homogeneous()).z() > 0)) return false;
-        if (!((to.project(point) - pixel).norm() < farthest * from.width)) return false;
+        if (!((to.project(point) - pixel).norm() < flow_reach * from.width)) return false;
       }
   return true;
 }

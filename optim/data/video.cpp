@@ -13,13 +13,12 @@
 #include <opencv2/videoio.hpp>
 #include <opencv2/videoio/registry.hpp>
 
+#include "optim/data/image_header.hpp"
 #include "optim/io/descriptor.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
 namespace {
-
-constexpr int largest_side = 16384;
 
 // FFmpeg takes a text that names other files (a playlist) for a video, too, and opens them wherever
 // they are: only files whose pictures are in themselves are let through.

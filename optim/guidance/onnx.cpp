@@ -9,8 +9,6 @@
 namespace gflow {
 namespace {
 
-constexpr double degree = M_PI / 180;
-
 // The reference picture in [-1, 1], shrunk to fit into the view's size and put in its middle.
 std::vector<float> condition_of(const NoisyView& view) {
   const GuidanceReference& reference = view.request.reference;

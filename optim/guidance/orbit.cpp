@@ -8,8 +8,6 @@
 namespace gflow {
 namespace {
 
-constexpr double degree = M_PI / 180;
-
 // Two directions across `up`; the azimuth counts from the first to the second.
 std::pair<Eigen::Vector3d, Eigen::Vector3d> across(const Eigen::Vector3d& up) {
   const Eigen::Vector3d some =

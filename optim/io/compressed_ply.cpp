@@ -22,7 +22,7 @@ namespace {
 
 constexpr size_t kChunk = 256;
 
-[[noreturn]] void refuse(const std::string& path, const std::string& why) {
+[[noreturn]] void refuse_compressed(const std::string& path, const std::string& why) {
   throw Error(fmt::format("cannot read compressed PLY {}: {}", path, why));
 }
 
@@ -35,7 +35,7 @@ const PlyElement* find(const std::vector<PlyElement>& elements, const std::strin
 const PlyElement& required(const std::vector<PlyElement>& elements, const std::string& name,
                            const std::string& path) {
   const PlyElement* element = find(elements, name);
-  if (!element) refuse(path, fmt::format("it has no element '{}'", name));
+  if (!element) refuse_compressed(path, fmt::format("it has no element '{}'", name));
   return *element;
 }
 
@@ -45,7 +45,8 @@ class Column {
   Column(const PlyElement& element, const std::string& name, const std::string& path)
       : element_(element), at_(size_t(element.property(name))) {
     if (element.property(name) < 0)
-      refuse(path, fmt::format("its element '{}' has no property '{}'", element.name, name));
+      refuse_compressed(path,
+                        fmt::format("its element '{}' has no property '{}'", element.name, name));
   }
   double operator[](size_t row) const { return element_.value(row, at_); }
   uint32_t word(size_t row) const { return element_.words[row * element_.properties.size() + at_]; }
@@ -59,7 +60,8 @@ class Column {
 Column packed(const PlyElement& element, const std::string& name, const std::string& path) {
   const Column column(element, name, path);
   if (!element.words_of_32[size_t(element.property(name))])
-    refuse(path, fmt::format("its property '{}' is no uint, whose bits are expected", name));
+    refuse_compressed(path,
+                      fmt::format("its property '{}' is no uint, whose bits are expected", name));
   return column;
 }
 
@@ -116,13 +118,14 @@ float unpack_sh(double byte) {
 int degree_of(const PlyElement* sh, size_t gaussians, const std::string& path) {
   if (!sh) return 0;
   if (sh->rows != gaussians)
-    refuse(path,
-           fmt::format("it has spherical harmonics of {} of {} Gaussians", sh->rows, gaussians));
+    refuse_compressed(
+        path, fmt::format("it has spherical harmonics of {} of {} Gaussians", sh->rows, gaussians));
   const int degree = sh_degree_of(sh->properties.size());
   if (degree < 0)
-    refuse(path, fmt::format("its element 'sh' has {} properties, spherical harmonics have 9, 24 or"
-                             " 45",
-                             sh->properties.size()));
+    refuse_compressed(
+        path, fmt::format("its element 'sh' has {} properties, spherical harmonics have 9, 24 or"
+                          " 45",
+                          sh->properties.size()));
   return degree;
 }
 
@@ -139,8 +142,8 @@ PlyTable read_compressed_ply(const std::string& path) {
   const PlyElement* sh = find(elements, "sh");
   const size_t needed = (vertices.rows + kChunk - 1) / kChunk;
   if (chunks.rows != needed)
-    refuse(path, fmt::format("its {} Gaussians take {} chunks of {}, it has {}", vertices.rows,
-                             needed, kChunk, chunks.rows));
+    refuse_compressed(path, fmt::format("its {} Gaussians take {} chunks of {}, it has {}",
+                                        vertices.rows, needed, kChunk, chunks.rows));
   const Column position = packed(vertices, "packed_position", path);
   const Column scale = packed(vertices, "packed_scale", path);
   const Column rotation = packed(vertices, "packed_rotation", path);

@@ -25,13 +25,13 @@ namespace {
 
 constexpr uint32_t kMagic = 0x5053474e;  // "NGSP"
 
-struct Header {
+struct SpzHeader {
   uint32_t magic, version, count;
   uint8_t sh_degree, fraction_bits, flags, reserved;
 };
-static_assert(sizeof(Header) == 16);
+static_assert(sizeof(SpzHeader) == 16);
 
-[[noreturn]] void refuse(const std::string& path, const std::string& why) {
+[[noreturn]] void refuse_spz(const std::string& path, const std::string& why) {
   throw Error(fmt::format("cannot read {}: {}", path, why));
 }
 
@@ -70,28 +70,28 @@ std::array<double, 4> unpack_quat(const uint8_t* bytes, uint32_t version) {
 // polynomial (kernels/shared/sh.h) with -y and -z for y and z.
 constexpr std::array<float, 15> kTurned{-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1};
 
-Header read_header(const Bytes& bytes, const std::string& path) {
-  Header header{};
-  if (bytes.size() < sizeof header) refuse(path, "it is truncated: it has no header");
+SpzHeader read_header(const Bytes& bytes, const std::string& path) {
+  SpzHeader header{};
+  if (bytes.size() < sizeof header) refuse_spz(path, "it is truncated: it has no header");
   std::memcpy(&header, bytes.data(), sizeof header);
-  if (header.magic != kMagic) refuse(path, "it does not begin with 'NGSP', as .spz files do");
+  if (header.magic != kMagic) refuse_spz(path, "it does not begin with 'NGSP', as .spz files do");
   if (header.version != 2 && header.version != 3)
-    refuse(path, fmt::format("it is .spz version {}, gflow reads 2 and 3", header.version));
+    refuse_spz(path, fmt::format("it is .spz version {}, gflow reads 2 and 3", header.version));
   if (header.sh_degree > 3)
-    refuse(path, fmt::format("its spherical harmonics have degree {}, gflow reads 0 to 3",
-                             header.sh_degree));
+    refuse_spz(path, fmt::format("its spherical harmonics have degree {}, gflow reads 0 to 3",
+                                 header.sh_degree));
   constexpr int most_bits = 24;  // of a position, all
   if (header.fraction_bits > most_bits)
-    refuse(path, fmt::format("its positions have {} bits behind the point, they have {} in all",
-                             header.fraction_bits, most_bits));
+    refuse_spz(path, fmt::format("its positions have {} bits behind the point, they have {} in all",
+                                 header.fraction_bits, most_bits));
   return header;
 }
 
-size_t coefficients_of(const Header& header) {
+size_t coefficients_of(const SpzHeader& header) {
   return size_t((header.sh_degree + 1) * (header.sh_degree + 1) - 1);
 }
-size_t quat_bytes_of(const Header& header) { return header.version == 2 ? 3 : 4; }
-size_t bytes_each(const Header& header) {
+size_t quat_bytes_of(const SpzHeader& header) { return header.version == 2 ? 3 : 4; }
+size_t bytes_each(const SpzHeader& header) {
   return 9 + 1 + 3 + 3 + quat_bytes_of(header) + 3 * coefficients_of(header);
 }
 constexpr size_t kMostBehind = 1 << 20;  // what other programs may have put behind the Gaussians
@@ -102,18 +102,19 @@ PlyTable read_spz(const std::string& path) {
   require_file(path);
   const size_t stored = std::filesystem::file_size(path);
   const Bytes bytes = read_file_or_gzip(path, [&](const Bytes& beginning) {
-    const Header header = read_header(beginning, path);
+    const SpzHeader header = read_header(beginning, path);
     const size_t length = sizeof header + header.count * bytes_each(header);
     constexpr size_t equal = 1 << 20;  // no scene is of many equal Gaussians
     require_plausible_size(length, stored, path, equal);
     return length + kMostBehind;
   });
-  const Header header = read_header(bytes, path);
+  const SpzHeader header = read_header(bytes, path);
   const size_t n = header.count, coefficients = coefficients_of(header);
   const size_t quat_bytes = quat_bytes_of(header), each = bytes_each(header);
   if ((bytes.size() - sizeof header) / each < n)
-    refuse(path, fmt::format("it is truncated: {} Gaussians need {} bytes, {} follow the header", n,
-                             n * each, bytes.size() - sizeof header));
+    refuse_spz(path,
+               fmt::format("it is truncated: {} Gaussians need {} bytes, {} follow the header", n,
+                           n * each, bytes.size() - sizeof header));
   const uint8_t* positions = bytes.data() + sizeof header;
   const uint8_t* opacities = positions + 9 * n;
   const uint8_t* colors = opacities + n;

@@ -32,7 +32,7 @@ double life_of(const HostModel& model, size_t i) {
   return std::sqrt(dot(p_t, p_t));
 }
 
-struct Sample {
+struct PathSample {
   Vector3d mean;
   Eigen::Matrix3f factor;
 
@@ -42,7 +42,7 @@ struct Sample {
   }
 };
 
-double difference(const Sample& from, const Sample& to) {
+double difference(const PathSample& from, const PathSample& to) {
   const Matrix3d a = from.covariance();
   return (a - to.covariance()).norm() / std::max(a.norm(), 1e-300);
 }
@@ -54,8 +54,8 @@ struct Path {
   MovingSplat splat;           // what all pieces share
   size_t first = 0, last = 0;  // samples between which it is seen; first > last: never
   bool open = false, shaped = false;
-  size_t begin = 0;          // of the piece
-  Sample start, shape, now;  // now: the latest sample
+  size_t begin = 0;              // of the piece
+  PathSample start, shape, now;  // now: the latest sample
   Vector3d low, high;
   double slack = 0;  // how far the line may be off
 };
@@ -96,7 +96,7 @@ class PathCutter {
     for (size_t i = 0; i < paths_.size(); ++i) {
       Path& path = paths_[i];
       if (k < path.first || k > path.last) continue;
-      Sample sample;
+      PathSample sample;
       sample.mean = Eigen::Map<const Eigen::Vector3f>(&means[3 * i]).cast<double>();
       sample.factor =
           Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(&factors[9 * i]);
@@ -110,7 +110,7 @@ class PathCutter {
  private:
   double time(size_t k) const { return double(k) / rule_.fps; }
 
-  void open(Path& path, const Sample& sample, size_t k) const {
+  void open(Path& path, const PathSample& sample, size_t k) const {
     path.open = true;
     path.shaped = false;
     path.begin = k;
@@ -120,10 +120,10 @@ class PathCutter {
     path.slack = rule_.shift * std::cbrt(std::fabs(sample.factor.cast<double>().determinant()));
   }
 
-  void extend(Path& path, const Sample& sample, size_t k) {
+  void extend(Path& path, const PathSample& sample, size_t k) {
     if (!path.open) return open(path, sample, k);
     if (!narrow(path, sample, k)) {  // the line ended with the sample before
-      const Sample before = path.now;
+      const PathSample before = path.now;
       close(path, k - 1, false);
       open(path, before, k - 1);
       narrow(path, sample, k);
@@ -140,7 +140,7 @@ class PathCutter {
   }
 
   // False, and nothing done, where no line leads from the start through all samples.
-  bool narrow(Path& path, const Sample& sample, size_t k) const {
+  bool narrow(Path& path, const PathSample& sample, size_t k) const {
     const double passed = time(k) - time(path.begin);
     const Vector3d velocity = (sample.mean - path.start.mean) / passed;
     const Vector3d low = path.low.cwiseMax((velocity.array() - path.slack / passed).matrix());

@@ -49,21 +49,21 @@ std::array<double, n> row(const HostModel& model, const char* group, size_t i) {
 
 // A Gaussian in units of the video's length, at the moment t0 that a half float can hold: the path
 // is the same, counted from there.
-struct Path {
+struct FittedPath {
   Vec3 mean, velocity, half_acceleration;
   Vec4 quat, turn;
   double t0, life;
 };
 
-Path path_of(const HostModel& model, size_t i) {
+FittedPath path_of(const HostModel& model, size_t i) {
   const double duration = model.shape.duration;
-  Path p{row<3>(model, "means", i),
-         row<3>(model, "velocities", i),
-         row<3>(model, "half_accelerations", i),
-         row<4>(model, "quats", i),
-         row<4>(model, "turns", i),
-         row<1>(model, "means_t", i)[0] / duration,
-         std::sqrt(2.0) * std::exp(row<4>(model, "log_scales", i)[3]) / duration};
+  FittedPath p{row<3>(model, "means", i),
+               row<3>(model, "velocities", i),
+               row<3>(model, "half_accelerations", i),
+               row<4>(model, "quats", i),
+               row<4>(model, "turns", i),
+               row<1>(model, "means_t", i)[0] / duration,
+               std::sqrt(2.0) * std::exp(row<4>(model, "log_scales", i)[3]) / duration};
   const double t0 = double(float(Eigen::half(float(p.t0)))), shift = t0 - p.t0;
   for (size_t k = 0; k < 3; ++k) {
     double &m = p.mean[k], &v = p.velocity[k], &c = p.half_acceleration[k];
@@ -92,7 +92,7 @@ Path path_of(const HostModel& model, size_t i) {
 }
 
 void put(const HostModel& model, size_t i, uint32_t* words) {
-  const Path p = path_of(model, i);
+  const FittedPath p = path_of(model, i);
   const Vec4 log_scales = row<4>(model, "log_scales", i);
   const Vec3 sh0 = row<3>(model, "sh0", i);
   const Vec3 &v = p.velocity, &c = p.half_acceleration;

@@ -10,7 +10,7 @@
 namespace gflow {
 namespace {
 
-enum Stream : uint { kColumn = 130, kRow = 131 };
+enum StereoStream : uint { kColumn = 130, kRow = 131 };
 
 constexpr int kWidth = 320;        // pictures are compared at about this width [px]
 constexpr int kTries = 6;          // pixels a point that is wanted

@@ -21,8 +21,8 @@ std::string transforms(const std::string& frames, const std::string& top) {
 }
 
 // Writes transforms_train.json with these frames, and pictures train/a.png, b.png, c.png, 8x6.
-void make(const TemporaryFolder& folder, const std::string& frames,
-          const std::string& top = R"("camera_angle_x": 1.5707963267948966)") {
+void make_blender(const TemporaryFolder& folder, const std::string& frames,
+                  const std::string& top = R"("camera_angle_x": 1.5707963267948966)") {
   for (const char* name : {"a", "b", "c"}) make_png(folder, fmt::format("train/{}.png", name));
   folder.write("transforms_train.json", transforms(frames, top));
 }
@@ -31,7 +31,7 @@ void make(const TemporaryFolder& folder, const std::string& frames,
 
 TEST(Blender, OpenGlPosesBecomeViewMatrices) {
   const TemporaryFolder folder;
-  make(folder, frame("./train/a", "0", pose));
+  make_blender(folder, frame("./train/a", "0", pose));
   const Scene scene = read_scene(folder.path());
   EXPECT_EQ(scene.layout, "blender");
   ASSERT_EQ(scene.cameras.size(), 1u);
@@ -49,7 +49,8 @@ TEST(Blender, OpenGlPosesBecomeViewMatrices) {
 // The last column is where it stands, whichever way it is turned.
 TEST(Blender, ATurnedCameraStandsWhereItsPoseSays) {
   const TemporaryFolder folder;
-  make(folder, frame("./train/a", "0", "[[0, 0, 1, 1], [1, 0, 0, 2], [0, 1, 0, 3], [0, 0, 0, 1]]"));
+  make_blender(folder,
+               frame("./train/a", "0", "[[0, 0, 1, 1], [1, 0, 0, 2], [0, 1, 0, 3], [0, 0, 0, 1]]"));
   const Camera camera = read_scene(folder.path()).cameras.at(0);
   EXPECT_TRUE(camera.position().isApprox(Eigen::Vector3d(1, 2, 3)));
   // Ahead (-z of the camera) is the world's -x, right its +y, up its +z.
@@ -62,8 +63,9 @@ TEST(Blender, ATurnedCameraStandsWhereItsPoseSays) {
 
 TEST(Blender, EqualPosesAreOneCameraWithFlowPairsInTime) {
   const TemporaryFolder folder;
-  make(folder, frame("train/c", "1.0", pose) + "," + frame("train/b.png", "0.5", other_pose) + "," +
-                   frame("train/a", "0.0", pose));
+  make_blender(folder, frame("train/c", "1.0", pose) + "," +
+                           frame("train/b.png", "0.5", other_pose) + "," +
+                           frame("train/a", "0.0", pose));
   const Scene scene = read_scene(folder.path());
   EXPECT_EQ(scene.cameras.size(), 2u);
   EXPECT_EQ(scene.steps, 3);
@@ -76,8 +78,8 @@ TEST(Blender, EqualPosesAreOneCameraWithFlowPairsInTime) {
 
 TEST(Blender, TrueFlowMakesAPairWithoutANextFrame) {
   const TemporaryFolder folder;
-  make(folder, frame("train/a", "0", pose) + "," + frame("train/b", "0.5", other_pose) + "," +
-                   frame("train/c", "1", other_pose));
+  make_blender(folder, frame("train/a", "0", pose) + "," + frame("train/b", "0.5", other_pose) +
+                           "," + frame("train/c", "1", other_pose));
   write_flo(folder.file("flow_train/a.flo.gz"), zero_flow(8, 6));
   make_png(folder, "flow_train/a_mask.png", 8, 6, 1);
   const Scene scene = read_scene(folder.path());
@@ -95,7 +97,7 @@ TEST(Blender, TimesAreInAllFilesOrNone) {
   const TemporaryFolder folder;
   const std::string top = R"("camera_angle_x": 1.0)";
   const auto with = [&](const std::string& train, const std::string& test) {
-    make(folder, frame("train/a", train, pose), top);
+    make_blender(folder, frame("train/a", train, pose), top);
     folder.write("transforms_test.json", transforms(frame("train/b", test, pose), top));
     return read_scene(folder.path()).test.size();
   };
@@ -111,8 +113,8 @@ TEST(Blender, TimesAreInAllFilesOrNone) {
 
 TEST(Blender, IntrinsicsOfAFrameWinAndFollowThePictureSize) {
   const TemporaryFolder folder;
-  make(folder, frame("train/a", "", pose, R"(, "fl_x": 20, "fl_y": 22, "cx": 9, "cy": 5)"),
-       R"("fl_x": 1, "w": 16, "h": 12)");
+  make_blender(folder, frame("train/a", "", pose, R"(, "fl_x": 20, "fl_y": 22, "cx": 9, "cy": 5)"),
+               R"("fl_x": 1, "w": 16, "h": 12)");
   const Camera camera = read_scene(folder.path()).cameras[0];
   EXPECT_EQ(camera.width, 8);  // half of what the file says
   EXPECT_NEAR(camera.fx, 10, 1e-12);
@@ -125,7 +127,7 @@ TEST(Blender, FilesThatContradictThemselvesAreRefused) {
   const TemporaryFolder folder;
   const auto with = [&](const std::string& frames,
                         const std::string& top = R"("camera_angle_x": 1.0)") {
-    make(folder, frames, top);
+    make_blender(folder, frames, top);
     read_scene(folder.path());
   };
   const auto a = [](const std::string& matrix) { return frame("train/a", "0", matrix); };

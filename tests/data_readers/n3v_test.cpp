@@ -25,7 +25,7 @@ void make_poses(const TemporaryFolder& folder, size_t cameras) {
 }
 
 // Three cameras with pictures of two steps.
-void make_scene(const TemporaryFolder& folder) {
+void make_n3v(const TemporaryFolder& folder) {
   for (int c = 0; c < 3; ++c)
     for (int k = 0; k < 2; ++k)
       make_png(folder, fmt::format("cam{:02}/images/{:04}.png", c, k), 8, 6, 3, c + 3 * k);
@@ -36,7 +36,7 @@ void make_scene(const TemporaryFolder& folder) {
 
 TEST(N3v, LlffPosesBecomeViewMatrices) {
   const TemporaryFolder folder;
-  make_scene(folder);
+  make_n3v(folder);
   const Scene scene = read_scene(folder.path());
   EXPECT_EQ(scene.layout, "n3v");
   ASSERT_EQ(scene.cameras.size(), 3u);
@@ -49,7 +49,7 @@ TEST(N3v, LlffPosesBecomeViewMatrices) {
 
 TEST(N3v, HoldsOutTheFirstCameraOrTheOneAskedFor) {
   const TemporaryFolder folder;
-  make_scene(folder);
+  make_n3v(folder);
   Scene scene = read_scene(folder.path());
   EXPECT_EQ(scene.train.size(), 4u);
   ASSERT_EQ(scene.test.size(), 2u);
@@ -119,7 +119,7 @@ TEST(N3v, OnePictureACameraIsAStaticSceneOfTheSmallestSize) {
 
 TEST(N3v, TrueFlowAndDepthAreFound) {
   const TemporaryFolder folder;
-  make_scene(folder);
+  make_n3v(folder);
   write_flo(folder.file("flow/cam01/0000.flo.gz"), zero_flow(8, 6));
   make_png(folder, "flow/cam01/0000_mask.png", 8, 6, 1);
   folder.write("depth/cam01/0000.npy", "");
@@ -135,7 +135,7 @@ TEST(N3v, TrueFlowAndDepthAreFound) {
 
 TEST(N3v, ScenesThatContradictThemselvesAreRefused) {
   const TemporaryFolder folder;
-  make_scene(folder);
+  make_n3v(folder);
   const auto read = [&] { read_scene(folder.path()); };
   make_poses(folder, 4);
   expect_error(read, {"poses_bounds.npy", "4 cameras", "of 3"});
@@ -169,7 +169,7 @@ TEST(N3v, ScenesThatContradictThemselvesAreRefused) {
 
 TEST(N3v, StepsThatOneCameraLacksAreToldAndLeftOut) {
   const TemporaryFolder folder;
-  make_scene(folder);
+  make_n3v(folder);
   EXPECT_TRUE(read_scene(folder.path()).notices.empty());
   for (const int camera : {0, 2})
     make_png(folder, fmt::format("cam{:02}/images/0002.png", camera), 8, 6);

@@ -18,7 +18,7 @@ std::string camera(int k, const std::string& more = "") {
 }
 
 // Four pictures 8x6 in rgb/2x, two of them for the test, times 4, 5, 6, 8.
-void make(const TemporaryFolder& folder) {
+void make_nerfies(const TemporaryFolder& folder) {
   for (int k = 0; k < 4; ++k) {
     make_png(folder, fmt::format("rgb/2x/{:06}.png", k));
     make_png(folder, fmt::format("rgb/4x/{:06}.png", k), 4, 3);
@@ -35,7 +35,7 @@ void make(const TemporaryFolder& folder) {
 
 TEST(Nerfies, CamerasAreMovedAndScaledIntoTheScene) {
   const TemporaryFolder folder;
-  make(folder);
+  make_nerfies(folder);
   write_npy(folder.file("points.npy"), {{1, 3}, std::vector<float>{3, 4, 5}});
   const Scene scene = read_scene(folder.path());
   EXPECT_EQ(scene.layout, "nerfies");
@@ -58,7 +58,7 @@ TEST(Nerfies, CamerasAreMovedAndScaledIntoTheScene) {
 // Files are called after it.
 TEST(Nerfies, AnIdWithFoldersIsANameWithout) {
   const TemporaryFolder folder;
-  make(folder);
+  make_nerfies(folder);
   make_png(folder, "rgb/2x/sub/3.png");
   folder.write("camera/sub/3.json", camera(3));
   folder.write("dataset.json",
@@ -70,7 +70,7 @@ TEST(Nerfies, AnIdWithFoldersIsANameWithout) {
 
 TEST(Nerfies, ThePicturesAskedForAreUsed) {
   const TemporaryFolder folder;
-  make(folder);
+  make_nerfies(folder);
   SceneOptions options;
   options.images = "4x";
   EXPECT_EQ(read_scene(folder.path(), options).cameras[0].width, 4);
@@ -81,7 +81,7 @@ TEST(Nerfies, ThePicturesAskedForAreUsed) {
 TEST(Nerfies, DistortionHasItsPlaces) {
   const TemporaryFolder folder;
   for (const char* name : {"tangential", "tangential_distortion"}) {
-    make(folder);
+    make_nerfies(folder);
     folder.write("camera/000000.json",
                  camera(0, fmt::format(R"(, "radial_distortion": [-0.1, 0.02, 0.003],
                                           "{}": [0.004, 0.005])",
@@ -96,7 +96,7 @@ TEST(Nerfies, DistortionHasItsPlaces) {
 TEST(Nerfies, FilesThatContradictThemselvesAreRefused) {
   const TemporaryFolder folder;
   const auto with = [&](const std::string& name, const std::string& text) {
-    make(folder);
+    make_nerfies(folder);
     folder.write(name, text);
     read_scene(folder.path());
   };
@@ -121,16 +121,16 @@ TEST(Nerfies, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with("camera/000000.json", camera(0, R"(, "image_size": [16, 16])")); },
                {"8x6", "16x16"});
   expect_error([&] { with("camera/000000.json", "{}"); }, {"000000.json", "no 'image_size'"});
-  make(folder);
+  make_nerfies(folder);
   std::filesystem::remove(folder.file("camera/000003.json"));
   expect_error([&] { read_scene(folder.path()); }, {"000003.json"});
-  make(folder);
+  make_nerfies(folder);
   std::filesystem::remove(folder.file("scene.json"));
   expect_error([&] { read_scene(folder.path()); }, {"scene.json"});
-  make(folder);
+  make_nerfies(folder);
   std::filesystem::remove_all(folder.file("rgb"));
   expect_error([&] { read_scene(folder.path()); }, {"no pictures", "rgb"});
-  make(folder);
+  make_nerfies(folder);
   write_npy(folder.file("points.npy"), {{1, 3}, std::vector<float>{3, NAN, 5}});
   expect_error([&] { read_scene(folder.path()); }, {"point 0", "points.npy"});
 }

@@ -22,8 +22,8 @@ std::string joined(const std::vector<std::string>& frames) {
 const char* const intrinsics = R"("fl_x": 20, "fl_y": 22, "cx": 9, "cy": 5, "w": 16, "h": 12)";
 
 // transforms.json with these frames, and images/frame_0.png ... frame_11.png, 8x6.
-void make(const TemporaryFolder& folder, const std::string& frames,
-          const std::string& top = intrinsics) {
+void make_nerfstudio(const TemporaryFolder& folder, const std::string& frames,
+                     const std::string& top = intrinsics) {
   for (int k = 0; k < 12; ++k) make_png(folder, fmt::format("images/frame_{}.png", k));
   folder.write("transforms.json", fmt::format(R"({{{}, "frames": [{}]}})", top, frames));
 }
@@ -38,7 +38,7 @@ std::vector<std::string> names_of(const std::vector<Frame>& frames) {
 
 TEST(Nerfstudio, EveryNthPictureByNameIsForTheTest) {
   const TemporaryFolder folder;
-  make(folder, joined({frame(10), frame(2), frame(1), frame(3)}));
+  make_nerfstudio(folder, joined({frame(10), frame(2), frame(1), frame(3)}));
   SceneOptions options;
   options.test_every = 2;
   const Scene scene = read_scene(folder.path(), options);
@@ -59,8 +59,8 @@ TEST(Nerfstudio, EveryNthPictureByNameIsForTheTest) {
 
 TEST(Nerfstudio, TheFilesOwnListsWin) {
   const TemporaryFolder folder;
-  make(folder, joined({frame(1), frame(2), frame(3)}),
-       std::string(intrinsics) + R"(, "train_filenames": ["images/frame_1.png"],
+  make_nerfstudio(folder, joined({frame(1), frame(2), frame(3)}),
+                  std::string(intrinsics) + R"(, "train_filenames": ["images/frame_1.png"],
             "test_filenames": ["./images/frame_2.png"], "val_filenames": ["images/frame_3.png"])");
   const Scene scene = read_scene(folder.path());
   EXPECT_EQ(names_of(scene.train), std::vector<std::string>{"images_frame_1"});
@@ -70,10 +70,10 @@ TEST(Nerfstudio, TheFilesOwnListsWin) {
 
 TEST(Nerfstudio, TimesMakeStepsAndPointsAreWhereTheFileSays) {
   const TemporaryFolder folder;
-  make(folder,
-       joined(
-           {frame(1, R"(, "time": 0)"), frame(2, R"(, "time": 0.5)"), frame(3, R"(, "time": 1)")}),
-       std::string(intrinsics) + R"(, "ply_file_path": "sparse_pc.ply")");
+  make_nerfstudio(folder,
+                  joined({frame(1, R"(, "time": 0)"), frame(2, R"(, "time": 0.5)"),
+                          frame(3, R"(, "time": 1)")}),
+                  std::string(intrinsics) + R"(, "ply_file_path": "sparse_pc.ply")");
   write_point_cloud(folder.file("sparse_pc.ply"), {{1, 2, 3}, {4, 5, 6}});
   SceneOptions options;
   options.test_every = 0;
@@ -85,9 +85,10 @@ TEST(Nerfstudio, TimesMakeStepsAndPointsAreWhereTheFileSays) {
 
 TEST(Nerfstudio, DistortionIsTheFramesOwnOrThatOfAll) {
   const TemporaryFolder folder;
-  make(folder, joined({frame(1), frame(2, R"(, "k1": -0.2)")}),
-       std::string(intrinsics) +
-           R"(, "camera_model": "OPENCV", "k1": -0.1, "k2": 0.02, "p1": 0.003, "p2": 0.004)");
+  make_nerfstudio(
+      folder, joined({frame(1), frame(2, R"(, "k1": -0.2)")}),
+      std::string(intrinsics) +
+          R"(, "camera_model": "OPENCV", "k1": -0.1, "k2": 0.02, "p1": 0.003, "p2": 0.004)");
   SceneOptions options;
   options.test_every = 0;
   Scene scene = read_scene(folder.path(), options);
@@ -96,7 +97,7 @@ TEST(Nerfstudio, DistortionIsTheFramesOwnOrThatOfAll) {
   EXPECT_EQ(scene.cameras[0].lens.k, (std::array<double, 8>{-.1, .02, .003, .004}));
   EXPECT_EQ(scene.cameras[1].lens.k[0], -.2);
   EXPECT_EQ(scene.cameras[0].lens.fx, 10);  // at the picture's size
-  make(
+  make_nerfstudio(
       folder, frame(1),
       std::string(intrinsics) +
           R"(, "camera_model": "OPENCV_FISHEYE", "k1": 0.1, "k2": 0.02, "k3": 0.003, "k4": 0.004)");
@@ -107,7 +108,7 @@ TEST(Nerfstudio, DistortionIsTheFramesOwnOrThatOfAll) {
 
 TEST(Nerfstudio, MasksOfFramesAreTheirAlpha) {
   const TemporaryFolder folder;
-  make(folder, joined({frame(0), frame(1, R"(, "mask_path": "masks/1.png")")}));
+  make_nerfstudio(folder, joined({frame(0), frame(1, R"(, "mask_path": "masks/1.png")")}));
   make_png(folder, "masks/1.png", 8, 6, 1);
   SceneOptions options;
   Scene scene = read_scene(folder.path(), options);
@@ -120,7 +121,7 @@ TEST(Nerfstudio, MasksOfFramesAreTheirAlpha) {
 TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   const TemporaryFolder folder;
   const auto with = [&](const std::string& frames, const std::string& top = intrinsics) {
-    make(folder, frames, top);
+    make_nerfstudio(folder, frames, top);
     SceneOptions options;
     options.test_every = 0;
     read_scene(folder.path(), options);

@@ -37,7 +37,7 @@ std::string meta(int times, const std::vector<int>& cameras,
 }
 
 // Cameras 1 and 3 for training, 0 for the test, three times.
-void make(const TemporaryFolder& folder) {
+void make_panoptic(const TemporaryFolder& folder) {
   for (const int c : {0, 1, 3})
     for (int t = 0; t < 3; ++t) {
       make_png(folder, fmt::format("ims/{}/{:06}.jpg", c, t));
@@ -58,7 +58,7 @@ void replace(const TemporaryFolder& folder, const std::string& what, const std::
 
 TEST(Panoptic, CamerasByTimeBecomeTracks) {
   const TemporaryFolder folder;
-  make(folder);
+  make_panoptic(folder);
   const Scene scene = read_scene(folder.path());
   EXPECT_EQ(scene.layout, "panoptic");
   EXPECT_EQ(scene.steps, 3);
@@ -80,7 +80,7 @@ TEST(Panoptic, CamerasByTimeBecomeTracks) {
 
 TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
   const TemporaryFolder folder;
-  make(folder);
+  make_panoptic(folder);
   write_npz(folder.file("init_pt_cld.npz"),
             {{"data", {{1, 7}, std::vector<double>{1, 2, 3, 0, 0.5, 1, 1}}}});
   SceneOptions options;
@@ -94,7 +94,7 @@ TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
 
 TEST(Panoptic, FilesThatContradictThemselvesAreRefused) {
   const TemporaryFolder folder;
-  make(folder);
+  make_panoptic(folder);
   const auto read = [&] { read_scene(folder.path()); };
   replace(folder, "[[1,0,0,1]", "[[NaN,0,0,1]");
   expect_error(read, {"train_meta.json", "no JSON"});
@@ -124,7 +124,7 @@ TEST(Panoptic, FilesThatContradictThemselvesAreRefused) {
   expect_error(read, {"test_meta.json", "more than the 2 times"});
   folder.write("train_meta.json", meta(0, {}));
   expect_error(read, {"train_meta.json", "no pictures"});
-  make(folder);
+  make_panoptic(folder);
   write_npz(folder.file("init_pt_cld.npz"), {{"data", {{1, 3}, std::vector<double>{1, 2, 3}}}});
   expect_error(read, {"init_pt_cld.npz", "(1, 3)"});
 }

@@ -8,7 +8,7 @@ using namespace gflow;
 namespace {
 
 // Nine steps of one camera with true flow, and of one test camera.
-void make(const TemporaryFolder& folder) {
+void make_steps(const TemporaryFolder& folder) {
   for (const char* view : {"input", "eval_1"})
     for (int k = 0; k < 9; ++k) {
       make_png(folder, fmt::format("{}/{}.png", view, k), 8, 8, 4);
@@ -28,7 +28,7 @@ Scene read(const TemporaryFolder& folder, int first, int stride, int most) {
 
 TEST(Steps, ARangeBecomesAVideoOfItsOwn) {
   const TemporaryFolder folder;
-  make(folder);
+  make_steps(folder);
   folder.write("tracks3d.npy", "not read here");
   const Scene scene = read(folder, 2, 1, 5);
   EXPECT_EQ(scene.steps, 5);
@@ -48,7 +48,7 @@ TEST(Steps, ARangeBecomesAVideoOfItsOwn) {
 
 TEST(Steps, AStrideForgetsFlowThatLeadsToAStepLeftOut) {
   const TemporaryFolder folder;
-  make(folder);
+  make_steps(folder);
   const Scene scene = read(folder, 1, 3, 0);  // 1, 4, 7
   ASSERT_EQ(scene.train.size(), 3u);
   EXPECT_EQ(std::filesystem::path(scene.train[2].path).filename(), "7.png");
@@ -62,7 +62,7 @@ TEST(Steps, AStrideForgetsFlowThatLeadsToAStepLeftOut) {
 
 TEST(Steps, AllStepsAreLeftAsTheyAre) {
   const TemporaryFolder folder;
-  make(folder);
+  make_steps(folder);
   const Scene all = read(folder, 0, 1, 0), more = read(folder, 0, 1, 20);
   EXPECT_EQ(all.train.size(), 9u);
   for (size_t k = 0; k < 9; ++k) EXPECT_EQ(all.train[k].time, more.train[k].time);
@@ -70,7 +70,7 @@ TEST(Steps, AllStepsAreLeftAsTheyAre) {
 
 TEST(Steps, RangesThatAreNotThereAreRefused) {
   const TemporaryFolder folder;
-  make(folder);
+  make_steps(folder);
   expect_error([&] { read(folder, 9, 1, 0); }, {"first step", "9", folder.path()});
   expect_error([&] { read(folder, -1, 1, 0); }, {"first step", "-1"});
   expect_error([&] { read(folder, 0, 0, 0); }, {"0-th step"});

@@ -13,14 +13,14 @@ namespace {
 
 // Camera-to-world in OpenGL axes at (x, 0, 4), turned by `degrees` about the upright axis; unturned
 // it looks along -z at the origin.
-std::string pose(double degrees, double x = 0) {
+std::string pose_at(double degrees, double x = 0) {
   const double c = std::cos(degrees * M_PI / 180), s = std::sin(degrees * M_PI / 180);
   return fmt::format("[[{0},0,{1},{2}],[0,1,0,0],[{3},0,{0},4],[0,0,0,1]]", c, s, x, -s);
 }
 
 // A D-NeRF folder with one picture of 20 x 16 pixels a time, taken from these poses in turn. The
 // field of view is 53 degrees: the focal length is the width.
-void make(const TemporaryFolder& folder, const std::vector<std::string>& poses) {
+void make_tracks(const TemporaryFolder& folder, const std::vector<std::string>& poses) {
   std::string frames;
   for (size_t i = 0; i < poses.size(); ++i) {
     make_png(folder, fmt::format("train/{}.png", i), 20, 16);
@@ -32,7 +32,7 @@ void make(const TemporaryFolder& folder, const std::vector<std::string>& poses) 
 
 Scene scene_from(const std::vector<std::string>& poses) {
   const TemporaryFolder folder;
-  make(folder, poses);
+  make_tracks(folder, poses);
   return read_scene(folder.path());
 }
 
@@ -50,49 +50,50 @@ std::string pairs_of(const Scene& scene) {
 }  // namespace
 
 TEST(Tracks, ACameraThatPansIsOne) {
-  const Scene scene = scene_from({pose(-6), pose(-2), pose(2), pose(6)});
+  const Scene scene = scene_from({pose_at(-6), pose_at(-2), pose_at(2), pose_at(6)});
   EXPECT_EQ(scene.cameras.size(), 4u);
   EXPECT_EQ(pairs_of(scene), "0>1 1>2 2>3 ");
 }
 
 TEST(Tracks, ACameraThatWalksSidewaysIsOne) {
   // 0.25 of the way to the scene, seen twice as near: 20 x 0.15 / 2 = 1.5 of 4 px
-  const Scene scene = scene_from({pose(0, 0), pose(0, 0.15), pose(0, 0.3)});
+  const Scene scene = scene_from({pose_at(0, 0), pose_at(0, 0.15), pose_at(0, 0.3)});
   EXPECT_EQ(pairs_of(scene), "0>1 1>2 ");
 }
 
 TEST(Tracks, ACameraThatTeleportsIsMany) {
-  EXPECT_EQ(pairs_of(scene_from({pose(0), pose(40), pose(-40), pose(20)})), "");
+  EXPECT_EQ(pairs_of(scene_from({pose_at(0), pose_at(40), pose_at(-40), pose_at(20)})), "");
   // sideways: 20 x 1 / 2 = 10 px of 20
-  EXPECT_EQ(pairs_of(scene_from({pose(0, 0), pose(0, 1), pose(0, 2)})), "");
+  EXPECT_EQ(pairs_of(scene_from({pose_at(0, 0), pose_at(0, 1), pose_at(0, 2)})), "");
 }
 
 // Both look at the origin, which is in the middle of both pictures: what lies before it is not.
 TEST(Tracks, TwoSidesOfOneObjectAreNotNear) {
-  const Scene scene = scene_from({pose(-20, -1.456), pose(20, 1.456)});
+  const Scene scene = scene_from({pose_at(-20, -1.456), pose_at(20, 1.456)});
   for (const Camera& camera : scene.cameras) EXPECT_NEAR(camera.project({0, 0, 0}).x(), 10, 0.01);
   EXPECT_FALSE(are_near(scene.cameras[0], scene.cameras[1], 4.26));
 }
 
 TEST(Tracks, ViewsThatMeetByChanceMakeNoVideo) {
-  EXPECT_EQ(pairs_of(scene_from({pose(0), pose(40), pose(41), pose(-40), pose(0), pose(20)})),
+  EXPECT_EQ(pairs_of(scene_from(
+                {pose_at(0), pose_at(40), pose_at(41), pose_at(-40), pose_at(0), pose_at(20)})),
             "0>4 ");  // equal poses are one camera, as ever
 }
 
 TEST(Tracks, AnotherBeginsAtACut) {
-  const Scene scene =
-      scene_from({pose(0), pose(2), pose(4), pose(60), pose(62), pose(64), pose(0)});
+  const Scene scene = scene_from(
+      {pose_at(0), pose_at(2), pose_at(4), pose_at(60), pose_at(62), pose_at(64), pose_at(0)});
   EXPECT_EQ(pairs_of(scene), "0>1 1>2 3>4 4>5 ");
 }
 
 TEST(Tracks, ACameraMayComeBackToAPose) {
-  EXPECT_EQ(pairs_of(scene_from({pose(0), pose(3), pose(0), pose(0)})), "0>1 1>2 2>3 ");
+  EXPECT_EQ(pairs_of(scene_from({pose_at(0), pose_at(3), pose_at(0), pose_at(0)})), "0>1 1>2 2>3 ");
 }
 
 TEST(Tracks, ScenePointsSayHowFarAwayThingsAre) {
-  const std::vector<std::string> poses{pose(0, 0), pose(0, 1), pose(0, 2)};
+  const std::vector<std::string> poses{pose_at(0, 0), pose_at(0, 1), pose_at(0, 2)};
   const TemporaryFolder folder;
-  make(folder, poses);
+  make_tracks(folder, poses);
   EXPECT_EQ(pairs_of(read_scene(folder.path())), "");
   write_point_cloud(folder.file("points3D.ply"), {{0, 0, -96}, {9, 9, 9}});
   EXPECT_EQ(pairs_of(read_scene(folder.path())), "0>1 1>2 ");  // 100 ahead: 20 x 1 / 50 = 0.4 px
@@ -101,7 +102,7 @@ TEST(Tracks, ScenePointsSayHowFarAwayThingsAre) {
 // True flow is that seen by a camera at rest; an estimate compares the pictures.
 TEST(Tracks, TrueFlowOfAMovingCameraIsAPairOfItsOwn) {
   const TemporaryFolder folder;
-  make(folder, {pose(-2), pose(0), pose(2)});
+  make_tracks(folder, {pose_at(-2), pose_at(0), pose_at(2)});
   write_flo(folder.file("flow_train/0.flo"), zero_flow(20, 16));
   write_flo(folder.file("flow_train/2.flo"), zero_flow(20, 16));
   const Scene scene = read_scene(folder.path());
@@ -116,7 +117,7 @@ TEST(Tracks, TrueFlowOfAMovingCameraIsAPairOfItsOwn) {
 
 TEST(Tracks, FlowFilesMayLeadFromOneCameraToTheNextInTime) {
   const TemporaryFolder folder;
-  make(folder, {pose(-40), pose(0), pose(40)});
+  make_tracks(folder, {pose_at(-40), pose_at(0), pose_at(40)});
   for (const char* name : {"0", "1"})
     write_flo(folder.file(std::string("flow/") + name + ".flo"), zero_flow(20, 16));
   const Scene scene = read_scene(folder.path());
@@ -135,7 +136,7 @@ TEST(Tracks, FlowFilesMayLeadFromOneCameraToTheNextInTime) {
 
 TEST(Tracks, FlowFilesOfTheUsersLeadFromPictureToPicture) {
   const TemporaryFolder folder;
-  make(folder, {pose(-2), pose(0)});
+  make_tracks(folder, {pose_at(-2), pose_at(0)});
   write_flo(folder.file("flow_train/0.flo"), zero_flow(20, 16));
   write_flo(folder.file("flow/train_0/0000.flo"), zero_flow(20, 16));
   const Scene scene = read_scene(folder.path());

@@ -7,12 +7,11 @@
 
 #include "compare.hpp"
 #include "device.hpp"
+#include "numbers.hpp"
 #include "optim/motion/native4d.hpp"
 
 namespace gflow {
 namespace {
-
-double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
 
 // A Gaussian as density control sees it. The video lasts from 0 to 1.
 struct Made {
@@ -23,9 +22,9 @@ struct Made {
 };
 
 // Rows whose means, colours and moments tell where they came from: row i has i in all of them.
-class Field {
+class AdcField {
  public:
-  explicit Field(const std::vector<Made>& made)
+  explicit AdcField(const std::vector<Made>& made)
       : queue(test_queue()),
         motion(queue, 0.05f),
         density(queue),
@@ -109,7 +108,7 @@ Made pulled(float pull, float scale = 0.1f) {
 }
 
 TEST(Adc, KeepsWhatIsSeenAndLeftInPeace) {
-  Field field({pulled(0), pulled(0.9f), pulled(0.5f)});
+  AdcField field({pulled(0), pulled(0.9f), pulled(0.5f)});
   const auto before = field.values("means");
   field.see();
   field.refine();
@@ -125,14 +124,14 @@ TEST(Adc, RemovesTheFaintTheHugeAndTheNeverVisible) {
   early.mean_t = -0.5f;  // 2.5 of 0.2 before the video
   late.mean_t = 1.5f;
   nearly.mean_t = -0.48f;  // 2.4 of them
-  Field field({faint, Made{}, huge, early, late, nearly, Made{}});
+  AdcField field({faint, Made{}, huge, early, late, nearly, Made{}});
   field.see();
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{1, 5, 6}));
 }
 
 TEST(Adc, RemovesWhatIsHugeAlongAnyAxis) {
-  Field field(std::vector<Made>(4));
+  AdcField field(std::vector<Made>(4));
   std::vector<float> log_scales = field.values("log_scales");
   for (size_t i = 0; i < 3; ++i) log_scales[4 * i + i] = std::log(11.f);
   field.parameters["log_scales"].values.write(field.queue, log_scales);
@@ -142,7 +141,7 @@ TEST(Adc, RemovesWhatIsHugeAlongAnyAxis) {
 
 // In a view of 20 x 10 pixels half the image is 10 pixels wide and 5 high.
 TEST(Adc, PullsCountByHalfTheImageAlongEachAxis) {
-  Field field(std::vector<Made>(4));
+  AdcField field(std::vector<Made>(4));
   const Buffer<cl_uint> touched(field.queue, {1, 1, 1, 1}, "tiles");
   const Buffer<float> v(field.queue, {0.09f, 0, 0.11f, 0, 0, 0.18f, 0, 0.22f}, "v_means2d");
   field.density.see(field.queue, {20, 10, touched, v});
@@ -151,7 +150,7 @@ TEST(Adc, PullsCountByHalfTheImageAlongEachAxis) {
 }
 
 TEST(Adc, MakesTwoOfWhatIsPulledAtMoreThanTheThreshold) {
-  Field field({pulled(0.99f), pulled(1.01f), pulled(2, 1.f), pulled(0)});
+  AdcField field({pulled(0.99f), pulled(1.01f), pulled(2, 1.f), pulled(0)});
   field.see();
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 1, 2, 2, 3}));
@@ -160,7 +159,7 @@ TEST(Adc, MakesTwoOfWhatIsPulledAtMoreThanTheThreshold) {
 TEST(Adc, JudgesTheMeanOverTheViewsThatSawIt) {
   Made hidden = pulled(50);
   hidden.tiles = 0;
-  Field field({pulled(1.2f), pulled(1.8f), hidden});
+  AdcField field({pulled(1.2f), pulled(1.8f), hidden});
   field.see(1);
   field.see(0.5f);  // means: 0.9, 1.35
   field.refine();
@@ -168,7 +167,7 @@ TEST(Adc, JudgesTheMeanOverTheViewsThatSawIt) {
 }
 
 TEST(Adc, ForgetsTheEvidenceOnceUsed) {
-  Field field({pulled(2)});
+  AdcField field({pulled(2)});
   field.see();
   field.refine();
   EXPECT_EQ(field.parameters.count, 2u);
@@ -179,7 +178,7 @@ TEST(Adc, ForgetsTheEvidenceOnceUsed) {
 TEST(Adc, GivesTheRoomBelowTheCapToTheHardestPulls) {
   std::vector<Made> made;
   for (const float pull : {2.f, 9.f, 3.f, 7.f, 0.f, 5.f}) made.push_back(pulled(pull));
-  Field field(made);
+  AdcField field(made);
   field.rule.cap = 8;  // room for two
   field.see();
   field.refine();
@@ -188,7 +187,7 @@ TEST(Adc, GivesTheRoomBelowTheCapToTheHardestPulls) {
 
 TEST(Adc, GrowsNothingAtOrAboveTheCap) {
   for (const size_t cap : {size_t(1), size_t(2)}) {
-    Field field({pulled(2), pulled(3)});
+    AdcField field({pulled(2), pulled(3)});
     field.rule.cap = cap;
     field.see();
     field.refine();
@@ -197,7 +196,7 @@ TEST(Adc, GrowsNothingAtOrAboveTheCap) {
 }
 
 TEST(Adc, AmongEqualPullsTheFirstGrow) {
-  Field field(std::vector<Made>(6, pulled(2)));
+  AdcField field(std::vector<Made>(6, pulled(2)));
   field.rule.cap = 8;
   field.see();
   field.refine();
@@ -207,7 +206,7 @@ TEST(Adc, AmongEqualPullsTheFirstGrow) {
 TEST(Adc, SurvivorsKeepTheirMomentsAndStepsChildrenStartWithNone) {
   Made faint;
   faint.opacity = 0.001f;
-  Field field({faint, pulled(0), pulled(2), pulled(0)});
+  AdcField field({faint, pulled(0), pulled(2), pulled(0)});
   field.see();
   field.refine();
   ASSERT_EQ(field.sources(), (std::vector<int>{1, 2, 2, 3}));
@@ -225,7 +224,7 @@ TEST(Adc, SurvivorsKeepTheirMomentsAndStepsChildrenStartWithNone) {
 TEST(Adc, ChildrenOfALargeOneAreSmallerAndLiveAsLong) {
   Made made = pulled(2, 1.f);
   made.lifetime = 50;
-  Field field({made});
+  AdcField field({made});
   field.see();
   field.refine();
   ASSERT_EQ(field.parameters.count, 2u);
@@ -245,7 +244,7 @@ Made traveller() {
 }
 
 TEST(Adc, OneThatTravelsFarIsSplitInTimeAlongItsPath) {
-  Field field({pulled(0), traveller()});
+  AdcField field({pulled(0), traveller()});
   const std::vector<float> opacities = field.values("logit_opacities");
   field.see();
   field.refine();
@@ -265,7 +264,7 @@ TEST(Adc, OneThatTravelsFarIsSplitInTimeAlongItsPath) {
 }
 
 TEST(Adc, LivesAreNotCutShorterThanAllowed) {
-  Field field({traveller()});
+  AdcField field({traveller()});
   field.rule.split.min_lifetime = 0.13f;  // above 0.6 x 0.2
   field.see();
   field.refine();
@@ -274,7 +273,7 @@ TEST(Adc, LivesAreNotCutShorterThanAllowed) {
 }
 
 TEST(Adc, ChildrenOfASmallOneKeepItsSizeAndOneOfThemItsPlace) {
-  Field field({pulled(0), pulled(2)});
+  AdcField field({pulled(0), pulled(2)});
   const std::vector<float> scales = field.values("log_scales");
   field.see();
   field.refine();
@@ -291,7 +290,7 @@ TEST(Adc, ChildrenOfASmallOneKeepItsSizeAndOneOfThemItsPlace) {
 // Drawn from the parent: over 2 x 400 children the mean is within 5 / sqrt(800) deviations of the
 // parent's, the deviation within 5 / sqrt(1600) of it.
 TEST(Adc, ChildrenOfLargeOnesSpreadAsTheParentDoes) {
-  Field field(std::vector<Made>(400, pulled(2, 0.8f)));
+  AdcField field(std::vector<Made>(400, pulled(2, 0.8f)));
   field.see();
   field.refine();
   const std::vector<float> means = field.values("means"), marks = field.values("mark");
@@ -311,7 +310,7 @@ TEST(Adc, TwoChildrenTogetherAreAsOpaqueAsTheParent) {
   for (const float opacity : {0.01f, 0.3f, 0.9f, 0.99f}) {
     Made made = pulled(2);
     made.opacity = opacity;
-    Field field({made});
+    AdcField field({made});
     field.see();
     field.refine();
     for (const float child : field.values("logit_opacities"))
@@ -320,18 +319,18 @@ TEST(Adc, TwoChildrenTogetherAreAsOpaqueAsTheParent) {
 }
 
 TEST(Adc, IgnoresPullsThatAreNotFinite) {
-  Field field({pulled(std::nanf("")), pulled(HUGE_VALF), pulled(2)});
+  AdcField field({pulled(std::nanf("")), pulled(HUGE_VALF), pulled(2)});
   field.see();
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 2, 2}));
 }
 
 TEST(Adc, WorksOnNoneAndOne) {
-  Field none(std::vector<Made>{});
+  AdcField none(std::vector<Made>{});
   none.see();
   none.refine();
   EXPECT_EQ(none.parameters.count, 0u);
-  Field one({pulled(0)});
+  AdcField one({pulled(0)});
   one.see();
   one.refine();
   EXPECT_EQ(one.parameters.count, 1u);
@@ -340,7 +339,7 @@ TEST(Adc, WorksOnNoneAndOne) {
 TEST(Adc, MayRemoveEverything) {
   Made faint;
   faint.opacity = 0.001f;
-  Field field({faint, faint});
+  AdcField field({faint, faint});
   field.see();
   field.refine();
   EXPECT_EQ(field.parameters.count, 0u);
@@ -351,7 +350,7 @@ TEST(Adc, MayRemoveEverything) {
 TEST(Adc, ResetsOpacitiesAndTheirMeanGradientOnlyWhenDueAndWhereHigher) {
   Made low;
   low.opacity = 0.008f;
-  Field field({low, Made{}});
+  AdcField field({low, Made{}});
   field.rule.opacity_reset_every = 300;
   const std::vector<float> before = field.values("logit_opacities");
   const GaussiansAt drawn;
@@ -372,7 +371,7 @@ TEST(Adc, ResetsOpacitiesAndTheirMeanGradientOnlyWhenDueAndWhereHigher) {
 }
 
 TEST(Adc, EvidenceSurvivesBeingSavedAndLoaded) {
-  Field saved({pulled(2), pulled(0.5f)}), loaded({pulled(2), pulled(0.5f)});
+  AdcField saved({pulled(2), pulled(0.5f)}), loaded({pulled(2), pulled(0.5f)});
   saved.see();
   Arrays arrays;
   saved.density.save_state(saved.queue, arrays);
@@ -382,7 +381,7 @@ TEST(Adc, EvidenceSurvivesBeingSavedAndLoaded) {
 }
 
 TEST(Adc, WithoutMemoryForMoreEverythingStaysAsItWas) {
-  Field field({pulled(2), pulled(3), pulled(0)});
+  AdcField field({pulled(2), pulled(3), pulled(0)});
   field.see();
   field.queue.info.max_allocation = 4 * 4 * 4;  // log_scales of 4 Gaussians; 5 are wanted
   try {
@@ -398,10 +397,10 @@ TEST(Adc, WithoutMemoryForMoreEverythingStaysAsItWas) {
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 0, 1, 1, 2}));
 }
 
-std::vector<uint32_t> bits_after(uint32_t seed) {
+std::vector<uint32_t> adc_bits_after(uint32_t seed) {
   std::vector<Made> made;
   for (int i = 0; i < 300; ++i) made.push_back(pulled(float(i % 7) / 3, 0.1f * float(1 + i % 11)));
-  Field field(made);
+  AdcField field(made);
   field.rule.cap = 400;
   field.see();
   field.refine(seed);
@@ -416,8 +415,8 @@ std::vector<uint32_t> bits_after(uint32_t seed) {
 }
 
 TEST(Adc, GivesTheSameBitsForASeedAndOthersForAnother) {
-  EXPECT_EQ(bits_after(5), bits_after(5));
-  EXPECT_NE(bits_after(5), bits_after(6));
+  EXPECT_EQ(adc_bits_after(5), adc_bits_after(5));
+  EXPECT_NE(adc_bits_after(5), adc_bits_after(6));
 }
 
 }  // namespace

@@ -10,32 +10,30 @@
 
 #include "compare.hpp"
 #include "device.hpp"
+#include "numbers.hpp"
 #include "reference/loss.hpp"
 #include "shared/constants.h"
 
 namespace gflow {
 namespace {
 
-constexpr float NOT_A_NUMBER = std::numeric_limits<float>::quiet_NaN();
-constexpr float INFINITE = std::numeric_limits<float>::infinity();
-
-struct Case {
+struct FlowCase {
   int width, height;
   std::vector<float> flow, alpha, teacher;
   std::vector<cl_uchar> confidence;
   std::vector<float> tile_weights = {};  // none: all tiles weigh 1
 };
 
-Case random_case(int width, int height) {
+FlowCase random_case(int width, int height) {
   std::mt19937 rng(2);
   std::normal_distribution<float> normal;
   const size_t pixels = size_t(width) * height;
-  Case c{width,
-         height,
-         std::vector<float>(2 * pixels),
-         std::vector<float>(pixels),
-         std::vector<float>(2 * pixels),
-         std::vector<cl_uchar>(pixels)};
+  FlowCase c{width,
+             height,
+             std::vector<float>(2 * pixels),
+             std::vector<float>(pixels),
+             std::vector<float>(2 * pixels),
+             std::vector<cl_uchar>(pixels)};
   for (float& f : c.flow) f = 3 * normal(rng);
   for (float& f : c.teacher) f = 3 * normal(rng);
   for (float& a : c.alpha) a = std::min(1.f, std::fabs(normal(rng)));
@@ -44,7 +42,7 @@ Case random_case(int width, int height) {
 }
 
 // All pixels weigh fully: flow and teacher [2, n] in one row.
-Case row_of(std::vector<float> flow, std::vector<float> teacher) {
+FlowCase row_of(std::vector<float> flow, std::vector<float> teacher) {
   const size_t n = flow.size() / 2;
   return {int(n),
           1,
@@ -54,12 +52,12 @@ Case row_of(std::vector<float> flow, std::vector<float> teacher) {
           std::vector<cl_uchar>(n, 255)};
 }
 
-struct Result {
+struct FlowResult {
   std::vector<float> v_flow;
   FlowLossValue value;
 };
 
-Result run(const Case& c, float weight, float robust_px, int lanes = 0) {
+FlowResult run(const FlowCase& c, float weight, float robust_px, int lanes = 0) {
   Queue queue = test_queue(lanes);
   FlowLoss loss(queue, robust_px);
   const Buffer<float> flow(queue, c.flow, "flow"), alpha(queue, c.alpha, "alpha");
@@ -73,7 +71,7 @@ Result run(const Case& c, float weight, float robust_px, int lanes = 0) {
   return {v_flow.read(queue), loss.value(queue)};
 }
 
-reference::FlowLossResult expected(const Case& c, double weight, double knee) {
+reference::FlowLossResult expected(const FlowCase& c, double weight, double knee) {
   std::vector<double> confidence(c.confidence.begin(), c.confidence.end());
   const size_t width = size_t(c.width), tiles_x = (width + TILE - 1) / TILE;
   for (size_t i = 0; i < confidence.size(); ++i) {
@@ -91,7 +89,7 @@ TEST(RobustNorm, IsTheFormulaWhereThatIsSafe) {
 }
 
 TEST(FlowLossReference, GradientIsTheCentralDifference) {
-  const Case c = random_case(5, 4);
+  const FlowCase c = random_case(5, 4);
   const std::vector<double> flow(c.flow.begin(), c.flow.end());
   std::vector<double> confidence(c.confidence.begin(), c.confidence.end());
   for (double& m : confidence) m /= 255;
@@ -112,9 +110,9 @@ TEST_P(FlowLossLanes, MatchTheReferenceAtEverySize) {
   const int sizes[][2] = {{1, 1}, {17, 15}, {5, 300}, {320, 96}};
   for (const auto& [width, height] : sizes)
     for (const float knee : {1e-3f, 1.f}) {
-      const Case c = random_case(width, height);
+      const FlowCase c = random_case(width, height);
       const auto want = expected(c, 0.5, double(knee));
-      const Result actual = run(c, 0.5f, knee, GetParam());
+      const FlowResult actual = run(c, 0.5f, knee, GetParam());
       // about 10 roundings of 6e-8 each
       EXPECT_TRUE(all_close(actual.v_flow, want.v_flow, {1e-6, 1e-12}));
       EXPECT_NEAR(actual.value.loss, want.loss, 1e-6 * want.loss);
@@ -126,12 +124,12 @@ TEST_P(FlowLossLanes, MatchTheReferenceAtEverySize) {
 TEST_P(FlowLossLanes, WeighsEachTile) {
   const int sizes[][2] = {{1, 1}, {17, 15}, {35, 50}, {320, 96}};
   for (const auto& [width, height] : sizes) {
-    Case c = random_case(width, height);
+    FlowCase c = random_case(width, height);
     const size_t tiles_x = size_t(width + 15) / 16, tiles = tiles_x * (size_t(height + 15) / 16);
     for (size_t tile = 0; tile < tiles; ++tile)
       c.tile_weights.push_back(tile == 0 ? 4.f : float(tile % 3));
     const auto want = expected(c, 0.5, 0.1);
-    const Result actual = run(c, 0.5f, 0.1f, GetParam());
+    const FlowResult actual = run(c, 0.5f, 0.1f, GetParam());
     EXPECT_TRUE(all_close(actual.v_flow, want.v_flow, {1e-6, 1e-12}));
     EXPECT_NEAR(actual.value.loss, want.loss, 1e-6 * want.loss);
     double errors = 0, counted = 0;
@@ -152,9 +150,9 @@ TEST(FlowLoss, GradientIsFiniteAndNoLongerThanOneForAnyDifference) {
   const std::vector<float> r = {0, 1e-25f, 1e-19f, 1e-3f, 1, 1e5f, 3e19f};
   std::vector<float> flow(r);
   flow.resize(2 * r.size(), 0.f);
-  const Case c = row_of(flow, std::vector<float>(2 * r.size(), 0.f));
+  const FlowCase c = row_of(flow, std::vector<float>(2 * r.size(), 0.f));
   for (const float knee : {1e-3f, 1.f}) {
-    const Result actual = run(c, float(r.size()), knee);
+    const FlowResult actual = run(c, float(r.size()), knee);
     EXPECT_EQ(actual.v_flow[0], 0);
     EXPECT_TRUE(all_close(actual.v_flow, expected(c, double(r.size()), double(knee)).v_flow,
                           {1e-6, 1e-38}));
@@ -163,9 +161,9 @@ TEST(FlowLoss, GradientIsFiniteAndNoLongerThanOneForAnyDifference) {
 }
 
 TEST(FlowLoss, OfOnePixelIsTheHandMadeOne) {
-  Case c = row_of({3, 0, 4, 0}, {0, 0, 0, 0});
+  FlowCase c = row_of({3, 0, 4, 0}, {0, 0, 0, 0});
   c.alpha = {0.5f, 0};
-  const Result actual = run(c, 2, 12);
+  const FlowResult actual = run(c, 2, 12);
   // sqrt(25 + 144) - 12 = 1; 2 / 2 pixels * alpha .5; derivative (3, 4) / 13 * .5
   EXPECT_NEAR(actual.value.loss, 0.5, 1e-6);
   EXPECT_NEAR(actual.value.epe, 2.5, 1e-6);
@@ -179,12 +177,12 @@ TEST(FlowLoss, IsBitwiseZeroWhereThereIsNoWeight) {
   const size_t n = teacher.size();
   for (const float y : {1.f, 1.f, 1.f, 1.f, 1.f, 1.f, NOT_A_NUMBER, INFINITE, -2e5f})
     teacher.push_back(y);
-  Case c = row_of(std::vector<float>(2 * n, -5.f), teacher);
+  FlowCase c = row_of(std::vector<float>(2 * n, -5.f), teacher);
   c.confidence[0] = 0;
   c.alpha[4] = 0;
   c.confidence[5] = 0;
   c.flow[5] = NOT_A_NUMBER;  // a fault elsewhere must not come back through a masked pixel
-  const Result actual = run(c, 1, 0.1f);
+  const FlowResult actual = run(c, 1, 0.1f);
   const std::vector<float> zero(2 * n, 0.f);
   EXPECT_EQ(std::memcmp(actual.v_flow.data(), zero.data(), 2 * n * sizeof(float)), 0);
   EXPECT_EQ(actual.value.loss, 0);
@@ -193,17 +191,17 @@ TEST(FlowLoss, IsBitwiseZeroWhereThereIsNoWeight) {
 }
 
 TEST(FlowLoss, WithoutConfidentPixelsHasNoError) {
-  Case c = random_case(8, 3);
+  FlowCase c = random_case(8, 3);
   c.confidence.assign(c.confidence.size(), 0);
-  const Result actual = run(c, 1, 0.1f);
+  const FlowResult actual = run(c, 1, 0.1f);
   EXPECT_EQ(actual.value.loss, 0);
   EXPECT_EQ(actual.value.epe, 0);
   EXPECT_EQ(confident_pixels(c.teacher, c.confidence), 0u);
 }
 
 TEST(FlowLoss, GivesTheSameBitsTwice) {
-  const Case c = random_case(61, 47);
-  const Result first = run(c, 0.5f, 0.1f), second = run(c, 0.5f, 0.1f);
+  const FlowCase c = random_case(61, 47);
+  const FlowResult first = run(c, 0.5f, 0.1f), second = run(c, 0.5f, 0.1f);
   EXPECT_EQ(first.v_flow, second.v_flow);
   EXPECT_EQ(first.value.loss, second.value.loss);
   EXPECT_EQ(first.value.epe, second.value.epe);

@@ -9,12 +9,12 @@
 #include <limits>
 
 #include "device.hpp"
+#include "numbers.hpp"
 #include "optim/loss/flow_loss.hpp"
 
 namespace gflow {
 namespace {
 
-constexpr float NOT_A_NUMBER = std::numeric_limits<float>::quiet_NaN();
 constexpr int kWidth = 70, kHeight = 35;  // 5 x 3 tiles, the last of each narrow
 constexpr size_t kPixels = size_t(kWidth) * kHeight, kTiles = 15;
 

@@ -31,17 +31,17 @@ void spread_planes(Queue& queue, MotionCheck& check) {
   check.parameters()["planes"].values.write(queue, to_float(planes));
 }
 
-struct Case {
+struct HexplaneCase {
   int levels, layers, times;
   bool turn, resize;
   int lanes = 0;  // 0: the device's own; 1: as on a GPU
 };
-class HexplaneOfSomeShapes : public testing::TestWithParam<Case> {};
-INSTANTIATE_TEST_SUITE_P(Motion, HexplaneOfSomeShapes,
-                         testing::Values(Case{2, 2, 3, true, true}, Case{1, 1, 1, true, true},
-                                         Case{1, 3, 4, false, true}, Case{1, 1, 2, true, false},
-                                         Case{2, 2, 3, true, true, 1},
-                                         Case{1, 2, 2, true, true, 4}));
+class HexplaneOfSomeShapes : public testing::TestWithParam<HexplaneCase> {};
+INSTANTIATE_TEST_SUITE_P(
+    Motion, HexplaneOfSomeShapes,
+    testing::Values(HexplaneCase{2, 2, 3, true, true}, HexplaneCase{1, 1, 1, true, true},
+                    HexplaneCase{1, 3, 4, false, true}, HexplaneCase{1, 1, 2, true, false},
+                    HexplaneCase{2, 2, 3, true, true, 1}, HexplaneCase{1, 2, 2, true, true, 4}));
 
 TEST_P(HexplaneOfSomeShapes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
   Queue queue = test_queue(GetParam().lanes);

@@ -8,23 +8,24 @@
 
 #include "compare.hpp"
 #include "device.hpp"
+#include "device_scene.hpp"
 #include "optim/loss/metrics.hpp"
 #include "reference/loss.hpp"
 
 namespace gflow {
 namespace {
 
-struct Case {
+struct PictureCase {
   int width, height;
   std::vector<float> rgb;       // [3, H, W]
   std::vector<cl_uchar> truth;  // [H, W, 3]
 };
 
 // A truth with smooth shades, texture and flat white, and a picture that errs by `error`.
-Case random_case(int width, int height, float error, unsigned seed = 1) {
+PictureCase random_case(int width, int height, float error, unsigned seed = 1) {
   std::mt19937 rng(seed);
   std::uniform_real_distribution<float> uniform(-1, 1);
-  Case c{width, height, std::vector<float>(size_t(3) * width * height), {}};
+  PictureCase c{width, height, std::vector<float>(size_t(3) * width * height), {}};
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
       for (int k = 0; k < 3; ++k) {
@@ -42,12 +43,12 @@ std::vector<double> in_double(const std::vector<float>& values) {
   return {values.begin(), values.end()};
 }
 
-struct Result {
+struct PictureResult {
   std::vector<float> v_rgb;
   ImageLossValue value;
 };
 
-Result run(Queue& queue, ImageLoss& loss, const Case& c) {
+PictureResult run(Queue& queue, ImageLoss& loss, const PictureCase& c) {
   const Buffer<float> rgb(queue, c.rgb, "rgb");
   const Buffer<cl_uchar> truth(queue, c.truth, "truth");
   Buffer<float> v_rgb(queue, c.rgb.size(), "v_rgb");
@@ -56,23 +57,14 @@ Result run(Queue& queue, ImageLoss& loss, const Case& c) {
   return {v_rgb.read(queue), loss.value(queue)};
 }
 
-Result run(int lanes, const Case& c, float ssim_weight) {
+PictureResult run(int lanes, const PictureCase& c, float ssim_weight) {
   Queue queue = test_queue(lanes);
   ImageLoss loss(queue, ssim_weight);
   return run(queue, loss, c);
 }
 
-double relative_l2(const std::vector<float>& actual, const std::vector<double>& expected) {
-  double error = 0, norm = 0;
-  for (size_t i = 0; i < expected.size(); ++i) {
-    error += (actual[i] - expected[i]) * (actual[i] - expected[i]);
-    norm += expected[i] * expected[i];
-  }
-  return std::sqrt(error / norm);
-}
-
 TEST(ImageLossReference, GradientIsTheCentralDifference) {
-  const Case c = random_case(14, 9, 0.2f);
+  const PictureCase c = random_case(14, 9, 0.2f);
   const std::vector<double> x = in_double(c.rgb);
   for (const double ssim_weight : {0.0, 0.2, 1.0}) {
     const auto f = [&](const std::vector<double>& rgb) {
@@ -92,7 +84,7 @@ TEST(ImageLossReference, GradientIsTheCentralDifference) {
 }
 
 TEST(ImageLossReference, HasTheSsimOfTheTextbook) {
-  const Case c = random_case(31, 22, 0.3f);
+  const PictureCase c = random_case(31, 22, 0.3f);
   const double expected = ssim(Picture::from_planes(c.width, c.height, c.rgb),
                                Picture::from_bytes(c.width, c.height, c.truth));
   const auto result = reference::image_loss(c.width, c.height, in_double(c.rgb), c.truth, 1);
@@ -109,10 +101,10 @@ TEST_P(ImageLossLanes, MatchTheReferenceAtEverySize) {
       for (const float ssim_weight : {0.2f, 1.0f}) {
         const std::string at = std::to_string(width) + "x" + std::to_string(height) + " error " +
                                std::to_string(error) + " weight " + std::to_string(ssim_weight);
-        const Case c = random_case(width, height, error);
+        const PictureCase c = random_case(width, height, error);
         const auto expected =
             reference::image_loss(width, height, in_double(c.rgb), c.truth, double(ssim_weight));
-        const Result actual = run(GetParam(), c, ssim_weight);
+        const PictureResult actual = run(GetParam(), c, ssim_weight);
         // A variance is a windowed square minus the square of a mean: both are up to 1 in flat
         // white and rounded to 6e-8 a few times, against a sum of variances + C2 of 1e-3 and more.
         // The worst of these cases has 7.5e-6, most have 1e-6.
@@ -124,8 +116,8 @@ TEST_P(ImageLossLanes, MatchTheReferenceAtEverySize) {
 }
 
 TEST_P(ImageLossLanes, WithoutSsimGiveTheSignOfTheDifference) {
-  const Case c = random_case(37, 21, 0.1f);
-  const Result actual = run(GetParam(), c, 0);
+  const PictureCase c = random_case(37, 21, 0.1f);
+  const PictureResult actual = run(GetParam(), c, 0);
   const size_t pixels = c.rgb.size() / 3;
   std::vector<float> expected(c.rgb.size());
   for (size_t i = 0; i < expected.size(); ++i) {
@@ -138,32 +130,32 @@ TEST_P(ImageLossLanes, WithoutSsimGiveTheSignOfTheDifference) {
 }
 
 TEST_P(ImageLossLanes, GiveTheSameBitsTwiceAndWhenTheSizeChangedBetween) {
-  const Case small = random_case(19, 70, 0.1f), large = random_case(90, 33, 0.1f);
+  const PictureCase small = random_case(19, 70, 0.1f), large = random_case(90, 33, 0.1f);
   Queue queue = test_queue(GetParam());
   ImageLoss loss(queue, 0.2f);
-  const Result first = run(queue, loss, small);
+  const PictureResult first = run(queue, loss, small);
   run(queue, loss, large);
-  const Result second = run(queue, loss, small);
+  const PictureResult second = run(queue, loss, small);
   EXPECT_EQ(first.v_rgb, second.v_rgb);
   EXPECT_EQ(first.value.total, second.value.total);
 }
 
 TEST(ImageLoss, IsZeroWithItsGradientWhereAllBytesAreMet) {
   // every byte value, decoded by a true division, differs from the kernel's decoding by exactly 0
-  Case c{16, 16, std::vector<float>(3 * 256), std::vector<cl_uchar>(3 * 256)};
+  PictureCase c{16, 16, std::vector<float>(3 * 256), std::vector<cl_uchar>(3 * 256)};
   for (size_t i = 0; i < 256; ++i)
     for (size_t k = 0; k < 3; ++k) {
       c.truth[3 * i + k] = cl_uchar(i);
       c.rgb[256 * k + i] = float(i) / 255.f;
     }
-  const Result actual = run(0, c, 0);
+  const PictureResult actual = run(0, c, 0);
   EXPECT_EQ(actual.v_rgb, std::vector<float>(c.rgb.size(), 0.f));
   EXPECT_EQ(actual.value.l1, 0);
 }
 
 TEST(ImageLoss, OfEqualPicturesIsZero) {
-  Case c = random_case(50, 40, 0);
-  const Result actual = run(0, c, 0.2f);
+  PictureCase c = random_case(50, 40, 0);
+  const PictureResult actual = run(0, c, 0.2f);
   EXPECT_NEAR(actual.value.total, 0, 1e-6);
   for (const float v : actual.v_rgb) EXPECT_EQ(v, 0);
 }

@@ -7,19 +7,18 @@
 
 #include "compare.hpp"
 #include "device.hpp"
+#include "numbers.hpp"
 #include "optim/motion/models.hpp"
 #include "shared/relocation.h"
 
 namespace gflow {
 namespace {
 
-double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
-
 // Gaussians whose means, colours and moments tell where they came from: row i has i in all of them.
 // The video lasts from 0 to 1.
-class Field {
+class McmcField {
  public:
-  explicit Field(const std::vector<float>& opacities, MotionModelKind kind = {})
+  explicit McmcField(const std::vector<float>& opacities, MotionModelKind kind = {})
       : queue(test_queue()),
         density(queue),
         motion(make_motion(queue, shape_of(kind))),
@@ -79,7 +78,7 @@ class Field {
 };
 
 TEST(Mcmc, WhatIsAliveStaysToTheBit) {
-  Field field({0.5f, 0.03f, 0.9f});
+  McmcField field({0.5f, 0.03f, 0.9f});
   const auto before = field.values("logit_opacities");
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 2}));
@@ -88,7 +87,7 @@ TEST(Mcmc, WhatIsAliveStaysToTheBit) {
 }
 
 TEST(Mcmc, TheFaintTheNeverVisibleAndTheBrokenMoveToTheLive) {
-  Field field({0.5f, 0.01f, 0.5f, 0.5f, 0.5f});
+  McmcField field({0.5f, 0.01f, 0.5f, 0.5f, 0.5f});
   // Gone where exp(-d^2 / 2 s^2) < 0.05, 2.45 deviations away: 0.49.
   field.parameters["means_t"].values.write(field.queue, {0.5f, 0.5f, 1.5f, NAN, -0.48f});
   std::vector<float> log_scales;  // in space and time
@@ -104,7 +103,7 @@ TEST(Mcmc, TheFaintTheNeverVisibleAndTheBrokenMoveToTheLive) {
 }
 
 TEST(Mcmc, ThoseInOnePlaceShowWhatTheOneDid) {
-  Field field({0.6f, 0.001f, 0.001f});
+  McmcField field({0.6f, 0.001f, 0.001f});
   field.refine();
   ASSERT_EQ(field.sources(), (std::vector<int>{0, 0, 0}));
   const double l = double(logit(0.6f));
@@ -128,7 +127,7 @@ TEST(Mcmc, ThoseInOnePlaceAreMovedApartByTheShapeOfTheOne) {
     log_scales.insert(log_scales.end(), {0, std::log(2.f), std::log(0.5f), -1});
   }
   const auto moved = [&](float spread, uint32_t seed) {
-    Field field(opacities);
+    McmcField field(opacities);
     field.rule.spread = spread;
     field.parameters["quats"].values.write(field.queue, quats);
     field.parameters["log_scales"].values.write(field.queue, log_scales);
@@ -156,14 +155,14 @@ TEST(Mcmc, ThoseInOnePlaceAreMovedApartByTheShapeOfTheOne) {
 TEST(Mcmc, NoneStartsOutDead) {
   std::vector<float> opacities(40, 0.001f);
   opacities[7] = 0.05f;
-  Field field(opacities);
+  McmcField field(opacities);
   field.refine();
   EXPECT_EQ(field.numbers(40)[7], 40);
   for (const float o : field.values("logit_opacities")) EXPECT_GE(o, logit(0.02f));
 }
 
 TEST(Mcmc, RowsThatShareStartWithoutMomentsTheOthersKeepTheirs) {
-  Field field({0.9f, 0.001f, 0.03f});
+  McmcField field({0.9f, 0.001f, 0.03f});
   field.refine(3);
   const std::vector<int> rows = field.sources();
   ASSERT_EQ(rows, (std::vector<int>{0, 0, 2}));  // 30 to 1
@@ -173,14 +172,14 @@ TEST(Mcmc, RowsThatShareStartWithoutMomentsTheOthersKeepTheirs) {
 }
 
 TEST(Mcmc, AKeyedPathMovesWithItsGaussian) {
-  Field field({0.001f, 0.5f, 0.001f}, MotionModelKind::keyframes);
+  McmcField field({0.001f, 0.5f, 0.001f}, MotionModelKind::keyframes);
   field.refine();
   ASSERT_EQ(field.sources(), (std::vector<int>{1, 1, 1}));
   for (const float shift : field.values("key_shifts")) EXPECT_EQ(shift, 1);
 }
 
 TEST(Mcmc, GrowsByAShareARoundUpToTheCap) {
-  Field field(std::vector<float>(100, 0.5f));
+  McmcField field(std::vector<float>(100, 0.5f));
   field.rule.growth = 0.05f;
   field.rule.cap = 112;
   for (const size_t expected : {105u, 111u, 112u, 112u}) {  // rounded up: few grow too
@@ -198,7 +197,7 @@ TEST(Mcmc, DrawsInProportionToOpacity) {
   std::vector<float> opacities(20200, 0.001f);
   double sum = 0;
   for (size_t i = 0; i < 200; ++i) sum += double(opacities[101 * i] = 0.05f + 0.004f * float(i));
-  Field field(opacities);
+  McmcField field(opacities);
   field.refine();
   const std::vector<int> numbers = field.numbers(opacities.size());
   int all = 0;
@@ -216,7 +215,7 @@ TEST(Mcmc, DrawsInProportionToOpacity) {
 TEST(Mcmc, FavoursNoRow) {
   std::vector<float> opacities(21, 0.5f), logits, marks;
   opacities[20] = 0.001f;
-  Field field(opacities);
+  McmcField field(opacities);
   for (size_t i = 0; i < 21; ++i) {
     logits.push_back(logit(opacities[i]));
     marks.push_back(float(i));
@@ -232,20 +231,20 @@ TEST(Mcmc, FavoursNoRow) {
 }
 
 TEST(Mcmc, WorksOnNoneOneAndAllDead) {
-  Field none(std::vector<float>{});
+  McmcField none(std::vector<float>{});
   none.refine();
   EXPECT_EQ(none.parameters.count, 0u);
-  Field one({0.5f});
+  McmcField one({0.5f});
   one.rule.growth = 1;
   one.refine();
   EXPECT_EQ(one.sources(), (std::vector<int>{0, 0}));
-  Field dead({0.001f, 0.002f});
+  McmcField dead({0.001f, 0.002f});
   dead.refine();
   EXPECT_EQ(dead.sources(), (std::vector<int>{0, 1}));
 }
 
 TEST(Mcmc, WithoutMemoryForMoreEverythingStaysAsItWas) {
-  Field field(std::vector<float>(4, 0.5f));
+  McmcField field(std::vector<float>(4, 0.5f));
   field.rule.growth = 1;
   field.queue.info.max_allocation = 4 * 4 * 6;  // log_scales of 6; 8 are wanted
   try {
@@ -265,7 +264,7 @@ struct Noised {
 // n Gaussians of one opacity with the factor diag(1, 2, 0.5), seen but for the first, there at the
 // time drawn last but for the last.
 Noised noised(size_t n, float opacity, float noise, uint32_t seed) {
-  Field field(std::vector<float>(n, opacity));
+  McmcField field(std::vector<float>(n, opacity));
   field.rule.noise = noise;
   GaussiansAt drawn;
   drawn.ensure(field.queue, n);
@@ -324,7 +323,7 @@ TEST(Mcmc, NoiseIsAFunctionOfTheSeed) {
 // ---- the price of opacity and size
 
 TEST(Mcmc, GradientsAreThoseOfTheMeanOpacityAndSizeForRowsSeen) {
-  Field field({0.3f, 0.6f, 0.9f});
+  McmcField field({0.3f, 0.6f, 0.9f});
   field.rule.opacity_weight = 0.5f;
   field.rule.scale_weight = 0.2f;
   Parameters& p = field.parameters;
@@ -352,10 +351,10 @@ TEST(Mcmc, GradientsAreThoseOfTheMeanOpacityAndSizeForRowsSeen) {
   EXPECT_TRUE(all_close(got, expected, {1e-6, 1e-7}));
 }
 
-std::vector<uint32_t> bits_after(uint32_t seed) {
+std::vector<uint32_t> mcmc_bits_after(uint32_t seed) {
   std::vector<float> opacities;
   for (int i = 0; i < 300; ++i) opacities.push_back(i % 3 ? 0.01f * float(3 + i % 40) : 0.001f);
-  Field field(opacities);
+  McmcField field(opacities);
   field.rule.growth = 0.2f;
   field.refine(seed);
   std::vector<uint32_t> bits;
@@ -369,8 +368,8 @@ std::vector<uint32_t> bits_after(uint32_t seed) {
 }
 
 TEST(Mcmc, GivesTheSameBitsForASeedAndOthersForAnother) {
-  EXPECT_EQ(bits_after(5), bits_after(5));
-  EXPECT_NE(bits_after(5), bits_after(6));
+  EXPECT_EQ(mcmc_bits_after(5), mcmc_bits_after(5));
+  EXPECT_NE(mcmc_bits_after(5), mcmc_bits_after(6));
 }
 
 }  // namespace

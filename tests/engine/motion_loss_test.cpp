@@ -16,7 +16,7 @@
 namespace gflow {
 namespace {
 
-constexpr size_t kCount = 40;
+constexpr size_t MOVERS = 40;
 constexpr double kExtent = 3;
 
 // Gaussians at three moments, in double: means [N, 3] and factors [N, 3, 3].
@@ -48,7 +48,7 @@ Eigen::Matrix3d random_factor(Random& random) {
 Moments random_moments() {
   Random random(3);
   Moments m;
-  for (size_t i = 0; i < kCount; ++i) {
+  for (size_t i = 0; i < MOVERS; ++i) {
     const Eigen::Vector3d mean = eigen(random.three());
     put(m.means1, mean);
     put(m.means0, mean + 0.1 * eigen(random.three()));
@@ -68,7 +68,7 @@ Moments rigid_moments() {
   const Eigen::Vector3d shift(0.3, -0.2, 0.5);
   m.means2.clear();
   m.factors2.clear();
-  for (size_t i = 0; i < kCount; ++i) {
+  for (size_t i = 0; i < MOVERS; ++i) {
     put(m.means2, turn * eigen_row(m.means1, i) + shift);
     put(m.factors2, turn * eigen_factor(m.factors1, i));
   }
@@ -79,9 +79,9 @@ Moments rigid_moments() {
 NeighbourPairs ring(const Moments& m, double stretch = 1) {
   NeighbourPairs pairs;
   pairs.offsets = {0};
-  for (size_t i = 0; i < kCount; ++i) {
+  for (size_t i = 0; i < MOVERS; ++i) {
     for (const size_t step : {size_t(1), size_t(5), size_t(9)})
-      for (const size_t j : {(i + step) % kCount, (i + kCount - step) % kCount}) {
+      for (const size_t j : {(i + step) % MOVERS, (i + MOVERS - step) % MOVERS}) {
         pairs.others.push_back(cl_uint(j));
         const double d = (eigen_row(m.means1, i) - eigen_row(m.means1, j)).norm();
         pairs.distances.push_back(float(stretch * d));
@@ -93,7 +93,7 @@ NeighbourPairs ring(const Moments& m, double stretch = 1) {
 
 bool seen_row(size_t i) { return i % 4 != 3; }
 
-MotionLossWeights only(float MotionLossWeights::*term) {
+MotionLossWeights only_term(float MotionLossWeights::*term) {
   MotionLossWeights w;
   w.extent = float(kExtent);
   w.falloff = 2;
@@ -101,7 +101,7 @@ MotionLossWeights only(float MotionLossWeights::*term) {
   return w;
 }
 MotionLossWeights all_terms() {
-  MotionLossWeights w = only(&MotionLossWeights::rigidity);
+  MotionLossWeights w = only_term(&MotionLossWeights::rigidity);
   w.rotation = 0.1f;
   w.isometry = 0.5f;
   w.velocity = 0.3f;
@@ -115,7 +115,7 @@ double rho(double square, double knee) { return std::sqrt(square + knee * knee) 
 double plain_loss(const MotionLossWeights& w, const NeighbourPairs& pairs, const Moments& m) {
   const double knee = 1e-3 * double(w.extent), extent = double(w.extent);
   std::vector<Eigen::Matrix3d> turns;
-  for (size_t i = 0; i < kCount; ++i) {
+  for (size_t i = 0; i < MOVERS; ++i) {
     const auto rotation = [&](const std::vector<double>& factors) {
       Eigen::Matrix3d axes = eigen_factor(factors, i);
       for (int k = 0; k < 3; ++k) axes.col(k).normalize();
@@ -127,7 +127,7 @@ double plain_loss(const MotionLossWeights& w, const NeighbourPairs& pairs, const
   std::sort(distances.begin(), distances.end());
   const double median = double(distances[distances.size() / 2]);
   double sum = 0, bends = 0;
-  for (cl_uint i = 0; i < kCount; ++i)
+  for (cl_uint i = 0; i < MOVERS; ++i)
     for (size_t k = pairs.offsets[i]; k < pairs.offsets[i + 1]; ++k) {
       const cl_uint j = pairs.others[k];
       if (i > j || !seen_row(i) || !seen_row(j)) continue;
@@ -145,13 +145,13 @@ double plain_loss(const MotionLossWeights& w, const NeighbourPairs& pairs, const
              (double(w.rigidity) * rigidity / extent + double(w.rotation) * rotation +
               double(w.isometry) * isometry / extent + double(w.velocity) * velocity / extent);
     }
-  for (size_t i = 0; i < kCount; ++i)
+  for (size_t i = 0; i < MOVERS; ++i)
     if (seen_row(i))
       bends += rho((eigen_row(m.means0, i) - 2 * eigen_row(m.means1, i) + eigen_row(m.means2, i))
                        .squaredNorm(),
                    knee);
   return sum / (0.5 * double(pairs.others.size())) +
-         double(w.acceleration) * bends / (extent * kCount);
+         double(w.acceleration) * bends / (extent * MOVERS);
 }
 
 // Gradients of `plain_loss` by central differences, in the order of the fields of Moments.
@@ -171,29 +171,29 @@ std::vector<std::vector<double>> plain_gradients(const MotionLossWeights& w,
   return all;
 }
 
-struct Result {
+struct MotionResult {
   std::vector<std::vector<float>> gradients;  // as plain_gradients
   MotionLossValue value;
 };
 
-Result run(Queue& queue, const MotionLossWeights& w, const NeighbourPairs& pairs,
-           const Moments& m) {
+MotionResult run(Queue& queue, const MotionLossWeights& w, const NeighbourPairs& pairs,
+                 const Moments& m) {
   MotionLoss loss(queue, w);
   loss.set_pairs(queue, pairs);
   const auto at = [&](const std::vector<double>& means, const std::vector<double>& factors) {
     GaussiansAt g;
-    g.ensure(queue, kCount);
+    g.ensure(queue, MOVERS);
     g.means.write(queue, to_float(means));
     g.factors.write(queue, to_float(factors));
     return g;
   };
   std::vector<cl_uint> seen;
-  for (size_t i = 0; i < kCount; ++i) seen.push_back(seen_row(i) ? 2 : 0);
+  for (size_t i = 0; i < MOVERS; ++i) seen.push_back(seen_row(i) ? 2 : 0);
   const GaussiansAt t0 = at(m.means0, m.factors1), t1 = at(m.means1, m.factors1);
   const GaussiansAt t2 = at(m.means2, m.factors2);
   GaussianGradients v;
-  v.ensure(queue, kCount);
-  v.v_means_t0.ensure(queue, 3 * kCount);
+  v.ensure(queue, MOVERS);
+  v.v_means_t0.ensure(queue, 3 * MOVERS);
   for (Buffer<float>* b : {&v.v_means, &v.v_factors, &v.v_means_t2, &v.v_factors_t2, &v.v_means_t0})
     b->fill(queue, 0);
   loss.run(queue, Buffer<cl_uint>(queue, seen, "seen"), &t0, t1, t2, v);
@@ -209,8 +209,8 @@ TEST(MotionLoss, IsThePlainFormulaWithItsCentralDifferencesForEachTermAlone) {
   for (const auto term :
        {&MotionLossWeights::rigidity, &MotionLossWeights::rotation, &MotionLossWeights::isometry,
         &MotionLossWeights::velocity, &MotionLossWeights::acceleration}) {
-    const MotionLossWeights w = only(term);
-    const Result found = run(queue, w, pairs, m);
+    const MotionLossWeights w = only_term(term);
+    const MotionResult found = run(queue, w, pairs, m);
     const double value = plain_loss(w, pairs, m);
     EXPECT_GT(value, 1e-3);
     EXPECT_NEAR(found.value.total(), value, 1e-6 * value);
@@ -224,7 +224,7 @@ TEST(MotionLoss, OfAllTermsIsTheSum) {
   Queue queue = test_queue();
   const Moments m = random_moments();
   const NeighbourPairs pairs = ring(m, 0.9);
-  const Result found = run(queue, all_terms(), pairs, m);
+  const MotionResult found = run(queue, all_terms(), pairs, m);
   EXPECT_NEAR(found.value.total(), plain_loss(all_terms(), pairs, m), 1e-6);
   const auto expected = plain_gradients(all_terms(), pairs, m);
   for (size_t k = 0; k < expected.size(); ++k) {
@@ -282,7 +282,7 @@ TEST(MotionLoss, OfARigidMotionOfEverythingIsNothing) {
   const Moments m = rigid_moments();
   MotionLossWeights w = all_terms();
   w.velocity = w.acceleration = 0;  // those do see a turn
-  const Result found = run(queue, w, ring(m), m);
+  const MotionResult found = run(queue, w, ring(m), m);
   EXPECT_LT(found.value.total(), 1e-8);
   for (const auto& gradient : found.gradients) EXPECT_LT(norm(gradient), 1e-4);
   w.velocity = 1;
@@ -295,7 +295,7 @@ TEST(MotionLoss, DoesNotChangeWhenTheWorldIsTurned) {
   const Moments m = random_moments();
   const Eigen::Matrix3d turn = random_rotation(random, 3);
   Moments turned;
-  for (size_t i = 0; i < kCount; ++i) {
+  for (size_t i = 0; i < MOVERS; ++i) {
     put(turned.means0, turn * eigen_row(m.means0, i));
     put(turned.means1, turn * eigen_row(m.means1, i));
     put(turned.means2, turn * eigen_row(m.means2, i));
@@ -348,11 +348,11 @@ TEST(MotionLoss, OfBrokenGaussiansHarmsNoOther) {
   broken.means1[3 * 12] = nan;
   broken.means2[3 * 12 + 1] = huge;
   const NeighbourPairs pairs = ring(random_moments());
-  const Result found = run(queue, all_terms(), pairs, broken);
+  const MotionResult found = run(queue, all_terms(), pairs, broken);
   for (const auto& gradient : found.gradients)
     for (const float g : gradient) EXPECT_TRUE(std::isfinite(g));
   EXPECT_TRUE(std::isfinite(found.value.total()));
-  Result whole = run(queue, all_terms(), pairs, m);
+  MotionResult whole = run(queue, all_terms(), pairs, m);
   for (const size_t i : {size_t(0), size_t(20), size_t(30)})  // no neighbours of 12
     for (size_t k = 0; k < 3; ++k)
       EXPECT_EQ(found.gradients[1][3 * i + k], whole.gradients[1][3 * i + k]);
@@ -361,11 +361,11 @@ TEST(MotionLoss, OfBrokenGaussiansHarmsNoOther) {
 TEST(MotionLoss, OfWhatIsNotSeenIsNothingAndTheSameBitsComeTwice) {
   Queue queue = test_queue();
   const Moments m = random_moments();
-  const Result first = run(queue, all_terms(), ring(m, 1.1), m);
-  const Result second = run(queue, all_terms(), ring(m, 1.1), m);
+  const MotionResult first = run(queue, all_terms(), ring(m, 1.1), m);
+  const MotionResult second = run(queue, all_terms(), ring(m, 1.1), m);
   EXPECT_EQ(first.gradients, second.gradients);
   EXPECT_EQ(first.value.total(), second.value.total());
-  for (size_t i = 0; i < kCount; ++i)
+  for (size_t i = 0; i < MOVERS; ++i)
     if (!seen_row(i)) {
       EXPECT_EQ(first.gradients[1][3 * i], 0);
     }
@@ -383,11 +383,11 @@ TEST(MotionLoss, RefusesNeighboursOfOthers) {
 
 // Random Gaussians that live at two times, far from each other, and one that is never there.
 struct Lives {
-  explicit Lives(Queue& queue) : motion(queue, 0.05f), p(queue, kCount, motion.groups()) {
+  explicit Lives(Queue& queue) : motion(queue, 0.05f), p(queue, MOVERS, motion.groups()) {
     Random random(21);
     for (ParameterGroup& group : p.groups) group.values.fill(queue, 0);
     std::vector<float> means, means_t, log_scales, quats;
-    for (size_t i = 0; i < kCount; ++i) {
+    for (size_t i = 0; i < MOVERS; ++i) {
       for (int c = 0; c < 3; ++c) means.push_back(float(random()));
       means_t.push_back(i % 2 ? 0.2f : 0.8f);
       log_scales.insert(log_scales.end(), {-3, -3, -3, std::log(0.05f)});
@@ -422,14 +422,14 @@ TEST(NeighbourPairs, AreTheNearestAmongThoseThereAtTheSameTime) {
   // whether fewer than `count` others are nearer to i than j
   const auto chosen = [&](size_t i, size_t j) {
     size_t nearer = 0;
-    for (size_t k = 0; k < kCount; ++k)
+    for (size_t k = 0; k < MOVERS; ++k)
       nearer += k != i && k != j && Lives::together(i, k) && distance(i, k) < distance(i, j);
     return Lives::together(i, j) && i != j && nearer < rule.count;
   };
-  ASSERT_EQ(pairs.offsets.size(), kCount + 1);
-  for (cl_uint i = 0; i < kCount; ++i) {
+  ASSERT_EQ(pairs.offsets.size(), MOVERS + 1);
+  for (cl_uint i = 0; i < MOVERS; ++i) {
     std::vector<cl_uint> expected;
-    for (cl_uint j = 0; j < kCount; ++j)
+    for (cl_uint j = 0; j < MOVERS; ++j)
       if (chosen(i, j) || chosen(j, i)) expected.push_back(j);
     const std::vector<cl_uint> found(pairs.others.begin() + pairs.offsets[i],
                                      pairs.others.begin() + pairs.offsets[i + 1]);
@@ -455,16 +455,16 @@ TEST(NeighbourPairs, GoThroughACheckpointAndDamagedOnesAreRefused) {
   const NeighbourPairs pairs = ring(random_moments());
   Arrays arrays;
   save_state(pairs, arrays);
-  const NeighbourPairs back = load_neighbours(arrays, kCount, "c.npz");
+  const NeighbourPairs back = load_neighbours(arrays, MOVERS, "c.npz");
   EXPECT_EQ(back.offsets, pairs.offsets);
   EXPECT_EQ(back.others, pairs.others);
   EXPECT_EQ(back.distances, pairs.distances);
-  EXPECT_THROW(load_neighbours(arrays, kCount + 1, "c.npz"), Error);
+  EXPECT_THROW(load_neighbours(arrays, MOVERS + 1, "c.npz"), Error);
   NeighbourPairs outside = pairs;
-  outside.others[3] = kCount;
+  outside.others[3] = MOVERS;
   save_state(outside, arrays);
-  EXPECT_THROW(load_neighbours(arrays, kCount, "c.npz"), Error);
-  EXPECT_THROW(load_neighbours({}, kCount, "c.npz"), Error);
+  EXPECT_THROW(load_neighbours(arrays, MOVERS, "c.npz"), Error);
+  EXPECT_THROW(load_neighbours({}, MOVERS, "c.npz"), Error);
 }
 
 TEST(NearestPoints, AreAtMostAsManyAsThereAre) {

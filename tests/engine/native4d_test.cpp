@@ -10,11 +10,12 @@
 #include "compare.hpp"
 #include "device_scene.hpp"
 #include "engine/eigen_maths.hpp"
+#include "numbers.hpp"
 
 namespace gflow {
 namespace {
 
-Native4d random_gaussian(Random& random) {
+Native4d random_native4d(Random& random) {
   Native4d g;
   g.mean = random.three();
   g.mean_t = random();
@@ -40,7 +41,7 @@ Eigen::Matrix4d rotation4(const Native4d& g) {
 TEST(Native4d, CutIsTheConditionalDistributionAtThatTime) {
   Random random(1);
   for (int i = 0; i < 50; ++i) {
-    const Native4d g = random_gaussian(random);
+    const Native4d g = random_native4d(random);
     const double t = random();
     const Eigen::Matrix4d r = rotation4(g);
     EXPECT_LT((r * r.transpose() - Eigen::Matrix4d::Identity()).norm(), 1e-14);
@@ -60,7 +61,7 @@ TEST(Native4d, CutIsTheConditionalDistributionAtThatTime) {
 
 TEST(Native4d, EqualQuaternionsTurnSpaceOnlyAndNothingMoves) {
   Random random(2);
-  Native4d g = random_gaussian(random);
+  Native4d g = random_native4d(random);
   g.quat_r = g.quat;
   const Slice cut = slice_at(g, g.mean_t + .7);
   EXPECT_LT((eigen(cut.mean) - eigen(g.mean)).norm(), 1e-14);
@@ -89,7 +90,7 @@ Native4d from_flat(const std::vector<double>& x) {
 TEST(Native4d, GradientEqualsCentralDifferences) {
   Random random(3);
   for (int i = 0; i < 30; ++i) {
-    const Native4d g = random_gaussian(random);
+    const Native4d g = random_native4d(random);
     const double t = g.mean_t + .5 * random(), v_opacity = random();
     const real3 v_mean = random.three();
     const Mat3 v_l = random.nine();
@@ -106,7 +107,7 @@ TEST(Native4d, GradientEqualsCentralDifferences) {
 
 TEST(Native4d, OpacityGradientIsExactForSaturatedLogits) {
   Random random(4);
-  Native4d g = random_gaussian(random);
+  Native4d g = random_native4d(random);
   for (double x : {-80., -20., 20., 80.}) {
     g.logit_opacity = x;
     const Native4d v = slice_vjp(g, g.mean_t, {0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}, 1);
@@ -117,17 +118,17 @@ TEST(Native4d, OpacityGradientIsExactForSaturatedLogits) {
 
 // ---- on the device
 
-constexpr size_t N = 37;
+constexpr size_t N_NATIVE4D = 37;
 
-struct Model {
+struct Native4dModel {
   Parameters p;
   reference::Named values;
 };
-Model random_model(Queue& queue, const Native4dMotion& motion) {
-  Model m{Parameters(queue, N, motion.groups()), {}};
+Native4dModel random_model(Queue& queue, const Native4dMotion& motion) {
+  Native4dModel m{Parameters(queue, N_NATIVE4D, motion.groups()), {}};
   Random random(5);
-  for (size_t i = 0; i < N; ++i) {
-    const Native4d g = random_gaussian(random);
+  for (size_t i = 0; i < N_NATIVE4D; ++i) {
+    const Native4d g = random_native4d(random);
     append(m.values, "means", {g.mean.x, g.mean.y, g.mean.z});
     append(m.values, "means_t", {g.mean_t});
     append(m.values, "quats", {g.quat.x, g.quat.y, g.quat.z, g.quat.w});
@@ -141,19 +142,16 @@ Model random_model(Queue& queue, const Native4dMotion& motion) {
   return m;
 }
 
-// float32: some 100 roundings of values of order 1 to 10
-const Tolerance FLOAT_MATHS{1e-5, 1e-5};
-
 TEST(Native4d, DeviceCutsAsTheDoubleFormulas) {
   Queue queue = test_queue();
   Native4dMotion motion(queue, .5f);
-  Model m = random_model(queue, motion);
+  Native4dModel m = random_model(queue, motion);
   GaussiansAt windowed, whole;
-  const Buffer<cl_uint> all(queue, std::vector<cl_uint>(N, 1u), "seen");
+  const Buffer<cl_uint> all(queue, std::vector<cl_uint>(N_NATIVE4D, 1u), "seen");
   motion.at(queue, m.p, .25f, nullptr, windowed);
   motion.at(queue, m.p, .25f, &all, whole);
   std::vector<double> means, factors, opacities;
-  for (size_t i = 0; i < N; ++i) {
+  for (size_t i = 0; i < N_NATIVE4D; ++i) {
     const Slice s = slice_at(reference::native4d_row(m.values, i), .25);
     for (double x : {s.mean.x, s.mean.y, s.mean.z}) means.push_back(x);
     for (real3 r : {s.factor.r1, s.factor.r2, s.factor.r3})
@@ -165,24 +163,24 @@ TEST(Native4d, DeviceCutsAsTheDoubleFormulas) {
   EXPECT_TRUE(all_close(windowed.opacities.read(queue), opacities, FLOAT_MATHS));
   const auto cut = std::count(opacities.begin(), opacities.end(), 0.0);
   EXPECT_GT(cut, 0);
-  EXPECT_LT(cut, std::ptrdiff_t(N));
+  EXPECT_LT(cut, std::ptrdiff_t(N_NATIVE4D));
 }
 
 TEST(Native4d, DeviceGradientOfTwoTimesIsTheSumForWhatWasSeenAndUntouchedElsewhere) {
   Queue queue = test_queue();
   Native4dMotion motion(queue, .05f);
-  Model m = random_model(queue, motion);
+  Native4dModel m = random_model(queue, motion);
   Random random(6);
   reference::Named v;  // gradients by the Gaussians at two times
   std::vector<cl_uint> touched;
-  for (size_t i = 0; i < N; ++i) {
+  for (size_t i = 0; i < N_NATIVE4D; ++i) {
     for (int k = 0; k < 3; ++k) append(v, "mean1", {random()}), append(v, "mean2", {random()});
     for (int k = 0; k < 9; ++k) append(v, "factor1", {random()}), append(v, "factor2", {random()});
     append(v, "opacity", {random()});
     touched.push_back(i % 3 ? 4 : 0);
   }
   reference::Named expected = reference::zeros_like(m.values);
-  for (size_t i = 0; i < N; ++i) {
+  for (size_t i = 0; i < N_NATIVE4D; ++i) {
     const Native4d g = reference::native4d_row(m.values, i);
     if (!touched[i]) continue;
     reference::add_native4d_row(expected, i,
@@ -203,14 +201,14 @@ TEST(Native4d, DeviceGradientOfTwoTimesIsTheSumForWhatWasSeenAndUntouchedElsewhe
   motion.backward(queue, m.p, .375f, false, tiles_touched, upload("mean2"), upload("factor2"),
                   opacity);
   for (auto& [name, values] : expected) {
-    const size_t width = values.size() / N;
-    for (size_t i = 0; i < N; ++i)
+    const size_t width = values.size() / N_NATIVE4D;
+    for (size_t i = 0; i < N_NATIVE4D; ++i)
       if (!touched[i]) std::fill_n(values.begin() + i * width, width, 7.0);
     // 1/|p_t|^4 of the shortest times multiplies the rounding, so the norm is what is compared
     EXPECT_LT(relative_l2(m.p[name].grads.read(queue), values), 1e-5) << name;
   }
   const std::vector<cl_uint> seen = m.p.rows.seen.read(queue);
-  for (size_t i = 0; i < N; ++i) EXPECT_EQ(seen[i], touched[i] ? 1u : 0u);
+  for (size_t i = 0; i < N_NATIVE4D; ++i) EXPECT_EQ(seen[i], touched[i] ? 1u : 0u);
 }
 
 }  // namespace

@@ -13,18 +13,18 @@ namespace gflow {
 namespace {
 
 // A case's file and what its name says of it.
-struct Case {
+struct OracleCase {
   std::string path, name;
   SplatOptions options;
   bool needles;  // splats of 1000 : 1
 };
 
-std::vector<Case> cases() {
-  std::vector<Case> found;
+std::vector<OracleCase> cases() {
+  std::vector<OracleCase> found;
   const auto add = [&](const std::string& folder, const std::string& name) {
     const std::string path = GFLOW_SOURCE_DIR + folder + name + ".npz";
     if (!std::filesystem::exists(path)) return;
-    Case c{path, name, {}, name.find("needles") == 0};
+    OracleCase c{path, name, {}, name.find("needles") == 0};
     std::string transport = name.substr(name.find('_') + 1);
     if (transport.find("_exclude") != std::string::npos) {
       c.options.settings.stop = StopRule::exclude;
@@ -55,7 +55,7 @@ double largest_error_of(const Array& actual, const Array& expected, const Array&
 
 // The bounds the engine is held to: images 5e-6 of their range, flow in px; gradients relative L2,
 // looser for the maps with square roots and for needles, whose conditioning is that much worse.
-void expect_case(const Case& c, int lanes) {
+void expect_case(const OracleCase& c, int lanes) {
   SCOPED_TRACE(c.name + ", lanes " + std::to_string(lanes));
   Queue queue = test_queue(lanes);
   const Arrays input = read_npz(c.path);
@@ -84,7 +84,7 @@ void expect_case(const Case& c, int lanes) {
 }
 
 TEST(Oracle, AgreesForEveryLaneWidth) {
-  for (const Case& c : cases()) {
+  for (const OracleCase& c : cases()) {
     expect_case(c, 16);
     if (c.options.settings.stop == StopRule::exclude)
       continue;  // programs of their own: splat_test

@@ -15,14 +15,14 @@
 namespace gflow {
 namespace {
 
-constexpr size_t N = 3000;
+constexpr size_t N_ORDER = 3000;
 
 struct Cloud {
   std::vector<float> means, means_t, log_scales;
   Cloud() {
     std::mt19937 rng(3);
     const auto uniform = [&] { return float(rng() % 100000) / 100000; };
-    for (size_t i = 0; i < N; ++i) {
+    for (size_t i = 0; i < N_ORDER; ++i) {
       for (int axis = 0; axis < 3; ++axis) means.push_back(4 * uniform() - 2);
       means_t.push_back(uniform());
       for (int axis = 0; axis < 3; ++axis) log_scales.push_back(-4);
@@ -35,17 +35,18 @@ struct Cloud {
 TEST(RowOrder, PutsNeighboursInTimeAndSpaceTogether) {
   const Cloud cloud;
   const std::vector<uint32_t> order = cloud.order();
-  EXPECT_EQ(std::set<uint32_t>(order.begin(), order.end()).size(), N);
+  EXPECT_EQ(std::set<uint32_t>(order.begin(), order.end()).size(), N_ORDER);
   double apart = 0, moments = 0;
-  for (size_t j = 0; j < N; ++j) {
-    EXPECT_EQ(order[j] % 3 == 0, j < N / 3) << j;  // those that last come first
+  for (size_t j = 0; j < N_ORDER; ++j) {
+    EXPECT_EQ(order[j] % 3 == 0, j < N_ORDER / 3) << j;  // those that last come first
     if (j == 0) continue;
     double square = 0;
     for (size_t axis = 0; axis < 3; ++axis)
       square +=
           std::pow(cloud.means[3 * order[j] + axis] - cloud.means[3 * order[j - 1] + axis], 2);
-    apart += std::sqrt(square) / N;
-    if (j > N / 3) moments += std::fabs(cloud.means_t[order[j]] - cloud.means_t[order[j - 1]]) / N;
+    apart += std::sqrt(square) / N_ORDER;
+    if (j > N_ORDER / 3)
+      moments += std::fabs(cloud.means_t[order[j]] - cloud.means_t[order[j - 1]]) / N_ORDER;
   }
   // In a cube with edges of 4, a grid of 1000 points has steps of .4, one of 125 (a sixteenth of
   // those that do not last) of .8, and a Z curve through points that are no grid steps half as far
@@ -64,10 +65,10 @@ TEST(RowOrder, PutsWhatIsNotFiniteLastAndIsNotSpreadByWhatFlewAway) {
   EXPECT_EQ(std::set<uint32_t>(order.end() - 2, order.end()),
             (std::set<uint32_t>{before[5], before[7]}));
   size_t same = 0;  // of the others' successors
-  std::vector<uint32_t> next(N);
-  for (size_t j = 0; j + 1 < N; ++j) next[before[j]] = before[j + 1];
-  for (size_t j = 0; j + 1 < N; ++j) same += next[order[j]] == order[j + 1];
-  EXPECT_GT(same, N * 9 / 10);
+  std::vector<uint32_t> next(N_ORDER);
+  for (size_t j = 0; j + 1 < N_ORDER; ++j) next[before[j]] = before[j + 1];
+  for (size_t j = 0; j + 1 < N_ORDER; ++j) same += next[order[j]] == order[j + 1];
+  EXPECT_GT(same, N_ORDER * 9 / 10);
   EXPECT_TRUE(order_of({}, {}, {}, 1).empty());
 }
 
@@ -75,15 +76,15 @@ TEST(RowOrder, KeepsWhatEachGaussianHasAndThoseThatRestLast) {
   const Cloud cloud;
   Queue queue = test_queue();
   constexpr size_t moving = 2000;
-  Parameters p(queue, N, spacetime_groups(), {}, moving);
+  Parameters p(queue, N_ORDER, spacetime_groups(), {}, moving);
   p["means"].values.write(queue, cloud.means);
   p["means_t"].values.write(queue, cloud.means_t);
   p["log_scales"].values.write(queue, cloud.log_scales);
-  std::vector<cl_uint> steps(N);
-  std::vector<float> velocities(3 * moving), opacities(N), moments(3 * N);
-  for (size_t i = 0; i < N; ++i) {
+  std::vector<cl_uint> steps(N_ORDER);
+  std::vector<float> velocities(3 * moving), opacities(N_ORDER), moments(3 * N_ORDER);
+  for (size_t i = 0; i < N_ORDER; ++i) {
     steps[i] = cl_uint(i);
-    opacities[i] = float(i) / N;
+    opacities[i] = float(i) / N_ORDER;
     moments[3 * i] = float(i);
     if (i < moving) velocities[3 * i + 1] = float(i);
   }
@@ -102,7 +103,7 @@ TEST(RowOrder, KeepsWhatEachGaussianHasAndThoseThatRestLast) {
   const std::vector<float> new_opacities = p["logit_opacities"].values.read(queue);
   const std::vector<float> new_moments = p["means"].exp_avg.read(queue);
   size_t moved = 0;
-  for (size_t j = 0; j < N; ++j) {
+  for (size_t j = 0; j < N_ORDER; ++j) {
     const size_t i = source[j];
     moved += i != j;
     EXPECT_EQ(i < moving, j < moving);
@@ -114,9 +115,9 @@ TEST(RowOrder, KeepsWhatEachGaussianHasAndThoseThatRestLast) {
       EXPECT_EQ(new_velocities[3 * j + 1], velocities[3 * i + 1]);
     }
   }
-  EXPECT_GT(moved, N / 2);
+  EXPECT_GT(moved, N_ORDER / 2);
   const std::vector<cl_uint> again = order.sort(queue, p, 1).read(queue);
-  for (size_t j = 0; j < N; ++j) EXPECT_EQ(again[j], j);  // in order already
+  for (size_t j = 0; j < N_ORDER; ++j) EXPECT_EQ(again[j], j);  // in order already
 }
 
 }  // namespace

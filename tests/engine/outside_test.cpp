@@ -14,17 +14,15 @@ namespace {
 
 // The models that look at the camera; lanes: 0 what suits the device, 1 as on GPUs.
 class Outside : public testing::TestWithParam<std::tuple<MotionModelKind, int>> {};
-INSTANTIATE_TEST_SUITE_P(Motion, Outside,
-                         testing::Combine(testing::Values(MotionModelKind::spacetime,
-                                                          MotionModelKind::native4d,
-                                                          MotionModelKind::keyframes,
-                                                          MotionModelKind::bases),
-                                          testing::Values(0, 1)),
-                         [](const auto& info) {
-                           const MotionModelKind kind = std::get<0>(info.param);
-                           return fmt::format("{}_{}", names_of(kind)[size_t(kind)],
-                                              std::get<1>(info.param));
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    Motion, Outside,
+    testing::Combine(testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
+                                     MotionModelKind::keyframes, MotionModelKind::bases),
+                     testing::Values(0, 1)),
+    [](const auto& info) {
+      const MotionModelKind kind = std::get<0>(info.param);
+      return fmt::format("{}_{}", names_of(kind)[size_t(kind)], std::get<1>(info.param));
+    });
 
 // Values up to so much of a group: needles, large and small ones, that cross the view.
 float most_of(const GroupSpec& spec) {
@@ -34,7 +32,7 @@ float most_of(const GroupSpec& spec) {
   return spec.name == "basis_shifts" || spec.name == "key_shifts" ? 6 : 1.5f;
 }
 
-constexpr size_t N = 4000, SOME_MOVE = 3000;
+constexpr size_t N_OUTSIDE = 4000, SOME_MOVE = 3000;
 
 // The first has no place.
 void fill_randomly(Queue& queue, Parameters& p) {
@@ -50,7 +48,7 @@ void fill_randomly(Queue& queue, Parameters& p) {
       if (spec.name == "means") values[0] = NAN;
       // Quaternions whose length no square holds, and those that are no direction.
       if (spec.quantity == Quantity::rotation && spec.width == 4 && table == &p)
-        for (size_t i = 0; i < N; ++i)
+        for (size_t i = 0; i < N_OUTSIDE; ++i)
           for (size_t k = 0; k < 4; ++k)
             values[4 * i + k] *= i % 50 == 1 ? 1e19f : i % 50 == 2 ? 3e-8f : 1;
       table->groups[g].values.write(queue, values);
@@ -66,7 +64,7 @@ TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
   shape.key_scales = 1;
   shape.bases = 3;
   const auto motion = make_motion(queue, shape);
-  Parameters p(queue, N, motion->groups(), motion->tables());
+  Parameters p(queue, N_OUTSIDE, motion->groups(), motion->tables());
   fill_randomly(queue, p);
 
   PinholeCamera camera = test_camera(64, 48);
@@ -78,7 +76,7 @@ TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
   part.full_height = 90;
   for (const PinholeCamera& c : {camera, part})
     for (const bool boxes : {true, false})
-      for (const size_t moving : {N, SOME_MOVE}) {
+      for (const size_t moving : {N_OUTSIDE, SOME_MOVE}) {
         p.moving = moving;
         EngineSettings settings;
         settings.skip.boxes = boxes;
@@ -95,7 +93,7 @@ TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
         const std::vector<float> shapes = all.factors.read(queue),
                                  shapes_now = some.factors.read(queue);
         size_t there = 0, posed = 0, seen = 0;
-        for (size_t i = 0; i < N; ++i) {
+        for (size_t i = 0; i < N_OUTSIDE; ++i) {
           there += before[i] > 0;
           posed += now[i] > 0;
           seen += touched[i] > 0;

@@ -7,11 +7,11 @@
 #include <cmath>
 
 #include "compare.hpp"
+#include "numbers.hpp"
 
 namespace gflow {
 namespace {
 
-double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
 double logit_of(double p) { return std::log(p / (1 - p)); }
 
 // Kheradmand et al. 2024, eq. 9: the factor of the scales, by the sum as printed.

@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-constexpr size_t kCount = 21;
+constexpr size_t RESTING = 21;
 
 // Every third one moves.
 bool moves_in_test(size_t i) { return i % 3 == 0; }
@@ -28,7 +28,7 @@ MotionShape shape_of(MotionModelKind kind) {
 class TwoCopies {
  public:
   explicit TwoCopies(const MotionShape& shape)
-      : queue(test_queue()), all(queue, shape, kCount, {}), split(queue, shape, kCount, {}) {
+      : queue(test_queue()), all(queue, shape, RESTING, {}), split(queue, shape, RESTING, {}) {
     for (MotionCheck* copy : {&all, &split}) {
       Parameters& p = copy->parameters();
       for (size_t g = 0; g < p.groups.size(); ++g)
@@ -45,12 +45,12 @@ class TwoCopies {
           group.exp_avg.write(queue, own);
           group.exp_avg_sq.write(queue, own);
         }
-      std::vector<cl_uint> steps(kCount);
-      for (size_t i = 0; i < kCount; ++i) steps[i] = cl_uint(100 + i);
+      std::vector<cl_uint> steps(RESTING);
+      for (size_t i = 0; i < RESTING; ++i) steps[i] = cl_uint(100 + i);
       p.rows.steps.write(queue, steps);
     }
     std::vector<cl_uint> moves;
-    for (size_t i = 0; i < kCount; ++i) moves.push_back(moves_in_test(i));
+    for (size_t i = 0; i < RESTING; ++i) moves.push_back(moves_in_test(i));
     order = move(split.parameters(), moves);
   }
 
@@ -75,9 +75,9 @@ class TwoCopies {
     const std::vector<float> rest =
         spec.rest_of.empty() ? std::vector<float>{} : p[spec.rest_of].values.read(queue);
     for (size_t k = 0; k < keys; ++k)
-      for (size_t i = 0; i < kCount; ++i)
+      for (size_t i = 0; i < RESTING; ++i)
         for (size_t c = 0; c < spec.width && !moves_in_test(i); ++c)
-          values[(k * kCount + i) * spec.width + c] =
+          values[(k * RESTING + i) * spec.width + c] =
               rest.empty() ? (spec.rest < 0 ? -200 : 0) : rest[i * spec.width + c];
     group.values.write(queue, values);
   }
@@ -103,7 +103,7 @@ INSTANTIATE_TEST_SUITE_P(Motion, RestOf,
 TEST_P(RestOf, GaussiansAtRestAreShownAsThoseThatMoveAtNoSpeed) {
   TwoCopies made(shape_of(GetParam()));
   ASSERT_EQ(made.split.parameters().moving, 7u);
-  const Buffer<cl_uint> seen(made.queue, std::vector<cl_uint>(kCount, 1u), "seen");
+  const Buffer<cl_uint> seen(made.queue, std::vector<cl_uint>(RESTING, 1u), "seen");
   for (const float t : {0.f, 0.7f, 2.f}) {
     GaussiansAt all, split;
     // Opacities are known where they are drawn, poses of all at a second time.
@@ -112,7 +112,7 @@ TEST_P(RestOf, GaussiansAtRestAreShownAsThoseThatMoveAtNoSpeed) {
     made.all.motion().at(made.queue, made.all.parameters(), t, &seen, all);
     made.split.motion().at(made.queue, made.split.parameters(), t, &seen, split);
     const auto expect_same = [&](const Buffer<float>& a, const Buffer<float>& b, size_t width) {
-      EXPECT_EQ(ordered(a.read(made.queue), made.order, kCount, width), b.read(made.queue)) << t;
+      EXPECT_EQ(ordered(a.read(made.queue), made.order, RESTING, width), b.read(made.queue)) << t;
     };
     expect_same(all.means, split.means, 3);
     expect_same(all.factors, split.factors, 9);
@@ -127,29 +127,29 @@ TEST_P(RestOf, GradientsAreThoseOfNoSpeed) {
   Queue& queue = made.queue;
   Random random(3);
   const auto numbers = [&](size_t width) {
-    std::vector<float> values(width * kCount);
+    std::vector<float> values(width * RESTING);
     for (float& x : values) x = float(random());
     return values;
   };
   const std::vector<float> v_means = numbers(3), v_factors = numbers(9), v_opacities = numbers(1);
   std::vector<cl_uint> touched;
-  for (size_t i = 0; i < kCount; ++i) touched.push_back(i % 5 != 4);
+  for (size_t i = 0; i < RESTING; ++i) touched.push_back(i % 5 != 4);
   const auto backward = [&](MotionCheck& copy, const std::vector<cl_uint>& order) {
-    const Buffer<cl_uint> tiles(queue, ordered(touched, order, kCount, 1), "tiles");
-    const Buffer<float> m(queue, ordered(v_means, order, kCount, 3), "v_means");
-    const Buffer<float> f(queue, ordered(v_factors, order, kCount, 9), "v_factors");
-    const Buffer<float> o(queue, ordered(v_opacities, order, kCount, 1), "v_opacities");
+    const Buffer<cl_uint> tiles(queue, ordered(touched, order, RESTING, 1), "tiles");
+    const Buffer<float> m(queue, ordered(v_means, order, RESTING, 3), "v_means");
+    const Buffer<float> f(queue, ordered(v_factors, order, RESTING, 9), "v_factors");
+    const Buffer<float> o(queue, ordered(v_opacities, order, RESTING, 1), "v_opacities");
     copy.motion().backward(queue, copy.parameters(), 0.4f, true, tiles, m, f, o);
     copy.motion().backward(queue, copy.parameters(), 0.9f, false, tiles, m, f, o);
   };
-  std::vector<cl_uint> identity(kCount);
-  for (size_t i = 0; i < kCount; ++i) identity[i] = cl_uint(i);
+  std::vector<cl_uint> identity(RESTING);
+  for (size_t i = 0; i < RESTING; ++i) identity[i] = cl_uint(i);
   backward(made.all, identity);
   backward(made.split, made.order);
   const Parameters& all = made.all.parameters();
   const Parameters& split = made.split.parameters();
   const std::vector<cl_uint> seen = split.rows.seen.read(queue);
-  EXPECT_EQ(ordered(all.rows.seen.read(queue), made.order, kCount, 1), seen);
+  EXPECT_EQ(ordered(all.rows.seen.read(queue), made.order, RESTING, 1), seen);
   for (size_t g = 0; g < all.groups.size(); ++g) {
     const GroupSpec& spec = all.specs[g];
     std::vector<float> values = all.groups[g].grads.read(queue);
@@ -171,8 +171,8 @@ TEST_P(RestOf, GradientsAreThoseOfNoSpeed) {
       if (const size_t keys = all.more_specs[t].keys) {
         std::vector<float> of_movers;
         for (size_t k = 0; k < keys; ++k) {
-          const auto from = expected.begin() + long(k * kCount * spec.width);
-          const auto part = ordered(std::vector<float>(from, from + long(kCount * spec.width)),
+          const auto from = expected.begin() + long(k * RESTING * spec.width);
+          const auto part = ordered(std::vector<float>(from, from + long(RESTING * spec.width)),
                                     made.order, split.moving, spec.width);
           of_movers.insert(of_movers.end(), part.begin(), part.end());
         }
@@ -189,16 +189,16 @@ TEST_P(RestOf, AllButTheMotionOfThoseAtRestSurvivesThereAndBack) {
   Parameters& p = made.split.parameters();
   // First every other row changes sides or stays, then all move.
   std::vector<cl_uint> some;
-  for (size_t j = 0; j < kCount; ++j) some.push_back(j % 2);
+  for (size_t j = 0; j < RESTING; ++j) some.push_back(j % 2);
   const std::vector<cl_uint> there = made.move(p, some);
-  ASSERT_EQ(p.moving, kCount / 2);
+  ASSERT_EQ(p.moving, RESTING / 2);
   const std::vector<cl_uint> back =
-      ordered(there, made.move(p, std::vector<cl_uint>(kCount, 1u)), kCount, 1);
-  ASSERT_EQ(p.moving, kCount);
-  const std::vector<cl_uint> order = ordered(made.order, back, kCount, 1);
+      ordered(there, made.move(p, std::vector<cl_uint>(RESTING, 1u)), RESTING, 1);
+  ASSERT_EQ(p.moving, RESTING);
+  const std::vector<cl_uint> order = ordered(made.order, back, RESTING, 1);
   const auto always_moved = [&](size_t j) { return back[j] < 7 && some[back[j]]; };
   const Parameters& all = made.all.parameters();
-  EXPECT_EQ(ordered(all.rows.steps.read(queue), order, kCount, 1), p.rows.steps.read(queue));
+  EXPECT_EQ(ordered(all.rows.steps.read(queue), order, RESTING, 1), p.rows.steps.read(queue));
   const auto expect_same = [&](const GroupSpec& spec, const Buffer<float>& before,
                                const Buffer<float>& after, size_t keys, bool own, bool moments) {
     const std::vector<float> a = before.read(queue), b = after.read(queue);
@@ -206,10 +206,10 @@ TEST_P(RestOf, AllButTheMotionOfThoseAtRestSurvivesThereAndBack) {
     const std::vector<float> rest_of =
         spec.rest_of.empty() ? std::vector<float>{} : all[spec.rest_of].values.read(queue);
     for (size_t k = 0; k < keys; ++k)
-      for (size_t j = 0; j < kCount; ++j)
+      for (size_t j = 0; j < RESTING; ++j)
         for (size_t c = 0; c < spec.width; ++c) {
-          const size_t at = (k * kCount + j) * spec.width + c;
-          float expected = a[(k * kCount + order[j]) * spec.width + c];
+          const size_t at = (k * RESTING + j) * spec.width + c;
+          float expected = a[(k * RESTING + order[j]) * spec.width + c];
           if (own && !always_moved(j)) {
             expected = spec.rest;
             if (!rest_of.empty()) expected = rest_of[order[j] * spec.width + c];
@@ -234,22 +234,22 @@ TEST_P(RestOf, AllButTheMotionOfThoseAtRestSurvivesThereAndBack) {
 
 // Gaussians of size 0.1, 0.2 and 0.3 in a video of length 1, each there all the time unless its
 // life is told, at one speed along x and one turn about z.
-struct Made {
+struct MadeRest {
   float speed = 0, turn = 0;
   float life = 1000;
   cl_uint steps = 1000;
 };
 
-class Spacetime {
+class RestSpacetime {
  public:
-  explicit Spacetime(const std::vector<Made>& made)
+  explicit RestSpacetime(const std::vector<MadeRest>& made)
       : queue(test_queue()),
         motion(make_motion(queue, MotionShape{})),
         p(queue, made.size(), motion->groups()) {
     for (ParameterGroup& group : p.groups) group.values.fill(queue, 0);
     std::vector<float> means, means_t, velocities, quats, turns, log_scales;
     std::vector<cl_uint> steps;
-    for (const Made& m : made) {
+    for (const MadeRest& m : made) {
       means.insert(means.end(), {float(steps.size()), 0, 0});
       velocities.insert(velocities.end(), {m.speed, 0, 0});
       quats.insert(quats.end(), {2, 0, 0, 0});
@@ -292,22 +292,22 @@ class Spacetime {
 // limit: 0.01 along x, and for a turn by a, which moves the ends of axes s and s' by a s and a s',
 // a sqrt((s/s')^2 + (s'/s)^2) = a sqrt(4.25) about z.
 TEST(Rest, WhoTravelsAndTurnsLittleComesToRest) {
-  Spacetime made({{0.019f},
-                  {0.021f},
-                  {0},
-                  {0, 0.096f},
-                  {0, 0.098f},
-                  {0.012f, 0.05f},
-                  {0, 0, 1000, 49},
-                  {0, 0, 0.01f},
-                  {NAN}});
+  RestSpacetime made({{0.019f},
+                      {0.021f},
+                      {0},
+                      {0, 0.096f},
+                      {0, 0.098f},
+                      {0.012f, 0.05f},
+                      {0, 0, 1000, 49},
+                      {0, 0, 0.01f},
+                      {NAN}});
   EXPECT_EQ(made.refine(), (std::vector<cl_uint>{1, 4, 5, 6, 7, 8, 0, 2, 3}));
   EXPECT_EQ(made.p.moving, 6u);
   EXPECT_EQ(made.values("velocities").size(), 18u);
 }
 
 TEST(Rest, WhoRestsIsWhereItWasOnAverage) {
-  Spacetime made({{5}, {0.01f, 0.04f}});
+  RestSpacetime made({{5}, {0.01f, 0.04f}});
   made.refine();
   const std::vector<float> means = made.values("means"), quats = made.values("quats");
   EXPECT_NEAR(means[0], 0, 1e-6);
@@ -342,7 +342,7 @@ TEST(Rest, NoPlaceChangesByMoreThanTheBound) {
 }
 
 TEST(Rest, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
-  Spacetime made({{5}, {0}, {0}, {0}});
+  RestSpacetime made({{5}, {0}, {0}, {0}});
   made.rule.wake = 4;
   made.refine();
   ASSERT_EQ(made.p.moving, 1u);
@@ -371,7 +371,7 @@ TEST(Rest, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
 // A view tells what flow asks of those at rest within v_means, or beside it.
 TEST(Rest, FlowPullsTheSameToldInBothWays) {
   const auto pulls = [](float v_mean, float v_mean_t2, bool stood_still) {
-    Spacetime made(std::vector<Made>(1));
+    RestSpacetime made(std::vector<MadeRest>(1));
     made.refine();
     const Buffer<cl_uint> touched(made.queue, {1}, "tiles");
     const Buffer<float> v(made.queue, {v_mean, 0, 0}, "v"),
@@ -389,7 +389,7 @@ TEST(Rest, FlowPullsTheSameToldInBothWays) {
 }
 
 TEST(Rest, NothingMovesAgainWhereThatIsOff) {
-  Spacetime made(std::vector<Made>(1));
+  RestSpacetime made(std::vector<MadeRest>(1));
   made.rule.wake = 0;
   made.refine();
   for (int k = 0; k < 20; ++k) made.see(1, {1});
@@ -398,7 +398,7 @@ TEST(Rest, NothingMovesAgainWhereThatIsOff) {
 }
 
 TEST(Rest, EvidenceOfDensityControlGoesWithItsRows) {
-  Spacetime made({{0}, {5}, {0}});
+  RestSpacetime made({{0}, {5}, {0}});
   AdcDensity density(made.queue);
   const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
   const Buffer<float> v(made.queue, {1, 0, 2, 0, 3, 0}, "v_means2d");
@@ -419,7 +419,7 @@ TEST(Rest, EvidenceOfDensityControlGoesWithItsRows) {
 
 // Of rows 0 moving, 1 and 2 at rest, the last one grows.
 TEST(Rest, WhatGrowsMoves) {
-  Spacetime made({{5}, {0}, {0}});
+  RestSpacetime made({{5}, {0}, {0}});
   made.p["logit_opacities"].values.fill(made.queue, 1);
   made.refine();
   AdcDensity density(made.queue);
@@ -441,7 +441,7 @@ TEST(Rest, WhatGrowsMoves) {
 
 // Row 1 rests and is dead: it goes to one of the others, and whoever shares a place moves.
 TEST(Rest, WhatIsRelocatedMoves) {
-  Spacetime made({{5}, {0}, {0}});
+  RestSpacetime made({{5}, {0}, {0}});
   made.refine();
   made.p["logit_opacities"].values.write(made.queue, {-3, -20, 3});
   McmcDensity density(made.queue);

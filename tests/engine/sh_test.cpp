@@ -89,7 +89,7 @@ TEST(Sh, GradientByThePointEqualsCentralDifferences) {
 
 // ---- on the device
 
-constexpr size_t N = 29;
+constexpr size_t N_SH = 29;
 
 // lanes 0: what suits the device; 1: the kernels of GPUs, whose loops are written out to degree 3,
 // whatever is stored: what they do not pass writes into the next Gaussian's row.
@@ -109,7 +109,7 @@ TEST_P(ShLanes, DeviceColoursAndGradientsAreTheDoubleOnes) {
   Random random(3);
   reference::Named p, v;
   std::vector<cl_uint> touched, seen;
-  for (size_t i = 0; i < N; ++i) {
+  for (size_t i = 0; i < N_SH; ++i) {
     for (int k = 0; k < 3; ++k) {
       append(p, "means", {3 * random()});
       append(p, "sh0", {2 * random()});
@@ -120,7 +120,7 @@ TEST_P(ShLanes, DeviceColoursAndGradientsAreTheDoubleOnes) {
     seen.push_back(i % 3 == 0);
   }
   GaussiansAt gaussians;
-  gaussians.ensure(queue, N);
+  gaussians.ensure(queue, N_SH);
   gaussians.means.write(queue, to_float(p["means"]));
   gaussians.opacities.fill(queue, 1.f);
   const Buffer<cl_uint> tiles_touched(queue, touched, "tiles_touched");
@@ -128,20 +128,20 @@ TEST_P(ShLanes, DeviceColoursAndGradientsAreTheDoubleOnes) {
     const int degree = at / 2;
     const bool skip = at % 2;  // the bands above
     SCOPED_TRACE(fmt::format("degree {}, skip {}", degree, skip));
-    Parameters parameters(queue, N, color_groups(stored));
+    Parameters parameters(queue, N_SH, color_groups(stored));
     for (const char* name : {"sh0", "sh_rest"})
       parameters[name].values.write(queue, to_float(p[name]));
     Buffer<float> colors;
-    const Buffer<cl_uint> all(queue, std::vector<cl_uint>(N, 1u), "seen");
+    const Buffer<cl_uint> all(queue, std::vector<cl_uint>(N_SH, 1u), "seen");
     color.forward(queue, parameters, color.bands(degree, skip), camera, gaussians, all, colors);
 
     // v_means starts at 2, gradients of rows seen before at 1, of others at 7: those are set
     GaussianGradients g;
-    g.ensure(queue, N);
+    g.ensure(queue, N_SH);
     g.v_colors.write(queue, to_float(v["colors"]));
     g.v_means.fill(queue, 2.f);
     for (auto& group : parameters.groups) group.grads.fill(queue, 1.f);
-    for (size_t i = 0; i < N; ++i)
+    for (size_t i = 0; i < N_SH; ++i)
       if (!seen[i]) {
         parameters["sh0"].grads.fill_range(queue, 3 * i, 3, 7.f);
         parameters["sh_rest"].grads.fill_range(queue, rest * i, rest, 7.f);
@@ -151,8 +151,8 @@ TEST_P(ShLanes, DeviceColoursAndGradientsAreTheDoubleOnes) {
                    g);
 
     reference::Named expected = reference::zeros_like(p);
-    std::vector<double> expected_colors, expected_means(3 * N, 2.);
-    for (size_t i = 0; i < N; ++i) {
+    std::vector<double> expected_colors, expected_means(3 * N_SH, 2.);
+    for (size_t i = 0; i < N_SH; ++i) {
       const real3 mean = reference::row3(p["means"], i);
       const real3 c = reference::sh_color(p, i, degree, mean, centre);
       for (double x : {c.x, c.y, c.z}) expected_colors.push_back(x);

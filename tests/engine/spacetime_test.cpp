@@ -10,12 +10,13 @@
 #include "compare.hpp"
 #include "device_scene.hpp"
 #include "engine/eigen_maths.hpp"
+#include "numbers.hpp"
 #include "reference/spacetime.hpp"
 
 namespace gflow {
 namespace {
 
-Spacetime random_gaussian(Random& random) {
+Spacetime random_spacetime(Random& random) {
   Spacetime g;
   g.mean = random.three();
   g.mean_t = random();
@@ -31,7 +32,7 @@ Spacetime random_gaussian(Random& random) {
 TEST(Spacetime, StraightAndNotTurningItIsTheFourDimensionalGaussianWithThatCutAndVelocity) {
   Random random(1);
   for (int i = 0; i < 30; ++i) {
-    Spacetime g = random_gaussian(random);
+    Spacetime g = random_spacetime(random);
     g.half_acceleration = {0, 0, 0};
     g.turn = {0, 0, 0, 0};
     const double t = random(), life = std::exp(g.log_scales.w), tau = t - g.mean_t;
@@ -55,7 +56,7 @@ TEST(Spacetime, StraightAndNotTurningItIsTheFourDimensionalGaussianWithThatCutAn
 
 TEST(Spacetime, TheVelocityIsTheDerivativeOfThePathAndTheTurnKeepsTheShape) {
   Random random(2);
-  const Spacetime g = random_gaussian(random);
+  const Spacetime g = random_spacetime(random);
   const double t = g.mean_t + .4, h = 1e-4;
   const Eigen::Vector3d expected =
       (eigen(spacetime_at(g, t + h).mean) - eigen(spacetime_at(g, t - h).mean)) / (2 * h);
@@ -69,7 +70,7 @@ TEST(Spacetime, TheVelocityIsTheDerivativeOfThePathAndTheTurnKeepsTheShape) {
 TEST(Spacetime, GradientEqualsCentralDifferences) {
   Random random(3);
   for (int i = 0; i < 30; ++i) {
-    const Spacetime g = random_gaussian(random);
+    const Spacetime g = random_spacetime(random);
     const double t = g.mean_t + .5 * random(), v_opacity = random();
     const real3 v_mean = random.three();
     const Mat3 v_l = random.nine();
@@ -86,17 +87,17 @@ TEST(Spacetime, GradientEqualsCentralDifferences) {
 
 // ---- on the device
 
-constexpr size_t N = 37;
+constexpr size_t N_SPACETIME = 37;
 
-struct Model {
+struct SpacetimeModel {
   Parameters p;
   std::vector<Spacetime> rows;
 };
-Model random_model(Queue& queue, const SpacetimeMotion& motion) {
-  Model m{Parameters(queue, N, motion.groups()), {}};
+SpacetimeModel random_model(Queue& queue, const SpacetimeMotion& motion) {
+  SpacetimeModel m{Parameters(queue, N_SPACETIME, motion.groups()), {}};
   Random random(5);
-  for (size_t i = 0; i < N; ++i) {
-    m.rows.push_back(random_gaussian(random));
+  for (size_t i = 0; i < N_SPACETIME; ++i) {
+    m.rows.push_back(random_spacetime(random));
     // as the device holds them
     std::vector<double> x = reference::flat(m.rows.back());
     for (double& value : x) value = float(value);
@@ -108,15 +109,12 @@ Model random_model(Queue& queue, const SpacetimeMotion& motion) {
   return m;
 }
 
-// float32: some 100 roundings of values of order 1 to 10
-const Tolerance FLOAT_MATHS{1e-5, 1e-5};
-
 TEST(Spacetime, DeviceCutsAsTheDoubleFormulas) {
   Queue queue = test_queue();
   SpacetimeMotion motion(queue, .5f);
-  Model m = random_model(queue, motion);
+  SpacetimeModel m = random_model(queue, motion);
   GaussiansAt windowed, whole;
-  const Buffer<cl_uint> all(queue, std::vector<cl_uint>(N, 1u), "seen");
+  const Buffer<cl_uint> all(queue, std::vector<cl_uint>(N_SPACETIME, 1u), "seen");
   motion.at(queue, m.p, .25f, nullptr, windowed);
   motion.at(queue, m.p, .25f, &all, whole);
   std::vector<double> means, factors, opacities;
@@ -132,24 +130,24 @@ TEST(Spacetime, DeviceCutsAsTheDoubleFormulas) {
   EXPECT_TRUE(all_close(windowed.opacities.read(queue), opacities, FLOAT_MATHS));
   const auto cut = std::count(opacities.begin(), opacities.end(), 0.0);
   EXPECT_GT(cut, 0);
-  EXPECT_LT(cut, std::ptrdiff_t(N));
+  EXPECT_LT(cut, std::ptrdiff_t(N_SPACETIME));
 }
 
 TEST(Spacetime, DeviceGradientOfTwoTimesIsTheSumForWhatWasSeenAndUntouchedElsewhere) {
   Queue queue = test_queue();
   SpacetimeMotion motion(queue, .05f);
-  Model m = random_model(queue, motion);
+  SpacetimeModel m = random_model(queue, motion);
   Random random(6);
   reference::Named v;  // gradients by the Gaussians at two times
   std::vector<cl_uint> touched;
-  for (size_t i = 0; i < N; ++i) {
+  for (size_t i = 0; i < N_SPACETIME; ++i) {
     for (int k = 0; k < 3; ++k) append(v, "mean1", {random()}), append(v, "mean2", {random()});
     for (int k = 0; k < 9; ++k) append(v, "factor1", {random()}), append(v, "factor2", {random()});
     append(v, "opacity", {random()});
     touched.push_back(i % 3 ? 4 : 0);
   }
   std::vector<Spacetime> rows;  // expected gradients
-  for (size_t i = 0; i < N; ++i) {
+  for (size_t i = 0; i < N_SPACETIME; ++i) {
     const std::vector<double> at1 =
         reference::flat(spacetime_vjp(m.rows[i], .25, reference::row3(v["mean1"], i),
                                       reference::rows9(v["factor1"], i), v["opacity"][i]));
@@ -171,14 +169,14 @@ TEST(Spacetime, DeviceGradientOfTwoTimesIsTheSumForWhatWasSeenAndUntouchedElsewh
   for (const auto& [name, expected] : reference::spacetime_groups(rows))
     EXPECT_LT(relative_l2(m.p[name].grads.read(queue), expected), 1e-5) << name;
   const std::vector<cl_uint> seen = m.p.rows.seen.read(queue);
-  for (size_t i = 0; i < N; ++i) EXPECT_EQ(seen[i], touched[i] ? 1u : 0u);
+  for (size_t i = 0; i < N_SPACETIME; ++i) EXPECT_EQ(seen[i], touched[i] ? 1u : 0u);
 }
 
 TEST(Spacetime, SplitInTimeLeavesTwoOnTheParentsPathWithItsVelocityAndTurn) {
   Queue queue = test_queue();
   SpacetimeMotion motion(queue, .05f);
   Random random(7);
-  Spacetime parent = random_gaussian(random);
+  Spacetime parent = random_spacetime(random);
   parent.mean_t = .5;
   parent.log_scales = {std::log(.05), std::log(.04), std::log(.03), std::log(.2)};
   Parameters p(queue, 2, motion.groups());

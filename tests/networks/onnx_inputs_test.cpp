@@ -8,11 +8,11 @@
 namespace gflow {
 namespace {
 
-const std::string network = GFLOW_SOURCE_DIR "/tests/data/guidance/denoiser.onnx";
+const std::string denoiser = GFLOW_SOURCE_DIR "/tests/data/guidance/denoiser.onnx";
 const std::string lpips = GFLOW_SOURCE_DIR "/tests/data/networks/lpips.onnx";
 
 TEST(OnnxInputs, AreNamedWithTheirSizesAndWeightsAreNone) {
-  const auto inputs = onnx_inputs(network);
+  const auto inputs = onnx_inputs(denoiser);
   ASSERT_EQ(inputs.size(), 4u);
   EXPECT_EQ(inputs.at("sample"), (std::vector<int64_t>{1, 3, 8, 8}));
   EXPECT_EQ(inputs.at("timestep"), (std::vector<int64_t>{1, 1}));
@@ -24,7 +24,7 @@ TEST(OnnxInputs, RefuseWhatIsNoNetwork) {
   expect_error([] { onnx_inputs("no/such.onnx"); }, {"no/such.onnx"});
   const std::string text = folder.write("text.onnx", "a text, not a network");
   expect_error([&] { onnx_inputs(text); }, {text, "ONNX"});
-  const std::string half = folder.write("half.onnx", contents(network).substr(0, 400));
+  const std::string half = folder.write("half.onnx", contents(denoiser).substr(0, 400));
   expect_error([&] { onnx_inputs(half); }, {half, "ONNX"});
   expect_error([&] { onnx_inputs(folder.write("empty.onnx", "")); }, {"ONNX"});
 }

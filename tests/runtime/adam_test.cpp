@@ -30,8 +30,8 @@ bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
 }
 
 // One group of rows on the device with its Adam.
-struct Fixture {
-  Fixture(int lanes, size_t rows, size_t width, const AdamConfig& config = {})
+struct AdamFixture {
+  AdamFixture(int lanes, size_t rows, size_t width, const AdamConfig& config = {})
       : queue(test_queue(lanes)),
         rows(rows),
         adam(queue, config),
@@ -57,7 +57,7 @@ class AdamTest : public testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Lanes, AdamTest, testing::Values(0, 1));
 
 TEST_P(AdamTest, FirstStepIsTheLearningRateAgainstTheGradient) {
-  Fixture f(GetParam(), 1, 3);
+  AdamFixture f(GetParam(), 1, 3);
   f.step({5, -1e-3f, 0}, {0.5f, 1e-15f});
   // m c1 / sqrt(v c2^2) is sign(g) up to some 6 roundings of 6e-8
   EXPECT_TRUE(
@@ -65,7 +65,7 @@ TEST_P(AdamTest, FirstStepIsTheLearningRateAgainstTheGradient) {
 }
 
 TEST_P(AdamTest, ConstantGradientMovesByTheLearningRateEveryStep) {
-  Fixture f(GetParam(), 1, 1);
+  AdamFixture f(GetParam(), 1, 1);
   const int steps = 2000;
   for (int t = 0; t < steps; ++t) f.step({0.25f}, {0.125f, 1e-15f});
   // m and v, bias corrected, are exactly g and g^2 at every step: x = -steps lr. Each step errs by
@@ -87,7 +87,7 @@ TEST_P(AdamTest, FollowsTheReferenceInDoubleWithRowsSeenNowAndThen) {
     const size_t rows = 333, width = 3, n = rows * width;
     AdamConfig config;
     config.beta1 = beta1;
-    Fixture f(GetParam(), rows, width, config);
+    AdamFixture f(GetParam(), rows, width, config);
     std::vector<AdamState> reference(n, {0, 0, 0});
     std::vector<unsigned> first(rows, 0), last(rows, 0);
     const AdamRate rate{0.01f, 1e-8f};
@@ -120,7 +120,7 @@ TEST_P(AdamTest, LeavingOutStepsWithoutAGradientChangesNothing) {
   const size_t rows = 100, width = 7, n = rows * width;
   AdamConfig config;
   config.beta1 = 0;
-  Fixture some(GetParam(), rows, width, config), all(GetParam(), rows, width, config);
+  AdamFixture some(GetParam(), rows, width, config), all(GetParam(), rows, width, config);
   const AdamRate rate{0.01f, 1e-8f};
   std::vector<cl_uint> begun(rows, 0);
   for (unsigned t = 1; t <= 300; ++t) {
@@ -148,7 +148,7 @@ TEST_P(AdamTest, LeavingOutStepsWithoutAGradientChangesNothing) {
 TEST_P(AdamTest, WithoutMemoryOfTheMeanThereIsNoArrayForIt) {
   AdamConfig config;
   config.beta1 = 0;
-  Fixture f(GetParam(), 40, 3, config);
+  AdamFixture f(GetParam(), 40, 3, config);
   f.step(std::vector<float>(120, 2), {0.5f, 1e-15f});
   EXPECT_TRUE(
       all_close(f.group.values.read(f.queue), std::vector<double>(120, -.5), {4e-7, 1e-30}));
@@ -156,7 +156,7 @@ TEST_P(AdamTest, WithoutMemoryOfTheMeanThereIsNoArrayForIt) {
 }
 
 TEST_P(AdamTest, ItIsThereFromTheFirstStepThatRemembersOn) {
-  Fixture f(GetParam(), 40, 3);
+  AdamFixture f(GetParam(), 40, 3);
   EXPECT_FALSE(f.group.remembers());
   f.step(std::vector<float>(120, 2), {0.5f, 1e-15f});
   const std::vector<float> expected(120, (1 - 0.9f) * 2);
@@ -170,7 +170,7 @@ TEST_P(AdamTest, ItIsThereFromTheFirstStepThatRemembersOn) {
 TEST_P(AdamTest, WhatMakesUpForNothingGoesOnWhereItStopped) {
   AdamConfig config;
   config.makes_up = false;
-  Fixture f(GetParam(), 2, 1, config);
+  AdamFixture f(GetParam(), 2, 1, config);
   for (cl_uint t = 0; t < 30; ++t) {
     f.state.seen.write(f.queue, {1u, cl_uint(t % 3 == 0)});
     f.step({0.5f, 0.5f}, {0.125f, 1e-15f});
@@ -183,7 +183,7 @@ TEST_P(AdamTest, WhatMakesUpForNothingGoesOnWhereItStopped) {
 
 // A row that was away for longer than the table is long has forgotten what it knew.
 TEST_P(AdamTest, AfterALongAbsenceOnlyTheNewGradientCounts) {
-  Fixture f(GetParam(), 1, 1);
+  AdamFixture f(GetParam(), 1, 1);
   f.step({100}, {0, 1e-15f});
   f.state.now += 100000;
   f.step({1}, {1, 0});
@@ -195,7 +195,7 @@ TEST_P(AdamTest, AfterALongAbsenceOnlyTheNewGradientCounts) {
 
 // The textbook update, written out here; the shared formula is not used.
 TEST_P(AdamTest, StaysWithinATenThousandthOverTenThousandSteps) {
-  Fixture f(GetParam(), 1, 1);
+  AdamFixture f(GetParam(), 1, 1);
   double x = 0, m = 0, v = 0, b1t = 1, b2t = 1;
   const double b1 = 0.9f, b2 = 0.999f, lr = 1e-3f;
   std::mt19937 rng(5);
@@ -213,7 +213,7 @@ TEST_P(AdamTest, StaysWithinATenThousandthOverTenThousandSteps) {
 }
 
 TEST_P(AdamTest, UnseenRowsKeepEveryBit) {
-  Fixture f(GetParam(), 4, 5);
+  AdamFixture f(GetParam(), 4, 5);
   const auto values = normal_floats(20, 1), m = normal_floats(20, 2), v = normal_floats(20, 3);
   f.group.values.write(f.queue, values);
   f.group.remember(f.queue);
@@ -231,7 +231,7 @@ TEST_P(AdamTest, UnseenRowsKeepEveryBit) {
 }
 
 TEST_P(AdamTest, ZeroGradientWithZeroMomentsKeepsEveryBit) {
-  Fixture f(GetParam(), 2, 3);
+  AdamFixture f(GetParam(), 2, 3);
   const auto values = normal_floats(6, 1);
   f.group.values.write(f.queue, values);
   f.step(std::vector<float>(6, 0), {1, 1e-15f});
@@ -239,7 +239,7 @@ TEST_P(AdamTest, ZeroGradientWithZeroMomentsKeepsEveryBit) {
 }
 
 TEST_P(AdamTest, RowWithABadGradientInOneGroupIsSkippedInAll) {
-  Fixture f(GetParam(), 4, 2);
+  AdamFixture f(GetParam(), 4, 2);
   ParameterGroup other(f.queue, "other", 4, 1);
   other.values.fill(f.queue, 0);
   other.grads.fill(f.queue, 1);
@@ -260,7 +260,7 @@ TEST_P(AdamTest, RowWithABadGradientInOneGroupIsSkippedInAll) {
 }
 
 TEST_P(AdamTest, TreatsOnlyTheRowsInUse) {
-  Fixture f(GetParam(), 3, 2);
+  AdamFixture f(GetParam(), 3, 2);
   f.group.grads.fill(f.queue, 1);
   f.adam.advance(f.queue, f.state, 1);
   f.adam.step(f.queue, f.group, f.state, 1, {1, 1e-15f});
@@ -271,7 +271,7 @@ TEST_P(AdamTest, TreatsOnlyTheRowsInUse) {
 }
 
 TEST_P(AdamTest, RowsInUseMayBeginAnywhere) {
-  Fixture f(GetParam(), 5, 2);
+  AdamFixture f(GetParam(), 5, 2);
   const RowRange middle{1, 3};
   f.state.pace.write(f.queue, {2, 3, 4, 5, 6});
   f.group.grads.write(f.queue, {1, 1, 1, 1, 1, NAN, 1, 1, NAN, 1});
@@ -284,7 +284,7 @@ TEST_P(AdamTest, RowsInUseMayBeginAnywhere) {
 }
 
 TEST_P(AdamTest, RatesOfARowGrowWithItsPaceAndShrinkWithItsReach) {
-  Fixture f(GetParam(), 2, 1);
+  AdamFixture f(GetParam(), 2, 1);
   f.state.pace.write(f.queue, {3, 3});
   f.state.reach.write(f.queue, {2, 4});
   f.group.grads.fill(f.queue, 1);
@@ -296,7 +296,7 @@ TEST_P(AdamTest, RatesOfARowGrowWithItsPaceAndShrinkWithItsReach) {
 }
 
 TEST_P(AdamTest, StepsBeyondTheTableUseNoCorrection) {
-  Fixture f(GetParam(), 1, 1);
+  AdamFixture f(GetParam(), 1, 1);
   f.state.steps.write(f.queue, {1000000});
   f.state.last.write(f.queue, {1000000});
   f.state.now = 1000000;

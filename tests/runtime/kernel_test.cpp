@@ -39,8 +39,8 @@ kernel void mark(const uint width, const uint height, global uint* restrict out)
 using AllTypes = Kernel<cl_uint, cl_float, cl_int, cl_ulong, TestPair, In<cl_uchar>, In<cl_ushort>,
                         In<cl_int>, Out<float>, Out<cl_ulong>>;
 
-struct Fixture {
-  explicit Fixture(const QueueOptions& options = {}) : queue(find_device(), options) {
+struct KernelFixture {
+  explicit KernelFixture(const QueueOptions& options = {}) : queue(find_device(), options) {
     folder.write("test.cl", text);
   }
   Program program() { return Program(queue, "test.cl"); }
@@ -52,7 +52,7 @@ struct Fixture {
 
 template <class K>
 std::string signature_error(const std::string& name) {
-  Fixture f;
+  KernelFixture f;
   try {
     K kernel(f.program(), name);
   } catch (const Error& error) {
@@ -62,7 +62,7 @@ std::string signature_error(const std::string& name) {
 }
 
 TEST(Kernel, PassesEveryKindOfArgument) {
-  Fixture f;
+  KernelFixture f;
   Buffer<cl_uchar> c(f.queue, {1, 2, 3}, "c");
   Buffer<cl_ushort> s(f.queue, {10, 20, 30}, "s");
   Buffer<cl_int> in(f.queue, {-1, -2, -3}, "in");
@@ -75,7 +75,7 @@ TEST(Kernel, PassesEveryKindOfArgument) {
 }
 
 TEST(Kernel, CoversAGridOnce) {
-  Fixture f;
+  KernelFixture f;
   Buffer<cl_uint> out(f.queue, {0, 0, 0, 0, 0, 0}, "out");
   Kernel<cl_uint, cl_uint, Out<cl_uint>> mark(f.program(), "mark");
   mark(f.queue, Range::grid(3, 2, 8, 4), 3, 2, out);
@@ -83,7 +83,7 @@ TEST(Kernel, CoversAGridOnce) {
 }
 
 TEST(Kernel, DoesNothingOverAnEmptyRange) {
-  Fixture f;
+  KernelFixture f;
   Buffer<cl_uint> out(f.queue, {5}, "out");
   Kernel<cl_uint, cl_uint, Out<cl_uint>> mark(f.program(), "mark");
   mark(f.queue, Range::over(0), 0, 0, out);
@@ -116,7 +116,7 @@ TEST(Kernel, MissingKernelIsNamed) {
 }
 
 TEST(Kernel, FailedLaunchNamesKernelAndRange) {
-  Fixture f;
+  KernelFixture f;
   Buffer<cl_uint> out(f.queue, 1, "out");
   Kernel<cl_uint, cl_uint, Out<cl_uint>> mark(f.program(), "mark");
   const size_t too_many = f.queue.info.max_work_group * 2;
@@ -133,7 +133,7 @@ TEST(Kernel, FailedLaunchNamesKernelAndRange) {
 TEST(Queue, CountsLaunchesWhenProfiling) {
   QueueOptions options;
   options.profile = true;
-  Fixture f(options);
+  KernelFixture f(options);
   Buffer<cl_uint> out(f.queue, {0}, "out");
   Kernel<cl_uint, cl_uint, Out<cl_uint>> mark(f.program(), "mark");
   for (int i = 0; i < 5000; ++i) mark(f.queue, Range::groups(1, 1), 1, 1, out);
@@ -148,7 +148,7 @@ TEST(Queue, CountsLaunchesWhenProfiling) {
 }
 
 TEST(Queue, KeepsNoTimingsUnlessAsked) {
-  Fixture f;
+  KernelFixture f;
   Buffer<cl_uint> out(f.queue, {0}, "out");
   Kernel<cl_uint, cl_uint, Out<cl_uint>>(f.program(), "mark")(f.queue, Range::groups(1, 1), 1, 1,
                                                               out);
@@ -168,7 +168,7 @@ TEST(Queue, RefusesALaneCountThatNoKernelHas) {
 
 TEST(Queue, FinishesEachLaunchOnRequestWithTheSameResult) {
   const Environment sync("GFLOW_SYNC", "1");
-  Fixture f;
+  KernelFixture f;
   Buffer<cl_uint> out(f.queue, {0}, "out");
   Kernel<cl_uint, cl_uint, Out<cl_uint>> mark(f.program(), "mark");
   mark(f.queue, Range::groups(1, 1), 1, 1, out);

@@ -14,7 +14,7 @@ namespace gflow::stress {
 namespace {
 
 constexpr int kWidth = 96, kHeight = 32;
-constexpr size_t kPixels = size_t(kWidth) * kHeight;
+constexpr size_t kModelPixels = size_t(kWidth) * kHeight;
 
 std::vector<float> poisons(bool all) {
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = HUGE_VALF;
@@ -58,7 +58,7 @@ class Drawn {
     shot_.flow = shot_.depth = true;
     const auto random = [&](Buffer<float>& v, size_t planes, uint stream) {
       std::vector<float> values;
-      for (uint k = 0; k < planes * kPixels; ++k) values.push_back(noise(stream, k));
+      for (uint k = 0; k < planes * kModelPixels; ++k) values.push_back(noise(stream, k));
       v = Buffer<float>(queue, values, "v");
     };
     random(v_.v_rgb, 3, 62);
@@ -111,9 +111,9 @@ bool is_shared(const Parameters& p, size_t table) {
   return table > 0 && p.more_specs[table - 1].keys == 0;
 }
 
-bool same(float a, float b) { return std::memcmp(&a, &b, sizeof(float)) == 0; }
+bool same_bits(float a, float b) { return std::memcmp(&a, &b, sizeof(float)) == 0; }
 
-struct Harm {
+struct ModelHarm {
   double pixels = 0, gradients = 0, not_finite = 0, cases = 0;
 
   void add(const Drawn::Outcome& found, const Drawn::Outcome& clean, const Parameters& p,
@@ -122,7 +122,7 @@ struct Harm {
     for (size_t k = 0; k < found.images.size(); ++k) {
       not_finite += count_not_finite(found.images[k]);
       for (size_t i = 0; i < found.images[k].size() && !reaches; ++i)
-        pixels += i % kWidth >= 64 && !same(found.images[k][i], clean.images[k][i]);
+        pixels += i % kWidth >= 64 && !same_bits(found.images[k][i], clean.images[k][i]);
     }
     size_t g = 0;
     for (size_t t = 0; t < p.tables().size(); ++t)
@@ -133,7 +133,7 @@ struct Harm {
           const size_t gaussian = i / group.width % p.count;
           if (!shared && gaussian == 0) continue;
           not_finite += !std::isfinite(now[i]);
-          gradients += !shared && gaussian >= 2 && !reaches && !same(now[i], before[i]);
+          gradients += !shared && gaussian >= 2 && !reaches && !same_bits(now[i], before[i]);
         }
         ++g;
       }
@@ -145,7 +145,7 @@ Rows poisoned(Queue& queue, MotionModelKind kind, bool all) {
   Drawn scene(queue, kind);
   const Drawn::Outcome clean = scene.draw();
   Parameters& p = scene.model().parameters;
-  Harm harm;
+  ModelHarm harm;
   double drawn = 0;
   for (const std::vector<float>& g : clean.gradients) drawn += g[0] != 0;
   for (size_t t = 0; t < p.tables().size(); ++t) {
