@@ -91,6 +91,17 @@ CLI::Validator number_in(double low, double high) {
       "");
 }
 
+CLI::Validator zero_or_in(double low, double high) {
+  return CLI::Validator(
+      [low, high](std::string& text) {
+        const auto value = decimal_number(text);
+        const bool fits = value && (*value == 0 || (*value >= low && *value <= high));
+        return fits ? ""
+                    : fmt::format("'{}' is not 0 and no number from {} to {}", text, low, high);
+      },
+      "");
+}
+
 CLI::Validator path_given() {
   return CLI::Validator(
       [](std::string& path) { return path.empty() ? "the path is empty; name one" : ""; }, "");

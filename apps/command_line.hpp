@@ -12,6 +12,8 @@ namespace gflow {
 CLI::Validator choice_of(std::vector<std::string> words);
 // The value is a number from low to high.
 CLI::Validator number_in(double low, double high);
+// The value is 0, which leaves it to gflow, or a number from low to high.
+CLI::Validator zero_or_in(double low, double high);
 
 // The value is not empty, as "$FOLDER" is where no such variable is set: what belongs into that
 // folder would be written to the root of the file system.

@@ -11,6 +11,7 @@
 #include "apps/model_source.hpp"
 #include "apps/options.hpp"
 #include "apps/report.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/judging.hpp"
 
 namespace gflow {
@@ -19,18 +20,17 @@ void print_report(const Evaluation& evaluation) {
   if (evaluation.views.empty()) return;
   const ViewFigures& m = evaluation.mean;
   const auto line = [](const char* name, double value, const char* unit) {
-    if (std::isfinite(value)) fmt::print("{:<22} {:8.3f} {}\n", name, value, unit);
+    if (std::isfinite(value)) show("{:<22} {:8.3f} {}\n", name, value, unit);
   };
   const auto of_network = [&](const char* name, double value, const std::string& model,
                               const char* setting) {
     if (model.empty())
-      fmt::print("{:<22} no model given ({})\n", name, setting);
+      show("{:<22} no model given ({})\n", name, setting);
     else
-      fmt::print("{:<22} {:8.4f}\n", name, value);
+      show("{:<22} {:8.4f}\n", name, value);
   };
-  fmt::print("{} views{}, flow compared with: {}\n", evaluation.views.size(),
-             evaluation.trained_on ? ", all of which were trained on" : "",
-             evaluation.flow_reference);
+  show("{} views{}, flow compared with: {}\n", evaluation.views.size(),
+       evaluation.trained_on ? ", all of which were trained on" : "", evaluation.flow_reference);
   line("PSNR", m.psnr, "dB");
   line("PSNR, moving pixels", m.psnr_dynamic, "dB");
   line("SSIM", m.ssim, "");
@@ -85,10 +85,10 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
     print_state(judged.state);
     print_report(judged.evaluation);
     if (judged.written.empty()) {
-      fmt::print("metrics   not written: {} is being trained\n", flags->run);
+      show("metrics   not written: {} is being trained\n", flags->run);
       return;
     }
-    fmt::print("metrics   {}\n", fmt::join(judged.written, ", "));
+    show("metrics   {}\n", fmt::join(judged.written, ", "));
   });
 }
 

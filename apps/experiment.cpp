@@ -16,6 +16,7 @@
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/file_lock.hpp"
 #include "optim/io/json_text.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/progress.hpp"
 #include "runtime/device.hpp"
@@ -59,22 +60,22 @@ void print_runs(const Plan& plan, const std::string& folder, int jobs) {
       state += fmt::format(", {} left", std::isnan(left[i])
                                             ? "nobody knows how much is"
                                             : fmt::format("{} {}", about, duration_text(left[i])));
-    fmt::print("{:<{}}  {:>7} steps  {}\n", plan.runs[i].id, width,
-               plan.runs[i].config.train.iterations, state);
+    show("{:<{}}  {:>7} steps  {}\n", plan.runs[i].id, width, plan.runs[i].config.train.iterations,
+         state);
     all += left[i];
     longest = std::max(longest, left[i]);
   }
   const auto finished = std::count_if(standings.begin(), standings.end(), [](const Standing& s) {
     return s.status == Status::finished;
   });
-  fmt::print("{} runs, {} of them finished; {}\n", plan.runs.size(), finished,
-             std::isnan(all)
-                 ? "how long the others take is known when one of them is"
-                 : fmt::format(
-                       "{} {} left{}{}", about, duration_text(std::max(all / jobs, longest)),
-                       jobs > 1 ? fmt::format(" with {} at a time", jobs) : "",
-                       guessed ? ", guessed from steps and pixels, training alone: no run has begun"
-                               : ""));
+  show("{} runs, {} of them finished; {}\n", plan.runs.size(), finished,
+       std::isnan(all)
+           ? "how long the others take is known when one of them is"
+           : fmt::format("{} {} left{}{}", about, duration_text(std::max(all / jobs, longest)),
+                         jobs > 1 ? fmt::format(" with {} at a time", jobs) : "",
+                         guessed
+                             ? ", guessed from steps and pixels, training alone: no run has begun"
+                             : ""));
 }
 
 void write_text(const std::string& path, const std::string& text) {
@@ -88,15 +89,14 @@ void write_everything(const Plan& plan, const std::string& folder) {
   write_text(folder + "/table.json", json_text(table.json(), 1) + "\n");
   write_text(folder + "/costs.md", table.costs());
   write_text(folder + "/runs.csv", table.runs_csv());
-  fmt::print("{}\n{}", table.markdown(), table.costs());
+  show("{}\n{}", table.markdown(), table.costs());
   std::string plots;
   for (const std::vector<Plot>& some : {table.bars(), table.curves(folder)})
     for (const Plot& plot : some) plots = draw(plot, folder + "/plots");
-  fmt::print("\ntables    {0}/table.md, .csv, .json, {0}/costs.md, {0}/runs.csv\n", folder);
+  show("\ntables    {0}/table.md, .csv, .json, {0}/costs.md, {0}/runs.csv\n", folder);
   if (!plots.empty())
-    fmt::print("plots     {}\n", plots.compare(0, 3, "run") == 0 ? plots : folder + "/plots");
-  for (const std::string& sheet : write_contact_sheets(plan, folder))
-    fmt::print("pictures  {}\n", sheet);
+    show("plots     {}\n", plots.compare(0, 3, "run") == 0 ? plots : folder + "/plots");
+  for (const std::string& sheet : write_contact_sheets(plan, folder)) show("pictures  {}\n", sheet);
 }
 
 // NoUsableDevice where one that trainings would run on is not there or cannot be used: each of them

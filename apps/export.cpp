@@ -18,6 +18,7 @@
 #include "optim/io/file_lock.hpp"
 #include "optim/io/four_dgs.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/linear_pieces.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/run_state.hpp"
@@ -126,7 +127,7 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
                                     times.size(), folder));
   }
   progress.finish();
-  fmt::print("written   {} PLY files in {}\n", times.size(), folder);
+  show("written   {} PLY files in {}\n", times.size(), folder);
 }
 
 // Where a viewer may begin: the cameras of the run, else those beside the file, else some around
@@ -196,8 +197,8 @@ void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
   pieces.viewpoint = viewpoint_of(cameras[0], host);
   pieces.eyes = eyes_of(cameras);
   write_four_dgs(flags.output, pieces);
-  fmt::print("written   {}, {} Gaussians in {} straight pieces, {:.4g} s\n", flags.output,
-             host.count, pieces.splats.size(), pieces.duration);
+  show("written   {}, {} Gaussians in {} straight pieces, {:.4g} s\n", flags.output, host.count,
+       pieces.splats.size(), pieces.duration);
 }
 
 // The source's model is empty afterwards, but for its shape, where the device has it.
@@ -207,7 +208,7 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
   if (flags.format == "splatv") {
     require_no_times(flags);
     write_splatv(flags.output, host, viewer_cameras(source));
-    fmt::print("written   {}, {} Gaussians\n", flags.output, host.count);
+    show("written   {}, {} Gaussians\n", flags.output, host.count);
     return;
   }
   if (flags.format == "4dgs") return export_four_dgs(flags, source, options);
@@ -227,8 +228,7 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
   const size_t rows = now.head().rows;
   if (flags.format == "ply") write_ply(flags.output, now.head(), row);
   if (flags.format == "splat") write_dot_splat(flags.output, rows, now.sh_degree(), row);
-  fmt::print("written   {}, {} of {} Gaussians, at time {}\n", flags.output, rows, host.count,
-             times[0]);
+  show("written   {}, {} of {} Gaussians, at time {}\n", flags.output, rows, host.count, times[0]);
 }
 
 void run_export(ExportFlags flags, const GlobalOptions& options) {
@@ -243,8 +243,7 @@ void run_export(ExportFlags flags, const GlobalOptions& options) {
   const auto& [x, y, z] = source.model.shape.origin;
   const bool restored = flags.format == "ply" || flags.format == "ply-sequence";
   if (!restored && (x != 0 || y != 0 || z != 0))
-    fmt::print("relative to ({}, {}, {}) of the scene's world, which floats cannot hold\n", x, y,
-               z);
+    show("relative to ({}, {}, {}) of the scene's world, which floats cannot hold\n", x, y, z);
   print_state(source.state);
 }
 
@@ -283,7 +282,7 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option("--fps", flags->fps,
                    "4dgs: steps a second; 0: as the run's scene has them, else 24")
-      ->check(number_in(0, 1000));
+      ->check(zero_or_in(0.01, 1000));
   add_iteration(*command, flags->iteration);
   command->callback([flags, &options] { run_export(*flags, options); });
 }

@@ -16,6 +16,7 @@
 #include "optim/io/four_dgs.hpp"
 #include "optim/io/ply_comments.hpp"
 #include "optim/io/splat_table.hpp"
+#include "optim/io/tell.hpp"
 
 namespace gflow {
 namespace {
@@ -73,8 +74,8 @@ void run_import(const ImportFlags& flags) {
                         flags.input, i, standard.head().names[c]));
   };
   write_ply(flags.output, standard.head(), copy_finite);
-  fmt::print("read      {}, {}\nwritten   {}, {} Gaussians\n", flags.input,
-             names_of(format)[size_t(format)], flags.output, table.rows);
+  show("read      {}, {}\nwritten   {}, {} Gaussians\n", flags.input,
+       names_of(format)[size_t(format)], flags.output, table.rows);
 }
 
 }  // namespace
@@ -103,6 +104,7 @@ void add_import(CLI::App& app, const GlobalOptions&) {
   command
       ->add_option("--time", flags->time,
                    "4dgs: the moment that is taken, in seconds; default: half-way")
+      ->check(number_in(0, 1e15))
       ->type_name("SECONDS");
   command->callback([flags] { run_import(*flags); });
 }

@@ -18,6 +18,7 @@
 #include "optim/io/four_dgs.hpp"
 #include "optim/io/json_text.hpp"
 #include "optim/io/splat_table.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/views.hpp"
 
 namespace gflow {
@@ -223,7 +224,7 @@ void print_info(const Json& info) {
           bytes < 1e5 ? fmt::format("{} bytes", bytes) : fmt::format("{:.1f} MiB", bytes / 1048576);
     }
     std::replace(name.begin(), name.end(), '_', ' ');
-    fmt::print("{:<15} {}{}\n", name, text, unit_of(key));
+    show("{:<15} {}{}\n", name, text, unit_of(key));
   }
 }
 

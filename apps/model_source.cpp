@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "apps/command_line.hpp"
+#include "optim/io/tell.hpp"
 
 namespace gflow {
 
@@ -36,7 +37,7 @@ void require_no_iteration(int iteration, const std::string& path) {
 }
 
 void print_state(const std::string& state) {
-  if (!state.empty()) fmt::print("model     {}\n", state);
+  if (!state.empty()) show("model     {}\n", state);
 }
 
 }  // namespace gflow

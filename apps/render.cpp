@@ -17,6 +17,7 @@
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/file_lock.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
 #include "optim/train/run_state.hpp"
@@ -131,20 +132,20 @@ void print_written(const RenderReport& report, const std::vector<RenderView>& vi
   const bool one_time = std::all_of(views.begin(), views.end(), [&](const RenderView& view) {
     return view.time == views[0].time;
   });
-  fmt::print("pictures  {} views in {}/rgb, alpha, depth\n", report.views, folder);
+  show("pictures  {} views in {}/rgb, alpha, depth\n", report.views, folder);
   if (report.flows)
-    fmt::print("flow      {} views in {}/flow\n", report.flows, folder);
+    show("flow      {} views in {}/flow\n", report.flows, folder);
   else if (still)
-    fmt::print("flow      none: nothing in the model moves\n");
+    show("flow      none: nothing in the model moves\n");
   else if (one_time)
-    fmt::print("flow      none: no step of a scene follows the one time {}\n", views[0].time);
+    show("flow      none: no step of a scene follows the one time {}\n", views[0].time);
   if (report.compared)
-    fmt::print("compared  {} views in {}/compare: truth, render, error x 4{}\n", report.compared,
-               folder, report.flows ? ", flow, reference flow" : "");
-  for (const std::string& movie : report.movies) fmt::print("video     {}\n", movie);
+    show("compared  {} views in {}/compare: truth, render, error x 4{}\n", report.compared, folder,
+         report.flows ? ", flow, reference flow" : "");
+  for (const std::string& movie : report.movies) show("video     {}\n", movie);
   if (report.movies.empty())
-    fmt::print("video     none: it takes two pictures of one size{}\n",
-               one_time ? ", so more than one of --times" : "");
+    show("video     none: it takes two pictures of one size{}\n",
+         one_time ? ", so more than one of --times" : "");
 }
 
 // Whether `gflow render` has filled the folder, or was stopped while it began to: what it makes
@@ -263,7 +264,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option("--fps", flags->fps,
                    "Frames a second of the videos; 0: as the scene says, else 24")
-      ->check(number_in(0, 1000));
+      ->check(zero_or_in(0.01, 1000));
   command
       ->add_option(
           "--up", flags->up,

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "apps/command_line.hpp"
@@ -76,6 +78,16 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
           "{} of the Gaussians in {} have values that are not finite and are not drawn, "
           "or not moved: the first is number {} (from 0), all stand in 'broken'",
           broken.size(), flags->input, broken[0]));
+    for (const auto& [key, array] : output) {
+      const std::vector<float> values = array.as_float();
+      const auto lost = std::count_if(values.begin(), values.end(),
+                                      [](float value) { return !std::isfinite(value); });
+      if (lost > 0)
+        warn(
+            fmt::format("{} of the {} values of '{}' are not finite: numbers in {} are too large "
+                        "for floats",
+                        lost, values.size(), key, flags->input));
+    }
     write_npz(flags->output, output);
   });
 }

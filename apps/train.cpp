@@ -11,6 +11,7 @@
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
 #include "apps/report.hpp"
+#include "optim/io/tell.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/judging_networks.hpp"
 #include "optim/train/training.hpp"
@@ -34,10 +35,10 @@ void print_timings(Queue& queue) {
                                                          queue.timings().end());
   std::sort(rows.begin(), rows.end(),
             [](const auto& a, const auto& b) { return a.second.total_ms > b.second.total_ms; });
-  fmt::print("{:<22} {:>9} {:>12} {:>10}\n", "kernel", "launches", "total [ms]", "each [ms]");
+  show("{:<22} {:>9} {:>12} {:>10}\n", "kernel", "launches", "total [ms]", "each [ms]");
   for (const auto& [name, t] : rows)
-    fmt::print("{:<22} {:>9} {:>12.1f} {:>10.3f}\n", name, t.count, t.total_ms,
-               t.total_ms / double(t.count));
+    show("{:<22} {:>9} {:>12.1f} {:>10.3f}\n", name, t.count, t.total_ms,
+         t.total_ms / double(t.count));
 }
 
 TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
@@ -102,9 +103,9 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
                                           : flags.overwrite ? Start::overwrite
                                                             : Start::anew);
   print_report(evaluation);
-  fmt::print("model     {}\n", run.model_path(run.models().at(0)));
+  show("model     {}\n", run.model_path(run.models().at(0)));
   if (!evaluation.views.empty())
-    fmt::print("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
+    show("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
   if (flags.profile) print_timings(queue);
 }
 

@@ -64,10 +64,10 @@ Scene read_blender(const std::string& folder, const SceneOptions& options) {
   scene.fps = 24;
   std::optional<bool> timed;
   scene.train = read_split(folder, "train", options, timed, scene);
-  scene.test = read_split(folder, "test", options, timed, scene);
-  scene.val = read_split(folder, "val", options, timed, scene);
   if (scene.train.empty())
     throw Error(fmt::format("{}/transforms_train.json has no frames", folder));
+  scene.test = read_split(folder, "test", options, timed, scene);
+  scene.val = read_split(folder, "val", options, timed, scene);
 
   const std::vector<double> times = distinct_times(scene.train);
   scene.steps = int(times.size());

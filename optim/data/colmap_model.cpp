@@ -40,7 +40,6 @@ const char* const model_names[] = {"SIMPLE_PINHOLE",
 
 // Each takes some hundred bytes of memory, and no scene has as many files.
 constexpr size_t most_entries = 100000;
-constexpr double farthest_point = 1e18;  // its square is a float still
 
 void require_modest(size_t entries, const char* what, const std::string& path) {
   if (entries > most_entries)

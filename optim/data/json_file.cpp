@@ -79,7 +79,7 @@ Eigen::MatrixXd matrix(const Json& value, int rows, int columns, const std::stri
   const auto bad = [&] {
     throw Error(fmt::format("{} is not {} rows of {} finite numbers", what, rows, columns));
   };
-  if (!value.is_array() || int(value.size()) < rows) bad();
+  if (!value.is_array() || int(value.size()) != rows) bad();
   Eigen::MatrixXd result(rows, columns);
   for (int r = 0; r < rows; ++r) {
     const Json& row = value[size_t(r)];
@@ -90,6 +90,15 @@ Eigen::MatrixXd matrix(const Json& value, int rows, int columns, const std::stri
     }
   }
   return result;
+}
+
+Eigen::MatrixXd pose_rows(const Json& value, const std::string& what) {
+  const bool has_last = value.is_array() && value.size() == 4;
+  const Eigen::MatrixXd pose = matrix(value, has_last ? 4 : 3, 4, what);
+  if (has_last && !(pose.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).isZero(1e-5))
+    throw Error(fmt::format("the last row of {} is {} {} {} {}, that of a pose is 0 0 0 1", what,
+                            pose(3, 0), pose(3, 1), pose(3, 2), pose(3, 3)));
+  return pose.topRows(3);
 }
 
 }  // namespace gflow

@@ -35,8 +35,11 @@ std::vector<std::string> texts(const Json& value, const std::string& what);
 // A list of `count` finite numbers.
 std::vector<double> numbers(const Json& value, size_t count, const std::string& what);
 
-// rows x columns finite numbers, row by row; more rows than asked for are passed over.
+// rows x columns finite numbers, row by row.
 Eigen::MatrixXd matrix(const Json& value, int rows, int columns, const std::string& what);
+
+// The upper three rows [3, 4] of a pose; Error when a fourth is not 0 0 0 1 within 1e-5.
+Eigen::MatrixXd pose_rows(const Json& value, const std::string& what);
 
 // A number, text or truth value of an object; `otherwise` where it has none, or something else: for
 // files of our own, which may be damaged.

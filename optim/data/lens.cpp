@@ -82,8 +82,8 @@ Camera behind_lens(Camera camera, Lens::Kind kind, const std::array<double, 8>& 
   }
   throw Error(fmt::format(
       "{} has a distortion that no pinhole picture can be made from without losing three quarters "
-      "of its width: coefficients {:.4g}, {:.4g}, {:.4g}, {:.4g}",
-      what, k[0], k[1], k[2], k[3]));
+      "of its width: coefficients {:.4g}",
+      what, fmt::join(k.begin(), k.begin() + (kind == Lens::Kind::fisheye ? 4 : 8), ", ")));
 }
 
 Image undistorted(const Image& image, const Camera& camera) {

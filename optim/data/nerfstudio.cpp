@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "optim/data/reader_util.hpp"
@@ -26,18 +27,35 @@ std::set<std::string> listed(const std::string& folder, const Transforms& file,
   return paths;
 }
 
-// By the file's own lists, else every n-th picture by name for the test.
+// By the file's own lists, where pictures in none are for training if no list is of those; without
+// lists every n-th picture by name for the test.
 void split_frames(const std::string& folder, const Transforms& file, int test_every,
                   const std::vector<Frame>& frames, Scene& scene) {
-  const std::set<std::string> train = listed(folder, file, "train_filenames"),
-                              test = listed(folder, file, "test_filenames"),
-                              val = listed(folder, file, "val_filenames");
-  if (!train.empty()) {
-    for (const Frame& frame : frames) {
-      if (train.count(frame.path)) scene.train.push_back(frame);
-      if (test.count(frame.path)) scene.test.push_back(frame);
-      if (val.count(frame.path)) scene.val.push_back(frame);
-    }
+  struct List {
+    const char* key;
+    std::vector<Frame>& split;
+    std::set<std::string> pictures;
+  };
+  List lists[] = {{"train_filenames", scene.train, {}},
+                  {"test_filenames", scene.test, {}},
+                  {"val_filenames", scene.val, {}}};
+  std::map<std::string, const char*> owners;  // of pictures: a list
+  for (List& list : lists) {
+    list.pictures = listed(folder, file, list.key);
+    for (const std::string& picture : list.pictures)
+      if (const auto [owner, is_first] = owners.emplace(picture, list.key); !is_first)
+        throw Error(fmt::format("{} has {} in '{}' and in '{}'; it may be in one", file.path,
+                                picture, owner->second, list.key));
+    for (const Frame& frame : frames)
+      if (list.pictures.count(frame.path)) list.split.push_back(frame);
+    if (!list.pictures.empty() && list.split.empty())
+      throw Error(fmt::format("none of the {} pictures in '{}' of {} is one of its {} frames",
+                              list.pictures.size(), list.key, file.path, frames.size()));
+  }
+  if (!owners.empty()) {
+    if (lists[0].pictures.empty())
+      for (const Frame& frame : frames)
+        if (!owners.count(frame.path)) scene.train.push_back(frame);
     return;
   }
   for (size_t i = 0; i < frames.size(); ++i)
@@ -58,6 +76,7 @@ bool is_nerfstudio(const std::string& folder) {
 
 Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
   const Transforms file = read_transforms((fs::path(folder) / "transforms.json").string());
+  if (file.json["frames"].empty()) throw Error(fmt::format("{} has no frames", file.path));
   Scene scene;
   scene.layout = "nerfstudio";
   scene.fps = 24;
@@ -67,9 +86,9 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
   split_frames(folder, file, options.test_every, frames, scene);
   if (scene.train.empty())
     throw Error(
-        fmt::format("{} names no training pictures: of its {} frames none is in 'train_filenames', "
-                    "or all are for the test (scene.test_every)",
-                    file.path, frames.size()));
+        fmt::format("{} leaves no pictures for training: all of its {} frames are for the test, by "
+                    "its lists or by scene.test_every = {}",
+                    file.path, frames.size(), options.test_every));
   const std::vector<double> times = distinct_times(scene.train);
   scene.steps = int(times.size());
   scene.points = points_of(folder, file);

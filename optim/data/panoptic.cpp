@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
+#include <set>
 
 #include "optim/data/image_header.hpp"
 #include "optim/data/json_file.hpp"
@@ -34,14 +36,19 @@ MetaFile read_meta(const std::string& path) {
   file.height = needed_number(file.json, "h", path);
   if (!(file.width >= 1 && file.height >= 1 && file.width < 1e6 && file.height < 1e6))
     throw Error(fmt::format("{} gives pictures the size {}x{}", path, file.width, file.height));
-  file.times = member(file.json, "fn", path).size();
-  for (const char* key : {"fn", "k", "w2c", "cam_id"}) {
+  const Json& names = member(file.json, "fn", path);
+  if (!names.is_array()) throw Error(fmt::format("'fn' of {} is no list of times", path));
+  file.times = names.size();
+  for (size_t t = 0; t < file.times; ++t)
+    if (!names[t].is_array())
+      throw Error(fmt::format("'fn' of {} has no list of cameras at time {}", path, t));
+  for (const char* key : {"k", "w2c", "cam_id"}) {
     const Json& list = member(file.json, key, path);
     if (!list.is_array() || list.size() != file.times)
       throw Error(
           fmt::format("'{}' of {} is no list of {} times as 'fn' is", key, path, file.times));
     for (size_t t = 0; t < file.times; ++t)
-      if (!list[t].is_array() || list[t].size() != file.json["fn"][t].size())
+      if (!list[t].is_array() || list[t].size() != names[t].size())
         throw Error(fmt::format("'{}' of {} has other cameras than 'fn' at time {}", key, path, t));
   }
   return file;
@@ -53,7 +60,11 @@ Camera camera_of(const MetaFile& file, size_t t, size_t c, const std::string& pi
     return fmt::format("'{}' of camera {} at time {} of {}", key, c, t, file.path);
   };
   const Eigen::MatrixXd k = matrix(file.json["k"][t][c], 3, 3, what("k"));
-  const Eigen::MatrixXd w2c = matrix(file.json["w2c"][t][c], 3, 4, what("w2c"));
+  const Eigen::MatrixXd w2c = pose_rows(file.json["w2c"][t][c], what("w2c"));
+  const double skew = 1e-6 * std::fabs(k(0, 0));  // [px a unit of y]
+  if (std::fabs(k(0, 1)) > skew || k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1)
+    throw Error(fmt::format("{} is no matrix fx 0 cx, 0 fy cy, 0 0 1: gflow's cameras have no skew",
+                            what("k")));
   Camera camera;
   camera.width = int(std::lround(file.width));
   camera.height = int(std::lround(file.height));
@@ -73,22 +84,37 @@ std::string file_in(const std::string& folder, const char* sub, const std::strin
   return path;
 }
 
+// The Panoptic Studio has 511 cameras.
+int camera_number(const Json& value, const std::string& what) {
+  constexpr int most = 1000000;
+  const double id = value.is_number_integer() ? value.get<double>() : -1;
+  if (!(id >= 0 && id <= most))
+    throw Error(fmt::format("{} is no whole number from 0 to {}", what, most));
+  return int(id);
+}
+
 std::vector<Frame> read_split(const std::string& folder, const std::string& path,
                               const SceneOptions& options, Scene& scene) {
   const MetaFile meta = read_meta(path);
   std::vector<Frame> frames;
-  for (size_t t = 0; t < meta.times; ++t)
+  std::map<std::string, std::string> owners;  // of pictures: which camera, when
+  for (size_t t = 0; t < meta.times; ++t) {
+    std::set<int> cameras;  // at this time
     for (size_t c = 0; c < meta.json["fn"][t].size(); ++c) {
       const std::string what = fmt::format("camera {} at time {} of {}", c, t, path);
       const std::string name = text(meta.json["fn"][t][c], "'fn' of " + what);
-      const Json& id = meta.json["cam_id"][t][c];
-      if (!id.is_number_integer()) throw Error("'cam_id' of " + what + " is no whole number");
+      const int id = camera_number(meta.json["cam_id"][t][c], "'cam_id' of " + what);
+      if (!cameras.insert(id).second)
+        throw Error(fmt::format("'cam_id' of {} is {}, as of another at this time", what, id));
+      const auto [owner, is_first] = owners.emplace(fs::path(name).lexically_normal(), what);
+      if (!is_first)
+        throw Error(fmt::format("{} has the picture '{}', as has {}", what, name, owner->second));
       Frame frame;
       frame.path = file_in(folder, "ims", name, meta);
       if (options.masks == Masks::all)
         frame.mask_path =
             file_in(folder, "seg", fs::path(name).replace_extension(".png").string(), meta);
-      frame.track = id.get<int>();
+      frame.track = id;
       frame.step = int(t);
       frame.time = meta.times > 1 ? double(t) / double(meta.times - 1) : 0;
       frame.name = fmt::format("cam{:02}_{:04}", frame.track, t);
@@ -99,6 +125,7 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
       frame.camera = find_or_add(scene.cameras, camera);
       frames.push_back(frame);
     }
+  }
   return frames;
 }
 
@@ -106,20 +133,31 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
 PointCloud read_points(const std::string& folder) {
   const std::string path = (fs::path(folder) / "init_pt_cld.npz").string();
   if (!fs::exists(path)) return find_points(folder);
-  const Array data = array_named(read_npz(path), "data", path);
+  const Arrays arrays = read_npz(path, {"data"});
+  const Array& data = array_named(arrays, "data", path);
   if (data.shape.size() != 2 || data.shape[1] < 6)
     throw Error(
         fmt::format("'data' of {} has shape {}, expected is (points, 7)", path, data.shape_text()));
-  const std::vector<double> values = data.as_double();
+  const size_t count = data.shape[0], columns = data.shape[1];
   PointCloud points;
-  for (size_t i = 0; i < data.shape[0]; ++i) {
-    const double* row = &values[i * data.shape[1]];
+  points.xyz.reserve(3 * count);
+  points.rgb.reserve(3 * count);
+  const auto add = [&](size_t i, const auto* row) {
     for (int c = 0; c < 6; ++c)
-      if (!std::isfinite(row[c])) throw Error(fmt::format("point {} of {} is not finite", i, path));
-    points.xyz.insert(points.xyz.end(), {row[0], row[1], row[2]});
+      if (!(std::fabs(row[c]) <= farthest_point))
+        throw Error(fmt::format("point {} of {} is not finite or farther than {}", i, path,
+                                farthest_point));
+    points.xyz.insert(points.xyz.end(), {double(row[0]), double(row[1]), double(row[2])});
     for (int c = 3; c < 6; ++c)
-      points.rgb.push_back(uint8_t(std::lround(255 * std::clamp(row[c], 0., 1.))));
-  }
+      points.rgb.push_back(uint8_t(std::lround(255 * std::clamp(double(row[c]), 0., 1.))));
+  };
+  // Row by row, as a second copy of all would be larger than the file.
+  if (const auto* floats = std::get_if<std::vector<float>>(&data.values))
+    for (size_t i = 0; i < count; ++i) add(i, &(*floats)[i * columns]);
+  else if (const auto* doubles = std::get_if<std::vector<double>>(&data.values))
+    for (size_t i = 0; i < count; ++i) add(i, &(*doubles)[i * columns]);
+  else
+    throw Error(fmt::format("'data' of {} has whole numbers, expected are floats", path));
   return points;
 }
 

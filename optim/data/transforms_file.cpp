@@ -29,7 +29,7 @@ std::optional<double> inherited(const Transforms& file, const Json& frame, const
 
 Eigen::Matrix4d viewmat_of(const Json& frame, const std::string& where) {
   const std::string what = "transform_matrix of " + where;
-  Eigen::MatrixXd pose = matrix(member(frame, "transform_matrix", where), 3, 4, what);
+  Eigen::MatrixXd pose = pose_rows(member(frame, "transform_matrix", where), what);
   pose.middleCols(1, 2) *= -1;
   return viewmat_from_pose(pose.leftCols(3), pose.col(3), what);
 }
@@ -72,8 +72,8 @@ Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera
                        {k("k1"), k("k2"), k("p1"), k("p2"), k("k3"), k("k4"), k("k5"), k("k6")},
                        what);
   throw Error(
-      fmt::format("{} has the camera_model {}, known are PINHOLE, OPENCV and OPENCV_FISHEYE", where,
-                  excerpt(model)));
+      fmt::format("{} has the camera_model '{}', known are PINHOLE, OPENCV and OPENCV_FISHEYE",
+                  where, excerpt(model)));
 }
 
 Camera camera_of(const Transforms& file, const Json& frame, const std::string& where,

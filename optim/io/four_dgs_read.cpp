@@ -121,6 +121,7 @@ std::optional<Stream> read_stream(Reader& in, uint32_t count, Wanted&& wanted) {
   const size_t symbols = (stream.is_constant ? 1 : size_t(count)) * channels;
   if (count == 0) return stream;
   const std::string planes = inflated(in, payload, symbols * width);
+  stream.values.reserve(symbols);
   for (size_t i = 0; i < symbols; ++i) {
     uint32_t symbol = 0;
     for (size_t byte = 0; byte < width; ++byte)
@@ -192,7 +193,10 @@ class FileReader {
       in.refuse(
           fmt::format("it says it has {} Gaussians, gflow reads up to {}", declared_, kMostSplats));
     const auto bands = uint64_t(scene_.sh_degree) + 1;
-    in.require_plausible(declared_ * (kSplatBytes + 4 * 3 * (bands * bands - 1)));
+    const uint64_t rest = 3 * (bands * bands - 1);
+    in.require_plausible(declared_ * (kSplatBytes + 4 * rest));
+    scene_.splats.reserve(declared_);  // growing would take twice as much
+    scene_.sh_rest.reserve(declared_ * rest);
   }
 
   // Records that must come once, before all Gaussians.

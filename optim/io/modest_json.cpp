@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 
+#include "optim/io/printable.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -42,6 +44,10 @@ void require_modest_json(const void* text, size_t size, const std::string& path)
     else if (c == ',')
       ++values;
   }
+  // The parser takes it for the end, whatever follows.
+  if (const void* zero = std::memchr(text, 0, size); size > 0 && zero)
+    throw Error(fmt::format("cannot read {}: it is no JSON text, byte {} is zero", path,
+                            static_cast<const char*>(zero) - json));
   if (in_text) longest = std::max(longest, size - begin);  // it does not end
   if (deepest > deepest_json)
     throw Error(
@@ -64,9 +70,11 @@ bool is_modest_json(const void* text, size_t size) {
 }
 
 std::string reason_of(const nlohmann::json::exception& problem) {
+  constexpr size_t most_letters = 200;      // it quotes what it read last, whole
   const std::string text = problem.what();  // "[json.exception.type_error.302] type must be ..."
   const size_t end = text.find("] ");
-  return text.rfind("[json.exception", 0) == 0 && end != text.npos ? text.substr(end + 2) : text;
+  const bool tagged = text.rfind("[json.exception", 0) == 0 && end != text.npos;
+  return excerpt(tagged ? text.substr(end + 2) : text, most_letters);
 }
 
 }  // namespace gflow

@@ -8,13 +8,13 @@
 namespace gflow {
 
 // Error that names `path` where there are more than 800 000 values or 100 levels, as a value of a
-// few bytes takes up to 80 of memory, or a text within is longer than a megabyte.
+// few bytes takes up to 80 of memory, a text within is longer than a megabyte, or a byte is zero.
 void require_modest_json(const void* text, size_t size, const std::string& path);
 
 // The same as a question.
 bool is_modest_json(const void* text, size_t size);
 
-// The library's reason without its own name for it.
+// The library's reason without its own name for it, one line of 200 letters at most.
 std::string reason_of(const nlohmann::json::exception& problem);
 
 }  // namespace gflow

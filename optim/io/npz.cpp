@@ -5,7 +5,9 @@
 #include <fmt/format.h>
 #include <zip.h>
 
+#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -34,11 +36,25 @@ struct Discard {
 using Archive = std::unique_ptr<zip_t, Discard>;
 using Entry = std::unique_ptr<zip_file_t, Discard>;
 
+bool begins_as_archive(const std::string& path) {
+  char begin[4] = {};
+  std::ifstream(path, std::ios::binary).read(begin, sizeof begin);
+  return std::memcmp(begin, "PK\3\4", sizeof begin) == 0;
+}
+
 Archive open_archive(const std::string& path, int flags, const char* doing) {
   int code = 0;
   Archive archive(zip_open(path.c_str(), flags, &code));
-  if (!archive) throw Error(fmt::format("cannot {} {}: {}", doing, path, ErrorText(code).text()));
-  return archive;
+  if (archive) return archive;
+  std::string why = ErrorText(code).text();
+  // Of which libzip says "Operation not supported" and "Not a zip archive".
+  if (std::error_code unknown; std::filesystem::is_directory(path, unknown))
+    why = "it is a folder, expected is an .npz file";
+  else if (code == ZIP_ER_NOZIP)
+    why = begins_as_archive(path) ? "it is cut off or damaged: the list of its arrays, with which "
+                                    "it would end, is missing"
+                                  : "it is no .npz file (a zip archive of arrays)";
+  throw Error(fmt::format("cannot {} {}: {}", doing, path, why));
 }
 
 // The bytes of entry i, no more than their header announces and `plausible` accepts. They are read
@@ -92,7 +108,8 @@ Arrays read_npz(const std::string& path, const std::set<std::string>& only, size
     });
     unpacked += bytes.size();
     require_plausible_size(unpacked, file_size, path, always);
-    arrays.emplace(name, parse_npy(bytes.data(), bytes.size(), where));
+    if (!arrays.emplace(name, parse_npy(bytes.data(), bytes.size(), where)).second)
+      throw Error(fmt::format("cannot read {}: it has the array '{}' twice", path, name));
   }
   return arrays;
 }

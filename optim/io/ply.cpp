@@ -215,14 +215,13 @@ PointCloud read_point_cloud(const std::string& path) {
   PointCloud points;
   points.xyz.reserve(3 * vertices.rows);
   if (colored) points.rgb.reserve(3 * vertices.rows);
-  constexpr double farthest = 1e18;  // its square is a float still
   rows.read(vertices, [&](const double* values) {
     for (size_t i = 0; i < 3; ++i) {
       const double place = values[position[i]];
-      if (!(std::fabs(place) <= farthest))
+      if (!(std::fabs(place) <= farthest_point))
         refuse_ply(path, fmt::format("the position of vertex {} is not finite, or farther off than "
                                      "{:g}",
-                                     points.size(), farthest));
+                                     points.size(), farthest_point));
       points.xyz.push_back(exact ? place : double(float(place)));
     }
     for (size_t i = 0; i < 3 && colored; ++i)

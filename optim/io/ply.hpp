@@ -11,6 +11,9 @@
 
 namespace gflow {
 
+// Places farther from the origin are refused: the square of a float must be one.
+constexpr double farthest_point = 1e18;
+
 // Coloured points. rgb is either as long as xyz or empty when the file has no colours.
 struct PointCloud {
   std::vector<double> xyz;   // [n, 3] world

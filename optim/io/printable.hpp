@@ -10,21 +10,37 @@
 namespace gflow {
 
 // Appends the letter at text[at], or \x1b for what a terminal obeys (escape, backspace, line ends,
-// the C1 controls in UTF-8) and for a byte that is no UTF-8; the place behind it.
+// the C1 controls in UTF-8, marks that turn the direction of writing) and for a byte that is no
+// UTF-8; the place behind it.
 inline size_t append_letter(std::string& out, const std::string& text, size_t at) {
   const size_t size = utf8_letter(text, at);
   const auto first = static_cast<unsigned char>(text[at]);
   const auto last = static_cast<unsigned char>(text[at + (size > 0 ? size - 1 : 0)]);
   const bool control = first < 0x20 || first == 0x7f || (first == 0xc2 && last < 0xa0);
+  const std::string letter = text.substr(at, size);
+  const bool turns = (letter >= "\u202a" && letter <= "\u202e") ||  // the order of what follows
+                     (letter >= "\u2066" && letter <= "\u2069");
   if (size == 0 || control)
     out += fmt::format("\\x{:02x}", last);
+  else if (turns)
+    for (const char byte : letter) out += fmt::format("\\x{:02x}", uint8_t(byte));
   else
-    out.append(text, at, size);
+    out += letter;
   return at + (size > 0 ? size : 1);
 }
 
-// A whole message: letters as above, but line ends and tabs stay. Of a long text the middle is left
-// out.
+// Lines: letters as above, but line ends and tabs stay.
+inline std::string printable_lines(const std::string& text) {
+  std::string out;
+  for (size_t i = 0; i < text.size();)
+    if (text[i] == '\n' || text[i] == '\t')
+      out += text[i++];
+    else
+      i = append_letter(out, text, i);
+  return out;
+}
+
+// A whole message: lines, and of a long text the middle is left out.
 inline std::string printable(const std::string& text) {
   constexpr size_t most = 65536;  // what a compiler says of a kernel is shorter
   if (text.size() > most) {
@@ -36,13 +52,7 @@ inline std::string printable(const std::string& text) {
     return fmt::format("{} [... {} bytes ...] {}", printable(text.substr(0, end)), begin - end,
                        printable(text.substr(begin)));
   }
-  std::string out;
-  for (size_t i = 0; i < text.size();)
-    if (text[i] == '\n' || text[i] == '\t')
-      out += text[i++];
-    else
-      i = append_letter(out, text, i);
-  return out;
+  return printable_lines(text);
 }
 
 // What a file or an option says, within a message: one line whatever it holds, and no more of it

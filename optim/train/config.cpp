@@ -11,6 +11,7 @@
 #include <type_traits>
 
 #include "optim/io/decimal.hpp"
+#include "optim/io/file_address.hpp"
 #include "optim/io/printable.hpp"
 #include "optim/train/edit_distance.hpp"
 #include "optim/train/toml_file.hpp"
@@ -29,9 +30,9 @@ std::string toml_text(float value) {
   if (std::isfinite(value) && text.find_first_of(".e") == std::string::npos) text += ".0";
   return text;
 }
-// "" for a path that is no UTF-8, as TOML must be: who goes on is then asked for the scene.
+// A path that is no UTF-8, as TOML must be, becomes an address.
 std::string toml_text(const std::string& value) {
-  if (!is_utf8(value)) return "\"\"";
+  if (!is_utf8(value) || is_file_address(value)) return '"' + file_address(value) + '"';
   std::string text = "\"";
   for (const char c : value) {
     if (c == '"' || c == '\\') text += '\\';
@@ -90,6 +91,11 @@ void assign(const Incoming& in, std::string& member) {
   const auto value = in.node->value_exact<std::string>();
   if (!value && !in.text) in.refuse("text in quotes");
   member = value ? *value : *in.text;
+  if (!is_file_address(member)) return;
+  const auto path = path_of_address(member);
+  if (!path)
+    in.refuse("a file:// address, where %XX stands for a byte and %25 for a per cent sign");
+  member = *path;
 }
 
 template <class Integer, std::enable_if_t<std::is_integral_v<Integer>, int> = 0>

@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
+#include <iterator>
 
 #include "optim/io/printable.hpp"
 
@@ -20,8 +22,14 @@ constexpr size_t plain_width = 200;  // of lines that go into a file
 
 size_t terminal_width() {
   winsize size = {};
-  const bool known = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1;
+  const bool known = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
   return known ? size.ws_col - 1 : 79;  // a full last column would wrap
+}
+
+// A terminal that can write a line anew. Emacs and its like say of themselves that they cannot.
+bool redraws_lines() {
+  const char* kind = std::getenv("TERM");
+  return isatty(STDERR_FILENO) == 1 && !(kind && std::string(kind) == "dumb");
 }
 
 std::string speed_text(double per_second) {
@@ -54,20 +62,27 @@ std::string progress_line(const ProgressState& state, double seconds, size_t wid
                                : "ETA " + duration_text(double(total - done) / per_second);
   const std::string counts =
       fmt::format("  {}/{}  {}  {}", done, total, speed_text(per_second), time);
-  std::string line = label + "  " + bar_text(done, total) + counts;
-  if (line.size() > width) line = label + counts;
+  // In a narrow window what says most.
+  const std::string choices[] = {label + "  " + bar_text(done, total) + counts, label + counts,
+                                 fmt::format("{}/{}  {}", done, total, time),
+                                 fmt::format("{}/{}", done, total),
+                                 fmt::format("{}%", total > 0 ? 100 * done / total : 100)};
+  const auto fits = [&](const std::string& text) { return text.size() <= width; };
+  const auto* chosen = std::find_if(std::begin(choices), std::end(choices), fits);
+  if (chosen == std::end(choices)) return "";
+  std::string line = *chosen;
   for (const ProgressTerm& term : terms) {
     const std::string text = "  " + term.name + (term.name.empty() ? "" : " ") + term.value;
     if (line.size() + text.size() > width) break;
     line += text;
   }
-  return line.substr(0, width);
+  return line;
 }
 
 Progress::Progress(std::string label, long total, bool quiet, long first)
     : state_{std::move(label), first, first, total, {}},
       quiet_(quiet),
-      terminal_(isatty(STDERR_FILENO) == 1),
+      terminal_(redraws_lines()),
       start_(Clock::now()),
       drawn_(start_) {}
 

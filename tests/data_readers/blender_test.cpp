@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <filesystem>
+
 #include "data_readers/made_scene.hpp"
 #include "optim/data/scene.hpp"
 
@@ -146,6 +148,16 @@ TEST(Blender, FilesThatContradictThemselvesAreRefused) {
                {"transforms_train.json", "1e999"});
   expect_error([&] { with(a("[[1,0],[0,1]]")); }, {"transform_matrix", "rows of 4 finite numbers"});
   expect_error([&] { with(a("[[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); }, {"no rotation"});
+  expect_error([&] { with(a("[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,2]]")); },
+               {"last row", "transform_matrix", "0 0 0 2", "0 0 0 1"});
+  expect_error([&] { with(a("[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1],[0,0,0,1]]")); },
+               {"transform_matrix", "not 3 rows of 4"});
+  // Whatever the others have.
+  make_blender(folder, frame("train/a", "0", pose), R"("camera_angle_x": 1.0)");
+  std::filesystem::copy_file(folder.file("transforms_train.json"),
+                             folder.path() + "/transforms_test.json");
+  expect_error([&] { with(""); }, {"transforms_train.json", "no frames"});
+  std::filesystem::remove(folder.path() + "/transforms_test.json");
   expect_error([&] { with(a("[[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); }, {"right-handed"});
   expect_error([&] { with(a(pose), R"("x": 1)"); }, {"camera_angle_x", "fl_x"});
   expect_error([&] { with(a(pose), R"("camera_angle_x": 4)"); }, {"camera_angle_x", "(0, pi)"});
@@ -164,6 +176,15 @@ TEST(Blender, WhatIsNoJsonIsRefused) {
   const TemporaryFolder folder;
   folder.write("transforms_train.json", R"({"frames": [)");
   expect_error([&] { read_scene(folder.path()); }, {"transforms_train.json", "no JSON"});
+  folder.write("transforms_train.json", std::string("{\"frames\": []}\0garbage", 23));
+  expect_error([&] { read_scene(folder.path()); }, {"transforms_train.json", "byte 14 is zero"});
+  folder.write("transforms_train.json", "{\"x\": -" + std::string(size_t{1} << 20, '1') + "e400}");
+  try {
+    read_scene(folder.path());
+    ADD_FAILURE() << "was read";
+  } catch (const std::exception& refused) {
+    EXPECT_LT(std::string(refused.what()).size(), 600u);
+  }
   folder.write("transforms_train.json", R"([1, 2])");
   expect_error([&] { read_scene(folder.path()); }, {"'frames'"});
   folder.write("transforms_train.json", R"({"camera_angle_x": NaN, "frames": []})");

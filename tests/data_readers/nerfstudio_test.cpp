@@ -68,6 +68,15 @@ TEST(Nerfstudio, TheFilesOwnListsWin) {
   EXPECT_EQ(names_of(scene.val), std::vector<std::string>{"images_frame_3"});
 }
 
+TEST(Nerfstudio, WhatIsInNoListIsForTraining) {
+  const TemporaryFolder folder;
+  make_nerfstudio(folder, joined({frame(1), frame(2), frame(3)}),
+                  std::string(intrinsics) + R"(, "test_filenames": ["images/frame_2.png"])");
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"images_frame_1", "images_frame_3"}));
+  EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"images_frame_2"}));
+}
+
 TEST(Nerfstudio, TimesMakeStepsAndPointsAreWhereTheFileSays) {
   const TemporaryFolder folder;
   make_nerfstudio(folder,
@@ -128,7 +137,7 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   };
   const std::string and_more = std::string(intrinsics) + ", ";
   expect_error([&] { with(frame(99)); }, {"transforms.json", "frame_99.png", "there is no"});
-  expect_error([&] { with(""); }, {"transforms.json", "no training pictures"});
+  expect_error([&] { with(""); }, {"transforms.json has no frames"});
   const std::string text(size_t{3} << 20, 'x');  // the parser has it several times
   expect_error([&] { with(frame(1), and_more + "\"a\": \"" + text + "\""); },
                {"transforms.json", "a text of 3145728 bytes"});
@@ -138,7 +147,7 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(frame(1, R"(, "mask_path": "m.png")")); }, {"mask 'm.png'", "no"});
   expect_error([&] { with(frame(1, R"(, "mask_path": 3)")); }, {"'mask_path'", "no text"});
   expect_error([&] { with(frame(1), and_more + R"("camera_model": "EQUIRECTANGULAR")"); },
-               {"EQUIRECTANGULAR", "OPENCV_FISHEYE"});
+               {"'EQUIRECTANGULAR'", "OPENCV_FISHEYE"});
   expect_error([&] { with(frame(1), and_more + R"("k1": "x")"); }, {"'k1'", "no finite number"});
   expect_error([&] { with(frame(1), and_more + R"("ply_file_path": "../p.ply")"); },
                {"../p.ply", "relative path"});
@@ -149,6 +158,20 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(frame(1), R"("fl_x": 9, "w": -8, "h": 8)"); }, {"size -8x8"});
   expect_error([&] { with(frame(1), and_more + R"("train_filenames": 5)"); },
                {"'train_filenames'", "no list"});
+  expect_error([&] { with(frame(1), and_more + R"("train_filenames": ["images/frame_2.png"])"); },
+               {"none of the 1 pictures in 'train_filenames'", "one of its 1 frames"});
+  expect_error(
+      [&] {
+        with(joined({frame(1), frame(2)}),
+             and_more + R"("train_filenames": ["images/frame_1.png", "images/frame_2.png"],
+                           "test_filenames": ["images/frame_2.png"])");
+      },
+      {"images/frame_2.png in 'train_filenames' and in 'test_filenames'"});
+  SceneOptions options;
+  options.test_every = 1;
+  with(frame(1));
+  expect_error([&] { read_scene(folder.path(), options); },
+               {"no pictures for training", "all of its 1 frames", "scene.test_every = 1"});
   folder.write("transforms.json", R"({"frames": [{"file_)");
   expect_error([&] { read_scene(folder.path()); }, {"transforms.json", "no JSON"});
 }

@@ -88,6 +88,9 @@ TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
   const Scene scene = read_scene(folder.path(), options);
   EXPECT_EQ(scene.points.xyz, (std::vector<double>{1, 2, 3}));
   EXPECT_EQ(scene.points.rgb, (std::vector<uint8_t>{0, 128, 255}));
+  write_npz(folder.file("init_pt_cld.npz"),
+            {{"data", {{1, 6}, std::vector<float>{1, 2, 3, 0, 0.5, 1}}}});
+  EXPECT_EQ(read_scene(folder.path()).points.rgb, scene.points.rgb);
   EXPECT_TRUE(scene.has_alpha);
   EXPECT_EQ(scene.train[4].mask_path, folder.file("seg/3/000001.png"));
 }
@@ -108,8 +111,26 @@ TEST(Panoptic, FilesThatContradictThemselvesAreRefused) {
   expect_error(read, {"train_meta.json", "other cameras", "time 0"});
   replace(folder, "\"cam_id\": [[1, 3], ", "\"cam_id\": [");
   expect_error(read, {"'cam_id'", "3 times"});
-  replace(folder, "\"cam_id\": [[1, ", "\"cam_id\": [[1.5, ");
-  expect_error(read, {"'cam_id'", "no whole number"});
+  for (const char* id : {"1.5", "-1", "4294967297", "18446744073709551615", "null"}) {
+    replace(folder, "\"cam_id\": [[1, ", fmt::format("\"cam_id\": [[{}, ", id));
+    expect_error(read, {"'cam_id'", "camera 0 at time 0", "no whole number from 0 to 1000000"});
+  }
+  replace(folder, "\"cam_id\": [[1, 3]", "\"cam_id\": [[3, 3]");
+  expect_error(read, {"'cam_id' of camera 1 at time 0", "is 3, as of another"});
+  replace(folder, "1/000000.jpg", "3/000000.jpg");
+  expect_error(read, {"camera 1 at time 0", "'3/000000.jpg', as has camera 0 at time 0"});
+  for (const char* k : {"[[10, 0.1, 4.5]", "[[10, 0, 4.5], [1, 11, 3.5]", "[[10, 0, 1e400]"}) {
+    replace(folder, std::string("[[10, 0, 4.5], [0, 11, 3.5]").substr(0, std::string(k).size()), k);
+    expect_error(read, {"train_meta.json"});
+  }
+  for (const char* fn : {"null", "\"x\"", "0", "{}"}) {
+    const std::string text = meta(3, {1, 3});
+    const size_t at = text.find("\"fn\": ") + 6, end = text.find(", \"cam_id\"");
+    folder.write("train_meta.json", std::string(text).replace(at, end - at, fn));
+    expect_error(read, {"'fn' of", "no list of times"});
+  }
+  replace(folder, "\"fn\": [", "\"fn\": [null, ");
+  expect_error(read, {"'fn' of", "no list of cameras at time 0"});
   replace(folder, "\"w\": 8", "\"w\": 9");
   expect_error(read, {"8x6", "9x6"});
   replace(folder, "\"w\": 8, ", "");
@@ -127,4 +148,11 @@ TEST(Panoptic, FilesThatContradictThemselvesAreRefused) {
   make_panoptic(folder);
   write_npz(folder.file("init_pt_cld.npz"), {{"data", {{1, 3}, std::vector<double>{1, 2, 3}}}});
   expect_error(read, {"init_pt_cld.npz", "(1, 3)"});
+  for (const double far : {1e20, 1e300, double(INFINITY), double(NAN)}) {
+    write_npz(folder.file("init_pt_cld.npz"),
+              {{"data", {{1, 6}, std::vector<double>{1, 2, far, 0, 0, 0}}}});
+    expect_error(read, {"point 0 of", "init_pt_cld.npz", "not finite or farther than 1e+18"});
+  }
+  write_npz(folder.file("init_pt_cld.npz"), {{"data", {{1, 6}, std::vector<uint8_t>(6)}}});
+  expect_error(read, {"init_pt_cld.npz", "expected are floats"});
 }

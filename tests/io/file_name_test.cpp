@@ -13,6 +13,11 @@ TEST(FileName, OfAnythingIsOneNameInTheFolder) {
   for (const char* name : {"", ".", "..", "../x", ".hidden"})
     EXPECT_EQ(as_file_name(name).rfind("camera", 0), 0u) << name;
   EXPECT_EQ(as_file_name(std::string("a\0b", 3)), "a_b");
+  EXPECT_EQ(as_file_name("\x1b]2;a\x07\n\x7f"), "_]2;a___");
+  EXPECT_EQ(as_file_name(std::string(5000, 'x')), std::string(100, 'x'));
+  std::string umlauts;
+  for (int i = 0; i < 101; ++i) umlauts += "\u00fc";
+  EXPECT_EQ(as_file_name(umlauts), umlauts.substr(0, 200));  // whole letters
 }
 
 TEST(FileName, APathBelowHasFoldersOfItsOwnButLeadsNowhereElse) {

@@ -69,7 +69,22 @@ TEST(Npz, MissingAndTruncatedArchivesAreRefused) {
   write_npz(path, {{"a", {{300}, std::vector<int32_t>(300, 1)}}});
   const std::string whole = contents(path);
   folder.write("cut.npz", whole.substr(0, whole.size() / 2));
-  expect_error([&] { read_npz(folder.file("cut.npz")); }, {"cut.npz"});
+  expect_error([&] { read_npz(folder.file("cut.npz")); }, {"cut.npz", "cut off or damaged"});
+  folder.write("text.npz", "means");
+  expect_error([&] { read_npz(folder.file("text.npz")); }, {"text.npz", "is no .npz file"});
+  folder.write("empty.npz", "");
+  expect_error([&] { read_npz(folder.file("empty.npz")); }, {"empty.npz", "is no .npz file"});
+  expect_error([&] { read_npz(folder.path()); }, {folder.path(), "is a folder"});
+}
+
+TEST(Npz, AnArrayIsThereOnce) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.npz");
+  write_npz(path, {{"a", {{}, std::vector<float>{1}}}, {"b", {{}, std::vector<float>{2}}}});
+  std::string whole = contents(path);
+  for (size_t at; (at = whole.find("b.npy")) != whole.npos;) whole[at] = 'a';
+  folder.write("twice.npz", whole);
+  expect_error([&] { read_npz(folder.file("twice.npz")); }, {"twice.npz", "'a' twice"});
 }
 
 TEST(Npz, DamagedContentsAreRefused) {

@@ -12,6 +12,8 @@ TEST(Printable, WhatATerminalObeysIsSpeltOut) {
   EXPECT_EQ(printable("\xc2\x9b"
                       "31m"),
             "\\x9b31m");  // CSI in one character
+  EXPECT_EQ(printable("a\u202egpj.exe \u2069"), "a\\xe2\\x80\\xaegpj.exe \\xe2\\x81\\xa9");
+  EXPECT_EQ(printable("\u2029\u202f\u2065\u206a"), "\u2029\u202f\u2065\u206a");
 }
 
 TEST(Printable, BytesThatAreNoUtf8AreSpeltOut) {

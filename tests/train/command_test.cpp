@@ -289,8 +289,8 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
     expect_refused({"bench", "pareto", option, ""}, {option, "the path is empty"});
   expect_refused({"stress", "--json", ""}, {"--json", "the path is empty"});
   expect_refused({"render", run(), "-o", out, "--up", "w"}, {"'w'", "-y or -z"});
-  expect_refused({"render", run(), "-o", out, "--fps", "nan"}, {"'nan'", "from 0 to 1000"});
-  expect_refused({"render", run(), "-o", out, "--fps", "0x1p3"}, {"'0x1p3'", "from 0 to 1000"});
+  expect_refused({"render", run(), "-o", out, "--fps", "nan"}, {"'nan'", "0.01 to 1000"});
+  expect_refused({"render", run(), "-o", out, "--fps", "0x1p3"}, {"'0x1p3'", "0.01 to 1000"});
   expect_refused({"bench", "raster", "--gaussians", "0"}, {"'0'", "from 1 to 20000000"});
   expect_refused({"bench", "raster", "--pixels", "8"}, {"--pixels 8", "512x512"});
 }

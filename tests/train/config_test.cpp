@@ -244,23 +244,29 @@ TEST(Config, WhatIsRefusedIsShownInOneShortLine) {
   EXPECT_LT(message_of_setting("motion.model=" + std::string(65536, 'x')).size(), 400u);
 }
 
-// A path need not be UTF-8, and TOML must: the rest of the settings are not lost with it.
-TEST(Config, WhatTomlCannotHoldIsLeftOutOfIt) {
+// A path need not be UTF-8, and TOML must.
+TEST(Config, EveryPathIsReadAgain) {
   for (const char* path : {"caf\xc3\xa9 \xe7\x94\xbb \xf0\x9f\x8e\xac \xed\x9f\xbf", "plain"}) {
-    TrainConfig config, read;
+    TrainConfig config;
     config.scene.path = path;
-    apply_text(read, to_toml(config), "a test");
-    EXPECT_EQ(read.scene.path, path);
+    EXPECT_EQ(to_toml(config).find("file://"), std::string::npos);
   }
-  for (const char* path : {"caf\xe9", "\xc0\xaf", "\xe0\x80\xaf", "\xed\xa0\x80",
-                           "\xf4\x90\x80\x80", "\xff", "\x80", "cut \xe7\x94"}) {
+  for (const char* path :
+       {"caf\xc3\xa9 \xe7\x94\xbb \xf0\x9f\x8e\xac \xed\x9f\xbf", "plain", "file://x%20y",
+        "/a b/%41\xff\"\\\n", "caf\xe9", "\xc0\xaf", "\xe0\x80\xaf", "\xed\xa0\x80",
+        "\xf4\x90\x80\x80", "\xff", "\x80", "cut \xe7\x94"}) {
     TrainConfig config, read;
     config.scene.path = path;
     config.train.seed = 7;
     apply_text(read, to_toml(config), "a test");
-    EXPECT_EQ(read.scene.path, "");
+    EXPECT_EQ(read.scene.path, path);
     EXPECT_EQ(read.train.seed, 7);
   }
+  TrainConfig config;
+  apply_setting(config, "scene.path=file:///a%20b/caf%E9");
+  EXPECT_EQ(config.scene.path, "/a b/caf\xe9");
+  for (const char* address : {"file:///%", "file:///%4", "file:///%4g", "file:///a%00b"})
+    EXPECT_CONTAINS(message_of_setting(std::string("scene.path=") + address), "file:// address");
 }
 
 }  // namespace

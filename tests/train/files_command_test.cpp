@@ -155,6 +155,15 @@ TEST_F(FilesCommand, AMovingFileGoesOutAndItsMomentsComeIn) {
   EXPECT_EQ(nlohmann::json::parse(gflow({"info", now, "--json"}).out)["motion"], "none");
   expect_refused({"import", moving, "-o", now, "--time", "0.5"}, {"--time 0.5", "0.5 s"});
   expect_refused({"import", now, "-o", folder.file("b.ply"), "--time", "0"}, {"--time", "is ply"});
+  expect_refused({"import", moving, "-o", now, "--time", ""}, {"--time", "no number"});
+  for (const char* fps : {"1e-300", "1e-5", "-1", "2000"}) {
+    expect_refused({"export", run(), "-o", moving, "--fps", fps}, {"--fps", "0.01 to 1000"});
+    expect_refused({"render", run(), "-o", folder.path() + "/r", "--fps", fps},
+                   {"--fps", "0.01 to 1000"});
+  }
+  EXPECT_EQ(gflow({"export", run(), "-o", moving, "--fps", "0.01", "--quiet"}).code, 0);
+  EXPECT_EQ(nlohmann::json::parse(gflow({"info", moving, "--json"}).out)["seconds"], 500);
+  EXPECT_EQ(gflow({"render", run(), "-o", folder.path() + "/r", "--fps", "0.01"}).code, 0);
   expect_refused({"render", moving, "-o", folder.file("r")}, {"a.4dgs", "gflow import"});
   expect_refused({"export", run(), "--format", "4dgs", "-o", moving, "--times", "0,1"},
                  {"all times", "--steps"});
@@ -254,6 +263,27 @@ TEST_F(FilesCommand, ANameThatIsNotUtf8IsNoObstacle) {
   EXPECT_NE(outcome.out.find("a\xef\xbf\xbd.ply"), std::string::npos) << outcome.out;
 }
 
+TEST_F(FilesCommand, ARunOfASceneWhoseNameIsNotUtf8GoesOn) {
+  const TemporaryFolder folder;
+  const std::string odd = folder.path() + "/caf\xe9 %41", out = folder.path() + "/run";
+  fs::copy(scene().path(), odd, fs::copy_options::recursive);
+  const std::vector<std::string> few = {"--iterations", "2", "--quiet", "--set", "init.count=50"};
+  std::vector<std::string> words = {"train", odd, "-o", out};
+  words.insert(words.end(), few.begin(), few.end());
+  ASSERT_EQ(gflow(words).code, 0);
+  EXPECT_EQ(gflow({"eval", out}).code, 0);
+  EXPECT_EQ(gflow({"train", "-o", out, "--resume", "--quiet"}).code, 0);
+}
+
+TEST_F(FilesCommand, WhatATerminalObeysIsNotWrittenToIt) {
+  const TemporaryFolder folder;
+  const std::string odd = folder.path() + "/\x1b]2;title\x07";
+  const Outcome outcome = gflow({"export", run(), "-o", odd, "--format", "ply"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("\\x1b]2;title\\x07"), std::string::npos) << outcome.out;
+  EXPECT_EQ(gflow({"info", odd}).out.find('\x1b'), std::string::npos);
+}
+
 TEST_F(FilesCommand, ScalesThatNoFloatHoldsAreTold) {
   const TemporaryFolder folder;
   const std::string still = folder.file("still.ply");
@@ -277,6 +307,17 @@ TEST_F(FilesCommand, SplatNamesGaussiansThatAreBroken) {
   const Arrays output = read_npz(folder.file("out.npz"));
   EXPECT_EQ(output.at("broken").as_int(), std::vector<int32_t>{1});
   for (const float value : output.at("rgb").as_float()) EXPECT_TRUE(std::isfinite(value));
+}
+
+TEST_F(FilesCommand, SplatTellsWhatIsTooLargeForFloats) {
+  const TemporaryFolder folder;
+  Arrays input = small_npz();
+  std::get<std::vector<float>>(input.at("colors").values)[0] = 1e38f;
+  input["v_rgb"] = Array{{12, 16, 3}, std::vector<float>(12 * 16 * 3, 1e30f)};
+  write_npz(folder.file("in.npz"), input);
+  const Outcome outcome = gflow({"splat", folder.file("in.npz"), "-o", folder.file("out.npz")});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.err.find("are not finite: numbers in "), std::string::npos) << outcome.err;
 }
 
 TEST_F(FilesCommand, SplatRefusesArchivesThatAreBroken) {

@@ -60,6 +60,10 @@ TEST(Progress, WhereSpaceIsShortTermsGoFirstThenTheBar) {
     EXPECT_LE(progress_line(state, 1, width).size(), width);
   EXPECT_EQ(progress_line(state, 1, whole.size() - 1), whole.substr(0, whole.size() - 9));
   EXPECT_EQ(progress_line(state, 1, 40), "train  1/2  1.0 it/s  ETA 0:01  loss 0.5");
+  EXPECT_EQ(progress_line(state, 1, 19), "1/2  ETA 0:01");
+  EXPECT_EQ(progress_line(state, 1, 9), "1/2");
+  EXPECT_EQ(progress_line({"train", 0, 1500, 3000, {}}, 1, 5), "50%");
+  EXPECT_EQ(progress_line({"train", 0, 1500, 3000, {}}, 1, 2), "");
 }
 
 TEST(Progress, IntoAPipeItEndsWithOneWholeLine) {
