@@ -2,6 +2,7 @@
 #include <fmt/ranges.h>
 
 #include "data_readers/made_scene.hpp"
+#include "io/memory_of.hpp"
 #include "optim/data/scene.hpp"
 #include "optim/io/npz.hpp"
 
@@ -155,4 +156,17 @@ TEST(Panoptic, FilesThatContradictThemselvesAreRefused) {
   }
   write_npz(folder.file("init_pt_cld.npz"), {{"data", {{1, 6}, std::vector<uint8_t>(6)}}});
   expect_error(read, {"init_pt_cld.npz", "expected are floats"});
+}
+
+TEST(Panoptic, PointsTakeLittleMoreMemoryThanTheirFile) {
+  const TemporaryFolder folder;
+  make_panoptic(folder);
+  constexpr size_t n = 1000000;
+  std::vector<float> values(7 * n);
+  for (size_t i = 0; i < values.size(); ++i) values[i] = float(i % 1009);
+  const std::string path = folder.file("init_pt_cld.npz");
+  write_npz(path, {{"data", {{n, 7}, values}}}, Packing::stored);
+  constexpr double mib = 1 << 20;
+  const double file = double(std::filesystem::file_size(path)) / mib;
+  EXPECT_LT(memory_of([&] { EXPECT_EQ(read_scene(folder.path()).points.size(), n); }), 2.2 * file);
 }

@@ -10,6 +10,7 @@
 #include <random>
 #include <set>
 
+#include "io/memory_of.hpp"
 #include "io/temporary_folder.hpp"
 #include "optim/io/splat_table.hpp"
 #include "shared/sh.h"
@@ -472,6 +473,33 @@ TEST(FourDgs, EmptyScenesHaveAFile) {
   scene.duration = 1;
   write_four_dgs(folder.file("a.4dgs"), scene);
   EXPECT_EQ(read_four_dgs(folder.file("a.4dgs")).splats.size(), 0u);
+}
+
+TEST(FourDgs, ReadingTakesTheMemoryOfTheGaussiansOnce) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.4dgs");
+  constexpr size_t n = 400000;
+  MovingSplats scene;
+  scene.duration = 8;
+  scene.splats.resize(n);
+  std::mt19937 rng(1);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (size_t i = 0; i < n; ++i) {
+    MovingSplat& s = scene.splats[i];
+    s.mean = {uniform(rng), uniform(rng), uniform(rng)};
+    s.scales = {0.1, 0.1, 0.1};
+    s.opacity = 0.5;
+    s.begin = double(i % 8);
+    s.end = s.begin + 1;
+    s.mean_t = s.begin + 0.5;
+  }
+  write_four_dgs(path, scene);
+  scene = {};
+  constexpr double mib = 1 << 20;
+  const double splats = n * sizeof(MovingSplat) / mib;
+  // Beside them the symbols of a chunk: 22 of them and as many values, of 4 bytes each.
+  EXPECT_LT(memory_of([&] { EXPECT_EQ(read_four_dgs(path).splats.size(), n); }),
+            splats + n * 2 * 22 * 4 / mib);
 }
 
 }  // namespace
