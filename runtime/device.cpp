@@ -10,6 +10,8 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "runtime/pocl_cache.hpp"
+
 namespace gflow {
 namespace {
 
@@ -17,7 +19,9 @@ namespace {
 std::string no_device_message() {
   const char* const cache = std::getenv("POCL_CACHE_DIR");
   std::error_code problem;
-  if (cache && *cache && !std::filesystem::is_directory(cache, problem))
+  if (const std::string why = pocl_cache_problem(0); !why.empty())
+    return "no OpenCL device found: " + why;
+  if (cache && *cache && !std::filesystem::is_directory(cache, problem))  // as root, in /proc
     return fmt::format(
         "no OpenCL device found: POCL_CACHE_DIR is {}, where no folder could be made: unset it, or "
         "name one that can be written",

@@ -11,6 +11,7 @@
 
 #include "runtime/chunks.hpp"
 #include "runtime/kernel_sources.hpp"
+#include "runtime/pocl_cache.hpp"
 #include "runtime/program_cache.hpp"
 
 namespace gflow {
@@ -57,6 +58,14 @@ cl::Program built_from_source(Queue& queue, const std::string& source, const std
   return program;
 }
 
+// LLVM would end the program.
+void require_room_for_programs(const DeviceInfo& device, const std::string& file) {
+  constexpr uint64_t taken = uint64_t{16} << 20;  // by all kernels of a training, twice
+  const bool is_pocl = device.platform.find("Portable Computing Language") != std::string::npos;
+  const std::string problem = is_pocl ? pocl_cache_problem(taken) : "";
+  if (!problem.empty()) throw Error(fmt::format("compiling {}: {}", file, problem));
+}
+
 }  // namespace
 
 std::string expand_includes(const std::string& file) {
@@ -74,7 +83,8 @@ Program::Program(Queue& queue, const std::string& file, const Defines& defines) 
   const std::string source = expand_includes(file);
 
   cl::Program& known = queue.programs[options + "\n" + source];
-  if (!known())
+  if (!known()) {
+    require_room_for_programs(queue.info, file);
     known = cl_call("building " + file + " with " + options, [&] {
       const ProgramCache cache(queue, source, options);
       if (auto program = cache.load(queue, options); program()) return program;
@@ -82,6 +92,7 @@ Program::Program(Queue& queue, const std::string& file, const Defines& defines) 
       cache.store(program);
       return program;
     });
+  }
   handle = known;
 }
 

@@ -3,12 +3,17 @@
 #include "runtime/device.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <cctype>
+#include <filesystem>
 #include <functional>
 #include <iostream>
 
 #include "environment.hpp"
+#include "io/temporary_folder.hpp"
+#include "runtime/pocl_cache.hpp"
 
 namespace gflow {
 namespace {
@@ -107,7 +112,41 @@ TEST(DeviceDeathTest, WhereOnesProgramsCannotBeKeptThatIsTheReason) {
     std::cerr << message_of([] { list_devices(); });
     std::exit(3);
   };
-  EXPECT_EXIT(list(), testing::ExitedWithCode(3), "POCL_CACHE_DIR is /proc/programs, where no");
+  EXPECT_EXIT(list(), testing::ExitedWithCode(3), "POCL_CACHE_DIR is /proc/programs, where n");
+}
+
+TEST(DeviceDeathTest, AFolderForProgramsThatCannotBeWrittenIsTheReason) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder.path() + "/programs");
+  ASSERT_EQ(chmod(folder.path().c_str(), 0755), 0);
+  ASSERT_EQ(chmod((folder.path() + "/programs").c_str(), 0555), 0);
+  const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");
+  const Environment no_cache("POCL_CACHE_DIR", folder.path() + "/programs");
+  const auto list = [] {
+    if (getuid() == 0 && setuid(65534) != 0) std::exit(4);  // root may write anywhere
+    std::cerr << message_of([] { list_devices(); });
+    std::exit(3);
+  };
+  EXPECT_EXIT(list(), testing::ExitedWithCode(3), "POCL_CACHE_DIR is .*/programs, where nothing");
+}
+
+TEST(PoclCache, TheFolderIsTheUsersAndItsRoomIsKnown) {
+  const TemporaryFolder folder;
+  const Environment own("POCL_CACHE_DIR", folder.path());
+  constexpr uint64_t endless = uint64_t{1} << 62;
+  EXPECT_EQ(pocl_cache_problem(0), "");
+  EXPECT_NE(pocl_cache_problem(endless).find("POCL_CACHE_DIR is " + folder.path() + ", where"),
+            std::string::npos);
+  const Environment none("POCL_CACHE_DIR", "");
+  const Environment all("XDG_CACHE_HOME", folder.path());
+  EXPECT_EQ(pocl_cache_problem(0), "");
+  EXPECT_NE(pocl_cache_problem(endless).find("in " + folder.path() + "/pocl/kcache, where"),
+            std::string::npos);
+  const Environment no_all("XDG_CACHE_HOME", "");
+  const Environment home("HOME", "/proc/nothing");
+  EXPECT_NE(pocl_cache_problem(endless).find("in /proc/nothing/.cache/pocl/kcache, where"),
+            std::string::npos);
 }
 
 TEST(Device, TooSmallOneIsRefusedWithTheReason) {
