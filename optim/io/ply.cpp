@@ -213,18 +213,22 @@ PointCloud read_point_cloud(const std::string& path) {
   const bool colored = std::all_of(color.begin(), color.end(), is_there);
   const bool exact = are_doubles(vertices, position);
   PointCloud points;
-  points.xyz.reserve(3 * vertices.rows);
-  if (colored) points.rgb.reserve(3 * vertices.rows);
+  const size_t count = std::min(vertices.rows, most_points);
+  points.xyz.reserve(3 * count);
+  if (colored) points.rgb.reserve(3 * count);
+  size_t vertex = 0;
   rows.read(vertices, [&](const double* values) {
+    const size_t v = vertex++;
+    const bool kept = double(v) * double(count) >= double(points.size()) * double(vertices.rows);
     for (size_t i = 0; i < 3; ++i) {
       const double place = values[position[i]];
       if (!(std::fabs(place) <= farthest_point))
         refuse_ply(path, fmt::format("the position of vertex {} is not finite, or farther off than "
                                      "{:g}",
-                                     points.size(), farthest_point));
-      points.xyz.push_back(exact ? place : double(float(place)));
+                                     v, farthest_point));
+      if (kept) points.xyz.push_back(exact ? place : double(float(place)));
     }
-    for (size_t i = 0; i < 3 && colored; ++i)
+    for (size_t i = 0; i < 3 && colored && kept; ++i)
       points.rgb.push_back(
           to_byte(float(values[color[i]]), vertices.properties[size_t(color[i])].type));
   });

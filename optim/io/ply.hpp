@@ -73,8 +73,12 @@ struct PlyElement {
 // no element is demanded.
 std::vector<PlyElement> read_ply_elements(const std::string& path);
 
-// x y z and, when present, red green blue (uchar 0..255, or float 0..1). Error on positions that
-// are not finite.
+// No training begins with as many points: of more in a text of a few bytes each, the points would
+// take five times the file.
+constexpr size_t most_points = 3000000;
+
+// x y z and, when present, red green blue (uchar 0..255, or float 0..1); of more than most_points
+// so many, evenly chosen. Error on positions that are not finite.
 PointCloud read_point_cloud(const std::string& path);
 
 // Binary little-endian, x y z float and red green blue uchar when there are colours.
