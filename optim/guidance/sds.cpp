@@ -6,12 +6,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "optim/engine/random_streams.hpp"
 #include "shared/random.h"
 
 namespace gflow {
 namespace {
-
-constexpr uint kTimestepStream = 31, kNoiseStream = 32;  // + 1; of random numbers
 
 // beta(share) for share in [0, 1].
 template <class Beta>
@@ -49,7 +48,7 @@ double t_max_at(const SdsRule& rule, double progress) {
 
 double timestep_share(const SdsRule& rule, double progress, uint32_t seed, uint32_t view) {
   const double most = std::max(t_max_at(rule, progress), rule.t_min);
-  return rule.t_min + double(random_uniform(seed, kTimestepStream, view)) * (most - rule.t_min);
+  return rule.t_min + double(random_uniform(seed, streams::kTimestep, view)) * (most - rule.t_min);
 }
 
 int timestep_at(const NoiseSchedule& schedule, double share) {
@@ -59,9 +58,9 @@ int timestep_at(const NoiseSchedule& schedule, double share) {
 
 std::vector<float> gaussian_noise(uint32_t seed, uint32_t view, size_t count) {
   std::vector<float> noise(count);
-  const uint its_seed = random_bits(seed, kNoiseStream, view);
+  const uint its_seed = random_bits(seed, streams::kLatentNoise, view);
   for (size_t i = 0; i < count; i += 2) {
-    const real2 pair = random_normal2(its_seed, kNoiseStream, uint(i / 2));
+    const real2 pair = random_normal2(its_seed, streams::kLatentNoise, uint(i / 2));
     noise[i] = float(pair.x);
     if (i + 1 < count) noise[i + 1] = float(pair.y);
   }

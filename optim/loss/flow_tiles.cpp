@@ -4,13 +4,12 @@
 
 #include <cmath>
 
+#include "optim/engine/random_streams.hpp"
 #include "shared/constants.h"
 #include "shared/random.h"
 
 namespace gflow {
 namespace {
-
-constexpr cl_uint kTileStream = 16;  // of random numbers; those before are the trainer's
 
 CalmRule checked(const CalmRule& rule) {
   if (!(rule.share > 0 && rule.share <= 1))
@@ -41,7 +40,7 @@ const Buffer<float>& FlowTiles::choose(Queue& queue, uint32_t seed, int width, i
   const size_t tiles = ((size_t(width) + TILE - 1) / TILE) * ((size_t(height) + TILE - 1) / TILE);
   weights_.ensure(queue, tiles);
   flow_tiles_(queue, Range::over(tiles, 16), cl_uint(width), cl_uint(height), rule_.share, rule_.px,
-              float(random_uniform(seed, kTileStream, 0)), teacher, confidence, weights_);
+              float(random_uniform(seed, streams::kTile, 0)), teacher, confidence, weights_);
   return weights_;
 }
 

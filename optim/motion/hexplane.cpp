@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "optim/engine/random_streams.hpp"
 #include "runtime/chunks.hpp"
 #include "shared/random.h"
 
@@ -11,7 +12,6 @@ namespace gflow {
 namespace {
 
 constexpr size_t kGroup = 64;
-enum Stream : uint { kPlanes = 200, kNetwork = 201 };
 
 uint planes_rows(const HexplaneShape& s) {
   return hexplane_level_start(uint(s.resolution), uint(s.times), s.levels);
@@ -84,7 +84,7 @@ void set_hexplane_rest(const HexplaneShape& s, HostGroups& groups, uint32_t seed
     const size_t first = hexplane_level_start(uint(s.resolution), uint(s.times), level) * channels;
     const size_t r = size_t(s.resolution) << level;
     for (size_t i = first; i < first + 3 * r * r * channels; ++i)
-      planes[i] = float(0.1 + 0.4 * random_uniform(seed, kPlanes, uint(i)));
+      planes[i] = float(0.1 + 0.4 * random_uniform(seed, streams::kPlanes, uint(i)));
   }
   std::vector<float>& network = groups["network"];
   network.assign(all_weights(s), 0.f);
@@ -93,7 +93,7 @@ void set_hexplane_rest(const HexplaneShape& s, HostGroups& groups, uint32_t seed
     const size_t inputs = size_t(layer ? s.hidden : s.levels * s.channels);
     const double bound = std::sqrt(6.0 / double(inputs));
     for (const size_t end = w + inputs * size_t(s.hidden); w < end; ++w)
-      network[w] = float(bound * (2 * random_uniform(seed, kNetwork, uint(w)) - 1));
+      network[w] = float(bound * (2 * random_uniform(seed, streams::kNetwork, uint(w)) - 1));
     w += size_t(s.hidden);  // biases
   }
 }

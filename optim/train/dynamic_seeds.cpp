@@ -6,13 +6,13 @@
 #include <cmath>
 #include <map>
 
+#include "optim/engine/random_streams.hpp"
 #include "optim/train/init.hpp"
 #include "shared/random.h"
 
 namespace gflow {
 namespace {
 
-constexpr uint kSeedStream = 200;  // of random numbers; see init.cpp for the others
 constexpr size_t kLeastCameras = 3;
 
 // The box that holds all but the outermost fiftieth of the points on each side of each axis.
@@ -153,7 +153,7 @@ Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<Wa
     for (uint i = 0; i < 500000 && xyz.size() < 3 * wanted; ++i) {
       Eigen::Vector3d point;
       for (int axis = 0; axis < 3; ++axis) {
-        const double u = random_uniform(seed, kSeedStream + uint(3 * step + axis), i);
+        const double u = random_uniform(seed, streams::kDynamicSeeds + uint(3 * step + axis), i);
         point[axis] = low[axis] + (high[axis] - low[axis]) * u;
       }
       std::array<int, 3> color;

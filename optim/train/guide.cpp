@@ -7,14 +7,12 @@
 #include <cmath>
 #include <set>
 
+#include "optim/engine/random_streams.hpp"
 #include "optim/train/loaded_scene.hpp"
 #include "shared/random.h"
 
 namespace gflow {
 namespace {
-
-constexpr uint kGuidanceStream = 11, kAzimuthStream = 12, kElevationStream = 13,
-               kCameraStream = 14;  // of random numbers; trainer.cpp has others
 
 // The layouts whose cameras stand on the ground by definition, and look at the origin if nobody
 // says where they are.
@@ -83,8 +81,8 @@ Camera Guide::camera_for(int step, int view, const Frame& frame) const {
     const auto drawn = [&](uint stream, float most) {
       return (2 * double(random_uniform(seed, stream, index)) - 1) * double(most);
     };
-    Camera camera = moved(orbit_, frames_.camera(frame), drawn(kAzimuthStream, g.azimuth),
-                          drawn(kElevationStream, g.elevation));
+    Camera camera = moved(orbit_, frames_.camera(frame), drawn(streams::kAzimuth, g.azimuth),
+                          drawn(streams::kElevation, g.elevation));
     camera.name.clear();
     return camera;
   }
@@ -97,7 +95,8 @@ Camera Guide::camera_for(int step, int view, const Frame& frame) const {
     least = std::min(least, away);
     if (away <= least + 1e-9) nearest.push_back(&other);
   }
-  return frames_.camera(*nearest[random_bits(seed, kCameraStream, index) % nearest.size()]);
+  return frames_.camera(
+      *nearest[random_bits(seed, streams::kGuidanceCamera, index) % nearest.size()]);
 }
 
 GuidanceRequest Guide::request_for(int step, const Moment& moment) const {
@@ -109,7 +108,7 @@ GuidanceRequest Guide::request_for(int step, const Moment& moment) const {
   request.step = step;
   request.steps = config_.train.iterations;
   request.progress = double(step - g.start) / std::max(end - 1 - g.start, 1);
-  request.seed = random_bits(uint(config_.train.seed), kGuidanceStream, uint(step));
+  request.seed = random_bits(uint(config_.train.seed), streams::kGuidance, uint(step));
   request.time = frame.time;
   request.frame = config_.scene.first_step + config_.scene.stride * frame.step;
   const auto next = std::upper_bound(times_.begin(), times_.end(), frame.time + 1e-9);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "optim/engine/random_streams.hpp"
 #include "optim/loss/nearest_points.hpp"
 #include "optim/motion/bases.hpp"
 #include "optim/motion/hexplane.hpp"
@@ -17,9 +18,6 @@
 
 namespace gflow {
 namespace {
-
-// Streams of random numbers, so that no two uses share one.
-enum Stream : uint { kPosition = 100, kColor = 110, kTime = 120 };
 
 // Coefficients of a colour channel above degree 0.
 size_t rest_coefficients(int sh_degree) { return size_t((sh_degree + 1) * (sh_degree + 1) - 1); }
@@ -146,14 +144,14 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
   for (uint i = 0; i < tries && points.size() < count; ++i) {
     Eigen::Vector3d p;
     for (uint axis = 0; axis < 3; ++axis)
-      p[axis] = centre[axis] + half * (2 * random_uniform(seed, kPosition + axis, i) - 1);
-    const float place = hull && !one_pose ? random_uniform(seed, kTime, i) : 0.5f;
+      p[axis] = centre[axis] + half * (2 * random_uniform(seed, streams::kPosition + axis, i) - 1);
+    const float place = hull && !one_pose ? random_uniform(seed, streams::kTime, i) : 0.5f;
     const std::vector<ObjectView> views = views_near(by_time, place);
     if (hull && !(one_pose ? in_hull(frames, views, p) : on_object(frames, views, p))) continue;
     points.time.push_back(float(views[views.size() / 2].frame->time));
     for (uint axis = 0; axis < 3; ++axis) {
       points.xyz.push_back(float(p[axis]));
-      points.rgb.push_back(uint8_t(255 * random_uniform(seed, kColor + axis, i)));
+      points.rgb.push_back(uint8_t(255 * random_uniform(seed, streams::kColor + axis, i)));
     }
   }
   if (points.size() == 0)

@@ -5,12 +5,11 @@
 #include <cmath>
 #include <utility>
 
+#include "optim/engine/random_streams.hpp"
 #include "shared/random.h"
 
 namespace gflow {
 namespace {
-
-constexpr uint kPairStream = 8, kReachStream = 15;  // of random numbers; trainer.cpp has others
 
 // A path of few numbers learns as much from flow in every second step: optim/loss/README.md.
 int steps_to_flow(const FlowConfig& flow, MotionModelKind motion) {
@@ -58,11 +57,11 @@ int Sampler::pair_at(size_t frame, int step, size_t turn) const {
   const Ways& ways = ways_[frame];
   const uint seed = uint(config_.train.seed);
   const bool reaches = ways.near.empty() ||
-                       (!ways.far.empty() &&
-                        random_uniform(seed, kReachStream, uint(turn)) <= config_.flow.far_share);
+                       (!ways.far.empty() && random_uniform(seed, streams::kReach, uint(turn)) <=
+                                                 config_.flow.far_share);
   const std::vector<int>& pairs = reaches ? ways.far : ways.near;
   if (pairs.empty() || step < config_.flow.start || stage(step).time_step == 0) return -1;
-  return pairs[random_bits(seed, kPairStream, uint(turn)) % pairs.size()];
+  return pairs[random_bits(seed, streams::kPair, uint(turn)) % pairs.size()];
 }
 
 std::vector<Sample> Sampler::at(int step) const {

@@ -5,12 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "optim/engine/random_streams.hpp"
 #include "shared/random.h"
 
 namespace gflow {
 namespace {
-
-enum StereoStream : uint { kColumn = 130, kRow = 131 };
 
 constexpr int kWidth = 320;        // pictures are compared at about this width [px]
 constexpr int kTries = 6;          // pixels a point that is wanted
@@ -166,8 +165,8 @@ PointCloud stereo_points(const Scene& scene, FrameStore& frames,
   for (uint n = 0; n < kTries * count && points.size() < count; ++n) {
     const size_t i = n % eyes.size();
     const Eye& eye = eyes[i];
-    const int x = 1 + int(random_uniform(seed, kColumn, n) * (eye.camera.width - 2));
-    const int y = 1 + int(random_uniform(seed, kRow, n) * (eye.camera.height - 2));
+    const int x = 1 + int(random_uniform(seed, streams::kStereoColumn, n) * (eye.camera.width - 2));
+    const int y = 1 + int(random_uniform(seed, streams::kStereoRow, n) * (eye.camera.height - 2));
     if (!eye.holds(x, y)) continue;
     const Match match = match_of(eyes, i, x, y, depths);
     if (!match.found) continue;

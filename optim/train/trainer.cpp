@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "optim/density/memory.hpp"
+#include "optim/engine/random_streams.hpp"
 #include "optim/motion/parameters_state.hpp"
 #include "shared/random.h"
 
@@ -15,8 +16,6 @@ namespace {
 
 constexpr double kNotSeen = std::numeric_limits<double>::quiet_NaN();  // in this step
 constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
-constexpr uint kSplitStream = 7, kBackgroundStream = 9, kNoiseStream = 10,
-               kTileSeedStream = 17;  // of random numbers; sampler.cpp has more
 
 // A part of interleaved rows [H, W, channels].
 template <class T>
@@ -164,7 +163,7 @@ std::array<uint8_t, 3> Trainer::background(int step) const {
     const uint8_t level = shown_level(config_.scene.background);
     return {level, level, level};
   }
-  const uint bits = random_bits(uint(config_.train.seed), kBackgroundStream, uint(step));
+  const uint bits = random_bits(uint(config_.train.seed), streams::kBackground, uint(step));
   return {uint8_t(bits >> 8), uint8_t(bits >> 16), uint8_t(bits >> 24)};
 }
 
@@ -204,10 +203,10 @@ void Trainer::step(Queue& queue, int step) {
   if (density_ && now.fits())
     density_->after_step(queue, model_.parameters, renderer_.gaussians(), density_rule_,
                          {done, refining(done), rates_.position(step),
-                          random_bits(seed, kNoiseStream, uint32_t(step))});
+                          random_bits(seed, streams::kNoise, uint32_t(step))});
   if (settling(done)) settle(queue);
   if (density_ && now.fits() && refining(done) && done % config_.density.every == 0) {
-    refine(queue, random_bits(seed, kSplitStream, uint32_t(step)));
+    refine(queue, random_bits(seed, streams::kSplit, uint32_t(step)));
     put_in_order(queue);
   }
 }
@@ -258,7 +257,7 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step, int in_ba
     if (flow_tiles_)
       shot.view.flow_tiles =
           &flow_tiles_->choose(queue,
-                               random_bits(uint(config_.train.seed), kTileSeedStream,
+                               random_bits(uint(config_.train.seed), streams::kTileSeed,
                                            uint(step) * uint(config_.train.batch) + uint(in_batch)),
                                part.width, part.height, teacher_, confidence_);
   } else {  // for a motion loss: the next step in time, or the one before
