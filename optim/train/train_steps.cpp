@@ -206,16 +206,16 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
 }
 
 RunFacts keep_result(Training& training, int steps) {
-  const auto& [queue, config, run, model, trainer, checkpoints, watch] = training;
+  const RunFolder& run = training.run;
   const RunFacts facts{steps,
-                       watch.seconds(),
+                       training.watch.seconds(),
                        peak_memory_mib(),
-                       queue.info.full_name(),
-                       name_of(model.shape.motion),
+                       training.queue.info.full_name(),
+                       name_of(training.model.shape.motion),
                        !interrupted()};
-  const std::string unsound = unsound_array(trainer.state(queue));
+  const std::string unsound = unsound_array(training.trainer.state(training.queue));
   if (!unsound.empty()) {  // stopped between two looks at it
-    checkpoints.write_to(run.path("broken.npz"), steps);
+    training.checkpoints.write_to(run.path("broken.npz"), steps);
     const std::string sentence = fmt::format(
         "training {}: {} has values that are no numbers after {} steps, which are kept in "
         "broken.npz; {}",
@@ -227,12 +227,14 @@ RunFacts keep_result(Training& training, int steps) {
   }
   const int stopped = stopped_at(run);  // where it was gone on from
   // Each is worth having without the other: either of them holds the model.
-  const std::string no_model = why_not(run, [&] { save_model(queue, model, run, steps); });
-  if (no_model.empty() && stopped != steps && !ends_round(stopped, config.train.save_every))
+  const std::string no_model =
+      why_not(run, [&] { save_model(training.queue, training.model, run, steps); });
+  if (no_model.empty() && stopped != steps &&
+      !ends_round(stopped, training.config.train.save_every))
     run.forget_model(stopped);
   const std::string no_facts = why_not(run, [&] { run.write_facts(facts); });
   const std::string no_checkpoint =
-      why_not(run, [&] { checkpoints.write(steps, facts.train_seconds); });
+      why_not(run, [&] { training.checkpoints.write(steps, facts.train_seconds); });
   const std::string no_rest = no_checkpoint.empty() ? no_facts : no_checkpoint;
   if (no_model.empty() && no_rest.empty()) return facts;
   throw not_all_kept(training, steps, no_model, no_rest);
