@@ -199,9 +199,10 @@ std::vector<std::string> Report::compare() const {
                        fmt::format("{:.3f}{}", ratio, said)});
     }
   }
-  for (const auto& [name, figures] : rows.items())
-    if (std::none_of(rows_.begin(), rows_.end(), [&](const Row& row) { return row.name == name; }))
-      only_there.push_back(name);
+  for (const auto& entry : rows.items())
+    if (std::none_of(rows_.begin(), rows_.end(),
+                     [&](const Row& row) { return row.name == entry.key(); }))
+      only_there.push_back(entry.key());
   if (lines.size() == 1)
     throw Error(
         fmt::format("comparing with {}: it has no time of a row that is here, measure the "
