@@ -237,7 +237,9 @@ void add_info(CLI::App& app, const GlobalOptions&) {
     bool json = false;
   };
   auto flags = std::make_shared<Flags>();
-  CLI::App* command = app.add_subcommand("info", "Say what is in a splat file, a run or a scene");
+  CLI::App* command = app.add_subcommand("info",
+                                         "Say what is in a splat file, a run or a scene (of "
+                                         "pictures by their first bytes: training reads the rest)");
   command->add_option("PATH", flags->path, "Splat file, run folder or scene folder")
       ->check(path_given())
       ->required()

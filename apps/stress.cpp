@@ -134,7 +134,6 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
                        {"passed", good}});
   }
   std::fflush(stdout);
-  if (!quiet) tell("{} {}: {:.1f} s\n", test.id, test.name, seconds);
   outcome.tests.push_back(
       {{"test", test.id}, {"name", test.name}, {"seconds", seconds}, {"figures", figures}});
 }

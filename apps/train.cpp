@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
+#include <limits>
 #include <memory>
 
 #include "apps/command_line.hpp"
@@ -43,6 +44,7 @@ void print_timings(Queue& queue) {
 
 TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
   TrainConfig config;
+  if (flags.resume) RunFolder::require_no_beginning(flags.run);
   if (flags.resume && RunFolder::is_run(flags.run)) config = RunFolder(flags.run).read_config();
   const std::string command_of_run = config.guidance.command;
   if (!flags.config_file.empty()) apply_file(config, flags.config_file);
@@ -149,7 +151,9 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
                    "transforms.json (scene.cameras)")
       ->type_name("FILE");
   const TrainConfig defaults;
+  constexpr double most = std::numeric_limits<int>::max();
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")
+      ->check(number_in(1, most))
       ->default_str(std::to_string(defaults.train.iterations));
   command
       ->add_option("-r,--resolution", flags->resolution,
@@ -161,6 +165,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->add_option("--save-every", flags->save_every,
                    "Write a point cloud after every so many steps, too (train.save_every); 0: only "
                    "the last")
+      ->check(number_in(0, most))
       ->default_str(std::to_string(defaults.train.save_every));
   command->add_flag("--resume", flags->resume,
                     "Go on with the run in the output folder from its last checkpoint, with its "

@@ -10,7 +10,9 @@
 #include <set>
 
 #include "apps/experiments/metrics.hpp"
+#include "optim/io/file_address.hpp"
 #include "optim/io/printable.hpp"
+#include "optim/io/utf8.hpp"
 #include "optim/train/toml_file.hpp"
 
 namespace gflow::experiments {
@@ -18,13 +20,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-using Setting = std::pair<std::string, std::string>;  // section.key, value as TOML
+struct Setting {
+  std::string key, value;  // section.key, as TOML
+  std::string where;       // file and line
+};
 
 // A scene or a choice of an axis.
 struct Choice {
   std::string name;
   std::vector<Setting> settings;
-  std::string where;  // file and line
 };
 
 struct Axis {
@@ -122,7 +126,7 @@ class Reader {
         if (whole == "train.seed" || whole == "scene.path")
           throw Error(fmt::format("{}: '{}' is no setting of an experiment: the list '{}' says it",
                                   at(node), whole, whole == "train.seed" ? "seeds" : "scenes"));
-        settings.emplace_back(whole, value_text(node, whole));
+        settings.push_back({whole, value_text(node, whole), at(node)});
       }
     }
     return settings;
@@ -168,18 +172,18 @@ class Reader {
     if (const toml::node* node = file_.get("config"))
       apply_file(config, (fs::path(path_).parent_path() / text(*node, "config")).string());
     if (const toml::node* node = file_.get("settings"))
-      apply(config, {"", settings_of(table(*node, "[settings]")), at(*node)});
+      apply(config, {"", settings_of(table(*node, "[settings]"))});
     return config;
   }
 
   void apply(TrainConfig& config, const Choice& choice) const {
-    for (const auto& [key, value] : choice.settings) try {
-        apply_setting(config, key + "=" + value);
+    for (const Setting& setting : choice.settings) try {
+        apply_setting(config, setting.key + "=" + setting.value);
       } catch (const Error& problem) {
         std::string sentence = problem.what();
-        const std::string option = "--set ";
+        const std::string option = fmt::format("--set {}={}: ", setting.key, setting.value);
         if (sentence.compare(0, option.size(), option) == 0) sentence.erase(0, option.size());
-        throw Error(fmt::format("{}: {}", choice.where, sentence));
+        throw Error(fmt::format("{}: {}", setting.where, sentence));
       }
   }
 
@@ -203,20 +207,22 @@ class Reader {
     std::vector<Choice> scenes;
     for (const toml::node& entry : list(*node, "scenes")) {
       Choice scene;
-      scene.where = at(entry);
+      const std::string where = at(entry);
       std::string path;
       if (const toml::table* fields = entry.as_table()) {
         const toml::node* named = fields->get("path");
-        if (!named) throw Error(fmt::format("{}: a scene needs a 'path'", scene.where));
+        if (!named) throw Error(fmt::format("{}: a scene needs a 'path'", where));
         path = text(*named, "path");
         scene.name = text_or(*fields, "name", "");
         scene.settings = settings_of(*fields, {"path", "name"});
       } else {
         path = text(entry, "scenes");
       }
-      const fs::path found = found_scene(path, scene.where);
+      const fs::path found = found_scene(path, where);
       if (scene.name.empty()) scene.name = found.stem().string();
-      scene.settings.emplace_back("scene.path", nlohmann::json(found.string()).dump());
+      const std::string whole = found.string();
+      const std::string as_text = is_utf8(whole) ? whole : file_address(whole);
+      scene.settings.push_back({"scene.path", nlohmann::json(as_text).dump(), where});
       scenes.push_back(scene);
     }
     return scenes;
@@ -248,7 +254,7 @@ class Reader {
       for (const toml::node& value : list(*values, "values")) {
         const std::string as_toml = value_text(value, key);
         const auto* word = value.as_string();
-        axis.choices.push_back({word ? word->get() : as_toml, {{key, as_toml}}, at(value)});
+        axis.choices.push_back({word ? word->get() : as_toml, {{key, as_toml, at(value)}}});
       }
       return axis;
     }
@@ -266,7 +272,7 @@ class Reader {
   Choice read_choice(const toml::table& fields) const {
     const toml::node* name = fields.get("name");
     if (!name) throw Error(fmt::format("{}: what is chosen from needs a 'name'", at(fields)));
-    return {text(*name, "name"), settings_of(fields, {"name"}), at(fields)};
+    return {text(*name, "name"), settings_of(fields, {"name"})};
   }
 
   std::vector<Axis> read_axes() const {

@@ -221,7 +221,7 @@ Rows poison(Queue& queue) {
     rows.push_back({at + ": others' gradients changed", h.gradients_changed, 0});
     rows.push_back({at + ": not finite", h.not_finite, 0});
     rows.push_back(
-        {fmt::format("{}: culprit not named, left out with {:.0f} numbers", at, h.left_out),
+        {fmt::format("{}: culprit not named (of {:.0f} cases that leave it out)", at, h.left_out),
          h.unnamed, 0});
     rows.push_back(
         {at + ": share in which it truly reaches the others", h.reached / h.cases, .125});

@@ -8,13 +8,12 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <map>
-#include <sstream>
+#include <set>
 
 #include "optim/data/lens.hpp"
 #include "optim/data/reader_util.hpp"
@@ -80,6 +79,11 @@ class BinaryFile {
     need(n, record);
     file_.step(n * record);
   }
+  void require_end() const {
+    if (file_.left() > 0)
+      throw Error(fmt::format("{} is damaged: {} bytes follow its last record", file_.path(),
+                              file_.left()));
+  }
 
  private:
   void need(uint64_t n, size_t record) const {
@@ -92,43 +96,81 @@ class BinaryFile {
   FilePieces file_;
 };
 
-// The next line that is no comment; empty lines count. False at the end of the file.
-bool next_entry(FilePieces& file, std::string& line) {
-  constexpr const char* byte_order = "\xef\xbb\xbf";  // which some editors put before a text
-  if (file.place() == 0 && file.ahead(3) == byte_order) file.step(3);
-  while (file.ahead(1) == "#") file.skip_line();
-  return file.next_line(line);
-}
+// The lines of a text that are no comments, and the words of the last one in turn.
+class TextFile {
+ public:
+  // `entry` says what an entry is, for messages.
+  TextFile(const std::string& path, const char* entry) : file_(path), entry_(entry) {}
+
+  // False at the end of the file; empty lines count.
+  bool next_line() {
+    constexpr const char* byte_order = "\xef\xbb\xbf";  // which some editors put before a text
+    if (file_.place() == 0 && file_.ahead(3) == byte_order) file_.step(3);
+    for (; file_.ahead(1) == "#"; ++number_) file_.skip_line();
+    ++number_;
+    at_ = 0;
+    return file_.next_line(line_);
+  }
+  const std::string& line() const { return line_; }
+  // Else words may be missing at its end.
+  bool is_whole() const { return line_.size() < FilePieces::longest_line; }
+
+  // The next word of the line; empty behind the last.
+  std::string_view word() {
+    at_ = std::min(line_.find_first_not_of(" \t\r", at_), line_.size());
+    const size_t end = std::min(line_.find_first_of(" \t\r", at_), line_.size());
+    const std::string_view word = std::string_view(line_).substr(at_, end - at_);
+    at_ = end;
+    return word;
+  }
+  // What stands behind the words so far.
+  std::string rest() {
+    const size_t begin = std::min(line_.find_first_not_of(" \t\r", at_), line_.size());
+    return line_.substr(begin);
+  }
+  // The next word as a number; `what` names it.
+  template <class Number>
+  Number number(const char* what) {
+    const std::string_view text = word();
+    if (text.empty()) refuse(fmt::format("ends before {}", what));
+    Number value = 0;
+    const auto read = std::from_chars(text.data(), text.data() + text.size(), value);
+    const bool tiny = std::is_floating_point_v<Number> && text.find("e-") != text.npos;
+    const bool fits = read.ec == std::errc() || (read.ec == std::errc::result_out_of_range && tiny);
+    if (!fits || read.ptr != text.data() + text.size() || !std::isfinite(double(value)))
+      refuse(fmt::format("has '{}' where {} should be, {}", excerpt(std::string(text)), what,
+                         std::is_floating_point_v<Number> ? "a finite number" : "a whole number"));
+    return value;
+  }
+  // line 7 of cameras.txt ...
+  [[noreturn]] void refuse(const std::string& why) const {
+    throw Error(
+        fmt::format("line {} of {} {}; expected is {}", number_, file_.path(), why, entry_));
+  }
+
+ private:
+  FilePieces file_;
+  const char* entry_;
+  std::string line_;
+  size_t number_ = 0, at_ = 0;
+};
 
 // The observations of a picture, which are not needed: x, y and a point's number, or none. Error
 // when the line is something else, such as another picture.
-void skip_observations(FilePieces& file, const std::string& picture) {
-  std::string line;
-  next_entry(file, line);
-  const char *at = line.data(), *const end = at + line.size();
-  const auto to_word = [&] {
-    at = std::find_if(at, end, [](char c) { return c != ' ' && c != '\t'; });
-  };
+void skip_observations(TextFile& file, const std::string& path, const std::string& picture) {
+  if (!file.next_line()) return;
   size_t numbers = 0;
   bool sound = true;
-  for (to_word(); at != end && sound; to_word(), ++numbers) {
+  for (auto word = file.word(); !word.empty() && sound; word = file.word(), ++numbers) {
     double number;
-    const auto word = std::from_chars(at, end, number);
-    sound = word.ec != std::errc::invalid_argument &&
-            (word.ptr == end || *word.ptr == ' ' || *word.ptr == '\t');
-    at = word.ptr;
+    const auto read = std::from_chars(word.data(), word.data() + word.size(), number);
+    sound = read.ec != std::errc::invalid_argument && read.ptr == word.data() + word.size();
   }
-  const bool whole = line.size() < FilePieces::longest_line;  // else a word may be cut
-  if (whole && (!sound || numbers % 3 != 0))
+  if (file.is_whole() && (!sound || numbers % 3 != 0))
     throw Error(fmt::format(
         "cannot read {}: the line after that of picture {} is not x, y and point number of what "
         "was seen in it; each picture takes two lines, the second of which may be empty",
-        file.path(), excerpt(picture)));
-}
-
-[[noreturn]] void bad_line(const std::string& path, const std::string& line) {
-  throw Error(
-      fmt::format("{} has a line that is not in COLMAP's format: '{}'", path, excerpt(line)));
+        path, excerpt(picture)));
 }
 
 // COLMAP's models with one or two focal lengths first, then the centre, then the coefficients at
@@ -166,7 +208,8 @@ const CameraModel& model_named(const std::string& name, const std::string& path)
 Camera make_camera(const CameraModel& model, double width, double height,
                    const std::vector<double>& p, const std::string& path) {
   if (width < 1 || height < 1 || width > 1 << 20 || height > 1 << 20)
-    throw Error(fmt::format("{} has a camera of {}x{} pixels", path, width, height));
+    throw Error(fmt::format("{} has a camera of {}x{} pixels, possible are sides of 1 to {}", path,
+                            width, height, 1 << 20));
   Camera camera;
   camera.width = int(width);
   camera.height = int(height);
@@ -205,27 +248,27 @@ Cameras cameras_bin(const std::string& path) {
     add_camera(cameras, id, make_camera(model, double(width), double(height), parameters, path),
                path);
   }
+  file.require_end();
   return cameras;
 }
 
 Cameras cameras_txt(const std::string& path) {
   Cameras cameras;
-  FilePieces file(path);
-  for (std::string line; next_entry(file, line);) {
-    if (line.empty()) continue;
-    std::istringstream words(line);
-    uint32_t id;
-    std::string name;
-    int64_t width, height;
-    if (!(words >> id >> name >> width >> height)) bad_line(path, line);
+  TextFile file(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS");
+  while (file.next_line()) {
+    if (file.line().empty()) continue;
+    const auto id = file.number<uint32_t>("the camera's number");
+    const std::string name(file.word());
+    const auto width = file.number<int64_t>("the width"),
+               height = file.number<int64_t>("the height");
     const CameraModel& model = model_named(name, path);
     std::vector<double> parameters = room_for_parameters(model);
     for (double& value : parameters)
-      if (!(words >> value)) bad_line(path, line);
-    if (!(words >> std::ws).eof())
-      throw Error(
-          fmt::format("{} has a camera with more than the {} parameters of its model {}: '{}'",
-                      path, parameters.size(), model.name, excerpt(line)));
+      value = file.number<double>(
+          fmt::format("one of the {} parameters of {}", parameters.size(), model.name).c_str());
+    if (!file.rest().empty())
+      file.refuse(fmt::format("has more than the {} parameters of its model {}", parameters.size(),
+                              model.name));
     add_camera(cameras, id, make_camera(model, double(width), double(height), parameters, path),
                path);
     require_modest(cameras.size(), "cameras", path);
@@ -240,8 +283,12 @@ ColmapImage make_image(const std::string& name, const double q[4], const double 
     throw Error(fmt::format("{} gives picture {} the camera {}, which is not in the model", path,
                             excerpt(name), camera_id));
   const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  if (!(length > 1e-6) || !std::isfinite(length + t[0] + t[1] + t[2]))
+  if (!std::isfinite(q[0] + q[1] + q[2] + q[3] + t[0] + t[1] + t[2]))
     throw Error(fmt::format("the pose of picture {} in {} is not finite", excerpt(name), path));
+  if (!(length > 1e-6 && length < 1e6))
+    throw Error(
+        fmt::format("the quaternion of picture {} in {} has the length {:.3g}, expected is 1",
+                    excerpt(name), path, length));
   ColmapImage image{name, found->second};
   image.camera.name = name;
   image.camera.viewmat.topLeftCorner<3, 3>() =
@@ -250,13 +297,19 @@ ColmapImage make_image(const std::string& name, const double q[4], const double 
   return image;
 }
 
+void require_new(std::set<uint32_t>& known, uint32_t id, const std::string& path) {
+  if (!known.insert(id).second)
+    throw Error(fmt::format("{} has the picture {} twice, each may be there once", path, id));
+}
+
 std::vector<ColmapImage> images_bin(const std::string& path, const Cameras& cameras) {
   BinaryFile file(path);
   std::vector<ColmapImage> images;
   const uint64_t count = file.next_count(64);
   require_modest(count, "pictures", path);
+  std::set<uint32_t> known;
   for (uint64_t n = count; n > 0; --n) {
-    file.next<uint32_t>();  // image id
+    require_new(known, file.next<uint32_t>(), path);
     double q[4], t[3];
     for (double& value : q) value = file.next<double>();
     for (double& value : t) value = file.next<double>();
@@ -265,33 +318,34 @@ std::vector<ColmapImage> images_bin(const std::string& path, const Cameras& came
     file.skip(file.next_count(24), 24);  // x, y, point id
     images.push_back(make_image(name, q, t, camera_id, cameras, path));
   }
+  file.require_end();
   return images;
 }
 
 std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& cameras) {
   std::vector<ColmapImage> images;
-  FilePieces file(path);
-  for (std::string line; next_entry(file, line);) {
-    if (line.empty()) {
-      while (next_entry(file, line))
-        if (!line.empty())
+  std::set<uint32_t> known;
+  TextFile file(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and a line of observations");
+  while (file.next_line()) {
+    if (file.line().empty()) {
+      while (file.next_line())
+        if (!file.line().empty())
           throw Error(fmt::format(
               "cannot read {}: where picture {} should be is an empty line; each takes two lines, "
               "the second of which may be empty",
               path, images.size() + 1));
       break;
     }
-    std::istringstream words(line);
-    uint32_t id, camera_id;
+    require_new(known, file.number<uint32_t>("the picture's number"), path);
     double q[4], t[3];
-    std::string name;
-    words >> id;
-    for (double& value : q) words >> value;
-    for (double& value : t) words >> value;
-    if (!(words >> camera_id >> std::ws) || !std::getline(words, name)) bad_line(path, line);
+    for (double& value : q) value = file.number<double>("one of the quaternion");
+    for (double& value : t) value = file.number<double>("one of the translation");
+    const auto camera_id = file.number<uint32_t>("the camera's number");
+    const std::string name = file.rest();
+    if (name.empty()) file.refuse("ends before the picture's name");
     images.push_back(make_image(name, q, t, camera_id, cameras, path));
     require_modest(images.size(), "pictures", path);
-    skip_observations(file, name);
+    skip_observations(file, path, name);
   }
   return images;
 }
@@ -331,11 +385,12 @@ PointCloud points_bin(const std::string& path) {
     file.skip(file.next_count(8), 8);  // track: image id, index there
     append_point(points, xyz, rgb, path);
   }
+  file.require_end();
   return points;
 }
 
 // Points that the lines of a text are room for; none is shorter than "1 0 0 0 0 0 0".
-size_t most_points(const std::string& path) {
+size_t room_in_lines(const std::string& path) {
   FilePieces file(path);
   const size_t most = file.left() / 14 + 1;
   size_t lines = 0;
@@ -344,17 +399,15 @@ size_t most_points(const std::string& path) {
 }
 
 PointCloud points_txt(const std::string& path) {
-  PointCloud points = room_for_points(most_points(path));
-  FilePieces file(path);
-  for (std::string line; next_entry(file, line);) {
-    if (line.empty()) continue;
-    std::istringstream words(line);
-    uint64_t id;
+  PointCloud points = room_for_points(room_in_lines(path));
+  TextFile file(path, "POINT3D_ID X Y Z R G B ERROR TRACK");
+  while (file.next_line()) {
+    if (file.line().empty()) continue;
+    file.number<uint64_t>("the point's number");
     double xyz[3];
     int rgb[3];
-    words >> id >> xyz[0] >> xyz[1] >> xyz[2] >> rgb[0] >> rgb[1] >> rgb[2];
-    const bool whole = words.eof() || std::isspace(words.peek());  // 0x10 begins with a 0
-    if (!words || !whole) bad_line(path, line);
+    for (double& value : xyz) value = file.number<double>("one of its place");
+    for (int& value : rgb) value = file.number<int>("one of its colour");
     append_point(points, xyz, rgb, path);
   }
   return points;
@@ -389,6 +442,7 @@ ColmapModel read_colmap_model(const std::string& folder) {
   ColmapModel model;
   model.images =
       is_binary(images_path) ? images_bin(images_path, cameras) : images_txt(images_path, cameras);
+  if (model.images.empty()) throw Error(fmt::format("{} names no picture", images_path));
   std::sort(model.images.begin(), model.images.end(),
             [](const auto& a, const auto& b) { return natural_less(a.name, b.name); });
   model.points = read_colmap_points(folder);

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <climits>
 #include <cstring>
 #include <fstream>
 
@@ -84,8 +85,8 @@ Parsed parse_png(Source& source, const std::string& path) {
     const bool is_ihdr = std::memcmp(chunk + 4, "IHDR", 4) == 0;
     if (at == 8 && (!is_ihdr || !source.read(at + 8, ihdr, 13))) break;
     if (is_ihdr) {
-      parsed.header.width = int(std::min(big_endian(ihdr, 4), 1u << 30));
-      parsed.header.height = int(std::min(big_endian(ihdr + 4, 4), 1u << 30));
+      parsed.header.width = int(std::min(big_endian(ihdr, 4), uint32_t(INT_MAX)));
+      parsed.header.height = int(std::min(big_endian(ihdr + 4, 4), uint32_t(INT_MAX)));
       parsed.header.has_alpha = ihdr[9] == 4 || ihdr[9] == 6;
       const size_t channels = ihdr[9] == 0 ? 1 : parsed.header.has_alpha ? 4 : 3;
       parsed.bytes_a_pixel = std::max<size_t>(3, channels * (ihdr[8] > 8 ? 2 : 1));

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 
 #include "optim/data/image_header.hpp"
 #include "optim/data/json_file.hpp"
@@ -16,6 +17,7 @@
 #include "optim/data/tracks.hpp"
 #include "optim/io/file_name.hpp"
 #include "optim/io/npy.hpp"
+#include "optim/io/printable.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -63,7 +65,9 @@ Camera read_camera(const std::string& path, const World& world, const std::strin
   };
   const std::vector<double> size = list("image_size", 2), centre = list("principal_point", 2);
   if (!(size[0] >= 1 && size[1] >= 1 && size[0] < 1e6 && size[1] < 1e6))
-    throw Error(fmt::format("{} gives its picture the size {}x{}", path, size[0], size[1]));
+    throw Error(
+        fmt::format("{} gives its picture the size {}x{}, possible are sides of 1 to 999999", path,
+                    size[0], size[1]));
   Camera camera;
   camera.width = int(std::lround(size[0]));
   camera.height = int(std::lround(size[1]));
@@ -136,9 +140,14 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
   Scene scene;
   scene.layout = "nerfies";
   scene.fps = 24;
+  std::map<std::string, const char*> owners;  // of pictures: a list
   const auto read_split = [&](const char* key, std::vector<Frame>& frames) {
     for (const std::string& id :
          texts(member(dataset, key, dataset_path), fmt::format("'{}' of {}", key, dataset_path))) {
+      if (const auto [owner, is_first] = owners.emplace(id, key); !is_first)
+        throw Error(
+            fmt::format("{} has the picture '{}' in '{}' and in '{}'; it may be in one, once",
+                        dataset_path, excerpt(id), owner->second, key));
       Frame frame;
       const std::string base = path_inside(pictures, id, dataset_path);
       frame.path = first_existing("", {base + ".png", base + ".jpg"});

@@ -102,7 +102,9 @@ template <class Integer, std::enable_if_t<std::is_integral_v<Integer>, int> = 0>
 void assign(const Incoming& in, Integer& member, const Allowed& range) {
   const auto value = in.node->value_exact<int64_t>();
   constexpr Integer most = std::numeric_limits<Integer>::max();
-  if (value && *value > most && range.contains(int64_t(most)))
+  const auto beyond = in.node->is_floating_point() ? in.node->value<double>() : std::nullopt;
+  if (((value && *value > most) || (beyond && *beyond > double(most))) &&
+      range.contains(int64_t(most)))
     in.refuse(fmt::format("a whole number, at most {}", most));
   if (!value || *value < std::numeric_limits<Integer>::min() || !range.contains(*value))
     in.refuse("a whole number, " + range.text());
@@ -266,12 +268,14 @@ bool Allowed::contains(double value) const {
   if (!(std::fabs(value) <= std::numeric_limits<float>::max())) return false;
   const float number = static_cast<float>(value);
   if (!among.empty()) return std::find(among.begin(), among.end(), number) != among.end();
+  if (or_zero && value == 0) return true;
   return (above_min ? number > min : number >= min) && number <= max;
 }
 
 std::string Allowed::text() const {
   if (!among.empty()) return fmt::format("one of {}", fmt::join(among, ", "));
   const bool bounded = max < std::numeric_limits<float>::max();
+  if (or_zero) return fmt::format("0, or {} to {}", min, max);
   if (above_min)
     return bounded ? fmt::format("above {}, at most {}", min, max) : fmt::format("above {}", min);
   return bounded ? fmt::format("{} to {}", min, max) : fmt::format("at least {}", min);

@@ -24,12 +24,18 @@ struct Allowed {
   float max = std::numeric_limits<float>::max();
   bool above_min = false;  // min itself is refused
   std::vector<float> among = {};
+  bool or_zero = false;  // 0 as well, which leaves it to gflow
 
   bool contains(double value) const;  // false for NaN and infinities
   bool contains(int64_t value) const;
   std::string text() const;  // "0 to 1", "at least 1", "above 0", "one of 1, 2, 4, 8"
 };
 inline Allowed between(float min, float max) { return {min, max}; }
+inline Allowed zero_or_between(float min, float max) {
+  Allowed range{min, max};
+  range.or_zero = true;
+  return range;
+}
 inline Allowed at_least(float min) { return {min}; }
 inline Allowed above(float min) {
   Allowed range{min};
@@ -137,7 +143,8 @@ struct SceneConfig {
           "file of the camera that filmed, or of one camera a picture: cameras.json or "
           "transforms.json; empty: one at rest, by the three settings below (Consistent4D, video)");
     field("camera", self.camera, "the one of several in that file, by name");
-    field("fps", self.fps, "pictures a second; 0: as the video says, else 24", between(0, 1000));
+    field("fps", self.fps, "pictures a second; 0: as the video says, else 24",
+          zero_or_between(0.01f, 1000));
     field("elevation", self.elevation,
           "of the camera above the horizon [degrees] (Consistent4D, video)", between(-90, 90));
     field("radius", self.radius,

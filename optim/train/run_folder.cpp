@@ -153,7 +153,13 @@ bool RunFolder::is_run(const std::string& path) {
   return fs::exists(run.path("config.toml")) || !run.checkpoints().steps().empty();
 }
 
+void RunFolder::require_no_beginning(const std::string& path) {
+  const RunFolder run(path);
+  if (!is_run(path) && fs::exists(run.path(kLock))) run.lock();
+}
+
 RunFolder RunFolder::open(const std::string& path) {
+  require_no_beginning(path);
   if (!is_run(path))
     throw Error(
         fmt::format("{} is no run folder: it has no config.toml, which `gflow train -o {}`"

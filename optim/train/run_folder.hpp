@@ -30,6 +30,8 @@ class RunFolder {
   explicit RunFolder(std::string folder) : folder_(std::move(folder)) {}
   // Whether there is a run: a config.toml, or a checkpoint, which holds one.
   static bool is_run(const std::string& path);
+  // FileIsLocked while another process trains there, which has not come to writing its settings.
+  static void require_no_beginning(const std::string& path);
   // An existing run. Error when there is none.
   static RunFolder open(const std::string& path);
 

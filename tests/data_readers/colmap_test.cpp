@@ -134,7 +134,9 @@ TEST(Colmap, EveryDistortionHasItsCoefficientsInTheirPlaces) {
   expect(camera_of("OPENCV_FISHEYE", "10 11 4 3 -.1 .02 .003 .004"), Kind::fisheye,
          {-.1, .02, .003, .004}, 11);
   EXPECT_EQ(camera_of("RADIAL", "10 4 3 0 0").lens.kind, Kind::none);
-  expect_error([&] { camera_of("RADIAL", "10 4 3 .1"); }, {"cameras.txt", "7 RADIAL"});
+  expect_error([&] { camera_of("RADIAL", "10 4 3 .1"); },
+               {"line 1 of", "cameras.txt ends before one of the 5 parameters of RADIAL",
+                "CAMERA_ID MODEL"});
 }
 
 TEST(Colmap, PicturesOfAnotherSizeKeepTheirLens) {
@@ -197,13 +199,55 @@ TEST(Colmap, PointsFartherThanAFloatIsAreRefusedAndTracksMayBeLong) {
 TEST(Colmap, HexadecimalNumbersAreRefused) {
   const TemporaryFolder folder;
   make_text(folder);
-  for (const char* point : {"1 0x1p3 -1 2 10 20 30 0.1", "1 0.5 -1 2 10 20 0x1e 0.1"}) {
-    folder.write("sparse/0/points3D.txt", std::string(point) + " 2 0\n");
-    expect_error([&] { read_colmap_points(folder.file("sparse/0")); }, {"points3D.txt", point});
+  for (const char* point : {"1 0x1p3 -1 2 10 20 30 0.1", "1 0.5 -1 2 10 20 0x1p3 0.1"}) {
+    folder.write("sparse/0/points3D.txt", "# one\n" + std::string(point) + " 2 0\n");
+    expect_error(
+        [&] { read_colmap_points(folder.file("sparse/0")); },
+        {"line 2 of", "points3D.txt has '0x1p3' where one of its", "POINT3D_ID X Y Z R G B"});
   }
-  for (const char* camera : {"7 SIMPLE_PINHOLE 8 6 0x1p3 4 3", "7 SIMPLE_PINHOLE 8 6 10 4 0x3"}) {
+  for (const char* camera : {"7 SIMPLE_PINHOLE 8 6 0x3 4 3", "7 SIMPLE_PINHOLE 8 6 10 4 0x3"}) {
     folder.write("sparse/0/cameras.txt", std::string(camera) + "\n");
-    expect_error([&] { read_colmap_model(folder.file("sparse/0")); }, {"cameras.txt", camera});
+    expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+                 {"line 1 of", "cameras.txt has '0x3' where", "a finite number"});
+  }
+}
+
+TEST(Colmap, AWordThatIsNoNumberIsNamedWithItsLine) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  const auto points = [&] { read_colmap_points(folder.file("sparse/0")); };
+  for (const char* word : {"1.5", "2800000000000000", "x", "1e1"}) {
+    folder.write("sparse/0/points3D.txt",
+                 fmt::format("# a\n\n1 0 0 0 1 2 3 0\n2 0 0 0 1 {} 3 0\n", word));
+    expect_error(points, {"line 4 of", fmt::format("'{}'", word), "its colour", "a whole number"});
+  }
+  for (const char* word : {"nan", "inf", "1e400", "1,5", "-"}) {
+    folder.write("sparse/0/points3D.txt", fmt::format("1 0 {} 0 1 2 3 0\n", word));
+    expect_error(points, {"line 1 of", fmt::format("'{}'", word), "its place", "a finite number"});
+  }
+  folder.write("sparse/0/points3D.txt", "1 0 -1e-400 0 1 2 3 0\r\n");
+  EXPECT_EQ(read_colmap_points(folder.file("sparse/0")).xyz[1], 0);
+}
+
+TEST(Colmap, WhatIsThereTwiceOrTooMuchIsRefused) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  const auto read = [&] { read_colmap_model(folder.file("sparse/0")); };
+  folder.write("sparse/0/images.txt", "1 1 0 0 0 0 0 0 7 a.png\n\n1 1 0 0 0 0 0 0 7 b.png\n\n");
+  expect_error(read, {"images.txt has the picture 1 twice"});
+  for (const char* none : {"", "# nothing\n"}) {
+    folder.write("sparse/0/images.txt", none);
+    expect_error(read, {"images.txt names no picture"});
+  }
+  for (const char* q : {"0 0 0 0", "1e-200 0 0 0", "1e200 1e200 0 0"}) {
+    folder.write("sparse/0/images.txt", fmt::format("1 {} 0 0 0 7 a.png\n\n", q));
+    expect_error(read, {"quaternion of picture a.png", "has the length", "expected is 1"});
+  }
+  for (const char* name : {"cameras", "images", "points3D"}) {
+    make_binary(folder);
+    const std::string file = fmt::format("sparse/0/{}.bin", name);
+    folder.write(file, contents(folder.file(file)) + std::string(7, '\0'));
+    expect_error(read, {file, "7 bytes follow its last record"});
   }
 }
 
@@ -213,7 +257,7 @@ TEST(Colmap, MorePicturesThanASceneHasAreRefused) {
   std::string cameras, images;
   for (int i = 0; i <= 100000; ++i) {
     cameras += std::to_string(i) + " SIMPLE_PINHOLE 8 6 10 4 3\n";
-    images += "1 1 0 0 0 0 0 5 7 b.png\n\n";
+    images += std::to_string(i) + " 1 0 0 0 0 0 5 7 b.png\n\n";
   }
   folder.write("sparse/0/images.txt", images);
   const auto read = [&] { read_colmap_model(folder.file("sparse/0")); };
@@ -279,12 +323,12 @@ TEST(Colmap, ModelsThatContradictThemselvesAreRefused) {
   folder.write("sparse/0/images.txt", "1 1 0 0 0 nan 0 0 7 a.png\n\n");
   expect_error(read, {"images.txt"});
   folder.write("sparse/0/images.txt", "1 0 0 0 0 0 0 0 7 a.png\n\n");
-  expect_error(read, {"a.png", "not finite"});
+  expect_error(read, {"a.png", "length 0"});
   const std::string first = "1 1 0 0 0 0 0 0 7 a.png\n", second = "2 1 0 0 0 0 0 0 7 b.png\n";
   folder.write("sparse/0/images.txt", first + "\n\n\n" + second + "\n");
   expect_error(read, {"images.txt", "picture 2", "empty line"});
   folder.write("sparse/0/images.txt", "1 1 0 0\n");
-  expect_error(read, {"images.txt", "'1 1 0 0'"});
+  expect_error(read, {"line 1 of", "images.txt ends before one of the quaternion", "IMAGE_ID QW"});
   make_text(folder);
   folder.write("sparse/0/cameras.txt",
                "7 SIMPLE_PINHOLE 8 6 10 4 3\n7 SIMPLE_PINHOLE 8 6 20 4 3\n");

@@ -105,6 +105,10 @@ TEST(Nerfies, FilesThatContradictThemselvesAreRefused) {
                {"dataset.json", "'train_ids'", "empty"});
   expect_error([&] { with("dataset.json", R"({"ids": []})"); }, {"no 'train_ids'"});
   expect_error([&] { with("dataset.json", R"({"train_ids": ["9"]})"); }, {"'9'", "there is no"});
+  expect_error([&] { with("dataset.json", R"({"train_ids": ["000000", "000000"]})"); },
+               {"dataset.json", "'000000' in 'train_ids' and in 'train_ids'"});
+  expect_error([&] { with("dataset.json", R"({"train_ids": ["000000"], "val_ids": ["000000"]})"); },
+               {"dataset.json", "'000000' in 'train_ids' and in 'val_ids'"});
   expect_error([&] { with("dataset.json", R"({"train_ids": [9]})"); }, {"train_ids", "no text"});
   expect_error([&] { with("dataset.json", R"({"train_ids": ["../1"]})"); }, {"relative path"});
   expect_error([&] { with("dataset.json", R"({"train_ids": [)"); }, {"dataset.json", "no JSON"});

@@ -83,7 +83,7 @@ def replaces(world, name, prepare, arguments, timed=(), who="", old=(), reads=Fa
         return wrong
 
     trial = Trial(world, name, prepare_all, arguments, check, reads, who)
-    trial.varies = reads and name == "experiment"  # it looks at its runs until they end
+    trial.varies = reads and name == "experiment" or who == "gnuplot"  # looks at its runs until they end; draws times
     return trial
 
 

@@ -181,7 +181,13 @@ TEST(Config, AWrongTypeIsRefusedWithWhatIsAllowed) {
 
 TEST(Config, AValueOutOfRangeIsRefusedWithTheRange) {
   EXPECT_CONTAINS(message_of_setting("train.iterations=0"), "at least 1");
-  EXPECT_CONTAINS(message_of_setting("train.iterations=99999999999"), "at most 2147483647");
+  for (const char* many : {"99999999999", "99999999999999999999", "1e30"})
+    EXPECT_CONTAINS(message_of_setting(std::string("train.iterations=") + many),
+                    "at most 2147483647");
+  for (const char* fps : {"1e-9", "1e-300", "-1", "0.001", "1001", "nan"})
+    EXPECT_CONTAINS(message_of_setting(std::string("scene.fps=") + fps), "0, or 0.01 to 1000");
+  for (const char* fps : {"0", "0.01", "24", "1000"})
+    EXPECT_EQ(message_of_setting(std::string("scene.fps=") + fps), "no error") << fps;
   EXPECT_CONTAINS(message_of_setting("loss.ssim=1.01"), "0 to 1");
   EXPECT_CONTAINS(message_of_setting("scene.radius=0"), "above 0");
   EXPECT_CONTAINS(message_of_setting("scene.resolution=3"), "one of 1, 2, 4, 8");

@@ -474,8 +474,10 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect(scenes + "metrics = [\"psnr@2\"]", {"line 2", "NAME@FIRST-LAST"});
   expect(scenes + "metrics = [\"minutes@1-2\"]",
          {"line 2", "'minutes' has no value for each step"});
-  expect(scenes + "[settings]\ntrain.iteration = 3", {"line 2", "train.iteration", "iterations"});
-  expect(scenes + "[settings]\ntrain.iterations = 0", {"train.iterations", "at least 1"});
+  expect(scenes + "[settings]\ntrain.iteration = 3", {"line 3", "train.iteration", "iterations"});
+  expect(scenes + "[settings]\ntrain.iterations = 0",
+         {"a.toml, line 3: train.iterations = 0 is not allowed", "at least 1"});
+  expect(scenes + "[[variant]]\nname = \"a\"\nflow.weight = nan", {"a.toml, line 4: flow.weight"});
   expect(scenes + "[[axis]]\nname = \"x\"", {"line 2", "choices"});
   std::string axes;  // 2^64 runs
   for (int i = 0; i < 64; ++i)

@@ -68,6 +68,17 @@ TEST_F(FilesCommand, OneProcessWritesAFolder) {
                  {folder.path(), "is being written by another process"});
 }
 
+// Its settings are not written yet.
+TEST_F(FilesCommand, ATrainingThatBeginsIsSeen) {
+  const TemporaryFolder folder;
+  const FileLock lock(folder.path() + "/.lock", folder.path());
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"train", "-o", folder.path(), "--resume"},
+        {"eval", folder.path()},
+        {"render", folder.path(), "-o", folder.path() + "/r"}})
+    expect_refused(words, {folder.path(), "is being written by process"});
+}
+
 TEST_F(FilesCommand, ExportTakesTheFormatFromTheEnding) {
   const TemporaryFolder folder;
   const auto exported = [&](const std::string& name) {
