@@ -118,6 +118,18 @@ TEST(RunFolder, IsOpenedOnlyWhereThereIsAConfiguration) {
   EXPECT_NO_THROW(RunFolder::open(folder.path()));
 }
 
+TEST(RunFolder, IsNotOpenedWhileATrainingBeginsThere) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path() + "/run");
+  {
+    const FileLock lock = run.lock();
+    expect_error([&] { RunFolder::open(run.folder()); },
+                 {run.folder(), "being written by process"});
+  }
+  expect_error([&] { RunFolder::open(run.folder()); }, {run.folder(), "no config.toml"});
+  EXPECT_NO_THROW(RunFolder::require_no_beginning(run.folder()));
+}
+
 TEST(RunFolder, ConfigurationComesBack) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
