@@ -226,15 +226,16 @@ RunFacts keep_result(Training& training, int steps) {
     throw Error(sentence);
   }
   const int stopped = stopped_at(run);  // where it was gone on from
-  // Each is worth having without the other: either of them holds the model.
+  // Each is worth having without the other: either of them holds the model. The checkpoint comes
+  // first, as one who is stopped at once in between can go on from it.
+  const std::string no_facts = why_not(run, [&] { run.write_facts(facts); });
+  const std::string no_checkpoint =
+      why_not(run, [&] { training.checkpoints.write(steps, facts.train_seconds); });
   const std::string no_model =
       why_not(run, [&] { save_model(training.queue, training.model, run, steps); });
   if (no_model.empty() && stopped != steps &&
       !ends_round(stopped, training.config.train.save_every))
     run.forget_model(stopped);
-  const std::string no_facts = why_not(run, [&] { run.write_facts(facts); });
-  const std::string no_checkpoint =
-      why_not(run, [&] { training.checkpoints.write(steps, facts.train_seconds); });
   const std::string no_rest = no_checkpoint.empty() ? no_facts : no_checkpoint;
   if (no_model.empty() && no_rest.empty()) return facts;
   throw not_all_kept(training, steps, no_model, no_rest);

@@ -407,6 +407,14 @@ TEST_F(Resume, AFormerRunThatIsGoneIsNotSaidToBeThere) {
   EXPECT_EQ(outcome.err.find("as it was"), std::string::npos) << outcome.err;
 }
 
+TEST_F(Resume, AModelWithoutItsCheckpointIsNoFinishedTraining) {
+  ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
+  fs::remove_all(run("run") + "/checkpoints");
+  for (const char* how : {"--resume", "--quiet"})
+    expect_refused(train("run", {"--iterations", "1", how}),
+                   {run("run"), "a model and no checkpoint", "--overwrite"});
+}
+
 // A mistyped -o, or the same command once more.
 TEST_F(Resume, AFinishedTrainingIsReplacedOnRequestOnly) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
