@@ -63,10 +63,7 @@ def odd_paths(world):
             left.pop(file), expected.pop(file)
         wrong += [f"{file} is not as in a plain folder" for file in left if left[file] != expected[file]]
         resume = ["-o", run, "--resume", "--quiet"]
-        if name.isprintable() or "\n" in name:
-            wrong += complaints(world.run(["train", *resume]), (0,))
-        else:  # no TOML holds what is not UTF-8
-            wrong += complaints(world.run(["train", *resume]), (1,), ["gflow train SCENE"])
+        wrong += complaints(world.run(["train", *resume]), (0,))
         for command in (["info", run], ["train", scene, *resume],
                         ["export", run, "-o", os.path.join(parent, name + ".ply"), "--quiet"],
                         ["render", run, "-o", os.path.join(parent, name + " pictures"), "--quiet"]):

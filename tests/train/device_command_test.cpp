@@ -187,7 +187,7 @@ TEST(StressCommand, InterruptedItKeepsTheFiguresThatItHas) {
   const TemporaryFolder folder;
   const std::string path = folder.file("figures.json");
   const Command command({"stress", "--json", path});
-  for (int i = 0; i < 6000 && command.said().find(" s\n") == std::string::npos; ++i)
+  for (int i = 0; i < 6000 && command.said().find("T2 ") == std::string::npos; ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));  // the first test has ended
   command.send(SIGINT);
   const Outcome outcome = command.wait();
