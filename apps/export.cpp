@@ -14,6 +14,7 @@
 #include "apps/options.hpp"
 #include "apps/output_path.hpp"
 #include "optim/data/cameras_json.hpp"
+#include "optim/data/movie.hpp"
 #include "optim/io/dot_splat.hpp"
 #include "optim/io/file_lock.hpp"
 #include "optim/io/four_dgs.hpp"
@@ -282,7 +283,7 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option("--fps", flags->fps,
                    "4dgs: steps a second; 0: as the run's scene has them, else 24")
-      ->check(zero_or_in(0.01, 1000));
+      ->check(zero_or_in(slowest_fps, fastest_fps));
   add_iteration(*command, flags->iteration);
   command->callback([flags, &options] { run_export(*flags, options); });
 }

@@ -15,6 +15,7 @@
 #include "apps/options.hpp"
 #include "apps/output_path.hpp"
 #include "optim/data/cameras_json.hpp"
+#include "optim/data/movie.hpp"
 #include "optim/io/file_lock.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/io/tell.hpp"
@@ -264,7 +265,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option("--fps", flags->fps,
                    "Frames a second of the videos; 0: as the scene says, else 24")
-      ->check(zero_or_in(0.01, 1000));
+      ->check(zero_or_in(slowest_fps, fastest_fps));
   command
       ->add_option(
           "--up", flags->up,

@@ -18,15 +18,18 @@ namespace {
 // PoCL has no device where it cannot make its folder for programs.
 std::string no_device_message() {
   const char* const cache = std::getenv("POCL_CACHE_DIR");
+  const std::string install = "install a driver, on Debian e.g. `apt install pocl-opencl-icd`";
   std::error_code problem;
   if (const std::string why = pocl_cache_problem(0); !why.empty())
-    return "no OpenCL device found: " + why;
+    return cache && *cache
+               ? "no OpenCL device found: " + why
+               : fmt::format("no OpenCL device found: {}; if it is there: {}", install, why);
   if (cache && *cache && !std::filesystem::is_directory(cache, problem))  // as root, in /proc
     return fmt::format(
         "no OpenCL device found: POCL_CACHE_DIR is {}, where no folder could be made: unset it, or "
         "name one that can be written",
         cache);
-  return "no OpenCL device found: install a driver, on Debian e.g. `apt install pocl-opencl-icd`";
+  return "no OpenCL device found: " + install;
 }
 
 // What the program does at signals, put back at the end. PoCL's LLVM takes them over when its

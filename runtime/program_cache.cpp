@@ -15,6 +15,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "runtime/hash.hpp"
+
 namespace gflow {
 namespace {
 
@@ -25,15 +27,6 @@ struct Header {
   char magic[8];
   uint64_t length, checksum;
 };
-
-// FNV-1a, 64 bits.
-uint64_t hash(const char* bytes, size_t size, uint64_t h) {
-  for (size_t i = 0; i < size; ++i) h = (h ^ uint8_t(bytes[i])) * 1099511628211u;
-  return h;
-}
-uint64_t hash(const std::string& text, uint64_t seed) {
-  return hash(text.data(), text.size(), seed);
-}
 
 std::string cache_folder(const DeviceInfo& device) {
   if (const char* folder = std::getenv("GFLOW_CACHE_DIR")) return folder;
@@ -64,7 +57,7 @@ ProgramCache::ProgramCache(const Queue& queue, const std::string& source,
   const auto& info = queue.info;
   const std::string key = info.platform + "\n" + info.name + "\n" + info.version + "\n" +
                           info.driver + "\n" + options + "\n" + source;
-  key_ = hash(key, 14695981039346656037u);
+  key_ = hash(key);
   path_ = fmt::format("{}/{:016x}{:016x}.bin", folder, key_, hash(key, 0x9e3779b97f4a7c15u));
 }
 

@@ -12,6 +12,7 @@
 #include <cstring>
 
 #include "runtime/error.hpp"
+#include "runtime/terminal.hpp"
 
 namespace gflow {
 
@@ -35,7 +36,7 @@ void Watchdog::watch() {
   const std::string sentence = fmt::format(
       "{}gflow: waiting for {}: nothing came back for {} s, so it hangs, or needs longer than "
       "GFLOW_DEVICE_TIMEOUT={} (seconds; 0: any) allows; what was saved before is whole\n",
-      ::isatty(STDERR_FILENO) ? "\r\x1b[K" : "", device_, seconds_, seconds_);
+      line_eraser(), device_, seconds_, seconds_);
   unsigned last = 0;
   std::unique_lock lock(mutex_);
   for (int ticks = 0; !end_.wait_for(lock, tick_, [&] { return ends_; });) {

@@ -15,6 +15,7 @@
 #include "apps/command_line.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/tell.hpp"
 
 namespace gflow {
 namespace bench {
@@ -102,11 +103,11 @@ void deliver(const BenchOptions& options, const std::function<Result()>& measure
   if (!options.markdown.empty())
     write_file_atomically(options.markdown, std::string_view(result.markdown));
   if (!options.plots.empty())
-    for (const Plot& plot : result.plots) fmt::print("plot: {}\n", draw(plot, options.plots));
+    for (const Plot& plot : result.plots) show("plot: {}\n", draw(plot, options.plots));
   if (options.compare.empty()) return;
   std::vector<std::string> worse = result.report.compare();
   if (worse.empty()) return;
-  fmt::print("{} worse than in {}: measured once more\n", worse.size(), options.compare);
+  show("{} worse than in {}: measured once more\n", worse.size(), options.compare);
   const std::vector<std::string> again = measure().report.compare();
   worse.erase(std::remove_if(worse.begin(), worse.end(),
                              [&](const std::string& name) {
@@ -114,8 +115,7 @@ void deliver(const BenchOptions& options, const std::function<Result()>& measure
                              }),
               worse.end());
   if (worse.empty()) return;
-  fmt::print("{} worse than in {}, twice: {}\n", worse.size(), options.compare,
-             fmt::join(worse, "; "));
+  show("{} worse than in {}, twice: {}\n", worse.size(), options.compare, fmt::join(worse, "; "));
   throw CLI::RuntimeError(3);
 }
 

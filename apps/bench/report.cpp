@@ -8,6 +8,7 @@
 #include <map>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/tell.hpp"
 
 namespace gflow::bench {
 namespace {
@@ -43,9 +44,9 @@ void print_table(const std::vector<std::vector<std::string>>& lines) {
       widths[k] = std::max(widths[k], line[k].size());
     }
   for (const auto& line : lines) {
-    fmt::print("  {:<{}}", line[0], widths[0]);
-    for (size_t k = 1; k < line.size(); ++k) fmt::print("  {:>{}}", line[k], widths[k]);
-    fmt::print("\n");
+    show("  {:<{}}", line[0], widths[0]);
+    for (size_t k = 1; k < line.size(); ++k) show("  {:>{}}", line[k], widths[k]);
+    show("\n");
   }
 }
 
@@ -133,9 +134,8 @@ void Report::measure_peak_again(Queue& queue) {
 }
 
 void Report::print() const {
-  fmt::print("{}, {} lanes, peak {} GFLOP/s, copy {} GB/s\n", head_["device"].get<std::string>(),
-             head_["lanes"].get<int>(), digits(head_["peak_gflops"]),
-             digits(head_["peak_copy_gbs"]));
+  show("{}, {} lanes, peak {} GFLOP/s, copy {} GB/s\n", head_["device"].get<std::string>(),
+       head_["lanes"].get<int>(), digits(head_["peak_gflops"]), digits(head_["peak_copy_gbs"]));
   for (size_t first = 0; first < rows_.size();) {
     std::vector<std::vector<std::string>> lines{{""}};
     for (const Figure& f : rows_[first].figures) lines[0].push_back(f.name);
@@ -147,7 +147,7 @@ void Report::print() const {
     print_table(lines);
     first = k;
   }
-  for (const std::string& note : notes_) fmt::print("{}\n", note);
+  for (const std::string& note : notes_) show("{}\n", note);
 }
 
 Json Report::json() const {
@@ -167,7 +167,7 @@ Json Report::json() const {
 std::vector<std::string> Report::compare() const {
   const Json& rows = old_["rows"];
   if (text_of(old_, "device") != head_["device"])
-    fmt::print("{} was measured on another device, {}\n", old_path_, text_of(old_, "device"));
+    show("{} was measured on another device, {}\n", old_path_, text_of(old_, "device"));
   std::vector<std::vector<std::string>> lines{
       {"lower quartiles; errors and dB in the middle", "before", "now", "ratio"}};
   std::vector<std::string> only_here, only_there, worse;
@@ -209,8 +209,8 @@ std::vector<std::string> Report::compare() const {
                     "same again",
                     old_path_));
   print_table(lines);
-  if (!only_here.empty()) fmt::print("only here: {}\n", fmt::join(only_here, ", "));
-  if (!only_there.empty()) fmt::print("only in {}: {}\n", old_path_, fmt::join(only_there, ", "));
+  if (!only_here.empty()) show("only here: {}\n", fmt::join(only_here, ", "));
+  if (!only_there.empty()) show("only in {}: {}\n", old_path_, fmt::join(only_there, ", "));
   return worse;
 }
 

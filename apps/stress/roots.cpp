@@ -219,7 +219,7 @@ Rows device_roots(Queue& queue) {  // T2
                                                   : fmt::format("kappa {:.0e}", kappa);
     rows.push_back(
         {at + ", gradient of A, 99 %", quantile(e.gradients, .99), gradient_bound(kappa)});
-    rows.push_back({at + ", gradient of A, worst: below what it is itself", worst(e.gradients), 1});
+    rows.push_back({at + ", gradient of A, worst, relative", worst(e.gradients), 1});
   }
   return rows;
 }

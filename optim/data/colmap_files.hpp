@@ -32,6 +32,7 @@ class ColmapBinary {
     file_.step(sizeof value);
     return value;
   }
+  // Up to the zero that ends it.
   std::string next_name() {
     std::string name;
     while (const char c = next<char>()) {
@@ -47,10 +48,12 @@ class ColmapBinary {
     need(n, record);
     return n;
   }
+  // Over n records of `record` bytes.
   void skip(uint64_t n, size_t record) {
     need(n, record);
     file_.step(n * record);
   }
+  // Error when bytes are left.
   void require_end() const {
     if (file_.left() > 0)
       throw Error(fmt::format("{} is damaged: {} bytes follow its last record", file_.path(),
@@ -83,6 +86,7 @@ class ColmapText {
     at_ = 0;
     return file_.next_line(line_);
   }
+  // Without what ends it.
   const std::string& line() const { return line_; }
   // Else words may be missing at its end.
   bool is_whole() const { return line_.size() < FilePieces::longest_line; }
@@ -96,25 +100,27 @@ class ColmapText {
     return word;
   }
   // What stands behind the words so far.
-  std::string rest() {
+  std::string rest() const {
     const size_t begin = std::min(line_.find_first_not_of(" \t\r", at_), line_.size());
     return line_.substr(begin);
   }
-  // The next word as a number; `what` names it.
+  // The next word as a number; Error where it is none or not there. `what` names it.
   template <class Number>
   Number number(const char* what) {
     const std::string_view text = word();
     if (text.empty()) refuse(fmt::format("ends before {}", what));
     Number value = 0;
     const auto read = std::from_chars(text.data(), text.data() + text.size(), value);
-    const bool tiny = std::is_floating_point_v<Number> && text.find("e-") != text.npos;
+    const size_t exponent = text.find_first_of("eE") + 1;  // 0 without one
+    const bool tiny = std::is_floating_point_v<Number> && exponent > 0 &&
+                      text.substr(exponent, 1) == "-";  // read as 0
     const bool fits = read.ec == std::errc() || (read.ec == std::errc::result_out_of_range && tiny);
     if (!fits || read.ptr != text.data() + text.size() || !std::isfinite(double(value)))
       refuse(fmt::format("has '{}' where {} should be, {}", excerpt(std::string(text)), what,
                          std::is_floating_point_v<Number> ? "a finite number" : "a whole number"));
     return value;
   }
-  // line 7 of cameras.txt ...
+  // Error: "line 7 of cameras.txt WHY; expected is ENTRY".
   [[noreturn]] void refuse(const std::string& why) const {
     throw Error(
         fmt::format("line {} of {} {}; expected is {}", number_, file_.path(), why, entry_));

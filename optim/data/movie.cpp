@@ -73,9 +73,9 @@ bool is_whole(const std::string& file) {
 void write_movie(const std::string& path, size_t count, const std::function<Image(size_t)>& frame,
                  double fps) {
   if (count == 0) throw Error(fmt::format("cannot write video {}: there are no frames", path));
-  if (!(fps >= 0.01 && fps <= 1000))
-    throw Error(fmt::format("cannot write video {}: {} frames a second, possible are 0.01 to 1000",
-                            path, fps));
+  if (!(float(fps) >= float(slowest_fps) && fps <= fastest_fps))  // settings are floats
+    throw Error(fmt::format("cannot write video {}: {} frames a second, possible are {} to {}",
+                            path, fps, slowest_fps, fastest_fps));
   Image image = frame(0);
   const int width = image.width, height = image.height;
   const cv::Size size(width + width % 2, height + height % 2);

@@ -35,7 +35,8 @@ MetaFile read_meta(const std::string& path) {
   file.width = needed_number(file.json, "w", path);
   file.height = needed_number(file.json, "h", path);
   if (!(file.width >= 1 && file.height >= 1 && file.width < 1e6 && file.height < 1e6))
-    throw Error(fmt::format("{} gives pictures the size {}x{}", path, file.width, file.height));
+    throw Error(fmt::format("{} gives pictures the size {}x{}, possible are sides of 1 to 999999",
+                            path, file.width, file.height));
   const Json& names = member(file.json, "fn", path);
   if (!names.is_array()) throw Error(fmt::format("'fn' of {} is no list of times", path));
   file.times = names.size();
@@ -145,8 +146,8 @@ PointCloud read_points(const std::string& folder) {
   const auto add = [&](size_t i, const auto* row) {
     for (int c = 0; c < 6; ++c)
       if (!(std::fabs(row[c]) <= farthest_point))
-        throw Error(fmt::format("point {} of {} is not finite or farther than {}", i, path,
-                                farthest_point));
+        throw Error(fmt::format("point {} of {} has a value that is not finite or beyond {:g}", i,
+                                path, farthest_point));
     points.xyz.insert(points.xyz.end(), {double(row[0]), double(row[1]), double(row[2])});
     for (int c = 3; c < 6; ++c)
       points.rgb.push_back(uint8_t(std::lround(255 * std::clamp(double(row[c]), 0., 1.))));

@@ -14,6 +14,7 @@
 #include <opencv2/videoio/registry.hpp>
 
 #include "optim/data/image_header.hpp"
+#include "optim/data/movie.hpp"
 #include "optim/io/descriptor.hpp"
 #include "runtime/error.hpp"
 
@@ -81,7 +82,7 @@ VideoInfo video_info(const std::string& path) {
   if (!sized || info.frames == 0)
     throw Error(fmt::format("cannot read video {}: it has {} frames of {}x{}", path, info.frames,
                             info.width, info.height));
-  if (!(info.fps > 0) || info.fps > 1000) info.fps = 24;
+  if (!(info.fps >= slowest_fps && info.fps <= fastest_fps)) info.fps = 24;
   return info;
 }
 

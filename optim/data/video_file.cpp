@@ -30,7 +30,7 @@ Scene read_video_file(const std::string& path, const SceneOptions& options) {
                     "be truncated",
                     stamps.size(), info.frames, path));
   scene.steps = int(stamps.size());
-  scene.fps = std::clamp(info.fps, 0.01, 1000.);  // what videos of it can have
+  scene.fps = info.fps;
   scene.cameras = cameras_of_view(options, stamps.size(), info.width, info.height, path);
   if (scene.cameras.size() == 1) scene.extent = options.radius;
   for (size_t k = 0; k < stamps.size(); ++k) {

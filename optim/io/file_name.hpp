@@ -7,20 +7,29 @@
 #include <string>
 
 #include "optim/io/printable.hpp"
+#include "runtime/hash.hpp"
 
 namespace gflow {
 
-// The name of one file or folder: slashes and what a terminal would obey become _, none begins with
-// a dot, and of a long one the first 100 letters are left.
-inline std::string as_file_name(std::string name) {
-  for (char& c : name)
-    if (c == '/' || c == '\\' || static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '_';
+// The name of one file or folder: slashes become _, and none begins with a dot. Of a long one the
+// first 100 letters are left, letters that a terminal would obey become _, and behind such a name
+// stands a hash of the whole: what differed differs.
+inline std::string as_file_name(const std::string& name) {
   constexpr size_t most_letters = 100;
-  size_t end = 0;
-  for (size_t n = 0; n < most_letters && end < name.size(); ++n)
-    end += std::max<size_t>(utf8_letter(name, end), 1);
-  name.resize(end);
-  return name.empty() || name[0] == '.' ? "camera" + name : name;
+  std::string plain;
+  size_t at = 0;
+  bool changed = false;
+  for (size_t n = 0; n < most_letters && at < name.size(); ++n) {
+    const size_t size = utf8_letter(name, at);  // 0: some other byte, which stays
+    std::string letter = name.substr(at, std::max<size_t>(size, 1)), shown;
+    append_letter(shown, letter, 0);
+    at += letter.size();
+    const bool slash = letter == "/" || letter == "\\", obeyed = size > 0 && shown != letter;
+    changed |= obeyed;
+    plain += slash || obeyed ? "_" : letter;
+  }
+  if (changed || at < name.size()) plain += fmt::format("-{:016x}", hash(name));
+  return plain.empty() || plain[0] == '.' ? "camera" + plain : plain;
 }
 
 // FOLDER/NAME, where the name may have folders of its own but leads to nowhere else; else as a

@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "optim/io/unfinished_file.hpp"
+#include "runtime/terminal.hpp"
 
 namespace gflow {
 namespace {
@@ -54,8 +55,7 @@ void stop_at_once(int signal) { end_with(line_at_stop, signal); }
 
 void StopSentence::say(const std::string& sentence) {
   // On a terminal a progress line may stand there: it goes.
-  const char* erase = ::isatty(STDERR_FILENO) ? "\r\x1b[K" : "";
-  lines_.push_back(erase + ("gflow: " + sentence) + "\n");
+  lines_.push_back(line_eraser() + ("gflow: " + sentence) + "\n");
   line_at_stop = lines_.back().c_str();
 }
 

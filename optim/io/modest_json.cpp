@@ -45,7 +45,7 @@ void require_modest_json(const void* text, size_t size, const std::string& path)
       ++values;
   }
   // The parser takes it for the end, whatever follows.
-  if (const void* zero = std::memchr(text, 0, size); size > 0 && zero)
+  if (const void* zero = size > 0 ? std::memchr(text, 0, size) : nullptr)
     throw Error(fmt::format("cannot read {}: it is no JSON text, byte {} is zero", path,
                             static_cast<const char*>(zero) - json));
   if (in_text) longest = std::max(longest, size - begin);  // it does not end

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "optim/data/movie.hpp"
 #include "optim/data/scene.hpp"
 #include "optim/density/density.hpp"
 #include "optim/engine/settings.hpp"
@@ -144,7 +145,7 @@ struct SceneConfig {
           "transforms.json; empty: one at rest, by the three settings below (Consistent4D, video)");
     field("camera", self.camera, "the one of several in that file, by name");
     field("fps", self.fps, "pictures a second; 0: as the video says, else 24",
-          zero_or_between(0.01f, 1000));
+          zero_or_between(float(slowest_fps), float(fastest_fps)));
     field("elevation", self.elevation,
           "of the camera above the horizon [degrees] (Consistent4D, video)", between(-90, 90));
     field("radius", self.radius,

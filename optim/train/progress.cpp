@@ -9,10 +9,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <iterator>
 
 #include "optim/io/printable.hpp"
+#include "runtime/terminal.hpp"
 
 namespace gflow {
 namespace {
@@ -24,12 +24,6 @@ size_t terminal_width() {
   winsize size = {};
   const bool known = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
   return known ? size.ws_col - 1 : 79;  // a full last column would wrap
-}
-
-// A terminal that can write a line anew. Emacs and its like say of themselves that they cannot.
-bool redraws_lines() {
-  const char* kind = std::getenv("TERM");
-  return isatty(STDERR_FILENO) == 1 && !(kind && std::string(kind) == "dumb");
 }
 
 std::string speed_text(double per_second) {

@@ -225,8 +225,10 @@ TEST(Colmap, AWordThatIsNoNumberIsNamedWithItsLine) {
     folder.write("sparse/0/points3D.txt", fmt::format("1 0 {} 0 1 2 3 0\n", word));
     expect_error(points, {"line 1 of", fmt::format("'{}'", word), "its place", "a finite number"});
   }
-  folder.write("sparse/0/points3D.txt", "1 0 -1e-400 0 1 2 3 0\r\n");
-  EXPECT_EQ(read_colmap_points(folder.file("sparse/0")).xyz[1], 0);
+  for (const char* tiny : {"-1e-400", "1E-400"}) {
+    folder.write("sparse/0/points3D.txt", fmt::format("1 0 {} 0 1 2 3 0\r\n", tiny));
+    EXPECT_EQ(read_colmap_points(folder.file("sparse/0")).xyz[1], 0);
+  }
 }
 
 TEST(Colmap, WhatIsThereTwiceOrTooMuchIsRefused) {

@@ -149,6 +149,8 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(frame(1), and_more + R"("camera_model": "EQUIRECTANGULAR")"); },
                {"'EQUIRECTANGULAR'", "OPENCV_FISHEYE"});
   expect_error([&] { with(frame(1), and_more + R"("k1": "x")"); }, {"'k1'", "no finite number"});
+  expect_error([&] { with(frame(1), and_more + R"("k6": 1e9)"); },
+               {"frame 0 of", "coefficients 0, 0, 0, 0, 0, 0, 0, 1e+09"});
   expect_error([&] { with(frame(1), and_more + R"("ply_file_path": "../p.ply")"); },
                {"../p.ply", "relative path"});
   expect_error(

@@ -12,12 +12,25 @@ TEST(FileName, OfAnythingIsOneNameInTheFolder) {
   EXPECT_EQ(as_file_name("/etc/passwd"), "_etc_passwd");
   for (const char* name : {"", ".", "..", "../x", ".hidden"})
     EXPECT_EQ(as_file_name(name).rfind("camera", 0), 0u) << name;
-  EXPECT_EQ(as_file_name(std::string("a\0b", 3)), "a_b");
-  EXPECT_EQ(as_file_name("\x1b]2;a\x07\n\x7f"), "_]2;a___");
-  EXPECT_EQ(as_file_name(std::string(5000, 'x')), std::string(100, 'x'));
+  EXPECT_EQ(as_file_name("caf\xe9"), "caf\xe9");
+  const auto expect_hashed = [](const std::string& name, const std::string& plain) {
+    EXPECT_EQ(as_file_name(name).substr(0, plain.size() + 1), plain + "-");
+    EXPECT_EQ(as_file_name(name).size(), plain.size() + 17);
+  };
+  expect_hashed(std::string("a\0b", 3), "a_b");
+  expect_hashed("\x1b]2;a\x07\n\x7f\u009b\u202e", "_]2;a_____");
+  expect_hashed(std::string(5000, 'x'), std::string(100, 'x'));
+  EXPECT_EQ(as_file_name(std::string(100, 'x')), std::string(100, 'x'));
   std::string umlauts;
   for (int i = 0; i < 101; ++i) umlauts += "\u00fc";
-  EXPECT_EQ(as_file_name(umlauts), umlauts.substr(0, 200));  // whole letters
+  expect_hashed(umlauts, umlauts.substr(0, 200));  // whole letters
+}
+
+// Else two cameras would share the pictures that are unpacked of their videos.
+TEST(FileName, WhatDiffersBehindTheCutOrInControlsDiffers) {
+  const std::string long_name(100, 'x');
+  EXPECT_NE(as_file_name(long_name + "1"), as_file_name(long_name + "2"));
+  EXPECT_NE(as_file_name("a\x01"), as_file_name("a\x02"));
 }
 
 TEST(FileName, APathBelowHasFoldersOfItsOwnButLeadsNowhereElse) {

@@ -131,6 +131,20 @@ TEST(DeviceDeathTest, AFolderForProgramsThatCannotBeWrittenIsTheReason) {
   EXPECT_EXIT(list(), testing::ExitedWithCode(3), "POCL_CACHE_DIR is .*/programs, where nothing");
 }
 
+// Where PoCL is not what is missing, its folder is no reason.
+TEST(DeviceDeathTest, AHomeThatCannotBeWrittenIsNotTheOnlyReason) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");
+  const Environment no_cache("POCL_CACHE_DIR", "");
+  const Environment no_all("XDG_CACHE_HOME", "/dev/null");
+  const auto list = [] {
+    std::cerr << message_of([] { list_devices(); });
+    std::exit(3);
+  };
+  EXPECT_EXIT(list(), testing::ExitedWithCode(3),
+              "install a driver, .*; if it is there: PoCL keeps its programs in /dev/null/pocl");
+}
+
 TEST(PoclCache, TheFolderIsTheUsersAndItsRoomIsKnown) {
   const TemporaryFolder folder;
   const Environment own("POCL_CACHE_DIR", folder.path());

@@ -2,9 +2,15 @@
 // The progress line: its words, and what gives way when the terminal is narrow.
 #include "optim/train/progress.hpp"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
+
+#include "environment.hpp"
 
 namespace gflow {
 namespace {
@@ -64,6 +70,33 @@ TEST(Progress, WhereSpaceIsShortTermsGoFirstThenTheBar) {
   EXPECT_EQ(progress_line(state, 1, 9), "1/2");
   EXPECT_EQ(progress_line({"train", 0, 1500, 3000, {}}, 1, 5), "50%");
   EXPECT_EQ(progress_line({"train", 0, 1500, 3000, {}}, 1, 2), "");
+}
+
+// What a progress of one step writes to a terminal of this kind.
+std::string written_to_terminal(const char* kind) {
+  const int terminal = ::posix_openpt(O_RDWR | O_NOCTTY);
+  EXPECT_TRUE(terminal >= 0 && ::grantpt(terminal) == 0 && ::unlockpt(terminal) == 0);
+  const int line = ::open(::ptsname(terminal), O_RDWR | O_NOCTTY), former = ::dup(STDERR_FILENO);
+  {
+    const Environment of_kind("TERM", kind);
+    ::dup2(line, STDERR_FILENO);
+    Progress progress("render", 1);
+    progress.advance();
+    progress.say("a sentence");
+    progress.finish();
+    ::dup2(former, STDERR_FILENO);
+  }
+  std::string text(4096, '\0');
+  text.resize(size_t(std::max<ssize_t>(::read(terminal, text.data(), text.size()), 0)));
+  for (const int file : {line, former, terminal}) ::close(file);
+  return text;
+}
+
+TEST(Progress, OnATerminalThatCannotRedrawItIsPlainLines) {
+  EXPECT_NE(written_to_terminal("xterm").find("\x1b[K"), std::string::npos);
+  const std::string plain = written_to_terminal("dumb");
+  EXPECT_NE(plain.find("a sentence"), std::string::npos);
+  EXPECT_EQ(plain.find('\x1b'), std::string::npos) << plain;
 }
 
 TEST(Progress, IntoAPipeItEndsWithOneWholeLine) {
