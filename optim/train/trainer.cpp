@@ -4,9 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <numeric>
 
-#include "optim/density/memory.hpp"
 #include "optim/engine/random_streams.hpp"
 #include "optim/motion/parameters_state.hpp"
 #include "shared/random.h"
@@ -15,7 +13,6 @@ namespace gflow {
 namespace {
 
 constexpr double kNotSeen = std::numeric_limits<double>::quiet_NaN();  // in this step
-constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
 
 // A part of interleaved rows [H, W, channels].
 template <class T>
@@ -59,14 +56,6 @@ std::unique_ptr<MotionLoss> motion_loss_for(Queue& queue, const LossConfig& loss
   return std::make_unique<MotionLoss>(queue, w);
 }
 
-// nullptr when nobody may rest, or has a motion of its own, or its keys are trained one by one:
-// then nobody knows yet what it will do.
-std::unique_ptr<Rest> rest_for(Queue& queue, const TrainConfig& config, const Scene& scene,
-                               const Parameters& parameters) {
-  if (config.motion.rest == 0 || scene.steps < 2 || config.train.sequential) return nullptr;
-  return parameters.can_rest() ? std::make_unique<Rest>(queue) : nullptr;
-}
-
 // nullptr when the flow of all tiles counts in every step. A path with many numbers, each moved by
 // few pictures, is shaken by pulls that are rare and strong: optim/loss/README.md.
 std::unique_ptr<FlowTiles> flow_tiles_for(Queue& queue, const FlowConfig& flow,
@@ -90,27 +79,6 @@ PinholeCamera part_of(PinholeCamera camera, const Rect& part) {
   camera.width = part.width;
   camera.height = part.height;
   return camera;
-}
-
-DensityRule density_rule(const DensityConfig& d, const Scene& scene, const MotionShape& shape) {
-  const float extent = float(scene.extent);
-  DensityRule rule;
-  rule.cap = size_t(d.cap);
-  rule.min_opacity = d.prune_opacity;
-  rule.cutoff = shape.cutoff;
-  rule.split.split_scale = d.split_scale * extent;
-  rule.split.split_travel = d.split_travel;
-  rule.split.duration = shape.duration;
-  rule.split.min_lifetime = d.min_lifetime * shape.duration / float(std::max(scene.steps, 1));
-  rule.grad_threshold = d.grad_threshold;
-  rule.max_scale = d.prune_scale * extent;
-  rule.opacity_reset_every = d.opacity_reset_every;
-  rule.growth = d.growth;
-  rule.spread = d.spread;
-  rule.noise = d.noise / (extent * extent);  // the rate is in scene units, the covariance squared
-  rule.opacity_weight = d.opacity_weight;
-  rule.scale_weight = d.scale_weight / extent;
-  return rule;
 }
 
 EngineSettings training_settings(const TrainConfig& config) {
@@ -140,10 +108,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       motion_loss_(motion_loss_for(queue, config.loss, scene)),
       adam_(queue, {config.adam.beta1, config.adam.beta2}),
       path_adam_(path_adam_for(queue, config.adam, model.parameters)),
-      density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
-      density_rule_(density_rule(config.density, scene, model.shape)),
-      order_(queue),
-      rest_(rest_for(queue, config, scene, model.parameters)),
+      population_(queue, config, scene, model),
       guide_(guidance ? std::make_unique<Guide>(queue, config, scene, frames, *guidance) : nullptr),
       reduce_(queue) {}
 
@@ -185,7 +150,7 @@ void Trainer::prefetch(int step) {
 void Trainer::step(Queue& queue, int step) {
   untouched_ = true;
   prefetch(step);
-  if (step == 0) put_in_order(queue);
+  if (step == 0 && population_.put_in_order(queue)) neighbours_known_ = false;
   renew_neighbours_if_due(queue, step);
   if (config_.skip.unseen)
     model_.parameters.forget_seen(queue);
@@ -198,17 +163,8 @@ void Trainer::step(Queue& queue, int step) {
   int in_batch = 0;
   for (const Sample& sample : sampler_.at(step)) train_view(queue, sample, step, in_batch++);
   update(queue, step);
-  const uint32_t seed = uint32_t(config_.train.seed);
-  const int done = step + 1;
-  if (density_ && now.fits())
-    density_->after_step(queue, model_.parameters, renderer_.gaussians(), density_rule_,
-                         {done, refining(done), rates_.position(step),
-                          random_bits(seed, streams::kNoise, uint32_t(step))});
-  if (settling(done)) settle(queue);
-  if (density_ && now.fits() && refining(done) && done % config_.density.every == 0) {
-    refine(queue, random_bits(seed, streams::kSplit, uint32_t(step)));
-    put_in_order(queue);
-  }
+  if (population_.after_step(queue, renderer_, now, step, rates_.position(step)))
+    neighbours_known_ = false;
 }
 
 // The binning of the view before waited for what it had uploaded: that is free now.
@@ -265,7 +221,7 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step, int in_ba
     shot.time_t2 = later < 1 + 1e-6 ? later : 2 * shot.time - later;
   }
   if (step % config_.loss.motion_every == 0) shot.motion_loss = motion_loss_.get();
-  shot.all_posed = density_ && density_->needs_all_posed();
+  shot.all_posed = population_.needs_all_posed();
   had_motion_loss_ = shot.motion_loss;
   renderer_.forward(queue, model_, shot);
 
@@ -289,7 +245,8 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step, int in_ba
     flow_is_new_ = true;
   }
   renderer_.backward(queue, model_, v_);
-  learn_from(queue, shot, camera.width, camera.height);
+  untouched_ = false;
+  population_.see(queue, renderer_, shot, camera.width, camera.height);
 }
 
 void Trainer::compare_with_picture(Queue& queue, int width, int height, float share) {
@@ -313,21 +270,9 @@ void Trainer::guide(Queue& queue, int step) {
   moment.background = background(step);
   moment.sh_degree = sh_degree(step);
   guide_->run(queue, model_, renderer_, step, moment, [&](const Shot& shot) {
-    learn_from(queue, shot, shot.view.camera.width, shot.view.camera.height);
+    untouched_ = false;
+    population_.see(queue, renderer_, shot, shot.view.camera.width, shot.view.camera.height);
   });
-}
-
-void Trainer::learn_from(Queue& queue, const Shot& shot, int width, int height) {
-  untouched_ = false;
-  if (density_)
-    density_->see(queue, {width, height, renderer_.engine().splats().tiles_touched,
-                          renderer_.gradients().v_means2d});
-  if (!rest_) return;
-  const float t2 = model_.time(shot.time_t2);
-  const GaussianGradients& g = renderer_.gradients();
-  rest_->see(queue, model_.parameters, renderer_.engine().splats().tiles_touched,
-             model_.time(shot.time), g.v_means, shot.flow ? &t2 : nullptr, g.v_means_t2,
-             renderer_.stood_still());
 }
 
 void Trainer::renew_neighbours_if_due(Queue& queue, int step) {
@@ -358,7 +303,7 @@ void Trainer::update(Queue& queue, int step) {
     Table& keys = p.more[0];
     keys.rows.seen.fill_range(queue, 0, size_t(now.time_step) * p.moving, 0u);
   }
-  if (density_) density_->add_gradients(queue, p, density_rule_);
+  population_.add_gradients(queue);
   const auto unused = [&](const GroupSpec& spec) {
     return config_.skip.bands && spec.quantity == Quantity::color_rest && sh_degree(step) == 0;
   };
@@ -381,80 +326,10 @@ void Trainer::update(Queue& queue, int step) {
   }
 }
 
-bool Trainer::refining(int done) const {
-  const DensityConfig& d = config_.density;
-  return done >= d.start && done <= d.stop_fraction * float(config_.train.iterations);
-}
-
-void Trainer::refine(Queue& queue, uint32_t seed) {
-  Parameters& p = model_.parameters;
-  DensityRule rule = density_rule_;
-  const size_t budget = size_t(config_.density.memory);
-  memory_holds_ =
-      std::min(memory_holds_, most_gaussians(queue.info, p, budget, config_.adam.beta1 > 0));
-  rule.cap = std::min(rule.cap, memory_holds_);
-  std::string short_of;
-  try {
-    density_->refine(queue, p, *model_.motion, rule, seed);
-    if (rest_) rest_->forget();
-    neighbours_known_ = false;
-    if (rule.cap < density_rule_.cap && p.count >= rule.cap)
-      short_of = fmt::format("density.memory = {} MiB{} holds {} Gaussians, fewer than density.cap",
-                             budget ? budget : size_t(queue.info.global_memory / 4 * 3 >> 20),
-                             budget ? "" : " (three quarters of the device's)", memory_holds_);
-  } catch (const Error& problem) {
-    if (!is_out_of_memory(problem)) throw;
-    memory_holds_ = p.count;  // no more are tried for
-    short_of = problem.what();
-  }
-  if (!short_of.empty()) memory_is_short(short_of);
-}
-
-void Trainer::memory_is_short(const std::string& sentence) {
-  if (memory_was_short_) return;
-  memory_was_short_ = true;
-  notice_ = fmt::format("memory is short, training goes on with {} Gaussians: {}",
-                        model_.parameters.count, sentence);
-}
-
-// Not after the last step: what comes to rest changes a little, and nothing would make up for it.
-bool Trainer::settling(int done) const {
-  return rest_ && done % config_.motion.rest_every == 0 && done < config_.train.iterations;
-}
-
-void Trainer::settle(Queue& queue) {
-  RestRule rule;
-  rule.most = config_.motion.rest;
-  rule.wake = config_.motion.rest_wake;
-  rule.duration = model_.shape.duration;
-  rule.moments = std::clamp(scene_.steps, 2, kRestMoments);
-  try {
-    const Buffer<cl_uint>& source = rest_->refine(queue, model_.parameters, *model_.motion, rule);
-    if (density_) density_->reorder(queue, source);
-    neighbours_known_ = false;
-  } catch (const Error& problem) {  // they go on as they were
-    if (!is_out_of_memory(problem)) throw;
-    memory_is_short(problem.what());
-  }
-}
-
-void Trainer::put_in_order(Queue& queue) {
-  try {
-    const Buffer<cl_uint>& source = order_.sort(queue, model_.parameters, model_.shape.duration);
-    if (density_) density_->reorder(queue, source);
-    if (rest_) rest_->forget();
-    neighbours_known_ = false;
-  } catch (const Error& problem) {  // slower, and other last bits
-    if (!is_out_of_memory(problem)) throw;
-    memory_is_short(problem.what());
-  }
-}
-
 Arrays Trainer::state(Queue& queue) {
   Arrays arrays;
   save_state(queue, model_.parameters, arrays);
-  if (density_) density_->save_state(queue, arrays);
-  if (rest_) rest_->save_state(queue, model_.parameters, arrays);
+  population_.save_state(queue, arrays);
   if (motion_loss_ && neighbours_known_) save_state(motion_loss_->pairs(), arrays);
   if (rates_.caution != 1) arrays["caution"] = {{1}, std::vector<float>{rates_.caution}};
   // For the log of a step without flow.
@@ -466,8 +341,7 @@ Arrays Trainer::state(Queue& queue) {
 
 void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& path) {
   load_state(queue, model_.parameters, arrays, path);
-  if (density_) density_->load_state(queue, arrays, path);
-  if (rest_) rest_->load_state(queue, model_.parameters, arrays, path);
+  population_.load_state(queue, arrays, path);
   const bool cautious = arrays.count("caution");
   rates_.caution = cautious ? exact_values<float>(arrays, "caution", {1}, path)[0] : 1;
   flow_is_new_ = false;

@@ -2,23 +2,19 @@
 // The training step, and nothing around it: which views, losses, gradients, Adam, density control.
 // What a step does is a function of configuration, seed and step number alone.
 #pragma once
-#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "optim/data/flow_store.hpp"
-#include "optim/density/density.hpp"
-#include "optim/density/order.hpp"
-#include "optim/density/rest.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/flow_tiles.hpp"
 #include "optim/loss/image_loss.hpp"
 #include "optim/loss/motion_loss.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/guide.hpp"
+#include "optim/train/population.hpp"
 #include "optim/train/rates.hpp"
 #include "optim/train/renderer.hpp"
 #include "optim/train/sampler.hpp"
@@ -67,7 +63,7 @@ class Trainer {
   size_t gaussians() const { return model_.parameters.count; }
   size_t refused(Queue& queue);
   // A sentence for the user about something that happened since the last call, or "".
-  std::string take_notice() { return std::exchange(notice_, ""); }
+  std::string take_notice() { return population_.take_notice(); }
 
   // All that a later step depends on beside configuration, scene and step number. Waits.
   Arrays state(Queue& queue);
@@ -108,16 +104,8 @@ class Trainer {
   float upload_teacher(Queue& queue, const Sample& sample, int width);
   // Asks for guidance and adds its gradients.
   void guide(Queue& queue, int step);
-  // After the gradients of a view of a camera: what density control and rest learn from it.
-  void learn_from(Queue& queue, const Shot& shot, int width, int height);
   void renew_neighbours_if_due(Queue& queue, int step);
   void update(Queue& queue, int step);
-  bool refining(int done) const;
-  void refine(Queue& queue, uint32_t seed);
-  bool settling(int done) const;
-  void settle(Queue& queue);
-  void put_in_order(Queue& queue);
-  void memory_is_short(const std::string& sentence);
 
   Queue& queue_;
   const TrainConfig& config_;
@@ -135,14 +123,8 @@ class Trainer {
   std::unique_ptr<MotionLoss> motion_loss_;  // nullptr: all its weights are 0
   Adam adam_;                                // of the Gaussians' table
   std::unique_ptr<Adam> path_adam_;          // of the others, if there are
-  std::unique_ptr<Density> density_;
-  DensityRule density_rule_;
-  RowOrder order_;
-  std::unique_ptr<Rest> rest_;                                // nullptr: all move
-  std::unique_ptr<Guide> guide_;                              // nullptr: no guidance
-  size_t memory_holds_ = std::numeric_limits<size_t>::max();  // Gaussians
-  bool memory_was_short_ = false;
-  std::string notice_;
+  Population population_;
+  std::unique_ptr<Guide> guide_;  // nullptr: no guidance
   Reduce reduce_;
   Buffer<cl_uchar> truth_{"truth"}, confidence_{"confidence"};
   Buffer<float> truth_floats_{"truth as floats"}, teacher_{"teacher flow"};

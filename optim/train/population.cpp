@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/population.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "optim/density/memory.hpp"
+#include "optim/engine/random_streams.hpp"
+#include "shared/random.h"
+
+namespace gflow {
+namespace {
+
+constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
+
+// nullptr when nobody may rest, or has a motion of its own, or its keys are trained one by one:
+// then nobody knows yet what it will do.
+std::unique_ptr<Rest> rest_for(Queue& queue, const TrainConfig& config, const Scene& scene,
+                               const Parameters& parameters) {
+  if (config.motion.rest == 0 || scene.steps < 2 || config.train.sequential) return nullptr;
+  return parameters.can_rest() ? std::make_unique<Rest>(queue) : nullptr;
+}
+
+DensityRule density_rule(const DensityConfig& d, const Scene& scene, const MotionShape& shape) {
+  const float extent = float(scene.extent);
+  DensityRule rule;
+  rule.cap = size_t(d.cap);
+  rule.min_opacity = d.prune_opacity;
+  rule.cutoff = shape.cutoff;
+  rule.split.split_scale = d.split_scale * extent;
+  rule.split.split_travel = d.split_travel;
+  rule.split.duration = shape.duration;
+  rule.split.min_lifetime = d.min_lifetime * shape.duration / float(std::max(scene.steps, 1));
+  rule.grad_threshold = d.grad_threshold;
+  rule.max_scale = d.prune_scale * extent;
+  rule.opacity_reset_every = d.opacity_reset_every;
+  rule.growth = d.growth;
+  rule.spread = d.spread;
+  rule.noise = d.noise / (extent * extent);  // the rate is in scene units, the covariance squared
+  rule.opacity_weight = d.opacity_weight;
+  rule.scale_weight = d.scale_weight / extent;
+  return rule;
+}
+
+}  // namespace
+
+Population::Population(Queue& queue, const TrainConfig& config, const Scene& scene, Model& model)
+    : config_(config),
+      scene_(scene),
+      model_(model),
+      density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
+      density_rule_(density_rule(config.density, scene, model.shape)),
+      order_(queue),
+      rest_(rest_for(queue, config, scene, model.parameters)) {}
+
+void Population::see(Queue& queue, const Renderer& renderer, const Shot& shot, int width,
+                     int height) {
+  const Buffer<cl_uint>& tiles_touched = renderer.engine().splats().tiles_touched;
+  if (density_)
+    density_->see(queue, {width, height, tiles_touched, renderer.gradients().v_means2d});
+  if (!rest_) return;
+  const float t2 = model_.time(shot.time_t2);
+  const GaussianGradients& g = renderer.gradients();
+  rest_->see(queue, model_.parameters, tiles_touched, model_.time(shot.time), g.v_means,
+             shot.flow ? &t2 : nullptr, g.v_means_t2, renderer.stood_still());
+}
+
+void Population::add_gradients(Queue& queue) {
+  if (density_) density_->add_gradients(queue, model_.parameters, density_rule_);
+}
+
+bool Population::after_step(Queue& queue, const Renderer& renderer, const Stage& now, int step,
+                            float position_rate) {
+  const uint32_t seed = uint32_t(config_.train.seed);
+  const int done = step + 1;
+  const bool controlled = density_ && now.fits();
+  if (controlled)
+    density_->after_step(
+        queue, model_.parameters, renderer.gaussians(), density_rule_,
+        {done, refining(done), position_rate, random_bits(seed, streams::kNoise, uint32_t(step))});
+  bool others = settling(done) && settle(queue);
+  if (controlled && refining(done) && done % config_.density.every == 0) {
+    others |= refine(queue, random_bits(seed, streams::kSplit, uint32_t(step)));
+    others |= put_in_order(queue);
+  }
+  return others;
+}
+
+bool Population::refining(int done) const {
+  const DensityConfig& d = config_.density;
+  return done >= d.start && done <= d.stop_fraction * float(config_.train.iterations);
+}
+
+bool Population::refine(Queue& queue, uint32_t seed) {
+  Parameters& p = model_.parameters;
+  DensityRule rule = density_rule_;
+  const size_t budget = size_t(config_.density.memory);
+  memory_holds_ =
+      std::min(memory_holds_, most_gaussians(queue.info, p, budget, config_.adam.beta1 > 0));
+  rule.cap = std::min(rule.cap, memory_holds_);
+  try {
+    density_->refine(queue, p, *model_.motion, rule, seed);
+  } catch (const Error& problem) {
+    if (!is_out_of_memory(problem)) throw;
+    memory_holds_ = p.count;  // no more are tried for
+    memory_is_short(problem.what());
+    return false;
+  }
+  if (rest_) rest_->forget();
+  if (rule.cap < density_rule_.cap && p.count >= rule.cap)
+    memory_is_short(
+        fmt::format("density.memory = {} MiB{} holds {} Gaussians, fewer than density.cap",
+                    budget ? budget : size_t(queue.info.global_memory / 4 * 3 >> 20),
+                    budget ? "" : " (three quarters of the device's)", memory_holds_));
+  return true;
+}
+
+void Population::memory_is_short(const std::string& sentence) {
+  if (memory_was_short_) return;
+  memory_was_short_ = true;
+  notice_ = fmt::format("memory is short, training goes on with {} Gaussians: {}",
+                        model_.parameters.count, sentence);
+}
+
+// Not after the last step: what comes to rest changes a little, and nothing would make up for it.
+bool Population::settling(int done) const {
+  return rest_ && done % config_.motion.rest_every == 0 && done < config_.train.iterations;
+}
+
+bool Population::settle(Queue& queue) {
+  RestRule rule;
+  rule.most = config_.motion.rest;
+  rule.wake = config_.motion.rest_wake;
+  rule.duration = model_.shape.duration;
+  rule.moments = std::clamp(scene_.steps, 2, kRestMoments);
+  try {
+    const Buffer<cl_uint>& source = rest_->refine(queue, model_.parameters, *model_.motion, rule);
+    if (density_) density_->reorder(queue, source);
+  } catch (const Error& problem) {  // they go on as they were
+    if (!is_out_of_memory(problem)) throw;
+    memory_is_short(problem.what());
+    return false;
+  }
+  return true;
+}
+
+bool Population::put_in_order(Queue& queue) {
+  try {
+    const Buffer<cl_uint>& source = order_.sort(queue, model_.parameters, model_.shape.duration);
+    if (density_) density_->reorder(queue, source);
+  } catch (const Error& problem) {  // slower, and other last bits
+    if (!is_out_of_memory(problem)) throw;
+    memory_is_short(problem.what());
+    return false;
+  }
+  if (rest_) rest_->forget();
+  return true;
+}
+
+void Population::save_state(Queue& queue, Arrays& arrays) const {
+  if (density_) density_->save_state(queue, arrays);
+  if (rest_) rest_->save_state(queue, model_.parameters, arrays);
+}
+
+void Population::load_state(Queue& queue, const Arrays& arrays, const std::string& path) {
+  if (density_) density_->load_state(queue, arrays, path);
+  if (rest_) rest_->load_state(queue, model_.parameters, arrays, path);
+}
+
+}  // namespace gflow
