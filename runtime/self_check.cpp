@@ -98,7 +98,7 @@ SelfCheckRow self_check_row(const std::string& name, double figure, double bound
 
 SelfCheck self_check(Queue& queue) {
   SelfCheck rows;
-  const Program program(queue, "selfcheck.cl");
+  const Program program(queue, "common.cl");
   check_maths(queue, program, rows);
   check_nan_tests(queue, program, rows);
   check_sort(queue, rows);

@@ -15,6 +15,11 @@ cl_uint chunks_on(const Queue& queue, size_t n) {
   return cl_uint(std::clamp<size_t>(n / 256, 1, wanted));
 }
 
+// None as shipped, so that it is the program that others need, too.
+Defines mask_defines(const EngineSettings& settings) {
+  return with_more(settings.skip.masks ? Defines{} : Defines{{"CELL_MASKS", 0}}, settings);
+}
+
 Range chunk_range(const Queue& queue, cl_uint chunks) {
   return Range::over(chunks, queue.lanes > 1 ? 1 : 64);
 }
@@ -23,8 +28,7 @@ Range chunk_range(const Queue& queue, cl_uint chunks) {
 
 Bin::Bin(Queue& queue, const EngineSettings& settings)
     : bin_program_(queue, "common.cl"),
-      mask_program_(queue, "cell_mask.cl",
-                    with_more(Defines{{"CELL_MASKS", int(settings.skip.masks)}}, settings)),
+      mask_program_(queue, "common.cl", mask_defines(settings)),
       seen_count_(bin_program_, "seen_count"),
       seen_write_(bin_program_, "seen_write"),
       tile_count_(bin_program_, "tile_count"),
