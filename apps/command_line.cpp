@@ -107,6 +107,16 @@ CLI::Validator path_given() {
       [](std::string& path) { return path.empty() ? "the path is empty; name one" : ""; }, "");
 }
 
+CLI::Validator list_entry() {
+  return CLI::Validator(
+      [](std::string& entry) {
+        return !entry.empty() && entry[0] == '-'
+                   ? fmt::format("the list before '{}' is empty; name an entry or more", entry)
+                   : "";
+      },
+      "");
+}
+
 std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
   const std::vector<const CLI::App*> path = understood(app);
   std::vector<std::string> commands;
@@ -121,6 +131,11 @@ std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
   if (dynamic_cast<const CLI::ConversionError*>(&problem))
     return fmt::format("{}: that is no number the option can take (see `{} --help`)",
                        without_prefix(problem.what(), "Could not convert: "), name);
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&problem)) {
+    const std::string said = problem.what(), option = said.substr(0, said.find(':'));
+    if (said.find(": At Most 1 required") == option.size())
+      return fmt::format("{} is given twice (see `{} --help`)", option, name);
+  }
   if (extras.empty()) return fmt::format("{} (see `{} --help`)", problem.what(), name);
   if (!is_option(extras[0]))
     return fmt::format("`{}` does not know what to do with '{}'", name, extras[0]);

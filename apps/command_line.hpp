@@ -19,6 +19,9 @@ CLI::Validator zero_or_in(double low, double high);
 // folder would be written to the root of the file system.
 CLI::Validator path_given();
 
+// An entry of a list with commas. Of one that is empty (`--devices ,`) CLI11 takes what comes next.
+CLI::Validator list_entry();
+
 // Error where no file can be written: told now rather than when all is done. Empty: none is asked
 // for. `option` asked for it.
 void require_writable(const std::string& option, const std::string& path);

@@ -169,6 +169,7 @@ void add_experiment(CLI::App& app, const GlobalOptions& options) {
       ->add_option("--devices", flags->devices,
                    "Devices that trainings take in turn, as for --device, with commas between")
       ->delimiter(',')
+      ->check(list_entry())
       ->type_name("INDEX|NAME,...")
       ->default_str("");
   command->add_flag("--dry-run", flags->dry_run, "Tell what would be trained, and train nothing");

@@ -204,6 +204,7 @@ void add_stress(CLI::App& app, const GlobalOptions& options) {
   auto* only =
       command->add_option("--only", flags->only, "Only tests of these numbers, e.g. T7,T12")
           ->delimiter(',')
+          ->check(list_entry())
           ->type_name("NUMBERS");
   command->add_flag("--derivatives", flags->derivatives, "Only the table of derivatives")
       ->excludes(only);

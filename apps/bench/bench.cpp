@@ -98,6 +98,7 @@ void deliver(const BenchOptions& options, const std::function<Result()>& measure
   check_outputs(options);
   const Result result = measure();
   result.report.print();
+  std::fflush(stdout);  // an interruption that comes while plots are drawn takes nothing of it
   if (!options.json.empty())
     write_file_atomically(options.json, std::string_view(result.report.json().dump(1) + "\n"));
   if (!options.markdown.empty())

@@ -15,7 +15,7 @@ struct TimeAndErrors {
 // Whether each is on the front: nobody else is as fast and as exact in every measure, and in one of
 // them better, beyond what times differ by from run to run and decimals that nobody sees.
 inline std::vector<bool> pareto_front(const std::vector<TimeAndErrors>& all) {
-  constexpr double kSpread = 1.03, kSame = 1.01, kMoreExact = 1.1;
+  constexpr double kSpread = 1.03, kSame = 1.03, kMoreExact = 1.1;
   const auto worse = [](const TimeAndErrors& a, const TimeAndErrors& b) {  // a than b
     const double time = a.time / b.time;
     double least = 1e300, most = 0;

@@ -120,6 +120,16 @@ Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& sett
   return pairs;
 }
 
+size_t tiles_asking_flow(Queue& queue, const Images& images, const ImageGradients& v) {
+  const size_t width = size_t(images.width), pixels = width * size_t(images.height);
+  const size_t across = (width + TILE - 1) / TILE;
+  std::vector<bool> asks(across * ((size_t(images.height) + TILE - 1) / TILE), false);
+  const std::vector<float> v_flow = v.v_flow.read(queue);
+  for (size_t i = 0; i < 2 * pixels; ++i)
+    if (v_flow[i] != 0) asks[i % pixels / width / TILE * across + i % width / TILE] = true;
+  return size_t(std::count(asks.begin(), asks.end(), true));
+}
+
 // Forward: exponent 8, exp2 13, cut, weight and what passes 5, colour 6; flow 12, depth 2. Backward
 // repeats 26 of them, and adds 26 for what colour and alpha pull at, 28 for flow, 4 for depth.
 double forward_flops(Channels c) { return 32 + (c.flow ? 12 : 0) + (c.depth ? 2 : 0); }

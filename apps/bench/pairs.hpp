@@ -17,6 +17,9 @@ struct Pairs {
 Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& settings,
                   const ImageGradients* v = nullptr, bool flow = false);
 
+// Tiles of the engine's last image in which v.v_flow is not 0 throughout.
+size_t tiles_asking_flow(Queue& queue, const Images& images, const ImageGradients& v);
+
 // Useful operations of a blended pair, an FMA being two: what the formulas of shared/pixel.h need
 // when nothing is wasted on lanes that do not count.
 double forward_flops(Channels channels);

@@ -46,13 +46,13 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
 
 // Half the CPU time from binning to gathering, the raster alone: wall time on two quiet cores. NaN
 // on a GPU.
-double half_of_raster(const Queue& queue, const Cost& cost) {
-  if (!queue.info.is_cpu) return NAN;
+Spread half_of_raster(const Queue& queue, const Cost& cost) {
+  if (!queue.info.is_cpu) return {NAN, NAN, NAN};
   KernelSamples raster;
   for (const auto& [stage, kernels] : stages)
     for (const char* one : {"bin", "mask", "transport", "splat", "backward", "gather"})
       if (stage == one) raster[stage] = sum_of(cost.kernel_ms, kernels);
-  return 0.5 * spread_of(cpu_of(sum_of(raster), cost.cpu_ms, cost.wall_ms)).median;
+  return scaled(spread_of(cpu_of(sum_of(raster), sum_of(cost.kernel_ms), cost.cpu_ms)), 0.5);
 }
 
 void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& report,
@@ -69,8 +69,8 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& rep
   report.add({scene.name,
               {{"wall [ms]", spread_of(cost.wall_ms)},
                {"CPU [ms]", spread_of(cost.cpu_ms)},
-               single("half the CPU time [ms]", 0.5 * spread_of(cost.cpu_ms).median),
-               single("bin to gather, of that [ms]", half_of_raster(queue, cost)),
+               {"half the CPU time [ms]", scaled(spread_of(cost.cpu_ms), 0.5)},
+               {"bin to gather, of that [ms]", half_of_raster(queue, cost)},
                single("intersections", double(step.engine().tiles().intersections)),
                single("listed a pixel", pairs.listed / pixels),
                single("masked a pixel", pairs.masked / pixels),
@@ -87,17 +87,17 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& rep
     const Spread ms = spread_of(times);
     // Operations, or bytes, in 1e9 a second by time in ms: 1e-6.
     const double share = flops * pairs.blended * 1e-6 / report.peak().gflops;
-    report.add({scene.name + ": " + name,
-                {{"device [ms]", ms},
-                 queue.info.is_cpu ? Figure{"CPU, about [ms]",
-                                            spread_of(cpu_of(times, cost.cpu_ms, cost.wall_ms))}
-                                   : single("CPU, about [ms]", NAN),
-                 {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
-                 // Of the others nobody has counted the operations.
-                 single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN),
-                 single("of the copy peak [%]", 100e-6 * bytes_of_stage(name, touched, channels) /
-                                                    report.peak().copy_gbs / ms.median)},
-                is_brief(times, all)});
+    report.add(
+        {scene.name + ": " + name,
+         {{"device [ms]", ms},
+          queue.info.is_cpu ? Figure{"CPU, about [ms]", spread_of(cpu_of(times, all, cost.cpu_ms))}
+                            : single("CPU, about [ms]", NAN),
+          {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
+          // Of the others nobody has counted the operations.
+          single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN),
+          single("of the copy peak [%]", 100e-6 * bytes_of_stage(name, touched, channels) /
+                                             report.peak().copy_gbs / ms.median)},
+         is_brief(times, all)});
   };
   shares.push_back({scene.name});
   for (const auto& [stage, kernels] : stages) {
@@ -186,11 +186,13 @@ void add_raster(CLI::App& bench, const GlobalOptions& options) {
           ->add_option("--pixels", flags->sizes,
                        "Sizes of the image: one, or as many as of --gaussians")
           ->delimiter(',')
+          ->check(list_entry())
           ->type_name("WxH,..."),
       raster
           ->add_option("--gaussians", flags->gaussians,
                        "How many: one number, or one for each size")
           ->delimiter(',')
+          ->check(list_entry())
           ->check(number_in(1, 20000000))
           ->type_name("N,..."),
       raster

@@ -53,11 +53,12 @@ inline Spread ratio_of(const Samples& a, const Samples& b) {
   return spread_of(std::move(ratios));
 }
 
-// About the CPU time of kernels of a CPU: the time they took, by as many cores as were theirs in
-// that repeat. Other programs take cores from it, and it takes longer by as much.
-inline Samples cpu_of(const Samples& times, const Samples& cpu, const Samples& wall) {
+// About the CPU time of some kernels of a CPU: the CPU time of that repeat, by their share of the
+// time that all kernels took. Other programs take cores from all of them alike, and what the host
+// does between kernels is shared out among them, so that the parts add up to the whole.
+inline Samples cpu_of(const Samples& times, const Samples& all, const Samples& cpu) {
   Samples used;
-  for (size_t i = 0; i < times.size(); ++i) used.push_back(times[i] * cpu[i] / wall[i]);
+  for (size_t i = 0; i < times.size(); ++i) used.push_back(cpu[i] * times[i] / all[i]);
   return used;
 }
 

@@ -70,7 +70,7 @@ double exponent_of(const std::vector<Point>& points, const std::string& sweep, b
 }
 
 // The program itself with so many of PoCL's threads; the wall time of its raster bench, or NaN.
-double wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
+Spread wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
                        const GlobalOptions& options) {
   const ScratchFolder folder;
   const std::string file = folder.file("cores.json");
@@ -85,11 +85,13 @@ double wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
   const int status = std::system(command.c_str());  // Ctrl-C reaches that one alone
   const int code = WIFEXITED(status) ? WEXITSTATUS(status) : exit_code_of(WTERMSIG(status));
   if (code == exit_code_of(SIGINT)) throw Interrupted("interrupted: the cores were not compared");
-  if (code != 0) return NAN;
+  const Spread unknown{NAN, NAN, NAN};
+  if (code != 0) return unknown;
   const Bytes bytes = read_file(file);
   const Json report = Json::parse(bytes.begin(), bytes.end());
-  if (report["compute_units"] != cores) return NAN;
-  return report["rows"][fmt::format("512x512, {}", gaussians)]["wall [ms]"]["median"];
+  if (report["compute_units"] != cores) return unknown;
+  const Json& wall = report["rows"][fmt::format("512x512, {}", gaussians)]["wall [ms]"];
+  return {wall["median"], wall["low"], wall["high"]};
 }
 
 constexpr double kParameters = 50;  // spacetime, colour of degree 2
@@ -120,20 +122,31 @@ void predict(const ScalingOptions& o, const Point& as_dense, Report& report) {
                       std::max(compute_ms / here, memory_ms))}});
 }
 
-// A picture for each sweep, with an axis of its own. Each line of the table: sweep, x, ms.
+// A picture for each sweep, with an axis of its own, and beside it what would be in proportion.
+// Each line of the table: sweep, x, ms.
 Plot plot_of(std::vector<std::vector<std::string>> table) {
   Plot plot;
   plot.name = "scaling";
   plot.height = 800;
-  plot.script = "set key off\nset logscale xy\nset multiplot layout 2,2\n";
-  std::string last = table[0][0];  // of the headings
-  for (const std::vector<std::string>& line : table) {
-    if (line[0] == last) continue;
-    last = line[0];
+  plot.script =
+      "set key inside top left\nset format xy '10^{%L}'\nset logscale xy\n"
+      "set multiplot layout 2,2\n";
+  for (size_t first = 1, end; first < table.size(); first = end) {  // behind the headings
+    const std::string sweep = table[first][0];
+    for (end = first; end < table.size() && table[end][0] == sweep;) ++end;
+    const std::vector<std::string>&from = table[first], &to = table[end - 1];
+    const bool cores = sweep == "cores";
     plot.script += fmt::format(
-        "set xlabel '{0}'\nset ylabel '{1} time [ms]'\nplot 'scaling.tsv' every ::1 using "
-        "(strcol(1) eq '{0}' ? $2 : 1/0):3 with linespoints pt 7\n",
-        last, last == "cores" ? "wall" : "CPU");
+        "set xlabel '{0}'\nset ylabel '{1} time [ms]'\n{2}plot sample [{3}:{4}] {5} with lines "
+        "dashtype 2 linecolor 'gray40' title '{6}', 'scaling.tsv' every ::1 using "
+        "(strcol(1) eq '{0}' ? $2 : 1/0):3 with linespoints pointtype 7 linecolor 1 notitle\n",
+        sweep, cores ? "wall" : "CPU",
+        cores ? "unset logscale\nset key top right\nset format xy '%g'\nset yrange [0:*]\nset "
+                "xtics 1\n"
+              : "",
+        cores ? from[1] : fmt::format("{}/10.", to[1]), to[1],
+        cores ? fmt::format("{}*{}/x", from[2], from[1]) : fmt::format("{}*x/{}", to[2], to[1]),
+        cores ? "in proportion" : "linear");
   }
   plot.script += "unset multiplot";
   plot.table = std::move(table);
@@ -156,7 +169,7 @@ Result run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
     points.push_back(
         measured(queue, o, "frames", double(frames), 256, std::min<size_t>(o.most, 10000), frames));
   for (const Point& p : points)
-    report.add({fmt::format("{} {}", p.x, p.sweep),
+    report.add({fmt::format("{}: {}", p.sweep, p.x),
                 {{"CPU [ms]", spread_of(p.cost.cpu_ms)},
                  {"wall [ms]", spread_of(p.cost.wall_ms)},
                  single("intersections", p.intersections),
@@ -173,13 +186,13 @@ Result run_scaling(const ScalingOptions& o, const GlobalOptions& options) {
                        fmt::format("{:.4g}", spread_of(p.cost.cpu_ms).median)});
   if (queue.info.is_cpu) {
     const size_t gaussians = std::min<size_t>(o.most, 100000);
-    const double one = wall_with_cores(1, gaussians, o, options);
+    const Spread one = wall_with_cores(1, gaussians, o, options);
     for (int cores = 1; cores <= int(queue.info.compute_units); cores *= 2) {
-      const double wall = cores == 1 ? one : wall_with_cores(cores, gaussians, o, options);
-      if (!std::isfinite(wall)) continue;
-      report.add({fmt::format("512x512, {} on {} cores", gaussians, cores),
-                  {single("wall, once [ms]", wall), single("of one core", wall / one)}});
-      plotted.push_back({"cores", std::to_string(cores), fmt::format("{:.4g}", wall)});
+      const Spread wall = cores == 1 ? one : wall_with_cores(cores, gaussians, o, options);
+      if (!std::isfinite(wall.median)) continue;
+      report.add({fmt::format("512x512, {} on {} core{}", gaussians, cores, cores > 1 ? "s" : ""),
+                  {{"wall [ms]", wall}, single("of one core", wall.median / one.median)}});
+      plotted.push_back({"cores", std::to_string(cores), fmt::format("{:.4g}", wall.median)});
     }
   }
   predict(o, measured(queue, o, "as dense", double(kAsDense), kSide, kAsDense, 1), report);

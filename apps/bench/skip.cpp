@@ -16,7 +16,7 @@
 namespace gflow::bench {
 namespace {
 
-constexpr char kEveryStep[] = "flow in every step";
+constexpr char kEveryStep[] = "flow in every step (flow.every=1)";
 
 // As shipped; without each skip in turn; without those that leave the result as it is but for
 // rounding, and without any. Those in the mean over steps and within a share of opacity change what
@@ -31,8 +31,8 @@ std::vector<Kind> kinds_of() {
     none.settings.push_back(off);
     inexact.settings.push_back(off);
   });
-  kinds.push_back({"at every time", {"motion.cutoff=0"}});
-  kinds.push_back({"flow of calm tiles too", {"flow.calm=1"}});
+  kinds.push_back({"at every time (motion.cutoff=0)", {"motion.cutoff=0"}});
+  kinds.push_back({"flow of calm tiles too (flow.calm=1)", {"flow.calm=1"}});
   kinds.push_back({kEveryStep, {"flow.every=1"}});
   none.settings.insert(none.settings.end(), {"motion.cutoff=0", "flow.calm=1", "flow.every=1"});
   kinds.push_back(inexact);
@@ -68,7 +68,7 @@ double difference(const HostModel& a, const HostModel& b) {
   return apart == 0 ? 0 : std::sqrt(apart / length);
 }
 
-Result run_skip(const StepOptions& o, const GlobalOptions& options) {
+Result run_skip(StepOptions o, const GlobalOptions& options) {
   QueueOptions queue_options;
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
@@ -79,32 +79,37 @@ Result run_skip(const StepOptions& o, const GlobalOptions& options) {
                  {"settings", o.settings},
                  {"steps before", o.warm},
                  {"block", o.block},
-                 {"steps compared", o.block * (repeats_a_making(o) + 1)},
                  {"repeats", o.common.repeats}},
                 o.common.compare);
   const Trained from = warmed_up(queue, o, folder, options.quiet);
+  o = with_whole_blocks(o, from, options.quiet);
   const std::vector<Kind> kinds = kinds_of();
   const std::vector<StepCost> costs = costs_of_steps(queue, o, kinds, from, folder);
   for (size_t i = 0; i < kinds.size(); ++i) {
     const StepCost& c = costs[i];
-    report.add({kinds[i].name,
-                {{"wall [ms]", spread_of(c.wall)},
-                 {"CPU [ms]", spread_of(c.cpu)},
-                 {"CPU, of all skips", ratio_of(c.cpu, costs[0].cpu)},
-                 single("moved by Adam", c.work.touched.moved),
-                 single("posed", c.work.posed),
-                 single("posed at t2", c.work.posed_t2),
-                 single("drawn", c.work.touched.drawn),
-                 single("colour values", c.work.color_values),
-                 single("intersections", c.work.touched.intersections),
-                 single("tiles with flow", c.work.tiles_with_flow),
-                 single("bytes [1e6]", 1e-6 * bytes_of(c.work.touched)),
-                 single("pairs in cells", c.work.pairs.masked),
-                 single("pairs back", c.work.pairs.back),
-                 single("pairs blended", c.work.pairs.blended),
-                 single("model differs by", difference(c.end, costs[0].end))}});
+    Row row{kinds[i].name,
+            {{"wall [ms]", spread_of(c.wall)},
+             {"CPU [ms]", spread_of(c.cpu)},
+             {"CPU, of all skips", ratio_of(c.cpu, costs[0].cpu)},
+             single("moved by Adam", c.work.touched.moved),
+             single("posed", c.work.posed),
+             single("posed at t2", c.work.posed_t2),
+             single("drawn", c.work.touched.drawn),
+             single("colour values", c.work.color_values),
+             single("intersections", c.work.touched.intersections),
+             single("tiles with flow", c.work.tiles_with_flow),
+             single("on the way back", c.work.tiles_back),
+             single("bytes [1e6]", 1e-6 * bytes_of(c.work.touched)),
+             single("pairs in cells", c.work.pairs.masked),
+             single("pairs back", c.work.pairs.back),
+             single("pairs blended", c.work.pairs.blended),
+             single("model differs by", difference(c.end, costs[0].end))}};
+    for (Figure& share : shares_of_peaks(c, report.peak())) row.figures.push_back(std::move(share));
+    report.add(std::move(row));
   }
   report.note(saved_by_all(kinds, costs));
+  report.note(fmt::format("models are compared after {} steps of each kind",
+                          o.block * (repeats_a_making(o) + 1)));
   report.measure_peak_again(queue);
   return {std::move(report), {plot_of("skip", kinds, costs)}};
 }
@@ -119,10 +124,8 @@ void add_skip(CLI::App& bench, const GlobalOptions& options) {
                            "motion.cutoff, flow.calm and flow.every; at last with none of the "
                            "exact ones (skip.*), and with none at all");
   add_step_options(*skip, *flags);
-  skip->callback([flags, &options] {
-    const StepOptions o = with_whole_blocks(*flags);
-    deliver(o.common, [&] { return run_skip(o, options); });
-  });
+  skip->callback(
+      [flags, &options] { deliver(flags->common, [&] { return run_skip(*flags, options); }); });
 }
 
 }  // namespace gflow::bench

@@ -24,7 +24,7 @@ const std::vector<Kind> kinds{{"pictures alone", {"flow.enabled=false"}},
                               {"flow, velocity", {"loss.velocity=1"}},
                               {"flow, acceleration", {"loss.acceleration=1"}}};
 
-Result run_step(const StepOptions& o, const GlobalOptions& options) {
+Result run_step(StepOptions o, const GlobalOptions& options) {
   QueueOptions queue_options;
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
@@ -38,20 +38,23 @@ Result run_step(const StepOptions& o, const GlobalOptions& options) {
                  {"repeats", o.common.repeats}},
                 o.common.compare);
   const Trained from = warmed_up(queue, o, folder, options.quiet);
+  o = with_whole_blocks(o, from, options.quiet);
   const std::vector<StepCost> costs = costs_of_steps(queue, o, kinds, from, folder);
   for (size_t i = 0; i < kinds.size(); ++i) {
     const StepCost& c = costs[i];
     Samples idle;
     for (size_t k = 0; k < c.wall.size(); ++k)
       idle.push_back(100 * std::max(0.0, 1 - c.busy[k] / c.wall[k]));
-    report.add({kinds[i].name,
-                {{"wall [ms]", spread_of(c.wall)},
-                 {"CPU [ms]", spread_of(c.cpu)},
-                 {"device busy [ms]", spread_of(c.busy)},
-                 {"host [ms]", spread_of(c.host)},
-                 {"idle [%]", spread_of(idle)},
-                 {"CPU, of pictures alone", ratio_of(c.cpu, costs[0].cpu)},
-                 single("Gaussians", double(c.end.count))}});
+    Row row{kinds[i].name,
+            {{"wall [ms]", spread_of(c.wall)},
+             {"CPU [ms]", spread_of(c.cpu)},
+             {"device busy [ms]", spread_of(c.busy)},
+             {"host [ms]", spread_of(c.host)},
+             {"idle [%]", spread_of(idle)},
+             {"CPU, of pictures alone", ratio_of(c.cpu, costs[0].cpu)},
+             single("Gaussians", double(c.end.count))}};
+    for (Figure& share : shares_of_peaks(c, report.peak())) row.figures.push_back(std::move(share));
+    report.add(std::move(row));
   }
   for (const size_t i : {0, 1}) {
     std::vector<Row> rows;
@@ -60,7 +63,7 @@ Result run_step(const StepOptions& o, const GlobalOptions& options) {
           {kinds[i].name + ": " + name,
            {{"device [ms]", spread_of(times)},
             queue.info.is_cpu
-                ? Figure{"CPU, about [ms]", spread_of(cpu_of(times, costs[i].cpu, costs[i].wall))}
+                ? Figure{"CPU, about [ms]", spread_of(cpu_of(times, costs[i].busy, costs[i].cpu))}
                 : single("CPU, about [ms]", NAN),
             {"of the device's time [%]", scaled(ratio_of(times, costs[i].busy), 100)}},
            is_brief(times, costs[i].busy)});
@@ -82,10 +85,8 @@ void add_step(CLI::App& bench, const GlobalOptions& options) {
                            "Training steps on a scene: pictures alone, with flow, in "
                            "every step, of calm tiles too, both, with each regulariser");
   add_step_options(*step, *flags);
-  step->callback([flags, &options] {
-    const StepOptions o = with_whole_blocks(*flags);
-    deliver(o.common, [&] { return run_step(o, options); });
-  });
+  step->callback(
+      [flags, &options] { deliver(flags->common, [&] { return run_step(*flags, options); }); });
 }
 
 }  // namespace gflow::bench

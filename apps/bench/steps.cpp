@@ -29,12 +29,11 @@ TrainConfig configured(const StepOptions& o, const Kind& kind) {
   return config;
 }
 
-// Steps of which one has flow; 0 in a configuration: 2 or 1, by the model.
-int flow_every(const TrainConfig& config) { return config.flow.every > 0 ? config.flow.every : 2; }
-
-double parameters_of_one(const HostModel& model) {
+// How many numbers Adam moves of a Gaussian; without higher bands of colour where those rest.
+double parameters_of_one(const HostModel& model, bool without_bands) {
   size_t values = 0;
-  for (const auto& [name, group] : model.groups) values += group.size();
+  for (const auto& [name, group] : model.groups)
+    if (!without_bands || name != "sh_rest") values += group.size();
   return double(values) / double(std::max<size_t>(model.count, 1));
 }
 
@@ -74,11 +73,11 @@ class GoingOn {
     append_kernels(cost.kernels, queue_, cost.wall.size() - 1, steps);
   }
 
-  StepCost end() {
+  // Of so many steps more what they work on.
+  StepCost end(int steps) {
     cost.busy = sum_of(cost.kernels);
     cost.end = model_.read(queue_);
     cost.work = {};
-    const int steps = flow_every(config_);
     for (int k = 0; k < steps; ++k) {
       trainer_->step(queue_, step_++);
       count(1.0 / steps);
@@ -121,13 +120,17 @@ class GoingOn {
         tiles = size_t(std::count(with_flow.begin(), with_flow.begin() + long(tiles), 1));
       }
       cost.work.tiles_with_flow += share * double(tiles);
+      cost.work.tiles_back += share * double(engine.flow_in_parts(trainer_->image_gradients())
+                                                 ? tiles_asking_flow(queue_, engine.images(),
+                                                                     trainer_->image_gradients())
+                                                 : engine.tiles().count());
     }
     const double drawn = double(reduce.count_nonzero(queue_, engine.splats().tiles_touched));
     const int walked = model_.color.bands(shot.sh_degree, config_.skip.bands).walked;
     cost.work.color_values += share * drawn * 3 * (walked + 1) * (walked + 1);
     Touched& t = cost.work.touched;
     const double moved = double(reduce.count_nonzero(queue_, model_.parameters.rows.seen));
-    t.parameters = parameters_of_one(cost.end);
+    t.parameters = parameters_of_one(cost.end, config_.skip.bands && shot.sh_degree == 0);
     t.moved += share * moved;
     t.drawn += share * drawn;
     t.intersections += share * double(engine.tiles().intersections);
@@ -146,16 +149,6 @@ class GoingOn {
 
 }  // namespace
 
-StepOptions with_whole_blocks(StepOptions o) {
-  const int every = flow_every(configured(o, Kind()));
-  const int block = (o.block + every - 1) / every * every;
-  if (block != o.block)
-    tell("--block {} becomes {}: as many steps with flow in each, one in {}\n", o.block, block,
-         every);
-  o.block = block;
-  return o;
-}
-
 Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folder, bool quiet) {
   const TrainConfig config = configured(o, Kind());
   Preparation prepared(config, folder.file("frames"));
@@ -171,6 +164,16 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
   }
   queue.finish();
   return {model.read(queue), trainer.state(queue)};
+}
+
+StepOptions with_whole_blocks(StepOptions o, const Trained& from, bool quiet) {
+  o.counted = steps_to_flow(configured(o, Kind()).flow, from.model.shape.motion);
+  const int block = (o.block + o.counted - 1) / o.counted * o.counted;
+  if (block != o.block && !quiet)
+    tell("--block {} becomes {}: as many steps with flow in each, one in {}\n", o.block, block,
+         o.counted);
+  o.block = block;
+  return o;
 }
 
 int repeats_a_making(const StepOptions& o) { return (o.common.repeats + kMakings - 1) / kMakings; }
@@ -194,9 +197,18 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
         trainings[i]->block(o.block);
         stop_if_interrupted();
       }
-    for (size_t i = 0; i < kinds.size(); ++i) costs[i] = trainings[i]->end();
+    for (size_t i = 0; i < kinds.size(); ++i) costs[i] = trainings[i]->end(o.counted);
   }
   return costs;
+}
+
+std::vector<Figure> shares_of_peaks(const StepCost& cost, const Peak& peak) {
+  const double ms = spread_of(cost.wall).median;
+  const Channels colour{false, false};
+  const double flops = cost.work.pairs.blended * (forward_flops(colour) + backward_flops(colour));
+  return {
+      single("of the FMA peak, at least [%]", 100e-6 * flops / peak.gflops / ms),
+      single("of the copy peak [%]", 100e-6 * bytes_of(cost.work.touched) / peak.copy_gbs / ms)};
 }
 
 Plot plot_of(const std::string& name, const std::vector<Kind>& kinds,

@@ -18,13 +18,10 @@ struct StepOptions {
   std::string scene;                  // folder or video
   std::vector<std::string> settings;  // of all ways, "section.key=value"
   int warm = 1500, block = 20;        // steps before, and steps that are timed together
+  int counted = 1;                    // steps whose work is counted: as many as have one with flow
 };
 // Adds them to a sub-command.
 void add_step_options(CLI::App& bench, StepOptions& options);
-
-// With blocks as long as asked for or a little longer, so that each holds as many steps with flow
-// (flow.every); says so where they are longer.
-StepOptions with_whole_blocks(StepOptions o);
 
 // A way to go on: a name and what it changes of the settings; on a queue of its own (other lanes),
 // or on that of the others.
@@ -42,11 +39,11 @@ struct Trained {
 };
 Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folder, bool quiet);
 
-// What a step works on, in the mean over as many steps as have one with flow (flow.every).
+// What a step works on, in the mean over the same steps of all kinds (StepOptions::counted).
 struct StepWork {
-  double posed = 0, posed_t2 = 0;  // Gaussians whose shape at the times drawn was made
-  double tiles_with_flow = 0;
-  double color_values = 0;  // that are read to know the colours
+  double posed = 0, posed_t2 = 0;              // Gaussians whose shape at the times drawn was made
+  double tiles_with_flow = 0, tiles_back = 0;  // drawn with it; through which its gradient goes
+  double color_values = 0;                     // that are read to know the colours
   Touched touched;
   Pairs pairs;
 };
@@ -63,11 +60,17 @@ struct StepCost {
 constexpr int kMakings = 3;
 // Repeats of one making; together they are at least as many as asked for.
 int repeats_a_making(const StepOptions& o);
+// With blocks as long as asked for or a little longer, so that each holds as many steps with flow
+// (flow.every, by the model); says so where they are longer.
+StepOptions with_whole_blocks(StepOptions o, const Trained& from, bool quiet);
 // Of all kinds, a block of the same steps of each in every repeat, in the order of order_of.
 std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
                                      const std::vector<Kind>& kinds, const Trained& from,
                                      const ScratchFolder& folder);
 
+// Of the wall time of a step: what colours alone take of blending there and back, and the bytes
+// that it touches (pairs.hpp), as shares of what the device can do.
+std::vector<Figure> shares_of_peaks(const StepCost& cost, const Peak& peak);
 // A bar of CPU time for each kind, with its quartiles.
 Plot plot_of(const std::string& name, const std::vector<Kind>& kinds,
              const std::vector<StepCost>& costs);

@@ -90,8 +90,8 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
   timing.settings = o.settings;
   timing.warm = std::max(1, o.steps / 2);
   timing.common.repeats = repeats;
-  timing = with_whole_blocks(timing);
   const Trained from = warmed_up(queue, timing, folder, options.quiet);
+  timing = with_whole_blocks(timing, from, options.quiet);
   std::vector<TrainedChoice> all{{choices[0], {1, 1, 1}, o.steps, {}, {}, {}}};
   for (size_t first = 1; first < kinds.size(); first += kSideBySide) {
     const size_t end = std::min(first + kSideBySide, kinds.size());

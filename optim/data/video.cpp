@@ -2,6 +2,7 @@
 // Video files through OpenCV.
 #include "optim/data/video.hpp"
 
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 
@@ -33,8 +34,21 @@ void refuse_playlists() {
   (void)set;
 }
 
+// FFmpeg takes memory for tables of the length that a header states before it reads them: a video
+// of 2 kB asked for 1.7 GB. A frame of 16384 x 16384 fits. FFmpeg is no library of ours, but of
+// OpenCV's, where it has one.
+void limit_memory_of_ffmpeg() {
+  static const bool done = [] {
+    void* const limit = dlsym(RTLD_DEFAULT, "av_max_alloc");
+    if (limit) reinterpret_cast<void (*)(size_t)>(limit)(size_t{768} << 20);
+    return true;
+  }();
+  (void)done;
+}
+
 cv::VideoCapture open_video(const std::string& path) {
   refuse_playlists();
+  limit_memory_of_ffmpeg();
   if (!std::filesystem::is_regular_file(path))
     throw Error(fmt::format("cannot read video {}: there is no such file", path));
   if (std::filesystem::file_size(path) == 0)

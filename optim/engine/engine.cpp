@@ -33,6 +33,10 @@ size_t Engine::movers() const {
   return settings_.skip.flow && settings_.top_k == 0 ? view_.moving : all_rows;
 }
 
+bool Engine::flow_in_parts(const ImageGradients& v) const {
+  return channels_.flow && settings_.skip.flow && (shared() || v.flow_in_parts);
+}
+
 void Engine::project(Queue& queue, const View& view, Channels channels, const GaussiansAt& at_t1) {
   view_ = view;
   channels_ = channels;
@@ -57,7 +61,7 @@ void Engine::draw(Queue& queue, const std::array<float, 3>& background, const Ga
 void Engine::backward(Queue& queue, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
                       const ImageGradients& v, GaussianGradients& gradients) {
   Steps& steps = steps_for(queue, channels_);
-  const bool parts = channels_.flow && settings_.skip.flow && (shared() || v.flow_in_parts);
+  const bool parts = flow_in_parts(v);
   steps.splatting.backward(queue, splats_, tiles_, images_, v, partials_, parts);
   if (parts) without_flow(queue).backward(queue, splats_, tiles_, images_, v, partials_, parts);
   steps.splatting.gather(queue, splats_, tiles_, partials_, moments_);

@@ -37,6 +37,9 @@ class Engine {
   const Tiles& tiles() const { return tiles_; }
   // Of the last draw() with flow, 1 for each tile that has some; nullptr: all have.
   const Buffer<cl_uchar>* tiles_with_flow() const { return with_flow_; }
+  // Whether the way back from the last draw() leaves flow out in tiles whose v_flow is 0
+  // throughout.
+  bool flow_in_parts(const ImageGradients& v) const;
 
  private:
   struct Steps;  // the kernels of one choice of channels, compiled when first used

@@ -97,20 +97,32 @@ Child::Child(const std::string& command) : command_(command) {
 
 Child::~Child() {
   close(in_);
-  if (!ended_within(Milliseconds(1000))) kill(-pid_, SIGTERM);
-  if (!ended_within(Milliseconds(1000))) kill(-pid_, SIGKILL);
-  if (!reaped_) waitpid(pid_, &status_, 0);
+  ended_within(Milliseconds(1000));
+  kill(-pid_, SIGTERM);  // with all that it has started, though it may have ended itself
+  const auto end = Clock::now() + Milliseconds(1000);
+  ended_within(Milliseconds(1000));
+  if (!ended_) kill(-pid_, SIGKILL);
+  waitpid(pid_, nullptr, 0);
+  // The group has its number for as long as one of those is there.
+  while (kill(-pid_, 0) == 0 && Clock::now() < end) std::this_thread::sleep_for(Milliseconds(2));
+  kill(-pid_, SIGKILL);
   close(out_);
 }
 
 bool Child::ended_within(Milliseconds time) {
   const auto end = Clock::now() + time;
   for (;;) {
-    if (!reaped_ && waitpid(pid_, &status_, WNOHANG) == pid_) reaped_ = true;
-    if (reaped_ || Clock::now() >= end) break;
+    // Left as it is, so that nobody else gets its number.
+    siginfo_t info{};
+    if (!ended_ && waitid(P_PID, id_t(pid_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
+        info.si_pid == pid_) {
+      ended_ = true;
+      status_ = info.si_code == CLD_EXITED ? W_EXITCODE(info.si_status, 0) : info.si_status;
+    }
+    if (ended_ || Clock::now() >= end) break;
     std::this_thread::sleep_for(Milliseconds(2));
   }
-  return reaped_;
+  return ended_;
 }
 
 void Child::fail_as_ended() {
@@ -161,6 +173,7 @@ std::string Child::receive(Milliseconds time_out) {
     pollfd ready{out_, POLLIN, 0};
     const int n = poll(&ready, 1, std::min(left_until(end), 100));
     if (n < 0 && errno == EINTR) continue;
+    if (n == 0 && ended_within(Milliseconds(0))) fail_as_ended();  // another holds its output
     if (n == 0 && Clock::now() < end) continue;
     if (n == 0)
       throw GuidanceFailed(

@@ -34,7 +34,7 @@ class Child {
   std::string command_;
   pid_t pid_ = -1;
   int status_ = 0;
-  bool reaped_ = false;
+  bool ended_ = false;
   int in_ = -1, out_ = -1;  // our ends of its standard input (a socket) and output (a pipe)
   std::string received_;    // and not yet returned
 };

@@ -83,9 +83,12 @@ Json parsed(const std::string& line, const std::string& provider) {
   }
   if (answer.contains("error")) {
     const Json& reason = answer["error"];
-    throw GuidanceFailed(
-        fmt::format("{} gave up: {}", provider,
-                    reason.is_string() ? reason.get<std::string>() : reason.dump()));
+    const std::string said = reason.is_string() ? reason.get<std::string>() : reason.dump();
+    constexpr size_t most = 500;  // bytes of it that are shown
+    throw GuidanceFailed(said.empty()
+                             ? fmt::format("{} gave up and did not say why", provider)
+                             : fmt::format("{} gave up: {}{}", provider, said.substr(0, most),
+                                           said.size() > most ? "..." : ""));
   }
   return answer;
 }
@@ -160,6 +163,7 @@ std::vector<GuidanceAnswer> ProcessGuidance::guide(const GuidanceRequest& reques
   }
   if (!memory_ || memory_->size() < layout.size())
     memory_ = std::make_unique<SharedMemory>(layout.size());
+  memory_->require_whole();
 
   Json line{
       {"type", "guide"},
@@ -198,6 +202,7 @@ std::vector<GuidanceAnswer> ProcessGuidance::guide(const GuidanceRequest& reques
   child_.send(line.dump(), time_out_);
   const Json answer = parsed(child_.receive(time_out_), name());
   memory_->forget_name();  // the program has it
+  memory_->require_whole();
   if (!answer.contains("views") || !answer["views"].is_array() ||
       answer["views"].size() != places.size())
     throw GuidanceFailed(fmt::format("{} answered step {} without a list of {} views", name(),

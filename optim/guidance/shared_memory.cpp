@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -22,15 +23,15 @@ SharedMemory::SharedMemory(size_t bytes) : bytes_(bytes) {
   };
   name_ = fmt::format("/gflow-guidance-{}-{}", getpid(), count++);
   shm_unlink(name_.c_str());  // of a former process of this number that was killed
-  const int file = shm_open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (file < 0) throw failed(errno);
+  file_ = shm_open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (file_ < 0) throw failed(errno);
   // Allocated now: a full /dev/shm would end us by SIGBUS at the first write.
-  int code = posix_fallocate(file, 0, off_t(bytes));
+  int code = posix_fallocate(file_, 0, off_t(bytes));
   void* const data =
-      code == 0 ? mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0) : MAP_FAILED;
+      code == 0 ? mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file_, 0) : MAP_FAILED;
   if (code == 0 && data == MAP_FAILED) code = errno;
-  close(file);
   if (code != 0) {
+    close(file_);
     shm_unlink(name_.c_str());
     throw failed(code);
   }
@@ -40,6 +41,16 @@ SharedMemory::SharedMemory(size_t bytes) : bytes_(bytes) {
 SharedMemory::~SharedMemory() {
   forget_name();
   munmap(data_, bytes_);
+  close(file_);
+}
+
+void SharedMemory::require_whole() const {
+  struct stat now;
+  if (fstat(file_, &now) == 0 && size_t(now.st_size) >= bytes_) return;
+  throw GuidanceFailed(fmt::format(
+      "the guidance program has cut the memory that it shares to {} of {} bytes; it must leave its "
+      "size alone",
+      now.st_size, bytes_));
 }
 
 void SharedMemory::forget_name() {

@@ -17,6 +17,8 @@ class SharedMemory {
   std::byte* data() const { return data_; }
   size_t size() const { return bytes_; }
   const std::string& name() const { return name_; }  // "/gflow-...", as shm_open takes it
+  // GuidanceFailed where the other process has cut it off: touching what is gone would end us.
+  void require_whole() const;
   // Whoever has it keeps it; nobody else finds it, and nothing is left behind however we end.
   void forget_name();
 
@@ -24,6 +26,7 @@ class SharedMemory {
   std::string name_;
   bool named_ = true;
   size_t bytes_;
+  int file_ = -1;
   std::byte* data_ = nullptr;
 };
 

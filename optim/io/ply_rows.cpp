@@ -80,6 +80,9 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
     if (word != "ascii" && word != "binary_little_endian")
       refuse_ply(path, fmt::format("its format is '{}', known are ascii and binary_little_endian",
                                    excerpt(word)));
+    std::string version;
+    if (!(words >> version) || version != "1.0" || !(words >> std::ws).eof())
+      refuse_ply(path, fmt::format("its '{}' should end with its version, 1.0", excerpt(line)));
     if (has_format) refuse_ply(path, "its header has two lines 'format'");
     header.ascii = word == "ascii";
     has_format = true;
@@ -89,6 +92,9 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
     words >> element.name >> rows;
     if (!words || rows < 0 || !(words >> std::ws).eof())
       refuse_ply(path, fmt::format("'{}' has no number of rows", excerpt(line)));
+    for (const PlyElementHeader& other : header.elements)
+      if (other.name == element.name)
+        refuse_ply(path, fmt::format("its header has the element '{}' twice", excerpt(other.name)));
     element.rows = size_t(rows);
     header.elements.push_back(element);
   } else if (keyword == "property") {

@@ -65,6 +65,12 @@ int sh_degree_of(size_t rest_columns) {
 int sh_degree_of(const PlyTable& table, const std::string& path) {
   size_t columns = 0;
   while (table.column("f_rest_" + std::to_string(columns)) >= 0) ++columns;
+  const auto named =
+      std::count_if(table.names.begin(), table.names.end(),
+                    [](const std::string& name) { return name.rfind("f_rest_", 0) == 0; });
+  if (size_t(named) != columns)
+    throw Error(fmt::format("reading {}: its {} f_rest columns are not f_rest_0 to f_rest_{}", path,
+                            named, named - 1));
   const int degree = sh_degree_of(columns);
   if (degree < 0)
     throw Error(

@@ -123,7 +123,9 @@ void RunFolder::make() const {
   if (folder_.empty()) throw Error("a run folder has an empty name; -o FOLDER gives it one");
   std::error_code problem;
   // Training replaces what is in a run folder; what is in any other folder is not ours.
-  if (holds_something(folder_) && !fs::exists(path(kStamp)))
+  const bool is_ours = fs::exists(path(kStamp)) ||
+                       (fs::exists(path("config.toml")) && fs::exists(path("cameras.json")));
+  if (holds_something(folder_) && !is_ours)
     throw Error(
         fmt::format("training into {}: it is not empty and no run folder; name a new folder,"
                     " or an earlier run to train it anew",

@@ -9,15 +9,6 @@
 #include "shared/random.h"
 
 namespace gflow {
-namespace {
-
-// A path of few numbers learns as much from flow in every second step: optim/loss/README.md.
-int steps_to_flow(const FlowConfig& flow, MotionModelKind motion) {
-  if (flow.every > 0) return flow.every;
-  return has_stiff_paths(motion) ? 2 : 1;
-}
-
-}  // namespace
 
 Sampler::Sampler(const TrainConfig& config, const Scene& scene, const FrameStore& frames,
                  const std::vector<FlowPair>& pairs, const FlowStore& flows,

@@ -20,6 +20,13 @@ struct Sample {
   Rect part;  // what of it is drawn
 };
 
+// Steps of which one has flow (flow.every). A path of few numbers learns as much from flow in every
+// second one: optim/loss/README.md.
+inline int steps_to_flow(const FlowConfig& flow, MotionModelKind motion) {
+  if (flow.every > 0) return flow.every;
+  return has_stiff_paths(motion) ? 2 : 1;
+}
+
 class Sampler {
  public:
   // As for the Trainer; shape: of the model that is trained. Error where train.sequential does not

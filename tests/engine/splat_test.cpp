@@ -126,6 +126,10 @@ TEST_P(SplatModes, LeavesOutWhatAsksForNothing) {
       device.flow_in_parts = skip;
       if (moving < s.count()) device.stand_still_from(moving);
       images.push_back(device.forward());
+      EXPECT_EQ(device.engine.tiles_with_flow() != nullptr, skip && moving < s.count());
+      ImageGradients in_parts;
+      in_parts.flow_in_parts = true;
+      EXPECT_EQ(device.engine.flow_in_parts(in_parts), skip);
       gradients.push_back(device.backward(v));
     }
     EXPECT_EQ(images[0], images[1]) << moving;

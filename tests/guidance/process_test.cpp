@@ -21,6 +21,17 @@ std::string answering(const std::string& line) {
   return "read hello; echo '{\"version\": 1}'; while read request; do echo '" + line + "'; done";
 }
 
+// Whether it does within two seconds. It is not our child: whoever adopts it reaps it.
+bool comes_to_an_end(int process) {
+  for (int i = 0; i < 2000; ++i) {
+    std::ifstream stat("/proc/" + std::to_string(process) + "/stat");
+    std::string id, command, state;
+    if (!(stat >> id >> command >> state) || state == "Z") return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return false;
+}
+
 void expect_failure(const std::string& command, std::initializer_list<std::string> parts,
                     double time_out = 5, bool flow = false) {
   expect_error(
@@ -87,6 +98,9 @@ TEST(Process, WrongSizesAndWeightsAreRefused) {
 
 TEST(Process, ItsOwnErrorIsPassedOn) {
   expect_failure(answering("{\"error\": \"out of memory\"}"), {"gave up: out of memory"});
+  expect_failure(answering("{\"error\": \"\"}"), {"gave up and did not say why"});
+  expect_failure(answering("{\"error\": \"" + std::string(600, 'x') + "\"}"),
+                 {"gave up: " + std::string(500, 'x') + "..."});
 }
 
 // All that it started goes with it, even where it ignores that its input ended.
@@ -102,14 +116,31 @@ TEST(Process, IsEndedWithAllItStarted) {
   int shell = 0, sleeping = 0;
   ASSERT_TRUE(file >> shell >> sleeping);
   EXPECT_NE(kill(shell, 0), 0);
-  bool gone = false;  // the sleeper is not our child: whoever adopts it reaps it
-  for (int i = 0; i < 2000 && !gone; ++i) {
-    std::ifstream stat("/proc/" + std::to_string(sleeping) + "/stat");
-    std::string id, command, state;
-    gone = !(stat >> id >> command >> state) || state == "Z";
-    if (!gone) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  EXPECT_TRUE(gone);
+  EXPECT_TRUE(comes_to_an_end(sleeping));
+}
+
+// It has ended, and a child of its own holds its output.
+TEST(Process, IsEndedWithWhatItLeftBehind) {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("pid");
+  const auto start = Clock::now();
+  expect_failure("sleep 600 & echo $! > " + file + "; read hello; echo '{\"version\": 1}'; exit 0",
+                 {"ended with exit code 0"}, 60);
+  EXPECT_LT(Clock::now() - start, std::chrono::seconds(30));
+  int sleeping = 0;
+  ASSERT_TRUE(std::ifstream(file) >> sleeping);
+  EXPECT_TRUE(comes_to_an_end(sleeping));
+}
+
+// The name of the memory is in the request.
+TEST(Process, MayNotCutTheMemoryItShares) {
+  const std::string cut =
+      "read hello; echo '{\"version\": 1}'; while read request; do "
+      "name=${request#*gflow-guidance}; "
+      "truncate -s 0 /dev/shm/gflow-guidance${name%%\\\"*}; echo '{\"views\": [{\"gradient\": "
+      "[3, 3, 4]}]}'; done";
+  if (!std::filesystem::exists("/dev/shm")) GTEST_SKIP() << "no /dev/shm to look into";
+  expect_failure(cut, {"has cut the memory that it shares to 0 of", "leave its size alone"});
 }
 
 TEST(Process, LeavesNoSharedMemoryBehind) {

@@ -122,6 +122,9 @@ TEST(Ply, RefusesHeadersThatMakeNoSense) {
   expect_error([&] { read(start + "element vertex 1\nproperty float x\n"); }, {"end_header"});
   expect_error([&] { read(start + "end_header\n"); }, {"no element 'vertex'"});
   expect_error([&] { read(start + "property float x\nend_header\n"); }, {"before any element"});
+  expect_error([&] { read("ply\nformat ascii 2.0\n"); }, {"'format ascii 2.0'", "1.0"});
+  expect_error([&] { read(start + "element vertex 1\nelement vertex 2\nend_header\n"); },
+               {"element 'vertex' twice"});
   expect_error([&] { read(start + "element vertex 0\nproperty half x\nend_header\n"); },
                {"'half'"});
   expect_error([&] { read(start + "element vertex 9\nend_header\n"); }, {"no properties"});

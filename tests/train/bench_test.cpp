@@ -157,9 +157,9 @@ TEST(Bench, ScalingTellsHowCostGrowsAndPredicts) {
   const Json rows = report_in(file)["rows"];
   // As many pairs a pixel whatever their number; frames that are not drawn have none.
   const auto pairs = [&](const char* row) { return rows[row]["blended pairs"].get<double>(); };
-  EXPECT_NEAR(pairs("3000 Gaussians") / pairs("1000 Gaussians"), 1, 0.2);
-  EXPECT_NEAR(pairs("262144 pixels") / pairs("65536 pixels"), 4, 0.8);
-  EXPECT_NEAR(pairs("100 frames") / pairs("1 frames"), 1, 0.1);
+  EXPECT_NEAR(pairs("Gaussians: 3000") / pairs("Gaussians: 1000"), 1, 0.2);
+  EXPECT_NEAR(pairs("pixels: 262144") / pairs("pixels: 65536"), 4, 0.8);
+  EXPECT_NEAR(pairs("frames: 100") / pairs("frames: 1"), 1, 0.1);
   for (const char* sweep : {"time with Gaussians", "time with pixels", "time with frames"})
     EXPECT_TRUE(rows.contains(sweep)) << sweep;
   const Json& predicted = rows["5 million, 3840x2160, predicted"];

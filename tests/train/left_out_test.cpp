@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Training leaves out what its settings say, counted on the device: skip.outside, skip.still,
-// skip.compact. That nothing else changes: trainer_test.cpp, bench_scene_test.cpp.
+// skip.bands, skip.compact. That nothing else changes: trainer_test.cpp, bench_scene_test.cpp.
 #include <gtest/gtest.h>
 
 #include "train/small_scene.hpp"
@@ -55,6 +55,21 @@ TEST_F(LeftOutOfTraining, TheSecondTimeOfThoseAtRest) {
     EXPECT_EQ(renderer.stood_still(), skip);
     EXPECT_EQ(renderer.shot().view.moving, skip ? p.moving : all_rows);
   }
+}
+
+// What is no number there is not looked at while only the colour from everywhere is in use.
+TEST_F(LeftOutOfTraining, BandsOfColourThatAreNotInUseYet) {
+  TrainConfig config = small_config(scene, 20);
+  const auto drawn = [&](bool skip, bool broken) {
+    config.skip.bands = skip;
+    SmallTraining training(queue, config);
+    EXPECT_EQ(training.trainer.sh_degree(0), 0);
+    if (broken) training.model.parameters["sh_rest"].values.fill(queue, NAN);
+    training.steps(queue, 1);
+    return training.trainer.renderer().images().rgb.read(queue);
+  };
+  EXPECT_EQ(drawn(true, true), drawn(true, false));
+  EXPECT_NE(drawn(false, true), drawn(false, false));
 }
 
 TEST_F(LeftOutOfTraining, ThreeQuartersOfThePicturesBytes) {

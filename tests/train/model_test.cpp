@@ -256,6 +256,11 @@ TEST(Model, RefusesANumberOfHarmonicsThatNoDegreeHas) {
   write_ply(folder.file("broken.ply"), table);
   expect_error([&] { read_model(folder.file("broken.ply")); },
                {"broken.ply", "8 f_rest columns", "0, 9, 24 or 45"});
+  table = static_table();
+  drop(table, "f_rest_0");
+  write_ply(folder.file("broken.ply"), table);
+  expect_error([&] { read_model(folder.file("broken.ply")); },
+               {"broken.ply", "its 8 f_rest columns are not f_rest_0 to f_rest_7"});
 }
 
 TEST(Model, RefusesArraysOfTheWrongLength) {

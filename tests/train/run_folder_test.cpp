@@ -40,6 +40,15 @@ TEST(RunFolder, IsNotMadeOfAFolderThatHoldsSomethingElse) {
   EXPECT_NO_THROW(RunFolder::create(folder.path() + "/run"));  // to be trained anew
 }
 
+// Somebody has removed what is called caches.
+TEST(RunFolder, WithoutItsStampIsARunStill) {
+  const TemporaryFolder folder;
+  folder.write("config.toml", "");
+  expect_error([&] { RunFolder::create(folder.path()); }, {"not empty"});  // of any program
+  folder.write("cameras.json", "[]");
+  EXPECT_NO_THROW(RunFolder::create(folder.path()));
+}
+
 TEST(RunFolder, OfATrainingKilledAtItsVeryStartIsUsedAgain) {
   const TemporaryFolder folder;
   folder.write(".lock", "123");
