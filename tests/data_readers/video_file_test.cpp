@@ -75,6 +75,28 @@ TEST(VideoFile, TooManyOpenFilesAreNoDamage) {
   EXPECT_EQ(said, "cannot read video " + path + ": Too many open files");
 }
 
+// The most address space so far [kB].
+long most_addresses() {
+  std::ifstream status("/proc/self/status");
+  long most = 0;
+  for (std::string word; status >> word && word != "VmPeak:";) continue;
+  status >> most;
+  return most;
+}
+
+// Its header states tables of 1.7 GB, for which FFmpeg would take memory before it reads them.
+TEST(VideoFile, TakesNoMemoryForWhatAHeaderStates) {
+  const std::string file =
+      std::string(GFLOW_SOURCE_DIR) + "/tests/data/fuzz/video/tables_of_1.7_GB.mp4";
+  EXPECT_EXIT(  // in a process of its own, which begins with no more than it has
+      {
+        const long before = most_addresses();
+        expect_error([&] { video_info(file); }, {"cannot read video"});
+        std::_Exit(before > 0 && most_addresses() - before < 1000000 ? 0 : 1);
+      },
+      testing::ExitedWithCode(0), "");
+}
+
 // Or a downloaded file would make gflow open any other.
 TEST(VideoFile, APlaylistIsNoVideo) {
   const TemporaryFolder folder;
