@@ -110,9 +110,9 @@ CLI::Validator path_given() {
 CLI::Validator list_entry() {
   return CLI::Validator(
       [](std::string& entry) {
-        return !entry.empty() && entry[0] == '-'
-                   ? fmt::format("the list before '{}' is empty; name an entry or more", entry)
-                   : "";
+        const bool option = entry.size() > 1 && entry[0] == '-' && !std::isdigit(uint8_t(entry[1]));
+        return option ? fmt::format("'{}' is an option, expected is an entry of the list", entry)
+                      : "";
       },
       "");
 }

@@ -200,7 +200,8 @@ void add_stress(CLI::App& app, const GlobalOptions& options) {
   CLI::App* command = app.add_subcommand(
       "stress", "Test the numerics on this device; exit code 3 when a bound is not kept");
   auto* all = command->add_flag("--all", "Every test (default)");
-  command->add_flag("--quick", flags->quick, "Those of a few seconds only")->excludes(all);
+  command->add_flag("--quick", flags->quick, "Without those that take minutes; about a minute")
+      ->excludes(all);
   auto* only =
       command->add_option("--only", flags->only, "Only tests of these numbers, e.g. T7,T12")
           ->delimiter(',')

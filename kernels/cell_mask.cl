@@ -3,9 +3,9 @@
 // |K d|^2 over a rectangle lies at the centre if inside, else on the edge nearest in x or in y:
 // both candidates are evaluated as |K d|^2, which no needle can spoil. A superset of what the pixel
 // test keeps (margin 1e-3 in the exponent), so masks change no bit of the image.
-// Measured (PoCL, two cores, AVX2): 8 to 9 ns an intersection, .36 and 2.6 ms at 256x256 with 10 000
-// and 512x512 with 100 000 Gaussians; image and gradients take 2.1 times as long without (1.8 times
-// with AVX-512). A cell range in place of the mask was slower by a third forward (the prototype).
+// Measured (PoCL, two cores, AVX2): 7.5 and 8.7 ns an intersection, .33 and 2.5 ms at 256x256 with
+// 10 000 and 512x512 with 100 000 Gaussians; image and gradients take 2.1 times as long without (1.8
+// times with AVX-512). A cell range in place of the mask was a third slower forward (the prototype).
 // One work-group a tile: a single work-item on CPUs, TILE_GROUP of them on GPUs.
 // CELL_MASKS 0: every cell (Skips::masks).
 #include "shared/lane.h"

@@ -46,13 +46,15 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
 
 // Half the CPU time from binning to gathering, the raster alone: wall time on two quiet cores. NaN
 // on a GPU.
-Spread half_of_raster(const Queue& queue, const Cost& cost) {
-  if (!queue.info.is_cpu) return {NAN, NAN, NAN};
+Figure half_of_raster(const Queue& queue, const Cost& cost) {
+  const char* const name = "bin to gather, of that [ms]";
+  if (!queue.info.is_cpu) return single(name, NAN);
   KernelSamples raster;
   for (const auto& [stage, kernels] : stages)
     for (const char* one : {"bin", "mask", "transport", "splat", "backward", "gather"})
       if (stage == one) raster[stage] = sum_of(cost.kernel_ms, kernels);
-  return scaled(spread_of(cpu_of(sum_of(raster), sum_of(cost.kernel_ms), cost.cpu_ms)), 0.5);
+  return {name,
+          scaled(spread_of(cpu_of(sum_of(raster), sum_of(cost.kernel_ms), cost.cpu_ms)), 0.5)};
 }
 
 void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& report,
@@ -70,7 +72,7 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& rep
               {{"wall [ms]", spread_of(cost.wall_ms)},
                {"CPU [ms]", spread_of(cost.cpu_ms)},
                {"half the CPU time [ms]", scaled(spread_of(cost.cpu_ms), 0.5)},
-               {"bin to gather, of that [ms]", half_of_raster(queue, cost)},
+               half_of_raster(queue, cost),
                single("intersections", double(step.engine().tiles().intersections)),
                single("listed a pixel", pairs.listed / pixels),
                single("masked a pixel", pairs.masked / pixels),

@@ -51,7 +51,7 @@ void print_table(const std::vector<std::vector<std::string>>& lines) {
 }
 
 // Figures that follow from another one, such as [ns] a pair or a time without a spread, need not be
-// compared as well.
+// compared as well; parts of a row's CPU time are shown beside it and not judged.
 bool is_time(const Figure& f) {
   return f.spread &&
          (f.name.find("[ms]") != std::string::npos || f.name.find("[s]") != std::string::npos);

@@ -108,8 +108,9 @@ Result run_skip(StepOptions o, const GlobalOptions& options) {
     report.add(std::move(row));
   }
   report.note(saved_by_all(kinds, costs));
+  report.note(blocks_of(o));
   report.note(fmt::format("models are compared after {} steps of each kind",
-                          o.block * (repeats_a_making(o) + 1)));
+                          o.timed * (repeats_a_making(o) + 1)));
   report.measure_peak_again(queue);
   return {std::move(report), {plot_of("skip", kinds, costs)}};
 }

@@ -72,6 +72,7 @@ Result run_step(StepOptions o, const GlobalOptions& options) {
     });
     for (Row& row : rows) report.add(std::move(row));
   }
+  report.note(blocks_of(o));
   report.measure_peak_again(queue);
   return {std::move(report), {plot_of("step", kinds, costs)}};
 }

@@ -24,7 +24,8 @@ TrainConfig configured(const StepOptions& o, const Kind& kind) {
   for (const std::string& setting : kind.settings) apply_setting(config, setting);
   if (kind.change) kind.change(config);
   // The number of Gaussians grows in the first half.
-  config.train.iterations = 2 * std::max(o.warm, o.block * (o.common.repeats + 2));
+  const int most = o.block + std::max(2, config.flow.every);  // with_whole_blocks()
+  config.train.iterations = 2 * std::max(o.warm, most * (o.common.repeats + 2));
   check(config);
   return config;
 }
@@ -168,15 +169,18 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
 
 StepOptions with_whole_blocks(StepOptions o, const Trained& from, bool quiet) {
   o.counted = steps_to_flow(configured(o, Kind()).flow, from.model.shape.motion);
-  const int block = (o.block + o.counted - 1) / o.counted * o.counted;
-  if (block != o.block && !quiet)
-    tell("--block {} becomes {}: as many steps with flow in each, one in {}\n", o.block, block,
+  o.timed = (o.block + o.counted - 1) / o.counted * o.counted;
+  if (o.timed != o.block && !quiet)
+    tell("--block {} becomes {}: as many steps with flow in each, one in {}\n", o.block, o.timed,
          o.counted);
-  o.block = block;
   return o;
 }
 
 int repeats_a_making(const StepOptions& o) { return (o.common.repeats + kMakings - 1) / kMakings; }
+
+std::string blocks_of(const StepOptions& o) {
+  return fmt::format("times are of {} steps together, one in {} with flow", o.timed, o.counted);
+}
 
 std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
                                      const std::vector<Kind>& kinds, const Trained& from,
@@ -188,13 +192,13 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
     for (const Kind& kind : kinds)
       trainings.push_back(std::make_unique<GoingOn>(queue, o, kind, from, folder));
     for (auto& training : trainings) {  // compiles and decodes
-      training->block(o.block);
+      training->block(o.timed);
       stop_if_interrupted();
     }
     for (size_t i = 0; i < kinds.size(); ++i) trainings[i]->cost = std::move(costs[i]);
     for (int k = 0; k < repeats; ++k)
       for (const size_t i : order_of(trainings.size(), first + k)) {
-        trainings[i]->block(o.block);
+        trainings[i]->block(o.timed);
         stop_if_interrupted();
       }
     for (size_t i = 0; i < kinds.size(); ++i) costs[i] = trainings[i]->end(o.counted);

@@ -17,8 +17,10 @@ struct StepOptions {
   BenchOptions common;
   std::string scene;                  // folder or video
   std::vector<std::string> settings;  // of all ways, "section.key=value"
-  int warm = 1500, block = 20;        // steps before, and steps that are timed together
-  int counted = 1;                    // steps whose work is counted: as many as have one with flow
+  int warm = 1500, block = 20;        // steps before, and steps to be timed together, about
+  // By with_whole_blocks(): steps that are timed together, and steps whose work is counted, as many
+  // as have one with flow.
+  int timed = 20, counted = 1;
 };
 // Adds them to a sub-command.
 void add_step_options(CLI::App& bench, StepOptions& options);
@@ -63,6 +65,8 @@ int repeats_a_making(const StepOptions& o);
 // With blocks as long as asked for or a little longer, so that each holds as many steps with flow
 // (flow.every, by the model); says so where they are longer.
 StepOptions with_whole_blocks(StepOptions o, const Trained& from, bool quiet);
+// What is told of them beside the figures.
+std::string blocks_of(const StepOptions& o);
 // Of all kinds, a block of the same steps of each in every repeat, in the order of order_of.
 std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
                                      const std::vector<Kind>& kinds, const Trained& from,

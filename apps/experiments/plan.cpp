@@ -234,7 +234,7 @@ class Reader {
       fs::path whole = fs::absolute(from / path).lexically_normal();
       if (!whole.has_filename()) whole = whole.parent_path();  // it ended with a slash
       if (fs::exists(whole)) return whole;
-      tried.push_back(whole.string());
+      if (tried.empty() || tried[0] != whole) tried.push_back(whole.string());
     }
     throw Error(
         fmt::format("{}: there is no scene '{}': looked for {}; --scenes names the folder "

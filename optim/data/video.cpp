@@ -35,7 +35,7 @@ void refuse_playlists() {
 }
 
 // FFmpeg takes memory for tables of the length that a header states before it reads them: a video
-// of 2 kB asked for 1.7 GB. A frame of 16384 x 16384 fits. FFmpeg is no library of ours, but of
+// of 2 kB asked for 1.7 GB. A frame of 16000 x 16000 fits. FFmpeg is no library of ours, but of
 // OpenCV's, where it has one.
 void limit_memory_of_ffmpeg() {
   static const bool done = [] {

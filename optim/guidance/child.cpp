@@ -104,8 +104,10 @@ Child::~Child() {
   if (!ended_) kill(-pid_, SIGKILL);
   waitpid(pid_, nullptr, 0);
   // The group has its number for as long as one of those is there.
-  while (kill(-pid_, 0) == 0 && Clock::now() < end) std::this_thread::sleep_for(Milliseconds(2));
-  kill(-pid_, SIGKILL);
+  bool left = true;
+  while ((left = kill(-pid_, 0) == 0) && Clock::now() < end)
+    std::this_thread::sleep_for(Milliseconds(2));
+  if (left) kill(-pid_, SIGKILL);
   close(out_);
 }
 
@@ -171,9 +173,12 @@ std::string Child::receive(Milliseconds time_out) {
           fmt::format("interrupted while the guidance program `{}` was asked", command_));
     // In short waits: another thread may be the one that a signal wakes.
     pollfd ready{out_, POLLIN, 0};
-    const int n = poll(&ready, 1, std::min(left_until(end), 100));
+    int n = poll(&ready, 1, std::min(left_until(end), 100));
     if (n < 0 && errno == EINTR) continue;
-    if (n == 0 && ended_within(Milliseconds(0))) fail_as_ended();  // another holds its output
+    if (n == 0 && ended_within(Milliseconds(0))) {  // another may hold its output
+      n = poll(&ready, 1, 0);                       // what it said before it ended
+      if (n == 0) fail_as_ended();
+    }
     if (n == 0 && Clock::now() < end) continue;
     if (n == 0)
       throw GuidanceFailed(

@@ -98,6 +98,9 @@ bool wrote(const Json& view, const char* what, const Place& place, const std::st
   const auto shape = view.find(what);
   if (shape == view.end() || shape->is_null()) return false;
   if (*shape == Json(place.shape)) return true;
+  if (place.shape.empty())
+    throw GuidanceFailed(
+        fmt::format("{} answered with a {}, for which it was not asked", provider, what));
   throw GuidanceFailed(fmt::format("{} answered with a {} of shape {}, it must be {}", provider,
                                    what, shape->dump(), Json(place.shape).dump()));
 }

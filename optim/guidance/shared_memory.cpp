@@ -45,7 +45,7 @@ SharedMemory::~SharedMemory() {
 }
 
 void SharedMemory::require_whole() const {
-  struct stat now;
+  struct stat now {};
   if (fstat(file_, &now) == 0 && size_t(now.st_size) >= bytes_) return;
   throw GuidanceFailed(fmt::format(
       "the guidance program has cut the memory that it shares to {} of {} bytes; it must leave its "

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/trainer.hpp"
 
-#include <fmt/format.h>
-
 #include <cmath>
+#include <limits>
 
 #include "optim/engine/random_streams.hpp"
 #include "optim/motion/parameters_state.hpp"

@@ -92,6 +92,7 @@ TEST(Process, WrongSizesAndWeightsAreRefused) {
   expect_failure(answering("{\"views\": [{\"flow\": [2, 3, 5]}]}"),
                  {"flow of shape [2,3,5]", "[2,3,4]"}, 5, true);
   expect_failure(answering("{\"views\": [{\"gradient\": true}]}"), {"shape true"});
+  expect_failure(answering("{\"views\": [{\"flow\": [2, 3, 4]}]}"), {"a flow", "not asked"});
   expect_failure(answering("{\"views\": [{\"weight\": \"much\"}]}"), {"\"much\"", "a number"});
   expect_failure(answering("{\"views\": [{\"weight\": -1}]}"), {"-1", "at least 0"});
 }

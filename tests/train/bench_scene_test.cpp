@@ -113,6 +113,8 @@ TEST(Bench, BlocksHoldAsManyStepsWithFlow) {
                                  "--repeats", "1", "--set", "flow.every=3"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.err.find("--block 4 becomes 6"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.out.find("times are of 6 steps together, one in 3 with flow"),
+            std::string::npos);
   // Flow in every step, as this model has it.
   const Outcome same = gflow({"bench", "step", scene.path(), "--warm", "1", "--block", "3",
                               "--repeats", "1", "--set", "motion.model=keyframes"});

@@ -419,5 +419,14 @@ TEST_F(CommandTest, CtrlCDuringTrainingLeavesTheModelOfTheStepsMade) {
   EXPECT_FALSE(fs::exists(out + "/results.json"));
 }
 
+// Of an empty list the parser takes what comes next.
+TEST(CommandLine, ListsAndOptionsGivenTwiceAreToldInOneSentence) {
+  expect_refused({"stress", "--only", ",", "--json", "x"},
+                 {"--only: '--json' is an option", "an entry of the list"});
+  expect_refused({"bench", "raster", "--gaussians", "-5"}, {"--gaussians", "-5"});
+  expect_refused({"train", "x", "-o", "y", "--iterations", "3", "--iterations", "4"},
+                 {"--iterations is given twice"});
+}
+
 }  // namespace
 }  // namespace gflow
