@@ -14,7 +14,8 @@ class Child {
  public:
   // Starts `command` by /bin/sh. GuidanceFailed when that is impossible.
   explicit Child(const std::string& command);
-  // Closes its input, which asks it to end; after a second it is terminated, after another killed.
+  // Closes its input, which asks it to end; when it has, or after a second, it is terminated with
+  // all that it has started, after another second what is left is killed.
   ~Child();
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
