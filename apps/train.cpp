@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "apps/command_line.hpp"
+#include "apps/compile_ahead.hpp"
 #include "apps/options.hpp"
 #include "apps/report.hpp"
 #include "optim/io/tell.hpp"
@@ -96,6 +97,7 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   const TrainConfig config = configured(flags, command);
   GlobalOptions device = options;
   if (device.device.empty()) device.device = config.train.device;
+  const CompileAhead ahead(device.device, config);
   QueueOptions queue_options;
   queue_options.profile = flags.profile;
   Queue queue = open_queue(device, queue_options);

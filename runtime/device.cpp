@@ -130,6 +130,8 @@ DeviceInfo device_info(const cl::Device& device, int index) {
   });
 }
 
+bool is_pocl(const DeviceInfo& info) { return info.platform == "Portable Computing Language"; }
+
 int lanes_for(const DeviceInfo& info) {
   if (!info.is_cpu) return 1;                     // a GPU's lanes are its work-items
   if (info.platform == "rusticl") return 1;       // its compiler takes vectors apart, in minutes

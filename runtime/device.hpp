@@ -28,6 +28,8 @@ struct DeviceInfo {
 
 // What a device says of itself.
 DeviceInfo device_info(const cl::Device& device, int index = -1);
+// PoCL keeps compiled programs itself, in a folder of its own (pocl_cache.hpp).
+bool is_pocl(const DeviceInfo& info);
 
 // Vector width for pixel maths: one tile per work-item in vectors of 4..16 pixels, or 1 = one
 // pixel per work-item.

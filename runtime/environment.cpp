@@ -22,7 +22,8 @@ bool is_wanted(const char* variable, bool otherwise) {
 
 void check_environment() {
   device_timeout();
-  for (const char* variable : {"GFLOW_POISON_BUFFERS", "GFLOW_SYNC"}) is_wanted(variable, false);
+  for (const char* variable : {"GFLOW_COMPILE_AHEAD", "GFLOW_POISON_BUFFERS", "GFLOW_SYNC"})
+    is_wanted(variable, false);
   const char* kernels = std::getenv("GFLOW_KERNEL_DIR");
   std::error_code problem;
   if (kernels && *kernels && !std::filesystem::is_directory(kernels, problem))

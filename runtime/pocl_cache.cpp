@@ -17,7 +17,9 @@ std::string value_of(const char* name) {
   return value ? value : "";
 }
 
-fs::path cache_folder() {
+}  // namespace
+
+fs::path pocl_cache_folder() {
   if (const std::string own = value_of("POCL_CACHE_DIR"); !own.empty()) return own;
   if (const std::string all = value_of("XDG_CACHE_HOME"); !all.empty())
     return fs::path(all) / "pocl/kcache";
@@ -26,10 +28,8 @@ fs::path cache_folder() {
   return "/tmp/pocl/kcache";
 }
 
-}  // namespace
-
 std::string pocl_cache_problem(uint64_t needed) {
-  const fs::path folder = fs::absolute(cache_folder());
+  const fs::path folder = fs::absolute(pocl_cache_folder());
   const std::string name = value_of("POCL_CACHE_DIR").empty()
                                ? "PoCL keeps its programs in " + folder.string()
                                : "POCL_CACHE_DIR is " + folder.string();

@@ -61,8 +61,7 @@ cl::Program built_from_source(Queue& queue, const std::string& source, const std
 // LLVM would end the program.
 void require_room_for_programs(const DeviceInfo& device, const std::string& file) {
   constexpr uint64_t taken = uint64_t{16} << 20;  // by all kernels of a training, twice
-  const bool is_pocl = device.platform.find("Portable Computing Language") != std::string::npos;
-  const std::string problem = is_pocl ? pocl_cache_problem(taken) : "";
+  const std::string problem = is_pocl(device) ? pocl_cache_problem(taken) : "";
   if (!problem.empty()) throw Error(fmt::format("compiling {}: {}", file, problem));
 }
 

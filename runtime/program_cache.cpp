@@ -30,7 +30,7 @@ struct Header {
 
 std::string cache_folder(const DeviceInfo& device) {
   if (const char* folder = std::getenv("GFLOW_CACHE_DIR")) return folder;
-  if (device.platform == "Portable Computing Language") return "";  // PoCL
+  if (is_pocl(device)) return "";
   if (const char* folder = std::getenv("XDG_CACHE_HOME"); folder && *folder)
     return std::string(folder) + "/gflow";
   if (const char* home = std::getenv("HOME"); home && *home)

@@ -291,6 +291,7 @@ EngineSettings engine_settings(const TrainConfig& config) {
   settings.top_k = flow.top_k;
   settings.detach_t1 = flow.detach_t1;
   settings.detach_weights = flow.detach_weights;
+  settings.absgrad = config.density.strategy == DensityKind::adc && config.density.absgrad;
   return settings;
 }
 

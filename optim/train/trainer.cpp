@@ -80,12 +80,6 @@ PinholeCamera part_of(PinholeCamera camera, const Rect& part) {
   return camera;
 }
 
-EngineSettings training_settings(const TrainConfig& config) {
-  EngineSettings settings = engine_settings(config);
-  settings.absgrad = config.density.strategy == DensityKind::adc && config.density.absgrad;
-  return settings;
-}
-
 }  // namespace
 
 Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
@@ -100,7 +94,7 @@ Trainer::Trainer(Queue& queue, const TrainConfig& config, const Scene& scene, Fr
       sampler_(config, scene, frames, pairs, flows, std::move(parts), model.shape),
       model_(model),
       rates_(config, scene, model.shape),
-      renderer_(queue, training_settings(config)),
+      renderer_(queue, engine_settings(config)),
       image_loss_(queue, config.loss.ssim),
       flow_loss_(queue, config.flow.robust_px),
       flow_tiles_(flow_tiles_for(queue, config.flow, model.shape.motion)),
