@@ -1,19 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // What gflow takes for granted of a device's arithmetic, computed so that the host can check it.
-#include "shared/dialect.h"
+#include "shared/projection.h"
 
 // One work-item per element.
 kernel void check_maths(const uint n, global const float* restrict exponents,  // [n]
                         global const float* restrict positives,                // [n]
                         global const float* restrict divisors,                 // [n]
+                        global const float* restrict factors,                  // [n, 2, 3]
                         global float* restrict exp2s,                          // [n]
                         global float* restrict square_roots,                   // [n]
-                        global float* restrict quotients) {                    // [n]
+                        global float* restrict quotients,                      // [n]
+                        global float* restrict determinants) {                 // [n]
   const uint i = get_global_id(0);
   if (i >= n) return;
   exp2s[i] = exp2(exponents[i]);
   square_roots[i] = sqrt(positives[i]);
   quotients[i] = positives[i] / divisors[i];
+  determinants[i] = whiten(make_mat23(vload3(2 * i, factors), vload3(2 * i + 1, factors))).det;
 }
 
 // One work-item per element: bit 0 = finite by its bits, bit 1 = differs from itself,

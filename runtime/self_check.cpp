@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bounds are what OpenCL 1.2 promises (section 7.4, table of ULP values, full profile).
+// The bounds are what OpenCL 1.2 promises (section 7.4, table of ULP values, full profile); that of
+// determinants is T5's (numerics section 5).
 #include "runtime/self_check.hpp"
 
 #include <cmath>
@@ -8,6 +9,7 @@
 #include <random>
 
 #include "runtime/sort.hpp"
+#include "shared/projection.h"
 
 namespace gflow {
 namespace {
@@ -19,6 +21,36 @@ double worst_ulp(const std::vector<float>& actual, const std::function<double(si
     const double exact = expected(i);
     const double ulp = std::ldexp(1.0, std::max(std::ilogb(exact), -126) - 23);
     const double error = std::fabs(actual[i] - exact) / ulp;
+    if (!(error <= worst)) worst = error;
+    if (std::isnan(worst)) return worst;
+  }
+  return worst;
+}
+
+// Rows of needles, 1e-2 to 1e4 px long, some a thousandth as wide: their covariances' determinants
+// by a c - b b have no digit right.
+std::vector<float> needles(std::mt19937& rng, size_t n) {
+  std::uniform_real_distribution<float> direction(-1, 1), length(-2, 4), width(-3, 0);
+  std::vector<float> factors(6 * n);
+  for (size_t i = 0; i < n; ++i) {
+    const float scale = std::pow(10.f, length(rng)), share = std::pow(10.f, width(rng));
+    const float across = direction(rng), along = direction(rng);
+    for (size_t k = 0; k < 3; ++k) {
+      const float axis = scale * direction(rng);
+      factors[6 * i + k] = axis * along + share * scale * direction(rng);
+      factors[6 * i + 3 + k] = axis * across + share * scale * direction(rng);
+    }
+  }
+  return factors;
+}
+
+double worst_determinant(const std::vector<float>& found, const std::vector<float>& factors) {
+  double worst = 0;
+  for (size_t i = 0; i < found.size(); ++i) {
+    const float* f = &factors[6 * i];
+    const double exact =
+        whiten(make_mat23(make_real3(f[0], f[1], f[2]), make_real3(f[3], f[4], f[5]))).det;
+    const double error = std::fabs(double(found[i]) / exact - 1);
     if (!(error <= worst)) worst = error;
     if (std::isnan(worst)) return worst;
   }
@@ -37,10 +69,13 @@ void check_maths(Queue& queue, const Program& program, SelfCheck& rows) {
   }
   Buffer<float> x(queue, exponents, "exponents"), p(queue, positives, "positives"),
       d(queue, divisors, "divisors");
+  const std::vector<float> factors = needles(rng, n);
+  Buffer<float> f(queue, factors, "factors"), determinants(queue, n, "determinants");
   Buffer<float> e(queue, n, "exp2s"), s(queue, n, "square roots"), q(queue, n, "quotients");
-  Kernel<cl_uint, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>> check(
-      program, "check_maths");
-  check(queue, Range::over(n), cl_uint(n), x, p, d, e, s, q);
+  Kernel<cl_uint, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>,
+         Out<float>>
+      check(program, "check_maths");
+  check(queue, Range::over(n), cl_uint(n), x, p, d, f, e, s, q, determinants);
   rows.push_back(self_check_row(
       "float32 exp2, error in ulp",
       worst_ulp(e.read(queue), [&](size_t i) { return std::exp2(double(exponents[i])); }), 3));
@@ -50,6 +85,8 @@ void check_maths(Queue& queue, const Program& program, SelfCheck& rows) {
   rows.push_back(self_check_row(
       "float32 division, error in ulp",
       worst_ulp(q.read(queue), [&](size_t i) { return double(positives[i]) / divisors[i]; }), 2.5));
+  rows.push_back(self_check_row("determinants of needles by minors, relative",
+                                worst_determinant(determinants.read(queue), factors), 5e-7));
 }
 
 void check_nan_tests(Queue& queue, const Program& program, SelfCheck& rows) {

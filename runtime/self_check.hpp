@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a device does what gflow takes for granted: accuracy of float32 functions, NaN tests that
-// survive the compiler, a stable sort. Takes well under a second once the kernels are compiled.
+// Whether a device does what gflow takes for granted: accuracy of float32 functions and of
+// determinants of needles, NaN tests that survive the compiler, a stable sort. Takes well under a
+// second once the kernels are compiled.
 #pragma once
 #include <string>
 #include <vector>

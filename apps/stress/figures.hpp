@@ -44,6 +44,14 @@ inline double count_not_finite(const std::vector<float>& values) {
       std::count_if(values.begin(), values.end(), [](float x) { return !std::isfinite(x); }));
 }
 
+// T29's: what may stand in a slot that something broke.
+inline std::vector<float> poisons() {
+  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = HUGE_VALF;
+  return {nan,    -nan,    inf,    -inf,    3e38f,  -3e38f,  1e30f, -1e30f,
+          1e19f,  -1e19f,  2e9f,   -2e9f,   1e6f,   -1e6f,   1e-6f, -1e-6f,
+          1e-20f, -1e-20f, 1e-38f, -1e-38f, 1e-42f, -1e-42f, 0.f,   -0.f};
+}
+
 // Seeded; the same numbers with every standard library.
 class Random {
  public:

@@ -15,13 +15,6 @@
 namespace gflow::stress {
 namespace {
 
-std::vector<float> poisons() {
-  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = HUGE_VALF;
-  return {nan,    -nan,    inf,    -inf,    3e38f,  -3e38f,  1e30f, -1e30f,
-          1e19f,  -1e19f,  2e9f,   -2e9f,   1e6f,   -1e6f,   1e-6f, -1e-6f,
-          1e-20f, -1e-20f, 1e-38f, -1e-38f, 1e-42f, -1e-42f, 0.f,   -0.f};
-}
-
 // The culprit (0), one under it (1), and others at the right, which no value of the culprit reaches
 // but by being broken: unless it then truly lies there or covers everything.
 PosedScene two_sides() {

@@ -15,7 +15,7 @@ TEST(SelfCheck, PassesOnTheTestDeviceInBothWorkGroupShapes) {
   for (const int lanes : {0, 1}) {
     Queue queue = test_queue(lanes);
     const SelfCheck rows = self_check(queue);
-    EXPECT_EQ(rows.size(), 5u);
+    EXPECT_EQ(rows.size(), 6u);
     for (const auto& row : rows)
       EXPECT_TRUE(row.passed) << row.name << ": " << row.figure << ", at most " << row.bound;
   }

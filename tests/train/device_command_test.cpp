@@ -43,7 +43,7 @@ TEST(DevicesCommand, TellsOfEachDeviceWhatItIsAndHowItCheckedItself) {
     EXPECT_NE(table.out.find(devices[i].name), std::string::npos);
   }
   // The tests run on the first one, which is usable then.
-  EXPECT_GE(told[0]["self_check"].size(), 6u);
+  EXPECT_GE(told[0]["self_check"].size(), 7u);
   for (const json& row : told[0]["self_check"]) {
     EXPECT_TRUE(row["passed"]) << row;
     EXPECT_LE(row["figure"], row["bound"]) << row;
