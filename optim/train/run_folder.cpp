@@ -130,6 +130,11 @@ void RunFolder::make() const {
         fmt::format("training into {}: it is not empty and no run folder; name a new folder,"
                     " or an earlier run to train it anew",
                     folder_));
+  if (fs::is_symlink(folder_, problem) && !fs::exists(folder_, problem))
+    throw Error(fmt::format(
+        "making the run folder {}: it is a link to {}, which is not there; make that folder, or "
+        "name another",
+        folder_, fs::read_symlink(folder_).string()));
   fs::create_directories(folder_, problem);
   if (problem) throw Error(fmt::format("making the run folder {}: {}", folder_, problem.message()));
 }

@@ -29,6 +29,15 @@ TEST(RunFolder, CannotLieBelowAFile) {
   expect_error([&] { RunFolder::create(folder.path() + "/file/run"); }, {"file/run"});
 }
 
+TEST(RunFolder, IsNotMadeOfALinkToNothing) {
+  const TemporaryFolder folder;
+  const std::string link = folder.path() + "/link", nowhere = folder.path() + "/nowhere";
+  fs::create_directory_symlink(nowhere, link);
+  expect_error([&] { RunFolder::create(link); }, {link + ": it is a link to " + nowhere});
+  fs::create_directory(nowhere);
+  RunFolder::create(link);
+}
+
 TEST(RunFolder, IsNotMadeOfAFolderThatHoldsSomethingElse) {
   const TemporaryFolder folder;
   folder.write("scene/flow/mine", "true flow");
