@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/zip_output.hpp"
 
 namespace gflow {
 namespace {
@@ -42,9 +43,9 @@ bool begins_as_archive(const std::string& path) {
   return std::memcmp(begin, "PK\3\4", sizeof begin) == 0;
 }
 
-Archive open_archive(const std::string& path, int flags, const char* doing) {
+Archive open_archive(const std::string& path) {
   int code = 0;
-  Archive archive(zip_open(path.c_str(), flags, &code));
+  Archive archive(zip_open(path.c_str(), ZIP_RDONLY, &code));
   if (archive) return archive;
   std::string why = ErrorText(code).text();
   // Of which libzip says "Operation not supported" and "Not a zip archive".
@@ -54,7 +55,7 @@ Archive open_archive(const std::string& path, int flags, const char* doing) {
     why = begins_as_archive(path) ? "it is cut off or damaged: the list of its arrays, with which "
                                     "it would end, is missing"
                                   : "it is no .npz file (a zip archive of arrays)";
-  throw Error(fmt::format("cannot {} {}: {}", doing, path, why));
+  throw Error(fmt::format("cannot read {}: {}", path, why));
 }
 
 // The bytes of entry i, no more than their header announces and `plausible` accepts. They are read
@@ -90,7 +91,7 @@ Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name,
 Arrays read_npz(const std::string& path, const std::set<std::string>& only, size_t always) {
   std::error_code gone;  // which opening it tells; afterwards it may vanish
   const size_t file_size = std::filesystem::file_size(path, gone);
-  const Archive archive = open_archive(path, ZIP_RDONLY, "read");
+  const Archive archive = open_archive(path);
   size_t unpacked = 0;  // of all arrays
   Arrays arrays;
   const zip_int64_t n = zip_get_num_entries(archive.get(), 0);
@@ -120,7 +121,8 @@ void write_npz(const std::string& path, const Arrays& arrays, Packing packing) {
   std::vector<Bytes> contents;
   contents.reserve(arrays.size());
   replace_file(path, [&](const std::string& temporary) {
-    Archive archive = open_archive(temporary, ZIP_CREATE | ZIP_TRUNCATE, "write");
+    ZipOutput output(temporary);
+    Archive archive(output.open());
     for (const auto& [name, array] : arrays) {
       contents.push_back(npy_bytes(array));
       zip_source_t* source =

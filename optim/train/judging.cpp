@@ -92,11 +92,11 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   const bool kept = run.has_caches_of(cache_stamp(loaded.scene, config.scene));
   const Evaluation evaluation = judge(queue, model, config, loaded, frames, quiet,
                                       drawn ? run.path("test") : "", kept ? run.path("flow") : "");
+  if (drawn) write_comparison(queue, model, config, loaded, run);
   std::vector<std::string> written;
   if (lock)
     written =
         run.write_results(evaluation, split, state.facts, config, model.parameters.count, latest);
-  if (drawn) write_comparison(queue, model, config, loaded, run);
   return {evaluation, state.text(), written};
 }
 

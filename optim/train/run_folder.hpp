@@ -78,7 +78,8 @@ class RunFolder {
   void keep_metrics_before(int iteration) const;
   // results.json and per_view.json for the test views, results_SPLIT.json and so on for others;
   // results[_SPLIT]_iteration_N.json unless it is the run's latest model. Facts that are not known
-  // (NaN) become null. Returns both paths.
+  // (NaN) become null. To be called when all else is there: an experiment takes results.json for
+  // the sign that a run is finished. Returns both paths.
   std::vector<std::string> write_results(const Evaluation& evaluation, const std::string& split,
                                          const RunFacts& facts, const TrainConfig& config,
                                          size_t gaussians, bool latest = true) const;

@@ -151,8 +151,8 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   try {
     const Evaluation evaluation = judge(queue, model, config, prepared.loaded(), scene.test, quiet,
                                         run.path("test"), run.path("flow"));
-    run.write_results(evaluation, "test", facts, config, model.parameters.count);
     write_comparison(queue, model, config, prepared.loaded(), run);
+    run.write_results(evaluation, "test", facts, config, model.parameters.count);  // all is done
     return evaluation;
   } catch (const DiskFull& full) {
     throw DiskFull(fmt::format("{}; the model is in {}, `gflow eval {}` judges it", full.what(),

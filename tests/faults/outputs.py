@@ -1,6 +1,7 @@
 """Commands that write results, but for trainings, and the judgement of what a failing disk leaves of these."""
 import json
 import os
+import re
 import shutil
 
 from trial import Trial
@@ -13,6 +14,9 @@ metrics = ["psnr", "minutes"]
 [settings]
 {settings}
 """
+
+# A training that was interrupted has kept a checkpoint of that moment, in place of another.
+EARLIER = re.compile(r"/checkpoints/iteration_[1-9]\.")
 
 
 def is_whole_video(content):
@@ -51,7 +55,7 @@ def replaces(world, name, prepare, arguments, timed=(), who="", old=(), reads=Fa
 
     def is_new(path, now, done):
         right = trial.right.get(path)
-        if os.path.basename(path) == ".lock":  # it has the number of a process
+        if os.path.basename(path) == ".lock" or EARLIER.search(path):  # it has the number of a process
             return True
         if free and free in path and not (done and path.endswith((".ply", ".png", ".toml"))):
             return not done or right is not None
@@ -72,7 +76,7 @@ def replaces(world, name, prepare, arguments, timed=(), who="", old=(), reads=Fa
             if not is_new(path, now[path], done) and (done or now[path] != before.get(path)):
                 wrong.append(f"{path} is neither the old nor the new one" if path in trial.right and not done else
                              f"{path} is not as without the fault")
-        missing = [path for path in trial.right if done and path not in now]
+        missing = [path for path in trial.right if done and path not in now and not EARLIER.search(path)]
         return wrong + ([f"there is no {', '.join(missing[:3])} ({len(missing)} in all)"] if missing else [])
 
     def check(folder, outcome, before):

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/io/npz.hpp"
 
+#include <sys/inotify.h>
+
 #include <cstdlib>
 
 #include "fuzz/checksums.hpp"
 #include "io/temporary_folder.hpp"
+#include "optim/io/atomic_file.hpp"
+#include "optim/io/descriptor.hpp"
 
 using namespace gflow;
 
@@ -22,6 +26,24 @@ TEST(Npz, WhatIsWrittenIsReadAgain) {
     EXPECT_EQ(back.at(name).values, array.values) << name;
   }
   EXPECT_EQ(folder.count(), 1u);
+}
+
+// A signal that ends the program has the temporary removed; of others nobody would know.
+TEST(Npz, NoFileIsMadeButTheTemporary) {
+  const TemporaryFolder folder;
+  const Descriptor made(inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
+  ASSERT_GE(inotify_add_watch(made.get(), folder.path().c_str(), IN_CREATE), 0);
+  write_npz(folder.file("a.npz"), {{"a", {{3}, std::vector<float>{1, 2, 3}}}});
+  alignas(inotify_event) char events[4096];
+  const ssize_t bytes = ::read(made.get(), events, sizeof events);
+  ASSERT_GT(bytes, 0);
+  size_t count = 0;
+  for (ssize_t at = 0; at < bytes; ++count) {
+    const auto* event = reinterpret_cast<const inotify_event*>(events + at);
+    EXPECT_TRUE(is_temporary_name(event->name)) << event->name;
+    at += ssize_t(sizeof *event + event->len);
+  }
+  EXPECT_EQ(count, 1u);
 }
 
 TEST(Npz, EqualArraysGiveEqualFiles) {
