@@ -54,7 +54,6 @@ void draw_and_return(Queue& queue, const EngineSettings& settings, Channels chan
   Buffer<float> partials, moments;
   project.forward(queue, p.view, p.gaussians, p.splats);
   project.complete(queue, p.view, p.gaussians, p.gaussians, zeros<float>(queue, 3), p.splats);
-  splatting.tiles_with_flow(queue, nullptr, all_rows, p.tiles);
   splatting.forward(queue, {}, p.splats, p.tiles, p.images);
   splatting.backward(queue, p.splats, p.tiles, p.images, p.v, partials);
   splatting.gather(queue, p.splats, p.tiles, partials, moments);

@@ -3,9 +3,11 @@
 // runs in changes nothing of the training but when it begins.
 #include "optim/train/rehearsal.hpp"
 
+#include <optional>
 #include <set>
 
 #include "environment.hpp"
+#include "optim/io/file_lock.hpp"
 #include "train/command_scene.hpp"
 #include "train/on_one_scene.hpp"
 
@@ -24,11 +26,12 @@ std::set<std::string> kernels_of(Queue& queue) {
   return names;
 }
 
-// Of scanning, sorting, binning and density control: short ones, left to the training.
+// Of scanning, sorting, binning, choices of tiles and density control: short ones, left to the
+// training.
 bool is_left_out(const std::string& kernel) {
-  const std::set<std::string> some = {"seen_count",   "seen_write",    "tile_count", "tile_columns",
-                                      "tile_scatter", "cell_mask",     "flow_tiles", "still_rows",
-                                      "reduce_count", "adc_accumulate"};
+  const std::set<std::string> some = {
+      "seen_count", "seen_write", "tile_count",      "tile_columns", "tile_scatter",  "cell_mask",
+      "flow_tiles", "still_rows", "tiles_with_flow", "reduce_count", "adc_accumulate"};
   const bool of_rows = kernel.rfind("rows_", 0) == 0 || kernel.rfind("scan_", 0) == 0 ||
                        kernel.rfind("sort_", 0) == 0;
   return of_rows || some.count(kernel) > 0;
@@ -36,25 +39,25 @@ bool is_left_out(const std::string& kernel) {
 
 class Rehearsal : public OnOneScene, public testing::WithParamInterface<MotionModelKind> {};
 
-TEST_P(Rehearsal, CompilesWhatAStepNeedsAndNoProgramBesides) {
-  TrainConfig config = small_config(scene(), 10);
-  config.motion.model = choice_of(GetParam());
-  Queue rehearsing = profiling_queue(), training = profiling_queue();
-  rehearse(rehearsing, config);
-  SmallTraining steps(training, config);
-  steps.steps(training, 4);
-  steps.trainer.figures(training);
+TEST_P(Rehearsal, CompilesWhatAStepNeedsAndNothingBesides) {
+  for (const bool flow : {true, false}) {
+    TrainConfig config = small_config(scene(), 10);
+    config.motion.model = choice_of(GetParam());
+    config.flow.enabled = flow;
+    Queue rehearsing = profiling_queue(), training = profiling_queue();
+    rehearse(rehearsing, config);
+    SmallTraining steps(training, config);
+    steps.steps(training, 4);
+    steps.trainer.figures(training);
 
-  const std::set<std::string> rehearsed = kernels_of(rehearsing);
-  size_t needed = 0;
-  for (const std::string& kernel : kernels_of(training)) {
-    if (is_left_out(kernel)) continue;
-    ++needed;
-    EXPECT_TRUE(rehearsed.count(kernel)) << kernel;
+    const std::set<std::string> rehearsed = kernels_of(rehearsing), used = kernels_of(training);
+    EXPECT_GT(rehearsed.size(), 14u);
+    for (const std::string& kernel : used)
+      EXPECT_TRUE(rehearsed.count(kernel) || is_left_out(kernel)) << kernel;
+    for (const std::string& kernel : rehearsed) EXPECT_TRUE(used.count(kernel)) << kernel;
+    for (const auto& [program, handle] : rehearsing.programs)
+      EXPECT_TRUE(training.programs.count(program)) << program.substr(0, program.find('\n'));
   }
-  EXPECT_GT(needed, 14u);
-  for (const auto& [program, handle] : rehearsing.programs)
-    EXPECT_TRUE(training.programs.count(program)) << program.substr(0, program.find('\n'));
 }
 
 INSTANTIATE_TEST_SUITE_P(Models, Rehearsal,
@@ -65,69 +68,94 @@ INSTANTIATE_TEST_SUITE_P(Models, Rehearsal,
 
 class CompilingAhead : public OnOneScene {
  protected:
-  bool has_pocl() { return is_pocl(queue().info); }
-  // Of one training step.
-  Outcome train(const std::string& run) {
-    return gflow({"train", scene().path(), "-o", run, "--iterations", "1", "--quiet", "--set",
-                  "scene.test_every=0"});
+  void SetUp() override {
+    if (!is_pocl(queue().info) || std::thread::hardware_concurrency() < 2)
+      GTEST_SKIP() << "the device is not PoCL's, or there is one core alone: nothing is to be had";
+    fs::create_directory(cache());
+    environment_.emplace("POCL_CACHE_DIR", cache());
   }
+  void TearDown() override { environment_.reset(); }
+  std::string path(const std::string& name) const { return folder_.path() + "/" + name; }
+  std::string cache() const { return path("cache"); }
+  std::vector<std::string> train(const std::string& run) {  // one step
+    return {"train", scene().path(), "-o", path(run), "--iterations", "1", "--quiet"};
+  }
+  // Rehearsals that came to their end.
+  size_t marks() const {
+    size_t count = 0;
+    for (const auto& entry : fs::directory_iterator(cache()))
+      count += entry.path().filename().string().rfind("gflow-", 0) == 0;
+    return count;
+  }
+  // Whether there ever was a second process with PoCL's folder.
+  bool was_begun() const { return fs::exists(cache() + "/gflow.lock"); }
+  std::string model(const std::string& run) const {
+    return contents(path(run) + "/point_cloud/iteration_1/point_cloud.ply");
+  }
+
+ private:
+  TemporaryFolder folder_;
+  std::optional<Environment> environment_;
 };
 
-// Files that say that kernels are compiled.
-size_t marks_in(const std::string& folder) {
-  size_t count = 0;
-  for (const auto& entry : fs::directory_iterator(folder))
-    count += entry.path().filename().string().rfind("gflow-", 0) == 0;
-  return count;
-}
-
-std::string model_in(const std::string& run) {
-  return contents(run + "/point_cloud/iteration_1/point_cloud.ply");
-}
-
 TEST_F(CompilingAhead, HappensOnceAndChangesNoBit) {
-  if (!has_pocl() || std::thread::hardware_concurrency() < 2)
-    GTEST_SKIP() << "the device is not PoCL's, or there is one core alone: nothing is to be gained";
-  const TemporaryFolder folder;
-  const std::string cache = folder.path() + "/cache", other = folder.path() + "/other";
-  fs::create_directory(cache);
-  fs::create_directory(other);
-  const std::string first = folder.path() + "/first", second = folder.path() + "/second";
-  {
-    const Environment programs("POCL_CACHE_DIR", cache);
-    EXPECT_EQ(train(first).code, 0);
-    EXPECT_EQ(marks_in(cache), 1u);
-    EXPECT_EQ(train(second).code, 0);
-    EXPECT_EQ(marks_in(cache), 1u);
-  }
-  const Environment programs("POCL_CACHE_DIR", other);
+  EXPECT_EQ(gflow(train("first")).code, 0);
+  EXPECT_EQ(marks(), 1u);
+  EXPECT_EQ(gflow(train("second")).code, 0);
+  EXPECT_EQ(marks(), 1u);
+  fs::remove_all(cache());
+  fs::create_directory(cache());
   const Environment alone("GFLOW_COMPILE_AHEAD", "0");
-  const std::string third = folder.path() + "/third";
-  EXPECT_EQ(train(third).code, 0);
-  EXPECT_EQ(marks_in(other), 0u);
-  EXPECT_FALSE(model_in(first).empty());
-  EXPECT_TRUE(model_in(first) == model_in(second));
-  EXPECT_TRUE(model_in(first) == model_in(third));
+  EXPECT_EQ(gflow(train("third")).code, 0);
+  EXPECT_FALSE(was_begun());
+  EXPECT_FALSE(model("first").empty());
+  EXPECT_TRUE(model("first") == model("second"));
+  EXPECT_TRUE(model("first") == model("third"));
 }
 
-// What it left undone the next training may do.
-TEST_F(CompilingAhead, EndsWithTheTrainingAndLeavesNoMarkThen) {
-  if (!has_pocl() || std::thread::hardware_concurrency() < 2)
-    GTEST_SKIP() << "the device is not PoCL's, or there is one core alone: nothing is to be gained";
-  const TemporaryFolder folder;
-  const std::string cache = folder.path() + "/cache";
-  fs::create_directory(cache);
-  const Environment programs("POCL_CACHE_DIR", cache);
-  const Outcome outcome =
-      gflow({"train", folder.path() + "/nowhere", "-o", folder.path() + "/run", "--quiet"});
-  EXPECT_EQ(outcome.code, 1);
-  EXPECT_EQ(marks_in(cache), 0u);
+TEST_F(CompilingAhead, IsDoneAnewForSettingsThatAreCompiled) {
+  const auto with = [&](const std::string& run, const std::string& setting) {
+    std::vector<std::string> arguments = train(run);
+    arguments.insert(arguments.end(), {"--set", setting});
+    EXPECT_EQ(gflow(arguments).code, 0) << setting;
+  };
+  with("first", "flow.enabled=false");
+  EXPECT_EQ(marks(), 1u);
+  with("second", "skip.boxes=false");
+  EXPECT_EQ(marks(), 2u);
+}
+
+// However the first process ends, the second one does, too, and says of nothing that it is done.
+TEST_F(CompilingAhead, EndsWithTheTraining) {
+  for (const int signal : {SIGTERM, SIGKILL}) {
+    const Command command(train("run"));
+    ASSERT_TRUE(wait_until([&] { return was_begun(); }));
+    command.send(signal);
+    EXPECT_EQ(command.wait().code, 128 + signal);
+    // It held the lock; the process is gone when that is free.
+    EXPECT_TRUE(wait_until([&] {
+      try {
+        const FileLock free(cache() + "/gflow.lock", "the lock");
+        return true;
+      } catch (const FileIsLocked&) {
+        return false;
+      }
+    }));
+    EXPECT_EQ(marks(), 0u);
+    fs::remove(cache() + "/gflow.lock");
+  }
+}
+
+TEST_F(CompilingAhead, IsNothingForOneCore) {
+  const Outcome outcome = gflow(train("run"), "taskset -p -c 0 $$ > /dev/null");
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_FALSE(was_begun());
 }
 
 TEST_F(CompilingAhead, IsSwitchedBy0Or1) {
-  const TemporaryFolder folder;
   const Environment wrong("GFLOW_COMPILE_AHEAD", "no");
-  const Outcome outcome = train(folder.path() + "/run");
+  const Outcome outcome = gflow(train("run"));
+  EXPECT_EQ(outcome.code, 1);
   EXPECT_NE(outcome.err.find("GFLOW_COMPILE_AHEAD is 'no'; it must be 1 or 0"), std::string::npos)
       << outcome.err;
 }
