@@ -173,15 +173,15 @@ void require_usable(const DeviceInfo& info, int lanes) {
     throw Error(fmt::format("the OpenCL device {} cannot be used: {}", info.full_name(), reason));
   };
   const uint64_t least_memory = 256u << 20, least_local = 24u << 10;
-  const size_t least_group = 256;  // one work-item per pixel of a 16x16 tile
+  const size_t least_group = 256;  // one work-item per pixel of a 16x16 tile; Adam
   if (!info.has_compiler) refuse("its driver has no OpenCL C compiler");
   if (info.global_memory < least_memory)
     refuse(fmt::format("it has {} of memory, at least {} are needed", megabytes(info.global_memory),
                        megabytes(least_memory)));
-  if (lanes != 1) return;  // vector kernels need neither work-groups nor local memory
   if (info.max_work_group < least_group)
     refuse(fmt::format("its work-groups hold {} work-items, {} are needed", info.max_work_group,
                        least_group));
+  if (lanes != 1) return;  // vector kernels need no local memory
   if (info.local_memory < least_local)
     refuse(fmt::format("it has {} bytes of local memory, {} are needed", info.local_memory,
                        least_local));

@@ -122,7 +122,7 @@ double relative(std::initializer_list<longer> differences, std::initializer_list
 
 Rows double_roots(Queue&) {  // T1
   Random random(1);
-  std::vector<double> roots, maps, maps_by_size, solutions, solutions_by_condition;
+  std::vector<double> roots, inverses, maps, maps_by_size, solutions, solutions_by_condition;
   for (int i = 0; i < 10000; ++i) {
     const double kappa = std::pow(10., random.uniform(0, 8));
     const Covariance<double> s1 = random_covariance<double>(random, kappa);
@@ -135,7 +135,13 @@ Rows double_roots(Queue&) {  // T1
     const Root2 r2 = root2(make_sym2(s2.a, s2.b, s2.c), s2.det);
     roots.push_back(relative({r1.b.a - e.b1.a, r1.b.b - e.b1.b, r1.b.c - e.b1.c},
                              {e.b1.a, e.b1.b, e.b1.b, e.b1.c}));
-    const Mat2 a = mat2_mul(mat2_of(r2.b), mat2_of(sym2_scale(sym2_adj(r1.b), 1 / r1.s)));
+    const Sym2 c = sym2_scale(sym2_adj(r1.b), 1 / r1.s);  // inv(B1)
+    const Eigen2<longer> of1 = eigen_of<longer>(
+        s1.a, s1.b, s1.c, exact_det<longer>(longer(s1.a), longer(s1.b), longer(s1.c)));
+    const Sym<longer> inverse = from_eigen(of1, 1 / std::sqrt(of1.large), 1 / std::sqrt(of1.small));
+    inverses.push_back(relative({c.a - inverse.a, c.b - inverse.b, c.c - inverse.c},
+                                {inverse.a, inverse.b, inverse.b, inverse.c}));
+    const Mat2 a = mat2_mul(mat2_of(r2.b), mat2_of(c));
     maps.push_back(relative({a.a - e.a.a, a.b - e.a.b, a.c - e.a.c, a.d - e.a.d},
                             {e.a.a, e.a.b, e.a.c, e.a.d}));
     const double size = std::sqrt(sym2_inner(r2.b, r2.b) * sym2_inner(r1.b, r1.b)) / r1.s;
@@ -144,16 +150,15 @@ Rows double_roots(Queue&) {  // T1
                            size);
     const Sym2 q = make_sym2(double(g.a), double(g.b), double(g.d));
     const Sym2 x = lyapunov2(r1.b, r1.s, q);
-    const Eigen2<longer> v = eigen_of<longer>(
-        s1.a, s1.b, s1.c, exact_det<longer>(longer(s1.a), longer(s1.b), longer(s1.c)));
     const Sym<longer> y =
-        lyapunov_by_eigen(v, std::sqrt(v.large), std::sqrt(v.small), {g.a, g.b, g.b, g.d});
+        lyapunov_by_eigen(of1, std::sqrt(of1.large), std::sqrt(of1.small), {g.a, g.b, g.b, g.d});
     solutions.push_back(relative({x.a - y.a, x.b - y.b, x.c - y.c}, {y.a, y.b, y.b, y.c}));
     solutions_by_condition.push_back(solutions.back() / std::sqrt(kappa));
   }
   // Where B2 and inv(B1) cancel, A is as badly conditioned as |B2| |inv(B1)| says, and X is so by
   // the condition of B: the worst of ten thousand by that, 99 % as they are.
   return {{"root, worst of 1e4, kappa to 1e8", worst(roots), 1e-14},
+          {"its inverse, worst", worst(inverses), 1e-14},
           {"A = B2 inv(B1), 99 %", quantile(maps, .99), 1e-14},
           {"A = B2 inv(B1), worst, by |B2| |inv(B1)|", worst(maps_by_size), 1e-14},
           {"Lyapunov solution, 99 %", quantile(solutions, .99), 1e-14},

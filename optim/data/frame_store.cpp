@@ -148,12 +148,20 @@ struct FrameStore::State {
     fs::create_directories(folder, failed);
     if (failed)
       throw Error(fmt::format("cannot make folder {}: {}", folder.string(), failed.message()));
+    // What is damaged counts as missing: the video has it still.
     const auto is_there = [&](int k) {
-      if (!fs::exists(file(k))) return false;
-      const ImageHeader header = read_image_header(file(k));
-      return header.width == camera.width && header.height == camera.height;
+      try {
+        if (!fs::exists(file(k))) return false;
+        const ImageHeader header = read_image_header(file(k));
+        return header.width == camera.width && header.height == camera.height;
+      } catch (const Error&) {
+        return false;
+      }
     };
-    if (is_there(frame.video_frame)) return read_image(file(frame.video_frame));
+    try {
+      if (is_there(frame.video_frame)) return read_image(file(frame.video_frame));
+    } catch (const Error&) {
+    }
     const auto unpack = [&](int k) {
       Image image = prepared(unpacked.video.frame(k), frame);
       write_png(file(k), image);

@@ -67,7 +67,9 @@ cv::VideoCapture open_video(const std::string& path) {
   if (const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); file.get() < 0)
     throw Error(fmt::format("cannot read video {}: {}", path, std::strerror(errno)));
   throw Error(
-      fmt::format("cannot read video {}: it is truncated or OpenCV cannot decode it", path));
+      fmt::format("cannot read video {}: it is truncated, OpenCV cannot decode it, or there is "
+                  "not enough memory to",
+                  path));
 }
 
 bool grab(cv::VideoCapture& capture) {

@@ -185,11 +185,13 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
   s.moves = input.count("means_t2") > 0;
 
   // Gaussians at both times
+  const std::vector<float> places = floats(input, "means", {n, 3}, name);
+  const std::vector<float> opacities =
+      floats_up_to(1, "opacities from 0 to 1, not logits", input, "opacities", {n}, name);
   s.t1.ensure(queue, n);
   s.t2.ensure(queue, n);
-  s.t1.means.write(queue, floats(input, "means", {n, 3}, name));
-  s.t1.opacities.write(
-      queue, floats_up_to(1, "opacities from 0 to 1, not logits", input, "opacities", {n}, name));
+  s.t1.means.write(queue, places);
+  s.t1.opacities.write(queue, opacities);
   s.quats = Buffer<float>(queue, floats(input, "quats", {n, 4}, name), "quats");
   s.scales = Buffer<float>(queue, scales_of(input, "scales", n, name), "scales");
   s.colors = Buffer<float>(queue, floats(input, "colors", {n, 3}, name), "colors");

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -31,8 +32,16 @@ std::string holder(int file) {
 }  // namespace
 
 FileLock::FileLock(const std::string& path, const std::string& what)
-    : file_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666)) {
+    : file_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666)) {
+  // A link would have the number of the process written into the file it leads to.
+  if (file_ < 0 && errno == ELOOP)
+    throw Error(fmt::format("cannot lock {}: it is a link to another file; remove it", path));
   if (file_ < 0) throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
+  struct stat info;
+  if (::fstat(file_, &info) != 0 || !S_ISREG(info.st_mode)) {
+    ::close(file_);
+    throw Error(fmt::format("cannot lock {}: it is no file of its own; remove it", path));
+  }
   lock_or_close(file_, what, holder);
   // Who holds it is only said, so that a full disk is no reason to stop.
   const std::string pid = std::to_string(::getpid());

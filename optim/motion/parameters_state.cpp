@@ -61,12 +61,13 @@ std::string now_beside(const std::string& last) {
   return last.substr(0, last.rfind(last_name) + 1) + now_name;
 }
 
-// Whether a training can have left the values: what rates are divided by is above 0, second moments
-// and what rates are multiplied with are no less, nor is the latter more than it may be, and one
-// more step than was made can be counted.
+// Whether a training can have left the values: what rates are divided by is above 0; second
+// moments, what rates are multiplied with and what density control has counted are no less, nor is
+// the second more than it may be; and one more step than was made can be counted.
 bool is_sound(const std::string& name, const std::vector<float>& values) {
   const bool divides = ends_with(name, "/rows/reach"), paces = ends_with(name, "/rows/pace");
-  const bool from_0 = divides || paces || ends_with(name, "/exp_avg_sq");
+  const bool counts = name.rfind("density/", 0) == 0;  // pulls and views since the last round
+  const bool from_0 = divides || paces || counts || ends_with(name, "/exp_avg_sq");
   return std::all_of(values.begin(), values.end(), [&](float value) {
     return std::isfinite(value) && !(from_0 && value < 0) && !(divides && value == 0) &&
            !(paces && value > PaceRule::kMost);
@@ -123,7 +124,8 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
 
 std::string unsound_array(const Arrays& arrays, uint32_t steps) {
   for (const auto& [name, array] : arrays) {
-    if (name.rfind("gaussians/", 0) != 0 && name.rfind("table", 0) != 0) continue;
+    const auto of = [&](const char* place) { return name.rfind(place, 0) == 0; };
+    if (!of("gaussians/") && !of("table") && !of("density/")) continue;
     const auto* floats = std::get_if<std::vector<float>>(&array.values);
     const auto* counts = std::get_if<std::vector<uint32_t>>(&array.values);
     if ((floats && !is_sound(name, *floats)) || (counts && !is_sound(arrays, name, *counts, steps)))

@@ -22,9 +22,9 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
                 const std::string& path);
 
 // Of such arrays the first with what no training may leave, by name: a value that is not finite, a
-// second moment or a pace below 0, a pace above PaceRule::kMost, a reach that is not above 0, more
-// steps than an int counts, or a table that is further than the `steps` of its training; two names
-// where they contradict each other. Empty when there is none.
+// second moment, a pace or a count of density control below 0, a pace above PaceRule::kMost, a
+// reach that is not above 0, more steps than an int counts, or a table that is further than the
+// `steps` of its training; two names where they contradict each other. Empty when there is none.
 std::string unsound_array(const Arrays& arrays,
                           uint32_t steps = uint32_t(std::numeric_limits<int>::max()));
 

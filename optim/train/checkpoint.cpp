@@ -91,7 +91,7 @@ Json facts_json(const Arrays& arrays, const std::string& path) {
   if (format != kFormat)
     throw Error(
         fmt::format("{} has checkpoint format {} and this gflow reads format {}: go on with the "
-                    "gflow that wrote it, or begin anew with --overwrite in place of --resume",
+                    "gflow that wrote it",
                     path, format.dump(), kFormat));
   return json;
 }
@@ -126,6 +126,12 @@ CheckpointFacts facts_of(const Json& json, const std::string& path) {
   facts.step = step;
   facts.seconds = json.at("seconds");
   facts.config = json.at("config");
+  try {
+    TrainConfig readable;
+    apply_text(readable, facts.config, "its settings");
+  } catch (const Error& problem) {
+    throw Error(fmt::format("{} is damaged: {}", path, problem.what()));
+  }
   facts.scene = json.at("scene");
   facts.device = json.at("device");
   facts.program = json.at("program");

@@ -37,8 +37,12 @@ SliceRows::SliceRows(Queue& queue, Model& model, double scene_time)
   for (size_t first = 0; first < model.parameters.count; first += kPiece) {
     const size_t count = std::min(kPiece, model.parameters.count - first);
     opacities_ = at_.opacities.read_range(queue, first, count);
+    factors_ = at_.factors.read_range(queue, 9 * first, 9 * count);
+    // Whose scales no float can hold are not drawn either.
     for (size_t i = 0; i < count; ++i)
-      if (opacities_[i] > 0) there_.push_back(uint32_t(first + i));
+      if (opacities_[i] > 0 && std::all_of(&factors_[9 * i], &factors_[9 * i] + 9,
+                                           [](float f) { return std::isfinite(f); }))
+        there_.push_back(uint32_t(first + i));
   }
   table_.table.rows = there_.size();
   table_.table.origin = model.shape.origin;

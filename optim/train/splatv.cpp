@@ -101,7 +101,9 @@ void put(const HostModel& model, size_t i, uint32_t* words) {
     std::memcpy(words + k, &mean, sizeof mean);
     words[7] |= byte(color_of_sh0(sh0[k])) << 8 * k;
   }
-  words[7] |= byte(opacity_of_logit(model.groups.at("logit_opacities")[i])) << 24;
+  const double largest = std::max({log_scales[0], log_scales[1], log_scales[2]});
+  if (std::isfinite(std::exp(float(largest))))  // else it is not drawn
+    words[7] |= byte(opacity_of_logit(model.groups.at("logit_opacities")[i])) << 24;
   words[3] = halves(p.quat[0], p.quat[1]);
   words[4] = halves(p.quat[2], p.quat[3]);
   words[5] = halves(std::exp(log_scales[0]), std::exp(log_scales[1]));

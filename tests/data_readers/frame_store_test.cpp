@@ -122,6 +122,26 @@ TEST(FrameStore, VideoFramesAreUnpackedOnce) {
   EXPECT_NEAR(store.rgb(scene.train[3])->pixels[0], 170, 8);
 }
 
+// The video has it still.
+TEST(FrameStore, VideoFramesThatAreDamagedAreUnpackedAgain) {
+  const TemporaryFolder folder;
+  const Scene scene = video_scene(folder);
+  FrameStoreOptions options;
+  options.unpack_folder = folder.path() + "/frames";
+  const auto pixels = [&] { return FrameStore(scene, options).rgb(scene.train[1])->pixels; };
+  const auto whole = pixels();
+  const std::string kept = folder.path() + "/frames/cam00/00001.png";
+  const std::string bytes = contents(kept);
+  std::string flipped = bytes;
+  flipped[bytes.size() - 20] = char(flipped[bytes.size() - 20] ^ 1);
+  for (const std::string& damaged :
+       {std::string(), bytes.substr(0, 20), bytes.substr(0, bytes.size() / 2), flipped}) {
+    std::ofstream(kept, std::ios::binary) << damaged;
+    EXPECT_EQ(pixels(), whole) << damaged.size();
+    EXPECT_EQ(contents(kept), bytes) << damaged.size();
+  }
+}
+
 // A camera's name is that of a file somebody else wrote.
 TEST(FrameStore, VideoFramesLieInTheFolderWhateverTheCameraIsCalled) {
   const TemporaryFolder folder;

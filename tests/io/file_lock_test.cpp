@@ -57,3 +57,14 @@ TEST(FileLock, WhereNoFileCanBeMadeTheReasonIsSaid) {
   expect_error([&] { FileLock(folder.path() + "/none/lock", "the folder"); },
                {"/none/lock", "No such file"});
 }
+
+// A run that somebody else made may have one, which leads to a file that is dear to whoever judges
+// it.
+TEST(FileLock, WritesIntoNoFileThatALinkLeadsTo) {
+  const TemporaryFolder folder;
+  folder.write("dear", "precious");
+  std::filesystem::create_symlink(folder.path() + "/dear", folder.file("lock"));
+  expect_error([&] { FileLock(folder.file("lock"), "the folder"); },
+               {"cannot lock", "it is a link to another file"});
+  EXPECT_EQ(contents(folder.path() + "/dear"), "precious");
+}

@@ -176,14 +176,21 @@ TEST(Device, TooSmallOneIsRefusedWithTheReason) {
             "the OpenCL device P / D cannot be used: its driver has no OpenCL C compiler");
 }
 
-TEST(Device, WorkGroupLimitsMatterOnlyWhereAPixelIsAWorkItem) {
+TEST(Device, LocalMemoryMattersOnlyWhereAPixelIsAWorkItem) {
   DeviceInfo info = large_device();
-  info.max_work_group = 128;
   info.local_memory = 16u << 10;
   EXPECT_NO_THROW(require_usable(info, 4));
-  EXPECT_EQ(message_of([&] { require_usable(info, 1); }),
-            "the OpenCL device P / D cannot be used: its work-groups hold 128 work-items, 256 are "
-            "needed");
+  EXPECT_NE(message_of([&] { require_usable(info, 1); }).find("bytes of local memory"),
+            std::string::npos);
+}
+
+TEST(Device, OneOfSmallWorkGroupsIsRefused) {
+  DeviceInfo info = large_device();
+  info.max_work_group = 128;
+  for (const int lanes : {1, 8})
+    EXPECT_EQ(message_of([&] { require_usable(info, lanes); }),
+              "the OpenCL device P / D cannot be used: its work-groups hold 128 work-items, 256 "
+              "are needed");
 }
 
 }  // namespace

@@ -228,7 +228,9 @@ TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
                                     {"gaussians/rows/reach", -1.f},
                                     {"table1/rows/reach", 0.f},
                                     {"gaussians/rows/pace", -1.f},
-                                    {"gaussians/rows/pace", 1001.f}}) {
+                                    {"gaussians/rows/pace", 1001.f},
+                                    {"density/pull", std::nanf("")},
+                                    {"density/views", -1.f}}) {
     Checkpoint last = some_checkpoint(20);
     last.arrays[name] = {{2}, std::vector<float>{1, value}};
     EXPECT_EQ(taken(last, std::string("'") + name + "'"), 10) << value;
@@ -246,6 +248,10 @@ TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
   to_come.arrays["gaussians/rows/last"] = {{2}, std::vector<uint32_t>{7, 8}};
   EXPECT_EQ(taken(to_come, "'gaussians/rows/last' or 'gaussians/rows/now'"), 10);
   for (const int step : {-5, 10, 30}) EXPECT_EQ(taken(some_checkpoint(step), "of step"), 10);
+  Checkpoint without_settings = some_checkpoint(20);
+  without_settings.facts.config = "[train\nseed = 3\n";
+  EXPECT_EQ(taken(without_settings, "iteration_20.npz is damaged: reading the configuration its"),
+            10);
   EXPECT_EQ(taken(some_checkpoint(20), ""), 20);
 }
 

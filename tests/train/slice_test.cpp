@@ -31,6 +31,24 @@ TEST(Slice, FactorsComeBackFromTheirParts) {
   }
 }
 
+// Such a Gaussian is not drawn, and no file could hold it.
+TEST(Slice, LeavesOutScalesThatNoFloatHolds) {
+  Queue queue = test_queue();
+  HostModel host = lively_model(MotionModelKind::spacetime);
+  const size_t whole = [&] {
+    Model model(queue, host);
+    return slice(queue, model, 0.4).table.rows;
+  }();
+  for (float* scale = &host.groups["log_scales"][0]; scale < &host.groups["log_scales"][12];
+       scale += 4)
+    *scale = 89;  // of the first three
+  Model model(queue, host);
+  const SplatTable sliced = slice(queue, model, 0.4);
+  EXPECT_LT(sliced.table.rows, whole);
+  EXPECT_GE(sliced.table.rows, whole - 3);
+  for (const float value : sliced.table.values) EXPECT_TRUE(std::isfinite(value));
+}
+
 class EverySlicedModel : public testing::TestWithParam<MotionModelKind> {};
 
 TEST_P(EverySlicedModel, LooksFromAFileLikeTheModelAtItsTime) {

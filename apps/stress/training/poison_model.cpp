@@ -109,10 +109,12 @@ bool same_bits(float a, float b) { return std::memcmp(&a, &b, sizeof(float)) == 
 
 struct ModelHarm {
   double pixels = 0, gradients = 0, not_finite = 0, cases = 0;
+  double reached = 0;  // cases where the culprit truly lies at the right: nothing is compared
 
   void add(const Drawn::Outcome& found, const Drawn::Outcome& clean, const Parameters& p,
            bool reaches) {
     ++cases;
+    reached += reaches;
     for (size_t k = 0; k < found.images.size(); ++k) {
       not_finite += count_not_finite(found.images[k]);
       for (size_t i = 0; i < found.images[k].size() && !reaches; ++i)
@@ -164,6 +166,7 @@ Rows poisoned(Queue& queue, MotionModelKind kind) {
   return {{of + "others' pixels changed", harm.pixels, 0},
           {of + "others' gradients changed", harm.gradients, 0},
           {of + "not finite but the culprit's own gradients", harm.not_finite, 0},
+          {of + "share in which it truly reaches the others", harm.reached / harm.cases, .12},
           {of + "culprit not seen before", double(drawn == 0), 0}};
 }
 
