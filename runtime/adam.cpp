@@ -102,10 +102,11 @@ void Adam::refuse(Queue& queue, const ParameterGroup& group, RowState& state, Ro
 
 void Adam::advance(Queue& queue, RowState& state, RowRange rows) {
   state.rates.ensure(queue, 4 * state.steps.size());
+  state.idle.ensure(queue, spans(state.steps.size()));
   ++state.now;
-  adam_advance_(queue, Range::over(rows.count, 256), cl_uint(rows.first), cl_uint(rows.count),
-                state.now, cl_int(config_.makes_up), cl_uint(table_size), table_, state.seen,
-                state.pace, state.steps, state.last, state.rates);
+  adam_advance_(queue, Range::over(gpu_ ? rows.count : spans(rows.count)), cl_uint(rows.first),
+                cl_uint(rows.count), state.now, cl_int(config_.makes_up), cl_uint(table_size),
+                table_, state.seen, state.pace, state.steps, state.last, state.rates, state.idle);
 }
 
 void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, RowRange rows,
@@ -115,7 +116,8 @@ void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, RowR
   const AdamStep step{config_.beta1, config_.beta2, rate.lr, rate.epsilon};
   adam_step_(queue, Range::over(gpu_ ? rows.count * group.width : spans(rows.count)),
              cl_uint(rows.first), cl_uint(rows.count), cl_uint(group.width), step, rate.per_time,
-             state.rates, state.reach, group.grads, group.values, group.exp_avg, group.exp_avg_sq);
+             state.rates, state.idle, state.reach, group.grads, group.values, group.exp_avg,
+             group.exp_avg_sq);
 }
 
 }  // namespace gflow

@@ -173,7 +173,7 @@ void require_usable(const DeviceInfo& info, int lanes) {
     throw Error(fmt::format("the OpenCL device {} cannot be used: {}", info.full_name(), reason));
   };
   const uint64_t least_memory = 256u << 20, least_local = 24u << 10;
-  const size_t least_group = 256;  // one work-item per pixel of a 16x16 tile; Adam
+  const size_t least_group = lanes == 1 ? 256 : 64;  // a work-item per pixel of a 16x16 tile
   if (!info.has_compiler) refuse("its driver has no OpenCL C compiler");
   if (info.global_memory < least_memory)
     refuse(fmt::format("it has {} of memory, at least {} are needed", megabytes(info.global_memory),

@@ -124,7 +124,7 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
 
 std::string unsound_array(const Arrays& arrays, uint32_t steps) {
   for (const auto& [name, array] : arrays) {
-    const auto of = [&](const char* place) { return name.rfind(place, 0) == 0; };
+    const auto of = [&name = name](const char* place) { return name.rfind(place, 0) == 0; };
     if (!of("gaussians/") && !of("table") && !of("density/")) continue;
     const auto* floats = std::get_if<std::vector<float>>(&array.values);
     const auto* counts = std::get_if<std::vector<uint32_t>>(&array.values);
