@@ -4,16 +4,19 @@
 // Measured (PoCL, two cores with AVX-512, 30 000): adc_accumulate, in each view, .03 ms; the rest
 // when it refines only.
 #include "shared/life.h"
+#include "shared/view_rows.h"
 
 // After a view: how hard the loss pulls at each splat's place in the image [half the image].
 kernel void adc_accumulate(const uint n, const float half_width, const float half_height,
-                               global const uint* restrict tiles_touched,
-                               global const float* restrict v_means2d,  // [N, 2] [1/px]
+                               global const uint* restrict rows,  // shared/view_rows.h
+                               global const uint* restrict tiles_touched,  // [n]
+                               global const float* restrict v_means2d,  // [n, 2] [1/px]
                                global float* restrict pull,             // [N] sum of norms
                                global float* restrict views) {          // [N] number
-  const uint i = get_global_id(0);
-  if (i >= n || tiles_touched[i] == 0) return;
-  const float2 v = vload2(i, v_means2d) * (float2)(half_width, half_height);
+  const uint k = get_global_id(0);
+  if (k >= n || tiles_touched[k] == 0) return;
+  const uint i = view_row(k, rows);
+  const float2 v = vload2(k, v_means2d) * (float2)(half_width, half_height);
   const float norm = sqrt(dot(v, v));
   if (!is_finite_real(norm)) return;
   pull[i] += norm;

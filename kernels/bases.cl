@@ -3,8 +3,7 @@
 // follow them, and back. Windows, first and second time are as in native4d.cl. Gradients of the
 // poses are summed over chunks of Gaussians, then over chunks in order: bitwise repeatable.
 // Measured (PoCL, two cores with AVX-512, 30 000, of which 10 600 are seen, 8 bases): 2.4 ms, and
-// 2.2 back; with a look at the camera first 2.0 ms, and project_fwd after it .32 instead of .48 (12
-// % of CPU time).
+// 2.2 back.
 #include "shared/bases.h"
 #include "shared/keys.h"
 #include "shared/lookout.h"
@@ -71,47 +70,47 @@ static inline Shift no_shift(void) {
 }
 
 kernel void bases_fwd(const uint n, const uint moving, const int bases, const float t,
-                      const float sigmas, const int first,
-                      global const uint* restrict tiles_touched,            // [N] read if not first
+                      const float sigmas, const int first, global const uint* restrict rows,
+                      global const uint* restrict tiles_touched,            // [n] read if not first
                       STILL_IN, global const float* restrict basis_logits,  // [M, B]
                       global const float* restrict poses,                   // [B, POSE]
                       global const float* restrict pivots,                  // [B, 3]
-                      global float* restrict means_at,                      // [N, 3]
-                      global float* restrict factors_at,                    // [N, 3, 3]
-                      global float* restrict opacities_at) {                // [N]
-  const uint i = get_global_id(0);
-  if (i >= n ||
-      !still_in_window(i, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
+                      global float* restrict means_at,                      // [n, 3]
+                      global float* restrict factors_at,                    // [n, 3, 3]
+                      global float* restrict opacities_at) {                // [n]
+  const uint k = get_global_id(0);
+  if (k >= n) return;
+  const uint i = view_row(k, rows);
+  if (!still_in_window(i, k, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
     return;
   float weights[MAX_BASES];
   Still g = load_still(i, STILL_ROWS);
   if (i < moving) g = follow(i, g, bases, basis_logits, poses, pivots, weights);
-  store_shifted(i, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
+  store_shifted(k, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
 }
 
-// At the first time, for a camera: as spacetime_seen_fwd (spacetime.cl). Where they are is found
+// Which rows a camera may see at a time: as spacetime_look (spacetime.cl). Where they are is found
 // for LANES Gaussians together, too: that is most of the work here. (exp() of a vector takes three
 // times as long as all the rest: PoCL takes it apart. This one is 1e-6 off for logits within 10.)
-kernel void bases_seen_fwd(const uint n, const uint moving, const int bases, const float t,
-                           const float sigmas, const PinholeCamera camera, STILL_IN,
-                           global const float* restrict basis_logits,
-                           global const float* restrict poses, global const float* restrict pivots,
-                           global float* restrict means_at, global float* restrict factors_at,
-                           global float* restrict opacities_at) {
-  const uint first = get_global_id(0) * LANES;
+kernel void bases_look(const uint n, const uint moving, const int bases, const float t,
+                       const float sigmas, const PinholeCamera camera, STILL_IN,
+                       global const float* restrict basis_logits,
+                       global const float* restrict poses, global const float* restrict pivots,
+                       global uint* restrict marks,     // [ceil(N / LANES)]
+                       global uint* restrict counts) {  // [ceil(N / LANES)] their bits
+  const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  const uint count = min((uint)LANES, n - first);
-  Lookout lookout = lookout_nobody();
+  Lookout lookout;
   LaneInts shown;
-  shown.all = lookout_time(&lookout, first, count, t, sigmas, means_t, log_scales);
+  shown.all = lookout_time(&lookout, first, n, t, sigmas, means_t, log_scales);
   if (!lane_any(shown.all)) {
-    lookout_none(first, count, opacities_at);
+    lookout_mark(group, n, shown, marks, counts);
     return;
   }
+  lookout_clear(&lookout);
   LaneFloats logits[MAX_BASES];
   for (int b = 0; b < bases; ++b) logits[b].all = TO_LANE(-1e30f);  // of those at rest: weight 0
-  for (uint r = 0; r < count; ++r) {
-    const uint i = first + r;
+  for (uint i = first, r = 0; i < n && r < LANES; ++i, ++r) {
     lookout_put(&lookout, r, load3(means, i), vload4(i, log_scales), logit_opacities[i]);
     if (i >= moving) continue;
     for (int b = 0; b < bases; ++b) logits[b].row[r] = basis_logits[i * bases + b];
@@ -134,26 +133,18 @@ kernel void bases_seen_fwd(const uint n, const uint moving, const int bases, con
   lookout.y.all += y / sum;
   lookout.z.all += z / sum;
   shown.all &= lookout_shows(lookout, camera);
-  for (uint r = 0; r < count; ++r) {
-    const uint i = first + r;
-    opacities_at[i] = 0.f;
-    if (!shown.row[r] || !still_is_drawn(i, t, sigmas, means_t, log_scales, opacities_at)) continue;
-    float weights[MAX_BASES];
-    Still g = load_still(i, STILL_ROWS);
-    if (i < moving) g = follow(i, g, bases, basis_logits, poses, pivots, weights);
-    store_shifted(i, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
-  }
+  lookout_mark(group, n, shown, marks, counts);
 }
 
-// One work-item a chunk of `length` Gaussians.
+// One work-item a chunk of `length` entries of the view.
 kernel void bases_bwd(const uint n, const uint moving, const uint length, const int bases,
-                      const float t, const int first, STILL_IN,
+                      const float t, const int first, global const uint* restrict rows, STILL_IN,
                       global const float* restrict basis_logits, global const float* restrict poses,
                       global const float* restrict pivots,
-                      global const uint* restrict tiles_touched,
-                      global const float* restrict v_means_at,      // [N, 3]
-                      global const float* restrict v_factors_at,    // [N, 3, 3]
-                      global const float* restrict v_opacities_at,  // [N] read if first
+                      global const uint* restrict tiles_touched,    // [n]
+                      global const float* restrict v_means_at,      // [n, 3]
+                      global const float* restrict v_factors_at,    // [n, 3, 3]
+                      global const float* restrict v_opacities_at,  // [n] read if first
                       global uint* restrict seen, V_STILL_OUT,
                       global float* restrict v_basis_logits,  // [M, B]
                       global float* restrict partials) {      // [chunks, B, POSE]
@@ -161,14 +152,15 @@ kernel void bases_bwd(const uint n, const uint moving, const uint length, const 
   if (begin >= n) return;
   float sums[MAX_BASES * POSE];
   for (int k = 0; k < bases * POSE; ++k) sums[k] = 0.f;
-  for (uint i = begin; i < end; ++i) {
-    if (tiles_touched[i] == 0) continue;
+  for (uint entry = begin; entry < end; ++entry) {
+    if (tiles_touched[entry] == 0) continue;
+    const uint i = view_row(entry, rows);
     float weights[MAX_BASES], v_weights[MAX_BASES];
     const Still rest = load_still(i, STILL_ROWS);
     const Still g =
         i < moving ? follow(i, rest, bases, basis_logits, poses, pivots, weights) : rest;
-    Still v = shifted_vjp(g, no_shift(), t, load3(v_means_at, i), load_mat3(v_factors_at, i),
-                          first ? v_opacities_at[i] : 0.f);
+    Still v = shifted_vjp(g, no_shift(), t, load3(v_means_at, entry),
+                          load_mat3(v_factors_at, entry), first ? v_opacities_at[entry] : 0.f);
     const int fresh = first && !seen[i];
     if (fresh) seen[i] = 1;
     if (i >= moving) {

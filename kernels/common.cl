@@ -14,3 +14,4 @@
 #include "selfcheck.cl"
 #include "sh.cl"
 #include "sort.cl"
+#include "view_rows.cl"

@@ -248,7 +248,7 @@ kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const
   uint rows[BLOCK];
   int count = 0;
   for (uint i = begin; i < end; ++i) {
-    if (still_in_window(i, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
+    if (still_in_window(i, i, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
       rows[count++] = i;
     if (count == 0 || (count < BLOCK && i + 1 < end)) continue;
     network_fwd(rows, count, grid, means, planes, lines, network, &a);

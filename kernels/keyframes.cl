@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The keyframes motion model on the device: Gaussians on paths through keys, and back. Windows,
 // first and second time, and what is written are as in native4d.cl. One work-item a Gaussian.
-// Measured (PoCL, two cores with AVX-512, 30 000, of which 10 600 are seen): .95 ms, and .47 back;
-// with a look at the camera first .68 ms, and project_fwd after it .34 instead of .52 (13 % of a
-// step's CPU time).
+// Measured (PoCL, two cores with AVX-512, 30 000, of which 10 600 are seen): .95 ms, and .47 back.
 #include "shared/keys.h"
 #include "shared/lookout.h"
 #include "shared/still_rows.h"
@@ -31,75 +29,68 @@ static inline Shift shift_at(uint moving, uint i, KeyWeights keys, global const 
 }
 
 kernel void keyframes_fwd(const uint n, const uint moving, const float t, const float sigmas,
-                          const int first, const KeyWeights keys,
-                          global const uint* restrict tiles_touched,  // [N] read if not first
+                          const int first, const KeyWeights keys, global const uint* restrict rows,
+                          global const uint* restrict tiles_touched,  // [n] read if not first
                           STILL_IN, global const float* restrict key_shifts,  // [K, M, 3]
                           global const float* restrict key_turns,             // [K, M, 4]
                           global const float* restrict key_scales,  // [K, M, 3] read if SCALES
-                          global float* restrict means_at,          // [N, 3]
-                          global float* restrict factors_at,        // [N, 3, 3]
-                          global float* restrict opacities_at) {    // [N]
-  const uint i = get_global_id(0);
-  if (i >= n ||
-      !still_in_window(i, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
+                          global float* restrict means_at,          // [n, 3]
+                          global float* restrict factors_at,        // [n, 3, 3]
+                          global float* restrict opacities_at) {    // [n]
+  const uint k = get_global_id(0);
+  if (k >= n) return;
+  const uint i = view_row(k, rows);
+  if (!still_in_window(i, k, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
     return;
   const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
-  store_shifted(i, shifted_at(load_still(i, STILL_ROWS), d, t), means_at, factors_at, opacities_at);
+  store_shifted(k, shifted_at(load_still(i, STILL_ROWS), d, t), means_at, factors_at, opacities_at);
 }
 
-// At the first time, for a camera: as spacetime_seen_fwd (spacetime.cl).
-kernel void keyframes_seen_fwd(const uint n, const uint moving, const float t, const float sigmas,
-                               const PinholeCamera camera, const KeyWeights keys, STILL_IN,
-                               global const float* restrict key_shifts,
-                               global const float* restrict key_turns,
-                               global const float* restrict key_scales,
-                               global float* restrict means_at, global float* restrict factors_at,
-                               global float* restrict opacities_at) {
-  const uint first = get_global_id(0) * LANES;
+// Which rows a camera may see at a time: as spacetime_look (spacetime.cl).
+kernel void keyframes_look(const uint n, const uint moving, const float t, const float sigmas,
+                           const PinholeCamera camera, const KeyWeights keys, STILL_IN,
+                           global const float* restrict key_shifts,
+                           global const float* restrict key_turns,
+                           global const float* restrict key_scales,
+                           global uint* restrict marks,     // [ceil(N / LANES)]
+                           global uint* restrict counts) {  // [ceil(N / LANES)] their bits
+  const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  const uint count = min((uint)LANES, n - first);
-  Lookout lookout = lookout_nobody();
+  Lookout lookout;
   LaneInts shown;
-  shown.all = lookout_time(&lookout, first, count, t, sigmas, means_t, log_scales);
-  if (!lane_any(shown.all)) {
-    lookout_none(first, count, opacities_at);
-    return;
+  shown.all = lookout_time(&lookout, first, n, t, sigmas, means_t, log_scales);
+  if (lane_any(shown.all)) {
+    lookout_clear(&lookout);
+    for (uint i = first, r = 0; i < n && r < LANES; ++i, ++r) {
+      const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
+      const float4 log_scales_at = vload4(i, log_scales) + (float4)(d.log_scales, 0.f);
+      lookout_put(&lookout, r, load3(means, i) + d.mean, log_scales_at, logit_opacities[i]);
+    }
+    shown.all &= lookout_shows(lookout, camera);
   }
-  for (uint r = 0; r < count; ++r) {
-    const uint i = first + r;
-    const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
-    const float4 log_scales_at = vload4(i, log_scales) + (float4)(d.log_scales, 0.f);
-    lookout_put(&lookout, r, load3(means, i) + d.mean, log_scales_at, logit_opacities[i]);
-  }
-  shown.all &= lookout_shows(lookout, camera);
-  for (uint r = 0; r < count; ++r) {
-    const uint i = first + r;
-    opacities_at[i] = 0.f;
-    if (!shown.row[r] || !still_is_drawn(i, t, sigmas, means_t, log_scales, opacities_at)) continue;
-    const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
-    store_shifted(i, shifted_at(load_still(i, STILL_ROWS), d, t), means_at, factors_at,
-                  opacities_at);
-  }
+  lookout_mark(group, n, shown, marks, counts);
 }
 
 // Rows of keys start when they are first seen in a training step, whichever time it is for.
 kernel void keyframes_bwd(const uint n, const uint moving, const float t, const int first,
-                          const KeyWeights keys, STILL_IN, global const float* restrict key_shifts,
+                          const KeyWeights keys, global const uint* restrict rows, STILL_IN,
+                          global const float* restrict key_shifts,
                           global const float* restrict key_turns,
                           global const float* restrict key_scales,
-                          global const uint* restrict tiles_touched,
-                          global const float* restrict v_means_at,      // [N, 3]
-                          global const float* restrict v_factors_at,    // [N, 3, 3]
-                          global const float* restrict v_opacities_at,  // [N] read if first
+                          global const uint* restrict tiles_touched,    // [n]
+                          global const float* restrict v_means_at,      // [n, 3]
+                          global const float* restrict v_factors_at,    // [n, 3, 3]
+                          global const float* restrict v_opacities_at,  // [n] read if first
                           global uint* restrict seen, V_STILL_OUT,
                           global uint* restrict keys_seen,  // [K, M]
                           global float* restrict v_key_shifts, global float* restrict v_key_turns,
                           global float* restrict v_key_scales) {  // written if SCALES
-  const uint i = get_global_id(0);
-  if (i >= n || tiles_touched[i] == 0) return;
+  const uint entry = get_global_id(0);
+  if (entry >= n || tiles_touched[entry] == 0) return;
+  const uint i = view_row(entry, rows);
   const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
-  const Still v = shifted_vjp(load_still(i, STILL_ROWS), d, t, load3(v_means_at, i),
-                              load_mat3(v_factors_at, i), first ? v_opacities_at[i] : 0.f);
+  const Still v = shifted_vjp(load_still(i, STILL_ROWS), d, t, load3(v_means_at, entry),
+                              load_mat3(v_factors_at, entry), first ? v_opacities_at[entry] : 0.f);
   const int fresh = first && !seen[i];
   if (fresh) seen[i] = 1;
   put_still(i, v, fresh, V_STILL_ROWS);

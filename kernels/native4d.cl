@@ -6,6 +6,7 @@
 #include "shared/lookout.h"
 #include "shared/native4d.h"
 #include "shared/random.h"
+#include "shared/view_rows.h"
 
 // Gaussians from `moving` on rest: they have no row of quats_r, which is quats for them.
 static inline Native4d load_native4d(uint i, uint moving, global const float* means,
@@ -25,30 +26,32 @@ static inline Native4d load_native4d(uint i, uint moving, global const float* me
 // At the first time of a view: opacity 0, and nothing else written, for those outside their window.
 // At a second time (first = 0): the rows with tiles_touched > 0 only, whether still there or not:
 // what is seen at t1 moves also while it fades. Nobody needs their opacities then.
+// tiles_touched and what is written have an entry for each of the view's rows (shared/view_rows.h).
 kernel void native4d_fwd(const uint n, const uint moving, const float t, const float cutoff,
-                         const int first,
-                         global const uint* restrict tiles_touched,     // [N] read if not first
+                         const int first, global const uint* restrict rows,
+                         global const uint* restrict tiles_touched,     // [n] read if not first
                          global const float* restrict means,            // [N, 3]
                          global const float* restrict means_t,          // [N]
                          global const float* restrict quats,            // [N, 4] ql
                          global const float* restrict quats_r,          // [N, 4] qr
                          global const float* restrict log_scales,       // [N, 4] x y z t
                          global const float* restrict logit_opacities,  // [N]
-                         global float* restrict means_at,               // [N, 3]
-                         global float* restrict factors_at,             // [N, 3, 3]
-                         global float* restrict opacities_at) {         // [N]
-  const uint i = get_global_id(0);
-  if (i >= n || (!first && tiles_touched[i] == 0)) return;
+                         global float* restrict means_at,               // [n, 3]
+                         global float* restrict factors_at,             // [n, 3, 3]
+                         global float* restrict opacities_at) {         // [n]
+  const uint k = get_global_id(0);
+  if (k >= n || (!first && tiles_touched[k] == 0)) return;
+  const uint i = view_row(k, rows);
   const Native4d g =
       load_native4d(i, moving, means, means_t, quats, quats_r, log_scales, logit_opacities);
   if (first && !(marginal_at(g, t) > cutoff)) {
-    opacities_at[i] = 0.f;
+    opacities_at[k] = 0.f;
     return;
   }
   const Slice s = slice_at(g, t);
-  if (first) opacities_at[i] = s.life.opacity;
-  store3(means_at, i, s.mean);
-  store_mat3(factors_at, i, s.factor);
+  if (first) opacities_at[k] = s.life.opacity;
+  store3(means_at, k, s.mean);
+  store_mat3(factors_at, k, s.factor);
 }
 
 // LANES quaternions t + xi + yj + zk.
@@ -78,43 +81,35 @@ static inline lane_int lane_quat_sound(lane norm2) {
   return (norm2 > TO_LANE(1e-11f)) & (norm2 < TO_LANE(1e36f));
 }
 
-// At the first time, for a camera: as spacetime_seen_fwd (spacetime.cl), with the place and, for
+// Which rows a camera may see at a time: as spacetime_look (spacetime.cl), with the place and, for
 // the longest axis, the square root of all axes' squares together: the trace of the cut's
 // covariance, P_space P_space^T - velocity velocity^T |p_t|^2, is the sum over the columns of
-// |space - velocity t|^2. n3v-baton, 30 000 Gaussians of which 8300 are drawn, PoCL, two cores with
-// AVX-512: 1.24 ms, and project_fwd after it 0.33; native4d_fwd without a look at the camera 1.92
-// and 0.45 (12 % of a step).
-kernel void native4d_seen_fwd(const uint n, const uint moving, const float t, const float cutoff,
-                              const PinholeCamera camera, global const float* restrict means,
-                              global const float* restrict means_t,
-                              global const float* restrict quats,
-                              global const float* restrict quats_r,
-                              global const float* restrict log_scales,
-                              global const float* restrict logit_opacities,
-                              global float* restrict means_at,        // [N, 3]
-                              global float* restrict factors_at,      // [N, 3, 3]
-                              global float* restrict opacities_at) {  // [N]
-  const uint first = get_global_id(0) * LANES;
+// |space - velocity t|^2.
+kernel void native4d_look(const uint n, const uint moving, const float t, const float cutoff,
+                          const PinholeCamera camera, global const float* restrict means,
+                          global const float* restrict means_t, global const float* restrict quats,
+                          global const float* restrict quats_r,
+                          global const float* restrict log_scales,
+                          global const float* restrict logit_opacities,
+                          global uint* restrict marks,     // [ceil(N / LANES)]
+                          global uint* restrict counts) {  // [ceil(N / LANES)] their bits
+  const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  const uint count = min((uint)LANES, n - first);
   // No longer than along the longest axis, wherever that points: its window is that long at most.
-  Lookout lookout = lookout_nobody();
-  for (uint r = 0; r < count; ++r) {
-    const float4 s = vload4(first + r, log_scales);
-    lookout.dt.row[r] = t - means_t[first + r];
-    lookout.log_life.row[r] = fmax(fmax(s.x, s.y), fmax(s.z, s.w));
-  }
-  for (uint r = count; r < LANES; ++r) lookout.dt.row[r] = INFINITY;
-  const float sigmas = sqrt(-2.f * log(cutoff));
-  if (!lane_any(lookout_lives(lookout.dt.all, lookout.log_life.all, sigmas))) {
-    lookout_none(first, count, opacities_at);
+  const lane since = t - lookout_column(means_t, first, n, 1, 0);
+  lane log_longest = lookout_column(log_scales, first, n, 4, 0);
+  for (uint axis = 1; axis < 4; ++axis)
+    log_longest = fmax(log_longest, lookout_column(log_scales, first, n, 4, axis));
+  LaneInts shown;
+  shown.all = lookout_lives(since, log_longest, sqrt(-2.f * log(cutoff)));
+  if (!lane_any(shown.all)) {
+    lookout_mark(group, n, shown, marks, counts);
     return;
   }
   // mean 0 to 2, t - mean_t 3, ql 4 to 7, qr 8 to 11, log scales 12 to 15, logit 16
   LaneFloats in[17];
   for (int k = 0; k < 17; ++k) in[k].all = TO_LANE(0.f);
-  for (uint r = 0; r < count; ++r) {
-    const uint i = first + r;
+  for (uint i = first, r = 0; i < n && r < LANES; ++i, ++r) {
     const Native4d g =
         load_native4d(i, moving, means, means_t, quats, quats_r, log_scales, logit_opacities);
     in[0].row[r] = g.mean.x, in[1].row[r] = g.mean.y, in[2].row[r] = g.mean.z;
@@ -152,48 +147,37 @@ kernel void native4d_seen_fwd(const uint n, const uint moving, const float t, co
   }
   const lane dt = in[3].all, there = lookout_exp(-0.5f * dt * dt / tt);
   const lane opacity = there / (TO_LANE(1.f) + lookout_exp(-in[16].all));
-  LaneInts shown;
   shown.all = !(there <= TO_LANE(0.999f * cutoff)) &
               may_be_seen(camera, fma(vx, dt, in[0].all), fma(vy, dt, in[1].all),
                           fma(vz, dt, in[2].all), sqrt(size) + 1e-6f * sqrt(all), opacity);
   shown.all |= !(lane_quat_sound(l2) & lane_quat_sound(r2));
-  for (uint r = 0; r < count; ++r) {
-    const uint i = first + r;
-    opacities_at[i] = 0.f;
-    if (!shown.row[r]) continue;
-    const Native4d g =
-        load_native4d(i, moving, means, means_t, quats, quats_r, log_scales, logit_opacities);
-    if (!(marginal_at(g, t) > cutoff)) continue;
-    const Slice s = slice_at(g, t);
-    opacities_at[i] = s.life.opacity;
-    store3(means_at, i, s.mean);
-    store_mat3(factors_at, i, s.factor);
-  }
+  lookout_mark(group, n, shown, marks, counts);
 }
 
 // For what was seen in this view; the rest is left alone. With first = 1 (the call for t1) the
 // gradients are set for Gaussians not `seen` before in this training step, which then are; else
 // they are added to, and opacities_at has no say (t2 moves, it does not show).
 kernel void native4d_bwd(const uint n, const uint moving, const float t, const int first,
-                         global const float* restrict means, global const float* restrict means_t,
+                         global const uint* restrict rows, global const float* restrict means, global const float* restrict means_t,
                          global const float* restrict quats, global const float* restrict quats_r,
                          global const float* restrict log_scales,
                          global const float* restrict logit_opacities,
-                         global const uint* restrict tiles_touched,
-                         global const float* restrict v_means_at,      // [N, 3]
-                         global const float* restrict v_factors_at,    // [N, 3, 3]
-                         global const float* restrict v_opacities_at,  // [N]
+                         global const uint* restrict tiles_touched,    // [n]
+                         global const float* restrict v_means_at,      // [n, 3]
+                         global const float* restrict v_factors_at,    // [n, 3, 3]
+                         global const float* restrict v_opacities_at,  // [n]
                          global uint* restrict seen,                   // [N]
                          global float* restrict v_means, global float* restrict v_means_t,
                          global float* restrict v_quats, global float* restrict v_quats_r,
                          global float* restrict v_log_scales,
                          global float* restrict v_logit_opacities) {
-  const uint i = get_global_id(0);
-  if (i >= n || tiles_touched[i] == 0) return;
+  const uint k = get_global_id(0);
+  if (k >= n || tiles_touched[k] == 0) return;
+  const uint i = view_row(k, rows);
   const Native4d g =
       load_native4d(i, moving, means, means_t, quats, quats_r, log_scales, logit_opacities);
-  Native4d v = slice_vjp(g, t, load3(v_means_at, i), load_mat3(v_factors_at, i),
-                         first ? v_opacities_at[i] : 0.f);
+  Native4d v = slice_vjp(g, t, load3(v_means_at, k), load_mat3(v_factors_at, k),
+                         first ? v_opacities_at[k] : 0.f);
   if (i >= moving) v.quat += v.quat_r;
   if (first && !seen[i]) {
     seen[i] = 1;

@@ -5,6 +5,7 @@
 // it refines only.
 #include "shared/arrays.h"
 #include "shared/rest.h"
+#include "shared/view_rows.h"
 
 // One moment of the Gaussians that move (rows [0, moving)) joins their mean pose, by opacity.
 kernel void rest_add(const uint moving, global const float* restrict means_at,
@@ -62,17 +63,20 @@ kernel void rest_travel(const uint moving, global const float* restrict log_scal
 
 // What a view would change of the velocities of those that rest (rows [moving, N), which `pulls`
 // has): x y z the sum of the gradients, w that of their squares. flow: 0 none; 1 v_means has its
-// part at t; 2 it has not (View::moving), and that is the opposite of the part at t2.
-kernel void rest_pull(const uint n, const uint moving, const float t, const float t2,
-                      const int flow, global const uint* restrict tiles_touched,
-                      global const float* restrict means_t,     // [N]
-                      global const float* restrict v_means,     // [N, 3] at t
-                      global const float* restrict v_means_t2,  // [N, 3] at t2 with flow
-                      global float* restrict pulls) {           // [N - M, 4]
-  const uint i = moving + get_global_id(0);
-  if (i >= n || tiles_touched[i] == 0) return;
-  float3 v = load3(v_means, i) * (t - means_t[i]);
-  if (flow) v += load3(v_means_t2, i) * (t2 - (flow == 2 ? t : means_t[i]));
+// part at t; 2 it has not (View::moving), and that is the opposite of the part at t2. They are
+// entries [first, n) of the view (shared/view_rows.h).
+kernel void rest_pull(const uint n, const uint first, const uint moving, const float t,
+                      const float t2, const int flow, global const uint* restrict rows,
+                      global const uint* restrict tiles_touched,  // [n]
+                      global const float* restrict means_t,       // [N]
+                      global const float* restrict v_means,       // [n, 3] at t
+                      global const float* restrict v_means_t2,    // [n, 3] at t2 with flow
+                      global float* restrict pulls) {             // [N - M, 4]
+  const uint k = first + get_global_id(0);
+  if (k >= n || tiles_touched[k] == 0) return;
+  const uint i = view_row(k, rows);
+  float3 v = load3(v_means, k) * (t - means_t[i]);
+  if (flow) v += load3(v_means_t2, k) * (t2 - (flow == 2 ? t : means_t[i]));
   const float square = dot(v, v);
   if (is_finite_real(square)) add4(pulls, i - moving, (float4)(v.x, v.y, v.z, square));
 }

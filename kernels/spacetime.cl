@@ -5,6 +5,7 @@
 #include "shared/lookout.h"
 #include "shared/random.h"
 #include "shared/spacetime.h"
+#include "shared/view_rows.h"
 
 #define SPACETIME_IN                                                                            \
   global const float* restrict means, global const float* restrict means_t,                     \
@@ -35,73 +36,59 @@ static inline Spacetime load_spacetime(uint i, uint moving, SPACETIME_IN) {
 // At the first time of a view: opacity 0, and nothing else written, for those outside their window.
 // At a second time (first = 0): the rows with tiles_touched > 0 only, in their window or not,
 // without their opacities, which nobody needs then.
+// tiles_touched and what is written have an entry for each of the view's rows (shared/view_rows.h).
 kernel void spacetime_fwd(const uint n, const uint moving, const float t, const float sigmas,
-                          const int first,
-                          global const uint* restrict tiles_touched,  // [N] read if not first
+                          const int first, global const uint* restrict rows,
+                          global const uint* restrict tiles_touched,  // [n] read if not first
                           SPACETIME_IN,                       // as in optim/motion/spacetime.hpp
-                          global float* restrict means_at,    // [N, 3]
-                          global float* restrict factors_at,  // [N, 3, 3]
-                          global float* restrict opacities_at) {  // [N]
-  const uint i = get_global_id(0);
-  if (i >= n || (!first && tiles_touched[i] == 0)) return;
+                          global float* restrict means_at,    // [n, 3]
+                          global float* restrict factors_at,  // [n, 3, 3]
+                          global float* restrict opacities_at) {  // [n]
+  const uint k = get_global_id(0);
+  if (k >= n || (!first && tiles_touched[k] == 0)) return;
+  const uint i = view_row(k, rows);
   if (first && !life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) {
-    opacities_at[i] = 0.f;
+    opacities_at[k] = 0.f;
     return;
   }
   const SpacetimeCut cut = spacetime_at(load_spacetime(i, moving, SPACETIME_ROWS), t);
-  if (first) opacities_at[i] = cut.life.opacity;
-  store3(means_at, i, cut.mean);
-  store_mat3(factors_at, i, cut.factor);
+  if (first) opacities_at[k] = cut.life.opacity;
+  store3(means_at, k, cut.mean);
+  store_mat3(factors_at, k, cut.factor);
 }
 
-// At the first time, for a camera: opacity 0 for those that it cannot see, too. One work-item per
-// LANES Gaussians, which are looked at together; those that may be seen are then posed one by one.
-// n3v-baton, 30 000 Gaussians of which a quarter is drawn, PoCL, two cores with AVX-512: 0.70 ms,
-// and project_fwd after it 0.49; spacetime_fwd without a look at the camera 0.79 and 0.75; the same
-// look by each work-item for itself 1.29 and 0.48.
-kernel void spacetime_seen_fwd(const uint n, const uint moving, const float t, const float sigmas,
-                               const PinholeCamera camera, SPACETIME_IN,
-                               global float* restrict means_at,        // [N, 3]
-                               global float* restrict factors_at,      // [N, 3, 3]
-                               global float* restrict opacities_at) {  // [N]
-  const uint first = get_global_id(0) * LANES;
+// Which rows a camera may see at a time. One work-item per LANES Gaussians, which are looked at
+// together.
+kernel void spacetime_look(const uint n, const uint moving, const float t, const float sigmas,
+                           const PinholeCamera camera, SPACETIME_IN,
+                           global uint* restrict marks,     // [ceil(N / LANES)]
+                           global uint* restrict counts) {  // [ceil(N / LANES)] their bits
+  const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  const uint count = min((uint)LANES, n - first);
-  Lookout lookout = lookout_nobody();
+  Lookout lookout;
   LaneInts shown;
-  shown.all = lookout_time(&lookout, first, count, t, sigmas, means_t, log_scales);
-  if (!lane_any(shown.all)) {
-    lookout_none(first, count, opacities_at);
-    return;
-  }
-  for (uint r = 0; r < count; ++r) {
-    const uint i = first + r;
-    const float dt = lookout.dt.row[r];
-    float3 mean = load3(means, i);
-    if (i < moving) mean += (load3(velocities, i) + load3(half_accelerations, i) * dt) * dt;
-    lookout_put(&lookout, r, mean, vload4(i, log_scales), logit_opacities[i]);
-  }
-  shown.all &= lookout_shows(lookout, camera);
-  for (uint r = 0; r < count; ++r) {
-    const uint i = first + r;
-    if (!shown.row[r] || !life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) {
-      opacities_at[i] = 0.f;
-      continue;
+  shown.all = lookout_time(&lookout, first, n, t, sigmas, means_t, log_scales);
+  if (lane_any(shown.all)) {
+    lookout_clear(&lookout);
+    for (uint i = first, r = 0; i < n && r < LANES; ++i, ++r) {
+      const float dt = lookout.dt.row[r];
+      float3 mean = load3(means, i);
+      if (i < moving) mean += (load3(velocities, i) + load3(half_accelerations, i) * dt) * dt;
+      lookout_put(&lookout, r, mean, vload4(i, log_scales), logit_opacities[i]);
     }
-    const SpacetimeCut cut = spacetime_at(load_spacetime(i, moving, SPACETIME_ROWS), t);
-    opacities_at[i] = cut.life.opacity;
-    store3(means_at, i, cut.mean);
-    store_mat3(factors_at, i, cut.factor);
+    shown.all &= lookout_shows(lookout, camera);
   }
+  lookout_mark(group, n, shown, marks, counts);
 }
 
 // For what was seen in this view; the rest is left alone. first = 1 (the call for t1) sets the
 // gradients of Gaussians not `seen` before in this training step; else they are added to.
 kernel void spacetime_bwd(const uint n, const uint moving, const float t, const int first,
-                          SPACETIME_IN, global const uint* restrict tiles_touched,
-                          global const float* restrict v_means_at,      // [N, 3]
-                          global const float* restrict v_factors_at,    // [N, 3, 3]
-                          global const float* restrict v_opacities_at,  // [N] read if first
+                          global const uint* restrict rows, SPACETIME_IN,
+                          global const uint* restrict tiles_touched,    // [n]
+                          global const float* restrict v_means_at,      // [n, 3]
+                          global const float* restrict v_factors_at,    // [n, 3, 3]
+                          global const float* restrict v_opacities_at,  // [n] read if first
                           global uint* restrict seen,                   // [N]
                           global float* restrict v_means, global float* restrict v_means_t,
                           global float* restrict v_velocities,
@@ -109,11 +96,12 @@ kernel void spacetime_bwd(const uint n, const uint moving, const float t, const 
                           global float* restrict v_quats, global float* restrict v_turns,
                           global float* restrict v_log_scales,
                           global float* restrict v_logit_opacities) {
-  const uint i = get_global_id(0);
-  if (i >= n || tiles_touched[i] == 0) return;
+  const uint k = get_global_id(0);
+  if (k >= n || tiles_touched[k] == 0) return;
+  const uint i = view_row(k, rows);
   const Spacetime v =
-      spacetime_vjp(load_spacetime(i, moving, SPACETIME_ROWS), t, load3(v_means_at, i),
-                    load_mat3(v_factors_at, i), first ? v_opacities_at[i] : 0.f);
+      spacetime_vjp(load_spacetime(i, moving, SPACETIME_ROWS), t, load3(v_means_at, k),
+                    load_mat3(v_factors_at, k), first ? v_opacities_at[k] : 0.f);
   if (first && !seen[i]) {
     seen[i] = 1;
     store3(v_means, i, v.mean);

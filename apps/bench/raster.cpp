@@ -30,7 +30,8 @@ struct RasterOptions {
 
 // The kernels of each stage, in the order they run.
 const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
-    {"motion", {"spacetime_seen_fwd", "spacetime_fwd"}},
+    {"look", {"spacetime_look", "view_rows_write"}},
+    {"motion", {"spacetime_fwd"}},
     {"project", {"project_fwd"}},
     {"bin",
      {"seen_count", "seen_write", "scan_sums", "scan_offsets", "scan_write", "sort_count",

@@ -18,24 +18,31 @@ class WholeStep {
         v_(random_gradients(
             queue, size_t(scene.view.camera.width) * size_t(scene.view.camera.height), channels)),
         engine_(queue),
+        rows_(queue),
         adam_(queue, {AdamGroups{}.beta1, AdamGroups{}.beta2}) {}
 
   void operator()() {
     BenchScene& s = scene_;
-    if (s.motion) s.motion->seen_at(queue_, *s.parameters, s.t1, s.view.camera, s.at_t1);
+    if (s.motion) {
+      s.motion->look(queue_, *s.parameters, s.t1, s.view.camera, rows_);
+      rows_.take_marked(queue_, *s.parameters);
+      s.motion->at(queue_, *s.parameters, s.t1, nullptr, s.at_t1, rows_.list());
+    }
     engine_.project(queue_, s.view, channels_, s.at_t1);
     const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
-    if (s.motion && channels_.flow) s.motion->at(queue_, *s.parameters, s.t2, &seen, s.at_t2);
+    if (s.motion && channels_.flow)
+      s.motion->at(queue_, *s.parameters, s.t2, &seen, s.at_t2, rows_.list());
     const GaussiansAt& at_t2 = channels_.flow ? s.at_t2 : s.at_t1;
     engine_.draw(queue_, {0, 0, 0}, s.at_t1, at_t2, s.colors);
     engine_.backward(queue_, s.at_t1, at_t2, v_, g_);
     if (!s.motion) return;
     Parameters& p = *s.parameters;
     p.forget_seen(queue_);
-    s.motion->backward(queue_, p, s.t1, true, seen, g_.v_means, g_.v_factors, g_.v_opacities);
+    s.motion->backward(queue_, p, s.t1, true, seen, g_.v_means, g_.v_factors, g_.v_opacities,
+                       rows_.list());
     if (channels_.flow)
       s.motion->backward(queue_, p, s.t2, false, seen, g_.v_means_t2, g_.v_factors_t2,
-                         g_.v_opacities);
+                         g_.v_opacities, rows_.list());
     for (const ParameterGroup& group : p.groups) adam_.refuse(queue_, group, p.rows, p.count);
     adam_.advance(queue_, p.rows, p.count);
     // A rate at which the scene stays what it is.
@@ -51,6 +58,7 @@ class WholeStep {
   Channels channels_;
   ImageGradients v_;
   Engine engine_;
+  ViewRows rows_;
   Adam adam_;
   GaussianGradients g_;
 };

@@ -386,10 +386,12 @@ Derivative pull_row(Queue& queue) {
   p.moving = 0;
   const Buffer<cl_uint> seen(queue, std::vector<cl_uint>(n, 1u), "seen");
   const Buffer<float> v_means(queue, v, "v_means"), v_means_t2(queue, v2, "v_means_t2");
+  ViewRows rows(queue);
+  rows.take_all(p);
   Floats found;
   for (const bool stood_still : {false, true}) {
     Rest rest(queue);
-    rest.see(queue, p, seen, t, v_means, &t2, v_means_t2, stood_still);
+    rest.see(queue, p, rows, seen, t, v_means, &t2, v_means_t2, stood_still);
     Arrays state;
     rest.save_state(queue, p, state);
     const auto& pulls = std::get<Floats>(state.at("rest/pulls").values);

@@ -58,26 +58,64 @@ typedef union LaneInts {
   int row[LANES];
 } LaneInts;
 
-// None of them is drawn.
-static inline void lookout_none(uint first, uint count, global float* restrict opacities_at) {
-  for (uint r = 0; r < count; ++r) opacities_at[first + r] = 0.f;
+// Marks those of the rows from LANES `group` on that may be seen, a bit a row, and says how many.
+// Lanes from n on are nobody.
+static inline void lookout_mark(uint group, uint n, LaneInts shown, global uint* restrict marks,
+                                global uint* restrict counts) {
+  uint mark = 0;
+  if (lane_any(shown.all)) {
+    const uint count = min((uint)LANES, n - group * LANES);
+    for (uint r = 0; r < count; ++r) mark |= (uint)(shown.row[r] != 0) << r;
+  }
+  marks[group] = mark;
+  counts[group] = popcount(mark);
+}
+
+// Column `column` of LANES rows of `width` floats; those from n on are as the last.
+static inline lane lookout_column(global const float* restrict values, uint first, uint n,
+                                  uint width, uint column) {
+#define LOOKOUT_ROW(r) values[(size_t)min(first + r, n - 1) * width + column]
+#if LANES == 16
+  return (lane)(LOOKOUT_ROW(0), LOOKOUT_ROW(1), LOOKOUT_ROW(2), LOOKOUT_ROW(3), LOOKOUT_ROW(4),
+                LOOKOUT_ROW(5), LOOKOUT_ROW(6), LOOKOUT_ROW(7), LOOKOUT_ROW(8), LOOKOUT_ROW(9),
+                LOOKOUT_ROW(10), LOOKOUT_ROW(11), LOOKOUT_ROW(12), LOOKOUT_ROW(13),
+                LOOKOUT_ROW(14), LOOKOUT_ROW(15));
+#elif LANES == 8
+  return (lane)(LOOKOUT_ROW(0), LOOKOUT_ROW(1), LOOKOUT_ROW(2), LOOKOUT_ROW(3), LOOKOUT_ROW(4),
+                LOOKOUT_ROW(5), LOOKOUT_ROW(6), LOOKOUT_ROW(7));
+#elif LANES == 4
+  return (lane)(LOOKOUT_ROW(0), LOOKOUT_ROW(1), LOOKOUT_ROW(2), LOOKOUT_ROW(3));
+#else
+  return LOOKOUT_ROW(0);
+#endif
 }
 
 // What is looked at of Gaussians that live as shared/life.h says, with one scale an axis: first
 // their time alone (lookout_time), and the rest only where one of them lives: rows are kept in the
-// order of time (optim/density/order.hpp), so most of a long video's are passed over in this way: 1
-// million of 100 frames (PoCL, two cores with AVX-512) .6 ms, 3.9 to 7 when all were read (10 to 15
-// % of the step).
+// order of time (optim/density/order.hpp), so most of a long video's are passed over in this way.
 typedef struct Lookout {
   LaneFloats x, y, z;      // their place
   LaneFloats dt;           // time since their own moment
   LaneFloats log_life, log_longest, logit;
 } Lookout;
-static inline Lookout lookout_nobody(void) {
-  Lookout o;
-  o.x.all = o.y.all = o.z.all = o.dt.all = TO_LANE(0.f);
-  o.log_life.all = o.log_longest.all = o.logit.all = TO_LANE(0.f);
-  return o;
+
+// Those that are in their window of so many sigmas, or nearly. NaN passes.
+static inline lane_int lookout_lives(lane dt, lane log_life, float sigmas) {
+  return !(fabs(dt) > TO_LANE(1.001f * sigmas) * lookout_exp(log_life));
+}
+
+// The same of LANES rows; the others have nothing yet but their time.
+static inline lane_int lookout_time(Lookout* o, uint first, uint n, float t, float sigmas,
+                                    global const float* means_t, global const float* log_scales) {
+  o->dt.all = t - lookout_column(means_t, first, n, 1, 0);
+  o->log_life.all = lookout_column(log_scales, first, n, 4, 3);
+  return lookout_lives(o->dt.all, o->log_life.all, sigmas);
+}
+
+// Before lookout_put: lanes that no row fills are something, too.
+static inline void lookout_clear(Lookout* o) {
+  o->x.all = o->y.all = o->z.all = TO_LANE(0.f);
+  o->log_longest.all = o->logit.all = TO_LANE(0.f);
 }
 static inline void lookout_put(Lookout* o, uint r, float3 mean, float4 log_scales, float logit) {
   const float xy = log_scales.x > log_scales.y ? log_scales.x : log_scales.y;
@@ -86,22 +124,6 @@ static inline void lookout_put(Lookout* o, uint r, float3 mean, float4 log_scale
   o->z.row[r] = mean.z;
   o->log_longest.row[r] = xy > log_scales.z ? xy : log_scales.z;
   o->logit.row[r] = logit;
-}
-
-// Those that are in their window of so many sigmas, or nearly. NaN passes.
-static inline lane_int lookout_lives(lane dt, lane log_life, float sigmas) {
-  return !(fabs(dt) > TO_LANE(1.001f * sigmas) * lookout_exp(log_life));
-}
-
-// The same of Gaussians first .. first + count - 1; lanes beyond are nobody.
-static inline lane_int lookout_time(Lookout* o, uint first, uint count, float t, float sigmas,
-                                    global const float* means_t, global const float* log_scales) {
-  for (uint r = 0; r < count; ++r) {
-    o->dt.row[r] = t - means_t[first + r];
-    o->log_life.row[r] = log_scales[4 * (first + r) + 3];
-  }
-  for (uint r = count; r < LANES; ++r) o->dt.row[r] = INFINITY;
-  return lookout_lives(o->dt.all, o->log_life.all, sigmas);
 }
 
 // Those of them that may be seen.

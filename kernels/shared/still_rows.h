@@ -4,6 +4,7 @@
 #define GFLOW_STILL_ROWS_H
 #include "shared/arrays.h"
 #include "shared/shifted.h"
+#include "shared/view_rows.h"
 
 #define STILL_IN                                                                   \
   global const float* restrict means, global const float* restrict means_t,        \
@@ -27,32 +28,26 @@ static inline Still load_still(uint i, STILL_IN) {
   return g;
 }
 
-// Whether the Gaussian is drawn at time t; sets its opacity to 0 where it is not.
-static inline int still_is_drawn(uint i, float t, float sigmas,
-                                 global const float* restrict means_t,
-                                 global const float* restrict log_scales,
-                                 global float* restrict opacities_at) {
-  if (life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) return 1;
-  opacities_at[i] = 0.f;
-  return 0;
-}
-
-// Whether it counts at time t: drawn first, or seen then.
-static inline int still_in_window(uint i, float t, float sigmas, int first,
+// Whether row i, entry k of the view, counts at time t: in its window first, seen then. Sets the
+// opacity to 0 where it is not.
+static inline int still_in_window(uint i, uint k, float t, float sigmas, int first,
                                   global const uint* restrict tiles_touched,
                                   global const float* restrict means_t,
                                   global const float* restrict log_scales,
                                   global float* restrict opacities_at) {
-  if (!first) return tiles_touched[i] != 0;
-  return still_is_drawn(i, t, sigmas, means_t, log_scales, opacities_at);
+  if (!first) return tiles_touched[k] != 0;
+  if (life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) return 1;
+  opacities_at[k] = 0.f;
+  return 0;
 }
 
-static inline void store_shifted(uint i, Shifted o, global float* restrict means_at,
+// As entry k of the view.
+static inline void store_shifted(uint k, Shifted o, global float* restrict means_at,
                                  global float* restrict factors_at,
                                  global float* restrict opacities_at) {
-  opacities_at[i] = o.life.opacity;
-  store3(means_at, i, o.mean);
-  store_mat3(factors_at, i, o.factor);
+  opacities_at[k] = o.life.opacity;
+  store3(means_at, k, o.mean);
+  store_mat3(factors_at, k, o.factor);
 }
 
 // Sets the gradients (fresh) or adds to them.

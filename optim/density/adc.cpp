@@ -38,11 +38,12 @@ void AdcDensity::load_state(Queue& queue, const Arrays& arrays, const std::strin
   views_.write(queue, views);
 }
 
-void AdcDensity::see(Queue& queue, const DensityView& view) {
-  const size_t count = view.tiles_touched.size();
-  if (count != pull_.size()) forget(queue, count);
-  adc_accumulate_(queue, Range::over(count), cl_uint(count), 0.5f * float(view.width),
-                  0.5f * float(view.height), view.tiles_touched, view.v_means2d, pull_, views_);
+void AdcDensity::see(Queue& queue, const Parameters& p, const DensityView& view) {
+  if (p.count != pull_.size()) forget(queue, p.count);
+  const size_t n = view.rows.count_of(p);
+  adc_accumulate_(queue, Range::over(n), cl_uint(n), 0.5f * float(view.width),
+                  0.5f * float(view.height), view.rows.buffer(), view.tiles_touched, view.v_means2d,
+                  pull_, views_);
 }
 
 void AdcDensity::reorder(Queue& queue, const Buffer<cl_uint>& source) {

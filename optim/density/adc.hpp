@@ -13,7 +13,7 @@ class AdcDensity : public Density {
  public:
   explicit AdcDensity(Queue& queue);
 
-  void see(Queue& queue, const DensityView& view) override;
+  void see(Queue& queue, const Parameters& parameters, const DensityView& view) override;
   // Lowers all opacities to twice the least when a reset is due.
   void after_step(Queue& queue, Parameters& parameters, const GaussiansAt& drawn,
                   const DensityRule& rule, const DensityStep& step) override;
@@ -30,7 +30,7 @@ class AdcDensity : public Density {
   void forget(Queue& queue, size_t count);
 
   Program program_;
-  Kernel<cl_uint, cl_float, cl_float, In<cl_uint>, In<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_float, cl_float, In<cl_uint>, In<cl_uint>, In<float>, Out<float>, Out<float>>
       adc_accumulate_;
   Kernel<cl_uint, cl_float, cl_float, cl_float, cl_float, cl_float, In<float>, In<float>, In<float>,
          In<float>, In<float>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>

@@ -39,9 +39,10 @@ inline float logit(float p) { return std::log(p / (1 - p)); }
 
 // What one view says.
 struct DensityView {
-  int width, height;  // of the whole picture
-  const Buffer<cl_uint>& tiles_touched;
-  const Buffer<float>& v_means2d;  // [N, 2] [1/px]
+  int width, height;                     // of the whole picture
+  RowList rows;                          // whose entries these are
+  const Buffer<cl_uint>& tiles_touched;  // [n]
+  const Buffer<float>& v_means2d;        // [n, 2] [1/px]
 };
 
 // The training step just made.
@@ -57,7 +58,7 @@ class Density {
   virtual ~Density() = default;
 
   // After the gradients of a view.
-  virtual void see(Queue&, const DensityView&) {}
+  virtual void see(Queue&, const Parameters&, const DensityView&) {}
   // Adds what the strategy wants of the parameters to their gradients; before Adam.
   virtual void add_gradients(Queue&, Parameters&, const DensityRule&) {}
   // Whether after_step() needs those of `drawn` that are outside the picture.

@@ -19,15 +19,16 @@ void Rest::start_pulls(Queue& queue, const Parameters& p) {
   pulls_known_ = true;
 }
 
-void Rest::see(Queue& queue, const Parameters& p, const Buffer<cl_uint>& tiles_touched, float t,
-               const Buffer<float>& v_means, const float* t2, const Buffer<float>& v_means_t2,
-               bool stood_still) {
+void Rest::see(Queue& queue, const Parameters& p, const ViewRows& rows,
+               const Buffer<cl_uint>& tiles_touched, float t, const Buffer<float>& v_means,
+               const float* t2, const Buffer<float>& v_means_t2, bool stood_still) {
   const size_t resting = p.count - p.moving;
   if (resting == 0) return;
   start_pulls(queue, p);
-  rest_pull_(queue, Range::over(resting), cl_uint(p.count), cl_uint(p.moving), t, t2 ? *t2 : t,
-             t2 ? 1 + int(stood_still) : 0, tiles_touched, p["means_t"].values, v_means,
-             t2 ? v_means_t2 : v_means, pulls_);
+  rest_pull_(queue, Range::over(rows.count() - rows.moving()), cl_uint(rows.count()),
+             cl_uint(rows.moving()), cl_uint(p.moving), t, t2 ? *t2 : t,
+             t2 ? 1 + int(stood_still) : 0, rows.list().buffer(), tiles_touched,
+             p["means_t"].values, v_means, t2 ? v_means_t2 : v_means, pulls_);
 }
 
 const Buffer<cl_uint>& Rest::refine(Queue& queue, Parameters& p, Motion& motion,

@@ -26,9 +26,9 @@ class Rest {
 
   // After a view: its gradients by the means at its time, and with flow at its second time, both in
   // the model's time. `stood_still`: those at rest did so in this view (View::moving).
-  void see(Queue& queue, const Parameters& parameters, const Buffer<cl_uint>& tiles_touched,
-           float t, const Buffer<float>& v_means, const float* t2, const Buffer<float>& v_means_t2,
-           bool stood_still);
+  void see(Queue& queue, const Parameters& parameters, const ViewRows& rows,
+           const Buffer<cl_uint>& tiles_touched, float t, const Buffer<float>& v_means,
+           const float* t2, const Buffer<float>& v_means_t2, bool stood_still);
 
   // A round; forgets what was seen. Those that rest change by at most .74 rule.most of their
   // opacity at each of the moments. Returns for each new row the row it was. Those woken start with
@@ -53,8 +53,8 @@ class Rest {
   Kernel<cl_uint, In<float>, In<float>, In<float>, Out<float>, Out<float>> rest_pose_;
   Kernel<cl_uint, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>>
       rest_travel_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
-         Out<float>>
+  Kernel<cl_uint, cl_uint, cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<cl_uint>, In<float>,
+         In<float>, In<float>, Out<float>>
       rest_pull_;
   Kernel<cl_uint, cl_uint, cl_float, cl_uint, cl_float, In<float>, In<cl_uint>, In<cl_uint>,
          In<float>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>

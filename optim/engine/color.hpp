@@ -3,7 +3,7 @@
 // for the highest degree d.
 #pragma once
 #include "optim/engine/gaussians.hpp"
-#include "optim/motion/parameters.hpp"
+#include "optim/motion/view_rows.hpp"
 
 namespace gflow {
 
@@ -31,13 +31,16 @@ class Color {
   // Those up to `degree`; with `skip` (settings.hpp) no others are walked through.
   Bands bands(int degree, bool skip) const { return {degree, skip ? degree : highest_}; }
 
-  // colors [N, 3] of what is seen; the others are undefined.
+  // colors [n, 3] of what is seen; the others are undefined. The Gaussians, and all else of the
+  // view, have an entry for each of `rows`.
   void forward(Queue& queue, const Parameters& p, Bands bands, const PinholeCamera& camera,
                const GaussiansAt& gaussians, const Buffer<cl_uint>& tiles_touched,
-               Buffer<float>& colors) {
-    colors.ensure(queue, 3 * p.count);
-    sh_fwd_(queue, Range::over(p.count), cl_uint(p.count), bands.degree, bands.walked, stride(),
-            camera, gaussians.means, tiles_touched, p["sh0"].values, p["sh_rest"].values, colors);
+               Buffer<float>& colors, const RowList& rows = {}) {
+    const size_t n = rows.count_of(p);
+    colors.ensure(queue, 3 * n);
+    sh_fwd_(queue, Range::over(n), cl_uint(n), bands.degree, bands.walked, stride(), camera,
+            rows.buffer(), gaussians.means, tiles_touched, p["sh0"].values, p["sh_rest"].values,
+            colors);
   }
 
   // From v.v_colors to the groups' gradients, those of sh_rest only where bands of it are walked
@@ -45,9 +48,10 @@ class Color {
   // Motion::backward, which marks rows as seen.
   void backward(Queue& queue, Parameters& p, Bands bands, const PinholeCamera& camera,
                 const GaussiansAt& gaussians, const Buffer<cl_uint>& tiles_touched,
-                GaussianGradients& v) {
-    sh_bwd_(queue, Range::over(p.count), cl_uint(p.count), bands.degree, bands.walked, stride(),
-            camera, gaussians.means, p["sh0"].values, p["sh_rest"].values, tiles_touched,
+                GaussianGradients& v, const RowList& rows = {}) {
+    const size_t n = rows.count_of(p);
+    sh_bwd_(queue, Range::over(n), cl_uint(n), bands.degree, bands.walked, stride(), camera,
+            rows.buffer(), gaussians.means, p["sh0"].values, p["sh_rest"].values, tiles_touched,
             p.rows.seen, v.v_colors, p["sh0"].grads, p["sh_rest"].grads, v.v_means);
   }
 
@@ -56,11 +60,11 @@ class Color {
 
   int highest_;
   Program program_;
-  Kernel<cl_uint, cl_int, cl_int, cl_int, PinholeCamera, In<float>, In<cl_uint>, In<float>,
-         In<float>, Out<float>>
+  Kernel<cl_uint, cl_int, cl_int, cl_int, PinholeCamera, In<cl_uint>, In<float>, In<cl_uint>,
+         In<float>, In<float>, Out<float>>
       sh_fwd_;
-  Kernel<cl_uint, cl_int, cl_int, cl_int, PinholeCamera, In<float>, In<float>, In<float>,
-         In<cl_uint>, In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_int, cl_int, cl_int, PinholeCamera, In<cl_uint>, In<float>, In<float>,
+         In<float>, In<cl_uint>, In<cl_uint>, In<float>, Out<float>, Out<float>, Out<float>>
       sh_bwd_;
 };
 

@@ -68,7 +68,7 @@ BasesMotion::BasesMotion(Queue& queue, const MotionShape& shape)
       program_(queue, "bases.cl"),
       bases_pose_(program_, "bases_pose"),
       bases_fwd_(program_, "bases_fwd"),
-      bases_seen_fwd_(program_, "bases_seen_fwd"),
+      bases_look_(program_, "bases_look"),
       bases_bwd_(program_, "bases_bwd"),
       bases_gather_(program_, "bases_gather"),
       still_rows_(queue) {
@@ -92,42 +92,40 @@ KeyWeights BasesMotion::pose(Queue& queue, const Parameters& p, float t) {
 }
 
 void BasesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
-                     GaussiansAt& gaussians, size_t rows) {
-  const size_t n = std::min(rows, p.count);
-  gaussians.ensure(queue, p.count);
+                     GaussiansAt& gaussians, const RowList& rows) {
+  const size_t n = rows.count_of(p);
+  gaussians.ensure(queue, n);
   pose(queue, p, t);
   bases_fwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), shape_.bases, t,
-             window_sigmas(shape_.cutoff), int(!seen), seen ? *seen : p.rows.seen,
+             window_sigmas(shape_.cutoff), int(!seen), rows.buffer(), seen ? *seen : p.rows.seen,
              p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
              p["logit_opacities"].values, p["basis_logits"].values, poses_, p["pivots"].values,
              gaussians.means, gaussians.factors, gaussians.opacities);
 }
 
-void BasesMotion::seen_at(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
-                          GaussiansAt& gaussians) {
-  gaussians.ensure(queue, p.count);
+bool BasesMotion::look(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
+                       ViewRows& rows) {
+  rows.ensure_marks(queue, p);
   pose(queue, p, t);
-  const size_t lanes = size_t(queue.lanes);
-  bases_seen_fwd_(queue, Range::over((p.count + lanes - 1) / lanes), cl_uint(p.count),
-                  cl_uint(p.moving), shape_.bases, t, window_sigmas(shape_.cutoff), camera,
-                  p["means"].values, p["means_t"].values, p["quats"].values,
-                  p["log_scales"].values, p["logit_opacities"].values, p["basis_logits"].values,
-                  poses_, p["pivots"].values, gaussians.means, gaussians.factors,
-                  gaussians.opacities);
+  bases_look_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), shape_.bases,
+              t, window_sigmas(shape_.cutoff), camera, p["means"].values, p["means_t"].values,
+              p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
+              p["basis_logits"].values, poses_, p["pivots"].values, rows.marks, rows.counts);
+  return true;
 }
 
 void BasesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                            const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                            const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
-                           size_t rows) {
-  const size_t n = std::min(rows, p.count);
+                           const RowList& rows) {
+  const size_t n = rows.count_of(p);
   const KeyWeights keys = pose(queue, p, t);
   const Chunks chunks = chunks_of_sums(n, 64, queue.lanes == 1 ? 1024 : 64);
   partials_.ensure(queue, chunks.count * kPose * size_t(shape_.bases));
   partials_.fill(queue, 0.f);  // the last chunks may be empty
   bases_bwd_(queue, Range::over(chunks.count, chunk_group(queue) == 1 ? 1 : 64), cl_uint(n),
-             cl_uint(p.moving), chunks.length, shape_.bases, t, int(first), p["means"].values,
-             p["means_t"].values, p["quats"].values, p["log_scales"].values,
+             cl_uint(p.moving), chunks.length, shape_.bases, t, int(first), rows.buffer(),
+             p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
              p["logit_opacities"].values, p["basis_logits"].values, poses_, p["pivots"].values,
              tiles_touched, v_means, v_factors, v_opacities, p.rows.seen, p["means"].grads,
              p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,

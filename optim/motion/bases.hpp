@@ -25,13 +25,13 @@ class BasesMotion : public Motion {
   std::vector<GroupSpec> groups() const override { return bases_groups(shape_.bases); }
   std::vector<TableSpec> tables() const override { return bases_tables(shape_.keys, shape_.bases); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
-          GaussiansAt& gaussians, size_t rows = Parameters::all) override;
-  void seen_at(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
-               GaussiansAt& gaussians) override;
+          GaussiansAt& gaussians, const RowList& rows = {}) override;
+  bool look(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
+            ViewRows& rows) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
-                size_t rows = Parameters::all) override;
+                const RowList& rows = {}) override;
   void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;
@@ -43,18 +43,18 @@ class BasesMotion : public Motion {
   MotionShape shape_;
   Program program_;
   Kernel<cl_int, KeyWeights, In<float>, In<float>, Out<float>> bases_pose_;
-  Kernel<cl_uint, cl_uint, cl_int, cl_float, cl_float, cl_int, In<cl_uint>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
-         Out<float>>
+  Kernel<cl_uint, cl_uint, cl_int, cl_float, cl_float, cl_int, In<cl_uint>, In<cl_uint>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>,
+         Out<float>, Out<float>>
       bases_fwd_;
   Kernel<cl_uint, cl_uint, cl_int, cl_float, cl_float, PinholeCamera, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
-         Out<float>>
-      bases_seen_fwd_;
-  Kernel<cl_uint, cl_uint, cl_uint, cl_int, cl_float, cl_int, In<float>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>,
-         In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
-         Out<float>, Out<float>>
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<cl_uint>,
+         Out<cl_uint>>
+      bases_look_;
+  Kernel<cl_uint, cl_uint, cl_uint, cl_int, cl_float, cl_int, In<cl_uint>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>,
+         In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>,
+         Out<float>, Out<float>, Out<float>>
       bases_bwd_;
   Kernel<cl_uint, cl_int, KeyWeights, In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>>
       bases_gather_;

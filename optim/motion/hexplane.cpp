@@ -152,7 +152,7 @@ HexplaneMotion::TimePlace HexplaneMotion::cut(Queue& queue, const Parameters& p,
 }
 
 void HexplaneMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
-                        GaussiansAt& gaussians, size_t) {
+                        GaussiansAt& gaussians, const RowList&) {
   gaussians.ensure(queue, p.count);
   cut(queue, p, t);
   const size_t per_item = lanes_ == 1 ? 1 : 256;
@@ -167,7 +167,7 @@ void HexplaneMotion::at(Queue& queue, const Parameters& p, float t, const Buffer
 void HexplaneMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                               const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                               const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
-                              size_t) {
+                              const RowList&) {
   const size_t n = p.count, features = size_t(shape_.levels * shape_.channels);
   const bool gpu = lanes_ == 1;
   const TimePlace place = cut(queue, p, t);

@@ -35,11 +35,11 @@ class HexplaneMotion : public Motion {
   std::vector<GroupSpec> groups() const override { return still_groups(); }
   std::vector<TableSpec> tables() const override { return hexplane_tables(shape_); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
-          GaussiansAt& gaussians, size_t rows = Parameters::all) override;
+          GaussiansAt& gaussians, const RowList& rows = {}) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
-                size_t rows = Parameters::all) override;
+                const RowList& rows = {}) override;
   void regularize(Queue& queue, Parameters& parameters, const PlaneRule& rule) override;
   void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,

@@ -19,7 +19,7 @@ KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
       scales_(shape.key_scales ? "key_scales" : "key_shifts"),
       program_(queue, "keyframes.cl", {{"SCALES", shape.key_scales}}),
       keyframes_fwd_(program_, "keyframes_fwd"),
-      keyframes_seen_fwd_(program_, "keyframes_seen_fwd"),
+      keyframes_look_(program_, "keyframes_look"),
       keyframes_bwd_(program_, "keyframes_bwd"),
       keyframes_start_(program_, "keyframes_start"),
       still_rows_(queue) {
@@ -27,43 +27,44 @@ KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
 }
 
 void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
-                         GaussiansAt& gaussians, size_t rows) {
-  const size_t n = std::min(rows, p.count);
-  gaussians.ensure(queue, p.count);
+                         GaussiansAt& gaussians, const RowList& rows) {
+  const size_t n = rows.count_of(p);
+  gaussians.ensure(queue, n);
   keyframes_fwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t,
                  window_sigmas(shape_.cutoff), int(!seen),
-                 key_weights(t, shape_.duration, shape_.keys), seen ? *seen : p.rows.seen,
-                 p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
-                 p["logit_opacities"].values, p["key_shifts"].values, p["key_turns"].values,
-                 p[scales_].values, gaussians.means, gaussians.factors, gaussians.opacities);
+                 key_weights(t, shape_.duration, shape_.keys), rows.buffer(),
+                 seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+                 p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
+                 p["key_shifts"].values, p["key_turns"].values, p[scales_].values, gaussians.means,
+                 gaussians.factors, gaussians.opacities);
 }
 
-void KeyframesMotion::seen_at(Queue& queue, const Parameters& p, float t,
-                              const PinholeCamera& camera, GaussiansAt& gaussians) {
-  gaussians.ensure(queue, p.count);
-  const size_t lanes = size_t(queue.lanes);
-  keyframes_seen_fwd_(queue, Range::over((p.count + lanes - 1) / lanes), cl_uint(p.count),
-                      cl_uint(p.moving), t, window_sigmas(shape_.cutoff), camera,
-                      key_weights(t, shape_.duration, shape_.keys), p["means"].values,
-                      p["means_t"].values, p["quats"].values, p["log_scales"].values,
-                      p["logit_opacities"].values, p["key_shifts"].values, p["key_turns"].values,
-                      p[scales_].values, gaussians.means, gaussians.factors, gaussians.opacities);
+bool KeyframesMotion::look(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
+                           ViewRows& rows) {
+  rows.ensure_marks(queue, p);
+  keyframes_look_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), t,
+                  window_sigmas(shape_.cutoff), camera,
+                  key_weights(t, shape_.duration, shape_.keys), p["means"].values,
+                  p["means_t"].values, p["quats"].values, p["log_scales"].values,
+                  p["logit_opacities"].values, p["key_shifts"].values, p["key_turns"].values,
+                  p[scales_].values, rows.marks, rows.counts);
+  return true;
 }
 
 void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                                const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                                const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
-                               size_t rows) {
-  const size_t n = std::min(rows, p.count);
+                               const RowList& rows) {
+  const size_t n = rows.count_of(p);
   const KeyWeights keys = key_weights(t, shape_.duration, shape_.keys);
   Table& table = p.more[0];
   keyframes_bwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, int(first), keys,
-                 p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
-                 p["logit_opacities"].values, p["key_shifts"].values, p["key_turns"].values,
-                 p[scales_].values, tiles_touched, v_means, v_factors, v_opacities, p.rows.seen,
-                 p["means"].grads, p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
-                 p["logit_opacities"].grads, table.rows.seen, p["key_shifts"].grads,
-                 p["key_turns"].grads, p[scales_].grads);
+                 rows.buffer(), p["means"].values, p["means_t"].values, p["quats"].values,
+                 p["log_scales"].values, p["logit_opacities"].values, p["key_shifts"].values,
+                 p["key_turns"].values, p[scales_].values, tiles_touched, v_means, v_factors,
+                 v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads,
+                 p["log_scales"].grads, p["logit_opacities"].grads, table.rows.seen,
+                 p["key_shifts"].grads, p["key_turns"].grads, p[scales_].grads);
   const RowRange touched{size_t(keys.first) * p.moving, size_t(keys.count) * p.moving};
   table.active = table.active.joined(touched);
 }

@@ -21,13 +21,13 @@ class KeyframesMotion : public Motion {
   std::vector<GroupSpec> groups() const override { return still_groups(); }
   std::vector<TableSpec> tables() const override { return keyframes_tables(shape_); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
-          GaussiansAt& gaussians, size_t rows = Parameters::all) override;
-  void seen_at(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
-               GaussiansAt& gaussians) override;
+          GaussiansAt& gaussians, const RowList& rows = {}) override;
+  bool look(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
+            ViewRows& rows) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
-                size_t rows = Parameters::all) override;
+                const RowList& rows = {}) override;
   void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void start_key(Queue& queue, Parameters& parameters, int key) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
@@ -37,18 +37,18 @@ class KeyframesMotion : public Motion {
   MotionShape shape_;
   std::string scales_;  // the group that kernels take as key_scales: another where there is none
   Program program_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, KeyWeights, In<cl_uint>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>,
-         Out<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, KeyWeights, In<cl_uint>, In<cl_uint>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
+         Out<float>, Out<float>, Out<float>>
       keyframes_fwd_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, PinholeCamera, KeyWeights, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
-         Out<float>>
-      keyframes_seen_fwd_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_int, KeyWeights, In<float>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>,
-         Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<cl_uint>,
-         Out<float>, Out<float>, Out<float>>
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<cl_uint>,
+         Out<cl_uint>>
+      keyframes_look_;
+  Kernel<cl_uint, cl_uint, cl_float, cl_int, KeyWeights, In<cl_uint>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>,
+         In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>,
+         Out<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>>
       keyframes_bwd_;
   Kernel<cl_uint, cl_uint, cl_uint, Out<float>> keyframes_start_;
   StillRows still_rows_;

@@ -6,7 +6,7 @@
 
 #include "optim/engine/gaussians.hpp"
 #include "optim/motion/hexplane_shape.hpp"
-#include "optim/motion/parameters.hpp"
+#include "optim/motion/view_rows.hpp"
 
 namespace gflow {
 
@@ -40,30 +40,28 @@ class Motion {
   virtual std::vector<GroupSpec> groups() const = 0;
   virtual std::vector<TableSpec> tables() const { return {}; }
 
-  // Gaussians at time t. With seen = nullptr (the time that is drawn) those outside their time
-  // window have opacity 0 and else undefined rows. Otherwise t is the second time of a flow: rows
-  // with (*seen)[i] > 0 are set, in their window or not, but for their opacities, which nobody
-  // needs then; the others are undefined; of the first `rows` only (View::moving; models whose
-  // Gaussians cannot rest need not look).
+  // Gaussians at time t, an entry for each of `rows`. With seen = nullptr (the time that is drawn)
+  // those outside their time window have opacity 0 and are else undefined. Otherwise t is the
+  // second time of a flow: entries with (*seen)[k] > 0 are set, in their window or not, but for
+  // their opacities, which nobody needs then; the others are undefined.
   virtual void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
-                  GaussiansAt& gaussians, size_t rows = Parameters::all) = 0;
+                  GaussiansAt& gaussians, const RowList& rows = {}) = 0;
 
-  // Gaussians at the time that is drawn, for one camera: those that it cannot see may have opacity
-  // 0, too, and undefined rows.
-  virtual void seen_at(Queue& queue, const Parameters& parameters, float t, const PinholeCamera&,
-                       GaussiansAt& gaussians) {
-    at(queue, parameters, t, nullptr, gaussians);
+  // Marks in `rows` whom a camera may see at the time that is drawn: all that it draws, and little
+  // else. false: this model does not look, and is only given lists of all rows.
+  virtual bool look(Queue&, const Parameters&, float /*t*/, const PinholeCamera&, ViewRows&) {
+    return false;
   }
 
   // Gradients of the last loss by the parameters, from those by the Gaussians at time t, for the
-  // rows with tiles_touched > 0. `first`: t is the time drawn; marks the rows as seen in this
-  // training step and starts their gradients. Otherwise t is the second time: adds. Rows of other
-  // tables start when they are first seen in a step, and their range joins the table's `active`.
-  // `rows` as in at().
+  // entries of `rows` with tiles_touched > 0. `first`: t is the time drawn; marks the rows as seen
+  // in this training step and starts their gradients. Otherwise t is the second time: adds. Rows of
+  // other tables start when they are first seen in a step, and their range joins the table's
+  // `active`.
   virtual void backward(Queue& queue, Parameters& parameters, float t, bool first,
                         const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                         const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
-                        size_t rows = Parameters::all) = 0;
+                        const RowList& rows = {}) = 0;
 
   // After all backward() of a training step: adds the gradients of what keeps the model simple.
   virtual void regularize(Queue&, Parameters&, const PlaneRule&) {}

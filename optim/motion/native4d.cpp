@@ -9,7 +9,7 @@ Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
     : cutoff_(cutoff),
       program_(queue, "native4d.cl"),
       native4d_fwd_(program_, "native4d_fwd"),
-      native4d_seen_fwd_(program_, "native4d_seen_fwd"),
+      native4d_look_(program_, "native4d_look"),
       native4d_bwd_(program_, "native4d_bwd"),
       native4d_split_(program_, "native4d_split"),
       native4d_pace_(program_, "native4d_pace") {}
@@ -24,33 +24,32 @@ std::vector<GroupSpec> native4d_groups() {
 }
 
 void Native4dMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
-                        GaussiansAt& gaussians, size_t rows) {
-  const size_t n = std::min(rows, p.count);
-  gaussians.ensure(queue, p.count);
+                        GaussiansAt& gaussians, const RowList& rows) {
+  const size_t n = rows.count_of(p);
+  gaussians.ensure(queue, n);
   native4d_fwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, cutoff_, int(!seen),
-                seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+                rows.buffer(), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                 p["quats"].values, p["quats_r"].values, p["log_scales"].values,
                 p["logit_opacities"].values, gaussians.means, gaussians.factors,
                 gaussians.opacities);
 }
 
-void Native4dMotion::seen_at(Queue& queue, const Parameters& p, float t,
-                             const PinholeCamera& camera, GaussiansAt& gaussians) {
-  gaussians.ensure(queue, p.count);
-  const size_t lanes = size_t(queue.lanes);
-  native4d_seen_fwd_(queue, Range::over((p.count + lanes - 1) / lanes), cl_uint(p.count),
-                     cl_uint(p.moving), t, cutoff_, camera, p["means"].values, p["means_t"].values,
-                     p["quats"].values, p["quats_r"].values, p["log_scales"].values,
-                     p["logit_opacities"].values, gaussians.means, gaussians.factors,
-                     gaussians.opacities);
+bool Native4dMotion::look(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
+                          ViewRows& rows) {
+  rows.ensure_marks(queue, p);
+  native4d_look_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), t, cutoff_,
+                 camera, p["means"].values, p["means_t"].values, p["quats"].values,
+                 p["quats_r"].values, p["log_scales"].values, p["logit_opacities"].values,
+                 rows.marks, rows.counts);
+  return true;
 }
 
 void Native4dMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                               const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                               const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
-                              size_t rows) {
-  const size_t n = std::min(rows, p.count);
-  native4d_bwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, int(first),
+                              const RowList& rows) {
+  const size_t n = rows.count_of(p);
+  native4d_bwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, int(first), rows.buffer(),
                 p["means"].values, p["means_t"].values, p["quats"].values, p["quats_r"].values,
                 p["log_scales"].values, p["logit_opacities"].values, tiles_touched, v_means,
                 v_factors, v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads,

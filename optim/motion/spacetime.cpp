@@ -9,7 +9,7 @@ SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
     : sigmas_(window_sigmas(cutoff)),
       program_(queue, "spacetime.cl"),
       spacetime_fwd_(program_, "spacetime_fwd"),
-      spacetime_seen_fwd_(program_, "spacetime_seen_fwd"),
+      spacetime_look_(program_, "spacetime_look"),
       spacetime_bwd_(program_, "spacetime_bwd"),
       spacetime_split_(program_, "spacetime_split"),
       spacetime_pace_(program_, "spacetime_pace") {}
@@ -26,33 +26,32 @@ std::vector<GroupSpec> spacetime_groups() {
 }
 
 void SpacetimeMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
-                         GaussiansAt& gaussians, size_t rows) {
-  const size_t n = std::min(rows, p.count);
-  gaussians.ensure(queue, p.count);
+                         GaussiansAt& gaussians, const RowList& rows) {
+  const size_t n = rows.count_of(p);
+  gaussians.ensure(queue, n);
   spacetime_fwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, sigmas_, int(!seen),
-                 seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+                 rows.buffer(), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                  p["velocities"].values, p["half_accelerations"].values, p["quats"].values,
                  p["turns"].values, p["log_scales"].values, p["logit_opacities"].values,
                  gaussians.means, gaussians.factors, gaussians.opacities);
 }
 
-void SpacetimeMotion::seen_at(Queue& queue, const Parameters& p, float t,
-                              const PinholeCamera& camera, GaussiansAt& gaussians) {
-  gaussians.ensure(queue, p.count);
-  const size_t lanes = size_t(queue.lanes);
-  spacetime_seen_fwd_(queue, Range::over((p.count + lanes - 1) / lanes), cl_uint(p.count),
-                      cl_uint(p.moving), t, sigmas_, camera, p["means"].values, p["means_t"].values,
-                      p["velocities"].values, p["half_accelerations"].values, p["quats"].values,
-                      p["turns"].values, p["log_scales"].values, p["logit_opacities"].values,
-                      gaussians.means, gaussians.factors, gaussians.opacities);
+bool SpacetimeMotion::look(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
+                           ViewRows& rows) {
+  rows.ensure_marks(queue, p);
+  spacetime_look_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), t,
+                  sigmas_, camera, p["means"].values, p["means_t"].values, p["velocities"].values,
+                  p["half_accelerations"].values, p["quats"].values, p["turns"].values,
+                  p["log_scales"].values, p["logit_opacities"].values, rows.marks, rows.counts);
+  return true;
 }
 
 void SpacetimeMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                                const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                                const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
-                               size_t rows) {
-  const size_t n = std::min(rows, p.count);
-  spacetime_bwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, int(first),
+                               const RowList& rows) {
+  const size_t n = rows.count_of(p);
+  spacetime_bwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, int(first), rows.buffer(),
                  p["means"].values, p["means_t"].values, p["velocities"].values,
                  p["half_accelerations"].values, p["quats"].values, p["turns"].values,
                  p["log_scales"].values, p["logit_opacities"].values, tiles_touched, v_means,

@@ -21,13 +21,13 @@ class SpacetimeMotion : public Motion {
   SpacetimeMotion(Queue& queue, float cutoff);
   std::vector<GroupSpec> groups() const override { return spacetime_groups(); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
-          GaussiansAt& gaussians, size_t rows = Parameters::all) override;
-  void seen_at(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
-               GaussiansAt& gaussians) override;
+          GaussiansAt& gaussians, const RowList& rows = {}) override;
+  bool look(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
+            ViewRows& rows) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
-                size_t rows = Parameters::all) override;
+                const RowList& rows = {}) override;
   void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;
@@ -35,16 +35,17 @@ class SpacetimeMotion : public Motion {
  private:
   float sigmas_;
   Program program_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<cl_uint>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>,
+         Out<float>, Out<float>>
       spacetime_fwd_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, PinholeCamera, In<float>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
-      spacetime_seen_fwd_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_int, In<float>, In<float>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>,
-         Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
-         Out<float>, Out<float>>
+         In<float>, In<float>, In<float>, In<float>, In<float>, Out<cl_uint>, Out<cl_uint>>
+      spacetime_look_;
+  Kernel<cl_uint, cl_uint, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>,
+         In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
+         Out<float>, Out<float>, Out<float>>
       spacetime_bwd_;
   Kernel<cl_uint, cl_uint, cl_uint, cl_float, cl_float, cl_float, cl_float, In<cl_uint>, Out<float>,
          Out<float>, Out<float>, In<float>, Out<float>, In<float>, Out<float>, Out<float>>

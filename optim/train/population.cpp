@@ -58,12 +58,14 @@ void Population::see(Queue& queue, const Renderer& renderer, const Shot& shot, i
                      int height) {
   const Buffer<cl_uint>& tiles_touched = renderer.engine().splats().tiles_touched;
   if (density_)
-    density_->see(queue, {width, height, tiles_touched, renderer.gradients().v_means2d});
+    density_->see(
+        queue, model_.parameters,
+        {width, height, renderer.rows().list(), tiles_touched, renderer.gradients().v_means2d});
   if (!rest_) return;
   const float t2 = model_.time(shot.time_t2);
   const GaussianGradients& g = renderer.gradients();
-  rest_->see(queue, model_.parameters, tiles_touched, model_.time(shot.time), g.v_means,
-             shot.flow ? &t2 : nullptr, g.v_means_t2, renderer.stood_still());
+  rest_->see(queue, model_.parameters, renderer.rows(), tiles_touched, model_.time(shot.time),
+             g.v_means, shot.flow ? &t2 : nullptr, g.v_means_t2, renderer.stood_still());
 }
 
 void Population::add_gradients(Queue& queue) {

@@ -99,7 +99,10 @@ void go_forth(Queue& queue, bool flow, Model& model, Picture& p) {
   const Buffer<cl_uint>& seen = p.splats.tiles_touched;
   Buffer<float> colors;
   if (flow) model.motion->at(queue, model.parameters, 0, &seen, p.gaussians);
-  model.motion->seen_at(queue, model.parameters, 0, p.view.camera, p.gaussians);
+  ViewRows rows(queue);
+  if (model.motion->look(queue, model.parameters, 0, p.view.camera, rows))
+    rows.take_marked(queue, model.parameters);
+  model.motion->at(queue, model.parameters, 0, nullptr, p.gaussians);
   model.color.forward(queue, model.parameters, model.color.bands(0, true), p.view.camera,
                       p.gaussians, seen, colors);
   queue.finish();

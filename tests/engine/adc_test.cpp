@@ -63,7 +63,7 @@ class AdcField {
   }
 
   // A view of 20 x 10 pixels: a gradient of pull / 10 per pixel along x.
-  void see(float factor = 1) {
+  void see(float factor = 1, const RowList& rows = {}) {
     std::vector<uint32_t> tiles;
     std::vector<float> v_means2d;
     for (const Made& m : made_) {
@@ -72,7 +72,7 @@ class AdcField {
     }
     const Buffer<cl_uint> touched(queue, tiles, "tiles");
     const Buffer<float> v(queue, v_means2d, "v_means2d");
-    density.see(queue, {20, 10, touched, v});
+    density.see(queue, parameters, {20, 10, rows, touched, v});
   }
   void refine(uint32_t seed = 1) { density.refine(queue, parameters, motion, rule, seed); }
 
@@ -144,7 +144,7 @@ TEST(Adc, PullsCountByHalfTheImageAlongEachAxis) {
   AdcField field(std::vector<Made>(4));
   const Buffer<cl_uint> touched(field.queue, {1, 1, 1, 1}, "tiles");
   const Buffer<float> v(field.queue, {0.09f, 0, 0.11f, 0, 0, 0.18f, 0, 0.22f}, "v_means2d");
-  field.density.see(field.queue, {20, 10, touched, v});
+  field.density.see(field.queue, field.parameters, {20, 10, {}, touched, v});
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 1, 2, 3, 3}));
 }

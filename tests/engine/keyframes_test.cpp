@@ -167,7 +167,7 @@ TEST(Keyframes, ChildrenKeepTheirParentsPathThroughDensityControl) {
   rule.split.split_scale = 1;
   const Buffer<cl_uint> touched(queue, {1, 1, 1, 1}, "tiles");
   const Buffer<float> v(queue, {0, 0, 9, 0, 0, 0, 9, 0}, "v");
-  density.see(queue, {20, 10, touched, v});
+  density.see(queue, p, {20, 10, {}, touched, v});
   density.refine(queue, p, check.motion(), rule, 1);
   const size_t source[] = {0, 1, 1, 3, 3}, n = 5;  // one more than before
   ASSERT_EQ(p.count, n);

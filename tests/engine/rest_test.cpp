@@ -23,6 +23,12 @@ MotionShape shape_of(MotionModelKind kind) {
   return shape;
 }
 
+ViewRows all_rows_of(Queue& queue, const Parameters& p) {
+  ViewRows rows(queue);
+  rows.take_all(p);
+  return rows;
+}
+
 // Random Gaussians of which two thirds have no motion, in two copies: one in which all move, those
 // at zero speed, and one in which these rest.
 class TwoCopies {
@@ -278,7 +284,7 @@ class RestSpacetime {
     for (size_t i = 0; i < pulls.size(); ++i) v[3 * i] = pulls[i];
     const Buffer<cl_uint> touched(queue, std::vector<cl_uint>(p.count, 1u), "tiles");
     const Buffer<float> v_means(queue, v, "v_means");
-    rest.see(queue, p, touched, t, v_means, nullptr, v_means, false);
+    rest.see(queue, p, all_rows_of(queue, p), touched, t, v_means, nullptr, v_means, false);
   }
 
   Queue queue;
@@ -377,7 +383,8 @@ TEST(Rest, FlowPullsTheSameToldInBothWays) {
     const Buffer<float> v(made.queue, {v_mean, 0, 0}, "v"),
         v_t2(made.queue, {v_mean_t2, 0, 0}, "v");
     const float t2 = 0.7f;
-    made.rest.see(made.queue, made.p, touched, 0.5f, v, &t2, v_t2, stood_still);
+    made.rest.see(made.queue, made.p, all_rows_of(made.queue, made.p), touched, 0.5f, v, &t2, v_t2,
+                  stood_still);
     Arrays arrays;
     made.rest.save_state(made.queue, made.p, arrays);
     return std::get<std::vector<float>>(arrays.at("rest/pulls").values);
@@ -402,9 +409,9 @@ TEST(Rest, EvidenceOfDensityControlGoesWithItsRows) {
   AdcDensity density(made.queue);
   const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
   const Buffer<float> v(made.queue, {1, 0, 2, 0, 3, 0}, "v_means2d");
-  density.see(made.queue, {2, 2, touched, v});
+  density.see(made.queue, made.p, {2, 2, {}, touched, v});
   const Buffer<cl_uint> fewer(made.queue, {0, 1, 1}, "tiles");
-  density.see(made.queue, {2, 2, fewer, v});
+  density.see(made.queue, made.p, {2, 2, {}, fewer, v});
   const auto evidence = [&](const char* name) {
     Arrays arrays;
     density.save_state(made.queue, arrays);
@@ -429,7 +436,7 @@ TEST(Rest, WhatGrowsMoves) {
   rule.split.split_scale = 1;
   const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
   const Buffer<float> v(made.queue, {0, 0, 0, 0, 9, 0}, "v_means2d");
-  density.see(made.queue, {2, 2, touched, v});
+  density.see(made.queue, made.p, {2, 2, {}, touched, v});
   density.refine(made.queue, made.p, *made.motion, rule, 1);
   ASSERT_EQ(made.p.count, 4u);
   EXPECT_EQ(made.p.moving, 3u);

@@ -53,7 +53,7 @@ TEST_F(LeftOutOfTraining, TheSecondTimeOfThoseAtRest) {
     for (int i = 0; i < 20 && !renderer.shot().flow; ++i) training.steps(queue, 1);
     ASSERT_TRUE(renderer.shot().flow);
     EXPECT_EQ(renderer.stood_still(), skip);
-    EXPECT_EQ(renderer.shot().view.moving, skip ? p.moving : all_rows);
+    EXPECT_EQ(renderer.shot().view.moving, skip ? renderer.rows().moving() : all_rows);
   }
 }
 

@@ -83,6 +83,8 @@ class Drawn {
 
   // Whether the culprit truly covers tiles at the right, e.g. with a size of 1e6.
   bool reaches_right() {
+    const std::vector<cl_uint> rows = renderer_.rows().read(queue_);
+    if (rows.empty() || rows[0] != 0) return false;
     const Splats& splats = renderer_.engine().splats();
     return splats.tiles_touched.read_range(queue_, 0, 1)[0] > 0 &&
            splats.tile_boxes.read_range(queue_, 0, 4)[2] >= 4;
