@@ -101,14 +101,12 @@ class GoingOn {
     cost.work.pairs.masked += share * pairs.masked;
     cost.work.pairs.blended += share * pairs.blended;
     cost.work.pairs.back += share * pairs.back;
-    const size_t all = model_.parameters.count;
     const std::vector<float> opacities = renderer.gaussians().opacities.read(queue_);
-    cost.work.posed +=
-        share * double(std::count_if(opacities.begin(), opacities.begin() + long(all),
-                                     [](float opacity) { return opacity > 0; }));
+    cost.work.posed += share * double(std::count_if(opacities.begin(), opacities.end(),
+                                                    [](float opacity) { return opacity > 0; }));
     if (shot.flow || shot.motion_loss) {
       const std::vector<cl_uint> twice = renderer.with_second_time().read(queue_);
-      const size_t moving = std::min(all, shot.view.moving);
+      const size_t moving = std::min(renderer.rows().count(), shot.view.moving);
       cost.work.posed_t2 +=
           share *
           double(moving - size_t(std::count(twice.begin(), twice.begin() + long(moving), 0u)));

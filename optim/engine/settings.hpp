@@ -30,7 +30,7 @@ struct Skips {
   bool masks = true;      // cells of a tile outside that ellipse (cell_mask.cl)
   bool saturated = true;  // a tile's list from where nothing passes through it (splat.cl)
   bool asking = true;     // the way back through cells where every gradient is 0 (splat_bwd.cl)
-  bool outside = true;    // the shape of what the camera cannot see (shared/lookout.h)
+  bool outside = true;    // rows of other moments and outside the picture (motion/view_rows.hpp)
   bool still = true;      // the second time of what rests before a camera at rest (View::moving)
   bool flow = true;     // flow in tiles where nothing moves, its gradients where none are asked for
   bool bands = true;    // spherical harmonics, and their Adam, above the degree in use (sh.cl)
@@ -44,7 +44,7 @@ struct Skips {
     field("masks", self.masks, "cells of 4x4 pixels in which it cannot");
     field("saturated", self.saturated, "what lies behind where a whole tile is opaque");
     field("asking", self.asking, "gradients of cells of pixels that are exactly right");
-    field("outside", self.outside, "poses of Gaussians that the camera cannot see");
+    field("outside", self.outside, "rows of Gaussians of other moments, or that the camera cannot see, in all that a view does");
     field("still", self.still, "the second time of Gaussians at rest before a camera at rest");
     field("flow", self.flow,
           "flow in tiles where all is at rest, its gradients in tiles that ask for none");

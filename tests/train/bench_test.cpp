@@ -45,7 +45,7 @@ TEST(Bench, RasterTellsEveryStageAndCountsTheWork) {
   EXPECT_GE(masked, blended);
   EXPECT_NEAR(blended, 48, 10);  // what the scene is made for
   const std::string shares = contents(folder.file("plots/raster.tsv"));
-  EXPECT_EQ(shares.find("scene\tmotion\tproject\tbin\t"), 0u) << shares;
+  EXPECT_EQ(shares.find("scene\tlook\tmotion\tproject\tbin\t"), 0u) << shares;
   EXPECT_NE(shares.find("\n40x24, 300\t"), std::string::npos) << shares;
 }
 
