@@ -37,6 +37,54 @@ TEST_F(LeftOutOfTraining, TheShapesOfThoseOutsideThePicture) {
   EXPECT_GE(some[0], some[1]);
 }
 
+// Whoever is not listed for a view has no say in it, and what the view says of the others goes to
+// their own rows: parameters, optimiser, density control and those at rest, through several rounds.
+TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
+  const size_t there = scene.truth.count;
+  const auto kinds = {MotionModelKind::spacetime, MotionModelKind::native4d,
+                      MotionModelKind::keyframes};
+  for (const bool rests : {false, true})
+    for (const MotionModelKind kind : kinds) {
+      TrainConfig config = small_config(scene, 200);
+      config.density.enabled = !rests;  // which moves what has begun to rest
+      config.motion.model = choice_of(kind);
+      config.motion.rest = 1;
+      config.motion.rest_every = 60;
+      config.density.every = 30;
+      config.density.start = 20;
+      config.flow.every = 1;
+      size_t fewest = there, most_resting = 0;
+      const auto state_with = [&](bool skip) {
+        config.skip.outside = skip;
+        SmallTraining training(queue, config);
+        Parameters& p = training.model.parameters;
+        std::vector<float> scales = p["log_scales"].values.read(queue);
+        std::vector<float> moments = p["means_t"].values.read(queue);
+        for (size_t i = 0; i < moments.size(); i += 2) {  // every second one lives for a while
+          scales[4 * i + 3] = std::log(0.1f);
+          moments[i] = float(i % 7) / 6;
+        }
+        p["log_scales"].values.write(queue, scales);
+        p["means_t"].values.write(queue, moments);
+        for (int step = 0; step < 80; ++step) {
+          training.steps(queue, 1);
+          const ViewRows& rows = training.trainer.renderer().rows();
+          EXPECT_TRUE(skip || rows.count() == p.count || step % 30 == 29);
+          if (skip) fewest = std::min(fewest, rows.count());
+          most_resting = std::max(most_resting, p.count - p.moving);
+        }
+        return training.trainer.state(queue);
+      };
+      const Arrays listed = state_with(true), all = state_with(false);
+      EXPECT_LT(fewest, 3 * there / 4) << names_of(kind)[size_t(kind)];
+      EXPECT_EQ(most_resting > 0, rests);
+      ASSERT_EQ(listed.size(), all.size());
+      for (const auto& [name, array] : listed)
+        EXPECT_TRUE(array.values == all.at(name).values)
+            << names_of(kind)[size_t(kind)] << " " << name;
+    }
+}
+
 TEST_F(LeftOutOfTraining, TheSecondTimeOfThoseAtRest) {
   TrainConfig config = small_config(scene, 200);
   config.density.enabled = false;
