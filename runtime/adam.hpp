@@ -80,7 +80,8 @@ class Adam {
   void refuse(Queue& queue, const ParameterGroup& group, RowState& state, RowRange rows);
   // Begins a step and counts it, and those missed since its last one, for each row seen.
   void advance(Queue& queue, RowState& state, RowRange rows);
-  // Moves the values of the rows seen against their gradients.
+  // Moves the values of the rows seen against their gradients; `rows` from the same first one as
+  // in advance().
   void step(Queue& queue, ParameterGroup& group, const RowState& state, RowRange rows,
             AdamRate rate);
 
