@@ -16,10 +16,10 @@
 #define BATCH 64  // LANES == 1: splats held in local memory at a time
 
 #if LANES > 1
-static inline void cell_blend(PixelSums* sums, Splat s, CellFootprint at) {
+static inline void cell_blend(PixelSums* sums, Splat s, CellFootprint at, int entry) {
 #pragma unroll
   for (int part = 0; part < CELL_PARTS; ++part)
-    sums[part] = pixel_blend(sums[part], s, at.part[part]);
+    sums[part] = pixel_blend(sums[part], s, at.part[part], entry);
 }
 #endif
 
@@ -52,7 +52,10 @@ kernel void splat_fwd(const int width, const int height, const int shared,
                       global float* restrict depth,              // [H, W] sum of w Z
                       global float* restrict flow,               // [2, H, W] sum w f / sum w
                       global float* restrict flow_weight,        // [H, W] sum w of the first TOP_K
-                      global float* restrict transmittance) {    // [H, W] what passes through all
+                      global float* restrict transmittance,      // [H, W] what passes through all
+                      global int* restrict ends) {  // [H, W] entries of the tile's list until a
+                                                    // pixel is full; with TOP_K [2, H, W], too,
+                                                    // until its flow is
   const int tiles_x = (width + TILE - 1) / TILE;
   const int tile = get_group_id(0);
   const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
@@ -86,7 +89,8 @@ kernel void splat_fwd(const int width, const int height, const int shared,
       s.b = batch[4 * k + 1];
       s.c = batch[4 * k + 2];
       s.d = batch[4 * k + 3];
-      p = pixel_blend(p, s, footprint(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y));
+      p = pixel_blend(p, s, footprint(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y),
+                      (int)(start - first + k) + 1);
     }
     barrier(CLK_LOCAL_MEM_FENCE);
     if (still_open(p.T) && x < width && y < height) open_pixels[turn ^ 1] = 1;
@@ -100,6 +104,7 @@ kernel void splat_fwd(const int width, const int height, const int shared,
   rgb[2 * pixels + at] = fma(T, background_b, p.b);
   alpha[at] = p.W;
   transmittance[at] = T;
+  ends[at] = p.end;
 #if DEPTH
   depth[at] = p.depth;
 #endif
@@ -107,6 +112,7 @@ kernel void splat_fwd(const int width, const int height, const int shared,
 #if TOP_K
   const float W = p.W_flow;
   flow_weight[at] = W;
+  ends[pixels + at] = p.flow_end;
 #else
   const float W = p.W;
 #endif
@@ -125,6 +131,7 @@ kernel void splat_fwd(const int width, const int height, const int shared,
     if (mask) {
       const Splat s = splat_load(splats, isect_ids[k]);
       const TileFrame f = tile_frame(s, x0, y0);
+      const int entry = (int)(k - first) + 1;
       int cell = next_cell(&mask);
       CellFootprint at = cell_footprint(s, &f, cell);
       while (mask) {  // the next footprint fills the wait for this one's sums
@@ -132,9 +139,9 @@ kernel void splat_fwd(const int width, const int height, const int shared,
         const int i = cell;
         cell = next_cell(&mask);
         at = cell_footprint(s, &f, cell);
-        cell_blend(sums + i * CELL_PARTS, s, now);
+        cell_blend(sums + i * CELL_PARTS, s, now, entry);
       }
-      cell_blend(sums + cell * CELL_PARTS, s, at);
+      cell_blend(sums + cell * CELL_PARTS, s, at, entry);
     }
     if (SATURATED && ((k - first) & 31) == 31) {
       lane most = sums[0].T;
@@ -152,6 +159,7 @@ kernel void splat_fwd(const int width, const int height, const int shared,
     lane_store(fma(T, TO_LANE(background_b), p.b), rgb + 2 * pixels, x, y, width, height);
     lane_store(p.W, alpha, x, y, width, height);
     lane_store(T, transmittance, x, y, width, height);
+    lane_store_int(p.end, ends, x, y, width, height);
 #if DEPTH
     lane_store(p.depth, depth, x, y, width, height);
 #endif
@@ -159,6 +167,7 @@ kernel void splat_fwd(const int width, const int height, const int shared,
 #if TOP_K
     const lane W = p.W_flow;
     lane_store(W, flow_weight, x, y, width, height);
+    lane_store_int(p.flow_end, ends + pixels, x, y, width, height);
 #else
     const lane W = p.W;
 #endif

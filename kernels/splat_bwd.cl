@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The image's derivative: each tile walks its list front to back again, and each intersection
-// leaves the 16 sums of shared/pixel.h in its own slot; `gather` adds a Gaussian's slots in order.
-// No atomics: bitwise repeatable. Needs only the output images, no last index and no list a pixel.
+// The image's derivative: each tile walks its list back to front, from where the last of its pixels
+// was full, and each intersection leaves the 16 sums of shared/pixel.h in its own slot; `gather`
+// adds a Gaussian's slots in order. No atomics: bitwise repeatable.
 // Measured (PoCL, two cores): 256x256 with 10 000, 512x512 with 100 000 Gaussians 2.7 and 14.8 ms,
 // 41 and 30 % of the FMA peak with AVX-512; 3.9 and 22.3 ms, 34 and 25 % with AVX2. Reading ahead
 // -12 % (100 000); the rest as in splat.cl.
@@ -23,12 +23,14 @@
 #define TILE_ROWS 64
 #define ROW_STRIDE (MOMENTS + 1)
 
-// The gradient state of the pixels at `at` / lane vector (x, y), from images and their cotangents.
-// alpha is 1 - transmittance: taken so, its share of R is exact where little passes through.
+// The gradient state behind all splats of the pixels at `at` / lane vector (x, y), from what the
+// forward pass left and the images' cotangents. alpha's is taken as that of 1 - transmittance.
 #if LANES == 1
 #define LOAD(plane) plane[at]
+#define LOAD_INT(plane) plane[at]
 #else
 #define LOAD(plane) lane_load(plane, x, y, width, height)
+#define LOAD_INT(plane) lane_load_int(plane, x, y, width, height)
 #endif
 
 static inline PixelGrads grads_start(
@@ -37,36 +39,35 @@ static inline PixelGrads grads_start(
 #else
     int x, int y,
 #endif
-    int width, int height, global const float* rgb, global const float* alpha,
-    global const float* depth, global const float* flow, global const float* flow_weight,
-    global const float* transmittance, global const float* v_rgb, global const float* v_alpha,
-    global const float* v_depth, global const float* v_flow) {
+    int width, int height, float3 background, global const float* alpha, global const float* flow,
+    global const float* flow_weight, global const float* transmittance, global const int* ends,
+    global const float* v_rgb, global const float* v_alpha, global const float* v_depth,
+    global const float* v_flow) {
   const size_t pixels = (size_t)width * height;
   PixelGrads p;
-  p.T = TO_LANE(1.f);
+  p.T = LOAD(transmittance);
+  p.end = LOAD_INT(ends);
   p.vr = LOAD(v_rgb);
   p.vg = LOAD((v_rgb + pixels));
   p.vb = LOAD((v_rgb + 2 * pixels));
-  p.R = fma(p.vr, LOAD(rgb), fma(p.vg, LOAD((rgb + pixels)), p.vb * LOAD((rgb + 2 * pixels))));
-  p.R = fma(-LOAD(v_alpha), LOAD(transmittance), p.R);
+  p.R = fma(p.vr, TO_LANE(background.x),
+            fma(p.vg, TO_LANE(background.y), p.vb * TO_LANE(background.z)));
+  p.R = (p.R - LOAD(v_alpha)) * p.T;
 #if DEPTH
   p.vd = LOAD(v_depth);
-  p.R = fma(p.vd, LOAD(depth), p.R);
 #endif
 #if FLOW
 #if TOP_K
   const lane W_flow = LOAD(flow_weight);
+  p.flow_end = LOAD_INT((ends + pixels));
 #else
   const lane W_flow = LOAD(alpha);
 #endif
   const lane zero = TO_LANE(0.f);
   p.vfx = LANE_SELECT(zero, LOAD(v_flow) / W_flow, W_flow > zero);
   p.vfy = LANE_SELECT(zero, LOAD((v_flow + pixels)) / W_flow, W_flow > zero);
-  const lane back = fma(p.vfx, LOAD(flow), p.vfy * LOAD((flow + pixels)));
-#if TOP_K
-  p.n = zero;
-#endif
-  p.v0 = -back;  // flow = sum w f / W; its share of R is sum w (f - flow) . v = 0
+  // flow = sum w f / W
+  p.v0 = -fma(p.vfx, LOAD(flow), p.vfy * LOAD((flow + pixels)));
 #endif
   return p;
 }
@@ -111,10 +112,11 @@ static inline lane sums8(lane a0, lane a1, lane a2, lane a3, lane a4, lane a5, l
 #endif
 
 #if LANES > 1
-static inline Moments cell_unblend(PixelGrads* state, Moments m, Splat s, CellFootprint at) {
+static inline Moments cell_unblend(PixelGrads* state, Moments m, Splat s, CellFootprint at,
+                                   int entry) {
 #pragma unroll
   for (int part = 0; part < CELL_PARTS; ++part)
-    m = pixel_unblend(&state[part], m, s, at.part[part]);
+    m = pixel_unblend(&state[part], m, s, at.part[part], entry);
   return m;
 }
 
@@ -155,10 +157,12 @@ kernel void splat_bwd(const int width, const int height, const int shared,
                       global const uint* restrict tile_offsets,
                       global const uint* restrict isect_ids,
                       global const uint* restrict isect_slots,  // [M]
-                      global const ushort* restrict masks, global const float* restrict rgb,
-                      global const float* restrict alpha, global const float* restrict depth,
-                      global const float* restrict flow, global const float* restrict flow_weight,
+                      global const ushort* restrict masks, const float background_r,
+                      const float background_g, const float background_b,
+                      global const float* restrict alpha, global const float* restrict flow,
+                      global const float* restrict flow_weight,
                       global const float* restrict transmittance,
+                      global const int* restrict ends,
                       global const float* restrict v_rgb, global const float* restrict v_alpha,
                       global const float* restrict v_depth, global const float* restrict v_flow,
                       global float* restrict partials) {  // [M, 16]
@@ -166,12 +170,15 @@ kernel void splat_bwd(const int width, const int height, const int shared,
   const int tile = get_group_id(0);
   const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
   const uint first = tile_offsets[tile], end = tile_offsets[tile + 1];
+  const float3 background = (float3)(background_r, background_g, background_b);
+  uint asking = 0;                            // cells, one bit each
+  int stop = SATURATED ? 0 : (int)(end - first);  // entries until all pixels are full
 #if LANES == 1
   // Moments of four pixels' rows are added up in registers; those of a tile's 64 rows meet in local
   // memory, BATCH_BWD splats between two barriers, and are added in a fixed order.
   local float row_moments[BATCH_BWD][TILE_ROWS * ROW_STRIDE];
-  local uchar asking_cells[16], open_rows[2];
-  local int asks_flow;
+  local uchar asking_cells[16];
+  local int row_ends[TILE_ROWS], asks_flow;
   const int l = get_local_id(0), cell = l >> 2;
   const int x = x0 + (cell & 3) * CELL, y = y0 + (cell >> 2) * CELL + (l & 3);
   PixelGrads state[CELL];
@@ -187,31 +194,35 @@ kernel void splat_bwd(const int width, const int height, const int shared,
     if (asks_flow != FLOW) return;
   }
   if (l < 16) asking_cells[l] = !ASKING;
-  if (l < 2) open_rows[l] = 1;
   barrier(CLK_LOCAL_MEM_FENCE);
+  int row_end = 0;
   for (int i = 0; i < CELL; ++i) {
     const int inside = x + i < width && y < height;
-    state[i] = inside ? grads_start((size_t)y * width + x + i, width, height, rgb, alpha, depth,
-                                    flow, flow_weight, transmittance, v_rgb, v_alpha, v_depth,
-                                    v_flow)
+    state[i] = inside ? grads_start((size_t)y * width + x + i, width, height, background, alpha,
+                                    flow, flow_weight, transmittance, ends, v_rgb, v_alpha,
+                                    v_depth, v_flow)
                       : grads_none();
     if (ASKING && asks(state[i])) asking_cells[cell] = 1;
+    row_end = max(row_end, state[i].end);
   }
+  row_ends[l] = row_end;
   barrier(CLK_LOCAL_MEM_FENCE);
-  uint asking = 0;
   for (int c = 0; c < 16; ++c) asking |= (uint)asking_cells[c] << c;
-  const uint last = asking ? end : first;
-  uint start = first;
-  for (int turn = 0; start < last; start += BATCH_BWD, turn ^= 1) {
-    if (SATURATED && !open_rows[turn]) break;  // the same for the whole group
-    const uint count = min((uint)BATCH_BWD, last - start);
-    for (uint b = 0; b < count; ++b) {
+  for (int row = 0; row < TILE_ROWS; ++row)
+    if (asking >> (row >> 2) & 1) stop = max(stop, row_ends[row]);
+  if (!asking) stop = 0;
+  for (size_t i = (size_t)(first + stop) * MOMENTS + l; i < (size_t)end * MOMENTS; i += TILE_ROWS)
+    KEPT_IN(partials)[(size_t)isect_slots[i / MOMENTS] * MOMENTS + i % MOMENTS] = KEPT(0.f, );
+  for (uint start = first + stop; start > first;) {
+    const uint count = min((uint)BATCH_BWD, start - first);
+    start -= count;
+    for (uint b = count; b-- > 0;) {
       if (!((masks[start + b] & asking) >> cell & 1)) continue;
       const Splat s = splat_load(splats, isect_ids[start + b]);
       Moments m = moments_zero();
       for (int i = 0; i < CELL; ++i) {
         const float dx = (float)(x + i) + 0.5f - s.a.x, dy = (float)y + 0.5f - s.a.y;
-        m = pixel_unblend(&state[i], m, s, footprint(s, dx, dy));
+        m = pixel_unblend(&state[i], m, s, footprint(s, dx, dy), (int)(start + b - first) + 1);
       }
       local float* o = row_moments[b] + l * ROW_STRIDE;
       o[0] = m.q, o[1] = m.qz1, o[2] = m.qz2, o[3] = m.qz11, o[4] = m.qz12, o[5] = m.qz22;
@@ -219,10 +230,6 @@ kernel void splat_bwd(const int width, const int height, const int shared,
       o[12] = m.fx1, o[13] = m.fx2, o[14] = m.fy1, o[15] = m.fy2;
     }
     barrier(CLK_LOCAL_MEM_FENCE);
-    if (l == 0) open_rows[turn] = 0;  // for the turn after the next
-    int open = 0;
-    for (int i = 0; i < CELL; ++i) open |= still_open(state[i].T);
-    if (open && (asking >> cell & 1)) open_rows[turn ^ 1] = 1;
     for (uint sum_of = l; sum_of < count * MOMENTS; sum_of += TILE_ROWS) {
       const uint b = sum_of / MOMENTS, k = start + b;
       local const float* in = row_moments[b] + sum_of % MOMENTS;
@@ -234,8 +241,6 @@ kernel void splat_bwd(const int width, const int height, const int shared,
     }
     barrier(CLK_LOCAL_MEM_FENCE);
   }
-  for (size_t i = (size_t)start * MOMENTS + l; i < (size_t)end * MOMENTS; i += TILE_ROWS)
-    KEPT_IN(partials)[(size_t)isect_slots[i / MOMENTS] * MOMENTS + i % MOMENTS] = KEPT(0.f, );
 #else
   if (shared) {
     lane_int any = 0;
@@ -248,21 +253,24 @@ kernel void splat_bwd(const int width, const int height, const int shared,
     if ((lane_any(any) != 0) != FLOW) return;
   }
   PixelGrads state[TILE_PARTS];
-  uint asking = 0;  // cells, one bit each
+  lane_int full = (lane_int)(0);
   for (int i = 0; i < TILE_PARTS; ++i) {
     const int cell = i / CELL_PARTS, x = x0 + (cell & 3) * CELL;
     const int y = y0 + (cell >> 2) * CELL + i % CELL_PARTS * LANE_ROWS;
-    state[i] = grads_start(x, y, width, height, rgb, alpha, depth, flow, flow_weight,
-                           transmittance, v_rgb, v_alpha, v_depth, v_flow);
-    if (!ASKING || lane_any(asks(state[i]))) asking |= 1u << cell;
+    state[i] = grads_start(x, y, width, height, background, alpha, flow, flow_weight,
+                           transmittance, ends, v_rgb, v_alpha, v_depth, v_flow);
+    if (ASKING && !lane_any(asks(state[i]))) continue;
+    asking |= 1u << cell;
+    full = max(full, state[i].end);
   }
-  if (ASKING)  // the others must not hold up the end of the list
-    for (int i = 0; i < TILE_PARTS; ++i)
-      if (!(asking >> i / CELL_PARTS & 1)) state[i].T = TO_LANE(0.f);
-  uint k = first;
-  const uint last = asking ? end : first;
-  while (k < last) {
-    const uint soon = min(k + 8, end - 1);
+  if (SATURATED) stop = lane_max_int(full);
+  if (!asking) stop = 0;
+  uint k = first + stop;
+  for (uint out = k; out < end; ++out)
+    vstore16(KEPT((float16)(0.f), 16), isect_slots[out], KEPT_IN(partials));
+  while (k > first) {
+    --k;
+    const uint soon = max(k, first + 8) - 8;
     READ_SOON(splats + 16 * (size_t)isect_ids[soon]);
     WRITE_SOON(partials + MOMENTS * (size_t)isect_slots[soon]);
     Moments m = moments_zero();
@@ -270,6 +278,7 @@ kernel void splat_bwd(const int width, const int height, const int shared,
     if (mask) {
       const Splat s = splat_load(splats, isect_ids[k]);
       const TileFrame f = tile_frame(s, x0, y0);
+      const int entry = (int)(k - first) + 1;
       int cell = next_cell(&mask);
       CellFootprint at = cell_footprint(s, &f, cell);
       while (mask) {  // the next footprint fills the wait for this one's sums
@@ -277,19 +286,12 @@ kernel void splat_bwd(const int width, const int height, const int shared,
         const int i = cell;
         cell = next_cell(&mask);
         at = cell_footprint(s, &f, cell);
-        m = cell_unblend(state + i * CELL_PARTS, m, s, now);
+        m = cell_unblend(state + i * CELL_PARTS, m, s, now, entry);
       }
-      m = cell_unblend(state + cell * CELL_PARTS, m, s, at);
+      m = cell_unblend(state + cell * CELL_PARTS, m, s, at, entry);
     }
     vstore16(KEPT(moments_sums(m), 16), isect_slots[k], KEPT_IN(partials));
-    ++k;
-    if (SATURATED && ((k - first) & 31) == 0) {
-      lane most = state[0].T;
-      for (int i = 1; i < TILE_PARTS; ++i) most = fmax(most, state[i].T);
-      if (!lane_any(still_open(most))) break;
-    }
   }
-  for (; k < end; ++k) vstore16(KEPT((float16)(0.f), 16), isect_slots[k], KEPT_IN(partials));
 #endif
 }
 

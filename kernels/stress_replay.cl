@@ -1,77 +1,121 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lists of a drawn image walked as splat.cl and as splat_bwd.cl walk them, for `gflow stress`:
-// each leaves what passes through a pixel and how many splats counted there. Both must have the
-// same bits. LANES > 1: one work-item a tile; LANES == 1: a group of 256 a tile, one work-item a
-// pixel.
+// The lists of a drawn image walked front to back as splat.cl does, and back to front as
+// splat_bwd.cl does, for `gflow stress`. Forward leaves what passes through a pixel, until which
+// entry it was open, and how many splats counted; backward begins with the first two as they were
+// drawn, and leaves what it has in front of all splats and its own count. LANES > 1: one work-item a
+// tile; LANES == 1: a group of 256 a tile, one work-item a pixel.
 #define FLOW 0
 #define DEPTH 0
 #include "shared/pixel.h"
 
-#define REPLAY_ARGUMENTS                                                                   \
-  const int width, const int height, global const float *restrict splats,                 \
-      global const uint *restrict tile_offsets, global const uint *restrict isect_ids,     \
-      global const ushort *restrict masks, global float *restrict T, global float *restrict counts
+#define REPLAY_ARGUMENTS                                                                       \
+  const int width, const int height, global const float *restrict splats,                      \
+      global const uint *restrict tile_offsets, global const uint *restrict isect_ids,          \
+      global const ushort *restrict masks, global float *restrict T, global int *restrict ends, \
+      global float *restrict counts
 
-// One step of a pixel, forward and backward: the state's T goes on, n counts.
-static inline lane step_fwd(lane* T, Splat s, Footprint at) {
+typedef struct Step {
+  lane T, n;
+  lane_int end;
+} Step;
+
+static inline Step step_fwd(Step o, Splat s, Footprint at, int entry) {
   PixelSums p = pixel_start();
-  p.T = *T;
-  p = pixel_blend(p, s, at);
-  *T = p.T;
-  return LANE_SELECT(TO_LANE(0.f), TO_LANE(1.f), p.W > TO_LANE(0.f));
+  p.T = o.T;
+  p.end = o.end;
+  p = pixel_blend(p, s, at, entry);
+  o.T = p.T;
+  o.end = p.end;
+  o.n += LANE_SELECT(TO_LANE(0.f), TO_LANE(1.f), p.W > TO_LANE(0.f));
+  return o;
 }
-static inline lane step_bwd(lane* T, Splat s, Footprint at) {
+static inline Step step_bwd(Step o, Splat s, Footprint at, int entry) {
   PixelGrads p;
-  p.T = *T;
+  p.T = o.T;
+  p.end = o.end;
   p.R = p.vg = p.vb = TO_LANE(0.f);
   p.vr = TO_LANE(1.f);
-  const Moments m = pixel_unblend(&p, moments_zero(), s, at);
-  *T = p.T;
-  return LANE_SELECT(TO_LANE(0.f), TO_LANE(1.f), m.wr > TO_LANE(0.f));
+  const Moments m = pixel_unblend(&p, moments_zero(), s, at, entry);
+  o.T = p.T;
+  o.n += LANE_SELECT(TO_LANE(0.f), TO_LANE(1.f), m.wr > TO_LANE(0.f));
+  return o;
 }
 
+// One pixel's, or lane vector's, place and state; BACK begins with what was drawn.
 #if LANES == 1
-#define WALK(STEP)                                                                         \
-  const int tiles_x = (width + TILE - 1) / TILE, tile = get_group_id(0), l = get_local_id(0); \
-  const int cell = l >> 4, x = tile % tiles_x * TILE + (cell & 3) * CELL + (l & 3);        \
-  const int y = tile / tiles_x * TILE + (cell >> 2) * CELL + ((l >> 2) & 3);               \
-  if (x >= width || y >= height) return;                                                   \
-  float t = 1.f, n = 0.f;                                                                  \
-  for (uint k = tile_offsets[tile]; k < tile_offsets[tile + 1]; ++k) {                     \
-    if (!(masks[k] >> cell & 1)) continue;                                                 \
-    const Splat s = splat_load(splats, isect_ids[k]);                                      \
-    n += STEP(&t, s, footprint(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y));       \
-  }                                                                                        \
-  T[(size_t)y * width + x] = fabs(t);                                                      \
-  counts[(size_t)y * width + x] = n;
+#define READ(plane) plane[(size_t)y * width + x]
+#define READ_INT(plane) plane[(size_t)y * width + x]
+#define WRITE(value, plane) plane[(size_t)y * width + x] = value
+#define WRITE_INT(value, plane) plane[(size_t)y * width + x] = value
 #else
-#define WALK(STEP)                                                                         \
-  const int tiles_x = (width + TILE - 1) / TILE, tile = get_group_id(0);                   \
-  const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;                        \
-  lane t[TILE_PARTS], n[TILE_PARTS];                                                       \
-  for (int i = 0; i < TILE_PARTS; ++i) {                                                   \
-    t[i] = TO_LANE(1.f);                                                                   \
-    n[i] = TO_LANE(0.f);                                                                   \
-  }                                                                                        \
-  for (uint k = tile_offsets[tile]; k < tile_offsets[tile + 1]; ++k) {                     \
-    uint mask = masks[k];                                                                  \
-    if (!mask) continue;                                                                   \
-    const Splat s = splat_load(splats, isect_ids[k]);                                      \
-    const TileFrame f = tile_frame(s, x0, y0);                                             \
-    while (mask) {                                                                         \
-      const int cell = next_cell(&mask);                                                   \
-      const CellFootprint at = cell_footprint(s, &f, cell);                                \
-      for (int part = 0; part < CELL_PARTS; ++part)                                        \
-        n[cell * CELL_PARTS + part] += STEP(t + cell * CELL_PARTS + part, s, at.part[part]); \
-    }                                                                                      \
-  }                                                                                        \
-  for (int i = 0; i < TILE_PARTS; ++i) {                                                   \
-    const int cell = i / CELL_PARTS, x = x0 + (cell & 3) * CELL;                           \
-    const int y = y0 + (cell >> 2) * CELL + i % CELL_PARTS * LANE_ROWS;                    \
-    lane_store(fabs(t[i]), T, x, y, width, height);                                        \
-    lane_store(n[i], counts, x, y, width, height);                                         \
+#define READ(plane) lane_load(plane, x, y, width, height)
+#define READ_INT(plane) lane_load_int(plane, x, y, width, height)
+#define WRITE(value, plane) lane_store(value, plane, x, y, width, height)
+#define WRITE_INT(value, plane) lane_store_int(value, plane, x, y, width, height)
+#endif
+#define START(BACK)                                       \
+  {                                                       \
+    BACK ? READ(T) : TO_LANE(1.f), TO_LANE(0.f),          \
+        BACK ? READ_INT(ends) : (lane_int)(0)             \
   }
+#define LEAVE(o)                    \
+  WRITE(fabs((o).T), T);            \
+  WRITE_INT((o).end, ends);         \
+  WRITE((o).n, counts)
+#define ENTRY(BACK, j) (BACK ? count - (j) : (j) + 1)
+
+#if LANES == 1
+#define WALK(STEP, BACK)                                                                      \
+  const int tiles_x = (width + TILE - 1) / TILE, tile = get_group_id(0), l = get_local_id(0); \
+  const int cell = l >> 4, x = tile % tiles_x * TILE + (cell & 3) * CELL + (l & 3);           \
+  const int y = tile / tiles_x * TILE + (cell >> 2) * CELL + ((l >> 2) & 3);                  \
+  if (x >= width || y >= height) return;                                                      \
+  const uint first = tile_offsets[tile];                                                      \
+  const int count = (int)(tile_offsets[tile + 1] - first);                                    \
+  Step o = START(BACK);                                                                       \
+  for (int j = 0; j < count; ++j) {                                                           \
+    const int entry = ENTRY(BACK, j);                                                         \
+    const uint k = first + entry - 1;                                                         \
+    if (!(masks[k] >> cell & 1)) continue;                                                    \
+    const Splat s = splat_load(splats, isect_ids[k]);                                         \
+    const Footprint at = footprint(s, (float)x + 0.5f - s.a.x, (float)y + 0.5f - s.a.y);      \
+    o = STEP(o, s, at, entry);                                                                \
+  }                                                                                           \
+  LEAVE(o);
+#else
+#define WALK(STEP, BACK)                                                                      \
+  const int tiles_x = (width + TILE - 1) / TILE, tile = get_group_id(0);                      \
+  const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;                           \
+  const uint first = tile_offsets[tile];                                                      \
+  const int count = (int)(tile_offsets[tile + 1] - first);                                    \
+  Step o[TILE_PARTS];                                                                         \
+  FOR_PARTS {                                                                                 \
+    const Step start = START(BACK);                                                           \
+    o[i] = start;                                                                             \
+  }                                                                                           \
+  for (int j = 0; j < count; ++j) {                                                           \
+    const int entry = ENTRY(BACK, j);                                                         \
+    const uint k = first + entry - 1;                                                         \
+    uint mask = masks[k];                                                                     \
+    if (!mask) continue;                                                                      \
+    const Splat s = splat_load(splats, isect_ids[k]);                                         \
+    const TileFrame f = tile_frame(s, x0, y0);                                                \
+    while (mask) {                                                                            \
+      const int cell = next_cell(&mask);                                                      \
+      const CellFootprint at = cell_footprint(s, &f, cell);                                   \
+      for (int part = 0; part < CELL_PARTS; ++part) {                                         \
+        const int i = cell * CELL_PARTS + part;                                               \
+        o[i] = STEP(o[i], s, at.part[part], entry);                                           \
+      }                                                                                       \
+    }                                                                                         \
+  }                                                                                           \
+  FOR_PARTS { LEAVE(o[i]); }
+#define FOR_PARTS                                                                    \
+  for (int i = 0, x, y; i < TILE_PARTS &&                                            \
+                        (x = x0 + (i / CELL_PARTS & 3) * CELL,                       \
+                        y = y0 + (i / CELL_PARTS >> 2) * CELL + i % CELL_PARTS * LANE_ROWS, 1); \
+       ++i)
 #endif
 
-kernel void replay_fwd(REPLAY_ARGUMENTS) { WALK(step_fwd) }
-kernel void replay_bwd(REPLAY_ARGUMENTS) { WALK(step_bwd) }
+kernel void replay_fwd(REPLAY_ARGUMENTS) { WALK(step_fwd, 0) }
+kernel void replay_bwd(REPLAY_ARGUMENTS) { WALK(step_bwd, 1) }

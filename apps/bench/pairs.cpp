@@ -61,9 +61,9 @@ class Walk {
   }
 
   // How far the kernels go when they stop where all of those cells are full, which they look at
-  // after so many splats; no further than `ends`.
-  std::vector<cl_uint> stops(const std::vector<cl_uint>& ends,
-                             const std::vector<cl_ushort>& cells) const {
+  // after each `batch` of splats; no further than `ends`.
+  std::vector<cl_uint> stops(const std::vector<cl_uint>& ends, const std::vector<cl_ushort>& cells,
+                             cl_uint batch) const {
     const std::vector<cl_uint> open = open_.read(queue_);
     const size_t across = (width_ + TILE - 1) / TILE;
     std::vector<cl_uint> most(ends.size(), 0);
@@ -73,7 +73,6 @@ class Walk {
         const size_t cell = y % TILE / CELL * (TILE / CELL) + x % TILE / CELL;
         if (cells[tile] >> cell & 1) most[tile] = std::max(most[tile], open[y * width_ + x]);
       }
-    const cl_uint batch = queue_.lanes == 1 ? 64 : 32;  // splat.cl
     for (size_t tile = 0; tile < most.size(); ++tile)
       most[tile] = std::min(ends[tile], (most[tile] + batch - 1) / batch * batch);
     return most;
@@ -110,8 +109,10 @@ Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& sett
   walk(whole, all);
   Pairs pairs;
   pairs.listed = sum(walk.listed.read(queue));
-  const std::vector<cl_uint> there = stops ? walk.stops(whole, all) : whole;
-  const std::vector<cl_uint> back = stops ? walk.stops(whole, asking) : whole;
+  // splat.cl looks now and then; splat_bwd.cl begins where the last pixel was full.
+  const std::vector<cl_uint> there =
+      stops ? walk.stops(whole, all, queue.lanes == 1 ? 64 : 32) : whole;
+  const std::vector<cl_uint> back = stops ? walk.stops(whole, asking, 1) : whole;
   walk(there, all);
   pairs.masked = sum(walk.masked.read(queue));
   pairs.blended = sum(walk.blended.read(queue));

@@ -28,7 +28,8 @@ struct RasterOptions {
   bool no_flow = false, depth = false, kernels = false, grid = false;
 };
 
-// The kernels of each stage, in the order they run.
+// The kernels of each stage, in the order they run. The prefix sum of `look` is in `bin`, whose
+// kernels it shares.
 const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
     {"look", {"spacetime_look", "view_rows_write"}},
     {"motion", {"spacetime_fwd"}},

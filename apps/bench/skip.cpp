@@ -92,6 +92,7 @@ Result run_skip(StepOptions o, const GlobalOptions& options) {
              {"CPU [ms]", spread_of(c.cpu)},
              {"CPU, of all skips", ratio_of(c.cpu, costs[0].cpu)},
              single("moved by Adam", c.work.touched.moved),
+             single("listed", c.work.listed),
              single("posed", c.work.posed),
              single("posed at t2", c.work.posed_t2),
              single("drawn", c.work.touched.drawn),

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <chrono>
 #include <memory>
+#include <numeric>
 
 #include "apps/command_line.hpp"
 #include "optim/io/tell.hpp"
@@ -101,6 +102,7 @@ class GoingOn {
     cost.work.pairs.masked += share * pairs.masked;
     cost.work.pairs.blended += share * pairs.blended;
     cost.work.pairs.back += share * pairs.back;
+    cost.work.listed += share * double(renderer.rows().count());
     const std::vector<float> opacities = renderer.gaussians().opacities.read(queue_);
     cost.work.posed += share * double(std::count_if(opacities.begin(), opacities.end(),
                                                     [](float opacity) { return opacity > 0; }));
@@ -166,18 +168,21 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
 }
 
 StepOptions with_whole_blocks(StepOptions o, const Trained& from, bool quiet) {
-  o.counted = steps_to_flow(configured(o, Kind()).flow, from.model.shape.motion);
+  const TrainConfig config = configured(o, Kind());
+  o.counted =
+      std::lcm((config.train.focus + 1) * steps_to_flow(config.flow, from.model.shape.motion),
+               config.loss.motion_every);
   o.timed = (o.block + o.counted - 1) / o.counted * o.counted;
   if (o.timed != o.block && !quiet)
-    tell("--block {} becomes {}: as many steps with flow in each, one in {}\n", o.block, o.timed,
-         o.counted);
+    tell("--block {} becomes {}: the same kinds of step in each, which come again after {}\n",
+         o.block, o.timed, o.counted);
   return o;
 }
 
 int repeats_a_making(const StepOptions& o) { return (o.common.repeats + kMakings - 1) / kMakings; }
 
 std::string blocks_of(const StepOptions& o) {
-  return fmt::format("times are of {} steps together, one in {} with flow", o.timed, o.counted);
+  return fmt::format("times are of {} steps together", o.timed);
 }
 
 std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,

@@ -18,8 +18,8 @@ struct StepOptions {
   std::string scene;                  // folder or video
   std::vector<std::string> settings;  // of all ways, "section.key=value"
   int warm = 1500, block = 20;        // steps before, and steps to be timed together, about
-  // By with_whole_blocks(): steps that are timed together, and steps whose work is counted, as many
-  // as have one with flow.
+  // By with_whole_blocks(): steps that are timed together, and steps whose work is counted: after
+  // so many the same kinds of step come again (whole pictures or parts, flow, a motion loss).
   int timed = 20, counted = 1;
 };
 // Adds them to a sub-command.
@@ -43,6 +43,7 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
 
 // What a step works on, in the mean over the same steps of all kinds (StepOptions::counted).
 struct StepWork {
+  double listed = 0;  // rows that the views may show (skip.outside), for which all else is made
   double posed = 0, posed_t2 = 0;              // Gaussians whose shape at the times drawn was made
   double tiles_with_flow = 0, tiles_back = 0;  // drawn with it; through which its gradient goes
   double color_values = 0;                     // that are read to know the colours

@@ -188,6 +188,25 @@ static inline void lane_store(lane v, global float* plane, int x, int y, int wid
     if (px < width && py < height) plane[(size_t)py * width + px] = u.f[i];
   }
 }
+static inline int lane_max_int(lane_int a) {
+  union {
+    lane_int v;
+    int i[LANES];
+  } u;
+  u.v = a;
+  int most = u.i[0];
+  for (int i = 1; i < LANES; ++i) most = max(most, u.i[i]);
+  return most;
+}
+
+// Planes of integers.
+static inline lane_int lane_load_int(global const int* plane, int x, int y, int width, int height) {
+  return LANE_AS_INT(lane_load((global const float*)plane, x, y, width, height));
+}
+static inline void lane_store_int(lane_int v, global int* plane, int x, int y, int width,
+                                  int height) {
+  lane_store(LANE_AS_FLOAT(v), (global float*)plane, x, y, width, height);
+}
 #endif
 
 #endif

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What one splat does to LANES pixels, and the reverse (OpenCL C only). Forward and backward run
-// the same visibility test on the same bits, so they agree on every contributor.
+// the same visibility test on the same bits, and the way back starts where each pixel's way ended,
+// so they agree on every contributor.
 // Defines: FLOW, DEPTH 0|1; TOP_K 0 = all contributors make the flow, K = the first K in depth
 // order (the paper's K = 20); EXCLUDE 0 = the splat that saturates a pixel is drawn, then the pixel
 // stops; 1 = it stops before it, as the 3DGS family does (numerics 0.8).
@@ -121,39 +122,33 @@ static inline int next_cell(uint* mask) {
 
 // How much of the pixels' colour the splat takes.
 typedef struct Coverage {
-  lane alpha;   // 0 where the splat does not count
-  lane weight;  // T alpha
-  lane T;       // what passes on; with EXCLUDE the sign marks a finished pixel
+  lane_int open;  // whether the pixel still takes splats
+  lane alpha;     // 0 where the splat does not count
+  lane weight;    // T alpha
+  lane T;         // what passes on; with EXCLUDE the sign marks a finished pixel
 } Coverage;
 
+// T alpha and T are each rounded once: T - T alpha would lose 1 / (1 - alpha) times as much of T.
 static inline Coverage cover(Footprint p, lane T) {
   Coverage c;
   const lane cut = fmin(p.raw, TO_LANE(ALPHA_MAX));
 #if EXCLUDE
-  const lane_int open = (p.raw > TO_LANE(0.f)) & (T > TO_LANE(0.f));
-  const lane_int counts = open & (T * (TO_LANE(1.f) - cut) >= TO_LANE(T_MIN));
-  c.alpha = LANE_SELECT(TO_LANE(0.f), cut, counts);
-  c.weight = T * c.alpha;
-  c.T = LANE_SELECT(T - c.weight, -T, open & ~counts);
+  const lane_int met = (p.raw > TO_LANE(0.f)) & (T > TO_LANE(0.f));
+  c.open = met & (fma(-T, cut, T) >= TO_LANE(T_MIN));
+  c.alpha = LANE_SELECT(TO_LANE(0.f), cut, c.open);
+  c.T = LANE_SELECT(fma(-T, c.alpha, T), -T, met & ~c.open);
 #else
-  c.alpha = LANE_SELECT(TO_LANE(0.f), cut, T >= TO_LANE(T_MIN));
-  c.weight = T * c.alpha;
-  c.T = T - c.weight;
+  c.open = T >= TO_LANE(T_MIN);
+  c.alpha = LANE_SELECT(TO_LANE(0.f), cut, c.open);
+  c.T = fma(-T, c.alpha, T);
 #endif
+  c.weight = T * c.alpha;
   return c;
 }
 // A pixel still takes splats.
 static inline lane_int still_open(lane T) {
   return EXCLUDE ? T > TO_LANE(0.f) : T >= TO_LANE(T_MIN);
 }
-// Flow weight: the weight itself, or 0 after the first TOP_K contributors.
-#if TOP_K
-#define FLOW_WEIGHT(c, n) LANE_SELECT(TO_LANE(0.f), (c).weight, (n) < TO_LANE((float)TOP_K))
-#define COUNT_CONTRIBUTOR(c, n) \
-  LANE_SELECT((n), (n) + TO_LANE(1.f), (c).alpha > TO_LANE(0.f))
-#else
-#define FLOW_WEIGHT(c, n) ((c).weight)
-#endif
 static inline lane flow_x(Splat s, Footprint p) {
   return fma(TO_LANE(s.d.x), p.z1, fma(TO_LANE(s.d.y), p.z2, TO_LANE(s.b.w)));
 }
@@ -164,6 +159,7 @@ static inline lane flow_y(Splat s, Footprint p) {
 // ---- forward: the sums of one lane vector
 typedef struct PixelSums {
   lane T, W, r, g, b;  // W = sum of weights: 1 - T has lost it where W is small (numerics 2)
+  lane_int end;        // entries of the tile's list until the pixel is full
 #if DEPTH
   lane depth;
 #endif
@@ -171,7 +167,8 @@ typedef struct PixelSums {
   lane fx, fy;
 #endif
 #if TOP_K
-  lane n, W_flow;
+  lane n, W_flow;     // contributors
+  lane_int flow_end;  // entries until TOP_K have contributed
 #endif
 } PixelSums;
 
@@ -187,12 +184,16 @@ static inline PixelSums pixel_start(void) {
 #endif
 #if TOP_K
   s.n = s.W_flow = TO_LANE(0.f);
+  s.flow_end = (lane_int)(0);
 #endif
+  s.end = (lane_int)(0);
   return s;
 }
-static inline PixelSums pixel_blend(PixelSums p, Splat s, Footprint at) {
+// `entry` counts the tile's list from 1.
+static inline PixelSums pixel_blend(PixelSums p, Splat s, Footprint at, int entry) {
   const Coverage c = cover(at, p.T);
   p.T = c.T;
+  p.end = LANE_SELECT(p.end, (lane_int)(entry), c.open);
   p.W += c.weight;
   p.r = fma(c.weight, TO_LANE(s.c.x), p.r);
   p.g = fma(c.weight, TO_LANE(s.c.y), p.g);
@@ -201,21 +202,28 @@ static inline PixelSums pixel_blend(PixelSums p, Splat s, Footprint at) {
   p.depth = fma(c.weight, TO_LANE(s.b.z), p.depth);
 #endif
 #if FLOW
-  const lane w = FLOW_WEIGHT(c, p.n);
+#if TOP_K
+  const lane_int among_first = p.n < TO_LANE((float)TOP_K);
+  const lane w = LANE_SELECT(TO_LANE(0.f), c.weight, among_first);
+  p.W_flow += w;
+  p.n = LANE_SELECT(p.n, p.n + TO_LANE(1.f), c.alpha > TO_LANE(0.f));
+  p.flow_end = LANE_SELECT(p.flow_end, (lane_int)(entry), among_first);
+#else
+  const lane w = c.weight;
+#endif
   p.fx = fma(w, flow_x(s, at), p.fx);
   p.fy = fma(w, flow_y(s, at), p.fy);
-#if TOP_K
-  p.W_flow += w;
-  p.n = COUNT_CONTRIBUTOR(c, p.n);
-#endif
 #endif
   return p;
 }
 
-// ---- backward: front to back with R, the share of v . output that is still to come
+// ---- backward: back to front with R, the share of v . output that lies behind
 //   dL/d(exponent) = ln 2 (w gc - R alpha/(1 - alpha)),  gc = gradient by this weight
+// R is summed from what is behind. The other way round it would be the picture less what lies in
+// front, and behind an alpha of .99 a hundred times the picture's rounding (gflow stress, T16).
 typedef struct PixelGrads {
   lane T, R;
+  lane_int end;  // as PixelSums'
   lane vr, vg, vb;
 #if DEPTH
   lane vd;
@@ -225,7 +233,7 @@ typedef struct PixelGrads {
   lane v0;        // what every flow weight gets: -(v_flow . flow)/W
 #endif
 #if TOP_K
-  lane n;
+  lane_int flow_end;
 #endif
 } PixelGrads;
 
@@ -244,32 +252,36 @@ static inline Moments moments_zero(void) {
   return m;
 }
 
-// Adds what this splat's pixels say; returns the pixels' new state through p.
-static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, Footprint at) {
-  const Coverage c = cover(at, p->T);
+// Adds what this splat's pixels say; returns the pixels' new state through p. `entry` as above.
+static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, Footprint at, int entry) {
+  const lane zero = TO_LANE(0.f), cut = fmin(at.raw, TO_LANE(ALPHA_MAX));
+  const lane alpha = LANE_SELECT(zero, cut, (lane_int)(entry) <= p->end);
+  const lane by_passing = TO_LANE(1.f) / (TO_LANE(1.f) - alpha);
+  const lane T = p->T * by_passing, weight = T * alpha;
   lane gc = fma(p->vr, TO_LANE(s.c.x), fma(p->vg, TO_LANE(s.c.y), p->vb * TO_LANE(s.c.z)));
 #if DEPTH
   gc = fma(p->vd, TO_LANE(s.b.z), gc);
 #endif
 #if FLOW
-  const lane w = FLOW_WEIGHT(c, p->n);
+#if TOP_K
+  const lane_int among_first = (lane_int)(entry) <= p->flow_end;
+  const lane w = LANE_SELECT(zero, weight, among_first);
+#else
+  const lane w = weight;
+#endif
 #if !DETACH_WEIGHTS
   lane gf = fma(p->vfx, flow_x(s, at), fma(p->vfy, flow_y(s, at), p->v0));
 #if TOP_K
-  gf = LANE_SELECT(TO_LANE(0.f), gf, p->n < TO_LANE((float)TOP_K));
+  gf = LANE_SELECT(zero, gf, among_first);
 #endif
   gc += gf;
 #endif
-#if TOP_K
-  p->n = COUNT_CONTRIBUTOR(c, p->n);
 #endif
-#endif
-  const lane wgc = c.weight * gc;
-  const lane R = p->R - wgc;
-  p->R = R;
-  p->T = c.T;
-  lane q = wgc - R * (c.alpha / (TO_LANE(1.f) - c.alpha));
-  q = LANE_SELECT(TO_LANE(0.f), q, at.raw <= TO_LANE(ALPHA_MAX));
+  const lane wgc = weight * gc;
+  lane q = wgc - p->R * (alpha * by_passing);
+  p->R += wgc;
+  p->T = T;
+  q = LANE_SELECT(zero, q, at.raw <= TO_LANE(ALPHA_MAX));
   const lane qz1 = q * at.z1, qz2 = q * at.z2;
   m.q += q;
   m.qz1 += qz1;
@@ -277,11 +289,11 @@ static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, Footprint
   m.qz11 = fma(qz1, at.z1, m.qz11);
   m.qz12 = fma(qz1, at.z2, m.qz12);
   m.qz22 = fma(qz2, at.z2, m.qz22);
-  m.wr = fma(c.weight, p->vr, m.wr);
-  m.wg = fma(c.weight, p->vg, m.wg);
-  m.wb = fma(c.weight, p->vb, m.wb);
+  m.wr = fma(weight, p->vr, m.wr);
+  m.wg = fma(weight, p->vg, m.wg);
+  m.wb = fma(weight, p->vb, m.wb);
 #if DEPTH
-  m.wd = fma(c.weight, p->vd, m.wd);
+  m.wd = fma(weight, p->vd, m.wd);
 #elif ABSGRAD
   // K^T (q z): the pixel's own pull at the mean, before pulls of other pixels cancel it.
   const lane ax = TO_LANE(s.a.z) * qz1, ay = fma(TO_LANE(s.a.w), qz1, TO_LANE(s.b.x) * qz2);

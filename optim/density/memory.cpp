@@ -14,6 +14,7 @@ constexpr size_t drawing_words = 2 * 13                       // GaussiansAt, at
                                  + 3 + 30                     // colours, GaussianGradients
                                  + 16 + 2 + 3                 // Splats
                                  + 16 + 1                     // moments, slot_offsets
+                                 + 4                          // ViewRows
                                  + 6                          // sorts; density control's own
                                  + intersections * (16 + 3);  // partials; ids, slots and masks
 

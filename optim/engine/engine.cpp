@@ -25,8 +25,7 @@ Splatting& Engine::without_flow(Queue& queue) {
 }
 
 bool Engine::shared() const {
-  const size_t moving = movers();
-  return channels_.flow && (view_.flow_tiles || (moving > 0 && moving < splats_.count));
+  return channels_.flow && (view_.flow_tiles || movers() < splats_.count);
 }
 
 size_t Engine::movers() const {

@@ -2,6 +2,8 @@
 // The arrays the engine takes and gives back. N Gaussians, M intersections with tiles, H x W
 // pixels; images are planes, row by row.
 #pragma once
+#include <array>
+
 #include "runtime/kernel.hpp"
 #include "shared/types.h"
 
@@ -58,6 +60,10 @@ struct Images {
   Buffer<float> flow{"flow"};    // [2, H, W] sum w f / sum w [px], 0 where nothing is drawn
   Buffer<float> flow_weight{"flow_weight"};      // [H, W] with top_k only
   Buffer<float> transmittance{"transmittance"};  // [H, W] what passes through all splats
+  // [H, W] entries of the tile's list until the pixel is full, for the way back; with top_k
+  // [2, H, W], the second until its flow is.
+  Buffer<cl_int> ends{"ends"};
+  std::array<float, 3> background{};  // drawn behind all splats
 };
 
 // Gradients of a loss by the images; sizes as there. depth and flow only with their channel.

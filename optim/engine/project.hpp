@@ -28,9 +28,9 @@ constexpr size_t all_rows = std::numeric_limits<size_t>::max();
 
 struct View {
   PinholeCamera camera, camera_t2;
-  // The rows from here on stand still in it: they are at t2 as at t1, before the same camera. They
-  // show no flow and what they ask of their place at t2 stays theirs (v_means_t2): it is not a part
-  // of v_means. Nothing else of t2 is read or written.
+  // The entries from here on stand still in it: they are at t2 as at t1, before the same camera.
+  // They show no flow and what they ask of their place at t2 stays theirs (v_means_t2): it is not a
+  // part of v_means. Nothing else of t2 is read or written.
   size_t moving = all_rows;
   // Which tiles have flow: [tiles], row by row, 0 for those that have none; nullptr: all have. A
   // Gaussian that touches none of them needs no pose at t2. To be kept until the backward pass,

@@ -22,16 +22,18 @@ enum class StopRule { include, exclude };
 
 // Work that is left out. `boxes`, `masks`, `saturated`, `asking`, `flow`, `bands` and `compact`
 // change no bit of an image or a gradient (but the sign of a 0), but without boxes more Gaussians
-// count as seen; `still` changes the last bits of gradients, since sums that are 0 are not formed;
-// `unseen` those of steps, which a Gaussian makes up for when it is seen again (shared/adam.h; with
-// adam.beta1 above 0 what the mean gradient would do meanwhile is left out).
+// count as seen; `outside` none either, but for the last bits of what `bases` share; `still`
+// changes the last bits of gradients, since sums that are 0 are not formed; `unseen` those of
+// steps, which a Gaussian makes up for when it is seen again (shared/adam.h; with adam.beta1 above
+// 0 what the mean gradient would do meanwhile is left out).
 struct Skips {
   bool boxes = true;      // tiles outside the box of the ellipse where alpha >= 1/255 (project.cl)
   bool masks = true;      // cells of a tile outside that ellipse (cell_mask.cl)
   bool saturated = true;  // a tile's list from where nothing passes through it (splat.cl)
   bool asking = true;     // the way back through cells where every gradient is 0 (splat_bwd.cl)
-  bool outside = true;    // rows of other moments and outside the picture (motion/view_rows.hpp)
-  bool still = true;      // the second time of what rests before a camera at rest (View::moving)
+  bool outside = true;  // rows of other moments and outside the picture (motion/view_rows.hpp), but
+                        // in steps with a motion loss, or with mcmc, which pose all
+  bool still = true;    // the second time of what rests before a camera at rest (View::moving)
   bool flow = true;     // flow in tiles where nothing moves, its gradients where none are asked for
   bool bands = true;    // spherical harmonics, and their Adam, above the degree in use (sh.cl)
   bool compact = true;  // three quarters of a picture on the device: bytes, not floats
@@ -44,7 +46,10 @@ struct Skips {
     field("masks", self.masks, "cells of 4x4 pixels in which it cannot");
     field("saturated", self.saturated, "what lies behind where a whole tile is opaque");
     field("asking", self.asking, "gradients of cells of pixels that are exactly right");
-    field("outside", self.outside, "rows of Gaussians of other moments, or that the camera cannot see, in all that a view does");
+    field(
+        "outside", self.outside,
+        "Gaussians of other moments and those that the camera cannot see, before anything is made "
+        "of them");
     field("still", self.still, "the second time of Gaussians at rest before a camera at rest");
     field("flow", self.flow,
           "flow in tiles where all is at rest, its gradients in tiles that ask for none");

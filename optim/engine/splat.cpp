@@ -43,6 +43,8 @@ void Splatting::forward(Queue& queue, const std::array<float, 3>& background, co
   images.alpha.ensure(queue, pixels);
   images.depth.ensure(queue, channels_.depth ? pixels : 0);
   images.transmittance.ensure(queue, pixels);
+  images.ends.ensure(queue, settings_.top_k ? 2 * pixels : pixels);
+  images.background = background;
   if (channels_.flow || !with_flow) {
     images.flow.ensure(queue, channels_.flow ? 2 * pixels : 0);
     images.flow_weight.ensure(queue, channels_.flow && settings_.top_k ? pixels : 0);
@@ -52,7 +54,7 @@ void Splatting::forward(Queue& queue, const std::array<float, 3>& background, co
              int(with_flow != nullptr), with_flow ? *with_flow : no_tiles_, background[0],
              background[1], background[2], splats.records, tiles.tile_offsets, tiles.isect_ids,
              tiles.masks, images.rgb, images.alpha, images.depth, images.flow, images.flow_weight,
-             images.transmittance);
+             images.transmittance, images.ends);
 }
 
 void Splatting::backward(Queue& queue, const Splats& splats, const Tiles& tiles,
@@ -61,8 +63,9 @@ void Splatting::backward(Queue& queue, const Splats& splats, const Tiles& tiles,
   partials.ensure(queue, MOMENTS * tiles.intersections);
   splat_bwd_(queue, tile_groups(tiles, lanes_, CELL), images.width, images.height, int(shared),
              splats.records, tiles.tile_offsets, tiles.isect_ids, tiles.isect_slots, tiles.masks,
-             images.rgb, images.alpha, images.depth, images.flow, images.flow_weight,
-             images.transmittance, v.v_rgb, v.v_alpha, v.v_depth, v.v_flow, partials);
+             images.background[0], images.background[1], images.background[2], images.alpha,
+             images.flow, images.flow_weight, images.transmittance, images.ends, v.v_rgb, v.v_alpha,
+             v.v_depth, v.v_flow, partials);
 }
 
 void Splatting::gather(Queue& queue, const Splats& splats, const Tiles& tiles,

@@ -35,11 +35,11 @@ class Splatting {
       tiles_with_flow_;
   Kernel<cl_int, cl_int, cl_int, In<cl_uchar>, cl_float, cl_float, cl_float, In<float>, In<cl_uint>,
          In<cl_uint>, In<cl_ushort>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,
-         Out<float>>
+         Out<float>, Out<cl_int>>
       splat_fwd_;
   Kernel<cl_int, cl_int, cl_int, In<float>, In<cl_uint>, In<cl_uint>, In<cl_uint>, In<cl_ushort>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, Out<float>>
+         cl_float, cl_float, cl_float, In<float>, In<float>, In<float>, In<float>, In<cl_int>,
+         In<float>, In<float>, In<float>, In<float>, Out<float>>
       splat_bwd_;
   Kernel<cl_uint, In<cl_uint>, In<float>, Out<float>> gather_;
   Buffer<float> no_choice_{"no choice of tiles"};

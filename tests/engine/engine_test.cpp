@@ -138,6 +138,19 @@ TEST(Engine, TilesOfMoversAloneHaveTheirFlow) {
   }
 }
 
+// Where nothing that is listed moves, no tile has flow (its kernel would go through all of them).
+TEST(Engine, NoTileHasFlowWhereAllStandStill) {
+  Queue queue = test_queue();
+  PosedScene s = random_scene({});
+  s.shot.camera_t2 = s.shot.camera;
+  DeviceScene still(queue, s);
+  still.stand_still_from(0);
+  const FloatArrays images = still.forward();
+  for (const float x : images.at("flow")) ASSERT_EQ(x, 0);
+  ASSERT_NE(still.engine.tiles_with_flow(), nullptr);
+  for (const cl_uchar tile : still.engine.tiles_with_flow()->read(queue)) ASSERT_EQ(tile, 0);
+}
+
 // What is left out has no part in any pixel: images and gradients have the same bits with it.
 TEST(Engine, SkipsChangeNoBit) {
   Queue queue = test_queue();

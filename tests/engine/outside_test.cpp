@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The rows that a view may show (Motion::look): all that the camera draws is there, to the last bit
-// of its pose, and most of the others are not.
+// of its pose, and most of the others are not; and the way back finds the parameters of each.
 #include <algorithm>
+#include <numeric>
 #include <random>
 
 #include "compare.hpp"
@@ -57,14 +58,18 @@ void fill_randomly(Queue& queue, Parameters& p) {
   p.rows.seen.fill(queue, 0u);
 }
 
-TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
-  Queue queue = test_queue(std::get<1>(GetParam()));
+MotionShape shape_of(MotionModelKind kind) {
   MotionShape shape;
-  shape.motion = std::get<0>(GetParam());
+  shape.motion = kind;
   shape.keys = 4;
   shape.key_scales = 1;
   shape.bases = 3;
-  const auto motion = make_motion(queue, shape);
+  return shape;
+}
+
+TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
+  Queue queue = test_queue(std::get<1>(GetParam()));
+  const auto motion = make_motion(queue, shape_of(std::get<0>(GetParam())));
   Parameters p(queue, N_OUTSIDE, motion->groups(), motion->tables());
   fill_randomly(queue, p);
   ViewRows view(queue);
@@ -121,6 +126,70 @@ TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
         EXPECT_GT(there - seen, 1000u);
         EXPECT_LT(rows.size() - seen, (there - seen) / 3);
       }
+}
+
+// What rows of random v are at the entries of a view.
+std::vector<float> at_entries(const std::vector<float>& v, const std::vector<cl_uint>& rows) {
+  const size_t width = v.size() / N_OUTSIDE;
+  std::vector<float> out;
+  for (const cl_uint row : rows)
+    out.insert(out.end(), v.begin() + long(width * row), v.begin() + long(width * (row + 1)));
+  return out;
+}
+
+// Gradients through the entries of a view are those through all rows: each at its own parameters.
+// Sums over Gaussians (the motions that `bases` share) may differ in their rounding.
+TEST_P(Outside, TheWayBackFindsTheRowsOfItsEntries) {
+  Queue queue = test_queue(std::get<1>(GetParam()));
+  const auto motion = make_motion(queue, shape_of(std::get<0>(GetParam())));
+  Parameters p(queue, N_OUTSIDE, motion->groups(), motion->tables());
+  fill_randomly(queue, p);
+  p.moving = SOME_MOVE;
+  PinholeCamera camera = test_camera(64, 48);
+  camera.near_plane = .05f;
+  ViewRows view(queue);
+  ASSERT_TRUE(motion->look(queue, p, .25f, camera, view));
+  view.take_marked(queue, p);
+  const std::vector<cl_uint> rows = view.read(queue);
+  ASSERT_GT(rows.size(), 100u);
+  std::vector<cl_uint> all_rows_of_it(N_OUTSIDE);
+  std::iota(all_rows_of_it.begin(), all_rows_of_it.end(), 0u);
+
+  std::mt19937 rng(9);
+  std::vector<float> v_means(3 * N_OUTSIDE), v_factors(9 * N_OUTSIDE), v_opacities(N_OUTSIDE);
+  for (std::vector<float>* v : {&v_means, &v_factors, &v_opacities})
+    for (float& x : *v) x = 2 * float(rng()) / 4294967296.f - 1;
+  const auto gradients = [&](const std::vector<cl_uint>& entries, const RowList& list) {
+    std::vector<cl_uint> touched;  // every third listed row is not drawn; no other row is
+    for (const cl_uint row : entries)
+      touched.push_back(row % 3 != 1 && std::binary_search(rows.begin(), rows.end(), row));
+    const auto upload = [&](const std::vector<float>& v) {
+      return Buffer<float>(queue, at_entries(v, entries), "v");
+    };
+    const Buffer<cl_uint> seen(queue, touched, "tiles_touched");
+    const Buffer<float> means = upload(v_means), factors = upload(v_factors);
+    const Buffer<float> opacities = upload(v_opacities);
+    p.forget_seen(queue);
+    for (Table* table : p.tables())
+      for (ParameterGroup& group : table->groups) group.grads.fill(queue, 0);
+    motion->backward(queue, p, .25f, true, seen, means, factors, opacities, list);
+    const auto movers = std::lower_bound(entries.begin(), entries.end(), cl_uint(SOME_MOVE));
+    motion->backward(queue, p, .5f, false, seen, means, factors, opacities,
+                     {size_t(movers - entries.begin()), list.rows});
+    FloatArrays out;
+    for (Table* table : p.tables())
+      for (ParameterGroup& group : table->groups)
+        out[group.values.name()] = group.grads.read(queue);
+    for (const cl_uint row : p.rows.seen.read(queue)) out["seen"].push_back(float(row));
+    return out;
+  };
+  const FloatArrays listed = gradients(rows, view.list());
+  const FloatArrays whole = gradients(all_rows_of_it, {});
+  EXPECT_EQ(listed.at("seen"), whole.at("seen"));
+  for (const auto& [name, expected] : whole) {
+    EXPECT_LT(relative_l2(listed.at(name), expected), 1e-5) << name;
+    EXPECT_TRUE(norm(expected) > 0 || name == "pivots") << name;
+  }
 }
 
 }  // namespace

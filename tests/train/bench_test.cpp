@@ -123,7 +123,8 @@ TEST(Bench, ParetoSaysWhereTheNativeExponentialIsTheBuiltInOne) {
 TEST(Bench, BoxesThatCutSplatsOffAreLessExactAndSkipsAreNot) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
-  ASSERT_EQ(small_pareto({"--knob", "boxes", "--knob", "skips", "--json", file}).code, 0);
+  const Outcome outcome = small_pareto({"--knob", "boxes", "--knob", "skips", "--json", file});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
   Json report = report_in(file);
   Json& rows = report["rows"];
   const double exact = rows["shipped"]["colour"];
@@ -250,9 +251,9 @@ TEST(Bench, CasesAreAsManyOfBothAndEachOnce) {
                  {"--pixels 16x16 with --gaussians 20", "twice"});
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
-  ASSERT_EQ(
-      gflow(raster({"--pixels", "16x16", "--gaussians", "10,20", "--json", file, "--quiet"})).code,
-      0);
+  const Outcome outcome =
+      gflow(raster({"--pixels", "16x16", "--gaussians", "10,20", "--json", file, "--quiet"}));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = report_in(file)["rows"];
   EXPECT_TRUE(rows.contains("16x16, 10") && rows.contains("16x16, 20"));
 }
@@ -260,7 +261,8 @@ TEST(Bench, CasesAreAsManyOfBothAndEachOnce) {
 TEST(Bench, AReportOfOtherThingsIsNotCompared) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
-  ASSERT_EQ(small_raster({"--json", file}).code, 0);
+  const Outcome first = small_raster({"--json", file});
+  ASSERT_EQ(first.code, 0) << first.err;
   for (const std::vector<std::string>& other :
        {std::vector<std::string>{"--lanes", "1"}, {"--no-flow"}, {"--depth"}, {"--frames", "3"}}) {
     std::vector<std::string> words = other;
@@ -299,7 +301,8 @@ TEST(Bench, WhatCannotBeWrittenIsToldBeforeAnythingIsMeasured) {
 TEST(Bench, AnEarlierReportIsComparedByRatio) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
-  ASSERT_EQ(small_raster({"--json", file}).code, 0);
+  const Outcome first = small_raster({"--json", file});
+  ASSERT_EQ(first.code, 0) << first.err;
   const auto compared_with = [&](double factor) {
     Json report = report_in(file);
     for (Json& row : report["rows"])
