@@ -2,9 +2,9 @@
 // The image's derivative: each tile walks its list back to front, from where the last of its pixels
 // was full, and each intersection leaves the 16 sums of shared/pixel.h in its own slot; `gather`
 // adds a Gaussian's slots in order. No atomics: bitwise repeatable.
-// Measured (PoCL, two cores): 256x256 with 10 000, 512x512 with 100 000 Gaussians 2.7 and 14.8 ms,
-// 41 and 30 % of the FMA peak with AVX-512; 3.9 and 22.3 ms, 34 and 25 % with AVX2. Reading ahead
-// -12 % (100 000); the rest as in splat.cl.
+// Measured (PoCL, two cores): 256x256 with 10 000, 512x512 with 100 000 Gaussians 4.1 and 21.8 ms,
+// 35 and 26 % of the FMA peak with AVX2, as fast as front to back, which took 2.7 and 14.8 ms, 41
+// and 30 %, with AVX-512. Reading ahead -12 % (100 000); the rest as in splat.cl.
 // With `shared` the kernel with FLOW takes the tiles whose v_flow is not 0, and the one without the
 // others (Skips::flow, View::flow_tiles).
 // ASKING 1: cells of pixels that ask for nothing, every cotangent 0, are left out (Skips::asking).

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The engine in double, by its definition: every Gaussian at every pixel, no tiles, no lists, no
 // radius. The maths of one Gaussian is kernels/shared read as double; what a pixel does with it is
-// written here anew: alpha from the inverse covariance (not K), the derivative back to front (the
-// kernels go front to back). Which Gaussians count at a pixel is decided first and can be given
-// instead, so that central differences do not cross a threshold.
+// written here anew: alpha from the inverse covariance (not K), and the derivative. Which Gaussians
+// count at a pixel is decided first and can be given instead, so that central differences do not
+// cross a threshold.
 #pragma once
 #include <algorithm>
 #include <cstdint>
