@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The keyframes motion model on the device: Gaussians on paths through keys, and back. Windows,
 // first and second time, and what is written are as in native4d.cl. One work-item a Gaussian.
-// Measured (PoCL, two cores with AVX2, 30 000, of which a view lists 13 000): look .08 ms, the poses
-// at both times .53, and .43 back.
+// Measured (PoCL, two cores with AVX2, 30 000, of which a view lists 13 000): look .08 ms, poses at
+// both times .53, and .43 back.
 #include "shared/keys.h"
 #include "shared/lookout.h"
 #include "shared/still_rows.h"

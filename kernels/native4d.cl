@@ -158,7 +158,8 @@ kernel void native4d_look(const uint n, const uint moving, const float t, const 
 // gradients are set for Gaussians not `seen` before in this training step, which then are; else
 // they are added to, and opacities_at has no say (t2 moves, it does not show).
 kernel void native4d_bwd(const uint n, const uint moving, const float t, const int first,
-                         global const uint* restrict rows, global const float* restrict means, global const float* restrict means_t,
+                         global const uint* restrict rows, global const float* restrict means,
+                         global const float* restrict means_t,
                          global const float* restrict quats, global const float* restrict quats_r,
                          global const float* restrict log_scales,
                          global const float* restrict logit_opacities,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The spacetime motion model on the device: Gaussians on their paths at time t, and back. Windows,
 // first and second time, and what is written are as in native4d.cl. One work-item a Gaussian.
-// Measured (PoCL, two cores with AVX2): look .06 ms of 10 000 rows, .54 of 100 000, .76 of a million
-// of which a hundredth are there; .7 ms of 10 000 poses at both times, and .9 back.
+// Measured (PoCL, two cores with AVX2): look .06 ms of 10 000 rows, .54 of 100 000, .76 of a
+// million of which a hundredth are there; .7 ms of 10 000 poses at both times, and .9 back.
 #include "shared/arrays.h"
 #include "shared/lookout.h"
 #include "shared/random.h"

@@ -6,11 +6,12 @@
 // A picture with flow may be shared between this kernel with FLOW and without: the tiles with_flow
 // are the first's, the others, which show none, the second's.
 // Measured (PoCL, two cores): 256x256 with 10 000, 512x512 with 100 000 Gaussians 1.3 and 7.1 ms,
-// 46 and 34 % of the FMA peak with AVX-512 (before `ends`); 2.3 and 12.0 ms, 34 and 26 % with AVX2
-// (8 lanes, at three quarters of that peak), of which `ends` .04 and .5. What it came from: reading ahead -20 % (100 000), the next cell's
-// footprint before the last one's blend -3 to -7 %, loads that broadcast -5 %, z by one addition
-// -5 %, rounding by a large number -4 %, a cell's two parts without a loop -33 % (AVX2). Estrin's
-// form of the polynomial, and looking ahead by parts instead of cells (AVX2), changed nothing.
+// 46 and 34 % of the FMA peak with AVX-512 (before `ends`), 2.3 and 12.0 ms, 34 and 26 %, with AVX2
+// (8 lanes, at three quarters of that peak), of which `ends` .04 and .5. What it came from: reading
+// ahead -20 % (100 000), the next cell's footprint before the last one's blend -3 to -7 %, loads that
+// broadcast -5 %, z by one addition -5 %, rounding by a large number -4 %, a cell's two parts without
+// a loop -33 % (AVX2). Estrin's form of the polynomial, and looking ahead by parts instead of cells
+// (AVX2), changed nothing.
 #include "shared/pixel.h"
 
 #define BATCH 64  // LANES == 1: splats held in local memory at a time

@@ -252,7 +252,8 @@ void add_step_options(CLI::App& bench, StepOptions& options) {
       ->check(number_in(1, 1000000));
   bench
       .add_option("--block", options.block,
-                  "Steps that are timed together; made a multiple of flow.every")
+                  "Steps that are timed together, about: as many of whole pictures and parts, with "
+                  "flow and with motion losses in each")
       ->check(number_in(1, 100000));
   add_common(bench, options.common);
 }

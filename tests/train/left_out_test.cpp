@@ -37,6 +37,18 @@ TEST_F(LeftOutOfTraining, TheShapesOfThoseOutsideThePicture) {
   EXPECT_GE(some[0], some[1]);
 }
 
+// Every second Gaussian lives for a while.
+void shorten_lives(Queue& queue, Parameters& p) {
+  std::vector<float> scales = p["log_scales"].values.read(queue);
+  std::vector<float> moments = p["means_t"].values.read(queue);
+  for (size_t i = 0; i < moments.size(); i += 2) {
+    scales[4 * i + 3] = std::log(0.1f);
+    moments[i] = float(i % 7) / 6;
+  }
+  p["log_scales"].values.write(queue, scales);
+  p["means_t"].values.write(queue, moments);
+}
+
 // Whoever is not listed for a view has no say in it, and what the view says of the others goes to
 // their own rows: parameters, optimiser, density control and those at rest, through several rounds.
 TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
@@ -58,14 +70,7 @@ TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
         config.skip.outside = skip;
         SmallTraining training(queue, config);
         Parameters& p = training.model.parameters;
-        std::vector<float> scales = p["log_scales"].values.read(queue);
-        std::vector<float> moments = p["means_t"].values.read(queue);
-        for (size_t i = 0; i < moments.size(); i += 2) {  // every second one lives for a while
-          scales[4 * i + 3] = std::log(0.1f);
-          moments[i] = float(i % 7) / 6;
-        }
-        p["log_scales"].values.write(queue, scales);
-        p["means_t"].values.write(queue, moments);
+        shorten_lives(queue, p);
         for (int step = 0; step < 80; ++step) {
           training.steps(queue, 1);
           const ViewRows& rows = training.trainer.renderer().rows();
@@ -83,6 +88,27 @@ TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
         EXPECT_TRUE(array.values == all.at(name).values)
             << names_of(kind)[size_t(kind)] << " " << name;
     }
+}
+
+// A motion loss knows Gaussians by their rows, and compares also those that the view does not show.
+TEST_F(LeftOutOfTraining, NoRowsWhereAMotionLossComparesThem) {
+  TrainConfig config = small_config(scene, 40);
+  config.loss.rigidity = config.loss.velocity = 0.1f;
+  config.loss.motion_every = 2;
+  const auto state_with = [&](bool skip) {
+    config.skip.outside = skip;
+    SmallTraining training(queue, config);
+    shorten_lives(queue, training.model.parameters);
+    size_t fewest = training.model.parameters.count;
+    for (int step = 0; step < 40; ++step) {
+      training.steps(queue, 1);
+      fewest = std::min(fewest, training.trainer.renderer().rows().count());
+    }
+    EXPECT_EQ(fewest < training.model.parameters.count, skip);
+    return training.trainer.state(queue);
+  };
+  const Arrays listed = state_with(true), all = state_with(false);
+  for (const auto& [name, array] : listed) EXPECT_TRUE(array.values == all.at(name).values) << name;
 }
 
 TEST_F(LeftOutOfTraining, TheSecondTimeOfThoseAtRest) {
