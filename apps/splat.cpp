@@ -11,7 +11,7 @@
 #include "apps/options.hpp"
 #include "apps/output_path.hpp"
 #include "optim/engine/splat_file.hpp"
-#include "optim/train/warning.hpp"
+#include "optim/io/warning.hpp"
 
 namespace gflow {
 

@@ -16,7 +16,7 @@
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/io/tell.hpp"
-#include "optim/train/warning.hpp"
+#include "optim/io/warning.hpp"
 
 namespace gflow {
 namespace {

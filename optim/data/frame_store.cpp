@@ -21,6 +21,7 @@
 #include "optim/data/opencv_threads.hpp"
 #include "optim/data/video.hpp"
 #include "optim/io/file_name.hpp"
+#include "optim/io/warning.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -149,18 +150,23 @@ struct FrameStore::State {
     if (failed)
       throw Error(fmt::format("cannot make folder {}: {}", folder.string(), failed.message()));
     // What is damaged counts as missing: the video has it still.
+    const auto damaged = [](const Error& problem) {
+      warn(fmt::format("{}; this frame is unpacked again", problem.what()));
+    };
     const auto is_there = [&](int k) {
       try {
         if (!fs::exists(file(k))) return false;
         const ImageHeader header = read_image_header(file(k));
         return header.width == camera.width && header.height == camera.height;
-      } catch (const Error&) {
+      } catch (const Error& problem) {
+        damaged(problem);
         return false;
       }
     };
     try {
       if (is_there(frame.video_frame)) return read_image(file(frame.video_frame));
-    } catch (const Error&) {
+    } catch (const Error& problem) {
+      damaged(problem);
     }
     const auto unpack = [&](int k) {
       Image image = prepared(unpacked.video.frame(k), frame);

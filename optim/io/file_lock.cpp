@@ -10,12 +10,20 @@
 #include <cerrno>
 #include <cstring>
 
+#include "optim/io/warning.hpp"
+
 namespace gflow {
 namespace {
 
-// Error where another one has it; the file is closed then.
+// Error where another one has it; the file is closed then. Where there are no locks, as on some
+// network file systems, that is said and work goes on.
 void lock_or_close(int file, const std::string& what, std::string (*who)(int)) {
-  if (::flock(file, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  if (::flock(file, LOCK_EX | LOCK_NB) == 0) return;
+  if (errno != EWOULDBLOCK)
+    return warn(
+        fmt::format("{} cannot be locked ({}): nothing keeps another program from writing "
+                    "there at the same time",
+                    what, std::strerror(errno)));
   const std::string holder = who(file);
   ::close(file);
   throw FileIsLocked(

@@ -16,8 +16,8 @@ class FileLock {
  public:
   // Locks the file, which is made where it is missing and stays behind: what counts is the lock of
   // the system, not that the file is there. FileIsLocked, with the number of the process, when
-  // another one has it; `what` is the folder or file it stands for. On a file
-  // system without locks nothing is locked.
+  // another one has it; `what` is the folder or file it stands for. On a file system without locks
+  // nothing is locked, and a warning says so.
   FileLock(const std::string& path, const std::string& what);
   ~FileLock();
   FileLock(const FileLock&) = delete;

@@ -150,8 +150,8 @@ Grid grid_for(const MovingSplats& scene) {
 
 [[noreturn]] void too_far(size_t i) {
   throw Error(
-      fmt::format("Gaussian {} is too far away, too fast or not finite: the grid of a .4dgs file, "
-                  "which follows the Gaussians' sizes, does not reach it",
+      fmt::format("Gaussian {} is too far away, too fast, too large or not finite: the grid of a "
+                  ".4dgs file, which follows the Gaussians' sizes, does not reach it",
                   i));
 }
 

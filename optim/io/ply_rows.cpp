@@ -290,4 +290,20 @@ void PlyRows::end_row() {
   }
 }
 
+// A header that says less than there is belongs to other rows: with a bit of it flipped, or a
+// property lost, all that was read would be other numbers. Blanks are what an editor adds.
+void PlyRows::require_end() {
+  for (;;) {
+    const std::string_view text = file_.ahead(longest_word);
+    const auto more = std::find_if_not(text.begin(), text.end(), is_blank);
+    file_.step(size_t(more - text.begin()));
+    if (more != text.end())
+      refuse_ply(file_.path(),
+                 fmt::format("it goes on for {} bytes behind its last row: its header "
+                             "has too few rows or properties",
+                             file_.left()));
+    if (text.empty()) return;
+  }
+}
+
 }  // namespace gflow

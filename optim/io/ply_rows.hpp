@@ -48,6 +48,7 @@ class PlyRows {
   void require_rows(const PlyElementHeader& element) const;
 
   // Calls row(const double* values) for each of its rows, values [properties], after require_rows.
+  // Error when the element is the last one and the file goes on behind it.
   template <class Row>
   void read(const PlyElementHeader& element, Row&& row) {
     require_rows(element);
@@ -57,6 +58,7 @@ class PlyRows {
       end_row();
       row(values.data());
     }
+    if (&element == &header_.elements.back()) require_end();
   }
 
   void skip(const PlyElementHeader& element);
@@ -68,6 +70,7 @@ class PlyRows {
   template <class T>
   double take();
   void end_row();
+  void require_end();
   void step_over_blanks();
   void skip_fixed(const PlyElementHeader& element);
   [[noreturn]] void truncated() const;

@@ -7,8 +7,8 @@
 #include <set>
 #include <utility>
 
+#include "optim/io/warning.hpp"
 #include "optim/train/init.hpp"
-#include "optim/train/warning.hpp"
 
 namespace gflow {
 namespace {

@@ -14,8 +14,8 @@
 
 #include "optim/io/json_text.hpp"
 #include "optim/io/modest_json.hpp"
+#include "optim/io/warning.hpp"
 #include "optim/motion/parameters_state.hpp"
-#include "optim/train/warning.hpp"
 
 namespace gflow {
 namespace {

@@ -6,10 +6,10 @@
 
 #include "optim/data/estimated_flow.hpp"
 #include "optim/data/true_depth.hpp"
+#include "optim/io/warning.hpp"
 #include "optim/loss/metrics.hpp"
 #include "optim/train/judging_networks.hpp"
 #include "optim/train/pictures.hpp"
-#include "optim/train/warning.hpp"
 #include "shared/loss.h"
 
 namespace gflow {

@@ -15,8 +15,8 @@
 #include "optim/io/ply_comments.hpp"
 #include "optim/io/printable.hpp"
 #include "optim/io/splat_table.hpp"
+#include "optim/io/warning.hpp"
 #include "optim/motion/parameters_state.hpp"
-#include "optim/train/warning.hpp"
 
 namespace gflow {
 namespace {

@@ -10,11 +10,11 @@
 #include "optim/data/point_tracks.hpp"
 #include "optim/density/memory.hpp"
 #include "optim/io/tell.hpp"
+#include "optim/io/warning.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/init.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/stereo_points.hpp"
-#include "optim/train/warning.hpp"
 
 namespace gflow {
 namespace {

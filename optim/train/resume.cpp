@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "optim/io/tell.hpp"
-#include "optim/train/warning.hpp"
+#include "optim/io/warning.hpp"
 
 namespace gflow {
 namespace {

@@ -19,8 +19,8 @@
 #include "optim/io/json_text.hpp"
 #include "optim/io/modest_json.hpp"
 #include "optim/io/text_file.hpp"
+#include "optim/io/warning.hpp"
 #include "optim/train/views.hpp"
-#include "optim/train/warning.hpp"
 
 namespace gflow {
 namespace {

@@ -9,7 +9,7 @@
 #include <limits>
 #include <optional>
 
-#include "optim/train/warning.hpp"
+#include "optim/io/warning.hpp"
 
 namespace gflow {
 namespace {

@@ -7,11 +7,11 @@
 #include <filesystem>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/warning.hpp"
 #include "optim/motion/parameters_state.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/roll_back.hpp"
-#include "optim/train/warning.hpp"
 #include "runtime/usage.hpp"
 
 namespace gflow {

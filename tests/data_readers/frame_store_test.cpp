@@ -137,8 +137,13 @@ TEST(FrameStore, VideoFramesThatAreDamagedAreUnpackedAgain) {
   for (const std::string& damaged :
        {std::string(), bytes.substr(0, 20), bytes.substr(0, bytes.size() / 2), flipped}) {
     std::ofstream(kept, std::ios::binary) << damaged;
+    testing::internal::CaptureStderr();
     EXPECT_EQ(pixels(), whole) << damaged.size();
+    const std::string said = testing::internal::GetCapturedStderr();
     EXPECT_EQ(contents(kept), bytes) << damaged.size();
+    EXPECT_NE(said.find(kept), said.npos) << damaged.size() << ": " << said;
+    EXPECT_NE(said.find("this frame is unpacked again"), said.npos)
+        << damaged.size() << ": " << said;
   }
 }
 

@@ -1,13 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/io/file_lock.hpp"
 
+#include <sys/syscall.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
 
 #include "io/temporary_folder.hpp"
 
 using namespace gflow;
+
+namespace {
+bool no_locks = false;  // as on a network file system without them
+}
+
+// In place of the C library's.
+extern "C" int flock(int file, int operation) {
+  if (!no_locks) return int(syscall(SYS_flock, file, operation));
+  errno = ENOLCK;
+  return -1;
+}
 
 TEST(FileLock, ASecondOneIsRefusedWithTheNumberOfTheProcess) {
   const TemporaryFolder folder;
@@ -67,4 +81,14 @@ TEST(FileLock, WritesIntoNoFileThatALinkLeadsTo) {
   expect_error([&] { FileLock(folder.file("lock"), "the folder"); },
                {"cannot lock", "it is a link to another file"});
   EXPECT_EQ(contents(folder.path() + "/dear"), "precious");
+}
+
+TEST(FileLock, WhereThereAreNoLocksThatIsSaidAndWorkGoesOn) {
+  const TemporaryFolder folder;
+  no_locks = true;
+  testing::internal::CaptureStderr();
+  EXPECT_NO_THROW(FileLock(folder.file("lock"), "the folder"));
+  const std::string said = testing::internal::GetCapturedStderr();
+  no_locks = false;
+  EXPECT_NE(said.find("gflow: warning: the folder cannot be locked"), said.npos) << said;
 }

@@ -95,6 +95,30 @@ TEST(Ply, RefusesTruncatedFiles) {
   expect_error([&] { read_ply(folder.file("text.ply")); }, {"text.ply", "truncated"});
 }
 
+TEST(Ply, RefusesWhatGoesOnBehindItsLastRow) {
+  const TemporaryFolder folder;
+  write_point_cloud(folder.file("a.ply"), {{1, 2, 3, 4, 5, 6}, {1, 2, 3, 4, 5, 6}});
+  std::string bytes = contents(folder.file("a.ply"));
+  bytes.replace(bytes.find("vertex 2"), 8, "vertex 1");
+  const std::string path = folder.write("fewer.ply", bytes);
+  expect_error([&] { read_ply(path); }, {"fewer.ply", "15 bytes behind its last row"});
+  expect_error([&] { read_point_cloud(path); }, {"fewer.ply", "15 bytes behind its last row"});
+  expect_error([&] { read_ply_elements(path); }, {"fewer.ply", "15 bytes behind its last row"});
+  const std::string text =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+      "property float z\nend_header\n1 2 3\n";
+  folder.write("longer.ply", text + "\n4 5 6\n");
+  expect_error([&] { read_point_cloud(folder.file("longer.ply")); },
+               {"longer.ply", "6 bytes behind its last row"});
+
+  // Not what an editor leaves there, nor elements that nobody asks for.
+  EXPECT_EQ(read_point_cloud(folder.write("blank.ply", text + "\n \r\n\n")).size(), 1u);
+  std::string mesh = contents(folder.file("a.ply"));
+  mesh.insert(mesh.find("end_header"), "element face 1\nproperty list uchar int vertex_indices\n");
+  folder.write("mesh.ply", mesh + std::string("\1\0\0\0\0", 5));
+  EXPECT_EQ(read_point_cloud(folder.file("mesh.ply")).size(), 2u);
+}
+
 TEST(Ply, RefusesCountsThatCannotBeInTheFile) {
   const TemporaryFolder folder;
   const auto with = [&](const std::string& format, const std::string& count) {

@@ -307,11 +307,13 @@ TEST(CompressedPly, RefusesWhatDoesNotFitTogether) {
       },
       {"b.ply", "299 of 300"});
   std::string bytes = CompressedPly{}.bytes(table);
-  for (const char* type : {"uchar", "ushort", "float", "double"}) {
+  const std::vector<std::pair<std::string, int>> sizes = {
+      {"uchar", 1}, {"ushort", 2}, {"float", 4}, {"double", 8}};
+  for (const auto& [type, size] : sizes) {
     std::string other = bytes;
     const std::string property = "uint packed_scale";
     other.replace(other.find(property), 4, type);
-    other.append(4096, '\0');  // where a row takes more
+    other.resize(size_t(long(other.size()) + (size - 4) * long(table.table.rows)));  // as long as it says
     expect_error([&] { read_splats(folder.write("d.ply", other)); },
                  {"d.ply", "'packed_scale' is no uint"});
   }
