@@ -15,6 +15,7 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <regex>
 
 #include "optim/io/descriptor.hpp"
@@ -25,10 +26,32 @@
 namespace gflow {
 namespace {
 
-// Removes the temporary unless the rename made it the real file.
+// The n-th temporary of this process beside path, as is_temporary_name() knows it; the extension is
+// kept because libraries choose the format by it.
+std::string name_beside(const std::string& path, unsigned n) {
+  const std::filesystem::path full(path);
+  const std::string stem = full.stem().string(), ending = full.extension().string();
+  const std::string own = fmt::format(".{}-{}.part{}", ::getpid(), n, ending);
+  // A name may have 255 bytes: of a long one its beginning does.
+  const size_t room = NAME_MAX - std::min<size_t>(own.size() + 1, NAME_MAX);
+  return (full.parent_path() / ("." + stem.substr(0, room) + own)).string();
+}
+
+// An empty file beside path that no other process or earlier call uses; removed unless the rename
+// made it the real file.
 class Temporary {
  public:
-  explicit Temporary(std::string path) : path_(std::move(path)), unfinished_(path_) {}
+  explicit Temporary(const std::string& path) {
+    for (unsigned n = 0;; ++n) {
+      path_ = name_beside(path, n);
+      struct stat info;
+      if (::lstat(path_.c_str(), &info) == 0) continue;
+      unfinished_.emplace(path_);  // first: a signal may come as soon as it is there
+      const Descriptor claim(::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+      if (claim.get() >= 0) return;
+      if (errno != EEXIST) refuse_to_write(path, errno);
+    }
+  }
   Temporary(const Temporary&) = delete;
   Temporary& operator=(const Temporary&) = delete;
   ~Temporary() {
@@ -38,33 +61,14 @@ class Temporary {
   void rename_to(const std::string& path) {
     if (::rename(path_.c_str(), path.c_str()) != 0) refuse_to_write(path, errno);
     renamed_ = true;
+    unfinished_.reset();
   }
 
  private:
   std::string path_;
-  UnfinishedFile unfinished_;
+  std::optional<UnfinishedFile> unfinished_;
   bool renamed_ = false;
 };
-
-// A name beside path that no other process or earlier call uses; the extension is kept because
-// libraries choose the format by it.
-std::string temporary_name(const std::string& path) {
-  const std::filesystem::path full(path);
-  const std::string stem = full.stem().string(), ending = full.extension().string();
-  for (unsigned n = 0;; ++n) {  // as is_temporary_name() knows it
-    const std::string own = fmt::format(".{}-{}.part{}", ::getpid(), n, ending);
-    // A name may have 255 bytes: of a long one its beginning does.
-    const size_t room = NAME_MAX - std::min<size_t>(own.size() + 1, NAME_MAX);
-    const std::string name = "." + stem.substr(0, room) + own;
-    const std::string candidate = (full.parent_path() / name).string();
-    struct stat info;
-    if (::lstat(candidate.c_str(), &info) == 0) continue;
-    const Descriptor claim(
-        ::open(candidate.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
-    if (claim.get() >= 0) return candidate;
-    if (errno != EEXIST) refuse_to_write(path, errno);
-  }
-}
 
 void flush_to_disk(const std::string& temporary, const std::string& path) {
   const Descriptor file(::open(temporary.c_str(), O_RDONLY | O_CLOEXEC));
@@ -195,7 +199,7 @@ void replace_file(const std::string& path,
   // A device or pipe must not be replaced by a file of its name.
   if (std::filesystem::exists(path) && !std::filesystem::is_regular_file(path))
     throw Error(fmt::format("writing {}: there is something of that name that is no file", path));
-  Temporary temporary(temporary_name(path));
+  Temporary temporary(path);
   write(temporary.path());
   flush_to_disk(temporary.path(), path);
   temporary.rename_to(path);

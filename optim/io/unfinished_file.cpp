@@ -31,35 +31,41 @@ static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not w
 }  // namespace
 
 UnfinishedFile::UnfinishedFile(const std::string& path) {
-  while (ending) ::pause();  // no file is begun any more
-  if (path.size() >= PATH_MAX) return;
-  for (size_t i = 0; i < slots.size(); ++i) {
+  for (size_t i = 0; i < slots.size() && path.size() < PATH_MAX; ++i) {
     if (!slots[i].change(unused, being_named)) continue;
     std::memcpy(slots[i].path, path.c_str(), path.size() + 1);
     slots[i].state = in_use;
     slot_ = int(i);
-    return;
+    break;
   }
+  // Whoever removes says so before it looks at the slots: either it sees this one, or this sees
+  // that no file is begun any more.
+  if (!ending) return;
+  if (slot_ >= 0) slots[size_t(slot_)].state = unused;
+  for (;;) ::pause();
 }
 
 UnfinishedFile::~UnfinishedFile() {
-  if (slot_ >= 0) slots[size_t(slot_)].change(in_use, unused);
+  if (slot_ >= 0) slots[size_t(slot_)].state = unused;
 }
 
 void remove_unfinished_files() {
   ending = true;
-  // Another thread may have named a file and make it only now: for a moment it is looked for again.
-  std::array<bool, 64> missing{};
-  bool any = false;
-  for (size_t i = 0; i < slots.size(); ++i)
-    if (slots[i].change(in_use, being_removed))
-      any |= missing[i] = ::unlink(slots[i].path) != 0 && errno == ENOENT;
+  // Another thread may have named a file and make it only now: it is looked for a while, as long as
+  // that thread has not given it up.
+  const auto remains = [](Slot& slot) {
+    return slot.state == being_removed && ::unlink(slot.path) != 0 && errno == ENOENT;
+  };
+  for (Slot& slot : slots) slot.change(in_use, being_removed);
+  std::array<bool, slots.size()> missing{};
+  for (size_t i = 0; i < slots.size(); ++i) missing[i] = remains(slots[i]);
   constexpr timespec pause{0, 1000000};
-  for (int tries = 0; any && tries < 20; ++tries) {
-    ::nanosleep(&pause, nullptr);
-    any = false;
+  for (int tries = 0; tries < 200; ++tries) {
+    bool any = false;
     for (size_t i = 0; i < slots.size(); ++i)
-      if (missing[i]) any |= missing[i] = ::unlink(slots[i].path) != 0;
+      if (missing[i]) any |= missing[i] = remains(slots[i]);
+    if (!any) return;
+    ::nanosleep(&pause, nullptr);
   }
 }
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/io/unfinished_file.hpp"
 
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -64,6 +67,32 @@ TEST(UnfinishedFile, OfAReplacedFileIsItsTemporary) {
       testing::ExitedWithCode(3), "");
   EXPECT_EQ(contents(folder.file("a.txt")), "before");
   EXPECT_EQ(folder.count(), 1u);
+}
+
+// Also between two calls of the system: a temporary was once there a moment before it was noted.
+TEST(UnfinishedFile, NoneIsLeftWheneverASignalComes) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.txt");
+  for (int trial = 0; trial < 200; ++trial) {
+    std::filesystem::remove(path);
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      std::signal(SIGTERM, [](int) {
+        remove_unfinished_files();
+        _exit(3);
+      });
+      for (;;) write_file_atomically(path, "whole");
+    }
+    while (!std::filesystem::exists(path)) usleep(10);
+    usleep(useconds_t(trial * 7 % 500));
+    kill(child, SIGTERM);
+    int status = 0;
+    ASSERT_EQ(waitpid(child, &status, 0), child);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 3) << trial;
+    ASSERT_EQ(folder.count(), 1u) << "trial " << trial;
+    EXPECT_EQ(contents(path), "whole");
+  }
 }
 
 TEST(UnfinishedFile, MoreThanThereIsRoomForAreWrittenAllTheSame) {
