@@ -55,7 +55,7 @@ class Long:
 
 
 def killed_in_saving(world):
-    """A checkpoint after each step: half of the time, or more, is saving."""
+    """A checkpoint after each step. Every second kill is at any time; the others wait until a file is begun."""
     long = Long(world, "kills", checkpoint_every=1)
     random.seed(1)
     kills = struck = 0
@@ -64,7 +64,12 @@ def killed_in_saving(world):
         process = long.go_on()
         while process.poll() is None and checkpoints_of(long.run)[-1:] == before[-1:]:
             time.sleep(0.001)
-        time.sleep(random.uniform(0, 0.04))
+        if kills % 2:
+            time.sleep(random.uniform(0, 0.04))
+        else:
+            while process.poll() is None and not unfinished_in(long.run):
+                pass
+            time.sleep(random.uniform(0, 0.003))
         process.kill()
         outcome = ended(process)
         if outcome.code == 0:  # it came to its end first
@@ -126,7 +131,7 @@ def early(world):
         shutil.rmtree(out, ignore_errors=True)
         os.makedirs(out)
         arguments = (["import", still, "-o", out + "/out.ply"], ["export", world.whole, "-o", out + "/out.splat"],
-                     ["render", world.whole, "-o", out + "/pictures"], ["eval", world.whole], ["devices"],
+                     ["render", world.whole, "-o", out + "/pictures"], ["eval", world.whole, "--quiet"], ["devices"],
                      ["train", world.scene, "-o", out + "/run", *settings()])[trial % 6]
         number = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)[trial // 6 % 3]
         process = world.start(arguments)
