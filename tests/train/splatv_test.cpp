@@ -119,6 +119,19 @@ TEST(Splatv, SaysItsTextureAndItsCameras) {
   for (size_t i = host.count; i < 1024; ++i) EXPECT_EQ(file.words[16 * i + 7], 0u);  // not seen
 }
 
+TEST(Splatv, ShowsNothingOfAGaussianWhoseSizeOverflows) {
+  const TemporaryFolder folder;
+  HostModel host = moving_model();
+  host.groups["logit_opacities"].assign(host.count, 3.f);
+  for (size_t axis = 0; axis < 3; ++axis) host.groups["log_scales"][4 * axis + axis] = 89;
+  host.groups["log_scales"][4 * 3] = 88;  // e^88 is a float, and more than half floats hold
+  write_splatv(folder.file("a.splatv"), host, {});
+  const SplatvFile file(contents(folder.file("a.splatv")));
+  for (size_t i = 0; i < host.count; ++i)
+    EXPECT_EQ(file.words[16 * i + 7] >> 24, i < 3 ? 0u : 243u) << i;
+  EXPECT_EQ(file.half(3, 5, 0), 65504);
+}
+
 TEST(Splatv, RefusesOtherMotionModels) {
   const TemporaryFolder folder;
   HostModel host = moving_model();
