@@ -47,6 +47,7 @@ TEST(UnfinishedFile, ThatIsMadeAMomentLaterIsRemovedToo) {
         });
         while (!named) std::this_thread::yield();
         remove_unfinished_files();
+        usleep(20000);  // a program takes a while to end
         _exit(3);
       },
       testing::ExitedWithCode(3), "");
