@@ -25,6 +25,7 @@
 #include "optim/data/json_file.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/modest_json.hpp"
 #include "optim/io/text_file.hpp"
 #include "optim/train/judging_networks.hpp"
 #include "optim/train/loaded_scene.hpp"
@@ -349,8 +350,7 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   const RunFacts facts = RunFolder(files.run).read_facts();
   // One whose results were lost or damaged is judged again, as one that was stopped before.
   const std::string results = text_if_there(files.run + "/results.json");
-  const bool finished =
-      facts.finished && nlohmann::json::parse(results, nullptr, false).is_object();
+  const bool finished = facts.finished && parsed_if_modest(results).is_object();
   std::tie(standing.steps, standing.seconds) = steps_made(files.run);
   if (finished) {
     standing.steps = run.config.train.iterations;

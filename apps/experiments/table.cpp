@@ -9,11 +9,11 @@
 #include <map>
 #include <numeric>
 #include <set>
-#include <sstream>
 
 #include "apps/experiments/runs.hpp"
 #include "optim/data/json_file.hpp"
 #include "optim/io/text_file.hpp"
+#include "optim/train/run_folder.hpp"
 
 namespace gflow::experiments {
 namespace {
@@ -382,12 +382,12 @@ std::vector<Plot> Results::curves(const std::string& folder) const {
       for (size_t i = 0; i < plan_.runs.size(); ++i) {
         const Row& row = plan_.rows[plan_.runs[i].row];
         if (row.scene != scene || !is_first_seed(plan_, i) || !results_[i].is_object()) continue;
-        std::istringstream metrics(
-            text_if_there(RunFiles(folder, plan_.runs[i].id).run + "/metrics.jsonl"));
+        const std::string metrics =
+            text_if_there(RunFiles(folder, plan_.runs[i].id).run + "/metrics.jsonl");
         if (block > 0) plot.table.insert(plot.table.end(), 2, Words{});
         plot.table.push_back({by_time ? "seconds" : "steps", plain(name_of(row, plan_.title))});
-        for (std::string line; std::getline(metrics, line);) {
-          const auto step = nlohmann::json::parse(line, nullptr, false);
+        for (std::string_view rest = metrics; !rest.empty();) {
+          const nlohmann::json step = RunFolder::metrics_of(take_line(rest));
           if (step.is_object())
             plot.table.push_back(
                 {fmt::format("{}", member_or(step, by_time ? "seconds" : "iteration", 0.0)),

@@ -258,6 +258,8 @@ Rows root_scales(Queue& queue) {  // T4
     const MapErrors e = errors_at(queue, 1e4, std::pow(10., power));
     rows.push_back({fmt::format("S x 1e{}, gradient of A, 99 %, by T2's", power),
                     quantile(e.gradients, .99) / at_one, 2});
+    rows.push_back({fmt::format("S x 1e{}, gradient of A, worst, relative", power),
+                    worst(e.gradients), 30 * gradient_bound(1e4)});
   }
   return rows;
 }

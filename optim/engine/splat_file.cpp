@@ -135,7 +135,8 @@ void require_finite(const std::vector<float>& values, const std::string& key,
       throw Error(fmt::format("reading {}: array '{}' has a value that is not finite", name, key));
 }
 
-// Error where the device cannot hold the images of such a file, with one of each's cotangents.
+// Error where the device cannot hold the images of such a file, with one of each's cotangents. On a
+// CPU it is the memory that they are read into and written from as well.
 void require_room_for_images(const DeviceInfo& device, size_t pixels, const Arrays& input,
                              const std::string& name) {
   const bool moves = input.count("means_t2") > 0;
@@ -146,10 +147,11 @@ void require_room_for_images(const DeviceInfo& device, size_t pixels, const Arra
   const size_t floats = shown + 1 + (backward ? shown : 0);  // and transmittance
   const size_t largest = 3 * sizeof(float) * pixels, all = floats * sizeof(float) * pixels;
   const auto mib = [](uint64_t bytes) { return double(bytes) / (1 << 20); };
-  if (all > device.global_memory)
+  constexpr uint64_t copies = 3;
+  if (all > device.global_memory / copies)
     throw Error(fmt::format(
-        "reading {}: images of as many pixels as array 'size' says take {:.1f} MiB in all, and {} "
-        "has {:.1f} MiB",
+        "reading {}: images of as many pixels as array 'size' says take {:.1f} MiB in all, thrice "
+        "that until they are written, and {} has {:.1f} MiB",
         name, mib(all), device.full_name(), mib(device.global_memory)));
   if (largest > device.max_allocation)
     throw Error(fmt::format(

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "optim/io/modest_json.hpp"
+
 namespace gflow {
 namespace {
 
@@ -72,7 +74,7 @@ std::vector<T> taken(const SharedMemory& memory, const Place& place) {
 
 // A line of the program's; GuidanceFailed when it is no JSON object, or tells an error.
 Json parsed(const std::string& line, const std::string& provider) {
-  const Json answer = Json::parse(line, nullptr, false);
+  const Json answer = parsed_if_modest(line);
   if (!answer.is_object()) {
     constexpr size_t shown = 60;
     const std::string start = line.size() > shown ? line.substr(0, shown) + "..." : line;

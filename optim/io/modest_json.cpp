@@ -69,6 +69,12 @@ bool is_modest_json(const void* text, size_t size) {
   }
 }
 
+nlohmann::ordered_json parsed_if_modest(std::string_view text) {
+  using Json = nlohmann::ordered_json;
+  return is_modest_json(text.data(), text.size()) ? Json::parse(text, nullptr, false)
+                                                  : Json(Json::value_t::discarded);
+}
+
 std::string reason_of(const nlohmann::json::exception& problem) {
   constexpr size_t most_letters = 200;      // it quotes what it read last, whole
   const std::string text = problem.what();  // "[json.exception.type_error.302] type must be ..."

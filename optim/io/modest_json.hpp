@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 
 namespace gflow {
 
@@ -13,6 +14,10 @@ void require_modest_json(const void* text, size_t size, const std::string& path)
 
 // The same as a question.
 bool is_modest_json(const void* text, size_t size);
+
+// What it says, keys in the order of the text; a discarded value, which is of no type, where it is
+// no JSON or more of it than above.
+nlohmann::ordered_json parsed_if_modest(std::string_view text);
 
 // The library's reason without its own name for it, one line of 200 letters at most.
 std::string reason_of(const nlohmann::json::exception& problem);

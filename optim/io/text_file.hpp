@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Small files of text that another process may be changing.
 #pragma once
+#include <algorithm>
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 #include "optim/io/atomic_file.hpp"
 #include "runtime/error.hpp"
@@ -20,6 +22,13 @@ inline std::string text_if_there(const std::string& path) {
     if (std::filesystem::exists(path, none) || none) throw;
     return "";
   }
+}
+
+// The first line of a text that has any, without its end; the text begins behind it then.
+inline std::string_view take_line(std::string_view& text) {
+  const std::string_view line = text.substr(0, text.find('\n'));
+  text.remove_prefix(std::min(text.size(), line.size() + 1));
+  return line;
 }
 
 }  // namespace gflow

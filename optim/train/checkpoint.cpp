@@ -16,6 +16,7 @@
 #include "optim/io/modest_json.hpp"
 #include "optim/io/warning.hpp"
 #include "optim/motion/parameters_state.hpp"
+#include "optim/train/config.hpp"
 
 namespace gflow {
 namespace {

@@ -12,7 +12,6 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <sstream>
 
 #include "optim/data/cameras_json.hpp"
 #include "optim/io/atomic_file.hpp"
@@ -294,19 +293,35 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
   append_lines(table, anew, (anew ? csv_names(line) : "") + csv_values(line));
 }
 
+Json RunFolder::metrics_of(std::string_view line) {
+  constexpr size_t longest = size_t{64} << 10;
+  Json none(Json::value_t::discarded);
+  if (line.size() > longest) return none;
+  Json parsed = parsed_if_modest(line);
+  const bool is_line =
+      parsed.is_object() && parsed.contains("iteration") && parsed["iteration"].is_number_integer();
+  return is_line ? parsed : none;
+}
+
 void RunFolder::keep_metrics_before(int iteration) const {
-  std::istringstream in(text_if_there(path("metrics.jsonl")));
-  std::string kept, table;
-  for (std::string line; std::getline(in, line);) {
-    const Json parsed = Json::parse(line, nullptr, false);
+  std::string kept = text_if_there(path("metrics.jsonl")), table;
+  size_t end = 0;  // of what is kept
+  int number = 1;
+  for (std::string_view rest = kept; !rest.empty(); ++number) {
+    const Json line = metrics_of(take_line(rest));
     // The last line of a killed process may be cut off.
-    if (!parsed.is_object() || !parsed.contains("iteration") ||
-        !parsed["iteration"].is_number_integer() || parsed["iteration"] >= iteration)
-      break;
-    if (kept.empty()) table = csv_names(parsed);
-    kept += line + "\n";
-    table += csv_values(parsed);
+    if (line.is_discarded() && !rest.empty())
+      warn(
+          fmt::format("{}: line {} is none that `gflow train` writes: it and all that follows are "
+                      "not kept",
+                      path("metrics.jsonl"), number));
+    if (line.is_discarded() || line["iteration"] >= iteration) break;
+    if (end == 0) table = csv_names(line);
+    table += csv_values(line);
+    end = kept.size() - rest.size();
   }
+  kept.resize(end);
+  if (end > 0 && kept.back() != '\n') kept += '\n';
   if (kept.empty()) {
     for (const char* name : {"metrics.jsonl", "metrics.csv"}) fs::remove(path(name));
     return;
@@ -360,8 +375,7 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
 
 MetricsConfig RunFolder::judged_by() const {
   const std::string text = text_if_there(path("results.json"));
-  const Json results =
-      is_modest_json(text.data(), text.size()) ? Json::parse(text, nullptr, false) : Json();
+  const Json results = parsed_if_modest(text);
   const auto test = results.is_object() ? results.value("test", Json()) : Json();
   const auto named = [&](const char* key) {
     return test.is_object() && test.contains(key) && test[key].is_string()
@@ -383,10 +397,11 @@ void RunFolder::write_facts(const RunFacts& facts) const {
 
 RunFacts RunFolder::read_facts() const {
   RunFacts facts;
+  std::string why = path("training.json") + " is not the JSON that `gflow train` writes";
   try {
     const std::string text = text_if_there(path("training.json"));
     if (text.empty() && !fs::exists(path("training.json"))) return facts;
-    const Json run = is_modest_json(text.data(), text.size()) ? Json::parse(text) : Json();
+    const Json run = parsed_if_modest(text);
     const Json& iterations = run.at("iterations");
     facts.iterations = iterations.is_number_integer() ? iterations.get<int>() : -1;
     facts.train_seconds = run.value("train_seconds", 0.0);
@@ -396,11 +411,11 @@ RunFacts RunFolder::read_facts() const {
     facts.finished = run.value("finished", false);
     if (facts.iterations >= 0) return facts;
   } catch (const Json::exception&) {
+  } catch (const Error& problem) {
+    why = problem.what();
   }
   static std::set<std::string> told;
-  if (told.insert(folder_).second)
-    warn(fmt::format("{} is not the JSON that `gflow train` writes: what the run took is not known",
-                     path("training.json")));
+  if (told.insert(folder_).second) warn(why + ": what the run took is not known");
   return {};
 }
 

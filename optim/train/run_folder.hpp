@@ -4,7 +4,9 @@
 // complete or not at all.
 #pragma once
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "optim/io/file_lock.hpp"
@@ -71,10 +73,13 @@ class RunFolder {
   // where config.toml is missing or damaged. Error when there is neither.
   TrainConfig read_config() const;
   void write_cameras(const Scene& scene) const;
+  // What a line of metrics.jsonl says; a discarded value where it is none, or of more than 64 kB.
+  static nlohmann::ordered_json metrics_of(std::string_view line);
   // One line of metrics.jsonl, and the same figures in metrics.csv.
   void append_metrics(int iteration, double seconds, const StepFigures& figures) const;
   // Removes the lines of this iteration and later ones, and writes metrics.csv anew from what stays
-  // in metrics.jsonl: the last lines of a killed process may be cut off or missing.
+  // in metrics.jsonl: the last lines of a killed process may be cut off or missing. Warns of
+  // another line that is none.
   void keep_metrics_before(int iteration) const;
   // results.json and per_view.json for the test views, results_SPLIT.json and so on for others;
   // results[_SPLIT]_iteration_N.json unless it is the run's latest model. Facts that are not known

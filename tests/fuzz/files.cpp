@@ -21,6 +21,7 @@ void npy_seeds(const std::string& to) {
   seed(to, "a", written("s.npy", [](const std::string& p) {
          write_npy(p, {{2, 3}, std::vector<float>(6, 1.f)});
        }));
+  real_seed(to, "dynerf_flame_steak_5v/poses_bounds.npy");
 }
 
 void npz(const uint8_t* bytes, size_t size) {
@@ -64,12 +65,16 @@ void flo_seeds(const std::string& to) {
        }));
   const Bytes zipped = gzip(contents(to + "/a"));
   seed(to, "gz", std::string(zipped.begin(), zipped.end()));
+  real_seed(to, "flow_middlebury_rubberwhale/flow_gt.flo");
 }
 
 void kitti_flow(const uint8_t* bytes, size_t size) {
   as_png(bytes, size, "a.png", [](const std::string& path) { read_kitti_flow(path); });
 }
-void kitti_flow_seeds(const std::string& to) { seed(to, "a", png(4, 3)); }
+void kitti_flow_seeds(const std::string& to) {
+  seed(to, "a", png(4, 3));
+  real_seed(to, "flow_kitti/flow_gt.png");
+}
 
 void picture(const uint8_t* bytes, size_t size) {
   as_png(bytes, size, "a.png", [](const std::string& path) {
@@ -83,6 +88,7 @@ void picture_seeds(const std::string& to) {
   const std::string jpg = folder() + "/made.jpg";
   write_png(jpg, pattern(8, 8));  // by its ending a JPEG
   seed(to, "jpg", contents(jpg));
+  real_seed(to, "consistent4d_trex/0.png");
 }
 
 // As a video is read: what it says, when its frames are shown, the first of them.
@@ -100,6 +106,7 @@ void video_seeds(const std::string& to) {
          write_movie(
              path, 3, [](size_t) { return pattern(32, 24); }, 10);
        }));
+  real_seed(to, "videos_opencv/tree.avi");
 }
 
 void packed_flow(const uint8_t* bytes, size_t size) {

@@ -44,7 +44,7 @@ void count_free(const volatile void* place) {
 // and 64 MB (optim/io/README.md).
 size_t memory_allowed(size_t size) {
   constexpr size_t mb = size_t{1} << 20;
-  const bool packed = chosen().holds == Holds::packed;
+  const bool packed = chosen().holds == Holds::packed && gflow::fuzz::last_file == Holds::packed;
   return 64 * mb + 2 * (packed ? 64 * mb + 100 * size : size);
 }
 

@@ -74,6 +74,11 @@ void in_scene(const uint8_t* bytes, size_t size, const std::string& scene,
               const std::vector<File>& files, Read&& read) {
   if (size == 0) return;
   const size_t other = bytes[0] % files.size();
+  const fs::path ending = fs::path(files[other].name).extension();
+  const bool plain = ending == ".json" || ending == ".jsonl" || ending == ".toml" ||
+                     ending == ".npy" || ending == ".bin" || ending == ".txt" || ending == ".flo" ||
+                     ending == ".ply";
+  last_file = plain ? Holds::its_size : Holds::packed;
   for (size_t i = 0; i < files.size(); ++i)
     if (i != other)
       write(scene + "/" + files[i].name, files[i].text);
@@ -91,15 +96,19 @@ inline void seeds_of(const std::string& folder, const std::vector<File>& files) 
   for (size_t i = 0; i < files.size(); ++i)
     seed(folder, std::to_string(i), std::string(1, char(i)) + files[i].text);
 }
-inline void copy_seed(const std::string& folder, const std::string& path, size_t most = 1 << 18) {
-  if (fs::exists(path) && fs::file_size(path) <= most)
-    fs::copy_file(path, folder + "/" + fs::path(path).filename().string(),
-                  fs::copy_options::overwrite_existing);
+inline void copy_seed(const std::string& folder, const std::string& path) {
+  seed(folder, fs::path(path).filename().string(), contents(path));
 }
-inline void copy_seeds(const std::string& folder, const std::string& from) {
-  if (!fs::exists(from)) return;
-  for (const auto& entry : fs::recursive_directory_iterator(from))
-    if (entry.is_regular_file()) copy_seed(folder, entry.path().string());
+// The beginning, of as many bytes as inputs have, of a file of the shared data where that is there,
+// behind the byte that chooses it among several.
+inline void real_seed(const std::string& folder, const std::string& name,
+                      const std::string& before = "",
+                      const std::function<std::string(const std::string&)>& read = contents) {
+  if (!fs::exists(shared("data"))) return;
+  constexpr size_t most = 65536;
+  const std::string text = read(shared("data/" + name));
+  if (text.empty()) throw std::logic_error("no seed in " + shared("data/" + name));
+  seed(folder, "real_" + fs::path(name).filename().string(), (before + text).substr(0, most));
 }
 
 inline std::string capture(const std::string& name) {

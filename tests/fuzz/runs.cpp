@@ -178,7 +178,7 @@ std::vector<Target> run_targets() {
           {"checkpoint", checkpoint, checkpoint_seeds, Holds::packed},
           {"plan", plan, plan_seeds},
           {"run_folder", run_folder, run_folder_seeds, Holds::packed},
-          {"guidance", guidance, guidance_seeds, Holds::packed}};
+          {"guidance", guidance, guidance_seeds}};
 }
 
 }  // namespace gflow::fuzz

@@ -44,7 +44,12 @@ void colmap_binary(const uint8_t* bytes, size_t size) {
   in_scene(bytes, size, "colmap_binary", colmap_binary_files(),
            [](const std::string& path) { read_colmap_model(path); });
 }
-void colmap_binary_seeds(const std::string& to) { seeds_of(to, colmap_binary_files()); }
+void colmap_binary_seeds(const std::string& to) {
+  seeds_of(to, colmap_binary_files());
+  const std::vector<File> files = colmap_binary_files();
+  for (size_t i = 0; i < files.size(); ++i)
+    real_seed(to, "dynerf_flame_steak_5v/sparse/0/" + files[i].name, std::string(1, char(i)));
+}
 
 const std::vector<File>& nerfies_files() {
   static const std::vector<File> files{
@@ -115,7 +120,10 @@ void blender(const uint8_t* bytes, size_t size) {
   in_scene(bytes, size, "blender", blender_files(),
            [](const std::string& path) { read_blender(path, {}); });
 }
-void blender_seeds(const std::string& to) { seeds_of(to, blender_files()); }
+void blender_seeds(const std::string& to) {
+  seeds_of(to, blender_files());
+  real_seed(to, "dnerf_mujoco/scene10_texture/transforms_test.json", std::string(1, 1));
+}
 
 const std::vector<File>& n3v_files() {
   static const std::vector<File> files = [] {
@@ -137,7 +145,10 @@ const std::vector<File>& n3v_files() {
 void n3v(const uint8_t* bytes, size_t size) {
   in_scene(bytes, size, "n3v", n3v_files(), [](const std::string& path) { read_n3v(path, {}); });
 }
-void n3v_seeds(const std::string& to) { seeds_of(to, n3v_files()); }
+void n3v_seeds(const std::string& to) {
+  seeds_of(to, n3v_files());
+  real_seed(to, "dynerf_flame_steak_5v/poses_bounds.npy", std::string(1, 0));
+}
 
 // With what its folder says of the truth: flow, depth, tracks.
 const std::vector<File>& consistent4d_files() {

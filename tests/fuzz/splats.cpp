@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians at one time and all times, as other programs write them.
+#include <zlib.h>
+
 #include "fuzz/inputs.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/compressed_ply.hpp"
@@ -34,7 +36,7 @@ void ply_seeds(const std::string& to) {
        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
        "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
        "end_header\n1 2 3 4 5 6\n7 8 9 10 11 12\n");
-  copy_seeds(to, shared("data/splat_models/splat_transform_fixtures"));
+  real_seed(to, "splat_models/kacytran_iter7000.ply");
 }
 
 void compressed_ply(const uint8_t* bytes, size_t size) {
@@ -54,7 +56,7 @@ void compressed_ply_seeds(const std::string& to) {
   for (int k = 0; k < 9; ++k) made += fmt::format("property uchar f_rest_{}\n", k);
   made += "end_header\n" + std::string(12 * 4 + 2 * 16 + 2 * 9, '\1');
   seed(to, "made", made);
-  copy_seeds(to, shared("data/splat_models/splat_transform_fixtures"));
+  real_seed(to, "splat_models/guitar.compressed.ply");
 }
 
 void dot_splat(const uint8_t* bytes, size_t size) {
@@ -63,6 +65,15 @@ void dot_splat(const uint8_t* bytes, size_t size) {
 void dot_splat_seeds(const std::string& to) {
   seed(to, "a",
        written("s.splat", [](const std::string& p) { write_dot_splat(p, small_table(0)); }));
+  real_seed(to, "splat_models/splat_transform_fixtures/minimal.splat");
+}
+
+std::string gunzipped(const std::string& path) {
+  std::string text(65536, '\0');
+  const gzFile file = gzopen(path.c_str(), "rb");
+  text.resize(size_t(std::max(0, gzread(file, text.data(), unsigned(text.size())))));
+  gzclose(file);
+  return text;
 }
 
 // Packed here: of a packed file that is damaged zlib refuses nearly all.
@@ -79,6 +90,8 @@ void spz_seeds(const std::string& to) {
            "NGSP" + std::string{char(version), 0, 0, 0, 2, 0, 0, 0, char(degree), 12, 0, 0} +
                std::string(2 * each, '\1'));
     }
+  for (const char* name : {"minimal-v2.spz", "minimal-v3.spz"})
+    real_seed(to, std::string("splat_models/splat_transform_fixtures/") + name, "", gunzipped);
 }
 
 void four_dgs(const uint8_t* bytes, size_t size) {

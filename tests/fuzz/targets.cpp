@@ -3,6 +3,8 @@
 
 namespace gflow::fuzz {
 
+Holds last_file = Holds::packed;
+
 const std::vector<Target>& targets() {
   static const std::vector<Target> all = [] {
     std::vector<Target> joined;

@@ -23,6 +23,10 @@ struct Target {
 
 const std::vector<Target>& targets();
 
+// What the file holds that was made of the bytes last: of a target of several files that is packed
+// where one is, its size where that one is text or plain numbers.
+extern Holds last_file;
+
 // Of these, a file each.
 std::vector<Target> splat_targets();
 std::vector<Target> file_targets();

@@ -395,7 +395,7 @@ TEST_F(FilesCommand, SplatRefusesArchivesThatAreBroken) {
   input["size"] = Array{{2}, std::vector<double>{65535, 65535}};  // 48 GiB of rgb alone
   write_npz(folder.file("large.npz"), input);
   expect_refused({"splat", folder.file("large.npz"), "-o", out},
-                 {"large.npz", "take 98301.0 MiB in all, and ", " has "});
+                 {"large.npz", "take 98301.0 MiB in all, thrice ", " has "});
   EXPECT_FALSE(fs::exists(out));
   input = small_npz();
   input["v_flow"] = Array{{12, 16, 2}, std::vector<float>(12 * 16 * 2, 1.f)};

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/file_size_limit.hpp"
+#include "io/memory_of.hpp"
 #include "io/temporary_folder.hpp"
 
 namespace gflow {
@@ -82,6 +83,29 @@ TEST(RunFolder, KeepsMetricsOfTheStepsBeforeACheckpoint) {
   std::ofstream(run.path("metrics.jsonl"), std::ios::app) << "7\n";
   run.keep_metrics_before(1000);
   EXPECT_EQ(contents(run.path("metrics.jsonl")), expected);
+}
+
+// A value of two bytes takes up to 80 of memory: one line once took sixty times its size.
+TEST(RunFolder, MetricsThatNobodyWritesEndTheLogInLittleMemory) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  run.append_metrics(0, 1, {});
+  const std::string whole = contents(run.path("metrics.jsonl"));
+  const size_t mb = size_t{1} << 20;
+  std::string ones;
+  for (size_t i = 0; i < 4 * mb; ++i) ones += "1,";
+  for (const std::string& line :
+       {std::string(8 * mb, '['), R"({"iteration":1,"x":[)" + ones + "1]}",
+        R"({"iteration":1,"x":")" + std::string(70000, 'x') + "\"}", std::string("{}")}) {
+    const std::string log = run.path("metrics.jsonl");
+    std::ofstream(log, std::ios::app) << line << '\n' << whole;
+    testing::internal::CaptureStderr();
+    EXPECT_LT(memory_of([&] { run.keep_metrics_before(10); }),
+              2 * double(line.size()) / double(mb) + 64);
+    EXPECT_NE(testing::internal::GetCapturedStderr().find(log + ": line 2 is none"),
+              std::string::npos);
+    EXPECT_EQ(contents(log), whole);
+  }
 }
 
 TEST(RunFolder, TheTableOfMetricsIsMendedFromTheirLines) {
@@ -313,6 +337,9 @@ TEST(RunFolder, DamagedFactsAreAsNoFacts) {
     EXPECT_FALSE(run.read_facts().finished) << text;
     EXPECT_EQ(run.judged_by().lpips, "") << text;
   }
+  std::filesystem::remove(folder.path() + "/training.json");
+  std::filesystem::create_directory(folder.path() + "/training.json");
+  EXPECT_EQ(run.read_facts().iterations, 0);  // the model is there all the same
 }
 
 TEST(RunFolder, MetricsAreOneObjectALineAndStartAgainWithATraining) {
