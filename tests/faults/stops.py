@@ -102,6 +102,7 @@ def signalled(world):
     is gone on with to its end."""
     long = Long(world, "signals", checkpoint_every=100)
     random.seed(2)
+    late = 0
     for trial in range(SIGNALS):
         number = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)[trial % 3]
         process = long.go_on()
@@ -113,12 +114,14 @@ def signalled(world):
             time.sleep(random.uniform(0, 0.01))
             process.send_signal(number)
         outcome = ended(process)
+        late += outcome.code == 0
         wrong = complaints(outcome, (0, 128 + number), ["interrupted"])
         wrong += [f"{path} was left behind" for path in unfinished_in(long.run)]
         wrong += broken_checkpoints(long.run)
         if trial % 5 == 4 or outcome.code == 0:
             wrong += long.finish()
         yield [f"{signal.Signals(number).name} {trial + 1}: {what}" for what in wrong]
+    yield [f"{late} of {SIGNALS} signals came too late"] if 2 * late > SIGNALS else []
 
 
 def early(world):
