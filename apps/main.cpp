@@ -94,7 +94,7 @@ int main(int argc, char** argv) {
   gflow::set_signals();
   std::at_quick_exit([] { gflow::remove_unfinished_files(); });  // a device that hangs: Watchdog
 #ifdef GFLOW_WITH_OPENCV
-  gflow::silence_decoders();
+  gflow::listen_to_decoders();
 #endif
   try {
     const int code = run(argc, argv);

@@ -10,13 +10,17 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <mutex>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <opencv2/videoio/registry.hpp>
+#include <set>
 
+#include "optim/data/decoder_log.hpp"
 #include "optim/data/image_header.hpp"
 #include "optim/data/movie.hpp"
 #include "optim/io/descriptor.hpp"
+#include "optim/io/warning.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -46,6 +50,42 @@ void limit_memory_of_ffmpeg() {
   (void)done;
 }
 
+// While a video is opened or decoded: one thread at a time, since what decoders say does not tell
+// of which file. They decode some frames ahead, so it is of the video whose turn was last. Decoders
+// go on past what is damaged: a picture is there, and wrong. That is said once of each file.
+class Turn {
+ public:
+  explicit Turn(const std::string& path) : lock_(mutex()) {
+    report();
+    last() = path;
+  }
+  ~Turn() { report(); }
+  // What was said of it is no news: it cannot be read.
+  void refused() {
+    take_decoder_complaint();
+    last().clear();
+  }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex one;
+    return one;
+  }
+  static std::string& last() {
+    static std::string path;
+    return path;
+  }
+  static void report() {
+    static std::set<std::string> reported;
+    const std::string complaint = take_decoder_complaint();
+    if (complaint.empty() || last().empty() || !reported.insert(last()).second) return;
+    warn(
+        fmt::format("video {} is damaged: its decoder says '{}'; what its frames show may be wrong",
+                    last(), complaint));
+  }
+  std::lock_guard<std::mutex> lock_;
+};
+
 cv::VideoCapture open_video(const std::string& path) {
   refuse_playlists();
   limit_memory_of_ffmpeg();
@@ -53,6 +93,7 @@ cv::VideoCapture open_video(const std::string& path) {
     throw Error(fmt::format("cannot read video {}: there is no such file", path));
   if (std::filesystem::file_size(path) == 0)
     throw Error(fmt::format("cannot read video {}: it is empty", path));
+  Turn turn(path);
   cv::VideoCapture capture;
   bool ok = false;
   try {
@@ -63,6 +104,7 @@ cv::VideoCapture open_video(const std::string& path) {
     // Reported below: a file that no decoder accepts.
   }
   if (ok) return capture;
+  turn.refused();
   // What forbids reading, or too many open files, is no damage.
   if (const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); file.get() < 0)
     throw Error(fmt::format("cannot read video {}: {}", path, std::strerror(errno)));
@@ -72,7 +114,9 @@ cv::VideoCapture open_video(const std::string& path) {
                   path));
 }
 
-bool grab(cv::VideoCapture& capture) {
+// Decodes the next frame; false at the end.
+bool grab(cv::VideoCapture& capture, const std::string& path) {
+  const Turn turn(path);
   try {
     return capture.grab();
   } catch (const cv::Exception&) {
@@ -92,7 +136,7 @@ VideoInfo video_info(const std::string& path) {
   if (stated >= 1 && stated < 1e7)
     info.frames = int(stated);
   else
-    while (grab(capture)) ++info.frames;
+    while (grab(capture, path)) ++info.frames;
   const bool sized = info.width > 0 && info.height > 0 && info.width <= largest_side &&
                      info.height <= largest_side;
   if (!sized || info.frames == 0)
@@ -107,7 +151,7 @@ std::vector<double> frame_times(const std::string& path, int limit) {
   cv::VideoCapture capture = open_video(path);
   std::vector<double> times;
   bool rising = true;
-  while ((limit <= 0 || int(times.size()) < limit) && grab(capture)) {
+  while ((limit <= 0 || int(times.size()) < limit) && grab(capture, path)) {
     // Stamps count from the first frame, whose own is not always told.
     const double stamp = times.empty() ? 0 : 1e-3 * capture.get(cv::CAP_PROP_POS_MSEC);
     rising &= times.empty() || stamp > times.back();
@@ -137,7 +181,7 @@ Image Video::frame(int k) {
     state_->next = 0;
   }
   for (; state_->next <= k; ++state_->next)
-    if (!grab(state_->capture))
+    if (!grab(state_->capture, state_->path))
       throw Error(
           fmt::format("video {} has no frame {}: it ends after {} frames; it may be "
                       "truncated",

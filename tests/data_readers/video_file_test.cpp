@@ -5,6 +5,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "data_readers/made_scene.hpp"
+#include "optim/data/decoder_log.hpp"
 #include "optim/data/frame_store.hpp"
 #include "optim/data/scene.hpp"
 #include "optim/data/video.hpp"
@@ -52,6 +53,39 @@ TEST(VideoFile, ATruncatedOneIsTold) {
   ASSERT_EQ(half.notices.size(), 1u);
   EXPECT_NE(half.notices[0].find("of the 40 frames that video"), std::string::npos)
       << half.notices[0];
+}
+
+// Decoders go on past what is damaged, and say so. MPEG-4 frames of a moving pattern with bytes in
+// the middle of the file overwritten.
+TEST(VideoFile, ADamagedOneIsTold) {
+  listen_to_decoders();
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.avi");
+  {
+    cv::VideoWriter writer(path, cv::CAP_FFMPEG, cv::VideoWriter::fourcc('X', 'V', 'I', 'D'), 10,
+                           cv::Size(64, 48));
+    for (int k = 0; k < 20; ++k) {
+      cv::Mat picture(48, 64, CV_8UC3);
+      for (int i = 0; i < 48 * 64 * 3; ++i) picture.data[i] = uint8_t((i + 7 * k) * (i + k) >> 4);
+      writer.write(picture);
+    }
+  }
+  std::string bytes = contents(path);
+  const auto said_of = [&](const std::string& file) {
+    testing::internal::CaptureStderr();
+    const size_t times = frame_times(file).size();
+    Video video(file);
+    for (size_t k = 0; k < times; ++k) video.frame(int(k));
+    return testing::internal::GetCapturedStderr();
+  };
+  EXPECT_EQ(said_of(path), "");
+  for (size_t i = bytes.size() / 3; i < bytes.size() / 2; i += 50) bytes[i] ^= 0x55;
+  const std::string damaged = folder.write("b.avi", bytes), said = said_of(damaged);
+  EXPECT_EQ(said.rfind("gflow: warning: video " + damaged + " is damaged: its decoder says '", 0),
+            0u)
+      << said;
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;  // once, not in each frame
+  EXPECT_EQ(said_of(path), "");
 }
 
 // Whoever opens too many files, or may not read one, has no damaged video.
