@@ -37,6 +37,17 @@ const char* const kitti_png =
     "89504e470d0a1a0a0000000d49484452000000020000000110020000002bd0349e00000011494441"
     "5478da636870a86f606064000300124a01c15536afc50000000049454e44ae426082";  // (u, v) = (1, -2)
                                                                              // valid; second not
+// ImageMagick's, 16x8 pixels of cyan, magenta, yellow and black: red on the left, blue on the
+// right.
+const char* const cmyk_jpeg =
+    "ffd8ffee000e41646f626500640000000002ffdb0043000302020302020303030304030304050805"
+    "050404050a070706080c0a0c0c0b0a0b0b0d0e12100d0e110e0b0b1016101113141515150c0f1718"
+    "16141812141514ffdb00430103040405040509050509140d0b0d1414141414141414141414141414"
+    "141414141414141414141414141414141414141414141414141414141414141414141414ffc00014"
+    "080008001004011100021101031101041100ffc40017000003010000000000000000000000000000"
+    "070809ffc40014100100000000000000000000000000000000ffc400150101010000000000000000"
+    "0000000000000907ffc40014110100000000000000000000000000000000ffda000e040100021103"
+    "110400003f00a2173154d533f41b98d0ffd9";
 
 }  // namespace
 
@@ -160,6 +171,46 @@ TEST(Image, GreyIsReadWithoutASecondCopyInColour) {
   write_png(path, Image{4096, 4096, 1, std::vector<uint8_t>(size_t{4096} * 4096, 7)});
   // 16 MiB as stored and 48 MiB of RGB; 48 MiB more with a copy.
   EXPECT_LT(memory_of([&] { EXPECT_EQ(read_image(path).pixels.back(), 7); }), 80);
+}
+
+TEST(Image, JpegsOfFourInksBecomeRgb) {
+  const TemporaryFolder folder;
+  const std::string path = folder.write("a.jpg", from_hex(cmyk_jpeg));
+  const ImageHeader header = read_image_header(path);
+  EXPECT_EQ(header.width, 16);
+  EXPECT_EQ(header.height, 8);
+  EXPECT_FALSE(header.has_alpha);
+  const Image image = read_image(path);
+  ASSERT_EQ(image.channels, 3);
+  for (const int x : {2, 13})
+    for (int c = 0; c < 3; ++c)
+      EXPECT_NEAR(image.pixels[size_t(3 * (16 * 4 + x) + c)], c == (x < 8 ? 0 : 2) ? 255 : 0, 3);
+}
+
+// As COLMAP and nerfstudio, whose intrinsics and poses are of the pixels as stored: what a camera
+// notes of how it was held turns nothing.
+TEST(Image, JpegsAreReadAsStoredHoweverTheCameraWasHeld) {
+  const TemporaryFolder folder;
+  std::vector<uint8_t> coded;
+  ASSERT_TRUE(cv::imencode(".jpg", cv::Mat(24, 32, CV_8UC3, cv::Scalar(10, 120, 230)), coded));
+  const std::string plain(coded.begin(), coded.end());
+  const Image image = read_image(folder.write("plain.jpg", plain));
+  for (int turn = 1; turn <= 8; ++turn) {
+    // An APP1 segment of 34 bytes with one little-endian entry: tag 0x0112, orientation.
+    std::string turned = plain;
+    turned.insert(2, from_hex("ffe10022457869660000"
+                              "49492a0008000000"
+                              "0100"
+                              "1201030001000000") +
+                         char(turn) + std::string(7, '\0'));
+    const std::string path = folder.write("turned.jpg", turned);
+    const std::vector<char> bytes(turned.begin(), turned.end());
+    EXPECT_EQ(cv::imdecode(bytes, cv::IMREAD_COLOR).cols, turn > 4 ? 24 : 32) << "others turn it";
+    EXPECT_EQ(read_image_header(path).width, 32) << turn;
+    const Image read = read_image(path);
+    EXPECT_EQ(read.width, 32) << turn;
+    EXPECT_EQ(read.pixels, image.pixels) << turn;
+  }
 }
 
 TEST(Image, TruncatedJpegsAreRefused) {
