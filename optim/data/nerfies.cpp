@@ -64,13 +64,8 @@ Camera read_camera(const std::string& path, const World& world, const std::strin
     return numbers(member(json, key, path), count, fmt::format("'{}' of {}", key, path));
   };
   const std::vector<double> size = list("image_size", 2), centre = list("principal_point", 2);
-  if (!(size[0] >= 1 && size[1] >= 1 && size[0] < 1e6 && size[1] < 1e6))
-    throw Error(
-        fmt::format("{} gives its picture the size {}x{}, possible are sides of 1 to 999999", path,
-                    size[0], size[1]));
   Camera camera;
-  camera.width = int(std::lround(size[0]));
-  camera.height = int(std::lround(size[1]));
+  set_size(camera, size[0], size[1], path);
   camera.fx = needed_number(json, "focal_length", path);
   camera.fy = camera.fx * number(json, "pixel_aspect_ratio", path).value_or(1);
   camera.cx = centre[0], camera.cy = centre[1];

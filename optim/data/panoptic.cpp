@@ -34,9 +34,6 @@ MetaFile read_meta(const std::string& path) {
   MetaFile file{path, read_json(path)};
   file.width = needed_number(file.json, "w", path);
   file.height = needed_number(file.json, "h", path);
-  if (!(file.width >= 1 && file.height >= 1 && file.width < 1e6 && file.height < 1e6))
-    throw Error(fmt::format("{} gives pictures the size {}x{}, possible are sides of 1 to 999999",
-                            path, file.width, file.height));
   const Json& names = member(file.json, "fn", path);
   if (!names.is_array()) throw Error(fmt::format("'fn' of {} is no list of times", path));
   file.times = names.size();
@@ -67,8 +64,7 @@ Camera camera_of(const MetaFile& file, size_t t, size_t c, const std::string& pi
     throw Error(fmt::format("{} is no matrix fx 0 cx, 0 fy cy, 0 0 1: gflow's cameras have no skew",
                             what("k")));
   Camera camera;
-  camera.width = int(std::lround(file.width));
-  camera.height = int(std::lround(file.height));
+  set_size(camera, file.width, file.height, file.path);
   camera.fx = k(0, 0), camera.fy = k(1, 1), camera.cx = k(0, 2), camera.cy = k(1, 2);
   const Eigen::Matrix3d rotation = w2c.leftCols(3).transpose();
   camera.viewmat = viewmat_from_pose(rotation, -rotation * w2c.col(3), what("w2c"));

@@ -125,6 +125,16 @@ Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::
   return viewmat;
 }
 
+void set_size(Camera& camera, double width, double height, const std::string& where) {
+  for (const double side : {width, height})
+    if (!(side >= 1 && side < 1e6 && side == std::floor(side)))
+      throw Error(
+          fmt::format("{} states the size {}x{}, possible are sides of 1 to 999999 whole pixels",
+                      where, width, height));
+  camera.width = int(width);
+  camera.height = int(height);
+}
+
 Camera fitted_to(Camera camera, int width, int height, const std::string& source,
                  const std::string& picture) {
   const double sx = double(width) / camera.width, sy = double(height) / camera.height;

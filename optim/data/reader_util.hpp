@@ -39,6 +39,10 @@ std::string stem(const std::string& path);
 Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& position,
                                   const std::string& what);
 
+// Gives a camera the size that a file states [px]. Error that names `where` unless the sides are
+// whole numbers from 1 to 999999.
+void set_size(Camera& camera, double width, double height, const std::string& where);
+
 // Scales the intrinsics of a camera stored for another size to a picture's. Error when the shapes
 // differ by more than 2 % (rounding of odd sizes is less); `source` and `picture` are named.
 Camera fitted_to(Camera camera, int width, int height, const std::string& source,

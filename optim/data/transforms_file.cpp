@@ -81,10 +81,7 @@ Camera camera_of(const Transforms& file, const Json& frame, const std::string& w
   Camera camera;
   const double width = inherited(file, frame, "w", where).value_or(picture_width);
   const double height = inherited(file, frame, "h", where).value_or(picture_height);
-  if (!(width >= 1 && height >= 1 && width < 1e6 && height < 1e6))
-    throw Error(fmt::format("{} has the size {}x{}", where, width, height));
-  camera.width = int(std::lround(width));
-  camera.height = int(std::lround(height));
+  set_size(camera, width, height, where);
   const auto fl_x = inherited(file, frame, "fl_x", where),
              fl_y = inherited(file, frame, "fl_y", where);
   const auto angle_x = inherited(file, frame, "camera_angle_x", where);

@@ -324,6 +324,8 @@ void apply_setting(TrainConfig& config, const std::string& assignment) {
   const std::string text = trimmed(assignment.substr(equals + 1));
   require_both(!section.empty() && !key.empty());
   const toml::table table = value_table(text);
+  if (table.size() != 1)
+    throw Error(where + ": it has more than one setting; each goes with a --set of its own");
   assign_setting(config, section, key, {where, "", table.get("value"), text});
 }
 

@@ -158,6 +158,7 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
       {"ppp...'", "at most 1024 bytes"});
   expect_error([&] { with(frame(1), R"("fl_x": 9, "w": 8, "h": 8)"); }, {"8x6", "8x8"});
   expect_error([&] { with(frame(1), R"("fl_x": 9, "w": -8, "h": 8)"); }, {"size -8x8"});
+  expect_error([&] { with(frame(1), R"("fl_x": 9, "w": 8.5, "h": 6)"); }, {"8.5x6", "whole"});
   expect_error([&] { with(frame(1), and_more + R"("train_filenames": 5)"); },
                {"'train_filenames'", "no list"});
   expect_error([&] { with(frame(1), and_more + R"("train_filenames": ["images/frame_2.png"])"); },

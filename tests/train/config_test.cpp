@@ -225,6 +225,7 @@ TEST(Config, SettingsNeedNoQuotes) {
 TEST(Config, AnAssignmentWithoutSectionOrValueIsExplained) {
   EXPECT_CONTAINS(message_of_setting("iterations=5"), "section.key=value");
   EXPECT_CONTAINS(message_of_setting("train.iterations"), "section.key=value");
+  EXPECT_CONTAINS(message_of_setting("train.iterations=5\nseed=2"), "more than one setting");
 }
 
 TEST(Config, AFileThatIsNotTomlIsNamedWithItsLine) {
