@@ -33,9 +33,9 @@ TEST(RunFolder, CannotLieBelowAFile) {
 TEST(RunFolder, IsNotMadeOfALinkToNothing) {
   const TemporaryFolder folder;
   const std::string link = folder.path() + "/link", nowhere = folder.path() + "/nowhere";
-  fs::create_directory_symlink(nowhere, link);
+  std::filesystem::create_directory_symlink(nowhere, link);
   expect_error([&] { RunFolder::create(link); }, {link + ": it is a link to " + nowhere});
-  fs::create_directory(nowhere);
+  std::filesystem::create_directory(nowhere);
   RunFolder::create(link);
 }
 
