@@ -217,6 +217,7 @@ void Trainer::train_view(Queue& queue, const Sample& sample, int step, int in_ba
   shot.all_posed = population_.needs_all_posed();
   had_motion_loss_ = shot.motion_loss;
   renderer_.forward(queue, model_, shot);
+  empty_pictures_ = renderer_.engine().tiles().intersections > 0 ? 0 : empty_pictures_ + 1;
 
   // The binning above waited for the queue: what earlier steps uploaded from is free now.
   // The store keeps pictures on its own background; another is put behind the part that is drawn.
@@ -360,6 +361,16 @@ Trainer::FlowFigures Trainer::flow_figures(Queue& queue) {
     flow_is_new_ = false;
   }
   return flow_figures_;
+}
+
+std::string Trainer::take_notice() {
+  const int many = std::min(100, config_.train.iterations);
+  if (empty_pictures_ < many || emptiness_told_) return population_.take_notice();
+  emptiness_told_ = true;
+  return fmt::format(
+      "no Gaussian was in sight in {} pictures in a row: do the cameras' poses and the points to "
+      "start from belong together?",
+      many);
 }
 
 StepFigures Trainer::figures(Queue& queue) {

@@ -63,7 +63,7 @@ class Trainer {
   size_t gaussians() const { return model_.parameters.count; }
   size_t refused(Queue& queue);
   // A sentence for the user about something that happened since the last call, or "".
-  std::string take_notice() { return population_.take_notice(); }
+  std::string take_notice();
 
   // All that a later step depends on beside configuration, scene and step number. Waits.
   Arrays state(Queue& queue);
@@ -136,7 +136,9 @@ class Trainer {
   bool flow_is_new_ = false;                         // and flow_figures_ of an earlier one
   FlowFigures flow_figures_;
   bool neighbours_known_ = false;
-  bool untouched_ = true;  // by the step under way
+  bool untouched_ = true;   // by the step under way
+  int empty_pictures_ = 0;  // in a row, up to now
+  bool emptiness_told_ = false;
 };
 
 }  // namespace gflow

@@ -55,6 +55,27 @@ TEST_F(TrainerTest, StopsGrowingAtTheMemoryBudgetAndSaysSoOnce) {
   EXPECT_EQ(notices, 1u);
 }
 
+TEST_F(TrainerTest, SaysOnceThatNothingIsInSight) {
+  const TrainConfig config = small_config(scene(), 300);
+  SmallTraining training(queue(), config);
+  const auto notices_in = [&](int steps) {
+    std::string all;
+    for (int i = 0; i < steps; ++i) {
+      training.steps(queue(), 1);
+      all += training.trainer.take_notice();
+    }
+    return all;
+  };
+  EXPECT_EQ(notices_in(120), "");
+  Arrays state = training.trainer.state(queue());
+  Array& opacities = state.at("gaussians/logit_opacities");
+  opacities = Array{opacities.shape, std::vector<float>(opacities.size(), -20.f)};
+  training.trainer.set_state(queue(), state, "hidden");
+  EXPECT_EQ(notices_in(99), "");
+  EXPECT_NE(notices_in(60).find("in sight in 100 pictures in a row"), std::string::npos);
+  EXPECT_EQ(notices_in(20), "");
+}
+
 TEST_F(TrainerTest, GoesOnWithTheGaussiansItHasWhenMemoryRunsOut) {
   Queue small = test_queue();
   SmallTraining training(small, small_config(scene(), 300));
