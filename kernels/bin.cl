@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Splats into tiles, each tile's list in depth order, ties by index. Those that are seen come
-// sorted by depth once; chunks of that order are counted a tile, the counts summed over chunks and
-// tiles, and the chunks scattered in order: stable, no atomics, bitwise repeatable (kernels.md 4,
-// S3).
-// Measured (PoCL 3.1, 2 cores, 100 000 splats, 287 000 intersections): counting .9 ms, scattering
-// .9; with unsigned loops over y * tiles_x + x 1.1 each.
+// Splats into tiles, each tile's list in depth order, ties by index; no atomics, bitwise repeatable
+// (kernels.md 4, S3). Those that are seen come sorted by depth once. Then, on CPUs, chunks of that
+// order are counted a tile, the counts summed over chunks and tiles, and the chunks scattered in
+// order; a GPU sorts pairs of tile and slot instead (tile_sort.cl). The lists are the same.
+// Measured (100 000 splats, 287 000 intersections; PoCL 3.1, 2 cores): counting .9 ms, scattering .9;
+// with unsigned loops over y * tiles_x + x 1.1 each. On an H100 all of binning takes .41 ms, with one
+// work-item a chunk 1.6.
 #include "shared/constants.h"
+#include "shared/group_scan.h"
 
 // The part [x, y) of n items that chunk c of `chunks` takes.
 static inline uint2 chunk_range(uint n, uint c, uint chunks) {
@@ -14,35 +16,43 @@ static inline uint2 chunk_range(uint n, uint c, uint chunks) {
   return (uint2)(first, min(n, first + size));
 }
 
-// One work-item a chunk of all Gaussians: how many of them are seen. So that only they are sorted.
-kernel void seen_count(const uint n, const uint chunks, global const uint* restrict tiles_touched,
+// One group a chunk of all Gaussians: how many of them are seen. So that only they are sorted.
+kernel void seen_count(const uint n, global const uint* restrict tiles_touched,
                        global uint* restrict counts) {  // [chunks]
-  const uint c = get_global_id(0);
-  if (c >= chunks) return;
-  const uint2 range = chunk_range(n, c, chunks);
+  local ulong shared[GROUP];
+  const uint2 range = chunk_range(n, get_group_id(0), get_num_groups(0));
   uint count = 0;
-  for (uint i = range.x; i < range.y; ++i) count += tiles_touched[i] > 0;
-  counts[c] = count;
+  for (uint i = range.x + get_local_id(0); i < range.y; i += GROUP) count += tiles_touched[i] > 0;
+  ulong all;
+  group_scan(count, shared, &all);
+  if (get_local_id(0) == 0) counts[get_group_id(0)] = (uint)all;
 }
 
 // And who, from offsets[chunk] on, with the keys of their depth.
-kernel void seen_write(const uint n, const uint chunks, global const uint* restrict tiles_touched,
+kernel void seen_write(const uint n, global const uint* restrict tiles_touched,
                        global const uint* restrict depth_keys,  // [N]
                        global const uint* restrict offsets,     // [chunks + 1]
                        global uint* restrict keys,              // [V]
                        global uint* restrict order) {           // [V] by index
-  const uint c = get_global_id(0);
-  if (c >= chunks) return;
-  const uint2 range = chunk_range(n, c, chunks);
-  uint at = offsets[c];
-  for (uint i = range.x; i < range.y; ++i)
-    if (tiles_touched[i] > 0) {
-      keys[at] = depth_keys[i];
-      order[at++] = i;
+  local ulong shared[GROUP];
+  const uint2 range = chunk_range(n, get_group_id(0), get_num_groups(0));
+  uint at = offsets[get_group_id(0)];
+  for (uint first = range.x; first < range.y; first += GROUP) {
+    const uint i = first + get_local_id(0);
+    const int seen = i < range.y && tiles_touched[i] > 0;
+    ulong all;
+    const uint before = (uint)group_scan((ulong)seen, shared, &all);
+    if (seen) {
+      keys[at + before] = depth_keys[i];
+      order[at + before] = i;
     }
+    at += (uint)all;
+  }
 }
 
-// One work-item a chunk of those: histogram [chunks, tiles].
+#if GROUP == 1
+
+// One work-item a chunk of those that are seen: histogram [chunks, tiles].
 kernel void tile_count(const uint n, const uint chunks, const uint tiles_x, const uint tiles,
                        global const uint* restrict order,         // [n] by depth
                        global const ushort* restrict tile_boxes,  // [N, 4]
@@ -106,3 +116,5 @@ kernel void tile_scatter(const uint n, const uint chunks, const uint tiles_x, co
     }
   }
 }
+
+#endif

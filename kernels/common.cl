@@ -14,4 +14,5 @@
 #include "selfcheck.cl"
 #include "sh.cl"
 #include "sort.cl"
+#include "tile_sort.cl"
 #include "view_rows.cl"

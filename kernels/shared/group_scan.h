@@ -3,10 +3,7 @@
 // nothing). OpenCL C only. Every work-item of the group must call it: there are barriers inside.
 #ifndef GFLOW_GROUP_SCAN_H
 #define GFLOW_GROUP_SCAN_H
-
-#ifndef GROUP
-#define GROUP 1  // work-items of a work-group: 1 on CPUs
-#endif
+#include "shared/work.h"
 
 // The sum of `value` over the work-items before this one; *total gets the sum over all of them.
 static inline ulong group_scan(ulong value, local ulong* shared, ulong* total) {  // shared [GROUP]

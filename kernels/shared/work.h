@@ -4,6 +4,9 @@
 #ifndef GFLOW_WORK_H
 #define GFLOW_WORK_H
 
+#if defined(__OPENCL_VERSION__) && !defined(GROUP)
+#define GROUP 1  // only for the syntax check; the host always says
+#endif
 #define SORT_BITS(group) ((group) == 1 ? 11 : 8)  // of a digit (sort.cl)
 #define ADAM_SPAN 16  // rows a work-item on CPUs (adam.cl); a multiple of every LANES
 // Rows of pixels a work-item (image_loss.cl): long strips repeat less of their neighbours' rows; a

@@ -49,8 +49,12 @@ PosedScene scene_with_ties() {
   return s;
 }
 
-TEST(Bin, ListsEachTilesSplatsByDepthAndThenByIndex) {
-  Queue queue = test_queue();
+// Lanes 0: the device's own; 1: as on a GPU, where the lists are sorted.
+class BinLists : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Lanes, BinLists, testing::Values(0, 1));
+
+TEST_P(BinLists, ListsEachTilesSplatsByDepthAndThenByIndex) {
+  Queue queue = test_queue(GetParam());
   const Binned b = binned(queue, scene_with_ties());
   std::vector<std::vector<cl_uint>> expected(b.tiles());
   for (cl_uint i = 0; i < b.scene.count(); ++i) {
@@ -73,8 +77,29 @@ TEST(Bin, ListsEachTilesSplatsByDepthAndThenByIndex) {
   EXPECT_EQ(b.tile_offsets.back(), b.ids.size());
 }
 
-TEST(Bin, GivesEveryIntersectionASlotOfItsGaussian) {
-  Queue queue = test_queue();
+// Of other kinds of scenes: the lists of both ways are the same, also where some splats cover every
+// tile, where there is one tile, and where nothing is in sight.
+TEST(Bin, CountsAndSortsTheSameLists) {
+  for (const auto& [width, height, cover] :
+       {std::tuple{700, 300, 150.}, {16, 16, 5.}, {333, 1, 3.}, {40, 30, 0.}}) {
+    SceneSpec spec;
+    spec.n = 3000;
+    spec.width = width;
+    spec.height = height;
+    spec.cover = std::max(cover, 1.);
+    PosedScene s = random_scene(spec);
+    if (cover == 0) s.p["opacities"].assign(spec.n, 0.);
+    Queue counting = test_queue(), sorting = test_queue(1);
+    const Binned a = binned(counting, s), b = binned(sorting, s);
+    EXPECT_EQ(a.ids.empty(), cover == 0);
+    EXPECT_EQ(a.tile_offsets, b.tile_offsets) << width;
+    EXPECT_EQ(a.ids, b.ids) << width;
+    EXPECT_EQ(a.slots, b.slots) << width;
+  }
+}
+
+TEST_P(BinLists, GivesEveryIntersectionASlotOfItsGaussian) {
+  Queue queue = test_queue(GetParam());
   const Binned b = binned(queue, scene_with_ties());
   std::vector<int> used(b.ids.size());
   for (size_t k = 0; k < b.ids.size(); ++k) {
@@ -87,8 +112,8 @@ TEST(Bin, GivesEveryIntersectionASlotOfItsGaussian) {
 
 // Full-screen splats by the thousand: counted in 64 bits, and refused before anything is made for
 // them. The second total is 5 in 32 bits.
-TEST(Bin, RefusesIntersectionsPastTwoToThe31BeforeItAllocates) {
-  Queue queue = test_queue();
+TEST_P(BinLists, RefusesIntersectionsPastTwoToThe31BeforeItAllocates) {
+  Queue queue = test_queue(GetParam());
   for (const auto& [each, splats] :
        {std::pair<cl_uint, size_t>{1u << 20, 2048}, std::pair<cl_uint, size_t>{0x33333334u, 5}}) {
     const uint64_t total = uint64_t(each) * splats;

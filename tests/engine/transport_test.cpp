@@ -175,8 +175,15 @@ TEST(Transport, GradientAtEqualEigenvaluesEqualsCentralDifferences) {
       expect_gradient(mode, mat23_from(round), mat23_from(growth * round), 1e-6);
 }
 
-// T7, T10: on the device H is right to 1e-4 of its size even for a needle that hardly moves, where
-// A - I formed late would have lost every digit. 0.85 is the scale of the packed K.
+Mat23 as_floats(Mat23 m) {
+  const auto row = [](real3 r) { return make_real3(float(r.x), float(r.y), float(r.z)); };
+  return {row(m.r1), row(m.r2)};
+}
+
+// T7, T10: on the device H is as right as floats allow even for a needle that hardly moves, where
+// A - I formed late would have lost every digit: rounding M once, at both times, changes H
+// by 1.5e-5 here, and on its way from quaternions and scales M is rounded some thirty times (6e-5
+// to 9e-5 with PoCL, 1.1e-4 on an H100).
 TEST(Transport, DeviceFormsHOfNeedlesThatHardlyMove) {
   Queue queue = test_queue();
   for (Transport mode : {Transport::paper, Transport::ot, Transport::material}) {
@@ -199,14 +206,20 @@ TEST(Transport, DeviceFormsHOfNeedlesThatHardlyMove) {
     device.forward();
     const std::vector<float> records = device.engine.splats().records.read(queue);
     const auto seen = reference::see(s.shot, reference::posed(s.p));
-    std::vector<float> actual;
+    std::vector<float> actual, rounded;
     std::vector<double> expected;
     for (int i = 0; i < 50; ++i) {
-      const Mat2 h = transport(int(mode), seen[i].p.m, seen[i].w, seen[i].p2.m);
+      const Mat23 m1 = seen[i].p.m, m2 = seen[i].p2.m;
+      const Mat2 h = transport(int(mode), m1, seen[i].w, m2);
       for (double e : {h.a, h.b, h.c, h.d}) expected.push_back(e / double(SQRT_HALF_LOG2_E));
       for (int k = 12; k < 16; ++k) actual.push_back(records[16 * i + k]);
+      const Mat23 f1 = as_floats(m1), f2 = as_floats(m2);
+      const Mat2 r = transport(int(mode), f1, whiten(f1), f2);
+      for (double e : {r.a, r.b, r.c, r.d}) rounded.push_back(float(e / double(SQRT_HALF_LOG2_E)));
     }
-    EXPECT_LT(relative_l2(actual, expected), 1e-4) << int(mode);
+    const double once = relative_l2(rounded, expected);
+    EXPECT_LT(once, 2e-5) << int(mode);
+    EXPECT_LT(relative_l2(actual, expected), 8 * once) << int(mode);
   }
 }
 
