@@ -15,6 +15,7 @@ namespace {
 // Twenty thousand cameras of forty values each take 16 MB.
 constexpr size_t most_values = 800000;            // each takes up to 80 bytes of memory: 64 MB
 constexpr size_t longest_text = size_t{1} << 20;  // the parser has a text up to four times
+constexpr size_t most_blanks = size_t{1} << 20;   // in a row: it quotes them at eight bytes each
 constexpr int deepest_json = 100;  // a level takes 100 bytes of memory and one of the file
 
 }  // namespace
@@ -27,8 +28,11 @@ void require_modest_json(const void* text, size_t size, const std::string& path)
   size_t values = 1;
   bool in_text = false;
   size_t begin = 0, longest = 0;  // of texts [bytes]
+  size_t blanks = 0, most = 0;    // in a row, outside of texts
   for (size_t i = 0; i < size; ++i) {
     const char c = json[i];
+    blanks = !in_text && (c == ' ' || c == '\n' || c == '\t' || c == '\r') ? blanks + 1 : 0;
+    most = std::max(most, blanks);
     if (in_text && c == '\\')
       ++i;
     else if (c == '"') {
@@ -55,6 +59,9 @@ void require_modest_json(const void* text, size_t size, const std::string& path)
   if (longest > longest_text)
     throw Error(fmt::format("cannot read {}: it has a text of {} bytes, at most {} are expected",
                             path, longest, longest_text));
+  if (most > most_blanks)
+    throw Error(fmt::format("cannot read {}: it has {} blanks in a row, at most {} are expected",
+                            path, most, most_blanks));
   if (values > most_values)
     throw Error(fmt::format("cannot read {}: it has {} values, at most {} are expected", path,
                             values, most_values));

@@ -9,7 +9,8 @@
 namespace gflow {
 
 // Error that names `path` where there are more than 800 000 values or 100 levels, as a value of a
-// few bytes takes up to 80 of memory, a text within is longer than a megabyte, or a byte is zero.
+// few bytes takes up to 80 of memory, a text within is longer than a megabyte, there are more than a
+// million blanks in a row, or a byte is zero.
 void require_modest_json(const void* text, size_t size, const std::string& path);
 
 // The same as a question.

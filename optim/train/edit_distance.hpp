@@ -8,8 +8,12 @@
 
 namespace gflow {
 
-// Levenshtein: the fewest letters inserted, removed or replaced.
-inline size_t edit_distance(const std::string& a, const std::string& b) {
+// Levenshtein: the fewest letters inserted, removed or replaced. Of words longer than a hundred
+// letters, which no name is, what is beyond counts as missing: a file's word may have millions.
+inline size_t edit_distance(const std::string& whole_a, const std::string& whole_b) {
+  constexpr size_t longest = 100;
+  const std::string a = whole_a.substr(0, longest), b = whole_b.substr(0, longest);
+  const size_t beyond = (whole_a.size() - a.size()) + (whole_b.size() - b.size());
   std::vector<size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), size_t{0});
   for (size_t i = 0; i < a.size(); ++i) {
@@ -20,7 +24,7 @@ inline size_t edit_distance(const std::string& a, const std::string& b) {
       row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
     }
   }
-  return row.back();
+  return row.back() + beyond;
 }
 
 }  // namespace gflow

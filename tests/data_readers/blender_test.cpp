@@ -2,6 +2,7 @@
 #include <filesystem>
 
 #include "data_readers/made_scene.hpp"
+#include "io/memory_of.hpp"
 #include "optim/data/scene.hpp"
 
 using namespace gflow;
@@ -208,4 +209,8 @@ TEST(Blender, WhatIsNoJsonIsRefused) {
   for (int i = 0; i < 3; ++i) many += many.substr(many.find(",{}"));
   folder.write("transforms_train.json", many + "]}");
   expect_error([&] { read_scene(folder.path()); }, {"values, at most 800000"});
+  // Blanks before what is wrong would be quoted, eight letters each.
+  folder.write("transforms_train.json", std::string(3 << 20, '\n') + "x");
+  EXPECT_LT(memory_of([&] { EXPECT_THROW(read_scene(folder.path()), Error); }), 64);
+  expect_error([&] { read_scene(folder.path()); }, {"3145728 blanks in a row"});
 }

@@ -40,14 +40,6 @@ void count_free(const volatile void* place) {
   allocated -= long(__sanitizer_get_allocated_size(place));
 }
 
-// What reading may take: twice the file and 64 MB, or of a compressed file twice what it may hold
-// and 64 MB (optim/io/README.md).
-size_t memory_allowed(size_t size) {
-  constexpr size_t mb = size_t{1} << 20;
-  const bool packed = chosen().holds == Holds::packed && gflow::fuzz::last_file == Holds::packed;
-  return 64 * mb + 2 * (packed ? 64 * mb + 100 * size : size);
-}
-
 }  // namespace
 
 extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
@@ -73,7 +65,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size) {
   most = before;
   chosen().read(bytes, size);
   const size_t taken = size_t(most - before);
-  if (chosen().holds != Holds::anything && taken > memory_allowed(size)) {
+  if (chosen().holds != Holds::anything && taken > gflow::fuzz::memory_allowed(chosen(), size)) {
     std::fprintf(stderr, "fuzz: reading %zu bytes took %zu MB of memory\n", size, taken >> 20);
     std::abort();
   }

@@ -15,4 +15,10 @@ const std::vector<Target>& targets() {
   return all;
 }
 
+size_t memory_allowed(const Target& target, size_t size) {
+  constexpr size_t mb = size_t{1} << 20;
+  const bool packed = target.holds == Holds::packed && last_file == Holds::packed;
+  return 64 * mb + 2 * (packed ? 64 * mb + 100 * size : size);
+}
+
 }  // namespace gflow::fuzz

@@ -27,6 +27,10 @@ const std::vector<Target>& targets();
 // where one is, its size where that one is text or plain numbers.
 extern Holds last_file;
 
+// What reading so many bytes may take [bytes]: twice the file and 64 MB, or of a compressed file
+// twice what it may hold and 64 MB (optim/io/README.md). Of the file that was read last.
+size_t memory_allowed(const Target& target, size_t size);
+
 // Of these, a file each.
 std::vector<Target> splat_targets();
 std::vector<Target> file_targets();

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "fuzz/targets.hpp"
+#include "io/memory_of.hpp"
 #include "io/temporary_folder.hpp"
 
 namespace gflow {
@@ -41,6 +42,43 @@ TEST(FuzzFindings, SeedsAreReadAtEveryQuarter) {
         EXPECT_NO_THROW(read(target, whole.substr(0, whole.size() * quarter / 4)));
     }
   }
+}
+
+// Places in a file where something of any length may stand: its start, after its first bracket,
+// comma or line.
+std::vector<size_t> places(const std::string& seed) {
+  std::vector<size_t> found{0};
+  if (const size_t at = seed.find_first_of("[,\n"); at != seed.npos) found.push_back(at + 1);
+  return found;
+}
+
+bool waits_for_a_process(const fuzz::Target& target) {
+  return target.name == std::string("guidance");
+}
+
+// What the fuzzer's 64 kB cannot show: four million bytes of the same within a file.
+TEST(FuzzFindings, LongFilesTakeTheMemoryTheyMay) {
+  constexpr size_t size = 4 << 20;
+  double most = 0;
+  for (const fuzz::Target& target : fuzz::targets()) {
+    if (target.holds == fuzz::Holds::anything || waits_for_a_process(target)) continue;
+    const TemporaryFolder folder;
+    target.make_seeds(folder.path());
+    for (const auto& entry : fs::directory_iterator(folder.path())) {
+      const std::string seed = contents(entry.path().string());
+      for (const size_t at : places(seed))
+        for (const std::string filler : {"[],", "1 2 3\n", "\n", "a"}) {
+          std::string all = seed.substr(0, at);
+          while (all.size() < size) all += filler;
+          all += seed.substr(at);
+          const double mib = memory_of([&] { read(target, all); });
+          EXPECT_LE(mib, double(fuzz::memory_allowed(target, all.size())) / (1 << 20))
+              << target.name << ", " << entry.path().filename() << ", " << filler << " from " << at;
+          most = std::max(most, mib);
+        }
+    }
+  }
+  if (most == 0) GTEST_SKIP() << "memory cannot be measured here";
 }
 
 }  // namespace
