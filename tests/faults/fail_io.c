@@ -8,10 +8,11 @@
 //   FAULT_ERRNO   the number errno is set to
 //   FAULT_REPORT  file that gets a line a call: its number, "failed" or "made", its name, the path
 //   FAULT_READS   1: the calls that read count, instead of those that change
-//   FAULT_WHO     whose calls count: "first", of the program started but of none that it starts, or a
-//                 program's name; default: of all, each counting for itself
+//   FAULT_WHO     whose calls count: "first", of the program started but of none that it starts, or
+//                 a program's name; default: of all, each counting for itself
 // Calls: open to write, write, pwrite, writev, fwrite, fopen to write, fclose, close of what was
-// open to write, fsync, rename, ftruncate, truncate, mkdir. The C library's own calls of write
+// open to write, fsync, rename, ftruncate, truncate, posix_fallocate, sendfile and copy_file_range
+// (which copies of files are made by), link, mkdir. The C library's own calls of write
 // (behind fwrite) do not come by here, hence fwrite. Calls that read: open and fopen to read, read,
 // pread, readv, fread, mmap of what is open to read; not fgets, getc and fscanf. A file
 // that is being written (.part) may be opened to be flushed.
@@ -26,6 +27,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/sendfile.h>
 #include <sys/stat.h>
 #include <sys/uio.h>
 #include <unistd.h>
@@ -170,6 +172,20 @@ int ftruncate(int fd, off_t size) {
 }
 int truncate(const char *path, off_t size) {
   return strikes("truncate", path) ? -1 : NEXT(truncate)(path, size);
+}
+int posix_fallocate(int fd, off_t at, off_t size) {
+  return strikes_at("posix_fallocate", fd, 0) ? errno : NEXT(posix_fallocate)(fd, at, size);
+}
+ssize_t sendfile(int to, int from, off_t *at, size_t count) {
+  return strikes_at("sendfile", to, 0) ? -1 : NEXT(sendfile)(to, from, at, count);
+}
+ssize_t copy_file_range(int from, off64_t *at, int to, off64_t *there, size_t count, unsigned how) {
+  return strikes_at("copy_file_range", to, 0)
+             ? -1
+             : NEXT(copy_file_range)(from, at, to, there, count, how);
+}
+int link(const char *from, const char *to) {
+  return strikes("link", to) ? -1 : NEXT(link)(from, to);
 }
 int rename(const char *from, const char *to) {
   return strikes("rename", to) ? -1 : NEXT(rename)(from, to);

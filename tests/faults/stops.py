@@ -130,6 +130,7 @@ def early(world):
     still, out = world.path("early.splat"), world.path("early")
     world.run(["export", world.whole, "-o", still, "--quiet"])
     random.seed(4)
+    late = 0
     for trial in range(EARLY):
         shutil.rmtree(out, ignore_errors=True)
         os.makedirs(out)
@@ -141,11 +142,13 @@ def early(world):
         time.sleep(random.uniform(0, 0.5) if trial % 2 else random.uniform(0, 0.05))
         process.send_signal(number)
         outcome = ended(process)
+        late += outcome.code == 0
         wrong = [] if outcome.code == -number and not outcome.err else complaints(
             outcome, (0, 128 + number), ["interrupted"])
         wrong += [f"{path} was left behind" for path in unfinished_in(out) + unfinished_in(world.whole)]
         wrong += broken_checkpoints(out + "/run")
         yield [f"{arguments[0]}, {signal.Signals(number).name} {trial + 1}: {what}" for what in wrong]
+    yield [f"{late} of {EARLY} signals came too late"] if 2 * late > EARLY else []
     wrong = world.differences(world.whole)  # what eval was stopped at
     yield [f"eval: {what}" for what in wrong]
 
