@@ -74,6 +74,7 @@ kernel void sort_scatter(const uint n, const uint per_chunk, const uint shift, c
     digits[l] = digit;
     barrier(CLK_LOCAL_MEM_FENCE);
     int4 before = (int4)(0), all = (int4)(0);  // counted downwards: true is -1
+#pragma unroll 4  // all 64 turns at once spill registers (AMD's compiler)
     for (uint k = 0; k < GROUP / 4; ++k) {
       const int4 same = vload4(k, digits) == (uint4)(digit);
       before += same & ((uint4)(4 * k) + (uint4)(0, 1, 2, 3) < (uint4)(l));
