@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/plot.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
-#include <cstdlib>
+#include <cerrno>
+#include <csignal>
 #include <filesystem>
 #include <string_view>
 
@@ -34,14 +39,23 @@ std::string name_of_file(const std::string& path) {
   return std::filesystem::path(path).filename().string();
 }
 
-// Runs the script in its folder, its pictures going into these files there.
+// Runs the script in its folder, its pictures going into these files there. gnuplot ends with this
+// program, however that ends: it would make the files that were just removed.
 void run_gnuplot(const std::string& script, const std::string& folder, const std::string& svg,
                  const std::string& png) {
-  setenv("GFLOW_PLOTS", folder.c_str(), 1);  // not read by the shell, whatever it holds
-  const std::string command =
-      fmt::format("cd -- \"$GFLOW_PLOTS\" && gnuplot -e \"svg='{}'; png='{}'\" {} 2> /dev/null",
-                  name_of_file(svg), name_of_file(png), script);
-  if (std::system(command.c_str()) != 0) throw NotDrawn("gnuplot could not");
+  const std::string names = fmt::format("svg='{}'; png='{}'", name_of_file(svg), name_of_file(png));
+  const pid_t parent = ::getpid(), child = ::fork();
+  if (child == 0) {  // nothing here may allocate or wait for a lock
+    const int nowhere = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
+    if (::prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && ::getppid() == parent &&
+        ::chdir(folder.c_str()) == 0 && ::dup2(nowhere, STDERR_FILENO) >= 0)
+      ::execlp("gnuplot", "gnuplot", "-e", names.c_str(), script.c_str(), nullptr);
+    ::_exit(127);
+  }
+  int status = -1;
+  while (child > 0 && ::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (status != 0) throw NotDrawn("gnuplot could not");
 }
 
 // Of neighbours in a stack: gnuplot has eight and begins again.

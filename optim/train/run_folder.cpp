@@ -412,6 +412,9 @@ RunFacts RunFolder::read_facts() const {
     if (facts.iterations >= 0) return facts;
   } catch (const Json::exception&) {
   } catch (const Error& problem) {
+    // A run that cannot be read now is no run of which nothing is known: it would be missing in a
+    // table, or trained anew.
+    if (fs::is_regular_file(path("training.json"))) throw;
     why = problem.what();
   }
   static std::set<std::string> told;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/run_folder.hpp"
 
+#include <unistd.h>
+
 #include <nlohmann/json.hpp>
 
 #include "io/file_size_limit.hpp"
@@ -340,6 +342,19 @@ TEST(RunFolder, DamagedFactsAreAsNoFacts) {
   std::filesystem::remove(folder.path() + "/training.json");
   std::filesystem::create_directory(folder.path() + "/training.json");
   EXPECT_EQ(run.read_facts().iterations, 0);  // the model is there all the same
+}
+
+// A run of which nothing is known would be missing in a table, or trained anew.
+TEST(RunFolder, FactsThatCannotBeReadAreAnError) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  run.write_facts({30, 1.5, 300, "some device", "bases"});
+  std::filesystem::permissions(folder.path(), std::filesystem::perms(0755));
+  std::filesystem::permissions(folder.path() + "/training.json", std::filesystem::perms::none);
+  const uid_t root = ::geteuid();
+  ASSERT_EQ(::seteuid(root == 0 ? 65534 : root), 0);  // root may read everything
+  expect_error([&] { run.read_facts(); }, {"training.json", "Permission denied"});
+  ASSERT_EQ(::seteuid(root), 0);
 }
 
 TEST(RunFolder, MetricsAreOneObjectALineAndStartAgainWithATraining) {
