@@ -12,7 +12,7 @@ import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 
-from world import (broken_checkpoints, checkpoints_of, complaints, contents_under, failed_calls, settings,
+from world import (broken_checkpoints, checkpoints_of, complaints, contents_under, failed_calls, leaks, settings,
                    unfinished_in)
 
 NAMES = {-2: "CL_DEVICE_NOT_AVAILABLE", -4: "CL_MEM_OBJECT_ALLOCATION_FAILURE", -5: "CL_OUT_OF_RESOURCES",
@@ -81,6 +81,7 @@ def trial(world, tag, kinds, first, last, code, resume, cache="", check=(), coun
                          "GFLOW_CACHE_DIR": cache,
                          **({"GFLOW_DEVICE_TIMEOUT": str(HANG_SECONDS)} if code == HANGS else {})})
     failed, calls = failed_calls(report)
+    left = leaks(report)
     os.remove(report)
     if first == 0:
         shutil.rmtree(run)
@@ -105,7 +106,7 @@ def trial(world, tag, kinds, first, last, code, resume, cache="", check=(), coun
     if outcome.code == 2:
         before = contents_under(world.stopped) if resume else {}
         wrong += [] if contents_under(run) == before else ["it refuses the device and has written before"]
-    wrong += broken_checkpoints(run)
+    wrong += left + broken_checkpoints(run)
     wrong += [f"{path} was left behind" for path in unfinished_in(run)]
     if resume and not any(step >= 4 for step in checkpoints_of(run)):
         wrong.append("the checkpoint there was is gone")

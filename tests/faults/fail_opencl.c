@@ -6,7 +6,9 @@
 //   CLFAULT_LAST     the last one that fails (default: k alone)
 //   CLFAULT_CODE     what it returns, e.g. -4; 1: it never returns
 //   CLFAULT_LARGEST  CL_DEVICE_MAX_MEM_ALLOC_SIZE [bytes]; CLFAULT_MEMORY: CL_DEVICE_GLOBAL_MEM_SIZE
-//   CLFAULT_REPORT   file that gets a line a call that counts: its number, "failed" or "made", its name
+//   CLFAULT_REPORT   file that gets a line a call that counts: its number, "failed" or "made", its name;
+//                    and at the end, which quick_exit (a device that hangs) and kill do not come to, a
+//                    line "0 left COUNT KIND" for objects that were made and not let go of
 // KINDS: setup (context, queue), build (program of a source, building of any), binary (program of a
 // binary, binaries of a program), kernel, argument, create (buffers), launch, copy (read, write, map,
 // copy, fill), wait (finish, events), flush.
@@ -30,6 +32,11 @@ static long first, last;
 static cl_int code;
 static int report = -1;
 
+// How many objects of each kind there are: made and retained, less released.
+enum object { CONTEXT, QUEUE, PROGRAM, KERNEL, BUFFER, EVENT, NOTHING };
+static const char *objects[] = {"context", "queue", "program", "kernel", "buffer", "event"};
+static atomic_long alive[NOTHING + 1];
+
 #define NEXT(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
 
 static long number(const char *name, long otherwise) {
@@ -46,6 +53,13 @@ __attribute__((constructor)) static void start(void) {
   if (to) report = open(to, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
 }
 
+__attribute__((destructor)) static void end(void) {
+  for (int kind = 0; kind < NOTHING; kind++) {
+    const long left = atomic_load(&alive[kind]);
+    if (report >= 0 && left) dprintf(report, "0 left %ld %s\n", left, objects[kind]);
+  }
+}
+
 // What this call is to return: CL_SUCCESS unless it is to fail.
 static cl_int fault(const char *kind, const char *name) {
   if (!strstr(kinds, kind)) return CL_SUCCESS;
@@ -59,39 +73,66 @@ static cl_int fault(const char *kind, const char *name) {
   return failed ? code : CL_SUCCESS;
 }
 
-// A call that returns its code, and one that makes an object and returns its code by `error`.
-#define CALL(kind, name, parameters, arguments) \
-  cl_int name parameters {                      \
-    const cl_int failed = fault(kind, #name);   \
+// A call that returns its code; one that is tried first; one that may make an event; one that makes an
+// object and returns its code by `error`.
+#define CALL(kind, name, parameters, arguments)    \
+  cl_int name parameters {                         \
+    const cl_int failed = fault(kind, #name);      \
     return failed ? failed : NEXT(name) arguments; \
   }
-#define MAKE(kind, type, name, parameters, arguments) \
-  type name parameters {                              \
-    const cl_int failed = fault(kind, #name);         \
-    if (!failed) return NEXT(name) arguments;         \
-    if (error) *error = failed;                       \
-    return NULL;                                      \
+#define TRIED(kind, name, parameters, arguments) \
+  cl_int name parameters {                       \
+    const cl_int result = NEXT(name) arguments;  \
+    const cl_int failed = fault(kind, #name);    \
+    return failed ? failed : result;             \
   }
-#define TRIED(kind, name, parameters, arguments)    \
-  cl_int name parameters {                          \
-    const cl_int result = NEXT(name) arguments;     \
-    const cl_int failed = fault(kind, #name);       \
-    return failed ? failed : result;                \
+#define ENQUEUE(kind, name, parameters, arguments)                \
+  cl_int name parameters {                                        \
+    const cl_int failed = fault(kind, #name);                     \
+    const cl_int result = failed ? failed : NEXT(name) arguments; \
+    if (result == CL_SUCCESS && event) alive[EVENT]++;            \
+    return result;                                                \
+  }
+#define MAKE(kind, object, type, name, parameters, arguments) \
+  type name parameters {                                      \
+    const cl_int failed = fault(kind, #name);                 \
+    if (failed && error) *error = failed;                     \
+    type made = failed ? NULL : NEXT(name) arguments;         \
+    if (made) alive[object]++;                                \
+    return made;                                              \
+  }
+#define COUNT(object, type, what)                    \
+  cl_int clRetain##what(type it) {                   \
+    const cl_int result = NEXT(clRetain##what)(it);  \
+    if (result == CL_SUCCESS) alive[object]++;       \
+    return result;                                   \
+  }                                                  \
+  cl_int clRelease##what(type it) {                  \
+    const cl_int result = NEXT(clRelease##what)(it); \
+    if (result == CL_SUCCESS) alive[object]--;       \
+    return result;                                   \
   }
 
-MAKE("setup", cl_context, clCreateContext,
+COUNT(CONTEXT, cl_context, Context)
+COUNT(QUEUE, cl_command_queue, CommandQueue)
+COUNT(PROGRAM, cl_program, Program)
+COUNT(KERNEL, cl_kernel, Kernel)
+COUNT(BUFFER, cl_mem, MemObject)
+COUNT(EVENT, cl_event, Event)
+
+MAKE("setup", CONTEXT, cl_context, clCreateContext,
      (const cl_context_properties *properties, cl_uint count, const cl_device_id *devices,
       void(CL_CALLBACK *notify)(const char *, const void *, size_t, void *), void *data,
       cl_int *error),
      (properties, count, devices, notify, data, error))
-MAKE("setup", cl_command_queue, clCreateCommandQueue,
+MAKE("setup", QUEUE, cl_command_queue, clCreateCommandQueue,
      (cl_context context, cl_device_id device, cl_command_queue_properties properties,
       cl_int *error),
      (context, device, properties, error))
-MAKE("build", cl_program, clCreateProgramWithSource,
+MAKE("build", PROGRAM, cl_program, clCreateProgramWithSource,
      (cl_context context, cl_uint count, const char **texts, const size_t *lengths, cl_int *error),
      (context, count, texts, lengths, error))
-MAKE("binary", cl_program, clCreateProgramWithBinary,
+MAKE("binary", PROGRAM, cl_program, clCreateProgramWithBinary,
      (cl_context context, cl_uint count, const cl_device_id *devices, const size_t *lengths,
       const unsigned char **binaries, cl_int *states, cl_int *error),
      (context, count, devices, lengths, binaries, states, error))
@@ -102,35 +143,36 @@ TRIED("build", clBuildProgram,
 CALL("binary", clGetProgramInfo,
      (cl_program program, cl_program_info what, size_t room, void *value, size_t *size),
      (program, what, room, value, size))
-MAKE("kernel", cl_kernel, clCreateKernel, (cl_program program, const char *name, cl_int *error),
+MAKE("kernel", KERNEL, cl_kernel, clCreateKernel,
+     (cl_program program, const char *name, cl_int *error),
      (program, name, error))
 CALL("argument", clSetKernelArg, (cl_kernel kernel, cl_uint i, size_t size, const void *value),
      (kernel, i, size, value))
-MAKE("create", cl_mem, clCreateBuffer,
+MAKE("create", BUFFER, cl_mem, clCreateBuffer,
      (cl_context context, cl_mem_flags flags, size_t size, void *host, cl_int *error),
      (context, flags, size, host, error))
-CALL("launch", clEnqueueNDRangeKernel,
+ENQUEUE("launch", clEnqueueNDRangeKernel,
      (cl_command_queue queue, cl_kernel kernel, cl_uint dimensions, const size_t *offset,
       const size_t *global, const size_t *local, cl_uint events, const cl_event *before,
       cl_event *event),
      (queue, kernel, dimensions, offset, global, local, events, before, event))
-CALL("copy", clEnqueueReadBuffer,
+ENQUEUE("copy", clEnqueueReadBuffer,
      (cl_command_queue queue, cl_mem buffer, cl_bool wait, size_t at, size_t size, void *to,
       cl_uint events, const cl_event *before, cl_event *event),
      (queue, buffer, wait, at, size, to, events, before, event))
-CALL("copy", clEnqueueWriteBuffer,
+ENQUEUE("copy", clEnqueueWriteBuffer,
      (cl_command_queue queue, cl_mem buffer, cl_bool wait, size_t at, size_t size, const void *from,
       cl_uint events, const cl_event *before, cl_event *event),
      (queue, buffer, wait, at, size, from, events, before, event))
-CALL("copy", clEnqueueCopyBuffer,
+ENQUEUE("copy", clEnqueueCopyBuffer,
      (cl_command_queue queue, cl_mem from, cl_mem to, size_t from_at, size_t to_at, size_t size,
       cl_uint events, const cl_event *before, cl_event *event),
      (queue, from, to, from_at, to_at, size, events, before, event))
-CALL("copy", clEnqueueFillBuffer,
+ENQUEUE("copy", clEnqueueFillBuffer,
      (cl_command_queue queue, cl_mem buffer, const void *pattern, size_t pattern_size, size_t at,
       size_t size, cl_uint events, const cl_event *before, cl_event *event),
      (queue, buffer, pattern, pattern_size, at, size, events, before, event))
-MAKE("copy", void *, clEnqueueMapBuffer,
+MAKE("copy", NOTHING, void *, clEnqueueMapBuffer,
      (cl_command_queue queue, cl_mem buffer, cl_bool wait, cl_map_flags flags, size_t at,
       size_t size, cl_uint events, const cl_event *before, cl_event *event, cl_int *error),
      (queue, buffer, wait, flags, at, size, events, before, event, error))

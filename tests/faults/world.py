@@ -87,6 +87,7 @@ class World:
         self.work = work
         # A program that is built anew meanwhile would be another: checkpoints say which one wrote them.
         self.gflow = shutil.copy(gflow, self.path("gflow"))
+        self.of_sanitizer = self._of_sanitizer(self.gflow)
         self.scene = os.path.join(work, "scene")
         self._make_scene()
         self.shims = {name: self._shim(name) for name in ("fail_io", "fail_opencl", "clock_jumps")}
@@ -146,13 +147,29 @@ class World:
     def model(run):
         return f"{run}/point_cloud/iteration_10/point_cloud.ply"
 
+    @staticmethod
+    def _of_sanitizer(gflow):
+        """What a program built with the address sanitizer asks for: its library before all others, no driver but
+        PoCL's, and that leaks count, but for what PoCL's compiler leaves behind. Its exit code is then 23, and
+        never right."""
+        linked = subprocess.run(["ldd", gflow], capture_output=True, text=True).stdout
+        libraries = re.findall(r"/\S*/libasan\.so\S*", linked)
+        allowed = os.path.join(ROOT, "tests/sanitizers/lsan.supp")
+        return {"LD_PRELOAD": libraries[0], "OCL_ICD_VENDORS": "/etc/OpenCL/vendors/pocl.icd",
+                "ASAN_OPTIONS": "detect_leaks=1:exitcode=23",
+                "LSAN_OPTIONS": f"suppressions={allowed}:print_suppressions=0"} if libraries else {}
+
     def start(self, arguments, env=None, ignored=()):
+        env = {**self.of_sanitizer, **(env or {})}
+        if self.of_sanitizer and env["LD_PRELOAD"] != self.of_sanitizer["LD_PRELOAD"]:
+            env["LD_PRELOAD"] = self.of_sanitizer["LD_PRELOAD"] + " " + env["LD_PRELOAD"]
+
         def signals():
             signal.signal(signal.SIGINT, signal.SIG_DFL)
             for number in ignored:
                 signal.signal(number, signal.SIG_IGN)
         return subprocess.Popen([self.gflow, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                                errors="surrogateescape", env={**os.environ, **(env or {})},
+                                errors="surrogateescape", env={**os.environ, **env},
                                 preexec_fn=signals)
 
     def run(self, arguments, env=None):
@@ -244,8 +261,17 @@ def broken_checkpoints(run):
 
 def failed_calls(report):
     """The calls that a shim let fail, as (number, name and path), and all."""
-    if not os.path.exists(report):
-        return [], []
-    lines = [line.rstrip("\n").split(" ", 3) for line in open(report, encoding="utf-8", errors="replace")]
+    lines = [line for line in reported(report) if line[1] != "left"]
     calls = [(int(line[0]), " ".join(line[2:])) for line in lines]
     return [call for call, line in zip(calls, lines) if line[1] == "failed"], calls
+
+
+def leaks(report):
+    """The OpenCL objects that were made and never let go of."""
+    return [f"not let go of: {' '.join(line[2:])}" for line in reported(report) if line[1] == "left"]
+
+
+def reported(report):
+    if not os.path.exists(report):
+        return []
+    return [line.rstrip("\n").split(" ", 3) for line in open(report, encoding="utf-8", errors="replace")]
