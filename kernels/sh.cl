@@ -43,7 +43,9 @@ kernel void sh_fwd(const uint n, const int degree, const int walked, const int s
   const int count = (walked + 1) * (walked + 1);
   const real3 c =
       sh_sum(sh_basis(degree, o.d), count, load3(sh0, i), sh_rest + (size_t)i * stride * 3);
-  store3(colors, k, fmax(c, make_real3(0.f, 0.f, 0.f)));
+  // What is no number stays none, so that transport_fwd leaves that Gaussian out.
+  const real3 shown = fmax(c, make_real3(0.f, 0.f, 0.f));
+  store3(colors, k, is_finite_real(c.x + c.y + c.z) ? shown : c);
 }
 
 // For what was seen in this view; the rest is left alone. Adds to v_means. v_sh0 and, where more

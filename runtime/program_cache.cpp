@@ -23,6 +23,8 @@ namespace {
 namespace fs = std::filesystem;
 const char magic[8] = {'G', 'F', 'L', 'O', 'W', 'B', 'I', '2'};
 
+constexpr uintmax_t largest_binary = uintmax_t{1} << 30;  // those of today have a few MB
+
 struct Header {
   char magic[8];
   uint64_t length, checksum;
@@ -40,15 +42,27 @@ std::string cache_folder(const DeviceInfo& device) {
 
 // "" for what cannot be read.
 std::string contents(const std::string& path) {
-  try {
-    std::ifstream in(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  } catch (const std::ios_base::failure&) {  // a folder, a disk that fails
-    return "";
-  }
+  std::error_code failed;
+  const uintmax_t size = fs::file_size(path, failed);  // so that it is in memory once
+  if (failed || size > largest_binary) return "";
+  std::string bytes(size_t(size), '\0');
+  std::ifstream in(path, std::ios::binary);
+  in.read(bytes.data(), std::streamsize(size));
+  return in ? bytes : "";
 }
 
 }  // namespace
+
+std::string_view sound_binary(std::string_view file, uint64_t key) {
+  Header header;
+  if (file.size() < sizeof header) return {};
+  std::memcpy(&header, file.data(), sizeof header);
+  const std::string_view bytes = file.substr(sizeof header);
+  const bool whole = std::memcmp(header.magic, magic, sizeof magic) == 0 &&
+                     header.length == bytes.size() &&
+                     header.checksum == hash(bytes.data(), bytes.size(), key);
+  return whole ? bytes : std::string_view{};
+}
 
 ProgramCache::ProgramCache(const Queue& queue, const std::string& source,
                            const std::string& options) {
@@ -64,17 +78,11 @@ ProgramCache::ProgramCache(const Queue& queue, const std::string& source,
 cl::Program ProgramCache::load(Queue& queue, const std::string& options) const {
   if (path_.empty()) return {};
   const std::string file = contents(path_);
-  Header header;
-  if (file.size() < sizeof header) return {};
-  std::memcpy(&header, file.data(), sizeof header);
-  const char* bytes = file.data() + sizeof header;
-  const size_t length = file.size() - sizeof header;
-  if (std::memcmp(header.magic, magic, sizeof magic) != 0 || header.length != length ||
-      header.checksum != hash(bytes, length, key_))
-    return {};
+  const std::string_view bytes = sound_binary(file, key_);
+  if (bytes.empty()) return {};
   try {
     cl::Program program(queue.context, {queue.device},
-                        {std::vector<unsigned char>(bytes, bytes + length)});
+                        {std::vector<unsigned char>(bytes.begin(), bytes.end())});
     program.build(queue.device, options.c_str());
     return program;
   } catch (const cl::Error&) {

@@ -4,10 +4,15 @@
 #pragma once
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 #include "runtime/queue.hpp"
 
 namespace gflow {
+
+// The driver's bytes in a file of the cache; empty where it is no such file, not whole, or another
+// program's, which `key` tells.
+std::string_view sound_binary(std::string_view file, uint64_t key);
 
 // The place of one program's binary in the cache folder: $GFLOW_CACHE_DIR (empty = no cache), else
 // none on PoCL, which keeps its own, else $XDG_CACHE_HOME/gflow, else ~/.cache/gflow. The key

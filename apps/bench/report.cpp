@@ -7,7 +7,6 @@
 #include <cmath>
 #include <map>
 
-#include "optim/io/atomic_file.hpp"
 #include "optim/io/tell.hpp"
 
 namespace gflow::bench {
@@ -57,31 +56,6 @@ bool is_time(const Figure& f) {
          (f.name.find("[ms]") != std::string::npos || f.name.find("[s]") != std::string::npos);
 }
 
-// A figure of a report that was read; NaN where it has none.
-Spread figure_of(const Json& rows, const std::string& row, const std::string& name) {
-  const double nan = std::nan("");
-  if (!rows.contains(row) || !rows[row].is_object() || !rows[row].contains(name))
-    return {nan, nan, nan};
-  const Json& figure = rows[row][name];
-  const auto part = [&](const char* key) {
-    if (figure.is_number()) return figure.get<double>();
-    return figure.is_object() && figure.contains(key) && figure[key].is_number()
-               ? figure[key].get<double>()
-               : nan;
-  };
-  return {part("median"), part("low"), part("high")};
-}
-
-std::string text_of(const Json& report, const char* key) {
-  const Json value = report.value(key, Json());
-  return value.is_string() ? value.get<std::string>() : std::string();
-}
-
-// In whatever order their keys are.
-bool same_json(const Json& a, const Json& b) {
-  return nlohmann::json::parse(a.dump()) == nlohmann::json::parse(b.dump());
-}
-
 // Of a row with CPU time, that alone.
 bool is_judged(const Row& row, const Figure& f) {
   const auto is_cpu = [](const Figure& x) { return is_time(x) && x.name.rfind("CPU", 0) == 0; };
@@ -89,15 +63,6 @@ bool is_judged(const Row& row, const Figure& f) {
 }
 
 }  // namespace
-
-Json read_report(const std::string& path, const std::string& bench) {
-  const Bytes bytes = read_file(path);
-  Json report = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
-  if (!report.is_object() || report.value("bench", Json()) != bench || !report.contains("rows") ||
-      !report["rows"].is_object())
-    throw Error(fmt::format("{}: it is no report of `gflow bench {}`", path, bench));
-  return report;
-}
 
 Report::Report(std::string bench, Queue& queue, Json facts, const std::string& old)
     : facts_(std::move(facts)), old_path_(old) {

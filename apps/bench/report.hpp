@@ -7,11 +7,10 @@
 #include <vector>
 
 #include "apps/bench/measure.hpp"
+#include "apps/bench/old_report.hpp"
 #include "apps/bench/peak.hpp"
 
 namespace gflow::bench {
-
-using Json = nlohmann::ordered_json;
 
 // One figure with its unit in its name, e.g. "wall [ms]". One that was measured once has no spread.
 struct Figure {
@@ -39,9 +38,6 @@ struct Row {
 inline bool is_brief(const Samples& part, const Samples& whole) {
   return ratio_of(part, whole).median < 0.05;
 }
-
-// Error where a file is no report of this bench.
-Json read_report(const std::string& path, const std::string& bench);
 
 class Report {
  public:

@@ -20,6 +20,10 @@ namespace gflow::stress {
 
 // derivatives_of_motion.cpp
 std::vector<Derivative> motion_derivatives(Queue& queue);
+#ifdef GFLOW_WITH_OPENCV
+// training/derivatives_of_host.cpp
+std::vector<Derivative> host_derivatives();
+#endif
 
 namespace {
 
@@ -400,12 +404,21 @@ Derivative pull_row(Queue& queue) {
   const auto since = [&](size_t k, bool stood_still) {  // how long velocities act until t2
     return double(t2) - (stood_still ? double(t) : double(means_t[k / 3]));
   };
+  // The two views' places: at t on the line through the mean; at t2 on it too, or as far from where
+  // it was drawn at t as the time between makes it.
+  const Floats means = numbers(3 * n);
   const auto cost = [&](const std::vector<double>& velocities) {
     double sum = 0;
     for (size_t k = 0; k < 6 * n; ++k) {
       const size_t i = k % (3 * n);
-      sum += velocities[k] * (double(v[i]) * (double(t) - double(means_t[i / 3])) +
-                              double(v2[i]) * since(i, k >= 3 * n));
+      const auto on_line = [&](double when) {
+        return double(means[i]) + velocities[k] * (when - double(means_t[i / 3]));
+      };
+      const double drawn = double(means[i]);  // without a velocity
+      const bool stood_still = k >= 3 * n;
+      sum += double(v[i]) * on_line(double(t)) +
+             double(v2[i]) * (stood_still ? drawn + velocities[k] * (double(t2) - double(t))
+                                          : on_line(double(t2)));
     }
     return sum;
   };
@@ -443,6 +456,9 @@ std::vector<Derivative> derivatives(Queue& queue) {
   rows.push_back(flow_loss_row(queue));
   rows.push_back(price_row(queue));
   rows.push_back(pull_row(queue));
+#ifdef GFLOW_WITH_OPENCV
+  for (Derivative& row : host_derivatives()) rows.push_back(std::move(row));
+#endif
   return rows;
 }
 

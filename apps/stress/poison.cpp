@@ -3,31 +3,28 @@
 // is given. At the right no bit may change, and the broken one must be named: not seen where it is
 // not finite, or so large that it is left out. A broken camera concerns all: what comes of it must
 // be numbers.
-#include <cstring>
 #include <functional>
 #include <limits>
 #include <map>
 
 #include "apps/stress/figures.hpp"
+#include "apps/stress/poisoned.hpp"
 #include "apps/stress/stress.hpp"
+#include "optim/loss/flow_loss.hpp"
 #include "tests/device_scene.hpp"
 
 namespace gflow::stress {
 namespace {
 
-// The culprit (0), one under it (1), and others at the right, which no value of the culprit reaches
-// but by being broken: unless it then truly lies there or covers everything.
 PosedScene two_sides() {
-  PosedScene s = random_scene({0, 96, 32});
-  s.shot.camera = s.shot.camera_t2 = test_camera(96, 32);
+  PosedScene s = random_scene({0, kPoisonedWidth, kPoisonedHeight});
+  s.shot.camera = s.shot.camera_t2 = test_camera(kPoisonedWidth, kPoisonedHeight);
   add_gaussian(s, {-1.6, .1, 4}, {.1, .08, .1}, .6, {.1, 0, 0});
   add_gaussian(s, {-1.6, 0, 5}, {.2, .1, .1}, .7, {0, .1, 0});
   for (int i = 0; i < 6; ++i)
     add_gaussian(s, {1.3 + .06 * i, .1 * i - .2, 4. + .1 * i}, {.1, .06, .1}, .6, {.1, .05, .1});
   return s;
 }
-
-bool same(float a, float b) { return std::memcmp(&a, &b, sizeof(float)) == 0; }
 
 struct Harm {
   double images_changed = 0, gradients_changed = 0, not_finite = 0, unnamed = 0, cases = 0;
@@ -68,7 +65,7 @@ class Poisoned {
         s.p[slot][component] = double(poison);
         device_.upload(s);
         const FloatArrays found = device_.forward();
-        const bool reaches = std::isfinite(poison) && reaches_right();
+        const bool reaches = std::isfinite(poison) && reaches_right(queue_, device_.engine);
         harm.reached += reaches;
         compare_images(found, reaches, harm);
         compare_gradients(device_.backward(v_), reaches, harm);
@@ -91,12 +88,12 @@ class Poisoned {
                                    : image == "alpha" ? v.alpha
                                    : image == "depth" ? v.depth
                                                       : v.flow;
-      plane[16 * 96 + 8] = double(poison);
+      plane[16 * kPoisonedWidth + 8] = double(poison);
       const FloatArrays g = device_.backward(v);
       for (const auto& [name, gradient] : g) {
         const size_t width = gradient.size() / clean_.count();
         for (size_t i = 2 * width; i < gradient.size(); ++i)
-          harm.gradients_changed += !same(gradient[i], gradients_.at(name)[i]);
+          harm.gradients_changed += !same_bits(gradient[i], gradients_.at(name)[i]);
       }
       ++harm.cases;
     }
@@ -104,11 +101,6 @@ class Poisoned {
   }
 
  private:
-  // Whether the culprit truly covers tiles at the right, e.g. with a scale of 1e6.
-  bool reaches_right() {
-    return device_.engine.splats().tiles_touched.read_range(queue_, 0, 1)[0] > 0 &&
-           device_.engine.splats().tile_boxes.read_range(queue_, 0, 4)[2] >= 4;
-  }
   FloatArrays drawn_with(const std::string& slot, double culprits) {
     PosedScene s = clean_;
     s.p[slot][0] = culprits;
@@ -118,8 +110,7 @@ class Poisoned {
   // Whether the image is that without the culprit, or, of a slot at t2, without its flow.
   bool left_out(const std::string& slot, const FloatArrays& found) const {
     const auto equal = [&](const char* image, const FloatArrays& other) {
-      const std::vector<float>&a = found.at(image), &b = other.at(image);
-      return std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
+      return same_image(found.at(image), other.at(image));
     };
     if (slot.find("_t2") != std::string::npos) return equal("flow", unmoved_);
     return equal("rgb", without_) && equal("alpha", without_) && equal("depth", without_);
@@ -138,8 +129,7 @@ class Poisoned {
   void compare_images(const FloatArrays& found, bool reaches, Harm& harm) const {
     for (const auto& [name, image] : found) {
       harm.not_finite += count_not_finite(image);
-      for (size_t i = 0; i < image.size() && !reaches; ++i)
-        harm.images_changed += i % 96 >= 64 && !same(image[i], images_.at(name)[i]);
+      if (!reaches) harm.images_changed += changed_at_right(image, images_.at(name));
     }
   }
   void compare_gradients(const FloatArrays& found, bool reaches, Harm& harm) const {
@@ -148,7 +138,7 @@ class Poisoned {
       for (size_t i = width; i < gradient.size(); ++i) {
         harm.not_finite += !std::isfinite(gradient[i]);
         harm.gradients_changed +=
-            !reaches && i >= 2 * width && !same(gradient[i], gradients_.at(name)[i]);
+            !reaches && i >= 2 * width && !same_bits(gradient[i], gradients_.at(name)[i]);
       }
     }
   }
@@ -204,6 +194,46 @@ Harm camera(Queue& queue, bool both) {
   return harm;
 }
 
+// Poison in one pixel of the teacher's flow: the gradient of no other may change, that pixel's must
+// be a number, and where it is no flow at all it is not counted among the confident ones.
+Row broken_teacher(Queue& queue) {
+  constexpr int width = 19, height = 3;
+  constexpr size_t pixels = size_t(width) * height, culprit = width + 4;
+  Random random(70);
+  std::vector<float> flow, teacher;
+  for (size_t i = 0; i < 2 * pixels; ++i)
+    flow.push_back(float(random.normal())), teacher.push_back(float(random.normal()));
+  const Buffer<float> alpha(queue, std::vector<float>(pixels, .5f), "alpha");
+  const Buffer<float> drawn(queue, flow, "flow");
+  const Buffer<cl_uchar> confidence(queue, std::vector<cl_uchar>(pixels, cl_uchar(255)), "trust");
+  FlowLoss loss(queue, .1f);
+  Buffer<float> v(queue, 2 * pixels, "v_flow");
+  const auto gradient = [&](const std::vector<float>& asked) {
+    loss.run(queue, 1, width, height, drawn, alpha, Buffer<float>(queue, asked, "teacher"),
+             confidence, v);
+    return v.read(queue);
+  };
+  const std::vector<float> clean = gradient(teacher);
+  double harm = 0, cases = 0;
+  for (const size_t axis : {culprit, pixels + culprit})
+    for (const float poison : poisons()) {
+      std::vector<float> asked = teacher;
+      asked[axis] = poison;
+      const std::vector<float> found = gradient(asked);
+      harm += count_not_finite(found);
+      for (size_t i = 0; i < found.size(); ++i)
+        harm += i % pixels != culprit && !same_bits(found[i], clean[i]);
+      const FlowLossValue value = loss.value(queue);
+      const bool usable = std::fabs(poison) <= 1e5f;
+      harm += !std::isfinite(value.loss) || value.confident_pixels != double(pixels - !usable);
+      ++cases;
+    }
+  return {fmt::format("teacher's flow, {:.0f} cases: others' gradients changed, not finite, not "
+                      "left out",
+                      cases),
+          harm, 0};
+}
+
 Rows poison(Queue& queue) {
   Rows rows;
   Poisoned scene(queue);
@@ -230,6 +260,7 @@ Rows poison(Queue& queue) {
         {fmt::format("{}, {:.0f} cases: not finite", both ? "cameras" : "camera at t2", h.cases),
          h.not_finite, 0});
   }
+  rows.push_back(broken_teacher(queue));
   return rows;
 }
 

@@ -57,6 +57,7 @@ struct Derivative {
   double against_double, against_differences;
   double double_bound, differences_bound;
 };
+// Of all kernels, and what the host differentiates itself.
 std::vector<Derivative> derivatives(Queue& queue);
 bool passed(const Derivative& row);
 

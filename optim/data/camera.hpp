@@ -46,6 +46,16 @@ struct Camera {
         viewmat.topLeftCorner<3, 3>() * world + viewmat.topRightCorner<3, 1>();
     return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
   }
+
+  // Derivative of that by the point [px / scene unit].
+  Eigen::Matrix<double, 2, 3> derivative(const Eigen::Vector3d& world) const {
+    const Eigen::Matrix3d r = viewmat.topLeftCorner<3, 3>();
+    const Eigen::Vector3d p = r * world + viewmat.topRightCorner<3, 1>();
+    Eigen::Matrix<double, 2, 3> j;
+    j.row(0) = fx / p.z() * (r.row(0) - p.x() / p.z() * r.row(2));
+    j.row(1) = fy / p.z() * (r.row(1) - p.y() / p.z() * r.row(2));
+    return j;
+  }
 };
 
 // The same view at 1 / divisor of the size; sizes round down, at least 1, as pictures do.

@@ -6,9 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <functional>
-#include <iterator>
 #include <set>
 #include <string_view>
 
@@ -19,6 +17,9 @@ namespace gflow {
 namespace {
 
 struct Damaged {};
+
+// An entry of two bytes is kept in many more: so much that no file takes more than a few MB.
+constexpr size_t most_inputs = 65536, most_sizes = 16;
 
 uint64_t varint(std::string_view& bytes) {
   uint64_t value = 0;
@@ -79,6 +80,7 @@ std::vector<int64_t> sizes_of(std::string_view shape) {
   std::vector<int64_t> sizes;
   for_fields(shape, [&](uint64_t number, std::string_view dimension, uint64_t) {
     if (number != 1) return;
+    if (sizes.size() == most_sizes) throw Damaged{};
     int64_t size = 0;
     for_fields(dimension, [&](uint64_t which, std::string_view, uint64_t value) {
       if (which == 1) size = int64_t(value);
@@ -91,22 +93,26 @@ std::vector<int64_t> sizes_of(std::string_view shape) {
 }  // namespace
 
 std::vector<NetworkInput> onnx_input_list(const std::string& path) {
-  require_file(path);
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(fmt::format("cannot open the network {}", path));
-  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  const Bytes bytes = read_file(path);
+  const std::string_view model(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   std::vector<NetworkInput> inputs;
   try {
-    std::set<std::string> weights;
-    for_fields(field_of(bytes, 7), [&](uint64_t number, std::string_view value, uint64_t) {
-      if (number == 5) weights.emplace(field_of(value, 8));
-      if (number == 11)
-        inputs.push_back({std::string(field_of(value, 1)),
-                          sizes_of(field_of(field_of(field_of(value, 2), 1), 2))});
+    const std::string_view graph = field_of(model, 7);
+    std::set<std::string_view> names;
+    for_fields(graph, [&](uint64_t number, std::string_view value, uint64_t) {
+      if (number != 11) return;
+      if (inputs.size() == most_inputs) throw Damaged{};
+      const std::string_view name = field_of(value, 1);
+      inputs.push_back({std::string(name), sizes_of(field_of(field_of(field_of(value, 2), 1), 2))});
+      names.insert(name);
+    });
+    // Older files list their weights among the inputs.
+    for_fields(graph, [&](uint64_t number, std::string_view value, uint64_t) {
+      if (number == 5) names.erase(field_of(value, 8));
     });
     inputs.erase(
         std::remove_if(inputs.begin(), inputs.end(),
-                       [&](const NetworkInput& input) { return weights.count(input.name) > 0; }),
+                       [&](const NetworkInput& input) { return names.count(input.name) == 0; }),
         inputs.end());
   } catch (const Damaged&) {
     throw Error(fmt::format("{} is no ONNX model, or it is damaged", path));

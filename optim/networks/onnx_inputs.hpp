@@ -15,7 +15,8 @@ struct NetworkInput {
 };
 
 // The inputs in the order of the file. Weights that it lists among the inputs are left out. Error
-// when the file is missing or no ONNX model.
+// when the file is missing or no ONNX model, with more than 65536 inputs or one of more than 16
+// sizes among it.
 std::vector<NetworkInput> onnx_input_list(const std::string& path);
 // Their sizes by name.
 std::map<std::string, std::vector<int64_t>> onnx_inputs(const std::string& path);

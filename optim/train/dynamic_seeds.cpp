@@ -80,12 +80,7 @@ Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point
   for (size_t c = 0; c < views.cameras.size(); ++c) {
     const long at = pixel_of(*views.cameras[c], point);
     if (at < 0 || !views.flows[c] || !views.flows[c]->confidence[size_t(at)]) continue;
-    const Camera& camera = *views.cameras[c];
-    const Eigen::Matrix3d r = camera.viewmat.topLeftCorner<3, 3>();
-    const Eigen::Vector3d p = (camera.viewmat * point.homogeneous()).head<3>();
-    Eigen::Matrix<double, 2, 3> j;
-    j.row(0) = camera.fx / p.z() * (r.row(0) - p.x() / p.z() * r.row(2));
-    j.row(1) = camera.fy / p.z() * (r.row(1) - p.y() / p.z() * r.row(2));
+    const Eigen::Matrix<double, 2, 3> j = views.cameras[c]->derivative(point);
     const std::vector<float>& uv = views.flows[c]->flow.uv;
     const Eigen::Vector2d f(uv[2 * size_t(at)], uv[2 * size_t(at) + 1]);
     a += j.transpose() * j;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // libFuzzer's entry points. GFLOW_FUZZ_TARGET names the reader; `fuzz --seeds FOLDER` writes valid
-// inputs of each into FOLDER/NAME instead.
+// inputs of each into FOLDER/NAME instead, and `fuzz --long MB` gives it files of that size.
 #include <sanitizer/allocator_interface.h>
 
 #include <atomic>
@@ -10,10 +10,9 @@
 #include <filesystem>
 
 #include "fuzz/targets.hpp"
+#include "io/folder.hpp"
 
 namespace {
-
-using gflow::fuzz::Holds;
 
 const gflow::fuzz::Target& chosen() {
   static const gflow::fuzz::Target* const target = [] {
@@ -40,15 +39,20 @@ void count_free(const volatile void* place) {
   allocated -= long(__sanitizer_get_allocated_size(place));
 }
 
-}  // namespace
-
-extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
-  if (*argc < 3 || std::strcmp((*argv)[1], "--seeds") != 0) {
-    __sanitizer_install_malloc_and_free_hooks(count_malloc, count_free);
-    return 0;
+void read_counted(const uint8_t* bytes, size_t size) {
+  const long before = allocated;
+  most = before;
+  chosen().read(bytes, size);
+  const size_t taken = size_t(most - before);
+  if (taken > gflow::fuzz::memory_allowed(chosen(), bytes, size)) {
+    std::fprintf(stderr, "fuzz: reading %zu bytes took %zu MB of memory\n", size, taken >> 20);
+    std::abort();
   }
+}
+
+void write_seeds(const std::string& to) {
   for (const auto& target : gflow::fuzz::targets()) {
-    const std::string folder = std::string((*argv)[2]) + "/" + target.name;
+    const std::string folder = to + "/" + target.name;
     std::filesystem::create_directories(folder);
     target.make_seeds(folder);
     if (std::filesystem::is_empty(folder)) {
@@ -57,17 +61,35 @@ extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
     }
     std::printf("%s\n", target.name);
   }
-  std::exit(0);
+}
+
+void read_long_files(size_t size) {
+  const TemporaryFolder seeds;
+  chosen().make_seeds(seeds.path());
+  gflow::fuzz::for_long_files(seeds.path(), size, [&](const std::string& what, const auto& input) {
+    std::fprintf(stderr, "%s: %s\n", chosen().name, what.c_str());
+    read_counted(reinterpret_cast<const uint8_t*>(input.data()), input.size());
+  });
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
+  const std::string word = *argc > 2 ? (*argv)[1] : "";
+  if (word == "--seeds") {
+    write_seeds((*argv)[2]);
+    std::exit(0);
+  }
+  chosen().read(nullptr, 0);  // what it makes once is not counted
+  __sanitizer_install_malloc_and_free_hooks(count_malloc, count_free);
+  if (word == "--long") {
+    read_long_files(std::strtoul((*argv)[2], nullptr, 10) << 20);
+    std::exit(0);
+  }
+  return 0;
 }
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* bytes, size_t size) {
-  const long before = allocated;
-  most = before;
-  chosen().read(bytes, size);
-  const size_t taken = size_t(most - before);
-  if (chosen().holds != Holds::anything && taken > gflow::fuzz::memory_allowed(chosen(), size)) {
-    std::fprintf(stderr, "fuzz: reading %zu bytes took %zu MB of memory\n", size, taken >> 20);
-    std::abort();
-  }
+  read_counted(bytes, size);
   return 0;
 }

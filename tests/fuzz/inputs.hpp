@@ -68,17 +68,31 @@ struct File {
   std::string name, text;
 };
 
-// A scene of these files but for one, which the first byte chooses: that is the rest of the bytes.
+using Files = std::vector<File>;
+
+// The file of several that the first byte chooses, and what that holds: its size where it is text
+// or plain numbers.
+inline size_t chosen_file(const Files& files, const uint8_t* bytes) {
+  return bytes[0] % files.size();
+}
+inline Holds held_by(const Files& files, const uint8_t* bytes, size_t size) {
+  if (size == 0) return Holds::its_size;
+  const fs::path ending = fs::path(files[chosen_file(files, bytes)].name).extension();
+  for (const char* plain : {".json", ".jsonl", ".toml", ".npy", ".bin", ".txt", ".flo", ".ply"})
+    if (ending == plain) return Holds::its_size;
+  return Holds::packed;
+}
+template <const Files& (*files)()>
+Holds held(const uint8_t* bytes, size_t size) {
+  return held_by(files(), bytes, size);
+}
+
+// A scene of these files but for the chosen one: that is the rest of the bytes.
 template <class Read>
-void in_scene(const uint8_t* bytes, size_t size, const std::string& scene,
-              const std::vector<File>& files, Read&& read) {
+void in_scene(const uint8_t* bytes, size_t size, const std::string& scene, const Files& files,
+              Read&& read) {
   if (size == 0) return;
-  const size_t other = bytes[0] % files.size();
-  const fs::path ending = fs::path(files[other].name).extension();
-  const bool plain = ending == ".json" || ending == ".jsonl" || ending == ".toml" ||
-                     ending == ".npy" || ending == ".bin" || ending == ".txt" || ending == ".flo" ||
-                     ending == ".ply";
-  last_file = plain ? Holds::its_size : Holds::packed;
+  const size_t other = chosen_file(files, bytes);
   for (size_t i = 0; i < files.size(); ++i)
     if (i != other)
       write(scene + "/" + files[i].name, files[i].text);
@@ -92,7 +106,7 @@ void in_scene(const uint8_t* bytes, size_t size, const std::string& scene,
 inline void seed(const std::string& folder, const std::string& name, const std::string& bytes) {
   std::ofstream(folder + "/" + name, std::ios::binary) << bytes;
 }
-inline void seeds_of(const std::string& folder, const std::vector<File>& files) {
+inline void seeds_of(const std::string& folder, const Files& files) {
   for (size_t i = 0; i < files.size(); ++i)
     seed(folder, std::to_string(i), std::string(1, char(i)) + files[i].text);
 }

@@ -1,19 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 // What gflow itself writes and is told: settings, experiments, models, checkpoints, a run's folder,
-// a guidance program's words.
+// reports, compiled kernels; a guidance program's words, networks, arrays of `gflow splat`.
 #include "apps/experiments/runs.hpp"
 
 #include <cmath>
 #include <stdexcept>
 
+#include "apps/bench/old_report.hpp"
 #include "apps/experiments/plan.hpp"
 #include "apps/experiments/table.hpp"
 #include "fuzz/inputs.hpp"
 #include "guidance/request.hpp"
+#include "optim/engine/splat_file.hpp"
 #include "optim/guidance/process.hpp"
+#include "optim/networks/onnx_inputs.hpp"
 #include "optim/train/checkpoint.hpp"
 #include "optim/train/config.hpp"
 #include "optim/train/run_folder.hpp"
+#include "runtime/hash.hpp"
+#include "runtime/program_cache.hpp"
+#include "tests/device.hpp"
 #include "train/random_model.hpp"
 
 namespace gflow::fuzz {
@@ -30,9 +36,9 @@ void config_seeds(const std::string& to) { seed(to, "a", to_toml(TrainConfig()))
 
 // A model of each motion, and what it keeps in a second file: the first byte chooses.
 constexpr size_t kMotions = 5;
-const std::vector<File>& model_files(size_t motion) {
-  static const std::vector<std::vector<File>> all = [] {
-    std::vector<std::vector<File>> files;
+const Files& model_files(size_t motion) {
+  static const std::vector<Files> all = [] {
+    std::vector<Files> files;
     for (size_t k = 0; k < kMotions; ++k) {
       const std::string path = folder() + "/made.ply";
       fs::remove(tables_path(path));
@@ -47,10 +53,13 @@ const std::vector<File>& model_files(size_t motion) {
 }
 void model(const uint8_t* bytes, size_t size) {
   if (size == 0) return;
-  const std::vector<File>& files = model_files(bytes[0] / 2);
+  const Files& files = model_files(bytes[0] / 2);
   fs::remove(folder() + "/model/m.motion.npz");
   in_scene(bytes, size, "model", files,
            [](const std::string& path) { read_model(path + "/m.ply"); });
+}
+Holds held_by_model(const uint8_t* bytes, size_t size) {
+  return size == 0 ? Holds::its_size : held_by(model_files(bytes[0] / 2), bytes, size);
 }
 void model_seeds(const std::string& to) {
   for (size_t k = 0; k < kMotions; ++k)
@@ -117,8 +126,8 @@ const experiments::Plan& finished_plan() {
   }();
   return plan;
 }
-const std::vector<File>& run_files() {
-  static const std::vector<File> files{
+const Files& run_files() {
+  static const Files files{
       // Without the defaults, which take a tenth of a second to read.
       {"config.toml",
        fmt::format("[scene]\npath = '{}'\n", finished_plan().runs[0].config.scene.path)},
@@ -170,15 +179,95 @@ void guidance_seeds(const std::string& to) {
   seed(to, "error", "{\"version\": 1}\n{\"error\": \"no network\"}\n");
 }
 
+// An earlier report, as `gflow bench --compare` reads it.
+void bench_report(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "report.json", [](const std::string& path) {
+    const bench::Json report = bench::read_report(path, "raster");
+    bench::text_of(report, "device");
+    for (const auto& [name, row] : report["rows"].items())
+      bench::figure_of(report["rows"], name, "wall [ms]");
+  });
+}
+void bench_report_seeds(const std::string& to) {
+  seed(to, "a",
+       R"({"bench": "raster", "device": "PoCL", "lanes": 16, "rows": {"bin to gather":
+           {"wall [ms]": {"median": 5.5, "low": 5, "high": 6}, "bytes": 90}}, "notes": ["x"]})");
+}
+
+void onnx(const uint8_t* bytes, size_t size) {
+  as_file(bytes, size, "a.onnx", [](const std::string& path) { onnx_input_list(path); });
+}
+void onnx_seeds(const std::string& to) {
+  for (const char* name : {"guidance/denoiser.onnx", "networks/lpips.onnx"})
+    copy_seed(to, fmt::format("{}/tests/data/{}", GFLOW_SOURCE_DIR, name));
+}
+
+// A file of the cache of compiled kernels. The driver reads what is found sound.
+constexpr uint64_t kKey = 7;
+void program_cache(const uint8_t* bytes, size_t size) {
+  const std::string_view file(reinterpret_cast<const char*>(bytes), size);
+  const std::string_view binary = sound_binary(file, kKey);
+  if (binary.size() > size) throw std::logic_error("more than the file has");
+}
+void program_cache_seeds(const std::string& to) {
+  const std::string binary = "compiled";
+  const uint64_t header[2] = {binary.size(), hash(binary, kKey)};
+  const std::string file =
+      "GFLOWBI2" + std::string(reinterpret_cast<const char*>(header), sizeof header) + binary;
+  if (sound_binary(file, kKey) != binary) throw std::logic_error("the seed is not sound");
+  seed(to, "a", file);
+}
+
+// Arrays of `gflow splat`, onto a device.
+const std::string& splat_file() {
+  static const std::string file = written("s.npz", [](const std::string& path) {
+    const auto array = [](std::vector<size_t> shape, std::vector<float> values) {
+      return Array{std::move(shape), std::move(values)};
+    };
+    const std::vector<float> pose{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 5, 0, 0, 0, 1};
+    write_npz(path,
+              {{"means", array({1, 3}, {0, 0, 0})},
+               {"quats", array({1, 4}, {1, 0, 0, 0})},
+               {"scales", array({1, 3}, {1, 1, 1})},
+               {"opacities", array({1}, {.5f})},
+               {"colors", array({1, 3}, {1, 0, 1})},
+               {"viewmat", array({4, 4}, pose)},
+               {"K", array({3, 3}, {8, 0, 4, 0, 8, 3, 0, 0, 1})},
+               {"size", {{2}, std::vector<int32_t>{8, 6}}},
+               {"means_t2", array({1, 3}, {1, 0, 0})},
+               {"quats_t2", array({1, 4}, {1, 0, 0, 0})},
+               {"scales_t2", array({1, 3}, {1, 1, 1})}},
+              Packing::stored);
+  });
+  return file;
+}
+void splat(const uint8_t* bytes, size_t size) {
+  const auto read = [](Queue& queue, const std::string& path) {
+    splat_scene(queue, read_npz(path, splat_arrays_known), .01f, path);
+  };
+  static Queue queue = [&] {  // its kernels are compiled before anything is counted
+    Queue opened = test_queue();
+    write("first.npz", splat_file());
+    read(opened, folder() + "/first.npz");
+    return opened;
+  }();
+  as_zip(bytes, size, "splat.npz", [&](const std::string& path) { read(queue, path); });
+}
+void splat_seeds(const std::string& to) { seed(to, "a", splat_file()); }
+
 }  // namespace
 
 std::vector<Target> run_targets() {
-  return {{"config", config, config_seeds},
-          {"model", model, model_seeds, Holds::packed},
-          {"checkpoint", checkpoint, checkpoint_seeds, Holds::packed},
-          {"plan", plan, plan_seeds},
-          {"run_folder", run_folder, run_folder_seeds, Holds::packed},
-          {"guidance", guidance, guidance_seeds}};
+  return {{"config", config, config_seeds, its_size},
+          {"model", model, model_seeds, held_by_model},
+          {"checkpoint", checkpoint, checkpoint_seeds, packed_file},
+          {"plan", plan, plan_seeds, its_size},
+          {"run_folder", run_folder, run_folder_seeds, held<run_files>},
+          {"bench_report", bench_report, bench_report_seeds, its_size},
+          {"program_cache", program_cache, program_cache_seeds, its_size},
+          {"onnx", onnx, onnx_seeds, its_size},
+          {"splat", splat, splat_seeds, packed_file},
+          {"guidance", guidance, guidance_seeds, its_size}};
 }
 
 }  // namespace gflow::fuzz

@@ -12,33 +12,48 @@
 namespace gflow::fuzz {
 namespace {
 
-std::vector<File> colmap_text_files() {
-  return {{"cameras.txt", capture("colmap/sparse/0/cameras.txt")},
-          {"images.txt", capture("colmap/sparse/0/images.txt")},
-          {"points3D.txt", capture("colmap/sparse/0/points3D.txt")}};
+// A model as text, as COLMAP's own are too large for a fuzzer, with the pictures it names.
+const Files& colmap_files() {
+  static const Files files{
+      {"sparse/0/cameras.txt", "1 SIMPLE_RADIAL 8 6 10 4 3 -0.1\n2 PINHOLE 8 6 10 11 4 3\n"},
+      {"sparse/0/images.txt",
+       "1 1 0 0 0 0 0 5 1 a.png\n4.5 3.5 7 1 1 -1\n2 0.7 0.1 0 0.7 0.5 0 5 2 b.png\n\n"},
+      {"sparse/0/points3D.txt", "7 0.25 0.25 0 10 20 30 0.5 1 0\n"},
+      {"images/a.png", png(8, 6)},
+      {"images/b.png", png(8, 6)},
+      {"masks/a.png", png(8, 6, 1)}};
+  return files;
 }
-void colmap_text(const uint8_t* bytes, size_t size) {
-  in_scene(bytes, size, "colmap_text", colmap_text_files(),
-           [](const std::string& path) { read_colmap_model(path); });
+void colmap(const uint8_t* bytes, size_t size) {
+  in_scene(bytes, size, "colmap", colmap_files(),
+           [](const std::string& path) { read_colmap(path, {}); });
 }
-void colmap_text_seeds(const std::string& to) { seeds_of(to, colmap_text_files()); }
+void colmap_seeds(const std::string& to) {
+  seeds_of(to, colmap_files());
+  for (size_t i = 0; i < 3; ++i)
+    seed(to, fmt::format("capture_{}", i),
+         std::string(1, char(i)) + capture("colmap/" + colmap_files()[i].name));
+}
 
 template <class T>
 std::string raw(T value) {
   return {reinterpret_cast<const char*>(&value), sizeof value};
 }
-std::vector<File> colmap_binary_files() {
-  std::string cameras =
-      raw(uint64_t(1)) + raw(uint32_t(7)) + raw(int32_t(4)) + raw(uint64_t(8)) + raw(uint64_t(6));
-  for (const double p : {10., 10., 4., 3., -.1, .02, .003, .004}) cameras += raw(p);
-  std::string images = raw(uint64_t(1)) + raw(uint32_t(2));
-  for (const double p : {1., 0., 0., 0., 0., 0., 5.}) images += raw(p);
-  images += raw(uint32_t(7)) + std::string("b.png") + '\0' + raw(uint64_t(1)) + raw(1.5) +
-            raw(2.5) + raw(uint64_t(1));
-  const std::string points = raw(uint64_t(1)) + raw(uint64_t(1)) + raw(0.5) + raw(-1.0) + raw(2.0) +
-                             "\x0a\x14\x1e" + raw(0.1) + raw(uint64_t(1)) + raw(uint32_t(2)) +
-                             raw(uint32_t(0));
-  return {{"cameras.bin", cameras}, {"images.bin", images}, {"points3D.bin", points}};
+const Files& colmap_binary_files() {
+  static const Files files = [] {
+    std::string cameras =
+        raw(uint64_t(1)) + raw(uint32_t(7)) + raw(int32_t(4)) + raw(uint64_t(8)) + raw(uint64_t(6));
+    for (const double p : {10., 10., 4., 3., -.1, .02, .003, .004}) cameras += raw(p);
+    std::string images = raw(uint64_t(1)) + raw(uint32_t(2));
+    for (const double p : {1., 0., 0., 0., 0., 0., 5.}) images += raw(p);
+    images += raw(uint32_t(7)) + std::string("b.png") + '\0' + raw(uint64_t(1)) + raw(1.5) +
+              raw(2.5) + raw(uint64_t(1));
+    const std::string points = raw(uint64_t(1)) + raw(uint64_t(1)) + raw(0.5) + raw(-1.0) +
+                               raw(2.0) + "\x0a\x14\x1e" + raw(0.1) + raw(uint64_t(1)) +
+                               raw(uint32_t(2)) + raw(uint32_t(0));
+    return Files{{"cameras.bin", cameras}, {"images.bin", images}, {"points3D.bin", points}};
+  }();
+  return files;
 }
 void colmap_binary(const uint8_t* bytes, size_t size) {
   in_scene(bytes, size, "colmap_binary", colmap_binary_files(),
@@ -46,13 +61,13 @@ void colmap_binary(const uint8_t* bytes, size_t size) {
 }
 void colmap_binary_seeds(const std::string& to) {
   seeds_of(to, colmap_binary_files());
-  const std::vector<File> files = colmap_binary_files();
+  const Files& files = colmap_binary_files();
   for (size_t i = 0; i < files.size(); ++i)
     real_seed(to, "dynerf_flame_steak_5v/sparse/0/" + files[i].name, std::string(1, char(i)));
 }
 
-const std::vector<File>& nerfies_files() {
-  static const std::vector<File> files{
+const Files& nerfies_files() {
+  static const Files files{
       {"dataset.json", capture("nerfies/dataset.json")},
       {"metadata.json", capture("nerfies/metadata.json")},
       {"scene.json", capture("nerfies/scene.json")},
@@ -74,9 +89,9 @@ void nerfies(const uint8_t* bytes, size_t size) {
 }
 void nerfies_seeds(const std::string& to) { seeds_of(to, nerfies_files()); }
 
-const std::vector<File>& panoptic_files() {
-  static const std::vector<File> files = [] {
-    std::vector<File> all{{"train_meta.json", capture("panoptic/train_meta.json")}};
+const Files& panoptic_files() {
+  static const Files files = [] {
+    Files all{{"train_meta.json", capture("panoptic/train_meta.json")}};
     for (const int camera : {1, 3, 5, 8})
       for (const int t : {0, 1})
         all.push_back({fmt::format("ims/{}/{:06}.jpg", camera, t), png(64, 36)});
@@ -94,11 +109,11 @@ void panoptic(const uint8_t* bytes, size_t size) {
 }
 void panoptic_seeds(const std::string& to) { seeds_of(to, panoptic_files()); }
 
-const std::vector<File>& nerfstudio_files() {
-  static const std::vector<File> files{{"transforms.json", capture("nerfstudio/transforms.json")},
-                                       {"images/0001.jpg", png(54, 96)},
-                                       {"images/0012.jpg", png(54, 96)},
-                                       {"images/0024.jpg", png(54, 96)}};
+const Files& nerfstudio_files() {
+  static const Files files{{"transforms.json", capture("nerfstudio/transforms.json")},
+                           {"images/0001.jpg", png(54, 96)},
+                           {"images/0012.jpg", png(54, 96)},
+                           {"images/0024.jpg", png(54, 96)}};
   return files;
 }
 void nerfstudio(const uint8_t* bytes, size_t size) {
@@ -107,13 +122,13 @@ void nerfstudio(const uint8_t* bytes, size_t size) {
 }
 void nerfstudio_seeds(const std::string& to) { seeds_of(to, nerfstudio_files()); }
 
-const std::vector<File>& blender_files() {
+const Files& blender_files() {
   static const std::string frames =
       R"({"camera_angle_x": 0.7, "frames": [{"file_path": "./train/r_000", "time": 0.0,
           "transform_matrix": [[1,0,0,0],[0,1,0,2],[0,0,1,3],[0,0,0,1]]}]})";
-  static const std::vector<File> files{{"transforms_train.json", frames},
-                                       {"transforms_test.json", frames},
-                                       {"train/r_000.png", png(8, 6, 4)}};
+  static const Files files{{"transforms_train.json", frames},
+                           {"transforms_test.json", frames},
+                           {"train/r_000.png", png(8, 6, 4)}};
   return files;
 }
 void blender(const uint8_t* bytes, size_t size) {
@@ -125,16 +140,16 @@ void blender_seeds(const std::string& to) {
   real_seed(to, "dnerf_mujoco/scene10_texture/transforms_test.json", std::string(1, 1));
 }
 
-const std::vector<File>& n3v_files() {
-  static const std::vector<File> files = [] {
+const Files& n3v_files() {
+  static const Files files = [] {
     std::vector<double> poses;
     for (int camera = 0; camera < 2; ++camera)
       for (const double p :
            {1., 0., 0., double(camera), 6., 0., 1., 0., 0., 8., 0., 0., 1., 3., 10., 0.1, 20.})
         poses.push_back(p);
-    std::vector<File> all{{"poses_bounds.npy", written("s.npy", [&](const std::string& p) {
-                             write_npy(p, {{2, 17}, poses});
-                           })}};
+    Files all{{"poses_bounds.npy", written("s.npy", [&](const std::string& p) {
+                 write_npy(p, {{2, 17}, poses});
+               })}};
     for (const char* camera : {"cam00", "cam01"})
       for (const char* frame : {"0000", "0001"})
         all.push_back({fmt::format("{}/images/{}.png", camera, frame), png(8, 6)});
@@ -151,8 +166,8 @@ void n3v_seeds(const std::string& to) {
 }
 
 // With what its folder says of the truth: flow, depth, tracks.
-const std::vector<File>& consistent4d_files() {
-  static const std::vector<File> files{
+const Files& consistent4d_files() {
+  static const Files files{
       {"input/0.png", png(8, 6, 4)},
       {"input/1.png", png(8, 6, 4)},
       {"eval_0/0.png", png(8, 6)},
@@ -184,14 +199,14 @@ void consistent4d_seeds(const std::string& to) { seeds_of(to, consistent4d_files
 }  // namespace
 
 std::vector<Target> scene_targets() {
-  return {{"colmap_text", colmap_text, colmap_text_seeds},
-          {"colmap_binary", colmap_binary, colmap_binary_seeds},
-          {"nerfies", nerfies, nerfies_seeds, Holds::packed},
-          {"panoptic", panoptic, panoptic_seeds, Holds::packed},
-          {"nerfstudio", nerfstudio, nerfstudio_seeds, Holds::packed},
-          {"blender", blender, blender_seeds, Holds::packed},
-          {"n3v", n3v, n3v_seeds, Holds::packed},
-          {"consistent4d", consistent4d, consistent4d_seeds, Holds::packed}};
+  return {{"colmap", colmap, colmap_seeds, held<colmap_files>},
+          {"colmap_binary", colmap_binary, colmap_binary_seeds, its_size},
+          {"nerfies", nerfies, nerfies_seeds, held<nerfies_files>},
+          {"panoptic", panoptic, panoptic_seeds, held<panoptic_files>},
+          {"nerfstudio", nerfstudio, nerfstudio_seeds, held<nerfstudio_files>},
+          {"blender", blender, blender_seeds, held<blender_files>},
+          {"n3v", n3v, n3v_seeds, held<n3v_files>},
+          {"consistent4d", consistent4d, consistent4d_seeds, held<consistent4d_files>}};
 }
 
 }  // namespace gflow::fuzz

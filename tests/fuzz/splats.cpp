@@ -113,11 +113,11 @@ void four_dgs_seeds(const std::string& to) {
 }  // namespace
 
 std::vector<Target> splat_targets() {
-  return {{"ply", ply, ply_seeds},
-          {"compressed_ply", compressed_ply, compressed_ply_seeds},
-          {"dot_splat", dot_splat, dot_splat_seeds},
-          {"spz", spz, spz_seeds, Holds::packed},
-          {"four_dgs", four_dgs, four_dgs_seeds, Holds::packed}};
+  return {{"ply", ply, ply_seeds, its_size},
+          {"compressed_ply", compressed_ply, compressed_ply_seeds, its_size},
+          {"dot_splat", dot_splat, dot_splat_seeds, its_size},
+          {"spz", spz, spz_seeds, packed_file},
+          {"four_dgs", four_dgs, four_dgs_seeds, packed_file}};
 }
 
 }  // namespace gflow::fuzz

@@ -4,6 +4,7 @@
 #pragma once
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -18,18 +19,24 @@ struct Target {
   void (*read)(const uint8_t* bytes, size_t size);
   // Valid inputs to begin from, written as files into a folder.
   void (*make_seeds)(const std::string& folder);
-  Holds holds = Holds::its_size;
+  // Of the file that the bytes become: one of those below, or by the file they choose.
+  Holds (*holds)(const uint8_t* bytes, size_t size);
 };
+Holds its_size(const uint8_t*, size_t);
+Holds packed_file(const uint8_t*, size_t);
+Holds any_video(const uint8_t*, size_t);
 
 const std::vector<Target>& targets();
 
-// What the file holds that was made of the bytes last: of a target of several files that is packed
-// where one is, its size where that one is text or plain numbers.
-extern Holds last_file;
+// What reading these bytes may take [bytes]: twice the file and 64 MB, or of a compressed file
+// twice what it may hold and 64 MB (optim/io/README.md). No bound for a video: FFmpeg's frames are
+// as large as it says, up to what optim/data/video.cpp allows.
+size_t memory_allowed(const Target& target, const uint8_t* bytes, size_t size);
 
-// What reading so many bytes may take [bytes]: twice the file and 64 MB, or of a compressed file
-// twice what it may hold and 64 MB (optim/io/README.md). Of the file that was read last.
-size_t memory_allowed(const Target& target, size_t size);
+// What 64 kB cannot show: inputs of `size` bytes and a little, which are the seeds in a folder with
+// millions of the same words where something of any length may stand. Calls see(what it is, input).
+using SeeLongFile = std::function<void(const std::string& what, const std::string& input)>;
+void for_long_files(const std::string& seeds, size_t size, const SeeLongFile& see);
 
 // Of these, a file each.
 std::vector<Target> splat_targets();

@@ -37,5 +37,36 @@ TEST(OnnxInputs, AreInTheOrderOfTheFileAndSizesLeftOpenAreZero) {
   EXPECT_EQ(inputs[0].sizes, (std::vector<int64_t>{1, 3, 0, 0}));
 }
 
+// A field of bytes, shorter than 128.
+std::string field(int number, const std::string& bytes) {
+  return std::string{char(number << 3 | 2), char(bytes.size())} + bytes;
+}
+// A network of one input with as many sizes, all left open.
+std::string network_of_sizes(size_t count) {
+  std::string shape;
+  for (size_t i = 0; i < count; ++i) shape += field(1, "");
+  return field(7, field(11, field(1, "x") + field(2, field(1, field(2, shape)))));
+}
+
+// As older files have it.
+TEST(OnnxInputs, WeightsAmongTheInputsAreNone) {
+  const TemporaryFolder folder;
+  const auto input = [](const std::string& name) { return field(11, field(1, name)); };
+  const std::string path =
+      folder.write("old.onnx", field(7, input("w") + field(5, field(8, "w")) + input("x")));
+  const auto inputs = onnx_input_list(path);
+  ASSERT_EQ(inputs.size(), 1u);
+  EXPECT_EQ(inputs[0].name, "x");
+}
+
+// Two bytes of a file each, and eight and more where they are kept.
+TEST(OnnxInputs, HaveFewSizes) {
+  const TemporaryFolder folder;
+  const std::string most = folder.write("16.onnx", network_of_sizes(16));
+  EXPECT_EQ(onnx_inputs(most).at("x"), std::vector<int64_t>(16, 0));
+  const std::string more = folder.write("17.onnx", network_of_sizes(17));
+  expect_error([&] { onnx_inputs(more); }, {more, "damaged"});
+}
+
 }  // namespace
 }  // namespace gflow

@@ -3,8 +3,10 @@
 // loses nothing.
 #include "optim/train/config.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -195,13 +197,78 @@ TEST(Config, AValueOutOfRangeIsRefusedWithTheRange) {
   EXPECT_CONTAINS(message_of_setting("adam.eps_means=1e-20"), "at least 1.1e-19");
 }
 
+bool is_text(const SettingInWords& setting) { return setting.value.front() == '"'; }
+bool is_number(const SettingInWords& setting) {
+  return !is_text(setting) && setting.value != "true" && setting.value != "false";
+}
+// section.key as a file has it.
+std::string in_a_file(const std::string& name, const std::string& value) {
+  const size_t dot = name.find('.');
+  return fmt::format("[{}]\n{} = {}\n", name.substr(0, dot), name.substr(dot + 1), value);
+}
+
 TEST(Config, NanAndInfinityAreRefusedEverywhere) {
-  EXPECT_CONTAINS(message_of_setting("flow.weight=nan"), "flow.weight");
-  EXPECT_CONTAINS(message_of_setting("flow.weight=inf"), "flow.weight");
-  EXPECT_CONTAINS(message_of_setting("flow.weight=1e300"), "at most 3.4e+38");
+  size_t numbers = 0;
+  for (const SettingInWords& setting : settings_in_words(TrainConfig())) {
+    numbers += is_number(setting);
+    for (const char* value : {"nan", "-nan", "+nan", "inf", "-inf", "+inf"}) {
+      const std::string told = setting.name + " = ";
+      EXPECT_CONTAINS(message_of_file(in_a_file(setting.name, value)), told);
+      if (is_text(setting)) continue;  // a word without quotes is a text as well
+      EXPECT_CONTAINS(message_of_setting(setting.name + "=" + value), told);
+    }
+    if (!is_number(setting)) continue;
+    for (const char* value : {"1e300", "-1e300", "3.41e38", "-3.41e38"})
+      EXPECT_CONTAINS(message_of_setting(setting.name + "=" + value), "it must be");
+  }
+  EXPECT_GE(numbers, 100u) << "those of no kind above were not tried";
+}
+
+// Also where a program sets it.
+TEST(Config, NanAndInfinityAreFoundInEverySetting) {
   TrainConfig config;
-  config.lr.opacity = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_CONTAINS(message_of([&] { check(config); }), "lr.opacity");
+  size_t numbers = 0;
+  TrainConfig::sections(config, [&](const char* section, auto& part, const char*) {
+    std::decay_t<decltype(part)>::fields(part, [&](const char* key, auto& member, const auto&...) {
+      if constexpr (std::is_same_v<std::decay_t<decltype(member)>, float>) {
+        const float before = member;
+        for (const float value : {std::nanf(""), HUGE_VALF, -HUGE_VALF}) {
+          member = value;
+          EXPECT_CONTAINS(message_of([&] { check(config); }), fmt::format("{}.{}", section, key));
+        }
+        member = before;
+        ++numbers;
+      }
+    });
+  });
+  EXPECT_EQ(message_of([&] { check(config); }), "no error");
+  EXPECT_GE(numbers, 50u);
+}
+
+// Of no setting may a number be taken for another: it is kept to the last digit of its kind, or
+// refused by name with what is allowed.
+TEST(Config, ANumberIsKeptOrRefusedByName) {
+  for (const SettingInWords& setting : settings_in_words(TrainConfig())) {
+    if (!is_number(setting)) continue;
+    for (const char* value : {"0", "-0.0", "-1", "1", "0.5", "1e30", "-1e30", "1e-30", "1e-46",
+                              "2147483648", "9223372036854775807", "-9223372036854775808"}) {
+      TrainConfig config;
+      const std::string message =
+          message_of([&] { apply_setting(config, fmt::format("{}={}", setting.name, value)); });
+      if (message != "no error") {
+        EXPECT_CONTAINS(message, fmt::format("{} = ", setting.name));
+        EXPECT_CONTAINS(message, "it must be");
+        continue;
+      }
+      const double kept = std::stod(setting_values(config).at(setting.name)),
+                   asked = std::stod(value);
+      EXPECT_NEAR(kept, asked, std::fabs(asked) * 6e-8 + 1e-45) << setting.name;
+      EXPECT_EQ(message_of([&] { check(config); }), "no error") << setting.name << " = " << value;
+      TrainConfig again;
+      apply_text(again, to_toml(config), "printed");
+      EXPECT_EQ(to_toml(again), to_toml(config));
+    }
+  }
 }
 
 TEST(Config, BoundsThatNoDoubleHoldsAreStillAllowed) {

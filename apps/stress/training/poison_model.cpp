@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // T29, of what is trained: one broken value in one Gaussian at the left of an image, in every
 // parameter of every motion model and of its colour. At the right no bit may change, of no other
-// Gaussian may a gradient change or cease to be a number, nor of what all of them share.
-#include <cstring>
-
+// Gaussian may a gradient change or cease to be a number, nor of what all of them share; and where
+// the value is no number the culprit is drawn as if it were not there, or without the flow that the
+// value has a part in. A broken value in what all share concerns all: the images must be numbers.
 #include "apps/stress/figures.hpp"
+#include "apps/stress/poisoned.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/train/renderer.hpp"
 #include "tests/scenes.hpp"
@@ -13,10 +14,8 @@
 namespace gflow::stress {
 namespace {
 
-constexpr int kWidth = 96, kHeight = 32;
-constexpr size_t kModelPixels = size_t(kWidth) * kHeight;
+constexpr size_t kModelPixels = size_t(kPoisonedWidth) * kPoisonedHeight;
 
-// The culprit (0), one under it (1), and six at the right.
 HostModel two_sides(MotionModelKind kind) {
   HostModel host;
   host.shape.motion = kind;
@@ -35,9 +34,15 @@ HostModel two_sides(MotionModelKind kind) {
   for (const char* name : {"velocities", "half_accelerations", "turns"}) host.groups.erase(name);
   for (uint k = 0; k < 9 * host.count; ++k) host.groups["sh_rest"].push_back(.1f * noise(60, k));
   add_rest(host.shape, host.groups, host.count);
-  for (const MotionColumns& columns : motion_columns(host.shape))
-    for (size_t k = 0; k < host.groups[columns.group].size(); ++k)
-      host.groups[columns.group][k] += .02f * noise(61, uint(k));
+  const auto disturb = [&](const std::string& group, float by) {
+    std::vector<float>& values = host.groups[group];
+    for (size_t k = 0; k < values.size(); ++k) values[k] += by * noise(61, uint(k));
+  };
+  disturb("log_scales", .3f);  // of a round one no turn is seen
+  disturb("quats", .1f);
+  for (const MotionColumns& columns : motion_columns(host.shape)) disturb(columns.group, .02f);
+  for (const TableSpec& table : motion_tables(host.shape))
+    for (const GroupSpec& group : table.groups) disturb(group.name, .02f);
   return host;
 }
 
@@ -46,7 +51,7 @@ class Drawn {
  public:
   Drawn(Queue& queue, MotionModelKind kind)
       : queue_(queue), host_(two_sides(kind)), model_(queue, host_), renderer_(queue, {}) {
-    shot_.view.camera = shot_.view.camera_t2 = test_camera(kWidth, kHeight);
+    shot_.view.camera = shot_.view.camera_t2 = test_camera(kPoisonedWidth, kPoisonedHeight);
     shot_.time = .4;
     shot_.time_t2 = .6;
     shot_.flow = shot_.depth = true;
@@ -81,19 +86,23 @@ class Drawn {
     return outcome;
   }
 
-  // Whether the culprit truly covers tiles at the right, e.g. with a size of 1e6.
-  bool reaches_right() {
-    const std::vector<cl_uint> rows = renderer_.rows().read(queue_);
-    if (rows.empty() || rows[0] != 0) return false;
-    const Splats& splats = renderer_.engine().splats();
-    return splats.tiles_touched.read_range(queue_, 0, 1)[0] > 0 &&
-           splats.tile_boxes.read_range(queue_, 0, 4)[2] >= 4;
+  bool reaches() { return is_listed() && reaches_right(queue_, renderer_.engine()); }
+
+  // Whether the culprit's axes are the world's: its factor R S is S.
+  bool unturned() {
+    if (!is_listed()) return false;
+    const std::vector<float> f = renderer_.gaussians().factors.read_range(queue_, 0, 9);
+    return f[1] == 0 && f[2] == 0 && f[3] == 0 && f[5] == 0 && f[6] == 0 && f[7] == 0;
   }
 
-  size_t count() const { return host_.count; }
   Model& model() { return model_; }
 
  private:
+  bool is_listed() {  // as the first, where it is
+    const std::vector<cl_uint> rows = renderer_.rows().read(queue_);
+    return !rows.empty() && rows[0] == 0;
+  }
+
   Queue& queue_;
   HostModel host_;
   Model model_;
@@ -107,8 +116,6 @@ bool is_shared(const Parameters& p, size_t table) {
   return table > 0 && p.more_specs[table - 1].keys == 0;
 }
 
-bool same_bits(float a, float b) { return std::memcmp(&a, &b, sizeof(float)) == 0; }
-
 struct ModelHarm {
   double pixels = 0, gradients = 0, not_finite = 0, cases = 0;
   double reached = 0;  // cases where the culprit truly lies at the right: nothing is compared
@@ -119,8 +126,7 @@ struct ModelHarm {
     reached += reaches;
     for (size_t k = 0; k < found.images.size(); ++k) {
       not_finite += count_not_finite(found.images[k]);
-      for (size_t i = 0; i < found.images[k].size() && !reaches; ++i)
-        pixels += i % kWidth >= 64 && !same_bits(found.images[k][i], clean.images[k][i]);
+      if (!reaches) pixels += changed_at_right(found.images[k], clean.images[k]);
     }
     size_t g = 0;
     for (size_t t = 0; t < p.tables().size(); ++t)
@@ -138,44 +144,138 @@ struct ModelHarm {
   }
 };
 
-// Poisons in every component of the culprit's rows, in all that has rows of each Gaussian.
-Rows poisoned(Queue& queue, MotionModelKind kind) {
-  Drawn scene(queue, kind);
-  const Drawn::Outcome clean = scene.draw();
-  Parameters& p = scene.model().parameters;
-  ModelHarm harm;
-  double drawn = 0;
-  for (const std::vector<float>& g : clean.gradients) drawn += g[0] != 0;
-  for (size_t t = 0; t < p.tables().size(); ++t) {
-    Table* const table = p.tables()[t];
-    if (is_shared(p, t)) continue;
-    for (ParameterGroup& group : table->groups) {
-      const std::vector<float> before = group.values.read(queue);
-      for (size_t row = 0; row < table->count; row += p.count)
-        for (size_t component = 0; component < group.width; ++component)
-          for (const float poison : poisons()) {
-            std::vector<float> values = before;
-            values[row * group.width + component] = poison;
-            group.values.write(queue, values);
-            const Drawn::Outcome found = scene.draw();
-            harm.add(found, clean, p, std::isfinite(poison) && scene.reaches_right());
-          }
-      group.values.write(queue, before);
-    }
+// How the culprit may be drawn where a value of it is no number: as without it; but for the flow as
+// it was, where the value has no part in the rest; unturned; and with infinite logits and
+// logarithms, which are shares and sizes at their limits, as with very large ones.
+class Exemplars {
+ public:
+  Exemplars(Queue& queue, Drawn& scene)
+      : queue_(queue), scene_(scene), clean_(scene.draw().images) {
+    Parameters& p = scene.model().parameters;
+    ParameterGroup& opacities = p["logit_opacities"];
+    without_ = drawn_with(opacities, 0, {-100});
   }
-  const std::string of =
-      fmt::format("{}, {:.0f} cases: ", names_of(kind)[size_t(kind)], harm.cases);
-  return {{of + "others' pixels changed", harm.pixels, 0},
-          {of + "others' gradients changed", harm.gradients, 0},
-          {of + "not finite but the culprit's own gradients", harm.not_finite, 0},
-          {of + "share in which it truly reaches the others", harm.reached / harm.cases, .12},
-          {of + "culprit not seen before", double(drawn == 0), 0}};
-}
+
+  // Of what the scene has drawn last.
+  bool have(const std::vector<std::vector<float>>& images, ParameterGroup& group, size_t place,
+            float poison) {
+    if (are(images, without_) || are(images, clean_, kFlow) || scene_.unturned()) return true;
+    const std::string& name = group.values.name();
+    if (name == "quats_r" || name == "quats")  // one of a 4D rotation's two, or the only one
+      if (are(images, drawn_with(group, 0, {1, 0, 0, 0}))) return true;
+    return std::isinf(poison) && name.find("log") != name.npos &&
+           are(images, drawn_with(group, place, {poison > 0 ? 200.f : -200.f}));
+  }
+
+ private:
+  static constexpr size_t kFlow = 3;
+  static bool are(const std::vector<std::vector<float>>& images,
+                  const std::vector<std::vector<float>>& others, size_t count = kFlow + 1) {
+    for (size_t k = 0; k < count; ++k)
+      if (!same_image(images[k], others[k])) return false;
+    return true;
+  }
+  std::vector<std::vector<float>> drawn_with(ParameterGroup& group, size_t place,
+                                             const std::vector<float>& changed) {
+    const std::vector<float> before = group.values.read(queue_);
+    std::vector<float> values = before;
+    std::copy(changed.begin(), changed.end(), values.begin() + long(place));
+    group.values.write(queue_, values);
+    auto images = scene_.draw().images;
+    group.values.write(queue_, before);
+    return images;
+  }
+
+  Queue& queue_;
+  Drawn& scene_;
+  std::vector<std::vector<float>> clean_, without_;
+};
+
+class PoisonedModel {
+ public:
+  PoisonedModel(Queue& queue, MotionModelKind kind)
+      : queue_(queue),
+        name_(names_of(kind)[size_t(kind)]),
+        scene_(queue, kind),
+        exemplars_(queue, scene_),
+        clean_(scene_.draw()) {}
+
+  Rows rows() {
+    Parameters& p = scene_.model().parameters;
+    size_t g = 0;
+    for (size_t t = 0; t < p.tables().size(); ++t)
+      for (ParameterGroup& group : p.tables()[t]->groups) {
+        if (is_shared(p, t))
+          poison_shared(group);
+        else
+          poison_culprit(group, p.tables()[t]->count, clean_.gradients[g]);
+        ++g;
+      }
+    const std::string of = fmt::format("{}, {:.0f} cases: ", name_, harm_.cases);
+    Rows rows{{of + "others' pixels changed", harm_.pixels, 0},
+              {of + "others' gradients changed", harm_.gradients, 0},
+              {of + "not finite but the culprit's own gradients", harm_.not_finite, 0},
+              {of + "drawn with what is no number", unnamed_, 0},
+              {of + "share in which it truly reaches the others", harm_.reached / harm_.cases, .12},
+              {of + "values that had no part in the image", unused_, 0}};
+    if (shared_ > 0)
+      rows.push_back({fmt::format("{}, {:.0f} cases in what all share: not finite", name_, shared_),
+                      not_finite_, 0});
+    return rows;
+  }
+
+ private:
+  // Every poison in every component of the culprit's rows. gradients: those of the sound model.
+  void poison_culprit(ParameterGroup& group, size_t rows, const std::vector<float>& gradients) {
+    const Parameters& p = scene_.model().parameters;
+    const std::vector<float> before = group.values.read(queue_);
+    for (size_t row = 0; row < rows; row += p.count)
+      for (size_t place = row * group.width; place < (row + 1) * group.width; ++place) {
+        unused_ += gradients[place] == 0;
+        for (const float poison : poisons()) {
+          const Drawn::Outcome found = draw_with(group, before, place, poison);
+          harm_.add(found, clean_, p, std::isfinite(poison) && scene_.reaches());
+          if (!std::isfinite(poison))
+            unnamed_ += !exemplars_.have(found.images, group, place, poison);
+        }
+      }
+  }
+  // In some forty values of a group that is of all together.
+  void poison_shared(ParameterGroup& group) {
+    const std::vector<float> before = group.values.read(queue_);
+    for (size_t place = 0; place < before.size(); place += std::max<size_t>(1, before.size() / 40))
+      for (const float poison : poisons()) {
+        for (const auto& image : draw_with(group, before, place, poison).images)
+          not_finite_ += count_not_finite(image);
+        ++shared_;
+      }
+  }
+  // The group has its values again afterwards; the renderer has what was drawn.
+  Drawn::Outcome draw_with(ParameterGroup& group, const std::vector<float>& before, size_t place,
+                           float poison) {
+    std::vector<float> values = before;
+    values[place] = poison;
+    group.values.write(queue_, values);
+    Drawn::Outcome outcome = scene_.draw();
+    group.values.write(queue_, before);
+    return outcome;
+  }
+
+  Queue& queue_;
+  const std::string name_;
+  Drawn scene_;
+  Exemplars exemplars_;
+  const Drawn::Outcome clean_;
+  ModelHarm harm_;
+  double unused_ = 0, unnamed_ = 0;     // of the culprit's values
+  double shared_ = 0, not_finite_ = 0;  // cases of what all share, and their pixels
+};
 
 Rows every_model(Queue& queue) {  // T29
   Rows rows;
   for (size_t kind = 0; kind < names_of(MotionModelKind{}).size(); ++kind)
-    for (Row& row : poisoned(queue, MotionModelKind(kind))) rows.push_back(std::move(row));
+    for (Row& row : PoisonedModel(queue, MotionModelKind(kind)).rows())
+      rows.push_back(std::move(row));
   return rows;
 }
 

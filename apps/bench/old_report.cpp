@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/bench/old_report.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <string_view>
+
+#include "optim/io/atomic_file.hpp"
+#include "optim/io/modest_json.hpp"
+#include "runtime/error.hpp"
+
+namespace gflow::bench {
+namespace {
+
+constexpr size_t largest_report = size_t{16} << 20;
+
+}  // namespace
+
+Json read_report(const std::string& path, const std::string& bench) {
+  const Bytes bytes = read_file(path, largest_report);
+  Json report =
+      parsed_if_modest(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+  if (!report.is_object() || report.value("bench", Json()) != bench || !report.contains("rows") ||
+      !report["rows"].is_object())
+    throw Error(fmt::format("{}: it is no report of `gflow bench {}`", path, bench));
+  return report;
+}
+
+bool same_json(const Json& a, const Json& b) {
+  return nlohmann::json::parse(a.dump()) == nlohmann::json::parse(b.dump());
+}
+
+std::string text_of(const Json& report, const char* key) {
+  const Json value = report.value(key, Json());
+  return value.is_string() ? value.get<std::string>() : std::string();
+}
+
+Spread figure_of(const Json& rows, const std::string& row, const std::string& name) {
+  const double nan = std::nan("");
+  if (!rows.contains(row) || !rows[row].is_object() || !rows[row].contains(name))
+    return {nan, nan, nan};
+  const Json& figure = rows[row][name];
+  const auto part = [&](const char* key) {
+    if (figure.is_number()) return figure.get<double>();
+    return figure.is_object() && figure.contains(key) && figure[key].is_number()
+               ? figure[key].get<double>()
+               : nan;
+  };
+  return {part("median"), part("low"), part("high")};
+}
+
+}  // namespace gflow::bench
