@@ -14,6 +14,15 @@
 #include "optim/io/warning.hpp"
 
 namespace gflow {
+namespace {
+
+template <class Enum>
+std::vector<std::string> words_of(Enum any) {
+  const auto names = names_of(any);
+  return {names.begin(), names.end()};
+}
+
+}  // namespace
 
 void add_splat(CLI::App& app, const GlobalOptions& options) {
   struct Flags {
@@ -43,11 +52,11 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option("--transport", flags->transport,
                    "How a pixel moves with a Gaussian: paper, ot, material or translate")
-      ->check(choice_of({"paper", "ot", "material", "translate"}));
+      ->check(choice_of(words_of(Transport{})));
   command
       ->add_option("--stop", flags->stop,
                    "Whether the splat that saturates a pixel is drawn: include or exclude")
-      ->check(choice_of({"include", "exclude"}));
+      ->check(choice_of(words_of(StopRule{})));
   command
       ->add_option("--top-k", flags->splat.settings.top_k,
                    "Gaussians that make a pixel's flow, in depth order; 0: all")
@@ -63,8 +72,8 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
                    "Pixels a work-item: 16, 8, 4, or 1 as on GPUs; 0: what suits the device")
       ->check(choice_of({"0", "1", "4", "8", "16"}));
   command->callback([flags, &options] {
-    flags->splat.settings.transport = transport_named(flags->transport);
-    flags->splat.settings.stop = stop_rule_named(flags->stop);
+    flags->splat.settings.transport = value_named<Transport>(flags->transport);
+    flags->splat.settings.stop = value_named<StopRule>(flags->stop);
     require_other_file(flags->output, flags->input);
     require_no_file_of_run(flags->output);
     const Arrays input = read_npz(flags->input, splat_arrays_known);

@@ -16,7 +16,7 @@ std::vector<Choice> all_choices(int lanes) {
     return all.back().settings;
   };
   for (const char* name : {"paper", "ot", "translate"})
-    add("transport", name).transport = transport_named(name);
+    add("transport", name).transport = value_named<Transport>(name);
   for (const int k : {1, 4, 16, 20, 32, 64}) add("top_k", std::to_string(k)).top_k = k;
   add("stop", "exclude").stop = StopRule::exclude;
   for (const std::string t : {"1e-2", "1e-3", "1e-5", "1e-6"})

@@ -163,9 +163,8 @@ Derivative image_row(Queue& queue, const std::string& image, Transport transport
       differences = std::max(differences, std::fabs(slope - along) / norm(gradient));
     }
   }
-  const char* const modes[] = {"paper", "ot", "material", "translate"};
   std::string kernel = "splat_bwd, " + image;
-  if (image == "flow") kernel += fmt::format(" {}", modes[int(transport)]);
+  if (image == "flow") kernel += fmt::format(" {}", name_of(transport));
   if (top_k) kernel += fmt::format(" top {}", top_k);
   if (stop == StopRule::exclude) kernel += " exclude";
   return {kernel, parameters, to_double, differences, 1e-4, 1e-6};

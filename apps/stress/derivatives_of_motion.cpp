@@ -255,7 +255,8 @@ Mover mover_of(const Moments& m, size_t i, Turn& turn) {
   return {reference::row3(m.means1, i), reference::row3(m.means2, i), turn.t};
 }
 
-Derivative motion_loss_row(Queue& queue) {
+// Gaussians that move by a tenth and turn by some degrees.
+Moments some_moments() {
   Random random(55);
   Moments m;
   for (size_t i = 0; i < kCount; ++i) {
@@ -271,6 +272,11 @@ Derivative motion_loss_row(Queue& queue) {
       m.means2.push_back(double(float(m.means1.back() + .1 * random.normal())));
     }
   }
+  return m;
+}
+
+// Each with the one before and the one behind it; a tenth farther apart than they are.
+NeighbourPairs ring_of_pairs(const Moments& m) {
   NeighbourPairs pairs;
   pairs.offsets = {0};
   for (size_t i = 0; i < kCount; ++i) {
@@ -281,6 +287,59 @@ Derivative motion_loss_row(Queue& queue) {
     }
     pairs.offsets.push_back(cl_uint(pairs.others.size()));
   }
+  return pairs;
+}
+
+// The loss and its gradient in double, pair by pair.
+class PairsInDouble {
+ public:
+  PairsInDouble(const MotionLossRule& rule, const NeighbourPairs& pairs)
+      : rule_(rule), pairs_(pairs) {}
+
+  double loss(const Moments& x) const {
+    double sum = 0;
+    for (size_t i = 0; i < kCount; ++i)
+      for (size_t k = pairs_.offsets[i]; k < pairs_.offsets[i + 1]; ++k) {
+        Turn own;
+        const PairTerms t = share(x, mover_of(x, i, own), k).terms;
+        sum += t.rigidity + t.rotation + t.isometry + t.velocity;
+      }
+    return sum;
+  }
+  Moments gradient(const Moments& x) const {
+    Moments v{std::vector<double>(3 * kCount), std::vector<double>(3 * kCount),
+              std::vector<double>(9 * kCount), std::vector<double>(9 * kCount)};
+    for (size_t i = 0; i < kCount; ++i) {
+      Turn own;
+      const Mover a = mover_of(x, i, own);
+      Mat3 by_turn = mat3_scale(mat3_identity(), 0);
+      for (size_t k = pairs_.offsets[i]; k < pairs_.offsets[i + 1]; ++k) {
+        const Mover by = share(x, a, k).gradient;
+        reference::add_row3(v.means1, i, by.mean1);
+        reference::add_row3(v.means2, i, by.mean2);
+        by_turn = mat3_add(by_turn, by.turn);
+      }
+      const TurnGradient g = turn_vjp(own, by_turn);
+      reference::add_rows9(v.factors1, i, g.factor1);
+      reference::add_rows9(v.factors2, i, g.factor2);
+    }
+    return v;
+  }
+
+ private:
+  PairShare share(const Moments& x, const Mover& own, size_t pair) const {
+    Turn other;
+    return pair_share(rule_, 1, double(pairs_.distances[pair]), own,
+                      mover_of(x, pairs_.others[pair], other));
+  }
+
+  MotionLossRule rule_;
+  const NeighbourPairs& pairs_;
+};
+
+Derivative motion_loss_row(Queue& queue) {
+  const Moments m = some_moments();
+  const NeighbourPairs pairs = ring_of_pairs(m);
   MotionLossWeights w;
   w.rigidity = .7f;
   w.rotation = .1f;
@@ -289,41 +348,13 @@ Derivative motion_loss_row(Queue& queue) {
   w.extent = 3;
   w.falloff = 0;  // all pairs weigh alike
   const double pair_count = double(pairs.others.size()) / 2, knee = 1e-3 * 3;
-  const MotionLossRule rule{float(double(w.rigidity) / 3 / pair_count),
-                            float(double(w.rotation) / pair_count),
-                            float(double(w.isometry) / 3 / pair_count),
-                            float(double(w.velocity) / 3 / pair_count),
-                            0,
-                            float(knee)};
-  const auto loss = [&](const Moments& x) {
-    double sum = 0;
-    for (size_t i = 0; i < kCount; ++i)
-      for (size_t k = pairs.offsets[i]; k < pairs.offsets[i + 1]; ++k) {
-        Turn own, other;
-        const Mover a = mover_of(x, i, own), b = mover_of(x, pairs.others[k], other);
-        const PairTerms t = pair_share(rule, 1, double(pairs.distances[k]), a, b).terms;
-        sum += t.rigidity + t.rotation + t.isometry + t.velocity;
-      }
-    return sum;
-  };
-  Moments found{std::vector<double>(3 * kCount), std::vector<double>(3 * kCount),
-                std::vector<double>(9 * kCount), std::vector<double>(9 * kCount)};
-  for (size_t i = 0; i < kCount; ++i) {
-    Turn own, other;
-    const Mover a = mover_of(m, i, own);
-    Mat3 by_turn = mat3_scale(mat3_identity(), 0);
-    for (size_t k = pairs.offsets[i]; k < pairs.offsets[i + 1]; ++k) {
-      const Mover v =
-          pair_share(rule, 1, double(pairs.distances[k]), a, mover_of(m, pairs.others[k], other))
-              .gradient;
-      reference::add_row3(found.means1, i, v.mean1);
-      reference::add_row3(found.means2, i, v.mean2);
-      by_turn = mat3_add(by_turn, v.turn);
-    }
-    const TurnGradient g = turn_vjp(own, by_turn);
-    reference::add_rows9(found.factors1, i, g.factor1);
-    reference::add_rows9(found.factors2, i, g.factor2);
-  }
+  const PairsInDouble in_double(
+      {float(double(w.rigidity) / 3 / pair_count), float(double(w.rotation) / pair_count),
+       float(double(w.isometry) / 3 / pair_count), float(double(w.velocity) / 3 / pair_count), 0,
+       float(knee)},
+      pairs);
+  const Moments expected = in_double.gradient(m);
+
   GaussiansAt t1, t2;
   t1.ensure(queue, kCount);
   t2.ensure(queue, kCount);
@@ -340,12 +371,13 @@ Derivative motion_loss_row(Queue& queue) {
   double to_double = 0, differences = 0;
   const auto add = [&](std::vector<double> Moments::*field, const Buffer<float>& gradient) {
     Moments moved = m;
-    const auto of = [&](const std::vector<double>& x) {
+    const auto loss = [&](const std::vector<double>& x) {
       moved.*field = x;
-      return loss(moved);
+      return in_double.loss(moved);
     };
-    to_double = std::max(to_double, relative_error(gradient.read(queue), found.*field));
-    differences = std::max(differences, relative_error(found.*field, slopes(of, m.*field, 1e-5)));
+    to_double = std::max(to_double, relative_error(gradient.read(queue), expected.*field));
+    differences =
+        std::max(differences, relative_error(expected.*field, slopes(loss, m.*field, 1e-5)));
   };
   add(&Moments::means1, v.v_means);
   add(&Moments::means2, v.v_means_t2);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "optim/engine/gaussians.hpp"
+#include "optim/engine/settings.hpp"
 #include "shared/transport.h"
 
 namespace gflow::stress {
@@ -49,9 +50,6 @@ class DeviceMaths {
 };
 
 // The names of shared/transport.h's modes.
-inline std::string mode_name(int mode) {
-  const char* const names[] = {"paper", "ot", "material", "translate"};
-  return names[mode];
-}
+inline std::string mode_name(int mode) { return name_of(Transport(mode)); }
 
 }  // namespace gflow::stress

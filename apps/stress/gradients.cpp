@@ -10,10 +10,6 @@ namespace {
 
 const Transport kTransports[] = {Transport::paper, Transport::ot, Transport::material,
                                  Transport::translate};
-const char* name_of(Transport t) {
-  const char* const names[] = {"paper", "ot", "material", "translate"};
-  return names[int(t)];
-}
 
 // Few Gaussians that meet every case: cut, stop, margin. Who counts where is held: the cut-off's
 // steps have no derivative.

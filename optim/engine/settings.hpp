@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // What one may choose about the image and its flow, with the names users write.
 #pragma once
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,6 +23,16 @@ enum class Transport {
 };
 // Whether the splat that saturates a pixel is still drawn.
 enum class StopRule { include, exclude };
+
+// Their names for users, in the order of the enumerators, which count from 0.
+constexpr std::array<const char*, 4> names_of(Transport) {
+  return {"paper", "ot", "material", "translate"};
+}
+constexpr std::array<const char*, 2> names_of(StopRule) { return {"include", "exclude"}; }
+template <class Enum>
+constexpr const char* name_of(Enum value) {
+  return names_of(value)[static_cast<size_t>(value)];
+}
 
 // Work that is left out. `boxes`, `masks`, `saturated`, `asking`, `flow`, `bands` and `compact`
 // change no bit of an image or a gradient (but the sign of a 0), but without boxes more Gaussians
@@ -90,18 +104,14 @@ inline bool absgrad(const EngineSettings& settings, Channels channels) {
   return settings.absgrad && !channels.depth;
 }
 
-// Names as on the command line; Error that lists the choices.
-inline Transport transport_named(const std::string& name) {
-  if (name == "paper") return Transport::paper;
-  if (name == "ot") return Transport::ot;
-  if (name == "material") return Transport::material;
-  if (name == "translate") return Transport::translate;
-  throw Error("there is no transport '" + name + "': choose paper, ot, material or translate");
-}
-inline StopRule stop_rule_named(const std::string& name) {
-  if (name == "include") return StopRule::include;
-  if (name == "exclude") return StopRule::exclude;
-  throw Error("there is no stop rule '" + name + "': choose include or exclude");
+// The value of that name; Error that lists the choices.
+template <class Enum>
+Enum value_named(const std::string& name) {
+  const auto names = names_of(Enum{});
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end())
+    throw Error(fmt::format("there is no '{}', only {}", name, fmt::join(names, ", ")));
+  return Enum(found - names.begin());
 }
 
 }  // namespace gflow

@@ -86,15 +86,6 @@ constexpr std::array<const char*, 4> names_of(GuidanceProvider) {
 constexpr std::array<const char*, 3> names_of(GuidanceCameras) { return {"orbit", "test", "val"}; }
 constexpr std::array<const char*, 5> names_of(UpAxis) { return {"auto", "cameras", "x", "y", "z"}; }
 constexpr std::array<const char*, 2> names_of(NoiseKind) { return {"scaled_linear", "linear"}; }
-constexpr std::array<const char*, 4> names_of(Transport) {
-  return {"paper", "ot", "material", "translate"};
-}
-constexpr std::array<const char*, 2> names_of(StopRule) { return {"include", "exclude"}; }
-
-template <class Enum>
-const char* name_of(Enum value) {
-  return names_of(value)[static_cast<size_t>(value)];
-}
 
 // The grey, 0 to 255, behind pictures where they are shown or judged: random is for training steps
 // only, and white elsewhere.

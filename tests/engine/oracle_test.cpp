@@ -30,7 +30,7 @@ std::vector<OracleCase> cases() {
       c.options.settings.stop = StopRule::exclude;
       transport = transport.substr(0, transport.find('_'));
     }
-    c.options.settings.transport = transport_named(transport);
+    c.options.settings.transport = value_named<Transport>(transport);
     found.push_back(c);
   };
   for (const char* name : {"small_paper", "small_material"}) add("/tests/data/oracle/", name);

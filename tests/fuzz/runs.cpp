@@ -26,9 +26,9 @@ namespace gflow::fuzz {
 namespace {
 
 void config(const uint8_t* bytes, size_t size) {
-  may_refuse([&] {
+  as_file(bytes, size, "config.toml", [](const std::string& path) {
     TrainConfig config;
-    apply_text(config, std::string(bytes, bytes + size), "the input");
+    apply_file(config, path);
     check(config);
   });
 }
