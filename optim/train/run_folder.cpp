@@ -296,7 +296,8 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
 Json RunFolder::metrics_of(std::string_view line) {
   constexpr size_t longest = size_t{64} << 10;
   Json none(Json::value_t::discarded);
-  if (line.size() > longest) return none;
+  // Not left to the parser, which takes microseconds to find reasons: a log may have millions.
+  if (line.size() > longest || line.empty() || line.front() != '{') return none;
   Json parsed = parsed_if_modest(line);
   const bool is_line =
       parsed.is_object() && parsed.contains("iteration") && parsed["iteration"].is_number_integer();
