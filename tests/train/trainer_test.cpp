@@ -81,7 +81,8 @@ TEST_F(TrainerTest, GoesOnWithTheGaussiansItHasWhenMemoryRunsOut) {
   SmallTraining training(small, small_config(scene(), 300));
   training.steps(small, 99);
   const size_t before = training.model.parameters.count;
-  // As if someone else had taken the memory: what is allocated stays, new arrays fail, however few rows stay.
+  // As if someone else had taken the memory: what is allocated stays, new arrays fail, however few
+  // rows stay.
   const uint64_t all = std::exchange(small.info.max_allocation, 64);
   training.steps(small, 1);  // a round of density control
   small.info.max_allocation = all;
