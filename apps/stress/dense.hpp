@@ -7,8 +7,8 @@
 
 namespace gflow::stress {
 
-// Adds a row each for colour and alpha, flow (by its largest) and the worst gradient; a value that
-// is no number is infinitely far off.
+// Adds a row each for colour and alpha, flow (by its largest), the share of pixels that these leave
+// out and the worst gradient; a value that is no number is infinitely far off.
 inline void compare_with_dense(Queue& queue, const PosedScene& s, const std::string& name,
                                Rows& rows) {
   const reference::Gaussians g = reference::posed(s.p);
@@ -24,6 +24,7 @@ inline void compare_with_dense(Queue& queue, const PosedScene& s, const std::str
   for (const double f : r.images.flow) fastest = std::max(fastest, std::fabs(f));
   rows.push_back({name + ", flow by its largest",
                   largest_error(images.at("flow"), r.images.flow, doubtful) / fastest, 1e-5});
+  rows.push_back({name + ", share of pixels left out as doubtful", share_of(doubtful), .02});
   const reference::Planes v = random_cotangents(s, 22, doubtful);
   const FloatArrays found = device.backward(v);
   std::vector<double> errors;

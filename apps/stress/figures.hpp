@@ -44,6 +44,12 @@ inline double count_not_finite(const std::vector<float>& values) {
       std::count_if(values.begin(), values.end(), [](float x) { return !std::isfinite(x); }));
 }
 
+// The share of pixels that a comparison leaves out, since rounding may decide there: it has a
+// bound, too.
+inline double share_of(const std::vector<uint8_t>& doubtful) {
+  return double(std::count(doubtful.begin(), doubtful.end(), 1)) / double(doubtful.size());
+}
+
 // T29's: what may stand in a slot that something broke.
 inline std::vector<float> poisons() {
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = HUGE_VALF;

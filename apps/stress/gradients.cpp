@@ -50,6 +50,7 @@ Rows against_differences(Queue&) {  // T34
 struct Agreement {
   double cosine = 0, relative = 0;                // of the worst scene, the cosine as 1 - it
   double elements = 0, off = 0, false_zeros = 0;  // of all scenes
+  double doubtful = 0;                            // pixels of the worst scene, share
 };
 
 // Over `count` scenes, all parameters of each as classes.
@@ -68,6 +69,7 @@ Agreement agreement(Queue& queue, int count) {
     const reference::Gaussians g = reference::posed(s.p);
     const reference::Rendering r = reference::render(s.shot, g);
     const reference::Planes v = random_cotangents(s, unsigned(k), r.contributors.doubtful);
+    all.doubtful = std::max(all.doubtful, share_of(r.contributors.doubtful));
     DeviceScene device(queue, s);
     device.forward();
     const FloatArrays found = device.backward(v);
@@ -108,7 +110,8 @@ Rows against_double(Queue& queue, int count) {  // T35
           {of + "relative L2 of a class, worst scene", a.relative, 1e-4},
           {fmt::format("{}share of {:.0f} elements off by more than 1e-3", of, a.elements),
            a.off / a.elements, 1e-3},
-          {of + "false zeros", a.false_zeros, 0}};
+          {of + "false zeros", a.false_zeros, 0},
+          {of + "share of pixels left out as doubtful, worst scene", a.doubtful, .02}};
 }
 
 PosedScene small_scene(Transport t) {
@@ -175,6 +178,8 @@ Rows wide_image(Queue& queue) {  // T38
   const FloatArrays images = device.forward();
   rows.push_back({"320 x 96: flow off the dense formula [px]",
                   largest_error(images.at("flow"), r.images.flow, r.contributors.doubtful), 1e-3});
+  rows.push_back(
+      {"320 x 96: share of pixels left out as doubtful", share_of(r.contributors.doubtful), .02});
   for (const char* image : {"rgb", "flow"}) {
     const reference::Planes v = only(random_cotangents(s, 38, r.contributors.doubtful), image);
     const reference::Gaussians expected = reference::render_vjp(s.shot, g, r, v);

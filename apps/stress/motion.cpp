@@ -268,7 +268,7 @@ Rows rigid_plane(Queue& queue) {  // T39
   const double left_out = published_epe(moving_plane(Transport::translate), Published::none, alpha);
   for (const Published form : {Published::authors, Published::motion_gs}) {
     const double epe = published_epe(moving_plane(Transport::paper), form, alpha);
-    rows.push_back({fmt::format("paper as {}: {:.2f} px; translate's share of it",
+    rows.push_back({fmt::format("double alone, paper as {}: {:.2f} px; translate's share",
                                 form == Published::authors ? "its code" : "MotionGS", epe),
                     left_out / epe, 1});
   }
