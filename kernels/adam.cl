@@ -123,7 +123,7 @@ typedef struct LaneRow {
   lane x, y, z, w;  // an AdamRow each
 } LaneRow;
 
-// shared/adam.h's adam_update on LANES floats from i on; those with y < 0 keep every bit.
+// As adam_update, on LANES floats from i on; those with y < 0 keep every bit.
 static inline void update_lanes(size_t i, AdamStep step, LaneRow c, ADAM_ARRAYS) {
   const lane g = ROW_LOAD(grads + i), value = ROW_LOAD(values + i);
   const lane v = ROW_LOAD(exp_avg_sq + i);
@@ -131,12 +131,11 @@ static inline void update_lanes(size_t i, AdamStep step, LaneRow c, ADAM_ARRAYS)
   lane m2 = g;
   if (step.beta1 > 0.f) {
     const lane m = ROW_LOAD(exp_avg + i);
-    m2 = step.beta1 * (c.z * m) + (1 - step.beta1) * g;
+    m2 = ADAM_MEAN(step.beta1, c.z, m, g);
     ROW_STORE(LANE_SELECT(m, m2, counts), exp_avg + i);
   }
-  const lane v2 = step.beta2 * (c.w * v) + (1 - step.beta2) * (g * g);
-  const lane moved = value - step.lr * c.x * m2 / (c.y * sqrt(v2) + step.epsilon);
-  ROW_STORE(LANE_SELECT(value, moved, counts), values + i);
+  const lane v2 = ADAM_MEAN(step.beta2, c.w, v, g * g);
+  ROW_STORE(LANE_SELECT(value, ADAM_MOVED(value, step, c.x, c.y, m2, v2), counts), values + i);
   ROW_STORE(LANE_SELECT(v, v2, counts), exp_avg_sq + i);
 }
 #endif

@@ -8,6 +8,7 @@
 #include "apps/stress/stress.hpp"
 #include "optim/train/config.hpp"
 #include "runtime/adam.hpp"
+#include "shared/work.h"
 
 namespace gflow::stress {
 namespace {
@@ -50,7 +51,7 @@ size_t different_bits(const std::vector<float>& a, const std::vector<float>& b) 
 // The largest difference between steps of who has a gradient and steps of all, with beta1 = 0: 300
 // steps of .01, each good to some roundings of v. Row i has a gradient in each i + 1st step.
 double left_out(Queue& queue) {
-  constexpr size_t rows = 64, n = 3 * rows;
+  constexpr size_t rows = 4 * ADAM_SPAN + 3, n = 3 * rows;
   AdamConfig config;
   config.beta1 = 0;
   Trained some(queue, rows, config), all(queue, rows, config);
@@ -72,9 +73,10 @@ double left_out(Queue& queue) {
   return worst;
 }
 
-// The textbook's update in double, written out here.
+// The textbook's update in double, written out here. Of as many rows that CPUs have whole spans of
+// them, and a rest.
 Rows long_run(Queue& queue) {  // T31
-  constexpr size_t rows = 64, n = 3 * rows;
+  constexpr size_t rows = 4 * ADAM_SPAN + 3, n = 3 * rows;
   constexpr int steps = 10000;
   const float lr = 1e-3f, epsilon = 1e-8f;
   const double b1 = double(.9f), b2 = double(.999f);

@@ -23,11 +23,16 @@ typedef struct AdamRow {
   real correction1, correction2, decay1, decay2;
 } AdamRow;
 
+// A mean with one more in it, and a value moved; of one number or of a vector of them.
+#define ADAM_MEAN(beta, decay, mean, added) ((beta) * ((decay) * (mean)) + (1 - (beta)) * (added))
+#define ADAM_MOVED(value, step, c1, c2, m, v) \
+  ((value) - (step).lr * (c1) * (m) / ((c2) * sqrt(v) + (step).epsilon))
+
 static inline AdamState adam_update(AdamState s, real grad, AdamStep step, AdamRow row) {
-  s.exp_avg = step.beta1 * (row.decay1 * s.exp_avg) + (1 - step.beta1) * grad;
-  s.exp_avg_sq = step.beta2 * (row.decay2 * s.exp_avg_sq) + (1 - step.beta2) * (grad * grad);
-  s.value -=
-      step.lr * row.correction1 * s.exp_avg / (row.correction2 * sqrt(s.exp_avg_sq) + step.epsilon);
+  s.exp_avg = ADAM_MEAN(step.beta1, row.decay1, s.exp_avg, grad);
+  s.exp_avg_sq = ADAM_MEAN(step.beta2, row.decay2, s.exp_avg_sq, grad * grad);
+  s.value =
+      ADAM_MOVED(s.value, step, row.correction1, row.correction2, s.exp_avg, s.exp_avg_sq);
   return s;
 }
 
