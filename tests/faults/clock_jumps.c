@@ -1,17 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // Preloaded into gflow (LD_PRELOAD): the time of day jumps by up to ten years, forth and back, at every
-// call. The monotonic clock, which no system lets jump, is left alone.
+// call. The monotonic clock, which no system lets jump, is left alone. The second call makes a file named by
+// CLOCK_REPORT: time has gone back at least once.
 #define _GNU_SOURCE
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <stdatomic.h>
+#include <stdlib.h>
 #include <sys/time.h>
 #include <time.h>
+#include <unistd.h>
 
 #define NEXT(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
 
 static time_t jump(void) {
   static atomic_int calls;
   const int n = atomic_fetch_add(&calls, 1);
+  const char *report = n == 1 ? getenv("CLOCK_REPORT") : NULL;
+  if (report) close(open(report, O_CREAT | O_WRONLY, 0644));
   return (n % 2 ? 1 : -1) * (time_t)(n * 7919 % 3652 + 1) * 86400;
 }
 

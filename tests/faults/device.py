@@ -1,5 +1,6 @@
 """The device: allocations, copies, launches and builds that fail, devices that are lost, that hang, that are
-small.
+small. Each allocation, build and wait is taken, of kernels made, arguments, launches and copies the first ones and as
+many more spread over the rest (`--every`: each); the line of a fault says how many of how many.
 
 Which exit code is right (the table in README.md, NoUsableDevice in apps/options.hpp, main in apps/main.cpp):
 4 where the device hangs; 2 where it fails before or in the check that stands before any work, and then nothing
@@ -12,6 +13,7 @@ import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 
+from trial import tell_if_fewer
 from world import (broken_checkpoints, checkpoints_of, complaints, contents_under, failed_calls, leaks, settings,
                    unfinished_in)
 
@@ -129,6 +131,7 @@ def in_turn(world, name, kinds, codes, first, more, resume, lost=False, cache=""
         yield ["a training does not check the device as gflow devices does"]
         return
     numbers = spread([n for n, _ in calls], first, more)
+    tell_if_fewer(numbers, calls)
     jobs = [(f"{name}-{k}", kinds, k, FOREVER if lost else k, codes[i % len(codes)], resume, cache, check, len(calls))
             for i, k in enumerate(numbers)]
     with ThreadPoolExecutor(2) as pool:

@@ -98,7 +98,7 @@ def handles(pid, number):
 
 
 def signalled(world):
-    """A signal at any moment after the program has begun; each tenth time a second one. Every tenth training
+    """A signal at any moment after the program has begun; each tenth time a second one. Every fifth training
     is gone on with to its end."""
     long = Long(world, "signals", checkpoint_every=100)
     random.seed(2)

@@ -26,6 +26,11 @@ def worth_failing(calls):
     return chosen
 
 
+def tell_if_fewer(numbers, calls):
+    if len(numbers) < len(calls):
+        print(f"    {len(numbers)} of {len(calls)} calls", flush=True)
+
+
 class Trial:
     """One command with one fault. prepare(folder) makes what is there before; arguments(folder) the command;
     check(folder, outcome, before) tells what is wrong afterwards. reads: calls that read fail, not those that
@@ -90,6 +95,7 @@ def every_call(trial, every):
         return
     shutil.rmtree(folder)
     numbers = [n for n, _ in calls] if every else worth_failing(calls)
+    tell_if_fewer(numbers, calls)
     codes = [errno.EIO] if trial.reads else list(REASONS)
     jobs = []
     for i, k in enumerate(numbers):
