@@ -5,7 +5,7 @@ require_tests() {
   local program=$1 patterns pattern lost=0
   IFS=: read -ra patterns <<< "${2%%-*}"  # what comes after is left out, and may be of none
   for pattern in "${patterns[@]}"; do
-    "$program" --gtest_list_tests --gtest_filter="$pattern" | grep -q '^  ' && continue
+    [[ $("$program" --gtest_list_tests --gtest_filter="$pattern") == *$'\n  '* ]] && continue
     echo "$program: no test is called $pattern" >&2
     lost=1
   done
