@@ -130,19 +130,11 @@ def damaged_caches(world):
         data[random.randrange(len(data))] ^= 1 << random.randrange(8)
         return bytes(data)
 
-    def sealed(payload):
-        """A file as gflow would have written it, of bytes that are no program."""
-        checksum = 14695981039346656037
-        for byte in payload:
-            checksum = (checksum ^ byte) * 1099511628211 % (1 << 64)
-        return b"GFLOWBI1" + struct.pack("<QQ", len(payload), checksum) + payload
-
     damages = {f"a bit flipped, {i + 1}": flipped for i in range(4)}
     damages.update({"in the header": lambda data: data[:9] + flipped(data[9:24]) + data[24:],
                     "cut in half": lambda data: data[:len(data) // 2], "a byte short": lambda data: data[:-1],
                     "nothing in it": lambda data: b"", "only a header": lambda data: data[:24],
-                    "longer": lambda data: data + b"more", "of another kind": lambda data: b"\x7fELF" + data,
-                    "well sealed nonsense": lambda data: sealed(b"no program at all")})
+                    "longer": lambda data: data + b"more", "of another kind": lambda data: b"\x7fELF" + data})
     for name, damage in damages.items():
         shutil.rmtree(cache, ignore_errors=True)
         shutil.copytree(good, cache)
@@ -154,6 +146,7 @@ def damaged_caches(world):
         wrong += [f"{name}: {file} was not written anew" for file in files
                   if content(os.path.join(cache, file)) != content(os.path.join(good, file))]
         results.append(wrong)
+    results.append(well_sealed(world, cache, good, files))
     shutil.rmtree(cache)
     os.makedirs(cache)
     for i, file in enumerate(files):  # each under the name of another
@@ -176,6 +169,30 @@ def damaged_caches(world):
         wrong += [f"{why}: {file} was left behind" for file in os.listdir(cache) if file.endswith(".tmp")]
         results.append(wrong)
     return results
+
+
+def sealed(name, payload):
+    """A file of the cache as gflow writes it (runtime/program_cache.cpp): its checksum begins with its name."""
+    checksum = int(name[:16], 16)
+    for byte in payload:
+        checksum = (checksum ^ byte) * 1099511628211 % (1 << 64)
+    return b"GFLOWBI2" + struct.pack("<QQ", len(payload), checksum) + payload
+
+
+def well_sealed(world, cache, good, files):
+    """Bytes that are no program, in files that are whole: what the driver is given, and refuses."""
+    shutil.rmtree(cache)
+    os.makedirs(cache)
+    smallest = min(files, key=lambda file: os.path.getsize(os.path.join(good, file)))
+    data = content(os.path.join(good, smallest))
+    if sealed(smallest, data[24:]) != data:
+        return ["well sealed nonsense: gflow seals otherwise, so that it would not be taken for whole"]
+    for file in files:
+        with open(os.path.join(cache, file), "wb") as out:
+            out.write(sealed(file, b"no program at all"))
+    wrong = as_always(world, "well sealed nonsense", {"GFLOW_CACHE_DIR": cache})
+    return wrong + [f"well sealed nonsense: {file} was not written anew" for file in files
+                    if content(os.path.join(cache, file)) != content(os.path.join(good, file))]
 
 
 def two_writers(world, cache, good, files):
