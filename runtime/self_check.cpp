@@ -8,8 +8,8 @@
 #include <limits>
 #include <random>
 
+#include "runtime/exact_covariance.hpp"
 #include "runtime/sort.hpp"
-#include "shared/projection.h"
 
 namespace gflow {
 namespace {
@@ -47,9 +47,7 @@ std::vector<float> needles(std::mt19937& rng, size_t n) {
 double worst_determinant(const std::vector<float>& found, const std::vector<float>& factors) {
   double worst = 0;
   for (size_t i = 0; i < found.size(); ++i) {
-    const float* f = &factors[6 * i];
-    const double exact =
-        whiten(make_mat23(make_real3(f[0], f[1], f[2]), make_real3(f[3], f[4], f[5]))).det;
+    const double exact = ExactCovariance(&factors[6 * i]).det();
     const double error = std::fabs(double(found[i]) / exact - 1);
     if (!(error <= worst)) worst = error;
     if (std::isnan(worst)) return worst;

@@ -84,7 +84,7 @@ Rows degenerate(Queue& queue) {
                   largest_error(first.images.at("rgb"), r.images.rgb, r.contributors.doubtful),
                   1e-5});
   rows.push_back({"1e4 at one depth: share of pixels left out as doubtful",
-                  share_of(r.contributors.doubtful), .02});
+                  share_of(r.contributors.doubtful), kMostDoubtful});
 
   // flat (one scale 0), needles (two), points (three)
   for (const auto& [name, scales] : {std::pair{"surfels", real3{.3, .2, 0}},
@@ -122,7 +122,7 @@ Rows crowd(Queue& queue) {  // the part of T30 that takes longer
            largest_error(r.images.at("rgb"), expected.images.rgb, expected.contributors.doubtful),
            1e-5},
           {"1e5 on one pixel: share of pixels left out as doubtful",
-           share_of(expected.contributors.doubtful), .02}};
+           share_of(expected.contributors.doubtful), kMostDoubtful}};
 }
 
 }  // namespace

@@ -24,7 +24,8 @@ inline void compare_with_dense(Queue& queue, const PosedScene& s, const std::str
   for (const double f : r.images.flow) fastest = std::max(fastest, std::fabs(f));
   rows.push_back({name + ", flow by its largest",
                   largest_error(images.at("flow"), r.images.flow, doubtful) / fastest, 1e-5});
-  rows.push_back({name + ", share of pixels left out as doubtful", share_of(doubtful), .02});
+  rows.push_back(
+      {name + ", share of pixels left out as doubtful", share_of(doubtful), kMostDoubtful});
   const reference::Planes v = random_cotangents(s, 22, doubtful);
   const FloatArrays found = device.backward(v);
   std::vector<double> errors;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // T25-T27: quaternions of any length, scales and opacities far beyond what training leaves them:
 // through the motion models' kernels.
+#include <Eigen/Geometry>
+
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/engine/posed.hpp"
@@ -39,11 +41,11 @@ Rows quaternions(Queue& queue) {  // T25
                     count_not_finite(found) + count_not_finite(g), 0});
     double rotation = 0, radial = 0;
     for (size_t i = 0; i < n; ++i) {
-      real4 e{unit[4 * i], unit[4 * i + 1], unit[4 * i + 2], unit[4 * i + 3]};
-      if (length < 1e-6f) e = {1, 0, 0, 0};  // too short to mean a rotation
-      const Mat3 l = factor_of(e, {.7f, .7f, .7f});
-      const std::vector<double> expected{l.r1.x, l.r1.y, l.r1.z, l.r2.x, l.r2.y,
-                                         l.r2.z, l.r3.x, l.r3.y, l.r3.z};
+      Eigen::Quaterniond e(unit[4 * i], unit[4 * i + 1], unit[4 * i + 2], unit[4 * i + 3]);
+      if (length < 1e-6f) e.setIdentity();  // too short to mean a rotation
+      const Eigen::Matrix3d l = e.normalized().toRotationMatrix() * double(.7f);
+      const std::vector<double> expected{l(0, 0), l(0, 1), l(0, 2), l(1, 0), l(1, 1),
+                                         l(1, 2), l(2, 0), l(2, 1), l(2, 2)};
       rotation =
           std::max(rotation, row_error(Floats(&found[9 * i], &found[9 * i] + 9), expected, 0, 9));
       double along = 0, size = 0;

@@ -2,6 +2,7 @@
 // T5, T6: the determinant from minors and the exponent |K d|^2, for splats from 1 to 1e4 px long.
 #include "apps/stress/splats.hpp"
 #include "apps/stress/stress.hpp"
+#include "runtime/exact_covariance.hpp"
 
 namespace gflow::stress {
 namespace {
@@ -21,7 +22,7 @@ Rows determinants(Queue& queue) {  // T5
       const Floats dets = device.whiten(m, Floats(2 * kWhitened)).dets;
       std::vector<double> errors;
       for (int i = 0; i < kWhitened; ++i)
-        errors.push_back(std::fabs(double(dets[i]) / whiten(factor_at(m, i)).det - 1));
+        errors.push_back(std::fabs(double(dets[i]) / ExactCovariance(&m[6 * size_t(i)]).det() - 1));
       rows.push_back({fmt::format("{:.0f} px{}, worst of {}", length,
                                   mixed ? ", columns mixed" : "", kWhitened),
                       worst(errors), 5e-7});
@@ -45,8 +46,7 @@ Rows exponents(Queue& queue) {  // T6
       const double z1 = radius * std::cos(angle), z2 = radius * std::sin(angle);
       const float dx = float(w.u1 * z1 + w.u2 * z2), dy = float(w.u3 * z2);  // d = inv(K) z
       d.insert(d.end(), {dx, dy});
-      const double e1 = w.k1 * double(dx) + w.k2 * double(dy), e2 = w.k3 * double(dy);
-      expected.push_back(e1 * e1 + e2 * e2);
+      expected.push_back(ExactCovariance(&m[6 * size_t(i)]).distance2(double(dx), double(dy)));
     }
     const Floats z = device.whiten(m, d).z;
     std::vector<double> errors;
