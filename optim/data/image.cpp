@@ -5,12 +5,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <mutex>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "optim/data/image_header.hpp"
 #include "optim/data/jpeg.hpp"
+#include "optim/data/png.hpp"
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/warning.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -47,20 +51,38 @@ void check_pixels(const Image& image, const std::string& doing) {
                             image.width, image.height, image.channels, image.pixels.size()));
 }
 
-// The decoded file as OpenCV gives it: 8 or 16 bits, 1, 3 or 4 channels, blue first.
-cv::Mat decode(const std::string& path) {
-  const Bytes bytes = read_file(path);
-  check_image_bytes(bytes, path);
-  if (const std::string why = bytes[0] == 0xff ? damage_of_jpeg(bytes) : ""; !why.empty())
-    throw Error(fmt::format("cannot read picture {}: it is damaged ({})", path, why));
-  cv::Mat mat;
+[[noreturn]] void refuse_damaged(const std::string& path, const std::string& why) {
+  throw Error(fmt::format("cannot read picture {}: it is damaged ({})", path, why));
+}
+
+cv::Mat decoded_jpeg(const Bytes& bytes, const std::string& path) {
+  if (const std::string why = damage_of_jpeg(bytes); !why.empty()) refuse_damaged(path, why);
   try {
-    mat = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
+    cv::Mat mat = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
+    if (mat.empty()) refuse_damaged(path, "OpenCV decodes nothing");
+    return mat;
   } catch (const cv::Exception& cause) {
     throw Error(fmt::format("cannot read picture {}: {}", path, cause.err));
   }
-  if (mat.empty()) throw Error(fmt::format("cannot read picture {}: it is damaged", path));
-  return mat;
+}
+
+cv::Mat decoded_png(const Bytes& bytes, const std::string& path) {
+  const DecodedPng png = decode_png(bytes);
+  if (png.pixels.empty()) refuse_damaged(path, png.complaint);
+  static std::mutex mutex;
+  static std::set<std::string> told;  // a picture may be decoded many times
+  const std::lock_guard<std::mutex> lock(mutex);
+  if (!png.complaint.empty() && told.insert(path).second)
+    warn(fmt::format("picture {} may be damaged ({}); it is used all the same", path,
+                     png.complaint));
+  return png.pixels;
+}
+
+// The decoded file: 8 or 16 bits, 1, 3 or 4 channels, blue first.
+cv::Mat decode(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  check_image_bytes(bytes, path);
+  return bytes[0] == 0xff ? decoded_jpeg(bytes, path) : decoded_png(bytes, path);
 }
 
 cv::Mat to_8_bit(const cv::Mat& mat, const std::string& path) {

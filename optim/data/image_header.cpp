@@ -91,9 +91,9 @@ Parsed parse_png(Source& source, const std::string& path) {
       const size_t channels = ihdr[9] == 0 ? 1 : parsed.header.has_alpha ? 4 : 3;
       parsed.bytes_a_pixel = std::max<size_t>(3, channels * (ihdr[8] > 8 ? 2 : 1));
     }
-    if (std::memcmp(chunk + 4, "tRNS", 4) == 0 && ihdr[9] == 3) {
+    if (std::memcmp(chunk + 4, "tRNS", 4) == 0 && (ihdr[9] == 2 || ihdr[9] == 3)) {
       parsed.header.has_alpha = true;
-      parsed.bytes_a_pixel = 4;
+      parsed.bytes_a_pixel = ihdr[8] > 8 ? 8 : 4;
     }
     if (std::memcmp(chunk + 4, "IDAT", 4) == 0) {
       parsed.data = at;

@@ -13,7 +13,7 @@ constexpr int largest_side = 16384;
 
 struct ImageHeader {
   int width = 0, height = 0;  // [px], 1 to largest_side
-  bool has_alpha = false;     // PNG with alpha channel or transparent palette entries
+  bool has_alpha = false;     // PNG with alpha channel, transparent palette entries or colour
 };
 
 // Error when the file is missing, is neither PNG nor JPEG, or states a size outside of 1..16384.
