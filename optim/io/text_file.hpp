@@ -24,6 +24,15 @@ inline std::string text_if_there(const std::string& path) {
   }
 }
 
+// The same of what gflow writes in one piece, results or a stamp; "" also where there are more than
+// 16 MiB: that is nothing of the kind.
+inline std::string report_if_there(const std::string& path) {
+  constexpr uintmax_t longest = uintmax_t{16} << 20;
+  std::error_code none;
+  const uintmax_t size = std::filesystem::file_size(path, none);
+  return !none && size > longest ? "" : text_if_there(path);
+}
+
 // The first line of a text that has any, without its end; the text begins behind it then.
 inline std::string_view take_line(std::string_view& text) {
   const std::string_view line = text.substr(0, text.find('\n'));

@@ -239,9 +239,7 @@ void RunFolder::forget_stale_caches(const std::string& stamp) const {
 }
 
 bool RunFolder::has_caches_of(const std::string& stamp) const {
-  if (!fs::exists(path(kStamp))) return false;
-  const Bytes kept = read_file(path(kStamp));
-  return stamp == std::string(kept.begin(), kept.end());
+  return fs::exists(path(kStamp)) && stamp == report_if_there(path(kStamp));
 }
 
 void RunFolder::write_config(const TrainConfig& config) const {
@@ -309,9 +307,11 @@ void RunFolder::keep_metrics_before(int iteration) const {
   size_t end = 0;  // of what is kept
   int number = 1;
   for (std::string_view rest = kept; !rest.empty(); ++number) {
-    const Json line = metrics_of(take_line(rest));
-    // The last line of a killed process may be cut off.
-    if (line.is_discarded() && !rest.empty())
+    const std::string_view text = take_line(rest);
+    const Json line = metrics_of(text);
+    // The last line of a killed process may be.
+    const bool cut_off = rest.empty() && text.substr(0, 1) == "{";
+    if (line.is_discarded() && !cut_off)
       warn(
           fmt::format("{}: line {} is none that `gflow train` writes: it and all that follows are "
                       "not kept",
@@ -375,7 +375,7 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
 }
 
 MetricsConfig RunFolder::judged_by() const {
-  const std::string text = text_if_there(path("results.json"));
+  const std::string text = report_if_there(path("results.json"));
   const Json results = parsed_if_modest(text);
   const auto test = results.is_object() ? results.value("test", Json()) : Json();
   const auto named = [&](const char* key) {
@@ -400,7 +400,7 @@ RunFacts RunFolder::read_facts() const {
   RunFacts facts;
   std::string why = path("training.json") + " is not the JSON that `gflow train` writes";
   try {
-    const std::string text = text_if_there(path("training.json"));
+    const std::string text = report_if_there(path("training.json"));
     if (text.empty() && !fs::exists(path("training.json"))) return facts;
     const Json run = parsed_if_modest(text);
     const Json& iterations = run.at("iterations");

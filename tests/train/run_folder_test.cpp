@@ -80,11 +80,17 @@ TEST(RunFolder, KeepsMetricsOfTheStepsBeforeACheckpoint) {
   const std::string expected = contents(run.path("metrics.jsonl"));
   for (const int iteration : {20, 30}) run.append_metrics(iteration, 1, {});
   std::ofstream(run.path("metrics.jsonl"), std::ios::app) << "{\"iteration\":40,\"sec";
+  testing::internal::CaptureStderr();
   run.keep_metrics_before(20);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
   EXPECT_EQ(contents(run.path("metrics.jsonl")), expected);
-  std::ofstream(run.path("metrics.jsonl"), std::ios::app) << "7\n";
-  run.keep_metrics_before(1000);
-  EXPECT_EQ(contents(run.path("metrics.jsonl")), expected);
+  for (const std::string& last : {std::string("7\n"), std::string(9, '\0')}) {
+    std::ofstream(run.path("metrics.jsonl"), std::ios::app) << last;
+    testing::internal::CaptureStderr();
+    run.keep_metrics_before(1000);
+    EXPECT_NE(testing::internal::GetCapturedStderr().find("line 3 is none"), std::string::npos);
+    EXPECT_EQ(contents(run.path("metrics.jsonl")), expected);
+  }
 }
 
 // A value of two bytes takes up to 80 of memory: one line once took sixty times its size.
@@ -342,6 +348,22 @@ TEST(RunFolder, DamagedFactsAreAsNoFacts) {
   std::filesystem::remove(folder.path() + "/training.json");
   std::filesystem::create_directory(folder.path() + "/training.json");
   EXPECT_EQ(run.read_facts().iterations, 0);  // the model is there all the same
+}
+
+// They would take more memory than the run.
+TEST(RunFolder, ReportsAndStampsThatGoOnForLongAreDamaged) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  run.write_facts({30, 1.5, 300, "some device", "bases"});
+  run.forget_stale_caches("stamp");
+  folder.write("results.json", R"({"test": {"lpips_model": "alex.onnx"}})");
+  EXPECT_EQ(run.judged_by().lpips, "alex.onnx");
+  ASSERT_TRUE(run.has_caches_of("stamp"));
+  for (const char* name : {"training.json", "results.json", "caches.stamp"})
+    std::ofstream(run.path(name), std::ios::app) << std::string(size_t{17} << 20, '\n');
+  EXPECT_EQ(run.read_facts().iterations, 0);
+  EXPECT_EQ(run.judged_by().lpips, "");
+  EXPECT_FALSE(run.has_caches_of("stamp"));
 }
 
 // A run of which nothing is known would be missing in a table, or trained anew.
