@@ -15,6 +15,7 @@
 #include "apps/options.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/printable.hpp"
 #include "optim/io/tell.hpp"
 #include "optim/io/warning.hpp"
 
@@ -29,15 +30,24 @@ struct StressFlags {
   std::string json;
 };
 
+// "T7" of "T7", " t7", "07". Error when it is no number.
+std::string test_number(const std::string& word) {
+  size_t at = std::min(word.find_first_not_of(" \t"), word.size());
+  if (at < word.size() && (word[at] == 'T' || word[at] == 't')) ++at;
+  const std::string digits = word.substr(at);
+  if (digits.empty() || digits.find_first_not_of("0123456789") != digits.npos)
+    throw Error(fmt::format("--only: '{}' is no number of a test; T7 is one, T7,T12 are two",
+                            excerpt(word, 40)));
+  return "T" + digits.substr(std::min(digits.find_first_not_of('0'), digits.size() - 1));
+}
+
 // The tests meant. Error that lists the numbers there are when one is not known.
 Tests chosen(const StressFlags& flags) {
   Tests all = all_tests(), wanted;
   std::vector<std::string> left_out;  // of those that --only names
   std::vector<std::string> only = flags.only;
-  for (std::string& id : only) {  // "T7", " t7", "7"
-    id.erase(0, id.find_first_not_of(" \t"));
-    if (!id.empty() && id[0] == 't') id[0] = 'T';
-    if (!id.empty() && id[0] != 'T') id = "T" + id;
+  for (std::string& id : only) {
+    id = test_number(id);
     const bool known =
         std::any_of(all.begin(), all.end(), [&](const Test& t) { return t.id == id; });
     if (known) continue;
@@ -55,10 +65,9 @@ Tests chosen(const StressFlags& flags) {
     if ((only.empty() || named) && (t.quick || !flags.quick)) wanted.push_back(std::move(t));
   }
   if (wanted.empty())
-    throw Error("--quick leaves out all that --only names: they take minutes each");
+    throw Error("--quick leaves out all that --only names: without it they are run");
   if (!left_out.empty())
-    warn(fmt::format("--quick leaves out {}, which --only names and which takes minutes",
-                     fmt::join(left_out, ", ")));
+    warn(fmt::format("--quick leaves out {}, which --only names", fmt::join(left_out, ", ")));
   return wanted;
 }
 
@@ -200,8 +209,7 @@ void add_stress(CLI::App& app, const GlobalOptions& options) {
   CLI::App* command = app.add_subcommand(
       "stress", "Test the numerics on this device; exit code 3 when a bound is not kept");
   auto* all = command->add_flag("--all", "Every test (default)");
-  command->add_flag("--quick", flags->quick, "Without those that take minutes; about a minute")
-      ->excludes(all);
+  command->add_flag("--quick", flags->quick, "Without the longest; about a minute")->excludes(all);
   auto* only =
       command->add_option("--only", flags->only, "Only tests of these numbers, e.g. T7,T12")
           ->delimiter(',')

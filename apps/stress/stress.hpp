@@ -21,7 +21,7 @@ bool passed(const Row& row);
 
 struct Test {
   std::string id, name;
-  bool quick;  // a few seconds at most on one core
+  bool quick;  // not left out by --quick and by CI
   std::function<Rows(Queue&)> run;
 };
 using Tests = std::vector<Test>;
