@@ -5,7 +5,6 @@
 
 #include <sched.h>
 
-#include <algorithm>
 #include <optional>
 #include <set>
 
@@ -83,12 +82,12 @@ class CompilingAhead : public OnOneScene {
   void TearDown() override { environment_.reset(); }
   std::string path(const std::string& name) const { return folder_.path() + "/" + name; }
   std::string cache() const { return path("cache"); }
-  // One step.
-  std::vector<std::string> train(const std::string& run) {
+  std::vector<std::string> train(const std::string& run, const std::string& iterations = "1") {
     // Without flow and test views there is half as much to compile.
-    return {
-        "train", scene().path(),       "-o",    path(run),         "--iterations", "1", "--quiet",
-        "--set", "flow.enabled=false", "--set", "scene.holdout=-1"};
+    return {"train",   scene().path(),    "-o",
+            path(run), "--iterations",    iterations,
+            "--quiet", "--set",           "flow.enabled=false",
+            "--set",   "scene.holdout=-1"};
   }
   // Rehearsals that came to their end.
   size_t marks() const {
@@ -104,9 +103,10 @@ class CompilingAhead : public OnOneScene {
   // Starts a training and stops it, so that its second process alone comes to its end. The training
   // is long: that of one step may be over on a busy machine before the second process, which is
   // nicer, begins.
-  void rehearse_alone(std::vector<std::string> arguments) {
+  void rehearse_alone(const std::vector<std::string>& more = {}) {
     const size_t before = marks();
-    *std::find(arguments.begin(), arguments.end(), "1") = "100000";
+    std::vector<std::string> arguments = train("stopped", "100000");
+    arguments.insert(arguments.end(), more.begin(), more.end());
     const Command command(arguments);
     EXPECT_TRUE(wait_until([&] { return was_begun(); }));
     command.send(SIGSTOP);
@@ -127,7 +127,7 @@ class CompilingAhead : public OnOneScene {
 TEST_F(CompilingAhead, HappensOnceAndChangesNoBit) {
   EXPECT_EQ(gflow(train("first")).code, 0);
   EXPECT_TRUE(was_begun_since());
-  if (marks() == 0) rehearse_alone(train("stopped"));  // the training was faster
+  if (marks() == 0) rehearse_alone();  // the training was faster
   EXPECT_EQ(gflow(train("second")).code, 0);
   EXPECT_FALSE(was_begun_since());
   EXPECT_EQ(marks(), 1u);
@@ -142,10 +142,8 @@ TEST_F(CompilingAhead, HappensOnceAndChangesNoBit) {
 }
 
 TEST_F(CompilingAhead, IsDoneAnewForSettingsThatAreCompiled) {
-  std::vector<std::string> arguments = train("run");
-  rehearse_alone(arguments);
-  arguments.insert(arguments.end(), {"--set", "skip.boxes=false"});
-  rehearse_alone(arguments);
+  rehearse_alone();
+  rehearse_alone({"--set", "skip.boxes=false"});
 }
 
 // However the first process ends, the second one does, too, and says of nothing that it is done.
