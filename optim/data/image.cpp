@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures through OpenCV, whose channel order is blue first: it is swapped here and nowhere else.
+// Pictures are resampled and written by OpenCV; it writes blue first: swapped here and nowhere
+// else.
 #include "optim/data/image.hpp"
 
 #include <fmt/format.h>
@@ -10,9 +11,8 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
+#include "optim/data/decoded_picture.hpp"
 #include "optim/data/image_header.hpp"
-#include "optim/data/jpeg.hpp"
-#include "optim/data/png.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/warning.hpp"
 #include "runtime/error.hpp"
@@ -51,44 +51,31 @@ void check_pixels(const Image& image, const std::string& doing) {
                             image.width, image.height, image.channels, image.pixels.size()));
 }
 
-[[noreturn]] void refuse_damaged(const std::string& path, const std::string& why) {
-  throw Error(fmt::format("cannot read picture {}: it is damaged ({})", path, why));
-}
-
-cv::Mat decoded_jpeg(const Bytes& bytes, const std::string& path) {
-  if (const std::string why = damage_of_jpeg(bytes); !why.empty()) refuse_damaged(path, why);
-  try {
-    cv::Mat mat = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
-    if (mat.empty()) refuse_damaged(path, "OpenCV decodes nothing");
-    return mat;
-  } catch (const cv::Exception& cause) {
-    throw Error(fmt::format("cannot read picture {}: {}", path, cause.err));
-  }
-}
-
-cv::Mat decoded_png(const Bytes& bytes, const std::string& path) {
-  const DecodedPng png = decode_png(bytes);
-  if (png.pixels.empty()) refuse_damaged(path, png.complaint);
+DecodedPicture decode(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  check_image_bytes(bytes, path);
+  DecodedPicture picture = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
+  const std::string& why = picture.complaint;
+  if (picture.pixels.empty())
+    throw Error(fmt::format("cannot read picture {}: it is damaged ({})", path, why));
   static std::mutex mutex;
   static std::set<std::string> told;  // a picture may be decoded many times
   const std::lock_guard<std::mutex> lock(mutex);
-  if (!png.complaint.empty() && told.insert(path).second)
-    warn(fmt::format("picture {} may be damaged ({}); it is used all the same", path,
-                     png.complaint));
-  return png.pixels;
+  if (!why.empty() && told.insert(path).second)
+    warn(fmt::format("picture {} may be damaged ({}); it is used all the same", path, why));
+  return picture;
 }
 
-// The decoded file: 8 or 16 bits, 1, 3 or 4 channels, blue first.
-cv::Mat decode(const std::string& path) {
-  const Bytes bytes = read_file(path);
-  check_image_bytes(bytes, path);
-  return bytes[0] == 0xff ? decoded_jpeg(bytes, path) : decoded_png(bytes, path);
+// A header over its memory.
+cv::Mat as_mat(DecodedPicture& picture) {
+  const int depth = picture.bits == 16 ? CV_16U : CV_8U;
+  return cv::Mat(picture.height, picture.width, CV_MAKETYPE(depth, picture.channels),
+                 picture.pixels.data());
 }
 
-cv::Mat to_8_bit(const cv::Mat& mat, const std::string& path) {
-  if (mat.depth() == CV_8U) return mat;
-  if (mat.depth() != CV_16U)
-    throw Error(fmt::format("cannot read picture {}: expected are 8 or 16 bits a channel", path));
+cv::Mat as_8_bits(DecodedPicture& picture) {
+  const cv::Mat mat = as_mat(picture);
+  if (picture.bits == 8) return mat;
   cv::Mat result;
   mat.convertTo(result, CV_8U, 1 / 257.);  // 65535 -> 255, rounded
   return result;
@@ -131,15 +118,18 @@ Image resampled(const Image& image, Sample sample) {
 }  // namespace
 
 Image read_image(const std::string& path) {
-  const cv::Mat mat = to_8_bit(decode(path), path);
-  if (mat.channels() == 4) return converted(mat, 4, cv::COLOR_BGRA2RGBA);
-  return converted(mat, 3, mat.channels() == 1 ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
+  DecodedPicture picture = decode(path);
+  if (picture.bits == 8 && picture.channels > 1)
+    return {picture.width, picture.height, picture.channels, std::move(picture.pixels)};
+  const cv::Mat mat = as_8_bits(picture);
+  return mat.channels() == 1 ? converted(mat, 3, cv::COLOR_GRAY2RGB) : from_mat(mat);
 }
 
 Image read_grey(const std::string& path) {
-  const cv::Mat mat = to_8_bit(decode(path), path);
+  DecodedPicture picture = decode(path);
+  const cv::Mat mat = as_8_bits(picture);
   if (mat.channels() == 1) return from_mat(mat);
-  return converted(mat, 1, mat.channels() == 4 ? cv::COLOR_BGRA2GRAY : cv::COLOR_BGR2GRAY);
+  return converted(mat, 1, mat.channels() == 4 ? cv::COLOR_RGBA2GRAY : cv::COLOR_RGB2GRAY);
 }
 
 Image over_background(Image image, std::array<uint8_t, 3> background) {
@@ -194,17 +184,18 @@ void write_png16(const std::string& path, int width, int height,
 }
 
 FlowField read_kitti_flow(const std::string& path) {
-  const cv::Mat mat = decode(path);
+  DecodedPicture picture = decode(path);
+  const cv::Mat mat = as_mat(picture);
   if (mat.type() != CV_16UC3)
     throw Error(fmt::format("cannot read flow {}: KITTI flow is a 16-bit RGB PNG", path));
   FlowField flow = zero_flow(mat.cols, mat.rows);
   for (int y = 0, i = 0; y < mat.rows; ++y)
     for (int x = 0; x < mat.cols; ++x, ++i) {
-      const auto bgr = mat.at<cv::Vec3w>(y, x);
-      flow.valid[size_t(i)] = bgr[0] > 0;
-      if (!bgr[0]) continue;
-      flow.uv[2 * size_t(i)] = (float(bgr[2]) - 32768.f) / 64.f;
-      flow.uv[2 * size_t(i) + 1] = (float(bgr[1]) - 32768.f) / 64.f;
+      const auto rgb = mat.at<cv::Vec3w>(y, x);
+      flow.valid[size_t(i)] = rgb[2] > 0;
+      if (!rgb[2]) continue;
+      flow.uv[2 * size_t(i)] = (float(rgb[0]) - 32768.f) / 64.f;
+      flow.uv[2 * size_t(i) + 1] = (float(rgb[1]) - 32768.f) / 64.f;
     }
   return flow;
 }

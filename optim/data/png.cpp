@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/data/png.hpp"
-
 #include <png.h>
 
 #include <csetjmp>
 #include <cstdio>
 #include <cstring>
+
+#include "optim/data/decoded_picture.hpp"
 
 namespace gflow {
 namespace {
@@ -46,7 +46,6 @@ void ask_for_channels(png_structp png, png_infop info) {
   if (colours && png_get_valid(png, info, PNG_INFO_tRNS)) png_set_tRNS_to_alpha(png);
   if (kind == PNG_COLOR_TYPE_GRAY) png_set_expand_gray_1_2_4_to_8(png);
   if (kind == PNG_COLOR_TYPE_GRAY_ALPHA) png_set_gray_to_rgb(png);
-  if (colours) png_set_bgr(png);
   const uint16_t one = 1;
   uint8_t first = 0;
   std::memcpy(&first, &one, 1);
@@ -54,7 +53,7 @@ void ask_for_channels(png_structp png, png_infop info) {
 }
 
 // Nothing in here may need a destructor: an error leaves it by longjmp.
-bool decode(png_structp png, png_infop info, Report& report, cv::Mat& pixels) {
+bool decode(png_structp png, png_infop info, Report& report, DecodedPicture& to) {
   if (setjmp(report.stop)) return false;
   // Of chunks that may be left out only transparency is looked at. Checksums were compared before.
   png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
@@ -63,25 +62,28 @@ bool decode(png_structp png, png_infop info, Report& report, cv::Mat& pixels) {
   ask_for_channels(png, info);
   const int passes = png_set_interlace_handling(png);
   png_read_update_info(png, info);
-  const int depth = png_get_bit_depth(png, info) == 16 ? CV_16U : CV_8U;
-  pixels.create(int(png_get_image_height(png, info)), int(png_get_image_width(png, info)),
-                CV_MAKETYPE(depth, png_get_channels(png, info)));
+  to.width = int(png_get_image_width(png, info));
+  to.height = int(png_get_image_height(png, info));
+  to.channels = png_get_channels(png, info);
+  to.bits = png_get_bit_depth(png, info);
+  to.pixels.resize(size_t(to.height) * to.row());
   for (int pass = 0; pass < passes; ++pass)
-    for (int y = 0; y < pixels.rows; ++y) png_read_row(png, pixels.ptr(y), nullptr);
+    for (int y = 0; y < to.height; ++y)
+      png_read_row(png, to.pixels.data() + size_t(y) * to.row(), nullptr);
   return true;
 }
 
 }  // namespace
 
-DecodedPng decode_png(const Bytes& bytes) {
+DecodedPicture decode_png(const Bytes& bytes) {
   Report report;
   Source source{bytes, 0};
-  DecodedPng result;
+  DecodedPicture result;
   png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &report, on_error, keep_words);
   png_infop info = png ? png_create_info_struct(png) : nullptr;
   if (info) {
     png_set_read_fn(png, &source, read_source);
-    if (!decode(png, info, report, result.pixels)) result.pixels.release();
+    if (!decode(png, info, report, result)) result.pixels.clear();
   }
   png_destroy_read_struct(&png, &info, nullptr);
   result.complaint = report.words;
