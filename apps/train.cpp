@@ -162,6 +162,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
                    "Divides width and height of the pictures: 1, 2, 4 or 8 (scene.resolution)")
       ->default_str(std::to_string(defaults.scene.resolution));
   command->add_option("--seed", flags->seed, "Of every random choice (train.seed)")
+      ->check(number_in(0, double(kGreatestSeed)))
       ->default_str(std::to_string(defaults.train.seed));
   command
       ->add_option("--save-every", flags->save_every,

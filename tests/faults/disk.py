@@ -5,6 +5,7 @@ import re
 import shutil
 
 from outputs import gnuplot, is_whole_video, others
+from surroundings import as_always
 from trial import FOREVER, Trial, every_call, from_some_on
 from world import broken_checkpoints, checkpoints_of, contents_under, settings
 
@@ -100,8 +101,20 @@ def trials(world):
     return {trial.name: trial for trial in made}
 
 
+def in_parts(world):
+    """No call writes or reads as much as it is asked to, as on a slow or nearly full disk."""
+    run, report = world.path("in parts"), world.path("parts.report")
+    wrong = as_always(world, "in parts", {"LD_PRELOAD": world.shims["fail_io"], "FAULT_FOLDER": run, "FAULT_PARTS": "1",
+                                          "FAULT_REPORT": report}, run)
+    with open(report, encoding="utf-8", errors="surrogateescape") as file:
+        parted = {tuple(line.split()[1:3]) for line in file}
+    missed = [call for call in ("write", "read") if ("parted", call) not in parted]
+    return [wrong + [f"no call of {call} was cut short" for call in missed]]
+
+
 def faults(world, every):
     for name, trial in trials(world).items():
         yield f"disk: every write of {name}", lambda trial=trial: every_call(trial, every)
+    yield "disk: all is written and read in parts", lambda: in_parts(world)
     yield "disk: full when gnuplot draws", lambda: from_some_on(gnuplot(world), 6)
     yield "disk: full when a training ends, until something is removed", lambda: full_at_the_end(world)

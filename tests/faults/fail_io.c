@@ -7,6 +7,7 @@
 //   FAULT_ROOM    1: no more fail once a file is removed, temporaries aside: there is room again
 //   FAULT_ERRNO   the number errno is set to
 //   FAULT_REPORT  file that gets a line a call: its number, "failed" or "made", its name, the path
+//   FAULT_PARTS   1: write, read, sendfile and copy_file_range do half of what they are asked
 //   FAULT_READS   1: the calls that read count, instead of those that change
 //   FAULT_WHO     whose calls count: "first", of the program started but of none that it starts, or
 //                 a program's name; default: of all, each counting for itself
@@ -36,7 +37,7 @@ static atomic_long calls;
 static atomic_int removed;
 static char folder[PATH_MAX];
 static long first, last;
-static int code, report = -1, reads, room;
+static int code, report = -1, reads, room, parts;
 
 #define NEXT(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
 
@@ -59,6 +60,7 @@ __attribute__((constructor)) static void start(void) {
   code = (int)number("FAULT_ERRNO", ENOSPC);
   reads = (int)number("FAULT_READS", 0);
   room = (int)number("FAULT_ROOM", 0);
+  parts = (int)number("FAULT_PARTS", 0);
   report = NEXT(open)(to, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
 }
 
@@ -112,6 +114,16 @@ static int strikes_reading_of(const char *what, int fd) {
   return reads && *folder && strikes_reading(what, path_of(fd, 1, path));
 }
 
+// How much of `count` bytes a call writes or reads.
+static size_t part_of(const char *what, int fd, size_t count) {
+  char path[PATH_MAX];
+  const size_t length = strlen(folder);
+  if (!parts || !length || count < 2 || !path_of(fd, 1, path) || strncmp(path, folder, length) != 0)
+    return count;
+  say(0, "parted", what, path);
+  return count / 2;
+}
+
 static int opened(const char *name, const char *path, int flags, mode_t mode) {
   if ((flags & O_ACCMODE) != O_RDONLY && strikes("open", path)) return -1;
   if ((flags & O_ACCMODE) == O_RDONLY && strikes_reading("open", path)) return -1;
@@ -151,7 +163,8 @@ int fclose(FILE *file) {
   return EOF;
 }
 ssize_t write(int fd, const void *bytes, size_t count) {
-  return strikes_at("write", fd, 0) ? -1 : NEXT(write)(fd, bytes, count);
+  if (strikes_at("write", fd, 0)) return -1;
+  return NEXT(write)(fd, bytes, part_of("write", fd, count));
 }
 ssize_t pwrite(int fd, const void *bytes, size_t count, off_t at) {
   return strikes_at("pwrite", fd, 0) ? -1 : NEXT(pwrite)(fd, bytes, count, at);
@@ -177,12 +190,13 @@ int posix_fallocate(int fd, off_t at, off_t size) {
   return strikes_at("posix_fallocate", fd, 0) ? errno : NEXT(posix_fallocate)(fd, at, size);
 }
 ssize_t sendfile(int to, int from, off_t *at, size_t count) {
-  return strikes_at("sendfile", to, 0) ? -1 : NEXT(sendfile)(to, from, at, count);
+  if (strikes_at("sendfile", to, 0)) return -1;
+  return NEXT(sendfile)(to, from, at, part_of("sendfile", to, count));
 }
 ssize_t copy_file_range(int from, off64_t *at, int to, off64_t *there, size_t count, unsigned how) {
   return strikes_at("copy_file_range", to, 0)
              ? -1
-             : NEXT(copy_file_range)(from, at, to, there, count, how);
+             : NEXT(copy_file_range)(from, at, to, there, part_of("copy_file_range", to, count), how);
 }
 int link(const char *from, const char *to) {
   return strikes("link", to) ? -1 : NEXT(link)(from, to);
@@ -212,7 +226,8 @@ size_t __fread_chk(void *bytes, size_t room, size_t size, size_t count, FILE *fi
   return size && room / size < count ? (abort(), 0) : fread(bytes, size, count, file);
 }
 ssize_t read(int fd, void *bytes, size_t count) {
-  return strikes_reading_of("read", fd) ? -1 : NEXT(read)(fd, bytes, count);
+  if (strikes_reading_of("read", fd)) return -1;
+  return NEXT(read)(fd, bytes, part_of("read", fd, count));
 }
 ssize_t __read_chk(int fd, void *bytes, size_t count, size_t room) {
   return room < count ? (abort(), -1) : read(fd, bytes, count);
