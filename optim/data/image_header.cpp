@@ -71,7 +71,7 @@ uint32_t big_endian(const uint8_t* b, int n) {
 struct Parsed {
   ImageHeader header;
   size_t data = 0;           // position of the first compressed byte
-  size_t bytes_a_pixel = 3;  // decoded, and at least the 3 of RGB that grey becomes
+  size_t bytes_a_pixel = 3;  // that decoding takes: at least the 3 of RGB that grey becomes
   bool is_png = false;
 };
 
@@ -104,6 +104,22 @@ Parsed parse_png(Source& source, const std::string& path) {
   refuse(path, "its PNG header is truncated or damaged");
 }
 
+// What a decoder keeps of a progressive JPEG until it has seen all of it, 2 bytes for each
+// coefficient of each component, whose sampling factors stand behind the size [bytes a pixel].
+size_t kept_coefficients(Source& source, size_t frame) {
+  uint8_t components[1 + 3 * 4] = {};
+  source.read(frame + 9, components, 1);
+  const size_t count = std::min<size_t>(components[0], 4);
+  source.read(frame + 9, components, 1 + 3 * count);
+  int samples = 0, most = 1;  // of a block of 8 x 8 places of the coarsest component
+  for (size_t k = 0; k < count; ++k) {
+    const int across = components[2 + 3 * k] >> 4, down = components[2 + 3 * k] & 15;
+    samples += across * down;
+    most = std::max(most, across * down);
+  }
+  return size_t((2 * samples + most - 1) / most);
+}
+
 // Segments up to SOS.
 Parsed parse_jpeg(Source& source, const std::string& path) {
   Parsed parsed;
@@ -121,6 +137,7 @@ Parsed parse_jpeg(Source& source, const std::string& path) {
     if (frame && source.read(at, segment, 9)) {
       parsed.header.height = int(big_endian(segment + 5, 2));
       parsed.header.width = int(big_endian(segment + 7, 2));
+      if (marker % 4 == 2) parsed.bytes_a_pixel = 3 + kept_coefficients(source, at);
     }
     const size_t next = at + 2 + big_endian(segment + 2, 2);
     if (marker == 0xda && parsed.header.width) {

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <zlib.h>
 
+#include <algorithm>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <random>
@@ -188,6 +189,21 @@ TEST(Jpeg, EveryKindIsReadAsOpenCvReadsIt) {
       EXPECT_EQ(found.complaint, "");
       expect_pixels(found, read_by_opencv(jpeg));
     }
+}
+
+// 81 megapixels are 232 MiB, 463 with the coefficients of colours for every four pixels.
+TEST(Jpeg, ProgressiveOnesTakeMoreMemoryAndMustBeLonger) {
+  for (const bool progressive : {false, true}) {
+    Bytes jpeg = jpeg_of(CV_8UC3, progressive);
+    const uint8_t frame[] = {0xff, uint8_t(progressive ? 0xc2 : 0xc0), 0, 17, 8};
+    const auto at = std::search(jpeg.begin(), jpeg.end(), std::begin(frame), std::end(frame));
+    ASSERT_NE(at, jpeg.end());
+    for (const int i : {5, 7}) std::copy_n("\x23\x28", 2, at + i);  // 9000 x 9000
+    if (progressive)
+      expect_error([&] { check_image_bytes(jpeg, "a.jpg"); }, {"a.jpg", "would unpack to 463"});
+    else
+      EXPECT_EQ(check_image_bytes(jpeg, "a.jpg").width, 9000);
+  }
 }
 
 TEST(Jpeg, BytesThatMeanNothingAreNoDamage) {
