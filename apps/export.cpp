@@ -227,6 +227,11 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
   SliceRows now(queue, model, times[0]);
   const auto row = [&](size_t i, float* values) { now.row(i, values); };
   const size_t rows = now.head().rows;
+  if (rows == 0)
+    throw Error(
+        fmt::format("exporting {}: none of its {} Gaussians can be seen at time {}, and a "
+                    "file without any is of no use; --times names another",
+                    flags.model, host.count, times[0]));
   if (flags.format == "ply") write_ply(flags.output, now.head(), row);
   if (flags.format == "splat") write_dot_splat(flags.output, rows, now.sh_degree(), row);
   show("written   {}, {} of {} Gaussians, at time {}\n", flags.output, rows, host.count, times[0]);

@@ -21,6 +21,7 @@
 #include "optim/io/interrupt.hpp"
 #include "optim/io/printable.hpp"
 #include "optim/io/unfinished_file.hpp"
+#include "runtime/pocl_cache.hpp"
 
 namespace {
 
@@ -31,6 +32,18 @@ int say(const std::string& sentence, int exit_code) {
 
 // The program that read what is printed has ended, as `head` does: no reason for words.
 int nobody_reads() { return 128 + SIGPIPE; }
+
+bool is_over = false;
+
+// PoCL's LLVM ends the program where it cannot write, with words that name no file.
+void tell_of_exit() {
+  if (is_over) return;
+  gflow::remove_unfinished_files();
+  const std::string why = gflow::why_not_compiled();
+  say("a library ended the program, for the reason it gives above" +
+          (why.empty() ? "" : "; " + why),
+      1);
+}
 
 // The options every sub-command has, repeated at the end of each sub-command's --help.
 std::string global_help(const CLI::App& app) {
@@ -87,15 +100,8 @@ int run(int argc, char** argv) {
   return 0;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  gflow::open_standard_streams();
-  gflow::set_signals();
-  std::at_quick_exit([] { gflow::remove_unfinished_files(); });  // a device that hangs: Watchdog
-#ifdef GFLOW_WITH_OPENCV
-  gflow::listen_to_decoders();
-#endif
+// The exit code, whatever happens.
+int run_in_words(int argc, char** argv) {
   try {
     const int code = run(argc, argv);
     if (std::fflush(stdout) == 0) return code;
@@ -124,4 +130,19 @@ int main(int argc, char** argv) {
   } catch (const std::exception& problem) {
     return say(fmt::format("an error nobody foresaw: {}", problem.what()), 1);
   }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  gflow::open_standard_streams();
+  gflow::set_signals();
+  std::at_quick_exit([] { gflow::remove_unfinished_files(); });  // a device that hangs: Watchdog
+  std::atexit(tell_of_exit);
+#ifdef GFLOW_WITH_OPENCV
+  gflow::listen_to_decoders();
+#endif
+  const int code = run_in_words(argc, argv);
+  is_over = true;
+  return code;
 }

@@ -7,6 +7,7 @@
 
 #include "optim/motion/gradient_check.hpp"
 #include "runtime/environment.hpp"
+#include "runtime/pocl_cache.hpp"
 
 namespace gflow {
 
@@ -21,6 +22,8 @@ Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options
             "shows all checks, --device chooses another device",
             queue.info.full_name(), row.name, row.figure, row.bound));
     return queue;
+  } catch (const NoRoomForPrograms&) {
+    throw;
   } catch (const Error& error) {
     throw NoUsableDevice(error.what());
   }

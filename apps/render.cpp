@@ -124,6 +124,11 @@ std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& sou
                     "scene (--scene)",
                     flags.camera, source.path));
   const std::string times = flags.times.empty() ? "0:1:40" : flags.times;
+  if (source.model.count == 0)
+    throw Error(
+        fmt::format("drawing {}: it holds no Gaussians, and no camera is known from which "
+                    "nothing could be drawn",
+                    source.path));
   return orbit_views(source.model, parse_times(times), flags.up);
 }
 

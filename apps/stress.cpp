@@ -199,6 +199,8 @@ void run(const StressFlags& flags, const GlobalOptions& options) {
                     "out; the figures above are complete{}",
                     left_out, tests.size(), table_left_out ? "the " : "no ",
                     flags.json.empty() ? "" : ", and in " + flags.json));
+  if (interrupted())
+    throw Interrupted("interrupted; the last test had begun and is among the figures");
   if (outcome.failed > 0) throw CLI::RuntimeError(3);
 }
 

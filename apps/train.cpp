@@ -130,7 +130,8 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->check(path_given())
       ->required()
       ->type_name("FOLDER");
-  command->add_option("--config", flags->config_file, "Settings in a TOML file; empty: defaults")
+  command->add_option("--config", flags->config_file, "Settings in a TOML file (default: none)")
+      ->check(path_given())
       ->type_name("FILE.toml");
   command
       ->add_option("--set", flags->settings,

@@ -58,11 +58,24 @@ cl::Program built_from_source(Queue& queue, const std::string& source, const std
   return program;
 }
 
+// Where a file could not be written PoCL tells no reason.
+cl::Program built_with_reasons(Queue& queue, const std::string& file, const std::string& source,
+                               const std::string& options) {
+  try {
+    return built_from_source(queue, source, options);
+  } catch (const cl::Error& problem) {
+    const bool of_build = problem.err() == CL_BUILD_PROGRAM_FAILURE && is_pocl(queue.info);
+    const std::string why = of_build ? why_not_compiled() : "";
+    if (why.empty()) throw;
+    throw NoRoomForPrograms(fmt::format("compiling {}: {}", file, why));
+  }
+}
+
 // LLVM would end the program.
 void require_room_for_programs(const DeviceInfo& device, const std::string& file) {
   constexpr uint64_t taken = uint64_t{16} << 20;  // by all kernels of a training, twice
   const std::string problem = is_pocl(device) ? pocl_cache_problem(taken) : "";
-  if (!problem.empty()) throw Error(fmt::format("compiling {}: {}", file, problem));
+  if (!problem.empty()) throw NoRoomForPrograms(fmt::format("compiling {}: {}", file, problem));
 }
 
 }  // namespace
@@ -87,7 +100,7 @@ Program::Program(Queue& queue, const std::string& file, const Defines& defines) 
     known = cl_call("building " + file + " with " + options, [&] {
       const ProgramCache cache(queue, source, options);
       if (auto program = cache.load(queue, options); program()) return program;
-      auto program = built_from_source(queue, source, options);
+      auto program = built_with_reasons(queue, file, source, options);
       cache.store(program);
       return program;
     });

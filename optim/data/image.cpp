@@ -14,6 +14,7 @@
 #include "optim/data/decoded_picture.hpp"
 #include "optim/data/image_header.hpp"
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/packed_size.hpp"
 #include "optim/io/warning.hpp"
 #include "runtime/error.hpp"
 
@@ -51,8 +52,7 @@ void check_pixels(const Image& image, const std::string& doing) {
                             image.width, image.height, image.channels, image.pixels.size()));
 }
 
-DecodedPicture decode(const std::string& path) {
-  const Bytes bytes = read_file(path);
+DecodedPicture decode(const Bytes& bytes, const std::string& path) {
   check_image_bytes(bytes, path);
   DecodedPicture picture = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
   const std::string& why = picture.complaint;
@@ -118,7 +118,7 @@ Image resampled(const Image& image, Sample sample) {
 }  // namespace
 
 Image read_image(const std::string& path) {
-  DecodedPicture picture = decode(path);
+  DecodedPicture picture = decode(read_file(path), path);
   if (picture.bits == 8 && picture.channels > 1)
     return {picture.width, picture.height, picture.channels, std::move(picture.pixels)};
   const cv::Mat mat = as_8_bits(picture);
@@ -126,7 +126,7 @@ Image read_image(const std::string& path) {
 }
 
 Image read_grey(const std::string& path) {
-  DecodedPicture picture = decode(path);
+  DecodedPicture picture = decode(read_file(path), path);
   const cv::Mat mat = as_8_bits(picture);
   if (mat.channels() == 1) return from_mat(mat);
   return converted(mat, 1, mat.channels() == 4 ? cv::COLOR_RGBA2GRAY : cv::COLOR_RGB2GRAY);
@@ -184,7 +184,11 @@ void write_png16(const std::string& path, int width, int height,
 }
 
 FlowField read_kitti_flow(const std::string& path) {
-  DecodedPicture picture = decode(path);
+  const Bytes bytes = read_file(path);
+  const ImageHeader header = check_image_bytes(bytes, path);
+  // 16 bits of three channels. Flow does not pack as one colour does.
+  require_plausible_size(6 * size_t(header.width) * size_t(header.height), bytes.size(), path);
+  DecodedPicture picture = decode(bytes, path);
   const cv::Mat mat = as_mat(picture);
   if (mat.type() != CV_16UC3)
     throw Error(fmt::format("cannot read flow {}: KITTI flow is a 16-bit RGB PNG", path));

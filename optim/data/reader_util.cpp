@@ -88,10 +88,12 @@ std::string path_inside(const std::string& folder, const std::string& relative,
                     "bytes long",
                     source, excerpt(relative), longest));
   const fs::path path = fs::path(relative).lexically_normal();
-  if (relative.empty() || path.is_absolute() || *path.begin() == "..")
-    throw Error(fmt::format(
-        "{} names the file '{}', which is not in the scene folder; expected is a relative path",
-        source, excerpt(relative)));
+  if (relative.empty()) throw Error(fmt::format("{} names a file, but the name is empty", source));
+  if (path.is_absolute() || *path.begin() == "..")
+    throw Error(
+        fmt::format("{} names the file '{}', which leads out of the scene folder; expected is a "
+                    "relative path that stays in it",
+                    source, excerpt(relative)));
   return (fs::path(folder) / path).string();
 }
 

@@ -40,6 +40,9 @@ std::string picture_of(const std::string& folder, const Transforms& file, const 
   const std::string base = path_inside(folder, relative, file.path);
   for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG"})
     if (fs::is_regular_file(base + extension)) return base + extension;
+  if (fs::is_directory(base))
+    throw Error(
+        fmt::format("{} names the picture '{}', but {} is a folder", file.path, relative, base));
   throw Error(fmt::format("{} names the picture '{}', but there is no {} (nor .png, .jpg)",
                           file.path, relative, base));
 }

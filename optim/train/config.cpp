@@ -143,20 +143,31 @@ void for_each_setting(Config& config, Visit&& visit) {
   });
 }
 
+// What a sentence on an unknown name ends with: the one that is meant, if any is near. marks:
+// around names, "[]" or "''".
+std::string nearest_in_words(const std::string& name, const std::string& nearest, bool is_near,
+                             const std::string& marks) {
+  const std::string known = is_near ? "the nearest is " + marks.substr(0, 1) + nearest + marks[1]
+                                    : "`gflow settings` lists them";
+  return fmt::format("{}{}{}; {}", marks[0], excerpt(name), marks[1], known);
+}
+
 // The key counts twice and the section at most 3: a right key in a wrong section is found, too.
-std::string nearest_setting(const std::string& section, const std::string& key) {
+std::string nearest_setting(const std::string& name, const std::string& section,
+                            const std::string& key) {
   std::string nearest;
-  size_t best = std::numeric_limits<size_t>::max();
+  size_t best = std::numeric_limits<size_t>::max(), of_key = best;
   TrainConfig config;
   for_each_setting(
       config, [&](const std::string& its_section, const std::string& its_key, auto&&...) {
-        const size_t distance = 2 * edit_distance(key, its_key) +
-                                std::min<size_t>(edit_distance(section, its_section), 3);
+        const size_t keys = edit_distance(key, its_key);
+        const size_t distance = 2 * keys + std::min<size_t>(edit_distance(section, its_section), 3);
         if (distance >= best) return;
         best = distance;
+        of_key = keys;
         nearest = its_section + "." + its_key;
       });
-  return nearest;
+  return nearest_in_words(name, nearest, 2 * of_key <= key.size(), "''");
 }
 
 std::string nearest_section(const std::string& name) {
@@ -169,7 +180,7 @@ std::string nearest_section(const std::string& name) {
     best = distance;
     nearest = section;
   });
-  return nearest;
+  return nearest_in_words(name, nearest, 2 * best <= name.size(), "[]");
 }
 
 void assign_setting(TrainConfig& config, const std::string& section, const std::string& key,
@@ -190,8 +201,8 @@ void assign_setting(TrainConfig& config, const std::string& section, const std::
                       in.where, key, key, key));
   });
   if (!known)
-    throw Error(fmt::format("{}: there is no setting '{}'; the nearest is '{}'", in.where,
-                            excerpt(in.name), nearest_setting(section, key)));
+    throw Error(fmt::format("{}: there is no setting {}", in.where,
+                            nearest_setting(in.name, section, key)));
 }
 
 // A node for the text of --set: TOML where it is TOML, else a number where it is one (.5),
@@ -243,8 +254,7 @@ void apply_toml(TrainConfig& config, const std::string& path, Parse&& parse) {
     TrainConfig::sections(
         config, [&](const char* its_name, auto&, const char*) { known |= name == its_name; });
     if (!known && table->empty())
-      throw Error(fmt::format("{}: there is no section [{}]; the nearest is [{}]", where(node),
-                              excerpt(name), nearest_section(name)));
+      throw Error(fmt::format("{}: there is no section {}", where(node), nearest_section(name)));
     for (const auto& [key, value] : *table)
       assign_setting(config, name, std::string(key.str()), {where(value), "", &value, {}});
   }

@@ -110,10 +110,10 @@ void require_no_training(const RunFolder& run) {
   } catch (const Error&) {  // damaged: what is known decides
   }
   if (run.checkpoints().steps().empty())
-    throw Error(
-        fmt::format("{} holds a model and no checkpoint to go on from: name another folder, or "
-                    "replace it with --overwrite",
-                    run.folder()));
+    throw Error(fmt::format(
+        "{} holds a model, which `gflow eval {}` judges, and no checkpoint to go on from: "
+        "name another folder, or replace it with --overwrite",
+        run.folder(), run.folder()));
   const int all = former.train.iterations;
   const int step = last ? last->checkpoint.facts.step : all;
   const bool out_of_time = ended.finished && ended.iterations == step;  // train.minutes

@@ -121,8 +121,11 @@ Error not_all_kept(const Training& training, int steps, const std::string& model
   const RunFolder& run = training.run;
   const std::vector<int> saved = run.checkpoints().steps();
   const int last = saved.empty() ? 0 : saved[0];
-  const std::string go_on =
-      last > 0 ? "; once that is mended, " + how_to_go_on(run, training.config) : "";
+  std::string go_on;
+  if (last > 0)
+    go_on = "; once that is mended, " + how_to_go_on(run, training.config);
+  else if (model.empty() && steps == training.config.train.iterations)
+    go_on = fmt::format("; once that is mended, `gflow eval {}` judges it", run.folder());
   if (model.empty())
     return Error(
         fmt::format("{}; the model is in {}, {}{}", rest, run.model_path(steps),

@@ -51,6 +51,14 @@ ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& sc
   return shape;
 }
 
+// Whether it is over, and there was no room for its last checkpoint beside the model.
+bool is_over_without_checkpoint(const RunFolder& run, const TrainConfig& config) {
+  if (!run.checkpoints().steps().empty() || run.models().empty()) return false;
+  const RunFacts ended = run.read_facts();
+  return ended.finished && ended.iterations == run.models()[0] &&
+         setting_values(run.read_config()) == setting_values(config);
+}
+
 }  // namespace
 
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
@@ -61,6 +69,12 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
+  if (start == Start::resume && is_over_without_checkpoint(run, config)) {
+    run.lock();  // an Error where another process trains it
+    if (!quiet) tell("the training in {} is over; its model is judged\n", run.folder());
+    if (scene.test.empty()) return {};
+    return evaluate_run(queue, run, "test", quiet, latest_iteration, {}).evaluation;
+  }
   if (begins) require_first_points(scene, config.init);
   require_what_judges(config, scene, prepared.frames());
   const std::vector<int> saved = run.checkpoints().steps();

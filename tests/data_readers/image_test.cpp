@@ -126,6 +126,15 @@ TEST(Image, KittiFlowIsDecoded) {
   expect_error([&] { read_kitti_flow(folder.file("8bit.png")); }, {"8bit.png", "16-bit"});
 }
 
+TEST(Image, KittiFlowIsNotUnpackedBeyondWhatFlowPacks) {
+  const TemporaryFolder folder;
+  const std::string found =
+      contents(GFLOW_SOURCE_DIR "/tests/data/fuzz/kitti_flow/flow_of_62_megapixels");
+  const auto* bytes = reinterpret_cast<const uint8_t*>(found.data());
+  const std::string path = folder.write("f.png", fuzz::with_png_checksums(bytes, found.size()));
+  expect_error([&] { read_kitti_flow(path); }, {"f.png", "would unpack to"});
+}
+
 TEST(Image, TruncatedPngsAreRefusedAtEveryLength) {
   const TemporaryFolder folder;
   make_png(folder, "a.png");

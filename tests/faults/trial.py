@@ -41,6 +41,7 @@ class Trial:
         self.prepare, self.arguments, self.check = prepare, arguments, check
         self.right = {}
         self.varies = False  # how many calls there are hangs on the clock
+        self.missed = 0  # faults that did not strike, where that is so
         self.room = False  # what fails does so until a file is removed
 
     def run(self, first, last, code, tag):
@@ -63,6 +64,7 @@ class Trial:
         where = f"{os.strerror(code)} at call {first}{'' if first == last else ' and all later'}"
         if not failed:
             shutil.rmtree(folder)
+            self.missed += 1
             return [] if self.varies else [f"{where}: the fault did not strike"]
         where += " (" + failed[0][1].replace(folder, "") + ")"
         wrong = complaints(outcome, (0, 1), self.needles(failed, folder, code))
@@ -105,6 +107,8 @@ def every_call(trial, every):
             jobs.append((k, FOREVER, codes[i // 3 % len(codes)]))
     with ThreadPoolExecutor(2) as pool:
         yield from pool.map(lambda job: trial.run(*job[1], job[0]), enumerate(jobs))
+    if 2 * trial.missed > len(jobs):
+        yield [f"{trial.missed} of {len(jobs)} faults did not strike"]
 
 
 def chosen_calls(trial, word, most):

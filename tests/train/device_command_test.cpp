@@ -98,6 +98,21 @@ TEST(DevicesCommand, ADeviceWhoseArithmeticIsWrongIsRefusedForAnyWork) {
   EXPECT_NE(work.err.find("float32 sqrt, error in ulp"), std::string::npos) << work.err;
 }
 
+// PoCL says of the first that the program does not build; of the second its LLVM ends gflow.
+TEST(DevicesCommand, AKernelThatCannotBeKeptIsNoFaultOfTheDevice) {
+  if (!is_pocl(list_devices()[0])) GTEST_SKIP() << "PoCL alone keeps its programs in a folder";
+  for (const char* kib : {"40", "200"}) {
+    const TemporaryFolder folder;
+    const Outcome outcome =
+        gflow({"stress", "--derivatives"},
+              fmt::format("export POCL_CACHE_DIR='{}'; ulimit -f {}", folder.path(), kib));
+    EXPECT_EQ(outcome.code, 1) << kib;
+    EXPECT_NE(outcome.err.find(folder.path() + ", where no file can have the MiB"),
+              std::string::npos)
+        << kib << outcome.err;
+  }
+}
+
 // No device is to blame for these.
 TEST(DevicesCommand, AVariableThatIsNoAnswerIsAnError) {
   for (const char* set : {"GFLOW_POISON_BUFFERS=yes", "GFLOW_SYNC=2", "GFLOW_KERNEL_DIR=/nowhere",

@@ -143,6 +143,20 @@ TEST_F(Resume, AFinishedTrainingIsEvaluatedAgainAndNothingElse) {
   expect_as_uninterrupted();
 }
 
+// As where a disk was full at the end: a job that is started over and over must come to an end.
+TEST_F(Resume, AModelThatHadNoRoomForItsCheckpointIsJudged) {
+  ASSERT_EQ(gflow(train("run")).code, 0);
+  const std::string results = run("run") + "/results.json", before = contents(results);
+  const std::string model = contents(latest_model("run"));
+  fs::remove_all(run("run") + "/checkpoints");
+  fs::remove(results);
+  expect_refused(resume({"--set", "flow.weight=0.3"}), {"gflow eval", "no checkpoint"});
+  const Outcome outcome = gflow(resume());
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(contents(results), before);
+  EXPECT_TRUE(contents(latest_model("run")) == model);
+}
+
 TEST_F(Resume, TheCheckpointBeforeADamagedOneIsUsed) {
   stopped_after(60, SIGKILL);
   const auto found = RunFolder(run("run")).checkpoints().latest();
