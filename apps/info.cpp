@@ -178,8 +178,8 @@ Json info_of_file(const std::string& path) {
       if (fs::path(path).extension() == splats) throw;
     try {
       video_info(path);
-    } catch (const Error&) {
-      throw Error(fmt::format("{}; nor is it a video that can be read", no_splat.what()));
+    } catch (const Error& no_video) {
+      throw Error(fmt::format("{}; nor is it a video: {}", no_splat.what(), no_video.what()));
     }
     return info_of_scene(path);
   }
