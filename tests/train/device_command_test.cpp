@@ -198,6 +198,18 @@ TEST(StressCommand, RefusesWhatItDoesNotKnow) {
   EXPECT_NE(gflow({"stress", "--only", "5", "--derivatives"}).code, 0);
 }
 
+// A loop of a shell around it must end, too.
+TEST(StressCommand, InterruptedInItsLastTestItSaysSo) {
+  const Command command({"stress", "--only", "T22"});
+  for (int i = 0; i < 6000 && command.said().find("T22 ") == std::string::npos; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  command.send(SIGTERM);
+  const Outcome outcome = command.wait();
+  EXPECT_EQ(outcome.code, 143);
+  EXPECT_NE(outcome.err.find("the last test had begun"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.out.find("T22 "), std::string::npos) << outcome.out;
+}
+
 TEST(StressCommand, InterruptedItKeepsTheFiguresThatItHas) {
   const TemporaryFolder folder;
   const std::string path = folder.file("figures.json");
