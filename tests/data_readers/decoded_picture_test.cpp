@@ -206,15 +206,18 @@ TEST(Jpeg, ProgressiveOnesTakeMoreMemoryAndMustBeLonger) {
   }
 }
 
+// They are seen where the end is looked for: in progressive ones.
 TEST(Jpeg, BytesThatMeanNothingAreNoDamage) {
-  const Bytes jpeg = jpeg_of(CV_8UC3, false);
-  Bytes longer = jpeg;
-  longer.insert(longer.end() - 2, 5, 0);  // before the marker of the end
-  testing::internal::CaptureStderr();
-  const DecodedPicture found = decode_jpeg(longer);
-  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
-  EXPECT_EQ(found.complaint, "");
-  EXPECT_EQ(found.pixels, decode_jpeg(jpeg).pixels);
+  for (const bool progressive : {false, true}) {
+    const Bytes jpeg = jpeg_of(CV_8UC3, progressive);
+    Bytes longer = jpeg;
+    longer.insert(longer.end() - 2, 5, 0);  // before the marker of the end
+    testing::internal::CaptureStderr();
+    const DecodedPicture found = decode_jpeg(longer);
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+    EXPECT_EQ(found.complaint, "");
+    EXPECT_EQ(found.pixels, decode_jpeg(jpeg).pixels);
+  }
 }
 
 TEST(Jpeg, OnesThatLackPixelsAreDamaged) {
