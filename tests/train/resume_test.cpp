@@ -421,12 +421,14 @@ TEST_F(Resume, AFormerRunThatIsGoneIsNotSaidToBeThere) {
   EXPECT_EQ(outcome.err.find("as it was"), std::string::npos) << outcome.err;
 }
 
-TEST_F(Resume, AModelWithoutItsCheckpointIsNoFinishedTraining) {
+// --resume judges it where it is known to be finished.
+TEST_F(Resume, AModelWithoutItsCheckpointIsNeitherReplacedNorGoneOnWith) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
   fs::remove_all(run("run") + "/checkpoints");
-  for (const char* how : {"--resume", "--quiet"})
-    expect_refused(train("run", {"--iterations", "1", how}),
-                   {run("run"), "a model and no checkpoint", "--overwrite"});
+  const auto needles = {run("run"), std::string("`gflow eval"), std::string("no checkpoint")};
+  expect_refused(train("run", {"--iterations", "1"}), needles);
+  fs::remove(run("run") + "/training.json");
+  expect_refused(train("run", {"--iterations", "1", "--resume"}), needles);
 }
 
 // A mistyped -o, or the same command once more.
