@@ -126,8 +126,8 @@ std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& sou
   const std::string times = flags.times.empty() ? "0:1:40" : flags.times;
   if (source.model.count == 0)
     throw Error(
-        fmt::format("drawing {}: it holds no Gaussians, and no camera is known from which "
-                    "nothing could be drawn",
+        fmt::format("drawing {}: it holds no Gaussians to look at, and there is no cameras.json "
+                    "beside it",
                     source.path));
   return orbit_views(source.model, parse_times(times), flags.up);
 }

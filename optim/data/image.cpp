@@ -52,8 +52,8 @@ void check_pixels(const Image& image, const std::string& doing) {
                             image.width, image.height, image.channels, image.pixels.size()));
 }
 
+// Of bytes that check_image_bytes has seen.
 DecodedPicture decode(const Bytes& bytes, const std::string& path) {
-  check_image_bytes(bytes, path);
   DecodedPicture picture = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
   const std::string& why = picture.complaint;
   if (picture.pixels.empty())
@@ -64,6 +64,12 @@ DecodedPicture decode(const Bytes& bytes, const std::string& path) {
   if (!why.empty() && told.insert(path).second)
     warn(fmt::format("picture {} may be damaged ({}); it is used all the same", path, why));
   return picture;
+}
+
+DecodedPicture read_picture(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  check_image_bytes(bytes, path);
+  return decode(bytes, path);
 }
 
 // A header over its memory.
@@ -118,7 +124,7 @@ Image resampled(const Image& image, Sample sample) {
 }  // namespace
 
 Image read_image(const std::string& path) {
-  DecodedPicture picture = decode(read_file(path), path);
+  DecodedPicture picture = read_picture(path);
   if (picture.bits == 8 && picture.channels > 1)
     return {picture.width, picture.height, picture.channels, std::move(picture.pixels)};
   const cv::Mat mat = as_8_bits(picture);
@@ -126,7 +132,7 @@ Image read_image(const std::string& path) {
 }
 
 Image read_grey(const std::string& path) {
-  DecodedPicture picture = decode(read_file(path), path);
+  DecodedPicture picture = read_picture(path);
   const cv::Mat mat = as_8_bits(picture);
   if (mat.channels() == 1) return from_mat(mat);
   return converted(mat, 1, mat.channels() == 4 ? cv::COLOR_RGBA2GRAY : cv::COLOR_RGB2GRAY);

@@ -84,7 +84,7 @@ NpyHeader parse_header(const uint8_t* bytes, size_t length, const std::string& n
   if ((!fortran && order.substr(0, 5) != "False") || shape.substr(0, 1) != "(" ||
       shape.find(')') == shape.npos || extents.size() > 200 ||
       extents.find_first_not_of("0123456789, ") != extents.npos)
-    refuse_array(name, "its header does not give order and shape, which are numbers from 0 on");
+    refuse_array(name, "its header does not give order and shape (whole numbers from 0 on)");
   return {std::string(descr), fortran, parse_shape(extents, name), start + text_length};
 }
 

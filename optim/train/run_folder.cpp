@@ -309,7 +309,7 @@ void RunFolder::keep_metrics_before(int iteration) const {
   for (std::string_view rest = kept; !rest.empty(); ++number) {
     const std::string_view text = take_line(rest);
     const Json line = metrics_of(text);
-    // The last line of a killed process may be.
+    // As the last line of a killed process may be.
     const bool cut_off = rest.empty() && text.substr(0, 1) == "{";
     if (line.is_discarded() && !cut_off)
       warn(

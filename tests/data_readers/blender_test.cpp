@@ -136,6 +136,7 @@ TEST(Blender, FilesThatContradictThemselvesAreRefused) {
   const auto a = [](const std::string& matrix) { return frame("train/a", "0", matrix); };
   expect_error([&] { with(""); }, {"transforms_train.json", "no frames"});
   expect_error([&] { with(frame("train/x", "0", pose)); }, {"train/x", "there is no"});
+  expect_error([&] { with(frame("train", "0", pose)); }, {"'train'", "is a folder"});
   expect_error([&] { with(frame("../a", "0", pose)); }, {"'../a'", "relative path"});
   expect_error([&] { with(frame("train/../../a", "0", pose)); }, {"relative path"});
   expect_error([&] { with(frame("/etc/a", "0", pose)); }, {"'/etc/a'", "relative path"});

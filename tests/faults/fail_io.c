@@ -6,7 +6,7 @@
 //   FAULT_LAST    the last one that fails (default: k alone; a large number: the disk stays full)
 //   FAULT_ROOM    1: no more fail once a file is removed, temporaries aside: there is room again
 //   FAULT_ERRNO   the number errno is set to
-//   FAULT_REPORT  file that gets a line a call: its number, "failed" or "made", its name, the path
+//   FAULT_REPORT  file that gets a line a call: its number, "failed", "made" or "parted", its name, the path
 //   FAULT_PARTS   1: write, read, sendfile and copy_file_range do half of what they are asked
 //   FAULT_READS   1: the calls that read count, instead of those that change
 //   FAULT_WHO     whose calls count: "first", of the program started but of none that it starts, or

@@ -288,6 +288,9 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   for (const char* option : {"--json", "--plots", "--markdown"})
     expect_refused({"bench", "pareto", option, ""}, {option, "the path is empty"});
   expect_refused({"stress", "--json", ""}, {"--json", "the path is empty"});
+  expect_refused({"train", "some", "-o", "out", "--config", ""}, {"--config", "the path is empty"});
+  expect_refused({"train", "some", "-o", "out", "--seed", std::string(23, '9')},
+                 {"--seed: '" + std::string(23, '9') + "' is no number from 0 to 2000000000"});
   expect_refused({"render", run(), "-o", out, "--up", "w"}, {"'w'", "-y or -z"});
   expect_refused({"render", run(), "-o", out, "--fps", "nan"}, {"'nan'", "0.01 to 1000"});
   expect_refused({"render", run(), "-o", out, "--fps", "0x1p3"}, {"'0x1p3'", "0.01 to 1000"});

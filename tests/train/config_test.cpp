@@ -169,6 +169,12 @@ TEST(Config, ARightKeyInAWrongSectionIsFound) {
   EXPECT_CONTAINS(message_of_file("[trian]\n"), "[train]");
 }
 
+TEST(Config, WhereNoNameIsNearNoneIsGuessed) {
+  for (const std::string& message : {message_of_setting("zzz.a=2"), message_of_setting("train.x=1"),
+                                     message_of_file("[wxyz]\n")})
+    EXPECT_CONTAINS(message, "`gflow settings` lists them");
+}
+
 TEST(Config, AWrongTypeIsRefusedWithWhatIsAllowed) {
   EXPECT_CONTAINS(message_of_setting("train.iterations=many"), "train.iterations = many");
   EXPECT_CONTAINS(message_of_setting("train.iterations=many"), "a whole number, at least 1");

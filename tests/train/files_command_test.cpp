@@ -219,6 +219,17 @@ TEST_F(FilesCommand, SplatDrawsAnArchive) {
   EXPECT_EQ(output.at("g_rgb_means").shape, (std::vector<size_t>{2, 3}));
 }
 
+TEST_F(FilesCommand, AFileWithoutGaussiansIsNeitherDrawnNorExported) {
+  const TemporaryFolder folder, out;
+  const std::string none = folder.file("none.ply");
+  write_ply(none, SplatTable(0, 0).table);
+  expect_refused({"render", none, "-o", out.file("drawn")},
+                 {none, "holds no Gaussians", "cameras.json"});
+  for (const char* name : {"out.ply", "out.splat"})
+    expect_refused({"export", none, "-o", out.file(name)}, {none, "none of its 0 Gaussians"});
+  EXPECT_EQ(out.count(), 0u);
+}
+
 TEST_F(FilesCommand, AFileWithoutGaussiansIsNotImported) {
   const TemporaryFolder folder;
   write_ply(folder.file("none.ply"), SplatTable(0, 0).table);
