@@ -3,6 +3,7 @@
 // 0 done, 1 an error or a wrong command line, 2 no usable device, 4 a device that hangs, 128 +
 // signal interrupted.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cerrno>
@@ -43,6 +44,15 @@ void tell_of_exit() {
   say("a library ended the program, for the reason it gives above" +
           (why.empty() ? "" : "; " + why),
       1);
+}
+
+// PoCL itself aborts when a kernel that it could not write is not there. Where that is not why,
+// abort() goes on.
+void tell_of_abort(int) {
+  alarm(10);  // memory that is corrupt may hold a lock
+  if (gflow::why_not_compiled().empty()) return;
+  tell_of_exit();
+  std::_Exit(1);
 }
 
 // The options every sub-command has, repeated at the end of each sub-command's --help.
@@ -139,6 +149,7 @@ int main(int argc, char** argv) {
   gflow::set_signals();
   std::at_quick_exit([] { gflow::remove_unfinished_files(); });  // a device that hangs: Watchdog
   std::atexit(tell_of_exit);
+  std::signal(SIGABRT, tell_of_abort);
 #ifdef GFLOW_WITH_OPENCV
   gflow::listen_to_decoders();
 #endif

@@ -18,6 +18,7 @@
 #include "optim/io/printable.hpp"
 #include "optim/io/tell.hpp"
 #include "optim/io/warning.hpp"
+#include "runtime/pocl_cache.hpp"
 
 namespace gflow {
 namespace {
@@ -125,6 +126,8 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
   Rows rows;
   try {
     rows = test.run(queue);
+  } catch (const NoRoomForPrograms&) {
+    throw;  // no fault of the device
   } catch (const Error& problem) {
     rows = {{problem.what(), std::nan(""), 0}};
   }

@@ -20,7 +20,7 @@ std::string no_device_message() {
   const char* const cache = std::getenv("POCL_CACHE_DIR");
   const std::string install = "install a driver, on Debian e.g. `apt install pocl-opencl-icd`";
   std::error_code problem;
-  if (const std::string why = pocl_cache_problem(0); !why.empty())
+  if (const std::string why = why_not_compiled(); !why.empty())
     return cache && *cache
                ? "no OpenCL device found: " + why
                : fmt::format("no OpenCL device found: {}; if it is there: {}", install, why);

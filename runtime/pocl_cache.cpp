@@ -38,14 +38,13 @@ fs::path nearest_that_is_there() {
   return there;
 }
 
-// Why no file can be so large there, which free space does not tell of a quota and of a limit of
-// the shell (ulimit -f); "" where it can, or nothing can be known. Leaves no file.
-std::string why_no_file_of(uint64_t size, const fs::path& there) {
+// errno of a file that cannot be made or be so large there, of a full disk, a quota or a limit of
+// the shell (ulimit -f); 0 where it can, or nothing can be known. Leaves no file.
+int why_no_file_of(uint64_t size, const fs::path& there) {
   const int file = open(there.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600);
-  if (file < 0) return "";
-  const int why = fallocate(file, 0, 0, off_t(size)) == 0 ? 0 : errno;
-  close(file);
-  return why == ENOSPC || why == EDQUOT || why == EFBIG ? std::strerror(why) : "";
+  const int why = file >= 0 && fallocate(file, 0, 0, off_t(size)) == 0 ? 0 : errno;
+  if (file >= 0) close(file);
+  return why == ENOSPC || why == EDQUOT || why == EFBIG ? why : 0;
 }
 
 }  // namespace
@@ -68,18 +67,24 @@ std::string pocl_cache_problem(uint64_t needed) {
   if (!problem && space.available < needed)
     return fmt::format("{}, where {} MiB are left, and compiling takes {}: make room, or {}",
                        name_of_folder(), space.available >> 20, needed >> 20, kAdvice);
+  // Free space does not tell of a quota. (A limit on files is nothing to what is there already.)
+  if (const int why = why_no_file_of(needed, there); why == ENOSPC || why == EDQUOT)
+    return fmt::format(
+        "{}, where the {} MiB that compiling takes are not to be had ({}): make "
+        "room, or {}",
+        name_of_folder(), needed >> 20, std::strerror(why), kAdvice);
   return "";
 }
 
 std::string why_not_compiled() {
   constexpr uint64_t largest = uint64_t{1} << 20;  // LLVM's code of the largest kernel: 872 KiB
   if (std::string why = pocl_cache_problem(largest); !why.empty()) return why;
-  const std::string why = why_no_file_of(largest, nearest_that_is_there());
-  if (why.empty()) return "";
+  const int why = why_no_file_of(largest, nearest_that_is_there());
+  if (!why) return "";
   return fmt::format(
-      "{}, where no file can have the MiB that compiling takes ({}): lift the limit "
-      "(ulimit -f, quota), or {}",
-      name_of_folder(), why, kAdvice);
+      "{}, where no file can have the MiB that compiling takes ({}): lift the limit (ulimit -f), "
+      "or {}",
+      name_of_folder(), std::strerror(why), kAdvice);
 }
 
 }  // namespace gflow

@@ -1,5 +1,6 @@
 """What surrounds a program: the clock, the locale, names of folders, drivers, the cache of compiled
 kernels."""
+import errno
 import os
 import random
 import shutil
@@ -7,7 +8,7 @@ import struct
 import subprocess
 
 from outputs import write_plan
-from world import complaints, content, ended, settings
+from world import complaints, content, ended, failed_calls, settings
 
 
 def as_always(world, name, env, run=None):
@@ -210,6 +211,34 @@ def two_writers(world, cache, good, files):
     return [f"two writers: {what}" for what in wrong]
 
 
+def full_folder_of_pocl(world):
+    """PoCL's own folder has no room, or the user's quota is used up, from some call on: what LLVM says without the
+    folder, or that PoCL has no device, is not all that is told."""
+    cache, report = world.path("programs of pocl"), world.path("pocl.report")
+
+    def ended_with(first, code):
+        shutil.rmtree(cache, ignore_errors=True)
+        os.makedirs(cache)
+        open(report, "w").close()
+        return world.run(["stress", "--only", "T5", "--quiet"], {
+            "POCL_CACHE_DIR": cache, "LD_PRELOAD": world.shims["fail_io"], "FAULT_FOLDER": cache, "FAULT_CALL": str(first),
+            "FAULT_LAST": str(10**9), "FAULT_ERRNO": str(code), "FAULT_REPORT": report})
+
+    outcome = ended_with(0, 0)
+    numbers = [number for number, _ in failed_calls(report)[1]]
+    if outcome.code != 0 or len(numbers) < 100:
+        return [[f"without a fault: {outcome.last_line()}, {len(numbers)} calls"]]
+    results, stopped = [], 0
+    for i in range(12):
+        first, code = 1 + i * i * max(numbers) // 144, (errno.ENOSPC, errno.EDQUOT)[i % 2]
+        outcome = ended_with(first, code)
+        stopped += outcome.code != 0
+        outcome.err = "".join(line for line in outcome.err.splitlines(True) if line.startswith("gflow: "))
+        wrong = complaints(outcome, (0, 1, 2), [cache, os.strerror(code)])
+        results.append([f"{os.strerror(code)} from call {first} on: {what}" for what in wrong])
+    return results + [[] if stopped >= 6 else [f"only {stopped} of {len(results)} were stopped by it"]]
+
+
 def faults(world, every):
     yield "surroundings: the clock jumps", lambda: clock(world)
     yield "surroundings: locales with a decimal comma", lambda: locales(world)
@@ -217,3 +246,4 @@ def faults(world, every):
     yield "surroundings: no OpenCL driver", lambda: no_driver(world)
     yield "surroundings: no environment", lambda: no_environment(world)
     yield "surroundings: damaged caches of kernels", lambda: damaged_caches(world)
+    yield "surroundings: no room where PoCL compiles", lambda: full_folder_of_pocl(world)
