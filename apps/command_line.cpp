@@ -2,10 +2,8 @@
 #include "apps/command_line.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <filesystem>
 
 #include "optim/io/decimal.hpp"
 #include "optim/train/edit_distance.hpp"
@@ -142,15 +140,6 @@ std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
   const std::string option = extras[0].substr(0, extras[0].find('='));
   return fmt::format("`{}` has no option {}{} (see `{} --help`)", name, option,
                      nearest(option, option_names(path)), name);
-}
-
-void require_writable(const std::string& option, const std::string& path) {
-  if (path.empty()) return;
-  std::string parent = std::filesystem::path(path).parent_path().string();
-  if (parent.empty()) parent = ".";
-  const bool there = std::filesystem::exists(path);
-  if ((there && !std::filesystem::is_regular_file(path)) || ::access(parent.c_str(), W_OK) != 0)
-    throw Error(fmt::format("{} {}: no file can be written there", option, path));
 }
 
 }  // namespace gflow

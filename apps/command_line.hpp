@@ -22,10 +22,6 @@ CLI::Validator path_given();
 // An entry of a list with commas. Of one that is empty (`--devices ,`) CLI11 takes what comes next.
 CLI::Validator list_entry();
 
-// Error where no file can be written: told now rather than when all is done. Empty: none is asked
-// for. `option` asked for it.
-void require_writable(const std::string& option, const std::string& path);
-
 // The sentence for a command line that `app` refused with `problem`: it names the nearest command
 // or option when the one given does not exist.
 std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem);

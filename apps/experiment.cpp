@@ -35,7 +35,14 @@ struct ExperimentFlags {
 
 std::string folder_of(const ExperimentFlags& flags) {
   if (!flags.folder.empty()) return flags.folder;
-  return std::filesystem::path(flags.file).stem().string();
+  const std::filesystem::path folder = std::filesystem::path(flags.file).stem();
+  std::error_code none;
+  if (std::filesystem::equivalent(folder, flags.file, none))
+    throw Error(
+        fmt::format("{}: by default the folder of runs and tables is called as the file without "
+                    "its ending, which would be the file itself; -o names another",
+                    flags.file));
+  return folder.string();
 }
 
 // What would be done, and how long it may take.
@@ -120,6 +127,7 @@ void require_devices(const Plan& plan, const std::string& folder, const RunOptio
 void run_experiment(const ExperimentFlags& flags, const GlobalOptions& options) {
   const Plan plan = read_plan(flags.file, flags.scenes);
   const std::string folder = folder_of(flags);
+  require_no_other_tables(folder);
   RunOptions how;
   how.devices = flags.devices;
   if (how.devices.empty() && !options.device.empty()) how.devices = {options.device};

@@ -13,6 +13,7 @@
 #include <cstring>
 #include <filesystem>
 #include <new>
+#include <sstream>
 #include <system_error>
 
 #include "apps/command_line.hpp"
@@ -31,8 +32,11 @@ int say(const std::string& sentence, int exit_code) {
   return exit_code;
 }
 
-// The program that read what is printed has ended, as `head` does: no reason for words.
-int nobody_reads() { return 128 + SIGPIPE; }
+// code: errno's, of standard output.
+int cannot_print(int code) {
+  if (code == EPIPE) return 128 + SIGPIPE;  // who read it has ended, as `head` does: no words
+  return say(fmt::format("cannot write to standard output: {}", std::strerror(code)), 1);
+}
 
 bool is_over = false;
 
@@ -104,8 +108,10 @@ int run(int argc, char** argv) {
   } catch (const CLI::RuntimeError& end) {
     return end.get_exit_code();  // a command that has said its say, but found something
   } catch (const CLI::ParseError& problem) {
-    if (problem.get_exit_code() == 0) return app.exit(problem);  // --help and --version
-    return say(gflow::sentence_for(app, problem), 1);
+    if (problem.get_exit_code() != 0) return say(gflow::sentence_for(app, problem), 1);
+    std::ostringstream text;  // std::cout would not tell that it cannot be written
+    app.exit(problem, text, text);
+    fmt::print("{}", text.str());  // --help and --version
   }
   return 0;
 }
@@ -114,9 +120,7 @@ int run(int argc, char** argv) {
 int run_in_words(int argc, char** argv) {
   try {
     const int code = run(argc, argv);
-    if (std::fflush(stdout) == 0) return code;
-    if (errno == EPIPE) return nobody_reads();
-    return say(fmt::format("cannot write to standard output: {}", std::strerror(errno)), 1);
+    return std::fflush(stdout) == 0 ? code : cannot_print(errno);
   } catch (const gflow::Interrupted& stop) {
     return say(stop.what(), gflow::interrupted_exit_code());
   } catch (const gflow::NoUsableDevice& problem) {
@@ -135,8 +139,7 @@ int run_in_words(int argc, char** argv) {
                             : fmt::format("cannot use {}: {}", path, problem.code().message()),
                1);
   } catch (const std::system_error& problem) {  // fmt::print to a full disk, a thread refused
-    if (problem.code() == std::errc::broken_pipe) return nobody_reads();
-    return say(problem.what(), 1);
+    return std::ferror(stdout) ? cannot_print(problem.code().value()) : say(problem.what(), 1);
   } catch (const std::exception& problem) {
     return say(fmt::format("an error nobody foresaw: {}", problem.what()), 1);
   }

@@ -3,9 +3,13 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <set>
 
+#include "optim/io/atomic_file.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -55,6 +59,24 @@ void require_no_file_of_run(const std::string& output) {
         fmt::format("writing {}: that is among what a training writes into {}; name another "
                     "file",
                     output, run.string()));
+}
+
+// Tried as it will be done, up to the last step: that root may write everywhere does not help where
+// a file stands for a folder, or in /proc.
+void require_writable(const std::string& option, const std::string& path) {
+  if (path.empty()) return;
+  require_no_file_of_run(path);
+  struct Tried {};
+  try {
+    replace_file(path, [&](const std::string& temporary) {
+      if (!(std::ofstream(temporary) << ' ' << std::flush)) throw Error(std::strerror(errno));
+      throw Tried{};
+    });
+  } catch (const Tried&) {
+  } catch (const Error& problem) {
+    throw Error(
+        fmt::format("{} {}: no file can be written there: {}", option, path, problem.what()));
+  }
 }
 
 void require_no_folder_of_run(const std::string& output) {

@@ -13,10 +13,12 @@
 
 #include "apps/command_line.hpp"
 #include "apps/options.hpp"
+#include "apps/output_path.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/io/printable.hpp"
 #include "optim/io/tell.hpp"
+#include "optim/io/temporary_folder.hpp"
 #include "optim/io/warning.hpp"
 #include "runtime/pocl_cache.hpp"
 
@@ -128,6 +130,8 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
     rows = test.run(queue);
   } catch (const NoRoomForPrograms&) {
     throw;  // no fault of the device
+  } catch (const NoTemporaryFolder&) {
+    throw;
   } catch (const Error& problem) {
     rows = {{problem.what(), std::nan(""), 0}};
   }

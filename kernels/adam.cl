@@ -21,13 +21,13 @@ static inline void refuse_row(size_t row, uint width, global const float* grads,
   for (uint k = 0; k < width; ++k) accepted &= adam_accepts(grads[row * width + k]);
   if (accepted) return;
   seen[row] = 0;
-  refused[row] = 1;
+  refused[row] = min(max(refused[row], 1u) + 1, 0x7fffffffu);
 }
 
 kernel void adam_refuse(const uint first, const uint rows, const uint width,
                         global const float* restrict grads,  // [rows, width]
                         global uint* restrict seen,          // [rows] becomes 0 if refused
-                        global uint* restrict refused) {     // [rows] becomes 1 if refused
+                        global uint* restrict refused) {     // [rows] one more, from 1, if refused
 #if LANES == 1
   if (get_global_id(0) < rows) refuse_row(first + get_global_id(0), width, grads, seen, refused);
 #else
@@ -58,8 +58,10 @@ kernel void adam_refuse(const uint first, const uint rows, const uint width,
 // correction2 is -1 for rows not seen.
 static inline float4 advance_row(size_t row, uint now, int makes_up, uint table_size,
                                  global const float* table, global const uint* seen,
-                                 global const float* pace, global uint* steps, global uint* last) {
+                                 global const float* pace, global uint* steps, global uint* last,
+                                 global uint* refused) {
   if (seen[row] == 0) return (float4)(0.f, -1.f, 0.f, 0.f);
+  refused[row] = min(refused[row], 1u);
   const uint before = steps[row];
   const uint missed = before == 0 || !makes_up ? 0 : now - last[row] - 1;
   // Beyond the table all is as at its end, and counts must not wrap.
@@ -81,12 +83,14 @@ kernel void adam_advance(const uint first, const uint rows, const uint now, cons
                          global const float* restrict pace,   // [rows] multiplies the rate
                          global uint* restrict steps,         // [rows]
                          global uint* restrict last,          // [rows] number of its last step
+                         global uint* restrict refused,       // [rows] at most 1 again if seen
                          global float* restrict rates,        // [rows, 4]
                          global uchar* restrict idle) {       // [spans] 1: none is seen
 #if LANES == 1
   const size_t row = first + get_global_id(0);
   if (row >= (size_t)first + rows) return;
-  vstore4(advance_row(row, now, makes_up, table_size, table, seen, pace, steps, last), row, rates);
+  vstore4(advance_row(row, now, makes_up, table_size, table, seen, pace, steps, last, refused), row,
+          rates);
 #else
   const size_t begin = first + (size_t)get_global_id(0) * ADAM_SPAN, all = (size_t)first + rows;
   if (begin >= all) return;
@@ -96,8 +100,8 @@ kernel void adam_advance(const uint first, const uint rows, const uint now, cons
   idle[get_global_id(0)] = any_seen == 0;
   if (!any_seen) return;
   for (size_t row = begin; row < end; ++row)
-    vstore4(advance_row(row, now, makes_up, table_size, table, seen, pace, steps, last), row,
-            rates);
+    vstore4(advance_row(row, now, makes_up, table_size, table, seen, pace, steps, last, refused),
+            row, rates);
 #endif
 }
 

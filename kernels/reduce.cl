@@ -32,13 +32,14 @@ kernel void reduce_sum(const uint first, const uint n, global const float* restr
   partial[block] = two.x + two.y;
 }
 
-// One work-item per block: how many elements are not zero.
-kernel void reduce_count(const uint first, const uint n, global const uint* restrict values,
+// One work-item per block: how many elements are larger than `than`.
+kernel void reduce_count(const uint first, const uint n, const uint than,
+                         global const uint* restrict values,
                          global uint* restrict partial) {  // [ceil(n / BLOCK)]
   const uint block = get_global_id(0);
   if ((size_t)block * BLOCK >= n) return;
   const uint begin = block * BLOCK, end = min(n, begin + BLOCK);
   uint count = 0;
-  for (uint i = begin; i < end; ++i) count += values[first + i] != 0;
+  for (uint i = begin; i < end; ++i) count += values[first + i] > than;
   partial[block] = count;
 }

@@ -106,7 +106,8 @@ void Adam::advance(Queue& queue, RowState& state, RowRange rows) {
   ++state.now;
   adam_advance_(queue, Range::over(gpu_ ? rows.count : spans(rows.count)), cl_uint(rows.first),
                 cl_uint(rows.count), state.now, cl_int(config_.makes_up), cl_uint(table_size),
-                table_, state.seen, state.pace, state.steps, state.last, state.rates, state.idle);
+                table_, state.seen, state.pace, state.steps, state.last, state.refused, state.rates,
+                state.idle);
 }
 
 void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, RowRange rows,

@@ -59,9 +59,10 @@ struct ParameterGroup {
 struct RowState {
   RowState(Queue& queue, size_t rows);  // nothing seen, no step made, none refused
   Buffer<cl_uint> seen;                 // 0: the row is not touched in this training step
-  Buffer<cl_uint> steps;          // from its first gradient up to its last step, missed ones too
-  Buffer<cl_uint> last;           // number of its last step, if steps > 0
-  Buffer<cl_uint> refused;        // 1: had a gradient that Adam cannot take; never reset here
+  Buffer<cl_uint> steps;  // from its first gradient up to its last step, missed ones too
+  Buffer<cl_uint> last;   // number of its last step, if steps > 0
+  // 0: Adam could take all its gradients; 1: not all; k + 1: none of its last k.
+  Buffer<cl_uint> refused;
   Buffer<float> pace;             // multiplies the row's learning rates; 1 unless changed
   Buffer<float> reach;            // divides those of groups per time; 1 unless changed
   Buffer<float> rates{"rates"};   // [rows, 4] of the step that is being made, by advance(), and on
@@ -91,7 +92,7 @@ class Adam {
   Program program_;
   Kernel<cl_uint, cl_uint, cl_uint, In<float>, Out<cl_uint>, Out<cl_uint>> adam_refuse_;
   Kernel<cl_uint, cl_uint, cl_uint, cl_int, cl_uint, In<float>, In<cl_uint>, In<float>,
-         Out<cl_uint>, Out<cl_uint>, Out<float>, Out<cl_uchar>>
+         Out<cl_uint>, Out<cl_uint>, Out<cl_uint>, Out<float>, Out<cl_uchar>>
       adam_advance_;
   Kernel<cl_uint, cl_uint, cl_uint, AdamStep, cl_int, In<float>, In<cl_uchar>, In<float>, In<float>,
          Out<float>, Out<float>, Out<float>>

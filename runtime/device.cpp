@@ -20,16 +20,17 @@ std::string no_device_message() {
   const char* const cache = std::getenv("POCL_CACHE_DIR");
   const std::string install = "install a driver, on Debian e.g. `apt install pocl-opencl-icd`";
   std::error_code problem;
-  if (const std::string why = why_not_compiled(); !why.empty())
-    return cache && *cache
-               ? "no OpenCL device found: " + why
-               : fmt::format("no OpenCL device found: {}; if it is there: {}", install, why);
-  if (cache && *cache && !std::filesystem::is_directory(cache, problem))  // as root, in /proc
-    return fmt::format(
+  std::string why = pocl_cache_problem(0);
+  if (why.empty() && cache && *cache && !std::filesystem::is_directory(cache, problem))
+    return fmt::format(  // as root, in /proc
         "no OpenCL device found: POCL_CACHE_DIR is {}, where no folder could be made: unset it, or "
         "name one that can be written",
         cache);
-  return "no OpenCL device found: " + install;
+  if (why.empty()) why = why_not_compiled();
+  if (why.empty()) return "no OpenCL device found: " + install;
+  return cache && *cache
+             ? "no OpenCL device found: " + why
+             : fmt::format("no OpenCL device found: {}; if it is there: {}", install, why);
 }
 
 // What the program does at signals, put back at the end. PoCL's LLVM takes them over when its

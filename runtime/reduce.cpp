@@ -36,16 +36,10 @@ double Reduce::sum(Queue& queue, const Buffer<float>& values, size_t first, size
   return std::accumulate(partial.begin(), partial.end(), 0.0);
 }
 
-uint64_t Reduce::count_nonzero(Queue& queue, const Buffer<cl_uint>& values) {
-  return count_nonzero(queue, values, 0, values.size());
-}
-
-uint64_t Reduce::count_nonzero(Queue& queue, const Buffer<cl_uint>& values, size_t first,
-                               size_t count) {
-  const size_t blocks = blocks_of(values.size(), first, count, values.name());
+uint64_t Reduce::count_above(Queue& queue, const Buffer<cl_uint>& values, cl_uint than) {
+  const size_t count = values.size(), blocks = blocks_of(count, 0, count, values.name());
   partial_counts_.ensure(queue, blocks);
-  reduce_count_(queue, Range::over(blocks), cl_uint(first), cl_uint(count), values,
-                partial_counts_);
+  reduce_count_(queue, Range::over(blocks), 0u, cl_uint(count), than, values, partial_counts_);
   const auto partial = partial_counts_.read(queue);
   return std::accumulate(partial.begin(), partial.end(), uint64_t(0));
 }

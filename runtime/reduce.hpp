@@ -15,14 +15,16 @@ class Reduce {
   double sum(Queue& queue, const Buffer<float>& values);
   double sum(Queue& queue, const Buffer<float>& values, size_t first, size_t count);
 
-  // How many elements are not zero.
-  uint64_t count_nonzero(Queue& queue, const Buffer<cl_uint>& values);
-  uint64_t count_nonzero(Queue& queue, const Buffer<cl_uint>& values, size_t first, size_t count);
+  // How many elements are larger than `than`.
+  uint64_t count_above(Queue& queue, const Buffer<cl_uint>& values, cl_uint than);
+  uint64_t count_nonzero(Queue& queue, const Buffer<cl_uint>& values) {
+    return count_above(queue, values, 0);
+  }
 
  private:
   Program program_;
   Kernel<cl_uint, cl_uint, In<float>, Out<float>> reduce_sum_;
-  Kernel<cl_uint, cl_uint, In<cl_uint>, Out<cl_uint>> reduce_count_;
+  Kernel<cl_uint, cl_uint, cl_uint, In<cl_uint>, Out<cl_uint>> reduce_count_;
   Buffer<float> partial_sums_;      // [blocks]
   Buffer<cl_uint> partial_counts_;  // [blocks]
 };

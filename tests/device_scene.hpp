@@ -8,6 +8,7 @@
 #include "optim/engine/posed.hpp"
 #include "tests/device.hpp"
 #include "tests/scenes.hpp"
+#include "tests/worse.hpp"
 
 namespace gflow {
 
@@ -185,8 +186,7 @@ double largest_error(const std::vector<float>& actual, const std::vector<E>& exp
   double worst = 0;
   for (size_t i = 0; i < expected.size(); ++i) {
     if (doubtful[i % doubtful.size()]) continue;
-    const double error = std::fabs(double(actual[i]) - double(expected[i]));
-    worst = error <= 1e30 ? std::max(worst, error) : std::numeric_limits<double>::infinity();
+    worst = worse(worst, std::fabs(double(actual[i]) - double(expected[i])));
   }
   return worst;
 }

@@ -6,13 +6,11 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <sstream>
 
 #include "apps/command_line.hpp"
+#include "apps/output_path.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/io/tell.hpp"
@@ -22,33 +20,17 @@ namespace bench {
 
 namespace {
 
-// Error where it could not be replaced: tried as it will be done, up to the last step. That root
-// may write everywhere does not help where a file stands for a folder, or in /proc.
-void require_replaceable(const std::string& option, const std::string& path) {
-  struct Tried {};
-  try {
-    replace_file(path, [&](const std::string& temporary) {
-      if (!(std::ofstream(temporary) << ' ' << std::flush)) throw Error(std::strerror(errno));
-      throw Tried{};
-    });
-  } catch (const Tried&) {
-  } catch (const Error& problem) {
-    throw Error(
-        fmt::format("{} {}: no file can be written there: {}", option, path, problem.what()));
-  }
-}
-
 // Told now rather than when all is done.
 void check_outputs(const BenchOptions& options) {
-  if (!options.json.empty()) require_replaceable("--json", options.json);
-  if (!options.markdown.empty()) require_replaceable("--markdown", options.markdown);
+  require_writable("--json", options.json);
+  require_writable("--markdown", options.markdown);
   if (options.plots.empty()) return;
   std::error_code problem;
   std::filesystem::create_directories(options.plots, problem);
   if (problem)
     throw Error(fmt::format("drawing into {}: cannot make that folder: {}", options.plots,
                             problem.message()));
-  require_replaceable("--plots", (std::filesystem::path(options.plots) / "plot.svg").string());
+  require_writable("--plots", (std::filesystem::path(options.plots) / "plot.svg").string());
 }
 
 }  // namespace

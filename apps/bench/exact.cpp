@@ -3,6 +3,8 @@
 
 #include <random>
 
+#include "tests/worse.hpp"
+
 namespace gflow::bench {
 namespace {
 
@@ -103,7 +105,7 @@ Errors Exact::errors(const std::vector<float>& rgb, const std::vector<float>& fl
       difference += d * d;
       length += x * x;
     }
-    if (length > 0) e.gradients = std::max(e.gradients, std::sqrt(difference / length));
+    if (length > 0) e.gradients = worse(e.gradients, std::sqrt(difference / length));
   }
   return e;
 }

@@ -13,11 +13,11 @@
 
 #include "apps/bench/bench.hpp"
 #include "apps/bench/pairs.hpp"
-#include "apps/bench/scratch_folder.hpp"
 #include "apps/bench/whole_step.hpp"
 #include "apps/command_line.hpp"
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/io/temporary_folder.hpp"
 #include "runtime/usage.hpp"
 
 namespace gflow::bench {
@@ -72,7 +72,7 @@ double exponent_of(const std::vector<Point>& points, const std::string& sweep, b
 // The program itself with so many of PoCL's threads; the wall time of its raster bench, or NaN.
 Spread wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
                        const GlobalOptions& options) {
-  const ScratchFolder folder;
+  const ScratchFolder folder("bench");
   const std::string file = folder.file("cores.json");
   // Names go through the environment, so that none is read by the shell.
   setenv("GFLOW_BENCH_SELF", std::filesystem::read_symlink("/proc/self/exe").c_str(), 1);

@@ -73,7 +73,7 @@ Result run_skip(StepOptions o, const GlobalOptions& options) {
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
   const InterruptGuard guard;
-  const ScratchFolder folder;
+  const ScratchFolder folder("bench");
   Report report("skip", queue,
                 {{"scene", o.scene},
                  {"settings", o.settings},

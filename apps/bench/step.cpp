@@ -29,7 +29,7 @@ Result run_step(StepOptions o, const GlobalOptions& options) {
   queue_options.profile = true;
   Queue queue = open_queue(options, queue_options);
   const InterruptGuard guard;
-  const ScratchFolder folder;
+  const ScratchFolder folder("bench");
   Report report("step", queue,
                 {{"scene", o.scene},
                  {"settings", o.settings},

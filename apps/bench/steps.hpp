@@ -8,7 +8,7 @@
 
 #include "apps/bench/bench.hpp"
 #include "apps/bench/pairs.hpp"
-#include "apps/bench/scratch_folder.hpp"
+#include "optim/io/temporary_folder.hpp"
 #include "optim/train/preparation.hpp"
 
 namespace gflow::bench {

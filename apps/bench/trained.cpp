@@ -70,7 +70,7 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
                                          const TrainingOptions& o, int repeats,
                                          const GlobalOptions& options) {
   const InterruptGuard guard;
-  const ScratchFolder folder;
+  const ScratchFolder folder("bench");
   std::vector<std::unique_ptr<Queue>> queues;  // of other lanes
   std::vector<Kind> kinds;
   for (const Choice& choice : choices) {

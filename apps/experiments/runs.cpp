@@ -343,6 +343,19 @@ class Pool {
 
 }  // namespace
 
+void require_no_other_tables(const std::string& folder) {
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder + "/runs", none))
+    if (entry.path().extension() == ".toml") return;
+  for (const char* name :
+       {"table.md", "table.csv", "table.json", "costs.md", "runs.csv", "plots", "pictures"})
+    if (fs::exists(folder + "/" + name))
+      throw Error(
+          fmt::format("an experiment in {0} would write over {0}/{1}, and no experiment was there "
+                      "before; name a new folder, or one of an earlier experiment",
+                      folder, name));
+}
+
 Standing standing_of(const PlannedRun& run, const std::string& folder) {
   const RunFiles files(folder, run.id);
   Standing standing;

@@ -15,6 +15,10 @@ struct RunFiles {
   std::string run, settings, log;
 };
 
+// Error where the folder has files that tables and pictures would be written over, and no settings
+// of a training, which an experiment writes before them: they are somebody else's.
+void require_no_other_tables(const std::string& folder);
+
 enum class Status { missing, stopped, finished, other_settings };
 
 struct Standing {
@@ -38,7 +42,7 @@ struct RunOptions {
   int jobs = 1;                      // trainings at a time
   std::vector<std::string> devices;  // which they take in turn; empty: the default one
   bool quiet = false;
-  bool redo = false;  // runs with other settings are begun anew
+  bool redo = false;           // runs with other settings are begun anew
   bool allow_command = false;  // programs that guidance.command names are started
 };
 

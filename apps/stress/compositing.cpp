@@ -108,7 +108,7 @@ void compare_pixel(Queue& queue, const PosedScene& s, PixelErrors& errors) {
   for (size_t i = 0; i < alphas.size(); ++i) {
     const double by_alpha = double(found[i]) * s.p.at("opacities")[i] / double(alphas[i]);
     most = std::max(most, std::fabs(expected.by_alpha[i]));
-    error = std::max(error, std::fabs(by_alpha - expected.by_alpha[i]));
+    error = worse(error, std::fabs(by_alpha - expected.by_alpha[i]));
   }
   errors.gradient.push_back(error / most);
   errors.T.push_back(std::fabs(double(images.at("transmittance")[0]) / expected.T - 1));
@@ -218,7 +218,7 @@ Rows clamp(Queue& queue) {  // T21
     const std::vector<reference::Seen> seen = reference::see(s.shot, g);
     reference::Contributors all{{0, 3}, {{0, true}, {1, false}, {2, false}}, {0}};
     all.list[0].clamped = first > .99;
-    most = std::max(most, std::fabs(found - reference::render(s.shot, g, &all).images.rgb[0]));
+    most = worse(most, std::fabs(found - reference::render(s.shot, g, &all).images.rgb[0]));
   }
   rows.push_back({"two of .99 and 1 on the threshold, colour", most, 1.0001e-4});
   return rows;

@@ -31,8 +31,7 @@ Result run(Queue& queue, const PosedScene& s) {
 double background_off(const PosedScene& s, const FloatArrays& images) {
   double most = 0;
   for (size_t i = 0; i < 3 * s.pixels(); ++i)
-    most =
-        std::max(most, std::fabs(double(images.at("rgb")[i]) - s.shot.background[i / s.pixels()]));
+    most = worse(most, std::fabs(double(images.at("rgb")[i]) - s.shot.background[i / s.pixels()]));
   return most;
 }
 

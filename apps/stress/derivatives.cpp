@@ -54,7 +54,7 @@ Derivative transport_row(Queue& queue, int mode) {
       const Mat2 map = mat2_mul(mat2_mul(transport(mode, b1, w, b2), whitening_k(w)), u);
       return g.a * map.a + g.b * map.b + g.c * map.c + g.d * map.d;
     };
-    differences = std::max(differences, relative_error(found, slopes(loss, x, 1e-3)));
+    differences = worse(differences, relative_error(found, slopes(loss, x, 1e-3)));
   }
   const DeviceMaths::Transported t = DeviceMaths(queue).transport(mode, m1, m2, gh);
   Floats actual;
@@ -106,7 +106,7 @@ Derivative project_row(Queue& queue) {
       return dot(o.mean, make_real2(v[0], v[1])) + o.p.z * double(v[2]) + dot(o.m.r1, v_m.r1) +
              dot(o.m.r2, v_m.r2);
     };
-    differences = std::max(differences, relative_error(found, slopes(loss, x, 1e-4)));
+    differences = worse(differences, relative_error(found, slopes(loss, x, 1e-4)));
   }
   const DeviceMaths::Projected p = DeviceMaths(queue).project(c, means, factors, v2, vz, vm);
   Floats actual;
@@ -142,7 +142,7 @@ Derivative image_row(Queue& queue, const std::string& image, Transport transport
   for (const auto& [name, gradient] : expected) {
     if (norm(gradient) < 1e-9) continue;  // this image does not depend on it
     parameters += (parameters.empty() ? "" : " ") + name;
-    to_double = std::max(to_double, relative_l2(found.at(name), gradient));
+    to_double = worse(to_double, relative_l2(found.at(name), gradient));
     // along four random directions: one parameter at a time would take minutes
     Random random(44);
     for (int k = 0; k < 4; ++k) {
@@ -160,7 +160,7 @@ Derivative image_row(Queue& queue, const std::string& image, Transport transport
         return inner(reference::render(s.shot, reference::posed(moved), &r.contributors).images, v);
       };
       const double slope = slopes(loss, {0}, 1e-4)[0];
-      differences = std::max(differences, std::fabs(slope - along) / norm(gradient));
+      differences = worse(differences, std::fabs(slope - along) / norm(gradient));
     }
   }
   std::string kernel = "splat_bwd, " + image;
@@ -192,7 +192,7 @@ Derivative posed_row(Queue& queue) {
       const Mat3 l = factor_of({y[0], y[1], y[2], y[3]}, {y[4], y[5], y[6]});
       return dot(l.r1, vl.r1) + dot(l.r2, vl.r2) + dot(l.r3, vl.r3);
     };
-    differences = std::max(differences, relative_error(found, slopes(loss, x, 1e-4)));
+    differences = worse(differences, relative_error(found, slopes(loss, x, 1e-4)));
   }
   Posed posed(queue);
   const Buffer<float> quats(queue, q, "quats"), scales(queue, s, "scales"), vf(queue, v, "v");
@@ -239,8 +239,8 @@ Derivative sh_row(Queue& queue) {
       return sum;
     };
     const std::vector<size_t> some = spread_indices(gradient.size(), 200);
-    differences = std::max(
-        differences, relative_error(picked(gradient, some), slopes(loss, p[name], 1e-3, some)));
+    differences = worse(differences,
+                        relative_error(picked(gradient, some), slopes(loss, p[name], 1e-3, some)));
   }
   Color color(queue, 3);
   Parameters parameters(queue, n, color_groups(3));
@@ -256,9 +256,9 @@ Derivative sh_row(Queue& queue) {
   color.backward(queue, parameters, {3, 3}, camera, at,
                  Buffer<cl_uint>(queue, std::vector<cl_uint>(n, 1u), "touched"), g);
   const double to_double =
-      std::max({relative_l2(g.v_means.read(queue), expected["means"]),
-                relative_l2(parameters["sh0"].grads.read(queue), expected["sh0"]),
-                relative_l2(parameters["sh_rest"].grads.read(queue), expected["sh_rest"])});
+      worst({relative_l2(g.v_means.read(queue), expected["means"]),
+             relative_l2(parameters["sh0"].grads.read(queue), expected["sh0"]),
+             relative_l2(parameters["sh_rest"].grads.read(queue), expected["sh_rest"])});
   return {"sh_bwd", "means sh0 sh_rest", to_double, differences, 1e-4, 1e-6};
 }
 

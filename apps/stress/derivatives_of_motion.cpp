@@ -97,7 +97,7 @@ double device_error(Queue& queue, const MotionShape& shape, std::string& groups)
       for (size_t k = 0; k < found.size(); ++k)
         if (!rows[k / group.width]) found[k] = 0;  // a key at neither time: undefined
       const std::vector<size_t> some = spread_indices(found.size(), 150);
-      worst_error = std::max(
+      worst_error = worse(
           worst_error, relative_error(picked(found, some), slopes(loss, values[name], 1e-3, some)));
     }
   }
@@ -239,8 +239,7 @@ double hexplane_text() {
       return dot(d.mean, v.mean) + dot(d.quat, v.quat) + dot(d.log_scales, v.log_scales);
     };
     const std::vector<size_t> some = spread_indices(gradient->size(), 300);
-    most =
-        std::max(most, relative_error(picked(*gradient, some), slopes(loss, p[name], 1e-4, some)));
+    most = worse(most, relative_error(picked(*gradient, some), slopes(loss, p[name], 1e-4, some)));
   }
   return most;
 }
@@ -375,9 +374,8 @@ Derivative motion_loss_row(Queue& queue) {
       moved.*field = x;
       return in_double.loss(moved);
     };
-    to_double = std::max(to_double, relative_error(gradient.read(queue), expected.*field));
-    differences =
-        std::max(differences, relative_error(expected.*field, slopes(loss, m.*field, 1e-5)));
+    to_double = worse(to_double, relative_error(gradient.read(queue), expected.*field));
+    differences = worse(differences, relative_error(expected.*field, slopes(loss, m.*field, 1e-5)));
   };
   add(&Moments::means1, v.v_means);
   add(&Moments::means2, v.v_means_t2);

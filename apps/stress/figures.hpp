@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/worse.hpp"
+
 namespace gflow::stress {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();

@@ -38,7 +38,7 @@ Rows against_differences(Queue&) {  // T34
                        v);
         };
         const double difference = (loss(at + h) - loss(at - h)) / (2 * h);
-        error = std::max(error, std::fabs(difference - gradient[i]));
+        error = worse(error, std::fabs(difference - gradient[i]));
       }
       rows.push_back({fmt::format("{}, by {}, off differences, of the largest", name_of(t), name),
                       error / most, 1e-6});
@@ -93,12 +93,12 @@ Agreement agreement(Queue& queue, int count) {
         }
       }
       if (class_e2 == 0) continue;
-      all.relative = std::max(all.relative, std::sqrt(class_d2 / class_e2));
+      all.relative = worse(all.relative, std::sqrt(class_d2 / class_e2));
       dots += class_dots / class_e2;  // classes weigh alike
       a2 += class_a2 / class_e2;
       e2 += 1;
     }
-    all.cosine = std::max(all.cosine, 1 - dots / std::sqrt(a2 * e2));
+    all.cosine = worse(all.cosine, 1 - dots / std::sqrt(a2 * e2));
   }
   return all;
 }

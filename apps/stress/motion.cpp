@@ -23,8 +23,8 @@ Rows spins(Queue& queue) {  // T12
       const Pose a = pose(kCentre, tilted(), s);
       const Pose b = pose(kCentre, turn(kForward, degrees) * tilted(), s);
       const FlowErrors e = flow_errors(device, TRANSPORT_MATERIAL, a, b);
-      material = std::max(material, e.error);
-      share = std::max(share, e.error / e.flow);
+      material = worse(material, e.error);
+      share = worse(share, e.error / e.flow);
       // The paper's map errs as much as if nothing had turned: |R(d) - I| sqrt(p^2 + q^2) for a
       // spin by d, and |R(d) - I| = 2 sin(d / 2); pixels with |z| <= 3 have 0.949 of the variance.
       const FlowErrors paper = flow_errors(device, TRANSPORT_PAPER, a, b);

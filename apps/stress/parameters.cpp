@@ -47,14 +47,14 @@ Rows quaternions(Queue& queue) {  // T25
       const std::vector<double> expected{l(0, 0), l(0, 1), l(0, 2), l(1, 0), l(1, 1),
                                          l(1, 2), l(2, 0), l(2, 1), l(2, 2)};
       rotation =
-          std::max(rotation, row_error(Floats(&found[9 * i], &found[9 * i] + 9), expected, 0, 9));
+          worse(rotation, row_error(Floats(&found[9 * i], &found[9 * i] + 9), expected, 0, 9));
       double along = 0, size = 0;
       for (size_t k = 0; k < 4; ++k) {
         along += double(g[4 * i + k]) * double(unit[4 * i + k]);
         size += std::pow(double(g[4 * i + k]), 2);
       }
-      if (size > 0) radial = std::max(radial, std::fabs(along) / std::sqrt(size));
-      if (length < 1e-6f) radial = std::max(radial, std::sqrt(size) > 0 ? infinite : 0.);
+      if (size > 0) radial = worse(radial, std::fabs(along) / std::sqrt(size));
+      if (length < 1e-6f) radial = worse(radial, std::sqrt(size) > 0 ? infinite : 0.);
     }
     rows.push_back({at + ", rotation, relative", rotation, 1e-6});
     rows.push_back({at + ", gradient along q, of its length", radial, 1e-6});

@@ -45,7 +45,7 @@ class Replay {
       counts.mismatches += there[i] != back[i];
       counts.other_images += passed[i] != drawn[i];
       counts.contributors += double(there[i]);
-      counts.off_front = std::max(counts.off_front, std::fabs(double(front[i]) - 1));
+      counts.off_front = worse(counts.off_front, std::fabs(double(front[i]) - 1));
     }
     counts.pixel_splats += 256. * double(tiles.intersections);
   }

@@ -50,14 +50,15 @@ Rows exponents(Queue& queue) {  // T6
     }
     const Floats z = device.whiten(m, d).z;
     std::vector<double> errors;
-    double negative = 0;
+    double not_finite = 0;
     for (int i = 0; i < kWhitened; ++i) {
       const float q = z[2 * i] * z[2 * i] + z[2 * i + 1] * z[2 * i + 1];
       errors.push_back(std::fabs(double(q) - expected[i]));
-      negative += !(q >= 0);
+      not_finite += !std::isfinite(q);
     }
     rows.push_back({fmt::format("{:.0f} px, 99.9 % of q", length), quantile(errors, .999), bound});
-    rows.push_back({fmt::format("{:.0f} px, q below 0 or no number", length), negative, 0});
+    rows.push_back(
+        {fmt::format("{:.0f} px, q, a sum of squares, not finite", length), not_finite, 0});
   }
   return rows;
 }

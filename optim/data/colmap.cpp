@@ -2,7 +2,6 @@
 // A plain COLMAP folder: the pictures of a model, a static scene of one time step.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <set>
 
@@ -54,7 +53,6 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
     if (options.masks != Masks::none) frame.mask_path = mask_of(folder, image.name, sparse);
     scene.has_alpha |= !frame.mask_path.empty();
     frame.name = fs::path(image.name).replace_extension().generic_string();
-    std::replace(frame.name.begin(), frame.name.end(), '/', '_');
     frame.camera = frame.track = int(i);  // without times nothing says what follows what
     scene.cameras.push_back(
         fitted_to(image.camera, header.width, header.height, sparse, frame.path));

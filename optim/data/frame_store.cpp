@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <condition_variable>
-#include <cstdlib>
 #include <deque>
 #include <filesystem>
 #include <map>
@@ -21,6 +20,7 @@
 #include "optim/data/opencv_threads.hpp"
 #include "optim/data/video.hpp"
 #include "optim/io/file_name.hpp"
+#include "optim/io/temporary_folder.hpp"
 #include "optim/io/warning.hpp"
 #include "runtime/error.hpp"
 
@@ -71,23 +71,6 @@ struct Unpacked {
   explicit Unpacked(const std::string& path) : video(path) {}
 };
 
-// A folder of its own, removed with all it holds.
-struct TemporaryFolder {
-  std::string path;
-  TemporaryFolder() {
-    path = (fs::temp_directory_path() / "gflow-frames-XXXXXX").string();
-    if (!mkdtemp(path.data()))
-      throw Error(fmt::format("cannot make a folder for video frames in {}",
-                              fs::temp_directory_path().string()));
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
-  }
-};
-
 void check_size(int width, int height, const Camera& camera, const std::string& path) {
   if (width != camera.width || height != camera.height)
     throw Error(fmt::format("picture {} is {}x{}, the others of camera {} are {}x{}", path, width,
@@ -104,7 +87,7 @@ struct FrameStore::State {
   std::mutex videos_mutex;
   std::map<std::string, std::unique_ptr<Unpacked>> videos;
   std::map<std::string, std::set<int>> used;  // frames of each video that the scene has
-  std::unique_ptr<TemporaryFolder> temporary;
+  std::unique_ptr<ScratchFolder> temporary;
 
   std::mutex queue_mutex;
   std::condition_variable queue_changed;
@@ -240,8 +223,8 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
       }
     }
   if (!state_->used.empty() && options.unpack_folder.empty()) {
-    state_->temporary = std::make_unique<TemporaryFolder>();
-    state_->options.unpack_folder = state_->temporary->path;
+    state_->temporary = std::make_unique<ScratchFolder>("frames");
+    state_->options.unpack_folder = state_->temporary->path();
   }
   state_->worker = std::thread([state = state_.get()] { state->run_prefetch(); });
 }

@@ -15,7 +15,6 @@
 #include "optim/data/reader_util.hpp"
 #include "optim/data/readers.hpp"
 #include "optim/data/tracks.hpp"
-#include "optim/io/file_name.hpp"
 #include "optim/io/npy.hpp"
 #include "optim/io/printable.hpp"
 #include "runtime/error.hpp"
@@ -110,9 +109,13 @@ PointCloud read_points(const std::string& folder, const World& world) {
   const std::vector<double> values = array.as_double();
   PointCloud points;
   for (size_t i = 0; i < values.size(); ++i) {
-    if (!std::isfinite(values[i]))
-      throw Error(fmt::format("point {} of {} is not finite", i / 3, path));
-    points.xyz.push_back(world.scale * (values[i] - world.center[long(i % 3)]));
+    const double place = world.scale * (values[i] - world.center[long(i % 3)]);
+    if (!(std::fabs(place) <= farthest_point))
+      throw Error(
+          fmt::format("point {} of {}, moved and scaled into the scene, is not finite, or farther "
+                      "off than {:g}",
+                      i / 3, path, farthest_point));
+    points.xyz.push_back(place);
   }
   points.rgb.assign(values.size(), 128);  // their colours are not known
   return points;
@@ -150,7 +153,7 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
         throw Error(fmt::format("{} names the picture '{}', but there is no {}.png (nor .jpg)",
                                 dataset_path, id, base));
       frame.time = time_id(metadata, id, metadata_path);
-      frame.name = as_file_name(id);
+      frame.name = id;
       const ImageHeader header = read_image_header(frame.path);
       scene.has_alpha |= header.has_alpha;
       Camera camera =

@@ -14,6 +14,7 @@
 #include "optim/data/reader_util.hpp"
 #include "optim/data/readers.hpp"
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/file_name.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -104,7 +105,8 @@ void select_steps(Scene& scene, const SceneOptions& options) {
   scene.tracks_path.clear();  // they are of all steps
 }
 
-// Sorts the splits, and makes names unique by appending a number where paths gave equal ones.
+// Sorts the splits. Makes names such as a file may have, and unique, by appending a number where
+// paths gave equal ones.
 void order_frames(Scene& scene) {
   std::set<std::string> names;
   std::map<std::string, int> used;  // numbers behind a name: none is tried twice
@@ -113,7 +115,8 @@ void order_frames(Scene& scene) {
       return std::tie(a.track, a.time) < std::tie(b.track, b.time);
     });
     for (Frame& frame : *split) {
-      const std::string name = frame.name;
+      const std::string name = as_file_name(frame.name);
+      frame.name = name;
       while (!names.insert(frame.name).second)
         frame.name = fmt::format("{}_{}", name, ++used.try_emplace(name, 1).first->second);
     }
@@ -189,6 +192,8 @@ void recentre(Scene& scene, const std::array<double, 3>& place) {
 }  // namespace
 
 Scene read_scene(const std::string& path, const SceneOptions& options) {
+  if (path.empty())
+    throw Error("cannot read the scene: scene.path is empty, expected is its folder or video");
   if (!fs::exists(path))
     throw Error(fmt::format("cannot read scene {}: there is no such folder or video", path));
   check(options);

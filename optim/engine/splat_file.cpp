@@ -13,13 +13,17 @@ namespace {
 
 using Shape = std::vector<size_t>;
 
+[[noreturn]] void refuse_shape(const Array& array, const std::string& key, const std::string& name,
+                               const std::string& expected) {
+  throw Error(fmt::format("reading {}: array '{}' has the shape {}, it should be {}", name, key,
+                          array.shape_text(), expected));
+}
+
 // The named array as floats, with its shape checked.
 std::vector<float> floats(const Arrays& input, const std::string& key, const Shape& shape,
                           const std::string& name) {
   const Array& array = array_named(input, key, name);
-  if (array.shape != shape)
-    throw Error(fmt::format("reading {}: array '{}' has the shape {}, it should be {}", name, key,
-                            array.shape_text(), Array{shape, {}}.shape_text()));
+  if (array.shape != shape) refuse_shape(array, key, name, Array{shape, {}}.shape_text());
   return array.as_float();
 }
 
@@ -182,8 +186,9 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
   const int width = int(sides[0]), height = int(sides[1]);
   require_room_for_images(queue.info, size_t(width) * size_t(height), input, name);
   const Array& means = array_named(input, "means", name);
+  if (means.shape.size() != 2 || means.shape[1] != 3) refuse_shape(means, "means", name, "(N, 3)");
   SplatScene s;
-  const size_t n = s.count = means.shape.empty() ? 0 : means.shape[0];
+  const size_t n = s.count = means.shape[0];  // which all other arrays are to have
   s.moves = input.count("means_t2") > 0;
 
   // Gaussians at both times

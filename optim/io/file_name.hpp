@@ -12,16 +12,18 @@
 namespace gflow {
 
 // The name of one file or folder: slashes become _, and none begins with a dot. Of a long one the
-// first 100 letters are left, letters that a terminal would obey become _, and behind such a name
-// stands a hash of the whole: what differed differs.
+// first 100 letters, or 200 bytes of them, are left, letters that a terminal would obey become _,
+// and behind such a name stands a hash of the whole: what differed differs. File systems take 255
+// bytes: there is room for what else a file's name says.
 inline std::string as_file_name(const std::string& name) {
-  constexpr size_t most_letters = 100;
+  constexpr size_t most_letters = 100, most_bytes = 200;
   std::string plain;
   size_t at = 0;
   bool changed = false;
   for (size_t n = 0; n < most_letters && at < name.size(); ++n) {
     const size_t size = utf8_letter(name, at);  // 0: some other byte, which stays
     std::string letter = name.substr(at, std::max<size_t>(size, 1)), shown;
+    if (plain.size() + letter.size() > most_bytes) break;
     append_letter(shown, letter, 0);
     at += letter.size();
     const bool slash = letter == "/" || letter == "\\", obeyed = size > 0 && shown != letter;

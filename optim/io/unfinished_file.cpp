@@ -3,6 +3,7 @@
 // each slot belongs to whoever changed its state last.
 #include "optim/io/unfinished_file.hpp"
 
+#include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -28,6 +29,18 @@ std::atomic<bool> ending{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may not wait for a lock");
 static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait for a lock");
 
+// Whether all of it is gone. By another program: to read a folder takes memory, which a signal
+// handler may not ask for.
+bool remove_folder(const char* path) {
+  const pid_t child = ::vfork();
+  if (child == 0) {
+    ::execl("/bin/rm", "rm", "-rf", "--", path, static_cast<char*>(nullptr));
+    ::_exit(127);
+  }
+  int status = -1;
+  return child > 0 && ::waitpid(child, &status, 0) == child && status == 0;
+}
+
 }  // namespace
 
 UnfinishedFile::UnfinishedFile(const std::string& path) {
@@ -51,10 +64,11 @@ UnfinishedFile::~UnfinishedFile() {
 
 void remove_unfinished_files() {
   ending = true;
-  // Another thread may have named a file and make it only now: it is looked for a while, as long as
-  // that thread has not given it up.
+  // Another thread may have named a file and make it only now, or one in a folder: they are looked
+  // for a while, as long as that thread has not given them up.
   const auto remains = [](Slot& slot) {
-    return slot.state == being_removed && ::unlink(slot.path) != 0 && errno == ENOENT;
+    if (slot.state != being_removed || ::unlink(slot.path) == 0) return false;
+    return errno == EISDIR ? !remove_folder(slot.path) : errno == ENOENT;
   };
   for (Slot& slot : slots) slot.change(in_use, being_removed);
   std::array<bool, slots.size()> missing{};

@@ -6,7 +6,8 @@
 
 namespace gflow {
 
-// While one of these lives, remove_unfinished_files() removes the file. Where more files are
+// While one of these lives, remove_unfinished_files() removes the file, or folder with all that is
+// in it. Where more files are
 // written at once than there is room to note (64), or the path is longer than a path can be, the
 // file is not noted.
 class UnfinishedFile {

@@ -111,10 +111,7 @@ void require_arrays(const Json& json, const Arrays& arrays, const std::string& p
 
 // The number in iteration_NUMBER.npz, or -1.
 int step_of_name(const fs::path& path) {
-  int step = -1;
-  const std::string name = path.filename().string();
-  const bool numbered = std::sscanf(name.c_str(), "iteration_%d", &step) == 1;
-  return numbered && name == fmt::format("iteration_{}.npz", step) ? step : -1;
+  return path.extension() == ".npz" ? iteration_of_name(path.stem().string()) : -1;
 }
 
 CheckpointFacts facts_of(const Json& json, const std::string& path) {
@@ -183,6 +180,13 @@ std::string crc32_text(const void* bytes, size_t length) {
 
 std::string device_stamp(const DeviceInfo& device) {
   return fmt::format("{}, driver {}, {} lanes", device.full_name(), device.driver, device.lanes);
+}
+
+int iteration_of_name(const std::string& name) {
+  int iteration = -1;
+  const bool numbered = std::sscanf(name.c_str(), "iteration_%d", &iteration) == 1;
+  const bool is_it = numbered && iteration >= 0 && name == fmt::format("iteration_{}", iteration);
+  return is_it ? iteration : -1;
 }
 
 // The program itself: whatever was changed, compiler and flags included, it shows here.

@@ -46,6 +46,9 @@ std::string crc32_text(const void* bytes, size_t length);
 std::string device_stamp(const DeviceInfo& device);
 std::string program_stamp();
 
+// N of a name iteration_N, and -1 of any other: of a copy called iteration_07, too.
+int iteration_of_name(const std::string& name);
+
 // The last two checkpoints of a run, FOLDER/iteration_N.npz.
 class CheckpointFolder {
  public:

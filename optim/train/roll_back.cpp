@@ -10,16 +10,22 @@
 namespace gflow {
 
 bool is_sound(const StepFigures& now, const StepFigures& before) {
-  return std::isfinite(now.loss) && now.unsound.empty() &&
+  return std::isfinite(now.loss) && now.unsound.empty() && now.stuck == 0 &&
          now.refused <= before.refused + 10 + now.gaussians / 1000;
 }
 
 std::string what_is_unsound(const StepFigures& figures, int step) {
-  return !std::isfinite(figures.loss) ? fmt::format("the loss is {} at step {}", figures.loss, step)
-         : !figures.unsound.empty()
-             ? fmt::format("{} has values that are no numbers at step {}", figures.unsound, step)
-             : fmt::format("{} Gaussians had gradients that are no numbers at step {}",
-                           figures.refused, step);
+  if (!std::isfinite(figures.loss))
+    return fmt::format("the loss is {} at step {}", figures.loss, step);
+  if (!figures.unsound.empty())
+    return fmt::format("{} has values that are no numbers at step {}", figures.unsound, step);
+  if (figures.stuck > 0)
+    return fmt::format(
+        "{} rows of parameters that all Gaussians share had ten gradients in a row that are no "
+        "numbers at step {}",
+        figures.stuck, step);
+  return fmt::format("{} Gaussians or keys had gradients that are no numbers at step {}",
+                     figures.refused, step);
 }
 
 int RollBack::go_back(int step, const StepFigures& figures, std::string& notice) {
@@ -53,9 +59,7 @@ int RollBack::go_back(int step, const StepFigures& figures, std::string& notice)
 void RollBack::save_what_there_is(int step, double seconds,
                                   const std::optional<StepFigures>& before) {
   queue_.finish();
-  StepFigures now;
-  now.gaussians = trainer_.gaussians();
-  now.refused = trainer_.refused(queue_);
+  StepFigures now = trainer_.counts(queue_);
   now.unsound = unsound_array(trainer_.state(queue_));
   if (is_sound(now, before.value_or(now))) checkpoints_.write(step, seconds);
 }

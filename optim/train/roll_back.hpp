@@ -10,8 +10,9 @@
 namespace gflow {
 
 // Whether a training with these figures is worth going on with: its loss and all that it has
-// learned are numbers, and since the figures before no more than one Gaussian in a thousand (and
-// ten more) had gradients that Adam could not take.
+// learned are numbers, since the figures before no more rows than one Gaussian in a thousand (and
+// ten more) had gradients that Adam could not take, and nothing that all share is stuck with them.
+// (A Gaussian that cannot learn is no reason to give up the others.)
 bool is_sound(const StepFigures& now, const StepFigures& before);
 
 // Of figures that are not sound, in words: what it is at that step.

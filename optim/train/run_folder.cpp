@@ -182,10 +182,8 @@ std::vector<int> RunFolder::models() const {
   std::vector<int> iterations;
   std::error_code none;  // a training may remove the folder meanwhile
   for (const auto& entry : fs::directory_iterator(path("point_cloud"), none)) {
-    const std::string name = entry.path().filename().string();
-    int iteration = -1, length = 0;
-    if (std::sscanf(name.c_str(), "iteration_%d%n", &iteration, &length) == 1 &&
-        size_t(length) == name.size() && fs::exists(entry.path() / "point_cloud.ply"))
+    const int iteration = iteration_of_name(entry.path().filename().string());
+    if (iteration >= 0 && fs::exists(entry.path() / "point_cloud.ply"))
       iterations.push_back(iteration);
   }
   std::sort(iterations.rbegin(), iterations.rend());
@@ -206,9 +204,12 @@ void RunFolder::forget_training() const {
 
 bool RunFolder::would_forget(const std::string& file) const {
   if (file.empty()) return false;
-  const fs::path inside =
-      fs::weakly_canonical(file).lexically_relative(fs::weakly_canonical(folder_));
-  return !inside.empty() && (*inside.begin() == "point_cloud" || inside == "input.ply");
+  const fs::path real = fs::weakly_canonical(file);
+  for (const char* name : {"checkpoints", "flow", "frames", "input.ply", "point_cloud", "test"}) {
+    const fs::path inside = real.lexically_relative(fs::weakly_canonical(path(name)));
+    if (!inside.empty() && *inside.begin() != "..") return true;
+  }
+  return false;
 }
 
 void RunFolder::forget_results() const {

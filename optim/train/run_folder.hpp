@@ -57,7 +57,8 @@ class RunFolder {
   // Removes all that an earlier training is gone on from or shown by: checkpoints, models, metrics,
   // input.ply, training.json.
   void forget_training() const;
-  // Whether that removes this file, too. "": no.
+  // Whether a training here may remove or replace this file, or folder, as one of those or of its
+  // results or caches; links are followed. "": no.
   bool would_forget(const std::string& file) const;
   // Removes results.json, per_view.json, compare.png and test/: they are about to be untrue.
   void forget_results() const;

@@ -349,8 +349,19 @@ void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& p
     motion_loss_->set_pairs(queue, load_neighbours(arrays, model_.parameters.count, path));
 }
 
-size_t Trainer::refused(Queue& queue) {
-  return reduce_.count_nonzero(queue, model_.parameters.rows.refused);
+StepFigures Trainer::counts(Queue& queue) {
+  constexpr cl_uint ten_steps = 10;
+  StepFigures counts;
+  const Parameters& p = model_.parameters;
+  counts.gaussians = p.count;
+  counts.moving = p.moving;
+  counts.refused = reduce_.count_nonzero(queue, p.rows.refused);
+  for (size_t t = 0; t < p.more.size(); ++t) {
+    const Buffer<cl_uint>& refused = p.more[t].rows.refused;
+    counts.refused += reduce_.count_nonzero(queue, refused);
+    if (p.more_specs[t].rows > 0) counts.stuck += reduce_.count_above(queue, refused, ten_steps);
+  }
+  return counts;
 }
 
 Trainer::FlowFigures Trainer::flow_figures(Queue& queue) {
@@ -374,7 +385,7 @@ std::string Trainer::take_notice() {
 }
 
 StepFigures Trainer::figures(Queue& queue) {
-  StepFigures figures;
+  StepFigures figures = counts(queue);
   const ImageLossValue image = image_loss_.value(queue);
   figures.l1 = image.l1;
   figures.ssim = image.ssim;
@@ -393,9 +404,6 @@ StepFigures Trainer::figures(Queue& queue) {
     figures.motion = MotionLossValue{kNotSeen, kNotSeen, kNotSeen, kNotSeen, kNotSeen};
   }
   if (guide_) figures.guidance = guide_->figures(queue);
-  figures.gaussians = gaussians();
-  figures.moving = model_.parameters.moving;
-  figures.refused = refused(queue);
   const std::vector<float> rgb = renderer_.images().rgb.read(queue);
   double sum = 0;
   const size_t pixels = rgb.size() / 3;

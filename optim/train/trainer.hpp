@@ -34,7 +34,8 @@ struct StepFigures {
   // Of the last step with guidance; none: no training has.
   std::optional<GuideFigures> guidance;
   size_t gaussians = 0, moving = 0;
-  size_t refused = 0;  // rows that had a gradient Adam could not take, so far
+  size_t refused = 0;  // rows that had a gradient Adam could not take, so far: of any table
+  size_t stuck = 0;    // rows that all Gaussians share with none but such in their last ten steps
   // unsound_array() of the state, where that was looked at: before something of it is kept.
   std::string unsound;
 };
@@ -58,10 +59,8 @@ class Trainer {
   bool untouched() const { return untouched_; }
   // Waits.
   StepFigures figures(Queue& queue);
-  // Two of them that need no image: of how many Gaussians, and how many had a gradient that Adam
-  // could not take. Waits.
-  size_t gaussians() const { return model_.parameters.count; }
-  size_t refused(Queue& queue);
+  // Those of them that are counts of Gaussians and rows, and need no image. Waits.
+  StepFigures counts(Queue& queue);
   // A sentence for the user about something that happened since the last call, or "".
   std::string take_notice();
 

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <functional>
+#include <set>
 
 #include "optim/data/image_header.hpp"
 #include "optim/io/atomic_file.hpp"
@@ -40,6 +41,23 @@ void require_first_file(const TrainConfig& config, const RunFolder& run) {
   require_init_file(config);
 }
 
+// Error when the scene's folder or video, or a picture in it, lies among what this run replaces.
+void require_scene_elsewhere(const std::set<std::string>& files, const RunFolder& run) {
+  for (const std::string& file : files)
+    if (run.would_forget(file))
+      throw Error(fmt::format(
+          "training on {}: it lies among what a training into {} removes or replaces: name another "
+          "output folder, or copy the scene out of it",
+          file, run.folder()));
+}
+
+std::set<std::string> files_of(const Scene& scene) {
+  std::set<std::string> files;
+  for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
+    for (const Frame& frame : *split) files.insert({frame.path, frame.mask_path});
+  return files;
+}
+
 // The shape of the model that a checkpoint goes on with.
 ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& scene,
                            const TrainConfig& config, const RunFolder& run) {
@@ -65,10 +83,12 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
                      Start start) {
   check(config);
   const bool begins = start != Start::resume || run.checkpoints().steps().empty();
+  require_scene_elsewhere({config.scene.path}, run);
   if (begins) require_first_file(config, run);
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
+  require_scene_elsewhere(files_of(scene), run);  // it may be links
   if (start == Start::resume && is_over_without_checkpoint(run, config)) {
     run.lock();  // an Error where another process trains it
     if (!quiet) tell("the training in {} is over; its model is judged\n", run.folder());

@@ -385,6 +385,24 @@ TEST(Colmap, AFolderOfPicturesIsAStaticScene) {
   expect_error([&] { read_scene(folder.path()); }, {"sparse/0", "a.png twice"});
 }
 
+// Files are called after it.
+TEST(Colmap, APictureInAFolderHasANameWithout) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  const std::string deep = std::string(180, 'd') + "/" + std::string(90, 'd');
+  folder.write("sparse/0/images.txt",
+               fmt::format("1 1 0 0 0 0 0 5 7 {}.png\n\n2 1 0 0 0 0 0 5 7 sub/b.png\n\n", deep));
+  make_png(folder, fmt::format("images/{}.png", deep));
+  make_png(folder, "images/sub/b.png");
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.train.at(0).name, "sub_b");
+  EXPECT_EQ(scene.test.at(0).name.size(), 100u + 17);  // cut, with a hash
+}
+
+TEST(Scene, WithoutAPathSaysWhichSettingIsEmpty) {
+  expect_error([] { read_scene(""); }, {"scene.path is empty", "folder or video"});
+}
+
 TEST(Scene, AnUnknownLayoutSaysWhatWasLookedFor) {
   const TemporaryFolder folder;
   expect_error([&] { read_scene(folder.path()); },

@@ -5,6 +5,7 @@
 
 #include "data_readers/made_scene.hpp"
 #include "optim/data/frame_store.hpp"
+#include "worse.hpp"
 
 using namespace gflow;
 
@@ -47,7 +48,7 @@ double worst_error(const Image& image, const Camera& camera) {
     for (int i = 0; i < image.width; ++i) {
       const double seen = image.pixels[size_t(3 * (j * image.width + i))];
       const double x = (i + .5 - camera.cx) / camera.fx, y = (j + .5 - camera.cy) / camera.fy;
-      worst = std::max(worst, std::fabs(seen - scenery(x, y)));
+      worst = worse(worst, std::fabs(seen - scenery(x, y)));
     }
   return worst;
 }

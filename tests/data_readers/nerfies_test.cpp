@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
 #include "data_readers/made_scene.hpp"
 #include "optim/data/scene.hpp"
 #include "optim/io/npy.hpp"
@@ -135,6 +137,9 @@ TEST(Nerfies, FilesThatContradictThemselvesAreRefused) {
   std::filesystem::remove_all(folder.file("rgb"));
   expect_error([&] { read_scene(folder.path()); }, {"no pictures", "rgb"});
   make_nerfies(folder);
-  write_npy(folder.file("points.npy"), {{1, 3}, std::vector<float>{3, NAN, 5}});
-  expect_error([&] { read_scene(folder.path()); }, {"point 0", "points.npy"});
+  for (const double place : {std::nan(""), 1e39, -1e200}) {
+    write_npy(folder.file("points.npy"), {{2, 3}, std::vector<double>{0, 0, 0, 3, place, 5}});
+    expect_error([&] { read_scene(folder.path()); },
+                 {"point 1 of", "points.npy", "not finite, or farther off than 1e+18"});
+  }
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/ranges.h>
 
+#include <regex>
+
 #include "data_readers/made_scene.hpp"
 #include "optim/data/scene.hpp"
 
@@ -55,6 +57,22 @@ TEST(Nerfstudio, EveryNthPictureByNameIsForTheTest) {
   EXPECT_TRUE(camera.position().isApprox(Eigen::Vector3d(100, 2, 3)));
   EXPECT_EQ(camera.lens.kind, Lens::Kind::none);
   EXPECT_TRUE(neighbour_pairs(scene).empty());
+}
+
+// Pictures and flow are written to files that are called after them.
+TEST(Nerfstudio, NamesOfDeepFoldersAreNoLongerThanThoseOfFiles) {
+  const TemporaryFolder folder;
+  const std::string deep = fmt::format("{0}/{0}/{0}/", std::string(90, 'd'));
+  for (const int k : {1, 2}) make_png(folder, fmt::format("images/{}frame_{}.png", deep, k));
+  make_nerfstudio(folder, std::regex_replace(joined({frame(1), frame(2)}), std::regex("frame_"),
+                                             deep + "frame_"));
+  SceneOptions options;
+  options.test_every = 0;
+  const std::vector<std::string> names = names_of(read_scene(folder.path(), options).train);
+  ASSERT_EQ(names.size(), 2u);
+  EXPECT_NE(names[0], names[1]);
+  for (const std::string& name : names)
+    EXPECT_NO_THROW(make_png(folder, fmt::format("test/{}.png", name))) << name;
 }
 
 TEST(Nerfstudio, TheFilesOwnListsWin) {

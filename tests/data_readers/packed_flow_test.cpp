@@ -5,6 +5,7 @@
 #include <random>
 
 #include "data_readers/moving_texture.hpp"
+#include "worse.hpp"
 
 using namespace gflow;
 
@@ -26,10 +27,10 @@ TeacherFlow any_flow(int width, int height, float longest) {
   return teacher;
 }
 
-float largest_change(const TeacherFlow& a, const TeacherFlow& b) {
-  float most = 0;
+double largest_change(const TeacherFlow& a, const TeacherFlow& b) {
+  double most = 0;
   for (size_t i = 0; i < a.flow.uv.size(); ++i)
-    most = std::max(most, std::fabs(a.flow.uv[i] - b.flow.uv[i]));
+    most = worse(most, std::fabs(a.flow.uv[i] - b.flow.uv[i]));
   return most;
 }
 

@@ -14,6 +14,7 @@
 #include "optim/data/point_tracks.hpp"
 #include "optim/data/readers.hpp"
 #include "optim/io/npy.hpp"
+#include "worse.hpp"
 
 using namespace gflow;
 
@@ -27,7 +28,7 @@ double worst_gap(const Camera& a, const Camera& b, const PointCloud& points) {
   for (size_t i = 0; i < points.size(); ++i) {
     const Eigen::Vector3d p(points.xyz[3 * i], points.xyz[3 * i + 1], points.xyz[3 * i + 2]);
     if ((a.viewmat * p.homogeneous()).z() < 0.1) continue;
-    worst = std::max(worst, (a.project(p) - b.project(p)).norm());
+    worst = worse(worst, (a.project(p) - b.project(p)).norm());
   }
   return worst;
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Arrays, flow, pictures, video and cameras: single files.
+#include "data_readers/made_png.hpp"
 #include "fuzz/inputs.hpp"
 #include "optim/data/cameras_json.hpp"
 #include "optim/data/given_cameras.hpp"
@@ -106,6 +107,15 @@ void picture_seeds(const std::string& to) {
   const std::string jpg = folder() + "/made.jpg";
   write_png(jpg, pattern(8, 8));  // by its ending a JPEG
   seed(to, "jpg", contents(jpg));
+  for (const char* name : {"progressive", "progressive_grey", "cmyk"})
+    seed(to, name, contents(fmt::format("{}/tests/data/pictures/{}.jpg", GFLOW_SOURCE_DIR, name)));
+  std::mt19937 rng(9);
+  for (const PngKind& kind : {PngKind{3, 4, false, true},
+                              {2, 16, true, true},
+                              {0, 1, false, true},
+                              {4, 16, false, false}})
+    seed(to, fmt::format("png_{}_{}", kind.colour, kind.depth),
+         png_of(kind, random_rows(kind, rng)));
   real_seed(to, "consistent4d_trex/0.png");
 }
 

@@ -24,6 +24,9 @@ TEST(FileName, OfAnythingIsOneNameInTheFolder) {
   std::string umlauts;
   for (int i = 0; i < 101; ++i) umlauts += "\u00fc";
   expect_hashed(umlauts, umlauts.substr(0, 200));  // whole letters
+  std::string hiragana;
+  for (int i = 0; i < 67; ++i) hiragana += "\u3042";
+  expect_hashed(hiragana, hiragana.substr(0, 198));  // of three bytes; 200 at most
 }
 
 // Else two cameras would share the pictures that are unpacked of their videos.

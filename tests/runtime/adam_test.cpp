@@ -250,7 +250,7 @@ TEST_P(AdamTest, RowWithABadGradientInOneGroupIsSkippedInAll) {
   f.adam.advance(f.queue, f.state, 4);
   f.adam.step(f.queue, f.group, f.state, 4, {1, 1e-15f});
   f.adam.step(f.queue, other, f.state, 4, {1, 1e-15f});
-  EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{1, 0, 1, 1}));
+  EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{2, 0, 2, 2}));
   EXPECT_EQ(f.state.steps.read(f.queue), (std::vector<cl_uint>{0, 1, 0, 0}));
   const auto values = other.values.read(f.queue);
   EXPECT_EQ(values[0], 0);
@@ -280,7 +280,22 @@ TEST_P(AdamTest, RowsInUseMayBeginAnywhere) {
   f.adam.step(f.queue, f.group, f.state, middle, {1, 1e-15f});
   const std::vector<double> expected{0, 0, -3, -3, 0, 0, -5, -5, 0, 0};  // row 2 is refused
   EXPECT_TRUE(all_close(f.group.values.read(f.queue), expected, {4e-7, 1e-30}));
-  EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{0, 0, 1, 0, 0}));
+  EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{0, 0, 2, 0, 0}));
+}
+
+TEST_P(AdamTest, CountsTheStepsInARowThatARowIsRefused) {
+  AdamFixture f(GetParam(), 3, 1);
+  const auto step = [&](const std::vector<float>& grads, const std::vector<cl_uint>& seen) {
+    f.state.seen.write(f.queue, seen);
+    f.group.grads.write(f.queue, grads);
+    f.adam.refuse(f.queue, f.group, f.state, 3);
+    f.adam.advance(f.queue, f.state, 3);
+    return f.state.refused.read(f.queue);
+  };
+  EXPECT_EQ(step({NAN, NAN, 1}, {1, 1, 1}), (std::vector<cl_uint>{2, 2, 0}));
+  EXPECT_EQ(step({NAN, NAN, 1}, {1, 0, 1}), (std::vector<cl_uint>{3, 2, 0}));  // 1: no step of it
+  EXPECT_EQ(step({NAN, 1, 1}, {1, 1, 1}), (std::vector<cl_uint>{4, 1, 0}));
+  EXPECT_EQ(step({1, NAN, 1}, {1, 1, 1}), (std::vector<cl_uint>{1, 2, 0}));
 }
 
 TEST_P(AdamTest, RatesOfARowGrowWithItsPaceAndShrinkWithItsReach) {

@@ -63,13 +63,15 @@ TEST(Reduce, GivesTheSameBitsEveryTimeAndInBothWorkGroupShapes) {
   EXPECT_EQ(sums[0], sums[2]);
 }
 
-TEST(Reduce, CountsWhatIsNotZero) {
+TEST(Reduce, CountsWhatIsLarger) {
   Queue queue = test_queue();
   std::vector<cl_uint> data(1000, 0);
   for (size_t i = 0; i < 1000; i += 3) data[i] = cl_uint(i + 1);  // 334 of them
   Buffer<cl_uint> values(queue, data, "flags");
   EXPECT_EQ(Reduce(queue).count_nonzero(queue, values), 334u);
-  EXPECT_EQ(Reduce(queue).count_nonzero(queue, values, 1, 3), 1u);
+  EXPECT_EQ(Reduce(queue).count_above(queue, values, 1), 333u);
+  EXPECT_EQ(Reduce(queue).count_above(queue, values, 997), 1u);
+  EXPECT_EQ(Reduce(queue).count_above(queue, values, 1000), 0u);
 }
 
 }  // namespace

@@ -351,9 +351,14 @@ TEST_F(CommandTest, AFileThatCannotBeWrittenIsOneSentenceAndLeavesNothing) {
 }
 
 TEST_F(CommandTest, AFullStandardOutputIsNoSuccess) {
-  const Outcome outcome = gflow({"--help"}, "exec >/dev/full");
-  EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("No space left"), std::string::npos) << outcome.err;
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"--help"}, {"--version"}, {"settings"}, {"settings", "--json"}})
+    for (const auto& [first, why] : {std::pair("exec >/dev/full", "No space left on device"),
+                                     {"exec >&-", "Bad file descriptor"}}) {
+      const Outcome outcome = gflow(words, first);
+      EXPECT_EQ(outcome.code, 1) << words[0];
+      EXPECT_EQ(outcome.err, fmt::format("gflow: cannot write to standard output: {}\n", why));
+    }
 }
 
 // Who reads the output may end at any time, as `head` does.

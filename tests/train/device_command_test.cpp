@@ -113,6 +113,18 @@ TEST(DevicesCommand, AKernelThatCannotBeKeptIsNoFaultOfTheDevice) {
   }
 }
 
+TEST(DevicesCommand, NoTemporaryFolderIsNoFaultOfTheDevice) {
+  const Outcome outcome =
+      gflow({"--quiet", "stress", "--only", "T28"}, "export TMPDIR=/nonexistent");
+  EXPECT_EQ(outcome.code, 1) << outcome.out;
+  EXPECT_EQ(
+      outcome.err.rfind("gflow: no temporary folder can be made in /nonexistent, which TMPDIR "
+                        "names: No such file or directory; set TMPDIR to",
+                        0),
+      0u)
+      << outcome.err;
+}
+
 // No device is to blame for these.
 TEST(DevicesCommand, AVariableThatIsNoAnswerIsAnError) {
   for (const char* set : {"GFLOW_POISON_BUFFERS=yes", "GFLOW_SYNC=2", "GFLOW_KERNEL_DIR=/nowhere",
@@ -193,8 +205,9 @@ TEST(StressCommand, RefusesWhatItDoesNotKnow) {
   expect_refused({"stress", "--only", "T99"}, {"--only T99", "T5, ", "T42 to T45"});
   for (const char* word : {"T1-T3", "quick", "T"})
     expect_refused({"stress", "--only", word}, {fmt::format("--only: '{}' is no number", word)});
-  expect_refused({"stress", "--only", "5", "--json", "/nowhere/figures.json"},
-                 {"--json /nowhere/figures.json", "no file can be written there"});
+  for (const std::string path : {"/nowhere/figures.json", "/proc/figures.json"})
+    expect_refused({"stress", "--only", "5", "--json", path},
+                   {"--json " + path, "no file can be written there"});
   EXPECT_NE(gflow({"stress", "--only", "5", "--derivatives"}).code, 0);
 }
 

@@ -406,6 +406,36 @@ TEST_F(Experiment, OtherSettingsAreNotMixedIn) {
   EXPECT_EQ(read(run("small-on-seed3") + "/results.json")["iterations"], 5);
 }
 
+TEST_F(Experiment, TablesThatNoExperimentHasWrittenAreLeftAlone) {
+  const std::string toml = file("", "1");
+  for (const char* name : {"table.csv", "runs.csv", "pictures/small.png"}) {
+    const std::string mine = folder_.write(std::string("out/") + name, "my own");
+    folder_.write("out/runs/notes.txt", "");
+    for (const std::vector<std::string>& more : {std::vector<std::string>{}, {"--dry-run"}}) {
+      const Outcome outcome = experiment(toml, more);
+      EXPECT_EQ(outcome.code, 1) << name;
+      EXPECT_NE(outcome.err.find("no experiment was there before"), std::string::npos)
+          << outcome.err;
+    }
+    EXPECT_EQ(contents(mine), "my own");
+    EXPECT_EQ(folder_.count(), 3u) << name;  // with its notes and the plan
+    fs::remove_all(out());
+  }
+  folder_.write("out/notes.txt", "");
+  EXPECT_EQ(experiment(toml, {"--dry-run"}).code, 0);
+}
+
+TEST_F(Experiment, TheFileIsNotItsFolder) {
+  const std::string toml = file();
+  for (const std::string name : {"plan", ".toml"}) {
+    fs::copy_file(toml, folder_.file(name));
+    for (const char* option : {"--quiet", "--dry-run"})
+      expect_refused({"experiment", name, option},
+                     {name + ": by default", "the file itself; -o names another"},
+                     "cd '" + folder_.path() + "'");
+  }
+}
+
 TEST_F(Experiment, ARunThatFailsLeavesTheOthers) {
   // Every run fails, and each says why in its log.
   const Outcome none = experiment(file("", no_first_file));

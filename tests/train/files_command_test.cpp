@@ -259,8 +259,11 @@ TEST_F(FilesCommand, NothingIsWrittenOverTheFilesOfARun) {
   ASSERT_EQ(gflow({"export", run(), "-o", still}).code, 0);
   write_npz(npz, small_npz());
   const std::string checkpoint = run() + "/checkpoints/iteration_3.npz";
-  const std::string before =
-      contents(checkpoint) + contents(model()) + contents(run() + "/input.ply");
+  const auto all = [&] {
+    return contents(checkpoint) + contents(model()) + contents(run() + "/input.ply") +
+           contents(run() + "/config.toml");
+  };
+  const std::string before = all();
   expect_refused({"export", run(), "-o", model()}, {"what a training writes into", run()});
   expect_refused({"export", run(), "-o", run() + "/input.ply"}, {"input.ply"});
   expect_refused({"export", run(), "-o", run() + "/checkpoints", "--format", "ply-sequence"},
@@ -268,7 +271,13 @@ TEST_F(FilesCommand, NothingIsWrittenOverTheFilesOfARun) {
   expect_refused({"import", still, "-o", run() + "/point_cloud/other.ply"}, {"other.ply"});
   expect_refused({"import", still, "-o", checkpoint}, {"end the name in .ply"});
   expect_refused({"splat", npz, "-o", checkpoint}, {"what a training writes into"});
-  EXPECT_TRUE(contents(checkpoint) + contents(model()) + contents(run() + "/input.ply") == before);
+  for (const std::string& path : {checkpoint, run() + "/config.toml"})
+    for (const std::vector<std::string>& command :
+         {std::vector<std::string>{"stress", "--only", "5", "--json", path},
+          {"bench", "raster", "--pixels", "16x16", "--gaussians", "20", "--json", path},
+          {"bench", "pareto", "--markdown", path}})
+      expect_refused(command, {path, "what a training writes into"});
+  EXPECT_TRUE(all() == before);
   // Beside them there is room.
   const std::string own = run() + "/still.splat";
   EXPECT_EQ(gflow({"export", run(), "-o", own}).code, 0);
@@ -366,6 +375,13 @@ TEST_F(FilesCommand, SplatRefusesArchivesThatAreBroken) {
   input.erase("scales");
   write_npz(folder.file("less.npz"), input);
   expect_refused({"splat", folder.file("less.npz"), "-o", out}, {"less.npz", "scales"});
+  input = small_npz();
+  for (const Array& means : {floats({}, {0.5f}), floats({6}, std::vector<float>(6))}) {
+    input["means"] = means;
+    write_npz(folder.file("flat.npz"), input);
+    expect_refused({"splat", folder.file("flat.npz"), "-o", out},
+                   {"flat.npz", "'means'", means.shape_text(), "should be (N, 3)"});
+  }
   input = small_npz();
   input["opacities"] = Array{{3}, std::vector<float>(3, 0.5f)};
   write_npz(folder.file("odd.npz"), input);

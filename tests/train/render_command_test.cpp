@@ -111,6 +111,18 @@ TEST_F(RenderCommand, RenderSaysWhatIsMissing) {
   EXPECT_FALSE(fs::exists(out));
 }
 
+// Where frames of videos would go.
+TEST_F(RenderCommand, NoTemporaryFolderIsToldWithTheVariable) {
+  const TemporaryFolder folder;
+  fs::copy_file(model(), folder.file("bare.ply"));
+  expect_refused(
+      {"render", folder.file("bare.ply"), "--scene", GFLOW_SOURCE_DIR "/apps/demo/scene", "-o",
+       folder.path() + "/out"},
+      {"no temporary folder can be made in /nonexistent, which TMPDIR names", "set TMPDIR"},
+      "export TMPDIR=/nonexistent");
+  EXPECT_FALSE(fs::exists(folder.path() + "/out"));
+}
+
 TEST_F(RenderCommand, ASingleTimeHasFlowWhereTheSceneHasANextStep) {
   const TemporaryFolder out;
   const auto render = [&](const std::string& model, const std::string& time) {

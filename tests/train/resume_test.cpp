@@ -409,6 +409,27 @@ TEST_F(Resume, AWrongInputLeavesTheFormerRunAsItWas) {
   EXPECT_TRUE(fs::exists(checkpoint(240)) && fs::exists(run("run") + "/results.json"));
 }
 
+// Of frames/ and test/ nothing would be left to train on.
+TEST_F(Resume, ASceneAmongWhatARunReplacesIsLeftAlone) {
+  ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
+  const std::string test = run("run") + "/test", frames = run("run") + "/frames/cam01";
+  const std::string link = run("link"), links = run("links");
+  fs::create_directories(run("run") + "/frames");
+  fs::copy(scene_->path() + "/cam01/images", frames);
+  fs::create_directory_symlink(test, link);
+  fs::create_directory(links);
+  for (const auto& entry : fs::directory_iterator(frames))
+    fs::create_symlink(entry.path(), fs::path(links) / entry.path().filename());
+  const std::string before = contents(test + "/cam00_0000.png");
+  for (const std::string& scene : {frames, test, link, links})
+    for (const char* how : {"--overwrite", "--resume"})
+      expect_refused(
+          {"train", scene, "-o", run("run"), "--quiet", "--set", "flow.enabled=false", how},
+          {"training on " + scene, "another output folder", "copy the scene"});
+  EXPECT_TRUE(fs::exists(frames + "/0001.png"));
+  EXPECT_TRUE(contents(test + "/cam00_0000.png") == before);
+}
+
 // The first step is made, and what it begins with cannot be written: too late to keep the former
 // run.
 TEST_F(Resume, AFormerRunThatIsGoneIsNotSaidToBeThere) {

@@ -27,6 +27,34 @@ TEST(RollBack, ATrainingIsSoundWhoseLossIsANumberAndThatRefusesFew) {
     now.loss = loss;
     EXPECT_FALSE(is_sound(now, before));
   }
+  now.loss = 0;
+  EXPECT_TRUE(is_sound(now, before));
+  now.stuck = 1;
+  EXPECT_FALSE(is_sound(now, before));
+  EXPECT_NE(what_is_unsound(now, 9).find("1 rows of parameters that all Gaussians share"),
+            std::string::npos);
+}
+
+TEST(RollBack, RefusedRowsOfEveryTableCountAndThoseThatAllShareMayNotStayStuck) {
+  Queue queue = test_queue();
+  const SmallScene scene(queue);
+  for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::keyframes,
+                                     MotionModelKind::bases, MotionModelKind::hexplane}) {
+    const int motion = int(kind);
+    TrainConfig config = small_config(scene, 20);
+    config.motion.model = choice_of(kind);
+    SmallTraining training(queue, config);
+    training.steps(queue, 2);
+    EXPECT_EQ(training.trainer.counts(queue).refused, 0u) << motion;
+    Parameters& p = training.model.parameters;
+    size_t shared = 0;
+    for (Table* table : p.tables()) table->rows.refused.fill_range(queue, 0, 2, 11);
+    for (const TableSpec& spec : p.more_specs) shared += spec.rows > 0 ? 2 : 0;
+    EXPECT_EQ(training.trainer.counts(queue).refused, 2 * p.tables().size()) << motion;
+    EXPECT_EQ(training.trainer.counts(queue).stuck, shared) << motion;
+    for (Table* table : p.tables()) table->rows.refused.fill_range(queue, 0, 2, 10);
+    EXPECT_EQ(training.trainer.counts(queue).stuck, 0u) << motion;
+  }
 }
 
 class Broken : public testing::Test {

@@ -151,6 +151,20 @@ TEST(RunFolder, ForgetsWhateverIsOfAnEarlierTraining) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
+TEST(RunFolder, KnowsWhatItWouldForgetThroughLinks) {
+  const TemporaryFolder folder, other;
+  const RunFolder run(folder.path());
+  EXPECT_FALSE(run.would_forget(folder.path()));
+  EXPECT_FALSE(run.would_forget(folder.path() + "/pictures"));
+  EXPECT_TRUE(run.would_forget(folder.path() + "/test/"));
+  std::filesystem::create_directory(folder.path() + "/frames");
+  std::filesystem::create_directory_symlink(folder.path() + "/frames", other.path() + "/link");
+  EXPECT_TRUE(run.would_forget(other.path() + "/link/cam01"));
+  EXPECT_FALSE(run.would_forget(other.path() + "/pictures"));
+  std::filesystem::create_directory_symlink(other.path(), folder.path() + "/flow");
+  EXPECT_TRUE(run.would_forget(folder.path() + "/flow/pictures"));
+}
+
 TEST(RunFolder, ForgetsTheResultsOfEverySplit) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
@@ -209,6 +223,15 @@ TEST(RunFolder, ModelsAreInTheOrderOfTheirIterationsNotOfTheirNames) {
   std::filesystem::create_directories(run.path("point_cloud/iteration_20000"));  // without a model
   std::filesystem::create_directories(run.path("point_cloud/other"));
   EXPECT_EQ(run.models(), (std::vector<int>{10000, 900, 3}));
+}
+
+// Else a copy that somebody made would be read where the model that its number says is not.
+TEST(RunFolder, CopiesUnderOtherNamesAreNoModels) {
+  const TemporaryFolder folder;
+  for (const char* name : {"iteration_61", "iteration_0061", "iteration_ 8", "iteration_-5",
+                           "iteration_007", "iteration_+3", "iteration_61.old", "iteration_61 "})
+    folder.write(std::string("point_cloud/") + name + "/point_cloud.ply", "ply");
+  EXPECT_EQ(RunFolder(folder.path()).models(), std::vector<int>{61});
 }
 
 TEST(RunFolder, MayHaveNoModelYet) {

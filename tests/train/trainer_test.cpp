@@ -297,7 +297,7 @@ TEST_F(TrainerTest, UnseenGaussiansEndWhereStepsForAllWouldTakeThem) {
     double worst = 0;
     for (const auto& [name, expected] : all) {
       const std::vector<double> wanted(expected.begin(), expected.end());
-      if (norm(wanted) > 0) worst = std::max(worst, relative_l2(seen.at(name), wanted));
+      if (norm(wanted) > 0) worst = worse(worst, relative_l2(seen.at(name), wanted));
     }
     agree += worst < 1e-5;
   }
