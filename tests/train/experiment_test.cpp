@@ -333,7 +333,7 @@ TEST_F(Experiment, FlowIsSharedBetweenRunsOfTheSamePicturesOnly) {
 
 // A gflow that was killed leaves its training behind: it is waited for, not taken for a failure.
 TEST_F(Experiment, WhatAnotherProcessTrainsIsWaitedFor) {
-  const std::string toml = file("", "80");  // some seconds
+  const std::string toml = file("", "40");  // a second each
   {
     Command command({"experiment", toml, "-o", out(), "--quiet"});
     for (int i = 0; i < 6000 && !fs::exists(run("small-off-seed0") + "/metrics.jsonl"); ++i)
