@@ -24,7 +24,7 @@ std::string what_is_unsound(const StepFigures& figures, int step) {
         "{} rows of parameters that all Gaussians share had ten gradients in a row that are no "
         "numbers at step {}",
         figures.stuck, step);
-  return fmt::format("{} Gaussians or keys had gradients that are no numbers at step {}",
+  return fmt::format("{} rows of parameters had gradients that are no numbers at step {}",
                      figures.refused, step);
 }
 
