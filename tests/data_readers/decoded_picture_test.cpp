@@ -66,8 +66,8 @@ TEST(Png, WhatNoPixelNeedsIsNotSpokenOf) {
   const PngKind kind{2, 8, false, false};
   const std::string rows = random_rows(kind, rng);
   const std::string profile = "a profile" + std::string(2, '\0') + deflated("is longer than this");
-  const DecodedPicture found =
-      decode_png(as_bytes(png_of(kind, rows, chunk("iCCP", profile) + chunk("gAMA", "??"))));
+  const DecodedPicture found = decode_png(
+      as_bytes(png_of(kind, rows, png_chunk("iCCP", profile) + png_chunk("gAMA", "??"))));
   EXPECT_EQ(found.complaint, "");
   EXPECT_EQ(found.pixels, decode_png(as_bytes(png_of(kind, rows))).pixels);
 }

@@ -15,7 +15,7 @@ inline std::string big_endian(size_t value) {
   return bytes;
 }
 
-inline std::string chunk(const std::string& name, const std::string& data) {
+inline std::string png_chunk(const std::string& name, const std::string& data) {
   const std::string named = name + data;
   const uLong sum = crc32(0, reinterpret_cast<const Bytef*>(named.data()), uInt(named.size()));
   return big_endian(data.size()) + named + big_endian(sum);
@@ -36,9 +36,11 @@ struct PngKind {
 };
 
 // Samples a pixel, of PNG's kinds of colour.
-inline int samples(int colour) { return colour == 2 ? 3 : colour == 4 ? 2 : colour == 6 ? 4 : 1; }
+inline int png_samples(int colour) {
+  return colour == 2 ? 3 : colour == 4 ? 2 : colour == 6 ? 4 : 1;
+}
 
-constexpr size_t kWidth = 13, kHeight = 9;
+constexpr size_t kPngWidth = 13, kPngHeight = 9;
 
 // Unfiltered rows of random bytes, of 0 and 1 where a colour is transparent; of Adam7's seven
 // pictures, where it is interlaced.
@@ -50,9 +52,9 @@ inline std::string random_rows(const PngKind& kind, std::mt19937& rng) {
                                 {0, 2, 2, 4}, {1, 0, 2, 2}, {0, 1, 1, 2}};
   std::string rows;
   for (const Pass& p : kind.interlaced ? adam7 : std::vector<Pass>{{0, 0, 1, 1}}) {
-    const size_t width = (kWidth - p.x + p.dx - 1) / p.dx;
-    const size_t bytes = (width * size_t(samples(kind.colour) * kind.depth) + 7) / 8;
-    for (size_t y = p.y; y < kHeight; y += p.dy) {
+    const size_t width = (kPngWidth - p.x + p.dx - 1) / p.dx;
+    const size_t bytes = (width * size_t(png_samples(kind.colour) * kind.depth) + 7) / 8;
+    for (size_t y = p.y; y < kPngHeight; y += p.dy) {
       rows += '\0';
       for (size_t k = 0; k < bytes; ++k) rows += char(kind.transparent ? rng() & 1 : rng());
     }
@@ -64,21 +66,21 @@ inline std::string png_of(const PngKind& kind, const std::string& rows,
                           const std::string& more = "") {
   std::string bytes = "\x89PNG\r\n\x1a\n";
   const std::string none(2, '\0');  // deflate, its filters
-  bytes += chunk("IHDR", big_endian(kWidth) + big_endian(kHeight) + char(kind.depth) +
-                             char(kind.colour) + none + char(kind.interlaced));
+  bytes += png_chunk("IHDR", big_endian(kPngWidth) + big_endian(kPngHeight) + char(kind.depth) +
+                                 char(kind.colour) + none + char(kind.interlaced));
   bytes += more;
   if (kind.colour == 3) {
     std::string palette;
     for (int i = 0; i < 3 << kind.depth; ++i) palette += char(37 * i);
-    bytes += chunk("PLTE", palette);
+    bytes += png_chunk("PLTE", palette);
   }
   if (kind.transparent) {  // entries of the palette; a grey, or a colour, whose samples are 1
     const std::string one("\0\1", 2);
-    bytes += chunk("tRNS", kind.colour == 3   ? "\x10\x80"
-                           : kind.colour == 0 ? one
-                                              : one + one + one);
+    bytes += png_chunk("tRNS", kind.colour == 3   ? "\x10\x80"
+                               : kind.colour == 0 ? one
+                                                  : one + one + one);
   }
-  return bytes + chunk("IDAT", deflated(rows)) + chunk("IEND", "");
+  return bytes + png_chunk("IDAT", deflated(rows)) + png_chunk("IEND", "");
 }
 
 }  // namespace gflow
