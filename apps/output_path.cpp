@@ -7,9 +7,9 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <set>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/run_names.hpp"
 #include "runtime/error.hpp"
 
 namespace gflow {
@@ -17,30 +17,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Whether gflow has made the folder of a run; RunFolder, which knows more, is not in every build.
-bool is_run(const fs::path& folder) {
-  std::error_code none;
-  return fs::exists(folder / "caches.stamp", none) ||
-         (fs::exists(folder / "config.toml", none) && fs::exists(folder / "cameras.json", none));
-}
-
-// Whether a training writes what is so called in the folder of its run.
-bool is_of_training(const std::string& name) {
-  static const std::set<std::string> names = {
-      ".lock",         "broken.npz",       "cameras.json", "caches.stamp",
-      "checkpoints",   "compare.png",      "config.toml",  "flow",
-      "frames",        "input.motion.npz", "input.ply",    "metrics.csv",
-      "metrics.jsonl", "point_cloud",      "test",         "training.json"};
-  const bool result = name.rfind("results", 0) == 0 || name.rfind("per_view", 0) == 0;
-  return names.count(name) || (result && fs::path(name).extension() == ".json");
-}
-
 // The run among whose files the path lies, empty where there is none. itself: also a run's folder.
 fs::path run_around(const std::string& path, bool itself) {
   std::string inner;  // what is next on the way from `folder` to the path
   for (fs::path folder = fs::weakly_canonical(path); folder.has_relative_path();
        inner = folder.filename().string(), folder = folder.parent_path())
-    if ((inner.empty() ? itself : is_of_training(inner)) && is_run(folder)) return folder;
+    if ((inner.empty() ? itself : is_name_of_training(inner)) && is_made_by_training(folder))
+      return folder;
   return {};
 }
 

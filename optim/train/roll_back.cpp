@@ -16,7 +16,8 @@ bool is_sound(const StepFigures& now, const StepFigures& before) {
 
 std::string what_is_unsound(const StepFigures& figures, int step) {
   if (!std::isfinite(figures.loss))
-    return fmt::format("the loss is {} at step {}", figures.loss, step);
+    return fmt::format("the loss is {} at step {}",
+                       std::isnan(figures.loss) ? "no number" : "infinite", step);
   if (!figures.unsound.empty())
     return fmt::format("{} has values that are no numbers at step {}", figures.unsound, step);
   if (figures.stuck > 0)
@@ -38,9 +39,8 @@ int RollBack::go_back(int step, const StepFigures& figures, std::string& notice)
     const std::string path = run_.path("broken.npz");
     checkpoints_.write_to(path, step);
     throw Error(fmt::format(
-        "training {}: {}, {}; lower the learning rates (lr.* in its config.toml); the state it "
-        "came "
-        "to is kept in {}",
+        "training {}: {}, {}; a learning rate (lr.*), a weight or another setting in its "
+        "config.toml is too large; the state it came to is kept in {}",
         run_.folder(), what,
         last ? fmt::format("as after each of {} returns to step {} with half the learning rates",
                            most, from)

@@ -17,15 +17,13 @@
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/json_text.hpp"
 #include "optim/io/modest_json.hpp"
+#include "optim/io/run_names.hpp"
 #include "optim/io/text_file.hpp"
 #include "optim/io/warning.hpp"
 #include "optim/train/views.hpp"
 
 namespace gflow {
 namespace {
-
-constexpr const char* kStamp = "caches.stamp";  // every run folder has it
-constexpr const char* kLock = ".lock";
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
@@ -94,7 +92,7 @@ bool holds_something(const std::string& folder) {
   std::error_code problem;
   for (const auto& entry : fs::directory_iterator(folder, problem)) {
     const std::string name = entry.path().filename().string();
-    if (name != kLock && !is_temporary_name(name)) return true;
+    if (name != kRunLock && !is_temporary_name(name)) return true;
   }
   return false;
 }
@@ -122,9 +120,7 @@ void RunFolder::make() const {
   if (folder_.empty()) throw Error("a run folder has an empty name; -o FOLDER gives it one");
   std::error_code problem;
   // Training replaces what is in a run folder; what is in any other folder is not ours.
-  const bool is_ours = fs::exists(path(kStamp)) ||
-                       (fs::exists(path("config.toml")) && fs::exists(path("cameras.json")));
-  if (holds_something(folder_) && !is_ours)
+  if (holds_something(folder_) && !is_made_by_training(folder_))
     throw Error(
         fmt::format("training into {}: it is not empty and no run folder; name a new folder,"
                     " or an earlier run to train it anew",
@@ -144,11 +140,11 @@ RunFolder RunFolder::create(const std::string& path) {
   return run;
 }
 
-FileLock RunFolder::lock() const { return FileLock(path(kLock), folder_); }
+FileLock RunFolder::lock() const { return FileLock(path(kRunLock), folder_); }
 
 std::unique_ptr<FileLock> RunFolder::lock_if_free() const {
   try {
-    return std::make_unique<FileLock>(path(kLock), folder_);
+    return std::make_unique<FileLock>(path(kRunLock), folder_);
   } catch (const FileIsLocked&) {
     return nullptr;
   }
@@ -161,7 +157,7 @@ bool RunFolder::is_run(const std::string& path) {
 
 void RunFolder::require_no_beginning(const std::string& path) {
   const RunFolder run(path);
-  if (!is_run(path) && fs::exists(run.path(kLock))) run.lock();
+  if (!is_run(path) && fs::exists(run.path(kRunLock))) run.lock();
 }
 
 RunFolder RunFolder::open(const std::string& path) {
@@ -219,8 +215,7 @@ void RunFolder::forget_results() const {
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(folder_, none)) {
     const std::string name = entry.path().filename().string();
-    const bool is_one = name.rfind("results", 0) == 0 || name.rfind("per_view", 0) == 0;
-    if (is_one && entry.path().extension() == ".json") results.push_back(entry.path());
+    if (is_name_of_results(name)) results.push_back(entry.path());
   }
   for (const fs::path& file : results) fs::remove(file);
 }
@@ -229,18 +224,18 @@ void RunFolder::forget_unfinished_files() const {
   std::vector<fs::path> unfinished;
   for (const auto& entry : fs::recursive_directory_iterator(folder_))
     if (is_temporary_name(entry.path().filename().string())) unfinished.push_back(entry.path());
-  for (const fs::path& file : unfinished) fs::remove(file);
+  for (const fs::path& file : unfinished) fs::remove_all(file);
 }
 
 void RunFolder::forget_stale_caches(const std::string& stamp) const {
   if (has_caches_of(stamp)) return;
   fs::remove_all(path("flow"));
   fs::remove_all(path("frames"));
-  write_text(path(kStamp), stamp);
+  write_text(path(kRunStamp), stamp);
 }
 
 bool RunFolder::has_caches_of(const std::string& stamp) const {
-  return fs::exists(path(kStamp)) && stamp == report_if_there(path(kStamp));
+  return fs::exists(path(kRunStamp)) && stamp == report_if_there(path(kRunStamp));
 }
 
 void RunFolder::write_config(const TrainConfig& config) const {

@@ -60,7 +60,8 @@ class RunFolder {
   // Whether a training here may remove or replace this file, or folder, as one of those or of its
   // results or caches; links are followed. "": no.
   bool would_forget(const std::string& file) const;
-  // Removes results.json, per_view.json, compare.png and test/: they are about to be untrue.
+  // Removes results and figures of views, of all splits and iterations, compare.png and test/: they
+  // are about to be untrue.
   void forget_results() const;
   // Removes what a killed process had begun to write.
   void forget_unfinished_files() const;

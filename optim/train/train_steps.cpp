@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <utility>
 
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/warning.hpp"
@@ -150,14 +151,18 @@ int stopped_at(const RunFolder& run) {
 }  // namespace
 
 int train_steps(Training& training, int step, std::optional<InterruptGuard>& guard, bool quiet,
-                const std::function<void()>& begin) {
+                FirstStep first) {
   auto& [queue, config, run, model, trainer, checkpoints, watch] = training;
   const ScheduleConfig& plan = config.train;
   Progress progress("train", plan.iterations, quiet, step);
   RollBack roll_back(queue, run, trainer, checkpoints);
   StepFigures figures;
   std::optional<StepFigures> before;
-  bool begun = !begin;
+  bool begun = !first.replaces;
+  const auto begin = [&] {
+    if (const auto then = std::exchange(first.then, {})) then();
+    begun = true;
+  };
   const auto time_is_over = [&] {
     return plan.minutes > 0 && training.watch.seconds() > 60 * double(plan.minutes);
   };
@@ -178,6 +183,7 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
       queue.finish();
       guard.emplace();
     }
+    if (begun) begin();
     const std::string notice = trainer.take_notice();
     if (!notice.empty()) progress.say("gflow: " + notice);
     const int done = step + 1;
@@ -195,8 +201,7 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
         continue;
       }
       before = figures;
-      if (!begun) begin();
-      begun = true;
+      begin();
     }
     if (logs) try_append_metrics(run, step, watch.seconds(), figures);
     progress.update(done, terms_of(figures));

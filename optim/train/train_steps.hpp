@@ -37,13 +37,20 @@ struct Training {
   Stopwatch watch;
 };
 
+// What the first step of a training is followed by: the folder becomes its own.
+struct FirstStep {
+  std::function<void()> then;  // or none: it is already
+  // The folder holds another training, which stays until the step has figures and these are sound;
+  // an error until then says nothing of what is saved.
+  bool replaces = false;
+};
+
 // Makes the steps from number `step` on; returns the number of steps made, earlier ones included.
 // Sets `guard` after the first one, in which kernels may be compiled for long: before it there is
-// nothing to save. Then, when its figures are sound, `begin` is called where there is one: until
-// then the folder holds another training. Error, which says how many steps are saved, when guidance
-// or device fail or the loss stays no number (RollBack).
+// nothing to save. Error, which says how many steps are saved, when guidance or device fail or the
+// loss stays no number (RollBack).
 int train_steps(Training& training, int step, std::optional<InterruptGuard>& guard, bool quiet,
-                const std::function<void()>& begin);
+                FirstStep first);
 
 // Writes what it came to after so many steps: the model, facts about the run, a checkpoint.
 RunFacts keep_result(Training& training, int steps);

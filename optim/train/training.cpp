@@ -13,6 +13,7 @@
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/init.hpp"
 #include "optim/train/judging.hpp"
+#include "optim/train/next_files.hpp"
 #include "optim/train/preparation.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/train_steps.hpp"
@@ -113,22 +114,28 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // broken ones are named now
   prepared.look_for_change();  // a scene may not show what init.from asks for
 
-  // Nothing is wrong with what goes in. Another training stays until the first step of this one is
-  // made and sound, which shows that it can be.
-  const bool replaces = !resumed && !(run.checkpoints().steps().empty() && run.models().empty());
+  // Nothing is wrong with what goes in. A training that is there, or its results, stays until the
+  // first step of this one is made and sound, which shows that it can be.
+  const bool goes_on = resumed.has_value();
+  const bool replaces = !goes_on && !(run.checkpoints().steps().empty() && run.models().empty());
+  const bool begins_now = !goes_on && !replaces;
   if (replaces) require_whole_pictures(scene, quiet);
   std::optional<HostModel> first;
   bool begun = false;
-  const auto begin_run = [&] {
-    begun = true;  // whatever comes of it
-    if (!resumed) run.forget_training();
-    run.forget_results();
-    run.write_config(config);
-    run.write_cameras(scene);
-    if (first) write_model(run.path("input.ply"), *first);
+  const auto begin_run = [&](bool changes) {
+    const NextFiles next(run);
+    next.folder().write_config(config);
+    next.folder().write_cameras(scene);
+    if (first) write_model(next.folder().path("input.ply"), *first);
     first.reset();
+    next.require_names();
+    next.take_name("config.toml");  // from here on the folder is of this training
+    begun = true;                   // whatever comes of it
+    if (!goes_on) run.forget_training();
+    if (changes) run.forget_results();
+    next.take_names();
   };
-  if (!replaces) begin_run();
+  if (begins_now) begin_run(true);
   const std::string left =
       replaces ? "the former training is as it was" : how_to_go_on(run, config);
   stop.say("interrupted while preparing the training; " + left);
@@ -140,7 +147,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   stop.say("interrupted before the first training step; " + left);
   const auto first_model = [&] {
     first = prepared.first_model(queue);
-    if (!replaces) write_model(run.path("input.ply"), *first);
+    if (begins_now) write_model(run.path("input.ply"), *first);
     if (!quiet)
       tell("{}",
            first_gaussians_in_words(*first, scene, config.init, prepared.began_with_stereo()));
@@ -148,7 +155,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   };
   Model model =
       resumed ? Model(queue, shape_to_resume(*resumed, scene, config, run), 0) : first_model();
-  if (!replaces) first.reset();
+  if (begins_now) first.reset();
   if (!quiet) tell("motion model: {}\n", name_of(model.shape.motion));
   Trainer trainer = prepared.trainer(queue, model, guidance.get());
   CheckpointFacts former;
@@ -163,15 +170,16 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   std::optional<InterruptGuard> guard;
   int steps = 0;
   try {
-    steps = train_steps(training, former.step, guard, quiet,
-                        begun ? std::function<void()>() : begin_run);
+    FirstStep at_first;
+    if (!begun) at_first = {[&] { begin_run(true); }, replaces};
+    steps = train_steps(training, former.step, guard, quiet, at_first);
   } catch (const Error& problem) {
-    if (begun) throw;
+    if (begun || goes_on) throw;
     throw Error(fmt::format("{}; {}", problem.what(), left));
   }
   prepared.flows().prefetch({});  // of steps that an interruption or the clock left out
   if (!guard) guard.emplace();
-  if (!begun) begin_run();  // there were no steps to make
+  if (!begun) begin_run(!goes_on);  // there were no steps to make
   const RunFacts facts = keep_result(training, steps);
   stop.say(
       fmt::format("interrupted while evaluating; the model is in {}, `gflow eval {}` judges it",

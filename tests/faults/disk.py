@@ -84,12 +84,49 @@ def stopped_before(world):
     return lambda folder: shutil.copytree(world.stopped, folder + "/run")
 
 
+def replacing(world):
+    """A training in the place of another. Where it fails, all of the former is there, or the folder is its own."""
+    command = lambda folder: ["train", world.scene, "-o", folder + "/run", *settings(), "--set", "train.seed=7",
+                              "--overwrite"]
+
+    def check(folder, outcome, before):
+        now = contents_under(folder)
+        changed = [name for name in before if now.get(name) != before[name] and not name.endswith(".lock")]
+        begun = b"seed = 7" in now.get("run/config.toml", b"")
+        wrong = []
+        if changed and not begun:
+            wrong.append(f"neither the former run nor the next: {changed}")
+        if "as it was" in outcome.err and changed:
+            wrong.append(f"it says that the former is as it was, but {changed} are not")
+        if outcome.code == 0 and not (begun and "run/results.json" in now):
+            wrong.append("it succeeds and is not there")
+        return wrong
+    return Trial(world, "replace", lambda folder: shutil.copytree(world.whole, folder + "/run"), command, check)
+
+
+def over_and_over(world):
+    """A finished training that is resumed: whatever fails, its model and all of its results stay."""
+    def prepare(folder):
+        shutil.copytree(world.whole, folder + "/run")
+        for name in ("results_train.json", "per_view_iteration_4.json"):
+            with open(f"{folder}/run/{name}", "w", encoding="utf-8") as file:
+                file.write("{}")
+
+    def check(folder, outcome, before):
+        now, timed = contents_under(folder), ("run/.lock", "run/results.json", "run/training.json")
+        return [f"{name} is gone or another" for name in before
+                if (name not in now if name in timed else now.get(name) != before[name])]
+    return Trial(world, "resume what is over", prepare, lambda folder: ["train", "-o", folder + "/run", "--resume"],
+                 check)
+
+
 def trials(world):
     """All commands that write, by name."""
     train = lambda folder: ["train", world.scene, "-o", folder + "/run", *settings()]
     resume = lambda folder: [*train(folder), "--resume"]
     made = [training(world, "train", lambda folder: None, train),
-            training(world, "resume", stopped_before(world), resume), pictures(world)]
+            training(world, "resume", stopped_before(world), resume), replacing(world), over_and_over(world),
+            pictures(world)]
     for name in ("out.ply", "out.splat", "out.splatv", "out.4dgs"):
         export = lambda folder, name=name: ["export", world.whole, "-o", f"{folder}/{name}", "--quiet"]
         made.append(one_output(world, "export " + name[3:], export, name))

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trainings that are stopped in every way and go on. tests/kill_and_resume does the same at random
 // moments.
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "train/command.hpp"
@@ -430,16 +431,33 @@ TEST_F(Resume, ASceneAmongWhatARunReplacesIsLeftAlone) {
   EXPECT_TRUE(contents(test + "/cam00_0000.png") == before);
 }
 
-// The first step is made, and what it begins with cannot be written: too late to keep the former
-// run.
-TEST_F(Resume, AFormerRunThatIsGoneIsNotSaidToBeThere) {
-  ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
-  fs::remove(run("run") + "/cameras.json");
-  fs::create_directory(run("run") + "/cameras.json");
-  const Outcome outcome = gflow(train("run", {"--iterations", "2", "--overwrite"}));
-  EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("cameras.json"), std::string::npos) << outcome.err;
-  EXPECT_EQ(outcome.err.find("as it was"), std::string::npos) << outcome.err;
+// The first step is made, and what it begins with cannot be written.
+TEST_F(Resume, AFormerRunStaysWhereTheNextCannotBegin) {
+  for (const char* name : {"cameras.json", "config.toml"}) {
+    fs::remove_all(run("run"));
+    ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
+    fs::remove(run("run") + "/" + name);
+    fs::create_directory(run("run") + "/" + name);
+    const std::string before = contents(checkpoint(1));
+    expect_refused(train("run", {"--iterations", "2", "--overwrite"}),
+                   {std::string("run/") + name + ": ", "the former training is as it was"});
+    EXPECT_TRUE(contents(checkpoint(1)) == before);
+    for (const char* left : {"results.json", "compare.png", "input.ply", "metrics.jsonl"})
+      EXPECT_TRUE(fs::exists(run("run") + "/" + left)) << left;
+  }
+}
+
+// As does a job that is started over and over.
+TEST_F(Resume, AFinishedTrainingKeepsItsResults) {
+  ASSERT_EQ(gflow(train("run", {"--iterations", "2"})).code, 0);
+  ASSERT_EQ(gflow({"eval", run("run"), "--split", "train", "--quiet"}).code, 0);
+  std::map<std::string, std::string> before;
+  for (const char* name : {"results_train.json", "per_view_train.json", "per_view.json",
+                           "compare.png", "test/cam00_0000.png"})
+    before[name] = contents(run("run") + "/" + name);
+  EXPECT_EQ(gflow(train("run", {"--iterations", "2", "--resume"})).code, 0);
+  for (const auto& [name, bytes] : before)
+    EXPECT_TRUE(contents(run("run") + "/" + name) == bytes) << name;
 }
 
 // --resume judges it where it is known to be finished.

@@ -148,7 +148,7 @@ TEST_F(Broken, EndsAfterThreeReturnsAndKeepsTheStateItCameTo) {
   for (int k = 0; k < RollBack::most; ++k) EXPECT_EQ(roll_back.go_back(9, figures, notice), 0);
   EXPECT_EQ(training.trainer.caution(), 0.125f);
   expect_error([&] { roll_back.go_back(9, figures, notice); },
-               {"the loss is nan at step 9", "3 returns to step 0", "lr.", "broken.npz"});
+               {"the loss is no number at step 9", "3 returns to step 0", "lr.", "broken.npz"});
   EXPECT_EQ(read_checkpoint(run.path("broken.npz")).facts.step, 9);
   EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{0});
 }

@@ -55,16 +55,24 @@ TEST(RunFolder, IsNotMadeOfAFolderThatHoldsSomethingElse) {
 // Somebody has removed what is called caches.
 TEST(RunFolder, WithoutItsStampIsARunStill) {
   const TemporaryFolder folder;
-  folder.write("config.toml", "");
-  expect_error([&] { RunFolder::create(folder.path()); }, {"not empty"});  // of any program
-  folder.write("cameras.json", "[]");
-  EXPECT_NO_THROW(RunFolder::create(folder.path()));
+  std::filesystem::create_directory(folder.path() + "/checkpoints");
+  std::filesystem::create_directory(folder.path() + "/point_cloud");
+  for (const char* name : {"config.toml", "cameras.json", "video.mp4"}) folder.write(name, "");
+  // They may be a user's own, for --config and --cameras.
+  expect_error([&] { RunFolder::create(folder.path()); }, {"not empty"});
+  for (const char* trained : {"/checkpoints/iteration_5.npz", "/point_cloud/iteration_5"}) {
+    std::filesystem::create_directory(folder.path() + trained);
+    EXPECT_NO_THROW(RunFolder::create(folder.path()));
+    std::filesystem::remove(folder.path() + trained);
+  }
 }
 
 TEST(RunFolder, OfATrainingKilledAtItsVeryStartIsUsedAgain) {
   const TemporaryFolder folder;
   folder.write(".lock", "123");
   folder.write(".caches.123-0.part.stamp", "reso");
+  std::filesystem::create_directory(folder.path() + "/.next.123-0.part");
+  folder.write(".next.123-0.part/config.toml", "");
   const RunFolder run = RunFolder::create(folder.path());
   run.forget_unfinished_files();
   EXPECT_EQ(folder.count(), 1u);
@@ -171,8 +179,9 @@ TEST(RunFolder, ForgetsTheResultsOfEverySplit) {
   for (const char* name : {"results.json", "results_train.json", "per_view_val.json",
                            "results_iteration_300.json", "per_view_val_iteration_300.json"})
     folder.write(name, "{}");
+  folder.write("results_paper.json", "of a user");
   run.forget_results();
-  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  EXPECT_EQ(folder.count(), 1u);
 }
 
 TEST(RunFolder, IsOpenedOnlyWhereThereIsAConfiguration) {

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/next_files.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "optim/io/atomic_file.hpp"
+
+namespace gflow {
+
+namespace fs = std::filesystem;
+
+NextFiles::NextFiles(const RunFolder& run)
+    : run_(run), folder_(run.path(fmt::format(".next.{}-0.part", ::getpid()))) {
+  std::error_code problem;
+  fs::remove_all(folder_.folder(), problem);
+  fs::create_directory(folder_.folder(), problem);
+  if (problem) refuse_to_write(folder_.folder(), problem.value());
+}
+
+NextFiles::~NextFiles() {
+  std::error_code none;
+  fs::remove_all(folder_.folder(), none);
+}
+
+void NextFiles::require_names() const {
+  for (const auto& file : fs::directory_iterator(folder_.folder())) {
+    const std::string path = run_.path(file.path().filename().string());
+    if (fs::exists(path) && !fs::is_regular_file(path))
+      throw Error(fmt::format("writing {}: there is something of that name that is no file", path));
+  }
+}
+
+void NextFiles::take_name(const std::string& file) const {
+  std::error_code problem;
+  fs::rename(folder_.path(file), run_.path(file), problem);
+  if (problem) refuse_to_write(run_.path(file), problem.value());
+}
+
+void NextFiles::take_names() const {
+  std::vector<std::string> files;
+  for (const auto& file : fs::directory_iterator(folder_.folder()))
+    files.push_back(file.path().filename().string());
+  for (const std::string& file : files) take_name(file);
+}
+
+}  // namespace gflow
