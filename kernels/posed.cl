@@ -12,6 +12,7 @@ kernel void posed_fwd(const uint n, global const float* restrict quats,  // [N, 
   store_mat3(factors, i, factor_of(load4(quats, i), load3(scales, i)));
 }
 
+// What is not drawn has gradients of 0, whatever its values: 0 x NaN would be none (numerics T23).
 kernel void posed_bwd(const uint n, global const float* restrict quats,
                       global const float* restrict scales,
                       global const float* restrict v_factors,  // [N, 3, 3]
@@ -19,8 +20,12 @@ kernel void posed_bwd(const uint n, global const float* restrict quats,
                       global float* restrict v_scales) {       // [N, 3]
   const uint i = get_global_id(0);
   if (i >= n) return;
-  const FactorGradient g =
-      factor_of_vjp(load4(quats, i), load3(scales, i), load_mat3(v_factors, i));
+  const Mat3 v = load_mat3(v_factors, i);
+  FactorGradient g;
+  g.quat = make_real4(0.f, 0.f, 0.f, 0.f);
+  g.scales = make_real3(0.f, 0.f, 0.f);
+  if (any(v.r1 != 0.f) || any(v.r2 != 0.f) || any(v.r3 != 0.f))
+    g = factor_of_vjp(load4(quats, i), load3(scales, i), v);
   vstore4(g.quat, i, v_quats);
   store3(v_scales, i, g.scales);
 }

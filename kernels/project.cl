@@ -27,6 +27,11 @@
 #define TIGHT_BOXES 1
 #endif
 
+// Stands for the x of a flow that could not be formed: it is drawn as none, and has no gradient. No
+// other flow has these bits, as + 0.f makes +0 of them.
+#define NO_FLOW -0.f
+static inline bool has_no_flow(float m_x) { return as_uint(m_x) == as_uint(NO_FLOW); }
+
 // First and last tile touched on one axis by [centre - reach, centre + reach], counting pixel
 // centres only; first > last when none.
 static inline int2 tile_span(float centre, float reach, int pixels) {
@@ -123,15 +128,17 @@ kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera c
 #if FLOW
   if (i < moving && rows_with_flow[i]) {
     const Projection p2 = project(camera2, load3(means_t2, i), load_mat3(factors_t2, i));
-    if (p2.p.z >= camera.near_plane) {  // behind camera 2 there is no flow to speak of
+    bool formed = p2.p.z >= camera.near_plane;  // behind camera 2 there is no flow to speak of
+    if (formed) {
       const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
       const Mat2 h2 = transport(TRANSPORT, p.m, whiten(p.m), p2.m);
-      m = p2.mean - p.mean;
+      m = p2.mean - p.mean + 0.f;
       h = (float4)(h2.a, h2.b, h2.c, h2.d) * (1.f / SQRT_HALF_LOG2_E);
-      if (!is_finite_real(m.x + m.y + h.x + h.y + h.z + h.w)) {
-        m = (float2)(0.f);
-        h = (float4)(0.f);
-      }
+      formed = is_finite_real(m.x + m.y + h.x + h.y + h.z + h.w);
+    }
+    if (!formed) {
+      m = (float2)(NO_FLOW, 0.f);
+      h = (float4)(0.f);
     }
   }
 #endif
@@ -200,25 +207,22 @@ kernel void project_bwd(const uint n, const uint moving, const PinholeCamera cam
     if (any(g != 0.f)) v_mean2 = project_vjp(camera, factor, p, g, 0.f, none).mean;
   } else {
     Mat3 v_factor2 = zero;
-    if (any(g != 0.f) || any(s3 != 0.f)) {
+    if ((any(g != 0.f) || any(s3 != 0.f)) && !has_no_flow(splats[16 * i + 7])) {
       const Mat3 factor2 = load_mat3(factors_t2, i);
       const Projection p2 = project(camera2, load3(means_t2, i), factor2);
-      // m = H = 0 also marks a flow that could not be formed in transport_fwd: p2 decides likewise.
-      if (p2.p.z >= camera.near_plane) {
-        const Mat2 gh = make_mat2(s3.x / SQRT_HALF_LOG2_E, s3.y / SQRT_HALF_LOG2_E,
-                                  s3.z / SQRT_HALF_LOG2_E, s3.w / SQRT_HALF_LOG2_E);
-        const TransportGradient t = transport_vjp(TRANSPORT, p.m, w, p2.m, gh);
-        const GaussianGradient v2 = project_vjp(camera2, factor2, p2, g, 0.f, t.m2);
-        v_mean2 = v2.mean;
-        v_factor2 = v2.factor;
+      const Mat2 gh = make_mat2(s3.x / SQRT_HALF_LOG2_E, s3.y / SQRT_HALF_LOG2_E,
+                                s3.z / SQRT_HALF_LOG2_E, s3.w / SQRT_HALF_LOG2_E);
+      const TransportGradient t = transport_vjp(TRANSPORT, p.m, w, p2.m, gh);
+      const GaussianGradient v2 = project_vjp(camera2, factor2, p2, g, 0.f, t.m2);
+      v_mean2 = v2.mean;
+      v_factor2 = v2.factor;
 #if !DETACH_T1
-        // flow = mu2 - mu1 + H K (x - mu1)
-        const float4 h = vload4(4 * i + 3, splats);
-        const float hg1 = h.x * g.x + h.z * g.y, hg2 = h.y * g.x + h.w * g.y;  // H^T g, scaled H
-        v_mean -= g + (float2)(k1 * hg1, k2 * hg1 + k3 * hg2);
-        v_m = mat23_add(v_m, t.m1);
+      // flow = mu2 - mu1 + H K (x - mu1)
+      const float4 h = vload4(4 * i + 3, splats);
+      const float hg1 = h.x * g.x + h.z * g.y, hg2 = h.y * g.x + h.w * g.y;  // H^T g, scaled H
+      v_mean -= g + (float2)(k1 * hg1, k2 * hg1 + k3 * hg2);
+      v_m = mat23_add(v_m, t.m1);
 #endif
-      }
     }
     store_mat3(v_factors_t2, i, v_factor2);
   }

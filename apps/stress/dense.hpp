@@ -7,8 +7,8 @@
 
 namespace gflow::stress {
 
-// Adds a row each for colour and alpha, flow (by its largest), the share of pixels that these leave
-// out and the worst gradient; a value that is no number is infinitely far off.
+// Adds a row each for colour and alpha, depth and flow (by its largest), the share of pixels that
+// these leave out and the worst gradient; a value that is no number is infinitely far off.
 inline void compare_with_dense(Queue& queue, const PosedScene& s, const std::string& name,
                                Rows& rows) {
   const reference::Gaussians g = reference::posed(s.p);
@@ -20,6 +20,10 @@ inline void compare_with_dense(Queue& queue, const PosedScene& s, const std::str
                   worst({largest_error(images.at("rgb"), r.images.rgb, doubtful),
                          largest_error(images.at("alpha"), r.images.alpha, doubtful)}),
                   1e-5});
+  double deepest = 0;
+  for (const double z : r.images.depth) deepest = std::max(deepest, std::fabs(z));
+  rows.push_back({name + ", depth by its largest",
+                  largest_error(images.at("depth"), r.images.depth, doubtful) / deepest, 1e-5});
   double fastest = 0;
   for (const double f : r.images.flow) fastest = std::max(fastest, std::fabs(f));
   rows.push_back({name + ", flow by its largest",

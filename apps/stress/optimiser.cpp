@@ -173,7 +173,8 @@ Rows bad_gradients(Queue& queue) {  // T32
 }
 
 // A gradient summed in float from 128 terms, forwards or backwards; every second value's terms
-// cancel, so that its gradient is nothing but rounding. `size`: root mean square of the others.
+// cancel, so that its gradient is nothing but rounding. `size`: root mean square of the others, as
+// in trainings (AdamGroups).
 Rows noise_gain(Queue& queue) {  // T33
   constexpr size_t rows = 40, n = 3 * rows, terms = 128;
   const float lr = .01f;

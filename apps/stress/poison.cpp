@@ -30,6 +30,7 @@ struct Harm {
   double images_changed = 0, gradients_changed = 0, not_finite = 0, unnamed = 0, cases = 0;
   double left_out = 0;  // cases of finite values in which the culprit is not drawn, or not moved
   double reached = 0;   // cases where the culprit truly lies at the right: nothing is compared
+  double own = 0;       // gradients other than 0 of a culprit that is not drawn, or at t2 not moved
 };
 
 class Poisoned {
@@ -68,7 +69,9 @@ class Poisoned {
         const bool reaches = std::isfinite(poison) && reaches_right(queue_, device_.engine);
         harm.reached += reaches;
         compare_images(found, reaches, harm);
-        compare_gradients(device_.backward(v_), reaches, harm);
+        const FloatArrays gradients = device_.backward(v_);
+        compare_gradients(gradients, reaches, harm);
+        harm.own += own_gradients(slot, gradients);
         const bool drops = std::isfinite(poison) && left_out(slot, found);
         harm.left_out += drops;
         if (drops || !std::isfinite(poison)) harm.unnamed += !named(slot);
@@ -143,6 +146,21 @@ class Poisoned {
     }
   }
 
+  // Of the culprit, at both times, or of one that is drawn, at t2.
+  double own_gradients(const std::string& slot, const FloatArrays& found) {
+    const bool seen = device_.engine.splats().tiles_touched.read_range(queue_, 0, 1)[0] > 0;
+    const std::vector<float> r = culprits_record();
+    const bool stays = r[7] == 0 && r[11] == 0 && r[12] == 0 && r[13] == 0 && r[14] == 0;
+    double count = 0;
+    for (const auto& [name, gradient] : found) {
+      const bool at_t2 = name.find("_t2") != std::string::npos;
+      if (seen && !(at_t2 && stays && (slot == "means_t2" || slot == "scales_t2"))) continue;
+      const size_t width = gradient.size() / clean_.count();
+      for (size_t i = 0; i < width; ++i) count += gradient[i] != 0;  // NaN, too
+    }
+    return count;
+  }
+
   std::vector<float> culprits_record() {
     return device_.engine.splats().records.read_range(queue_, 0, 16);
   }
@@ -166,15 +184,13 @@ void broken_camera(DeviceScene& device, const PosedScene& s, const reference::Pl
     device.aim(camera, camera_t2);
     for (const auto& [name, image] : device.forward()) harm.not_finite += count_not_finite(image);
     for (const auto& [name, gradient] : device.backward(v))
-      if (both || name == "colors" || name == "opacities")
-        harm.not_finite += count_not_finite(gradient);
+      harm.not_finite += count_not_finite(gradient);
     ++harm.cases;
   }
 }
 
-// Every poison in every number of both cameras, or of that at t2 alone. Where flow cannot be formed
-// for the camera at t2, the gradients it has a part in are no numbers either: Adam refuses and
-// counts such rows. All else must be finite.
+// Every poison in every number of both cameras, or of that at t2 alone: images and gradients must
+// be finite.
 Harm camera(Queue& queue, bool both) {
   const PosedScene s = two_sides();
   const reference::Planes v = random_cotangents(s, 10);
@@ -246,6 +262,7 @@ Rows poison(Queue& queue) {
     rows.push_back(
         {fmt::format("{}: culprit not named (of {:.0f} cases that leave it out)", at, h.left_out),
          h.unnamed, 0});
+    rows.push_back({at + ": gradients of the culprit where it is left out", h.own, 0});
     rows.push_back(
         {at + ": share in which it truly reaches the others", h.reached / h.cases, .125});
   }
