@@ -9,6 +9,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "optim/data/reader_util.hpp"
@@ -153,28 +154,63 @@ void check(const Scene& scene) {
   }
 }
 
-// A place in the midst of the training cameras where they are further from zero than 16 times what
-// lies between them and the points: there a float, relative error 6e-8, is off by 1e-3 px in a
-// picture of 1000 px focal length. Else zero, as without points: then the scene is taken to lie
-// about it. In units of about a tenth of that, to be read easily.
-std::array<double, 3> origin_for(const Scene& scene) {
-  if (scene.points.size() == 0) return {0, 0, 0};
-  const auto camera = [&](const Frame& frame) {
-    return scene.cameras[size_t(frame.camera)].position();
-  };
+Eigen::Vector3d middle_of_cameras(const Scene& scene) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const Frame& frame : scene.train) mean += camera(frame) / double(scene.train.size());
+  for (const Frame& frame : scene.train)
+    mean += scene.cameras[size_t(frame.camera)].position() / double(scene.train.size());
+  return mean;
+}
+
+// The point nearest to the axes of all training cameras; nothing where they are nearly parallel, or
+// there is one. Places count from the middle of the cameras, which may be far from zero.
+std::optional<Eigen::Vector3d> where_axes_meet(const Scene& scene) {
+  const Eigen::Vector3d middle = middle_of_cameras(scene);
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (const Frame& frame : scene.train) {
+    const Camera& camera = scene.cameras[size_t(frame.camera)];
+    const Eigen::Vector3d axis = camera.viewmat.block<1, 3>(2, 0).transpose();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
+    a += across;
+    b += across * (camera.position() - middle);
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(a);
+  if (solver.eigenvalues()[0] < 1e-3 * double(scene.train.size())) return std::nullopt;
+  return middle + Eigen::Vector3d(a.ldlt().solve(b));
+}
+
+// How far what they show is from the middle of the training cameras: the median of the points; of a
+// scene without any, the place that the cameras look at, 0 where they are parallel.
+double distance_of_scene(const Scene& scene, const Eigen::Vector3d& middle) {
   std::vector<double> distances;
   for (size_t i = 0; i < scene.points.size(); ++i)
     distances.push_back(
-        (Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]) - mean).norm());
-  const auto middle = distances.begin() + long(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  double size = *middle;
-  for (const Frame& frame : scene.train) size = std::max(size, (camera(frame) - mean).norm());
-  if (!(size > 0) || mean.norm() < 16 * size) return {0, 0, 0};
+        (Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]) - middle).norm());
+  if (distances.empty()) {
+    const auto place = where_axes_meet(scene);
+    return place ? (*place - middle).norm() : 0;
+  }
+  const auto median = distances.begin() + long(distances.size() / 2);
+  std::nth_element(distances.begin(), median, distances.end());
+  return *median;
+}
+
+// A place in the midst of the training cameras where they are further from zero than 16 times what
+// lies between them and the points: there a float, relative error 6e-8, is off by 1e-3 px in a
+// picture of 1000 px focal length. Else zero. Without points where the scene lies is a guess, and
+// some that stand still lie about zero, as in D-NeRF: zero is left where floats are off by a
+// quarter of a pixel. In units of about a tenth of that distance, to be read easily.
+std::array<double, 3> origin_for(const Scene& scene) {
+  const Eigen::Vector3d middle = middle_of_cameras(scene);
+  double size = distance_of_scene(scene, middle);
+  for (const Frame& frame : scene.train)
+    size = std::max(size, (scene.cameras[size_t(frame.camera)].position() - middle).norm());
+  const bool known = scene.points.size() > 0;
+  const double most = known ? 16 : 4096;
+  const bool one_place = size <= 1e-9 * middle.norm();  // but for rounding
+  if ((one_place && !known) || !(size > 0) || middle.norm() < most * size) return {0, 0, 0};
   const double unit = std::pow(10., std::floor(std::log10(size)));
-  const Eigen::Vector3d origin = (mean / unit).array().round() * unit;
+  const Eigen::Vector3d origin = (middle / unit).array().round() * unit;
   return {origin.x(), origin.y(), origin.z()};
 }
 
@@ -213,22 +249,11 @@ Scene read_scene(const std::string& path, const SceneOptions& options) {
 }
 
 Eigen::Vector3d looked_at(const Scene& scene) {
-  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
-  Eigen::Vector3d position = Eigen::Vector3d::Zero(), ahead = Eigen::Vector3d::Zero();
-  for (const Frame& frame : scene.train) {
-    const Camera& camera = scene.cameras[size_t(frame.camera)];
-    const Eigen::Vector3d axis = camera.viewmat.block<1, 3>(2, 0).transpose();
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
-    a += across;
-    b += across * camera.position();
-    position += camera.position();
-    ahead += axis;
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(a);
-  const double n = double(std::max<size_t>(scene.train.size(), 1));
-  if (solver.eigenvalues()[0] < 1e-3 * n) return position / n + ahead.normalized() * scene.extent;
-  return a.ldlt().solve(b);
+  if (const auto place = where_axes_meet(scene)) return *place;
+  Eigen::Vector3d ahead = Eigen::Vector3d::Zero();
+  for (const Frame& frame : scene.train)
+    ahead += scene.cameras[size_t(frame.camera)].viewmat.block<1, 3>(2, 0).transpose();
+  return middle_of_cameras(scene) + ahead.normalized() * scene.extent;
 }
 
 PictureId picture_id(const Frame& frame) {

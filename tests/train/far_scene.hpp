@@ -15,7 +15,7 @@ using Place = std::array<double, 3>;
 // A copy of the scene in a folder, moved there, as doubles.
 class FarScene {
  public:
-  FarScene(const SmallScene& scene, const Place& away) {
+  FarScene(const SmallScene& scene, const Place& away, bool with_points = true) {
     std::filesystem::copy(scene.path(), folder_.path(),
                           std::filesystem::copy_options::recursive |
                               std::filesystem::copy_options::overwrite_existing);
@@ -24,6 +24,10 @@ class FarScene {
     for (size_t camera = 0; camera < rows.size() / 17; ++camera)
       for (size_t axis = 0; axis < 3; ++axis) rows[17 * camera + 5 * axis + 3] += away[axis];
     write_npy(folder_.file("poses_bounds.npy"), {poses.shape, rows});
+    if (!with_points) {
+      std::filesystem::remove(folder_.file("points3D.ply"));
+      return;
+    }
     const PointCloud near = read_point_cloud(folder_.file("points3D.ply"));
     PlyTable far;
     far.rows = near.size();

@@ -47,6 +47,30 @@ TEST_F(FarSceneTest, IsReadRelativeToAPlaceInItsMidst) {
     }
 }
 
+// Without points its cameras alone say where it lies.
+TEST_F(FarSceneTest, WithoutPointsItIsReadAndTrainedAsNearby) {
+  const FarScene bare(near, {0, 0, 0}, false), far_bare(near, kAway, false);
+  config.scene.path = bare.path();
+  far_config.scene.path = far_bare.path();
+  config.init.from = far_config.init.from = InitFrom::random;
+  const Scene here = load_scene(config.scene, "").scene;
+  const Scene there = load_scene(far_config.scene, "").scene;
+  EXPECT_EQ(here.origin, (std::array<double, 3>{0, 0, 0}));
+  EXPECT_NEAR(there.extent, here.extent, 1e-8);
+  const Eigen::Vector3d away(kAway.data()), origin(there.origin.data());
+  EXPECT_LE((looked_at(there) + origin - looked_at(here) - away).norm(), 1e-7);
+  for (size_t c = 0; c < here.cameras.size(); ++c) {
+    const Eigen::Vector3d position = there.cameras[c].position();
+    EXPECT_LE(position.norm(), 100 * here.extent);
+    EXPECT_LE((position + origin - here.cameras[c].position() - away).norm(), 1e-8);
+  }
+  SmallTraining nearby(queue, config), afar(queue, far_config);
+  nearby.steps(queue, 30);
+  afar.steps(queue, 30);
+  // The same random points but for their last bits, and what 30 steps make of these.
+  EXPECT_NEAR(afar.trainer.figures(queue).psnr, nearby.trainer.figures(queue).psnr, 0.1);
+}
+
 TEST_F(FarSceneTest, IsTrainedDrawnAndExportedInItsWorld) {
   SmallTraining here(queue, config), there(queue, far_config);
   const std::array<double, 3> origin = there.model.shape.origin;
