@@ -50,11 +50,17 @@ void tell_of_exit() {
       1);
 }
 
-// PoCL itself aborts when a kernel that it could not write is not there. Where that is not why,
-// abort() goes on.
+// PoCL itself aborts when a kernel that it could not write is not there. Where
+// that is not why, abort() goes on.
 void tell_of_abort(int) {
   alarm(10);  // memory that is corrupt may hold a lock
-  if (gflow::why_not_compiled().empty()) return;
+  if (gflow::why_not_compiled().empty()) {
+    gflow::remove_unfinished_files();
+    say("a library or the OpenCL driver has aborted the program, for the reason it gives above if "
+        "it gives one; what was saved before is whole",
+        1);
+    return;
+  }
   tell_of_exit();
   std::_Exit(1);
 }
@@ -139,7 +145,14 @@ int run_in_words(int argc, char** argv) {
                             : fmt::format("cannot use {}: {}", path, problem.code().message()),
                1);
   } catch (const std::system_error& problem) {  // fmt::print to a full disk, a thread refused
-    return std::ferror(stdout) ? cannot_print(problem.code().value()) : say(problem.what(), 1);
+    if (std::ferror(stdout)) return cannot_print(problem.code().value());
+    if (problem.code() == std::errc::resource_unavailable_try_again)
+      return say(
+          fmt::format("the system starts no more threads ({}): a limit of them (ulimit -u, or that "
+                      "of a container) is too low",
+                      problem.what()),
+          1);
+    return say(problem.what(), 1);
   } catch (const std::exception& problem) {
     return say(fmt::format("an error nobody foresaw: {}", problem.what()), 1);
   }

@@ -159,8 +159,8 @@ class Estimator {
   std::set<std::pair<int, int>> at_work_;
 };
 
-// Runs work(i) for i in 0..n-1 on several threads. The first exception ends the work and is thrown
-// here.
+// Runs work(i) for i in 0..n-1 on several threads, this one among them: where the system grants no
+// more, fewer do it all. The first exception ends the work and is thrown here.
 void for_each_parallel(size_t n, size_t threads, const std::function<void(size_t)>& work) {
   std::atomic<size_t> next{0};
   std::mutex mutex;
@@ -177,7 +177,11 @@ void for_each_parallel(size_t n, size_t threads, const std::function<void(size_t
     }
   };
   std::vector<std::thread> workers;
-  for (size_t t = 0; t < std::min(threads, n); ++t) workers.emplace_back(run);
+  try {
+    for (size_t t = 1; t < std::min(threads, n); ++t) workers.emplace_back(run);
+  } catch (const std::exception&) {  // std::system_error, or no memory
+  }
+  run();
   for (std::thread& worker : workers) worker.join();
   if (first) std::rethrow_exception(first);
 }

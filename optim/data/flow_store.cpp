@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <mutex>
 #include <set>
+#include <system_error>
 #include <thread>
 
 #include "optim/data/lru_cache.hpp"
@@ -152,9 +153,11 @@ void FlowStore::prefetch(const std::vector<size_t>& pairs) {
   state_->queue.clear();
   for (const size_t pair : pairs)
     if (has(pair)) state_->queue.push_back(pair);
-  if (state_->workers.empty() && !state_->queue.empty())
-    for (size_t t = 0; t < state_->options.threads; ++t)
-      state_->workers.emplace_back([state = state_.get()] { state->run_prefetch(); });
+  if (state_->workers.empty() && !state_->queue.empty()) try {
+      for (size_t t = 0; t < state_->options.threads; ++t)
+        state_->workers.emplace_back([state = state_.get()] { state->run_prefetch(); });
+    } catch (const std::system_error&) {  // who needs a flow loads it, if nobody did before
+    }
   state_->changed.notify_all();
 }
 

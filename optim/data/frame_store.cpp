@@ -12,6 +12,7 @@
 #include <map>
 #include <mutex>
 #include <set>
+#include <system_error>
 #include <thread>
 
 #include "optim/data/image_header.hpp"
@@ -226,7 +227,10 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
     state_->temporary = std::make_unique<ScratchFolder>("frames");
     state_->options.unpack_folder = state_->temporary->path();
   }
-  state_->worker = std::thread([state = state_.get()] { state->run_prefetch(); });
+  try {
+    state_->worker = std::thread([state = state_.get()] { state->run_prefetch(); });
+  } catch (const std::system_error&) {  // no more threads: who needs a picture decodes it
+  }
 }
 
 FrameStore::~FrameStore() {
@@ -235,7 +239,7 @@ FrameStore::~FrameStore() {
     state_->stopping = true;
   }
   state_->queue_changed.notify_all();
-  state_->worker.join();
+  if (state_->worker.joinable()) state_->worker.join();
 }
 
 std::shared_ptr<const Image> FrameStore::rgb(const Frame& frame) { return state_->get(frame)->rgb; }

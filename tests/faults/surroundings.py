@@ -4,6 +4,7 @@ import errno
 import os
 import random
 import shutil
+import signal
 import struct
 import subprocess
 
@@ -239,6 +240,26 @@ def full_folder_of_pocl(world):
     return results + [[] if stopped >= 6 else [f"only {stopped} of {len(results)} were stopped by it"]]
 
 
+def no_threads(world):
+    """The system grants no thread from the k-th on: fewer do the same work, or a sentence says it. PoCL aborts where
+    it gets none, which nobody can keep it from."""
+    results, run, report = [], world.path("few threads"), world.path("threads.report")
+    for k in range(1, 41):
+        shutil.rmtree(run, ignore_errors=True)
+        open(report, "w").close()
+        outcome = world.train(run, {"LD_PRELOAD": world.shims["fail_thread"], "FAULT_THREAD": str(k),
+                                    "FAULT_REPORT": report})
+        if not content(report):
+            return results if k > 3 else results + [[f"only {k - 1} threads are started"]]
+        if outcome.code == -signal.SIGABRT and "PTHREAD ERROR" in outcome.err and "aborted the program" in outcome.err:
+            results.append([])
+            continue
+        wrong = complaints(outcome, (0, 1), ["threads"])
+        wrong += world.differences(run) if outcome.code == 0 else []
+        results.append([f"no thread from number {k} on: {what}" for what in wrong])
+    return results
+
+
 def faults(world, every):
     yield "surroundings: the clock jumps", lambda: clock(world)
     yield "surroundings: locales with a decimal comma", lambda: locales(world)
@@ -246,4 +267,5 @@ def faults(world, every):
     yield "surroundings: no OpenCL driver", lambda: no_driver(world)
     yield "surroundings: no environment", lambda: no_environment(world)
     yield "surroundings: damaged caches of kernels", lambda: damaged_caches(world)
+    yield "surroundings: no more threads", lambda: no_threads(world)
     yield "surroundings: no room where PoCL compiles", lambda: full_folder_of_pocl(world)

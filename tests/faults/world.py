@@ -90,7 +90,7 @@ class World:
         self.of_sanitizer = self._of_sanitizer(self.gflow)
         self.scene = os.path.join(work, "scene")
         self._make_scene()
-        self.shims = {name: self._shim(name) for name in ("fail_io", "fail_opencl", "clock_jumps")}
+        self.shims = {name: self._shim(name) for name in ("fail_io", "fail_opencl", "fail_thread", "clock_jumps")}
         self.whole = self.path("whole")
         first = self.train(self.whole)
         if first.code != 0:
