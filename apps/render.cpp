@@ -16,6 +16,7 @@
 #include "apps/output_path.hpp"
 #include "optim/data/cameras_json.hpp"
 #include "optim/data/movie.hpp"
+#include "optim/io/atomic_file.hpp"
 #include "optim/io/file_lock.hpp"
 #include "optim/io/interrupt.hpp"
 #include "optim/io/tell.hpp"
@@ -154,17 +155,32 @@ void print_written(const RenderReport& report, const std::vector<RenderView>& vi
          one_time ? ", so more than one of --times" : "");
 }
 
-// Whether `gflow render` has filled the folder, or was stopped while it began to: what it makes
-// first are folders of these names.
-bool is_of_render(const std::string& folder) {
-  bool nothing_else = true;
+// Names of the files in a folder, without their endings, and without what a killed process left.
+std::set<std::string> stems_in(const fs::path& folder) {
+  std::set<std::string> stems;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder, none))
+    if (!is_temporary_name(entry.path().filename().string()))
+      stems.insert(entry.path().stem().string());
+  return stems;
+}
+
+// Whether `gflow render` has filled the folder, or was stopped while it began to: there is a view
+// of which all was drawn, or nothing but what is made for the first.
+bool is_of_render(const fs::path& folder) {
+  for (const std::string& view : stems_in(folder / "rgb"))
+    if (fs::exists(folder / "rgb" / (view + ".png")) &&
+        fs::exists(folder / "alpha" / (view + ".png")) &&
+        fs::exists(folder / "depth" / (view + ".npy")))
+      return true;
+  std::set<std::string> begun;
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
     const bool first = name == "rgb" || name == "alpha" || name == "depth";
-    nothing_else &= first && entry.is_directory() && fs::is_empty(entry.path());
+    if (!first || !entry.is_directory()) return false;
+    begun.merge(stems_in(entry.path()));
   }
-  const auto holds = [&](const char* kind) { return fs::is_directory(folder + "/" + kind); };
-  return nothing_else || (holds("rgb") && holds("alpha") && holds("depth"));
+  return begun.size() <= 1;
 }
 
 // A picture or a video that is there may have the name of one that is drawn.

@@ -22,6 +22,17 @@ std::vector<std::string> words_of(Enum any) {
   return {names.begin(), names.end()};
 }
 
+// Error where a cotangent has a name that nobody knows: without it there would be no gradients, and
+// no word of it. Other arrays, as what an oracle expects, may lie in the file.
+void require_known_cotangents(const std::string& path) {
+  for (const std::string& name : names_in_npz(path))
+    if (name.rfind("v_", 0) == 0 && !splat_arrays_known.count(name))
+      throw Error(
+          fmt::format("reading {}: array '{}' is no cotangent that gflow knows: these are v_rgb, "
+                      "v_alpha, v_depth and v_flow",
+                      path, name));
+}
+
 }  // namespace
 
 void add_splat(CLI::App& app, const GlobalOptions& options) {
@@ -76,6 +87,7 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
     flags->splat.settings.stop = value_named<StopRule>(flags->stop);
     require_other_file(flags->output, flags->input);
     require_no_file_of_run(flags->output);
+    require_known_cotangents(flags->input);
     const Arrays input = read_npz(flags->input, splat_arrays_known);
     QueueOptions queue_options;
     queue_options.lanes = flags->lanes;

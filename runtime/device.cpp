@@ -15,6 +15,19 @@
 namespace gflow {
 namespace {
 
+// The drivers that the loader knows, "" for none.
+std::string drivers_named() {
+  const char* const chosen = std::getenv("OCL_ICD_VENDORS");
+  const std::filesystem::path vendors = chosen && *chosen ? chosen : "/etc/OpenCL/vendors";
+  if (vendors.extension() == ".icd") return vendors.string();
+  std::string names;
+  std::error_code none;
+  for (const auto& entry : std::filesystem::directory_iterator(vendors, none))
+    if (entry.path().extension() == ".icd")
+      names += (names.empty() ? "" : ", ") + entry.path().filename().string();
+  return names.empty() ? "" : fmt::format("{} in {}", names, vendors.string());
+}
+
 // PoCL has no device where it cannot make its folder for programs.
 std::string no_device_message() {
   const char* const cache = std::getenv("POCL_CACHE_DIR");
@@ -27,6 +40,11 @@ std::string no_device_message() {
         "name one that can be written",
         cache);
   if (why.empty()) why = why_not_compiled();
+  if (const std::string drivers = drivers_named(); why.empty() && !drivers.empty())
+    return fmt::format(
+        "no OpenCL device found: {}; if a driver that is there ({}) should have one, a limit of "
+        "memory or open files (ulimit -v, -n) may keep it out",
+        install, drivers);
   if (why.empty()) return "no OpenCL device found: " + install;
   return cache && *cache
              ? "no OpenCL device found: " + why

@@ -59,6 +59,8 @@ class Temporary {
   }
   const std::string& path() const { return path_; }
   void rename_to(const std::string& path) {
+    struct stat former;  // which may be private
+    if (::stat(path.c_str(), &former) == 0) ::chmod(path_.c_str(), former.st_mode & 0777);
     if (::rename(path_.c_str(), path.c_str()) != 0) refuse_to_write(path, errno);
     renamed_ = true;
     unfinished_.reset();

@@ -48,8 +48,9 @@ Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of);
 void require_announced(const Bytes& so_far, const LengthOf& length_of, size_t& announced,
                        const std::string& what);
 
-// Replaces the file at path. On failure (disk full, no permission) the temporary is removed, the
-// old file remains, and the Error says path and reason. Missing folders are not made.
+// Replaces the file at path, whose permissions stay. On failure (disk full, no permission) the
+// temporary is removed, the old file remains, and the Error says path and reason. Missing folders
+// are not made.
 void write_file_atomically(const std::string& path, std::string_view bytes);
 void write_file_atomically(const std::string& path, const Bytes& bytes);
 

@@ -57,6 +57,9 @@ constexpr size_t band_size(size_t band) { return 2 * band + 1; }
 constexpr size_t band_first(size_t band) { return band * band - 1; }
 constexpr double kShLowest = -4, kShStep = 8.0 / 255;
 
+// Places, velocities and times are below this: their products fit a float.
+constexpr double kLargest = 1e15;
+
 // A value is its whole number ("bin") times a step; scales and lives are exp of that, positions
 // count from the origin.
 struct Grid {

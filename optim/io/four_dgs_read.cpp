@@ -22,8 +22,6 @@ constexpr uint64_t kMostSplats = uint64_t{1} << 25;  // more than any scene has
 // What a Gaussian takes while its chunk is read, spherical harmonics aside [bytes].
 constexpr uint64_t kSplatBytes = sizeof(MovingSplat) + 4 * 24;
 
-constexpr double kLargest = 1e15;  // place, velocity and time: their products fit a float
-
 // A stretch of the file, read from its beginning; names the file in its errors.
 class Reader {
  public:

@@ -244,6 +244,9 @@ Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t wind
              const std::array<double, 3>& color_shift) {
   const MovingSplat& s = scene.splats[i];
   Bins bins{};
+  for (const double value :
+       {s.mean[0], s.mean[1], s.mean[2], s.velocity[0], s.velocity[1], s.velocity[2], s.mean_t})
+    if (!(std::fabs(value) < kLargest / 2)) too_far(i);  // whatever the grid rounds it to
   const bool never_fades = std::isinf(s.life);
   const int32_t life_bin = never_fades ? 0 : bin_of(std::log(s.life), grid.life, i);
   const double time_step = grid.time_step(never_fades, life_bin);

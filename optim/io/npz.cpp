@@ -58,6 +58,17 @@ Archive open_archive(const std::string& path) {
   throw Error(fmt::format("cannot read {}: {}", path, why));
 }
 
+// The name of entry i without ".npy"; Error when it is no array.
+std::string name_of_array(zip_t* archive, zip_uint64_t i, const std::string& path) {
+  const char* stored = zip_get_name(archive, i, 0);
+  std::string name = stored ? stored : "";
+  if (name.size() <= suffix_length ||
+      name.compare(name.size() - suffix_length, suffix_length, suffix) != 0)
+    throw Error(fmt::format("cannot read {}: its entry '{}' is not a .npy array", path, name));
+  name.resize(name.size() - suffix_length);
+  return name;
+}
+
 // The bytes of entry i, no more than their header announces and `plausible` accepts. They are read
 // piece by piece, because the size that a damaged archive states may be anything.
 Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name,
@@ -96,12 +107,7 @@ Arrays read_npz(const std::string& path, const std::set<std::string>& only, size
   Arrays arrays;
   const zip_int64_t n = zip_get_num_entries(archive.get(), 0);
   for (zip_uint64_t i = 0; i < zip_uint64_t(n); ++i) {
-    const char* stored = zip_get_name(archive.get(), i, 0);
-    std::string name = stored ? stored : "";
-    if (name.size() <= suffix_length ||
-        name.compare(name.size() - suffix_length, suffix_length, suffix) != 0)
-      throw Error(fmt::format("cannot read {}: its entry '{}' is not a .npy array", path, name));
-    name.resize(name.size() - suffix_length);
+    const std::string name = name_of_array(archive.get(), i, path);
     if (!only.empty() && !only.count(name)) continue;
     const std::string where = fmt::format("'{}' of {}", name, path);
     const Bytes bytes = entry_bytes(archive.get(), i, where, [&](size_t more) {
@@ -113,6 +119,15 @@ Arrays read_npz(const std::string& path, const std::set<std::string>& only, size
       throw Error(fmt::format("cannot read {}: it has the array '{}' twice", path, name));
   }
   return arrays;
+}
+
+std::vector<std::string> names_in_npz(const std::string& path) {
+  const Archive archive = open_archive(path);
+  std::vector<std::string> names;
+  const zip_int64_t n = zip_get_num_entries(archive.get(), 0);
+  for (zip_uint64_t i = 0; i < zip_uint64_t(n); ++i)
+    names.push_back(name_of_array(archive.get(), i, path));
+  return names;
 }
 
 void write_npz(const std::string& path, const Arrays& arrays, Packing packing) {

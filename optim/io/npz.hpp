@@ -22,6 +22,9 @@ using Arrays = std::map<std::string, Array>;
 Arrays read_npz(const std::string& path, const std::set<std::string>& only = {},
                 size_t always = always_plausible);
 
+// Names of all arrays of an archive (without ".npy"), none of which is read. Error as above.
+std::vector<std::string> names_in_npz(const std::string& path);
+
 // Deflating trained parameters and their moments saves a third of the space and takes thirty times
 // as long.
 enum class Packing { deflated, stored };

@@ -28,6 +28,17 @@ TEST(AtomicFile, WritesAndReplaces) {
   EXPECT_EQ(folder.count(), 1u);
 }
 
+TEST(AtomicFile, APrivateFileStaysPrivate) {
+  const TemporaryFolder folder;
+  const std::string path = folder.write("file", "old");
+  ASSERT_EQ(::chmod(path.c_str(), 0600), 0);
+  write_file_atomically(path, "new");
+  struct stat info;
+  ASSERT_EQ(::stat(path.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0600u);
+  EXPECT_EQ(contents(path), "new");
+}
+
 TEST(AtomicFile, AFailedWriterLeavesTheOldFileAndNoTemporary) {
   const TemporaryFolder folder;
   const std::string path = folder.write("a.txt", "old");

@@ -423,6 +423,9 @@ TEST(FourDgs, WritesNothingOfWhatItCannotHold) {
   MovingSplats scene = some_scene(5, 1);
   scene.splats[3].mean[1] = 1e9;
   expect(scene, {"Gaussian", "too far away"});
+  scene = some_scene(1, 1);  // its origin is that Gaussian
+  scene.splats[0].mean[0] = 1e20;
+  expect(scene, {"Gaussian 0", "too far away"});
   scene = some_scene(5, 1);
   scene.splats[3].velocity[1] = std::nan("");
   expect(scene, {"Gaussian 3"});

@@ -323,6 +323,17 @@ TEST_F(CommandTest, HelpIsThereForEveryCommand) {
   }
 }
 
+// Without it there would be no gradients, and no word of it.
+TEST_F(CommandTest, ACotangentOfAnUnknownNameIsRefused) {
+  const TemporaryFolder folder;
+  Arrays input = small_npz();
+  input["v_rbg"] = input.count("v_rgb") ? input["v_rgb"] : Array{{1}, std::vector<float>{0}};
+  write_npz(folder.file("in.npz"), input);
+  expect_refused({"splat", folder.file("in.npz"), "-o", folder.file("out.npz")},
+                 {"in.npz", "'v_rbg'", "v_rgb, v_alpha, v_depth and v_flow"});
+  EXPECT_EQ(folder.count(), 1u);
+}
+
 TEST_F(CommandTest, AFileThatCannotBeWrittenIsOneSentenceAndLeavesNothing) {
   const TemporaryFolder folder, out;
   Arrays input = small_npz();

@@ -114,14 +114,14 @@ TEST(DevicesCommand, AKernelThatCannotBeKeptIsNoFaultOfTheDevice) {
 }
 
 TEST(DevicesCommand, NoTemporaryFolderIsNoFaultOfTheDevice) {
-  const Outcome outcome =
-      gflow({"--quiet", "stress", "--only", "T28"}, "export TMPDIR=/nonexistent");
+  const TemporaryFolder folder;
+  const std::string none = folder.path() + "/none";
+  const Outcome outcome = gflow({"--quiet", "stress", "--only", "T28"}, "export TMPDIR=" + none);
   EXPECT_EQ(outcome.code, 1) << outcome.out;
-  EXPECT_EQ(
-      outcome.err.rfind("gflow: no temporary folder can be made in /nonexistent, which TMPDIR "
-                        "names: No such file or directory; set TMPDIR to",
-                        0),
-      0u)
+  EXPECT_EQ(outcome.err.rfind("gflow: no temporary folder can be made in " + none +
+                                  ", which TMPDIR names: No such file or directory; set TMPDIR to",
+                              0),
+            0u)
       << outcome.err;
 }
 

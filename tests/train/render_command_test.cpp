@@ -31,6 +31,12 @@ TEST_F(RenderCommand, RenderLeavesAFolderOfOthersAlone) {
   EXPECT_EQ(folder.count(), 1u);
   fs::create_directory(folder.path() + "/rgb");  // pictures, too
   expect_refused(render, {"not empty"});
+  const TemporaryFolder data;  // such as a scanner's
+  for (const char* kind : {"/rgb", "/alpha", "/depth"}) fs::create_directory(data.path() + kind);
+  for (const char* name : {"rgb/cam00_0000.png", "rgb/cam00_0001.png", "depth/cam00_0000.png"})
+    data.write(name, "mine");
+  expect_refused({"render", run(), "-o", data.path()}, {data.path(), "not empty"});
+  EXPECT_EQ(contents(data.file("rgb/cam00_0000.png")), "mine");
   for (const char* kind : {"rgb", "alpha"}) fs::create_directory(begun.path() + "/" + kind);
   for (const char* more : {"stopped while it began", "with notes beside it"}) {
     EXPECT_EQ(gflow({"render", run(), "-o", begun.path(), "--quiet"}).code, 0) << more;
@@ -118,8 +124,9 @@ TEST_F(RenderCommand, NoTemporaryFolderIsToldWithTheVariable) {
   expect_refused(
       {"render", folder.file("bare.ply"), "--scene", GFLOW_SOURCE_DIR "/apps/demo/scene", "-o",
        folder.path() + "/out"},
-      {"no temporary folder can be made in /nonexistent, which TMPDIR names", "set TMPDIR"},
-      "export TMPDIR=/nonexistent");
+      {"no temporary folder can be made in " + folder.path() + "/none, which TMPDIR names",
+       "set TMPDIR"},
+      "export TMPDIR=" + folder.path() + "/none");
   EXPECT_FALSE(fs::exists(folder.path() + "/out"));
 }
 
