@@ -106,8 +106,8 @@ kernel void mcmc_shrink(const uint n, const float opacity_weight, const float sc
                         global float* restrict v_log_scales) {  // [N, 4]
   const uint i = get_global_id(0);
   if (i >= n || seen[i] == 0) return;
-  const float opacity = 1.f / (1.f + exp(-logit_opacities[i]));
-  v_logit_opacities[i] += opacity_weight * opacity * (1.f - opacity);
+  const float logit = logit_opacities[i], opacity = 1.f / (1.f + exp(-logit));
+  v_logit_opacities[i] += opacity_weight * opacity / (1.f + exp(logit));  // as life_vjp
   const float4 s = vload4(i, log_scales), v = vload4(i, v_log_scales);
   vstore4(v + scale_weight * (float4)(exp(s.x), exp(s.y), exp(s.z), 0.f), i, v_log_scales);
 }

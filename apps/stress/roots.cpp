@@ -240,11 +240,17 @@ Rows device_roots(Queue& queue) {  // T2
 
 Rows round_splats(Queue& queue) {  // T3
   Rows rows;
-  const Covariance<float> c{1.7f, 0, 1.7f, exact_det(1.7f, 0.f, 1.7f)};
-  for (const auto& [name, d] : {std::pair{"S1 = S2 = c I", 1.7f}, {"S1 = c I, S2 = d I", 2.9f}}) {
-    const Covariance<float> other{d, 0, d, exact_det(d, 0.f, d)};
-    const MapErrors e = device_errors(queue, std::vector<Covariance<float>>(100, c),
-                                      std::vector<Covariance<float>>(100, other));
+  const auto round = [](float c) { return Covariance<float>{c, 0, c, exact_det(c, 0.f, c)}; };
+  for (const auto& [name, ratio] : {std::pair{"S1 = S2 = c I", 1.},
+                                    {"S1 = c I, S2 = 1.7 c I", 1.7},
+                                    {"S1 = c I, S2 = c I / 1000", 1e-3}}) {
+    std::vector<Covariance<float>> from, to;
+    for (int i = 0; i < 100; ++i) {  // .1 px to 1000 px
+      const double c = std::pow(10., -2 + .08 * i);
+      from.push_back(round(float(c)));
+      to.push_back(round(float(ratio * c)));
+    }
+    const MapErrors e = device_errors(queue, from, to);
     rows.push_back({fmt::format("{}, A", name), worst(e.maps), 1e-6});
     rows.push_back({fmt::format("{}, gradient", name), worst(e.gradients), 1e-6});
   }

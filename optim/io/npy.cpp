@@ -75,6 +75,7 @@ NpyHeader parse_header(const uint8_t* bytes, size_t length, const std::string& n
   if (length - start < text_length) refuse_array(name, "it is truncated within its header");
   const std::string_view text(reinterpret_cast<const char*>(bytes + start), text_length);
 
+  if (text.find("descr") == text.npos) refuse_array(name, "its header describes no array");
   const std::string_view descr = between('\'', value_of(text, "descr"), '\'');
   if (descr.empty() || descr.size() > 20)
     refuse_array(name, "it holds records or objects, expected is one number type such as f4");

@@ -49,8 +49,11 @@ Archive open_archive(const std::string& path) {
   if (archive) return archive;
   std::string why = ErrorText(code).text();
   // Of which libzip says "Operation not supported" and "Not a zip archive".
-  if (std::error_code unknown; std::filesystem::is_directory(path, unknown))
+  std::error_code unknown;
+  if (std::filesystem::is_directory(path, unknown))
     why = "it is a folder, expected is an .npz file";
+  else if (std::filesystem::is_other(path, unknown))  // a pipe, say
+    why = "it is not a file";
   else if (code == ZIP_ER_NOZIP)
     why = begins_as_archive(path) ? "it is cut off or damaged: the list of its arrays, with which "
                                     "it would end, is missing"
