@@ -323,8 +323,8 @@ void RunFolder::keep_metrics_before(int iteration) const {
     for (const char* name : {"metrics.jsonl", "metrics.csv"}) fs::remove(path(name));
     return;
   }
-  write_text(path("metrics.jsonl"), kept);
-  write_text(path("metrics.csv"), table);
+  for (const auto& [name, text] : {std::pair("metrics.jsonl", &kept), {"metrics.csv", &table}})
+    if (*text != text_if_there(path(name))) write_text(path(name), *text);
 }
 
 std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,

@@ -78,6 +78,18 @@ bool is_over_without_checkpoint(const RunFolder& run, const TrainConfig& config)
          setting_values(run.read_config()) == setting_values(config);
 }
 
+// Whether all that a training ends with is there beside its last checkpoint, and can be read.
+bool is_complete(const RunFolder& run, int steps) {
+  const RunFacts ended = run.read_facts();
+  if (!ended.finished || ended.iterations != steps) return false;
+  try {
+    read_model(run.model_path(steps));
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
 }  // namespace
 
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
@@ -110,6 +122,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   if (!resumed && start != Start::overwrite) require_no_training(run);
   const bool has_steps_left = !resumed || resumed->checkpoint.facts.step < config.train.iterations;
   if (finished && has_steps_left) guidance = guidance_of(config);  // the last was damaged
+  const bool complete = resumed && !has_steps_left && is_complete(run, config.train.iterations);
   run.forget_stale_caches(cache_stamp(scene, config.scene));
   for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // broken ones are named now
   prepared.look_for_change();  // a scene may not show what init.from asks for
@@ -180,7 +193,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   prepared.flows().prefetch({});  // of steps that an interruption or the clock left out
   if (!guard) guard.emplace();
   if (!begun) begin_run(!goes_on);  // there were no steps to make
-  const RunFacts facts = keep_result(training, steps);
+  const RunFacts facts = complete ? run.read_facts() : keep_result(training, steps);
   stop.say(
       fmt::format("interrupted while evaluating; the model is in {}, `gflow eval {}` judges it",
                   run.model_path(steps), run.folder()));

@@ -452,12 +452,19 @@ TEST_F(Resume, AFinishedTrainingKeepsItsResults) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "2"})).code, 0);
   ASSERT_EQ(gflow({"eval", run("run"), "--split", "train", "--quiet"}).code, 0);
   std::map<std::string, std::string> before;
-  for (const char* name : {"results_train.json", "per_view_train.json", "per_view.json",
-                           "compare.png", "test/cam00_0000.png"})
+  const std::string model = "point_cloud/iteration_2/point_cloud.ply";
+  for (const std::string& name : std::vector<std::string>{
+           "results.json", "results_train.json", "per_view_train.json", "per_view.json",
+           "compare.png", "test/cam00_0000.png", "checkpoints/iteration_2.npz", "training.json",
+           "metrics.csv", model})
     before[name] = contents(run("run") + "/" + name);
   EXPECT_EQ(gflow(train("run", {"--iterations", "2", "--resume"})).code, 0);
   for (const auto& [name, bytes] : before)
     EXPECT_TRUE(contents(run("run") + "/" + name) == bytes) << name;
+  // A model that is damaged is written anew.
+  fs::resize_file(run("run") + "/" + model, 5000);
+  EXPECT_EQ(gflow(train("run", {"--iterations", "2", "--resume"})).code, 0);
+  EXPECT_TRUE(contents(run("run") + "/" + model) == before[model]);
 }
 
 // --resume judges it where it is known to be finished.
