@@ -110,7 +110,7 @@ cv::VideoCapture open_video(const std::string& path) {
     throw Error(fmt::format("cannot read video {}: {}", path, std::strerror(errno)));
   throw Error(
       fmt::format("cannot read video {}: it is truncated, OpenCV cannot decode it, or there is "
-                  "not enough memory to",
+                  "not enough memory or threads to",
                   path));
 }
 
