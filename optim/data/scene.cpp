@@ -207,8 +207,9 @@ std::array<double, 3> origin_for(const Scene& scene) {
     size = std::max(size, (scene.cameras[size_t(frame.camera)].position() - middle).norm());
   const bool known = scene.points.size() > 0;
   const double most = known ? 16 : 4096;
-  const bool one_place = size <= 1e-9 * middle.norm();  // but for rounding
-  if ((one_place && !known) || !(size > 0) || middle.norm() < most * size) return {0, 0, 0};
+  // One place but for rounding; or a hand that shakes: no scene of such numbers lies far from zero.
+  const bool guesses = size <= 1e-9 * middle.norm() || middle.norm() < 1e4;
+  if ((guesses && !known) || !(size > 0) || middle.norm() < most * size) return {0, 0, 0};
   const double unit = std::pow(10., std::floor(std::log10(size)));
   const Eigen::Vector3d origin = (middle / unit).array().round() * unit;
   return {origin.x(), origin.y(), origin.z()};
