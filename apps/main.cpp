@@ -50,8 +50,8 @@ void tell_of_exit() {
       1);
 }
 
-// PoCL itself aborts when a kernel that it could not write is not there. Where
-// that is not why, abort() goes on.
+// PoCL itself aborts when a kernel that it could not write is not there. Where that is not why, the
+// signal does what it always does, whoever sent it.
 void tell_of_abort(int) {
   alarm(10);  // memory that is corrupt may hold a lock
   if (gflow::why_not_compiled().empty()) {
@@ -59,7 +59,9 @@ void tell_of_abort(int) {
     say("a library or the OpenCL driver has aborted the program, for the reason it gives above if "
         "it gives one; what was saved before is whole",
         1);
-    return;
+    std::signal(SIGABRT, SIG_DFL);
+    std::raise(SIGABRT);
+    return;  // it is blocked in here, and comes then
   }
   tell_of_exit();
   std::_Exit(1);

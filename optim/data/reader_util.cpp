@@ -201,6 +201,15 @@ void find_true_flow(Frame& frame, const std::string& base, double flow_time) {
   frame.flow_time = flow_time;
 }
 
+double median_distance(const PointCloud& points, const Eigen::Vector3d& from) {
+  std::vector<double> distances;
+  for (size_t i = 0; i < points.size(); ++i)
+    distances.push_back((Eigen::Map<const Eigen::Vector3d>(&points.xyz[3 * i]) - from).norm());
+  const auto median = distances.begin() + long(distances.size() / 2);
+  std::nth_element(distances.begin(), median, distances.end());
+  return *median;
+}
+
 double scene_extent(const Scene& scene) {
   std::vector<bool> used(scene.cameras.size());
   for (const Frame& frame : scene.train) used[size_t(frame.camera)] = true;
@@ -215,14 +224,8 @@ double scene_extent(const Scene& scene) {
   if (radius > 1e-6 * (1 + mean.norm())) return 1.1 * radius;
 
   // One camera: its median distance from the points, or from the origin.
-  std::vector<double> distances;
-  for (size_t i = 0; i < scene.points.size(); ++i)
-    distances.push_back(
-        (Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]) - mean).norm());
-  if (distances.empty()) return mean.norm() > 1e-6 ? mean.norm() : 1;
-  std::nth_element(distances.begin(), distances.begin() + long(distances.size() / 2),
-                   distances.end());
-  return std::max(distances[distances.size() / 2], 1e-6);
+  if (scene.points.size() == 0) return mean.norm() > 1e-6 ? mean.norm() : 1;
+  return std::max(median_distance(scene.points, mean), 1e-6);
 }
 
 }  // namespace gflow

@@ -68,6 +68,9 @@ void set_steps(const std::vector<double>& times, std::vector<Frame>& frames);
 // Sets the flow and mask of a frame when BASE.flo or BASE.flo.gz is there.
 void find_true_flow(Frame& frame, const std::string& base, double flow_time);
 
+// The median distance of the points from a place. Precondition: there are points.
+double median_distance(const PointCloud& points, const Eigen::Vector3d& from);
+
 // The radius of the training cameras, or their distance from the points: see Scene::extent.
 double scene_extent(const Scene& scene);
 

@@ -179,37 +179,29 @@ std::optional<Eigen::Vector3d> where_axes_meet(const Scene& scene) {
   return middle + Eigen::Vector3d(a.ldlt().solve(b));
 }
 
-// How far what they show is from the middle of the training cameras: the median of the points; of a
-// scene without any, the place that the cameras look at, 0 where they are parallel.
-double distance_of_scene(const Scene& scene, const Eigen::Vector3d& middle) {
-  std::vector<double> distances;
-  for (size_t i = 0; i < scene.points.size(); ++i)
-    distances.push_back(
-        (Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]) - middle).norm());
-  if (distances.empty()) {
-    const auto place = where_axes_meet(scene);
-    return place ? (*place - middle).norm() : 0;
-  }
-  const auto median = distances.begin() + long(distances.size() / 2);
-  std::nth_element(distances.begin(), median, distances.end());
-  return *median;
-}
-
-// A place in the midst of the training cameras where they are further from zero than 16 times what
-// lies between them and the points: there a float, relative error 6e-8, is off by 1e-3 px in a
-// picture of 1000 px focal length. Else zero. Without points where the scene lies is a guess, and
-// some that stand still lie about zero, as in D-NeRF: zero is left where floats are off by a
-// quarter of a pixel. In units of about a tenth of that distance, to be read easily.
+// A place in the midst of the training cameras, where these stand so far from zero that floats,
+// relative error 6e-8, are too coarse for the scene; else zero. With points that is where cameras
+// are further from zero than 16 times what lies between them and the points: a thousandth of a
+// pixel at a focal length of 1000 px. Without, where the scene lies is a guess, by what the cameras
+// look at. So zero is left only where it does harm, a quarter of a pixel, and where the numbers are
+// those of surveys: the pictures of a hand that hardly moves may show anything, and those of one
+// place what lies about zero, as in D-NeRF. In units of about a tenth of that distance, to be read
+// easily.
 std::array<double, 3> origin_for(const Scene& scene) {
   const Eigen::Vector3d middle = middle_of_cameras(scene);
-  double size = distance_of_scene(scene, middle);
+  double size = 0;
   for (const Frame& frame : scene.train)
     size = std::max(size, (scene.cameras[size_t(frame.camera)].position() - middle).norm());
-  const bool known = scene.points.size() > 0;
-  const double most = known ? 16 : 4096;
-  // One place but for rounding; or a hand that shakes: no scene of such numbers lies far from zero.
-  const bool guesses = size <= 1e-9 * middle.norm() || middle.norm() < 1e4;
-  if ((guesses && !known) || !(size > 0) || middle.norm() < most * size) return {0, 0, 0};
+  const double away = middle.norm();
+  if (scene.points.size() > 0) {
+    size = std::max(size, median_distance(scene.points, middle));
+    if (away < 16 * size) return {0, 0, 0};
+  } else {
+    constexpr double least = 1e4, rounding = 1e-9;
+    if (const auto place = where_axes_meet(scene)) size = std::max(size, (*place - middle).norm());
+    if (away < least || away < 4096 * size || size <= rounding * away) return {0, 0, 0};
+  }
+  if (!(size > 0)) return {0, 0, 0};
   const double unit = std::pow(10., std::floor(std::log10(size)));
   const Eigen::Vector3d origin = (middle / unit).array().round() * unit;
   return {origin.x(), origin.y(), origin.z()};

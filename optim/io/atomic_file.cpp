@@ -59,9 +59,7 @@ class Temporary {
   }
   const std::string& path() const { return path_; }
   void rename_to(const std::string& path) {
-    struct stat former;  // which may be private
-    if (::stat(path.c_str(), &former) == 0) ::chmod(path_.c_str(), former.st_mode & 0777);
-    if (::rename(path_.c_str(), path.c_str()) != 0) refuse_to_write(path, errno);
+    take_place(path_, path);
     renamed_ = true;
     unfinished_.reset();
   }
@@ -198,13 +196,22 @@ Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
 
 void replace_file(const std::string& path,
                   const std::function<void(const std::string& temporary)>& write) {
-  // A device or pipe must not be replaced by a file of its name.
-  if (std::filesystem::exists(path) && !std::filesystem::is_regular_file(path))
-    throw Error(fmt::format("writing {}: there is something of that name that is no file", path));
+  require_replaceable(path);
   Temporary temporary(path);
   write(temporary.path());
   flush_to_disk(temporary.path(), path);
   temporary.rename_to(path);
+}
+
+void require_replaceable(const std::string& path) {
+  if (std::filesystem::exists(path) && !std::filesystem::is_regular_file(path))
+    throw Error(fmt::format("writing {}: there is something of that name that is no file", path));
+}
+
+void take_place(const std::string& finished, const std::string& path) {
+  struct stat former;
+  if (::stat(path.c_str(), &former) == 0) ::chmod(finished.c_str(), former.st_mode & 0777);
+  if (::rename(finished.c_str(), path.c_str()) != 0) refuse_to_write(path, errno);
   flush_folder_of(path);
 }
 

@@ -64,6 +64,13 @@ void write_file_in_pieces(const std::string& path, const std::function<void(cons
 void replace_file(const std::string& path,
                   const std::function<void(const std::string& temporary)>& write);
 
+// Error where something that is no file has the name: a device or pipe must not be replaced.
+void require_replaceable(const std::string& path);
+
+// Gives a finished file the name `path`, and the permissions of the file that had it, which may be
+// private. Error when it cannot.
+void take_place(const std::string& finished, const std::string& path);
+
 // Whether a file has the name of a temporary: one that a killed process left behind is worth
 // nothing.
 bool is_temporary_name(const std::string& filename);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/io/run_names.hpp"
 
-#include <algorithm>
 #include <regex>
 #include <set>
 

@@ -26,17 +26,12 @@ NextFiles::~NextFiles() {
 }
 
 void NextFiles::require_names() const {
-  for (const auto& file : fs::directory_iterator(folder_.folder())) {
-    const std::string path = run_.path(file.path().filename().string());
-    if (fs::exists(path) && !fs::is_regular_file(path))
-      throw Error(fmt::format("writing {}: there is something of that name that is no file", path));
-  }
+  for (const auto& file : fs::directory_iterator(folder_.folder()))
+    require_replaceable(run_.path(file.path().filename().string()));
 }
 
 void NextFiles::take_name(const std::string& file) const {
-  std::error_code problem;
-  fs::rename(folder_.path(file), run_.path(file), problem);
-  if (problem) refuse_to_write(run_.path(file), problem.value());
+  take_place(folder_.path(file), run_.path(file));
 }
 
 void NextFiles::take_names() const {

@@ -183,7 +183,7 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
       queue.finish();
       guard.emplace();
     }
-    if (begun) begin();
+    if (!first.replaces) begin();
     const std::string notice = trainer.take_notice();
     if (!notice.empty()) progress.say("gflow: " + notice);
     const int done = step + 1;

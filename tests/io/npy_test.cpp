@@ -75,6 +75,7 @@ TEST(Npy, RefusesWhatItDoesNotRead) {
   expect_error([&] { parse(npy(dictionary(">f4", "(1,)"), four)); }, {">f4", "little-endian"});
   expect_error([&] { parse(npy(dictionary("<c8", "(1,)"), four)); }, {"<c8"});
   expect_error([&] { parse(npy("{'descr': [('a', '<f4')]}", four)); }, {"records"});
+  expect_error([&] { parse(npy("", four)); }, {"x.npy", "describes no array"});
   expect_error([&] { parse(npy(dictionary("<f4", "(1,)"), four, 9)); }, {"version 9"});
   expect_error([&] { parse("no array at all"); }, {"x.npy", ".npy file"});
 }

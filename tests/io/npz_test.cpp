@@ -2,6 +2,7 @@
 #include "optim/io/npz.hpp"
 
 #include <sys/inotify.h>
+#include <sys/stat.h>
 
 #include <cstdlib>
 
@@ -97,6 +98,8 @@ TEST(Npz, MissingAndTruncatedArchivesAreRefused) {
   folder.write("empty.npz", "");
   expect_error([&] { read_npz(folder.file("empty.npz")); }, {"empty.npz", "is no .npz file"});
   expect_error([&] { read_npz(folder.path()); }, {folder.path(), "is a folder"});
+  ASSERT_EQ(::mkfifo(folder.file("pipe.npz").c_str(), 0600), 0);
+  expect_error([&] { read_npz(folder.file("pipe.npz")); }, {"pipe.npz", "is not a file"});
 }
 
 TEST(Npz, AnArrayIsThereOnce) {

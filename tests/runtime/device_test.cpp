@@ -104,6 +104,20 @@ TEST(DeviceDeathTest, WithoutADriverTheSentenceSaysWhatToInstall) {
               "pocl-opencl-icd`$");
 }
 
+// As where a limit of memory keeps the loader from loading it.
+TEST(DeviceDeathTest, ADriverThatIsThereAndHasNoDeviceIsNamed) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const TemporaryFolder folder;
+  folder.write("mine.icd", "/no/such/driver.so\n");
+  const Environment drivers("OCL_ICD_VENDORS", folder.path());
+  const auto list = [] {
+    std::cerr << message_of([] { list_devices(); });
+    std::exit(3);
+  };
+  EXPECT_EXIT(list(), testing::ExitedWithCode(3),
+              "^no OpenCL device found: install .*mine.icd in /.*ulimit -v, -n");
+}
+
 TEST(DeviceDeathTest, WhereOnesProgramsCannotBeKeptThatIsTheReason) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");  // with PoCL it is so, too

@@ -334,6 +334,19 @@ TEST_F(CommandTest, ACotangentOfAnUnknownNameIsRefused) {
   EXPECT_EQ(folder.count(), 1u);
 }
 
+// A library does so, or a person: it ends, and says something.
+TEST(Abort, EndsTheProgramWithASentence) {
+  const Command stress({"stress", "--only", "T40"});
+  for (int i = 0; i < 6000 && stress.said().empty(); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  stress.send(SIGABRT);
+  const Outcome outcome = stress.wait();
+  EXPECT_EQ(outcome.code, 128 + SIGABRT);
+  EXPECT_NE(outcome.err.find("gflow: a library or the OpenCL driver has aborted"),
+            std::string::npos)
+      << outcome.err;
+}
+
 TEST_F(CommandTest, AFileThatCannotBeWrittenIsOneSentenceAndLeavesNothing) {
   const TemporaryFolder folder, out;
   Arrays input = small_npz();
