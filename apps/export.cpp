@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 
 #include "apps/command_line.hpp"
 #include "apps/model_source.hpp"
@@ -15,6 +16,7 @@
 #include "apps/output_path.hpp"
 #include "optim/data/cameras_json.hpp"
 #include "optim/data/movie.hpp"
+#include "optim/io/atomic_file.hpp"
 #include "optim/io/dot_splat.hpp"
 #include "optim/io/file_lock.hpp"
 #include "optim/io/four_dgs.hpp"
@@ -102,11 +104,27 @@ double single_time(const ExportFlags& flags) {
   return times[0];
 }
 
-// A frame of an earlier, longer sequence would be played with this one.
-void require_no_other_frames(const std::string& folder) {
-  if (fs::exists(folder) && (!fs::is_directory(folder) || !fs::is_empty(folder)))
-    throw Error(fmt::format(
-        "exporting into {}: it is there and not an empty folder; name a new one", folder));
+// Number k of a sequence, from 0.
+std::string frame_name(size_t k) { return fmt::format("frame_{:04}.ply", k + 1); }
+
+// A frame of an earlier, longer sequence would be played with this one. Those that this one
+// replaces may be of an export that was stopped.
+void require_no_other_frames(const std::string& folder, size_t frames) {
+  if (!fs::exists(folder)) return;
+  std::set<std::string> replaced;
+  for (size_t k = 0; k < frames; ++k) replaced.insert(frame_name(k));
+  std::string other = fs::is_directory(folder) ? "" : "no folder";
+  std::error_code problem;
+  for (const auto& entry : fs::directory_iterator(folder, problem)) {
+    const std::string name = entry.path().filename().string();
+    if (!replaced.count(name) && !is_temporary_name(name)) other = name;
+  }
+  if (problem && other.empty()) other = problem.message();
+  if (!other.empty())
+    throw Error(
+        fmt::format("exporting into {}: it is there and holds more than frames 1 to {} of a "
+                    "sequence ({}); name a new folder",
+                    folder, frames, other));
 }
 
 void export_sequence(Queue& queue, Model& model, const std::vector<double>& times,
@@ -115,13 +133,18 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
   fs::create_directories(folder, problem);
   if (problem) throw Error(fmt::format("making the folder {}: {}", folder, problem.message()));
   const FolderLock lock(folder);
-  require_no_other_frames(folder);  // nobody else has filled it meanwhile
+  require_no_other_frames(folder, times.size());  // nobody else has filled it meanwhile
   InterruptGuard guard;
   Progress progress("export", long(times.size()), quiet);
   for (size_t k = 0; k < times.size(); ++k) {
     SliceRows now(queue, model, times[k]);
-    write_ply(fmt::format("{}/frame_{:04}.ply", folder, k + 1), now.head(),
-              [&](size_t i, float* values) { now.row(i, values); });
+    try {
+      write_ply(folder + "/" + frame_name(k), now.head(),
+                [&](size_t i, float* values) { now.row(i, values); });
+    } catch (const Error& problem) {
+      throw Error(
+          fmt::format("{}; {} of {} files are in {}", problem.what(), k, times.size(), folder));
+    }
     progress.advance();
     if (interrupted())
       throw Interrupted(fmt::format("interrupted after {} of {} files, which are in {}", k + 1,
@@ -216,7 +239,7 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
   std::vector<double> times;
   if (sequence) {
     times = sequence_times(flags, scene_of(source));
-    require_no_other_frames(flags.output);
+    require_no_other_frames(flags.output, times.size());
   } else {
     times = {single_time(flags)};
   }

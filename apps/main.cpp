@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gflow command. Every failure becomes one sentence on stderr and an exit code:
-// 0 done, 1 an error or a wrong command line, 2 no usable device, 4 a device that hangs, 128 +
-// signal interrupted.
+// 0 done, 1 an error or a wrong command line, 2 no usable device, 3 a bound of `gflow stress`
+// broken, 4 a device that hangs, 128 + signal interrupted.
 #include <fmt/format.h>
 #include <unistd.h>
 

@@ -66,7 +66,7 @@ void require_no_folder_of_run(const std::string& output) {
   const fs::path run = run_around(output, true);
   if (!run.empty())
     throw Error(
-        fmt::format("drawing into {}: there lie the files of a run; name a folder of its "
+        fmt::format("writing into {}: there lie the files of a run; name a folder of its "
                     "own, {} say",
                     output, (run / "pictures").string()));
 }

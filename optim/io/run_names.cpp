@@ -1,8 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/io/run_names.hpp"
 
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <fstream>
 #include <regex>
 #include <set>
+
+#include "optim/io/atomic_file.hpp"
 
 namespace gflow {
 
@@ -31,6 +37,27 @@ bool is_name_of_training(const std::string& name) {
       "frames",        "input.motion.npz", "input.ply",    "metrics.csv",
       "metrics.jsonl", "point_cloud",      "test",         "training.json"};
   return names.count(name) || is_name_of_results(name);
+}
+
+std::string temporary_folder_name(const std::string& stem) {
+  return fmt::format("{}.{}-0.part", stem, ::getpid());
+}
+
+bool is_left_behind(const std::string& filename) {
+  if (!is_temporary_name(filename)) return false;
+  static const std::regex pattern(R"(.*\.(\d+)-\d+\.part(\..*)?)");
+  std::smatch found;
+  std::regex_match(filename, found, pattern);
+  const std::string pid = found[1], own = std::to_string(::getpid());
+  // Of this number there was another process before, in a container for one.
+  if (pid == own) return true;
+  const auto program_of = [](const std::string& process) {
+    std::string name;
+    std::getline(std::ifstream("/proc/" + process + "/comm"), name);
+    return name;  // "": there is none
+  };
+  const std::string program = program_of(pid);
+  return program.empty() || program != program_of(own);
 }
 
 }  // namespace gflow

@@ -21,4 +21,10 @@ bool is_name_of_results(const std::string& name);
 // Whether a training writes what is so called in the folder of its run.
 bool is_name_of_training(const std::string& name);
 
+// `stem` as a temporary of this process is called, a folder of things that change places.
+std::string temporary_folder_name(const std::string& stem);
+
+// Whether a file has the name of a temporary, and the process it was of is no more, or is no gflow.
+bool is_left_behind(const std::string& filename);
+
 }  // namespace gflow

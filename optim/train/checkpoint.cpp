@@ -276,6 +276,4 @@ std::optional<CheckpointFolder::Found> CheckpointFolder::latest() const {
                   folder_, reason));
 }
 
-void CheckpointFolder::clear() const { fs::remove_all(folder_); }
-
 }  // namespace gflow

@@ -71,8 +71,6 @@ class CheckpointFolder {
   std::optional<Found> latest() const;
   // Steps of the files, falling.
   std::vector<int> steps() const;
-  // Removes all.
-  void clear() const;
 
  private:
   std::string folder_;

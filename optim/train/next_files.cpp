@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/next_files.hpp"
 
-#include <fmt/format.h>
-#include <unistd.h>
-
 #include <filesystem>
 
 #include "optim/io/atomic_file.hpp"
+#include "optim/io/run_names.hpp"
+#include "optim/train/former_files.hpp"
 
 namespace gflow {
 
 namespace fs = std::filesystem;
 
 NextFiles::NextFiles(const RunFolder& run)
-    : run_(run), folder_(run.path(fmt::format(".next.{}-0.part", ::getpid()))) {
+    : run_(run), folder_(run.path(temporary_folder_name(kName))) {
   std::error_code problem;
   fs::remove_all(folder_.folder(), problem);
   fs::create_directory(folder_.folder(), problem);
@@ -22,6 +21,8 @@ NextFiles::NextFiles(const RunFolder& run)
 
 NextFiles::~NextFiles() {
   std::error_code none;
+  // Files that could not be put back are known by it.
+  if (fs::exists(run_.path(temporary_folder_name(FormerFiles::kName)), none)) return;
   fs::remove_all(folder_.folder(), none);
 }
 

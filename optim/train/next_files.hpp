@@ -8,6 +8,8 @@ namespace gflow {
 
 class NextFiles {
  public:
+  static constexpr const char* kName = ".next";  // of their folder: temporary_folder_name()
+
   // A folder within the run's, whose lock the caller has. Error when it cannot be made. What a
   // killed process leaves of it goes with RunFolder::forget_unfinished_files().
   explicit NextFiles(const RunFolder& run);

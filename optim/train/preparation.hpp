@@ -18,6 +18,11 @@ class Preparation {
 
   // Whether flow is still to be computed.
   bool lacks_flow() const { return !flows_; }
+  // How many of flows(), the first, are read from files one by one.
+  size_t flows_in_files() const {
+    return config_.flow.enabled && config_.flow.source == FlowSource::files ? neighbours_.size()
+                                                                            : 0;
+  }
   // Computes it, kept in a folder: beforehand where all fits into its room and training is long
   // enough to look at all pairs, else when it is asked for. Nothing where there is flow.
   void compute_flow(const std::string& folder, bool quiet);

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -114,6 +115,15 @@ std::string last_settings(const CheckpointFolder& checkpoints, TrainConfig& conf
   return "";
 }
 
+std::vector<std::string> those_there(std::vector<std::string> paths) {
+  const auto is_missing = [](const std::string& path) {
+    std::error_code none;
+    return !fs::exists(fs::symlink_status(path, none));
+  };
+  paths.erase(std::remove_if(paths.begin(), paths.end(), is_missing), paths.end());
+  return paths;
+}
+
 }  // namespace
 
 void RunFolder::make() const {
@@ -190,12 +200,33 @@ void RunFolder::forget_model(int iteration) const {
   fs::remove_all(fs::path(model_path(iteration)).parent_path());
 }
 
-void RunFolder::forget_training() const {
-  checkpoints().clear();
-  fs::remove_all(path("point_cloud"));
-  for (const char* name : {"training.json", "metrics.jsonl", "metrics.csv", "input.ply",
-                           "input.motion.npz", "broken.npz"})
-    fs::remove(path(name));
+void RunFolder::require_its_folders() const {
+  for (const char* name : {"checkpoints", "point_cloud"}) {
+    const std::string folder = path(name);
+    std::error_code problem, none;
+    fs::directory_iterator(folder, problem);
+    if (!problem || !fs::exists(fs::symlink_status(folder, none))) continue;
+    if (fs::is_symlink(folder, none) && !fs::exists(folder, none))
+      throw Error(
+          fmt::format("training into {}: {} is a link to {}, which is not there; bring that back, "
+                      "or remove the "
+                      "link to do without",
+                      folder_, folder, fs::read_symlink(folder, none).string()));
+    throw Error(fmt::format("training into {}: cannot look into {}: {}", folder_, folder,
+                            problem.message()));
+  }
+}
+
+std::vector<std::string> RunFolder::training() const {
+  std::vector<std::string> paths{path("training.json")};
+  for (const int step : checkpoints().steps()) paths.push_back(checkpoints().path(step));
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(path("point_cloud"), none))
+    if (iteration_of_name(entry.path().filename().string()) >= 0) paths.push_back(entry.path());
+  for (const char* name :
+       {"metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz", "broken.npz"})
+    paths.push_back(path(name));
+  return those_there(std::move(paths));
 }
 
 bool RunFolder::would_forget(const std::string& file) const {
@@ -208,23 +239,37 @@ bool RunFolder::would_forget(const std::string& file) const {
   return false;
 }
 
-void RunFolder::forget_results() const {
-  fs::remove(path("compare.png"));
-  fs::remove_all(path("test"));
-  std::vector<fs::path> results;  // of any split and iteration
+std::vector<std::string> RunFolder::results() const {
+  std::vector<std::string> paths{path("compare.png"), path("test")};
   std::error_code none;
-  for (const auto& entry : fs::directory_iterator(folder_, none)) {
-    const std::string name = entry.path().filename().string();
-    if (is_name_of_results(name)) results.push_back(entry.path());
-  }
-  for (const fs::path& file : results) fs::remove(file);
+  for (const auto& entry : fs::directory_iterator(folder_, none))
+    if (is_name_of_results(entry.path().filename().string())) paths.push_back(entry.path());
+  return those_there(std::move(paths));
 }
 
 void RunFolder::forget_unfinished_files() const {
   std::vector<fs::path> unfinished;
-  for (const auto& entry : fs::recursive_directory_iterator(folder_))
-    if (is_temporary_name(entry.path().filename().string())) unfinished.push_back(entry.path());
-  for (const fs::path& file : unfinished) fs::remove_all(file);
+  const std::function<void(const fs::path&)> look_into = [&](const fs::path& folder) {
+    std::error_code problem;
+    for (fs::directory_iterator entry(folder, problem), end; !problem && entry != end;
+         entry.increment(problem)) {
+      const std::string name = entry->path().filename().string();
+      const bool is_own = folder == folder_;  // its folders may be links to other disks
+      const bool trains_there = !is_own || is_name_of_training(name);
+      if (is_left_behind(name))
+        unfinished.push_back(entry->path());
+      else if (trains_there && fs::is_directory(is_own ? entry->status() : entry->symlink_status()))
+        look_into(entry->path());
+    }
+    if (problem)
+      throw Error(fmt::format("cannot look into {}: {}", folder.string(), problem.message()));
+  };
+  look_into(folder_);
+  for (const fs::path& file : unfinished) {
+    std::error_code problem;
+    fs::remove_all(file, problem);
+    if (problem) throw Error(fmt::format("cannot remove {}: {}", file.string(), problem.message()));
+  }
 }
 
 void RunFolder::forget_stale_caches(const std::string& stamp) const {

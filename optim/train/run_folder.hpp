@@ -54,16 +54,19 @@ class RunFolder {
   std::vector<int> models() const;
   // Removes the model of an iteration, if there is one.
   void forget_model(int iteration) const;
-  // Removes all that an earlier training is gone on from or shown by: checkpoints, models, metrics,
-  // input.ply, training.json.
-  void forget_training() const;
+  // Error when a folder of it is there and cannot be looked into, or is a link to one that is not:
+  // a training would take it for empty.
+  void require_its_folders() const;
+  // Paths of all that an earlier training is gone on from or shown by: checkpoints, models,
+  // metrics, input.ply, training.json; this one first, as it says that there is a finished one.
+  std::vector<std::string> training() const;
   // Whether a training here may remove or replace this file, or folder, as one of those or of its
   // results or caches; links are followed. "": no.
   bool would_forget(const std::string& file) const;
-  // Removes results and figures of views, of all splits and iterations, compare.png and test/: they
-  // are about to be untrue.
-  void forget_results() const;
-  // Removes what a killed process had begun to write.
+  // Paths of results and figures of views, of all splits and iterations, compare.png and test/.
+  std::vector<std::string> results() const;
+  // Removes what a killed process had begun to write where trainings write. Others draw elsewhere
+  // in the folder, and beside a training.
   void forget_unfinished_files() const;
   // Removes cached flow and video frames unless they were made under the same stamp.
   void forget_stale_caches(const std::string& stamp) const;

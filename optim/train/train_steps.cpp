@@ -75,23 +75,29 @@ Error without_guidance(const GuidanceFailed& problem, const Training& training, 
                            how_to_go_on(run, training.config)));
 }
 
-// Whether the device failed. That a program does not build is none of its doing.
+// Whether the device failed.
 bool is_of_device(const Error& error) {
-  const auto* of_opencl = dynamic_cast<const ClError*>(&error);
-  return is_out_of_memory(error) || (of_opencl && of_opencl->code != CL_BUILD_PROGRAM_FAILURE);
+  return is_out_of_memory(error) || dynamic_cast<const ClError*>(&error);
 }
 
-// The same when the device failed. For want of memory the step may not have begun to change
-// anything, and the device may still answer: then the steps before it are saved. `before`: the last
-// figures that were looked at.
-Error without_device(const Error& problem, const Training& training, int step, RollBack& roll_back,
-                     const std::optional<StepFigures>& before) {
+// That a program does not build is none of the device's doing.
+bool did_not_build(const Error& error) {
+  const auto* of_opencl = dynamic_cast<const ClError*>(&error);
+  return of_opencl && of_opencl->code == CL_BUILD_PROGRAM_FAILURE;
+}
+
+// The same when the device failed, or a picture or flow could not be read. The step may not have
+// begun to change anything, and a device that only wants memory may still answer: then the steps
+// before it are saved. `before`: the last figures that were looked at.
+Error without_step(const Error& problem, const Training& training, int step, RollBack& roll_back,
+                   const std::optional<StepFigures>& before) {
   const RunFolder& run = training.run;
   const auto saved = [&] {
     const std::vector<int> steps = run.checkpoints().steps();
     return steps.empty() ? 0 : steps[0];
   };
-  if (saved() < step && is_out_of_memory(problem) && training.trainer.untouched()) try {
+  const bool may_answer = is_out_of_memory(problem) || !is_of_device(problem);
+  if (saved() < step && may_answer && training.trainer.untouched()) try {
       roll_back.save_what_there_is(step, training.watch.seconds(), before);
     } catch (const Error&) {  // what there is to say is why the step failed
     }
@@ -176,8 +182,8 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
       throw without_guidance(problem, training, step);
     } catch (const Error& problem) {
       progress.finish();
-      if (!is_of_device(problem) || !begun) throw;
-      throw without_device(problem, training, step, roll_back, before);
+      if (!begun || did_not_build(problem)) throw;
+      throw without_step(problem, training, step, roll_back, before);
     }
     if (!guard) {
       queue.finish();

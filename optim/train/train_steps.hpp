@@ -47,8 +47,8 @@ struct FirstStep {
 
 // Makes the steps from number `step` on; returns the number of steps made, earlier ones included.
 // Sets `guard` after the first one, in which kernels may be compiled for long: before it there is
-// nothing to save. Error, which says how many steps are saved, when guidance or device fail or the
-// loss stays no number (RollBack).
+// nothing to save. Error, which says how many steps are saved, when guidance or device fail, what a
+// step needs cannot be read, or the loss stays no number (RollBack).
 int train_steps(Training& training, int step, std::optional<InterruptGuard>& guard, bool quiet,
                 FirstStep first);
 

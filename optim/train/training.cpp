@@ -10,6 +10,7 @@
 #include "optim/io/atomic_file.hpp"
 #include "optim/io/tell.hpp"
 #include "optim/train/begin.hpp"
+#include "optim/train/former_files.hpp"
 #include "optim/train/guidance_source.hpp"
 #include "optim/train/init.hpp"
 #include "optim/train/judging.hpp"
@@ -21,12 +22,19 @@
 namespace gflow {
 namespace {
 
-// Before a former training is given up for another one: Error where a picture is damaged.
-void require_whole_pictures(const Scene& scene, bool quiet) {
-  Progress progress("look ", long(scene.train.size()), quiet);
-  for (const Frame& frame : scene.train) {
+// Before a former training is given up for another one: Error where a picture or a file of flow is
+// damaged.
+void require_whole_files(Preparation& prepared, bool quiet) {
+  const std::vector<Frame>& frames = prepared.scene().train;
+  const size_t flows = prepared.flows_in_files();
+  Progress progress("look ", long(frames.size() + flows), quiet);
+  for (const Frame& frame : frames) {
     if (frame.video_frame < 0) check_image_bytes(read_file(frame.path), frame.path);
     if (!frame.mask_path.empty()) check_image_bytes(read_file(frame.mask_path), frame.mask_path);
+    progress.advance();
+  }
+  for (size_t pair = 0; pair < flows; ++pair) {
+    if (prepared.flows().has(pair)) prepared.flows().get(pair);
     progress.advance();
   }
   progress.finish();
@@ -42,7 +50,7 @@ void require_first_file(const TrainConfig& config, const RunFolder& run) {
   require_init_file(config);
 }
 
-// Error when the scene's folder or video, or a picture in it, lies among what this run replaces.
+// Error when the scene's folder or video, or a file of it, lies among what this run replaces.
 void require_scene_elsewhere(const std::set<std::string>& files, const RunFolder& run) {
   for (const std::string& file : files)
     if (run.would_forget(file))
@@ -53,9 +61,11 @@ void require_scene_elsewhere(const std::set<std::string>& files, const RunFolder
 }
 
 std::set<std::string> files_of(const Scene& scene) {
-  std::set<std::string> files;
+  std::set<std::string> files{scene.tracks_path};
   for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
-    for (const Frame& frame : *split) files.insert({frame.path, frame.mask_path});
+    for (const Frame& frame : *split)
+      files.insert(
+          {frame.path, frame.mask_path, frame.flow_path, frame.flow_mask_path, frame.depth_path});
   return files;
 }
 
@@ -95,8 +105,11 @@ bool is_complete(const RunFolder& run, int steps) {
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
                      Start start) {
   check(config);
+  run.require_its_folders();
+  put_back_former_files(run);
   const bool begins = start != Start::resume || run.checkpoints().steps().empty();
-  require_scene_elsewhere({config.scene.path}, run);
+  require_scene_elsewhere(
+      {config.scene.path, config.scene.cameras, config.flow.folder, config.flow.tracks}, run);
   if (begins) require_first_file(config, run);
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
@@ -132,7 +145,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const bool goes_on = resumed.has_value();
   const bool replaces = !goes_on && !(run.checkpoints().steps().empty() && run.models().empty());
   const bool begins_now = !goes_on && !replaces;
-  if (replaces) require_whole_pictures(scene, quiet);
+  if (replaces) require_whole_files(prepared, quiet);
   std::optional<HostModel> first;
   bool begun = false;
   const auto begin_run = [&](bool changes) {
@@ -142,10 +155,12 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     if (first) write_model(next.folder().path("input.ply"), *first);
     first.reset();
     next.require_names();
+    FormerFiles former(run);
+    if (!goes_on) former.put_aside(run.training());
+    if (changes) former.put_aside(run.results());
     next.take_name("config.toml");  // from here on the folder is of this training
-    begun = true;                   // whatever comes of it
-    if (!goes_on) run.forget_training();
-    if (changes) run.forget_results();
+    former.give_up();
+    begun = true;  // whatever comes of it
     next.take_names();
   };
   if (begins_now) begin_run(true);

@@ -6,6 +6,7 @@
 //   FAULT_LAST    the last one that fails (default: k alone; a large number: the disk stays full)
 //   FAULT_ROOM    1: no more fail once a file is removed, temporaries aside: there is room again
 //   FAULT_ERRNO   the number errno is set to
+//   FAULT_KILL    1: removals count as well, and in place of the k-th call the program is killed (SIGKILL)
 //   FAULT_REPORT  file that gets a line a call: its number, "failed", "made" or "parted", its name, the path
 //   FAULT_PARTS   1: write, read, sendfile and copy_file_range do half of what they are asked
 //   FAULT_READS   1: the calls that read count, instead of those that change
@@ -22,6 +23,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -37,7 +39,7 @@ static atomic_long calls;
 static atomic_int removed;
 static char folder[PATH_MAX];
 static long first, last;
-static int code, report = -1, reads, room, parts;
+static int code, report = -1, reads, room, parts, kills;
 
 #define NEXT(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
 
@@ -61,6 +63,7 @@ __attribute__((constructor)) static void start(void) {
   reads = (int)number("FAULT_READS", 0);
   room = (int)number("FAULT_ROOM", 0);
   parts = (int)number("FAULT_PARTS", 0);
+  kills = (int)number("FAULT_KILL", 0);
   report = NEXT(open)(to, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
 }
 
@@ -79,6 +82,7 @@ static int counts(const char *what, const char *path) {
   const long n = atomic_fetch_add(&calls, 1) + 1;
   const int failed = first > 0 && n >= first && n <= last && !(room && removed), before = errno;
   say(n, failed ? "failed" : "made", what, path);
+  if (failed && kills) kill(getpid(), SIGKILL);
   errno = failed ? code : before;
   return failed;
 }
@@ -209,8 +213,21 @@ static int gone(const char *path, int result) {
   if (result == 0 && length && !strncmp(path, folder, length) && !strstr(path, ".part")) removed = 1;
   return result;
 }
-int unlink(const char *path) { return gone(path, NEXT(unlink)(path)); }
-int remove(const char *path) { return gone(path, NEXT(remove)(path)); }
+int unlink(const char *path) {
+  if (kills) strikes("unlink", path);
+  return gone(path, NEXT(unlink)(path));
+}
+int remove(const char *path) {
+  if (kills) strikes("remove", path);
+  return gone(path, NEXT(remove)(path));
+}
+int unlinkat(int fd, const char *name, int flags) {
+  char path[2 * PATH_MAX] = "";
+  if (kills && *folder && *name != '/' && fd != AT_FDCWD && path_of(fd, 1, path))
+    snprintf(path + strlen(path), PATH_MAX, "/%s", name);
+  if (kills) strikes("unlink", *path ? path : name);
+  return NEXT(unlinkat)(fd, name, flags);
+}
 int mkdir(const char *path, mode_t mode) {
   return strikes("mkdir", path) ? -1 : NEXT(mkdir)(path, mode);
 }

@@ -1,11 +1,13 @@
 """Trainings that are killed while they save, interrupted at any moment, two in one folder or side by side."""
 import os
 import random
+import re
 import shutil
 import signal
 import time
 
-from world import broken_checkpoints, checkpoints_of, complaints, ended, settings, unfinished_in
+from world import (broken_checkpoints, checkpoints_of, complaints, contents_under, ended, failed_calls, settings,
+                   unfinished_in)
 
 KILLS, SIGNALS, PAIRS, EARLY = 200, 100, 10, 90
 
@@ -85,6 +87,48 @@ def killed_in_saving(world):
         yield [f"kill {kills}: {what}" for what in wrong]
     few = f"{struck} of {KILLS} kills struck while a file was being written"
     yield long.finish() + ([few] if struck < KILLS // 10 else [])
+
+
+def killed_in_replacing(world):
+    """Killed at each file that takes its name or goes while a training replaces another: the folder is the one's or
+    the other's, and goes on as if nothing had happened."""
+    folder, report = world.path("replaced"), world.path("replaced.report")
+    run, fresh = folder + "/run", world.path("fresh")
+    command = ["train", world.scene, "-o", run, *settings(), "--set", "train.seed=7"]
+    world.run([fresh if word == run else word for word in command])
+    right = {False: world.expected, True: world.left_in(fresh)}
+
+    def killed_at(k):
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(world.whole, run)
+        if os.path.exists(report):
+            os.remove(report)
+        outcome = world.run([*command, "--overwrite"], {
+            "LD_PRELOAD": world.shims["fail_io"], "FAULT_FOLDER": folder, "FAULT_CALL": str(k), "FAULT_ERRNO": "5",
+            "FAULT_REPORT": report, "FAULT_KILL": "1"})
+        return outcome, failed_calls(report)
+
+    outcome, (_, calls) = killed_at(0)
+    numbers = [k for k, what in calls if re.match("rename|unlink|remove|mkdir", what)]
+    of_former = [k for k in numbers if ".former" in dict(calls)[k]]
+    yield [] if outcome.code == 0 and len(of_former) > 20 else [f"{outcome.last_line()}, {len(of_former)} of the former"]
+    both = set()
+    for k in numbers:
+        outcome, (failed, _) = killed_at(k)
+        where = f"killed at call {k} ({failed[0][1].replace(folder, '') if failed else 'none'})"
+        with open(run + "/config.toml", encoding="utf-8") as file:
+            begun = "seed = 7" in file.read()
+        both.add(begun)
+        wrong = [] if outcome.code == -signal.SIGKILL else [outcome.last_line()]
+        wrong += complaints(world.run(["info", run]), (0, 1))
+        wrong += complaints(world.run(["train", "-o", run, "--resume", "--quiet"]), (0,))
+        left = world.left_in(run)
+        wrong += [f"{name} is not as in the {'next' if begun else 'former'} training" for name in left
+                  if left[name] != right[begun][name]]
+        wrong += [f"{path} was left behind" for path in unfinished_in(run)]
+        wrong += [f"{path} was left behind" for path in contents_under(run) if ".part" in path]
+        yield [f"{where}: {what}" for what in wrong]
+    yield [] if len(both) == 2 else ["all kills were before the next had begun, or after"]
 
 
 def handles(pid, number):
@@ -213,6 +257,7 @@ def side_by_side(world):
 
 def faults(world, every):
     yield f"stops: kill -9 while saving, {KILLS} times", lambda: killed_in_saving(world)
+    yield "stops: kill -9 at each file of a training that replaces another", lambda: killed_in_replacing(world)
     yield f"stops: SIGINT, SIGTERM, SIGHUP at {SIGNALS} moments", lambda: signalled(world)
     yield "stops: signals in the first half second", lambda: early(world)
     yield "stops: signals that are ignored (nohup)", lambda: ignored(world)

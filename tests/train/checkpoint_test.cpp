@@ -182,7 +182,7 @@ TEST(CheckpointFolder, KeepsTheLastTwo) {
   EXPECT_EQ(folder.count(), 2u);
   EXPECT_TRUE(std::filesystem::exists(checkpoints.path(10)));
   EXPECT_TRUE(same(checkpoints.latest()->checkpoint, some_checkpoint(100)));
-  checkpoints.clear();
+  std::filesystem::remove_all(folder.path() + "/checkpoints");
   EXPECT_FALSE(checkpoints.latest());
 }
 

@@ -119,8 +119,19 @@ TEST_F(FilesCommand, ExportWritesASequenceOfTheStepsOfTheScene) {
   for (const char* name : {"a/frame_0001.ply", "a/frame_0005.ply"})
     EXPECT_TRUE(fs::exists(folder.file(name))) << name;
   EXPECT_EQ(folder.count(), 5u);
+  folder.write("a/notes.txt", "");
   expect_refused({"export", run(), "--format", "ply-sequence", "-o", folder.file("a")},
-                 {"not an empty folder"});
+                 {"frames 1 to 5", "notes.txt"});
+  fs::remove(folder.file("a/notes.txt"));
+  // As after a disk that was full.
+  fs::remove(folder.file("a/frame_0005.ply"));
+  EXPECT_EQ(
+      gflow({"export", run(), "--format", "ply-sequence", "-o", folder.file("a"), "--quiet"}).code,
+      0);
+  EXPECT_EQ(folder.count(), 5u);
+  expect_refused(
+      {"export", run(), "--format", "ply-sequence", "-o", folder.file("a"), "--times", "0,1"},
+      {"frames 1 to 2", "frame_000"});
   EXPECT_EQ(gflow({"export", run(), "--format", "splatv", "-o", folder.file("a.splatv")}).code, 0);
   EXPECT_EQ(contents(folder.file("a.splatv")).substr(0, 2), "Kg");
 }

@@ -72,6 +72,7 @@ class Resume : public testing::Test {
   }
 
   static SmallScene* scene_;
+  static constexpr const char* flow_of_one_ = "cam01/0001.flo";
 
  private:
   static void write_config() {
@@ -445,6 +446,51 @@ TEST_F(Resume, AFormerRunStaysWhereTheNextCannotBegin) {
     for (const char* left : {"results.json", "compare.png", "input.ply", "metrics.jsonl"})
       EXPECT_TRUE(fs::exists(run("run") + "/" + left)) << left;
   }
+}
+
+// As on a disk that goes away: what was made until then is saved.
+TEST_F(Resume, AFlowThatCannotBeReadLosesNoStep) {
+  const std::string flow = run("flow"), one = flow + "/" + flow_of_one_;
+  const std::string whole = contents(scene_->path() + "/flow/" + flow_of_one_);
+  fs::remove_all(flow);
+  fs::copy(scene_->path() + "/flow", flow, fs::copy_options::recursive);
+  std::vector<std::string> arguments =
+      train("run", {"--set", "flow.folder=" + flow, "--set", "train.checkpoint_every=0"});
+  fs::resize_file(one, whole.size() - 3);
+  const Outcome outcome = gflow(arguments);
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_NE(outcome.err.find(flow_of_one_), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("steps are saved, `gflow train"), std::string::npos) << outcome.err;
+  std::ofstream(one, std::ios::binary) << whole;
+  EXPECT_EQ(gflow(resume()).code, 0);
+  expect_as_uninterrupted();
+  // A training that is there is not given up for such flow.
+  fs::resize_file(one, whole.size() - 3);
+  arguments.push_back("--overwrite");
+  expect_refused(arguments, {flow_of_one_});
+  expect_as_uninterrupted();
+}
+
+TEST_F(Resume, FlowOfTheUserInTheRunIsNotRemoved) {
+  const std::string kept = run("run") + "/flow/kept";
+  fs::create_directories(kept);
+  fs::copy(scene_->path() + "/flow", kept, fs::copy_options::recursive);
+  std::ofstream(run("run") + "/caches.stamp") << "of a run";
+  expect_refused(train("run", {"--set", "flow.folder=" + kept}), {kept, "lies among"});
+  EXPECT_TRUE(fs::exists(kept + "/" + flow_of_one_));
+}
+
+TEST_F(Resume, CheckpointsOnADiskThatIsAwayAreNotDoneWithout) {
+  ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
+  fs::rename(run("run") + "/checkpoints", run("scratch"));
+  fs::create_directory_symlink(run("scratch"), run("run") + "/checkpoints");
+  EXPECT_EQ(gflow(train("run", {"--iterations", "2", "--overwrite"})).code, 0);
+  EXPECT_TRUE(fs::exists(run("scratch") + "/iteration_2.npz"));
+  fs::rename(run("scratch"), run("unmounted"));
+  for (const char* start : {"--resume", "--overwrite"})
+    expect_refused(train("run", {"--iterations", "3", start}), {"is a link to", run("scratch")});
+  EXPECT_TRUE(fs::is_symlink(run("run") + "/checkpoints"));
+  EXPECT_EQ(gflow({"info", run("run")}).code, 0);
 }
 
 // As does a job that is started over and over.

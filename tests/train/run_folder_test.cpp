@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/run_folder.hpp"
 
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <nlohmann/json.hpp>
@@ -146,17 +147,59 @@ TEST(RunFolder, TheTableOfMetricsIsMendedFromTheirLines) {
   EXPECT_EQ(contents(run.path("metrics.csv")).rfind("iteration,", 0), 0u);
 }
 
-TEST(RunFolder, ForgetsWhateverIsOfAnEarlierTraining) {
+TEST(RunFolder, KnowsWhateverIsOfAnEarlierTraining) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
   EXPECT_FALSE(run.would_forget(""));
   EXPECT_FALSE(run.would_forget(folder.path() + "/../other.ply"));
   EXPECT_TRUE(run.would_forget(folder.path() + "/./point_cloud/a.ply"));
-  for (const char* name : {"metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz",
-                           "training.json", "checkpoints/iteration_1.npz", "point_cloud/a.ply"})
+  for (const char* name :
+       {"metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz", "training.json",
+        "checkpoints/iteration_1.npz", "point_cloud/iteration_1/point_cloud.ply"})
     folder.write(name, "");
-  run.forget_training();
-  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  folder.write("point_cloud/notes.txt", "of a user");
+  const std::vector<std::string> all = run.training();
+  EXPECT_EQ(all.size(), 7u);
+  EXPECT_EQ(all[0], run.path("training.json"));
+  for (const std::string& path : all) std::filesystem::remove_all(path);
+  EXPECT_TRUE(run.training().empty());
+  EXPECT_TRUE(std::filesystem::exists(run.path("point_cloud/notes.txt")));
+}
+
+// A disk that is not mounted, a folder of another user.
+TEST(RunFolder, IsNotTakenForEmptyWhereItsFoldersAreAway) {
+  const TemporaryFolder folder;
+  const RunFolder run(folder.path());
+  EXPECT_NO_THROW(run.require_its_folders());
+  std::filesystem::create_directory_symlink("/no/such/disk", run.path("checkpoints"));
+  expect_error([&] { run.require_its_folders(); },
+               {"checkpoints is a link to /no/such/disk, which is not there"});
+  std::filesystem::remove(run.path("checkpoints"));
+  folder.write("point_cloud", "a file");
+  expect_error([&] { run.require_its_folders(); }, {"cannot look into", "point_cloud"});
+}
+
+// As does `gflow render`, into a folder of its own there.
+TEST(RunFolder, LeavesWhatOthersAreWriting) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  const pid_t other = ::fork();
+  if (other == 0) {
+    ::pause();
+    ::_exit(0);
+  }
+  const std::string living = "checkpoints/.iteration_1." + std::to_string(other) + "-0.part.npz",
+                    left = "checkpoints/.iteration_1.1-0.part.npz",
+                    drawn = "pictures/rgb/.a.1-0.part.png";
+  for (const std::string& name : {living, left, drawn}) folder.write(name, "");
+  run.forget_unfinished_files();
+  EXPECT_TRUE(std::filesystem::exists(run.path(living)));
+  EXPECT_FALSE(std::filesystem::exists(run.path(left)));
+  EXPECT_TRUE(std::filesystem::exists(run.path(drawn)));
+  ::kill(other, SIGKILL);
+  ::waitpid(other, nullptr, 0);
+  run.forget_unfinished_files();
+  EXPECT_FALSE(std::filesystem::exists(run.path(living)));
 }
 
 TEST(RunFolder, KnowsWhatItWouldForgetThroughLinks) {
@@ -173,15 +216,15 @@ TEST(RunFolder, KnowsWhatItWouldForgetThroughLinks) {
   EXPECT_TRUE(run.would_forget(folder.path() + "/flow/pictures"));
 }
 
-TEST(RunFolder, ForgetsTheResultsOfEverySplit) {
+TEST(RunFolder, KnowsTheResultsOfEverySplit) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
   for (const char* name : {"results.json", "results_train.json", "per_view_val.json",
                            "results_iteration_300.json", "per_view_val_iteration_300.json"})
     folder.write(name, "{}");
   folder.write("results_paper.json", "of a user");
-  run.forget_results();
-  EXPECT_EQ(folder.count(), 1u);
+  EXPECT_EQ(run.results().size(), folder.count() - 1);
+  for (const std::string& path : run.results()) EXPECT_EQ(path.find("paper"), path.npos) << path;
 }
 
 TEST(RunFolder, IsOpenedOnlyWhereThereIsAConfiguration) {

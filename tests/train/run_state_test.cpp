@@ -184,7 +184,7 @@ TEST_F(RunStateTest, SettingsComeFromTheCheckpointWhereTheirFileIsGoneOrDamaged)
   EXPECT_EQ(read(), "");
   fs::remove(file);
   EXPECT_NE(read().find("config.toml"), std::string::npos);
-  run.checkpoints().clear();
+  fs::remove_all(run.path("checkpoints"));
   expect_error([&] { RunFolder::open(folder.path()); }, {"config.toml"});
 }
 

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/former_files.hpp"
+
+#include <filesystem>
+
+#include "io/temporary_folder.hpp"
+#include "optim/io/run_names.hpp"
+#include "optim/train/next_files.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A run that is to be replaced.
+class FormerFilesTest : public testing::Test {
+ protected:
+  FormerFilesTest() : run_(folder_.path()) {
+    for (const std::string& name : names_) folder_.write(name, "former");
+    folder_.write("notes.txt", "of a user");
+  }
+
+  void expect_all_there() const {
+    for (const std::string& name : names_)
+      EXPECT_EQ(contents(folder_.path() + "/" + name), "former") << name;
+    EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(FormerFiles::kName))));
+    EXPECT_FALSE(fs::exists(run_.path("point_cloud/" + temporary_folder_name(FormerFiles::kName))));
+  }
+  void expect_none_there() const {
+    for (const std::string& name : names_)
+      EXPECT_EQ(fs::exists(folder_.path() + "/" + name), name == "config.toml") << name;
+    EXPECT_TRUE(fs::exists(folder_.path() + "/notes.txt"));
+  }
+
+  const std::vector<std::string> names_{"training.json",
+                                        "checkpoints/iteration_5.npz",
+                                        "point_cloud/iteration_5/point_cloud.ply",
+                                        "metrics.jsonl",
+                                        "input.ply",
+                                        "results.json",
+                                        "test/a.png",
+                                        "config.toml"};
+  TemporaryFolder folder_;
+  RunFolder run_;
+};
+
+TEST_F(FormerFilesTest, ComeBackUnlessTheyAreGivenUp) {
+  {
+    FormerFiles former(run_);
+    former.put_aside(run_.training());
+    former.put_aside(run_.results());
+    expect_none_there();
+  }
+  expect_all_there();
+  {
+    FormerFiles former(run_);
+    former.put_aside(run_.training());
+    former.put_aside(run_.results());
+    former.give_up();
+  }
+  expect_none_there();
+  EXPECT_TRUE(run_.training().empty());
+  EXPECT_TRUE(run_.results().empty());
+  EXPECT_EQ(folder_.count(), 2u);  // notes and settings
+}
+
+TEST_F(FormerFilesTest, ComeBackWhereOneOfThemCannotGo) {
+  // Something that is no file of its own has the name there.
+  const std::string models = run_.path("point_cloud/" + temporary_folder_name(FormerFiles::kName));
+  folder_.write("point_cloud/" + fs::path(models).filename().string() + "/iteration_5/x", "");
+  {
+    FormerFiles former(run_);
+    expect_error([&] { former.put_aside(run_.training()); },
+                 {"cannot write", "point_cloud/iteration_5: "});
+    EXPECT_FALSE(fs::exists(run_.path("training.json")));
+  }
+  EXPECT_TRUE(fs::exists(run_.path("training.json")));
+  EXPECT_TRUE(fs::exists(run_.path("checkpoints/iteration_5.npz")));
+}
+
+// As on a disk that takes no more: the next training into the folder does it.
+TEST_F(FormerFilesTest, ThatCannotComeBackAreNotLost) {
+  {
+    const NextFiles next(run_);
+    folder_.write(fs::path(next.folder().folder()).filename().string() + "/config.toml", "next");
+    FormerFiles former(run_);
+    former.put_aside(run_.training());
+    folder_.write("point_cloud/iteration_5/x", "");  // in the way
+    testing::internal::CaptureStderr();
+  }
+  EXPECT_NE(testing::internal::GetCapturedStderr().find("cannot put back"), std::string::npos);
+  expect_error([&] { put_back_former_files(run_); }, {"point_cloud/iteration_5"});
+  fs::remove_all(run_.path("point_cloud/iteration_5"));
+  put_back_former_files(run_);
+  run_.forget_unfinished_files();
+  expect_all_there();
+  EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(NextFiles::kName))));
+}
+
+// On another disk, where the links stay.
+TEST_F(FormerFilesTest, MayLieBehindLinks) {
+  const TemporaryFolder scratch;
+  fs::rename(run_.path("checkpoints"), scratch.path() + "/kept");
+  fs::rename(run_.path("point_cloud/iteration_5"), scratch.path() + "/kept/iteration_5");
+  fs::remove(run_.path("point_cloud"));
+  for (const char* link : {"checkpoints", "point_cloud"})
+    fs::create_directory_symlink(scratch.path() + "/kept", run_.path(link));
+  for (const bool given_up : {false, true}) {
+    FormerFiles former(run_);
+    former.put_aside(run_.training());
+    if (given_up) former.give_up();
+  }
+  EXPECT_TRUE(fs::is_symlink(run_.path("checkpoints")));
+  EXPECT_TRUE(fs::is_empty(scratch.path() + "/kept"));
+}
+
+// A process is killed before the next training has its settings there, or after.
+TEST_F(FormerFilesTest, ComeBackWhereTheNextTrainingHadNotBegun) {
+  for (const bool begun : {false, true}) {
+    const std::string pid = "1";  // of no gflow
+    std::vector<std::string> all = run_.training(), results = run_.results();
+    all.insert(all.end(), results.begin(), results.end());
+    for (const std::string& path : all) {
+      const fs::path from(path), aside = from.parent_path() / (".former." + pid + "-0.part");
+      fs::create_directory(aside);
+      fs::rename(from, aside / from.filename());
+    }
+    if (!begun) folder_.write(".next." + pid + "-0.part/config.toml", "next");
+    put_back_former_files(run_);
+    run_.forget_unfinished_files();
+    if (begun)
+      expect_none_there();
+    else
+      expect_all_there();
+    EXPECT_FALSE(fs::exists(run_.path(".former.1-0.part")));
+    EXPECT_FALSE(fs::exists(run_.path(".next.1-0.part")));
+  }
+}
+
+}  // namespace
+}  // namespace gflow
