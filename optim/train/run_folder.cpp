@@ -261,7 +261,7 @@ void RunFolder::forget_unfinished_files() const {
       else if (trains_there && fs::is_directory(is_own ? entry->status() : entry->symlink_status()))
         look_into(entry->path());
     }
-    if (problem)
+    if (problem && problem != std::errc::no_such_file_or_directory)  // another has removed it
       throw Error(fmt::format("cannot look into {}: {}", folder.string(), problem.message()));
   };
   look_into(folder_);

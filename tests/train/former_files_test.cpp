@@ -125,7 +125,9 @@ TEST_F(FormerFilesTest, ComeBackWhereTheNextTrainingHadNotBegun) {
       fs::create_directory(aside);
       fs::rename(from, aside / from.filename());
     }
+    // Which takes its name first.
     if (!begun) folder_.write(".next." + pid + "-0.part/config.toml", "next");
+    folder_.write(".next." + pid + "-0.part/cameras.json", "next");
     put_back_former_files(run_);
     run_.forget_unfinished_files();
     if (begun)
