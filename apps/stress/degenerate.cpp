@@ -35,7 +35,7 @@ double background_off(const PosedScene& s, const FloatArrays& images) {
   return most;
 }
 
-bool same_bits(const FloatArrays& a, const FloatArrays& b) {
+bool same_arrays(const FloatArrays& a, const FloatArrays& b) {
   for (const auto& [name, values] : a)
     if (std::memcmp(values.data(), b.at(name).data(), values.size() * sizeof(float)) != 0)
       return false;
@@ -75,7 +75,7 @@ Rows degenerate(Queue& queue) {
   for (int i = 0; i < 100; ++i) {
     const Result again = run(queue, ties);
     different +=
-        !same_bits(again.images, first.images) || !same_bits(again.gradients, first.gradients);
+        !same_arrays(again.images, first.images) || !same_arrays(again.gradients, first.gradients);
   }
   rows.push_back({"1e4 at one depth: of 100 runs with other bits", different, 0});
   const reference::Rendering r = reference::render(ties.shot, reference::posed(ties.p));

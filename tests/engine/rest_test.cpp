@@ -14,7 +14,7 @@ constexpr size_t RESTING = 21;
 // Every third one moves.
 bool moves_in_test(size_t i) { return i % 3 == 0; }
 
-MotionShape shape_of(MotionModelKind kind) {
+MotionShape resting_shape(MotionModelKind kind) {
   MotionShape shape;
   shape.motion = kind;
   shape.duration = 2;
@@ -107,7 +107,7 @@ INSTANTIATE_TEST_SUITE_P(Motion, RestOf,
                          });
 
 TEST_P(RestOf, GaussiansAtRestAreShownAsThoseThatMoveAtNoSpeed) {
-  TwoCopies made(shape_of(GetParam()));
+  TwoCopies made(resting_shape(GetParam()));
   ASSERT_EQ(made.split.parameters().moving, 7u);
   const Buffer<cl_uint> seen(made.queue, std::vector<cl_uint>(RESTING, 1u), "seen");
   for (const float t : {0.f, 0.7f, 2.f}) {
@@ -129,7 +129,7 @@ TEST_P(RestOf, GaussiansAtRestAreShownAsThoseThatMoveAtNoSpeed) {
 // Those of native4d's two quaternions, which are one at rest, add up. Gradients of a basis are sums
 // over Gaussians in an order that differs.
 TEST_P(RestOf, GradientsAreThoseOfNoSpeed) {
-  TwoCopies made(shape_of(GetParam()));
+  TwoCopies made(resting_shape(GetParam()));
   Queue& queue = made.queue;
   Random random(3);
   const auto numbers = [&](size_t width) {
@@ -190,7 +190,7 @@ TEST_P(RestOf, GradientsAreThoseOfNoSpeed) {
 }
 
 TEST_P(RestOf, AllButTheMotionOfThoseAtRestSurvivesThereAndBack) {
-  TwoCopies made(shape_of(GetParam()));
+  TwoCopies made(resting_shape(GetParam()));
   Queue& queue = made.queue;
   Parameters& p = made.split.parameters();
   // First every other row changes sides or stays, then all move.

@@ -190,7 +190,7 @@ TEST(Evaluate, UsesDisWhereTheSceneHasNoTrueFlow) {
   EXPECT_LT(evaluation.mean.flicker, 1);
 }
 
-const std::string networks = GFLOW_SOURCE_DIR "/tests/data/networks/";
+const std::string judging_networks = GFLOW_SOURCE_DIR "/tests/data/networks/";
 
 TEST(Evaluate, AsksTheNetworksThatAreGiven) {
   Queue queue = test_queue();
@@ -200,8 +200,8 @@ TEST(Evaluate, AsksTheNetworksThatAreGiven) {
   EXPECT_TRUE(std::isnan(without.mean.lpips));
   EXPECT_TRUE(std::isnan(without.mean.clip));
   TrainConfig config = small_config(scene, 1);
-  config.metrics.lpips = networks + "lpips.onnx";
-  config.metrics.clip = networks + "clip.onnx";
+  config.metrics.lpips = judging_networks + "lpips.onnx";
+  config.metrics.clip = judging_networks + "clip.onnx";
   LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, scene.truth);
   try {
@@ -217,7 +217,7 @@ TEST(Evaluate, AsksTheNetworksThatAreGiven) {
     EXPECT_NEAR(view.clip, 1, 1e-4);
   }
   EXPECT_EQ(evaluation.mean.psnr, without.mean.psnr);
-  config.metrics.lpips = networks + "lpips_6x4.onnx";
+  config.metrics.lpips = judging_networks + "lpips_6x4.onnx";
   expect_error([&] { evaluate(queue, model, config, loaded, loaded.scene.test, {}); },
                {"metrics.lpips", "6x4", "48x40"});
 }
