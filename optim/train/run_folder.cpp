@@ -209,8 +209,7 @@ void RunFolder::require_its_folders() const {
     if (fs::is_symlink(folder, none) && !fs::exists(folder, none))
       throw Error(
           fmt::format("training into {}: {} is a link to {}, which is not there; bring that back, "
-                      "or remove the "
-                      "link to do without",
+                      "or remove the link to do without",
                       folder_, folder, fs::read_symlink(folder, none).string()));
     throw Error(fmt::format("training into {}: cannot look into {}: {}", folder_, folder,
                             problem.message()));
