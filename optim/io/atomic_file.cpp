@@ -75,14 +75,6 @@ void flush_to_disk(const std::string& temporary, const std::string& path) {
   if (file.get() < 0 || ::fsync(file.get()) != 0) refuse_to_write(path, errno);
 }
 
-// So that the name, too, outlasts a loss of power. Not every file system can; the file itself is
-// safe.
-void flush_folder_of(const std::string& path) {
-  const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
-  const Descriptor open(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (open.get() >= 0) ::fsync(open.get());
-}
-
 // flag: O_TRUNC for the whole file, O_APPEND for more of it. Some libraries remove what they failed
 // to write, hence O_CREAT.
 void write_all(const std::string& temporary, int flag, std::string_view bytes,
@@ -213,6 +205,12 @@ void take_place(const std::string& finished, const std::string& path) {
   if (::stat(path.c_str(), &former) == 0) ::chmod(finished.c_str(), former.st_mode & 0777);
   if (::rename(finished.c_str(), path.c_str()) != 0) refuse_to_write(path, errno);
   flush_folder_of(path);
+}
+
+void flush_folder_of(const std::string& path) {
+  const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
+  const Descriptor open(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (open.get() >= 0) ::fsync(open.get());
 }
 
 bool is_temporary_name(const std::string& filename) {

@@ -71,6 +71,10 @@ void require_replaceable(const std::string& path);
 // private. Error when it cannot.
 void take_place(const std::string& finished, const std::string& path);
 
+// So that names in the folder of `path`, too, outlast a loss of power. Not every file system can;
+// the files themselves are safe.
+void flush_folder_of(const std::string& path);
+
 // Whether a file has the name of a temporary: one that a killed process left behind is worth
 // nothing.
 bool is_temporary_name(const std::string& filename);

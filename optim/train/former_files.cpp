@@ -17,8 +17,28 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// What is put aside stays in the folder it lies in, which may be a link to another disk.
-constexpr const char* kPlaces[] = {"", "checkpoints", "point_cloud"};
+// What is put aside stays in the folder it lies in, which may be a link to another disk. The run's
+// own is the last to be empty: by it the others are known.
+constexpr const char* kPlaces[] = {"test", "point_cloud", "checkpoints", ""};
+
+// Names of their folders in a run.
+std::vector<std::string> names_of_former(const RunFolder& run) {
+  std::vector<std::string> names;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(run.folder(), none)) {
+    const std::string name = entry.path().filename().string();
+    if (is_temporary_name(name) && name.rfind(FormerFiles::kName, 0) == 0) names.push_back(name);
+  }
+  return names;
+}
+
+// Of what was begun in a killed training's place, a folder may not be empty.
+void put_back(const fs::path& file, const fs::path& to) {
+  std::error_code problem;
+  if (fs::is_directory(fs::symlink_status(to, problem))) fs::remove_all(to, problem);
+  fs::rename(file, to, problem);
+  if (problem) refuse_to_write(to.string(), problem.value());
+}
 
 }  // namespace
 
@@ -32,6 +52,7 @@ void FormerFiles::keep_in(const std::string& folder) {
   std::error_code problem;
   fs::create_directory(aside, problem);  // or it is there: two places may be links to one
   if (problem) refuse_to_write(aside.string(), problem.value());
+  flush_folder_of(aside.string());
   folders_.push_back(folder);
 }
 
@@ -46,19 +67,37 @@ void FormerFiles::put_aside(const std::vector<std::string>& paths) {
     if (problem) refuse_to_write(path, problem.value());
     moved_.emplace_back(path, to.string());
   }
+  flush();
+}
+
+// Before anything takes their names, also on a disk of its own behind a link.
+void FormerFiles::flush() const {
+  for (const std::string& folder : folders_) {
+    const fs::path aside = fs::path(folder) / temporary_folder_name(kName);
+    flush_folder_of(aside / "");
+    flush_folder_of(aside);
+  }
+}
+
+bool FormerFiles::are_aside(const RunFolder& run) {
+  std::error_code none;
+  return fs::exists(run.path(temporary_folder_name(kName)), none);
 }
 
 FormerFiles::~FormerFiles() {
   std::error_code problem;
-  std::string not_back;
+  std::string why;
+  int left = 0;
   if (!given_up_)
     for (auto file = moved_.rbegin(); file != moved_.rend(); ++file) {
       fs::rename(file->second, file->first, problem);
-      if (problem) not_back = file->first + ": " + problem.message();
+      if (problem && ++left == 1) why = file->first + ": " + problem.message();
     }
-  if (!not_back.empty()) {
-    warn(fmt::format("cannot put back {}; the next `gflow train` into that folder does so",
-                     not_back));
+  if (left > 0) {
+    warn(
+        fmt::format("cannot put back {}{}; the next gflow that opens that folder does so, once it "
+                    "can be written",
+                    why, left > 1 ? fmt::format(", nor {} more", left - 1) : ""));
     return;
   }
   for (const std::string& folder : folders_) {
@@ -69,31 +108,26 @@ FormerFiles::~FormerFiles() {
   }
 }
 
-void put_back_former_files(const RunFolder& run) {
-  std::vector<std::string> former;  // names of their folders
-  std::error_code none;
-  for (const auto& entry : fs::directory_iterator(run.folder(), none)) {
-    const std::string name = entry.path().filename().string();
-    if (is_temporary_name(name) && name.rfind(FormerFiles::kName, 0) == 0) former.push_back(name);
-  }
-  if (former.empty()) return;
-  const auto lock = run.lock_if_free();
-  if (!lock) return;
-  for (const std::string& name : former) {
+void put_back_former_files(const RunFolder& run, const FileLock&) {
+  for (const std::string& name : names_of_former(run)) {
     const std::string next = NextFiles::kName + name.substr(std::string(FormerFiles::kName).size());
     if (!fs::exists(run.path(next + "/config.toml"))) continue;
     for (const char* place : kPlaces) {
       const fs::path folder = fs::path(run.folder()) / place;
       std::vector<fs::path> files;
+      std::error_code none;
       for (const auto& file : fs::directory_iterator(folder / name, none))
         files.push_back(file.path());
-      for (const fs::path& file : files) {
-        std::error_code problem;
-        fs::rename(file, folder / file.filename(), problem);
-        if (problem) refuse_to_write((folder / file.filename()).string(), problem.value());
-      }
+      for (const fs::path& file : files) put_back(file, folder / file.filename());
+      fs::remove(folder / name, none);
     }
+    fs::remove_all(run.path(next));
   }
+}
+
+void put_back_former_files(const RunFolder& run) {
+  if (names_of_former(run).empty()) return;
+  if (const auto lock = run.lock_if_free()) put_back_former_files(run, *lock);
 }
 
 }  // namespace gflow

@@ -7,6 +7,7 @@
 
 #include "optim/data/true_depth.hpp"
 #include "optim/io/interrupt.hpp"
+#include "optim/train/former_files.hpp"
 #include "optim/train/judging_networks.hpp"
 #include "optim/train/progress.hpp"
 #include "optim/train/rendering.hpp"
@@ -82,6 +83,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
                            int iteration, const std::vector<std::string>& settings) {
   const StopSentence stop("interrupted while evaluating; nothing was lost");
   const auto lock = run.lock_if_free();
+  if (lock) put_back_former_files(run, *lock);
   const RunState state = read_run_state(run, iteration);
   const TrainConfig config = judged_by(state.config, run.judged_by(), settings);
   LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);

@@ -17,12 +17,12 @@ NextFiles::NextFiles(const RunFolder& run)
   fs::remove_all(folder_.folder(), problem);
   fs::create_directory(folder_.folder(), problem);
   if (problem) refuse_to_write(folder_.folder(), problem.value());
+  flush_folder_of(folder_.folder());
 }
 
 NextFiles::~NextFiles() {
+  if (FormerFiles::are_aside(run_)) return;  // these are known by it
   std::error_code none;
-  // Files that could not be put back are known by it.
-  if (fs::exists(run_.path(temporary_folder_name(FormerFiles::kName)), none)) return;
   fs::remove_all(folder_.folder(), none);
 }
 

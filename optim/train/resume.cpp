@@ -99,7 +99,7 @@ std::string resuming_command(const RunFolder& run, const TrainConfig& config) {
 }  // namespace
 
 void require_no_training(const RunFolder& run) {
-  if (run.checkpoints().steps().empty() && run.models().empty()) return;
+  if (!run.holds_training()) return;
   TrainConfig former;
   RunFacts ended;
   std::optional<CheckpointFolder::Found> last;
@@ -109,6 +109,11 @@ void require_no_training(const RunFolder& run) {
     ended = run.read_facts();
   } catch (const Error&) {  // damaged: what is known decides
   }
+  if (run.checkpoints().steps().empty() && run.models().empty())
+    throw Error(
+        fmt::format("{} holds results of a training, and neither its model nor a checkpoint: name "
+                    "another folder, or replace them with --overwrite",
+                    run.folder()));
   if (run.checkpoints().steps().empty())
     throw Error(fmt::format(
         "{} holds a model, which `gflow eval {}` judges, and no checkpoint to go on from: "

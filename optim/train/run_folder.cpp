@@ -21,6 +21,7 @@
 #include "optim/io/run_names.hpp"
 #include "optim/io/text_file.hpp"
 #include "optim/io/warning.hpp"
+#include "optim/train/former_files.hpp"
 #include "optim/train/views.hpp"
 
 namespace gflow {
@@ -115,6 +116,15 @@ std::string last_settings(const CheckpointFolder& checkpoints, TrainConfig& conf
   return "";
 }
 
+// What is to go where a folder is to: itself, or, where it is a link to another disk, all in it.
+std::vector<std::string> all_of(const std::string& folder) {
+  std::error_code none;
+  if (!fs::is_symlink(folder, none)) return {folder};
+  std::vector<std::string> paths;
+  for (const auto& entry : fs::directory_iterator(folder, none)) paths.push_back(entry.path());
+  return paths;
+}
+
 std::vector<std::string> those_there(std::vector<std::string> paths) {
   const auto is_missing = [](const std::string& path) {
     std::error_code none;
@@ -177,7 +187,14 @@ RunFolder RunFolder::open(const std::string& path) {
         fmt::format("{} is no run folder: it has no config.toml, which `gflow train -o {}`"
                     " writes",
                     path, path));
-  return RunFolder(path);
+  const RunFolder run(path);
+  try {
+    put_back_former_files(run);
+  } catch (const Error& problem) {
+    warn(fmt::format("{} is not whole, a training that was to replace it was killed: {}", path,
+                     problem.what()));
+  }
+  return run;
 }
 
 std::string RunFolder::model_path(int iteration) const {
@@ -201,7 +218,7 @@ void RunFolder::forget_model(int iteration) const {
 }
 
 void RunFolder::require_its_folders() const {
-  for (const char* name : {"checkpoints", "point_cloud"}) {
+  for (const char* name : {"checkpoints", "point_cloud", "flow", "frames", "test"}) {
     const std::string folder = path(name);
     std::error_code problem, none;
     fs::directory_iterator(folder, problem);
@@ -231,7 +248,8 @@ std::vector<std::string> RunFolder::training() const {
 bool RunFolder::would_forget(const std::string& file) const {
   if (file.empty()) return false;
   const fs::path real = fs::weakly_canonical(file);
-  for (const char* name : {"checkpoints", "flow", "frames", "input.ply", "point_cloud", "test"}) {
+  for (const char* name :
+       {"cameras.json", "checkpoints", "flow", "frames", "input.ply", "point_cloud", "test"}) {
     const fs::path inside = real.lexically_relative(fs::weakly_canonical(path(name)));
     if (!inside.empty() && *inside.begin() != "..") return true;
   }
@@ -239,11 +257,17 @@ bool RunFolder::would_forget(const std::string& file) const {
 }
 
 std::vector<std::string> RunFolder::results() const {
-  std::vector<std::string> paths{path("compare.png"), path("test")};
+  std::vector<std::string> paths = all_of(path("test"));
+  paths.push_back(path("compare.png"));
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(folder_, none))
     if (is_name_of_results(entry.path().filename().string())) paths.push_back(entry.path());
   return those_there(std::move(paths));
+}
+
+bool RunFolder::holds_training() const {
+  return !checkpoints().steps().empty() || !models().empty() || fs::exists(path("training.json")) ||
+         !results().empty();
 }
 
 void RunFolder::forget_unfinished_files() const {
@@ -273,8 +297,8 @@ void RunFolder::forget_unfinished_files() const {
 
 void RunFolder::forget_stale_caches(const std::string& stamp) const {
   if (has_caches_of(stamp)) return;
-  fs::remove_all(path("flow"));
-  fs::remove_all(path("frames"));
+  for (const char* folder : {"flow", "frames"})
+    for (const std::string& file : all_of(path(folder))) fs::remove_all(file);
   write_text(path(kRunStamp), stamp);
 }
 

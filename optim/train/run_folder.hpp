@@ -34,7 +34,8 @@ class RunFolder {
   static bool is_run(const std::string& path);
   // FileIsLocked while another process trains there, which has not come to writing its settings.
   static void require_no_beginning(const std::string& path);
-  // An existing run. Error when there is none.
+  // An existing run, to which what a killed training had put aside is put back: a warning where
+  // that fails. Error when there is none.
   static RunFolder open(const std::string& path);
 
   // Creates it; Error when it cannot be made, or when it holds something and no training made it.
@@ -55,7 +56,7 @@ class RunFolder {
   // Removes the model of an iteration, if there is one.
   void forget_model(int iteration) const;
   // Error when a folder of it is there and cannot be looked into, or is a link to one that is not:
-  // a training would take it for empty.
+  // a training would take it for empty, or could not write there.
   void require_its_folders() const;
   // Paths of all that an earlier training is gone on from or shown by: checkpoints, models,
   // metrics, input.ply, training.json; this one first, as it says that there is a finished one.
@@ -63,12 +64,15 @@ class RunFolder {
   // Whether a training here may remove or replace this file, or folder, as one of those or of its
   // results or caches; links are followed. "": no.
   bool would_forget(const std::string& file) const;
-  // Paths of results and figures of views, of all splits and iterations, compare.png and test/.
+  // Paths of results and figures of views, of all splits and iterations, compare.png and test/, or
+  // what is in it where it is a link.
   std::vector<std::string> results() const;
+  // Whether there is what a training came to: a checkpoint, a model, training.json or results.
+  bool holds_training() const;
   // Removes what a killed process had begun to write where trainings write. Others draw elsewhere
   // in the folder, and beside a training.
   void forget_unfinished_files() const;
-  // Removes cached flow and video frames unless they were made under the same stamp.
+  // Removes cached flow and video frames unless they were made under the same stamp. Links stay.
   void forget_stale_caches(const std::string& stamp) const;
   // Whether they were.
   bool has_caches_of(const std::string& stamp) const;

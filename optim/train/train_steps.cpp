@@ -39,6 +39,7 @@ void save_model(Queue& queue, const Model& model, const RunFolder& run, int iter
   std::error_code problem;
   std::filesystem::create_directories(folder, problem);
   if (problem) throw Error(fmt::format("cannot make {}: {}", folder.string(), problem.message()));
+  flush_folder_of(folder.string());
   write_model(path, model.read(queue));
 }
 
@@ -170,7 +171,7 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
     begun = true;
   };
   const auto time_is_over = [&] {
-    return plan.minutes > 0 && training.watch.seconds() > 60 * double(plan.minutes);
+    return begun && plan.minutes > 0 && training.watch.seconds() > 60 * double(plan.minutes);
   };
   for (; step < plan.iterations && !(guard && interrupted()) && !time_is_over(); ++step) {
     try {

@@ -37,11 +37,11 @@ struct Training {
   Stopwatch watch;
 };
 
-// What the first step of a training is followed by: the folder becomes its own.
+// What the first step of a training is followed by, where there is one: the folder becomes its own.
 struct FirstStep {
   std::function<void()> then;  // or none: it is already
-  // The folder holds another training, which stays until the step has figures and these are sound;
-  // an error until then says nothing of what is saved.
+  // The folder holds another training, which stays until the step has figures and these are sound:
+  // the clock does not end this one before, and an error until then says nothing of what is saved.
   bool replaces = false;
 };
 

@@ -50,13 +50,13 @@ void require_first_file(const TrainConfig& config, const RunFolder& run) {
   require_init_file(config);
 }
 
-// Error when the scene's folder or video, or a file of it, lies among what this run replaces.
-void require_scene_elsewhere(const std::set<std::string>& files, const RunFolder& run) {
+// Error when one of what is trained on, files or folders, lies among what this run replaces.
+void require_elsewhere(const std::set<std::string>& files, const RunFolder& run) {
   for (const std::string& file : files)
     if (run.would_forget(file))
       throw Error(fmt::format(
           "training on {}: it lies among what a training into {} removes or replaces: name another "
-          "output folder, or copy the scene out of it",
+          "output folder, or copy that out of there",
           file, run.folder()));
 }
 
@@ -108,18 +108,25 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   run.require_its_folders();
   put_back_former_files(run);
   const bool begins = start != Start::resume || run.checkpoints().steps().empty();
-  require_scene_elsewhere(
-      {config.scene.path, config.scene.cameras, config.flow.folder, config.flow.tracks}, run);
+  require_elsewhere(
+      {config.scene.path, config.scene.cameras, config.flow.folder, config.flow.tracks,
+       config.guidance.pictures, config.guidance.model, config.metrics.lpips, config.metrics.clip},
+      run);
   if (begins) require_first_file(config, run);
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
-  require_scene_elsewhere(files_of(scene), run);  // it may be links
+  require_elsewhere(files_of(scene), run);  // it may be links
   if (start == Start::resume && is_over_without_checkpoint(run, config)) {
-    run.lock();  // an Error where another process trains it
     if (!quiet) tell("the training in {} is over; its model is judged\n", run.folder());
     if (scene.test.empty()) return {};
-    return evaluate_run(queue, run, "test", quiet, latest_iteration, {}).evaluation;
+    const RunEvaluation judged = evaluate_run(queue, run, "test", quiet, latest_iteration, {});
+    if (judged.written.empty())
+      throw Error(
+          fmt::format("judging the model in {}: another gflow works in that folder, so no results "
+                      "are written; start this again when it is done",
+                      run.folder()));
+    return judged.evaluation;
   }
   if (begins) require_first_points(scene, config.init);
   require_what_judges(config, scene, prepared.frames());
@@ -129,6 +136,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   std::unique_ptr<Guidance> guidance = finished ? nullptr : guidance_of(config);
   run.make();
   const FileLock lock = run.lock();
+  put_back_former_files(run, lock);  // another may have been killed since
   run.forget_unfinished_files();
   std::optional<CheckpointFolder::Found> resumed;
   if (start == Start::resume) resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
@@ -143,7 +151,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   // Nothing is wrong with what goes in. A training that is there, or its results, stays until the
   // first step of this one is made and sound, which shows that it can be.
   const bool goes_on = resumed.has_value();
-  const bool replaces = !goes_on && !(run.checkpoints().steps().empty() && run.models().empty());
+  const bool replaces = !goes_on && run.holds_training();
   const bool begins_now = !goes_on && !replaces;
   if (replaces) require_whole_files(prepared, quiet);
   std::optional<HostModel> first;
@@ -202,7 +210,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     if (!begun) at_first = {[&] { begin_run(true); }, replaces};
     steps = train_steps(training, former.step, guard, quiet, at_first);
   } catch (const Error& problem) {
-    if (begun || goes_on) throw;
+    if (begun || goes_on || FormerFiles::are_aside(run)) throw;
     throw Error(fmt::format("{}; {}", problem.what(), left));
   }
   prepared.flows().prefetch({});  // of steps that an interruption or the clock left out

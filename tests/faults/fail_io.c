@@ -6,7 +6,8 @@
 //   FAULT_LAST    the last one that fails (default: k alone; a large number: the disk stays full)
 //   FAULT_ROOM    1: no more fail once a file is removed, temporaries aside: there is room again
 //   FAULT_ERRNO   the number errno is set to
-//   FAULT_KILL    1: removals count as well, and in place of the k-th call the program is killed (SIGKILL)
+//   FAULT_KILL    a signal: removals count as well, and in place of failing the k-th call raises it; once the
+//                 program goes on (SIGSTOP, SIGCONT) the call is made
 //   FAULT_REPORT  file that gets a line a call: its number, "failed", "made" or "parted", its name, the path
 //   FAULT_PARTS   1: write, read, sendfile and copy_file_range do half of what they are asked
 //   FAULT_READS   1: the calls that read count, instead of those that change
@@ -82,9 +83,9 @@ static int counts(const char *what, const char *path) {
   const long n = atomic_fetch_add(&calls, 1) + 1;
   const int failed = first > 0 && n >= first && n <= last && !(room && removed), before = errno;
   say(n, failed ? "failed" : "made", what, path);
-  if (failed && kills) kill(getpid(), SIGKILL);
-  errno = failed ? code : before;
-  return failed;
+  if (failed && kills) kill(getpid(), kills);
+  errno = failed && !kills ? code : before;
+  return failed && !kills;
 }
 
 static int strikes(const char *what, const char *path) { return !reads && counts(what, path); }

@@ -89,46 +89,127 @@ def killed_in_saving(world):
     yield long.finish() + ([few] if struck < KILLS // 10 else [])
 
 
-def killed_in_replacing(world):
-    """Killed at each file that takes its name or goes while a training replaces another: the folder is the one's or
-    the other's, and goes on as if nothing had happened."""
-    folder, report = world.path("replaced"), world.path("replaced.report")
-    run, fresh = folder + "/run", world.path("fresh")
-    command = ["train", world.scene, "-o", run, *settings(), "--set", "train.seed=7"]
-    world.run([fresh if word == run else word for word in command])
-    right = {False: world.expected, True: world.left_in(fresh)}
+class Replaced:
+    """A run folder in which a training, `command`, is killed at a call of it that changes a file."""
 
-    def killed_at(k):
-        shutil.rmtree(folder, ignore_errors=True)
-        shutil.copytree(world.whole, run)
+    def __init__(self, world, name, prepare, command):
+        self.world, self.prepare, self.command = world, prepare, command
+        self.folder, self.report = world.path(name), world.path(name + ".report")
+        self.run = self.folder + "/run"
+
+    def fault(self, k, number, report):
+        """Environment of a program that gets that signal at its k-th call; 0: it only counts."""
         if os.path.exists(report):
             os.remove(report)
-        outcome = world.run([*command, "--overwrite"], {
-            "LD_PRELOAD": world.shims["fail_io"], "FAULT_FOLDER": folder, "FAULT_CALL": str(k), "FAULT_ERRNO": "5",
-            "FAULT_REPORT": report, "FAULT_KILL": "1"})
-        return outcome, failed_calls(report)
+        return {"LD_PRELOAD": self.world.shims["fail_io"], "FAULT_FOLDER": self.folder, "FAULT_CALL": str(k),
+                "FAULT_REPORT": report, "FAULT_KILL": str(int(number)), "FAULT_WHO": "first"}
 
-    outcome, (_, calls) = killed_at(0)
-    numbers = [k for k, what in calls if re.match("rename|unlink|remove|mkdir", what)]
-    of_former = [k for k in numbers if ".former" in dict(calls)[k]]
-    yield [] if outcome.code == 0 and len(of_former) > 20 else [f"{outcome.last_line()}, {len(of_former)} of the former"]
+    def begin(self):
+        shutil.rmtree(self.folder, ignore_errors=True)
+        os.makedirs(self.folder)
+        self.prepare(self.run)
+
+    def killed_at(self, k):
+        """Its outcome, the call, and what is wrong with these."""
+        outcome = self.world.run(self.command(self.run), self.fault(k, signal.SIGKILL, self.report))
+        failed, _ = failed_calls(self.report)
+        where = f"killed at call {k} ({failed[0][1].replace(self.folder, '') if failed else 'none'})"
+        return where, [] if outcome.code == -signal.SIGKILL else [outcome.last_line()]
+
+    def moves(self):
+        """Calls that move or remove something, of how many of the former's; what is wrong where none is killed."""
+        self.begin()
+        outcome = self.world.run(self.command(self.run), self.fault(0, signal.SIGKILL, self.report))
+        _, calls = failed_calls(self.report)
+        numbers = [k for k, what in calls if re.match("rename|unlink|remove|mkdir", what)]
+        former = len([what for k, what in calls if k in numbers and ".former" in what])
+        return numbers, [] if outcome.code == 0 and former > 4 else [f"{outcome.last_line()}, {former} of the former"]
+
+    def left_behind(self):
+        return [f"{path} was left behind" for path in contents_under(self.run) if ".part" in path]
+
+
+def replace_by_another(run):
+    """Replaces world.whole: all of another seed."""
+    return lambda where: ["train", run, "-o", where, *settings(), "--set", "train.seed=7", "--overwrite"]
+
+
+def killed_in_replacing(world):
+    """Killed at each file that takes its name or goes while a training replaces another: the folder is the one's or
+    the other's, whoever looks into it next, and goes on as if nothing had happened."""
+    command, fresh = replace_by_another(world.scene), world.path("fresh")
+    world.run(command(fresh))
+    right = {False: world.expected, True: world.left_in(fresh)}
+    replaced = Replaced(world, "replaced", lambda run: shutil.copytree(world.whole, run), command)
+    numbers, wrong = replaced.moves()
+    yield wrong
     both = set()
-    for k in numbers:
-        outcome, (failed, _) = killed_at(k)
-        where = f"killed at call {k} ({failed[0][1].replace(folder, '') if failed else 'none'})"
+    for i, k in enumerate(numbers):
+        replaced.begin()
+        where, wrong = replaced.killed_at(k)
+        run = replaced.run
         with open(run + "/config.toml", encoding="utf-8") as file:
             begun = "seed = 7" in file.read()
         both.add(begun)
-        wrong = [] if outcome.code == -signal.SIGKILL else [outcome.last_line()]
-        wrong += complaints(world.run(["info", run]), (0, 1))
+        reader = ([], ["info", run], ["eval", run, "--quiet"])[i % 3]
+        if reader:  # of a training that has begun there may be no model yet
+            wrong += complaints(world.run(reader), (0, 1) if begun else (0,))
+            left = world.left_in(run)
+            wrong += [f"{name} is not as in the former training after {reader[0]}" for name in left
+                      if not begun and left[name] != right[False][name]]
         wrong += complaints(world.run(["train", "-o", run, "--resume", "--quiet"]), (0,))
         left = world.left_in(run)
         wrong += [f"{name} is not as in the {'next' if begun else 'former'} training" for name in left
                   if left[name] != right[begun][name]]
-        wrong += [f"{path} was left behind" for path in unfinished_in(run)]
-        wrong += [f"{path} was left behind" for path in contents_under(run) if ".part" in path]
-        yield [f"{where}: {what}" for what in wrong]
+        yield [f"{where}: {what}" for what in wrong + replaced.left_behind()]
     yield [] if len(both) == 2 else ["all kills were before the next had begun, or after"]
+
+
+def killed_in_going_on(world):
+    """The same while a training that goes on puts the results of before aside; what is left of it is judged."""
+    def prepare(run):
+        shutil.copytree(world.whole, run)
+        for name in ("training.json", f"checkpoints/iteration_{checkpoints_of(run)[-1]}.npz"):
+            os.remove(f"{run}/{name}")
+    replaced = Replaced(world, "gone-on", prepare,
+                        lambda run: ["train", world.scene, "-o", run, *settings(), "--resume"])
+    numbers, wrong = replaced.moves()
+    yield wrong
+    for k in numbers:
+        replaced.begin()
+        where, wrong = replaced.killed_at(k)
+        wrong += complaints(world.run(["eval", replaced.run, "--quiet"]), (0,))
+        wrong += complaints(world.run(["train", "-o", replaced.run, "--resume", "--quiet"]), (0,))
+        wrong += world.differences(replaced.run) + replaced.left_behind()
+        yield [f"{where}: {what}" for what in wrong]
+
+
+def killed_beside_another(world):
+    """A second training, which may not replace the first, has found the folder whole and waits: the other, which is
+    to replace it, is killed meanwhile."""
+    replaced = Replaced(world, "beside", lambda run: shutil.copytree(world.whole, run),
+                        replace_by_another(world.scene))
+    numbers, wrong = replaced.moves()
+    yield wrong
+    for k in numbers[::4]:
+        replaced.begin()
+        waiting = world.start(["train", world.scene, "-o", replaced.run, *settings()],
+                              replaced.fault(1, signal.SIGSTOP, replaced.report + ".waiting"))
+        while waiting.poll() is None and state_of(waiting.pid) != "T":
+            time.sleep(0.001)
+        where, wrong = replaced.killed_at(k)
+        waiting.send_signal(signal.SIGCONT)
+        with open(replaced.run + "/config.toml", encoding="utf-8") as file:
+            begun = "seed = 7" in file.read()
+        outcome = ended(waiting)
+        if not begun:
+            wrong += complaints(outcome, (1,), ["holds a finished training"]) + world.differences(replaced.run)
+        yield [f"{where}: {what}" for what in wrong]
+
+
+def state_of(pid):
+    with open(f"/proc/{pid}/stat", encoding="ascii", errors="replace") as file:
+        return file.read().rpartition(")")[2].split()[0]
 
 
 def handles(pid, number):
@@ -258,6 +339,8 @@ def side_by_side(world):
 def faults(world, every):
     yield f"stops: kill -9 while saving, {KILLS} times", lambda: killed_in_saving(world)
     yield "stops: kill -9 at each file of a training that replaces another", lambda: killed_in_replacing(world)
+    yield "stops: kill -9 where a training that goes on puts results aside", lambda: killed_in_going_on(world)
+    yield "stops: kill -9 beside another training that waits", lambda: killed_beside_another(world)
     yield f"stops: SIGINT, SIGTERM, SIGHUP at {SIGNALS} moments", lambda: signalled(world)
     yield "stops: signals in the first half second", lambda: early(world)
     yield "stops: signals that are ignored (nohup)", lambda: ignored(world)

@@ -26,6 +26,20 @@ class FormerFilesTest : public testing::Test {
     EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(FormerFiles::kName))));
     EXPECT_FALSE(fs::exists(run_.path("point_cloud/" + temporary_folder_name(FormerFiles::kName))));
   }
+  // As one that is killed in it leaves the folder, before the next training has begun or after.
+  void kill_in_replacing(bool begun) const {
+    const std::string pid = "1";  // of no gflow
+    std::vector<std::string> all = run_.training(), results = run_.results();
+    all.insert(all.end(), results.begin(), results.end());
+    for (const std::string& path : all) {
+      const fs::path from(path), aside = from.parent_path() / (".former." + pid + "-0.part");
+      fs::create_directory(aside);
+      fs::rename(from, aside / from.filename());
+    }
+    // Which takes its name first.
+    if (!begun) folder_.write(".next." + pid + "-0.part/config.toml", "next");
+    folder_.write(".next." + pid + "-0.part/cameras.json", "next");
+  }
   void expect_none_there() const {
     for (const std::string& name : names_)
       EXPECT_EQ(fs::exists(folder_.path() + "/" + name), name == "config.toml") << name;
@@ -78,20 +92,27 @@ TEST_F(FormerFilesTest, ComeBackWhereOneOfThemCannotGo) {
   EXPECT_TRUE(fs::exists(run_.path("checkpoints/iteration_5.npz")));
 }
 
-// As on a disk that takes no more: the next training into the folder does it.
+// As on a disk that takes no more: the next that opens the folder does it.
 TEST_F(FormerFilesTest, ThatCannotComeBackAreNotLost) {
   {
     const NextFiles next(run_);
     folder_.write(fs::path(next.folder().folder()).filename().string() + "/config.toml", "next");
     FormerFiles former(run_);
     former.put_aside(run_.training());
-    folder_.write("point_cloud/iteration_5/x", "");  // in the way
+    former.put_aside(run_.results());
+    EXPECT_TRUE(FormerFiles::are_aside(run_));
+    // In the way.
+    for (const char* name : {"point_cloud/iteration_5/x", "test/b.png", "input.ply/x"})
+      folder_.write(name, "");
     testing::internal::CaptureStderr();
   }
-  EXPECT_NE(testing::internal::GetCapturedStderr().find("cannot put back"), std::string::npos);
-  expect_error([&] { put_back_former_files(run_); }, {"point_cloud/iteration_5"});
-  fs::remove_all(run_.path("point_cloud/iteration_5"));
+  const std::string told = testing::internal::GetCapturedStderr();
+  EXPECT_NE(told.find("cannot put back " + run_.path("test") + ": "), std::string::npos) << told;
+  EXPECT_NE(told.find(", nor 2 more; the next gflow"), std::string::npos) << told;
+  EXPECT_TRUE(FormerFiles::are_aside(run_));
   put_back_former_files(run_);
+  EXPECT_FALSE(fs::exists(run_.path("test/b.png")));
+  EXPECT_FALSE(fs::exists(run_.path("point_cloud/iteration_5/x")));
   run_.forget_unfinished_files();
   expect_all_there();
   EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(NextFiles::kName))));
@@ -103,31 +124,27 @@ TEST_F(FormerFilesTest, MayLieBehindLinks) {
   fs::rename(run_.path("checkpoints"), scratch.path() + "/kept");
   fs::rename(run_.path("point_cloud/iteration_5"), scratch.path() + "/kept/iteration_5");
   fs::remove(run_.path("point_cloud"));
+  fs::rename(run_.path("test"), scratch.path() + "/drawn");
+  fs::create_directory_symlink(scratch.path() + "/drawn", run_.path("test"));
   for (const char* link : {"checkpoints", "point_cloud"})
     fs::create_directory_symlink(scratch.path() + "/kept", run_.path(link));
   for (const bool given_up : {false, true}) {
+    expect_all_there();
     FormerFiles former(run_);
     former.put_aside(run_.training());
+    former.put_aside(run_.results());
+    EXPECT_EQ(scratch.count(), 3u) << "not moved to another disk";
     if (given_up) former.give_up();
   }
-  EXPECT_TRUE(fs::is_symlink(run_.path("checkpoints")));
-  EXPECT_TRUE(fs::is_empty(scratch.path() + "/kept"));
+  for (const char* link : {"checkpoints", "point_cloud", "test"})
+    EXPECT_TRUE(fs::is_symlink(run_.path(link)));
+  EXPECT_EQ(scratch.count(), 0u);
 }
 
 // A process is killed before the next training has its settings there, or after.
 TEST_F(FormerFilesTest, ComeBackWhereTheNextTrainingHadNotBegun) {
   for (const bool begun : {false, true}) {
-    const std::string pid = "1";  // of no gflow
-    std::vector<std::string> all = run_.training(), results = run_.results();
-    all.insert(all.end(), results.begin(), results.end());
-    for (const std::string& path : all) {
-      const fs::path from(path), aside = from.parent_path() / (".former." + pid + "-0.part");
-      fs::create_directory(aside);
-      fs::rename(from, aside / from.filename());
-    }
-    // Which takes its name first.
-    if (!begun) folder_.write(".next." + pid + "-0.part/config.toml", "next");
-    folder_.write(".next." + pid + "-0.part/cameras.json", "next");
+    kill_in_replacing(begun);
     put_back_former_files(run_);
     run_.forget_unfinished_files();
     if (begun)
@@ -137,6 +154,26 @@ TEST_F(FormerFilesTest, ComeBackWhereTheNextTrainingHadNotBegun) {
     EXPECT_FALSE(fs::exists(run_.path(".former.1-0.part")));
     EXPECT_FALSE(fs::exists(run_.path(".next.1-0.part")));
   }
+}
+
+TEST_F(FormerFilesTest, ComeBackBeforeARunIsOpened) {
+  kill_in_replacing(false);
+  folder_.write("results.json", "of what was left, as by an older gflow");
+  EXPECT_EQ(RunFolder::open(folder_.path()).models(), std::vector<int>{5});
+  expect_all_there();
+  EXPECT_EQ(folder_.count(), names_.size() + 2) << "nothing but these, notes and .lock";
+}
+
+// Who has it is to put them back: it may be about to begin.
+TEST_F(FormerFilesTest, ComeBackUnderTheLockAlone) {
+  kill_in_replacing(false);
+  {
+    const FileLock lock = run_.lock();
+    put_back_former_files(run_);
+    EXPECT_TRUE(run_.training().empty());
+    put_back_former_files(run_, lock);
+  }
+  expect_all_there();
 }
 
 }  // namespace

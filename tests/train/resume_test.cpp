@@ -427,9 +427,39 @@ TEST_F(Resume, ASceneAmongWhatARunReplacesIsLeftAlone) {
     for (const char* how : {"--overwrite", "--resume"})
       expect_refused(
           {"train", scene, "-o", run("run"), "--quiet", "--set", "flow.enabled=false", how},
-          {"training on " + scene, "another output folder", "copy the scene"});
+          {"training on " + scene, "another output folder", "copy that"});
+  expect_refused(train("run", {"--overwrite", "--set", "metrics.lpips=" + test + "/lpips.onnx"}),
+                 {"training on " + test + "/lpips.onnx", "another output folder"});
   EXPECT_TRUE(fs::exists(frames + "/0001.png"));
   EXPECT_TRUE(contents(test + "/cam00_0000.png") == before);
+}
+
+// As where checkpoints and models were removed for their room.
+TEST_F(Resume, ResultsAloneAreNotReplacedUnasked) {
+  ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
+  for (const char* name : {"checkpoints", "point_cloud"}) fs::remove_all(run("run") + "/" + name);
+  const std::string results = run("run") + "/results.json", before = contents(results);
+  expect_refused(train("run", {"--iterations", "2"}),
+                 {run("run") + " holds results of a training", "--overwrite"});
+  EXPECT_TRUE(contents(results) == before);
+  // Nor asked, before the first step.
+  fs::remove(run("run") + "/cameras.json");
+  fs::create_directory(run("run") + "/cameras.json");
+  expect_refused(train("run", {"--iterations", "2", "--overwrite"}),
+                 {"cameras.json", "the former training is as it was"});
+  EXPECT_TRUE(contents(results) == before);
+  fs::remove(run("run") + "/cameras.json");
+  EXPECT_EQ(gflow(train("run", {"--iterations", "2", "--overwrite"})).code, 0);
+  EXPECT_NE(contents(results), before);
+}
+
+// Its time is over before the first step, which would leave a model of no step in its place.
+TEST_F(Resume, AFormerRunIsNotGivenUpForNoStep) {
+  ASSERT_EQ(gflow(train("run", {"--iterations", "2"})).code, 0);
+  const std::vector<std::string> no_time{"--iterations", "3", "--overwrite", "--set",
+                                         "train.minutes=1e-9"};
+  EXPECT_EQ(gflow(train("run", no_time)).code, 0);
+  EXPECT_EQ(RunFolder(run("run")).models(), std::vector<int>{1});
 }
 
 // The first step is made, and what it begins with cannot be written.

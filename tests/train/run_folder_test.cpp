@@ -153,6 +153,7 @@ TEST(RunFolder, KnowsWhateverIsOfAnEarlierTraining) {
   EXPECT_FALSE(run.would_forget(""));
   EXPECT_FALSE(run.would_forget(folder.path() + "/../other.ply"));
   EXPECT_TRUE(run.would_forget(folder.path() + "/./point_cloud/a.ply"));
+  EXPECT_TRUE(run.would_forget(folder.path() + "/cameras.json"));
   for (const char* name :
        {"metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz", "training.json",
         "checkpoints/iteration_1.npz", "point_cloud/iteration_1/point_cloud.ply"})
@@ -177,6 +178,41 @@ TEST(RunFolder, IsNotTakenForEmptyWhereItsFoldersAreAway) {
   std::filesystem::remove(run.path("checkpoints"));
   folder.write("point_cloud", "a file");
   expect_error([&] { run.require_its_folders(); }, {"cannot look into", "point_cloud"});
+  std::filesystem::remove(run.path("point_cloud"));
+  for (const char* name : {"flow", "frames", "test"}) {
+    std::filesystem::create_directory_symlink("/no/such/disk", run.path(name));
+    expect_error([&] { run.require_its_folders(); },
+                 {std::string(name) + " is a link to /no/such"});
+    std::filesystem::remove(run.path(name));
+  }
+}
+
+// They may lie on a disk with more room.
+TEST(RunFolder, ForgetsStaleCachesAndNotTheLinksToThem) {
+  const TemporaryFolder folder, scratch;
+  const RunFolder run = RunFolder::create(folder.path());
+  scratch.write("pair.flo", "");
+  folder.write("frames/0.png", "");
+  std::filesystem::create_directory_symlink(scratch.path(), run.path("flow"));
+  run.forget_stale_caches("a");
+  EXPECT_TRUE(std::filesystem::is_symlink(run.path("flow")));
+  EXPECT_EQ(scratch.count(), 0u);
+  EXPECT_FALSE(std::filesystem::exists(run.path("frames")));
+  scratch.write("pair.flo", "");
+  run.forget_stale_caches("a");
+  EXPECT_EQ(scratch.count(), 1u);
+}
+
+TEST(RunFolder, HoldsATrainingWhereAnythingOfOneIsWorthKeeping) {
+  for (const char* name : {"checkpoints/iteration_1.npz", "training.json", "results_train.json",
+                           "point_cloud/iteration_1/point_cloud.ply", "test/a.png"}) {
+    const TemporaryFolder folder;
+    const RunFolder run = RunFolder::create(folder.path());
+    for (const char* begun : {"config.toml", "input.ply", "metrics.jsonl"}) folder.write(begun, "");
+    EXPECT_FALSE(run.holds_training());
+    folder.write(name, "");
+    EXPECT_TRUE(run.holds_training()) << name;
+  }
 }
 
 // As does `gflow render`, into a folder of its own there.
