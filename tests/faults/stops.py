@@ -110,7 +110,7 @@ class Replaced:
         self.prepare(self.run)
 
     def killed_at(self, k):
-        """Its outcome, the call, and what is wrong with these."""
+        """Where that was, and what is wrong with how it ended."""
         outcome = self.world.run(self.command(self.run), self.fault(k, signal.SIGKILL, self.report))
         failed, _ = failed_calls(self.report)
         where = f"killed at call {k} ({failed[0][1].replace(self.folder, '') if failed else 'none'})"
