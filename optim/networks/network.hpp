@@ -23,8 +23,8 @@ struct NetworkFailed : Error {
 
 class Network {
  public:
-  // Error when the file is missing or damaged, OpenCV cannot run it, and when gflow was built
-  // without OpenCV's dnn module.
+  // Error when the file is missing or damaged, OpenCV cannot run it or dies of it (which is tried
+  // in a copy of this process), and when gflow was built without OpenCV's dnn module.
   explicit Network(const std::string& path);
   ~Network();
   Network(Network&&) noexcept;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "io/temporary_folder.hpp"
+#include "networks/message.hpp"
 
 namespace gflow {
 namespace {
@@ -37,10 +38,6 @@ TEST(OnnxInputs, AreInTheOrderOfTheFileAndSizesLeftOpenAreZero) {
   EXPECT_EQ(inputs[0].sizes, (std::vector<int64_t>{1, 3, 0, 0}));
 }
 
-// A field of bytes, shorter than 128.
-std::string field(int number, const std::string& bytes) {
-  return std::string{char(number << 3 | 2), char(bytes.size())} + bytes;
-}
 // A network of one input with as many sizes, all left open.
 std::string network_of_sizes(size_t count) {
   std::string shape;
