@@ -9,6 +9,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <utility>
 
 #include "apps/command_line.hpp"
 #include "apps/model_source.hpp"
@@ -27,45 +28,55 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// {"min", "median", "max"}; empty for no values.
-Json range_of(std::vector<double> values) {
+// {"min", "median", "max"}; empty for no values. What they are taken for is done to these three:
+// `shown` rises.
+template <class Value, class Shown>
+Json range_of(std::vector<Value> values, Shown shown) {
   if (values.empty()) return Json::object();
-  std::sort(values.begin(), values.end());
-  return {{"min", values.front()}, {"median", values[values.size() / 2]}, {"max", values.back()}};
+  const auto middle = values.begin() + long(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  return {{"min", shown(*low)}, {"median", shown(*middle)}, {"max", shown(*high)}};
+}
+template <class Value>
+Json range_of(std::vector<Value> values) {
+  return range_of(std::move(values), [](Value value) { return double(value); });
 }
 
-std::vector<double> opacities_of(const HostModel& model) {
-  std::vector<double> values;
-  for (const float logit : model.groups.at("logit_opacities"))
-    values.push_back(opacity_of_logit(logit));
-  return values;
-}
-
-std::vector<double> column_values(const PlyTable& table, size_t column) {
-  std::vector<double> values;
+std::vector<float> column_values(const PlyTable& table, size_t column) {
+  std::vector<float> values;
+  values.reserve(table.rows);
   for (size_t i = 0; i < table.rows; ++i)
-    values.push_back(double(table.values[i * table.names.size() + column]));
+    values.push_back(table.values[i * table.names.size() + column]);
   return values;
 }
 
-// exp of some columns of log_scales [N, 4].
-std::vector<double> scales_of(const HostModel& model, size_t first, size_t last, double unit) {
-  std::vector<double> values;
+Json opacities_of(const HostModel& model) {
+  return range_of(model.groups.at("logit_opacities"),
+                  [](float logit) { return opacity_of_logit(logit); });
+}
+
+// Of some columns of log_scales [N, 4].
+Json scales_of(const HostModel& model, size_t first, size_t last, double unit) {
+  std::vector<float> values;
+  values.reserve(model.count * (last - first + 1));
   const std::vector<float>& log_scales = model.groups.at("log_scales");
   for (size_t i = 0; i < model.count; ++i)
-    for (size_t k = first; k <= last; ++k)
-      values.push_back(std::exp(double(log_scales[4 * i + k])) / unit);
-  return values;
+    for (size_t k = first; k <= last; ++k) values.push_back(log_scales[4 * i + k]);
+  return range_of(std::move(values), [&](float log) { return std::exp(double(log)) / unit; });
 }
 
 Json bounds_of(const HostModel& model) {
   Json low = Json::array(), high = Json::array();
   const std::vector<float>& means = model.groups.at("means");
   for (size_t k = 0; k < 3 && model.count > 0; ++k) {
-    std::vector<float> values;
-    for (size_t i = 0; i < model.count; ++i) values.push_back(means[3 * i + k]);
-    low.push_back(*std::min_element(values.begin(), values.end()));
-    high.push_back(*std::max_element(values.begin(), values.end()));
+    float least = means[k], most = means[k];
+    for (size_t i = 1; i < model.count; ++i) {
+      least = std::min(least, means[3 * i + k]);
+      most = std::max(most, means[3 * i + k]);
+    }
+    low.push_back(least);
+    high.push_back(most);
   }
   return {{"min", low}, {"max", high}};
 }
@@ -115,12 +126,12 @@ Json info_of_model(const HostModel& model, const std::string& path, const std::s
             {"memory_bytes", floats * sizeof(float)},
             {"bounds", bounds_of(model)},
             {"origin", model.shape.origin},
-            {"opacity", range_of(opacities_of(model))},
-            {"scale", range_of(scales_of(model, 0, 2, 1))}};
+            {"opacity", opacities_of(model)},
+            {"scale", scales_of(model, 0, 2, 1)}};
   if (!still) {
     info["duration"] = model.shape.duration;
     info["cutoff"] = model.shape.cutoff;
-    info["lifetime"] = range_of(scales_of(model, 3, 3, model.shape.duration));
+    info["lifetime"] = scales_of(model, 3, 3, model.shape.duration);
   }
   return info;
 }

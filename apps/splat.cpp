@@ -86,7 +86,7 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
     flags->splat.settings.transport = value_named<Transport>(flags->transport);
     flags->splat.settings.stop = value_named<StopRule>(flags->stop);
     require_other_file(flags->output, flags->input);
-    require_no_file_of_run(flags->output);
+    require_writable("-o", flags->output);
     require_known_cotangents(flags->input);
     const Arrays input = read_npz(flags->input, splat_arrays_known);
     QueueOptions queue_options;

@@ -187,10 +187,11 @@ std::vector<double> distinct_times(const std::vector<Frame>& frames) {
 
 void set_steps(const std::vector<double>& times, std::vector<Frame>& frames) {
   for (Frame& frame : frames) {
-    const auto nearer = [&](double a, double b) {
-      return std::fabs(a - frame.time) < std::fabs(b - frame.time);
-    };
-    frame.step = int(std::min_element(times.begin(), times.end(), nearer) - times.begin());
+    auto nearest = std::lower_bound(times.begin(), times.end(), frame.time);
+    const bool is_after =
+        nearest != times.begin() &&
+        (nearest == times.end() || frame.time - nearest[-1] <= *nearest - frame.time);
+    frame.step = int(nearest - times.begin()) - is_after;
   }
 }
 

@@ -13,15 +13,15 @@ constexpr double flow_reach = 0.2;  // share of the width that dense flow bridge
 constexpr double same_time = 1e-9;  // [videos]
 
 // How far away the scene is for a camera: the median of its points. Without points it is taken to
-// lie about the origin, as in D-NeRF, but no nearer than the camera's own path is wide.
-double depth_of_scene(const Scene& scene, const Camera& camera) {
+// lie about the origin, as in D-NeRF, but no nearer than the camera's own path is wide: `extent`.
+double depth_of_scene(const Scene& scene, double extent, const Camera& camera) {
   std::vector<double> depths;
   for (size_t i = 0; i < scene.points.size(); ++i) {
     const Eigen::Vector3d point = Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]);
     const double z = (camera.viewmat * point.homogeneous()).z();
     if (z > 0) depths.push_back(z);
   }
-  if (depths.empty()) return std::max(camera.position().norm(), scene_extent(scene));
+  if (depths.empty()) return std::max(camera.position().norm(), extent);
   const auto middle = depths.begin() + long(depths.size() / 2);
   std::nth_element(depths.begin(), middle, depths.end());
   return *middle;
@@ -57,6 +57,7 @@ void find_tracks(const Scene& scene, std::vector<Frame>& frames) {
   }
   std::stable_sort(by_time.begin(), by_time.end(),
                    [](const Frame* a, const Frame* b) { return a->time < b->time; });
+  const double extent = scene.points.size() == 0 ? scene_extent(scene) : 0;
   size_t smooth = 0;
   std::vector<bool> goes_on(by_time.size());
   for (size_t i = 1; i < by_time.size(); ++i) {
@@ -64,7 +65,8 @@ void find_tracks(const Scene& scene, std::vector<Frame>& frames) {
     if (frame.time - before.time < same_time) return;  // several cameras
     const Camera& from = scene.cameras[size_t(before.camera)];
     const Camera& to = scene.cameras[size_t(frame.camera)];
-    goes_on[i] = before.camera == frame.camera || are_near(from, to, depth_of_scene(scene, from));
+    goes_on[i] =
+        before.camera == frame.camera || are_near(from, to, depth_of_scene(scene, extent, from));
     smooth += goes_on[i];
   }
   if (2 * smooth + 1 <= by_time.size()) return;

@@ -58,6 +58,8 @@ Archive open_archive(const std::string& path) {
     why = begins_as_archive(path) ? "it is cut off or damaged: the list of its arrays, with which "
                                     "it would end, is missing"
                                   : "it is no .npz file (a zip archive of arrays)";
+  else if (begins_as_archive(path))
+    why = fmt::format("it is damaged, or cannot be read ({})", why);
   throw Error(fmt::format("cannot read {}: {}", path, why));
 }
 
@@ -77,7 +79,9 @@ std::string name_of_array(zip_t* archive, zip_uint64_t i, const std::string& pat
 Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name,
                   const std::function<void(size_t length)>& plausible) {
   const Entry entry(zip_fopen_index(archive, i, 0));
-  if (!entry) throw Error(fmt::format("cannot read array {}: {}", name, zip_strerror(archive)));
+  if (!entry)
+    throw Error(fmt::format("cannot read array {}: {}; the file may be damaged", name,
+                            zip_strerror(archive)));
   Bytes bytes;
   size_t announced = 0;
   const auto length_of = [&](const Bytes& beginning) {

@@ -92,9 +92,6 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
     words >> element.name >> rows;
     if (!words || rows < 0 || !(words >> std::ws).eof())
       refuse_ply(path, fmt::format("'{}' has no number of rows", excerpt(line)));
-    for (const PlyElementHeader& other : header.elements)
-      if (other.name == element.name)
-        refuse_ply(path, fmt::format("its header has the element '{}' twice", excerpt(other.name)));
     element.rows = size_t(rows);
     header.elements.push_back(element);
   } else if (keyword == "property") {
@@ -133,7 +130,10 @@ PlyHeader parse_header(FilePieces& file) {
     at = end;
   }
   if (!has_format) refuse_ply(path, "its header has no line 'format'");
+  std::set<std::string> elements;
   for (const PlyElementHeader& element : header.elements) {
+    if (!elements.insert(element.name).second)
+      refuse_ply(path, fmt::format("its header has the element '{}' twice", excerpt(element.name)));
     std::set<std::string> names;
     for (const PlyProperty& property : element.properties)
       if (!names.insert(property.name).second)

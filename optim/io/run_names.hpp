@@ -9,6 +9,8 @@ namespace gflow {
 
 inline constexpr const char* kRunStamp = "caches.stamp";  // every run folder has it
 inline constexpr const char* kRunLock = ".lock";
+// In a folder elsewhere to which flow, frames or test of a run is a link: all in it is gflow's.
+inline constexpr const char* kOnlyOurs = ".gflow";
 
 // Whether a training has made the folder: it has the stamp, or, where somebody has removed that
 // with the caches, settings and something trained. Settings alone, or cameras, are anybody's.

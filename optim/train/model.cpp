@@ -284,11 +284,11 @@ HostModel read_model(const std::string& path) {
     for (const std::string& name : block.names) require_property(table.names, name, path);
   model.shape.origin = origin_of(table, path);
   const auto widths = widths_of(model.shape);
-  for (const auto& [name, width] : widths) model.groups[name].assign(width * model.count, 0.f);
   const size_t columns = table.names.size();
   for (const ColumnBlock& block : column_blocks(moving, model.shape)) {
     const size_t width = widths.at(block.group);
     std::vector<float>& values = model.groups[block.group];
+    values.resize(width * model.count);
     for (size_t c = 0; c < block.names.size(); ++c) {
       const size_t from = size_t(table.column(block.names[c]));
       for (size_t i = 0; i < table.rows; ++i)
@@ -304,7 +304,9 @@ HostModel read_model(const std::string& path) {
       for (size_t i = 0; i < table.rows; ++i)
         sh_rest[(i * rest + k) * 3 + c] = table.values[i * columns + from];
     }
-  table.values = {};  // or there were three copies at once
+  table.values = {};                        // or there were three copies at once
+  for (const auto& [name, width] : widths)  // what the file does not have
+    model.groups[name].resize(width * model.count);
   if (moving) read_tables(tables_path(path), model);
   if (!moving) {  // a static scene is there for ever
     add_rest(model.shape, model.groups, model.count);

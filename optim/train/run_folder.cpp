@@ -116,12 +116,28 @@ std::string last_settings(const CheckpointFolder& checkpoints, TrainConfig& conf
   return "";
 }
 
+// Folders of which a training removes all that is in them, whoever put it there.
+constexpr const char* kEmptied[] = {"flow", "frames", "test"};
+
+bool is_link(const std::string& folder) {
+  std::error_code none;
+  return fs::is_symlink(folder, none);
+}
+
+// Whether all in it may go: of a folder elsewhere that we have said so in.
+bool is_only_ours(const std::string& folder) {
+  std::error_code none;
+  return !is_link(folder) || fs::exists(fs::path(folder) / kOnlyOurs, none);
+}
+
 // What is to go where a folder is to: itself, or, where it is a link to another disk, all in it.
 std::vector<std::string> all_of(const std::string& folder) {
-  std::error_code none;
-  if (!fs::is_symlink(folder, none)) return {folder};
+  if (!is_link(folder)) return {folder};
   std::vector<std::string> paths;
-  for (const auto& entry : fs::directory_iterator(folder, none)) paths.push_back(entry.path());
+  if (!is_only_ours(folder)) return paths;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder, none))
+    if (entry.path().filename() != kOnlyOurs) paths.push_back(entry.path());
   return paths;
 }
 
@@ -223,13 +239,33 @@ void RunFolder::require_its_folders() const {
     std::error_code problem, none;
     fs::directory_iterator(folder, problem);
     if (!problem || !fs::exists(fs::symlink_status(folder, none))) continue;
-    if (fs::is_symlink(folder, none) && !fs::exists(folder, none))
+    if (is_link(folder) && !fs::exists(folder, none))
       throw Error(
           fmt::format("training into {}: {} is a link to {}, which is not there; bring that back, "
                       "or remove the link to do without",
                       folder_, folder, fs::read_symlink(folder, none).string()));
     throw Error(fmt::format("training into {}: cannot look into {}: {}", folder_, folder,
                             problem.message()));
+  }
+  for (const char* name : kEmptied) {
+    const std::string folder = path(name);
+    std::error_code none;
+    if (is_only_ours(folder) || fs::is_empty(folder, none)) continue;
+    const std::string target = fs::canonical(folder, none).string();
+    throw Error(
+        fmt::format("training into {}: {} is a link to {}, and a training removes all that is in "
+                    "it; let it lead to an empty folder, or, if all of that may go, put an empty "
+                    "file {}/{} there",
+                    folder_, folder, target, target, kOnlyOurs));
+  }
+}
+
+void RunFolder::claim_linked_folders() const {
+  for (const char* name : kEmptied) {
+    const std::string folder = path(name);
+    if (is_link(folder) && !is_only_ours(folder) && fs::is_empty(folder))
+      write_text(folder + "/" + kOnlyOurs,
+                 "All that is in this folder is gflow's, and goes with a training.\n");
   }
 }
 

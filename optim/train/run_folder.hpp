@@ -56,8 +56,12 @@ class RunFolder {
   // Removes the model of an iteration, if there is one.
   void forget_model(int iteration) const;
   // Error when a folder of it is there and cannot be looked into, or is a link to one that is not:
-  // a training would take it for empty, or could not write there.
+  // a training would take it for empty, or could not write there; or where flow, frames or test, of
+  // which a training removes all, is a link to a folder that is neither empty nor gflow's.
   void require_its_folders() const;
+  // Says in the empty folders to which those are links that all in them is gflow's from now on
+  // (kOnlyOurs): what is in others is never removed.
+  void claim_linked_folders() const;
   // Paths of all that an earlier training is gone on from or shown by: checkpoints, models,
   // metrics, input.ply, training.json; this one first, as it says that there is a finished one.
   std::vector<std::string> training() const;
@@ -65,14 +69,15 @@ class RunFolder {
   // results or caches; links are followed. "": no.
   bool would_forget(const std::string& file) const;
   // Paths of results and figures of views, of all splits and iterations, compare.png and test/, or
-  // what is in it where it is a link.
+  // what is in it where it is a link to a folder that is claimed.
   std::vector<std::string> results() const;
   // Whether there is what a training came to: a checkpoint, a model, training.json or results.
   bool holds_training() const;
   // Removes what a killed process had begun to write where trainings write. Others draw elsewhere
   // in the folder, and beside a training.
   void forget_unfinished_files() const;
-  // Removes cached flow and video frames unless they were made under the same stamp. Links stay.
+  // Removes cached flow and video frames unless they were made under the same stamp. Links stay,
+  // and what is in a folder elsewhere that is not claimed.
   void forget_stale_caches(const std::string& stamp) const;
   // Whether they were.
   bool has_caches_of(const std::string& stamp) const;

@@ -138,6 +138,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const FileLock lock = run.lock();
   put_back_former_files(run, lock);  // another may have been killed since
   run.forget_unfinished_files();
+  run.claim_linked_folders();
   std::optional<CheckpointFolder::Found> resumed;
   if (start == Start::resume) resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
   if (!resumed && start != Start::overwrite) require_no_training(run);
