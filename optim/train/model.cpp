@@ -304,7 +304,7 @@ HostModel read_model(const std::string& path) {
       for (size_t i = 0; i < table.rows; ++i)
         sh_rest[(i * rest + k) * 3 + c] = table.values[i * columns + from];
     }
-  table.values = {};                        // or there were three copies at once
+  table.values = std::vector<float>();      // `= {}` would keep its memory
   for (const auto& [name, width] : widths)  // what the file does not have
     model.groups[name].resize(width * model.count);
   if (moving) read_tables(tables_path(path), model);

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/model.hpp"
 
+#include <cstring>
+
 #include "device.hpp"
+#include "io/memory_of.hpp"
 #include "io/temporary_folder.hpp"
 #include "optim/io/ply.hpp"
 #include "optim/train/config.hpp"
@@ -69,6 +72,25 @@ TEST(Model, OfAFileKeepsACutoffOfZero) {
   model.shape.cutoff = 0;
   write_model(path, model);
   EXPECT_EQ(read_model(path).shape.cutoff, 0.f);
+}
+
+// The rows of the file (14 floats of 4 bytes) are let go of before those that it does not have
+// (11 floats of 26) are made.
+TEST(Model, OfAStillFileTakesNoMoreMemoryThanRowsAndModel) {
+  constexpr size_t n = 500000;
+  const float place_and_scale[6] = {0, 0, 3, 1, 1, 1};
+  std::string row(32, char(200));
+  std::memcpy(row.data(), place_and_scale, sizeof place_and_scale);
+  std::string file;
+  for (size_t i = 0; i < n; ++i) file += row;
+  const TemporaryFolder folder;
+  const std::string path = folder.write("still.splat", file);
+  HostModel model;
+  const double mib = memory_of([&] { model = read_model(path); });
+  size_t floats = 0;
+  for (const auto& [name, values] : model.groups) floats += values.size();
+  EXPECT_EQ(model.count, n);
+  EXPECT_LT(mib, double((floats + 7 * n) * sizeof(float)) / (1 << 20));
 }
 
 TEST(Model, RefusesDamagedCommentsOfItsOwnFiles) {
