@@ -434,6 +434,19 @@ TEST_F(Resume, ASceneAmongWhatARunReplacesIsLeftAlone) {
   EXPECT_TRUE(contents(test + "/cam00_0000.png") == before);
 }
 
+// What the first training put there goes with the second.
+TEST_F(Resume, AnEmptyFolderBehindALinkIsTakenForGood) {
+  ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
+  fs::remove_all(run("run") + "/test");
+  fs::create_directory(run("elsewhere"));
+  fs::create_directory_symlink(run("elsewhere"), run("run") + "/test");
+  for (int time = 0; time < 2; ++time) {
+    const auto trained = gflow(train("run", {"--iterations", "1", "--overwrite"}));
+    ASSERT_EQ(trained.code, 0) << trained.err;
+    EXPECT_FALSE(fs::is_empty(run("elsewhere")));
+  }
+}
+
 // As where checkpoints and models were removed for their room.
 TEST_F(Resume, ResultsAloneAreNotReplacedUnasked) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
