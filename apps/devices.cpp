@@ -10,10 +10,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "apps/options.hpp"
-#include "optim/io/json_text.hpp"
+#include "apps/common/options.hpp"
 #include "optim/motion/gradient_check.hpp"
-#include "runtime/environment.hpp"
+#include "runtime/cl/environment.hpp"
+#include "runtime/files/json_text.hpp"
 
 namespace gflow {
 namespace {

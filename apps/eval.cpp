@@ -7,12 +7,12 @@
 #include <cmath>
 #include <memory>
 
-#include "apps/command_line.hpp"
-#include "apps/model_source.hpp"
-#include "apps/options.hpp"
-#include "apps/report.hpp"
-#include "optim/io/tell.hpp"
-#include "optim/train/judging.hpp"
+#include "apps/common/command_line.hpp"
+#include "apps/common/model_source.hpp"
+#include "apps/common/options.hpp"
+#include "apps/common/report.hpp"
+#include "optim/runs/evaluate_run.hpp"
+#include "runtime/base/tell.hpp"
 
 namespace gflow {
 

@@ -8,18 +8,18 @@
 #include <memory>
 #include <set>
 
-#include "apps/command_line.hpp"
+#include "apps/common/command_line.hpp"
+#include "apps/common/options.hpp"
+#include "apps/common/signals.hpp"
 #include "apps/experiments/runs.hpp"
 #include "apps/experiments/table.hpp"
-#include "apps/options.hpp"
-#include "apps/signals.hpp"
-#include "optim/io/atomic_file.hpp"
-#include "optim/io/file_lock.hpp"
-#include "optim/io/json_text.hpp"
-#include "optim/io/tell.hpp"
-#include "optim/train/guidance_source.hpp"
-#include "optim/train/progress.hpp"
-#include "runtime/device.hpp"
+#include "optim/train/guidance_provider.hpp"
+#include "runtime/base/progress.hpp"
+#include "runtime/base/tell.hpp"
+#include "runtime/cl/device.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/file_lock.hpp"
+#include "runtime/files/json_text.hpp"
 
 namespace gflow {
 namespace {

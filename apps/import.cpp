@@ -10,13 +10,13 @@
 #include <memory>
 #include <optional>
 
-#include "apps/command_line.hpp"
-#include "apps/options.hpp"
-#include "apps/output_path.hpp"
-#include "optim/io/four_dgs.hpp"
-#include "optim/io/ply_comments.hpp"
-#include "optim/io/splat_table.hpp"
-#include "optim/io/tell.hpp"
+#include "apps/common/command_line.hpp"
+#include "apps/common/options.hpp"
+#include "apps/common/output_path.hpp"
+#include "optim/formats/four_dgs.hpp"
+#include "optim/formats/ply_comments.hpp"
+#include "optim/formats/splat_table.hpp"
+#include "runtime/base/tell.hpp"
 
 namespace gflow {
 namespace {

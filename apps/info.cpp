@@ -11,16 +11,16 @@
 #include <set>
 #include <utility>
 
-#include "apps/command_line.hpp"
-#include "apps/model_source.hpp"
-#include "apps/options.hpp"
-#include "optim/data/video.hpp"
-#include "optim/io/atomic_file.hpp"
-#include "optim/io/four_dgs.hpp"
-#include "optim/io/json_text.hpp"
-#include "optim/io/splat_table.hpp"
-#include "optim/io/tell.hpp"
-#include "optim/train/views.hpp"
+#include "apps/common/command_line.hpp"
+#include "apps/common/model_source.hpp"
+#include "apps/common/options.hpp"
+#include "optim/formats/four_dgs.hpp"
+#include "optim/formats/splat_table.hpp"
+#include "optim/images/video.hpp"
+#include "optim/model/views.hpp"
+#include "runtime/base/tell.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/json_text.hpp"
 
 namespace gflow {
 namespace {

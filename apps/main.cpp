@@ -16,14 +16,14 @@
 #include <sstream>
 #include <system_error>
 
-#include "apps/command_line.hpp"
-#include "apps/options.hpp"
-#include "apps/signals.hpp"
-#include "optim/data/decoder_log.hpp"
-#include "optim/io/interrupt.hpp"
-#include "optim/io/printable.hpp"
-#include "optim/io/unfinished_file.hpp"
-#include "runtime/pocl_cache.hpp"
+#include "apps/common/command_line.hpp"
+#include "apps/common/options.hpp"
+#include "apps/common/signals.hpp"
+#include "optim/images/decoder_log.hpp"
+#include "runtime/base/interrupt.hpp"
+#include "runtime/base/printable.hpp"
+#include "runtime/base/unfinished_file.hpp"
+#include "runtime/cl/pocl_cache.hpp"
 
 namespace {
 

@@ -10,19 +10,19 @@
 #include <optional>
 #include <set>
 
-#include "apps/command_line.hpp"
-#include "apps/model_source.hpp"
-#include "apps/options.hpp"
-#include "apps/output_path.hpp"
-#include "optim/data/cameras_json.hpp"
-#include "optim/data/movie.hpp"
-#include "optim/io/atomic_file.hpp"
-#include "optim/io/file_lock.hpp"
-#include "optim/io/interrupt.hpp"
-#include "optim/io/tell.hpp"
-#include "optim/train/progress.hpp"
-#include "optim/train/rendering.hpp"
-#include "optim/train/run_state.hpp"
+#include "apps/common/command_line.hpp"
+#include "apps/common/model_source.hpp"
+#include "apps/common/options.hpp"
+#include "apps/common/output_path.hpp"
+#include "optim/eval/rendering.hpp"
+#include "optim/images/movie.hpp"
+#include "optim/runs/run_state.hpp"
+#include "optim/scene/cameras_json.hpp"
+#include "runtime/base/interrupt.hpp"
+#include "runtime/base/progress.hpp"
+#include "runtime/base/tell.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/file_lock.hpp"
 
 namespace gflow {
 namespace {

@@ -7,10 +7,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "apps/options.hpp"
-#include "optim/io/printable.hpp"
-#include "optim/train/config.hpp"
-#include "optim/train/edit_distance.hpp"
+#include "apps/common/options.hpp"
+#include "optim/train/options.hpp"
+#include "runtime/base/edit_distance.hpp"
+#include "runtime/base/printable.hpp"
 
 namespace gflow {
 namespace {

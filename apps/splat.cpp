@@ -7,11 +7,11 @@
 #include <cmath>
 #include <memory>
 
-#include "apps/command_line.hpp"
-#include "apps/options.hpp"
-#include "apps/output_path.hpp"
+#include "apps/common/command_line.hpp"
+#include "apps/common/options.hpp"
+#include "apps/common/output_path.hpp"
 #include "optim/engine/splat_file.hpp"
-#include "optim/io/warning.hpp"
+#include "runtime/base/warning.hpp"
 
 namespace gflow {
 namespace {

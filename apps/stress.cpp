@@ -11,16 +11,16 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "apps/command_line.hpp"
-#include "apps/options.hpp"
-#include "apps/output_path.hpp"
-#include "optim/io/atomic_file.hpp"
-#include "optim/io/interrupt.hpp"
-#include "optim/io/printable.hpp"
-#include "optim/io/tell.hpp"
-#include "optim/io/temporary_folder.hpp"
-#include "optim/io/warning.hpp"
-#include "runtime/pocl_cache.hpp"
+#include "apps/common/command_line.hpp"
+#include "apps/common/options.hpp"
+#include "apps/common/output_path.hpp"
+#include "runtime/base/interrupt.hpp"
+#include "runtime/base/printable.hpp"
+#include "runtime/base/tell.hpp"
+#include "runtime/base/warning.hpp"
+#include "runtime/cl/pocl_cache.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/temporary_folder.hpp"
 
 namespace gflow {
 namespace {

@@ -9,14 +9,14 @@
 #include <limits>
 #include <memory>
 
-#include "apps/command_line.hpp"
-#include "apps/compile_ahead.hpp"
-#include "apps/options.hpp"
-#include "apps/report.hpp"
-#include "optim/io/tell.hpp"
-#include "optim/train/guidance_source.hpp"
-#include "optim/train/judging_networks.hpp"
-#include "optim/train/training.hpp"
+#include "apps/common/command_line.hpp"
+#include "apps/common/compile_ahead.hpp"
+#include "apps/common/options.hpp"
+#include "apps/common/report.hpp"
+#include "optim/eval/metric_networks.hpp"
+#include "optim/runs/train_run.hpp"
+#include "optim/train/guidance_provider.hpp"
+#include "runtime/base/tell.hpp"
 
 namespace gflow {
 namespace {

@@ -7,7 +7,7 @@ foreach(name ${names})
   string(APPEND table "    {\"${name}\", R\"~~(${text})~~\"},\n")
 endforeach()
 file(WRITE ${OUT} "// Generated from kernels/ by embed.cmake.
-#include \"runtime/kernel_sources.hpp\"
+#include \"runtime/cl/kernel_sources.hpp\"
 namespace gflow {
 const std::map<std::string, std::string>& kernel_sources() {
   static const std::map<std::string, std::string> sources = {

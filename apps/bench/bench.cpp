@@ -9,11 +9,11 @@
 #include <filesystem>
 #include <sstream>
 
-#include "apps/command_line.hpp"
-#include "apps/output_path.hpp"
-#include "optim/io/atomic_file.hpp"
-#include "optim/io/interrupt.hpp"
-#include "optim/io/tell.hpp"
+#include "apps/common/command_line.hpp"
+#include "apps/common/output_path.hpp"
+#include "runtime/base/interrupt.hpp"
+#include "runtime/base/tell.hpp"
+#include "runtime/files/atomic_file.hpp"
 
 namespace gflow {
 namespace bench {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "apps/bench/report.hpp"
-#include "apps/options.hpp"
-#include "apps/plot.hpp"
+#include "apps/common/options.hpp"
+#include "apps/common/plot.hpp"
 
 namespace gflow::bench {
 

@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "tests/worse.hpp"
+#include "optim/reference/worse.hpp"
 
 namespace gflow::bench {
 namespace {

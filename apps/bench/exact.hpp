@@ -3,7 +3,7 @@
 // gradients are, by the definition of the image and by one without cut-offs.
 #pragma once
 #include "apps/bench/scene.hpp"
-#include "tests/reference/render.hpp"
+#include "optim/reference/render.hpp"
 
 namespace gflow::bench {
 

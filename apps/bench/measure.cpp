@@ -3,7 +3,7 @@
 
 #include <chrono>
 
-#include "runtime/usage.hpp"
+#include "runtime/base/usage.hpp"
 
 namespace gflow::bench {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "apps/bench/samples.hpp"
-#include "runtime/queue.hpp"
+#include "runtime/cl/queue.hpp"
 
 namespace gflow::bench {
 

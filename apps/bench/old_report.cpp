@@ -6,9 +6,9 @@
 #include <cmath>
 #include <string_view>
 
-#include "optim/io/atomic_file.hpp"
-#include "optim/io/modest_json.hpp"
-#include "runtime/error.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/modest_json.hpp"
 
 namespace gflow::bench {
 namespace {

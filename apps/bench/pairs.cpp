@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "runtime/kernel.hpp"
+#include "runtime/cl/kernel.hpp"
 
 namespace gflow::bench {
 namespace {

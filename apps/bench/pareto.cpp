@@ -14,8 +14,8 @@
 #include "apps/bench/choices.hpp"
 #include "apps/bench/exact.hpp"
 #include "apps/bench/front.hpp"
-#include "apps/command_line.hpp"
-#include "optim/io/tell.hpp"
+#include "apps/common/command_line.hpp"
+#include "runtime/base/tell.hpp"
 #ifdef GFLOW_WITH_OPENCV
 #include "apps/bench/trained.hpp"
 #endif

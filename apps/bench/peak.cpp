@@ -6,7 +6,7 @@
 #include <functional>
 #include <limits>
 
-#include "runtime/kernel.hpp"
+#include "runtime/cl/kernel.hpp"
 
 namespace gflow::bench {
 namespace {

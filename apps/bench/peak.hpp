@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The most a device can do, measured in the same process as what is compared with it.
 #pragma once
-#include "runtime/queue.hpp"
+#include "runtime/cl/queue.hpp"
 
 namespace gflow::bench {
 

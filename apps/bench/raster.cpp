@@ -11,9 +11,9 @@
 #include "apps/bench/bench.hpp"
 #include "apps/bench/pairs.hpp"
 #include "apps/bench/whole_step.hpp"
-#include "apps/command_line.hpp"
-#include "runtime/reduce.hpp"
-#include "runtime/usage.hpp"
+#include "apps/common/command_line.hpp"
+#include "runtime/base/usage.hpp"
+#include "runtime/primitives/reduce.hpp"
 
 namespace gflow::bench {
 namespace {

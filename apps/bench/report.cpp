@@ -7,7 +7,7 @@
 #include <cmath>
 #include <map>
 
-#include "optim/io/tell.hpp"
+#include "runtime/base/tell.hpp"
 
 namespace gflow::bench {
 namespace {

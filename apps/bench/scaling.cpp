@@ -14,11 +14,11 @@
 #include "apps/bench/bench.hpp"
 #include "apps/bench/pairs.hpp"
 #include "apps/bench/whole_step.hpp"
-#include "apps/command_line.hpp"
-#include "optim/io/atomic_file.hpp"
-#include "optim/io/interrupt.hpp"
-#include "optim/io/temporary_folder.hpp"
-#include "runtime/usage.hpp"
+#include "apps/common/command_line.hpp"
+#include "runtime/base/interrupt.hpp"
+#include "runtime/base/usage.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/temporary_folder.hpp"
 
 namespace gflow::bench {
 namespace {

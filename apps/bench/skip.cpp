@@ -10,8 +10,8 @@
 #include <memory>
 
 #include "apps/bench/steps.hpp"
-#include "apps/command_line.hpp"
-#include "optim/io/interrupt.hpp"
+#include "apps/common/command_line.hpp"
+#include "runtime/base/interrupt.hpp"
 
 namespace gflow::bench {
 namespace {

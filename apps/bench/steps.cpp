@@ -9,11 +9,11 @@
 #include <memory>
 #include <numeric>
 
-#include "apps/command_line.hpp"
-#include "optim/io/tell.hpp"
-#include "optim/train/progress.hpp"
-#include "runtime/reduce.hpp"
-#include "runtime/usage.hpp"
+#include "apps/common/command_line.hpp"
+#include "runtime/base/progress.hpp"
+#include "runtime/base/tell.hpp"
+#include "runtime/base/usage.hpp"
+#include "runtime/primitives/reduce.hpp"
 
 namespace gflow::bench {
 namespace {

@@ -8,8 +8,8 @@
 
 #include "apps/bench/bench.hpp"
 #include "apps/bench/pairs.hpp"
-#include "optim/io/temporary_folder.hpp"
 #include "optim/train/preparation.hpp"
+#include "runtime/files/temporary_folder.hpp"
 
 namespace gflow::bench {
 

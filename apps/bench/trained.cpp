@@ -6,10 +6,10 @@
 #include <algorithm>
 
 #include "apps/bench/steps.hpp"
-#include "apps/command_line.hpp"
-#include "optim/io/interrupt.hpp"
-#include "optim/io/tell.hpp"
-#include "optim/train/evaluation.hpp"
+#include "apps/common/command_line.hpp"
+#include "optim/eval/evaluation.hpp"
+#include "runtime/base/interrupt.hpp"
+#include "runtime/base/tell.hpp"
 
 namespace gflow::bench {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "apps/bench/choices.hpp"
 #include "apps/bench/samples.hpp"
-#include "apps/options.hpp"
+#include "apps/common/options.hpp"
 
 namespace gflow::bench {
 

@@ -2,8 +2,8 @@
 // What is timed of a random scene: everything between its parameters and their next values.
 #pragma once
 #include "apps/bench/scene.hpp"
-#include "optim/train/config.hpp"
-#include "runtime/adam.hpp"
+#include "optim/train/options.hpp"
+#include "runtime/primitives/adam.hpp"
 
 namespace gflow::bench {
 

@@ -8,8 +8,8 @@
 #include <cstdio>
 #include <limits>
 
-#include "optim/io/printable.hpp"
-#include "runtime/error.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/base/printable.hpp"
 
 namespace gflow::experiments {
 

@@ -10,10 +10,10 @@
 #include <set>
 
 #include "apps/experiments/metrics.hpp"
-#include "optim/io/file_address.hpp"
-#include "optim/io/printable.hpp"
-#include "optim/io/utf8.hpp"
-#include "optim/train/toml_file.hpp"
+#include "runtime/base/printable.hpp"
+#include "runtime/base/utf8.hpp"
+#include "runtime/files/file_address.hpp"
+#include "runtime/files/toml_file.hpp"
 
 namespace gflow::experiments {
 namespace {

@@ -25,7 +25,7 @@
 #include <string>
 #include <vector>
 
-#include "optim/train/config.hpp"
+#include "optim/train/options.hpp"
 
 namespace gflow::experiments {
 

@@ -22,15 +22,15 @@
 #include <utility>
 
 #include "apps/experiments/metrics.hpp"
-#include "optim/data/json_file.hpp"
-#include "optim/io/atomic_file.hpp"
-#include "optim/io/interrupt.hpp"
-#include "optim/io/modest_json.hpp"
-#include "optim/io/text_file.hpp"
-#include "optim/train/judging_networks.hpp"
-#include "optim/train/loaded_scene.hpp"
-#include "optim/train/progress.hpp"
-#include "optim/train/run_folder.hpp"
+#include "optim/eval/metric_networks.hpp"
+#include "optim/runs/run_folder.hpp"
+#include "optim/scene/json_file.hpp"
+#include "optim/scene/loaded_scene.hpp"
+#include "runtime/base/interrupt.hpp"
+#include "runtime/base/progress.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/modest_json.hpp"
+#include "runtime/files/text_file.hpp"
 
 extern char** environ;
 

@@ -11,9 +11,9 @@
 
 #include "apps/experiments/runs.hpp"
 #include "apps/experiments/table.hpp"
-#include "optim/data/image.hpp"
-#include "optim/train/loaded_scene.hpp"
-#include "optim/train/pictures.hpp"
+#include "optim/eval/pictures.hpp"
+#include "optim/images/image.hpp"
+#include "optim/scene/loaded_scene.hpp"
 
 namespace gflow::experiments {
 namespace {

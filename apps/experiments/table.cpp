@@ -11,9 +11,9 @@
 #include <set>
 
 #include "apps/experiments/runs.hpp"
-#include "optim/data/json_file.hpp"
-#include "optim/io/text_file.hpp"
-#include "optim/train/run_folder.hpp"
+#include "optim/runs/run_folder.hpp"
+#include "optim/scene/json_file.hpp"
+#include "runtime/files/text_file.hpp"
 
 namespace gflow::experiments {
 namespace {

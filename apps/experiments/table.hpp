@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "apps/common/plot.hpp"
 #include "apps/experiments/metrics.hpp"
 #include "apps/experiments/plan.hpp"
-#include "apps/plot.hpp"
 
 namespace gflow::experiments {
 

@@ -6,7 +6,7 @@
 #include "apps/stress/device_maths.hpp"
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
-#include "tests/device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow::stress {
 namespace {

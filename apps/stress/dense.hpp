@@ -3,7 +3,7 @@
 #pragma once
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
-#include "tests/device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow::stress {
 

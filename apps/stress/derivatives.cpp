@@ -10,11 +10,11 @@
 #include "apps/stress/stress.hpp"
 #include "optim/density/mcmc.hpp"
 #include "optim/density/rest.hpp"
-#include "optim/engine/color.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
-#include "tests/device_scene.hpp"
-#include "tests/reference/loss.hpp"
+#include "optim/motion/color.hpp"
+#include "optim/reference/device_scene.hpp"
+#include "optim/reference/loss.hpp"
 
 namespace gflow::stress {
 

@@ -4,9 +4,9 @@
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/loss/motion_loss.hpp"
-#include "tests/device_scene.hpp"
-#include "tests/reference/flat_still.hpp"
-#include "tests/reference/motion_models.hpp"
+#include "optim/reference/device_scene.hpp"
+#include "optim/reference/flat_static.hpp"
+#include "optim/reference/motion_models.hpp"
 
 namespace gflow::stress {
 

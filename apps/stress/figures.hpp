@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/worse.hpp"
+#include "optim/reference/worse.hpp"
 
 namespace gflow::stress {
 

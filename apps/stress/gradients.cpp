@@ -3,7 +3,7 @@
 // against double over random scenes, of each loss alone, of both, of a wide image.
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
-#include "tests/device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow::stress {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
-#include "optim/train/config.hpp"
-#include "runtime/adam.hpp"
+#include "optim/train/options.hpp"
+#include "runtime/primitives/adam.hpp"
 #include "shared/work.h"
 
 namespace gflow::stress {

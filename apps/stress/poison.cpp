@@ -11,7 +11,7 @@
 #include "apps/stress/poisoned.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/loss/flow_loss.hpp"
-#include "tests/device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow::stress {
 namespace {

@@ -3,7 +3,7 @@
 // off 1 the way back is in front of all splats.
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
-#include "tests/device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow::stress {
 namespace {

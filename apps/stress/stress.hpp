@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "runtime/queue.hpp"
+#include "runtime/cl/queue.hpp"
 
 namespace gflow::stress {
 

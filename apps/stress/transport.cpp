@@ -5,7 +5,7 @@
 
 #include "apps/stress/splats.hpp"
 #include "apps/stress/stress.hpp"
-#include "tests/device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow::stress {
 namespace {

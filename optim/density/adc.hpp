@@ -5,7 +5,7 @@
 #pragma once
 #include "optim/density/density.hpp"
 #include "optim/density/rows.hpp"
-#include "runtime/sort.hpp"
+#include "runtime/primitives/sort.hpp"
 
 namespace gflow {
 

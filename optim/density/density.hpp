@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "optim/engine/gaussians.hpp"
-#include "optim/io/npz.hpp"
+#include "optim/formats/npz.hpp"
 #include "optim/motion/motion.hpp"
 
 namespace gflow {

@@ -13,7 +13,7 @@
 #pragma once
 #include "optim/density/density.hpp"
 #include "optim/density/rows.hpp"
-#include "runtime/scan.hpp"
+#include "runtime/primitives/scan.hpp"
 
 namespace gflow {
 

@@ -7,7 +7,7 @@
 // round puts to rest those that, after a trial of some steps, stay near their mean pose.
 #pragma once
 #include "optim/density/rows.hpp"
-#include "optim/io/npz.hpp"
+#include "optim/formats/npz.hpp"
 #include "optim/motion/motion.hpp"
 
 namespace gflow {

@@ -2,7 +2,7 @@
 // Moves, drops and copies the Gaussians' rows in every table. Kernels: kernels/rows.cl.
 #pragma once
 #include "optim/motion/parameters.hpp"
-#include "runtime/scan.hpp"
+#include "runtime/primitives/scan.hpp"
 
 namespace gflow {
 

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "runtime/chunks.hpp"
+#include "runtime/cl/chunks.hpp"
 
 namespace gflow {
 namespace {

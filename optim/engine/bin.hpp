@@ -2,7 +2,7 @@
 // Splats into 16x16 tiles in depth order, with a mask of the touched cells for each intersection.
 #pragma once
 #include "optim/engine/tile_lists.hpp"
-#include "runtime/sort.hpp"
+#include "runtime/primitives/sort.hpp"
 
 namespace gflow {
 

@@ -4,7 +4,7 @@
 #pragma once
 #include <array>
 
-#include "runtime/kernel.hpp"
+#include "runtime/cl/kernel.hpp"
 #include "shared/types.h"
 
 GFLOW_KERNEL_STRUCT(PinholeCamera);

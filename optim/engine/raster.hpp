@@ -2,7 +2,7 @@
 // The program of kernels/raster.cl for what is wanted: shared by projection and splatting.
 #pragma once
 #include "optim/engine/settings.hpp"
-#include "runtime/program.hpp"
+#include "runtime/cl/program.hpp"
 
 namespace gflow {
 

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "optim/engine/engine.hpp"
-#include "optim/io/npz.hpp"
+#include "optim/formats/npz.hpp"
 
 namespace gflow {
 

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "runtime/chunks.hpp"
-#include "runtime/sort.hpp"
+#include "runtime/cl/chunks.hpp"
+#include "runtime/primitives/sort.hpp"
 
 namespace gflow {
 namespace {

@@ -16,7 +16,7 @@
 #include <thread>
 
 #include "optim/guidance/guidance.hpp"
-#include "optim/io/interrupt.hpp"
+#include "runtime/base/interrupt.hpp"
 
 namespace gflow {
 namespace {

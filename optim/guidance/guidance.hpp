@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "optim/data/camera.hpp"
-#include "runtime/error.hpp"
+#include "optim/scene/camera.hpp"
+#include "runtime/base/error.hpp"
 
 namespace gflow {
 

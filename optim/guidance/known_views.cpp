@@ -6,9 +6,9 @@
 #include <cmath>
 #include <filesystem>
 
-#include "optim/data/flow_store.hpp"
-#include "optim/data/reader_util.hpp"
-#include "optim/io/file_name.hpp"
+#include "optim/flow/flow_store.hpp"
+#include "optim/scene/readers/reader_util.hpp"
+#include "runtime/files/file_name.hpp"
 
 namespace gflow {
 namespace fs = std::filesystem;

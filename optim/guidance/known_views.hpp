@@ -12,10 +12,10 @@
 #include <string>
 #include <vector>
 
-#include "optim/data/image.hpp"
-#include "optim/data/lru_cache.hpp"
-#include "optim/data/optical_flow.hpp"
+#include "optim/flow/optical_flow.hpp"
 #include "optim/guidance/guidance.hpp"
+#include "optim/images/image.hpp"
+#include "optim/images/lru_cache.hpp"
 
 namespace gflow {
 

@@ -3,7 +3,7 @@
 #pragma once
 #include <Eigen/Core>
 
-#include "optim/data/camera.hpp"
+#include "optim/scene/camera.hpp"
 
 namespace gflow {
 

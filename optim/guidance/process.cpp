@@ -6,7 +6,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-#include "optim/io/modest_json.hpp"
+#include "runtime/files/modest_json.hpp"
 
 namespace gflow {
 namespace {

@@ -4,7 +4,7 @@
 // it), rho(r) = sqrt(r^2 + knee^2) - knee and s the weight of the pixel's tile: 1, or what
 // FlowTiles chose. Pixels without weight give exactly 0.
 #pragma once
-#include "runtime/reduce.hpp"
+#include "runtime/primitives/reduce.hpp"
 
 namespace gflow {
 

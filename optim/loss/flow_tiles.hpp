@@ -6,7 +6,7 @@
 // length (density control by adc, waking of those at rest) and square (Adam) are larger. What that
 // costs: optim/loss/README.md.
 #pragma once
-#include "runtime/kernel.hpp"
+#include "runtime/cl/kernel.hpp"
 
 namespace gflow {
 

@@ -4,7 +4,7 @@
 #pragma once
 #include <limits>
 
-#include "runtime/reduce.hpp"
+#include "runtime/primitives/reduce.hpp"
 #include "shared/loss.h"
 
 GFLOW_KERNEL_STRUCT(ImageLossSize);

@@ -6,7 +6,7 @@
 #pragma once
 #include "optim/engine/gaussians.hpp"
 #include "optim/loss/neighbours.hpp"
-#include "runtime/reduce.hpp"
+#include "runtime/primitives/reduce.hpp"
 #include "shared/motion_loss.h"
 
 GFLOW_KERNEL_STRUCT(MotionLossRule);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which Gaussians are neighbours: pairs that should move alike.
 #pragma once
-#include "optim/io/npz.hpp"
+#include "optim/formats/npz.hpp"
 #include "optim/motion/motion.hpp"
 
 namespace gflow {

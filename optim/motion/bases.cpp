@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "runtime/chunks.hpp"
+#include "runtime/cl/chunks.hpp"
 #include "shared/bases.h"
 
 namespace gflow {

@@ -2,7 +2,7 @@
 // The part of a device's self-check that needs the splat maths: one derivative kernel against the
 // same text in double on the host. Under 0.1 s once compiled.
 #pragma once
-#include "runtime/self_check.hpp"
+#include "runtime/primitives/self_check.hpp"
 
 namespace gflow {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "optim/engine/random_streams.hpp"
-#include "runtime/chunks.hpp"
+#include "runtime/cl/chunks.hpp"
 #include "shared/random.h"
 
 namespace gflow {

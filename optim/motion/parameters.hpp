@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "runtime/adam.hpp"
+#include "runtime/primitives/adam.hpp"
 
 namespace gflow {
 

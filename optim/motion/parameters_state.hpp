@@ -4,7 +4,7 @@
 #include <limits>
 #include <string>
 
-#include "optim/io/npz.hpp"
+#include "optim/formats/npz.hpp"
 #include "optim/motion/models.hpp"
 
 namespace gflow {

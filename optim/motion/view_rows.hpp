@@ -4,7 +4,7 @@
 // these rows, in their order, and costs nothing for the others (Skips::outside).
 #pragma once
 #include "optim/motion/parameters.hpp"
-#include "runtime/scan.hpp"
+#include "runtime/primitives/scan.hpp"
 
 namespace gflow {
 

@@ -11,7 +11,7 @@
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
 
-#include "optim/data/opencv_threads.hpp"
+#include "optim/images/opencv_threads.hpp"
 #include "optim/networks/trial.hpp"
 #endif
 

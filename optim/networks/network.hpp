@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "optim/networks/onnx_inputs.hpp"
-#include "runtime/error.hpp"
+#include "runtime/base/error.hpp"
 
 namespace gflow {
 

@@ -7,10 +7,10 @@
 #include <algorithm>
 #include <set>
 
-#include "optim/io/atomic_file.hpp"
 #include "optim/networks/onnx_tensors.hpp"
 #include "optim/networks/protobuf.hpp"
-#include "runtime/error.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/files/atomic_file.hpp"
 
 namespace gflow {
 namespace {

@@ -9,9 +9,9 @@
 #include <cstdint>
 #include <limits>
 
-#include "optim/io/printable.hpp"
 #include "optim/networks/protobuf.hpp"
-#include "runtime/error.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/base/printable.hpp"
 
 namespace gflow {
 namespace {

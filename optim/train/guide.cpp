@@ -8,7 +8,7 @@
 #include <set>
 
 #include "optim/engine/random_streams.hpp"
-#include "optim/train/loaded_scene.hpp"
+#include "optim/scene/loaded_scene.hpp"
 #include "shared/random.h"
 
 namespace gflow {

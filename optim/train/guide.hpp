@@ -7,12 +7,12 @@
 #include <limits>
 #include <vector>
 
-#include "optim/data/frame_store.hpp"
 #include "optim/guidance/guidance.hpp"
 #include "optim/guidance/orbit.hpp"
 #include "optim/loss/flow_loss.hpp"
-#include "optim/train/config.hpp"
-#include "optim/train/renderer.hpp"
+#include "optim/model/renderer.hpp"
+#include "optim/scene/frame_store.hpp"
+#include "optim/train/options.hpp"
 
 namespace gflow {
 

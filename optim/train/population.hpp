@@ -10,8 +10,8 @@
 #include "optim/density/density.hpp"
 #include "optim/density/order.hpp"
 #include "optim/density/rest.hpp"
-#include "optim/train/renderer.hpp"
-#include "optim/train/sequence.hpp"
+#include "optim/model/renderer.hpp"
+#include "optim/train/sequential.hpp"
 
 namespace gflow {
 

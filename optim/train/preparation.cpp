@@ -5,16 +5,16 @@
 
 #include <algorithm>
 
-#include "optim/data/chained_flow.hpp"
-#include "optim/data/estimated_flow.hpp"
-#include "optim/data/point_tracks.hpp"
 #include "optim/density/memory.hpp"
-#include "optim/io/tell.hpp"
-#include "optim/io/warning.hpp"
-#include "optim/train/guidance_source.hpp"
-#include "optim/train/init.hpp"
-#include "optim/train/progress.hpp"
-#include "optim/train/stereo_points.hpp"
+#include "optim/flow/chained_flow.hpp"
+#include "optim/flow/estimated_flow.hpp"
+#include "optim/flow/point_tracks.hpp"
+#include "optim/init/init.hpp"
+#include "optim/init/stereo_points.hpp"
+#include "optim/train/guidance_provider.hpp"
+#include "runtime/base/progress.hpp"
+#include "runtime/base/tell.hpp"
+#include "runtime/base/warning.hpp"
 
 namespace gflow {
 namespace {

@@ -3,7 +3,7 @@
 #pragma once
 #include <optional>
 
-#include "optim/train/loaded_scene.hpp"
+#include "optim/scene/loaded_scene.hpp"
 #include "optim/train/trainer.hpp"
 
 namespace gflow {

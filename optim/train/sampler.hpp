@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <vector>
 
-#include "optim/data/flow_store.hpp"
-#include "optim/train/change.hpp"
-#include "optim/train/config.hpp"
-#include "optim/train/sequence.hpp"
-#include "optim/train/unfolding.hpp"
+#include "optim/flow/flow_store.hpp"
+#include "optim/init/motion_mask.hpp"
+#include "optim/train/curriculum.hpp"
+#include "optim/train/options.hpp"
+#include "optim/train/sequential.hpp"
 
 namespace gflow {
 

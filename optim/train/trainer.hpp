@@ -7,16 +7,16 @@
 #include <string>
 #include <vector>
 
-#include "optim/data/flow_store.hpp"
+#include "optim/flow/flow_store.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/flow_tiles.hpp"
 #include "optim/loss/image_loss.hpp"
 #include "optim/loss/motion_loss.hpp"
-#include "optim/train/config.hpp"
+#include "optim/model/renderer.hpp"
 #include "optim/train/guide.hpp"
+#include "optim/train/learning_rates.hpp"
+#include "optim/train/options.hpp"
 #include "optim/train/population.hpp"
-#include "optim/train/rates.hpp"
-#include "optim/train/renderer.hpp"
 #include "optim/train/sampler.hpp"
 
 namespace gflow {

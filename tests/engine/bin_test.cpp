@@ -3,7 +3,7 @@
 // the pixels that a splat really touches.
 #include <gtest/gtest.h>
 
-#include "device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow {
 namespace {

@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "compare.hpp"
-#include "device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
+#include "tests/support/compare.hpp"
 
 namespace gflow {
 namespace {

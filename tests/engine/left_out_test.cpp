@@ -6,8 +6,8 @@
 
 #include <cmath>
 
-#include "device_scene.hpp"
 #include "optim/engine/posed.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow {
 namespace {

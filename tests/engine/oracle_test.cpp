@@ -6,8 +6,8 @@
 
 #include <filesystem>
 
-#include "device_scene.hpp"
 #include "optim/engine/splat_file.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow {
 namespace {

@@ -5,11 +5,11 @@
 #include <numeric>
 #include <random>
 
-#include "compare.hpp"
-#include "device.hpp"
-#include "device_scene.hpp"
 #include "optim/engine/engine.hpp"
 #include "optim/motion/models.hpp"
+#include "optim/reference/device.hpp"
+#include "optim/reference/device_scene.hpp"
+#include "tests/support/compare.hpp"
 
 namespace gflow {
 namespace {

@@ -3,8 +3,8 @@
 // is poisoned (Queue::poisons) both show. Pictures of several sizes, so that memory is used again.
 #include <gtest/gtest.h>
 
-#include "device_scene.hpp"
-#include "environment.hpp"
+#include "optim/reference/device_scene.hpp"
+#include "tests/support/environment.hpp"
 
 namespace gflow {
 namespace {

@@ -4,10 +4,10 @@
 // margin; who is culled.
 #include <gtest/gtest.h>
 
-#include "compare.hpp"
-#include "device_scene.hpp"
-#include "engine/eigen_maths.hpp"
+#include "optim/reference/device_scene.hpp"
 #include "shared/projection.h"
+#include "tests/support/compare.hpp"
+#include "tests/support/eigen_maths.hpp"
 
 namespace gflow {
 namespace {

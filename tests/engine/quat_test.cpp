@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "compare.hpp"
-#include "engine/eigen_maths.hpp"
+#include "tests/support/compare.hpp"
+#include "tests/support/eigen_maths.hpp"
 
 namespace gflow {
 namespace {

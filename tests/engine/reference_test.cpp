@@ -3,8 +3,8 @@
 // every parameter, with the contributors held fixed. All else in the engine is measured by it.
 #include <gtest/gtest.h>
 
-#include "compare.hpp"
-#include "scenes.hpp"
+#include "optim/reference/scenes.hpp"
+#include "tests/support/compare.hpp"
 
 namespace gflow {
 namespace {

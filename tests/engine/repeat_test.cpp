@@ -2,7 +2,7 @@
 // The same input gives the same bits: images and gradients, in one engine and in a new one.
 #include <gtest/gtest.h>
 
-#include "device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow {
 namespace {

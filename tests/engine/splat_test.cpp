@@ -3,8 +3,8 @@
 // odd sizes, none, one, none visible, ties in depth, one splat over all tiles, hundreds of layers.
 #include <gtest/gtest.h>
 
-#include "compare.hpp"
-#include "device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
+#include "tests/support/compare.hpp"
 
 namespace gflow {
 namespace {

@@ -5,9 +5,9 @@
 
 #include <gtest/gtest.h>
 
-#include "compare.hpp"
-#include "device_scene.hpp"
-#include "engine/eigen_maths.hpp"
+#include "optim/reference/device_scene.hpp"
+#include "tests/support/compare.hpp"
+#include "tests/support/eigen_maths.hpp"
 
 namespace gflow {
 namespace {

@@ -174,7 +174,7 @@ def damaged_caches(world):
 
 
 def sealed(name, payload):
-    """A file of the cache as gflow writes it (runtime/program_cache.cpp): its checksum begins with its name."""
+    """A file of the cache as gflow writes it (runtime/cl/program_cache.cpp): its checksum begins with its name."""
     checksum = int(name[:16], 16)
     for byte in payload:
         checksum = (checksum ^ byte) * 1099511628211 % (1 << 64)

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Arrays, flow, pictures, video and cameras: single files.
-#include "data_readers/made_png.hpp"
-#include "fuzz/inputs.hpp"
-#include "optim/data/cameras_json.hpp"
-#include "optim/data/given_cameras.hpp"
-#include "optim/data/image_header.hpp"
-#include "optim/data/movie.hpp"
-#include "optim/data/packed_flow.hpp"
-#include "optim/data/point_tracks.hpp"
-#include "optim/data/readers.hpp"
-#include "optim/data/video.hpp"
-#include "optim/io/flo.hpp"
-#include "optim/io/npz.hpp"
+#include "optim/flow/packed_flow.hpp"
+#include "optim/flow/point_tracks.hpp"
+#include "optim/formats/flo.hpp"
+#include "optim/formats/npz.hpp"
+#include "optim/images/image_header.hpp"
+#include "optim/images/movie.hpp"
+#include "optim/images/video.hpp"
+#include "optim/scene/cameras_json.hpp"
+#include "optim/scene/readers/given_cameras.hpp"
+#include "optim/scene/readers/readers.hpp"
+#include "tests/fuzz/inputs.hpp"
+#include "tests/support/png_writer.hpp"
 
 namespace gflow::fuzz {
 namespace {

@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "data_readers/made_scene.hpp"
-#include "fuzz/checksums.hpp"
-#include "fuzz/targets.hpp"
+#include "tests/fuzz/checksums.hpp"
+#include "tests/fuzz/targets.hpp"
+#include "tests/support/scene_files.hpp"
 
 namespace gflow::fuzz {
 

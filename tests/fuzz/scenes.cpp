@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenes of several files.
-#include "fuzz/inputs.hpp"
-#include "optim/data/colmap_model.hpp"
-#include "optim/data/flow_store.hpp"
-#include "optim/data/readers.hpp"
-#include "optim/data/true_depth.hpp"
-#include "optim/io/flo.hpp"
-#include "optim/io/npz.hpp"
-#include "optim/train/track_error.hpp"
+#include "optim/eval/track_error.hpp"
+#include "optim/flow/flow_store.hpp"
+#include "optim/formats/flo.hpp"
+#include "optim/formats/npz.hpp"
+#include "optim/scene/readers/colmap_model.hpp"
+#include "optim/scene/readers/readers.hpp"
+#include "optim/scene/true_depth.hpp"
+#include "tests/fuzz/inputs.hpp"
 
 namespace gflow::fuzz {
 namespace {

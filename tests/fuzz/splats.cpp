@@ -2,13 +2,13 @@
 // Gaussians at one time and all times, as other programs write them.
 #include <zlib.h>
 
-#include "fuzz/inputs.hpp"
-#include "optim/io/atomic_file.hpp"
-#include "optim/io/compressed_ply.hpp"
-#include "optim/io/dot_splat.hpp"
-#include "optim/io/four_dgs.hpp"
-#include "optim/io/splat_table.hpp"
-#include "optim/io/spz.hpp"
+#include "optim/formats/compressed_ply.hpp"
+#include "optim/formats/dot_splat.hpp"
+#include "optim/formats/four_dgs.hpp"
+#include "optim/formats/splat_table.hpp"
+#include "optim/formats/spz.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "tests/fuzz/inputs.hpp"
 
 namespace gflow::fuzz {
 namespace {

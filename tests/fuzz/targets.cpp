@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "fuzz/targets.hpp"
+#include "tests/fuzz/targets.hpp"
 
 #include <fmt/format.h>
 
 #include <filesystem>
 #include <limits>
 
-#include "io/folder.hpp"
+#include "tests/support/folder.hpp"
 
 namespace gflow::fuzz {
 

@@ -29,8 +29,8 @@ Holds any_video(const uint8_t*, size_t);
 const std::vector<Target>& targets();
 
 // What reading these bytes may take [bytes]: twice the file and 64 MB, or of a compressed file
-// twice what it may hold and 64 MB (optim/io/README.md). No bound for a video: FFmpeg's frames are
-// as large as it says, up to what optim/data/video.cpp allows.
+// twice what it may hold and 64 MB (optim/formats/README.md). No bound for a video: FFmpeg's frames
+// are as large as it says, up to what optim/images/video.cpp allows.
 size_t memory_allowed(const Target& target, const uint8_t* bytes, size_t size);
 
 // What 64 kB cannot show: inputs of `size` bytes and a little, which are the seeds in a folder with

@@ -3,9 +3,9 @@
 // costs nothing but its step.
 #include "optim/train/guide.hpp"
 
+#include "optim/eval/evaluation.hpp"
 #include "optim/guidance/sds_guidance.hpp"
-#include "optim/train/evaluation.hpp"
-#include "train/small_scene.hpp"
+#include "tests/support/small_scene.hpp"
 
 namespace gflow {
 namespace {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/guidance/known_views.hpp"
 
-#include "guidance/request.hpp"
-#include "io/temporary_folder.hpp"
+#include "apps/stress/training/request.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace gflow {
 namespace {

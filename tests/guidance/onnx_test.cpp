@@ -3,9 +3,9 @@
 
 #include <gtest/gtest.h>
 
-#include "guidance/request.hpp"
-#include "io/temporary_folder.hpp"
+#include "apps/stress/training/request.hpp"
 #include "optim/guidance/sds_guidance.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace gflow {
 namespace {

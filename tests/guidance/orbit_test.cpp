@@ -5,7 +5,7 @@
 
 #include <Eigen/Geometry>
 
-#include "optim/data/static_camera.hpp"
+#include "optim/scene/readers/static_camera.hpp"
 
 namespace gflow {
 namespace {

@@ -7,9 +7,9 @@
 
 #include <thread>
 
-#include "guidance/python.hpp"
-#include "guidance/request.hpp"
-#include "io/temporary_folder.hpp"
+#include "apps/stress/training/request.hpp"
+#include "tests/support/python.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace gflow {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "io/temporary_folder.hpp"
-#include "networks/message.hpp"
+#include "tests/support/protobuf_message.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace gflow {
 namespace {

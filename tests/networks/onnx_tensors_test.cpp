@@ -3,10 +3,10 @@
 
 #include <gtest/gtest.h>
 
-#include "io/temporary_folder.hpp"
-#include "networks/message.hpp"
 #include "optim/networks/network.hpp"
 #include "optim/networks/protobuf.hpp"
+#include "tests/support/protobuf_message.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace gflow {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "io/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace gflow {
 namespace {

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "io/temporary_folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace gflow {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "apps/stress/stress.hpp"
-#include "device_scene.hpp"
+#include "optim/reference/device_scene.hpp"
 
 namespace gflow::stress {
 namespace {

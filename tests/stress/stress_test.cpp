@@ -8,8 +8,8 @@
 #include <regex>
 #include <set>
 
-#include "device.hpp"
-#include "runtime/kernel_sources.hpp"
+#include "optim/reference/device.hpp"
+#include "runtime/cl/kernel_sources.hpp"
 
 namespace gflow {
 namespace {

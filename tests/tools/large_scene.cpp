@@ -16,9 +16,9 @@
 #include <thread>
 #include <vector>
 
-#include "optim/io/npy.hpp"
-#include "optim/io/ply.hpp"
-#include "runtime/error.hpp"
+#include "optim/formats/npy.hpp"
+#include "optim/formats/ply.hpp"
+#include "runtime/base/error.hpp"
 
 namespace {
 using namespace gflow;

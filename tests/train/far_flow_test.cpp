@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Flow over several pictures and paths of points as teachers of a training.
-#include "optim/io/npz.hpp"
-#include "optim/train/evaluation.hpp"
+#include "optim/eval/evaluation.hpp"
+#include "optim/formats/npz.hpp"
 #include "optim/train/preparation.hpp"
-#include "train/small_scene.hpp"
+#include "tests/support/small_scene.hpp"
 
 namespace gflow {
 namespace {

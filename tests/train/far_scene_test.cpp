@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene a million metres from the zero of its world, as surveys have them: it is read, trained,
 // drawn and exported as the same scene at zero is.
-#include "tests/train/far_scene.hpp"
+#include "apps/stress/training/far_scene.hpp"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
 
-#include "optim/train/slice.hpp"
-#include "train/small_scene.hpp"
+#include "optim/model/slice.hpp"
+#include "tests/support/small_scene.hpp"
 
 namespace gflow {
 namespace {

@@ -2,7 +2,7 @@
 // When flow counts in a training, and what the log says of it.
 #include <cmath>
 
-#include "train/on_one_scene.hpp"
+#include "tests/support/on_one_scene.hpp"
 
 namespace gflow {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where computed flow comes from changes nothing of a training.
-#include "train/command.hpp"
-#include "train/small_scene.hpp"
+#include "tests/support/command.hpp"
+#include "tests/support/small_scene.hpp"
 
 namespace gflow {
 namespace {

@@ -3,7 +3,7 @@
 // skip.bands, skip.compact. That nothing else changes: trainer_test.cpp, bench_scene_test.cpp.
 #include <gtest/gtest.h>
 
-#include "train/small_scene.hpp"
+#include "tests/support/small_scene.hpp"
 
 namespace gflow {
 namespace {

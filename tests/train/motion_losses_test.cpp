@@ -3,9 +3,9 @@
 // losses, through density control and a state that is kept.
 #include <cmath>
 
-#include "compare.hpp"
 #include "optim/train/trainer.hpp"
-#include "train/on_one_scene.hpp"
+#include "tests/support/compare.hpp"
+#include "tests/support/on_one_scene.hpp"
 
 namespace gflow {
 namespace {

@@ -2,9 +2,9 @@
 // A camera that turns before a wall at rest: all flow is the camera's.
 #include <fmt/format.h>
 
-#include "optim/train/evaluation.hpp"
-#include "optim/train/views.hpp"
-#include "train/small_scene.hpp"
+#include "optim/eval/evaluation.hpp"
+#include "optim/model/views.hpp"
+#include "tests/support/small_scene.hpp"
 
 namespace gflow {
 namespace {

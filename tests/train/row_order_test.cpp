@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "optim/density/order.hpp"
-#include "train/small_scene.hpp"
+#include "tests/support/small_scene.hpp"
 
 namespace gflow {
 namespace {

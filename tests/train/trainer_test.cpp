@@ -3,10 +3,10 @@
 
 #include <set>
 
-#include "compare.hpp"
-#include "device_scene.hpp"
 #include "optim/density/memory.hpp"
-#include "train/on_one_scene.hpp"
+#include "optim/reference/device_scene.hpp"
+#include "tests/support/compare.hpp"
+#include "tests/support/on_one_scene.hpp"
 
 namespace gflow {
 namespace {

@@ -6,9 +6,9 @@
 #include "apps/stress/differences.hpp"
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
+#include "apps/stress/training/request.hpp"
 #include "optim/guidance/analytic.hpp"
 #include "optim/guidance/sds.hpp"
-#include "tests/guidance/request.hpp"
 
 namespace gflow::stress {
 

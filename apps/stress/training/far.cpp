@@ -4,9 +4,9 @@
 #include "apps/stress/device_maths.hpp"
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
-#include "optim/train/renderer.hpp"
-#include "optim/train/slice.hpp"
-#include "tests/train/far_scene.hpp"
+#include "apps/stress/training/far_scene.hpp"
+#include "optim/model/renderer.hpp"
+#include "optim/model/slice.hpp"
 
 namespace gflow::stress {
 namespace {

@@ -7,9 +7,9 @@
 #include "apps/stress/figures.hpp"
 #include "apps/stress/poisoned.hpp"
 #include "apps/stress/stress.hpp"
-#include "optim/train/renderer.hpp"
-#include "tests/scenes.hpp"
-#include "tests/train/small_training.hpp"
+#include "apps/stress/training/small_training.hpp"
+#include "optim/model/renderer.hpp"
+#include "optim/reference/scenes.hpp"
 
 namespace gflow::stress {
 namespace {

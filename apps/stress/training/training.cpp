@@ -7,8 +7,8 @@
 
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
-#include "optim/train/roll_back.hpp"
-#include "tests/train/small_training.hpp"
+#include "apps/stress/training/small_training.hpp"
+#include "optim/runs/roll_back.hpp"
 
 namespace gflow::stress {
 namespace {

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/common/command_line.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "runtime/base/decimal.hpp"
+#include "runtime/base/edit_distance.hpp"
+#include "runtime/base/error.hpp"
+
+namespace gflow {
+namespace {
+
+// "a, b or c"
+std::string listing(const std::vector<std::string>& words) {
+  std::string text;
+  for (size_t i = 0; i < words.size(); ++i)
+    text += (i == 0 ? "" : i + 1 < words.size() ? ", " : " or ") + words[i];
+  return text;
+}
+
+// ", the nearest is b" if there is one that is not far.
+std::string nearest(const std::string& word, const std::vector<std::string>& words) {
+  const std::string& best = *std::min_element(
+      words.begin(), words.end(), [&](const std::string& a, const std::string& b) {
+        return edit_distance(word, a) < edit_distance(word, b);
+      });
+  return 2 * edit_distance(word, best) <= word.size() ? ", the nearest is " + best : "";
+}
+
+// The command that was understood, as far as it was: gflow, gflow train, gflow bench raster.
+std::vector<const CLI::App*> understood(const CLI::App& app) {
+  std::vector<const CLI::App*> path{&app};
+  while (!path.back()->get_subcommands().empty())
+    path.push_back(path.back()->get_subcommands().back());
+  return path;
+}
+
+std::string full_name(const std::vector<const CLI::App*>& path) {
+  std::string name;
+  for (const CLI::App* app : path) name += (name.empty() ? "" : " ") + app->get_name();
+  return name;
+}
+
+// --long, or -s where there is no long name; those of all apps, because they fall through.
+std::vector<std::string> option_names(const std::vector<const CLI::App*>& path) {
+  std::vector<std::string> names;
+  for (const CLI::App* app : path)
+    for (const CLI::Option* option : app->get_options())
+      if (!option->get_positional()) names.push_back(option->get_name());
+  return names;
+}
+
+std::string unknown_command(const std::vector<const CLI::App*>& path, const std::string& word,
+                            const std::vector<std::string>& commands) {
+  const std::string name = full_name(path);
+  if (word.empty())
+    return fmt::format("a command is missing: {} {}; `{} --help` explains them", name,
+                       listing(commands), name);
+  return fmt::format("there is no command `{} {}`{}: choose {}", name, word,
+                     nearest(word, commands), listing(commands));
+}
+
+std::string without_prefix(const std::string& text, const std::string& prefix) {
+  return text.rfind(prefix, 0) == 0 ? text.substr(prefix.size()) : text;
+}
+
+bool is_option(const std::string& word) { return word.size() > 1 && word[0] == '-'; }
+
+}  // namespace
+
+CLI::Validator choice_of(std::vector<std::string> words) {
+  return CLI::Validator(
+      [words = std::move(words)](std::string& value) {
+        const bool known = std::find(words.begin(), words.end(), value) != words.end();
+        return known ? "" : fmt::format("'{}' is not known: choose {}", value, listing(words));
+      },
+      "");
+}
+
+CLI::Validator number_in(double low, double high) {
+  return CLI::Validator(
+      [low, high](std::string& text) {
+        const auto value = decimal_number(text);
+        const bool in_range = value && *value >= low && *value <= high;
+        return in_range ? "" : fmt::format("'{}' is no number from {} to {}", text, low, high);
+      },
+      "");
+}
+
+CLI::Validator zero_or_in(double low, double high) {
+  return CLI::Validator(
+      [low, high](std::string& text) {
+        const auto value = decimal_number(text);
+        const bool fits = value && (*value == 0 || (*value >= low && *value <= high));
+        return fits ? ""
+                    : fmt::format("'{}' is not 0 and no number from {} to {}", text, low, high);
+      },
+      "");
+}
+
+CLI::Validator path_given() {
+  return CLI::Validator(
+      [](std::string& path) { return path.empty() ? "the path is empty; name one" : ""; }, "");
+}
+
+CLI::Validator list_entry() {
+  return CLI::Validator(
+      [](std::string& entry) {
+        const bool option = entry.size() > 1 && entry[0] == '-' && !std::isdigit(uint8_t(entry[1]));
+        return option ? fmt::format("'{}' is an option, expected is an entry of the list", entry)
+                      : "";
+      },
+      "");
+}
+
+std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
+  const std::vector<const CLI::App*> path = understood(app);
+  std::vector<std::string> commands;
+  for (const CLI::App* command : path.back()->get_subcommands({}))
+    commands.push_back(command->get_name());
+  const std::vector<std::string> extras = app.remaining(true);
+  const auto word = std::find_if_not(extras.begin(), extras.end(), is_option);
+  const bool missing = extras.empty() && dynamic_cast<const CLI::RequiredError*>(&problem);
+  if (!commands.empty() && (word != extras.end() || missing))
+    return unknown_command(path, word == extras.end() ? "" : *word, commands);
+  const std::string name = full_name(path);
+  if (dynamic_cast<const CLI::ConversionError*>(&problem))
+    return fmt::format("{}: that is no number the option can take (see `{} --help`)",
+                       without_prefix(problem.what(), "Could not convert: "), name);
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&problem)) {
+    const std::string said = problem.what(), option = said.substr(0, said.find(':'));
+    if (said.find(": At Most 1 required") == option.size())
+      return fmt::format("{} is given twice (see `{} --help`)", option, name);
+  }
+  if (extras.empty()) return fmt::format("{} (see `{} --help`)", problem.what(), name);
+  if (!is_option(extras[0]))
+    return fmt::format("`{}` does not know what to do with '{}'", name, extras[0]);
+  const std::string option = extras[0].substr(0, extras[0].find('='));
+  return fmt::format("`{}` has no option {}{} (see `{} --help`)", name, option,
+                     nearest(option, option_names(path)), name);
+}
+
+}  // namespace gflow

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// In PoCL's folder a file gflow-HASH says that such a rehearsal came to its end, and whoever is at
+// one holds the lock of gflow.lock.
+#include "apps/common/compile_ahead.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sched.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+
+#include "optim/train/warm_up.hpp"
+#include "runtime/base/hash.hpp"
+#include "runtime/cl/environment.hpp"
+#include "runtime/cl/kernel_sources.hpp"
+#include "runtime/cl/pocl_cache.hpp"
+#include "runtime/files/file_lock.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+
+// That this process may use.
+int cores() {
+  cpu_set_t set;
+  return ::sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
+}
+
+// By the kernels, the device, and the settings that choose among them or are compiled into them.
+fs::path mark_of(const std::string& device, const TrainConfig& config) {
+  uint64_t needs = hash(device);
+  for (const auto& [file, text] : kernel_sources()) needs = hash(text, needs);
+  for (const auto& [name, value] : setting_values(config))
+    for (const char* section : {"density.", "flow.", "hexplane.", "motion.", "skip."})
+      if (name.rfind(section, 0) == 0) needs = hash(name + value, needs);
+  return pocl_cache_folder() / fmt::format("gflow-{:016x}", needs);
+}
+
+// Leaves no trace in terminals, pipes, locks and handlers of the first.
+void become_second(pid_t first) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  const int nowhere = ::open("/dev/null", O_RDWR);
+  if (::getppid() != first || nowhere < 0) ::_exit(0);
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) ::dup2(nowhere, stream);
+  ::close_range(3, ~0u, 0);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP})
+    if (std::signal(signal, SIG_DFL) == SIG_IGN) std::signal(signal, SIG_IGN);  // nohup
+  ::setpriority(PRIO_PROCESS, 0, 19);
+}
+
+void compile(const std::string& device, const TrainConfig& config, const fs::path& mark) {
+  try {
+    const cl::Device found = find_device(device);
+    if (!is_pocl(device_info(found))) return;
+    const FileLock alone(mark.parent_path() / "gflow.lock", "PoCL's programs");
+    if (fs::exists(mark)) return;
+    Queue queue(found);
+    rehearse(queue, config);
+    std::ofstream(mark, std::ios::app);
+  } catch (...) {  // another is at it; or the first process will come to whatever it is
+  }
+}
+
+}  // namespace
+
+CompileAhead::CompileAhead(const std::string& device, const TrainConfig& config) {
+  const char* kernels = std::getenv("GFLOW_KERNEL_DIR");  // which somebody is changing
+  if (!is_wanted("GFLOW_COMPILE_AHEAD", true) || (kernels && *kernels) || cores() < 2) return;
+  const fs::path mark = mark_of(device, config);
+  std::error_code problem;
+  if (fs::exists(mark, problem)) return;
+  const pid_t first = ::getpid();
+  pid_ = ::fork();
+  if (pid_ != 0) return;
+  become_second(first);
+  compile(device, config, mark);
+  ::_exit(0);
+}
+
+CompileAhead::~CompileAhead() {
+  if (pid_ < 0) return;
+  ::kill(pid_, SIGKILL);
+  while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
+  }
+}
+
+}  // namespace gflow

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/common/model_source.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "apps/common/command_line.hpp"
+#include "runtime/base/tell.hpp"
+
+namespace gflow {
+
+ModelSource model_source(const std::string& run_or_file, int iteration) {
+  if (!std::filesystem::is_directory(run_or_file)) {
+    require_no_iteration(iteration, run_or_file);
+    return {run_or_file, read_model(run_or_file), "", std::nullopt, {}};
+  }
+  const RunFolder run = RunFolder::open(run_or_file);
+  RunState state = read_run_state(run, iteration);
+  return {state.path, std::move(state.model), state.text(), run, std::move(state.config)};
+}
+
+void add_iteration(CLI::App& command, int& iteration) {
+  command
+      .add_option("--iteration", iteration,
+                  "Of a run, this iteration, of which it has a point_cloud/iteration_N or a "
+                  "checkpoint; without it the latest")
+      ->type_name("N")
+      ->default_str("")
+      ->check(number_in(0, 2147483647));
+}
+
+void require_no_iteration(int iteration, const std::string& path) {
+  if (iteration != latest_iteration)
+    throw Error(fmt::format("--iteration {} chooses among those of a run folder, and {} is none",
+                            iteration, path));
+}
+
+void print_state(const std::string& state) {
+  if (!state.empty()) show("model     {}\n", state);
+}
+
+}  // namespace gflow

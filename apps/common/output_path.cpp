@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/common/output_path.hpp"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "optim/runs/run_names.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/files/atomic_file.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The run among whose files the path lies, empty where there is none. itself: also a run's folder.
+fs::path run_around(const std::string& path, bool itself) {
+  std::string inner;  // what is next on the way from `folder` to the path
+  for (fs::path folder = fs::weakly_canonical(path); folder.has_relative_path();
+       inner = folder.filename().string(), folder = folder.parent_path())
+    if ((inner.empty() ? itself : is_name_of_training(inner)) && is_made_by_training(folder))
+      return folder;
+  return {};
+}
+
+}  // namespace
+
+void require_other_file(const std::string& output, const std::string& input) {
+  std::error_code missing;
+  if (fs::equivalent(output, input, missing))
+    throw Error(fmt::format("writing {}: that is the file it is made from; name another", output));
+}
+
+void require_no_file_of_run(const std::string& output) {
+  const fs::path run = run_around(output, false);
+  if (!run.empty())
+    throw Error(
+        fmt::format("writing {}: that is among what a training writes into {}; name another "
+                    "file",
+                    output, run.string()));
+}
+
+// Tried as it will be done, up to the last step: that root may write everywhere does not help where
+// a file stands for a folder, or in /proc.
+void require_writable(const std::string& option, const std::string& path) {
+  if (path.empty()) return;
+  require_no_file_of_run(path);
+  struct Tried {};
+  try {
+    replace_file(path, [&](const std::string& temporary) {
+      if (!(std::ofstream(temporary) << ' ' << std::flush)) throw Error(std::strerror(errno));
+      throw Tried{};
+    });
+  } catch (const Tried&) {
+  } catch (const Error& problem) {
+    throw Error(
+        fmt::format("{} {}: no file can be written there: {}", option, path, problem.what()));
+  }
+}
+
+void require_no_folder_of_run(const std::string& output) {
+  const fs::path run = run_around(output, true);
+  if (!run.empty())
+    throw Error(
+        fmt::format("writing into {}: there lie the files of a run; name a folder of its "
+                    "own, {} say",
+                    output, (run / "pictures").string()));
+}
+
+}  // namespace gflow

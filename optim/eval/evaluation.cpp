@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/eval/evaluation.hpp"
+
+#include <cmath>
+#include <utility>
+
+#include "optim/eval/metric_networks.hpp"
+#include "optim/eval/metrics.hpp"
+#include "optim/eval/pictures.hpp"
+#include "optim/flow/estimated_flow.hpp"
+#include "optim/scene/true_depth.hpp"
+#include "runtime/base/warning.hpp"
+#include "shared/loss.h"
+
+namespace gflow {
+namespace {
+
+constexpr double kMoving = 1;  // [px] a pixel counts as dynamic above this
+constexpr size_t kMostWithDis = 30;
+
+// The flow a view is compared with: planes [2, H, W], where it is known, where it moves, and what
+// is seen at both times.
+struct Reference {
+  std::vector<float> planes;
+  std::vector<uint8_t> known, moving, seen;
+  double time = 0;              // it leads to this time [0, 1]
+  const Frame* next = nullptr;  // the picture it leads to; null: none of those that are judged
+  bool true_flow = false;       // that of a camera at rest
+
+  bool empty() const { return planes.empty(); }
+};
+
+std::vector<float> planes_of(const FlowField& flow) {
+  const size_t pixels = flow.uv.size() / 2;
+  std::vector<float> planes(flow.uv.size());
+  for (size_t i = 0; i < pixels; ++i) {
+    planes[i] = flow.uv[2 * i];
+    planes[pixels + i] = flow.uv[2 * i + 1];
+  }
+  return planes;
+}
+
+Reference reference_of(const TeacherFlow& teacher, bool truth) {
+  Reference r;
+  r.true_flow = truth;
+  r.planes = planes_of(teacher.flow);
+  r.known = truth ? teacher.flow.valid : teacher.confidence;
+  r.seen = teacher.confidence;
+  const size_t pixels = r.known.size();
+  r.moving.resize(pixels);
+  const auto too_large = [](float x) { return std::fabs(x) > TEACHER_LIMIT; };  // as training
+  for (size_t i = 0; i < pixels; ++i) {
+    if (too_large(r.planes[i]) || too_large(r.planes[pixels + i])) r.known[i] = 0;
+    r.moving[i] = r.known[i] && std::hypot(r.planes[i], r.planes[pixels + i]) > kMoving;
+  }
+  return r;
+}
+
+// For each frame the track's next one among `frames`, or null; no further than max_gap steps.
+std::vector<const Frame*> followers(const std::vector<Frame>& frames, int max_gap) {
+  std::vector<const Frame*> next(frames.size(), nullptr);
+  for (size_t i = 0; i < frames.size(); ++i)
+    for (const Frame& other : frames)
+      if (other.track == frames[i].track && other.time > frames[i].time &&
+          other.step - frames[i].step <= max_gap && (!next[i] || other.time < next[i]->time))
+        next[i] = &other;
+  return next;
+}
+
+double mean_of(const std::vector<ViewFigures>& views, double ViewFigures::*figure) {
+  double sum = 0;
+  size_t count = 0;
+  for (const ViewFigures& view : views)
+    if (std::isfinite(view.*figure)) {
+      sum += view.*figure;
+      ++count;
+    }
+  return count ? sum / double(count) : kNoFigure;
+}
+
+// No pixel selected is no figure; an empty mask would mean all of them.
+bool any(const std::vector<uint8_t>& mask) {
+  for (const uint8_t m : mask)
+    if (m) return true;
+  return false;
+}
+
+// Goes through the views in their order.
+class Judge {
+ public:
+  Judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
+        const std::vector<Frame>& frames, const std::string& folder, const std::string& flow_folder)
+      : queue_(queue),
+        model_(model),
+        config_(config),
+        frames_(frames),
+        folder_(folder),
+        store_(*loaded.frames),
+        dis_(loaded.scene, store_, flow_folder, warn),
+        networks_(config.metrics),
+        renderer_(queue, engine_settings(config)),
+        next_(followers(frames, config.flow.max_gap)),
+        stride_((frames.size() + kMostWithDis - 1) / kMostWithDis) {
+    result_.flow_reference = "none";
+    result_.trained_on = are_trained_on(loaded.scene, frames);
+    result_.lpips_model = config.metrics.lpips;
+    result_.clip_model = config.metrics.clip;
+  }
+
+  void look_at(size_t i) {
+    const Frame& frame = frames_[i];
+    const Camera& camera = store_.camera(frame);
+    Reference reference = reference_of_view(i);
+    draw(frame, camera, reference);
+    const Picture truth =
+        Picture::from_bytes(camera.width, camera.height, store_.rgb(frame)->pixels);
+    const std::vector<float> planes = renderer_.images().rgb.read(queue_);
+    const Picture picture = Picture::from_planes(camera.width, camera.height, planes);
+    if (!folder_.empty())
+      write_png(folder_ + "/" + frame.name + ".png",
+                picture_of_rgb(camera.width, camera.height, planes));
+
+    ViewFigures view;
+    view.name = frame.name;
+    view.step = frame.step;
+    judge_picture(view, picture, truth, reference);
+    judge_flow(view, reference, i);
+    if (!frame.depth_path.empty())
+      view.depth_error =
+          depth_error(renderer_.images().depth.read(queue_), renderer_.images().alpha.read(queue_),
+                      read_true_depth(frame, camera.width, camera.height));
+    networks_.judge(view, picture, truth);
+    result_.views.push_back(view);
+    judge_flicker(frame, picture, truth, std::move(reference));
+  }
+
+  Evaluation result() {
+    for (const auto& [name, figure] : view_figures())
+      result_.mean.*figure = mean_of(result_.views, figure);
+    return result_;
+  }
+
+ private:
+  // What the next view needs of the one before it.
+  struct Before {
+    Reference reference;
+    std::vector<float> error;
+    int width = 0, height = 0;
+  };
+
+  bool with_dis(size_t i) const { return config_.flow.enabled && i % stride_ == 0; }
+
+  Reference reference_of_view(size_t i) {
+    const Frame& frame = frames_[i];
+    if (!frame.flow_path.empty()) {
+      const Camera& camera = store_.camera(frame);
+      Reference reference = reference_of(read_true_flow(frame, camera.width, camera.height), true);
+      reference.time = frame.flow_time;
+      if (next_[i] && next_[i]->camera == frame.camera &&
+          std::abs(next_[i]->time - frame.flow_time) < 1e-6)
+        reference.next = next_[i];
+      result_.flow_reference = "true";
+      return reference;
+    }
+    if (!next_[i] || !with_dis(i)) return {};
+    Reference reference = reference_of(dis_.teacher(frame, *next_[i]), false);
+    reference.time = next_[i]->time;
+    reference.next = next_[i];
+    if (result_.flow_reference == "none") result_.flow_reference = "dis";
+    return reference;
+  }
+
+  void draw(const Frame& frame, const Camera& camera, const Reference& reference) {
+    const bool moves = reference.next && !reference.true_flow;  // the camera may have
+    const float level = float(shown_level(config_.scene.background)) / 255;
+    Shot shot;
+    shot.view.camera = pinhole(camera, config_.render.near);
+    shot.view.camera_t2 =
+        pinhole(store_.camera(moves ? *reference.next : frame), config_.render.near);
+    shot.time = frame.time;
+    shot.time_t2 = reference.time;
+    shot.flow = !reference.empty();
+    shot.depth = !frame.depth_path.empty();
+    shot.background = {level, level, level};
+    renderer_.forward(queue_, model_, shot);
+  }
+
+  static void judge_picture(ViewFigures& view, const Picture& picture, const Picture& truth,
+                            const Reference& reference) {
+    const std::vector<double> similarity = ssim_map(picture, truth);
+    view.psnr = psnr(picture, truth);
+    view.ssim = mean_of_map(similarity);
+    if (!any(reference.moving)) return;
+    view.psnr_dynamic = psnr(picture, truth, reference.moving);
+    view.ssim_dynamic = mean_of_map(similarity, reference.moving);
+  }
+
+  void judge_flow(ViewFigures& view, const Reference& reference, size_t i) {
+    if (!any(reference.known)) return;
+    const std::vector<float> flow = renderer_.images().flow.read(queue_);
+    const FlowMetrics known = flow_metrics(flow, reference.planes, reference.known);
+    view.flow_epe = known.epe;
+    view.fl_all = known.fl_all;
+    if (!any(reference.moving)) return;
+    view.flow_epe_dynamic = flow_metrics(flow, reference.planes, reference.moving).epe;
+    if (reference.true_flow && with_dis(i) && next_[i] && next_[i]->camera == frames_[i].camera)
+      view.teacher_epe_dynamic = flow_metrics(planes_of(dis_.vectors(frames_[i], *next_[i])),
+                                              reference.planes, reference.moving)
+                                     .epe;
+  }
+
+  // That of the view before, which is known when its next one is drawn.
+  void judge_flicker(const Frame& frame, const Picture& picture, const Picture& truth,
+                     Reference&& reference) {
+    const bool follows = before_ && before_->reference.next == &frame &&
+                         before_->width == truth.width && before_->height == truth.height;
+    if (!follows && !reference.next) return before_.reset();
+    std::vector<float> error = difference(picture, truth);
+    if (follows && any(before_->reference.seen))
+      result_.views[result_.views.size() - 2].flicker =
+          flicker(before_->error, error, truth.width, truth.height, before_->reference.planes,
+                  before_->reference.seen);
+    before_ = Before{std::move(reference), std::move(error), truth.width, truth.height};
+  }
+
+  Queue& queue_;
+  Model& model_;
+  const TrainConfig& config_;
+  const std::vector<Frame>& frames_;
+  const std::string& folder_;
+  FrameStore& store_;
+  const FlowBetween dis_;
+  JudgingNetworks networks_;
+  Renderer renderer_;
+  const std::vector<const Frame*> next_;
+  const size_t stride_;  // of the views that get DIS
+  std::optional<Before> before_;
+  Evaluation result_;
+};
+
+}  // namespace
+
+const std::vector<NamedFigure>& view_figures() {
+  static const std::vector<NamedFigure> figures{
+      {"psnr", &ViewFigures::psnr},
+      {"ssim", &ViewFigures::ssim},
+      {"psnr_dynamic", &ViewFigures::psnr_dynamic},
+      {"ssim_dynamic", &ViewFigures::ssim_dynamic},
+      {"flow_epe", &ViewFigures::flow_epe},
+      {"flow_epe_dynamic", &ViewFigures::flow_epe_dynamic},
+      {"fl_all", &ViewFigures::fl_all},
+      {"teacher_epe_dynamic", &ViewFigures::teacher_epe_dynamic},
+      {"depth_error", &ViewFigures::depth_error},
+      {"flicker", &ViewFigures::flicker},
+      {"lpips", &ViewFigures::lpips},
+      {"clip", &ViewFigures::clip}};
+  return figures;
+}
+
+Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config,
+                    const LoadedScene& loaded, const std::vector<Frame>& frames,
+                    const ProgressCallback& progress, const std::string& folder,
+                    const std::string& flow_folder) {
+  Judge judge(queue, model, config, loaded, frames, folder, flow_folder);
+  for (size_t i = 0; i < frames.size(); ++i) {
+    judge.look_at(i);
+    if (progress) progress(i + 1, frames.size());
+  }
+  return judge.result();
+}
+
+}  // namespace gflow

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+// The .npy format: "\x93NUMPY", version, header length, a Python dictionary as text, then the
+// values. The file's length is compared with the header's promise before any value is copied.
+#include "optim/formats/npy.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <string_view>
+
+#include "runtime/base/error.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr char magic[] = "\x93NUMPY";
+
+// What the header's dictionary says.
+struct NpyHeader {
+  std::string descr;
+  bool fortran = false;
+  std::vector<size_t> shape;
+  size_t length = 0;  // bytes before the first value
+};
+
+[[noreturn]] void refuse_array(const std::string& name, const std::string& why) {
+  throw Error(fmt::format("cannot read array {}: {}", name, why));
+}
+
+std::string_view without_blanks(std::string_view text) {
+  return text.substr(std::min(text.find_first_not_of(" \t\n\r\v\f"), text.size()));
+}
+
+// What stands behind 'key': in a dictionary; "" without it.
+std::string_view value_of(std::string_view dictionary, std::string_view key) {
+  const size_t at = dictionary.find(fmt::format("'{}'", key));
+  if (at == dictionary.npos) return "";
+  const std::string_view rest = without_blanks(dictionary.substr(at + key.size() + 2));
+  return rest.substr(0, 1) == ":" ? without_blanks(rest.substr(1)) : "";
+}
+
+// What stands before `end` in a text that begins with `begin`; "" where it is not so.
+std::string_view between(char begin, std::string_view text, char end) {
+  const size_t stop = text.find(end, 1);
+  return text.empty() || text[0] != begin || stop == text.npos ? "" : text.substr(1, stop - 1);
+}
+
+// "3, 4" or "3," or "".
+std::vector<size_t> parse_shape(std::string_view text, const std::string& name) {
+  std::vector<size_t> shape;
+  for (size_t at = text.find_first_of("0123456789"); at < text.size();) {
+    const size_t end = std::min(text.find_first_not_of("0123456789", at), text.size());
+    if (end - at > 15) refuse_array(name, fmt::format("its shape ({}) is too large", text));
+    shape.push_back(std::stoull(std::string(text.substr(at, end - at))));
+    at = text.find_first_of("0123456789", end);
+  }
+  return shape;
+}
+
+NpyHeader parse_header(const uint8_t* bytes, size_t length, const std::string& name) {
+  if (length < 10 || std::memcmp(bytes, magic, 6) != 0)
+    refuse_array(name, "it does not begin like a .npy file");
+  const int version = bytes[6];
+  if (version < 1 || version > 3)
+    refuse_array(name, fmt::format("it has format version {}, known are 1 to 3", version));
+  const size_t start = version == 1 ? 10 : 12;
+  if (length < start) refuse_array(name, "it is truncated within its header");
+  size_t text_length = bytes[8] | size_t(bytes[9]) << 8;
+  if (version > 1) text_length |= size_t(bytes[10]) << 16 | size_t(bytes[11]) << 24;
+  constexpr size_t longest_header = 65536;  // NumPy's own have some hundred bytes
+  if (text_length > longest_header) refuse_array(name, "its header is longer than any of an array");
+  if (length - start < text_length) refuse_array(name, "it is truncated within its header");
+  const std::string_view text(reinterpret_cast<const char*>(bytes + start), text_length);
+
+  if (text.find("descr") == text.npos) refuse_array(name, "its header describes no array");
+  const std::string_view descr = between('\'', value_of(text, "descr"), '\'');
+  if (descr.empty() || descr.size() > 20)
+    refuse_array(name, "it holds records or objects, expected is one number type such as f4");
+  const std::string_view order = value_of(text, "fortran_order"), shape = value_of(text, "shape");
+  const std::string_view extents = between('(', shape, ')');
+  const bool fortran = order.substr(0, 4) == "True";
+  if ((!fortran && order.substr(0, 5) != "False") || shape.substr(0, 1) != "(" ||
+      shape.find(')') == shape.npos || extents.size() > 200 ||
+      extents.find_first_not_of("0123456789, ") != extents.npos)
+    refuse_array(name, "its header does not give order and shape (whole numbers from 0 on)");
+  return {std::string(descr), fortran, parse_shape(extents, name), start + text_length};
+}
+
+// Product of shape. Error when it exceeds what size_t can count in bytes.
+size_t count(const std::vector<size_t>& shape, const std::string& name) {
+  size_t n = 1;
+  bool empty = false;
+  for (size_t extent : shape) {
+    empty |= extent == 0;
+    if (extent && n > std::numeric_limits<size_t>::max() / 16 / extent)
+      refuse_array(name, fmt::format("its shape ({}) is too large", fmt::join(shape, ", ")));
+    n *= extent ? extent : 1;
+  }
+  return empty ? 0 : n;
+}
+
+template <class T>
+Array take(const NpyHeader& header, const uint8_t* bytes, size_t length, const std::string& name) {
+  const size_t n = count(header.shape, name);
+  if (length - header.length != n * sizeof(T))
+    refuse_array(name, fmt::format("it has {} bytes of values, its shape ({}) of {} needs {}",
+                                   length - header.length, fmt::join(header.shape, ", "),
+                                   header.descr, n * sizeof(T)));
+  std::vector<T> values(n);
+  if (n) std::memcpy(values.data(), bytes + header.length, n * sizeof(T));
+  return {header.shape, std::move(values)};
+}
+
+// What `take` returns for the type of the header's elements, whose values it gets as T{}.
+template <class Take>
+auto by_type(const NpyHeader& header, const std::string& name, Take&& take) {
+  if (header.fortran)
+    refuse_array(name, "it is in Fortran order; save it with numpy.ascontiguousarray");
+  const std::string& d = header.descr;
+  if (d == "<f4") return take(float{});
+  if (d == "<f8") return take(double{});
+  if (d == "|i1") return take(int8_t{});
+  if (d == "|u1" || d == "|b1") return take(uint8_t{});
+  if (d == "<i2") return take(int16_t{});
+  if (d == "<u2") return take(uint16_t{});
+  if (d == "<i4") return take(int32_t{});
+  if (d == "<u4") return take(uint32_t{});
+  if (d == "<i8") return take(int64_t{});
+  refuse_array(name, fmt::format("its elements are {}, known are f4 f8 i1 i2 i4 i8 u1 u2 u4 b1, "
+                                 "little-endian",
+                                 d));
+}
+
+template <class T>
+constexpr const char* descr_of() {
+  if constexpr (std::is_same_v<T, float>) return "<f4";
+  if constexpr (std::is_same_v<T, double>) return "<f8";
+  if constexpr (std::is_same_v<T, int8_t>) return "|i1";
+  if constexpr (std::is_same_v<T, uint8_t>) return "|u1";
+  if constexpr (std::is_same_v<T, int16_t>) return "<i2";
+  if constexpr (std::is_same_v<T, uint16_t>) return "<u2";
+  if constexpr (std::is_same_v<T, int32_t>) return "<i4";
+  if constexpr (std::is_same_v<T, uint32_t>) return "<u4";
+  if constexpr (std::is_same_v<T, int64_t>) return "<i8";
+}
+
+template <class T>
+std::vector<T> converted(const Array& array) {
+  return std::visit(
+      [](const auto& values) {
+        std::vector<T> result(values.size());
+        for (size_t i = 0; i < values.size(); ++i) result[i] = static_cast<T>(values[i]);
+        return result;
+      },
+      array.values);
+}
+
+}  // namespace
+
+size_t Array::size() const {
+  return std::visit([](const auto& held) { return held.size(); }, values);
+}
+
+std::vector<float> Array::as_float() const { return converted<float>(*this); }
+std::vector<double> Array::as_double() const { return converted<double>(*this); }
+std::vector<int32_t> Array::as_int() const { return converted<int32_t>(*this); }
+
+std::string Array::shape_text() const {
+  return fmt::format("({}{})", fmt::join(shape, ", "), shape.size() == 1 ? "," : "");
+}
+
+Array parse_npy(const uint8_t* bytes, size_t length, const std::string& name) {
+  const NpyHeader header = parse_header(bytes, length, name);
+  return by_type(header, name,
+                 [&](auto type) { return take<decltype(type)>(header, bytes, length, name); });
+}
+
+size_t npy_length(const uint8_t* bytes, size_t length, const std::string& name) {
+  const NpyHeader header = parse_header(bytes, length, name);
+  return by_type(header, name, [&](auto type) {
+    return header.length + count(header.shape, name) * sizeof(type);
+  });
+}
+
+Bytes npy_bytes(const Array& array) {
+  return std::visit(
+      [&](const auto& values) {
+        using T = typename std::decay_t<decltype(values)>::value_type;
+        if (count(array.shape, "to write") != values.size())
+          throw Error(fmt::format("cannot write array: shape {} does not have {} values",
+                                  array.shape_text(), values.size()));
+        std::string text = fmt::format("{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}",
+                                       descr_of<T>(), array.shape_text());
+        // Values start at a multiple of 64 bytes; the text ends with a newline (format 1.0).
+        text.append(63 - (10 + text.size()) % 64, ' ');
+        text += '\n';
+        Bytes bytes(magic, magic + 6);
+        bytes.insert(bytes.end(), {1, 0, uint8_t(text.size() & 255), uint8_t(text.size() >> 8)});
+        bytes.insert(bytes.end(), text.begin(), text.end());
+        const auto* first = reinterpret_cast<const uint8_t*>(values.data());
+        bytes.insert(bytes.end(), first, first + values.size() * sizeof(T));
+        return bytes;
+      },
+      array.values);
+}
+
+Array read_npy(const std::string& path) {
+  const Bytes bytes = read_file_or_gzip(path, [&](const Bytes& beginning) {
+    return npy_length(beginning.data(), beginning.size(), path);
+  });
+  return parse_npy(bytes.data(), bytes.size(), path);
+}
+
+void write_npy(const std::string& path, const Array& array) {
+  write_file_atomically(path, npy_bytes(array));
+}
+
+}  // namespace gflow

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// The header of a PLY, and the values of its rows one after another.
+#pragma once
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "runtime/files/file_pieces.hpp"
+
+namespace gflow {
+
+enum class PlyType { i8, u8, i16, u16, i32, u32, f32, f64 };
+inline bool is_real(PlyType type) { return type == PlyType::f32 || type == PlyType::f64; }
+
+struct PlyProperty {
+  std::string name;
+  PlyType type;
+  bool is_list = false;
+  PlyType length_type = PlyType::u8;  // of a list
+};
+
+struct PlyElementHeader {
+  std::string name;
+  size_t rows = 0;
+  std::vector<PlyProperty> properties;
+};
+
+struct PlyHeader {
+  bool ascii = false;
+  std::vector<PlyElementHeader> elements;
+  std::vector<std::string> comments;  // without the word "comment"
+};
+
+// "cannot read PLY PATH: why".
+[[noreturn]] void refuse_ply(const std::string& path, const std::string& why);
+
+// A PLY from its header to its last row, a piece of the file at a time. Its elements are to be read
+// or skipped in their order. Everything that cannot be read is an Error that says where.
+class PlyRows {
+ public:
+  // Error when the file is missing, does not begin with the header of a PLY, or is big-endian.
+  explicit PlyRows(const std::string& path);
+
+  const PlyHeader& header() const { return header_; }
+
+  // Error when the rows of an element cannot be in what is left of the file, or it has a list: to
+  // be asked before memory is taken for them.
+  void require_rows(const PlyElementHeader& element) const;
+
+  // Calls row(const double* values) for each of its rows, values [properties], after require_rows.
+  // Error when the element is the last one and the file goes on behind it.
+  template <class Row>
+  void read(const PlyElementHeader& element, Row&& row) {
+    require_rows(element);
+    std::vector<double> values(element.properties.size());
+    for (size_t i = 0; i < element.rows; ++i) {
+      for (size_t c = 0; c < values.size(); ++c) values[c] = next(element.properties[c].type);
+      end_row();
+      row(values.data());
+    }
+    if (&element == &header_.elements.back()) require_end();
+  }
+
+  void skip(const PlyElementHeader& element);
+
+ private:
+  double next(PlyType type) { return header_.ascii ? next_word() : next_binary(type); }
+  double next_word();
+  double next_binary(PlyType type);
+  template <class T>
+  double take();
+  void end_row();
+  void require_end();
+  void step_over_blanks();
+  void skip_fixed(const PlyElementHeader& element);
+  [[noreturn]] void truncated() const;
+  [[noreturn]] void refuse_word(std::string_view text, const char* what) const;
+
+  FilePieces file_;
+  PlyHeader header_;
+  bool in_row_ = false;  // of a text, behind its first value
+};
+
+}  // namespace gflow

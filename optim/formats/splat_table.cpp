@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/formats/splat_table.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "optim/formats/compressed_ply.hpp"
+#include "optim/formats/dot_splat.hpp"
+#include "optim/formats/four_dgs.hpp"
+#include "optim/formats/spz.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "shared/sh.h"
+
+namespace gflow {
+namespace {
+
+constexpr double kOpacityEnd = 1e-6;
+
+void append_numbered(std::vector<std::string>& names, const std::string& stem, size_t count) {
+  for (size_t i = 0; i < count; ++i) names.push_back(stem + std::to_string(i));
+}
+
+// Formats that compute what they give: a NaN in the file must not get far.
+PlyTable finite(PlyTable table, const std::string& path) {
+  for (size_t i = 0; i < table.values.size(); ++i)
+    if (!std::isfinite(table.values[i]))
+      throw Error(fmt::format("reading {}: Gaussian {} has a value that is not finite ({})", path,
+                              i / table.names.size(), table.names[i % table.names.size()]));
+  return table;
+}
+
+}  // namespace
+
+SplatTable::SplatTable(size_t rows, int sh_degree, Normals normals)
+    : rest(size_t(3 * ((sh_degree + 1) * (sh_degree + 1) - 1))), normals(normals) {
+  table.rows = rows;
+  table.names = {"x", "y", "z"};
+  if (normals == Normals::zero) table.names.insert(table.names.end(), {"nx", "ny", "nz"});
+  append_numbered(table.names, "f_dc_", 3);
+  append_numbered(table.names, "f_rest_", rest);
+  table.names.push_back("opacity");
+  append_numbered(table.names, "scale_", 3);
+  append_numbered(table.names, "rot_", 4);
+  table.values.assign(rows * table.names.size(), 0.f);
+}
+
+SplatRow SplatTable::row(size_t i) {
+  float* mean = table.values.data() + i * table.names.size();
+  float* sh0 = mean + (normals == Normals::zero ? 6 : 3);
+  float* after = sh0 + 3 + rest;
+  return {mean, sh0, sh0 + 3, after, after + 1, after + 4};
+}
+
+int sh_degree_of(size_t rest_columns) {
+  for (int degree = 0; degree <= 3; ++degree)
+    if (rest_columns == size_t(3 * ((degree + 1) * (degree + 1) - 1))) return degree;
+  return -1;
+}
+
+int sh_degree_of(const PlyTable& table, const std::string& path) {
+  size_t columns = 0;
+  while (table.column("f_rest_" + std::to_string(columns)) >= 0) ++columns;
+  const auto named =
+      std::count_if(table.names.begin(), table.names.end(),
+                    [](const std::string& name) { return name.rfind("f_rest_", 0) == 0; });
+  if (size_t(named) != columns)
+    throw Error(fmt::format("reading {}: its {} f_rest columns are not f_rest_0 to f_rest_{}", path,
+                            named, named - 1));
+  const int degree = sh_degree_of(columns);
+  if (degree < 0)
+    throw Error(
+        fmt::format("reading {}: it has {} f_rest columns; spherical harmonics have 0, 9, "
+                    "24 or 45",
+                    path, columns));
+  return degree;
+}
+
+void require_property(const std::vector<std::string>& names, const std::string& name,
+                      const std::string& path) {
+  if (std::find(names.begin(), names.end(), name) == names.end())
+    throw Error(fmt::format(
+        "reading {}: property '{}' is missing, this is no PLY of trained Gaussians", path, name));
+}
+
+namespace {
+
+// Error where a column of the standard table is not among these.
+void require_columns(const std::vector<std::string>& names, int sh_degree,
+                     const std::string& path) {
+  for (const std::string& name : SplatTable(0, sh_degree, Normals::none).table.names)
+    require_property(names, name, path);
+}
+
+}  // namespace
+
+StandardRows::StandardRows(const PlyTable& table, const std::string& path)
+    : table_(table), sh_degree_(sh_degree_of(table, path)), head_(SplatTable(0, sh_degree_).table) {
+  require_columns(table.names, sh_degree_, path);
+  head_.rows = table.rows;
+  head_.origin = table.origin;
+  for (const std::string& name : head_.names) from_.push_back(table.column(name));
+}
+
+void StandardRows::copy(size_t i, float* values) const {
+  const float* row = table_.values.data() + i * table_.names.size();
+  for (const int from : from_) *values++ = from < 0 ? 0 : row[from];
+}
+
+SplatTable standard_table(const PlyTable& table, const std::string& path) {
+  const StandardRows rows(table, path);
+  SplatTable result(table.rows, rows.sh_degree());
+  result.table.origin = table.origin;
+  const size_t columns = result.table.names.size();
+  for (size_t i = 0; i < table.rows; ++i) rows.copy(i, &result.table.values[i * columns]);
+  return result;
+}
+
+float sh0_of_color(double color) { return float((color - 0.5) / SH_C0); }
+double color_of_sh0(double sh0) { return 0.5 + SH_C0 * sh0; }
+
+float logit_of_opacity(double opacity) {
+  const double inside = std::clamp(opacity, kOpacityEnd, 1 - kOpacityEnd);
+  return float(std::log(inside / (1 - inside)));
+}
+double opacity_of_logit(double logit) { return 1 / (1 + std::exp(-logit)); }
+
+SplatFormat splat_format(const std::string& path) {
+  require_file(path);
+  std::ifstream file(path, std::ios::binary);
+  char start[6] = {};
+  file.read(start, 5);
+  if (file.gcount() < 3) throw Error("cannot read " + path + ": it has less than three bytes");
+  if (is_four_dgs(start)) return SplatFormat::four_dgs;
+  const std::string first(start, 3);
+  if (first == "ply")
+    return is_compressed(ply_vertex_properties(path)) ? SplatFormat::compressed_ply
+                                                      : SplatFormat::ply;
+  if (first == "NGS" || first.substr(0, 2) == "\x1f\x8b") return SplatFormat::spz;
+  std::string extension = std::filesystem::path(path).extension().string();
+  for (char& c : extension) c = char(std::tolower(c));
+  if (extension == ".splat") return SplatFormat::splat;
+  throw Error(
+      fmt::format("cannot read {} as a splat: gflow reads .ply, compressed .ply, .splat, "
+                  ".spz (versions 2 and 3) and .4dgs",
+                  path));
+}
+
+PlyTable read_splats(const std::string& path) { return read_splats(path, splat_format(path)); }
+
+PlyTable read_splats(const std::string& path, SplatFormat format) {
+  if (format == SplatFormat::ply) {
+    require_columns(ply_vertex_properties(path), 0, path);  // before memory is taken for its rows
+    return read_ply(path);
+  }
+  if (format == SplatFormat::compressed_ply) return finite(read_compressed_ply(path), path);
+  if (format == SplatFormat::spz) return finite(read_spz(path), path);
+  if (format == SplatFormat::four_dgs)
+    throw Error(
+        fmt::format("{} is a .4dgs file, whose Gaussians move in a way of their own; `gflow import "
+                    "{} --time SECONDS -o now.ply` makes a PLY of one of its moments",
+                    path, path));
+  return finite(read_dot_splat(path), path);
+}
+
+}  // namespace gflow

@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures are resampled and written by OpenCV; it writes blue first: swapped here and nowhere
+// else.
+#include "optim/images/image.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <mutex>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "optim/images/decoded_image.hpp"
+#include "optim/images/image_header.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/base/warning.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/packed_size.hpp"
+
+namespace gflow {
+namespace {
+
+// A header over the picture's memory; OpenCV does not write to what is an input.
+cv::Mat as_mat(const Image& image) {
+  return cv::Mat(image.height, image.width, CV_8UC(image.channels),
+                 const_cast<uint8_t*>(image.pixels.data()));
+}
+
+Image from_mat(const cv::Mat& mat) {
+  Image image{mat.cols, mat.rows, mat.channels(), {}};
+  const cv::Mat packed = mat.isContinuous() ? mat : mat.clone();
+  image.pixels.assign(packed.data, packed.data + packed.total() * packed.elemSize());
+  return image;
+}
+
+// Its colours by one of OpenCV's conversions, straight into the picture: a large one is not there
+// three times.
+Image converted(const cv::Mat& mat, int channels, int conversion) {
+  Image image{mat.cols, mat.rows, channels, {}};
+  image.pixels.resize(mat.total() * size_t(channels));
+  cv::Mat header(image.height, image.width, CV_8UC(channels), image.pixels.data());
+  cv::cvtColor(mat, header, conversion);
+  return image;
+}
+
+void check_pixels(const Image& image, const std::string& doing) {
+  const size_t n = size_t(image.width) * size_t(image.height) * size_t(image.channels);
+  const bool channels = image.channels == 1 || image.channels == 3 || image.channels == 4;
+  if (image.width < 1 || image.height < 1 || !channels || image.pixels.size() != n)
+    throw Error(fmt::format("cannot {}: {}x{} pixels of {} channels are not {} bytes", doing,
+                            image.width, image.height, image.channels, image.pixels.size()));
+}
+
+// Of bytes that check_image_bytes has seen.
+DecodedPicture decode(const Bytes& bytes, const std::string& path) {
+  DecodedPicture picture = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
+  const std::string& why = picture.complaint;
+  if (picture.pixels.empty())
+    throw Error(fmt::format("cannot read picture {}: it is damaged ({})", path, why));
+  static std::mutex mutex;
+  static std::set<std::string> told;  // a picture may be decoded many times
+  const std::lock_guard<std::mutex> lock(mutex);
+  if (!why.empty() && told.insert(path).second)
+    warn(fmt::format("picture {} may be damaged ({}); it is used all the same", path, why));
+  return picture;
+}
+
+DecodedPicture read_picture(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  check_image_bytes(bytes, path);
+  return decode(bytes, path);
+}
+
+// A header over its memory.
+cv::Mat as_mat(DecodedPicture& picture) {
+  const int depth = picture.bits == 16 ? CV_16U : CV_8U;
+  return cv::Mat(picture.height, picture.width, CV_MAKETYPE(depth, picture.channels),
+                 picture.pixels.data());
+}
+
+cv::Mat as_8_bits(DecodedPicture& picture) {
+  const cv::Mat mat = as_mat(picture);
+  if (picture.bits == 8) return mat;
+  cv::Mat result;
+  mat.convertTo(result, CV_8U, 1 / 257.);  // 65535 -> 255, rounded
+  return result;
+}
+
+void write_mat(const std::string& path, const cv::Mat& mat) {
+  std::vector<uint8_t> bytes;
+  bool ok = false;
+  try {
+    ok = cv::imencode(".png", mat, bytes);
+  } catch (const cv::Exception& cause) {
+    throw Error(fmt::format("cannot encode {}: {}", path, cause.err));
+  }
+  if (!ok) throw Error(fmt::format("cannot encode {}: OpenCV has no PNG writer", path));
+  write_file_atomically(path, bytes);
+}
+
+// sample(in, out) on the picture; on colours times alpha where it has alpha, so that the hidden
+// colours of transparent pixels do not bleed in.
+template <class Sample>
+Image resampled(const Image& image, Sample sample) {
+  cv::Mat result;
+  if (image.channels != 4) {
+    sample(as_mat(image), result);
+    return from_mat(result);
+  }
+  cv::Mat mat;
+  as_mat(image).convertTo(mat, CV_32F);
+  mat.forEach<cv::Vec4f>([](cv::Vec4f& p, const int*) {
+    for (int c = 0; c < 3; ++c) p[c] *= p[3];
+  });
+  sample(mat, result);
+  result.forEach<cv::Vec4f>([](cv::Vec4f& p, const int*) {
+    for (int c = 0; c < 3; ++c) p[c] = p[3] > 0 ? p[c] / p[3] : 0;
+  });
+  result.convertTo(result, CV_8U);
+  return from_mat(result);
+}
+
+}  // namespace
+
+Image read_image(const std::string& path) {
+  DecodedPicture picture = read_picture(path);
+  if (picture.bits == 8 && picture.channels > 1)
+    return {picture.width, picture.height, picture.channels, std::move(picture.pixels)};
+  const cv::Mat mat = as_8_bits(picture);
+  return mat.channels() == 1 ? converted(mat, 3, cv::COLOR_GRAY2RGB) : from_mat(mat);
+}
+
+Image read_grey(const std::string& path) {
+  DecodedPicture picture = read_picture(path);
+  const cv::Mat mat = as_8_bits(picture);
+  if (mat.channels() == 1) return from_mat(mat);
+  return converted(mat, 1, mat.channels() == 4 ? cv::COLOR_RGBA2GRAY : cv::COLOR_RGB2GRAY);
+}
+
+Image over_background(Image image, std::array<uint8_t, 3> background) {
+  if (image.channels != 4) return image;
+  Image rgb{image.width, image.height, 3, {}};
+  const size_t n = image.pixels.size() / 4;
+  rgb.pixels.resize(3 * n);
+  for (size_t i = 0; i < n; ++i) {
+    const int alpha = image.pixels[4 * i + 3];
+    for (size_t c = 0; c < 3; ++c)
+      rgb.pixels[3 * i + c] =
+          uint8_t((image.pixels[4 * i + c] * alpha + background[c] * (255 - alpha) + 127) / 255);
+  }
+  return rgb;
+}
+
+Image resized(const Image& image, int width, int height) {
+  check_pixels(image, "resize a picture");
+  if (width == image.width && height == image.height) return image;
+  const bool shrinks = width <= image.width && height <= image.height;
+  const int filter = shrinks ? cv::INTER_AREA : cv::INTER_LINEAR;
+  return resampled(image, [&](const cv::Mat& in, cv::Mat& out) {
+    cv::resize(in, out, cv::Size(width, height), 0, 0, filter);
+  });
+}
+
+Image remapped(const Image& image, int width, int height, const std::vector<float>& from) {
+  check_pixels(image, "resample a picture");
+  // OpenCV's pixel centres are at whole numbers.
+  const cv::Mat map =
+      cv::Mat(height, width, CV_32FC2, const_cast<float*>(from.data())) - cv::Scalar(0.5, 0.5);
+  return resampled(image, [&](const cv::Mat& in, cv::Mat& out) {
+    cv::remap(in, out, map, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  });
+}
+
+void write_png(const std::string& path, const Image& image) {
+  check_pixels(image, "write " + path);
+  if (image.channels == 1) return write_mat(path, as_mat(image));
+  cv::Mat swapped;  // its own memory: in place would change the caller's picture
+  cv::cvtColor(as_mat(image), swapped,
+               image.channels == 4 ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
+  write_mat(path, swapped);
+}
+
+void write_png16(const std::string& path, int width, int height,
+                 const std::vector<uint16_t>& values) {
+  if (width < 1 || height < 1 || values.size() != size_t(width) * size_t(height))
+    throw Error(fmt::format("cannot write {}: {}x{} pixels are not {} values", path, width, height,
+                            values.size()));
+  write_mat(path, cv::Mat(height, width, CV_16UC1, const_cast<uint16_t*>(values.data())));
+}
+
+FlowField read_kitti_flow(const std::string& path) {
+  const Bytes bytes = read_file(path);
+  const ImageHeader header = check_image_bytes(bytes, path);
+  // 16 bits of three channels. Flow does not pack as one colour does.
+  require_plausible_size(6 * size_t(header.width) * size_t(header.height), bytes.size(), path);
+  DecodedPicture picture = decode(bytes, path);
+  const cv::Mat mat = as_mat(picture);
+  if (mat.type() != CV_16UC3)
+    throw Error(fmt::format("cannot read flow {}: KITTI flow is a 16-bit RGB PNG", path));
+  FlowField flow = zero_flow(mat.cols, mat.rows);
+  for (int y = 0, i = 0; y < mat.rows; ++y)
+    for (int x = 0; x < mat.cols; ++x, ++i) {
+      const auto rgb = mat.at<cv::Vec3w>(y, x);
+      flow.valid[size_t(i)] = rgb[2] > 0;
+      if (!rgb[2]) continue;
+      flow.uv[2 * size_t(i)] = (float(rgb[0]) - 32768.f) / 64.f;
+      flow.uv[2 * size_t(i) + 1] = (float(rgb[1]) - 32768.f) / 64.f;
+    }
+  return flow;
+}
+
+}  // namespace gflow

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+// PNG: chunks of (length, type, data, checksum) up to IEND. JPEG: segments of (marker, length,
+// data); the entropy-coded part after SOS holds no end marker FF D9 but the real one.
+#include "optim/images/image_header.hpp"
+
+#include <fmt/format.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <climits>
+#include <cstring>
+#include <fstream>
+
+#include "runtime/base/error.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/packed_size.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr char png_signature[] = "\x89PNG\r\n\x1a\n";
+
+// Bytes at a position, from a file or from memory; false when there are fewer.
+class Source {
+ public:
+  virtual ~Source() = default;
+  virtual bool read(size_t position, uint8_t* to, size_t n) = 0;
+};
+
+class FileSource : public Source {
+ public:
+  explicit FileSource(const std::string& path) {
+    require_file(path);
+    file_.open(path, std::ios::binary);
+    if (!file_) throw Error(fmt::format("cannot read picture {}: {}", path, std::strerror(errno)));
+  }
+  bool read(size_t position, uint8_t* to, size_t n) override {
+    file_.clear();
+    file_.seekg(std::streamoff(position));
+    return bool(file_.read(reinterpret_cast<char*>(to), std::streamsize(n)));
+  }
+
+ private:
+  std::ifstream file_;
+};
+
+class MemorySource : public Source {
+ public:
+  explicit MemorySource(const Bytes& bytes) : bytes_(bytes) {}
+  bool read(size_t position, uint8_t* to, size_t n) override {
+    if (position > bytes_.size() || bytes_.size() - position < n) return false;
+    std::memcpy(to, bytes_.data() + position, n);
+    return true;
+  }
+
+ private:
+  const Bytes& bytes_;
+};
+
+[[noreturn]] void refuse(const std::string& path, const std::string& why) {
+  throw Error(fmt::format("cannot read picture {}: {}", path, why));
+}
+
+uint32_t big_endian(const uint8_t* b, int n) {
+  uint32_t value = 0;
+  for (int i = 0; i < n; ++i) value = value << 8 | b[i];
+  return value;
+}
+
+struct Parsed {
+  ImageHeader header;
+  size_t data = 0;           // position of the first compressed byte
+  size_t bytes_a_pixel = 3;  // that decoding takes: at least the 3 of RGB that grey becomes
+  bool is_png = false;
+};
+
+// Chunks from IHDR up to the first IDAT.
+Parsed parse_png(Source& source, const std::string& path) {
+  Parsed parsed;
+  parsed.is_png = true;
+  size_t at = 8;
+  uint8_t chunk[8], ihdr[13] = {};
+  while (source.read(at, chunk, 8)) {
+    const bool is_ihdr = std::memcmp(chunk + 4, "IHDR", 4) == 0;
+    if (at == 8 && (!is_ihdr || !source.read(at + 8, ihdr, 13))) break;
+    if (is_ihdr) {
+      parsed.header.width = int(std::min(big_endian(ihdr, 4), uint32_t(INT_MAX)));
+      parsed.header.height = int(std::min(big_endian(ihdr + 4, 4), uint32_t(INT_MAX)));
+      parsed.header.has_alpha = ihdr[9] == 4 || ihdr[9] == 6;
+      const size_t channels = ihdr[9] == 0 ? 1 : parsed.header.has_alpha ? 4 : 3;
+      parsed.bytes_a_pixel = std::max<size_t>(3, channels * (ihdr[8] > 8 ? 2 : 1));
+    }
+    if (std::memcmp(chunk + 4, "tRNS", 4) == 0 && (ihdr[9] == 2 || ihdr[9] == 3)) {
+      parsed.header.has_alpha = true;
+      parsed.bytes_a_pixel = ihdr[8] > 8 ? 8 : 4;
+    }
+    if (std::memcmp(chunk + 4, "IDAT", 4) == 0) {
+      parsed.data = at;
+      return parsed;
+    }
+    at += 12 + size_t(big_endian(chunk, 4));
+  }
+  refuse(path, "its PNG header is truncated or damaged");
+}
+
+// What a decoder keeps of a progressive JPEG until it has seen all of it, 2 bytes for each
+// coefficient of each component, whose sampling factors stand behind the size [bytes a pixel].
+size_t kept_coefficients(Source& source, size_t frame) {
+  uint8_t components[1 + 3 * 4] = {};
+  source.read(frame + 9, components, 1);
+  const size_t count = std::min<size_t>(components[0], 4);
+  source.read(frame + 9, components, 1 + 3 * count);
+  int samples = 0, most = 1;  // of a block of 8 x 8 places of the coarsest component
+  for (size_t k = 0; k < count; ++k) {
+    const int across = components[2 + 3 * k] >> 4, down = components[2 + 3 * k] & 15;
+    samples += across * down;
+    most = std::max(most, across * down);
+  }
+  return size_t((2 * samples + most - 1) / most);
+}
+
+// Segments up to SOS.
+Parsed parse_jpeg(Source& source, const std::string& path) {
+  Parsed parsed;
+  size_t at = 2;
+  uint8_t segment[9];
+  while (source.read(at, segment, 4) && segment[0] == 0xff) {
+    const int marker = segment[1];
+    if (marker == 0xff) {  // fill byte
+      ++at;
+      continue;
+    }
+    // SOF0..SOF15 but for DHT, JPG and DAC, which share the range.
+    const bool frame =
+        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    if (frame && source.read(at, segment, 9)) {
+      parsed.header.height = int(big_endian(segment + 5, 2));
+      parsed.header.width = int(big_endian(segment + 7, 2));
+      if (marker % 4 == 2) parsed.bytes_a_pixel = 3 + kept_coefficients(source, at);
+    }
+    const size_t next = at + 2 + big_endian(segment + 2, 2);
+    if (marker == 0xda && parsed.header.width) {
+      parsed.data = next;
+      return parsed;
+    }
+    at = next;
+  }
+  refuse(path, "its JPEG header is truncated or damaged");
+}
+
+Parsed parse(Source& source, const std::string& path) {
+  uint8_t start[8] = {};
+  source.read(0, start, 8);
+  Parsed parsed;
+  if (std::memcmp(start, png_signature, 8) == 0)
+    parsed = parse_png(source, path);
+  else if (start[0] == 0xff && start[1] == 0xd8)
+    parsed = parse_jpeg(source, path);
+  else
+    refuse(path, "it is neither PNG nor JPEG");
+  const ImageHeader& h = parsed.header;
+  if (h.width < 1 || h.height < 1 || h.width > largest_side || h.height > largest_side)
+    refuse(path, fmt::format("it says it is {}x{}, possible are 1 to {}", h.width, h.height,
+                             largest_side));
+  return parsed;
+}
+
+// Whether its chunks go to the last one. Error where the checksum of one that pixels depend on is
+// wrong, which libpng would tell on its own, in its own words; it leaves out others (lower case).
+bool has_whole_chunks(const Bytes& bytes, const std::string& path) {
+  for (size_t at = 8; at <= bytes.size() && bytes.size() - at >= 12;) {
+    const size_t length = big_endian(bytes.data() + at, 4);
+    if (bytes.size() - at - 12 < length) return false;
+    const uint8_t* const named = bytes.data() + at + 4;  // checked from its name on
+    const bool counts = (named[0] & 0x20) == 0;
+    if (counts && crc32(0, named, uInt(length + 4)) != big_endian(named + 4 + length, 4))
+      refuse(path, "it is damaged: a checksum of its PNG is wrong");
+    if (std::memcmp(named, "IEND", 4) == 0) return true;
+    at += 12 + length;
+  }
+  return false;
+}
+
+bool jpeg_has_end(const Bytes& bytes, size_t at) {
+  for (; at + 1 < bytes.size(); ++at)
+    if (bytes[at] == 0xff && bytes[at + 1] == 0xd9) return true;
+  return false;
+}
+
+}  // namespace
+
+ImageHeader read_image_header(const std::string& path) {
+  FileSource source(path);
+  return parse(source, path).header;
+}
+
+ImageHeader check_image_bytes(const Bytes& bytes, const std::string& path) {
+  MemorySource source(bytes);
+  const Parsed parsed = parse(source, path);
+  const bool ended =
+      parsed.is_png ? has_whole_chunks(bytes, path) : jpeg_has_end(bytes, parsed.data);
+  if (!ended) refuse(path, "it is truncated");
+  // One colour packs a thousand times, and films begin black: 8K with 16 bits and alpha.
+  constexpr size_t one_colour = size_t{256} << 20;
+  const size_t pixels = size_t(parsed.header.width) * size_t(parsed.header.height);
+  require_plausible_size(parsed.bytes_a_pixel * pixels, bytes.size(), path, one_colour);
+  return parsed.header;
+}
+
+}  // namespace gflow

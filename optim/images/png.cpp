@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <png.h>
+
+#include <csetjmp>
+#include <cstdio>
+#include <cstring>
+
+#include "optim/images/decoded_image.hpp"
+
+namespace gflow {
+namespace {
+
+// What libpng says on the way.
+struct PngReport {
+  std::jmp_buf stop;
+  char words[200] = "";
+};
+
+void keep_words(png_structp png, png_const_charp words) {
+  PngReport& report = *static_cast<PngReport*>(png_get_error_ptr(png));
+  if (!report.words[0]) std::snprintf(report.words, sizeof report.words, "%s", words);
+}
+
+[[noreturn]] void on_error(png_structp png, png_const_charp words) {
+  keep_words(png, words);
+  std::longjmp(static_cast<PngReport*>(png_get_error_ptr(png))->stop, 1);
+}
+
+struct PngSource {
+  const Bytes& bytes;
+  size_t at;
+};
+
+void read_source(png_structp png, png_bytep to, size_t n) {
+  PngSource& source = *static_cast<PngSource*>(png_get_io_ptr(png));
+  if (source.bytes.size() - source.at < n) png_error(png, "it is too short");
+  std::memcpy(to, source.bytes.data() + source.at, n);
+  source.at += n;
+}
+
+// What becomes of each kind of picture.
+void ask_for_channels(png_structp png, png_infop info) {
+  const int kind = png_get_color_type(png, info);
+  const bool colours = (kind & PNG_COLOR_MASK_COLOR) != 0;
+  if (kind == PNG_COLOR_TYPE_PALETTE) png_set_palette_to_rgb(png);
+  if (colours && png_get_valid(png, info, PNG_INFO_tRNS)) png_set_tRNS_to_alpha(png);
+  if (kind == PNG_COLOR_TYPE_GRAY) png_set_expand_gray_1_2_4_to_8(png);
+  if (kind == PNG_COLOR_TYPE_GRAY_ALPHA) png_set_gray_to_rgb(png);
+  const uint16_t one = 1;
+  uint8_t first = 0;
+  std::memcpy(&first, &one, 1);
+  if (first == 1) png_set_swap(png);  // files have the high byte first
+}
+
+// Nothing in here may need a destructor: an error leaves it by longjmp.
+bool decode(png_structp png, png_infop info, PngReport& report, DecodedPicture& to) {
+  if (setjmp(report.stop)) return false;
+  // Of chunks that may be left out only transparency is looked at. Checksums were compared before.
+  png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
+  png_set_crc_action(png, PNG_CRC_QUIET_USE, PNG_CRC_QUIET_USE);
+  png_read_info(png, info);
+  ask_for_channels(png, info);
+  const int passes = png_set_interlace_handling(png);
+  png_read_update_info(png, info);
+  to.width = int(png_get_image_width(png, info));
+  to.height = int(png_get_image_height(png, info));
+  to.channels = png_get_channels(png, info);
+  to.bits = png_get_bit_depth(png, info);
+  to.pixels.resize(size_t(to.height) * to.row());
+  for (int pass = 0; pass < passes; ++pass)
+    for (int y = 0; y < to.height; ++y)
+      png_read_row(png, to.pixels.data() + size_t(y) * to.row(), nullptr);
+  return true;
+}
+
+}  // namespace
+
+DecodedPicture decode_png(const Bytes& bytes) {
+  PngReport report;
+  PngSource source{bytes, 0};
+  DecodedPicture result;
+  png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &report, on_error, keep_words);
+  png_infop info = png ? png_create_info_struct(png) : nullptr;
+  if (info) {
+    png_set_read_fn(png, &source, read_source);
+    if (!decode(png, info, report, result)) result.pixels.clear();
+  }
+  png_destroy_read_struct(&png, &info, nullptr);
+  result.complaint = report.words;
+  return result;
+}
+
+}  // namespace gflow

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+// Video files through OpenCV.
+#include "optim/images/video.hpp"
+
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <mutex>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#include <opencv2/videoio/registry.hpp>
+#include <set>
+
+#include "optim/images/decoder_log.hpp"
+#include "optim/images/image_header.hpp"
+#include "optim/images/movie.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/base/warning.hpp"
+#include "runtime/files/descriptor.hpp"
+
+namespace gflow {
+namespace {
+
+// FFmpeg takes a text that names other files (a playlist) for a video, too, and opens them wherever
+// they are: only files whose pictures are in themselves are let through.
+void refuse_playlists() {
+  static const int set =
+      ::setenv("OPENCV_FFMPEG_CAPTURE_OPTIONS",
+               "protocol_whitelist;file|format_whitelist;mov,mp4,m4a,3gp,3g2,mj2,"
+               "matroska,webm,avi,mpeg,mpegts,mpegvideo,flv,ogg,asf,gif,apng,ivf,"
+               "yuv4mpegpipe,h264,hevc,m4v,mjpeg,dv,mxf,nut,rm,vc1,obu,av1",
+               0);
+  (void)set;
+}
+
+// FFmpeg takes memory for tables of the length that a header states before it reads them: a video
+// of 2 kB asked for 1.7 GB. A frame of 16000 x 16000 fits. FFmpeg is no library of ours, but of
+// OpenCV's, where it has one.
+void limit_memory_of_ffmpeg() {
+  static const bool done = [] {
+    void* const limit = dlsym(RTLD_DEFAULT, "av_max_alloc");
+    if (limit) reinterpret_cast<void (*)(size_t)>(limit)(size_t{768} << 20);
+    return true;
+  }();
+  (void)done;
+}
+
+// While a video is opened or decoded: one thread at a time, since what decoders say does not tell
+// of which file. They decode some frames ahead, so it is of the video whose turn was last. Decoders
+// go on past what is damaged: a picture is there, and wrong. That is said once of each file.
+class Turn {
+ public:
+  explicit Turn(const std::string& path) : lock_(mutex()) {
+    report();
+    last() = path;
+  }
+  ~Turn() { report(); }
+  // What was said of it is no news: it cannot be read.
+  void refused() {
+    take_decoder_complaint();
+    last().clear();
+  }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex one;
+    return one;
+  }
+  static std::string& last() {
+    static std::string path;
+    return path;
+  }
+  static void report() {
+    static std::set<std::string> reported;
+    const std::string complaint = take_decoder_complaint();
+    if (complaint.empty() || last().empty() || !reported.insert(last()).second) return;
+    warn(
+        fmt::format("video {} is damaged: its decoder says '{}'; what its frames show may be wrong",
+                    last(), complaint));
+  }
+  std::lock_guard<std::mutex> lock_;
+};
+
+cv::VideoCapture open_video(const std::string& path) {
+  refuse_playlists();
+  limit_memory_of_ffmpeg();
+  if (!std::filesystem::is_regular_file(path))
+    throw Error(fmt::format("cannot read video {}: there is no such file", path));
+  if (std::filesystem::file_size(path) == 0)
+    throw Error(fmt::format("cannot read video {}: it is empty", path));
+  Turn turn(path);
+  cv::VideoCapture capture;
+  bool ok = false;
+  try {
+    // FFmpeg where it is built in: other backends seek and count less exactly.
+    const bool ffmpeg = cv::videoio_registry::hasBackend(cv::CAP_FFMPEG);
+    ok = capture.open(path, ffmpeg ? cv::CAP_FFMPEG : cv::CAP_ANY);
+  } catch (const cv::Exception&) {
+    // Reported below: a file that no decoder accepts.
+  }
+  if (ok) return capture;
+  turn.refused();
+  // What forbids reading, or too many open files, is no damage.
+  if (const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); file.get() < 0)
+    throw Error(fmt::format("cannot read video {}: {}", path, std::strerror(errno)));
+  throw Error(
+      fmt::format("cannot read video {}: it is truncated, OpenCV cannot decode it, or there is "
+                  "not enough memory or threads to",
+                  path));
+}
+
+// Decodes the next frame; false at the end.
+bool grab(cv::VideoCapture& capture, const std::string& path) {
+  const Turn turn(path);
+  try {
+    return capture.grab();
+  } catch (const cv::Exception&) {
+    return false;  // damaged data: the same as the end
+  }
+}
+
+}  // namespace
+
+VideoInfo video_info(const std::string& path) {
+  cv::VideoCapture capture = open_video(path);
+  VideoInfo info;
+  info.width = int(capture.get(cv::CAP_PROP_FRAME_WIDTH));
+  info.height = int(capture.get(cv::CAP_PROP_FRAME_HEIGHT));
+  info.fps = capture.get(cv::CAP_PROP_FPS);
+  const double stated = capture.get(cv::CAP_PROP_FRAME_COUNT);
+  if (stated >= 1 && stated < 1e7)
+    info.frames = int(stated);
+  else
+    while (grab(capture, path)) ++info.frames;
+  const bool sized = info.width > 0 && info.height > 0 && info.width <= largest_side &&
+                     info.height <= largest_side;
+  if (!sized || info.frames == 0)
+    throw Error(fmt::format("cannot read video {}: it has {} frames of {}x{}", path, info.frames,
+                            info.width, info.height));
+  if (!(info.fps >= slowest_fps && info.fps <= fastest_fps)) info.fps = 24;
+  return info;
+}
+
+std::vector<double> frame_times(const std::string& path, int limit) {
+  const VideoInfo info = video_info(path);
+  cv::VideoCapture capture = open_video(path);
+  std::vector<double> times;
+  bool rising = true;
+  while ((limit <= 0 || int(times.size()) < limit) && grab(capture, path)) {
+    // Stamps count from the first frame, whose own is not always told.
+    const double stamp = times.empty() ? 0 : 1e-3 * capture.get(cv::CAP_PROP_POS_MSEC);
+    rising &= times.empty() || stamp > times.back();
+    times.push_back(stamp);
+  }
+  if (times.empty())
+    throw Error(fmt::format("cannot read video {}: no frame of it can be decoded", path));
+  if (!rising)
+    for (size_t k = 0; k < times.size(); ++k) times[k] = double(k) / info.fps;
+  return times;
+}
+
+struct Video::State {
+  std::string path;
+  cv::VideoCapture capture;
+  int next = 0;  // number of the frame that is grabbed next
+};
+
+Video::Video(const std::string& path) : state_(new State{path, open_video(path), 0}) {}
+Video::~Video() = default;
+Video::Video(Video&&) noexcept = default;
+Video& Video::operator=(Video&&) noexcept = default;
+
+Image Video::frame(int k) {
+  if (k < state_->next) {
+    state_->capture = open_video(state_->path);
+    state_->next = 0;
+  }
+  for (; state_->next <= k; ++state_->next)
+    if (!grab(state_->capture, state_->path))
+      throw Error(
+          fmt::format("video {} has no frame {}: it ends after {} frames; it may be "
+                      "truncated",
+                      state_->path, k, state_->next));
+  cv::Mat bgr, rgb;
+  try {
+    state_->capture.retrieve(bgr);
+  } catch (const cv::Exception&) {
+    // Leaves bgr empty.
+  }
+  if (bgr.empty() || bgr.type() != CV_8UC3)
+    throw Error(fmt::format("cannot decode frame {} of video {}", k, state_->path));
+  cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
+  Image image{rgb.cols, rgb.rows, 3, {}};
+  image.pixels.assign(rgb.data, rgb.data + rgb.total() * 3);
+  return image;
+}
+
+}  // namespace gflow

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/init/dynamic_seeds.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "optim/engine/random_streams.hpp"
+#include "optim/init/init.hpp"
+#include "shared/random.h"
+
+namespace gflow {
+namespace {
+
+constexpr size_t kLeastCameras = 3;
+
+// The box that holds all but the outermost fiftieth of the points on each side of each axis.
+std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<double>& xyz) {
+  Eigen::Vector3d low, high;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    for (size_t i = size_t(axis); i < xyz.size(); i += 3) values.push_back(xyz[i]);
+    std::sort(values.begin(), values.end());
+    low[axis] = values[values.size() / 50];
+    high[axis] = values[values.size() - 1 - values.size() / 50];
+  }
+  const Eigen::Vector3d margin = 0.05 * (high - low);
+  return {low - margin, high + margin};
+}
+
+// The frame of a watcher at a step, or -1.
+int frame_at(const Watcher& watcher, int step) {
+  for (size_t i = 0; i < watcher.frames.size(); ++i)
+    if (watcher.frames[i]->step == step) return int(i);
+  return -1;
+}
+
+// Where a camera sees a point, as an index into its pictures; -1 when it does not.
+long pixel_of(const Camera& camera, const Eigen::Vector3d& point) {
+  if ((camera.viewmat * point.homogeneous()).z() <= 0) return -1;
+  const Eigen::Vector2d at = camera.project(point);
+  if (!(at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height)) return -1;
+  return long(at.y()) * camera.width + long(at.x());
+}
+
+// What the cameras of one step say.
+struct StepViews {
+  std::vector<const Camera*> cameras;
+  std::vector<std::shared_ptr<const Image>> pictures;
+  std::vector<std::vector<uint8_t>> changed;
+  std::vector<std::shared_ptr<const TeacherFlow>> flows;  // null where there is none
+  double time = 0;                                        // of the step, in [0, 1]
+  double flow_time = 0;                                   // length of the flow's step, in videos
+};
+
+// Whether every camera that has the point in view sees change there, and enough have it in view;
+// the mean colour they see.
+bool inside_hull(const StepViews& views, const Eigen::Vector3d& point, std::array<int, 3>& color) {
+  size_t seen = 0;
+  std::array<int, 3> sum{};
+  for (size_t c = 0; c < views.cameras.size(); ++c) {
+    const long at = pixel_of(*views.cameras[c], point);
+    if (at < 0) continue;
+    if (!views.changed[c][size_t(at)]) return false;
+    ++seen;
+    for (size_t k = 0; k < 3; ++k) sum[k] += views.pictures[c]->pixels[3 * size_t(at) + k];
+  }
+  if (seen < kLeastCameras) return false;
+  for (size_t k = 0; k < 3; ++k) color[k] = sum[k] / int(seen);
+  return true;
+}
+
+// Least squares over the cameras: J v = flow, J the derivative of the pixel by the point. 0 where
+// fewer than three cameras trust their flow, or the answer does not fit within 2 px.
+Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point) {
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  std::vector<std::pair<Eigen::Matrix<double, 2, 3>, Eigen::Vector2d>> rows;
+  for (size_t c = 0; c < views.cameras.size(); ++c) {
+    const long at = pixel_of(*views.cameras[c], point);
+    if (at < 0 || !views.flows[c] || !views.flows[c]->confidence[size_t(at)]) continue;
+    const Eigen::Matrix<double, 2, 3> j = views.cameras[c]->derivative(point);
+    const std::vector<float>& uv = views.flows[c]->flow.uv;
+    const Eigen::Vector2d f(uv[2 * size_t(at)], uv[2 * size_t(at) + 1]);
+    a += j.transpose() * j;
+    b += j.transpose() * f;
+    rows.emplace_back(j, f);
+  }
+  if (rows.size() < kLeastCameras) return Eigen::Vector3d::Zero();
+  a += 1e-3 * a.trace() / 3 * Eigen::Matrix3d::Identity();  // depth is seen weakly
+  const Eigen::Vector3d v = a.ldlt().solve(b);
+  double residual = 0;
+  for (const auto& [j, f] : rows) residual += (j * v - f).squaredNorm();
+  if (!(std::sqrt(residual / double(rows.size())) < 2)) return Eigen::Vector3d::Zero();
+  return v / views.flow_time;
+}
+
+// flow_of[frame] = index of the flow pair that starts there; the camera rests, so that all flow is
+// the scene's. Empty where each flow would have to be computed first: all are needed.
+std::map<const Frame*, size_t> flow_index(const Scene& scene, const std::vector<FlowPair>& pairs,
+                                          const FlowStore& flows) {
+  std::map<const Frame*, size_t> index;
+  if (!flows.at_hand()) return index;
+  for (size_t i = 0; i < pairs.size(); ++i)
+    if (flows.has(i) && pairs[i].next >= 0 && !leads_back(scene, pairs[i]) &&
+        scene.train[size_t(pairs[i].frame)].camera == scene.train[size_t(pairs[i].next)].camera)
+      index[&scene.train[size_t(pairs[i].frame)]] = i;
+  return index;
+}
+
+StepViews views_at(const std::vector<Watcher>& watchers, int step, const Scene& scene,
+                   FrameStore& frames, const std::vector<FlowPair>& pairs, FlowStore& flows,
+                   const std::map<const Frame*, size_t>& flow_of) {
+  StepViews views;
+  for (const Watcher& watcher : watchers) {
+    const int k = frame_at(watcher, step);
+    if (k < 0) continue;
+    const Frame* frame = watcher.frames[size_t(k)];
+    views.cameras.push_back(&watcher.camera);
+    views.pictures.push_back(frames.rgb(*frame));
+    views.changed.push_back(change_mask(*views.pictures.back(), watcher.usual));
+    views.time = frame->time;
+    const auto found = flow_of.find(frame);
+    views.flows.push_back(found == flow_of.end() ? nullptr : flows.get(found->second));
+    if (found != flow_of.end())
+      views.flow_time = scene.train[size_t(pairs[found->second].next)].time - frame->time;
+  }
+  return views;
+}
+
+}  // namespace
+
+Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<Watcher>& watchers,
+                    const std::vector<FlowPair>& pairs, FlowStore& flows,
+                    const TrainConfig& config) {
+  Seeds seeds;
+  if (config.init.dynamic == 0 || scene.points.size() < 50 || scene.steps < 4) return seeds;
+  if (watchers.size() < kLeastCameras) return seeds;
+  const auto [low, high] = box_of(scene.points.xyz);
+  const auto flow_of = flow_index(scene, pairs, flows);
+  const size_t wanted = std::max<size_t>(1, size_t(config.init.dynamic) / size_t(scene.steps));
+  const uint seed = uint(config.train.seed);
+  for (int step = 0; step < scene.steps; ++step) {
+    const StepViews views = views_at(watchers, step, scene, frames, pairs, flows, flow_of);
+    if (views.cameras.size() < kLeastCameras) continue;
+    std::vector<float> xyz;
+    for (uint i = 0; i < 500000 && xyz.size() < 3 * wanted; ++i) {
+      Eigen::Vector3d point;
+      for (int axis = 0; axis < 3; ++axis) {
+        const double u = random_uniform(seed, streams::kDynamicSeeds + uint(3 * step + axis), i);
+        point[axis] = low[axis] + (high[axis] - low[axis]) * u;
+      }
+      std::array<int, 3> color;
+      if (!inside_hull(views, point, color)) continue;
+      const Eigen::Vector3d v = velocity_at(views, point);
+      for (int axis = 0; axis < 3; ++axis) {
+        xyz.push_back(float(point[axis]));
+        seeds.rgb.push_back(uint8_t(color[size_t(axis)]));
+        seeds.velocity.push_back(float(v[axis]));
+      }
+      seeds.time.push_back(float(views.time));
+    }
+    const std::vector<float> spacing = neighbour_distance(xyz);
+    seeds.spacing.insert(seeds.spacing.end(), spacing.begin(), spacing.end());
+    seeds.xyz.insert(seeds.xyz.end(), xyz.begin(), xyz.end());
+  }
+  return seeds;
+}
+
+}  // namespace gflow

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/init/motion_mask.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+
+namespace gflow {
+namespace {
+
+constexpr int kChange = 20;       // grey levels from the usual colour that count as change
+constexpr int kMargin = 12;       // [px] around what changes: SSIM's window and a little more
+constexpr size_t kMedianOf = 25;  // pictures the usual one is made of
+constexpr size_t kNoise = 8;      // fewer changed pixels than this are noise
+
+// Median over time, a channel of a pixel at a time.
+std::vector<uint8_t> median_picture(const std::vector<std::shared_ptr<const Image>>& pictures) {
+  std::vector<uint8_t> median(pictures[0]->pixels.size()), values(pictures.size());
+  for (size_t i = 0; i < median.size(); ++i) {
+    for (size_t k = 0; k < pictures.size(); ++k) values[k] = pictures[k]->pixels[i];
+    std::nth_element(values.begin(), values.begin() + long(values.size() / 2), values.end());
+    median[i] = values[values.size() / 2];
+  }
+  return median;
+}
+
+// [low, low + size) with the margin, a multiple of 16 long, inside [0, length).
+void pad_side(int& low, int& size, int length) {
+  int first = std::max(0, low - kMargin), last = std::min(length, low + size + kMargin);
+  const int wanted = std::min(length, (last - first + 15) / 16 * 16);
+  first = std::min(first, length - wanted);
+  low = first;
+  size = wanted;
+}
+
+// Around all set pixels; empty when there are too few.
+Rect around(const std::vector<uint8_t>& mask, int width, int height, uint8_t above) {
+  int x0 = width, y0 = height, x1 = -1, y1 = -1;
+  size_t count = 0;
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      if (mask[size_t(y) * size_t(width) + size_t(x)] > above) {
+        ++count;
+        x0 = std::min(x0, x);
+        x1 = std::max(x1, x);
+        y0 = std::min(y0, y);
+        y1 = std::max(y1, y);
+      }
+  if (count < kNoise) return {};
+  Rect rect{x0, y0, x1 - x0 + 1, y1 - y0 + 1};
+  pad_side(rect.x, rect.width, width);
+  pad_side(rect.y, rect.height, height);
+  return rect;
+}
+
+}  // namespace
+
+bool differs(const uint8_t* rgb, const uint8_t* usual) {
+  int most = 0;
+  for (size_t c = 0; c < 3; ++c) most = std::max(most, std::abs(int(rgb[c]) - int(usual[c])));
+  return most >= kChange;
+}
+
+std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t>& usual) {
+  const int w = picture.width, h = picture.height;
+  std::vector<uint8_t> mask(size_t(w) * size_t(h));
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      const size_t i = 3 * (size_t(y) * size_t(w) + size_t(x));
+      if (!differs(&picture.pixels[i], &usual[i])) continue;
+      for (int v = std::max(0, y - 1); v <= std::min(h - 1, y + 1); ++v)
+        for (int u = std::max(0, x - 1); u <= std::min(w - 1, x + 1); ++u)
+          mask[size_t(v) * size_t(w) + size_t(u)] = 1;
+    }
+  return mask;
+}
+
+std::vector<Watcher> watchers_of(const Scene& scene, FrameStore& store) {
+  std::map<int, std::vector<const Frame*>> by_camera;
+  for (const Frame& frame : scene.train) by_camera[frame.camera].push_back(&frame);
+  std::vector<Watcher> watchers;
+  for (auto& [camera, frames] : by_camera) {
+    if (frames.size() < 4) continue;
+    const size_t stride = (frames.size() + kMedianOf - 1) / kMedianOf;
+    std::vector<std::shared_ptr<const Image>> pictures;
+    for (size_t i = 0; i < frames.size(); i += stride) pictures.push_back(store.rgb(*frames[i]));
+    watchers.push_back({store.camera(*frames[0]), frames, median_picture(pictures)});
+  }
+  return watchers;
+}
+
+namespace {
+
+// Around what differs from the background; around what is opaque where nothing does. Alpha alone
+// says little where a floor is in the picture.
+Rect around_object(FrameStore& store, const Frame& frame, const Image& alpha) {
+  const auto picture = store.rgb(frame);
+  const std::array<uint8_t, 3> background = store.background();
+  std::vector<uint8_t> usual(picture->pixels.size());
+  for (size_t i = 0; i < usual.size(); ++i) usual[i] = background[i % 3];
+  const Rect shown = around(change_mask(*picture, usual), picture->width, picture->height, 0);
+  return shown.width > 0 ? shown : around(alpha.pixels, alpha.width, alpha.height, 0);
+}
+
+}  // namespace
+
+std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
+                                    const std::vector<Watcher>& watchers) {
+  std::vector<Rect> parts;
+  for (const Frame& frame : scene.train) {
+    const Camera& camera = store.camera(frame);
+    parts.push_back({0, 0, camera.width, camera.height});
+    if (!scene.has_alpha) continue;
+    if (const auto alpha = store.alpha(frame)) parts.back() = around_object(store, frame, *alpha);
+  }
+  if (scene.has_alpha) return parts;
+  for (const Watcher& watcher : watchers)
+    for (size_t i = 0; i < watcher.frames.size(); ++i)
+      parts[size_t(watcher.frames[i] - scene.train.data())] =
+          around(change_mask(*store.rgb(*watcher.frames[i]), watcher.usual), watcher.camera.width,
+                 watcher.camera.height, 0);
+  return parts;
+}
+
+}  // namespace gflow

@@ -1,0 +1,327 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/model/model.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <optional>
+#include <sstream>
+#include <type_traits>
+
+#include "optim/formats/ply_comments.hpp"
+#include "optim/formats/splat_table.hpp"
+#include "optim/motion/parameters_state.hpp"
+#include "runtime/base/decimal.hpp"
+#include "runtime/base/printable.hpp"
+#include "runtime/base/warning.hpp"
+
+namespace gflow {
+namespace {
+
+// The arrays with a row a Gaussian.
+std::vector<GroupSpec> all_groups(const ModelShape& shape) {
+  std::vector<GroupSpec> specs = motion_groups(shape);
+  for (const GroupSpec& spec : color_groups(shape.sh_degree)) specs.push_back(spec);
+  return specs;
+}
+
+// A block of PLY columns that is a block of a group's columns: (file column i, group column i).
+struct ColumnBlock {
+  std::string group;
+  size_t first;
+  std::vector<std::string> names;
+};
+
+std::vector<std::string> numbered(const std::string& stem, size_t count) {
+  std::vector<std::string> names;
+  for (size_t i = 0; i < count; ++i) names.push_back(stem + std::to_string(i));
+  return names;
+}
+
+// All columns but f_rest, whose order in the file is channel by channel.
+std::vector<ColumnBlock> column_blocks(bool moving, const MotionShape& shape) {
+  std::vector<ColumnBlock> blocks{{"means", 0, {"x", "y", "z"}},
+                                  {"sh0", 0, numbered("f_dc_", 3)},
+                                  {"logit_opacities", 0, {"opacity"}},
+                                  {"log_scales", 0, numbered("scale_", 3)},
+                                  {"quats", 0, numbered("rot_", 4)}};
+  if (moving) {
+    blocks.push_back({"means_t", 0, {"t"}});
+    blocks.push_back({"log_scales", 3, {"scale_t"}});
+    for (const MotionColumns& columns : motion_columns(shape))
+      blocks.push_back({columns.group, 0, columns.properties});
+  }
+  return blocks;
+}
+
+std::map<std::string, size_t> widths_of(const MotionShape& shape) {
+  std::map<std::string, size_t> widths{{"means", 3},      {"means_t", 1},         {"quats", 4},
+                                       {"log_scales", 4}, {"logit_opacities", 1}, {"sh0", 3}};
+  for (const MotionColumns& columns : motion_columns(shape))
+    widths[columns.group] = columns.properties.size();
+  return widths;
+}
+
+// Of the comment "key value": a number above `lowest` and at most `highest`. Where there is none,
+// it is as the member stands: the file is another program's, or older than key_scales.
+template <class Number>
+void read_comment(const PlyTable& table, const std::string& key, Number& member, double lowest,
+                  double highest, const std::string& path) {
+  const auto text = comment_after(table, key + " ");
+  const bool always_there = key != "key_scales" && comment_after(table, model_comment);
+  if (!text && always_there)
+    throw Error(
+        fmt::format("reading {}: gflow wrote it, but its comment '{}' is missing: it is "
+                    "damaged",
+                    path, key));
+  if (!text || says_nothing(table, *text)) return;
+  const auto numbers = only_numbers(*text);
+  const double value = numbers && numbers->size() == 1 ? (*numbers)[0] : std::nan("");
+  const bool whole = std::is_integral_v<Number>;
+  const bool from_0 = lowest < 0 && lowest > -1e-300;  // above the number before 0
+  if (!(value > lowest && value <= highest) || (whole && value != std::floor(value)))
+    throw Error(
+        fmt::format("reading {}: its comment '{} {}' is damaged: expected is a {}number "
+                    "{} {:g}, at most {:g}",
+                    path, key, excerpt(*text), whole ? "whole " : "",
+                    from_0 ? "of at least" : "above", from_0 ? 0 : lowest, highest));
+  member = Number(value);
+}
+
+// The model that a file was written by: its comment "gflow MODEL"; files without one that move are
+// told apart by their properties.
+MotionModelKind kind_of(const PlyTable& table, const std::string& path) {
+  const auto names = names_of(MotionModelKind{});
+  if (const auto word = comment_after(table, model_comment)) {
+    const auto found = std::find(names.begin(), names.end(), *word);
+    if (found != names.end()) return MotionModelKind(found - names.begin());
+    throw Error(
+        fmt::format("reading {}: its comment 'gflow {}' names no motion model; known are "
+                    "{}",
+                    path, excerpt(*word), fmt::join(names, ", ")));
+  }
+  return table.column("rot_r_0") >= 0 ? MotionModelKind::native4d : MotionModelKind::spacetime;
+}
+
+void write_tables(const std::string& path, const HostModel& model) {
+  Arrays arrays;
+  for (const TableSpec& table : motion_tables(model.shape))
+    for (const GroupSpec& group : table.groups)
+      arrays[group.name] =
+          Array{{table.count(model.count), group.width}, model.groups.at(group.name)};
+  if (!arrays.empty()) write_npz(path, arrays);
+}
+
+void read_tables(const std::string& path, HostModel& model) {
+  const std::vector<TableSpec> tables = motion_tables(model.shape);
+  if (tables.empty()) return;
+  if (!std::filesystem::exists(path))
+    throw Error(
+        fmt::format("the motion of this {} model lies in {}, which is not there: it belongs "
+                    "beside the PLY",
+                    names_of(model.shape.motion)[size_t(model.shape.motion)], path));
+  size_t expected_bytes = always_plausible;  // of a model that begins all are equal: they pack well
+  for (const TableSpec& table : tables)
+    for (const GroupSpec& group : table.groups)
+      expected_bytes += table.count(model.count) * group.width * sizeof(float);
+  const Arrays arrays = read_npz(path, {}, expected_bytes);
+  for (const TableSpec& table : tables)
+    for (const GroupSpec& group : table.groups) {
+      const Array& array = array_named(arrays, group.name, path);
+      const std::vector<size_t> expected{table.count(model.count), group.width};
+      if (array.shape != expected)
+        throw Error(fmt::format("reading {}: {} has shape {}, its model needs ({}, {})", path,
+                                group.name, array.shape_text(), expected[0], expected[1]));
+      model.groups[group.name] = array.as_float();
+    }
+}
+
+// Values of a group with `blocks` blocks of rows, one a Gaussian that moves, for all Gaussians:
+// files hold every one's motion.
+std::vector<float> for_all(const std::vector<float>& values, size_t blocks, size_t moving,
+                           size_t count, const GroupSpec& spec, const HostGroups& groups) {
+  std::vector<float> all(blocks * count * spec.width, spec.rest);
+  if (!spec.rest_of.empty()) all = groups.at(spec.rest_of);
+  for (size_t k = 0; k < blocks; ++k) {
+    const auto from = values.begin() + long(k * moving * spec.width);
+    std::copy(from, from + long(moving * spec.width), all.begin() + long(k * count * spec.width));
+  }
+  return all;
+}
+
+// The model of such values, of which `moving` of `count` Gaussians have rows for their motion.
+HostModel model_of_values(const ModelShape& shape, size_t count, size_t moving, HostGroups values) {
+  HostModel host{shape, count, std::move(values)};
+  if (moving == count) return host;
+  const auto widen = [&](const GroupSpec& spec, size_t blocks) {
+    std::vector<float>& rows = host.groups[spec.name];
+    rows = for_all(rows, blocks, moving, count, spec, host.groups);
+  };
+  for (const GroupSpec& spec : all_groups(shape))
+    if (spec.moving) widen(spec, 1);
+  for (const TableSpec& table : motion_tables(shape))
+    if (table.keys)
+      for (const GroupSpec& spec : table.groups) widen(spec, table.keys);
+  return host;
+}
+
+}  // namespace
+
+std::string tables_path(const std::string& path) {
+  return std::filesystem::path(path).replace_extension(".motion.npz").string();
+}
+
+Model::Model(Queue& queue, const ModelShape& shape, size_t count, Purpose purpose)
+    : shape(shape),
+      motion(make_motion(queue, shape)),
+      color(queue, shape.sh_degree),
+      parameters(queue, count, all_groups(shape), motion_tables(shape), Parameters::all,
+                 purpose == Purpose::training) {}
+
+Model::Model(Queue& queue, const HostModel& host, Purpose purpose)
+    : Model(queue, host.shape, host.count, purpose) {
+  for (Table* table : parameters.tables())
+    for (size_t g = 0; g < table->specs.size(); ++g) {
+      const GroupSpec& spec = table->specs[g];
+      const size_t size = spec.width * table->count;  // all move
+      const auto found = host.groups.find(spec.name);
+      if (found == host.groups.end() || found->second.size() != size)
+        throw Error(fmt::format("a model of {} Gaussians needs {} values of {}", host.count, size,
+                                spec.name));
+      table->groups[g].values.write(queue, found->second);
+    }
+}
+
+HostModel Model::read(Queue& queue) const {
+  HostGroups values;
+  for (const Table* table : parameters.tables())
+    for (size_t g = 0; g < table->specs.size(); ++g)
+      values[table->specs[g].name] = table->groups[g].values.read(queue);
+  return model_of_values(shape, parameters.count, parameters.moving, std::move(values));
+}
+
+HostModel model_of_state(const ModelShape& shape, const Arrays& arrays, const std::string& path) {
+  StateValues kept = state_values(arrays, all_groups(shape), motion_tables(shape), path);
+  return model_of_values(shape, kept.count, kept.moving, std::move(kept.groups));
+}
+
+void write_model(const std::string& path, const HostModel& model) {
+  const size_t rest = size_t((model.shape.sh_degree + 1) * (model.shape.sh_degree + 1) - 1);
+  PlyTable table;
+  table.rows = model.count;
+  const MotionModelKind kind = model.shape.motion;
+  table.comments = {std::string("gflow ") + names_of(kind)[size_t(kind)]};
+  MotionShape::fields(model.shape, [&](const char* name, auto value, double, double) {
+    table.comments.push_back(fmt::format("{} {}", name, value));
+  });
+  const auto& [x, y, z] = model.shape.origin;
+  if (x != 0 || y != 0 || z != 0) table.comments.push_back(fmt::format("origin {} {} {}", x, y, z));
+  table.names = {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
+  const auto append = [&](const std::vector<std::string>& names) {
+    table.names.insert(table.names.end(), names.begin(), names.end());
+  };
+  append(numbered("f_rest_", 3 * rest));
+  append({"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"});
+  append({"t", "scale_t"});
+  for (const MotionColumns& motion : motion_columns(model.shape)) append(motion.properties);
+  struct Source {
+    const std::vector<float>& values;
+    size_t width, first, count, to;
+  };
+  std::vector<Source> sources;
+  const auto widths = widths_of(model.shape);
+  for (const ColumnBlock& block : column_blocks(true, model.shape))
+    sources.push_back({model.groups.at(block.group), widths.at(block.group), block.first,
+                       block.names.size(), size_t(table.column(block.names[0]))});
+  const float* sh_rest = rest ? model.groups.at("sh_rest").data() : nullptr;
+  const size_t to_rest = rest ? size_t(table.column("f_rest_0")) : 0;
+  write_tables(tables_path(path), model);
+  write_ply(path, table, [&](size_t i, float* row) {
+    std::fill_n(row, table.names.size(), 0.f);  // normals
+    for (const Source& from : sources)
+      std::copy_n(&from.values[i * from.width + from.first], from.count, row + from.to);
+    for (size_t k = 0; k < rest; ++k)
+      for (size_t c = 0; c < 3; ++c) row[to_rest + c * rest + k] = sh_rest[(i * rest + k) * 3 + c];
+  });
+}
+
+namespace {
+
+// Says how many are larger than a float can be: they are not drawn.
+void warn_of_scales(const HostModel& model, const std::string& path) {
+  const std::vector<float>& log_scales = model.groups.at("log_scales");
+  size_t too_large = 0;
+  for (size_t i = 0; i < model.count; ++i) {
+    const float* s = &log_scales[4 * i];
+    too_large += !std::isfinite(std::exp(std::max({s[0], s[1], s[2]})));
+  }
+  if (too_large > 0)
+    warn(fmt::format(
+        "{} of the Gaussians in {} have scales that no float can hold and are not drawn", too_large,
+        path));
+}
+
+}  // namespace
+
+HostModel read_model(const std::string& path) {
+  PlyTable table = read_splats(path);
+  HostModel model;
+  model.count = table.rows;
+  const auto has = [&](const char* name) { return table.column(name) >= 0; };
+  const MotionModelKind kind = kind_of(table, path);
+  const bool moving = has("scale_t") || has("rot_r_0") || has("motion_0");
+  model.shape.motion = kind;
+  model.shape.sh_degree = sh_degree_of(table, path);
+  MotionShape::fields(model.shape,
+                      [&](const char* name, auto& value, double lowest, double highest) {
+                        read_comment(table, name, value, lowest, highest, path);
+                      });
+
+  for (const ColumnBlock& block : column_blocks(moving, model.shape))
+    for (const std::string& name : block.names) require_property(table.names, name, path);
+  model.shape.origin = origin_of(table, path);
+  const auto widths = widths_of(model.shape);
+  const size_t columns = table.names.size();
+  for (const ColumnBlock& block : column_blocks(moving, model.shape)) {
+    const size_t width = widths.at(block.group);
+    std::vector<float>& values = model.groups[block.group];
+    values.resize(width * model.count);
+    for (size_t c = 0; c < block.names.size(); ++c) {
+      const size_t from = size_t(table.column(block.names[c]));
+      for (size_t i = 0; i < table.rows; ++i)
+        values[i * width + block.first + c] = table.values[i * columns + from];
+    }
+  }
+  const size_t rest = size_t((model.shape.sh_degree + 1) * (model.shape.sh_degree + 1) - 1);
+  std::vector<float>& sh_rest = model.groups["sh_rest"];
+  sh_rest.resize(3 * rest * model.count);
+  for (size_t k = 0; k < rest; ++k)
+    for (size_t c = 0; c < 3; ++c) {
+      const size_t from = size_t(table.column("f_rest_" + std::to_string(c * rest + k)));
+      for (size_t i = 0; i < table.rows; ++i)
+        sh_rest[(i * rest + k) * 3 + c] = table.values[i * columns + from];
+    }
+  table.values = std::vector<float>();      // `= {}` would keep its memory
+  for (const auto& [name, width] : widths)  // what the file does not have
+    model.groups[name].resize(width * model.count);
+  if (moving) read_tables(tables_path(path), model);
+  if (!moving) {  // a static scene is there for ever
+    add_rest(model.shape, model.groups, model.count);
+    for (size_t i = 0; i < model.count; ++i) {
+      model.groups["log_scales"][4 * i + 3] = std::log(1000 * model.shape.duration);
+      model.groups["means_t"][i] = model.shape.duration / 2;
+    }
+  }
+  for (const auto& [name, values] : model.groups)
+    for (size_t i = 0; i < values.size(); ++i)
+      if (!std::isfinite(values[i]))
+        throw Error(fmt::format("reading {}: Gaussian {} has a value in {} that is not finite",
+                                path, model.count ? i * model.count / values.size() : 0, name));
+  warn_of_scales(model, path);
+  return model;
+}
+
+}  // namespace gflow

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/model/renderer.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+namespace gflow {
+namespace {
+
+bool same(const PinholeCamera& a, const PinholeCamera& b) {
+  return std::memcmp(&a, &b, sizeof a) == 0;  // floats and ints, no padding
+}
+
+}  // namespace
+
+PinholeCamera pinhole(const Camera& camera, float near_plane) {
+  PinholeCamera p{};
+  for (int row = 0; row < 3; ++row) {
+    for (int col = 0; col < 3; ++col) p.rotation[3 * row + col] = float(camera.viewmat(row, col));
+    p.translation[row] = float(camera.viewmat(row, 3));
+  }
+  p.fx = float(camera.fx);
+  p.fy = float(camera.fy);
+  p.cx = float(camera.cx);
+  p.cy = float(camera.cy);
+  p.near_plane = near_plane;
+  p.width = camera.width;
+  p.height = camera.height;
+  return p;
+}
+
+const Buffer<cl_uint>& Renderer::with_second_time() const {
+  const Splats& splats = engine_.splats();
+  return shot_.motion_loss ? splats.tiles_touched : splats.rows_with_flow();
+}
+
+bool Renderer::bends() const {
+  return shot_.motion_loss && shot_.motion_loss->weights().acceleration > 0 && time_t0() > -1e-6 &&
+         time_t0() < 1 + 1e-6;
+}
+
+Bands Renderer::bands(const Model& model) const {
+  return model.color.bands(shot_.sh_degree, skip_.bands);
+}
+
+void Renderer::look(Queue& queue, Model& model, const Shot& shot) {
+  // Motion losses go over pairs of Gaussians, wherever they are.
+  const bool all = !skip_.outside || shot.all_posed || shot.motion_loss;
+  if (!all &&
+      model.motion->look(queue, model.parameters, model.time(shot.time), shot.view.camera, rows_))
+    rows_.take_marked(queue, model.parameters);
+  else
+    rows_.take_all(model.parameters);
+}
+
+RowList Renderer::moving_rows() const {
+  const RowList all = rows_.list();
+  return {std::min(all.count, shot_.view.moving), all.rows};
+}
+
+void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
+  shot_ = shot;
+  shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
+  View& view = shot_.view;
+  look(queue, model, shot);
+  // Motion losses compare poses at both times, of those at rest too.
+  if (skip_.still && shot.flow && !shot.motion_loss && same(view.camera, view.camera_t2))
+    view.moving = rows_.moving();
+  const RowList rows = rows_.list();
+  model.motion->at(queue, model.parameters, model.time(shot.time), nullptr, t1_, rows);
+  engine_.project(queue, view, {shot.flow, shot.depth}, t1_);
+  const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
+  if (shot.flow || shot.motion_loss)
+    model.motion->at(queue, model.parameters, model.time(shot.time_t2), &with_second_time(), t2_,
+                     moving_rows());
+  if (bends()) model.motion->at(queue, model.parameters, model.time(time_t0()), &seen, t0_, rows);
+  model.color.forward(queue, model.parameters, bands(model), shot.view.camera, t1_, seen, colors_,
+                      rows);
+  engine_.draw(queue, shot.background, t1_, shot.flow ? t2_ : t1_, colors_);
+}
+
+void Renderer::backward(Queue& queue, Model& model, const ImageGradients& v) {
+  Parameters& p = model.parameters;
+  GaussianGradients& g = gradients_;
+  engine_.backward(queue, t1_, shot_.flow ? t2_ : t1_, v, g);
+  const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
+  const RowList rows = rows_.list();
+  if (shot_.motion_loss && !shot_.flow) {
+    g.v_means_t2.fill(queue, 0);
+    g.v_factors_t2.fill(queue, 0);
+  }
+  if (shot_.motion_loss) shot_.motion_loss->run(queue, seen, bends() ? &t0_ : nullptr, t1_, t2_, g);
+  model.color.backward(queue, p, bands(model), shot_.view.camera, t1_, seen, g, rows);
+  model.motion->backward(queue, p, model.time(shot_.time), true, seen, g.v_means, g.v_factors,
+                         g.v_opacities, rows);
+  if (shot_.flow || shot_.motion_loss)
+    model.motion->backward(queue, p, model.time(shot_.time_t2), false, with_second_time(),
+                           g.v_means_t2, g.v_factors_t2, g.v_opacities, moving_rows());
+  if (bends())
+    model.motion->backward(queue, p, model.time(time_t0()), false, seen, g.v_means_t0,
+                           g.v_factors_t0, g.v_opacities, rows);
+}
+
+}  // namespace gflow

@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/model/views.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "runtime/base/decimal.hpp"
+#include "runtime/files/file_name.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr double same_time = 1e-6;
+constexpr size_t few = 4;  // fewer views of a camera make no video
+
+// A number and nothing else but blanks before it, or NaN.
+double number_in(const std::string& blanks_and_number) {
+  const size_t first = blanks_and_number.find_first_not_of(" \t");
+  const std::string text = first == std::string::npos ? "" : blanks_and_number.substr(first);
+  return decimal_number(text).value_or(std::nan(""));
+}
+
+std::vector<std::string> pieces(const std::string& text, char separator) {
+  std::vector<std::string> result;
+  std::istringstream in(text);
+  for (std::string piece; std::getline(in, piece, separator);) result.push_back(piece);
+  return result;
+}
+
+// Time between two steps of the scene; 0 for a single one.
+double interval_of(const Scene& scene) {
+  const std::vector<double> times = step_times(scene);
+  return times.size() > 1 ? (times.back() - times[0]) / double(times.size() - 1) : 0;
+}
+
+// The frame of a camera at a time, of whatever split, or null.
+const Frame* frame_at(const Scene& scene, const std::string& camera, double time) {
+  for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
+    for (const Frame& frame : *split)
+      if (scene.cameras[size_t(frame.camera)].name == camera &&
+          std::fabs(frame.time - time) < same_time)
+        return &frame;
+  return nullptr;
+}
+
+// The camera goes along to the next picture; a true flow is that seen by a camera at rest.
+void set_flow_target(RenderView& view, const Frame& frame, const Frame* next,
+                     const std::vector<Camera>& cameras, double interval) {
+  const bool truth = !frame.flow_path.empty();
+  if (truth)
+    view.time_t2 = frame.flow_time;
+  else if (next)
+    view.time_t2 = next->time;
+  else if (interval > 0 && frame.time + interval <= 1 + same_time)
+    view.time_t2 = frame.time + interval;
+  view.camera_t2 = cameras[size_t(next && !truth ? next->camera : frame.camera)];
+  const bool shows_it = next && std::fabs(next->time - view.time_t2) < same_time;
+  if (shows_it && (!truth || next->camera == frame.camera)) view.truth_t2 = next;
+}
+
+// The quantile of some values.
+double quantile(std::vector<float> values, double share) {
+  const auto at = values.begin() + long(share * double(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return double(*at);
+}
+
+Eigen::Vector3d axis_named(const std::string& name) {
+  const bool minus = name.size() == 2 && name[0] == '-';
+  const std::string letter = minus ? name.substr(1) : name;
+  if (letter != "x" && letter != "y" && letter != "z")
+    throw Error("there is no axis '" + name + "': choose x, y, z, -x, -y or -z");
+  return Eigen::Vector3d::Unit(letter[0] - 'x') * (minus ? -1 : 1);
+}
+
+// World to camera of a camera at `position` that looks at `target`, `up` being up in the picture.
+Eigen::Matrix4d looking(const Eigen::Vector3d& position, const Eigen::Vector3d& target,
+                        const Eigen::Vector3d& up) {
+  const Eigen::Vector3d ahead = (target - position).normalized();
+  const Eigen::Vector3d right = ahead.cross(up).normalized();
+  Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();
+  viewmat.block<1, 3>(0, 0) = right.transpose();
+  viewmat.block<1, 3>(1, 0) = ahead.cross(right).transpose();  // down
+  viewmat.block<1, 3>(2, 0) = ahead.transpose();
+  viewmat.topRightCorner<3, 1>() = -viewmat.topLeftCorner<3, 3>() * position;
+  return viewmat;
+}
+
+}  // namespace
+
+std::vector<double> parse_times(const std::string& text) {
+  std::vector<double> times;
+  const std::vector<std::string> range = pieces(text, ':');
+  if (range.size() == 3) {
+    const double from = number_in(range[0]), to = number_in(range[1]), count = number_in(range[2]);
+    if (count >= 1 && count <= 1e6 && count == std::floor(count))
+      for (int i = 0; i < int(count); ++i)
+        times.push_back(count > 1 ? from + (to - from) * i / (count - 1) : from);
+  } else {
+    for (const std::string& piece : pieces(text, ',')) times.push_back(number_in(piece));
+  }
+  const bool fine =
+      std::all_of(times.begin(), times.end(), [](double t) { return t >= 0 && t <= 1; });
+  if (times.empty() || !fine)
+    throw Error(
+        fmt::format("--times {}: times lie in 0 to 1 and are written as 0:1:40 (40 times "
+                    "from 0 to 1; a million at most) or as a list 0,0.25,1",
+                    text));
+  return times;
+}
+
+std::vector<double> step_times(const Scene& scene) {
+  std::vector<double> times;
+  for (const Frame& frame : scene.train) times.push_back(frame.time);
+  std::sort(times.begin(), times.end());
+  const auto same = [](double a, double b) { return b - a < same_time; };
+  times.erase(std::unique(times.begin(), times.end(), same), times.end());
+  return times;
+}
+
+std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>& frames,
+                                    const std::vector<Camera>& cameras, const std::string& split) {
+  std::map<int, size_t> views_of_track;
+  std::map<int, std::set<int>> cameras_of_track;
+  for (const Frame& frame : frames) {
+    ++views_of_track[frame.track];
+    cameras_of_track[frame.track].insert(frame.camera);
+  }
+  const double interval = interval_of(scene);
+  std::vector<RenderView> views;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const Frame& frame = frames[i];
+    RenderView view;
+    view.name = frame.name;
+    view.camera = cameras[size_t(frame.camera)];
+    const bool rests = cameras_of_track[frame.track].size() == 1;
+    view.movie =
+        rests && views_of_track[frame.track] >= few ? as_file_name(view.camera.name) : split;
+    view.time = frame.time;
+    view.truth = &frame;
+    const bool has_next = i + 1 < frames.size() && frames[i + 1].track == frame.track &&
+                          frames[i + 1].time > frame.time;
+    set_flow_target(view, frame, has_next ? &frames[i + 1] : nullptr, cameras, interval);
+    views.push_back(view);
+  }
+  if (std::all_of(views.begin(), views.end(),
+                  [&](const RenderView& view) { return view.movie == split; }))
+    std::stable_sort(views.begin(), views.end(),
+                     [](const RenderView& a, const RenderView& b) { return a.time < b.time; });
+  return views;
+}
+
+std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
+                                     const std::vector<double>& times, const Scene* scene) {
+  const double interval = scene && times.size() == 1 ? interval_of(*scene) : 0;
+  std::vector<RenderView> views;
+  std::set<std::string> names;
+  for (const Camera& camera : cameras) {
+    std::string name = as_file_name(camera.name);
+    for (int n = 2; !names.insert(name).second; ++n)
+      name = fmt::format("{}_{}", as_file_name(camera.name), n);
+    for (size_t k = 0; k < times.size(); ++k) {
+      RenderView view;
+      view.name = times.size() > 1 ? fmt::format("{}_{:04}", name, k) : name;
+      view.movie = times.size() > 1 ? name : "cameras";
+      view.camera = view.camera_t2 = camera;
+      view.time = times[k];
+      if (k + 1 < times.size())
+        view.time_t2 = times[k + 1];
+      else if (interval > 0 && view.time + interval <= 1 + same_time)
+        view.time_t2 = view.time + interval;
+      if (scene) {
+        view.truth = frame_at(*scene, camera.name, view.time);
+        view.truth_t2 = frame_at(*scene, camera.name, view.time_t2);
+      }
+      views.push_back(view);
+    }
+  }
+  return views;
+}
+
+std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<double>& times,
+                                    const std::string& up) {
+  if (model.count == 0) throw Error("a model without Gaussians has nothing to look at");
+  const Eigen::Vector3d axis = axis_named(up);
+  Eigen::Vector3d low, high;
+  for (long k = 0; k < 3; ++k) {
+    std::vector<float> values(model.count);
+    for (size_t i = 0; i < model.count; ++i)
+      values[i] = model.groups.at("means")[3 * i + size_t(k)];
+    low[k] = quantile(values, 0.02);
+    high[k] = quantile(values, 0.98);
+  }
+  const Eigen::Vector3d middle = (low + high) / 2;
+  const double radius = std::max((high - low).norm() / 2, 1e-3 * (1 + middle.norm()));
+  Camera camera;
+  camera.name = "orbit";
+  camera.width = 640;
+  camera.height = 480;
+  camera.cx = 320;
+  camera.cy = 240;
+  const double half_fov = 25 * M_PI / 180, elevation = 15 * M_PI / 180;
+  camera.fx = camera.fy = 240 / std::tan(half_fov);
+  const Eigen::Vector3d side = axis.unitOrthogonal(), front = axis.cross(side);
+  std::vector<RenderView> views;
+  for (size_t k = 0; k < times.size(); ++k) {
+    const double azimuth = 2 * M_PI * double(k) / double(times.size());
+    const Eigen::Vector3d from =
+        std::cos(elevation) * (std::cos(azimuth) * side + std::sin(azimuth) * front) +
+        std::sin(elevation) * axis;
+    RenderView view;
+    view.name = fmt::format("orbit_{:04}", k);
+    view.movie = "orbit";
+    view.camera = camera;
+    view.camera.viewmat = looking(middle + from * (radius / std::sin(half_fov)), middle, axis);
+    view.camera_t2 = view.camera;
+    view.time = times[k];
+    if (k + 1 < times.size()) view.time_t2 = times[k + 1];
+    views.push_back(view);
+  }
+  return views;
+}
+
+bool stands_still(const HostModel& model) {
+  const std::vector<float>& log_scales = model.groups.at("log_scales");
+  for (size_t i = 0; i < model.count; ++i)
+    if (log_scales[4 * i + 3] < std::log(100 * model.shape.duration)) return false;
+  return at_rest(model.shape, model.groups);
+}
+
+}  // namespace gflow

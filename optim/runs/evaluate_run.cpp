@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/runs/evaluate_run.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "optim/eval/metric_networks.hpp"
+#include "optim/eval/rendering.hpp"
+#include "optim/runs/backup.hpp"
+#include "optim/scene/true_depth.hpp"
+#include "runtime/base/interrupt.hpp"
+#include "runtime/base/progress.hpp"
+
+namespace gflow {
+namespace {
+
+// The settings of a run with some of [metrics] changed; Error for any other. A network that judged
+// the run before does so again unless the settings say otherwise.
+TrainConfig judged_by(const TrainConfig& config, const MetricsConfig& before,
+                      const std::vector<std::string>& settings) {
+  TrainConfig changed = config;
+  const auto keep = [](std::string& network, const std::string& former) {
+    if (network.empty() && std::filesystem::exists(former)) network = former;
+  };
+  keep(changed.metrics.lpips, before.lpips);
+  keep(changed.metrics.clip, before.clip);
+  for (const std::string& setting : settings) {
+    apply_setting(changed, setting);
+    TrainConfig rest = changed;
+    rest.metrics = config.metrics;
+    if (setting_values(rest) != setting_values(config))
+      throw Error(
+          fmt::format("--set {}: a run is judged with the settings it was trained with; only "
+                      "those of [metrics] may be others",
+                      setting));
+  }
+  if (!settings.empty()) make_paths_absolute(changed.metrics);
+  return changed;
+}
+
+}  // namespace
+
+Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
+                 const std::vector<Frame>& frames, bool quiet, const std::string& pictures,
+                 const std::string& flow) {
+  if (!pictures.empty()) std::filesystem::create_directories(pictures);
+  Progress progress("eval ", long(frames.size()), quiet);
+  Evaluation evaluation =
+      evaluate(queue, model, config, loaded, frames, counted(progress), pictures, flow);
+  progress.finish();
+  if (!loaded.scene.tracks_path.empty()) {
+    Tracks tracks = read_tracks(loaded.scene.tracks_path, loaded.scene.origin);
+    mark_seen(tracks, loaded.scene, *loaded.frames);
+    evaluation.tracks = track_error(queue, model, tracks);
+  }
+  return evaluation;
+}
+
+void require_what_judges(const TrainConfig& config, const Scene& scene, const FrameStore& frames) {
+  const JudgingNetworks networks(config.metrics);
+  for (const Frame& frame : scene.test) {
+    const Camera& camera = frames.camera(frame);
+    networks.require_size(camera.width, camera.height);
+    if (!frame.depth_path.empty()) read_true_depth(frame, camera.width, camera.height);
+  }
+  if (!scene.tracks_path.empty()) read_tracks(scene.tracks_path, scene.origin);
+}
+
+void write_comparison(Queue& queue, Model& model, const TrainConfig& config,
+                      const LoadedScene& loaded, const RunFolder& run) {
+  const std::vector<RenderView> views =
+      split_views(loaded.scene, loaded.scene.test, loaded.frames->cameras(), "test");
+  RenderOptions options;
+  options.settings = engine_settings(config);
+  options.near = config.render.near;
+  if (config.scene.background == Background::black) options.background = {0, 0, 0};
+  write_png(run.path("compare.png"),
+            comparison_picture(queue, model, views[views.size() / 2], *loaded.frames, options));
+}
+
+RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,
+                           int iteration, const std::vector<std::string>& settings) {
+  const StopSentence stop("interrupted while evaluating; nothing was lost");
+  const auto lock = run.lock_if_free();
+  if (lock) put_back_former_files(run, *lock);
+  const RunState state = read_run_state(run, iteration);
+  const TrainConfig config = judged_by(state.config, run.judged_by(), settings);
+  LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);
+  const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
+  Model model(queue, state.model, Purpose::showing);
+  const bool latest = iteration == latest_iteration || iteration == iterations_of(run).back();
+  const bool drawn = lock && latest && split == "test";
+  const bool kept = run.has_caches_of(cache_stamp(loaded.scene, config.scene));
+  const Evaluation evaluation = judge(queue, model, config, loaded, frames, quiet,
+                                      drawn ? run.path("test") : "", kept ? run.path("flow") : "");
+  if (drawn) write_comparison(queue, model, config, loaded, run);
+  std::vector<std::string> written;
+  if (lock)
+    written =
+        run.write_results(evaluation, split, state.facts, config, model.parameters.count, latest);
+  return {evaluation, state.text(), written};
+}
+
+}  // namespace gflow

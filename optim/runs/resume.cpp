@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/runs/resume.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "runtime/base/tell.hpp"
+#include "runtime/base/warning.hpp"
+
+namespace gflow {
+namespace {
+
+// What a training depends on beside the settings, wherever it lies: cameras, times, and pictures by
+// name and size.
+std::string scene_stamp(const Scene& scene) {
+  std::string stamp =
+      fmt::format("{} {} {} {}\n", scene.layout, scene.extent, scene.steps, scene.train.size());
+  for (const Camera& c : scene.cameras) {
+    stamp += fmt::format("{} {} {} {} {} {} {}", c.name, c.width, c.height, c.fx, c.fy, c.cx, c.cy);
+    for (const double value : c.viewmat.reshaped()) stamp += fmt::format(" {}", value);
+    stamp += "\n";
+  }
+  for (const Frame& f : scene.train) {
+    stamp += fmt::format("{} {} {} {} {} {}\n", f.name, f.camera, f.step, f.time, f.video_frame,
+                         std::filesystem::file_size(f.path));
+    if (!f.flow_path.empty()) stamp += fmt::format("{}\n", std::filesystem::file_size(f.flow_path));
+  }
+  return crc32_text(stamp.data(), stamp.size());
+}
+
+// Error when going on with these settings would not be the training that was begun.
+void require_same_training(const CheckpointFolder::Found& found, const TrainConfig& config,
+                           const std::string& scene, const RunFolder& run) {
+  const CheckpointFacts& facts = found.checkpoint.facts;
+  TrainConfig former;
+  apply_text(former, facts.config, "the settings in " + found.path);
+  const auto before = setting_values(former);
+  auto now = setting_values(config);
+  for (const char* free :
+       {"scene.path", "train.minutes", "train.log_every", "train.checkpoint_every",
+        "train.save_every", "train.device", "flow.store", "guidance.command", "guidance.time_out",
+        "metrics.lpips", "metrics.clip"})
+    now.erase(free);
+  for (const auto& [name, value] : now)
+    if (value != before.at(name))
+      throw Error(
+          fmt::format("resuming {}: it was begun with {} = {}, not {}, which would have changed "
+                      "what is trained already; leave the setting as it was, or begin anew "
+                      "with --overwrite in place of --resume",
+                      run.folder(), name, before.at(name), value));
+  if (scene != facts.scene)
+    throw Error(
+        fmt::format("resuming {}: cameras or pictures of {} are not those it was begun with; "
+                    "give it the scene as it was, or begin anew with --overwrite in place of "
+                    "--resume",
+                    run.folder(), config.scene.path));
+}
+
+// The result is right on another device or by another build, but for the last bits.
+void warn_of_other_bits(const CheckpointFacts& facts, const DeviceInfo& device) {
+  const auto other = [](const char* what, const std::string& before, const std::string& now) {
+    if (before != now)
+      warn(
+          fmt::format("the checkpoint was written {} {}, this is {}: the result will not be bit "
+                      "by bit that of a training without a stop",
+                      what, before, now));
+  };
+  other("on", facts.device, device_stamp(device));
+  other("by gflow build", facts.program, program_stamp());
+}
+
+}  // namespace
+
+std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
+                                                            const TrainConfig& config,
+                                                            const Scene& scene,
+                                                            const RunFolder& run, bool quiet) {
+  auto found = run.checkpoints().latest();
+  if (found) {
+    require_same_training(*found, config, scene_stamp(scene), run);
+    warn_of_other_bits(found->checkpoint.facts, queue.info);
+  }
+  if (!quiet)
+    tell("{}\n", found ? fmt::format("going on from {}", found->path)
+                       : fmt::format("{} has no checkpoint: training starts at the first step",
+                                     run.folder()));
+  return found;
+}
+
+namespace {
+
+std::string resuming_command(const RunFolder& run, const TrainConfig& config) {
+  const bool starts_program = config.guidance.provider == GuidanceProvider::process;
+  return fmt::format("gflow train -o {} --resume{}", run.folder(),
+                     starts_program ? " --allow-command" : "");
+}
+
+}  // namespace
+
+void require_no_training(const RunFolder& run) {
+  if (!run.holds_training()) return;
+  TrainConfig former;
+  RunFacts ended;
+  std::optional<CheckpointFolder::Found> last;
+  try {
+    former = run.read_config();
+    last = run.checkpoints().latest();
+    ended = run.read_facts();
+  } catch (const Error&) {  // damaged: what is known decides
+  }
+  if (run.checkpoints().steps().empty() && run.models().empty())
+    throw Error(
+        fmt::format("{} holds results of a training, and neither its model nor a checkpoint: name "
+                    "another folder, or replace them with --overwrite",
+                    run.folder()));
+  if (run.checkpoints().steps().empty())
+    throw Error(fmt::format(
+        "{} holds a model, which `gflow eval {}` judges, and no checkpoint to go on from: "
+        "name another folder, or replace it with --overwrite",
+        run.folder(), run.folder()));
+  const int all = former.train.iterations;
+  const int step = last ? last->checkpoint.facts.step : all;
+  const bool out_of_time = ended.finished && ended.iterations == step;  // train.minutes
+  if (step < all && !out_of_time)
+    throw Error(fmt::format(
+        "{} holds a training that was stopped at step {} of {}: `{}` goes on with it, --overwrite "
+        "begins anew",
+        run.folder(), step, all, resuming_command(run, former)));
+  throw Error(fmt::format(
+      "{} holds a finished training{}: name another folder, or replace it with --overwrite",
+      run.folder(), former.scene.path.empty() ? "" : " of " + former.scene.path));
+}
+
+std::string how_to_go_on(const RunFolder& run, const TrainConfig& config) {
+  return fmt::format("`{}` goes on from there", resuming_command(run, config));
+}
+
+Checkpointer::Checkpointer(Queue& queue, const TrainConfig& config, const Scene& scene,
+                           const RunFolder& run, Trainer& trainer, const ModelShape& shape)
+    : queue_(queue), folder_(run.checkpoints()), trainer_(trainer) {
+  facts_.config = to_toml(config);
+  facts_.scene = scene_stamp(scene);
+  facts_.device = device_stamp(queue.info);
+  facts_.program = program_stamp();
+  facts_.shape = shape;
+}
+
+void Checkpointer::write(int step, double seconds) {
+  facts_.step = step;
+  facts_.seconds = seconds;
+  folder_.write({facts_, trainer_.state(queue_)});
+}
+
+void Checkpointer::write_to(const std::string& path, int step) {
+  facts_.step = step;
+  write_checkpoint(path, {facts_, trainer_.state(queue_)});
+}
+
+void Checkpointer::try_write(int step, double seconds) {
+  try {
+    write(step, seconds);
+  } catch (const Error& problem) {
+    warn(fmt::format("no checkpoint of step {}: {}; training goes on", step, problem.what()));
+  }
+}
+
+}  // namespace gflow

@@ -1,0 +1,526 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/runs/run_folder.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "optim/model/views.hpp"
+#include "optim/runs/backup.hpp"
+#include "optim/runs/run_names.hpp"
+#include "optim/scene/cameras_json.hpp"
+#include "runtime/base/warning.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/json_text.hpp"
+#include "runtime/files/modest_json.hpp"
+#include "runtime/files/text_file.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+void write_text(const std::string& path, const std::string& text) {
+  write_file_atomically(path, Bytes(text.begin(), text.end()));
+}
+
+// Lines at the end of a file, or a new file of them. On failure nothing of them is left.
+void append_lines(const std::string& file, bool anew, const std::string& lines) {
+  std::error_code none;
+  const uintmax_t before = !anew && fs::exists(file) ? fs::file_size(file, none) : 0;
+  std::ofstream out(file, anew ? std::ios::trunc : std::ios::app);
+  out << lines;
+  out.flush();
+  if (out) return;
+  const Error error(fmt::format("cannot write {}: {}", file, std::strerror(errno)));
+  out.close();
+  fs::resize_file(file, before, none);
+  throw error;
+}
+
+// NaN has no place in JSON.
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+// A line of metrics.jsonl as lines of metrics.csv; what is no number stays empty.
+std::string csv_names(const Json& line) {
+  std::vector<std::string> names;
+  for (const auto& item : line.items()) names.push_back(item.key());
+  return fmt::format("{}\n", fmt::join(names, ","));
+}
+std::string csv_values(const Json& line) {
+  std::vector<std::string> values;
+  for (const Json& value : line) values.push_back(value.is_null() ? "" : value.dump());
+  return fmt::format("{}\n", fmt::join(values, ","));
+}
+
+Json figures_of(const ViewFigures& view) {
+  Json figures;
+  for (const auto& [name, value] : view_figures()) figures[name] = number(view.*value);
+  return figures;
+}
+
+// For each figure its mean over the views of each time step.
+Json figures_by_step(const std::vector<ViewFigures>& views) {
+  int steps = 0;
+  for (const ViewFigures& view : views) steps = std::max(steps, view.step + 1);
+  Json all = Json::object();
+  for (const auto& [name, value] : view_figures()) {
+    std::vector<double> sums(size_t(steps), 0.0), counts(size_t(steps), 0.0);
+    for (const ViewFigures& view : views) {
+      if (!std::isfinite(view.*value)) continue;
+      sums[size_t(view.step)] += view.*value;
+      ++counts[size_t(view.step)];
+    }
+    for (size_t k = 0; k < sums.size(); ++k) all[name].push_back(number(sums[k] / counts[k]));
+  }
+  return all;
+}
+
+// The network that judged; null: none was given.
+Json network(const std::string& path) { return path.empty() ? Json(nullptr) : Json(path); }
+
+// Whether a folder has files that no training, killed at its very start, left behind.
+bool holds_something(const std::string& folder) {
+  std::error_code problem;
+  for (const auto& entry : fs::directory_iterator(folder, problem)) {
+    const std::string name = entry.path().filename().string();
+    if (name != kRunLock && !is_temporary_name(name)) return true;
+  }
+  return false;
+}
+
+// Sets `config` to the settings of the last checkpoint that can be read, whose path is returned;
+// leaves it as it is and returns "" when there is none.
+std::string last_settings(const CheckpointFolder& checkpoints, TrainConfig& config) {
+  for (const int step : checkpoints.steps()) {
+    const std::string path = checkpoints.path(step);
+    try {
+      TrainConfig kept;
+      apply_text(kept, read_checkpoint_facts(path).config, "the settings in " + path);
+      check(kept);
+      config = kept;
+      return path;
+    } catch (const Error&) {  // who needs the checkpoint itself is told
+    }
+  }
+  return "";
+}
+
+// Folders of which a training removes all that is in them, whoever put it there.
+constexpr const char* kEmptied[] = {"flow", "frames", "test"};
+
+bool is_link(const std::string& folder) {
+  std::error_code none;
+  return fs::is_symlink(folder, none);
+}
+
+// Whether all in it may go: of a folder elsewhere that we have said so in.
+bool is_only_ours(const std::string& folder) {
+  std::error_code none;
+  return !is_link(folder) || fs::exists(fs::path(folder) / kOnlyOurs, none);
+}
+
+// What is to go where a folder is to: itself, or, where it is a link to another disk, all in it.
+std::vector<std::string> all_of(const std::string& folder) {
+  if (!is_link(folder)) return {folder};
+  std::vector<std::string> paths;
+  if (!is_only_ours(folder)) return paths;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder, none))
+    if (entry.path().filename() != kOnlyOurs) paths.push_back(entry.path());
+  return paths;
+}
+
+std::vector<std::string> those_there(std::vector<std::string> paths) {
+  const auto is_missing = [](const std::string& path) {
+    std::error_code none;
+    return !fs::exists(fs::symlink_status(path, none));
+  };
+  paths.erase(std::remove_if(paths.begin(), paths.end(), is_missing), paths.end());
+  return paths;
+}
+
+}  // namespace
+
+void RunFolder::make() const {
+  if (folder_.empty()) throw Error("a run folder has an empty name; -o FOLDER gives it one");
+  std::error_code problem;
+  // Training replaces what is in a run folder; what is in any other folder is not ours.
+  if (holds_something(folder_) && !is_made_by_training(folder_))
+    throw Error(
+        fmt::format("training into {}: it is not empty and no run folder; name a new folder,"
+                    " or an earlier run to train it anew",
+                    folder_));
+  if (fs::is_symlink(folder_, problem) && !fs::exists(folder_, problem))
+    throw Error(fmt::format(
+        "making the run folder {}: it is a link to {}, which is not there; make that folder, or "
+        "name another",
+        folder_, fs::read_symlink(folder_).string()));
+  fs::create_directories(folder_, problem);
+  if (problem) throw Error(fmt::format("making the run folder {}: {}", folder_, problem.message()));
+}
+
+RunFolder RunFolder::create(const std::string& path) {
+  const RunFolder run(path);
+  run.make();
+  return run;
+}
+
+FileLock RunFolder::lock() const { return FileLock(path(kRunLock), folder_); }
+
+std::unique_ptr<FileLock> RunFolder::lock_if_free() const {
+  try {
+    return std::make_unique<FileLock>(path(kRunLock), folder_);
+  } catch (const FileIsLocked&) {
+    return nullptr;
+  }
+}
+
+bool RunFolder::is_run(const std::string& path) {
+  const RunFolder run(path);
+  return fs::exists(run.path("config.toml")) || !run.checkpoints().steps().empty();
+}
+
+void RunFolder::require_no_beginning(const std::string& path) {
+  const RunFolder run(path);
+  if (!is_run(path) && fs::exists(run.path(kRunLock))) run.lock();
+}
+
+RunFolder RunFolder::open(const std::string& path) {
+  require_no_beginning(path);
+  if (!is_run(path))
+    throw Error(
+        fmt::format("{} is no run folder: it has no config.toml, which `gflow train -o {}`"
+                    " writes",
+                    path, path));
+  const RunFolder run(path);
+  try {
+    put_back_former_files(run);
+  } catch (const Error& problem) {
+    warn(fmt::format("{} is not whole, a training that was to replace it was killed: {}", path,
+                     problem.what()));
+  }
+  return run;
+}
+
+std::string RunFolder::model_path(int iteration) const {
+  return path(fmt::format("point_cloud/iteration_{}/point_cloud.ply", iteration));
+}
+
+std::vector<int> RunFolder::models() const {
+  std::vector<int> iterations;
+  std::error_code none;  // a training may remove the folder meanwhile
+  for (const auto& entry : fs::directory_iterator(path("point_cloud"), none)) {
+    const int iteration = iteration_of_name(entry.path().filename().string());
+    if (iteration >= 0 && fs::exists(entry.path() / "point_cloud.ply"))
+      iterations.push_back(iteration);
+  }
+  std::sort(iterations.rbegin(), iterations.rend());
+  return iterations;
+}
+
+void RunFolder::forget_model(int iteration) const {
+  fs::remove_all(fs::path(model_path(iteration)).parent_path());
+}
+
+void RunFolder::require_its_folders() const {
+  for (const char* name : {"checkpoints", "point_cloud", "flow", "frames", "test"}) {
+    const std::string folder = path(name);
+    std::error_code problem, none;
+    fs::directory_iterator(folder, problem);
+    if (!problem || !fs::exists(fs::symlink_status(folder, none))) continue;
+    if (is_link(folder) && !fs::exists(folder, none))
+      throw Error(
+          fmt::format("training into {}: {} is a link to {}, which is not there; bring that back, "
+                      "or remove the link to do without",
+                      folder_, folder, fs::read_symlink(folder, none).string()));
+    throw Error(fmt::format("training into {}: cannot look into {}: {}", folder_, folder,
+                            problem.message()));
+  }
+  for (const char* name : kEmptied) {
+    const std::string folder = path(name);
+    std::error_code none;
+    if (is_only_ours(folder) || fs::is_empty(folder, none)) continue;
+    const std::string target = fs::canonical(folder, none).string();
+    throw Error(
+        fmt::format("training into {}: {} is a link to {}, and a training removes all that is in "
+                    "it; let it lead to an empty folder, or, if all of that may go, put an empty "
+                    "file {}/{} there",
+                    folder_, folder, target, target, kOnlyOurs));
+  }
+}
+
+void RunFolder::claim_linked_folders() const {
+  for (const char* name : kEmptied) {
+    const std::string folder = path(name);
+    if (is_link(folder) && !is_only_ours(folder) && fs::is_empty(folder))
+      write_text(folder + "/" + kOnlyOurs,
+                 "All that is in this folder is gflow's, and goes with a training.\n");
+  }
+}
+
+std::vector<std::string> RunFolder::training() const {
+  std::vector<std::string> paths{path("training.json")};
+  for (const int step : checkpoints().steps()) paths.push_back(checkpoints().path(step));
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(path("point_cloud"), none))
+    if (iteration_of_name(entry.path().filename().string()) >= 0) paths.push_back(entry.path());
+  for (const char* name :
+       {"metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz", "broken.npz"})
+    paths.push_back(path(name));
+  return those_there(std::move(paths));
+}
+
+bool RunFolder::would_forget(const std::string& file) const {
+  if (file.empty()) return false;
+  const fs::path real = fs::weakly_canonical(file);
+  for (const char* name :
+       {"cameras.json", "checkpoints", "flow", "frames", "input.ply", "point_cloud", "test"}) {
+    const fs::path inside = real.lexically_relative(fs::weakly_canonical(path(name)));
+    if (!inside.empty() && *inside.begin() != "..") return true;
+  }
+  return false;
+}
+
+std::vector<std::string> RunFolder::results() const {
+  std::vector<std::string> paths = all_of(path("test"));
+  paths.push_back(path("compare.png"));
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder_, none))
+    if (is_name_of_results(entry.path().filename().string())) paths.push_back(entry.path());
+  return those_there(std::move(paths));
+}
+
+bool RunFolder::holds_training() const {
+  return !checkpoints().steps().empty() || !models().empty() || fs::exists(path("training.json")) ||
+         !results().empty();
+}
+
+void RunFolder::forget_unfinished_files() const {
+  std::vector<fs::path> unfinished;
+  const std::function<void(const fs::path&)> look_into = [&](const fs::path& folder) {
+    std::error_code problem;
+    for (fs::directory_iterator entry(folder, problem), end; !problem && entry != end;
+         entry.increment(problem)) {
+      const std::string name = entry->path().filename().string();
+      const bool is_own = folder == folder_;  // its folders may be links to other disks
+      const bool trains_there = !is_own || is_name_of_training(name);
+      if (is_left_behind(name))
+        unfinished.push_back(entry->path());
+      else if (trains_there && fs::is_directory(is_own ? entry->status() : entry->symlink_status()))
+        look_into(entry->path());
+    }
+    if (problem && problem != std::errc::no_such_file_or_directory)  // another has removed it
+      throw Error(fmt::format("cannot look into {}: {}", folder.string(), problem.message()));
+  };
+  look_into(folder_);
+  for (const fs::path& file : unfinished) {
+    std::error_code problem;
+    fs::remove_all(file, problem);
+    if (problem) throw Error(fmt::format("cannot remove {}: {}", file.string(), problem.message()));
+  }
+}
+
+void RunFolder::forget_stale_caches(const std::string& stamp) const {
+  if (has_caches_of(stamp)) return;
+  for (const char* folder : {"flow", "frames"})
+    for (const std::string& file : all_of(path(folder))) fs::remove_all(file);
+  write_text(path(kRunStamp), stamp);
+}
+
+bool RunFolder::has_caches_of(const std::string& stamp) const {
+  return fs::exists(path(kRunStamp)) && stamp == report_if_there(path(kRunStamp));
+}
+
+void RunFolder::write_config(const TrainConfig& config) const {
+  write_text(path("config.toml"), to_toml(config));
+}
+
+TrainConfig RunFolder::read_config() const {
+  TrainConfig kept;
+  const std::string checkpoint = last_settings(checkpoints(), kept);
+  try {
+    TrainConfig config = kept;
+    if (fs::is_regular_file(path("config.toml")) && fs::file_size(path("config.toml")) == 0)
+      throw Error(
+          fmt::format("reading the configuration {}: it is empty, and a training writes all "
+                      "of its settings there",
+                      path("config.toml")));
+    apply_file(config, path("config.toml"));
+    check(config);
+    return config;
+  } catch (const Error& problem) {
+    if (checkpoint.empty()) throw;
+    warn(fmt::format("{}; the settings kept in {} are used", problem.what(), checkpoint));
+    return kept;
+  }
+}
+
+void RunFolder::write_cameras(const Scene& scene) const {
+  write_text(path("cameras.json"), cameras_json(scene.cameras));
+}
+
+void RunFolder::append_metrics(int iteration, double seconds, const StepFigures& f) const {
+  Json line{
+      {"iteration", iteration}, {"seconds", seconds},        {"loss", number(f.loss)},
+      {"l1", number(f.l1)},     {"ssim", number(f.ssim)},    {"flow_loss", number(f.flow_loss)},
+      {"psnr", number(f.psnr)}, {"flow_epe", number(f.epe)}, {"num_gaussians", f.gaussians},
+      {"num_moving", f.moving}, {"refused", f.refused}};
+  if (f.motion)
+    line.update({{"rigidity", number(f.motion->rigidity)},
+                 {"rotation", number(f.motion->rotation)},
+                 {"isometry", number(f.motion->isometry)},
+                 {"velocity", number(f.motion->velocity)},
+                 {"acceleration", number(f.motion->acceleration)}});
+  if (f.guidance)
+    line.update({{"guidance", number(f.guidance->pull)},
+                 {"guidance_flow_epe", number(f.guidance->flow_epe)}});
+  append_lines(path("metrics.jsonl"), iteration == 0, json_text(line) + "\n");
+  const std::string table = path("metrics.csv");
+  const bool anew = iteration == 0 || !fs::exists(table);
+  append_lines(table, anew, (anew ? csv_names(line) : "") + csv_values(line));
+}
+
+Json RunFolder::metrics_of(std::string_view line) {
+  constexpr size_t longest = size_t{64} << 10;
+  Json none(Json::value_t::discarded);
+  // Not left to the parser, which takes microseconds to find reasons: a log may have millions.
+  if (line.size() > longest || line.empty() || line.front() != '{') return none;
+  Json parsed = parsed_if_modest(line);
+  const bool is_line =
+      parsed.is_object() && parsed.contains("iteration") && parsed["iteration"].is_number_integer();
+  return is_line ? parsed : none;
+}
+
+void RunFolder::keep_metrics_before(int iteration) const {
+  std::string kept = text_if_there(path("metrics.jsonl")), table;
+  size_t end = 0;  // of what is kept
+  int number = 1;
+  for (std::string_view rest = kept; !rest.empty(); ++number) {
+    const std::string_view text = take_line(rest);
+    const Json line = metrics_of(text);
+    // As the last line of a killed process may be.
+    const bool cut_off = rest.empty() && text.substr(0, 1) == "{";
+    if (line.is_discarded() && !cut_off)
+      warn(
+          fmt::format("{}: line {} is none that `gflow train` writes: it and all that follows are "
+                      "not kept",
+                      path("metrics.jsonl"), number));
+    if (line.is_discarded() || line["iteration"] >= iteration) break;
+    if (end == 0) table = csv_names(line);
+    table += csv_values(line);
+    end = kept.size() - rest.size();
+  }
+  kept.resize(end);
+  if (end > 0 && kept.back() != '\n') kept += '\n';
+  if (kept.empty()) {
+    for (const char* name : {"metrics.jsonl", "metrics.csv"}) fs::remove(path(name));
+    return;
+  }
+  for (const auto& [name, text] : {std::pair("metrics.jsonl", &kept), {"metrics.csv", &table}})
+    if (*text != text_if_there(path(name))) write_text(path(name), *text);
+}
+
+std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
+                                                  const std::string& split, const RunFacts& facts,
+                                                  const TrainConfig& config, size_t gaussians,
+                                                  bool latest) const {
+  const std::string suffix =
+      fmt::format("{}{}.json", split == "test" ? "" : "_" + split,
+                  latest ? "" : fmt::format("_iteration_{}", facts.iterations));
+  const std::string of_all = path("results" + suffix), of_each = path("per_view" + suffix);
+  Json views = Json::object();
+  for (const ViewFigures& view : evaluation.views) views[view.name] = figures_of(view);
+  write_text(of_each, json_text(views, 1) + "\n");
+  Json test = figures_of(evaluation.mean);
+  test["by_step"] = figures_by_step(evaluation.views);
+  test["flow_reference"] = evaluation.flow_reference;
+  test["views"] = evaluation.views.size();
+  test["trained_on"] = evaluation.trained_on;
+  test["lpips_model"] = network(evaluation.lpips_model);
+  test["clip_model"] = network(evaluation.clip_model);
+  if (const auto& tracks = evaluation.tracks)
+    test["tracks"] = {{"mean", tracks->mean},     {"median", tracks->median},
+                      {"end", tracks->end},       {"by_step", tracks->by_step},
+                      {"motion", tracks->motion}, {"motion_by_step", tracks->motion_by_step},
+                      {"still", tracks->still},   {"lost", tracks->lost}};
+  if (const auto& tracks = evaluation.tracks; tracks && tracks->seen)
+    test["tracks"]["seen"] = {{"share", tracks->seen->share},
+                              {"mean", tracks->seen->mean},
+                              {"motion", tracks->seen->motion},
+                              {"by_step", tracks->seen->by_step},
+                              {"motion_by_step", tracks->seen->motion_by_step}};
+  const Json results{{split, test},
+                     {"num_gaussians", gaussians},
+                     {"iterations", facts.iterations},
+                     {"train_seconds", number(facts.train_seconds)},
+                     {"peak_memory_mib", number(facts.peak_memory_mib)},
+                     {"device", facts.device},
+                     {"motion", facts.motion},
+                     {"resolution", config.scene.resolution},
+                     {"background", name_of(config.scene.background)},
+                     {"seed", config.train.seed}};
+  write_text(of_all, json_text(results, 1) + "\n");
+  return {of_all, of_each};
+}
+
+MetricsConfig RunFolder::judged_by() const {
+  const std::string text = report_if_there(path("results.json"));
+  const Json results = parsed_if_modest(text);
+  const auto test = results.is_object() ? results.value("test", Json()) : Json();
+  const auto named = [&](const char* key) {
+    return test.is_object() && test.contains(key) && test[key].is_string()
+               ? test[key].get<std::string>()
+               : "";
+  };
+  return {named("lpips_model"), named("clip_model")};
+}
+
+void RunFolder::write_facts(const RunFacts& facts) const {
+  const Json run{{"iterations", facts.iterations},
+                 {"train_seconds", facts.train_seconds},
+                 {"peak_memory_mib", facts.peak_memory_mib},
+                 {"device", facts.device},
+                 {"motion", facts.motion},
+                 {"finished", facts.finished}};
+  write_text(path("training.json"), json_text(run, 1) + "\n");
+}
+
+RunFacts RunFolder::read_facts() const {
+  RunFacts facts;
+  std::string why = path("training.json") + " is not the JSON that `gflow train` writes";
+  try {
+    const std::string text = report_if_there(path("training.json"));
+    if (text.empty() && !fs::exists(path("training.json"))) return facts;
+    const Json run = parsed_if_modest(text);
+    const Json& iterations = run.at("iterations");
+    facts.iterations = iterations.is_number_integer() ? iterations.get<int>() : -1;
+    facts.train_seconds = run.value("train_seconds", 0.0);
+    facts.peak_memory_mib = run.value("peak_memory_mib", 0.0);
+    facts.device = run.value("device", "");
+    facts.motion = run.value("motion", "");
+    facts.finished = run.value("finished", false);
+    if (facts.iterations >= 0) return facts;
+  } catch (const Json::exception&) {
+  } catch (const Error& problem) {
+    // A run that cannot be read now is no run of which nothing is known: it would be missing in a
+    // table, or trained anew.
+    if (fs::is_regular_file(path("training.json"))) throw;
+    why = problem.what();
+  }
+  static std::set<std::string> told;
+  if (told.insert(folder_).second) warn(why + ": what the run took is not known");
+  return {};
+}
+
+}  // namespace gflow

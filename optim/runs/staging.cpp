@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/runs/staging.hpp"
+
+#include <filesystem>
+
+#include "optim/runs/backup.hpp"
+#include "optim/runs/run_names.hpp"
+#include "runtime/files/atomic_file.hpp"
+
+namespace gflow {
+
+namespace fs = std::filesystem;
+
+NextFiles::NextFiles(const RunFolder& run)
+    : run_(run), folder_(run.path(temporary_folder_name(kName))) {
+  std::error_code problem;
+  fs::remove_all(folder_.folder(), problem);
+  fs::create_directory(folder_.folder(), problem);
+  if (problem) refuse_to_write(folder_.folder(), problem.value());
+  flush_folder_of(folder_.folder());
+}
+
+NextFiles::~NextFiles() {
+  if (FormerFiles::are_aside(run_)) return;  // these are known by it
+  std::error_code none;
+  fs::remove_all(folder_.folder(), none);
+}
+
+void NextFiles::require_names() const {
+  for (const auto& file : fs::directory_iterator(folder_.folder()))
+    require_replaceable(run_.path(file.path().filename().string()));
+}
+
+void NextFiles::take_name(const std::string& file) const {
+  take_place(folder_.path(file), run_.path(file));
+}
+
+void NextFiles::take_names() const {
+  std::vector<std::string> files;
+  for (const auto& file : fs::directory_iterator(folder_.folder()))
+    files.push_back(file.path().filename().string());
+  for (const std::string& file : files) take_name(file);
+}
+
+}  // namespace gflow

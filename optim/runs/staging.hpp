@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files of a run that are written before the first of those they replace goes: that there is room
+// for them, and leave to write them, is known while the former run is whole.
+#pragma once
+#include "optim/runs/run_folder.hpp"
+
+namespace gflow {
+
+class NextFiles {
+ public:
+  static constexpr const char* kName = ".next";  // of their folder: temporary_folder_name()
+
+  // A folder within the run's, whose lock the caller has. Error when it cannot be made. While its
+  // config.toml is there files of the former training that are aside are to come back
+  // (put_back_former_files()); after that what a killed process leaves of it goes with
+  // RunFolder::forget_unfinished_files().
+  explicit NextFiles(const RunFolder& run);
+  NextFiles(const NextFiles&) = delete;
+  NextFiles& operator=(const NextFiles&) = delete;
+  ~NextFiles();  // removes what has not taken its name
+
+  // Where they are to be written.
+  const RunFolder& folder() const { return folder_; }
+  // Error when one of them could not take its name in the run: something that is no file has it.
+  void require_names() const;
+  // Moves one, or each that is left, to its name in the run. Error when it cannot be.
+  void take_name(const std::string& file) const;
+  void take_names() const;
+
+ private:
+  const RunFolder& run_;
+  RunFolder folder_;
+};
+
+}  // namespace gflow

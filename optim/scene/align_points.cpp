@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rotation from the cameras' own rotations, because positions on a line or in a plane, as rigs have
+// them, say little about it.
+#include "optim/scene/align_points.hpp"
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <cmath>
+
+namespace gflow {
+namespace {
+
+Eigen::Vector3d mean_position(const std::vector<Camera>& cameras) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Camera& camera : cameras) sum += camera.position();
+  return sum / double(cameras.size());
+}
+
+// The rotation nearest to the sum of R_to^T R_from.
+Eigen::Matrix3d mean_rotation(const std::vector<Camera>& from, const std::vector<Camera>& to) {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (size_t i = 0; i < from.size(); ++i)
+    sum += to[i].viewmat.topLeftCorner<3, 3>().transpose() * from[i].viewmat.topLeftCorner<3, 3>();
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d u = svd.matrixU();
+  if ((u * svd.matrixV().transpose()).determinant() < 0) u.col(2) *= -1;
+  return u * svd.matrixV().transpose();
+}
+
+}  // namespace
+
+bool align_points(PointCloud& points, const std::vector<Camera>& from,
+                  const std::vector<Camera>& to) {
+  if (from.size() != to.size() || from.size() < 2) return false;
+  const Eigen::Matrix3d rotation = mean_rotation(from, to);
+  const Eigen::Vector3d from_mean = mean_position(from), to_mean = mean_position(to);
+  double product = 0, from_square = 0, to_square = 0;
+  for (size_t i = 0; i < from.size(); ++i) {
+    const Eigen::Vector3d a = rotation * (from[i].position() - from_mean);
+    const Eigen::Vector3d b = to[i].position() - to_mean;
+    product += a.dot(b);
+    from_square += a.squaredNorm();
+    to_square += b.squaredNorm();
+  }
+  if (!(product > 0)) return false;
+  // Least squares: s = <a, b> / <a, a>; what remains is <b, b> - s <a, b>.
+  const double scale = product / from_square;
+  const double remaining = to_square - scale * product;
+  if (!(std::sqrt(std::max(0., remaining)) <= 0.05 * std::sqrt(to_square))) return false;
+  for (size_t i = 0; i < points.size(); ++i) {
+    Eigen::Map<Eigen::Vector3d> p(&points.xyz[3 * i]);
+    p = scale * (rotation * (p - from_mean)) + to_mean;
+  }
+  return true;
+}
+
+}  // namespace gflow

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// The pinhole camera every reader delivers. Pixel (i, j) has its centre at (i + .5, j + .5), x to
+// the right, y down; a point with camera coordinates (x, y, z), z > 0, is seen at
+// (fx x / z + cx, fy y / z + cy).
+#pragma once
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+namespace gflow {
+
+constexpr double degree = M_PI / 180;  // [rad]
+
+// What a lens did to the stored pictures of a camera: optim/scene/lens.hpp has the formulas.
+struct Lens {
+  enum class Kind { none, radial, fisheye };
+  Kind kind = Kind::none;
+  std::array<double, 8> k = {};           // radial: k1 k2 p1 p2 k3 k4 k5 k6; fisheye: k1 k2 k3 k4
+  double fx = 0, fy = 0, cx = 0, cy = 0;  // of the stored picture [px]; 0 without a lens
+
+  bool operator==(const Lens& other) const {
+    return kind == other.kind && k == other.k && fx == other.fx && fy == other.fy &&
+           cx == other.cx && cy == other.cy;
+  }
+};
+
+// One physical camera, or one pose of a moving one.
+struct Camera {
+  std::string name;                                       // e.g. cam03
+  int width = 0, height = 0;                              // [px]
+  double fx = 0, fy = 0, cx = 0, cy = 0;                  // [px]
+  Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();  // world to camera, OpenCV axes, +z ahead
+
+  Lens lens;  // FrameStore takes its effect out of the pictures
+
+  // Where the camera stands, world.
+  Eigen::Vector3d position() const {
+    return -viewmat.topLeftCorner<3, 3>().transpose() * viewmat.topRightCorner<3, 1>();
+  }
+
+  // Pixel coordinates of a world point in front of the camera.
+  Eigen::Vector2d project(const Eigen::Vector3d& world) const {
+    const Eigen::Vector3d p =
+        viewmat.topLeftCorner<3, 3>() * world + viewmat.topRightCorner<3, 1>();
+    return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
+  }
+
+  // Derivative of that by the point [px / scene unit].
+  Eigen::Matrix<double, 2, 3> derivative(const Eigen::Vector3d& world) const {
+    const Eigen::Matrix3d r = viewmat.topLeftCorner<3, 3>();
+    const Eigen::Vector3d p = r * world + viewmat.topRightCorner<3, 1>();
+    Eigen::Matrix<double, 2, 3> j;
+    j.row(0) = fx / p.z() * (r.row(0) - p.x() / p.z() * r.row(2));
+    j.row(1) = fy / p.z() * (r.row(1) - p.y() / p.z() * r.row(2));
+    return j;
+  }
+};
+
+// The same view at 1 / divisor of the size; sizes round down, at least 1, as pictures do.
+inline Camera reduced(Camera camera, int divisor) {
+  const int width = std::max(1, camera.width / divisor);
+  const int height = std::max(1, camera.height / divisor);
+  const double sx = double(width) / camera.width, sy = double(height) / camera.height;
+  camera.width = width;
+  camera.height = height;
+  camera.fx *= sx;
+  camera.cx *= sx;
+  camera.fy *= sy;
+  camera.cy *= sy;
+  return camera;
+}
+
+}  // namespace gflow

@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures on demand. Three kinds of things are cached under one bound: a frame's picture before
+// the background, its RGB, and its alpha; for pictures without alpha the first is the second.
+#include "optim/scene/frame_store.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <condition_variable>
+#include <deque>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <set>
+#include <system_error>
+#include <thread>
+
+#include "optim/images/image_header.hpp"
+#include "optim/images/lru_cache.hpp"
+#include "optim/images/opencv_threads.hpp"
+#include "optim/images/video.hpp"
+#include "optim/scene/lens.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/base/warning.hpp"
+#include "runtime/files/file_name.hpp"
+#include "runtime/files/temporary_folder.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+// A decoded frame: as stored, on the background, and its alpha.
+struct Decoded {
+  std::shared_ptr<const Image> stored, rgb, alpha;
+};
+
+size_t bytes_of(const Decoded& decoded) {
+  size_t bytes = decoded.stored->pixels.size();
+  if (decoded.rgb != decoded.stored) bytes += decoded.rgb->pixels.size();
+  if (decoded.alpha) bytes += decoded.alpha->pixels.size();
+  return bytes;
+}
+
+Image alpha_of(const Image& rgba) {
+  Image alpha{rgba.width, rgba.height, 1, {}};
+  alpha.pixels.resize(rgba.pixels.size() / 4);
+  for (size_t i = 0; i < alpha.pixels.size(); ++i) alpha.pixels[i] = rgba.pixels[4 * i + 3];
+  return alpha;
+}
+
+// A picture with its mask as alpha, times the alpha it has. A mask of zeros and ones, as labels are
+// often stored, counts as one of 0 and 255.
+Image masked(const Image& image, Image mask) {
+  const uint8_t most = *std::max_element(mask.pixels.begin(), mask.pixels.end());
+  if (most == 1)
+    for (uint8_t& value : mask.pixels) value = uint8_t(255 * value);
+  Image rgba{image.width, image.height, 4, {}};
+  rgba.pixels.reserve(4 * mask.pixels.size());
+  for (size_t i = 0; i < mask.pixels.size(); ++i) {
+    const uint8_t* p = &image.pixels[i * size_t(image.channels)];
+    const int alpha = image.channels == 4 ? p[3] : 255;
+    rgba.pixels.insert(rgba.pixels.end(),
+                       {p[0], p[1], p[2], uint8_t((alpha * mask.pixels[i] + 127) / 255)});
+  }
+  return rgba;
+}
+
+// One video, read by one thread at a time.
+struct Unpacked {
+  std::mutex mutex;
+  Video video;
+  explicit Unpacked(const std::string& path) : video(path) {}
+};
+
+void check_size(int width, int height, const Camera& camera, const std::string& path) {
+  if (width != camera.width || height != camera.height)
+    throw Error(fmt::format("picture {} is {}x{}, the others of camera {} are {}x{}", path, width,
+                            height, camera.name, camera.width, camera.height));
+}
+
+}  // namespace
+
+struct FrameStore::State {
+  FrameStoreOptions options;
+  std::vector<Camera> full, reduced_cameras;
+  LruCache<std::string, Decoded> cache;
+
+  std::mutex videos_mutex;
+  std::map<std::string, std::unique_ptr<Unpacked>> videos;
+  std::map<std::string, std::set<int>> used;  // frames of each video that the scene has
+  std::unique_ptr<ScratchFolder> temporary;
+
+  std::mutex queue_mutex;
+  std::condition_variable queue_changed;
+  std::deque<Frame> queue;
+  bool stopping = false;
+  std::thread worker;
+
+  explicit State(const FrameStoreOptions& o) : options(o), cache(o.cache_bytes) {}
+
+  // As the scene's camera sees it, at the store's resolution. `image` is what was stored.
+  Image prepared(const Image& image, const Frame& frame) const {
+    const Camera& camera = full[size_t(frame.camera)];
+    check_size(image.width, image.height, camera, frame.path);
+    const Camera& small = reduced_cameras[size_t(frame.camera)];
+    return resized(undistorted(image, camera), small.width, small.height);
+  }
+
+  Image load_picture(const Frame& frame) const {
+    const Image image = read_image(frame.path);
+    if (frame.mask_path.empty()) return prepared(image, frame);
+    const Image mask = read_grey(frame.mask_path);
+    check_size(mask.width, mask.height, full[size_t(frame.camera)], frame.mask_path);
+    check_size(image.width, image.height, full[size_t(frame.camera)], frame.path);
+    return prepared(masked(image, mask), frame);
+  }
+
+  Unpacked& video_of(const std::string& path) {
+    const std::lock_guard<std::mutex> lock(videos_mutex);
+    auto& slot = videos[path];
+    if (!slot) slot = std::make_unique<Unpacked>(path);
+    return *slot;
+  }
+
+  // Every used frame up to the wanted one is unpacked once, in order.
+  Image load_video_frame(const Frame& frame) {
+    Unpacked& unpacked = video_of(frame.path);
+    const std::lock_guard<std::mutex> lock(unpacked.mutex);
+    const Camera& camera = reduced_cameras[size_t(frame.camera)];
+    const fs::path folder = fs::path(options.unpack_folder) / as_file_name(camera.name);
+    const auto file = [&](int k) { return (folder / fmt::format("{:05}.png", k)).string(); };
+    std::error_code failed;
+    fs::create_directories(folder, failed);
+    if (failed)
+      throw Error(fmt::format("cannot make folder {}: {}", folder.string(), failed.message()));
+    // What is damaged counts as missing: the video has it still.
+    const auto damaged = [](const Error& problem) {
+      warn(fmt::format("{}; this frame is unpacked again", problem.what()));
+    };
+    const auto is_there = [&](int k) {
+      try {
+        if (!fs::exists(file(k))) return false;
+        const ImageHeader header = read_image_header(file(k));
+        return header.width == camera.width && header.height == camera.height;
+      } catch (const Error& problem) {
+        damaged(problem);
+        return false;
+      }
+    };
+    try {
+      if (is_there(frame.video_frame)) return read_image(file(frame.video_frame));
+    } catch (const Error& problem) {
+      damaged(problem);
+    }
+    const auto unpack = [&](int k) {
+      Image image = prepared(unpacked.video.frame(k), frame);
+      write_png(file(k), image);
+      return image;
+    };
+    for (const int k : used.at(frame.path)) {
+      if (k >= frame.video_frame) break;
+      if (!is_there(k)) unpack(k);
+    }
+    return unpack(frame.video_frame);
+  }
+
+  Decoded load(const Frame& frame) {
+    Decoded decoded;
+    decoded.stored = std::make_shared<const Image>(frame.video_frame >= 0 ? load_video_frame(frame)
+                                                                          : load_picture(frame));
+    decoded.rgb = decoded.stored;
+    if (decoded.stored->channels == 4) {
+      decoded.rgb =
+          std::make_shared<const Image>(over_background(*decoded.stored, options.background));
+      decoded.alpha = std::make_shared<const Image>(alpha_of(*decoded.stored));
+    }
+    return decoded;
+  }
+
+  std::shared_ptr<const Decoded> get(const Frame& frame) {
+    const std::string key = fmt::format("{}#{}#{}", frame.path, frame.video_frame, frame.mask_path);
+    return cache.get(
+        key, [&] { return load(frame); }, bytes_of);
+  }
+
+  void run_prefetch() {
+    for (;;) {
+      std::unique_lock<std::mutex> lock(queue_mutex);
+      queue_changed.wait(lock, [&] { return stopping || !queue.empty(); });
+      if (stopping) return;
+      const Frame frame = queue.front();
+      queue.pop_front();
+      lock.unlock();
+      try {
+        get(frame);
+      } catch (const std::exception&) {
+        // rgb() meets the same failure and reports it to whom it concerns.
+      }
+    }
+  }
+};
+
+FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
+    : state_(std::make_unique<State>(options)) {
+  if (options.resolution < 1)
+    throw Error(
+        fmt::format("the resolution divisor is {}, expected is 1 or more", options.resolution));
+  give_opencv_one_thread();
+  state_->full = scene.cameras;
+  for (const Camera& camera : scene.cameras) {
+    state_->reduced_cameras.push_back(reduced(camera, options.resolution));
+    state_->reduced_cameras.back().lens = {};
+  }
+  for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
+    for (const Frame& frame : *split) {
+      if (frame.video_frame >= 0) {
+        state_->used[frame.path].insert(frame.video_frame);
+        continue;
+      }
+      for (const std::string& path : {frame.path, frame.mask_path}) {
+        if (path.empty()) continue;
+        const ImageHeader header = read_image_header(path);
+        check_size(header.width, header.height, scene.cameras[size_t(frame.camera)], path);
+      }
+    }
+  if (!state_->used.empty() && options.unpack_folder.empty()) {
+    state_->temporary = std::make_unique<ScratchFolder>("frames");
+    state_->options.unpack_folder = state_->temporary->path();
+  }
+  try {
+    state_->worker = std::thread([state = state_.get()] { state->run_prefetch(); });
+  } catch (const std::system_error&) {  // no more threads: who needs a picture decodes it
+  }
+}
+
+FrameStore::~FrameStore() {
+  {
+    const std::lock_guard<std::mutex> lock(state_->queue_mutex);
+    state_->stopping = true;
+  }
+  state_->queue_changed.notify_all();
+  if (state_->worker.joinable()) state_->worker.join();
+}
+
+std::shared_ptr<const Image> FrameStore::rgb(const Frame& frame) { return state_->get(frame)->rgb; }
+
+std::shared_ptr<const Image> FrameStore::alpha(const Frame& frame) {
+  return state_->get(frame)->alpha;
+}
+
+std::shared_ptr<const Image> FrameStore::picture(const Frame& frame) {
+  return state_->get(frame)->stored;
+}
+
+Image FrameStore::rgb_over(const Frame& frame, std::array<uint8_t, 3> background) {
+  return over_background(*state_->get(frame)->stored, background);
+}
+
+void FrameStore::prefetch(const std::vector<const Frame*>& frames) {
+  const std::lock_guard<std::mutex> lock(state_->queue_mutex);
+  state_->queue.clear();
+  for (const Frame* frame : frames) state_->queue.push_back(*frame);
+  state_->queue_changed.notify_one();
+}
+
+std::array<uint8_t, 3> FrameStore::background() const { return state_->options.background; }
+
+const Camera& FrameStore::camera(const Frame& frame) const {
+  return state_->reduced_cameras[size_t(frame.camera)];
+}
+
+const std::vector<Camera>& FrameStore::cameras() const { return state_->reduced_cameras; }
+
+}  // namespace gflow

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/scene/loaded_scene.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <filesystem>
+
+#include "runtime/base/warning.hpp"
+
+namespace gflow {
+
+SceneOptions options_of(const SceneConfig& config) {
+  SceneOptions options;
+  options.images = config.images;
+  options.holdout = config.holdout;
+  options.test_every = config.test_every;
+  options.cameras = config.cameras;
+  options.camera = config.camera;
+  options.fps = config.fps;
+  options.elevation = config.elevation;
+  options.radius = config.radius;
+  options.fov_y = config.fovy;
+  options.masks = config.masks;
+  options.first_views = config.first_views;
+  options.first_step = config.first_step;
+  options.stride = config.stride;
+  options.max_steps = config.max_steps;
+  return options;
+}
+
+LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder,
+                       std::optional<std::array<double, 3>> origin) {
+  SceneOptions options = options_of(config);
+  options.origin = origin;
+  LoadedScene loaded{read_scene(config.path, options), nullptr};
+  for (const std::string& notice : loaded.scene.notices) warn(notice);
+  FrameStoreOptions store;
+  store.resolution = config.resolution;
+  store.background.fill(shown_level(config.background));
+  store.unpack_folder = unpack_folder;
+  loaded.frames = std::make_unique<FrameStore>(loaded.scene, store);
+  return loaded;
+}
+
+const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split) {
+  const std::vector<Frame>* frames = nullptr;
+  if (split == "train") frames = &scene.train;
+  if (split == "test") frames = &scene.test;
+  if (split == "val") frames = &scene.val;
+  if (!frames) throw Error("there is no split '" + split + "': choose train, test or val");
+  if (frames->empty()) throw Error(fmt::format("scene {} has no {} views", scene.name, split));
+  return *frames;
+}
+
+std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
+  namespace fs = std::filesystem;
+  std::string stamp = fmt::format("packed DIS flow, resolution {} background {}\n",
+                                  config.resolution, name_of(config.background));
+  const auto add_file = [&](const std::string& path) {
+    stamp += fmt::format("{} {} {}\n", path, fs::file_size(path),
+                         fs::last_write_time(path).time_since_epoch().count());
+  };
+  std::string last;
+  for (const std::vector<Frame>* frames : {&scene.train, &scene.test})
+    for (const Frame& frame : *frames) {
+      stamp += frame.name + "\n";
+      if (!frame.mask_path.empty()) add_file(frame.mask_path);
+      if (frame.path == last) continue;  // the next frame of one video
+      add_file(frame.path);
+      last = frame.path;
+    }
+  for (const Camera& camera : scene.cameras)
+    if (camera.lens.kind != Lens::Kind::none)
+      stamp += fmt::format("lens {} {} of {} {} {} {} as {} {}\n", int(camera.lens.kind),
+                           fmt::join(camera.lens.k, " "), camera.lens.fx, camera.lens.fy,
+                           camera.lens.cx, camera.lens.cy, camera.fx, camera.fy);
+  return stamp;
+}
+
+}  // namespace gflow

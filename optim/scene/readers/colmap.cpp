@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// A plain COLMAP folder: the pictures of a model, a static scene of one time step.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <set>
+
+#include "optim/images/image_header.hpp"
+#include "optim/scene/readers/colmap_model.hpp"
+#include "optim/scene/readers/reader_util.hpp"
+#include "optim/scene/readers/readers.hpp"
+#include "runtime/base/error.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+// masks/NAME, or NAME.png as COLMAP calls it, or NAME with .png for its extension; or empty.
+std::string mask_of(const std::string& folder, const std::string& name, const std::string& source) {
+  const std::string masks = (fs::path(folder) / "masks").string();
+  const std::string path = path_inside(masks, name, source);
+  return first_existing("",
+                        {path, path + ".png", fs::path(path).replace_extension(".png").string()});
+}
+
+}  // namespace
+
+bool is_colmap(const std::string& folder) {
+  return fs::is_directory(fs::path(folder) / "sparse/0");
+}
+
+Scene read_colmap(const std::string& folder, const SceneOptions& options) {
+  const std::string sparse = (fs::path(folder) / "sparse" / "0").string();
+  const ColmapModel model = read_colmap_model(sparse);
+  const std::string images = options.images.empty() ? "images" : options.images;
+  const std::string pictures = (fs::path(folder) / images).string();
+  Scene scene;
+  scene.layout = "colmap";
+  scene.steps = 1;
+  scene.fps = 24;
+  std::set<std::string> names;
+  for (size_t i = 0; i < model.images.size(); ++i) {
+    const ColmapImage& image = model.images[i];
+    if (!names.insert(image.name).second)
+      throw Error(fmt::format("{} names the picture {} twice", sparse, image.name));
+    Frame frame;
+    frame.path = path_inside(pictures, image.name, sparse);
+    if (!fs::is_regular_file(frame.path))
+      throw Error(fmt::format("{} names the picture {}, but there is no {}", sparse, image.name,
+                              frame.path));
+    const ImageHeader header = read_image_header(frame.path);
+    scene.has_alpha |= header.has_alpha;
+    if (options.masks != Masks::none) frame.mask_path = mask_of(folder, image.name, sparse);
+    scene.has_alpha |= !frame.mask_path.empty();
+    frame.name = fs::path(image.name).replace_extension().generic_string();
+    frame.camera = frame.track = int(i);  // without times nothing says what follows what
+    scene.cameras.push_back(
+        fitted_to(image.camera, header.width, header.height, sparse, frame.path));
+    const bool tested = options.test_every > 0 && i % size_t(options.test_every) == 0;
+    (tested ? scene.test : scene.train).push_back(frame);
+  }
+  scene.points = model.points;
+  return scene;
+}
+
+}  // namespace gflow

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// COLMAP's files value by value, with errors that name the place: binary ones, whose records have
+// variable length, and texts.
+#pragma once
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <string_view>
+
+#include "runtime/base/error.hpp"
+#include "runtime/base/printable.hpp"
+#include "runtime/files/file_pieces.hpp"
+
+namespace gflow {
+
+// Little-endian values of a binary file in order. Error when it ends too early.
+class ColmapBinary {
+ public:
+  explicit ColmapBinary(const std::string& path) : file_(path) {}
+
+  template <class T>
+  T next() {
+    T value;
+    const std::string_view bytes = file_.ahead(sizeof value);
+    if (bytes.size() < sizeof value) truncated();
+    std::memcpy(&value, bytes.data(), sizeof value);
+    file_.step(sizeof value);
+    return value;
+  }
+  // Up to the zero that ends it.
+  std::string next_name() {
+    std::string name;
+    while (const char c = next<char>()) {
+      name += c;
+      if (name.size() > 4096)
+        throw Error(fmt::format("{} has a picture whose name does not end", file_.path()));
+    }
+    return name;
+  }
+  // A number of records of at least `record` bytes.
+  uint64_t next_count(size_t record) {
+    const auto n = next<uint64_t>();
+    need(n, record);
+    return n;
+  }
+  // Over n records of `record` bytes.
+  void skip(uint64_t n, size_t record) {
+    need(n, record);
+    file_.step(n * record);
+  }
+  // Error when bytes are left.
+  void require_end() const {
+    if (file_.left() > 0)
+      throw Error(fmt::format("{} is damaged: {} bytes follow its last record", file_.path(),
+                              file_.left()));
+  }
+
+ private:
+  void need(uint64_t n, size_t record) const {
+    if (n > file_.left() / record) truncated();
+  }
+  [[noreturn]] void truncated() const {
+    throw Error(fmt::format("{} is truncated: it ends within its records", file_.path()));
+  }
+
+  FilePieces file_;
+};
+
+// The lines of a text that are no comments, and the words of the last one in turn.
+class ColmapText {
+ public:
+  // `entry` says what an entry is, for messages.
+  ColmapText(const std::string& path, const char* entry) : file_(path), entry_(entry) {}
+
+  // False at the end of the file; empty lines count.
+  bool next_line() {
+    constexpr const char* byte_order = "\xef\xbb\xbf";  // which some editors put before a text
+    if (file_.place() == 0 && file_.ahead(3) == byte_order) file_.step(3);
+    for (; file_.ahead(1) == "#"; ++number_) file_.skip_line();
+    ++number_;
+    at_ = 0;
+    return file_.next_line(line_);
+  }
+  // Without what ends it.
+  const std::string& line() const { return line_; }
+  // Else words may be missing at its end.
+  bool is_whole() const { return line_.size() < FilePieces::longest_line; }
+
+  // The next word of the line; empty behind the last.
+  std::string_view word() {
+    at_ = std::min(line_.find_first_not_of(" \t\r", at_), line_.size());
+    const size_t end = std::min(line_.find_first_of(" \t\r", at_), line_.size());
+    const std::string_view word = std::string_view(line_).substr(at_, end - at_);
+    at_ = end;
+    return word;
+  }
+  // What stands behind the words so far.
+  std::string rest() const {
+    const size_t begin = std::min(line_.find_first_not_of(" \t\r", at_), line_.size());
+    return line_.substr(begin);
+  }
+  // The next word as a number; Error where it is none or not there. `what` names it.
+  template <class Number>
+  Number number(const char* what) {
+    const std::string_view text = word();
+    if (text.empty()) refuse(fmt::format("ends before {}", what));
+    Number value = 0;
+    const auto read = std::from_chars(text.data(), text.data() + text.size(), value);
+    const size_t exponent = text.find_first_of("eE") + 1;  // 0 without one
+    const bool tiny = std::is_floating_point_v<Number> && exponent > 0 &&
+                      text.substr(exponent, 1) == "-";  // read as 0
+    const bool fits = read.ec == std::errc() || (read.ec == std::errc::result_out_of_range && tiny);
+    if (!fits || read.ptr != text.data() + text.size() || !std::isfinite(double(value)))
+      refuse(fmt::format("has '{}' where {} should be, {}", excerpt(std::string(text)), what,
+                         std::is_floating_point_v<Number> ? "a finite number" : "a whole number"));
+    return value;
+  }
+  // Error: "line 7 of cameras.txt WHY; expected is ENTRY".
+  [[noreturn]] void refuse(const std::string& why) const {
+    throw Error(
+        fmt::format("line {} of {} {}; expected is {}", number_, file_.path(), why, entry_));
+  }
+
+ private:
+  FilePieces file_;
+  const char* entry_;
+  std::string line_;
+  size_t number_ = 0, at_ = 0;
+};
+
+}  // namespace gflow

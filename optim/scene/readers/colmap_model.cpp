@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: Apache-2.0
+// COLMAP models. An image's quaternion (w x y z) and translation are world-to-camera with our axes.
+// COLMAP's pixel centres are at (i + .5, j + .5) as well, so intrinsics are taken as they are.
+// Binary records have variable length, so every count is compared with the bytes that are left.
+#include "optim/scene/readers/colmap_model.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "optim/scene/lens.hpp"
+#include "optim/scene/readers/colmap_files.hpp"
+#include "optim/scene/readers/reader_util.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/base/printable.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+const char* const model_names[] = {"SIMPLE_PINHOLE",
+                                   "PINHOLE",
+                                   "SIMPLE_RADIAL",
+                                   "RADIAL",
+                                   "OPENCV",
+                                   "OPENCV_FISHEYE",
+                                   "FULL_OPENCV",
+                                   "FOV",
+                                   "SIMPLE_RADIAL_FISHEYE",
+                                   "RADIAL_FISHEYE",
+                                   "THIN_PRISM_FISHEYE"};
+
+// Each takes some hundred bytes of memory, and no scene has as many files.
+constexpr size_t most_entries = 100000;
+
+void require_modest(size_t entries, const char* what, const std::string& path) {
+  if (entries > most_entries)
+    throw Error(fmt::format("cannot read {}: it has more than {} {}, no scene has as many", path,
+                            most_entries, what));
+}
+
+// The observations of a picture, which are not needed: x, y and a point's number, or none. Error
+// when the line is something else, such as another picture.
+void skip_observations(ColmapText& file, const std::string& path, const std::string& picture) {
+  if (!file.next_line()) return;
+  size_t numbers = 0;
+  bool sound = true;
+  for (auto word = file.word(); !word.empty() && sound; word = file.word(), ++numbers) {
+    double number;
+    const auto read = std::from_chars(word.data(), word.data() + word.size(), number);
+    sound = read.ec != std::errc::invalid_argument && read.ptr == word.data() + word.size();
+  }
+  if (file.is_whole() && (!sound || numbers % 3 != 0))
+    throw Error(fmt::format(
+        "cannot read {}: the line after that of picture {} is not x, y and point number of what "
+        "was seen in it; each picture takes two lines, the second of which may be empty",
+        path, excerpt(picture)));
+}
+
+// COLMAP's models with one or two focal lengths first, then the centre, then the coefficients at
+// these places of Lens::k.
+struct CameraModel {
+  const char* name;
+  size_t focal_lengths;
+  Lens::Kind kind;
+  std::vector<size_t> places;
+};
+
+const CameraModel& model_named(const std::string& name, const std::string& path) {
+  using Kind = Lens::Kind;
+  static const CameraModel known[] = {{"SIMPLE_PINHOLE", 1, Kind::none, {}},
+                                      {"PINHOLE", 2, Kind::none, {}},
+                                      {"SIMPLE_RADIAL", 1, Kind::radial, {0}},
+                                      {"RADIAL", 1, Kind::radial, {0, 1}},
+                                      {"OPENCV", 2, Kind::radial, {0, 1, 2, 3}},
+                                      {"FULL_OPENCV", 2, Kind::radial, {0, 1, 2, 3, 4, 5, 6, 7}},
+                                      {"SIMPLE_RADIAL_FISHEYE", 1, Kind::fisheye, {0}},
+                                      {"RADIAL_FISHEYE", 1, Kind::fisheye, {0, 1}},
+                                      {"OPENCV_FISHEYE", 2, Kind::fisheye, {0, 1, 2, 3}}};
+  std::string names;
+  for (const CameraModel& model : known) {
+    if (model.name == name) return model;
+    names += names.empty() ? model.name : std::string(", ") + model.name;
+  }
+  throw Error(
+      fmt::format("{} has a camera of model {}, known are {}; undistort the pictures with colmap "
+                  "image_undistorter",
+                  path, excerpt(name), names));
+}
+
+// p: the parameters in COLMAP's order.
+Camera make_camera(const CameraModel& model, double width, double height,
+                   const std::vector<double>& p, const std::string& path) {
+  if (width < 1 || height < 1 || width > 1 << 20 || height > 1 << 20)
+    throw Error(fmt::format("{} has a camera of {}x{} pixels, possible are sides of 1 to {}", path,
+                            width, height, 1 << 20));
+  Camera camera;
+  camera.width = int(width);
+  camera.height = int(height);
+  const size_t n = model.focal_lengths;
+  camera.fx = p[0], camera.fy = p[n - 1], camera.cx = p[n], camera.cy = p[n + 1];
+  std::array<double, 8> k = {};
+  for (size_t i = 0; i < model.places.size(); ++i) k[model.places[i]] = p[n + 2 + i];
+  return behind_lens(camera, model.kind, k, "a camera in " + path);
+}
+
+std::vector<double> room_for_parameters(const CameraModel& model) {
+  return std::vector<double>(model.focal_lengths + 2 + model.places.size());
+}
+
+using Cameras = std::map<uint32_t, Camera>;
+
+void add_camera(Cameras& cameras, uint32_t id, const Camera& camera, const std::string& path) {
+  if (!cameras.emplace(id, camera).second)
+    throw Error(fmt::format("{} has the camera {} twice, each may be there once", path, id));
+}
+
+Cameras cameras_bin(const std::string& path) {
+  ColmapBinary file(path);
+  Cameras cameras;
+  const uint64_t count = file.next_count(24);
+  require_modest(count, "cameras", path);
+  for (uint64_t n = count; n > 0; --n) {
+    const auto id = file.next<uint32_t>();
+    const auto model_id = file.next<int32_t>();
+    const bool named = model_id >= 0 && size_t(model_id) < std::size(model_names);
+    const std::string name = named ? model_names[model_id] : fmt::format("number {}", model_id);
+    const CameraModel& model = model_named(name, path);
+    const auto width = file.next<uint64_t>(), height = file.next<uint64_t>();
+    std::vector<double> parameters = room_for_parameters(model);
+    for (double& value : parameters) value = file.next<double>();
+    add_camera(cameras, id, make_camera(model, double(width), double(height), parameters, path),
+               path);
+  }
+  file.require_end();
+  return cameras;
+}
+
+Cameras cameras_txt(const std::string& path) {
+  Cameras cameras;
+  ColmapText file(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS");
+  while (file.next_line()) {
+    if (file.line().empty()) continue;
+    const auto id = file.number<uint32_t>("the camera's number");
+    const std::string name(file.word());
+    const auto width = file.number<int64_t>("the width"),
+               height = file.number<int64_t>("the height");
+    const CameraModel& model = model_named(name, path);
+    std::vector<double> parameters = room_for_parameters(model);
+    for (double& value : parameters)
+      value = file.number<double>(
+          fmt::format("one of the {} parameters of {}", parameters.size(), model.name).c_str());
+    if (!file.rest().empty())
+      file.refuse(fmt::format("has more than the {} parameters of its model {}", parameters.size(),
+                              model.name));
+    add_camera(cameras, id, make_camera(model, double(width), double(height), parameters, path),
+               path);
+    require_modest(cameras.size(), "cameras", path);
+  }
+  return cameras;
+}
+
+ColmapImage make_image(const std::string& name, const double q[4], const double t[3],
+                       uint32_t camera_id, const Cameras& cameras, const std::string& path) {
+  const auto found = cameras.find(camera_id);
+  if (found == cameras.end())
+    throw Error(fmt::format("{} gives picture {} the camera {}, which is not in the model", path,
+                            excerpt(name), camera_id));
+  const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  if (!std::isfinite(q[0] + q[1] + q[2] + q[3] + t[0] + t[1] + t[2]))
+    throw Error(fmt::format("the pose of picture {} in {} is not finite", excerpt(name), path));
+  if (!(length > 1e-6 && length < 1e6))
+    throw Error(
+        fmt::format("the quaternion of picture {} in {} has the length {:.3g}, expected is 1",
+                    excerpt(name), path, length));
+  ColmapImage image{name, found->second};
+  image.camera.name = name;
+  image.camera.viewmat.topLeftCorner<3, 3>() =
+      Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix();
+  image.camera.viewmat.topRightCorner<3, 1>() = Eigen::Vector3d(t[0], t[1], t[2]);
+  return image;
+}
+
+void require_new(std::set<uint32_t>& known, uint32_t id, const std::string& path) {
+  if (!known.insert(id).second)
+    throw Error(fmt::format("{} has the picture {} twice, each may be there once", path, id));
+}
+
+std::vector<ColmapImage> images_bin(const std::string& path, const Cameras& cameras) {
+  ColmapBinary file(path);
+  std::vector<ColmapImage> images;
+  const uint64_t count = file.next_count(64);
+  require_modest(count, "pictures", path);
+  std::set<uint32_t> known;
+  for (uint64_t n = count; n > 0; --n) {
+    require_new(known, file.next<uint32_t>(), path);
+    double q[4], t[3];
+    for (double& value : q) value = file.next<double>();
+    for (double& value : t) value = file.next<double>();
+    const auto camera_id = file.next<uint32_t>();
+    const std::string name = file.next_name();
+    file.skip(file.next_count(24), 24);  // x, y, point id
+    images.push_back(make_image(name, q, t, camera_id, cameras, path));
+  }
+  file.require_end();
+  return images;
+}
+
+std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& cameras) {
+  std::vector<ColmapImage> images;
+  std::set<uint32_t> known;
+  ColmapText file(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and a line of observations");
+  while (file.next_line()) {
+    if (file.line().empty()) {
+      while (file.next_line())
+        if (!file.line().empty())
+          throw Error(fmt::format(
+              "cannot read {}: where picture {} should be is an empty line; each takes two lines, "
+              "the second of which may be empty",
+              path, images.size() + 1));
+      break;
+    }
+    require_new(known, file.number<uint32_t>("the picture's number"), path);
+    double q[4], t[3];
+    for (double& value : q) value = file.number<double>("one of the quaternion");
+    for (double& value : t) value = file.number<double>("one of the translation");
+    const auto camera_id = file.number<uint32_t>("the camera's number");
+    const std::string name = file.rest();
+    if (name.empty()) file.refuse("ends before the picture's name");
+    images.push_back(make_image(name, q, t, camera_id, cameras, path));
+    require_modest(images.size(), "pictures", path);
+    skip_observations(file, path, name);
+  }
+  return images;
+}
+
+void append_point(PointCloud& points, const double xyz[3], const int rgb[3],
+                  const std::string& path) {
+  for (int i = 0; i < 3; ++i) {
+    if (!(std::fabs(xyz[i]) <= farthest_point))
+      throw Error(fmt::format("point {} of {} is not finite, or farther off than {:g}",
+                              points.size(), path, farthest_point));
+    if (rgb[i] < 0 || rgb[i] > 255)
+      throw Error(fmt::format("point {} of {} has the colour {} {} {}, expected are 0 to 255",
+                              points.size(), path, rgb[0], rgb[1], rgb[2]));
+    points.xyz.push_back(xyz[i]);
+    points.rgb.push_back(uint8_t(rgb[i]));
+  }
+}
+
+PointCloud room_for_points(size_t count) {
+  PointCloud points;
+  points.xyz.reserve(3 * count);
+  points.rgb.reserve(3 * count);
+  return points;
+}
+
+PointCloud points_bin(const std::string& path) {
+  ColmapBinary file(path);
+  const uint64_t count = file.next_count(43 + 8);
+  PointCloud points = room_for_points(count);
+  for (uint64_t n = count; n > 0; --n) {
+    file.next<uint64_t>();  // point id
+    double xyz[3];
+    int rgb[3];
+    for (double& value : xyz) value = file.next<double>();
+    for (int& value : rgb) value = file.next<uint8_t>();
+    file.next<double>();               // reprojection error
+    file.skip(file.next_count(8), 8);  // track: image id, index there
+    append_point(points, xyz, rgb, path);
+  }
+  file.require_end();
+  return points;
+}
+
+// Points that the lines of a text are room for; none is shorter than "1 0 0 0 0 0 0".
+size_t room_in_lines(const std::string& path) {
+  FilePieces file(path);
+  const size_t most = file.left() / 14 + 1;
+  size_t lines = 0;
+  while (file.skip_line()) ++lines;
+  return std::min(lines, most);
+}
+
+PointCloud points_txt(const std::string& path) {
+  PointCloud points = room_for_points(room_in_lines(path));
+  ColmapText file(path, "POINT3D_ID X Y Z R G B ERROR TRACK");
+  while (file.next_line()) {
+    if (file.line().empty()) continue;
+    file.number<uint64_t>("the point's number");
+    double xyz[3];
+    int rgb[3];
+    for (double& value : xyz) value = file.number<double>("one of its place");
+    for (int& value : rgb) value = file.number<int>("one of its colour");
+    append_point(points, xyz, rgb, path);
+  }
+  return points;
+}
+
+// NAME.bin or NAME.txt in folder. Error when neither is there.
+std::string model_file(const std::string& folder, const std::string& name) {
+  const std::string path = first_existing(folder, {name + ".bin", name + ".txt"});
+  if (path.empty())
+    throw Error(fmt::format("COLMAP model {} has neither {}.bin nor {}.txt", folder, name, name));
+  return path;
+}
+
+bool is_binary(const std::string& path) { return fs::path(path).extension() == ".bin"; }
+
+}  // namespace
+
+bool has_colmap_points(const std::string& folder) {
+  return !first_existing(folder, {"points3D.bin", "points3D.txt"}).empty();
+}
+
+PointCloud read_colmap_points(const std::string& folder) {
+  const std::string path = model_file(folder, "points3D");
+  return is_binary(path) ? points_bin(path) : points_txt(path);
+}
+
+ColmapModel read_colmap_model(const std::string& folder) {
+  const std::string cameras_path = model_file(folder, "cameras");
+  const std::string images_path = model_file(folder, "images");
+  const Cameras cameras =
+      is_binary(cameras_path) ? cameras_bin(cameras_path) : cameras_txt(cameras_path);
+  ColmapModel model;
+  model.images =
+      is_binary(images_path) ? images_bin(images_path, cameras) : images_txt(images_path, cameras);
+  if (model.images.empty()) throw Error(fmt::format("{} names no picture", images_path));
+  std::sort(model.images.begin(), model.images.end(),
+            [](const auto& a, const auto& b) { return natural_less(a.name, b.name); });
+  model.points = read_colmap_points(folder);
+  return model;
+}
+
+}  // namespace gflow

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+// Consistent4D scenes, and any folder of numbered pictures. The layout has no cameras: they stand
+// still and look at the origin, z up, by elevation, radius and field of view, unless the input
+// view's are given.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <set>
+
+#include "optim/images/image_header.hpp"
+#include "optim/scene/readers/given_cameras.hpp"
+#include "optim/scene/readers/reader_util.hpp"
+#include "optim/scene/readers/readers.hpp"
+#include "optim/scene/readers/static_camera.hpp"
+#include "runtime/base/error.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+// How a picture is numbered: "frame_0012" is {"frame_", "0012"}; no number is an empty one.
+struct Numbered {
+  std::string prefix, number;
+};
+
+Numbered split_number(const std::string& stem) {
+  size_t at = stem.size();
+  while (at > 0 && std::isdigit(static_cast<unsigned char>(stem[at - 1]))) --at;
+  return {stem.substr(0, at), stem.substr(at)};
+}
+
+// Pictures of a folder that are named by a number only; where there are none, those with a number
+// behind one and the same word.
+std::vector<std::string> numbered_pictures(const std::string& folder) {
+  const std::vector<std::string> all = list_pictures(folder);
+  std::vector<std::string> plain, named;
+  std::set<std::string> prefixes;
+  for (const std::string& name : all) {
+    const Numbered parts = split_number(stem(name));
+    if (parts.number.empty()) continue;
+    (parts.prefix.empty() ? plain : named).push_back(name);
+    prefixes.insert(parts.prefix);
+  }
+  if (!plain.empty()) return plain;
+  return prefixes.size() == 1 ? named : std::vector<std::string>{};
+}
+
+// Times in [0, 1] of pictures in natural order, as their numbers: a gap is a gap in time. Evenly
+// where two pictures have one number.
+std::vector<double> times_of(const std::vector<std::string>& names) {
+  std::vector<double> times;
+  for (const std::string& name : names) times.push_back(std::stod(split_number(stem(name)).number));
+  const double first = times[0], last = times.back();
+  const bool rise =
+      std::adjacent_find(times.begin(), times.end(), std::greater_equal<>()) == times.end() &&
+      std::isfinite(last);
+  for (size_t k = 0; k < times.size(); ++k)
+    times[k] = times.size() < 2 ? 0
+               : rise           ? (times[k] - first) / (last - first)
+                                : double(k) / double(times.size() - 1);
+  return times;
+}
+
+// The frames of one view, in natural order of their names; `view` is input or eval_k. It has one
+// camera or one a picture.
+std::vector<Frame> read_view(const std::string& folder, const std::string& pictures,
+                             const std::string& view, std::optional<double> azimuth,
+                             const SceneOptions& options, Scene& scene) {
+  std::vector<Frame> frames;
+  const std::vector<std::string> names = numbered_pictures(pictures);
+  const std::vector<double> times = times_of(names);
+  const std::string first = join(pictures, names[0]);
+  const ImageHeader header = read_image_header(first);
+  scene.has_alpha |= header.has_alpha;
+  const std::vector<Camera> cameras =
+      azimuth ? std::vector{static_camera(view, *azimuth, options, header.width, header.height)}
+              : cameras_of_view(options, names.size(), header.width, header.height, first);
+  for (const std::string& name : names) {
+    const size_t k = frames.size();
+    Frame frame;
+    frame.path = join(pictures, name);
+    frame.camera = int(scene.cameras.size() + (cameras.size() > 1 ? k : 0));
+    frame.track = int(scene.cameras.size());
+    frame.step = int(k);
+    frame.time = times[k];
+    frame.name = fmt::format("{}_{:04}", view, k);
+    const std::string number = fmt::format("{:04}", k);
+    const double next_time =
+        k + 1 < names.size() ? times[k + 1] : 1 + 1 / double(std::max<size_t>(k, 1));
+    find_true_flow(frame, (fs::path(folder) / "flow" / view / number).string(), next_time);
+    frame.depth_path = first_existing(folder, {"depth/" + view + "/" + number + ".npy"});
+    frames.push_back(frame);
+  }
+  scene.cameras.insert(scene.cameras.end(), cameras.begin(), cameras.end());
+  return frames;
+}
+
+}  // namespace
+
+bool has_input_view(const std::string& folder) {
+  return !numbered_pictures(join(folder, "input")).empty() && !is_colmap(folder);
+}
+
+bool has_numbered_pictures(const std::string& folder) { return !numbered_pictures(folder).empty(); }
+
+Scene read_consistent4d(const std::string& folder, const SceneOptions& options) {
+  const std::string input = has_input_view(folder) ? join(folder, "input") : folder;
+  Scene scene;
+  scene.layout = "consistent4d";
+  scene.fps = 24;
+  scene.train = read_view(folder, input, "input", std::nullopt, options, scene);
+  scene.steps = int(scene.train.size());
+  const bool given_one = !options.cameras.empty() && scene.cameras.size() == 1;
+
+  const double azimuths[] = {-75, 15, 105, 195};
+  for (int k = 0; k < 4; ++k) {
+    const std::string view = fmt::format("eval_{}", k);
+    const std::string pictures = (fs::path(folder) / view).string();
+    if (numbered_pictures(pictures).empty()) continue;
+    const std::vector<Frame> frames =
+        read_view(folder, pictures, view, azimuths[k], options, scene);
+    if (frames.size() != size_t(scene.steps))
+      throw Error(fmt::format("{} has {} pictures, the input view has {}", pictures, frames.size(),
+                              scene.steps));
+    const size_t shown = options.first_views ? 1 : 0;
+    scene.train.insert(scene.train.end(), frames.begin(), frames.begin() + long(shown));
+    scene.test.insert(scene.test.end(), frames.begin() + long(shown), frames.end());
+  }
+  if (options.first_views && scene.train.size() == size_t(scene.steps))
+    throw Error(fmt::format(
+        "scene.first_views asks for the first pictures of other views, but scene {} has no eval_0 "
+        "to eval_3",
+        folder));
+  if (scene.test.empty()) {
+    scene.test = scene.train;
+    for (Frame& frame : scene.test) frame.name = "test_" + frame.name;
+  }
+  scene.points = find_points(folder);
+  if (given_one && scene.points.size() == 0) scene.extent = options.radius;
+  return scene;
+}
+
+}  // namespace gflow

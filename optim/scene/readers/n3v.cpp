@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+// Plenoptic video (N3V) scenes. Each row of poses_bounds.npy is a 3x5 matrix [R | t | h w f] and
+// two depths; the columns of R are the camera's down, right and backwards axes (LLFF). Row i
+// belongs to the i-th camera by name. Steps are those that all cameras have.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+
+#include "optim/formats/npy.hpp"
+#include "optim/images/image_header.hpp"
+#include "optim/images/video.hpp"
+#include "optim/scene/align_points.hpp"
+#include "optim/scene/readers/colmap_model.hpp"
+#include "optim/scene/readers/reader_util.hpp"
+#include "optim/scene/readers/readers.hpp"
+#include "runtime/base/error.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr double n3v_fps = 30;  // of the N3V recordings
+
+// One camera's pictures by step key: file stems, or frame numbers of a video.
+struct Footage {
+  std::string name;
+  int width = 0, height = 0;
+  std::map<std::string, std::string> pictures;  // stem -> path
+  std::string video;                            // instead of pictures
+  int video_frames = 0;
+  double fps = n3v_fps;
+};
+
+Footage from_pictures(const std::string& name, const std::string& folder) {
+  Footage footage;
+  footage.name = name;
+  for (const std::string& file : list_pictures(folder))
+    footage.pictures[stem(file)] = join(folder, file);
+  const ImageHeader header = read_image_header(footage.pictures.begin()->second);
+  footage.width = header.width;
+  footage.height = header.height;
+  return footage;
+}
+
+Footage from_video(const std::string& name, const std::string& path) {
+  const VideoInfo info = video_info(path);
+  Footage footage;
+  footage.name = name;
+  footage.width = info.width;
+  footage.height = info.height;
+  footage.video = path;
+  footage.video_frames = info.frames;
+  footage.fps = info.fps;
+  return footage;
+}
+
+bool starts_with_cam(const std::string& name) { return name.compare(0, 3, "cam") == 0; }
+
+// camNN/images/ or camNN.mp4, by name; pictures win where a camera has both.
+std::vector<Footage> moving_footage(const std::string& folder, const SceneOptions& options) {
+  const std::string sub = options.images.empty() ? "images" : options.images;
+  std::map<std::string, std::string> pictures, videos;
+  for (const std::string& name : list_folders(folder)) {
+    const std::string path = join(join(folder, name), sub);
+    if (starts_with_cam(name) && !list_pictures(path).empty()) pictures[name] = path;
+  }
+  for (const std::string& name : list_videos(folder))
+    if (starts_with_cam(name) && !pictures.count(stem(name)))
+      videos[stem(name)] = join(folder, name);
+  std::vector<std::string> names;
+  for (const auto& entry : pictures) names.push_back(entry.first);
+  for (const auto& entry : videos) names.push_back(entry.first);
+  std::sort(names.begin(), names.end(), natural_less);
+  std::vector<Footage> footage;
+  for (const std::string& name : names)
+    footage.push_back(pictures.count(name) ? from_pictures(name, pictures[name])
+                                           : from_video(name, videos[name]));
+  return footage;
+}
+
+// images or images_N: the one asked for, else the greatest N, which is the smallest size.
+std::string still_folder(const std::string& folder, const SceneOptions& options) {
+  if (!options.images.empty()) return join(folder, options.images);
+  std::string best;
+  for (const std::string& name : list_folders(folder))
+    if ((name == "images" || name.compare(0, 7, "images_") == 0) &&
+        !list_pictures(join(folder, name)).empty())
+      best = join(folder, name);  // natural order: the last is the greatest
+  return best;
+}
+
+// One picture a camera: a static scene of one step.
+std::vector<Footage> still_footage(const std::string& folder, const SceneOptions& options) {
+  std::vector<Footage> footage;
+  const std::string pictures = still_folder(folder, options);
+  for (const std::string& file : list_pictures(pictures)) {
+    const std::string path = join(pictures, file);
+    const ImageHeader header = read_image_header(path);
+    Footage one;
+    one.name = stem(file);
+    one.width = header.width;
+    one.height = header.height;
+    one.pictures["0000"] = path;
+    footage.push_back(one);
+  }
+  return footage;
+}
+
+Camera camera_of(const double* row, size_t i, const Footage& footage, const std::string& path) {
+  const auto at = [&](int r, int c) { return row[5 * r + c]; };
+  Eigen::Matrix3d rotation;
+  for (int r = 0; r < 3; ++r) rotation.row(r) << at(r, 1), at(r, 0), -at(r, 2);
+  const std::string what = fmt::format("row {} of {}", i, path);
+  for (int k = 0; k < 15; ++k)
+    if (!std::isfinite(row[k])) throw Error(what + " holds a number that is not finite");
+  const double height = at(0, 4), width = at(1, 4), focal = at(2, 4);
+  if (!(height >= 1 && height < 1e6 && width >= 1 && width < 1e6 && focal > 0))
+    throw Error(fmt::format("{} has height {}, width {} and focal length {}: all must be positive",
+                            what, height, width, focal));
+  Camera camera;
+  camera.name = footage.name;
+  camera.width = int(std::lround(width));
+  camera.height = int(std::lround(height));
+  camera.fx = camera.fy = focal;
+  camera.cx = 0.5 * width;
+  camera.cy = 0.5 * height;
+  camera.viewmat = viewmat_from_pose(rotation, Eigen::Vector3d(at(0, 3), at(1, 3), at(2, 3)), what);
+  const std::string picture =
+      footage.video.empty() ? footage.pictures.begin()->second : footage.video;
+  return fitted_to(camera, footage.width, footage.height, path, picture);
+}
+
+// And the range of depths of all of them.
+std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Footage>& footage,
+                                 Scene& scene) {
+  const std::string path = join(folder, "poses_bounds.npy");
+  const Array poses = read_npy(path);
+  if (poses.shape.size() != 2 || poses.shape[1] != 17)
+    throw Error(
+        fmt::format("{} has shape {}, expected is (cameras, 17)", path, poses.shape_text()));
+  if (poses.shape[0] != footage.size())
+    throw Error(fmt::format("{} has {} cameras, but the folder has pictures or videos of {}", path,
+                            poses.shape[0], footage.size()));
+  const std::vector<double> values = poses.as_double();
+  std::vector<Camera> cameras;
+  for (size_t i = 0; i < footage.size(); ++i)
+    cameras.push_back(camera_of(&values[17 * i], i, footage[i], path));
+  for (size_t i = 0; i < footage.size(); ++i) {
+    const double near = values[17 * i + 15], far = values[17 * i + 16];
+    if (near == 0 && far == 0) return cameras;  // not known
+    if (!(near > 0 && far > near && std::isfinite(far)))
+      throw Error(
+          fmt::format("row {} of {} has the depths {} and {}: expected are a nearest above "
+                      "0 and a farther one, or 0 and 0 where they are not known",
+                      i, path, near, far));
+    scene.near = i ? std::min(scene.near, near) : near;
+    scene.far = std::max(scene.far, far);
+  }
+  return cameras;
+}
+
+// Stems that all cameras with pictures have, in natural order; "0000", "0001", ... for videos.
+std::vector<std::string> common_steps(const std::vector<Footage>& footage,
+                                      const std::string& folder) {
+  int shortest = -1;
+  std::vector<std::string> steps;
+  bool first = true;
+  for (const Footage& one : footage) {
+    if (!one.video.empty()) {
+      shortest = shortest < 0 ? one.video_frames : std::min(shortest, one.video_frames);
+      continue;
+    }
+    if (first)
+      for (const auto& entry : one.pictures) steps.push_back(entry.first);
+    first = false;
+    steps.erase(std::remove_if(steps.begin(), steps.end(),
+                               [&](const std::string& s) { return !one.pictures.count(s); }),
+                steps.end());
+  }
+  std::sort(steps.begin(), steps.end(), natural_less);
+  if (first)
+    for (int k = 0; k < shortest; ++k) steps.push_back(fmt::format("{:04}", k));
+  else if (shortest >= 0 && steps.size() > size_t(shortest))
+    steps.resize(size_t(shortest));
+  if (steps.empty())
+    throw Error(fmt::format(
+        "the cameras of {} have no frame in common: pictures of one time step must have one name",
+        folder));
+  return steps;
+}
+
+// A sentence when some cameras have more time steps than all have in common.
+std::vector<std::string> unused_steps(const std::vector<Footage>& footage, size_t used) {
+  size_t most = used;
+  std::vector<std::string> shortest;
+  for (const Footage& one : footage) {
+    const size_t own = one.video.empty() ? one.pictures.size() : size_t(one.video_frames);
+    most = std::max(most, own);
+    if (own == used) shortest.push_back(one.name);
+  }
+  if (most == used) return {};
+  const std::string why = shortest.empty() ? "no more have pictures of one name"
+                                           : fmt::format("{} {} no more", fmt::join(shortest, ", "),
+                                                         shortest.size() > 1 ? "have" : "has");
+  return {fmt::format("{} of {} time steps are used, those that all cameras have: {}", used, most,
+                      why)};
+}
+
+std::vector<Frame> frames_of(const std::string& folder, int camera, const Footage& footage,
+                             const std::vector<std::string>& steps) {
+  std::vector<Frame> frames;
+  const double last = std::max(1., double(steps.size()) - 1);
+  for (size_t k = 0; k < steps.size(); ++k) {
+    Frame frame;
+    frame.camera = frame.track = camera;
+    frame.step = int(k);
+    frame.time = double(k) / last;
+    frame.name = fmt::format("{}_{:04}", footage.name, k);
+    if (footage.video.empty())
+      frame.path = footage.pictures.at(steps[k]);
+    else
+      frame.path = footage.video, frame.video_frame = int(k);
+    find_true_flow(frame, join(folder, "flow/" + footage.name + "/" + steps[k]),
+                   double(k + 1) / last);
+    frame.depth_path = first_existing(folder, {"depth/" + footage.name + "/" + steps[k] + ".npy"});
+    frames.push_back(frame);
+  }
+  return frames;
+}
+
+// A COLMAP model made from the same cameras may have a world of its own, as that of the published
+// recordings does: then its points are brought into the world of poses_bounds.npy.
+PointCloud read_points(const std::string& folder, const std::vector<Camera>& cameras) {
+  PointCloud points = find_points(folder);
+  const std::string sparse = join(folder, "sparse/0");
+  if (!find_points_ply(folder).empty() || !has_colmap_points(sparse)) return points;
+  std::vector<Camera> colmap;
+  for (const ColmapImage& image : read_colmap_model(sparse).images) colmap.push_back(image.camera);
+  if (colmap.size() != cameras.size() || cameras.size() < 2) return points;
+  return align_points(points, colmap, cameras) ? points : PointCloud{};
+}
+
+}  // namespace
+
+bool is_n3v(const std::string& folder) { return fs::exists(join(folder, "poses_bounds.npy")); }
+
+Scene read_n3v(const std::string& folder, const SceneOptions& options) {
+  std::vector<Footage> footage = moving_footage(folder, options);
+  if (footage.empty()) footage = still_footage(folder, options);
+  if (footage.empty())
+    throw Error(fmt::format(
+        "{} has poses_bounds.npy but no pictures: looked for camNN/{}/, camNN.mp4 and {}/", folder,
+        options.images.empty() ? "images" : options.images,
+        options.images.empty() ? "images" : options.images));
+  const int n = int(footage.size());
+  if (options.holdout < -1 || options.holdout >= n)
+    throw Error(fmt::format("camera {} is to be held out, {} has cameras 0 to {} (-1 for none)",
+                            options.holdout, folder, n - 1));
+  Scene scene;
+  scene.layout = "n3v";
+  scene.cameras = read_cameras(folder, footage, scene);
+  scene.fps = footage[0].fps;
+  const std::vector<std::string> steps = common_steps(footage, folder);
+  scene.notices = unused_steps(footage, steps.size());
+  scene.steps = int(steps.size());
+  for (int i = 0; i < n; ++i) {
+    const std::vector<Frame> frames = frames_of(folder, i, footage[size_t(i)], steps);
+    std::vector<Frame>& split = i == options.holdout ? scene.test : scene.train;
+    split.insert(split.end(), frames.begin(), frames.end());
+  }
+  for (const Footage& one : footage)
+    if (one.video.empty())
+      scene.has_alpha |= read_image_header(one.pictures.begin()->second).has_alpha;
+  scene.points = read_points(folder, scene.cameras);
+  return scene;
+}
+
+}  // namespace gflow

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+// nerfies and HyperNeRF captures. camera/ID.json: orientation is the world-to-camera rotation with
+// OpenCV axes, position the camera's place; focal_length, principal_point and the distortion are
+// those of rgb/1x. The scene is moved and scaled: world = (stored - center) scale.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+
+#include "optim/formats/npy.hpp"
+#include "optim/images/image_header.hpp"
+#include "optim/scene/json_file.hpp"
+#include "optim/scene/lens.hpp"
+#include "optim/scene/readers/reader_util.hpp"
+#include "optim/scene/readers/readers.hpp"
+#include "optim/scene/tracks.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/base/printable.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+// world = (stored - center) scale
+struct World {
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();
+  double scale = 1;
+};
+
+World read_world(const std::string& path) {
+  const Json json = read_json(path);
+  World world;
+  world.scale = needed_number(json, "scale", path);
+  if (!(world.scale > 0))
+    throw Error(
+        fmt::format("'scale' of {} is {}, expected is a positive number", path, world.scale));
+  const std::vector<double> center =
+      numbers(member(json, "center", path), 3, "'center' of " + path);
+  world.center = Eigen::Map<const Eigen::Vector3d>(center.data());
+  return world;
+}
+
+// rgb/ and options.images, else rgb/Nx of the smallest N, which are the largest pictures.
+std::string picture_folder(const std::string& folder, const SceneOptions& options) {
+  const std::string rgb = join(folder, "rgb");
+  if (!options.images.empty()) {
+    if (!fs::is_directory(join(rgb, options.images)))
+      throw Error(fmt::format("there is no folder {} for the pictures of {}",
+                              join(rgb, options.images), folder));
+    return join(rgb, options.images);
+  }
+  for (const std::string& name : list_folders(rgb))  // natural order: 1x, 2x, ..., 16x
+    if (name.back() == 'x' && !list_pictures(join(rgb, name)).empty()) return join(rgb, name);
+  throw Error(fmt::format("{} has no pictures: looked for {}/1x, 2x, ...", folder, rgb));
+}
+
+Camera read_camera(const std::string& path, const World& world, const std::string& picture,
+                   const ImageHeader& header) {
+  const Json json = read_json(path);
+  const auto list = [&](const char* key, size_t count) {
+    return numbers(member(json, key, path), count, fmt::format("'{}' of {}", key, path));
+  };
+  const std::vector<double> size = list("image_size", 2), centre = list("principal_point", 2);
+  Camera camera;
+  set_size(camera, size[0], size[1], path);
+  camera.fx = needed_number(json, "focal_length", path);
+  camera.fy = camera.fx * number(json, "pixel_aspect_ratio", path).value_or(1);
+  camera.cx = centre[0], camera.cy = centre[1];
+  if (std::fabs(number(json, "skew", path).value_or(0)) > 1e-6 * camera.fx)
+    throw Error(fmt::format("'skew' of {} is not 0, and pixels askew are not supported", path));
+  const Eigen::Matrix3d orientation =
+      matrix(member(json, "orientation", path), 3, 3, "'orientation' of " + path);
+  const std::vector<double> position = list("position", 3);
+  const Eigen::Vector3d place = Eigen::Map<const Eigen::Vector3d>(position.data());
+  camera.viewmat = viewmat_from_pose(orientation.transpose(), world.scale * (place - world.center),
+                                     "the pose in " + path);
+  camera = fitted_to(camera, header.width, header.height, path, picture);
+  std::array<double, 8> k = {};
+  if (json.contains("radial_distortion")) {
+    const std::vector<double> radial = list("radial_distortion", 3);
+    k[0] = radial[0], k[1] = radial[1], k[4] = radial[2];
+  }
+  for (const char* key : {"tangential_distortion", "tangential"})  // the second in older files
+    if (json.contains(key)) {
+      const std::vector<double> tangential = list(key, 2);
+      k[2] = tangential[0], k[3] = tangential[1];
+      break;
+    }
+  return behind_lens(camera, Lens::Kind::radial, k, path);
+}
+
+// What stands for a picture's time in metadata.json.
+double time_id(const Json& metadata, const std::string& id, const std::string& path) {
+  const std::string where = fmt::format("'{}' of {}", id, path);
+  const Json& entry = member(metadata, id, path);
+  for (const char* key : {"time_id", "warp_id", "appearance_id"})
+    if (const auto value = number(entry, key, where)) return *value;
+  throw Error(where + " has none of time_id, warp_id and appearance_id");
+}
+
+PointCloud read_points(const std::string& folder, const World& world) {
+  const std::string path = join(folder, "points.npy");
+  if (!fs::exists(path)) return {};
+  const Array array = read_npy(path);
+  if (array.shape.size() != 2 || array.shape[1] != 3)
+    throw Error(fmt::format("{} has shape {}, expected is (points, 3)", path, array.shape_text()));
+  const std::vector<double> values = array.as_double();
+  PointCloud points;
+  for (size_t i = 0; i < values.size(); ++i) {
+    const double place = world.scale * (values[i] - world.center[long(i % 3)]);
+    if (!(std::fabs(place) <= farthest_point))
+      throw Error(
+          fmt::format("point {} of {}, moved and scaled into the scene, is not finite, or farther "
+                      "off than {:g}",
+                      i / 3, path, farthest_point));
+    points.xyz.push_back(place);
+  }
+  points.rgb.assign(values.size(), 128);  // their colours are not known
+  return points;
+}
+
+}  // namespace
+
+bool is_nerfies(const std::string& folder) {
+  return fs::exists(fs::path(folder) / "dataset.json") &&
+         fs::exists(fs::path(folder) / "metadata.json");
+}
+
+Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
+  const std::string dataset_path = join(folder, "dataset.json");
+  const std::string metadata_path = join(folder, "metadata.json");
+  const Json dataset = read_json(dataset_path), metadata = read_json(metadata_path);
+  const World world = read_world(join(folder, "scene.json"));
+  const std::string pictures = picture_folder(folder, options);
+
+  Scene scene;
+  scene.layout = "nerfies";
+  scene.fps = 24;
+  std::map<std::string, const char*> owners;  // of pictures: a list
+  const auto read_split = [&](const char* key, std::vector<Frame>& frames) {
+    for (const std::string& id :
+         texts(member(dataset, key, dataset_path), fmt::format("'{}' of {}", key, dataset_path))) {
+      if (const auto [owner, is_first] = owners.emplace(id, key); !is_first)
+        throw Error(
+            fmt::format("{} has the picture '{}' in '{}' and in '{}'; it may be in one, once",
+                        dataset_path, excerpt(id), owner->second, key));
+      Frame frame;
+      const std::string base = path_inside(pictures, id, dataset_path);
+      frame.path = first_existing("", {base + ".png", base + ".jpg"});
+      if (frame.path.empty())
+        throw Error(fmt::format("{} names the picture '{}', but there is no {}.png (nor .jpg)",
+                                dataset_path, id, base));
+      frame.time = time_id(metadata, id, metadata_path);
+      frame.name = id;
+      const ImageHeader header = read_image_header(frame.path);
+      scene.has_alpha |= header.has_alpha;
+      Camera camera =
+          read_camera(join(folder, "camera/" + id + ".json"), world, frame.path, header);
+      camera.name = id;
+      frame.camera = find_or_add(scene.cameras, camera);
+      frames.push_back(frame);
+    }
+  };
+  read_split("train_ids", scene.train);
+  if (dataset.contains("val_ids")) read_split("val_ids", scene.test);
+  if (scene.train.empty())
+    throw Error(fmt::format("'train_ids' of {} is empty: no pictures to train on", dataset_path));
+
+  double first = scene.train[0].time, last = first;
+  for (const auto* split : {&scene.train, &scene.test})
+    for (const Frame& frame : *split)
+      first = std::min(first, frame.time), last = std::max(last, frame.time);
+  for (auto* split : {&scene.train, &scene.test})
+    for (Frame& frame : *split)
+      frame.time = (frame.time - first) / (last > first ? last - first : 1);
+  const std::vector<double> times = distinct_times(scene.train);
+  scene.steps = int(times.size());
+  scene.points = read_points(folder, world);
+  for (auto* split : {&scene.train, &scene.test}) {
+    set_steps(times, *split);
+    find_tracks(scene, *split);
+  }
+  return scene;
+}
+
+}  // namespace gflow

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// nerfstudio scenes: one transforms file for all pictures.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "optim/scene/readers/reader_util.hpp"
+#include "optim/scene/readers/readers.hpp"
+#include "optim/scene/readers/transforms_file.hpp"
+#include "optim/scene/tracks.hpp"
+#include "runtime/base/error.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+// The pictures that 'train_filenames' or its like names; empty where the file has no such list.
+std::set<std::string> listed(const std::string& folder, const Transforms& file,
+                             const std::string& key) {
+  std::set<std::string> paths;
+  if (!file.json.contains(key)) return paths;
+  for (const std::string& name : texts(file.json[key], fmt::format("'{}' of {}", key, file.path)))
+    paths.insert(path_inside(folder, name, file.path));
+  return paths;
+}
+
+// By the file's own lists, where pictures in none are for training if no list is of those; without
+// lists every n-th picture by name for the test.
+void split_frames(const std::string& folder, const Transforms& file, int test_every,
+                  const std::vector<Frame>& frames, Scene& scene) {
+  struct List {
+    const char* key;
+    std::vector<Frame>& split;
+    std::set<std::string> pictures;
+  };
+  List lists[] = {{"train_filenames", scene.train, {}},
+                  {"test_filenames", scene.test, {}},
+                  {"val_filenames", scene.val, {}}};
+  std::map<std::string, const char*> owners;  // of pictures: a list
+  for (List& list : lists) {
+    list.pictures = listed(folder, file, list.key);
+    for (const std::string& picture : list.pictures)
+      if (const auto [owner, is_first] = owners.emplace(picture, list.key); !is_first)
+        throw Error(fmt::format("{} has {} in '{}' and in '{}'; it may be in one", file.path,
+                                picture, owner->second, list.key));
+    for (const Frame& frame : frames)
+      if (list.pictures.count(frame.path)) list.split.push_back(frame);
+    if (!list.pictures.empty() && list.split.empty())
+      throw Error(fmt::format("none of the {} pictures in '{}' of {} is one of its {} frames",
+                              list.pictures.size(), list.key, file.path, frames.size()));
+  }
+  if (!owners.empty()) {
+    if (lists[0].pictures.empty())
+      for (const Frame& frame : frames)
+        if (!owners.count(frame.path)) scene.train.push_back(frame);
+    return;
+  }
+  for (size_t i = 0; i < frames.size(); ++i)
+    (test_every > 0 && i % size_t(test_every) == 0 ? scene.test : scene.train).push_back(frames[i]);
+}
+
+PointCloud points_of(const std::string& folder, const Transforms& file) {
+  if (!file.json.contains("ply_file_path")) return find_points(folder);
+  const std::string relative = text(file.json["ply_file_path"], "'ply_file_path' of " + file.path);
+  return read_point_cloud(path_inside(folder, relative, file.path));
+}
+
+}  // namespace
+
+bool is_nerfstudio(const std::string& folder) {
+  return fs::exists(fs::path(folder) / "transforms.json");
+}
+
+Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
+  const Transforms file = read_transforms((fs::path(folder) / "transforms.json").string());
+  if (file.json["frames"].empty()) throw Error(fmt::format("{} has no frames", file.path));
+  Scene scene;
+  scene.layout = "nerfstudio";
+  scene.fps = 24;
+  std::vector<Frame> frames = read_frames(folder, file, options, scene);
+  std::stable_sort(frames.begin(), frames.end(),
+                   [](const Frame& a, const Frame& b) { return natural_less(a.path, b.path); });
+  split_frames(folder, file, options.test_every, frames, scene);
+  if (scene.train.empty())
+    throw Error(
+        fmt::format("{} leaves no pictures for training: all of its {} frames are for the test, by "
+                    "its lists or by scene.test_every = {}",
+                    file.path, frames.size(), options.test_every));
+  const std::vector<double> times = distinct_times(scene.train);
+  scene.steps = int(times.size());
+  scene.points = points_of(folder, file);
+  for (auto* split : {&scene.train, &scene.test, &scene.val}) {
+    set_steps(times, *split);
+    find_tracks(scene, *split);
+  }
+  return scene;
+}
+
+}  // namespace gflow

@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the scene readers share.
+#include "optim/scene/readers/reader_util.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+#include <set>
+
+#include "optim/scene/readers/colmap_model.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/base/printable.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+template <class Keep>
+std::vector<std::string> list(const std::string& folder, Keep keep) {
+  std::vector<std::string> names;
+  std::error_code failed;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
+    const std::string name = entry.path().filename().string();
+    if (name[0] != '.' && keep(entry)) names.push_back(name);
+  }
+  std::sort(names.begin(), names.end(), natural_less);
+  return names;
+}
+
+bool has_extension(const fs::directory_entry& entry, const std::set<std::string>& known) {
+  std::string extension = entry.path().extension().string();
+  for (char& c : extension) c = char(std::tolower(static_cast<unsigned char>(c)));
+  return entry.is_regular_file() && known.count(extension);
+}
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+}  // namespace
+
+bool natural_less(const std::string& a, const std::string& b) {
+  size_t i = 0, j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (!is_digit(a[i]) || !is_digit(b[j])) {
+      if (a[i] != b[j]) return a[i] < b[j];
+      ++i, ++j;
+      continue;
+    }
+    while (i < a.size() && a[i] == '0') ++i;
+    while (j < b.size() && b[j] == '0') ++j;
+    size_t i_end = i, j_end = j;
+    while (i_end < a.size() && is_digit(a[i_end])) ++i_end;
+    while (j_end < b.size() && is_digit(b[j_end])) ++j_end;
+    if (i_end - i != j_end - j) return i_end - i < j_end - j;
+    const int order = a.compare(i, i_end - i, b, j, j_end - j);
+    if (order != 0) return order < 0;
+    i = i_end, j = j_end;
+  }
+  if ((i < a.size()) != (j < b.size())) return j < b.size();
+  return a < b;  // "01" and "1": any fixed order
+}
+
+std::vector<std::string> list_pictures(const std::string& folder) {
+  return list(folder, [](const auto& e) { return has_extension(e, {".png", ".jpg", ".jpeg"}); });
+}
+
+std::vector<std::string> list_folders(const std::string& folder) {
+  return list(folder, [](const auto& e) { return e.is_directory(); });
+}
+
+std::vector<std::string> list_videos(const std::string& folder) {
+  return list(folder, [](const auto& e) {
+    return has_extension(e, {".mp4", ".avi", ".mov", ".mkv", ".webm"});
+  });
+}
+
+std::string path_inside(const std::string& folder, const std::string& relative,
+                        const std::string& source) {
+  constexpr size_t longest = 1024;  // more is no name, and no message
+  const auto is_control = [](unsigned char c) { return c < 0x20 || c == 0x7f; };
+  if (relative.size() > longest || std::any_of(relative.begin(), relative.end(), is_control))
+    throw Error(
+        fmt::format("{} names the file '{}': expected is a relative path in one line, at most {} "
+                    "bytes long",
+                    source, excerpt(relative), longest));
+  const fs::path path = fs::path(relative).lexically_normal();
+  if (relative.empty()) throw Error(fmt::format("{} names a file, but the name is empty", source));
+  if (path.is_absolute() || *path.begin() == "..")
+    throw Error(
+        fmt::format("{} names the file '{}', which leads out of the scene folder; expected is a "
+                    "relative path that stays in it",
+                    source, excerpt(relative)));
+  return (fs::path(folder) / path).string();
+}
+
+std::string first_existing(const std::string& folder, const std::vector<std::string>& names) {
+  for (const std::string& name : names) {
+    const fs::path path = fs::path(folder) / name;
+    if (fs::exists(path)) return path.string();
+  }
+  return "";
+}
+
+std::string join(const std::string& folder, const std::string& name) {
+  return (fs::path(folder) / name).string();
+}
+
+std::string stem(const std::string& path) { return fs::path(path).stem().string(); }
+
+Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& position,
+                                  const std::string& what) {
+  if (!rotation.allFinite() || !position.allFinite())
+    throw Error(fmt::format("{} holds a number that is not finite", what));
+  const double error =
+      (rotation.transpose() * rotation - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(error < 1e-3) || !(rotation.determinant() > 0))
+    throw Error(fmt::format(
+        "{} has no rotation in its 3x3 part: columns must be orthonormal and right-handed", what));
+  const Eigen::Matrix3d exact = Eigen::Quaterniond(rotation).normalized().toRotationMatrix();
+  Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();
+  viewmat.topLeftCorner<3, 3>() = exact.transpose();
+  viewmat.topRightCorner<3, 1>() = -exact.transpose() * position;
+  return viewmat;
+}
+
+void set_size(Camera& camera, double width, double height, const std::string& where) {
+  for (const double side : {width, height})
+    if (!(side >= 1 && side < 1e6 && side == std::floor(side)))
+      throw Error(
+          fmt::format("{} states the size {}x{}, possible are sides of 1 to 999999 whole pixels",
+                      where, width, height));
+  camera.width = int(width);
+  camera.height = int(height);
+}
+
+Camera fitted_to(Camera camera, int width, int height, const std::string& source,
+                 const std::string& picture) {
+  const double sx = double(width) / camera.width, sy = double(height) / camera.height;
+  if (!(std::fabs(sx / sy - 1) < 0.02))
+    throw Error(fmt::format("picture {} is {}x{}, but {} gives its camera the size {}x{}", picture,
+                            width, height, source, camera.width, camera.height));
+  camera.width = width;
+  camera.height = height;
+  for (double* x : {&camera.fx, &camera.cx, &camera.lens.fx, &camera.lens.cx}) *x *= sx;
+  for (double* y : {&camera.fy, &camera.cy, &camera.lens.fy, &camera.lens.cy}) *y *= sy;
+  return camera;
+}
+
+int find_or_add(std::vector<Camera>& cameras, const Camera& camera) {
+  const auto same = [&](const Camera& other) {
+    return other.width == camera.width && other.height == camera.height && other.fx == camera.fx &&
+           other.fy == camera.fy && other.cx == camera.cx && other.cy == camera.cy &&
+           other.lens == camera.lens && other.viewmat.isApprox(camera.viewmat, 1e-9);
+  };
+  const auto found = std::find_if(cameras.begin(), cameras.end(), same);
+  if (found != cameras.end()) return int(found - cameras.begin());
+  cameras.push_back(camera);
+  return int(cameras.size()) - 1;
+}
+
+std::string find_points_ply(const std::string& folder) {
+  return first_existing(folder, {"points3D.ply", "points3d.ply", "points_t0.ply", "fused.ply"});
+}
+
+PointCloud find_points(const std::string& folder) {
+  const std::string ply = find_points_ply(folder);
+  if (!ply.empty()) return read_point_cloud(ply);
+  const std::string sparse = (fs::path(folder) / "sparse" / "0").string();
+  if (has_colmap_points(sparse)) return read_colmap_points(sparse);
+  const std::string sparse_ply = first_existing(sparse, {"points3D.ply"});
+  return sparse_ply.empty() ? PointCloud{} : read_point_cloud(sparse_ply);
+}
+
+std::vector<double> distinct_times(const std::vector<Frame>& frames) {
+  std::vector<double> times;
+  for (const Frame& frame : frames) times.push_back(frame.time);
+  std::sort(times.begin(), times.end());
+  times.erase(
+      std::unique(times.begin(), times.end(), [](double a, double b) { return b - a < 1e-9; }),
+      times.end());
+  return times;
+}
+
+void set_steps(const std::vector<double>& times, std::vector<Frame>& frames) {
+  for (Frame& frame : frames) {
+    auto nearest = std::lower_bound(times.begin(), times.end(), frame.time);
+    const bool is_after =
+        nearest != times.begin() &&
+        (nearest == times.end() || frame.time - nearest[-1] <= *nearest - frame.time);
+    frame.step = int(nearest - times.begin()) - is_after;
+  }
+}
+
+void find_true_flow(Frame& frame, const std::string& base, double flow_time) {
+  frame.flow_path = first_existing("", {base + ".flo", base + ".flo.gz"});
+  if (frame.flow_path.empty()) return;
+  frame.flow_mask_path = first_existing("", {base + "_mask.png"});
+  frame.flow_time = flow_time;
+}
+
+double median_distance(const PointCloud& points, const Eigen::Vector3d& from) {
+  std::vector<double> distances;
+  for (size_t i = 0; i < points.size(); ++i)
+    distances.push_back((Eigen::Map<const Eigen::Vector3d>(&points.xyz[3 * i]) - from).norm());
+  const auto median = distances.begin() + long(distances.size() / 2);
+  std::nth_element(distances.begin(), median, distances.end());
+  return *median;
+}
+
+double scene_extent(const Scene& scene) {
+  std::vector<bool> used(scene.cameras.size());
+  for (const Frame& frame : scene.train) used[size_t(frame.camera)] = true;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  double n = 0;
+  for (size_t i = 0; i < used.size(); ++i)
+    if (used[i]) mean += scene.cameras[i].position(), ++n;
+  mean /= n;
+  double radius = 0;
+  for (size_t i = 0; i < used.size(); ++i)
+    if (used[i]) radius = std::max(radius, (scene.cameras[i].position() - mean).norm());
+  if (radius > 1e-6 * (1 + mean.norm())) return 1.1 * radius;
+
+  // One camera: its median distance from the points, or from the origin.
+  if (scene.points.size() == 0) return mean.norm() > 1e-6 ? mean.norm() : 1;
+  return std::max(median_distance(scene.points, mean), 1e-6);
+}
+
+}  // namespace gflow

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+// transform_matrix is camera-to-world with OpenGL axes (y up, looking along -z): columns y and z
+// change sign for ours.
+#include "optim/scene/readers/transforms_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+
+#include "optim/images/image_header.hpp"
+#include "optim/scene/lens.hpp"
+#include "optim/scene/readers/reader_util.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/base/printable.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+// From the frame, else from the top of the file.
+std::optional<double> inherited(const Transforms& file, const Json& frame, const char* key,
+                                const std::string& where) {
+  const auto own = number(frame, key, where);
+  return own ? own : number(file.json, key, file.path);
+}
+
+Eigen::Matrix4d viewmat_of(const Json& frame, const std::string& where) {
+  const std::string what = "transform_matrix of " + where;
+  Eigen::MatrixXd pose = pose_rows(member(frame, "transform_matrix", where), what);
+  pose.middleCols(1, 2) *= -1;
+  return viewmat_from_pose(pose.leftCols(3), pose.col(3), what);
+}
+
+std::string picture_of(const std::string& folder, const Transforms& file, const Json& frame,
+                       const std::string& where) {
+  const std::string relative = text(member(frame, "file_path", where), "'file_path' of " + where);
+  const std::string base = path_inside(folder, relative, file.path);
+  for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG"})
+    if (fs::is_regular_file(base + extension)) return base + extension;
+  if (fs::is_directory(base))
+    throw Error(
+        fmt::format("{} names the picture '{}', but {} is a folder", file.path, relative, base));
+  throw Error(fmt::format("{} names the picture '{}', but there is no {} (nor .png, .jpg)",
+                          file.path, relative, base));
+}
+
+// The file of 'mask_path', or empty.
+std::string mask_of(const std::string& folder, const Transforms& file, const Json& frame,
+                    const std::string& where) {
+  if (!frame.contains("mask_path")) return "";
+  const std::string relative = text(frame["mask_path"], "'mask_path' of " + where);
+  const std::string path = path_inside(folder, relative, file.path);
+  if (!fs::is_regular_file(path))
+    throw Error(
+        fmt::format("{} names the mask '{}', but there is no {}", file.path, relative, path));
+  return path;
+}
+
+// nerfstudio's camera models; a file without the word has OPENCV's coefficients or none.
+Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera,
+                 const std::string& where) {
+  const Json& holder = frame.contains("camera_model") ? frame : file.json;
+  const std::string model = holder.contains("camera_model")
+                                ? text(holder["camera_model"], "'camera_model' of " + where)
+                                : "OPENCV";
+  const auto k = [&](const char* key) { return inherited(file, frame, key, where).value_or(0); };
+  const std::string what = "the camera of " + where;
+  if (model == "OPENCV_FISHEYE")
+    return behind_lens(camera, Lens::Kind::fisheye, {k("k1"), k("k2"), k("k3"), k("k4")}, what);
+  if (model == "OPENCV" || model == "PINHOLE" || model == "SIMPLE_PINHOLE")
+    return behind_lens(camera, Lens::Kind::radial,
+                       {k("k1"), k("k2"), k("p1"), k("p2"), k("k3"), k("k4"), k("k5"), k("k6")},
+                       what);
+  throw Error(
+      fmt::format("{} has the camera_model '{}', known are PINHOLE, OPENCV and OPENCV_FISHEYE",
+                  where, excerpt(model)));
+}
+
+Camera camera_of(const Transforms& file, const Json& frame, const std::string& where,
+                 const std::string& picture, int picture_width, int picture_height) {
+  Camera camera;
+  const double width = inherited(file, frame, "w", where).value_or(picture_width);
+  const double height = inherited(file, frame, "h", where).value_or(picture_height);
+  set_size(camera, width, height, where);
+  const auto fl_x = inherited(file, frame, "fl_x", where),
+             fl_y = inherited(file, frame, "fl_y", where);
+  const auto angle_x = inherited(file, frame, "camera_angle_x", where);
+  if (!fl_x && !angle_x)
+    throw Error(fmt::format("{} has neither 'camera_angle_x' nor 'fl_x'", where));
+  if (!fl_x && !(*angle_x > 0 && *angle_x < M_PI))
+    throw Error(fmt::format("'camera_angle_x' of {} is {}, expected is an angle within (0, pi)",
+                            where, *angle_x));
+  camera.fx = fl_x ? *fl_x : 0.5 * camera.width / std::tan(0.5 * *angle_x);
+  camera.fy = fl_y ? *fl_y : camera.fx;
+  camera.cx = inherited(file, frame, "cx", where).value_or(0.5 * camera.width);
+  camera.cy = inherited(file, frame, "cy", where).value_or(0.5 * camera.height);
+  camera.viewmat = viewmat_of(frame, where);
+  return with_lens(file, frame,
+                   fitted_to(camera, picture_width, picture_height, file.path, picture), where);
+}
+
+void require_object(const Json& entry, const std::string& where) {
+  if (!entry.is_object()) throw Error(where + " is no object");
+}
+
+// train/r_000 -> train_r_000
+std::string frame_name(const std::string& folder, const std::string& picture) {
+  fs::path relative = fs::path(picture).lexically_relative(folder).replace_extension();
+  std::string name = relative.generic_string();
+  std::replace(name.begin(), name.end(), '/', '_');
+  return name;
+}
+
+}  // namespace
+
+Transforms read_transforms(const std::string& path) {
+  Transforms file{path, read_json(path)};
+  if (!file.json.is_object() || !file.json.contains("frames") || !file.json["frames"].is_array())
+    throw Error(fmt::format("{} has no list 'frames'", path));
+  return file;
+}
+
+std::vector<Frame> read_frames(const std::string& folder, const Transforms& file,
+                               const SceneOptions& options, Scene& scene) {
+  std::vector<Frame> frames;
+  std::map<std::string, size_t> known;  // pictures, and the frames that they are
+  for (const Json& entry : file.json["frames"]) {
+    const std::string where = fmt::format("frame {} of {}", frames.size(), file.path);
+    require_object(entry, where);
+    Frame frame;
+    frame.path = picture_of(folder, file, entry, where);
+    const auto [before, is_new] =
+        known.emplace(fs::path(frame.path).lexically_normal().string(), frames.size());
+    if (!is_new)
+      throw Error(fmt::format("{} has the picture {} of frame {} again; each may be there once",
+                              where, frame.path, before->second));
+    if (options.masks != Masks::none) frame.mask_path = mask_of(folder, file, entry, where);
+    const auto time = number(entry, "time", where);
+    if (time.has_value() != file.json["frames"][0].contains("time"))
+      throw Error(fmt::format("{} has {} 'time' and frame 0 has {}: it takes all or none", where,
+                              time ? "a" : "no", time ? "none" : "one"));
+    frame.time = time.value_or(0);
+    if (frame.time < 0 || frame.time > 1)
+      throw Error(fmt::format("'time' of {} is {}, expected is 0 to 1", where, frame.time));
+    const ImageHeader header = read_image_header(frame.path);
+    scene.has_alpha |= header.has_alpha || !frame.mask_path.empty();
+    Camera camera = camera_of(file, entry, where, frame.path, header.width, header.height);
+    frame.name = frame_name(folder, frame.path);
+    camera.name = frame.name;
+    frame.camera = find_or_add(scene.cameras, camera);
+    frames.push_back(frame);
+  }
+  return frames;
+}
+
+std::vector<Camera> read_cameras(const Transforms& file, int width, int height,
+                                 const std::string& picture) {
+  std::vector<Camera> cameras;
+  for (const Json& entry : file.json["frames"]) {
+    const std::string where = fmt::format("frame {} of {}", cameras.size(), file.path);
+    require_object(entry, where);
+    Camera camera = camera_of(file, entry, where, picture, width, height);
+    camera.name = entry.contains("file_path") ? text(entry["file_path"], "'file_path' of " + where)
+                                              : fmt::format("frame_{}", cameras.size());
+    cameras.push_back(camera);
+  }
+  if (cameras.empty()) throw Error(fmt::format("{} has no frames", file.path));
+  return cameras;
+}
+
+}  // namespace gflow

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// A plain video: one camera, given or placed as that of Consistent4D. Times are those of the
+// container, so that a variable frame rate keeps its rhythm.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <climits>
+#include <cstdint>
+
+#include "optim/images/video.hpp"
+#include "optim/scene/readers/given_cameras.hpp"
+#include "optim/scene/readers/readers.hpp"
+
+namespace gflow {
+
+Scene read_video_file(const std::string& path, const SceneOptions& options) {
+  const VideoInfo info = video_info(path);
+  // What lies behind the last step in use need not be decoded.
+  const int64_t used =
+      options.max_steps > 0
+          ? options.first_step + int64_t(options.stride) * (options.max_steps - 1) + 1
+          : 0;
+  const std::vector<double> stamps = frame_times(path, int(std::min<int64_t>(used, INT_MAX)));
+  Scene scene;
+  scene.layout = "video";
+  // What a container says is at times an estimate.
+  if (used == 0 && double(stamps.size()) < 0.9 * info.frames - 1)
+    scene.notices.push_back(
+        fmt::format("only {} of the {} frames that video {} is said to have can be decoded: it may "
+                    "be truncated",
+                    stamps.size(), info.frames, path));
+  scene.steps = int(stamps.size());
+  scene.fps = info.fps;
+  scene.cameras = cameras_of_view(options, stamps.size(), info.width, info.height, path);
+  if (scene.cameras.size() == 1) scene.extent = options.radius;
+  for (size_t k = 0; k < stamps.size(); ++k) {
+    Frame frame;
+    frame.step = frame.video_frame = int(k);
+    frame.camera = scene.cameras.size() > 1 ? int(k) : 0;
+    frame.time = stamps.size() > 1 ? stamps[k] / stamps.back() : 0;
+    frame.path = path;
+    frame.name = fmt::format("input_{:04}", k);
+    scene.train.push_back(frame);
+  }
+  scene.test = scene.train;
+  for (Frame& frame : scene.test) frame.name = "test_" + frame.name;
+  return scene;
+}
+
+}  // namespace gflow

@@ -1,0 +1,323 @@
+// SPDX-License-Identifier: Apache-2.0
+// Recognises a scene's layout and checks what a reader delivered.
+#include "optim/scene/scene.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "optim/scene/readers/reader_util.hpp"
+#include "optim/scene/readers/readers.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/files/atomic_file.hpp"
+#include "runtime/files/file_name.hpp"
+
+namespace gflow {
+namespace fs = std::filesystem;
+namespace {
+
+struct Layout {
+  const char* name;
+  bool (*is)(const std::string& path);
+  Scene (*read)(const std::string& path, const SceneOptions& options);
+};
+
+bool is_video(const std::string& path) { return fs::is_regular_file(path); }
+
+// Most specific first: many folders hold transforms or a COLMAP model, or both, beside what makes
+// them what they are; numbered pictures may lie anywhere.
+constexpr Layout layouts[] = {{"video", is_video, read_video_file},
+                              {"n3v", is_n3v, read_n3v},
+                              {"panoptic", is_panoptic, read_panoptic},
+                              {"nerfies", is_nerfies, read_nerfies},
+                              {"consistent4d", has_input_view, read_consistent4d},
+                              {"blender", is_blender, read_blender},
+                              {"nerfstudio", is_nerfstudio, read_nerfstudio},
+                              {"colmap", is_colmap, read_colmap},
+                              {"consistent4d", has_numbered_pictures, read_consistent4d}};
+
+Scene read_recognised(const std::string& path, const SceneOptions& options) {
+  if (fs::exists(path) && !fs::is_directory(path)) require_file(path);
+  for (const Layout& layout : layouts)
+    if (layout.is(path)) return layout.read(path, options);
+  throw Error(fmt::format(
+      "{} is no scene gflow knows: looked for poses_bounds.npy (N3V), train_meta.json (Panoptic), "
+      "dataset.json and metadata.json (nerfies), input/ (Consistent4D), transforms_train.json "
+      "(Blender, D-NeRF), transforms.json (nerfstudio), sparse/0/ (COLMAP) and numbered pictures "
+      "0.png, 1.png, ...; a video file may be given itself",
+      path));
+}
+
+void check(const SceneOptions& options) {
+  if (options.first_step < 0)
+    throw Error(
+        fmt::format("the first step to use is {}, expected is 0 or more", options.first_step));
+  if (options.stride < 1)
+    throw Error(
+        fmt::format("every {}-th step is to be used, expected is 1 (all) or more", options.stride));
+  if (options.max_steps < 0)
+    throw Error(fmt::format("the number of steps to use is {}, expected is 0 (all) or more",
+                            options.max_steps));
+}
+
+// Keeps the steps that the options name: they become steps 0, 1, ... at times from 0 to 1.
+void select_steps(Scene& scene, const SceneOptions& options) {
+  const int first = options.first_step, stride = options.stride;
+  if (first >= scene.steps)
+    throw Error(fmt::format("the first step to use is {}, but scene {} has {} (from 0)", first,
+                            scene.folder, scene.steps));
+  const int left = (scene.steps - 1 - first) / stride + 1;
+  const int count = options.max_steps > 0 ? std::min(options.max_steps, left) : left;
+  if (count == scene.steps) return;
+  const auto unused = [&](const Frame& frame) {
+    const int after = frame.step - first;
+    return after < 0 || after % stride != 0 || after / stride >= count;
+  };
+  double begin = 1, end = 0;
+  for (const Frame& frame : scene.train)
+    if (!unused(frame)) begin = std::min(begin, frame.time), end = std::max(end, frame.time);
+  const double length = end > begin ? end - begin : 1;
+  constexpr double tolerance = 1e-9;
+  for (std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val}) {
+    split->erase(std::remove_if(split->begin(), split->end(), unused), split->end());
+    for (Frame& frame : *split) {
+      frame.step = (frame.step - first) / stride;
+      frame.time = (frame.time - begin) / length;
+      frame.flow_time = (frame.flow_time - begin) / length;
+      const bool skips = stride > 1 && split == &scene.train;
+      if (skips || frame.flow_time > 1 + tolerance)
+        frame.flow_path.clear(), frame.flow_mask_path.clear(), frame.flow_time = 0;
+    }
+    // Views between two training times, nearest to a used step but outside of the range.
+    split->erase(std::remove_if(split->begin(), split->end(),
+                                [&](const Frame& frame) {
+                                  return frame.time < -tolerance || frame.time > 1 + tolerance;
+                                }),
+                 split->end());
+  }
+  scene.steps = count;
+  scene.fps /= stride;
+  scene.tracks_path.clear();  // they are of all steps
+}
+
+// Sorts the splits. Makes names such as a file may have, and unique, by appending a number where
+// paths gave equal ones.
+void order_frames(Scene& scene) {
+  std::set<std::string> names;
+  std::map<std::string, int> used;  // numbers behind a name: none is tried twice
+  for (std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val}) {
+    std::stable_sort(split->begin(), split->end(), [](const Frame& a, const Frame& b) {
+      return std::tie(a.track, a.time) < std::tie(b.track, b.time);
+    });
+    for (Frame& frame : *split) {
+      const std::string name = as_file_name(frame.name);
+      frame.name = name;
+      while (!names.insert(frame.name).second)
+        frame.name = fmt::format("{}_{}", name, ++used.try_emplace(name, 1).first->second);
+    }
+  }
+}
+
+// Floats must hold what is made of cameras: the squares of lengths, and products of them.
+void check(const Scene& scene) {
+  constexpr double most = 1e6, farthest = 1e12;
+  const auto within = [](double focal, double side) {
+    return focal >= side / most && focal <= side * most;
+  };
+  if (scene.train.empty())
+    throw Error(fmt::format("scene {} has no training pictures: all of its {} are for the test{}",
+                            scene.folder, scene.test.size(),
+                            scene.layout == "colmap" ? " (scene.test_every)" : ""));
+  for (const Camera& camera : scene.cameras) {
+    const double side = std::max(camera.width, camera.height);
+    const bool ok = camera.width > 0 && camera.height > 0 && within(camera.fx, side) &&
+                    within(camera.fy, side) && std::fabs(camera.cx) <= most * side &&
+                    std::fabs(camera.cy) <= most * side;
+    if (!ok)
+      throw Error(fmt::format(
+          "camera {} of {} has size {}x{}, focal lengths {} and {} and centre ({}, {}): sizes are "
+          "above 0, focal lengths a millionth to a million times the longer side, the centre no "
+          "further off",
+          camera.name, scene.folder, camera.width, camera.height, camera.fx, camera.fy, camera.cx,
+          camera.cy));
+    const double away = camera.viewmat.topRightCorner<3, 1>().stableNorm();
+    if (!(camera.viewmat.allFinite() && away <= farthest))
+      throw Error(
+          fmt::format("camera {} of {} stands {:g} from the origin: at most {:g} are possible",
+                      camera.name, scene.folder, away, farthest));
+  }
+}
+
+Eigen::Vector3d middle_of_cameras(const Scene& scene) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Frame& frame : scene.train)
+    mean += scene.cameras[size_t(frame.camera)].position() / double(scene.train.size());
+  return mean;
+}
+
+// The point nearest to the axes of all training cameras; nothing where they are nearly parallel, or
+// there is one. Places count from the middle of the cameras, which may be far from zero.
+std::optional<Eigen::Vector3d> where_axes_meet(const Scene& scene) {
+  const Eigen::Vector3d middle = middle_of_cameras(scene);
+  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  for (const Frame& frame : scene.train) {
+    const Camera& camera = scene.cameras[size_t(frame.camera)];
+    const Eigen::Vector3d axis = camera.viewmat.block<1, 3>(2, 0).transpose();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
+    a += across;
+    b += across * (camera.position() - middle);
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(a);
+  if (solver.eigenvalues()[0] < 1e-3 * double(scene.train.size())) return std::nullopt;
+  return middle + Eigen::Vector3d(a.ldlt().solve(b));
+}
+
+// A place in the midst of the training cameras, where these stand so far from zero that floats,
+// relative error 6e-8, are too coarse for the scene; else zero. With points that is where cameras
+// are further from zero than 16 times what lies between them and the points: a thousandth of a
+// pixel at a focal length of 1000 px. Without, where the scene lies is a guess, by what the cameras
+// look at. So zero is left only where it does harm, a quarter of a pixel, and where the numbers are
+// those of surveys: the pictures of a hand that hardly moves may show anything, and those of one
+// place what lies about zero, as in D-NeRF. In units of about a tenth of that distance, to be read
+// easily.
+std::array<double, 3> origin_for(const Scene& scene) {
+  const Eigen::Vector3d middle = middle_of_cameras(scene);
+  double size = 0;
+  for (const Frame& frame : scene.train)
+    size = std::max(size, (scene.cameras[size_t(frame.camera)].position() - middle).norm());
+  const double away = middle.norm();
+  if (scene.points.size() > 0) {
+    size = std::max(size, median_distance(scene.points, middle));
+    if (away < 16 * size) return {0, 0, 0};
+  } else {
+    constexpr double least = 1e4, rounding = 1e-9;
+    if (const auto place = where_axes_meet(scene)) size = std::max(size, (*place - middle).norm());
+    if (away < least || away < 4096 * size || size <= rounding * away) return {0, 0, 0};
+  }
+  if (!(size > 0)) return {0, 0, 0};
+  const double unit = std::pow(10., std::floor(std::log10(size)));
+  const Eigen::Vector3d origin = (middle / unit).array().round() * unit;
+  return {origin.x(), origin.y(), origin.z()};
+}
+
+// x = x' + origin for every place of the scene.
+void recentre(Scene& scene, const std::array<double, 3>& place) {
+  scene.origin = place;
+  const Eigen::Vector3d origin(place.data());
+  if (origin.isZero(0)) return;
+  for (Camera& camera : scene.cameras)
+    camera.viewmat.topRightCorner<3, 1>() += camera.viewmat.topLeftCorner<3, 3>() * origin;
+  for (size_t i = 0; i < scene.points.size(); ++i)
+    Eigen::Map<Eigen::Vector3d>(&scene.points.xyz[3 * i]) -= origin;
+}
+
+}  // namespace
+
+Scene read_scene(const std::string& path, const SceneOptions& options) {
+  if (path.empty())
+    throw Error("cannot read the scene: scene.path is empty, expected is its folder or video");
+  if (!fs::exists(path))
+    throw Error(fmt::format("cannot read scene {}: there is no such folder or video", path));
+  check(options);
+  Scene scene = read_recognised(path, options);
+  scene.folder = path;
+  const fs::path absolute = fs::absolute(path).lexically_normal();
+  const fs::path last = (absolute.has_filename() ? absolute : absolute.parent_path()).filename();
+  scene.name = (fs::is_directory(path) ? last : last.stem()).string();
+  scene.tracks_path = first_existing(path, {"tracks3d.npy"});
+  if (options.fps > 0) scene.fps = options.fps;
+  select_steps(scene, options);
+  order_frames(scene);
+  check(scene);
+  recentre(scene, options.origin ? *options.origin : origin_for(scene));
+  if (scene.extent <= 0) scene.extent = scene_extent(scene);
+  return scene;
+}
+
+Eigen::Vector3d looked_at(const Scene& scene) {
+  if (const auto place = where_axes_meet(scene)) return *place;
+  Eigen::Vector3d ahead = Eigen::Vector3d::Zero();
+  for (const Frame& frame : scene.train)
+    ahead += scene.cameras[size_t(frame.camera)].viewmat.block<1, 3>(2, 0).transpose();
+  return middle_of_cameras(scene) + ahead.normalized() * scene.extent;
+}
+
+PictureId picture_id(const Frame& frame) {
+  return {frame.camera, frame.path, frame.video_frame, frame.mask_path};
+}
+
+bool are_trained_on(const Scene& scene, const std::vector<Frame>& frames) {
+  std::set<PictureId> trained;
+  for (const Frame& frame : scene.train) trained.insert(picture_id(frame));
+  return std::all_of(frames.begin(), frames.end(),
+                     [&](const Frame& frame) { return trained.count(picture_id(frame)) > 0; });
+}
+
+bool takes_cameras(const std::string& layout) {
+  return layout == "video" || layout == "consistent4d";
+}
+
+std::string layout_of(const std::string& path) {
+  for (const Layout& layout : layouts)
+    if (layout.is(path)) return layout.name;
+  return "";
+}
+
+std::vector<FlowPair> neighbour_pairs(const Scene& scene) {
+  // Frames are sorted by track, then time, and readers give equal cameras one index.
+  std::vector<FlowPair> pairs;
+  for (size_t i = 0; i < scene.train.size(); ++i) {
+    const Frame& frame = scene.train[i];
+    const Frame* next = i + 1 < scene.train.size() ? &scene.train[i + 1] : nullptr;
+    const bool has_next = next && next->track == frame.track && next->time > frame.time;
+    if (has_next) pairs.push_back({int(i), int(i) + 1});
+    if (!frame.flow_path.empty() && !(has_next && next->camera == frame.camera))
+      pairs.push_back({int(i), -1});
+  }
+  return pairs;
+}
+
+std::vector<FlowPair> distant_pairs(const Scene& scene, int span) {
+  std::vector<FlowPair> pairs;
+  for (size_t i = 0; i + size_t(span) < scene.train.size(); ++i) {
+    const Frame &frame = scene.train[i], &later = scene.train[i + size_t(span)];
+    if (later.track == frame.track && later.time > frame.time)
+      pairs.push_back({int(i), int(i) + span, span});
+  }
+  return pairs;
+}
+
+std::vector<FlowPair> pairs_in_time(const Scene& scene) {
+  std::map<double, int> by_time;
+  for (size_t i = 0; i < scene.train.size(); ++i)
+    if (!by_time.emplace(scene.train[i].time, int(i)).second)
+      throw Error(fmt::format(
+          "flow.pairs is \"time\", which needs one picture at a time, but scene {} has {} and "
+          "another at time {}",
+          scene.name, scene.train[i].name, scene.train[i].time));
+  std::vector<FlowPair> pairs;
+  for (auto at = by_time.begin(); at != by_time.end() && std::next(at) != by_time.end(); ++at)
+    pairs.push_back({at->second, std::next(at)->second});
+  return pairs;
+}
+
+bool leads_back(const Scene& scene, const FlowPair& pair) {
+  return pair.next >= 0 &&
+         scene.train[size_t(pair.next)].time < scene.train[size_t(pair.frame)].time;
+}
+
+std::vector<FlowPair> reversed(const std::vector<FlowPair>& pairs) {
+  std::vector<FlowPair> back;
+  for (const FlowPair& pair : pairs)
+    if (pair.next >= 0) back.push_back({pair.next, pair.frame, pair.span});
+  return back;
+}
+
+}  // namespace gflow

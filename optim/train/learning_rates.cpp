@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/learning_rates.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "optim/train/curriculum.hpp"
+#include "optim/train/sequential.hpp"
+
+namespace gflow {
+namespace {
+
+// a at 0, b at 1, geometrically between.
+float between_rates(float a, float b, double share) {
+  return a > 0 ? float(a * std::pow(double(b) / a, share)) : 0.f;
+}
+
+}  // namespace
+
+Rates::Rates(const TrainConfig& config, const Scene& scene, const MotionShape& shape)
+    : config_(config), scene_(scene), shape_(shape) {}
+
+float Rates::position(int step) const {
+  const double share = stage_at(config_.train, std::max(scene_.steps, 1), step).share;
+  return float(scene_.extent) * between_rates(config_.lr.means, config_.lr.means_final, share);
+}
+
+AdamRate Rates::planned(Quantity quantity, int step) const {
+  const LearningRates& lr = config_.lr;
+  const AdamGroups& eps = config_.adam;
+  const bool permanent = is_permanent(shape_.motion);
+  const double share = stage_at(config_.train, std::max(scene_.steps, 1), step).share;
+  const double field_share = Unfolding::of(config_, permanent).share_after(step);
+  const float fade = between_rates(1, lr.fade, std::max(2 * share - 1, 0.0));
+  switch (quantity) {
+    case Quantity::position:
+      return {position(step), eps.eps_means};
+    case Quantity::time:
+      return {fade * lr.mean_t * shape_.duration, eps.eps_means};
+    case Quantity::rotation:
+      return {between_rates(lr.quats, lr.quats_final, share), eps.eps_quats};
+    case Quantity::scale:
+      return {fade * lr.scales, eps.eps_scales};
+    case Quantity::opacity:
+      return {fade * (permanent ? config_.hexplane.opacity : lr.opacity), eps.eps_opacity};
+    case Quantity::color:
+      return {fade * lr.sh, eps.eps_sh};
+    case Quantity::plane:
+      return {between_rates(lr.planes, lr.planes_final, field_share), eps.eps_planes};
+    case Quantity::network:
+      return {between_rates(lr.network, lr.network_final, field_share), eps.eps_network};
+    case Quantity::color_rest:
+      return {fade * lr.sh / lr.sh_rest_divisor, eps.eps_sh};
+    case Quantity::weight:
+      return {fade * lr.weights, eps.eps_quats};
+  }
+  throw Error("a parameter without a learning rate");
+}
+
+AdamRate Rates::of(const GroupSpec& spec, int step) const {
+  AdamRate rate = planned(spec.quantity, step);
+  rate.per_time = spec.per_time;
+  if (spec.motion && spec.quantity != Quantity::time) rate.lr *= config_.lr.motion;
+  rate.lr *= caution;
+  return rate;
+}
+
+}  // namespace gflow

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/summary.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "optim/init/init.hpp"
+#include "runtime/base/warning.hpp"
+
+namespace gflow {
+namespace {
+
+// Whether the first Gaussian, which is never one of the short-lived, is at one of the scene's
+// points: made-up places are not.
+bool lies_on_points(const HostModel& model, const Scene& scene) {
+  const std::vector<float>& means = model.groups.at("means");
+  for (size_t i = 0; i < scene.points.size(); ++i)
+    if (std::equal(means.begin(), means.begin() + 3, &scene.points.xyz[3 * i],
+                   [](float mean, double point) { return mean == float(point); }))
+      return true;
+  return false;
+}
+
+// Those that do not last as long as the first one.
+size_t count_short_lived(const HostModel& model) {
+  const std::vector<float>& log_scales = model.groups.at("log_scales");
+  size_t count = 0;
+  for (size_t i = 0; i < model.count; ++i) count += log_scales[4 * i + 3] < log_scales[3];
+  return count;
+}
+
+std::string place_of(const HostModel& model, const Scene& scene, const InitConfig& init,
+                     bool stereo) {
+  if (init.begins_from_file()) return "from " + init.file;
+  if (lies_on_points(model, scene))
+    return stereo ? "at points several cameras agree on" : "at points of the scene";
+  const bool hull = scene.has_alpha && init.from != InitFrom::random;
+  return hull ? "in the visual hull" : "at random places";
+}
+
+std::string counted(size_t count, const char* one, const char* several) {
+  return fmt::format("{} {}", count, count == 1 ? one : several);
+}
+
+}  // namespace
+
+std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
+  std::set<std::pair<int, int>> sizes;
+  for (const Camera& camera : cameras) sizes.insert({camera.width, camera.height});
+  std::string text = fmt::format(
+      "scene: {}, {}, {}; pictures: {} for training, {} for the test, {} for validation, {}{}x{}\n",
+      scene.layout, counted(scene.cameras.size(), "camera", "cameras"),
+      counted(size_t(scene.steps), "time step", "time steps"), scene.train.size(),
+      scene.test.size(), scene.val.size(), sizes.size() > 1 ? "up to " : "", sizes.rbegin()->first,
+      sizes.rbegin()->second);
+  const auto& [x, y, z] = scene.origin;
+  if (x != 0 || y != 0 || z != 0)
+    text += fmt::format("coordinates: relative to ({}, {}, {}) of the scene's world\n", x, y, z);
+  if (!scene.test.empty() && are_trained_on(scene, scene.test))
+    text +=
+        "test views: there are none but the training views; their figures do not tell how the "
+        "scene looks from elsewhere\n";
+  return text;
+}
+
+std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
+                                     const InitConfig& init, bool stereo) {
+  const size_t short_lived = count_short_lived(model);
+  const std::string more =
+      short_lived ? fmt::format(", and {} short-lived where something moves", short_lived) : "";
+  return fmt::format("first Gaussians: {} {}{}\n", model.count - short_lived,
+                     place_of(model, scene, init, stereo), more);
+}
+
+void warn_of_idle_settings(const Scene& scene, const TrainConfig& config) {
+  if (!config.scene.cameras.empty() && !takes_cameras(scene.layout))
+    warn(fmt::format("scene.cameras = \"{}\" does nothing: scene {} has cameras of its own ({})",
+                     config.scene.cameras, scene.name, scene.layout));
+  const MotionModelKind model = motion_model(scene, config.motion);
+  const bool keyed = model == MotionModelKind::keyframes;
+  const char* const name = names_of(model)[size_t(model)];
+  if (config.motion.keys > 0 && !keyed && model != MotionModelKind::bases)
+    warn(fmt::format("motion.keys = {} does nothing with the motion model {}, which has none",
+                     config.motion.keys, name));
+  if (config.motion.key_scales && !keyed)
+    warn(fmt::format("motion.key_scales does nothing with the motion model {}, only with keyframes",
+                     name));
+  if (config.motion.rest > 0 && model == MotionModelKind::hexplane)
+    warn(
+        fmt::format("motion.rest = {} does nothing with the motion model hexplane, whose Gaussians "
+                    "have no motion of their own to lose",
+                    config.motion.rest));
+  else if (config.motion.rest > 0 && config.train.sequential)
+    warn(fmt::format(
+        "motion.rest = {} does nothing with train.sequential: before the last moment is "
+        "trained nobody knows who rests",
+        config.motion.rest));
+  const FlowConfig& flow = config.flow;
+  const bool asks_tracks =
+      flow.source == FlowSource::tracks || (flow.far == FarFlow::tracks && flow.reach != 1);
+  if (!flow.tracks.empty() && !asks_tracks)
+    warn(fmt::format(
+        "flow.tracks = \"{}\" does nothing: set flow.source = \"tracks\", or flow.far = "
+        "\"tracks\" with a flow.reach",
+        flow.tracks));
+  const GuidanceConfig& guidance = config.guidance;
+  for (const auto& [setting, value] : {std::pair{"command", &guidance.command},
+                                       {"model", &guidance.model},
+                                       {"pictures", &guidance.pictures}})
+    if (!guidance.enabled() && !value->empty())
+      warn(fmt::format("guidance.{} = \"{}\" does nothing: guidance.provider is none", setting,
+                       *value));
+  if (!config.density.enabled && !config.init.begins_from_file())
+    warn(
+        "density.enabled = false keeps the number of the first Gaussians, and no --init FILE gives "
+        "them: training adds none where the scene wants more");
+}
+
+}  // namespace gflow

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/warm_up.hpp"
+
+#include "optim/engine/splat.hpp"
+#include "optim/init/init.hpp"
+#include "optim/loss/flow_loss.hpp"
+#include "optim/loss/image_loss.hpp"
+#include "optim/scene/loaded_scene.hpp"
+
+namespace gflow {
+namespace {
+
+template <class T>
+Buffer<T> zeros(Queue& queue, size_t n) {
+  Buffer<T> buffer(queue, n, "zeros");
+  buffer.fill(queue, T(0));
+  return buffer;
+}
+
+// All that drawing takes and gives, for one tile and one Gaussian of opacity 0.
+struct WarmUpImage {
+  explicit WarmUpImage(Queue& queue) {
+    const size_t pixels = TILE * TILE;
+    PinholeCamera& camera = view.camera;
+    for (const int diagonal : {0, 4, 8}) camera.rotation[diagonal] = 1;
+    camera.fx = camera.fy = camera.near_plane = 1;
+    camera.width = camera.height = images.width = images.height = TILE;
+    view.camera_t2 = camera;
+    gaussians = {zeros<float>(queue, 3), zeros<float>(queue, 9), zeros<float>(queue, 1)};
+    tiles.x = tiles.y = 1;
+    tiles.slot_offsets = zeros<cl_uint>(queue, 2);
+    tiles.tile_offsets = zeros<cl_uint>(queue, 2);
+    tiles.isect_ids.ensure(queue, 0);
+    tiles.isect_slots.ensure(queue, 0);
+    tiles.masks.ensure(queue, 0);
+    v.v_rgb = zeros<float>(queue, 3 * pixels);
+    v.v_alpha = zeros<float>(queue, pixels);
+    v.v_depth.ensure(queue, 0);
+    v.v_flow = zeros<float>(queue, 2 * pixels);
+    gradients.zero(queue, 1);
+  }
+  View view{};
+  GaussiansAt gaussians;
+  Splats splats;
+  Tiles tiles;
+  Images images;
+  ImageGradients v;
+  GaussianGradients gradients;
+};
+
+void draw_and_return(Queue& queue, const EngineSettings& settings, Channels channels,
+                     WarmUpImage& p) {
+  Project project(queue, settings, channels);
+  Splatting splatting(queue, settings, channels);
+  Buffer<float> partials, moments;
+  project.forward(queue, p.view, p.gaussians, p.splats);
+  project.complete(queue, p.view, p.gaussians, p.gaussians, zeros<float>(queue, 3), p.splats);
+  splatting.forward(queue, {}, p.splats, p.tiles, p.images);
+  splatting.backward(queue, p.splats, p.tiles, p.images, p.v, partials);
+  splatting.gather(queue, p.splats, p.tiles, partials, moments);
+  project.backward(queue, p.view, p.gaussians, p.gaussians, p.splats, moments, p.gradients);
+  queue.finish();
+}
+
+void compare(Queue& queue, const TrainConfig& config, WarmUpImage& p) {
+  const size_t pixels = TILE * TILE;
+  ImageLoss image(queue, config.loss.ssim);
+  image.run(queue, TILE, TILE, p.images.rgb, zeros<cl_uchar>(queue, 3 * pixels), p.v.v_rgb);
+  image.value(queue);
+  if (!config.flow.enabled) return;
+  FlowLoss flow(queue, config.flow.robust_px);
+  flow.run(queue, 1, TILE, TILE, p.images.flow, p.images.alpha, zeros<float>(queue, 2 * pixels),
+           zeros<cl_uchar>(queue, pixels), p.v.v_flow);
+  queue.finish();
+}
+
+void learn(Queue& queue, const TrainConfig& config, Parameters& parameters) {
+  Adam adam(queue, {config.adam.beta1, config.adam.beta2});
+  for (Table* table : parameters.tables()) {
+    adam.refuse(queue, table->groups[0], table->rows, table->count);
+    adam.advance(queue, table->rows, table->count);
+    adam.step(queue, table->groups[0], table->rows, table->count, {1, 1});
+  }
+  queue.finish();
+}
+
+void go_back(Queue& queue, Model& model, WarmUpImage& p) {
+  Parameters& parameters = model.parameters;
+  const Buffer<cl_uint>& seen = p.splats.tiles_touched;
+  GaussianGradients& g = p.gradients;
+  model.color.backward(queue, parameters, model.color.bands(0, true), p.view.camera, p.gaussians,
+                       seen, g);
+  model.motion->backward(queue, parameters, 0, true, seen, g.v_means, g.v_factors, g.v_opacities);
+  model.motion->regularize(queue, parameters, {1, 1, 1});
+  model.motion->set_pace(queue, parameters, {1, 1, 1, 1});
+  queue.finish();
+}
+
+void go_forth(Queue& queue, bool flow, Model& model, WarmUpImage& p) {
+  const Buffer<cl_uint>& seen = p.splats.tiles_touched;
+  Buffer<float> colors;
+  if (flow) model.motion->at(queue, model.parameters, 0, &seen, p.gaussians);
+  ViewRows rows(queue);
+  if (model.motion->look(queue, model.parameters, 0, p.view.camera, rows))
+    rows.take_marked(queue, model.parameters);
+  model.motion->at(queue, model.parameters, 0, nullptr, p.gaussians);
+  model.color.forward(queue, model.parameters, model.color.bands(0, true), p.view.camera,
+                      p.gaussians, seen, colors);
+  queue.finish();
+}
+
+}  // namespace
+
+void rehearse(Queue& queue, const TrainConfig& config) {
+  const Scene scene = read_scene(config.scene.path, options_of(config.scene));
+  const ModelShape shape = model_shape(scene, config);
+  const EngineSettings settings = engine_settings(config);
+  const bool flow = config.flow.enabled;
+  WarmUpImage picture(queue);
+  // Of what never rests, all pictures have flow in all tiles.
+  if (!flow || !is_permanent(shape.motion))
+    draw_and_return(queue, settings, {false, false}, picture);
+  if (flow) draw_and_return(queue, settings, {true, false}, picture);
+  Model model(queue, shape, 1);
+  for (Table* table : model.parameters.tables())
+    for (ParameterGroup& group : table->groups) group.values.fill(queue, 0.f);
+  model.parameters.forget_seen(queue);
+  go_back(queue, model, picture);
+  learn(queue, config, model.parameters);
+  compare(queue, config, picture);
+  go_forth(queue, flow, model, picture);
+}
+
+}  // namespace gflow

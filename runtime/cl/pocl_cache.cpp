@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "runtime/cl/pocl_cache.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string value_of(const char* name) {
+  const char* const value = std::getenv(name);
+  return value ? value : "";
+}
+
+constexpr char kAdvice[] = "set POCL_CACHE_DIR to a folder that can be written and has room";
+
+// "POCL_CACHE_DIR is ..." or what it is without the variable.
+std::string name_of_folder() {
+  const std::string folder = fs::absolute(pocl_cache_folder()).string();
+  return (value_of("POCL_CACHE_DIR").empty() ? "PoCL keeps its programs in "
+                                             : "POCL_CACHE_DIR is ") +
+         folder;
+}
+
+// The folder, or the nearest above it, in which it would be made.
+fs::path nearest_that_is_there() {
+  fs::path there = fs::absolute(pocl_cache_folder());
+  std::error_code problem;
+  while (!fs::exists(there, problem) && there.has_relative_path()) there = there.parent_path();
+  return there;
+}
+
+// errno of a file that cannot be made or be so large there, of a full disk, a quota or a limit of
+// the shell (ulimit -f); 0 where it can, or nothing can be known. Leaves no file.
+int why_no_file_of(uint64_t size, const fs::path& there) {
+  const int file = open(there.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600);
+  const int why = file >= 0 && fallocate(file, 0, 0, off_t(size)) == 0 ? 0 : errno;
+  if (file >= 0) close(file);
+  return why == ENOSPC || why == EDQUOT || why == EFBIG ? why : 0;
+}
+
+}  // namespace
+
+fs::path pocl_cache_folder() {
+  if (const std::string own = value_of("POCL_CACHE_DIR"); !own.empty()) return own;
+  if (const std::string all = value_of("XDG_CACHE_HOME"); !all.empty())
+    return fs::path(all) / "pocl/kcache";
+  if (const std::string home = value_of("HOME"); !home.empty())
+    return fs::path(home) / ".cache/pocl/kcache";
+  return "/tmp/pocl/kcache";
+}
+
+std::string pocl_cache_problem(uint64_t needed) {
+  const fs::path there = nearest_that_is_there();
+  std::error_code problem;
+  if (!fs::is_directory(there, problem) || access(there.c_str(), W_OK | X_OK) != 0)
+    return fmt::format("{}, where nothing can be written: {}", name_of_folder(), kAdvice);
+  const fs::space_info space = fs::space(there, problem);
+  if (!problem && space.available < needed)
+    return fmt::format("{}, where {} MiB are left, and compiling takes {}: make room, or {}",
+                       name_of_folder(), space.available >> 20, needed >> 20, kAdvice);
+  // Free space does not tell of a quota. (A limit on files is nothing to what is there already.)
+  if (const int why = why_no_file_of(needed, there); why == ENOSPC || why == EDQUOT)
+    return fmt::format(
+        "{}, where the {} MiB that compiling takes are not to be had ({}): make "
+        "room, or {}",
+        name_of_folder(), needed >> 20, std::strerror(why), kAdvice);
+  return "";
+}
+
+std::string why_not_compiled() {
+  constexpr uint64_t largest = uint64_t{1} << 20;  // LLVM's code of the largest kernel: 872 KiB
+  if (std::string why = pocl_cache_problem(largest); !why.empty()) return why;
+  const int why = why_no_file_of(largest, nearest_that_is_there());
+  if (!why) return "";
+  return fmt::format(
+      "{}, where no file can have the MiB that compiling takes ({}): lift the limit (ulimit -f), "
+      "or {}",
+      name_of_folder(), std::strerror(why), kAdvice);
+}
+
+}  // namespace gflow

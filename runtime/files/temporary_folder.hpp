@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where files are put that nobody needs later.
+#pragma once
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <string>
+
+#include "runtime/base/error.hpp"
+#include "runtime/base/unfinished_file.hpp"
+
+namespace gflow {
+
+// The system takes no temporary folder: no fault of the device or of what was to be done.
+struct NoTemporaryFolder : Error {
+  using Error::Error;
+};
+
+// Makes a new folder, whose name says what it is for; who asked for it removes it.
+inline std::string make_temporary_folder(const std::string& purpose) {
+  std::string parent = "/tmp", named;
+  for (const char* variable : {"TMPDIR", "TMP", "TEMP", "TEMPDIR"})  // as the standard library does
+    if (const char* value = std::getenv(variable); value && *value && named.empty()) {
+      parent = value;
+      named = fmt::format(", which {} names", variable);
+    }
+  std::string path = fmt::format("{}/gflow-{}-XXXXXX", parent, purpose);
+  if (!mkdtemp(path.data()))
+    throw NoTemporaryFolder(
+        fmt::format("no temporary folder can be made in {}{}: {}; set TMPDIR to a folder that can "
+                    "be written to",
+                    parent, named, std::strerror(errno)));
+  return path;
+}
+
+// A temporary folder, removed with all it holds: at the end, or by remove_unfinished_files().
+class ScratchFolder {
+ public:
+  explicit ScratchFolder(const std::string& purpose)
+      : path_(make_temporary_folder(purpose)), noted_(path_) {}
+  ~ScratchFolder() {
+    std::error_code problem;
+    std::filesystem::remove_all(path_, problem);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+
+  const std::string& path() const { return path_; }
+  std::string file(const std::string& name) const { return path_ + "/" + name; }
+
+ private:
+  std::string path_;
+  UnfinishedFile noted_;
+};
+
+}  // namespace gflow

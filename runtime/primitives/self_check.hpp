@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether a device does what gflow takes for granted: accuracy of float32 functions and of
+// determinants of needles, NaN tests that survive the compiler, a stable sort. Takes well under a
+// second once the kernels are compiled.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "runtime/cl/queue.hpp"
+
+namespace gflow {
+
+// One check: passed means figure <= bound (a NaN figure fails).
+struct SelfCheckRow {
+  std::string name;  // with the figure's unit
+  double figure, bound;
+  bool passed;
+};
+
+using SelfCheck = std::vector<SelfCheckRow>;
+
+SelfCheckRow self_check_row(const std::string& name, double figure, double bound);
+
+// Runs all checks of the runtime on the queue's device.
+SelfCheck self_check(Queue& queue);
+
+}  // namespace gflow

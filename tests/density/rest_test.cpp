@@ -1,0 +1,465 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/density/rest.hpp"
+
+#include "optim/density/adc.hpp"
+#include "optim/density/mcmc.hpp"
+#include "shared/rest.h"
+#include "tests/support/motion_check.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr size_t RESTING = 21;
+
+// Every third one moves.
+bool moves_in_test(size_t i) { return i % 3 == 0; }
+
+MotionShape resting_shape(MotionModelKind kind) {
+  MotionShape shape;
+  shape.motion = kind;
+  shape.duration = 2;
+  shape.keys = 4;
+  shape.bases = 3;
+  return shape;
+}
+
+ViewRows all_rows_of(Queue& queue, const Parameters& p) {
+  ViewRows rows(queue);
+  rows.take_all(p);
+  return rows;
+}
+
+// Random Gaussians of which two thirds have no motion, in two copies: one in which all move, those
+// at zero speed, and one in which these rest.
+class TwoCopies {
+ public:
+  explicit TwoCopies(const MotionShape& shape)
+      : queue(test_queue()), all(queue, shape, RESTING, {}), split(queue, shape, RESTING, {}) {
+    for (MotionCheck* copy : {&all, &split}) {
+      Parameters& p = copy->parameters();
+      for (size_t g = 0; g < p.groups.size(); ++g)
+        if (p.specs[g].moving) stop(p, p.specs[g], p.groups[g], 1);
+      for (size_t t = 0; t < p.more.size(); ++t)
+        if (p.more_specs[t].keys)
+          for (size_t g = 0; g < p.more[t].groups.size(); ++g)
+            stop(p, p.more[t].specs[g], p.more[t].groups[g], p.more_specs[t].keys);
+      for (Table* table : p.tables())
+        for (ParameterGroup& group : table->groups) {
+          std::vector<float> own(group.values.size());
+          for (size_t k = 0; k < own.size(); ++k) own[k] = float(1 + k);
+          group.remember(queue);
+          group.exp_avg.write(queue, own);
+          group.exp_avg_sq.write(queue, own);
+        }
+      std::vector<cl_uint> steps(RESTING);
+      for (size_t i = 0; i < RESTING; ++i) steps[i] = cl_uint(100 + i);
+      p.rows.steps.write(queue, steps);
+    }
+    std::vector<cl_uint> moves;
+    for (size_t i = 0; i < RESTING; ++i) moves.push_back(moves_in_test(i));
+    order = move(split.parameters(), moves);
+  }
+
+  // Into a partition by these flags; returns where each row was.
+  std::vector<cl_uint> move(Parameters& p, const std::vector<cl_uint>& moves) {
+    std::vector<cl_uint> identity(p.count);
+    for (size_t i = 0; i < p.count; ++i) identity[i] = cl_uint(i);
+    Buffer<cl_uint> source(queue, identity, "source");
+    Buffer<cl_uint> child(queue, std::vector<cl_uint>(p.count, 0u), "child");
+    rows.move(queue, p, p.count, Buffer<cl_uint>(queue, moves, "moves"), source, child);
+    return source.read(queue);
+  }
+
+  Queue queue;
+  MotionCheck all, split;
+  RowMover rows{queue};
+  std::vector<cl_uint> order;  // row j of `split` is row order[j] of `all`
+
+ private:
+  void stop(const Parameters& p, const GroupSpec& spec, ParameterGroup& group, size_t keys) {
+    std::vector<float> values = group.values.read(queue);
+    const std::vector<float> rest =
+        spec.rest_of.empty() ? std::vector<float>{} : p[spec.rest_of].values.read(queue);
+    for (size_t k = 0; k < keys; ++k)
+      for (size_t i = 0; i < RESTING; ++i)
+        for (size_t c = 0; c < spec.width && !moves_in_test(i); ++c)
+          values[(k * RESTING + i) * spec.width + c] =
+              rest.empty() ? (spec.rest < 0 ? -200 : 0) : rest[i * spec.width + c];
+    group.values.write(queue, values);
+  }
+};
+
+// The rows of `all` in the order of the other copy.
+template <class T>
+std::vector<T> ordered(const std::vector<T>& all, const std::vector<cl_uint>& order, size_t rows,
+                       size_t width) {
+  std::vector<T> out(rows * width);
+  for (size_t k = 0; k < out.size(); ++k) out[k] = all[order[k / width] * width + k % width];
+  return out;
+}
+
+class RestOf : public testing::TestWithParam<MotionModelKind> {};
+INSTANTIATE_TEST_SUITE_P(Motion, RestOf,
+                         testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
+                                         MotionModelKind::keyframes, MotionModelKind::bases),
+                         [](const auto& info) {
+                           return std::string(names_of(info.param)[size_t(info.param)]);
+                         });
+
+TEST_P(RestOf, GaussiansAtRestAreShownAsThoseThatMoveAtNoSpeed) {
+  TwoCopies made(resting_shape(GetParam()));
+  ASSERT_EQ(made.split.parameters().moving, 7u);
+  const Buffer<cl_uint> seen(made.queue, std::vector<cl_uint>(RESTING, 1u), "seen");
+  for (const float t : {0.f, 0.7f, 2.f}) {
+    GaussiansAt all, split;
+    // Opacities are known where they are drawn, poses of all at a second time.
+    made.all.motion().at(made.queue, made.all.parameters(), t, nullptr, all);
+    made.split.motion().at(made.queue, made.split.parameters(), t, nullptr, split);
+    made.all.motion().at(made.queue, made.all.parameters(), t, &seen, all);
+    made.split.motion().at(made.queue, made.split.parameters(), t, &seen, split);
+    const auto expect_same = [&](const Buffer<float>& a, const Buffer<float>& b, size_t width) {
+      EXPECT_EQ(ordered(a.read(made.queue), made.order, RESTING, width), b.read(made.queue)) << t;
+    };
+    expect_same(all.means, split.means, 3);
+    expect_same(all.factors, split.factors, 9);
+    expect_same(all.opacities, split.opacities, 1);
+  }
+}
+
+// Those of native4d's two quaternions, which are one at rest, add up. Gradients of a basis are sums
+// over Gaussians in an order that differs.
+TEST_P(RestOf, GradientsAreThoseOfNoSpeed) {
+  TwoCopies made(resting_shape(GetParam()));
+  Queue& queue = made.queue;
+  Random random(3);
+  const auto numbers = [&](size_t width) {
+    std::vector<float> values(width * RESTING);
+    for (float& x : values) x = float(random());
+    return values;
+  };
+  const std::vector<float> v_means = numbers(3), v_factors = numbers(9), v_opacities = numbers(1);
+  std::vector<cl_uint> touched;
+  for (size_t i = 0; i < RESTING; ++i) touched.push_back(i % 5 != 4);
+  const auto backward = [&](MotionCheck& copy, const std::vector<cl_uint>& order) {
+    const Buffer<cl_uint> tiles(queue, ordered(touched, order, RESTING, 1), "tiles");
+    const Buffer<float> m(queue, ordered(v_means, order, RESTING, 3), "v_means");
+    const Buffer<float> f(queue, ordered(v_factors, order, RESTING, 9), "v_factors");
+    const Buffer<float> o(queue, ordered(v_opacities, order, RESTING, 1), "v_opacities");
+    copy.motion().backward(queue, copy.parameters(), 0.4f, true, tiles, m, f, o);
+    copy.motion().backward(queue, copy.parameters(), 0.9f, false, tiles, m, f, o);
+  };
+  std::vector<cl_uint> identity(RESTING);
+  for (size_t i = 0; i < RESTING; ++i) identity[i] = cl_uint(i);
+  backward(made.all, identity);
+  backward(made.split, made.order);
+  const Parameters& all = made.all.parameters();
+  const Parameters& split = made.split.parameters();
+  const std::vector<cl_uint> seen = split.rows.seen.read(queue);
+  EXPECT_EQ(ordered(all.rows.seen.read(queue), made.order, RESTING, 1), seen);
+  for (size_t g = 0; g < all.groups.size(); ++g) {
+    const GroupSpec& spec = all.specs[g];
+    std::vector<float> values = all.groups[g].grads.read(queue);
+    if (spec.name == "quats" && all.find("quats_r")) {
+      const std::vector<float> other = all["quats_r"].grads.read(queue);
+      for (size_t k = 0; k < values.size(); ++k)
+        if (!moves_in_test(k / 4)) values[k] += other[k];
+    }
+    const size_t rows = split.rows_of(spec);
+    ASSERT_EQ(split.groups[g].grads.size(), rows * spec.width);
+    EXPECT_TRUE(all_close(split.groups[g].grads.read(queue),
+                          ordered(values, made.order, rows, spec.width), {1e-5, 1e-5}))
+        << spec.name;
+  }
+  for (size_t t = 0; t < all.more.size(); ++t)
+    for (size_t g = 0; g < all.more[t].groups.size(); ++g) {
+      const GroupSpec& spec = all.more[t].specs[g];
+      std::vector<float> expected = all.more[t].groups[g].grads.read(queue);
+      if (const size_t keys = all.more_specs[t].keys) {
+        std::vector<float> of_movers;
+        for (size_t k = 0; k < keys; ++k) {
+          const auto from = expected.begin() + long(k * RESTING * spec.width);
+          const auto part = ordered(std::vector<float>(from, from + long(RESTING * spec.width)),
+                                    made.order, split.moving, spec.width);
+          of_movers.insert(of_movers.end(), part.begin(), part.end());
+        }
+        expected = of_movers;
+      }
+      EXPECT_TRUE(all_close(split.more[t].groups[g].grads.read(queue), expected, {1e-5, 1e-5}))
+          << spec.name;
+    }
+}
+
+TEST_P(RestOf, AllButTheMotionOfThoseAtRestSurvivesThereAndBack) {
+  TwoCopies made(resting_shape(GetParam()));
+  Queue& queue = made.queue;
+  Parameters& p = made.split.parameters();
+  // First every other row changes sides or stays, then all move.
+  std::vector<cl_uint> some;
+  for (size_t j = 0; j < RESTING; ++j) some.push_back(j % 2);
+  const std::vector<cl_uint> there = made.move(p, some);
+  ASSERT_EQ(p.moving, RESTING / 2);
+  const std::vector<cl_uint> back =
+      ordered(there, made.move(p, std::vector<cl_uint>(RESTING, 1u)), RESTING, 1);
+  ASSERT_EQ(p.moving, RESTING);
+  const std::vector<cl_uint> order = ordered(made.order, back, RESTING, 1);
+  const auto always_moved = [&](size_t j) { return back[j] < 7 && some[back[j]]; };
+  const Parameters& all = made.all.parameters();
+  EXPECT_EQ(ordered(all.rows.steps.read(queue), order, RESTING, 1), p.rows.steps.read(queue));
+  const auto expect_same = [&](const GroupSpec& spec, const Buffer<float>& before,
+                               const Buffer<float>& after, size_t keys, bool own, bool moments) {
+    const std::vector<float> a = before.read(queue), b = after.read(queue);
+    ASSERT_EQ(a.size(), b.size());
+    const std::vector<float> rest_of =
+        spec.rest_of.empty() ? std::vector<float>{} : all[spec.rest_of].values.read(queue);
+    for (size_t k = 0; k < keys; ++k)
+      for (size_t j = 0; j < RESTING; ++j)
+        for (size_t c = 0; c < spec.width; ++c) {
+          const size_t at = (k * RESTING + j) * spec.width + c;
+          float expected = a[(k * RESTING + order[j]) * spec.width + c];
+          if (own && !always_moved(j)) {
+            expected = spec.rest;
+            if (!rest_of.empty()) expected = rest_of[order[j] * spec.width + c];
+            if (moments) expected = 0;
+          }
+          EXPECT_EQ(b[at], expected) << spec.name << " " << j;
+        }
+  };
+  for (size_t t = 0; t < all.tables().size(); ++t) {
+    const Table& from = *all.tables()[t];
+    const Table& to = *std::as_const(p).tables()[t];
+    const size_t keys = t ? all.more_specs[t - 1].keys : 1;
+    for (size_t g = 0; g < from.groups.size() && keys; ++g) {
+      const GroupSpec& spec = from.specs[g];
+      const bool own = spec.moving || t > 0;
+      expect_same(spec, from.groups[g].values, to.groups[g].values, keys, own, false);
+      expect_same(spec, from.groups[g].exp_avg, to.groups[g].exp_avg, keys, own, true);
+      expect_same(spec, from.groups[g].exp_avg_sq, to.groups[g].exp_avg_sq, keys, own, true);
+    }
+  }
+}
+
+// Gaussians of size 0.1, 0.2 and 0.3 in a video of length 1, each there all the time unless its
+// life is told, at one speed along x and one turn about z.
+struct MadeRest {
+  float speed = 0, turn = 0;
+  float life = 1000;
+  cl_uint steps = 1000;
+};
+
+class RestSpacetime {
+ public:
+  explicit RestSpacetime(const std::vector<MadeRest>& made)
+      : queue(test_queue()),
+        motion(make_motion(queue, MotionShape{})),
+        p(queue, made.size(), motion->groups()) {
+    for (ParameterGroup& group : p.groups) group.values.fill(queue, 0);
+    std::vector<float> means, means_t, velocities, quats, turns, log_scales;
+    std::vector<cl_uint> steps;
+    for (const MadeRest& m : made) {
+      means.insert(means.end(), {float(steps.size()), 0, 0});
+      velocities.insert(velocities.end(), {m.speed, 0, 0});
+      quats.insert(quats.end(), {2, 0, 0, 0});
+      turns.insert(turns.end(), {0, 0, 0, m.turn});  // half the angle, at length 2: the angle
+      log_scales.insert(log_scales.end(),
+                        {std::log(0.1f), std::log(0.2f), std::log(0.3f), std::log(m.life)});
+      means_t.push_back(0.3f);
+      steps.push_back(m.steps);
+    }
+    p["means"].values.write(queue, means);
+    p["means_t"].values.write(queue, means_t);
+    p["velocities"].values.write(queue, velocities);
+    p["quats"].values.write(queue, quats);
+    p["turns"].values.write(queue, turns);
+    p["log_scales"].values.write(queue, log_scales);
+    p.rows.steps.write(queue, steps);
+    rule.moments = 11;
+    rule.most = 0.1f;
+  }
+  std::vector<cl_uint> refine() { return rest.refine(queue, p, *motion, rule).read(queue); }
+  std::vector<float> values(const char* name) { return p[name].values.read(queue); }
+
+  // A view at t that pulls row i of those at rest, and all the others, by pulls[i] along x.
+  void see(float t, const std::vector<float>& pulls) {
+    std::vector<float> v(3 * pulls.size());
+    for (size_t i = 0; i < pulls.size(); ++i) v[3 * i] = pulls[i];
+    const Buffer<cl_uint> touched(queue, std::vector<cl_uint>(p.count, 1u), "tiles");
+    const Buffer<float> v_means(queue, v, "v_means");
+    rest.see(queue, p, all_rows_of(queue, p), touched, t, v_means, nullptr, v_means, false);
+  }
+
+  Queue queue;
+  std::unique_ptr<Motion> motion;
+  Parameters p;
+  Rest rest{queue};
+  RestRule rule;
+};
+
+// Half the way and half the turn lie on each side of the mean pose, 0.1 standard deviations is the
+// limit: 0.01 along x, and for a turn by a, which moves the ends of axes s and s' by a s and a s',
+// a sqrt((s/s')^2 + (s'/s)^2) = a sqrt(4.25) about z.
+TEST(Rest, WhoTravelsAndTurnsLittleComesToRest) {
+  RestSpacetime made({{0.019f},
+                      {0.021f},
+                      {0},
+                      {0, 0.096f},
+                      {0, 0.098f},
+                      {0.012f, 0.05f},
+                      {0, 0, 1000, 49},
+                      {0, 0, 0.01f},
+                      {NAN}});
+  EXPECT_EQ(made.refine(), (std::vector<cl_uint>{1, 4, 5, 6, 7, 8, 0, 2, 3}));
+  EXPECT_EQ(made.p.moving, 6u);
+  EXPECT_EQ(made.values("velocities").size(), 18u);
+}
+
+TEST(Rest, WhoRestsIsWhereItWasOnAverage) {
+  RestSpacetime made({{5}, {0.01f, 0.04f}});
+  made.refine();
+  const std::vector<float> means = made.values("means"), quats = made.values("quats");
+  EXPECT_NEAR(means[0], 0, 1e-6);
+  EXPECT_NEAR(means[3], 1 + 0.2 * 0.01, 1e-6);  // the middle of the video, .2 after its own moment
+  EXPECT_NEAR(quats[4], 2 * std::cos(0.2 * 0.04 / 2), 1e-5);  // as long as it was
+  EXPECT_NEAR(quats[7], 2 * std::sin(0.2 * 0.04 / 2), 1e-5);
+}
+
+// The bound of kernels/shared/rest.h, at random places around random Gaussians.
+TEST(Rest, NoPlaceChangesByMoreThanTheBound) {
+  Random random(5);
+  const auto draw = [&] { return make_real3(random(), random(), random()); };
+  double largest = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const real4 q = make_real4(1 + random(), random(), random(), random());
+    const real4 turned = q + make_real4(random(), random(), random(), random()) * 0.02;
+    const real3 scales = make_real3(0.5 + 0.1 * i / 20000.0, 1, 1.5), mean = draw() * 0.02;
+    const real3 rest = make_real3(0, 0, 0);
+    const Mat3 l1 = factor_of(turned, scales);
+    const auto density = [&](real4 quat, real3 x) {
+      const real3 y = mat3_transpose_mul_vec(quat_to_rotmat(quat_normalize(quat).q), x);
+      const real3 z = make_real3(y.x / scales.x, y.y / scales.y, y.z / scales.z);
+      return std::exp(-0.5 * dot(z, z));
+    };
+    const real3 x = draw();
+    const double change = std::fabs(density(turned, x - mean) - density(q, x - rest));
+    const double d = distance_from_rest(rest, q, scales, mean, l1);
+    EXPECT_LE(change, 0.74 * d * (1 + d));
+    largest = std::max(largest, change / d);
+  }
+  EXPECT_GT(largest, 0.4);  // it is no empty bound
+}
+
+TEST(Rest, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
+  RestSpacetime made({{5}, {0}, {0}, {0}});
+  made.rule.wake = 4;
+  made.refine();
+  ASSERT_EQ(made.p.moving, 1u);
+  for (const char* name : {"means", "velocities"}) {
+    made.p[name].remember(made.queue);
+    made.p[name].exp_avg.fill(made.queue, 1.f);
+  }
+  // Row 1 is pulled forward after its moment and back before it: a sum sqrt(20) times chance's. Row
+  // 2 in three views of 20 the other way: sqrt(20) 14/20 = 3.1 times. Row 3 not at all.
+  for (int k = 0; k < 20; ++k) {
+    const float pull = k % 2 ? -1.f : 1.f;
+    made.see(k % 2 ? 0.1f : 0.5f, {1, pull, k < 3 ? -pull : pull, 0});
+  }
+  EXPECT_EQ(made.refine(), (std::vector<cl_uint>{0, 1, 2, 3}));
+  ASSERT_EQ(made.p.moving, 2u);
+  EXPECT_EQ(made.values("velocities"), (std::vector<float>{5, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(made.p["velocities"].exp_avg.read(made.queue), (std::vector<float>{1, 1, 1, 0, 0, 0}));
+  EXPECT_EQ(made.p["means"].exp_avg.read(made.queue),
+            (std::vector<float>{1, 1, 1, 0, 0, 0, 1, 1, 1, 1, 1, 1}));
+  EXPECT_EQ(made.p.rows.steps.read(made.queue), (std::vector<cl_uint>{1000, 0, 1000, 1000}));
+  // Evidence is forgotten, and it has a trial now.
+  EXPECT_EQ(made.refine(), (std::vector<cl_uint>{0, 1, 2, 3}));
+  EXPECT_EQ(made.p.moving, 2u);
+}
+
+// A view tells what flow asks of those at rest within v_means, or beside it.
+TEST(Rest, FlowPullsTheSameToldInBothWays) {
+  const auto pulls = [](float v_mean, float v_mean_t2, bool stood_still) {
+    RestSpacetime made(std::vector<MadeRest>(1));
+    made.refine();
+    const Buffer<cl_uint> touched(made.queue, {1}, "tiles");
+    const Buffer<float> v(made.queue, {v_mean, 0, 0}, "v"),
+        v_t2(made.queue, {v_mean_t2, 0, 0}, "v");
+    const float t2 = 0.7f;
+    made.rest.see(made.queue, made.p, all_rows_of(made.queue, made.p), touched, 0.5f, v, &t2, v_t2,
+                  stood_still);
+    Arrays arrays;
+    made.rest.save_state(made.queue, made.p, arrays);
+    return std::get<std::vector<float>>(arrays.at("rest/pulls").values);
+  };
+  const std::vector<float> within = pulls(3 - 2, 2, false), beside = pulls(3, 2, true);
+  EXPECT_FLOAT_EQ(within[0], 3 * (0.5f - 0.3f) + 2 * (0.7f - 0.5f));  // its own moment is 0.3
+  EXPECT_FLOAT_EQ(beside[0], within[0]);
+  EXPECT_FLOAT_EQ(beside[3], within[3]);
+}
+
+TEST(Rest, NothingMovesAgainWhereThatIsOff) {
+  RestSpacetime made(std::vector<MadeRest>(1));
+  made.rule.wake = 0;
+  made.refine();
+  for (int k = 0; k < 20; ++k) made.see(1, {1});
+  made.refine();
+  EXPECT_EQ(made.p.moving, 0u);
+}
+
+TEST(Rest, EvidenceOfDensityControlGoesWithItsRows) {
+  RestSpacetime made({{0}, {5}, {0}});
+  AdcDensity density(made.queue);
+  const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
+  const Buffer<float> v(made.queue, {1, 0, 2, 0, 3, 0}, "v_means2d");
+  density.see(made.queue, made.p, {2, 2, {}, touched, v});
+  const Buffer<cl_uint> fewer(made.queue, {0, 1, 1}, "tiles");
+  density.see(made.queue, made.p, {2, 2, {}, fewer, v});
+  const auto evidence = [&](const char* name) {
+    Arrays arrays;
+    density.save_state(made.queue, arrays);
+    return std::get<std::vector<float>>(arrays.at(name).values);
+  };
+  EXPECT_EQ(evidence("density/pull"), (std::vector<float>{1, 4, 6}));
+  EXPECT_EQ(evidence("density/views"), (std::vector<float>{1, 2, 2}));
+  density.reorder(made.queue, made.rest.refine(made.queue, made.p, *made.motion, made.rule));
+  EXPECT_EQ(evidence("density/pull"), (std::vector<float>{4, 1, 6}));
+  EXPECT_EQ(evidence("density/views"), (std::vector<float>{2, 1, 2}));
+}
+
+// Of rows 0 moving, 1 and 2 at rest, the last one grows.
+TEST(Rest, WhatGrowsMoves) {
+  RestSpacetime made({{5}, {0}, {0}});
+  made.p["logit_opacities"].values.fill(made.queue, 1);
+  made.refine();
+  AdcDensity density(made.queue);
+  DensityRule rule;
+  rule.grad_threshold = 1;
+  rule.max_scale = 10;
+  rule.split.split_scale = 1;
+  const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
+  const Buffer<float> v(made.queue, {0, 0, 0, 0, 9, 0}, "v_means2d");
+  density.see(made.queue, made.p, {2, 2, {}, touched, v});
+  density.refine(made.queue, made.p, *made.motion, rule, 1);
+  ASSERT_EQ(made.p.count, 4u);
+  EXPECT_EQ(made.p.moving, 3u);
+  const std::vector<float> means = made.values("means");
+  EXPECT_NEAR(means[3], 2, 1e-5);  // the first of two is where the parent was
+  EXPECT_NEAR(means[9], 1, 1e-5);  // at rest still
+  EXPECT_EQ(made.values("velocities"), (std::vector<float>{5, 0, 0, 0, 0, 0, 0, 0, 0}));
+}
+
+// Row 1 rests and is dead: it goes to one of the others, and whoever shares a place moves.
+TEST(Rest, WhatIsRelocatedMoves) {
+  RestSpacetime made({{5}, {0}, {0}});
+  made.refine();
+  made.p["logit_opacities"].values.write(made.queue, {-3, -20, 3});
+  McmcDensity density(made.queue);
+  DensityRule rule;
+  rule.growth = 0;
+  density.refine(made.queue, made.p, *made.motion, rule, 1);
+  ASSERT_EQ(made.p.count, 3u);
+  EXPECT_EQ(made.p.moving, 3u);  // 5 at rest no more: place 2 is now that of two
+  const std::vector<float> opacities = made.values("logit_opacities");
+  EXPECT_EQ(opacities[1], opacities[2]);
+}
+
+}  // namespace
+}  // namespace gflow

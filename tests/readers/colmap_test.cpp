@@ -1,0 +1,412 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cstring>
+
+#include "optim/scene/readers/colmap_model.hpp"
+#include "optim/scene/scene.hpp"
+#include "tests/support/memory_of.hpp"
+#include "tests/support/scene_files.hpp"
+
+using namespace gflow;
+
+namespace {
+
+template <class T>
+std::string raw(T value) {
+  std::string bytes(sizeof value, '\0');
+  std::memcpy(bytes.data(), &value, sizeof value);
+  return bytes;
+}
+
+// A model of two pictures and one point, by COLMAP's documentation of the formats.
+void make_text(const TemporaryFolder& folder) {
+  folder.write("sparse/0/cameras.txt", "# comment\n7 SIMPLE_PINHOLE 8 6 10 4 3\n");
+  folder.write("sparse/0/images.txt",
+               "# comment\n2 1 0 0 0 0 0 5 7 b.png\n1.5 2.5 1\n"
+               "1 0 0 0 2 1 2 3 7 a.png\n\n");
+  folder.write("sparse/0/points3D.txt", "# comment\n1 0.5 -1 2 10 20 30 0.1 2 0\n");
+}
+
+void make_binary(const TemporaryFolder& folder, int32_t model = 1) {
+  std::string cameras =
+      raw(uint64_t(1)) + raw(uint32_t(7)) + raw(model) + raw(uint64_t(8)) + raw(uint64_t(6));
+  for (double p : {10., 10., 4., 3.}) cameras += raw(p);
+  folder.write("sparse/0/cameras.bin", cameras);
+  std::string images = raw(uint64_t(2));
+  images += raw(uint32_t(2));
+  for (double p : {1., 0., 0., 0., 0., 0., 5.}) images += raw(p);
+  images += raw(uint32_t(7)) + std::string("b.png") + '\0' + raw(uint64_t(1)) + raw(1.5) +
+            raw(2.5) + raw(uint64_t(1));
+  images += raw(uint32_t(1));
+  for (double p : {0., 0., 0., 2., 1., 2., 3.}) images += raw(p);
+  images += raw(uint32_t(7)) + std::string("a.png") + '\0' + raw(uint64_t(0));
+  folder.write("sparse/0/images.bin", images);
+  std::string points = raw(uint64_t(1)) + raw(uint64_t(1)) + raw(0.5) + raw(-1.0) + raw(2.0);
+  points += std::string("\x0a\x14\x1e") + raw(0.1) + raw(uint64_t(1)) + raw(uint32_t(2)) +
+            raw(uint32_t(0));
+  folder.write("sparse/0/points3D.bin", points);
+}
+
+void expect_the_model(const ColmapModel& model) {
+  ASSERT_EQ(model.images.size(), 2u);
+  EXPECT_EQ(model.images[0].name, "a.png");
+  const Camera& a = model.images[0].camera;
+  EXPECT_EQ(a.fy, 10);
+  EXPECT_EQ(a.cx, 4);
+  Eigen::Matrix4d expected;  // half a turn about z, translation 1 2 3
+  expected << -1, 0, 0, 1, 0, -1, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1;
+  EXPECT_TRUE(a.viewmat.isApprox(expected, 1e-12));
+  EXPECT_EQ(model.images[1].camera.viewmat(2, 3), 5);
+  EXPECT_EQ(model.points.xyz, (std::vector<double>{0.5f, -1, 2}));
+  EXPECT_EQ(model.points.rgb, (std::vector<uint8_t>{10, 20, 30}));
+}
+
+}  // namespace
+
+TEST(Colmap, ReadsATextModel) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+}
+
+TEST(Colmap, ReadsATextThatBeginsWithAByteOrderMark) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  for (const char* name : {"cameras", "images", "points3D"}) {
+    const std::string file = fmt::format("sparse/0/{}.txt", name);
+    folder.write(file, "\xef\xbb\xbf" + contents(folder.file(file)));
+  }
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+}
+
+TEST(Colmap, ReadsABinaryModel) {
+  const TemporaryFolder folder;
+  make_binary(folder);
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+}
+
+TEST(Colmap, TruncatedBinaryModelsAreRefusedAtEveryLength) {
+  const TemporaryFolder folder;
+  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
+    make_binary(folder);
+    const std::string path = folder.file(std::string("sparse/0/") + name);
+    const std::string whole = contents(path);
+    for (size_t n = 0; n < whole.size(); ++n) {
+      folder.write(std::string("sparse/0/") + name, whole.substr(0, n));
+      expect_error([&] { read_colmap_model(folder.file("sparse/0")); }, {name, "truncated"});
+    }
+  }
+}
+
+TEST(Colmap, ModelsThatAreNotKnownAreRefusedByName) {
+  const TemporaryFolder folder;
+  make_binary(folder, 7);
+  expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+               {"cameras.bin", "model FOV", "PINHOLE", "OPENCV_FISHEYE", "image_undistorter"});
+  make_binary(folder, 77);
+  expect_error([&] { read_colmap_model(folder.file("sparse/0")); }, {"model number 77"});
+}
+
+TEST(Colmap, EveryDistortionHasItsCoefficientsInTheirPlaces) {
+  const TemporaryFolder folder;
+  const auto camera_of = [&](const std::string& model, const std::string& parameters) {
+    make_text(folder);
+    folder.write("sparse/0/cameras.txt", fmt::format("7 {} 8 6 {}\n", model, parameters));
+    return read_colmap_model(folder.file("sparse/0")).images[0].camera;
+  };
+  using Kind = Lens::Kind;
+  using Coefficients = std::array<double, 8>;
+  const auto expect = [](const Camera& camera, Kind kind, const Coefficients& k, double fy) {
+    EXPECT_EQ(camera.lens.kind, kind);
+    EXPECT_EQ(camera.lens.k, k);
+    EXPECT_EQ(camera.lens.fx, 10);
+    EXPECT_EQ(camera.lens.fy, fy);
+    EXPECT_EQ(camera.cx, 4);
+    EXPECT_EQ(camera.cy, 3);
+  };
+  expect(camera_of("SIMPLE_RADIAL", "10 4 3 -.1"), Kind::radial, {-.1}, 10);
+  expect(camera_of("RADIAL", "10 4 3 -.1 .02"), Kind::radial, {-.1, .02}, 10);
+  expect(camera_of("OPENCV", "10 11 4 3 -.1 .02 .003 .004"), Kind::radial, {-.1, .02, .003, .004},
+         11);
+  expect(camera_of("FULL_OPENCV", "10 11 4 3 -.1 .02 .003 .004 .05 .06 .07 .08"), Kind::radial,
+         {-.1, .02, .003, .004, .05, .06, .07, .08}, 11);
+  expect(camera_of("SIMPLE_RADIAL_FISHEYE", "10 4 3 -.1"), Kind::fisheye, {-.1}, 10);
+  expect(camera_of("RADIAL_FISHEYE", "10 4 3 -.1 .02"), Kind::fisheye, {-.1, .02}, 10);
+  expect(camera_of("OPENCV_FISHEYE", "10 11 4 3 -.1 .02 .003 .004"), Kind::fisheye,
+         {-.1, .02, .003, .004}, 11);
+  EXPECT_EQ(camera_of("RADIAL", "10 4 3 0 0").lens.kind, Kind::none);
+  expect_error([&] { camera_of("RADIAL", "10 4 3 .1"); },
+               {"line 1 of", "cameras.txt ends before one of the 5 parameters of RADIAL",
+                "CAMERA_ID MODEL"});
+}
+
+TEST(Colmap, PicturesOfAnotherSizeKeepTheirLens) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  folder.write("sparse/0/cameras.txt", "7 SIMPLE_RADIAL 1616 1200 2000 808 600 -.1\n");
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  const Camera camera = read_scene(folder.path()).cameras[0];
+  EXPECT_EQ(camera.width, 8);
+  // 1/202 as wide and 1/200 as high
+  EXPECT_NEAR(camera.fx, 2000. / 202, 1e-12);
+  EXPECT_NEAR(camera.fy, 10, 1e-12);
+  EXPECT_NEAR(camera.lens.fx, 2000. / 202, 1e-12);
+  EXPECT_NEAR(camera.lens.cx, 4, 1e-12);
+  EXPECT_NEAR(camera.lens.cy, 3, 1e-12);
+}
+
+TEST(Colmap, ObservationsOfAPictureAreSteppedOver) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  std::string observed = "nan nan -1 ";
+  for (int i = 0; i < 200000; ++i) observed += "100.5 200.5 " + std::to_string(i) + " ";
+  folder.write("sparse/0/images.txt",
+               "2 1 0 0 0 0 0 5 7 b.png\n# comment\n" + observed + "\n1 0 0 0 2 1 2 3 7 a.png");
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+}
+
+TEST(Colmap, APictureInPlaceOfObservationsIsToldNotSteppedOver) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  for (const char* second : {"1 0 0 0 2 1 2 3 7 a.png", "1 0 0 0 2 1 2 3 7 17", "1.5 2.5", "# 1\nx",
+                             "1 0 0 0 2 1 2 3 7 d e f.png"}) {
+    folder.write("sparse/0/images.txt", std::string("2 1 0 0 0 0 0 5 7 b.png\n") + second + "\n");
+    expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+                 {"images.txt", "after that of picture b.png", "takes two lines"});
+  }
+}
+
+TEST(Colmap, PointsFartherThanAFloatIsAreRefusedAndTracksMayBeLong) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  std::string track;
+  for (int i = 0; i < 200000; ++i) track += " 2 " + std::to_string(i);
+  folder.write("sparse/0/points3D.txt", "1 0.5 -1 2 10 20 30 0.1" + track + "\n");
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+  folder.write("sparse/0/points3D.txt", "1 0.5 1e300 2 10 20 30 0.1 2 0\n");
+  expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+               {"point 0 of", "points3D.txt", "not finite"});
+  folder.write("sparse/0/points3D.txt", "1 0.5 1e19 2 10 20 30 0.1 2 0\n");
+  expect_error([&] { read_colmap_model(folder.file("sparse/0")); }, {"farther off than 1e+18"});
+  for (const char* colour : {"256 20 30", "10 -9 30"}) {
+    folder.write("sparse/0/points3D.txt", fmt::format("1 0.5 1 2 {} 0.1 2 0\n", colour));
+    expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+                 {"points3D.txt", std::string("colour ") + colour, "0 to 255"});
+  }
+}
+
+// Not read as the 0 that they begin with.
+TEST(Colmap, HexadecimalNumbersAreRefused) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  for (const char* point : {"1 0x1p3 -1 2 10 20 30 0.1", "1 0.5 -1 2 10 20 0x1p3 0.1"}) {
+    folder.write("sparse/0/points3D.txt", "# one\n" + std::string(point) + " 2 0\n");
+    expect_error(
+        [&] { read_colmap_points(folder.file("sparse/0")); },
+        {"line 2 of", "points3D.txt has '0x1p3' where one of its", "POINT3D_ID X Y Z R G B"});
+  }
+  for (const char* camera : {"7 SIMPLE_PINHOLE 8 6 0x3 4 3", "7 SIMPLE_PINHOLE 8 6 10 4 0x3"}) {
+    folder.write("sparse/0/cameras.txt", std::string(camera) + "\n");
+    expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+                 {"line 1 of", "cameras.txt has '0x3' where", "a finite number"});
+  }
+}
+
+TEST(Colmap, AWordThatIsNoNumberIsNamedWithItsLine) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  const auto points = [&] { read_colmap_points(folder.file("sparse/0")); };
+  for (const char* word : {"1.5", "2800000000000000", "x", "1e1"}) {
+    folder.write("sparse/0/points3D.txt",
+                 fmt::format("# a\n\n1 0 0 0 1 2 3 0\n2 0 0 0 1 {} 3 0\n", word));
+    expect_error(points, {"line 4 of", fmt::format("'{}'", word), "its colour", "a whole number"});
+  }
+  for (const char* word : {"nan", "inf", "1e400", "1,5", "-"}) {
+    folder.write("sparse/0/points3D.txt", fmt::format("1 0 {} 0 1 2 3 0\n", word));
+    expect_error(points, {"line 1 of", fmt::format("'{}'", word), "its place", "a finite number"});
+  }
+  for (const char* tiny : {"-1e-400", "1E-400"}) {
+    folder.write("sparse/0/points3D.txt", fmt::format("1 0 {} 0 1 2 3 0\r\n", tiny));
+    EXPECT_EQ(read_colmap_points(folder.file("sparse/0")).xyz[1], 0);
+  }
+}
+
+TEST(Colmap, WhatIsThereTwiceOrTooMuchIsRefused) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  const auto read = [&] { read_colmap_model(folder.file("sparse/0")); };
+  folder.write("sparse/0/images.txt", "1 1 0 0 0 0 0 0 7 a.png\n\n1 1 0 0 0 0 0 0 7 b.png\n\n");
+  expect_error(read, {"images.txt has the picture 1 twice"});
+  for (const char* none : {"", "# nothing\n"}) {
+    folder.write("sparse/0/images.txt", none);
+    expect_error(read, {"images.txt names no picture"});
+  }
+  for (const char* q : {"0 0 0 0", "1e-200 0 0 0", "1e200 1e200 0 0"}) {
+    folder.write("sparse/0/images.txt", fmt::format("1 {} 0 0 0 7 a.png\n\n", q));
+    expect_error(read, {"quaternion of picture a.png", "has the length", "expected is 1"});
+  }
+  for (const char* name : {"cameras", "images", "points3D"}) {
+    make_binary(folder);
+    const std::string file = fmt::format("sparse/0/{}.bin", name);
+    folder.write(file, contents(folder.file(file)) + std::string(7, '\0'));
+    expect_error(read, {file, "7 bytes follow its last record"});
+  }
+}
+
+TEST(Colmap, MorePicturesThanASceneHasAreRefused) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  std::string cameras, images;
+  for (int i = 0; i <= 100000; ++i) {
+    cameras += std::to_string(i) + " SIMPLE_PINHOLE 8 6 10 4 3\n";
+    images += std::to_string(i) + " 1 0 0 0 0 0 5 7 b.png\n\n";
+  }
+  folder.write("sparse/0/images.txt", images);
+  const auto read = [&] { read_colmap_model(folder.file("sparse/0")); };
+  expect_error(read, {"images.txt", "more than 100000 pictures"});
+  folder.write("sparse/0/cameras.txt", cameras);
+  expect_error(read, {"cameras.txt", "more than 100000 cameras"});
+
+  make_binary(folder);
+  const std::string many = raw(uint64_t(100001)) + std::string(100001 * 64, '\0');
+  folder.write("sparse/0/images.bin", many);
+  expect_error(read, {"images.bin", "more than 100000 pictures"});
+  folder.write("sparse/0/cameras.bin", many);
+  expect_error(read, {"cameras.bin", "more than 100000 cameras"});
+}
+
+// Read whole, a text took up to sixteen times its size.
+TEST(Colmap, ReadingPointsTakesTheMemoryOfWhatIsMadeOfThem) {
+  const TemporaryFolder folder;
+  std::string text;
+  for (int i = 0; i < 2000000; ++i) text += "1 0.5 -1 2 10 20 30 0.1 2 0\n";
+  folder.write("sparse/0/points3D.txt", text);
+  std::string().swap(text);
+  const double points_mib = 27 * 2e6 / (1 << 20);
+  const auto read = [&] {
+    EXPECT_EQ(read_colmap_points(folder.file("sparse/0")).size(), 2000000u);
+  };
+  EXPECT_LT(memory_of(read), points_mib + 8);
+}
+
+TEST(Colmap, MasksBesideThePicturesBecomeAlpha) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  make_png(folder, "masks/a.png", 8, 6, 1);
+  make_png(folder, "masks/b.png.png", 8, 6, 1);
+  Scene scene = read_scene(folder.path());
+  EXPECT_TRUE(scene.has_alpha);
+  EXPECT_EQ(std::filesystem::path(scene.test[0].mask_path).filename(), "a.png");
+  EXPECT_EQ(std::filesystem::path(scene.train[0].mask_path).filename(), "b.png.png");
+  SceneOptions options;
+  options.masks = Masks::none;
+  scene = read_scene(folder.path(), options);
+  EXPECT_FALSE(scene.has_alpha);
+  EXPECT_EQ(scene.train[0].mask_path, "");
+}
+
+TEST(Colmap, WhatColmapWasGivenIsNoInputView) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  make_png(folder, "input/0.png");
+  EXPECT_EQ(read_scene(folder.path()).layout, "colmap");
+}
+
+TEST(Colmap, ModelsThatContradictThemselvesAreRefused) {
+  const TemporaryFolder folder;
+  const auto read = [&] { read_colmap_model(folder.file("sparse/0")); };
+  make_text(folder);
+  folder.write("sparse/0/images.txt", "1 1 0 0 0 0 0 0 9 a.png\n\n");
+  expect_error(read, {"images.txt", "a.png", "camera 9"});
+  folder.write("sparse/0/images.txt", "1 1 0 0 0 nan 0 0 7 a.png\n\n");
+  expect_error(read, {"images.txt"});
+  folder.write("sparse/0/images.txt", "1 0 0 0 0 0 0 0 7 a.png\n\n");
+  expect_error(read, {"a.png", "length 0"});
+  const std::string first = "1 1 0 0 0 0 0 0 7 a.png\n", second = "2 1 0 0 0 0 0 0 7 b.png\n";
+  folder.write("sparse/0/images.txt", first + "\n\n\n" + second + "\n");
+  expect_error(read, {"images.txt", "picture 2", "empty line"});
+  folder.write("sparse/0/images.txt", "1 1 0 0\n");
+  expect_error(read, {"line 1 of", "images.txt ends before one of the quaternion", "IMAGE_ID QW"});
+  make_text(folder);
+  folder.write("sparse/0/cameras.txt",
+               "7 SIMPLE_PINHOLE 8 6 10 4 3\n7 SIMPLE_PINHOLE 8 6 20 4 3\n");
+  expect_error(read, {"cameras.txt", "camera 7 twice"});
+  folder.write("sparse/0/cameras.txt", "7 SIMPLE_PINHOLE 8 6 10 4 3 0.1 \n");
+  expect_error(read, {"cameras.txt", "more than the 3 parameters of its model SIMPLE_PINHOLE"});
+  folder.write("sparse/0/cameras.txt", "7 SIMPLE_PINHOLE 8 6 10 4 3 \n");
+  EXPECT_NO_THROW(read());
+  std::filesystem::remove(folder.file("sparse/0/cameras.txt"));
+  expect_error(read, {"neither cameras.bin nor cameras.txt"});
+}
+
+TEST(Colmap, NamesThatAreNoneAreShownInOneShortLine) {
+  const TemporaryFolder folder;
+  make_binary(folder);
+  const std::string model = contents(folder.file("sparse/0/images.bin"));
+  make_png(folder, "images/a.png");
+  const auto expect_in_one_line = [&](const std::string& name, const char* shown) {
+    std::string images = model;
+    folder.write("sparse/0/images.bin", images.replace(images.find("b.png"), 5, name));
+    try {
+      read_scene(folder.path());
+      ADD_FAILURE() << "no error";
+    } catch (const Error& error) {
+      const std::string message = error.what();
+      EXPECT_NE(message.find(shown), std::string::npos) << message;
+      EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+      EXPECT_LT(message.size(), 400u) << message;
+    }
+  };
+  expect_in_one_line("b\nred.png", "'b\\x0ared.png'");
+  expect_in_one_line(std::string(4000, 'b'), "bbb...'");
+}
+
+TEST(Colmap, AFolderOfPicturesIsAStaticScene) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.layout, "colmap");
+  EXPECT_EQ(scene.steps, 1);
+  ASSERT_EQ(scene.test.size(), 1u);
+  EXPECT_EQ(scene.test[0].name, "a");
+  EXPECT_EQ(scene.train[0].name, "b");
+  EXPECT_EQ(scene.points.size(), 1u);
+  std::filesystem::remove(folder.file("images/b.png"));
+  expect_error([&] { read_scene(folder.path()); }, {"b.png", "there is no"});
+  std::string images = contents(folder.file("sparse/0/images.txt"));
+  images.replace(images.find("b.png"), 5, "a.png");
+  folder.write("sparse/0/images.txt", images);
+  expect_error([&] { read_scene(folder.path()); }, {"sparse/0", "a.png twice"});
+}
+
+// Files are called after it.
+TEST(Colmap, APictureInAFolderHasANameWithout) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  const std::string deep = std::string(180, 'd') + "/" + std::string(90, 'd');
+  folder.write("sparse/0/images.txt",
+               fmt::format("1 1 0 0 0 0 0 5 7 {}.png\n\n2 1 0 0 0 0 0 5 7 sub/b.png\n\n", deep));
+  make_png(folder, fmt::format("images/{}.png", deep));
+  make_png(folder, "images/sub/b.png");
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.train.at(0).name, "sub_b");
+  EXPECT_EQ(scene.test.at(0).name.size(), 100u + 17);  // cut, with a hash
+}
+
+TEST(Scene, WithoutAPathSaysWhichSettingIsEmpty) {
+  expect_error([] { read_scene(""); }, {"scene.path is empty", "folder or video"});
+}
+
+TEST(Scene, AnUnknownLayoutSaysWhatWasLookedFor) {
+  const TemporaryFolder folder;
+  expect_error([&] { read_scene(folder.path()); },
+               {folder.path(), "poses_bounds.npy", "transforms_train.json", "transforms.json",
+                "train_meta.json", "dataset.json", "sparse/0", "0.png", "video"});
+  expect_error([&] { read_scene(folder.path() + "/none"); }, {"no such folder"});
+}

@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "optim/formats/npy.hpp"
+#include "optim/scene/scene.hpp"
+#include "tests/support/scene_files.hpp"
+
+using namespace gflow;
+
+namespace {
+
+// LLFF row of a camera at (x, 0, 0) that looks along world +z with world +y downwards: the columns
+// of R are down = y, right = x, backwards = -z. Stored size 6 x 8 (height x width), focal 10.
+std::vector<double> row(double x) {
+  return {0, 1, 0,  x, 6,  //
+          1, 0, 0,  0, 8,  //
+          0, 0, -1, 0, 10, 0.5, 9};
+}
+
+void make_poses(const TemporaryFolder& folder, size_t cameras) {
+  std::vector<double> values;
+  for (size_t i = 0; i < cameras; ++i)
+    for (double value : row(double(i))) values.push_back(value);
+  write_npy(folder.file("poses_bounds.npy"), {{cameras, 17}, values});
+}
+
+// Three cameras with pictures of two steps.
+void make_n3v(const TemporaryFolder& folder) {
+  for (int c = 0; c < 3; ++c)
+    for (int k = 0; k < 2; ++k)
+      make_png(folder, fmt::format("cam{:02}/images/{:04}.png", c, k), 8, 6, 3, c + 3 * k);
+  make_poses(folder, 3);
+}
+
+}  // namespace
+
+TEST(N3v, LlffPosesBecomeViewMatrices) {
+  const TemporaryFolder folder;
+  make_n3v(folder);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.layout, "n3v");
+  ASSERT_EQ(scene.cameras.size(), 3u);
+  EXPECT_TRUE(scene.cameras[2].position().isApprox(Eigen::Vector3d(2, 0, 0)));
+  // From camera 0 the point (1, 2, 5) is to the right and below.
+  const Eigen::Vector2d pixel = scene.cameras[0].project({1, 2, 5});
+  EXPECT_NEAR(pixel.x(), 4 + 10 * 1 / 5., 1e-9);
+  EXPECT_NEAR(pixel.y(), 3 + 10 * 2 / 5., 1e-9);
+}
+
+TEST(N3v, HoldsOutTheFirstCameraOrTheOneAskedFor) {
+  const TemporaryFolder folder;
+  make_n3v(folder);
+  Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.train.size(), 4u);
+  ASSERT_EQ(scene.test.size(), 2u);
+  EXPECT_EQ(scene.test[1].name, "cam00_0001");
+  EXPECT_EQ(scene.test[1].time, 1);
+  EXPECT_EQ(neighbour_pairs(scene).size(), 2u);
+  EXPECT_NEAR(scene.extent, 1.1 * 0.5, 1e-12);  // training cameras at x = 1 and 2
+  SceneOptions options;
+  options.holdout = 2;
+  EXPECT_EQ(read_scene(folder.path(), options).test[0].name, "cam02_0000");
+  options.holdout = -1;
+  EXPECT_TRUE(read_scene(folder.path(), options).test.empty());
+  options.holdout = 3;
+  expect_error([&] { read_scene(folder.path(), options); }, {"camera 3", "0 to 2"});
+}
+
+TEST(N3v, IntrinsicsFollowThePictureSize) {
+  const TemporaryFolder folder;
+  for (int c = 0; c < 2; ++c) make_png(folder, fmt::format("cam{:02}/images/0.png", c), 4, 3);
+  make_poses(folder, 2);
+  const Camera camera = read_scene(folder.path()).cameras[1];
+  EXPECT_EQ(camera.width, 4);
+  EXPECT_NEAR(camera.fx, 5, 1e-12);
+  EXPECT_NEAR(camera.cy, 1.5, 1e-12);
+}
+
+TEST(N3v, VideosServeWhereThereAreNoPictures) {
+  const TemporaryFolder folder;
+  const std::vector<Image> frames(3, pattern(8, 6));
+  make_mp4(folder.file("cam00.mp4"), frames, 20);
+  make_mp4(folder.file("cam01.mp4"), frames, 20);
+  make_png(folder, "cam00/images/0000.png");  // pictures are preferred: one step in common
+  make_poses(folder, 2);
+  Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.steps, 1);
+  EXPECT_EQ(scene.test[0].video_frame, -1);
+  EXPECT_EQ(scene.train[0].video_frame, 0);
+  std::filesystem::remove_all(folder.file("cam00/images"));
+  scene = read_scene(folder.path());
+  EXPECT_EQ(scene.steps, 3);
+  EXPECT_EQ(scene.fps, 20);
+  EXPECT_EQ(scene.train[2].video_frame, 2);
+  SceneOptions options;
+  options.max_steps = 2;
+  EXPECT_EQ(read_scene(folder.path(), options).train.size(), 2u);
+}
+
+TEST(N3v, OnePictureACameraIsAStaticSceneOfTheSmallestSize) {
+  const TemporaryFolder folder;
+  for (int c : {10, 9, 8}) {
+    make_png(folder, fmt::format("images/{}.png", c), 16, 12);
+    make_png(folder, fmt::format("images_2/{}.png", c), 8, 6);
+  }
+  make_poses(folder, 3);
+  Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.steps, 1);
+  EXPECT_EQ(scene.cameras[0].width, 8);
+  EXPECT_EQ(scene.cameras[0].name, "8");  // natural order: 8, 9, 10
+  EXPECT_EQ(scene.train.size(), 2u);
+  EXPECT_TRUE(neighbour_pairs(scene).empty());
+  SceneOptions options;
+  options.images = "images";
+  EXPECT_EQ(read_scene(folder.path(), options).cameras[0].width, 16);
+  options.images = "images_8";
+  expect_error([&] { read_scene(folder.path(), options); }, {"no pictures", "images_8"});
+}
+
+TEST(N3v, TrueFlowAndDepthAreFound) {
+  const TemporaryFolder folder;
+  make_n3v(folder);
+  write_flo(folder.file("flow/cam01/0000.flo.gz"), zero_flow(8, 6));
+  make_png(folder, "flow/cam01/0000_mask.png", 8, 6, 1);
+  folder.write("depth/cam01/0000.npy", "");
+  const Scene scene = read_scene(folder.path());
+  const Frame& frame = scene.train[0];
+  EXPECT_EQ(frame.name, "cam01_0000");
+  EXPECT_FALSE(frame.flow_path.empty());
+  EXPECT_FALSE(frame.flow_mask_path.empty());
+  EXPECT_FALSE(frame.depth_path.empty());
+  EXPECT_EQ(frame.flow_time, 1);
+  EXPECT_TRUE(scene.train[1].flow_path.empty());
+}
+
+TEST(N3v, ScenesThatContradictThemselvesAreRefused) {
+  const TemporaryFolder folder;
+  make_n3v(folder);
+  const auto read = [&] { read_scene(folder.path()); };
+  make_poses(folder, 4);
+  expect_error(read, {"poses_bounds.npy", "4 cameras", "of 3"});
+  write_npy(folder.file("poses_bounds.npy"), {{3, 16}, std::vector<double>(48)});
+  expect_error(read, {"(3, 16)", "(cameras, 17)"});
+  std::vector<double> values;
+  for (int i = 0; i < 3; ++i)
+    for (double value : row(i)) values.push_back(value);
+  values[17 + 3] = std::nan("");
+  write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
+  expect_error(read, {"row 1", "poses_bounds.npy", "not finite"});
+  values[17 + 3] = 0;
+  values[17 + 14] = -10;
+  write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
+  expect_error(read, {"row 1", "focal length -10"});
+  values[17 + 14] = 10;
+  for (const auto& [near, far] : {std::pair(-1., 5.), {1., HUGE_VAL}, {5., 5.}, {0., 5.}}) {
+    values[17 + 15] = near, values[17 + 16] = far;
+    write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
+    expect_error(read, {"row 1", "poses_bounds.npy", "depths"});
+  }
+  values[17 + 15] = values[17 + 16] = 0;
+  write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
+  EXPECT_NO_THROW(read());
+  folder.write("poses_bounds.npy", "text");
+  expect_error(read, {"poses_bounds.npy"});
+  make_poses(folder, 3);
+  make_png(folder, "cam01/images/0000.png", 8, 8);
+  expect_error(read, {"8x8", "8x6", "cam01"});
+}
+
+TEST(N3v, StepsThatOneCameraLacksAreToldAndLeftOut) {
+  const TemporaryFolder folder;
+  make_n3v(folder);
+  EXPECT_TRUE(read_scene(folder.path()).notices.empty());
+  for (const int camera : {0, 2})
+    make_png(folder, fmt::format("cam{:02}/images/0002.png", camera), 8, 6);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.steps, 2);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0],
+            "2 of 3 time steps are used, those that all cameras have: cam01 has no more");
+}
+
+TEST(N3v, CamerasWithoutACommonFrameAreRefused) {
+  const TemporaryFolder folder;
+  make_png(folder, "cam00/images/0000.png");
+  make_png(folder, "cam01/images/0001.png");
+  make_poses(folder, 2);
+  expect_error([&] { read_scene(folder.path()); }, {"no frame in common"});
+}

@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/ranges.h>
+
+#include <regex>
+
+#include "optim/scene/scene.hpp"
+#include "tests/support/scene_files.hpp"
+
+using namespace gflow;
+
+namespace {
+
+std::string frame(int k, const std::string& more = "") {
+  return fmt::format(
+      R"({{"file_path": "images/frame_{}.png", "transform_matrix":
+         [[1,0,0,{}],[0,1,0,2],[0,0,1,3],[0,0,0,1]]{}}})",
+      k, 10 * k, more);
+}
+
+std::string joined(const std::vector<std::string>& frames) {
+  return fmt::format("{}", fmt::join(frames, ", "));
+}
+
+const char* const intrinsics = R"("fl_x": 20, "fl_y": 22, "cx": 9, "cy": 5, "w": 16, "h": 12)";
+
+// transforms.json with these frames, and images/frame_0.png ... frame_11.png, 8x6.
+void make_nerfstudio(const TemporaryFolder& folder, const std::string& frames,
+                     const std::string& top = intrinsics) {
+  for (int k = 0; k < 12; ++k) make_png(folder, fmt::format("images/frame_{}.png", k));
+  folder.write("transforms.json", fmt::format(R"({{{}, "frames": [{}]}})", top, frames));
+}
+
+std::vector<std::string> names_of(const std::vector<Frame>& frames) {
+  std::vector<std::string> names;
+  for (const Frame& one : frames) names.push_back(one.name);
+  return names;
+}
+
+}  // namespace
+
+TEST(Nerfstudio, EveryNthPictureByNameIsForTheTest) {
+  const TemporaryFolder folder;
+  make_nerfstudio(folder, joined({frame(10), frame(2), frame(1), frame(3)}));
+  SceneOptions options;
+  options.test_every = 2;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.layout, "nerfstudio");
+  EXPECT_EQ(scene.steps, 1);
+  EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"images_frame_1", "images_frame_3"}));
+  // In the order of the file's cameras.
+  EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"images_frame_10", "images_frame_2"}));
+  const Camera& camera = scene.cameras[size_t(scene.train[0].camera)];
+  EXPECT_EQ(camera.width, 8);  // half of what the file says
+  EXPECT_NEAR(camera.fx, 10, 1e-12);
+  EXPECT_NEAR(camera.fy, 11, 1e-12);
+  EXPECT_NEAR(camera.cx, 4.5, 1e-12);
+  EXPECT_TRUE(camera.position().isApprox(Eigen::Vector3d(100, 2, 3)));
+  EXPECT_EQ(camera.lens.kind, Lens::Kind::none);
+  EXPECT_TRUE(neighbour_pairs(scene).empty());
+}
+
+// Pictures and flow are written to files that are called after them.
+TEST(Nerfstudio, NamesOfDeepFoldersAreNoLongerThanThoseOfFiles) {
+  const TemporaryFolder folder;
+  const std::string deep = fmt::format("{0}/{0}/{0}/", std::string(90, 'd'));
+  for (const int k : {1, 2}) make_png(folder, fmt::format("images/{}frame_{}.png", deep, k));
+  make_nerfstudio(folder, std::regex_replace(joined({frame(1), frame(2)}), std::regex("frame_"),
+                                             deep + "frame_"));
+  SceneOptions options;
+  options.test_every = 0;
+  const std::vector<std::string> names = names_of(read_scene(folder.path(), options).train);
+  ASSERT_EQ(names.size(), 2u);
+  EXPECT_NE(names[0], names[1]);
+  for (const std::string& name : names)
+    EXPECT_NO_THROW(make_png(folder, fmt::format("test/{}.png", name))) << name;
+}
+
+TEST(Nerfstudio, TheFilesOwnListsWin) {
+  const TemporaryFolder folder;
+  make_nerfstudio(folder, joined({frame(1), frame(2), frame(3)}),
+                  std::string(intrinsics) + R"(, "train_filenames": ["images/frame_1.png"],
+            "test_filenames": ["./images/frame_2.png"], "val_filenames": ["images/frame_3.png"])");
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(names_of(scene.train), std::vector<std::string>{"images_frame_1"});
+  EXPECT_EQ(names_of(scene.test), std::vector<std::string>{"images_frame_2"});
+  EXPECT_EQ(names_of(scene.val), std::vector<std::string>{"images_frame_3"});
+}
+
+TEST(Nerfstudio, WhatIsInNoListIsForTraining) {
+  const TemporaryFolder folder;
+  make_nerfstudio(folder, joined({frame(1), frame(2), frame(3)}),
+                  std::string(intrinsics) + R"(, "test_filenames": ["images/frame_2.png"])");
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"images_frame_1", "images_frame_3"}));
+  EXPECT_EQ(names_of(scene.test), (std::vector<std::string>{"images_frame_2"}));
+}
+
+TEST(Nerfstudio, TimesMakeStepsAndPointsAreWhereTheFileSays) {
+  const TemporaryFolder folder;
+  make_nerfstudio(folder,
+                  joined({frame(1, R"(, "time": 0)"), frame(2, R"(, "time": 0.5)"),
+                          frame(3, R"(, "time": 1)")}),
+                  std::string(intrinsics) + R"(, "ply_file_path": "sparse_pc.ply")");
+  write_point_cloud(folder.file("sparse_pc.ply"), {{1, 2, 3}, {4, 5, 6}});
+  SceneOptions options;
+  options.test_every = 0;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.steps, 3);
+  EXPECT_EQ(scene.train.size(), 3u);
+  EXPECT_EQ(scene.points.xyz, (std::vector<double>{1, 2, 3}));
+}
+
+TEST(Nerfstudio, DistortionIsTheFramesOwnOrThatOfAll) {
+  const TemporaryFolder folder;
+  make_nerfstudio(
+      folder, joined({frame(1), frame(2, R"(, "k1": -0.2)")}),
+      std::string(intrinsics) +
+          R"(, "camera_model": "OPENCV", "k1": -0.1, "k2": 0.02, "p1": 0.003, "p2": 0.004)");
+  SceneOptions options;
+  options.test_every = 0;
+  Scene scene = read_scene(folder.path(), options);
+  ASSERT_EQ(scene.cameras.size(), 2u);
+  EXPECT_EQ(scene.cameras[0].lens.kind, Lens::Kind::radial);
+  EXPECT_EQ(scene.cameras[0].lens.k, (std::array<double, 8>{-.1, .02, .003, .004}));
+  EXPECT_EQ(scene.cameras[1].lens.k[0], -.2);
+  EXPECT_EQ(scene.cameras[0].lens.fx, 10);  // at the picture's size
+  make_nerfstudio(
+      folder, frame(1),
+      std::string(intrinsics) +
+          R"(, "camera_model": "OPENCV_FISHEYE", "k1": 0.1, "k2": 0.02, "k3": 0.003, "k4": 0.004)");
+  scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.cameras[0].lens.kind, Lens::Kind::fisheye);
+  EXPECT_EQ(scene.cameras[0].lens.k, (std::array<double, 8>{.1, .02, .003, .004}));
+}
+
+TEST(Nerfstudio, MasksOfFramesAreTheirAlpha) {
+  const TemporaryFolder folder;
+  make_nerfstudio(folder, joined({frame(0), frame(1, R"(, "mask_path": "masks/1.png")")}));
+  make_png(folder, "masks/1.png", 8, 6, 1);
+  SceneOptions options;
+  Scene scene = read_scene(folder.path(), options);
+  EXPECT_TRUE(scene.has_alpha);
+  EXPECT_EQ(scene.train[0].mask_path, folder.file("masks/1.png"));
+  options.masks = Masks::none;
+  EXPECT_FALSE(read_scene(folder.path(), options).has_alpha);
+}
+
+TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
+  const TemporaryFolder folder;
+  const auto with = [&](const std::string& frames, const std::string& top = intrinsics) {
+    make_nerfstudio(folder, frames, top);
+    SceneOptions options;
+    options.test_every = 0;
+    read_scene(folder.path(), options);
+  };
+  const std::string and_more = std::string(intrinsics) + ", ";
+  expect_error([&] { with(frame(99)); }, {"transforms.json", "frame_99.png", "there is no"});
+  expect_error([&] { with(""); }, {"transforms.json has no frames"});
+  const std::string text(size_t{3} << 20, 'x');  // the parser has it several times
+  expect_error([&] { with(frame(1), and_more + "\"a\": \"" + text + "\""); },
+               {"transforms.json", "a text of 3145728 bytes"});
+  expect_error([&] { with(frame(1), and_more + "\"" + text); }, {"transforms.json", "a text of"});
+  expect_error([&] { with(frame(1) + ", " + frame(2) + ", " + frame(1)); },
+               {"frame 2 of", "frame_1.png of frame 0 again"});
+  expect_error([&] { with(frame(1, R"(, "mask_path": "m.png")")); }, {"mask 'm.png'", "no"});
+  expect_error([&] { with(frame(1, R"(, "mask_path": 3)")); }, {"'mask_path'", "no text"});
+  expect_error([&] { with(frame(1), and_more + R"("camera_model": "EQUIRECTANGULAR")"); },
+               {"'EQUIRECTANGULAR'", "OPENCV_FISHEYE"});
+  expect_error([&] { with(frame(1), and_more + R"("k1": "x")"); }, {"'k1'", "no finite number"});
+  expect_error([&] { with(frame(1), and_more + R"("k6": 1e9)"); },
+               {"frame 0 of", "coefficients 0, 0, 0, 0, 0, 0, 0, 1e+09"});
+  expect_error([&] { with(frame(1), and_more + R"("ply_file_path": "../p.ply")"); },
+               {"../p.ply", "relative path"});
+  expect_error(
+      [&] { with(frame(1), and_more + R"("ply_file_path": ")" + std::string(65536, 'p') + '"'); },
+      {"ppp...'", "at most 1024 bytes"});
+  expect_error([&] { with(frame(1), R"("fl_x": 9, "w": 8, "h": 8)"); }, {"8x6", "8x8"});
+  expect_error([&] { with(frame(1), R"("fl_x": 9, "w": -8, "h": 8)"); }, {"size -8x8"});
+  expect_error([&] { with(frame(1), R"("fl_x": 9, "w": 8.5, "h": 6)"); }, {"8.5x6", "whole"});
+  expect_error([&] { with(frame(1), and_more + R"("train_filenames": 5)"); },
+               {"'train_filenames'", "no list"});
+  expect_error([&] { with(frame(1), and_more + R"("train_filenames": ["images/frame_2.png"])"); },
+               {"none of the 1 pictures in 'train_filenames'", "one of its 1 frames"});
+  expect_error(
+      [&] {
+        with(joined({frame(1), frame(2)}),
+             and_more + R"("train_filenames": ["images/frame_1.png", "images/frame_2.png"],
+                           "test_filenames": ["images/frame_2.png"])");
+      },
+      {"images/frame_2.png in 'train_filenames' and in 'test_filenames'"});
+  SceneOptions options;
+  options.test_every = 1;
+  with(frame(1));
+  expect_error([&] { read_scene(folder.path(), options); },
+               {"no pictures for training", "all of its 1 frames", "scene.test_every = 1"});
+  folder.write("transforms.json", R"({"frames": [{"file_)");
+  expect_error([&] { read_scene(folder.path()); }, {"transforms.json", "no JSON"});
+}

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/ranges.h>
+
+#include "optim/formats/npz.hpp"
+#include "optim/scene/scene.hpp"
+#include "tests/support/memory_of.hpp"
+#include "tests/support/scene_files.hpp"
+
+using namespace gflow;
+
+namespace {
+
+const char* const k = "[[10, 0, 4.5], [0, 11, 3.5], [0, 0, 1]]";
+
+// World-to-camera: camera c stands at (-c, 0, -5), unturned.
+std::string w2c(int c) { return fmt::format("[[1,0,0,{}],[0,1,0,0],[0,0,1,5],[0,0,0,1]]", c); }
+
+// For each time t and camera c the text of it(t, c), as nested lists.
+template <class It>
+std::string by_time(int times, const std::vector<int>& cameras, It it) {
+  std::vector<std::string> rows;
+  for (int t = 0; t < times; ++t) {
+    std::vector<std::string> row;
+    for (const int c : cameras) row.push_back(it(t, c));
+    rows.push_back(fmt::format("[{}]", fmt::join(row, ", ")));
+  }
+  return fmt::format("[{}]", fmt::join(rows, ", "));
+}
+
+std::string meta(int times, const std::vector<int>& cameras,
+                 const std::string& size = R"("w": 8, "h": 6)") {
+  return fmt::format(
+      R"({{{}, "k": {}, "w2c": {}, "fn": {}, "cam_id": {}}})", size,
+      by_time(times, cameras, [](int, int) { return std::string(k); }),
+      by_time(times, cameras, [](int, int c) { return w2c(c); }),
+      by_time(times, cameras, [](int t, int c) { return fmt::format("\"{}/{:06}.jpg\"", c, t); }),
+      by_time(times, cameras, [](int, int c) { return fmt::format("{}", c); }));
+}
+
+// Cameras 1 and 3 for training, 0 for the test, three times.
+void make_panoptic(const TemporaryFolder& folder) {
+  for (const int c : {0, 1, 3})
+    for (int t = 0; t < 3; ++t) {
+      make_png(folder, fmt::format("ims/{}/{:06}.jpg", c, t));
+      make_png(folder, fmt::format("seg/{}/{:06}.png", c, t), 8, 6, 1);
+    }
+  folder.write("train_meta.json", meta(3, {1, 3}));
+  folder.write("test_meta.json", meta(3, {0}));
+}
+
+void replace(const TemporaryFolder& folder, const std::string& what, const std::string& by) {
+  std::string text = meta(3, {1, 3});
+  const size_t at = text.find(what);
+  ASSERT_NE(at, std::string::npos);
+  folder.write("train_meta.json", text.replace(at, what.size(), by));
+}
+
+}  // namespace
+
+TEST(Panoptic, CamerasByTimeBecomeTracks) {
+  const TemporaryFolder folder;
+  make_panoptic(folder);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.layout, "panoptic");
+  EXPECT_EQ(scene.steps, 3);
+  EXPECT_EQ(scene.fps, 30);
+  EXPECT_FALSE(scene.has_alpha);
+  ASSERT_EQ(scene.train.size(), 6u);
+  ASSERT_EQ(scene.test.size(), 3u);
+  EXPECT_EQ(scene.cameras.size(), 3u);
+  EXPECT_EQ(scene.train[4].name, "cam03_0001");
+  EXPECT_EQ(scene.train[4].path, folder.file("ims/3/000001.jpg"));
+  EXPECT_EQ(scene.train[4].time, 0.5);
+  EXPECT_EQ(neighbour_pairs(scene).size(), 4u);
+  const Camera& camera = scene.cameras[size_t(scene.train[4].camera)];
+  EXPECT_EQ(camera.name, "cam03");
+  EXPECT_TRUE(camera.position().isApprox(Eigen::Vector3d(-3, 0, -5)));
+  // One to the right of the camera's axis, 5 + 5 ahead.
+  EXPECT_TRUE(camera.project({-2, 1, 5}).isApprox(Eigen::Vector2d(4.5 + 1, 3.5 + 1.1)));
+}
+
+TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
+  const TemporaryFolder folder;
+  make_panoptic(folder);
+  write_npz(folder.file("init_pt_cld.npz"),
+            {{"data", {{1, 7}, std::vector<double>{1, 2, 3, 0, 0.5, 1, 1}}}});
+  SceneOptions options;
+  options.masks = Masks::all;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.points.xyz, (std::vector<double>{1, 2, 3}));
+  EXPECT_EQ(scene.points.rgb, (std::vector<uint8_t>{0, 128, 255}));
+  write_npz(folder.file("init_pt_cld.npz"),
+            {{"data", {{1, 6}, std::vector<float>{1, 2, 3, 0, 0.5, 1}}}});
+  EXPECT_EQ(read_scene(folder.path()).points.rgb, scene.points.rgb);
+  EXPECT_TRUE(scene.has_alpha);
+  EXPECT_EQ(scene.train[4].mask_path, folder.file("seg/3/000001.png"));
+}
+
+TEST(Panoptic, FilesThatContradictThemselvesAreRefused) {
+  const TemporaryFolder folder;
+  make_panoptic(folder);
+  const auto read = [&] { read_scene(folder.path()); };
+  replace(folder, "[[1,0,0,1]", "[[NaN,0,0,1]");
+  expect_error(read, {"train_meta.json", "no JSON"});
+  replace(folder, "[[1,0,0,1]", "[[null,0,0,1]");
+  expect_error(read, {"'w2c' of camera 0 at time 0", "train_meta.json", "finite numbers"});
+  replace(folder, "[[1,0,0,1]", "[[2,0,0,1]");
+  expect_error(read, {"'w2c' of camera 0 at time 0", "no rotation"});
+  replace(folder, "[[10, 0, 4.5]", "[[10, 4.5]");
+  expect_error(read, {"'k' of camera 0 at time 0", "3 rows of 3"});
+  replace(folder, "[\"1/000000.jpg\", ", "[");
+  expect_error(read, {"train_meta.json", "other cameras", "time 0"});
+  replace(folder, "\"cam_id\": [[1, 3], ", "\"cam_id\": [");
+  expect_error(read, {"'cam_id'", "3 times"});
+  for (const char* id : {"1.5", "-1", "4294967297", "18446744073709551615", "null"}) {
+    replace(folder, "\"cam_id\": [[1, ", fmt::format("\"cam_id\": [[{}, ", id));
+    expect_error(read, {"'cam_id'", "camera 0 at time 0", "no whole number from 0 to 1000000"});
+  }
+  replace(folder, "\"cam_id\": [[1, 3]", "\"cam_id\": [[3, 3]");
+  expect_error(read, {"'cam_id' of camera 1 at time 0", "is 3, as of another"});
+  replace(folder, "1/000000.jpg", "3/000000.jpg");
+  expect_error(read, {"camera 1 at time 0", "'3/000000.jpg', as has camera 0 at time 0"});
+  for (const auto& [what, by] : {std::pair("[[10, 0, 4.5]", "[[10, 0.1, 4.5]"),
+                                 {"[0, 11, 3.5]", "[1, 11, 3.5]"},
+                                 {"3.5], [0, 0, 1]]", "3.5], [0, 0, 2]]"}}) {
+    replace(folder, what, by);
+    expect_error(read, {"'k' of camera 0 at time 0", "train_meta.json", "have no skew"});
+  }
+  for (const char* fn : {"null", "\"x\"", "0", "{}"}) {
+    const std::string text = meta(3, {1, 3});
+    const size_t at = text.find("\"fn\": ") + 6, end = text.find(", \"cam_id\"");
+    folder.write("train_meta.json", std::string(text).replace(at, end - at, fn));
+    expect_error(read, {"'fn' of", "no list of times"});
+  }
+  replace(folder, "\"fn\": [", "\"fn\": [null, ");
+  expect_error(read, {"'fn' of", "no list of cameras at time 0"});
+  replace(folder, "\"w\": 8", "\"w\": 9");
+  expect_error(read, {"8x6", "9x6"});
+  replace(folder, "\"w\": 8, ", "");
+  expect_error(read, {"train_meta.json", "no 'w'"});
+  replace(folder, "1/000000.jpg", "1/none.jpg");
+  expect_error(read, {"1/none.jpg", "there is no"});
+  replace(folder, "1/000000.jpg", "../../000000.jpg");
+  expect_error(read, {"relative path"});
+  folder.write("train_meta.json", meta(3, {1, 3}).substr(0, 200));
+  expect_error(read, {"train_meta.json", "no JSON"});
+  folder.write("train_meta.json", meta(2, {1, 3}));
+  expect_error(read, {"test_meta.json", "more than the 2 times"});
+  folder.write("train_meta.json", meta(0, {}));
+  expect_error(read, {"train_meta.json", "no pictures"});
+  make_panoptic(folder);
+  write_npz(folder.file("init_pt_cld.npz"), {{"data", {{1, 3}, std::vector<double>{1, 2, 3}}}});
+  expect_error(read, {"init_pt_cld.npz", "(1, 3)"});
+  for (const double far : {1e20, 1e300, double(INFINITY), double(NAN)}) {
+    write_npz(folder.file("init_pt_cld.npz"),
+              {{"data", {{1, 6}, std::vector<double>{1, 2, far, 0, 0, 0}}}});
+    expect_error(read, {"point 0 of", "init_pt_cld.npz", "not finite or beyond 1e+18"});
+  }
+  write_npz(folder.file("init_pt_cld.npz"), {{"data", {{1, 6}, std::vector<uint8_t>(6)}}});
+  expect_error(read, {"init_pt_cld.npz", "expected are floats"});
+}
+
+TEST(Panoptic, PointsTakeLittleMoreMemoryThanTheirFile) {
+  const TemporaryFolder folder;
+  make_panoptic(folder);
+  constexpr size_t n = 1000000;
+  std::vector<float> values(7 * n);
+  for (size_t i = 0; i < values.size(); ++i) values[i] = float(i % 1009);
+  const std::string path = folder.file("init_pt_cld.npz");
+  write_npz(path, {{"data", {{n, 7}, values}}}, Packing::stored);
+  constexpr double mib = 1 << 20;
+  const double file = double(std::filesystem::file_size(path)) / mib;
+  EXPECT_LT(memory_of([&] { EXPECT_EQ(read_scene(folder.path()).points.size(), n); }), 2.2 * file);
+}

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/runs/backup.hpp"
+
+#include <filesystem>
+
+#include "optim/runs/run_names.hpp"
+#include "optim/runs/staging.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A run that is to be replaced.
+class FormerFilesTest : public testing::Test {
+ protected:
+  FormerFilesTest() : run_(folder_.path()) {
+    for (const std::string& name : names_) folder_.write(name, "former");
+    folder_.write("notes.txt", "of a user");
+  }
+
+  void expect_all_there() const {
+    for (const std::string& name : names_)
+      EXPECT_EQ(contents(folder_.path() + "/" + name), "former") << name;
+    EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(FormerFiles::kName))));
+    EXPECT_FALSE(fs::exists(run_.path("point_cloud/" + temporary_folder_name(FormerFiles::kName))));
+  }
+  // As one that is killed in it leaves the folder, before the next training has begun or after.
+  void kill_in_replacing(bool begun) const {
+    const std::string pid = "1";  // of no gflow
+    std::vector<std::string> all = run_.training(), results = run_.results();
+    all.insert(all.end(), results.begin(), results.end());
+    for (const std::string& path : all) {
+      const fs::path from(path), aside = from.parent_path() / (".former." + pid + "-0.part");
+      fs::create_directory(aside);
+      fs::rename(from, aside / from.filename());
+    }
+    // Which takes its name first.
+    if (!begun) folder_.write(".next." + pid + "-0.part/config.toml", "next");
+    folder_.write(".next." + pid + "-0.part/cameras.json", "next");
+  }
+  void expect_none_there() const {
+    for (const std::string& name : names_)
+      EXPECT_EQ(fs::exists(folder_.path() + "/" + name), name == "config.toml") << name;
+    EXPECT_TRUE(fs::exists(folder_.path() + "/notes.txt"));
+  }
+
+  const std::vector<std::string> names_{"training.json",
+                                        "checkpoints/iteration_5.npz",
+                                        "point_cloud/iteration_5/point_cloud.ply",
+                                        "metrics.jsonl",
+                                        "input.ply",
+                                        "results.json",
+                                        "test/a.png",
+                                        "config.toml"};
+  TemporaryFolder folder_;
+  RunFolder run_;
+};
+
+TEST_F(FormerFilesTest, ComeBackUnlessTheyAreGivenUp) {
+  {
+    FormerFiles former(run_);
+    former.put_aside(run_.training());
+    former.put_aside(run_.results());
+    expect_none_there();
+  }
+  expect_all_there();
+  {
+    FormerFiles former(run_);
+    former.put_aside(run_.training());
+    former.put_aside(run_.results());
+    former.give_up();
+  }
+  expect_none_there();
+  EXPECT_TRUE(run_.training().empty());
+  EXPECT_TRUE(run_.results().empty());
+  EXPECT_EQ(folder_.count(), 2u);  // notes and settings
+}
+
+TEST_F(FormerFilesTest, ComeBackWhereOneOfThemCannotGo) {
+  // Something that is no file of its own has the name there.
+  const std::string models = run_.path("point_cloud/" + temporary_folder_name(FormerFiles::kName));
+  folder_.write("point_cloud/" + fs::path(models).filename().string() + "/iteration_5/x", "");
+  {
+    FormerFiles former(run_);
+    expect_error([&] { former.put_aside(run_.training()); },
+                 {"cannot write", "point_cloud/iteration_5: "});
+    EXPECT_FALSE(fs::exists(run_.path("training.json")));
+  }
+  EXPECT_TRUE(fs::exists(run_.path("training.json")));
+  EXPECT_TRUE(fs::exists(run_.path("checkpoints/iteration_5.npz")));
+}
+
+// As on a disk that takes no more: the next that opens the folder does it.
+TEST_F(FormerFilesTest, ThatCannotComeBackAreNotLost) {
+  {
+    const NextFiles next(run_);
+    folder_.write(fs::path(next.folder().folder()).filename().string() + "/config.toml", "next");
+    FormerFiles former(run_);
+    former.put_aside(run_.training());
+    former.put_aside(run_.results());
+    EXPECT_TRUE(FormerFiles::are_aside(run_));
+    // In the way.
+    for (const char* name : {"point_cloud/iteration_5/x", "test/b.png", "input.ply/x"})
+      folder_.write(name, "");
+    testing::internal::CaptureStderr();
+  }
+  const std::string told = testing::internal::GetCapturedStderr();
+  EXPECT_NE(told.find("cannot put back " + run_.path("test") + ": "), std::string::npos) << told;
+  EXPECT_NE(told.find(", nor 2 more; the next gflow"), std::string::npos) << told;
+  EXPECT_TRUE(FormerFiles::are_aside(run_));
+  put_back_former_files(run_);
+  EXPECT_FALSE(fs::exists(run_.path("test/b.png")));
+  EXPECT_FALSE(fs::exists(run_.path("point_cloud/iteration_5/x")));
+  run_.forget_unfinished_files();
+  expect_all_there();
+  EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(NextFiles::kName))));
+}
+
+// On another disk, where the links stay.
+TEST_F(FormerFilesTest, MayLieBehindLinks) {
+  const TemporaryFolder scratch;
+  fs::rename(run_.path("checkpoints"), scratch.path() + "/kept");
+  fs::rename(run_.path("point_cloud/iteration_5"), scratch.path() + "/kept/iteration_5");
+  fs::remove(run_.path("point_cloud"));
+  fs::rename(run_.path("test"), scratch.path() + "/drawn");
+  scratch.write(std::string("drawn/") + kOnlyOurs, "");
+  fs::create_directory_symlink(scratch.path() + "/drawn", run_.path("test"));
+  for (const char* link : {"checkpoints", "point_cloud"})
+    fs::create_directory_symlink(scratch.path() + "/kept", run_.path(link));
+  for (const bool given_up : {false, true}) {
+    expect_all_there();
+    FormerFiles former(run_);
+    former.put_aside(run_.training());
+    former.put_aside(run_.results());
+    EXPECT_EQ(scratch.count(), 4u) << "not moved to another disk";
+    if (given_up) former.give_up();
+  }
+  for (const char* link : {"checkpoints", "point_cloud", "test"})
+    EXPECT_TRUE(fs::is_symlink(run_.path(link)));
+  EXPECT_EQ(scratch.count(), 1u);
+}
+
+// A process is killed before the next training has its settings there, or after.
+TEST_F(FormerFilesTest, ComeBackWhereTheNextTrainingHadNotBegun) {
+  for (const bool begun : {false, true}) {
+    kill_in_replacing(begun);
+    put_back_former_files(run_);
+    run_.forget_unfinished_files();
+    if (begun)
+      expect_none_there();
+    else
+      expect_all_there();
+    EXPECT_FALSE(fs::exists(run_.path(".former.1-0.part")));
+    EXPECT_FALSE(fs::exists(run_.path(".next.1-0.part")));
+  }
+}
+
+TEST_F(FormerFilesTest, ComeBackBeforeARunIsOpened) {
+  kill_in_replacing(false);
+  folder_.write("results.json", "of what was left, as by an older gflow");
+  EXPECT_EQ(RunFolder::open(folder_.path()).models(), std::vector<int>{5});
+  expect_all_there();
+  EXPECT_EQ(folder_.count(), names_.size() + 2) << "nothing but these, notes and .lock";
+}
+
+// Who has it is to put them back: it may be about to begin.
+TEST_F(FormerFilesTest, ComeBackUnderTheLockAlone) {
+  kill_in_replacing(false);
+  {
+    const FileLock lock = run_.lock();
+    put_back_former_files(run_);
+    EXPECT_TRUE(run_.training().empty());
+    put_back_former_files(run_, lock);
+  }
+  expect_all_there();
+}
+
+}  // namespace
+}  // namespace gflow

@@ -1,0 +1,8 @@
+// SPDX-License-Identifier: Apache-2.0
+// The small scene and its training, for tests.
+#pragma once
+#include <gtest/gtest.h>
+
+#include "apps/stress/training/small_training.hpp"
+#include "optim/reference/device.hpp"
+#include "tests/support/temporary_folder.hpp"

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// Learning rates against what the settings say, worked out by hand.
+#include "optim/train/learning_rates.hpp"
+
+#include <gtest/gtest.h>
+
+namespace gflow {
+namespace {
+
+class RatesTest : public testing::Test {
+ protected:
+  RatesTest() {
+    scene.extent = 2.5;
+    scene.steps = 5;
+    shape.duration = 2;
+    config.train.iterations = 100;
+    config.lr.means = 0.1f;
+    config.lr.means_final = 0.001f;
+    config.lr.quats = 0.4f;
+    config.lr.quats_final = 0.1f;
+    config.lr.mean_t = 0.03f;
+    config.lr.motion = 8;
+    config.lr.sh = 0.01f;
+    config.lr.sh_rest_divisor = 5;
+  }
+  float rate(Quantity quantity, int step, bool motion = false) const {
+    GroupSpec spec{"a group", 1, quantity};
+    spec.motion = motion;
+    return rates.of(spec, step).lr;
+  }
+  Scene scene;
+  MotionShape shape;
+  TrainConfig config;
+  Rates rates{config, scene, shape};
+};
+
+TEST_F(RatesTest, ThatOfPlacesFallsByEqualRatiosAndIsInExtentsOfTheScene) {
+  EXPECT_FLOAT_EQ(rates.position(0), 0.25f);
+  EXPECT_FLOAT_EQ(rates.position(50), 0.025f);  // half way from .1 to .001: a tenth
+  EXPECT_NEAR(rates.position(99), 0.0025, 0.00015);
+  EXPECT_FLOAT_EQ(rate(Quantity::position, 50), 0.025f);
+}
+
+TEST_F(RatesTest, ThatOfRotationsFallsTooOthersStayUpToTheMiddle) {
+  EXPECT_FLOAT_EQ(rate(Quantity::rotation, 50), 0.2f);
+  EXPECT_FLOAT_EQ(rate(Quantity::scale, 0), config.lr.scales);
+  EXPECT_FLOAT_EQ(rate(Quantity::scale, 50), config.lr.scales);
+  EXPECT_FLOAT_EQ(rate(Quantity::opacity, 50), config.lr.opacity);
+}
+
+TEST_F(RatesTest, FromTheMiddleOnThoseWithoutALastValueFade) {
+  config.lr.fade = 0.25f;
+  for (const Quantity quantity : {Quantity::scale, Quantity::opacity, Quantity::color,
+                                  Quantity::color_rest, Quantity::time, Quantity::weight}) {
+    const float before = rate(quantity, 50);
+    EXPECT_FLOAT_EQ(rate(quantity, 75), 0.5f * before);  // half way from 1 to a quarter
+    EXPECT_FLOAT_EQ(rate(quantity, 0), before);
+  }
+  const float with = rate(Quantity::position, 75), turning = rate(Quantity::rotation, 75);
+  config.lr.fade = 1;
+  EXPECT_EQ(rate(Quantity::position, 75), with);
+  EXPECT_EQ(rate(Quantity::rotation, 75), turning);
+  EXPECT_FLOAT_EQ(rate(Quantity::scale, 99), config.lr.scales);
+}
+
+TEST_F(RatesTest, HigherBandsOfColourLearnSlowerByTheirDivisor) {
+  EXPECT_FLOAT_EQ(rate(Quantity::color, 50), 0.01f);
+  EXPECT_FLOAT_EQ(rate(Quantity::color_rest, 50), 0.002f);
+}
+
+TEST_F(RatesTest, MotionLearnsFasterByItsFactorButNotItsTimes) {
+  EXPECT_FLOAT_EQ(rate(Quantity::position, 0, true), 2.f);
+  EXPECT_FLOAT_EQ(rate(Quantity::time, 0, true), 0.06f);  // in lengths of the video
+}
+
+TEST_F(RatesTest, CautionSlowsAllOfThem) {
+  rates.caution = 0.5f;
+  EXPECT_FLOAT_EQ(rate(Quantity::position, 0), 0.125f);
+  EXPECT_FLOAT_EQ(rate(Quantity::color, 0), 0.005f);
+}
+
+}  // namespace
+}  // namespace gflow
