@@ -9,8 +9,8 @@
 #include <cstring>
 #include <filesystem>
 
+#include "optim/reference/folder.hpp"
 #include "tests/fuzz/targets.hpp"
-#include "tests/support/folder.hpp"
 
 namespace {
 

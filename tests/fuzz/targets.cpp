@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <limits>
 
-#include "tests/support/folder.hpp"
+#include "optim/reference/folder.hpp"
 
 namespace gflow::fuzz {
 

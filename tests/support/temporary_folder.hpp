@@ -7,8 +7,8 @@
 #include <initializer_list>
 #include <string>
 
+#include "optim/reference/folder.hpp"
 #include "runtime/base/error.hpp"
-#include "tests/support/folder.hpp"
 
 // f throws a gflow::Error whose sentence has all of the parts.
 inline void expect_error(const std::function<void()>& f, std::initializer_list<std::string> parts) {

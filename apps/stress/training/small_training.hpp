@@ -12,10 +12,10 @@
 #include "optim/images/image.hpp"
 #include "optim/init/init.hpp"
 #include "optim/reference/device.hpp"
+#include "optim/reference/folder.hpp"
 #include "optim/runs/train_run.hpp"
 #include "shared/random.h"
 #include "shared/sh.h"
-#include "tests/support/folder.hpp"
 
 namespace gflow {
 
