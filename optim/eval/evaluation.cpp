@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "optim/eval/metric_networks.hpp"
-#include "optim/eval/metrics.hpp"
 #include "optim/eval/pictures.hpp"
 #include "optim/flow/estimated_flow.hpp"
+#include "optim/loss/metrics.hpp"
 #include "optim/scene/true_depth.hpp"
 #include "runtime/base/warning.hpp"
 #include "shared/loss.h"

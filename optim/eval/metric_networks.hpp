@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "optim/eval/evaluation.hpp"
-#include "optim/eval/metrics.hpp"
+#include "optim/loss/metrics.hpp"
 #include "optim/networks/perceptual.hpp"
 #include "optim/train/options.hpp"
 

@@ -22,15 +22,15 @@ namespace gflow {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 constexpr int kFormat = 2;  // rises when what the arrays mean changes
 constexpr const char* kFacts = "facts";
 constexpr double kFarthest = 1e15;  // units: what lies farther no double tells from its neighbours
 
-Json json_of(const ModelShape& shape) {
-  Json json{{"motion", names_of(shape.motion)[size_t(shape.motion)]},
-            {"sh_degree", shape.sh_degree}};
+OrderedJson json_of(const ModelShape& shape) {
+  OrderedJson json{{"motion", names_of(shape.motion)[size_t(shape.motion)]},
+                   {"sh_degree", shape.sh_degree}};
   MotionShape::fields(shape,
                       [&](const char* name, auto value, double, double) { json[name] = value; });
   json["origin"] = shape.origin;
@@ -38,15 +38,15 @@ Json json_of(const ModelShape& shape) {
 }
 
 // A number above `lowest` and at most `highest`. Error that names it where it is no such.
-double number_in(const Json& json, const char* name, double lowest, double highest,
+double number_in(const OrderedJson& json, const char* name, double lowest, double highest,
                  const std::string& path) {
-  const Json& value = json.at(name);
+  const OrderedJson& value = json.at(name);
   if (!value.is_number() || !(value.get<double>() > lowest && value.get<double>() <= highest))
     throw Error(fmt::format("{} is damaged: it says that '{}' is {}", path, name, value.dump()));
   return value;
 }
 
-ModelShape shape_of(const Json& json, const std::string& path) {
+ModelShape shape_of(const OrderedJson& json, const std::string& path) {
   const auto names = names_of(MotionModelKind{});
   const auto name = std::find(names.begin(), names.end(), json.at("motion").get<std::string>());
   if (name == names.end())
@@ -67,26 +67,26 @@ ModelShape shape_of(const Json& json, const std::string& path) {
   return shape;
 }
 
-Json json_of(const Checkpoint& checkpoint) {
+OrderedJson json_of(const Checkpoint& checkpoint) {
   const CheckpointFacts& facts = checkpoint.facts;
-  Json shapes = Json::object();
+  OrderedJson shapes = OrderedJson::object();
   for (const auto& [name, array] : checkpoint.arrays) shapes[name] = array.shape;
-  Json json{{"format", kFormat},        {"step", facts.step},   {"seconds", facts.seconds},
-            {"config", facts.config},   {"scene", facts.scene}, {"device", facts.device},
-            {"program", facts.program}, {"arrays", shapes}};
+  OrderedJson json{{"format", kFormat},        {"step", facts.step},   {"seconds", facts.seconds},
+                   {"config", facts.config},   {"scene", facts.scene}, {"device", facts.device},
+                   {"program", facts.program}, {"arrays", shapes}};
   if (facts.shape) json["model"] = json_of(*facts.shape);
   return json;
 }
 
 // The JSON text among the arrays. Error when there is none of this format.
-Json facts_json(const Arrays& arrays, const std::string& path) {
+OrderedJson facts_json(const Arrays& arrays, const std::string& path) {
   const auto found = arrays.find(kFacts);
   const auto* text =
       found == arrays.end() ? nullptr : std::get_if<std::vector<uint8_t>>(&found->second.values);
   if (!text) throw Error(path + " is no checkpoint: it does not say what it holds ('facts')");
   require_modest_json(text->data(), text->size(), path);
-  const Json json = Json::parse(text->begin(), text->end());
-  const Json& format = json.at("format");
+  const OrderedJson json = OrderedJson::parse(text->begin(), text->end());
+  const OrderedJson& format = json.at("format");
   if (!format.is_number_integer())
     throw Error(fmt::format("{} is no checkpoint: its format is {}", path, format.dump()));
   if (format != kFormat)
@@ -98,8 +98,8 @@ Json facts_json(const Arrays& arrays, const std::string& path) {
 }
 
 // Error unless the arrays, facts aside, are those that the facts list.
-void require_arrays(const Json& json, const Arrays& arrays, const std::string& path) {
-  const Json& shapes = json.at("arrays");
+void require_arrays(const OrderedJson& json, const Arrays& arrays, const std::string& path) {
+  const OrderedJson& shapes = json.at("arrays");
   for (const auto& [name, shape] : shapes.items())
     if (array_named(arrays, name, path).shape != shape.get<std::vector<size_t>>())
       throw Error(fmt::format("{} is damaged: array '{}' has not the shape it was written with",
@@ -114,9 +114,9 @@ int step_of_name(const fs::path& path) {
   return path.extension() == ".npz" ? iteration_of_name(path.stem().string()) : -1;
 }
 
-CheckpointFacts facts_of(const Json& json, const std::string& path) {
+CheckpointFacts facts_of(const OrderedJson& json, const std::string& path) {
   CheckpointFacts facts;
-  const Json& step = json.at("step");
+  const OrderedJson& step = json.at("step");
   const int named = step_of_name(path);
   if (!step.is_number_integer() || step < 0 || step > std::numeric_limits<int>::max() ||
       (named >= 0 && step != named))
@@ -150,7 +150,7 @@ Checkpoint read_checkpoint(const std::string& path) {
   Checkpoint checkpoint;
   checkpoint.arrays = read_npz(path);
   try {
-    const Json json = facts_json(checkpoint.arrays, path);
+    const OrderedJson json = facts_json(checkpoint.arrays, path);
     checkpoint.arrays.erase(kFacts);
     require_arrays(json, checkpoint.arrays, path);
     checkpoint.facts = facts_of(json, path);
@@ -160,7 +160,7 @@ Checkpoint read_checkpoint(const std::string& path) {
           "{} cannot be gone on from: in array '{}' are values that no training leaves, not finite "
           "or outside of what it can hold",
           path, unsound));
-  } catch (const Json::exception& problem) {
+  } catch (const OrderedJson::exception& problem) {
     throw Error(fmt::format("{} is no checkpoint: {}", path, reason_of(problem)));
   }
   return checkpoint;
@@ -169,7 +169,7 @@ Checkpoint read_checkpoint(const std::string& path) {
 CheckpointFacts read_checkpoint_facts(const std::string& path) {
   try {
     return facts_of(facts_json(read_npz(path, {kFacts}), path), path);
-  } catch (const Json::exception& problem) {
+  } catch (const OrderedJson::exception& problem) {
     throw Error(fmt::format("{} is no checkpoint: {}", path, reason_of(problem)));
   }
 }

@@ -28,7 +28,7 @@ namespace gflow {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 void write_text(const std::string& path, const std::string& text) {
   write_file_atomically(path, Bytes(text.begin(), text.end()));
@@ -49,31 +49,33 @@ void append_lines(const std::string& file, bool anew, const std::string& lines) 
 }
 
 // NaN has no place in JSON.
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+OrderedJson number(double value) {
+  return std::isfinite(value) ? OrderedJson(value) : OrderedJson(nullptr);
+}
 
 // A line of metrics.jsonl as lines of metrics.csv; what is no number stays empty.
-std::string csv_names(const Json& line) {
+std::string csv_names(const OrderedJson& line) {
   std::vector<std::string> names;
   for (const auto& item : line.items()) names.push_back(item.key());
   return fmt::format("{}\n", fmt::join(names, ","));
 }
-std::string csv_values(const Json& line) {
+std::string csv_values(const OrderedJson& line) {
   std::vector<std::string> values;
-  for (const Json& value : line) values.push_back(value.is_null() ? "" : value.dump());
+  for (const OrderedJson& value : line) values.push_back(value.is_null() ? "" : value.dump());
   return fmt::format("{}\n", fmt::join(values, ","));
 }
 
-Json figures_of(const ViewFigures& view) {
-  Json figures;
+OrderedJson figures_of(const ViewFigures& view) {
+  OrderedJson figures;
   for (const auto& [name, value] : view_figures()) figures[name] = number(view.*value);
   return figures;
 }
 
 // For each figure its mean over the views of each time step.
-Json figures_by_step(const std::vector<ViewFigures>& views) {
+OrderedJson figures_by_step(const std::vector<ViewFigures>& views) {
   int steps = 0;
   for (const ViewFigures& view : views) steps = std::max(steps, view.step + 1);
-  Json all = Json::object();
+  OrderedJson all = OrderedJson::object();
   for (const auto& [name, value] : view_figures()) {
     std::vector<double> sums(size_t(steps), 0.0), counts(size_t(steps), 0.0);
     for (const ViewFigures& view : views) {
@@ -87,7 +89,9 @@ Json figures_by_step(const std::vector<ViewFigures>& views) {
 }
 
 // The network that judged; null: none was given.
-Json network(const std::string& path) { return path.empty() ? Json(nullptr) : Json(path); }
+OrderedJson network(const std::string& path) {
+  return path.empty() ? OrderedJson(nullptr) : OrderedJson(path);
+}
 
 // Whether a folder has files that no training, killed at its very start, left behind.
 bool holds_something(const std::string& folder) {
@@ -371,7 +375,7 @@ void RunFolder::write_cameras(const Scene& scene) const {
 }
 
 void RunFolder::append_metrics(int iteration, double seconds, const StepFigures& f) const {
-  Json line{
+  OrderedJson line{
       {"iteration", iteration}, {"seconds", seconds},        {"loss", number(f.loss)},
       {"l1", number(f.l1)},     {"ssim", number(f.ssim)},    {"flow_loss", number(f.flow_loss)},
       {"psnr", number(f.psnr)}, {"flow_epe", number(f.epe)}, {"num_gaussians", f.gaussians},
@@ -391,12 +395,12 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepFigures&
   append_lines(table, anew, (anew ? csv_names(line) : "") + csv_values(line));
 }
 
-Json RunFolder::metrics_of(std::string_view line) {
+OrderedJson RunFolder::metrics_of(std::string_view line) {
   constexpr size_t longest = size_t{64} << 10;
-  Json none(Json::value_t::discarded);
+  OrderedJson none(OrderedJson::value_t::discarded);
   // Not left to the parser, which takes microseconds to find reasons: a log may have millions.
   if (line.size() > longest || line.empty() || line.front() != '{') return none;
-  Json parsed = parsed_if_modest(line);
+  OrderedJson parsed = parsed_if_modest(line);
   const bool is_line =
       parsed.is_object() && parsed.contains("iteration") && parsed["iteration"].is_number_integer();
   return is_line ? parsed : none;
@@ -408,7 +412,7 @@ void RunFolder::keep_metrics_before(int iteration) const {
   int number = 1;
   for (std::string_view rest = kept; !rest.empty(); ++number) {
     const std::string_view text = take_line(rest);
-    const Json line = metrics_of(text);
+    const OrderedJson line = metrics_of(text);
     // As the last line of a killed process may be.
     const bool cut_off = rest.empty() && text.substr(0, 1) == "{";
     if (line.is_discarded() && !cut_off)
@@ -439,10 +443,10 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
       fmt::format("{}{}.json", split == "test" ? "" : "_" + split,
                   latest ? "" : fmt::format("_iteration_{}", facts.iterations));
   const std::string of_all = path("results" + suffix), of_each = path("per_view" + suffix);
-  Json views = Json::object();
+  OrderedJson views = OrderedJson::object();
   for (const ViewFigures& view : evaluation.views) views[view.name] = figures_of(view);
   write_text(of_each, json_text(views, 1) + "\n");
-  Json test = figures_of(evaluation.mean);
+  OrderedJson test = figures_of(evaluation.mean);
   test["by_step"] = figures_by_step(evaluation.views);
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
@@ -460,24 +464,24 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
                               {"motion", tracks->seen->motion},
                               {"by_step", tracks->seen->by_step},
                               {"motion_by_step", tracks->seen->motion_by_step}};
-  const Json results{{split, test},
-                     {"num_gaussians", gaussians},
-                     {"iterations", facts.iterations},
-                     {"train_seconds", number(facts.train_seconds)},
-                     {"peak_memory_mib", number(facts.peak_memory_mib)},
-                     {"device", facts.device},
-                     {"motion", facts.motion},
-                     {"resolution", config.scene.resolution},
-                     {"background", name_of(config.scene.background)},
-                     {"seed", config.train.seed}};
+  const OrderedJson results{{split, test},
+                            {"num_gaussians", gaussians},
+                            {"iterations", facts.iterations},
+                            {"train_seconds", number(facts.train_seconds)},
+                            {"peak_memory_mib", number(facts.peak_memory_mib)},
+                            {"device", facts.device},
+                            {"motion", facts.motion},
+                            {"resolution", config.scene.resolution},
+                            {"background", name_of(config.scene.background)},
+                            {"seed", config.train.seed}};
   write_text(of_all, json_text(results, 1) + "\n");
   return {of_all, of_each};
 }
 
 MetricsConfig RunFolder::judged_by() const {
   const std::string text = report_if_there(path("results.json"));
-  const Json results = parsed_if_modest(text);
-  const auto test = results.is_object() ? results.value("test", Json()) : Json();
+  const OrderedJson results = parsed_if_modest(text);
+  const auto test = results.is_object() ? results.value("test", OrderedJson()) : OrderedJson();
   const auto named = [&](const char* key) {
     return test.is_object() && test.contains(key) && test[key].is_string()
                ? test[key].get<std::string>()
@@ -487,12 +491,12 @@ MetricsConfig RunFolder::judged_by() const {
 }
 
 void RunFolder::write_facts(const RunFacts& facts) const {
-  const Json run{{"iterations", facts.iterations},
-                 {"train_seconds", facts.train_seconds},
-                 {"peak_memory_mib", facts.peak_memory_mib},
-                 {"device", facts.device},
-                 {"motion", facts.motion},
-                 {"finished", facts.finished}};
+  const OrderedJson run{{"iterations", facts.iterations},
+                        {"train_seconds", facts.train_seconds},
+                        {"peak_memory_mib", facts.peak_memory_mib},
+                        {"device", facts.device},
+                        {"motion", facts.motion},
+                        {"finished", facts.finished}};
   write_text(path("training.json"), json_text(run, 1) + "\n");
 }
 
@@ -502,8 +506,8 @@ RunFacts RunFolder::read_facts() const {
   try {
     const std::string text = report_if_there(path("training.json"));
     if (text.empty() && !fs::exists(path("training.json"))) return facts;
-    const Json run = parsed_if_modest(text);
-    const Json& iterations = run.at("iterations");
+    const OrderedJson run = parsed_if_modest(text);
+    const OrderedJson& iterations = run.at("iterations");
     facts.iterations = iterations.is_number_integer() ? iterations.get<int>() : -1;
     facts.train_seconds = run.value("train_seconds", 0.0);
     facts.peak_memory_mib = run.value("peak_memory_mib", 0.0);
@@ -511,7 +515,7 @@ RunFacts RunFolder::read_facts() const {
     facts.motion = run.value("motion", "");
     facts.finished = run.value("finished", false);
     if (facts.iterations >= 0) return facts;
-  } catch (const Json::exception&) {
+  } catch (const OrderedJson::exception&) {
   } catch (const Error& problem) {
     // A run that cannot be read now is no run of which nothing is known: it would be missing in a
     // table, or trained anew.

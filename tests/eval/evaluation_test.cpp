@@ -2,8 +2,8 @@
 #include "optim/eval/evaluation.hpp"
 
 #include "optim/eval/metric_networks.hpp"
-#include "optim/eval/metrics.hpp"
 #include "optim/flow/estimated_flow.hpp"
+#include "optim/loss/metrics.hpp"
 #include "tests/support/small_scene.hpp"
 
 namespace gflow {

@@ -6,7 +6,7 @@
 #include <random>
 #include <string>
 
-#include "optim/eval/metrics.hpp"
+#include "optim/loss/metrics.hpp"
 #include "optim/reference/device.hpp"
 #include "optim/reference/device_scene.hpp"
 #include "optim/reference/loss.hpp"

@@ -2,7 +2,7 @@
 // Pieces are right when they look like the model, also from a .4dgs file, and are few.
 #include "optim/model/linear_pieces.hpp"
 
-#include "optim/eval/metrics.hpp"
+#include "optim/loss/metrics.hpp"
 #include "optim/model/views.hpp"
 #include "tests/support/lively_model.hpp"
 

@@ -5,7 +5,7 @@
 #include <Eigen/Dense>
 #include <random>
 
-#include "optim/eval/metrics.hpp"
+#include "optim/loss/metrics.hpp"
 #include "optim/model/views.hpp"
 #include "tests/support/lively_model.hpp"
 

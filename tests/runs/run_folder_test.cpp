@@ -14,9 +14,9 @@
 namespace gflow {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
-std::vector<std::string> keys_of(const Json& object) {
+std::vector<std::string> keys_of(const OrderedJson& object) {
   std::vector<std::string> keys;
   for (const auto& [key, value] : object.items()) keys.push_back(key);
   return keys;
@@ -419,7 +419,7 @@ TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
   config.scene.resolution = 2;
   config.train.seed = 5;
   run.write_results(some_evaluation(), "test", {700, 12.5, 300, "a device", "bases"}, config, 42);
-  const Json results = Json::parse(contents(run.path("results.json")));
+  const OrderedJson results = OrderedJson::parse(contents(run.path("results.json")));
   EXPECT_EQ(keys_of(results),
             (std::vector<std::string>{"test", "num_gaussians", "iterations", "train_seconds",
                                       "peak_memory_mib", "device", "motion", "resolution",
@@ -451,7 +451,7 @@ TEST(RunFolder, ResultsNameTheNetworksThatJudged) {
   evaluation.mean.lpips = 0.25;
   evaluation.clip_model = "nets/\xff.onnx";  // a path need not be UTF-8
   run.write_results(evaluation, "test", {}, {}, 1);
-  const Json test = Json::parse(contents(run.path("results.json")))["test"];
+  const OrderedJson test = OrderedJson::parse(contents(run.path("results.json")))["test"];
   EXPECT_EQ(test["lpips"], 0.25);
   EXPECT_EQ(test["lpips_model"], "nets/alex.onnx");
   EXPECT_TRUE(test["clip_model"].is_string());
@@ -461,7 +461,7 @@ TEST(RunFolder, PerViewFiguresStandUnderTheNamesOfTheViews) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
   run.write_results(some_evaluation(), "test", {}, {}, 1);
-  const Json views = Json::parse(contents(run.path("per_view.json")));
+  const OrderedJson views = OrderedJson::parse(contents(run.path("per_view.json")));
   EXPECT_EQ(keys_of(views), (std::vector<std::string>{"cam00_0000"}));
   EXPECT_EQ(views["cam00_0000"]["psnr"], 31.5);
 }
@@ -536,8 +536,8 @@ TEST(RunFolder, MetricsAreOneObjectALineAndStartAgainWithATraining) {
   figures.flow_loss = std::nan("");
   for (const int iteration : {0, 100, 0, 100, 200}) run.append_metrics(iteration, 1, figures);
   std::ifstream in(run.path("metrics.jsonl"));
-  std::vector<Json> lines;
-  for (std::string line; std::getline(in, line);) lines.push_back(Json::parse(line));
+  std::vector<OrderedJson> lines;
+  for (std::string line; std::getline(in, line);) lines.push_back(OrderedJson::parse(line));
   ASSERT_EQ(lines.size(), 3u);
   EXPECT_EQ(lines[2]["iteration"], 200);
   EXPECT_EQ(lines[2]["psnr"], 20);
@@ -560,7 +560,7 @@ TEST(RunFolder, MetricsHoldTheMotionLossesThatThereAre) {
   StepFigures figures;
   figures.motion = MotionLossValue{1, 2, 3, 4, 5};
   run.append_metrics(0, 1, figures);
-  const Json line = Json::parse(contents(run.path("metrics.jsonl")));
+  const OrderedJson line = OrderedJson::parse(contents(run.path("metrics.jsonl")));
   EXPECT_EQ(line["rigidity"], 1);
   EXPECT_EQ(line["rotation"], 2);
   EXPECT_EQ(line["isometry"], 3);

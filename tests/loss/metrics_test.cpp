@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Metrics against numbers found by hand or by numpy, never against our own kernels.
-#include "optim/eval/metrics.hpp"
+#include "optim/loss/metrics.hpp"
 
 #include <gtest/gtest.h>
 

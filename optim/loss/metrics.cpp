@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Plain loops, sharing no code with the kernels they also serve to check.
-#include "optim/eval/metrics.hpp"
+#include "optim/loss/metrics.hpp"
 
 #include <fmt/format.h>
 
