@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which stream of random numbers is whose (shared/random.h: a number is a function of the run's
 // seed, a stream and an index, so that training gives the same bits however it is divided): two
-// uses of one stream would draw the same numbers. Only the order of views (unfolding.hpp) has its
+// uses of one stream would draw the same numbers. Only the order of views (curriculum.hpp) has its
 // rounds as streams, from 0 on.
 #pragma once
 #include "shared/dialect.h"

@@ -9,27 +9,27 @@
 
 namespace gflow {
 
-bool is_sound(const StepFigures& now, const StepFigures& before) {
-  return std::isfinite(now.loss) && now.unsound.empty() && now.stuck == 0 &&
-         now.refused <= before.refused + 10 + now.gaussians / 1000;
+bool is_sound(const StepReport& now, const StepReport& before) {
+  return std::isfinite(now.loss) && now.non_finite.empty() && now.stuck == 0 &&
+         now.rejected <= before.rejected + 10 + now.gaussians / 1000;
 }
 
-std::string what_is_unsound(const StepFigures& figures, int step) {
+std::string what_is_unsound(const StepReport& figures, int step) {
   if (!std::isfinite(figures.loss))
     return fmt::format("the loss is {} at step {}",
                        std::isnan(figures.loss) ? "no number" : "infinite", step);
-  if (!figures.unsound.empty())
-    return fmt::format("{} has values that are no numbers at step {}", figures.unsound, step);
+  if (!figures.non_finite.empty())
+    return fmt::format("{} has values that are no numbers at step {}", figures.non_finite, step);
   if (figures.stuck > 0)
     return fmt::format(
         "{} rows of parameters that all Gaussians share had ten gradients in a row that are no "
         "numbers at step {}",
         figures.stuck, step);
   return fmt::format("{} rows of parameters had gradients that are no numbers at step {}",
-                     figures.refused, step);
+                     figures.rejected, step);
 }
 
-int RollBack::go_back(int step, const StepFigures& figures, std::string& notice) {
+int RollBack::go_back(int step, const StepReport& figures, std::string& notice) {
   const std::string what = what_is_unsound(figures, step);
   std::optional<CheckpointFolder::Found> last = run_.checkpoints().latest();
   const int from = last ? last->checkpoint.facts.step : -1;
@@ -47,20 +47,20 @@ int RollBack::go_back(int step, const StepFigures& figures, std::string& notice)
              : "and there is no checkpoint to go back to",
         path));
   }
-  const float caution = trainer_.caution() / 2;
+  const float scale = trainer_.rate_scale() / 2;
   trainer_.set_state(queue_, last->checkpoint.arrays, last->path);
-  trainer_.set_caution(caution);
+  trainer_.set_rate_scale(scale);
   run_.keep_metrics_before(from);
   notice =
-      fmt::format("{}: back to step {}, learning rates times {} from there", what, from, caution);
+      fmt::format("{}: back to step {}, learning rates times {} from there", what, from, scale);
   return from;
 }
 
 void RollBack::save_what_there_is(int step, double seconds,
-                                  const std::optional<StepFigures>& before) {
+                                  const std::optional<StepReport>& before) {
   queue_.finish();
-  StepFigures now = trainer_.counts(queue_);
-  now.unsound = unsound_array(trainer_.state(queue_));
+  StepReport now = trainer_.counts(queue_);
+  now.non_finite = unsound_array(trainer_.state(queue_));
   if (is_sound(now, before.value_or(now))) checkpoints_.write(step, seconds);
 }
 

@@ -374,21 +374,12 @@ void RunFolder::write_cameras(const Scene& scene) const {
   write_text(path("cameras.json"), cameras_json(scene.cameras));
 }
 
-void RunFolder::append_metrics(int iteration, double seconds, const StepFigures& f) const {
-  OrderedJson line{
-      {"iteration", iteration}, {"seconds", seconds},        {"loss", number(f.loss)},
-      {"l1", number(f.l1)},     {"ssim", number(f.ssim)},    {"flow_loss", number(f.flow_loss)},
-      {"psnr", number(f.psnr)}, {"flow_epe", number(f.epe)}, {"num_gaussians", f.gaussians},
-      {"num_moving", f.moving}, {"refused", f.refused}};
-  if (f.motion)
-    line.update({{"rigidity", number(f.motion->rigidity)},
-                 {"rotation", number(f.motion->rotation)},
-                 {"isometry", number(f.motion->isometry)},
-                 {"velocity", number(f.motion->velocity)},
-                 {"acceleration", number(f.motion->acceleration)}});
-  if (f.guidance)
-    line.update({{"guidance", number(f.guidance->pull)},
-                 {"guidance_flow_epe", number(f.guidance->flow_epe)}});
+void RunFolder::append_metrics(int iteration, double seconds, const StepReport& report) const {
+  OrderedJson line{{"iteration", iteration}, {"seconds", seconds}, {"loss", number(report.loss)}};
+  for (const Term& term : report.terms) line[term.name] = number(term.value);
+  line.update({{"num_gaussians", report.gaussians},
+               {"num_moving", report.moving},
+               {"rejected", report.rejected}});
   append_lines(path("metrics.jsonl"), iteration == 0, json_text(line) + "\n");
   const std::string table = path("metrics.csv");
   const bool anew = iteration == 0 || !fs::exists(table);

@@ -90,7 +90,7 @@ class RunFolder {
   // What a line of metrics.jsonl says; a discarded value where it is none, or of more than 64 kB.
   static nlohmann::ordered_json metrics_of(std::string_view line);
   // One line of metrics.jsonl, and the same figures in metrics.csv.
-  void append_metrics(int iteration, double seconds, const StepFigures& figures) const;
+  void append_metrics(int iteration, double seconds, const StepReport& report) const;
   // Removes the lines of this iteration and later ones, and writes metrics.csv anew from what stays
   // in metrics.jsonl: the last lines of a killed process may be cut off or missing. Warns of
   // another line that is none.

@@ -103,7 +103,7 @@ bool is_complete(const RunFolder& run, int steps) {
 }  // namespace
 
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
-                     Start start) {
+                     Start start, const TrainExtensions& extensions) {
   check(config);
   run.require_its_folders();
   put_back_former_files(run);
@@ -194,7 +194,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
       resumed ? Model(queue, shape_to_resume(*resumed, scene, config, run), 0) : first_model();
   if (begins_now) first.reset();
   if (!quiet) tell("motion model: {}\n", name_of(model.shape.motion));
-  Trainer trainer = prepared.trainer(queue, model, guidance.get());
+  Trainer trainer = prepared.trainer(queue, model, guidance.get(), extensions.objectives);
   CheckpointFacts former;
   if (resumed) {
     trainer.set_state(queue, resumed->checkpoint.arrays, resumed->path);
@@ -203,7 +203,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     run.keep_metrics_before(former.step);
   }
   Checkpointer checkpoints(queue, config, scene, run, trainer, model.shape);
-  Training training{queue, config, run, model, trainer, checkpoints, Stopwatch(former.seconds)};
+  Training training{queue, config, run, model, trainer, checkpoints, Stopwatch(former.seconds), extensions.observer};
   std::optional<InterruptGuard> guard;
   int steps = 0;
   try {

@@ -6,6 +6,7 @@
 
 #include "optim/runs/run_state.hpp"
 #include "optim/scene/loaded_scene.hpp"
+#include "optim/train/train_loop.hpp"
 
 namespace gflow {
 
@@ -18,8 +19,8 @@ enum class Start { anew, overwrite, resume };
 // first step and while it evaluates, a signal does what it does elsewhere (StopSentence). A
 // training that was stopped, in whichever way, and resumed gives the bits of one that was not.
 // Error when another process writes the folder, and when there is a checkpoint and settings or
-// scene are not its own.
+// scene are not its own. extensions: objectives and an observer of the caller's.
 Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
-                     Start start = Start::anew);
+                     Start start = Start::anew, const TrainExtensions& extensions = {});
 
 }  // namespace gflow

@@ -18,18 +18,14 @@
 namespace gflow {
 namespace {
 
-std::vector<ProgressTerm> terms_of(const StepFigures& f) {
-  std::vector<ProgressTerm> terms{{"loss", fmt::format("{:.4f}", f.loss)},
-                                  {"L1", fmt::format("{:.4f}", f.l1)},
-                                  {"psnr", fmt::format("{:.1f}", f.psnr)}};
-  if (f.epe > 0) terms.push_back({"epe", fmt::format("{:.2f} px", f.epe)});
-  if (f.motion && std::isfinite(f.motion->total()))
-    terms.push_back({"motion", fmt::format("{:.4f}", f.motion->total())});
-  if (f.guidance && std::isfinite(f.guidance->pull))
-    terms.push_back({"guidance", fmt::format("{:.4f}", f.guidance->pull)});
-  terms.push_back({"", fmt::format("{} Gaussians", f.gaussians)});
-  if (f.moving < f.gaussians) terms.push_back({"", fmt::format("{} move", f.moving)});
-  if (f.refused) terms.push_back({"refused", std::to_string(f.refused)});
+std::vector<ProgressTerm> terms_of(const StepReport& report) {
+  std::vector<ProgressTerm> terms{{"loss", fmt::format("{:.4f}", report.loss)}};
+  for (const Term& term : report.terms)
+    if (!term.progress.empty()) terms.push_back({"", term.progress});
+  terms.push_back({"", fmt::format("{} Gaussians", report.gaussians)});
+  if (report.moving < report.gaussians)
+    terms.push_back({"", fmt::format("{} move", report.moving)});
+  if (report.rejected) terms.push_back({"rejected", std::to_string(report.rejected)});
   return terms;
 }
 
@@ -53,8 +49,7 @@ void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int 
 }
 
 // Nor is a line of the log that does not.
-void try_append_metrics(const RunFolder& run, int step, double seconds,
-                        const StepFigures& figures) {
+void try_append_metrics(const RunFolder& run, int step, double seconds, const StepReport& figures) {
   try {
     run.append_metrics(step, seconds, figures);
   } catch (const Error& problem) {
@@ -91,7 +86,7 @@ bool did_not_build(const Error& error) {
 // begun to change anything, and a device that only wants memory may still answer: then the steps
 // before it are saved. `before`: the last figures that were looked at.
 Error without_step(const Error& problem, const Training& training, int step, RollBack& roll_back,
-                   const std::optional<StepFigures>& before) {
+                   const std::optional<StepReport>& before) {
   const RunFolder& run = training.run;
   const auto saved = [&] {
     const std::vector<int> steps = run.checkpoints().steps();
@@ -155,68 +150,127 @@ int stopped_at(const RunFolder& run) {
   }
 }
 
+// Follows the steps of a run: log, models and checkpoints on the way, roll-back, interruption.
+class RunObserver : public TrainObserver {
+ public:
+  RunObserver(Training& training, int from, std::optional<InterruptGuard>& guard, bool quiet,
+              FirstStep first)
+      : training_(training),
+        guard_(guard),
+        first_(std::move(first)),
+        begun_(!first_.replaces),
+        done_(from),
+        progress_("train", training.config.train.iterations, quiet, from),
+        roll_back_(training.queue, training.run, training.trainer, training.checkpoints) {}
+
+  bool stop(int done) override {
+    done_ = done;
+    const bool stops = is_interrupted() || is_out_of_time() ||
+                       (training_.observer && training_.observer->stop(done));
+    in_step_ = !stops;
+    return stops;
+  }
+
+  void on_notice(const std::string& sentence) override {
+    progress_.say("gflow: " + sentence);
+    if (training_.observer) training_.observer->on_notice(sentence);
+  }
+
+  void after_step(TrainState& state) override {
+    in_step_ = false;
+    if (!guard_) {
+      training_.queue.finish();
+      guard_.emplace();
+    }
+    if (!first_.replaces) begin();
+    if (!keep(state)) return;
+    if (training_.observer) training_.observer->after_step(state);
+  }
+
+  // The step under way failed. What to throw, or nothing where it was interrupted before it began.
+  void on_guidance_failure(const GuidanceFailed& problem) {
+    if (is_interrupted()) return;
+    progress_.finish();
+    if (!begun_) throw;
+    throw without_guidance(problem, training_, done_);
+  }
+  void on_failure(const Error& problem) {
+    progress_.finish();
+    if (!in_step_ || !begun_ || did_not_build(problem)) throw;
+    throw without_step(problem, training_, done_, roll_back_, before_);
+  }
+
+  int done() const { return done_; }
+  void finish() { progress_.finish(); }
+
+ private:
+  bool is_interrupted() const { return guard_ && interrupted(); }
+  bool is_out_of_time() const {
+    const float minutes = training_.config.train.minutes;
+    return begun_ && minutes > 0 && training_.watch.seconds() > 60 * double(minutes);
+  }
+  void begin() {
+    if (const auto then = std::exchange(first_.then, {})) then();
+    begun_ = true;
+  }
+
+  // Writes what is due after a step. Whatever is kept is checked first: false where the training
+  // has gone back to its last checkpoint instead.
+  bool keep(TrainState& state) {
+    const auto& [queue, config, run, model, trainer, checkpoints, watch, observer] = training_;
+    const ScheduleConfig& plan = config.train;
+    const int done = state.done;
+    const bool last = done == plan.iterations, logs = (done - 1) % plan.log_every == 0 || last;
+    const bool saves = !last && ends_round(done, plan.checkpoint_every);
+    const bool shows = !last && ends_round(done, plan.save_every);
+    if (logs || saves || shows) {
+      report_ = state.report();
+      if (last || saves || shows) report_.non_finite = unsound_array(trainer.state(queue));
+      if (!is_sound(report_, before_.value_or(report_))) {
+        if (!begun_) throw Error(what_is_unsound(report_, done));
+        std::string sentence;
+        state.done = roll_back_.go_back(done, report_, sentence);
+        progress_.say("gflow: " + sentence);
+        return false;
+      }
+      before_ = report_;
+      begin();
+    }
+    if (logs) try_append_metrics(run, done - 1, watch.seconds(), report_);
+    progress_.update(done, terms_of(report_));
+    if (shows) try_save_model(queue, model, run, done);
+    if (saves) checkpoints.try_write(done, watch.seconds());
+    return true;
+  }
+
+  Training& training_;
+  std::optional<InterruptGuard>& guard_;
+  FirstStep first_;
+  bool begun_;
+  int done_;
+  bool in_step_ = false;
+  Progress progress_;
+  RollBack roll_back_;
+  StepReport report_;                 // the last that was read
+  std::optional<StepReport> before_;  // the last that was sound
+};
+
 }  // namespace
 
 int train_steps(Training& training, int step, std::optional<InterruptGuard>& guard, bool quiet,
                 FirstStep first) {
-  auto& [queue, config, run, model, trainer, checkpoints, watch] = training;
-  const ScheduleConfig& plan = config.train;
-  Progress progress("train", plan.iterations, quiet, step);
-  RollBack roll_back(queue, run, trainer, checkpoints);
-  StepFigures figures;
-  std::optional<StepFigures> before;
-  bool begun = !first.replaces;
-  const auto begin = [&] {
-    if (const auto then = std::exchange(first.then, {})) then();
-    begun = true;
-  };
-  const auto time_is_over = [&] {
-    return begun && plan.minutes > 0 && training.watch.seconds() > 60 * double(plan.minutes);
-  };
-  for (; step < plan.iterations && !(guard && interrupted()) && !time_is_over(); ++step) {
-    try {
-      trainer.step(queue, step);
-    } catch (const GuidanceFailed& problem) {
-      if (guard && interrupted()) break;  // the step has not begun
-      progress.finish();
-      if (!begun) throw;
-      throw without_guidance(problem, training, step);
-    } catch (const Error& problem) {
-      progress.finish();
-      if (!begun || did_not_build(problem)) throw;
-      throw without_step(problem, training, step, roll_back, before);
-    }
-    if (!guard) {
-      queue.finish();
-      guard.emplace();
-    }
-    if (!first.replaces) begin();
-    const std::string notice = trainer.take_notice();
-    if (!notice.empty()) progress.say("gflow: " + notice);
-    const int done = step + 1;
-    const bool last = done == plan.iterations, logs = step % plan.log_every == 0 || last;
-    const bool saves = !last && ends_round(done, plan.checkpoint_every);
-    const bool shows = !last && ends_round(done, plan.save_every);
-    if (logs || saves || shows) {  // what is kept is looked at before
-      figures = trainer.figures(queue);
-      if (last || saves || shows) figures.unsound = unsound_array(trainer.state(queue));
-      if (!is_sound(figures, before.value_or(figures))) {
-        if (!begun) throw Error(what_is_unsound(figures, done));
-        std::string sentence;
-        step = roll_back.go_back(done, figures, sentence) - 1;
-        progress.say("gflow: " + sentence);
-        continue;
-      }
-      before = figures;
-      begin();
-    }
-    if (logs) try_append_metrics(run, step, watch.seconds(), figures);
-    progress.update(done, terms_of(figures));
-    if (shows) try_save_model(queue, model, run, done);
-    if (saves) checkpoints.try_write(done, watch.seconds());
+  RunObserver observer(training, step, guard, quiet, std::move(first));
+  try {
+    step = train_loop(training.queue, training.trainer, step, training.config.train.iterations,
+                      observer);
+  } catch (const GuidanceFailed& problem) {
+    observer.on_guidance_failure(problem);
+    step = observer.done();
+    training.queue.finish();
+  } catch (const Error& problem) {
+    observer.on_failure(problem);
   }
-  queue.finish();
-  progress.finish();
+  observer.finish();
   return step;
 }
 

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "optim/runs/resume.hpp"
-#include "optim/train/trainer.hpp"
+#include "optim/train/train_loop.hpp"
 #include "runtime/base/interrupt.hpp"
 
 namespace gflow {
@@ -35,6 +35,7 @@ struct Training {
   Trainer& trainer;
   Checkpointer& checkpoints;
   Stopwatch watch;
+  TrainObserver* observer = nullptr;  // follows each step that is kept; nullptr: nobody does
 };
 
 // What the first step of a training is followed by, where there is one: the folder becomes its own.

@@ -107,7 +107,7 @@ struct FrameStore::State {
   }
 
   Image load_picture(const Frame& frame) const {
-    const Image image = read_image(frame.path);
+    const Image image = frame.image ? *frame.image : read_image(frame.path);
     if (frame.mask_path.empty()) return prepared(image, frame);
     const Image mask = read_grey(frame.mask_path);
     check_size(mask.width, mask.height, full[size_t(frame.camera)], frame.mask_path);
@@ -217,8 +217,11 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
         state_->used[frame.path].insert(frame.video_frame);
         continue;
       }
+      if (frame.image)
+        check_size(frame.image->width, frame.image->height, scene.cameras[size_t(frame.camera)],
+                   frame.path);
       for (const std::string& path : {frame.path, frame.mask_path}) {
-        if (path.empty()) continue;
+        if (path.empty() || (frame.image && path == frame.path)) continue;
         const ImageHeader header = read_image_header(path);
         check_size(header.width, header.height, scene.cameras[size_t(frame.camera)], path);
       }

@@ -33,8 +33,13 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
                        std::optional<std::array<double, 3>> origin) {
   SceneOptions options = options_of(config);
   options.origin = origin;
-  LoadedScene loaded{read_scene(config.path, options), nullptr};
-  for (const std::string& notice : loaded.scene.notices) warn(notice);
+  Scene scene = read_scene(config.path, options);
+  for (const std::string& notice : scene.notices) warn(notice);
+  return with_frames(std::move(scene), config, unpack_folder);
+}
+
+LoadedScene with_frames(Scene scene, const SceneConfig& config, const std::string& unpack_folder) {
+  LoadedScene loaded{std::move(scene), nullptr};
   FrameStoreOptions store;
   store.resolution = config.resolution;
   store.background.fill(shown_level(config.background));

@@ -18,6 +18,8 @@ struct LoadedScene {
   Scene scene;
   std::unique_ptr<FrameStore> frames;
 };
+// The same of a scene in memory (complete_scene).
+LoadedScene with_frames(Scene scene, const SceneConfig& config, const std::string& unpack_folder);
 // unpack_folder: where frames of videos are kept as pictures; made when needed. origin: what the
 // model's coordinates are relative to that the scene is looked at with; without one the scene
 // chooses.

@@ -220,6 +220,26 @@ void recentre(Scene& scene, const std::array<double, 3>& place) {
 
 }  // namespace
 
+void complete_scene(Scene& scene, const SceneOptions& options) {
+  check(options);
+  if (options.fps > 0) scene.fps = options.fps;
+  if (scene.fps <= 0) scene.fps = 24;
+  if (scene.steps == 0) {
+    const std::vector<double> times = distinct_times(scene.train);
+    for (std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
+      set_steps(times, *split);
+    scene.steps = int(times.size());
+  }
+  select_steps(scene, options);
+  order_frames(scene);
+  for (std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
+    for (Frame& frame : *split)
+      if (frame.image && frame.path.empty()) frame.path = "image of " + frame.name;
+  check(scene);
+  recentre(scene, options.origin ? *options.origin : origin_for(scene));
+  if (scene.extent <= 0) scene.extent = scene_extent(scene);
+}
+
 Scene read_scene(const std::string& path, const SceneOptions& options) {
   if (path.empty())
     throw Error("cannot read the scene: scene.path is empty, expected is its folder or video");
@@ -232,12 +252,7 @@ Scene read_scene(const std::string& path, const SceneOptions& options) {
   const fs::path last = (absolute.has_filename() ? absolute : absolute.parent_path()).filename();
   scene.name = (fs::is_directory(path) ? last : last.stem()).string();
   scene.tracks_path = first_existing(path, {"tracks3d.npy"});
-  if (options.fps > 0) scene.fps = options.fps;
-  select_steps(scene, options);
-  order_frames(scene);
-  check(scene);
-  recentre(scene, options.origin ? *options.origin : origin_for(scene));
-  if (scene.extent <= 0) scene.extent = scene_extent(scene);
+  complete_scene(scene, options);
   return scene;
 }
 

@@ -2,6 +2,7 @@
 // A scene as training sees it: cameras, frames with times, initial points. read_scene recognises
 // the layout; nothing here opens a picture except to learn its size.
 #pragma once
+#include <memory>
 #include <optional>
 #include <string>
 #include <tuple>
@@ -12,13 +13,16 @@
 
 namespace gflow {
 
-// One picture of one camera at one time.
+struct Image;  // optim/images/image.hpp
+
+// One image of one camera at one time.
 struct Frame {
-  int camera = 0;         // index into Scene::cameras: the pose it was taken from
-  int track = 0;          // which camera of its split filmed it, at rest or moving
-  int step = 0;           // number of the time step, from 0
-  double time = 0;        // [0, 1]
-  std::string path;       // picture, or video when video_frame >= 0
+  int camera = 0;                      // index into Scene::cameras: the pose it was taken from
+  int track = 0;                       // which camera of its split filmed it, at rest or moving
+  int step = 0;                        // number of the time step, from 0
+  double time = 0;                     // [0, 1]
+  std::string path;                    // image file, or video when video_frame >= 0
+  std::shared_ptr<const Image> image;  // the image itself, of a scene in memory: path names it
   std::string mask_path;  // picture that becomes its alpha (times its own, if any), or empty
   int video_frame = -1;   // which frame of the video
   std::string flow_path;  // true flow to the next step at this camera, or empty
@@ -75,6 +79,11 @@ struct SceneOptions {
   // without it the scene chooses.
   std::optional<std::array<double, 3>> origin;
 };
+
+// Completes a scene that was made in memory, whose cameras, frames (with camera, track, time,
+// image) and points are set: time steps, names, order, origin, extent. Error when something
+// contradicts itself. read_scene has done so.
+void complete_scene(Scene& scene, const SceneOptions& options = {});
 
 // Reads the scene in folder, or video file, `path`. Error when no layout fits (it says what was
 // looked for), and when a file is missing, truncated or contradicts another.

@@ -38,23 +38,23 @@ double moment_to_begin(const std::vector<Frame>& frames) {
   return most > least ? best : 0.5;
 }
 
-Unfolding Unfolding::of(const TrainConfig& config, bool permanent) {
+Curriculum Curriculum::of(const TrainConfig& config, bool permanent) {
   if (!permanent) return {};
   const int iterations = config.train.iterations;
   return {std::min(config.hexplane.warmup, iterations / 5),
           double(config.hexplane.unfold) * iterations, iterations};
 }
 
-double Unfolding::share(int step) const {
+double Curriculum::share(int step) const {
   return steps > 0 ? std::clamp((step - warmup) / steps, 0.0, 1.0) : 1;
 }
 
-double Unfolding::share_after(int step) const {
+double Curriculum::share_after(int step) const {
   const double begin = warmup + steps;
   return std::max(step - begin, 0.0) / std::max(iterations - begin, 1.0);
 }
 
-size_t Unfolding::view_at(size_t n, int step, uint32_t seed, size_t turn) const {
+size_t Curriculum::view_at(size_t n, int step, uint32_t seed, size_t turn) const {
   const double done = share(step);
   if (done >= 1) return shuffled(n, seed, turn);
   const size_t front = std::min(n, kFrontViews);

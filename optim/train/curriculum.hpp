@@ -9,13 +9,13 @@
 namespace gflow {
 
 // Training steps. As it is made: all at once, which is what other models do.
-struct Unfolding {
+struct Curriculum {
   int warmup = 0;      // steps before anything learns to move
   double steps = 0;    // that it takes from there
   int iterations = 1;  // of the whole training
 
   // As `config` has it for motion models that are permanent, all at once for others.
-  static Unfolding of(const TrainConfig& config, bool permanent);
+  static Curriculum of(const TrainConfig& config, bool permanent);
 
   bool warming(int step) const { return step < warmup; }
   // How much of it is done, 0 to 1.

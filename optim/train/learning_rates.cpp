@@ -30,7 +30,7 @@ AdamRate Rates::planned(Quantity quantity, int step) const {
   const AdamGroups& eps = config_.adam;
   const bool permanent = is_permanent(shape_.motion);
   const double share = stage_at(config_.train, std::max(scene_.steps, 1), step).share;
-  const double field_share = Unfolding::of(config_, permanent).share_after(step);
+  const double field_share = Curriculum::of(config_, permanent).share_after(step);
   const float fade = between_rates(1, lr.fade, std::max(2 * share - 1, 0.0));
   switch (quantity) {
     case Quantity::position:
@@ -61,7 +61,7 @@ AdamRate Rates::of(const GroupSpec& spec, int step) const {
   AdamRate rate = planned(spec.quantity, step);
   rate.per_time = spec.per_time;
   if (spec.motion && spec.quantity != Quantity::time) rate.lr *= config_.lr.motion;
-  rate.lr *= caution;
+  rate.lr *= scale;
   return rate;
 }
 

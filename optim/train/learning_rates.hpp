@@ -13,12 +13,12 @@ class Rates {
   // The references must outlive it.
   Rates(const TrainConfig& config, const Scene& scene, const MotionShape& shape);
 
-  // Of positions, before caution and what is the model's own [scene units].
+  // Of positions, before scale and what is the model's own [scene units].
   float position(int step) const;
   AdamRate of(const GroupSpec& spec, int step) const;
 
   // What all of them are multiplied by; part of the state of a training.
-  float caution = 1;
+  float scale = 1;
 
  private:
   AdamRate planned(Quantity quantity, int step) const;

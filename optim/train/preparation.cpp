@@ -131,7 +131,10 @@ FlowStore computed_flows(const TrainConfig& config, const LoadedScene& loaded,
 }  // namespace
 
 Preparation::Preparation(const TrainConfig& config, const std::string& unpack_folder)
-    : config_(config), loaded_(load_scene(config.scene, unpack_folder)) {
+    : Preparation(config, load_scene(config.scene, unpack_folder)) {}
+
+Preparation::Preparation(const TrainConfig& config, LoadedScene loaded)
+    : config_(config), loaded_(std::move(loaded)) {
   if (scene().train.empty()) throw Error("scene " + scene().name + " has no training views");
   require_sequence(config, scene(), model_shape(scene(), config));
   require_guided_views(config, scene());
@@ -198,8 +201,10 @@ PointCloud Preparation::points_from_stereo() {
   return {};
 }
 
-Trainer Preparation::trainer(Queue& queue, Model& model, Guidance* guidance) {
-  return Trainer(queue, config_, scene(), frames(), pairs_, *flows_, parts_, model, guidance);
+Trainer Preparation::trainer(Queue& queue, Model& model, Guidance* guidance,
+                             const std::vector<MakeObjective>& more) {
+  return Trainer({queue, config_, scene(), frames(), pairs_, *flows_, model, guidance}, parts_,
+                 more);
 }
 
 }  // namespace gflow

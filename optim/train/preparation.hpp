@@ -14,6 +14,8 @@ class Preparation {
   // broken, has no training views or not those that train.sequential needs, and when flow is to be
   // read and is not there. The configuration must outlive it.
   Preparation(const TrainConfig& config, const std::string& unpack_folder);
+  // The same of a scene that is loaded.
+  Preparation(const TrainConfig& config, LoadedScene loaded);
   Preparation(const Preparation&) = delete;  // scene and flows are referred to
 
   // Whether flow is still to be computed.
@@ -35,8 +37,9 @@ class Preparation {
   HostModel first_model(Queue& queue);
   // Whether that began with points several cameras agree on.
   bool began_with_stereo() const { return began_with_stereo_; }
-  // guidance: of the settings, or nullptr; it must outlive the trainer.
-  Trainer trainer(Queue& queue, Model& model, Guidance* guidance = nullptr);
+  // guidance: of the settings, or nullptr; it must outlive the trainer. more: further objectives.
+  Trainer trainer(Queue& queue, Model& model, Guidance* guidance = nullptr,
+                  const std::vector<MakeObjective>& more = {});
 
   const LoadedScene& loaded() const { return loaded_; }
   const Scene& scene() const { return loaded_.scene; }

@@ -17,7 +17,7 @@ Sampler::Sampler(const TrainConfig& config, const Scene& scene, const FrameStore
       scene_(scene),
       frames_(frames),
       parts_(std::move(parts)),
-      unfolding_(Unfolding::of(config, is_permanent(shape.motion))),
+      curriculum_(Curriculum::of(config, is_permanent(shape.motion))),
       flow_every_(steps_to_flow(config.flow, shape.motion)),
       ways_(scene.train.size()) {
   require_sequence(config, scene, shape);
@@ -31,7 +31,7 @@ Sampler::Sampler(const TrainConfig& config, const Scene& scene, const FrameStore
     if (area > 0 && area < 0.6 * camera.width * camera.height) choice.focus.push_back(i);
   }
   const double begin = moment_to_begin(scene.train);
-  if (unfolding_.steps > 0)
+  if (curriculum_.steps > 0)
     for (std::vector<size_t>* order : {&choices_[0].frames, &choices_[0].focus})
       std::stable_sort(order->begin(), order->end(), [&](size_t a, size_t b) {
         return std::fabs(scene.train[a].time - begin) < std::fabs(scene.train[b].time - begin);
@@ -69,7 +69,7 @@ std::vector<Sample> Sampler::at(int step) const {
     const uint32_t seed = uint32_t(config_.train.seed);
     const std::vector<size_t>& frames = whole ? choice.frames : choice.focus;
     const uint32_t stream = whole ? seed : seed + 1000003u;
-    const size_t i = frames[unfolding_.view_at(frames.size(), step, stream, at)];
+    const size_t i = frames[curriculum_.view_at(frames.size(), step, stream, at)];
     const Camera& camera = frames_.camera(scene_.train[i]);
     samples.push_back({&scene_.train[i], with_flow ? pair_at(i, step, at) : -1,
                        whole ? Rect{0, 0, camera.width, camera.height} : parts_[i]});

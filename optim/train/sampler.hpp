@@ -6,26 +6,12 @@
 #include <vector>
 
 #include "optim/flow/flow_store.hpp"
-#include "optim/init/motion_mask.hpp"
+#include "optim/objectives/flow_objective.hpp"
 #include "optim/train/curriculum.hpp"
 #include "optim/train/options.hpp"
 #include "optim/train/sequential.hpp"
 
 namespace gflow {
-
-// One view of a step.
-struct Sample {
-  const Frame* frame;
-  int pair;   // index of the flow used, or -1
-  Rect part;  // what of it is drawn
-};
-
-// Steps of which one has flow (flow.every). A path of few numbers learns as much from flow in every
-// second one: optim/loss/README.md.
-inline int steps_to_flow(const FlowConfig& flow, MotionModelKind motion) {
-  if (flow.every > 0) return flow.every;
-  return has_stiff_paths(motion) ? 2 : 1;
-}
 
 class Sampler {
  public:
@@ -39,7 +25,7 @@ class Sampler {
   std::vector<Sample> at(int step) const;
   // Which time steps a training step is about.
   Stage stage(int step) const { return stage_at(config_.train, std::max(scene_.steps, 1), step); }
-  const Unfolding& unfolding() const { return unfolding_; }
+  const Curriculum& curriculum() const { return curriculum_; }
   // Steps from one with flow to the next (flow.every).
   int flow_every() const { return flow_every_; }
 
@@ -62,7 +48,7 @@ class Sampler {
   const Scene& scene_;
   const FrameStore& frames_;
   std::vector<Rect> parts_;
-  Unfolding unfolding_;
+  Curriculum curriculum_;
   int flow_every_ = 1;
   std::vector<Choice> choices_;
   std::vector<Ways> ways_;  // one a training frame

@@ -12,17 +12,17 @@ namespace gflow {
 namespace {
 
 TEST(RollBack, ATrainingIsSoundWhoseLossIsANumberAndThatRefusesFew) {
-  StepFigures before, now;
+  StepReport before, now;
   before.gaussians = now.gaussians = 5000;
-  before.refused = 7;
-  now.refused = 7 + 15;
+  before.rejected = 7;
+  now.rejected = 7 + 15;
   EXPECT_TRUE(is_sound(now, before));
-  now.refused = 7 + 16;
+  now.rejected = 7 + 16;
   EXPECT_FALSE(is_sound(now, before));
-  now.refused = 7;
-  now.unsound = "gaussians/means";
+  now.rejected = 7;
+  now.non_finite = "gaussians/means";
   EXPECT_FALSE(is_sound(now, before));
-  now.unsound.clear();
+  now.non_finite.clear();
   for (const double loss : {std::nan(""), HUGE_VAL}) {
     now.loss = loss;
     EXPECT_FALSE(is_sound(now, before));
@@ -45,12 +45,12 @@ TEST(RollBack, RefusedRowsOfEveryTableCountAndThoseThatAllShareMayNotStayStuck) 
     config.motion.model = choice_of(kind);
     SmallTraining training(queue, config);
     training.steps(queue, 2);
-    EXPECT_EQ(training.trainer.counts(queue).refused, 0u) << motion;
+    EXPECT_EQ(training.trainer.counts(queue).rejected, 0u) << motion;
     Parameters& p = training.model.parameters;
     size_t shared = 0;
     for (Table* table : p.tables()) table->rows.refused.fill_range(queue, 0, 2, 11);
     for (const TableSpec& spec : p.more_specs) shared += spec.rows > 0 ? 2 : 0;
-    EXPECT_EQ(training.trainer.counts(queue).refused, 2 * p.tables().size()) << motion;
+    EXPECT_EQ(training.trainer.counts(queue).rejected, 2 * p.tables().size()) << motion;
     EXPECT_EQ(training.trainer.counts(queue).stuck, shared) << motion;
     for (Table* table : p.tables()) table->rows.refused.fill_range(queue, 0, 2, 10);
     EXPECT_EQ(training.trainer.counts(queue).stuck, 0u) << motion;
@@ -91,11 +91,11 @@ TEST_F(Broken, GoesBackToTheCheckpointWithHalfTheRates) {
   auto kept = training.bits(queue);
   break_colours();
   training.steps(queue, 1);
-  const StepFigures figures = training.trainer.figures(queue);
+  const StepReport figures = training.trainer.report(queue);
   ASSERT_FALSE(is_sound(figures, {}));
   EXPECT_EQ(roll_back.go_back(21, figures, notice), 20);
   EXPECT_NE(notice.find("back to step 20"), std::string::npos) << notice;
-  EXPECT_EQ(training.trainer.caution(), 0.5f);
+  EXPECT_EQ(training.trainer.rate_scale(), 0.5f);
   auto now = training.bits(queue);
   EXPECT_EQ(now.erase("caution"), 1u);
   EXPECT_EQ(now, kept);
@@ -114,17 +114,17 @@ TEST_F(Broken, GoesBackToTheCheckpointWithHalfTheRates) {
   Arrays whole = slow;
   whole.erase("caution");
   const double half = step_from(slow);
-  EXPECT_EQ(training.trainer.caution(), 0.5f);
+  EXPECT_EQ(training.trainer.rate_scale(), 0.5f);
   const double full = step_from(whole);
-  EXPECT_EQ(training.trainer.caution(), 1.f);
+  EXPECT_EQ(training.trainer.rate_scale(), 1.f);
   ASSERT_GT(full, 0);
   EXPECT_NEAR(half / full, 0.5, 1e-3);  // positions are rounded to 1e-7 of them
-  EXPECT_TRUE(is_sound(training.trainer.figures(queue), {}));
+  EXPECT_TRUE(is_sound(training.trainer.report(queue), {}));
 }
 
 TEST_F(Broken, IsNotSavedWhereMemoryEnds) {
   training.steps(queue, 20);
-  const StepFigures before = training.trainer.figures(queue);
+  const StepReport before = training.trainer.report(queue);
   break_colours();
   training.steps(queue, 1);
   roll_back.save_what_there_is(21, 0, before);
@@ -137,16 +137,16 @@ TEST_F(Broken, IsNotSavedWhereMemoryEnds) {
 
 TEST_F(Broken, WhatIsSoundIsSavedWhereMemoryEnds) {
   training.steps(queue, 20);
-  roll_back.save_what_there_is(20, 0, training.trainer.figures(queue));
+  roll_back.save_what_there_is(20, 0, training.trainer.report(queue));
   EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{20});
 }
 
 TEST_F(Broken, EndsAfterThreeReturnsAndKeepsTheStateItCameTo) {
   checkpoints.write(0, 0);
-  StepFigures figures;
+  StepReport figures;
   figures.loss = std::nan("");
   for (int k = 0; k < RollBack::most; ++k) EXPECT_EQ(roll_back.go_back(9, figures, notice), 0);
-  EXPECT_EQ(training.trainer.caution(), 0.125f);
+  EXPECT_EQ(training.trainer.rate_scale(), 0.125f);
   expect_error([&] { roll_back.go_back(9, figures, notice); },
                {"the loss is no number at step 9", "3 returns to step 0", "lr.", "broken.npz"});
   EXPECT_EQ(read_checkpoint(run.path("broken.npz")).facts.step, 9);
@@ -156,12 +156,12 @@ TEST_F(Broken, EndsAfterThreeReturnsAndKeepsTheStateItCameTo) {
 // The loss does not tell: what is so far away is not drawn.
 TEST_F(Broken, ValuesThatAreNoNumbersAreNamedAndNotSaved) {
   training.steps(queue, 20);
-  const StepFigures before = training.trainer.figures(queue);
+  const StepReport before = training.trainer.report(queue);
   training.model.parameters["means"].values.fill_range(queue, 3, 1, HUGE_VALF);
   roll_back.save_what_there_is(20, 0, before);
   EXPECT_TRUE(run.checkpoints().steps().empty());
-  StepFigures figures = training.trainer.figures(queue);
-  figures.unsound = unsound_array(training.trainer.state(queue));
+  StepReport figures = training.trainer.report(queue);
+  figures.non_finite = unsound_array(training.trainer.state(queue));
   expect_error([&] { roll_back.go_back(20, figures, notice); },
                {"gaussians/means has values that are no numbers at step 20", "broken.npz"});
 }

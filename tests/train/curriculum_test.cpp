@@ -16,8 +16,8 @@ TrainConfig some_config() {
   return config;
 }
 
-TEST(Unfolding, OtherModelsSeeTheWholeVideoFromTheFirstStep) {
-  const Unfolding all_at_once = Unfolding::of(some_config(), false);
+TEST(Curriculum, OtherModelsSeeTheWholeVideoFromTheFirstStep) {
+  const Curriculum all_at_once = Curriculum::of(some_config(), false);
   EXPECT_FALSE(all_at_once.warming(0));
   EXPECT_EQ(all_at_once.share(0), 1);
   std::set<size_t> seen;
@@ -25,28 +25,28 @@ TEST(Unfolding, OtherModelsSeeTheWholeVideoFromTheFirstStep) {
   EXPECT_EQ(seen.size(), 50u);
 }
 
-TEST(Unfolding, WidensFromTheFirstViewsToAll) {
-  const Unfolding unfolding = Unfolding::of(some_config(), true);
-  EXPECT_TRUE(unfolding.warming(99));
-  EXPECT_FALSE(unfolding.warming(100));
-  EXPECT_EQ(unfolding.share(50), 0);
-  EXPECT_DOUBLE_EQ(unfolding.share(350), 0.5);
-  EXPECT_EQ(unfolding.share(600), 1);
+TEST(Curriculum, WidensFromTheFirstViewsToAll) {
+  const Curriculum curriculum = Curriculum::of(some_config(), true);
+  EXPECT_TRUE(curriculum.warming(99));
+  EXPECT_FALSE(curriculum.warming(100));
+  EXPECT_EQ(curriculum.share(50), 0);
+  EXPECT_DOUBLE_EQ(curriculum.share(350), 0.5);
+  EXPECT_EQ(curriculum.share(600), 1);
   const size_t n = 60;
   size_t furthest = 0;
   for (const int step : {0, 100, 350, 599, 600, 999}) {
     std::set<size_t> seen;
-    for (size_t turn = 0; turn < 240; ++turn) seen.insert(unfolding.view_at(n, step, 3, turn));
+    for (size_t turn = 0; turn < 240; ++turn) seen.insert(curriculum.view_at(n, step, 3, turn));
     EXPECT_GE(*seen.rbegin(), furthest);
     furthest = *seen.rbegin();
     EXPECT_EQ(seen.size(), furthest + 1) << step;  // all up to there
     EXPECT_EQ(furthest, step <= 100 ? 11u : step == 350 ? 35u : furthest) << step;
   }
   EXPECT_EQ(furthest, n - 1);
-  EXPECT_LT(unfolding.view_at(5, 0, 3, 7), 5u);  // fewer views than it begins with
+  EXPECT_LT(curriculum.view_at(5, 0, 3, 7), 5u);  // fewer views than it begins with
 }
 
-TEST(Unfolding, BeginsWhereMostPicturesAre) {
+TEST(Curriculum, BeginsWhereMostPicturesAre) {
   std::vector<Frame> frames;
   for (int k = 0; k < 5; ++k) {
     Frame frame;
@@ -67,18 +67,18 @@ TEST(Unfolding, BeginsWhereMostPicturesAre) {
   EXPECT_EQ(moment_to_begin(even), 0.5);
 }
 
-TEST(Unfolding, RatesFallOnceItIsDone) {
-  const Unfolding unfolding = Unfolding::of(some_config(), true);
-  EXPECT_EQ(unfolding.share_after(0), 0);
-  EXPECT_EQ(unfolding.share_after(600), 0);
-  EXPECT_DOUBLE_EQ(unfolding.share_after(800), 0.5);
-  EXPECT_DOUBLE_EQ(unfolding.share_after(1000), 1);
+TEST(Curriculum, RatesFallOnceItIsDone) {
+  const Curriculum curriculum = Curriculum::of(some_config(), true);
+  EXPECT_EQ(curriculum.share_after(0), 0);
+  EXPECT_EQ(curriculum.share_after(600), 0);
+  EXPECT_DOUBLE_EQ(curriculum.share_after(800), 0.5);
+  EXPECT_DOUBLE_EQ(curriculum.share_after(1000), 1);
   TrainConfig brief = some_config();
   brief.train.iterations = 200;
-  EXPECT_FALSE(Unfolding::of(brief, true).warming(40));
+  EXPECT_FALSE(Curriculum::of(brief, true).warming(40));
   TrainConfig endless = some_config();  // the training ends before it is done
   endless.hexplane.unfold = 1;
-  EXPECT_EQ(Unfolding::of(endless, true).share_after(999), 0);
+  EXPECT_EQ(Curriculum::of(endless, true).share_after(999), 0);
 }
 
 TEST(Shuffled, GivesEveryItemOnceARound) {

@@ -68,7 +68,8 @@ TEST_F(FarSceneTest, WithoutPointsItIsReadAndTrainedAsNearby) {
   nearby.steps(queue, 30);
   afar.steps(queue, 30);
   // The same random points but for their last bits, and what 30 steps make of these.
-  EXPECT_NEAR(afar.trainer.figures(queue).psnr, nearby.trainer.figures(queue).psnr, 0.1);
+  EXPECT_NEAR(afar.trainer.report(queue).value("psnr"), nearby.trainer.report(queue).value("psnr"),
+              0.1);
 }
 
 TEST_F(FarSceneTest, IsTrainedDrawnAndExportedInItsWorld) {
@@ -76,7 +77,8 @@ TEST_F(FarSceneTest, IsTrainedDrawnAndExportedInItsWorld) {
   const std::array<double, 3> origin = there.model.shape.origin;
   here.steps(queue, 30);
   there.steps(queue, 30);
-  EXPECT_NEAR(there.trainer.figures(queue).psnr, here.trainer.figures(queue).psnr, 0.01);
+  EXPECT_NEAR(there.trainer.report(queue).value("psnr"), here.trainer.report(queue).value("psnr"),
+              0.01);
   const std::vector<float> a = here.model.parameters["means"].values.read(queue);
   const std::vector<float> b = there.model.parameters["means"].values.read(queue);
   ASSERT_EQ(a.size(), b.size());

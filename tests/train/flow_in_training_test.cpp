@@ -49,12 +49,12 @@ TEST_F(FlowInTraining, TheLossOfSomeTilesIsThatOfAllInTheMean) {
   const auto mean_loss = [&](float calm) {
     config.flow.calm = calm;
     SmallTraining training(queue(), config);
-    training.trainer.set_caution(0);
+    training.trainer.set_rate_scale(0);
     double sum = 0;
     asked = 0;
     for (int i = 0; i < kSteps; ++i) {
       training.steps(queue(), 1);
-      const double loss = training.trainer.figures(queue()).flow_loss;
+      const double loss = training.trainer.report(queue()).value("flow_loss");
       if (!(loss > 0)) continue;  // the step has no flow; NaN: no tile was asked
       sum += loss;
       ++asked;
@@ -92,18 +92,18 @@ TEST_F(FlowInTraining, TheLossThatIsToldIsByTheWeight) {
   const auto first_figures = [&](int every) {
     config.flow.every = every;
     SmallTraining training(queue(), config);
-    training.trainer.set_caution(0);
-    StepFigures figures;
-    for (int i = 0; i < 40 && !(figures.epe > 0); ++i) {
+    training.trainer.set_rate_scale(0);
+    StepReport figures;
+    for (int i = 0; i < 40 && !(figures.value("flow_epe") > 0); ++i) {
       training.steps(queue(), 1);
-      figures = training.trainer.figures(queue());
+      figures = training.trainer.report(queue());
     }
     return figures;
   };
-  const StepFigures each = first_figures(1), fifth = first_figures(5);
-  ASSERT_GT(each.flow_loss, 0);
-  EXPECT_EQ(each.epe, fifth.epe);
-  EXPECT_NEAR(each.flow_loss, fifth.flow_loss, 1e-6 * each.flow_loss);
+  const StepReport each = first_figures(1), fifth = first_figures(5);
+  ASSERT_GT(each.value("flow_loss"), 0);
+  EXPECT_EQ(each.value("flow_epe"), fifth.value("flow_epe"));
+  EXPECT_NEAR(each.value("flow_loss"), fifth.value("flow_loss"), 1e-6 * each.value("flow_loss"));
 }
 
 TEST_F(FlowInTraining, AStepWithoutShowsThatOfTheStepBeforeAlsoWhenResumed) {
@@ -115,13 +115,13 @@ TEST_F(FlowInTraining, AStepWithoutShowsThatOfTheStepBeforeAlsoWhenResumed) {
   for (int done = 20; done < 28; ++done) {  // with flow and without
     const Arrays state = training.trainer.state(queue());
     training.steps(queue(), 1);
-    const StepFigures figures = training.trainer.figures(queue());
-    EXPECT_GT(figures.epe, 0);
+    const StepReport figures = training.trainer.report(queue());
+    EXPECT_GT(figures.value("flow_epe"), 0);
     other.go_on(queue(), state, done);
     other.steps(queue(), 1);
-    const StepFigures resumed = other.trainer.figures(queue());
-    EXPECT_EQ(figures.epe, resumed.epe);
-    EXPECT_EQ(figures.flow_loss, resumed.flow_loss);
+    const StepReport resumed = other.trainer.report(queue());
+    EXPECT_EQ(figures.value("flow_epe"), resumed.value("flow_epe"));
+    EXPECT_EQ(figures.value("flow_loss"), resumed.value("flow_loss"));
     EXPECT_EQ(figures.loss, resumed.loss);
   }
 }

@@ -74,7 +74,7 @@ TEST_F(RatesTest, MotionLearnsFasterByItsFactorButNotItsTimes) {
 }
 
 TEST_F(RatesTest, CautionSlowsAllOfThem) {
-  rates.caution = 0.5f;
+  rates.scale = 0.5f;
   EXPECT_FLOAT_EQ(rate(Quantity::position, 0), 0.125f);
   EXPECT_FLOAT_EQ(rate(Quantity::color, 0), 0.005f);
 }

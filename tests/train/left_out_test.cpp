@@ -3,6 +3,7 @@
 // skip.bands, skip.compact. That nothing else changes: trainer_test.cpp, bench_scene_test.cpp.
 #include <gtest/gtest.h>
 
+#include "optim/objectives/image_objective.hpp"
 #include "tests/support/small_scene.hpp"
 
 namespace gflow {
@@ -147,13 +148,22 @@ TEST_F(LeftOutOfTraining, BandsOfColourThatAreNotInUseYet) {
 }
 
 TEST_F(LeftOutOfTraining, ThreeQuartersOfThePicturesBytes) {
-  TrainConfig config = small_config(scene, 20);
-  const auto bytes = [&](bool skip) {
-    config.skip.compact = skip;
-    SmallTraining training(queue, config);
-    training.steps(queue, 1);
-    const Images& images = training.trainer.renderer().images();
-    return double(training.trainer.picture_bytes()) / (images.width * images.height);
+  const TrainConfig config = small_config(scene, 20);
+  SmallTraining training(queue, config);
+  training.steps(queue, 1);
+  const Renderer& renderer = training.trainer.renderer();
+  const int width = renderer.images().width, height = renderer.images().height;
+  ViewContext view;
+  view.background = training.loaded.frames->background();
+  view.sample = {&training.loaded.scene.train[0], -1, {0, 0, width, height}};
+  view.width = training.loaded.frames->camera(*view.sample.frame).width;
+  const auto bytes = [&](bool compact) {
+    ImageObjective objective(queue, *training.loaded.frames, 0.2f, compact);
+    ImageGradients v;
+    v.v_rgb.ensure(queue, size_t(3 * width * height));
+    objective.add_gradients(queue, view, renderer, v);
+    queue.finish();
+    return double(objective.image_bytes()) / (width * height);
   };
   EXPECT_EQ(bytes(true), 3);
   EXPECT_EQ(bytes(false), 12);

@@ -113,11 +113,11 @@ TEST(MovingCamera, TrainingSeesTheFlowOfTheCamera) {
   EXPECT_GT(std::abs(flows.get(0)->flow.uv[2 * (20 * 48 + 24)]), 1.8);  // 52.8 px x tan 2 degrees
 
   Model model(queue, made.truth);
-  Trainer trainer(queue, made.config, scene, *made.loaded.frames, pairs, flows,
-                  std::vector<Rect>(scene.train.size()), model);
+  Trainer trainer({queue, made.config, scene, *made.loaded.frames, pairs, flows, model},
+                  std::vector<Rect>(scene.train.size()));
   for (int step = 0; step < 2 * steps; ++step) {  // every frame twice
     trainer.step(queue, made.config.flow.start + step);
-    const double epe = trainer.figures(queue).epe;
+    const double epe = trainer.report(queue).value("flow_epe");
     EXPECT_GT(epe, 0);
     // Gaussians of 3 px move as affine maps: 3 standard deviations off by (9 / 53)^2 of 1.9 px
     EXPECT_LT(epe, 0.06);

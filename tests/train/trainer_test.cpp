@@ -168,7 +168,7 @@ TEST_F(TrainerTest, TheWallRestsAndTheBlobMoves) {
   const Parameters& p = training.model.parameters;
   EXPECT_GE(p.moving, 14u);
   EXPECT_LT(p.moving, p.count / 2);
-  EXPECT_EQ(training.trainer.figures(queue()).moving, p.moving);
+  EXPECT_EQ(training.trainer.report(queue()).moving, p.moving);
   // A file holds everyone's motion.
   const HostModel host = training.model.read(queue());
   EXPECT_EQ(host.groups.at("velocities").size(), 3 * p.count);
@@ -356,7 +356,7 @@ TEST_F(TrainerTest, ARandomBackgroundIsBehindPictureAndGaussiansAlike) {
   config.scene.background = Background::random;
   SmallTraining training(queue(), config);
   training.steps(queue(), 200);
-  EXPECT_GT(training.trainer.figures(queue()).psnr, 20);
+  EXPECT_GT(training.trainer.report(queue()).value("psnr"), 20);
   const auto first = training.bits(queue());
   expect_equal_bits(first, bits_after(queue(), config, 200));
   config.scene.background = Background::white;
@@ -386,13 +386,13 @@ TEST_F(TrainerTest, PhotographsOfOneMomentTrainAModelThatStandsStill) {
 TEST_F(TrainerTest, FiguresDescribeTheLastView) {
   SmallTraining training(queue(), small_config(scene(), 10));
   training.steps(queue(), 1);
-  const StepFigures f = training.trainer.figures(queue());
+  const StepReport f = training.trainer.report(queue());
   EXPECT_EQ(f.gaussians, scene().truth.count);
-  EXPECT_EQ(f.refused, 0u);
-  EXPECT_GT(f.l1, 0);
+  EXPECT_EQ(f.rejected, 0u);
+  EXPECT_GT(f.value("l1"), 0);
   EXPECT_GT(f.loss, 0);
-  EXPECT_GT(f.psnr, 5);
-  EXPECT_LT(f.psnr, 40);
+  EXPECT_GT(f.value("psnr"), 5);
+  EXPECT_LT(f.value("psnr"), 40);
 }
 
 TEST_F(TrainerTest, SphericalHarmonicsRiseByOneDegreePerIntervalUpToTheHighest) {

@@ -51,7 +51,7 @@ TEST_P(Rehearsal, CompilesWhatAStepNeedsAndNothingBesides) {
     rehearse(rehearsing, config);
     SmallTraining steps(training, config);
     steps.steps(training, 4);
-    steps.trainer.figures(training);
+    steps.trainer.report(training);
 
     const std::set<std::string> rehearsed = kernels_of(rehearsing), used = kernels_of(training);
     EXPECT_GT(rehearsed.size(), 14u);

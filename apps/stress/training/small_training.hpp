@@ -191,8 +191,8 @@ class SmallTraining {
         parts(parts_of_interest(loaded.scene, *loaded.frames, watchers)),
         model(queue,
               initial_model(loaded.scene, *loaded.frames, parts, watchers, pairs, flows, config)),
-        trainer(queue, this->config, loaded.scene, *loaded.frames, pairs, flows, parts, model,
-                guidance) {}
+        trainer({queue, this->config, loaded.scene, *loaded.frames, pairs, flows, model, guidance},
+                parts) {}
 
   void steps(Queue& queue, int count) {
     for (int i = 0; i < count; ++i) trainer.step(queue, done_++);

@@ -149,8 +149,8 @@ Rows gone_back(Queue& queue) {  // T41
   training.model.parameters["sh0"].values.fill(queue, 3e37f);
   training.model.parameters["means"].values.fill_range(queue, 0, 1, std::nanf(""));
   training.steps(queue, 1);
-  const StepFigures broken = training.trainer.figures(queue);
-  StepFigures loss_alone;
+  const StepReport broken = training.trainer.report(queue);
+  StepReport loss_alone;
   loss_alone.loss = broken.loss;
   std::string notice;
   const int back = roll_back.go_back(saved + 1, broken, notice);
@@ -158,7 +158,7 @@ Rows gone_back(Queue& queue) {  // T41
   for (Bits* bits : {&kept, &now}) bits->erase("caution");  // half the rates from here on
   training.go_on(queue, training.trainer.state(queue), back);
   training.steps(queue, steps - back);
-  const StepFigures figures = training.trainer.figures(queue);
+  const StepReport figures = training.trainer.report(queue);
   return {
       {"a loss that is no number: taken for one, or for sound",
        double(std::isfinite(broken.loss)) + double(is_sound(loss_alone, {})), 0},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/train/guide.hpp"
+#include "optim/objectives/guidance_objective.hpp"
 
 #include <fmt/format.h>
 
@@ -54,8 +54,8 @@ std::vector<float> planes_of(const Image& picture) {
 
 }  // namespace
 
-Guide::Guide(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
-             Guidance& guidance)
+GuidanceObjective::GuidanceObjective(Queue& queue, const TrainConfig& config, const Scene& scene,
+                                     FrameStore& frames, Guidance& guidance)
     : config_(config),
       scene_(scene),
       frames_(frames),
@@ -69,12 +69,12 @@ Guide::Guide(Queue& queue, const TrainConfig& config, const Scene& scene, FrameS
     frames_of_split(scene, split_name(config.guidance.cameras));  // Error when there are none
 }
 
-bool Guide::due(int step) const {
+bool GuidanceObjective::is_due(int step) const {
   const GuidanceConfig& g = config_.guidance;
   return step >= g.start && (g.stop == 0 || step < g.stop) && (step - g.start) % g.every == 0;
 }
 
-Camera Guide::camera_for(int step, int view, const Frame& frame) const {
+Camera GuidanceObjective::camera_for(int step, int view, const Frame& frame) const {
   const GuidanceConfig& g = config_.guidance;
   const uint seed = uint(config_.train.seed), index = uint(step * g.views + view);
   if (g.cameras == GuidanceCameras::orbit) {
@@ -99,9 +99,10 @@ Camera Guide::camera_for(int step, int view, const Frame& frame) const {
       *nearest[random_bits(seed, streams::kGuidanceCamera, index) % nearest.size()]);
 }
 
-GuidanceRequest Guide::request_for(int step, const Moment& moment) const {
+GuidanceRequest GuidanceObjective::request_for(const StepContext& context) const {
+  const int step = context.step;
   const GuidanceConfig& g = config_.guidance;
-  const Frame& frame = *moment.frame;
+  const Frame& frame = *context.frame;
   const int end =
       g.stop == 0 ? config_.train.iterations : std::min(g.stop, config_.train.iterations);
   GuidanceRequest request;
@@ -115,9 +116,9 @@ GuidanceRequest Guide::request_for(int step, const Moment& moment) const {
   request.wants_flow = g.flow > 0 && next != times_.end();
   if (request.wants_flow) request.next_time = *next;
   request.next_frame = request.frame + config_.scene.stride;
-  for (size_t c = 0; c < 3; ++c) request.background[c] = float(moment.background[c]) / 255;
+  for (size_t c = 0; c < 3; ++c) request.background[c] = float(context.background[c]) / 255;
   request.reference.camera = frames_.camera(frame);
-  request.reference.rgb = planes_of(frames_.rgb_over(frame, moment.background));
+  request.reference.rgb = planes_of(frames_.rgb_over(frame, context.background));
   const OrbitPlace from = place_of(orbit_, request.reference.camera);
   for (int v = 0; v < g.views; ++v) {
     GuidanceView view;
@@ -131,23 +132,24 @@ GuidanceRequest Guide::request_for(int step, const Moment& moment) const {
   return request;
 }
 
-Shot Guide::shot_of(const GuidanceRequest& request, const GuidanceView& view,
-                    const Moment& moment) const {
+Shot GuidanceObjective::shot_of(const GuidanceRequest& request, const GuidanceView& view,
+                                int sh_degree) const {
   Shot shot;
   shot.view.camera = shot.view.camera_t2 = pinhole(view.camera, config_.render.near);
   shot.time = request.time;
   shot.time_t2 = request.next_time;
   shot.flow = request.wants_flow;
-  shot.sh_degree = moment.sh_degree;
+  shot.sh_degree = sh_degree;
   shot.background = request.background;
   return shot;
 }
 
-void Guide::run(Queue& queue, Model& model, Renderer& renderer, int step, const Moment& moment,
-                const std::function<void(const Shot&)>& after) {
-  GuidanceRequest request = request_for(step, moment);
+void GuidanceObjective::add_novel_views(NovelViews& views, const StepContext& context) {
+  if (!is_due(context.step)) return;
+  auto& [queue, model, renderer, after_backward] = views;
+  GuidanceRequest request = request_for(context);
   for (GuidanceView& view : request.views) {
-    renderer.forward(queue, model, shot_of(request, view, moment));
+    renderer.forward(queue, model, shot_of(request, view, context.sh_degree));
     view.rgb = renderer.images().rgb.read(queue);
     if (request.wants_flow) view.flow = renderer.images().flow.read(queue);
   }
@@ -159,15 +161,16 @@ void Guide::run(Queue& queue, Model& model, Renderer& renderer, int step, const 
   // Backwards: the last one is still drawn.
   for (size_t i = answers.size(); i-- > 0;) {
     if (answers[i].gradient.empty() && answers[i].flow.empty()) continue;
-    const Shot shot = shot_of(request, request.views[i], moment);
+    const Shot shot = shot_of(request, request.views[i], context.sh_degree);
     if (i + 1 < answers.size()) renderer.forward(queue, model, shot);
     set_gradients(queue, renderer.images(), answers[i]);
     renderer.backward(queue, model, v_);
-    after(shot);
+    after_backward(shot);
   }
 }
 
-void Guide::set_gradients(Queue& queue, const Images& images, const GuidanceAnswer& answer) {
+void GuidanceObjective::set_gradients(Queue& queue, const Images& images,
+                                      const GuidanceAnswer& answer) {
   const GuidanceConfig& g = config_.guidance;
   const size_t pixels = size_t(images.width) * size_t(images.height);
   const double values = 3 * double(pixels);
@@ -201,11 +204,11 @@ void Guide::set_gradients(Queue& queue, const Images& images, const GuidanceAnsw
   had_flow_ = true;
 }
 
-GuideFigures Guide::figures(Queue& queue) {
-  GuideFigures figures;
-  figures.pull = pull_;
-  if (had_flow_) figures.flow_epe = flow_loss_.value(queue).epe;
-  return figures;
+void GuidanceObjective::report(Queue& queue, const Renderer&, LossReport& report) {
+  const double epe = had_flow_ ? flow_loss_.value(queue).epe : std::nan("");
+  report.terms.push_back(
+      {"guidance", pull_, std::isfinite(pull_) ? fmt::format("guidance {:.4f}", pull_) : ""});
+  report.terms.push_back({"guidance_flow_epe", epe, ""});
 }
 
 }  // namespace gflow

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Guidance in training: what reaches the model, whether it helps, and that a provider that fails
 // costs nothing but its step.
-#include "optim/train/guide.hpp"
+#include "optim/objectives/guidance_objective.hpp"
 
 #include "optim/eval/evaluation.hpp"
 #include "optim/guidance/sds_guidance.hpp"
@@ -144,13 +144,15 @@ TEST_F(GuideTest, TheGradientIsThatOfTheMeanOverViews) {
   Asked asked(gradient);
   SmallTraining training(queue(), set);
   Renderer renderer(queue(), engine_settings(set));
-  Guide guide(queue(), set, training.loaded.scene, *training.loaded.frames, asked);
-  Guide::Moment moment;
-  moment.frame = &training.loaded.scene.train[2];
+  GuidanceObjective objective(queue(), set, training.loaded.scene, *training.loaded.frames, asked);
+  StepContext context;
+  context.background = {255, 255, 255};
+  context.frame = &training.loaded.scene.train[2];
   Parameters& p = training.model.parameters;
   const auto read = [&] { return p["means"].grads.read(queue()); };
   p.count_as_seen(queue());
-  guide.run(queue(), training.model, renderer, 0, moment, [](const Shot&) {});
+  NovelViews views{queue(), training.model, renderer, [](const Shot&) {}};
+  objective.add_novel_views(views, context);
   const std::vector<float> together = read();
 
   const GuidanceRequest request = asked.requests.at(0);
@@ -187,7 +189,8 @@ TEST_F(GuideTest, AnalyticGuidanceAloneTrainsTowardsTheKnownPictures) {
   const auto guidance = analytic(set);
   SmallTraining training(queue(), set);
   Renderer renderer(queue(), engine_settings(set));
-  Guide guide(queue(), set, training.loaded.scene, *training.loaded.frames, *guidance);
+  GuidanceObjective objective(queue(), set, training.loaded.scene, *training.loaded.frames,
+                              *guidance);
   Adam adam(queue());
   Parameters& p = training.model.parameters;
   const auto judged = [&] {
@@ -198,10 +201,13 @@ TEST_F(GuideTest, AnalyticGuidanceAloneTrainsTowardsTheKnownPictures) {
   const double before = judged();
   const std::vector<Frame>& frames = training.loaded.scene.train;
   for (int step = 0; step < steps; ++step) {
-    Guide::Moment moment;
-    moment.frame = &frames[size_t(step) % frames.size()];
+    StepContext context;
+    context.step = step;
+    context.background = {255, 255, 255};
+    context.frame = &frames[size_t(step) % frames.size()];
     p.forget_seen(queue());
-    guide.run(queue(), training.model, renderer, step, moment, [](const Shot&) {});
+    NovelViews views{queue(), training.model, renderer, [](const Shot&) {}};
+    objective.add_novel_views(views, context);
     adam.advance(queue(), p.rows, p.active);
     for (size_t g = 0; g < p.groups.size(); ++g) {
       const bool color = p.specs[g].quantity == Quantity::color;

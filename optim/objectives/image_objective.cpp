@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/objectives/image_objective.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "optim/objectives/crop.hpp"
+
+namespace gflow {
+
+ImageObjective::ImageObjective(Queue& queue, FrameStore& frames, float ssim, bool compact)
+    : frames_(frames), loss_(queue, ssim), compact_(compact) {}
+
+// The frame store keeps images on its own background; another one is put behind the part drawn.
+void ImageObjective::read_truth(const ViewContext& view) {
+  const Frame& frame = *view.sample.frame;
+  const Rect& part = view.sample.part;
+  const bool as_stored = view.background == frames_.background();
+  const auto image = as_stored ? frames_.rgb(frame) : frames_.picture(frame);
+  crop(image->pixels, view.width, image->channels, part, truth_bytes_);
+  if (image->channels == 4)
+    truth_bytes_ =
+        over_background({part.width, part.height, 4, std::move(truth_bytes_)}, view.background)
+            .pixels;
+}
+
+// Binning of this view has waited for the queue, so the host arrays of earlier uploads are free.
+void ImageObjective::add_gradients(Queue& queue, const ViewContext& view, const Renderer& renderer,
+                                   ImageGradients& v) {
+  read_truth(view);
+  const Rect& part = view.sample.part;
+  const Buffer<float>& rgb = renderer.images().rgb;
+  if (compact_) {
+    truth_.ensure(queue, truth_bytes_.size());
+    truth_.write_async(queue, truth_bytes_);
+    return loss_.run(queue, part.width, part.height, rgb, truth_, v.v_rgb, view.share);
+  }
+  truth_floats_.resize(truth_bytes_.size());
+  std::transform(truth_bytes_.begin(), truth_bytes_.end(), truth_floats_.begin(),
+                 [](cl_uchar byte) { return float(byte) / 255; });  // rounded as the kernel does
+  truth_as_floats_.ensure(queue, truth_floats_.size());
+  truth_as_floats_.write_async(queue, truth_floats_);
+  loss_.run(queue, part.width, part.height, rgb, truth_as_floats_, v.v_rgb, view.share);
+}
+
+void ImageObjective::report(Queue& queue, const Renderer& renderer, LossReport& report) {
+  const ImageLossValue value = loss_.value(queue);
+  const std::vector<float> rgb = renderer.images().rgb.read(queue);
+  const size_t pixels = rgb.size() / 3;
+  double sum = 0;
+  for (size_t c = 0; c < 3; ++c)
+    for (size_t i = 0; i < pixels; ++i) {
+      const double d =
+          std::clamp(double(rgb[c * pixels + i]), 0.0, 1.0) - truth_bytes_[3 * i + c] / 255.0;
+      sum += d * d;
+    }
+  const double psnr = -10 * std::log10(std::max(sum / double(rgb.size()), 1e-12));
+  report.loss += value.total;
+  report.terms.push_back({"l1", value.l1, fmt::format("L1 {:.4f}", value.l1)});
+  report.terms.push_back({"ssim", value.ssim, ""});
+  report.terms.push_back({"psnr", psnr, fmt::format("psnr {:.1f}", psnr)});
+}
+
+}  // namespace gflow

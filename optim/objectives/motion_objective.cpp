@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/objectives/motion_objective.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace gflow {
+
+// A loss that counts in every n-th step only counts n times as much there.
+std::unique_ptr<MotionObjective> MotionObjective::make(Queue& queue, const LossConfig& options,
+                                                       int steps, float extent, Model& model) {
+  const float times = float(options.motion_every);
+  MotionLossWeights w;
+  w.rigidity = times * options.rigidity;
+  w.rotation = times * options.rotation;
+  w.isometry = times * options.isometry;
+  w.velocity = times * options.velocity;
+  w.acceleration = times * options.acceleration;
+  w.falloff = options.neighbour_falloff;
+  w.extent = extent;
+  if (steps < 2 || !(w.any_pairs() || w.acceleration > 0)) return nullptr;
+  return std::make_unique<MotionObjective>(queue, options, steps, w, model);
+}
+
+MotionObjective::MotionObjective(Queue& queue, const LossConfig& options, int steps,
+                                 const MotionLossWeights& weights, Model& model)
+    : options_(options), steps_(steps), model_(model), loss_(queue, weights) {}
+
+void MotionObjective::begin_step(Queue& queue, const StepContext& context) {
+  if (!loss_.weights().any_pairs()) return;
+  if (neighbours_known_ && context.step % options_.neighbours_every != 0) return;
+  // Each Gaussian looks for its neighbours in the middle of its life; ten times of the video tell
+  // lives apart well enough.
+  const NeighbourRule rule{size_t(options_.neighbours), model_.shape.duration,
+                           size_t(std::min(steps_, 10))};
+  loss_.set_pairs(queue, find_neighbours(queue, model_.parameters, *model_.motion, rule));
+  neighbours_known_ = true;
+}
+
+void MotionObjective::request(Queue&, const ViewContext& view, Shot& shot) {
+  in_last_view_ = view.step % options_.motion_every == 0;
+  if (in_last_view_) shot.motion_loss = &loss_;
+}
+
+void MotionObjective::report(Queue& queue, const Renderer&, LossReport& report) {
+  const double nan = std::nan("");
+  const MotionLossValue value =
+      in_last_view_ ? loss_.value(queue) : MotionLossValue{nan, nan, nan, nan, nan};
+  if (in_last_view_) report.loss += value.total();
+  const std::string shown = in_last_view_ ? fmt::format("motion {:.4f}", value.total()) : "";
+  report.terms.push_back({"rigidity", value.rigidity, shown});
+  report.terms.push_back({"rotation", value.rotation, ""});
+  report.terms.push_back({"isometry", value.isometry, ""});
+  report.terms.push_back({"velocity", value.velocity, ""});
+  report.terms.push_back({"acceleration", value.acceleration, ""});
+}
+
+void MotionObjective::save_state(Queue&, Arrays& arrays) {
+  if (neighbours_known_) gflow::save_state(loss_.pairs(), arrays);
+}
+
+void MotionObjective::load_state(Queue& queue, const Arrays& arrays, const std::string& path) {
+  neighbours_known_ = arrays.count("neighbours/offsets");
+  if (neighbours_known_)
+    loss_.set_pairs(queue, load_neighbours(arrays, model_.parameters.count, path));
+}
+
+}  // namespace gflow

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// Regularisers of motion among neighbouring Gaussians (settings loss.rigidity to
+// loss.motion_every).
+#pragma once
+#include "optim/loss/motion_loss.hpp"
+#include "optim/objectives/objective.hpp"
+#include "optim/train/options.hpp"
+
+namespace gflow {
+
+class MotionObjective : public Objective {
+ public:
+  // nullptr when all weights are 0 or the scene has one time step only. steps: time steps of the
+  // scene; extent: its size [scene units]. The references must outlive it.
+  static std::unique_ptr<MotionObjective> make(Queue& queue, const LossConfig& options, int steps,
+                                               float extent, Model& model);
+  MotionObjective(Queue& queue, const LossConfig& options, int steps,
+                  const MotionLossWeights& weights, Model& model);
+
+  // Finds neighbours again when that is due.
+  void begin_step(Queue& queue, const StepContext& context) override;
+  void request(Queue& queue, const ViewContext& view, Shot& shot) override;
+  // rigidity, rotation, isometry, velocity, acceleration of the last view, times their weights; NaN
+  // in a step without them (loss.motion_every).
+  void report(Queue& queue, const Renderer& renderer, LossReport& report) override;
+  void rows_changed() override { neighbours_known_ = false; }
+  void save_state(Queue& queue, Arrays& arrays) override;
+  void load_state(Queue& queue, const Arrays& arrays, const std::string& path) override;
+
+ private:
+  const LossConfig& options_;
+  int steps_;
+  Model& model_;
+  MotionLoss loss_;
+  bool neighbours_known_ = false;
+  bool in_last_view_ = false;
+};
+
+}  // namespace gflow

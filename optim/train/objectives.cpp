@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/objectives.hpp"
+
+#include "optim/objectives/flow_objective.hpp"
+#include "optim/objectives/guidance_objective.hpp"
+#include "optim/objectives/image_objective.hpp"
+#include "optim/objectives/motion_objective.hpp"
+
+namespace gflow {
+namespace {
+
+std::unique_ptr<Objective> image(const TrainInputs& in) {
+  return std::make_unique<ImageObjective>(in.queue, in.frames, in.options.loss.ssim,
+                                          in.options.skip.compact);
+}
+
+std::unique_ptr<Objective> flow(const TrainInputs& in) {
+  return std::make_unique<FlowObjective>(in.queue, in.options, in.scene, in.frames, in.pairs,
+                                         in.flows, in.model.shape.motion);
+}
+
+std::unique_ptr<Objective> motion(const TrainInputs& in) {
+  return MotionObjective::make(in.queue, in.options.loss, in.scene.steps, float(in.scene.extent),
+                               in.model);
+}
+
+std::unique_ptr<Objective> guidance(const TrainInputs& in) {
+  if (!in.guidance) return nullptr;
+  return std::make_unique<GuidanceObjective>(in.queue, in.options, in.scene, in.frames,
+                                             *in.guidance);
+}
+
+// The order of their terms in log and CSV. The image objective comes first: it sets what others
+// add to. A new objective is one more function above and one more name here.
+constexpr std::unique_ptr<Objective> (*kObjectives[])(const TrainInputs&) = {image, flow, motion,
+                                                                             guidance};
+
+}  // namespace
+
+std::vector<std::unique_ptr<Objective>> make_objectives(const TrainInputs& inputs,
+                                                        const std::vector<MakeObjective>& more) {
+  std::vector<std::unique_ptr<Objective>> objectives;
+  for (const auto make : kObjectives)
+    if (auto objective = make(inputs)) objectives.push_back(std::move(objective));
+  for (const MakeObjective& make : more)
+    if (auto objective = make(inputs)) objectives.push_back(std::move(objective));
+  return objectives;
+}
+
+}  // namespace gflow

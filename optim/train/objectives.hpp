@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// The objectives of a training: gflow's own, registered in one table, and those of whoever calls
+// it.
+#pragma once
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "optim/flow/flow_store.hpp"
+#include "optim/guidance/guidance.hpp"
+#include "optim/objectives/objective.hpp"
+#include "optim/train/options.hpp"
+
+namespace gflow {
+
+// What a training is given. All references must outlive it.
+struct TrainInputs {
+  Queue& queue;
+  const TrainConfig& options;
+  const Scene& scene;
+  FrameStore& frames;
+  const std::vector<FlowPair>& pairs;  // may be empty
+  FlowStore& flows;                    // flow i belongs to pairs[i]
+  Model& model;
+  Guidance* guidance = nullptr;  // the provider of options.guidance; nullptr: none
+};
+
+// Makes an objective; nullptr when the options leave it nothing to do.
+using MakeObjective = std::function<std::unique_ptr<Objective>(const TrainInputs&)>;
+
+// gflow's own in their order, then `more`.
+std::vector<std::unique_ptr<Objective>> make_objectives(const TrainInputs& inputs,
+                                                        const std::vector<MakeObjective>& more);
+
+}  // namespace gflow

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a step does with the sum of its gradients: regularisers of the model, Adam with its learning
+// rates, density control.
+#pragma once
+#include <memory>
+
+#include "optim/train/learning_rates.hpp"
+#include "optim/train/population.hpp"
+
+namespace gflow {
+
+class Optimizer {
+ public:
+  // The references must outlive it.
+  Optimizer(Queue& queue, const TrainConfig& options, const Scene& scene, Model& model);
+
+  // Before the gradients of a step are summed: starts them at 0. Starts the key of a time step that
+  // is trained alone (train.sequential).
+  void begin_step(Queue& queue, const Stage& stage);
+  // Applies the gradients. renderer: as after the last view. warming: nothing learns to move yet.
+  // sh_degree: bands in use. Whether the rows of the model have changed.
+  bool step(Queue& queue, const Renderer& renderer, const Stage& stage, int step, bool warming,
+            int sh_degree);
+
+  Population& population() { return population_; }
+  Rates& rates() { return rates_; }
+  const Rates& rates() const { return rates_; }
+
+ private:
+  void update(Queue& queue, const Stage& stage, int step, bool warming, int sh_degree);
+
+  const TrainConfig& options_;
+  const Scene& scene_;
+  Model& model_;
+  Rates rates_;
+  Adam adam_;                        // of the Gaussians' table
+  std::unique_ptr<Adam> path_adam_;  // of keys, bases, planes and networks; nullptr: there are none
+  Population population_;
+};
+
+}  // namespace gflow

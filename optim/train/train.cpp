@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/train.hpp"
+
+#include "optim/train/guidance_provider.hpp"
+#include "optim/train/preparation.hpp"
+#include "runtime/files/temporary_folder.hpp"
+
+namespace gflow {
+
+TrainResult train(Queue& queue, Scene scene, const TrainConfig& options,
+                  const TrainExtensions& extensions) {
+  check(options);
+  const ScratchFolder folder("train");
+  Preparation prepared(options,
+                       with_frames(std::move(scene), options.scene, folder.file("frames")));
+  const std::unique_ptr<Guidance> guidance = guidance_of(options);
+  prepared.look_for_change();
+  prepared.compute_flow(folder.file("flow"), true);
+  Model model(queue, prepared.first_model(queue));
+  Trainer trainer = prepared.trainer(queue, model, guidance.get(), extensions.objectives);
+  TrainObserver nobody;
+  TrainObserver& observer = extensions.observer ? *extensions.observer : nobody;
+  TrainResult result;
+  result.steps = train_loop(queue, trainer, 0, options.train.iterations, observer);
+  prepared.flows().prefetch({});  // nothing more is needed
+  if (result.steps > 0) result.report = trainer.report(queue);
+  result.model = model.read(queue);
+  return result;
+}
+
+}  // namespace gflow

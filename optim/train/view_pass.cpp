@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/train/view_pass.hpp"
+
+#include <algorithm>
+
+#include "optim/objectives/crop.hpp"
+#include "optim/scene/frame_store.hpp"
+
+namespace gflow {
+
+ViewPass::ViewPass(Queue& queue, const EngineSettings& settings, float near, int time_steps,
+                   FrameStore& frames, Model& model,
+                   std::vector<std::unique_ptr<Objective>> objectives)
+    : near_(near),
+      time_steps_(time_steps),
+      frames_(frames),
+      model_(model),
+      renderer_(queue, settings),
+      objectives_(std::move(objectives)) {}
+
+void ViewPass::begin_step(Queue& queue, const StepContext& context) {
+  for (const auto& objective : objectives_) objective->begin_step(queue, context);
+}
+
+void ViewPass::run_novel_views(Queue& queue, const StepContext& context,
+                               const std::function<void(const Shot&)>& after_backward) {
+  NovelViews views{queue, model_, renderer_, after_backward};
+  for (const auto& objective : objectives_) objective->add_novel_views(views, context);
+}
+
+ViewContext ViewPass::context_of(const StepContext& context, const Sample& sample,
+                                 int in_batch) const {
+  const Camera& camera = frames_.camera(*sample.frame);
+  ViewContext view;
+  static_cast<StepContext&>(view) = context;
+  view.in_batch = in_batch;
+  view.sample = sample;
+  view.width = camera.width;
+  view.height = camera.height;
+  const double pixels = double(size_t(sample.part.width) * size_t(sample.part.height));
+  view.share = float(pixels / (double(camera.width) * camera.height));
+  return view;
+}
+
+Shot ViewPass::shot_of(const ViewContext& view) const {
+  Shot shot;
+  shot.view.camera = crop(pinhole(frames_.camera(*view.sample.frame), near_), view.sample.part);
+  shot.view.camera_t2 = shot.view.camera;
+  shot.time = view.sample.frame->time;
+  // The second time of losses that compare poses: the next time step, or the one before.
+  const double later = shot.time + 1.0 / std::max(time_steps_ - 1, 1);
+  shot.time_t2 = later < 1 + 1e-6 ? later : 2 * shot.time - later;
+  shot.sh_degree = view.sh_degree;
+  for (size_t c = 0; c < 3; ++c) shot.background[c] = float(view.background[c]) / 255;
+  return shot;
+}
+
+void ViewPass::run(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
+                   bool all_posed) {
+  const ViewContext view = context_of(context, sample, in_batch);
+  Shot shot = shot_of(view);
+  shot.all_posed = all_posed;
+  for (const auto& objective : objectives_) objective->request(queue, view, shot);
+  renderer_.forward(queue, model_, shot);
+  empty_views_ = renderer_.engine().tiles().intersections > 0 ? 0 : empty_views_ + 1;
+
+  const size_t pixels = size_t(sample.part.width) * size_t(sample.part.height);
+  v_.v_rgb.ensure(queue, 3 * pixels);
+  v_.v_alpha.ensure(queue, pixels);
+  v_.v_alpha.fill(queue, 0.f);
+  for (const auto& objective : objectives_) objective->add_gradients(queue, view, renderer_, v_);
+  renderer_.backward(queue, model_, v_);
+}
+
+LossReport ViewPass::report(Queue& queue) {
+  LossReport report;
+  for (const auto& objective : objectives_) objective->report(queue, renderer_, report);
+  return report;
+}
+
+void ViewPass::rows_changed() {
+  for (const auto& objective : objectives_) objective->rows_changed();
+}
+
+void ViewPass::save_state(Queue& queue, Arrays& arrays) {
+  for (const auto& objective : objectives_) objective->save_state(queue, arrays);
+}
+
+void ViewPass::load_state(Queue& queue, const Arrays& arrays, const std::string& path) {
+  for (const auto& objective : objectives_) objective->load_state(queue, arrays, path);
+}
+
+}  // namespace gflow

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// Everything that one view of a training step needs on one device: draws it, lets the objectives
+// compare, and adds the gradients to the model's parameters.
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "optim/objectives/objective.hpp"
+
+namespace gflow {
+
+class ViewPass {
+ public:
+  // All references must outlive it. near: Gaussians closer to the camera are skipped [scene units].
+  // time_steps: of the scene.
+  ViewPass(Queue& queue, const EngineSettings& settings, float near, int time_steps,
+           FrameStore& frames, Model& model, std::vector<std::unique_ptr<Objective>> objectives);
+
+  // Before the first view of a step.
+  void begin_step(Queue& queue, const StepContext& context);
+  // Views that objectives draw themselves; after_backward: called with each view's gradients.
+  void run_novel_views(Queue& queue, const StepContext& context,
+                       const std::function<void(const Shot&)>& after_backward);
+  // One view of the step. Its gradients are in renderer() until the next call. all_posed: density
+  // control needs Gaussians outside the image, too.
+  void run(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
+           bool all_posed);
+
+  // What the objectives report of the last step. Waits.
+  LossReport report(Queue& queue);
+  void rows_changed();
+  void save_state(Queue& queue, Arrays& arrays);
+  void load_state(Queue& queue, const Arrays& arrays, const std::string& path);
+
+  // As after the last view.
+  const Renderer& renderer() const { return renderer_; }
+  const ImageGradients& image_gradients() const { return v_; }  // v_flow is stale without flow
+  // Views in a row, up to the last one, in which no Gaussian was visible.
+  int empty_views() const { return empty_views_; }
+
+ private:
+  ViewContext context_of(const StepContext& context, const Sample& sample, int in_batch) const;
+  Shot shot_of(const ViewContext& view) const;
+
+  float near_;
+  int time_steps_;
+  FrameStore& frames_;
+  Model& model_;
+  Renderer renderer_;
+  std::vector<std::unique_ptr<Objective>> objectives_;
+  ImageGradients v_;
+  int empty_views_ = 0;
+};
+
+}  // namespace gflow
