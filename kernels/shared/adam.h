@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// One Adam step for one scalar (Kingma & Ba 2015, algorithm 1), both bias corrections included:
+// One Adam step of one scalar (Kingma & Ba 2015, algorithm 1) with both bias corrections:
 //   m = b1 m + (1 - b1) g,  v = b2 v + (1 - b2) g^2,  x -= lr c1 m / (c2 sqrt(v) + eps)
-// with c1 = 1 / (1 - b1^t), c2 = 1 / sqrt(1 - b2^t), which the host computes in double.
-// A step of gradient 0 makes b2 v of v. Of k such steps in a row b2^k v comes, and with b1 = 0 they
-// move nothing: so they can be left out, and made up for by one product when a gradient comes.
+// with c1 = 1 / (1 - b1^t) and c2 = 1 / sqrt(1 - b2^t), which the host computes in double.
+// A step with gradient 0 turns v into b2 v and, if b1 = 0, does not move x. So k such steps in a
+// row can be skipped and made up for by the factor b2^k when the next gradient arrives.
 #ifndef GFLOW_ADAM_H
 #define GFLOW_ADAM_H
 #include "shared/dialect.h"
 
-// 1 - beta is exact in float for beta in [.5, 1], so float betas lose nothing.
+// 1 - beta is exact in float for beta in [.5, 1], so float betas lose no accuracy.
 typedef struct AdamStep {
   float beta1, beta2, lr, epsilon;
 } AdamStep;
@@ -17,13 +17,13 @@ typedef struct AdamState {
   real value, exp_avg, exp_avg_sq;  // x, m, v
 } AdamState;
 
-// What a row's history does to its step: c1 (times what else multiplies its rate), c2, and b1^k and
-// b2^k for the k steps that it missed.
+// Factors of one row's step: c1 (times the row's learning-rate scale), c2, and b1^k and b2^k for
+// the k steps that the row missed.
 typedef struct AdamRow {
   real correction1, correction2, decay1, decay2;
 } AdamRow;
 
-// A mean with one more in it, and a value moved; of one number or of a vector of them.
+// The updated running mean, and the updated value; for scalars or vectors.
 #define ADAM_MEAN(beta, decay, mean, added) ((beta) * ((decay) * (mean)) + (1 - (beta)) * (added))
 #define ADAM_MOVED(value, step, c1, c2, m, v) \
   ((value) - (step).lr * (c1) * (m) / ((c2) * sqrt(v) + (step).epsilon))
@@ -36,8 +36,8 @@ static inline AdamState adam_update(AdamState s, real grad, AdamStep step, AdamR
   return s;
 }
 
-// Whether Adam can take this gradient: it and its square are finite. A square that overflows would
-// make v infinite and stop the parameter for good.
+// Whether the gradient and its square are finite. A square that overflows would make v infinite and
+// freeze the parameter for good.
 static inline int adam_accepts(real grad) { return is_finite_real(grad * grad); }
 
 #endif

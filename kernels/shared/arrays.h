@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows of flat float arrays as vectors and matrices (OpenCL C only): no float3 in memory.
+// Loads and stores rows of flat float arrays as vectors and matrices (OpenCL C only). Memory holds
+// no float3, which is 16 bytes there.
 #ifndef GFLOW_ARRAYS_H
 #define GFLOW_ARRAYS_H
 #include "shared/linear.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of OpenCL C's language that kernels/shared/ uses, in double: the reference's dialect.
+// The part of OpenCL C that kernels/shared/ uses, in C++ and double precision, for the reference.
 #pragma once
 #include <algorithm>
 #include <cmath>

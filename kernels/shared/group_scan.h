@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Prefix sum over the work-items of one work-group of GROUP items (a power of two; 1 costs
-// nothing). OpenCL C only. Every work-item of the group must call it: there are barriers inside.
+// Prefix sum over the GROUP work-items of one work-group (a power of two; 1 costs nothing). OpenCL
+// C only. Contains barriers: every work-item of the group must call it.
 #ifndef GFLOW_GROUP_SCAN_H
 #define GFLOW_GROUP_SCAN_H
 #include "shared/work.h"

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// The deformation field of the hexplane model (Cao & Johnson 2023; Wu et al. 2024, 4DGaussians):
-// six planes of features over the pairs of x y z t at each of L levels, read bilinearly at a
-// Gaussian's resting place and the time, multiplied within a level,
+// The deformation field of the hexplane model (Cao & Johnson 2023; Wu et al. 2024, 4DGaussians).
+// Six planes of features over the pairs of x y z t, at each of L levels, are read bilinearly at a
+// Gaussian's canonical mean and the time, and multiplied within a level:
 //   f_l = XY_l(x, y) XZ_l(x, z) YZ_l(y, z) XT_l(x, t) YT_l(y, t) ZT_l(z, t)   [C channels]
-// the levels side by side into a network of one or more hidden layers,
+// The levels, concatenated, are the input of a network with one or more hidden layers:
 //   h = relu(W_0 f + b_0),  h = relu(W_k h + b_k) ...,  o = W h + b
-// which gives the shift: mean half_size o[0..2], quat o[3..6], log_scales 3 tanh(o[7..9] / 3). A
-// size changes at most e^3 = 20 times: where a field has learnt nothing, outside of what any
-// picture shows, sizes of 1e28 and 0 were seen without that bound.
+// Its output is the shift: mean half_size o[0..2], quat o[3..6], log_scales 3 tanh(o[7..9] / 3).
+// The tanh limits the change of a size to e^3 = 20 times: without it, sizes of 1e28 and 0 occur
+// where no image constrains the field.
 //
-// Level l has R_l = resolution 2^l cells in x, y and z and `times` rows in time; the corners of the
-// box are cell centres, and outside of it the nearest place counts. Rows of the planes, level by
-// level: XY [y][x], XZ [z][x], YZ [z][y], then the planes of time, [time][axis][cell]. At one time
-// only three lines of each level are left of them.
+// Level l has R_l = resolution 2^l cells in x, y and z, and `times` rows in time. The corners of
+// the box are cell centres; places outside use the nearest place inside. Rows of the planes, level
+// by level: XY [y][x], XZ [z][x], YZ [z][y], then the time planes, [time][axis][cell]. At a fixed
+// time these reduce to three lines per level.
 //
-// Weights of a layer: [inputs + 1][outputs], the last row the bias; layers one after the other.
-// The last one has HEXPLANE_OUTPUTS columns, of which the first ten are used.
+// Weights of a layer: [inputs + 1][outputs], the last row the bias; layers one after the other. The
+// last layer has HEXPLANE_OUTPUTS columns, of which the first ten are used.
 #ifndef GFLOW_HEXPLANE_H
 #define GFLOW_HEXPLANE_H
 #include "shared/dialect.h"
@@ -24,12 +24,12 @@
 #define HEXPLANE_MOST_RESIZE 3
 
 typedef struct HexplaneGrid {
-  int resolution, times;  // at level 0, at least 2; rows in time, at least 1
+  int resolution, times;  // cells at level 0, at least 2; rows in time, at least 1
   float centre[3];        // of the box [world]
   float half_size[3];     // [world] > 0
 } HexplaneGrid;
 
-// Rows of a level with this many rows in time (1: of the planes' cut at one time), and of all the
+// Rows of a level with `times` rows in time (1: of planes reduced to one time), and rows of all
 // levels before it.
 static inline uint hexplane_level_rows(uint resolution, uint times) {
   return 3 * resolution * (resolution + times);
@@ -40,7 +40,7 @@ static inline uint hexplane_level_start(uint resolution, uint times, int level) 
   return rows;
 }
 
-// Between cells `cell` and cell + 1, by share; per_world = d (cell + share) / d x.
+// A place between cells `cell` and cell + 1, at fraction `share`. per_world: d (cell + share) / dx.
 typedef struct GridPlace {
   uint cell;
   real share, per_world;
@@ -57,7 +57,7 @@ static inline GridPlace grid_place(real x, real centre, real half_size, int reso
   return p;
 }
 
-// Change of a log scale by an output, and its derivative where it is `change`.
+// The change of a log scale for a network output, and its derivative, given the change.
 static inline real resize_of(real output) {
   const real most = (real)HEXPLANE_MOST_RESIZE;
   return most * tanh(output / most);
@@ -67,7 +67,7 @@ static inline real resize_slope(real change) {
   return (real)1 - share * share;
 }
 
-// Number of weights of a network; `layer` weights start after hexplane_weights(..., layer).
+// Number of weights of the first `layers` layers, all hidden; the next one's start there.
 static inline uint hexplane_weights(uint features, uint hidden, int layers) {
   return layers == 0 ? 0 : (features + 1) * hidden + ((uint)layers - 1) * (hidden + 1) * hidden;
 }

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The lane type of pixel maths (OpenCL C only): LANES pixels of one 4x4 cell at once.
-//   LANES 16, 8, 4   CPUs: one work-item a tile, floatN holds 4x4, 4x2 or 4x1 pixels
-//   LANES 1          GPUs: one work-item a pixel, 16 consecutive work-items are a cell
-// No any()/all(), rint() or floor() on wide vectors: each costs PoCL a factor (16 extracts).
+//   LANES 16, 8, 4   CPUs: one work-item per tile, floatN holds 4x4, 4x2 or 4x1 pixels
+//   LANES 1          GPUs: one work-item per pixel, 16 consecutive work-items are a cell
+// Do not use any(), all(), rint() or floor() on wide vectors: PoCL takes them apart into scalars.
 #ifndef GFLOW_LANE_H
 #define GFLOW_LANE_H
 #include "shared/constants.h"
 #include "shared/dialect.h"
 
 #ifndef LANES
-#define LANES 16  // only for the syntax check; the host always says
+#define LANES 16  // only for the syntax check; the host always defines it
 #endif
 #define LANE_JOIN2(a, b) a##b
 #define LANE_JOIN(a, b) LANE_JOIN2(a, b)
@@ -33,9 +33,8 @@ typedef LANE_JOIN(int, LANES) lane_int;
 #define LANE_SELECT(no, yes, mask) select((no), (yes), (mask))
 #endif
 
-// Asks for memory that will be read, or written, some turns of a loop later: on CPUs records that
-// lie anywhere cost more time to fetch than to work on (splat_fwd -20 %, cell_mask -45 % with 100k
-// splats). OpenCL's own prefetch() does nothing on PoCL.
+// Prefetches memory that will be read, or written, some iterations later: on CPUs, records
+// scattered in memory take longer to fetch than to process. OpenCL's prefetch() is empty on PoCL.
 #if LANES > 1 && (defined(__x86_64__) || defined(__aarch64__))
 #define READ_SOON(pointer) __builtin_prefetch((const void*)(size_t)(pointer))
 #define WRITE_SOON(pointer) __builtin_prefetch((const void*)(size_t)(pointer), 1)
@@ -44,7 +43,7 @@ typedef LANE_JOIN(int, LANES) lane_int;
 #define WRITE_SOON(pointer) (void)(pointer)
 #endif
 
-// Where each lane's pixel centre lies within its part of a cell, and parts a cell.
+// The lanes' pixel centres within their part of a cell, and the parts of a cell.
 #if LANES == 16
 #define LANE_X ((lane)((float4)(.5f, 1.5f, 2.5f, 3.5f), (float4)(.5f, 1.5f, 2.5f, 3.5f), \
                        (float4)(.5f, 1.5f, 2.5f, 3.5f), (float4)(.5f, 1.5f, 2.5f, 3.5f)))
@@ -62,12 +61,11 @@ typedef LANE_JOIN(int, LANES) lane_int;
 #define TILE_PARTS (16 * CELL_PARTS)   // lane vectors in one tile
 #endif
 
-// 2^x for x <= 0 (any float; below -126 the result is not meaningful and must be masked by the
-// caller, which skips everything under ALPHA_MIN). Degree 5 minimax on [-.5, .5], relative error
-// 2e-7: on PoCL 27 % less time for the whole forward pass than exp2, native or not.
-// Rounding: 1.5 * 2^23 + x has round(x) in its lowest bits (3-5 % of the pass less than
-// converting). EXP2_DEGREE for `gflow bench pareto`: 3 and 4 have relative errors of 7.5e-5 and
-// 2.6e-6, 0 is exp2(), 1 native_exp2().
+// 2^x for -126 <= x <= 126. Below, the result is meaningless and must be masked by the caller, as
+// pixel maths masks everything under ALPHA_MIN. Minimax polynomial on [-.5, .5], of degree 5 with
+// relative error 2e-7. Rounds by adding 1.5 * 2^23, after which the lowest bits are round(x). Both
+// are faster than exp2(), native_exp2() and conversions on PoCL. EXP2_DEGREE is for `gflow bench
+// pareto`: 3 and 4 have relative errors of 7.5e-5 and 2.6e-6, 0 is exp2(), 1 native_exp2().
 #ifndef EXP2_DEGREE
 #define EXP2_DEGREE 5
 #endif
@@ -102,7 +100,7 @@ static inline lane lane_exp2(lane x) {
 #if LANES == 1
 static inline int lane_any(lane_int a) { return a; }
 #else
-// Sum over the lanes, in a fixed tree.
+// Sum over the lanes, in a fixed order.
 #if LANES == 16
 static inline float lane_sum(lane a) {
   const float8 b = a.lo + a.hi;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lanes that are neighbours in memory (OpenCL C only), for passes over rows or flat arrays.
-// lane.h, in contrast, lays its lanes out as a 4x4 cell of the image.
+// Lanes over consecutive elements in memory (OpenCL C only), for passes over rows or flat arrays.
+// In lane.h, by contrast, the lanes form a 4x4 cell of the image.
 #ifndef GFLOW_LANE_ROW_H
 #define GFLOW_LANE_ROW_H
 #include "shared/lane.h"
 
-// LANES values from p on, in any address space; no alignment needed. ROW_COLUMN is each lane's
-// place.
+// Load, store and sum LANES values from p on, in any address space and without alignment.
+// ROW_COLUMN: the index of each lane.
 #if LANES == 1
 #define ROW_LOAD(p) (*(p))
 #define ROW_STORE(v, p) (*(p) = (v))
@@ -25,7 +25,7 @@
 #endif
 #endif
 
-// The same at the end of a row or array, where only `count` values exist (>= LANES: all lanes do).
+// The same at the end of a row or array, where only `count` values exist (all, if count >= LANES).
 // Missing lanes read as 0 and are not written.
 static inline lane row_load(global const float* p, int count) {
   if (count >= LANES) return ROW_LOAD(p);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Gaussian's life: how visible it is at a time, dt away from its own, with temporal variance var.
+// Temporal opacity of a Gaussian with centre mean_t and temporal variance var, at dt = t - mean_t:
 //   opacity = sigmoid(logit) exp(-dt^2 / (2 var))
 #ifndef GFLOW_LIFE_H
 #define GFLOW_LIFE_H
 #include "shared/dialect.h"
 
 typedef struct Life {
-  real marginal;  // the exponential, in (0, 1]
+  real marginal;  // exp(-dt^2 / (2 var)), in [0, 1]
   real opacity;
 } Life;
 static inline Life life_at(real logit, real dt, real var) {
@@ -28,30 +28,30 @@ static inline LifeGradient life_vjp(Life o, real logit, real dt, real var, real 
   return v;
 }
 
-// Whether its marginal exceeds exp(-sigmas^2 / 2), dt away, without the exponential. NaN: no.
+// Whether the marginal at dt exceeds exp(-sigmas^2 / 2), without evaluating it. `life` is the
+// temporal standard deviation. False for NaN.
 static inline int life_reaches(real dt, real life, real sigmas) { return fabs(dt) < sigmas * life; }
 
-// Whether it is to be seen at all in [0, duration]: not where its window, `sigmas` standard
-// deviations each way, lies wholly outside. NaN: no.
+// Whether the window mean_t +- sigmas * life overlaps [0, duration]. False for NaN.
 static inline int life_meets(real mean_t, real life, real duration, real sigmas) {
   const real outside = fmax(fmax(-mean_t, mean_t - duration), (real)0);
   return outside <= sigmas * life && is_finite_real(mean_t);
 }
 
-// The logit of the opacity o' of n splats in one place that show what one of opacity o does:
+// Logit of the opacity o' of n coincident splats that together are as opaque as one of opacity o:
 //   1 - o = (1 - o')^n.  With s = softplus(logit) / n: o' = 1 - exp(-s), logit' = s + log o'.
 static inline real shared_opacity_logit(real logit, real n) {
   const real s = (fmax(logit, (real)0) + log1p(exp(-fabs(logit)))) / n;
   return s + log(-expm1(-s));
 }
-// For n = 2, within opacities 1e-4 and 0.999.
+// The same for n = 2, clamped to opacities from 1e-4 to 0.999.
 static inline real half_opacity_logit(real logit) {
   return clamp(shared_opacity_logit(logit, (real)2), (real)-9.2102404f, (real)6.9067548f);
 }
 
-// How much faster a Gaussian should learn that is seen in a part of the video only: Adam here skips
-// what is not seen, so without this it would move as much less as it is seen less.
-// (length of the video / time it is seen)^power, at least 1 and at most `most`.
+// Learning-rate scale of a Gaussian that is visible in only a part of the video. Adam skips the
+// steps in which it is not seen, so without the scale it would move less. It is
+// (duration / visible time)^power, clamped to [1, most].
 static inline real life_pace(real life, real duration, real power, real most) {
   const real seen = (real)4.9f * life;  // temporal weight above 1/20
   return clamp(pow(duration / seen, power), (real)1, most);

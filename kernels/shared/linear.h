@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The few small matrices the splat maths needs. A matrix is its rows.
+// The small matrices of splat maths, each a struct of its rows.
 #ifndef GFLOW_LINEAR_H
 #define GFLOW_LINEAR_H
 #include "shared/dialect.h"
@@ -57,7 +57,7 @@ static inline real sym2_trace(Sym2 x) { return x.a + x.c; }
 static inline real sym2_inner(Sym2 x, Sym2 y) {
   return x.a * y.a + (real)2 * x.b * y.b + x.c * y.c;
 }
-// a b - c d and a b + c d to 1.5 ulp, however much cancels (Kahan; Jeannerod, Louvet, Muller 2013).
+// a b - c d and a b + c d to 1.5 ulp, whatever cancels (Kahan; Jeannerod, Louvet, Muller 2013).
 static inline real difference_of_products(real a, real b, real c, real d) {
   const real cd = c * d, lost = fma(-c, d, cd);
   return fma(a, b, -cd) + lost;
@@ -65,7 +65,7 @@ static inline real difference_of_products(real a, real b, real c, real d) {
 static inline real sum_of_products(real a, real b, real c, real d) {
   return difference_of_products(a, b, -c, d);
 }
-// A Q A^T for the upper or general 2x2 A and symmetric Q.
+// A Q A^T for a 2x2 A and a symmetric Q.
 static inline Sym2 sym2_congruence(Mat2 m, Sym2 q) {
   const real pa = sum_of_products(m.a, q.a, m.b, q.b), pb = sum_of_products(m.a, q.b, m.b, q.c);
   const real pc = sum_of_products(m.c, q.a, m.d, q.b), pd = sum_of_products(m.c, q.b, m.d, q.c);
@@ -83,7 +83,7 @@ static inline Mat2 mat23_outer(Mat23 x, Mat23 y) {
 static inline Mat23 mat23_sub(Mat23 x, Mat23 y) { return make_mat23(x.r1 - y.r1, x.r2 - y.r2); }
 static inline Mat23 mat23_add(Mat23 x, Mat23 y) { return make_mat23(x.r1 + y.r1, x.r2 + y.r2); }
 
-// x cross y, each component to 1.5 ulp: for vectors that are nearly parallel.
+// The cross product, each component to 1.5 ulp: for nearly parallel vectors.
 static inline real3 cross_exactly(real3 x, real3 y) {
   return make_real3(difference_of_products(x.y, y.z, x.z, y.y),
                     difference_of_products(x.z, y.x, x.x, y.z),

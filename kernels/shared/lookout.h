@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a camera may see Gaussians, LANES at a time, from what is known before their shapes at a
-// time are: place, longest axis, opacity (OpenCL C only). What project_fwd (project.cl) draws
-// passes, with margins for rounding; so a motion model need not pose what fails (Skips::outside).
+// Culls Gaussians that a camera cannot see, LANES at a time, before their shape at time t is
+// computed (OpenCL C only). Uses mean, longest axis and opacity only. Conservative: whatever
+// project_fwd (project.cl) draws passes, with margins for rounding. Motion models skip what is
+// culled (Skips::outside).
 #ifndef GFLOW_LOOKOUT_H
 #define GFLOW_LOOKOUT_H
 #include "shared/lane.h"
 #include "shared/types.h"
 
-// e^x to 1e-5 for |x| <= 80, held there beyond.
+// exp(x) with relative error 1e-5 for |x| <= 80; x is clamped beyond.
 static inline lane lookout_exp(lane x) {
   return lane_exp2(clamp(x, TO_LANE(-80.f), TO_LANE(80.f)) * 1.44269504f);
 }
 
-// A projected covariance is J W L L^T W^T J^T + DILATION I, so neither of its variances, nor its
-// largest, exceeds the squares of the two rows of J W together times the longest axis' square. A
-// splat as opaque as can be is seen within |z|^2 <= 8 (project.cl: reach). NaN passes.
+// With j1, j2 the rows of J W, no variance of a projected covariance J W L L^T W^T J^T + DILATION I
+// exceeds (|j1|^2 + |j2|^2) longest^2 + DILATION. An opaque splat is visible within |z|^2 <= 8
+// (scaled z; `reach` in project.cl). NaN passes.
 static inline lane_int may_be_seen(PinholeCamera cam, lane mean_x, lane mean_y, lane mean_z,
                                    lane longest, lane opacity) {
   const lane zero = TO_LANE(0.f);
@@ -28,7 +29,7 @@ static inline lane_int may_be_seen(PinholeCamera cam, lane mean_x, lane mean_y, 
                       fma(TO_LANE(cam.rotation[7]), mean_y,
                           fma(TO_LANE(cam.rotation[8]), mean_z, TO_LANE(cam.translation[2]))));
   const lane inv_z = 1.f / pz, x = px * inv_z, y = py * inv_z;
-  // J is taken at most FOV_MARGIN outside the picture (project)
+  // project() clamps J at FOV_MARGIN outside the image.
   const float width = (float)(cam.full_width ? cam.full_width : cam.width);
   const float height = (float)(cam.full_height ? cam.full_height : cam.height);
   const float far_x = (fmax(cam.cx, width - cam.cx) + FOV_MARGIN * 0.5f * width) / cam.fx;
@@ -48,7 +49,7 @@ static inline lane_int may_be_seen(PinholeCamera cam, lane mean_x, lane mean_y, 
   return !fails;
 }
 
-// LANES values together, or one by one.
+// LANES values as one vector or one by one.
 typedef union LaneFloats {
   lane all;
   float row[LANES];
@@ -58,8 +59,7 @@ typedef union LaneInts {
   int row[LANES];
 } LaneInts;
 
-// Marks those of the rows from LANES `group` on that may be seen, a bit a row, and says how many.
-// Lanes from n on are nobody.
+// Stores one bit per visible row of the LANES rows of `group`, and their number. Ignores rows >= n.
 static inline void lookout_mark(uint group, uint n, LaneInts shown, global uint* restrict marks,
                                 global uint* restrict counts) {
   uint mark = 0;
@@ -71,7 +71,8 @@ static inline void lookout_mark(uint group, uint n, LaneInts shown, global uint*
   counts[group] = popcount(mark);
 }
 
-// Column `column` of LANES rows of `width` floats; those from n on are as the last.
+// Column `column` of LANES rows, from `first` on, of an array [n, width]; its last row stands in
+// for rows beyond the end.
 static inline lane lookout_column(global const float* restrict values, uint first, uint n,
                                   uint width, uint column) {
 #define LOOKOUT_ROW(r) values[(size_t)min(first + r, n - 1) * width + column]
@@ -90,21 +91,22 @@ static inline lane lookout_column(global const float* restrict values, uint firs
 #endif
 }
 
-// What is looked at of Gaussians that live as shared/life.h says, with one scale an axis: first
-// their time alone (lookout_time), and the rest only where one of them lives: rows are kept in the
-// order of time (optim/density/order.hpp), so most of a long video's are passed over in this way.
+// What culling reads of Gaussians with temporal opacity as in shared/life.h and one scale per axis.
+// lookout_time loads the times; the other members are needed only if one of the rows is inside its
+// time window. Rows are in the order of time (optim/density/order.hpp), so most groups of a long
+// video need no more.
 typedef struct Lookout {
-  LaneFloats x, y, z;      // their place
-  LaneFloats dt;           // time since their own moment
+  LaneFloats x, y, z;      // mean
+  LaneFloats dt;           // t - mean_t
   LaneFloats log_life, log_longest, logit;
 } Lookout;
 
-// Those that are in their window of so many sigmas, or nearly. NaN passes.
+// Rows less than `sigmas` temporal standard deviations away, with a rounding margin. NaN passes.
 static inline lane_int lookout_lives(lane dt, lane log_life, float sigmas) {
   return !(fabs(dt) > TO_LANE(1.001f * sigmas) * lookout_exp(log_life));
 }
 
-// The same of LANES rows; the others have nothing yet but their time.
+// Loads the times of LANES rows and tests them. The other members stay undefined.
 static inline lane_int lookout_time(Lookout* o, uint first, uint n, float t, float sigmas,
                                     global const float* means_t, global const float* log_scales) {
   o->dt.all = t - lookout_column(means_t, first, n, 1, 0);
@@ -112,7 +114,7 @@ static inline lane_int lookout_time(Lookout* o, uint first, uint n, float t, flo
   return lookout_lives(o->dt.all, o->log_life.all, sigmas);
 }
 
-// Before lookout_put: lanes that no row fills are something, too.
+// To be called before lookout_put: defines the lanes that no row fills.
 static inline void lookout_clear(Lookout* o) {
   o->x.all = o->y.all = o->z.all = TO_LANE(0.f);
   o->log_longest.all = o->logit.all = TO_LANE(0.f);
@@ -126,7 +128,7 @@ static inline void lookout_put(Lookout* o, uint r, float3 mean, float4 log_scale
   o->logit.row[r] = logit;
 }
 
-// Those of them that may be seen.
+// Rows that the camera may see.
 static inline lane_int lookout_shows(Lookout o, PinholeCamera camera) {
   const lane apart = o.dt.all / lookout_exp(o.log_life.all);
   const lane opacity =

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The maths of one pixel of the losses: structural similarity from the means over its window, and
-// the robust norm of a flow difference. Each function stands beside its derivative. In kernels the
-// SSIM of a whole lane of pixels is computed at once (LOSS_LANE), in the reference that of one.
+// The losses of one pixel: SSIM from the means over its window, and the robust norm of a flow
+// difference. Each function is followed by its derivative. Kernels compute a lane of pixels at once
+// (LOSS_LANE), the reference one.
 #ifndef GFLOW_LOSS_H
 #define GFLOW_LOSS_H
 #include "shared/dialect.h"
@@ -12,25 +12,25 @@
 #define LOSS_LANE real
 #endif
 
-// The image loss keeps its pictures as planes with a border, so that windows need no edge tests:
+// The image loss stores images as planes with a border, so that windows need no bounds checks:
 // pixel (x, y) of channel c is element c * plane + (y + SSIM_RADIUS) * stride + BORDER_X + x.
 #define BORDER_X 16
 typedef struct ImageLossSize {
   int width, height;  // [px]
-  int stride;         // elements a row with its borders
-  int plane;          // elements a channel: (height + 2 SSIM_RADIUS) * stride
+  int stride;         // elements per row, with its borders
+  int plane;          // elements per channel: (height + 2 SSIM_RADIUS) * stride
 } ImageLossSize;
 
-// SSIM (Wang, Bovik, Sheikh, Simoncelli 2004) of pictures x and y in [0, 1]. The window is 11 x 11,
-// Gaussian with sigma 1.5, and reaches over the border, where both pictures count as 0.
+// SSIM (Wang, Bovik, Sheikh, Simoncelli 2004) of images x and y in [0, 1]. The window is 11 x 11,
+// Gaussian with sigma 1.5, and extends over the border, where both images count as 0.
 #define SSIM_RADIUS 5
 #define SSIM_TAPS 11
 #define SSIM_C1 ((real)1 / (real)10000)  // 0.01^2
 #define SSIM_C2 ((real)9 / (real)10000)  // 0.03^2
 
-// We keep s = x + y - 1 and d = x - y instead of x and y: four means suffice instead of five, the
-// variances of s and d are sums of like terms, and with mid-grey at 0 the difference "mean of the
-// square minus square of the mean" loses fewer digits. Outside the picture s = -1 and d = 0.
+// The planes hold s = x + y - 1 and d = x - y instead of x and y. Four means then suffice instead
+// of five, since no covariance is needed, and with mid-grey at 0 the variance E[s^2] - E[s]^2 loses
+// fewer digits. Outside the image s = -1 and d = 0.
 #define SSIM_OUTSIDE (-1.0f)
 
 // Gaussian-weighted means over the window of one pixel.
@@ -38,7 +38,7 @@ typedef struct SsimMeans {
   LOSS_LANE s, d, ss, dd;  // of s, d, s^2, d^2
 } SsimMeans;
 
-// The value, and its derivatives by the means as they depend on x: since ds/dx = dd/dx = 1,
+// The value, and its derivatives w.r.t. the means, combined for x: since ds/dx = dd/dx = 1,
 //   d ssim(p) / d x(q) = w(p - q) (mean + 2 s(q) ss + 2 d(q) dd).
 typedef struct SsimPixel {
   LOSS_LANE value;  // in [-1, 1]
@@ -51,7 +51,7 @@ typedef struct SsimPixel {
 //   ssim = luminance * structure
 //   luminance = (2 mx my + C1) / (mx^2 + my^2 + C1) = ((S^2 - D^2)/2 + C1) / ((S^2 + D^2)/2 + C1)
 //   structure = (2 cov_xy + C2) / (vx + vy + C2)    = ((P - Q)/2 + C2) / ((P + Q)/2 + C2)
-// and 1 - luminance = D^2 / (its denominator), 1 - structure = Q / (its denominator).
+// with 1 - luminance = D^2 / (its denominator) and 1 - structure = Q / (its denominator).
 static inline SsimPixel ssim_pixel(SsimMeans m) {
   const LOSS_LANE sum = m.s + (real)1;
   const LOSS_LANE p = m.ss - m.s * m.s;
@@ -73,19 +73,19 @@ static inline SsimPixel ssim_pixel(SsimMeans m) {
   return out;
 }
 
-// A teacher flow with a larger component is a fault of its file or estimator, and masked [px].
+// Target flow with a larger component is an error of its file or estimator, and masked [px].
 #define TEACHER_LIMIT 1e5f
 
-// With which probability a tile counts for the flow in a step, then 1 / share times as much, so
-// that the gradient is that of all tiles in the mean: `motion` is the fastest that is asked of it
-// [px], calm in (0, 1] the least share, calm_px the motion from which it always counts, above 0.
+// The probability that a tile counts in the flow loss of a step, then with weight 1 / share, so
+// that the expected gradient is that of all tiles. motion: the tile's fastest target flow [px];
+// calm in (0, 1]: the least share; calm_px > 0: the motion from which a tile always counts [px].
 static inline real flow_share(real motion, real calm, real calm_px) {
   return fmin(fmax(motion / calm_px, calm), (real)1);
 }
 
-// rho(r) = sqrt(r^2 + knee^2) - knee of r = |(x, y)|: r^2 / (2 knee) near 0, r - knee far away;
-// knee > 0. Divided by the largest of |x|, |y|, knee, so that no square over- or underflows, and
-// written without the difference: rho = r^2 / (sqrt(r^2 + knee^2) + knee).
+// rho(r) = sqrt(r^2 + knee^2) - knee with r = |(x, y)| and knee > 0: r^2 / (2 knee) near 0,
+// r - knee far away. All is divided by the largest of |x|, |y|, knee, so that no square over- or
+// underflows, and written without the difference: rho = r^2 / (sqrt(r^2 + knee^2) + knee).
 static inline LOSS_LANE robust_norm(LOSS_LANE x, LOSS_LANE y, real knee) {
   const LOSS_LANE scale = fmax(fmax(fabs(x), fabs(y)), knee), inverse = 1 / scale;
   const LOSS_LANE a = x * inverse, b = y * inverse, k = knee * inverse;

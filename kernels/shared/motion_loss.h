@@ -1,29 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-// Regularisers of motion between two moments t1 and t2 (Dynamic 3D Gaussians, Luiten et al. 2024,
-// equations 6 to 10, here between all pairs {i, j} of neighbours rather than from i to its own).
-// With m the means, d = m_j - m_i, T the turn from t2 back to t1, l the distance of reference and
+// Motion regularisers between two times t1 and t2 (Dynamic 3D Gaussians, Luiten et al. 2024, eqs. 6
+// to 10; here for each pair {i, j} of neighbours, symmetrically). With the means m, d = m_j - m_i,
+// T the rotation from t2 back to t1, l the reference distance and
 // rho(r) = sqrt(|r|^2 + knee^2) - knee:
-//   rigidity   (rho(d1 - T_i d2) + rho(d1 - T_j d2)) / 2   the pair goes as each of the two turns
-//   rotation   rho(T_i - T_j), over all nine elements      the two turn alike
-//   isometry   (rho(|d1| - l) + rho(|d2| - l)) / 2         their distance stays
-//   velocity   rho(d2 - d1)                                they move alike
-// and of one Gaussian at three moments, evenly spaced: acceleration rho(m0 - 2 m1 + m2).
+//   rigidity   (rho(d1 - T_i d2) + rho(d1 - T_j d2)) / 2   d rotates with both Gaussians
+//   rotation   rho(T_i - T_j), over all nine elements      both rotate alike
+//   isometry   (rho(|d1| - l) + rho(|d2| - l)) / 2         their distance is kept
+//   velocity   rho(d2 - d1)                                both move alike
+// For one Gaussian at three evenly spaced times: acceleration rho(m0 - 2 m1 + m2).
 #ifndef GFLOW_MOTION_LOSS_H
 #define GFLOW_MOTION_LOSS_H
 #include "shared/linear.h"
 
-// Weights of the terms of one pair, one Gaussian; 0: not computed. By value from the host.
+// Weights of the terms, per pair or per Gaussian; 0: not computed. Passed by value from the host.
 typedef struct MotionLossRule {
   float rigidity, rotation, isometry, velocity, acceleration;
-  float knee;  // of lengths [scene units]
+  float knee;  // of rho for lengths [scene units]
 } MotionLossRule;
 
-#define TURN_KNEE 0.01f  // of rotations, no unit: 0.4 degrees
+#define TURN_KNEE 0.01f  // of rho for rotation matrices, no unit: 0.4 degrees
 
-// The axes of a factor L = R diag(s): its columns at length 1, here as rows.
+// The axes of a factor L = R diag(s): its columns at length 1, stored as rows.
 typedef struct Axes {
   Mat3 unit;
-  real3 inverse_length;  // all 0 when a column is too short, too long or no number
+  real3 inverse_length;  // all 0 if a column is too short, too long or non-finite
 } Axes;
 static inline Axes axes_of(Mat3 factor) {
   const Mat3 columns = mat3_transpose(factor);
@@ -41,7 +41,7 @@ static inline Axes axes_of(Mat3 factor) {
   a.unit.r3 = columns.r3 * a.inverse_length.z;
   return a;
 }
-// Gradient by the factor from that by the unit axes.
+// Gradient with respect to the factor, given that with respect to the unit axes.
 static inline Mat3 axes_vjp(Axes a, Mat3 v) {
   Mat3 columns;
   columns.r1 = (v.r1 - a.unit.r1 * dot(a.unit.r1, v.r1)) * a.inverse_length.x;
@@ -50,9 +50,9 @@ static inline Mat3 axes_vjp(Axes a, Mat3 v) {
   return mat3_transpose(columns);
 }
 
-// T = U1 inverse(U2) with the axes as columns of U. With factors R diag(s) this is R1 R2^T whatever
-// the scales at the two times; with a factor that does not change it is the identity, whatever the
-// factor. Where axes are not known, or nearly in a plane, nothing turns and nothing is learned.
+// T = U1 inverse(U2), U having the unit axes as columns. For factors R diag(s) it is R1 R2^T,
+// whatever the scales; for a factor that does not change it is I. Where axes are undefined or
+// nearly coplanar, T is I and has no gradient.
 typedef struct Turn {
   Axes axes1, axes2;
   Mat3 inverse2;  // inverse(U2)
@@ -92,8 +92,8 @@ static inline TurnGradient turn_vjp(Turn o, Mat3 v) {
   return g;
 }
 
-// rho and 1 / sqrt(|r|^2 + knee^2), by which r becomes its gradient. Of what is not finite or has a
-// square that is not: both 0, so that a broken Gaussian does not reach its neighbours.
+// rho, and 1 / sqrt(|r|^2 + knee^2), which times r is its gradient. Both are 0 where the square is
+// NaN or above 1e30, so that a broken Gaussian does not affect its neighbours.
 typedef struct Rho {
   real value, factor;
 } Rho;
@@ -107,14 +107,14 @@ static inline Rho rho_of_square(real square, real knee) {
   return o;
 }
 
-// One of a pair, at both times.
+// One Gaussian of a pair, at both times.
 typedef struct Mover {
   real3 mean1, mean2;
   Mat3 turn;
 } Mover;
 
-// Its share of what the pair costs (of rigidity the term with its own turn, of the others half),
-// and the gradient of the whole by it.
+// One Gaussian's share of a pair's loss (of rigidity the term with its own rotation, of the other
+// terms half), and the gradient of the pair's whole loss with respect to it.
 typedef struct PairTerms {
   real rigidity, rotation, isometry, velocity;
 } PairTerms;
@@ -162,7 +162,7 @@ static inline PairShare pair_share(MotionLossRule rule, real weight, real distan
     const real e1 = l1 - distance, e2 = l2 - distance;
     const Rho rho1 = rho_of_square(e1 * e1, knee), rho2 = rho_of_square(e2 * e2, knee);
     o.terms.isometry = half_of * w * (rho1.value + rho2.value);
-    // no direction where the two coincide
+    // the direction is undefined where the two coincide
     if (l1 > (real)0 && rho1.factor > (real)0)
       o.gradient.mean1 = o.gradient.mean1 - d1 * (w * rho1.factor * e1 / l1);
     if (l2 > (real)0 && rho2.factor > (real)0)
@@ -182,8 +182,7 @@ static inline PairShare pair_share(MotionLossRule rule, real weight, real distan
   return o;
 }
 
-// Of the second difference of a path at evenly spaced moments; the gradient by m0 and m2 is
-// `gradient`, by m1 -2 times that.
+// The acceleration term. `gradient` is w.r.t. m0 and m2; the one w.r.t. m1 is -2 times that.
 typedef struct Bend {
   real value;
   real3 gradient;

@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Gaussian in space and time, cut at time t (RT-4DGS, Yang et al. 2023; the representation of
+// The native4d motion model: a 4D Gaussian, sliced at time t (RT-4DGS, Yang et al. 2023; used in
 // the paper's novel-view experiment). Its 4x4 factor is P = R diag(s) with the 4D rotation
-// R v = ql v conj(qr) on v = (x, y, z, t) read as the quaternion t + xi + yj + zk; ql = qr turns
-// space alone. With p_t the time row of P and u = p_t/|p_t|, the cut has
+// R v = ql v conj(qr), where v = (x, y, z, t) is read as the quaternion t + xi + yj + zk; ql = qr
+// rotates space alone. With p_t the time row of P, P_space its other rows and u = p_t/|p_t|, the
+// slice is given by
 //   mean      mu + velocity (t - mu_t),  velocity = P_space p_t / |p_t|^2
-//   factor    the first three columns of P_space H, H the reflection that takes u to the t axis:
-//             L L^T is the Schur complement, exactly, and L does not change with t
+//   factor    L = first three columns of P_space H, H the reflection that takes u to the t axis:
+//             L L^T is exactly the Schur complement, and L does not depend on t
 //   opacity   sigmoid(logit) exp(-(t - mu_t)^2 / (2 |p_t|^2))
 #ifndef GFLOW_NATIVE4D_H
 #define GFLOW_NATIVE4D_H
 #include "shared/life.h"
 #include "shared/quat.h"
 
-// One Gaussian's parameters as the optimiser sees them.
+// One Gaussian's parameters, as optimised.
 typedef struct Native4d {
   real3 mean;
   real mean_t;
-  real4 quat, quat_r;       // ql and qr, any length
+  real4 quat, quat_r;       // ql and qr, not normalised
   real4 log_scales;         // x y z t
   real logit_opacity;
 } Native4d;
@@ -39,7 +40,7 @@ static inline Frame4 frame4(real4 ql, real4 qr) {
   f.t = quat_mul(ql, r);
   return f;
 }
-// Gradient by ql and qr (both unit) from the gradient by the frame.
+// Gradient with respect to ql and qr (both unit), given that with respect to the frame.
 typedef struct Frame4Gradient {
   real4 ql, qr;
 } Frame4Gradient;
@@ -65,12 +66,12 @@ static inline Rows4 rows_of(Frame4 f, real4 s) {
   return p;
 }
 
-// The cut at one time and what its derivative needs again.
+// The slice at one time.
 typedef struct Slice {
   real3 mean;
   Mat3 factor;
   Life life;
-  // kept for the derivative
+  // intermediate values for the derivative
   real dt, var_t, norm_t;  // t - mu_t, |p_t|^2, |p_t|
   real3 velocity;
   real4 u;
@@ -103,7 +104,7 @@ static inline Slice slice_rows(Native4d g, Rows4 p, real t) {
   return o;
 }
 
-// exp(-(t - mu_t)^2 / (2 |p_t|^2)) alone, to know cheaply who is there.
+// exp(-(t - mu_t)^2 / (2 |p_t|^2)) alone: the cheap test of the time window.
 static inline real marginal_at(Native4d g, real t) {
   const Frame4 f = frame4(quat_normalize(g.quat).q, quat_normalize(g.quat_r).q);
   const real4 s = exp(g.log_scales);
@@ -117,13 +118,13 @@ static inline Slice slice_at(Native4d g, real t) {
   return slice_rows(g, rows_of(f, exp(g.log_scales)), t);
 }
 
-// Gradient by one space row of P, where v_l, v_d and v_velocity are that row's.
+// Gradient with respect to one space row of P, given that row's v_l, v_d and v_velocity.
 static inline real4 row_vjp(Slice o, real3 v_l, real v_d, real v_velocity, real4 p_t) {
   real4 g = make_real4(v_l.x, v_l.y, v_l.z, v_d * o.sign) + o.u * v_d;
   return g + p_t * (v_velocity / o.var_t);
 }
 
-// Gradient by the parameters, in a Native4d, from the gradient by mean, factor and opacity.
+// Gradient with respect to the parameters, given that with respect to mean, factor and opacity.
 static inline Native4d slice_vjp(Native4d g, real t, real3 v_mean, Mat3 v_l, real v_opacity) {
   const UnitQuat ql = quat_normalize(g.quat), qr = quat_normalize(g.quat_r);
   const Frame4 f = frame4(ql.q, qr.q);

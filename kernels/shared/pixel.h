@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one splat does to LANES pixels, and the reverse (OpenCL C only). Forward and backward run
-// the same visibility test on the same bits, and the way back starts where each pixel's way ended,
-// so they agree on every contributor.
-// Defines: FLOW, DEPTH 0|1; TOP_K 0 = all contributors make the flow, K = the first K in depth
-// order (the paper's K = 20); EXCLUDE 0 = the splat that saturates a pixel is drawn, then the pixel
-// stops; 1 = it stops before it, as the 3DGS family does (numerics 0.8).
+// What one splat adds to LANES pixels, and the gradient (OpenCL C only). Forward and backward run
+// the same visibility test on the same bits, and backward starts where each pixel's forward pass
+// ended, so they agree on every contributor.
+//
+// Defines: FLOW, DEPTH 0|1. TOP_K 0: all contributors make the flow; K: the first K in depth order
+// (the paper's K = 20). EXCLUDE 0: the splat that saturates a pixel is drawn, then the pixel stops;
+// 1: the pixel stops before it, as in 3DGS.
 #ifndef GFLOW_PIXEL_H
 #define GFLOW_PIXEL_H
 #include "shared/lane.h"
@@ -22,10 +23,10 @@
 #define EXCLUDE 0
 #endif
 #ifndef SATURATED
-#define SATURATED 1  // 0: a tile's list is walked to its end (Skips::saturated)
+#define SATURATED 1  // 0: a tile's list is processed to its end (Skips::saturated)
 #endif
 #ifndef DETACH_WEIGHTS
-#define DETACH_WEIGHTS 0  // 1: no flow gradient to what is drawn where, only to how it moves
+#define DETACH_WEIGHTS 0  // 1: no flow gradient to the blending weights, only to each splat's flow
 #endif
 
 #ifndef ABSGRAD
@@ -51,8 +52,8 @@ static inline Splat splat_load(global const float* splats, uint i) {
   return s;
 }
 
-// Where pixels stand in a splat, z = K (x - mean), and how opaque it is there, whatever lies before
-// it: alpha before the cut at ALPHA_MAX, 0 below ALPHA_MIN.
+// Pixels relative to a splat: z = K (x - mean), and the splat's alpha there, whatever is in front
+// of it, before the clamp at ALPHA_MAX; 0 below ALPHA_MIN.
 typedef struct Footprint {
   lane z1, z2, raw;
 } Footprint;
@@ -71,8 +72,8 @@ static inline Footprint footprint(Splat s, float dx, float dy) {
   return footprint_at(s, fma(s.a.z, dx, s.a.w * dy), s.b.x * dy);
 }
 #else
-// z over a whole tile, taken apart: of the lanes in a cell, and of the cells' centres. So a lane
-// vector's z is one addition of a number from memory.
+// z over a tile, split into an offset per lane of a cell and one per cell centre: a lane vector's z
+// is then one addition of a scalar from memory.
 typedef struct TileFrame {
   lane z1[CELL_PARTS], z2[CELL_PARTS];
   union {
@@ -86,7 +87,7 @@ typedef struct TileFrame {
 
 static inline TileFrame tile_frame(Splat s, int x0, int y0) {
   TileFrame f;
-#pragma unroll  // left as loops of two turns, parts went through memory: 8 lanes took a third longer
+#pragma unroll  // as loops, the parts went through memory: slower with 8 lanes
   for (int part = 0; part < CELL_PARTS; ++part) {
     const lane dx = LANE_X - TO_LANE(2.f), dy = LANE_Y + TO_LANE((float)(part * LANE_ROWS) - 2.f);
     f.z1[part] = fma(TO_LANE(s.a.z), dx, TO_LANE(s.a.w) * dy);
@@ -112,7 +113,7 @@ static inline CellFootprint cell_footprint(Splat s, const TileFrame* f, int cell
   return c;
 }
 
-// Takes a cell out of a mask that is not empty.
+// Removes a cell from a mask that is not empty, and returns it.
 static inline int next_cell(uint* mask) {
   const int cell = 31 - clz(*mask);
   *mask ^= 1u << cell;
@@ -120,15 +121,16 @@ static inline int next_cell(uint* mask) {
 }
 #endif
 
-// How much of the pixels' colour the splat takes.
+// How much of the pixels' colour the splat contributes.
 typedef struct Coverage {
   lane_int open;  // whether the pixel still takes splats
-  lane alpha;     // 0 where the splat does not count
+  lane alpha;     // 0 where the splat does not contribute
   lane weight;    // T alpha
-  lane T;         // what passes on; with EXCLUDE the sign marks a finished pixel
+  lane T;         // transmittance behind the splat; with EXCLUDE the sign marks a finished pixel
 } Coverage;
 
-// T alpha and T are each rounded once: T - T alpha would lose 1 / (1 - alpha) times as much of T.
+// T alpha and the new T are each rounded once. T - (T alpha) would have the 1/(1 - alpha)-fold
+// error.
 static inline Coverage cover(Footprint p, lane T) {
   Coverage c;
   const lane cut = fmin(p.raw, TO_LANE(ALPHA_MAX));
@@ -145,7 +147,7 @@ static inline Coverage cover(Footprint p, lane T) {
   c.weight = T * c.alpha;
   return c;
 }
-// A pixel still takes splats.
+// Whether a pixel still takes splats.
 static inline lane_int still_open(lane T) {
   return EXCLUDE ? T > TO_LANE(0.f) : T >= TO_LANE(T_MIN);
 }
@@ -158,8 +160,8 @@ static inline lane flow_y(Splat s, Footprint p) {
 
 // ---- forward: the sums of one lane vector
 typedef struct PixelSums {
-  lane T, W, r, g, b;  // W = sum of weights: 1 - T has lost it where W is small (numerics 2)
-  lane_int end;        // entries of the tile's list until the pixel is full
+  lane T, W, r, g, b;  // W: sum of weights; 1 - T is inaccurate where W is small
+  lane_int end;        // entries of the tile's list until the pixel is saturated
 #if DEPTH
   lane depth;
 #endif
@@ -167,7 +169,7 @@ typedef struct PixelSums {
   lane fx, fy;
 #endif
 #if TOP_K
-  lane n, W_flow;     // contributors
+  lane n, W_flow;     // contributors so far; the weights of the first TOP_K
   lane_int flow_end;  // entries until TOP_K have contributed
 #endif
 } PixelSums;
@@ -217,27 +219,27 @@ static inline PixelSums pixel_blend(PixelSums p, Splat s, Footprint at, int entr
   return p;
 }
 
-// ---- backward: back to front with R, the share of v . output that lies behind
-//   dL/d(exponent) = ln 2 (w gc - R alpha/(1 - alpha)),  gc = gradient by this weight
-// R is summed from what is behind. The other way round it would be the picture less what lies in
-// front, and behind an alpha of .99 a hundred times the picture's rounding (gflow stress, T16).
+// ---- backward: back to front, with R the part of v . output from behind
+//   dL/d(exponent) = ln 2 (w gc - R alpha/(1 - alpha)),  gc = gradient w.r.t. this weight
+// R is summed from behind. As the image minus what is in front it would have, behind an alpha of
+// .99, a hundred times the image's rounding error (`gflow stress`, T16).
 typedef struct PixelGrads {
   lane T, R;
-  lane_int end;  // as PixelSums'
+  lane_int end;  // as in PixelSums
   lane vr, vg, vb;
 #if DEPTH
   lane vd;
 #endif
 #if FLOW
   lane vfx, vfy;  // v_flow / W
-  lane v0;        // what every flow weight gets: -(v_flow . flow)/W
+  lane v0;        // part of every flow weight's gradient: -(v_flow . flow)/W
 #endif
 #if TOP_K
   lane_int flow_end;
 #endif
 } PixelGrads;
 
-// The 16 sums of one splat, as lanes: q = v_exponent / ln 2.
+// The 16 sums of one splat, per lane, with q = v_exponent / ln 2.
 typedef struct Moments {
   lane q, qz1, qz2, qz11, qz12, qz22;
   lane wr, wg, wb, wd;
@@ -252,10 +254,9 @@ static inline Moments moments_zero(void) {
   return m;
 }
 
-// 1 / x, x in [.01, 1], to half an ulp also where OpenCL's 2.5 are used: a pixel's T is divided by
-// each of its layers (600 of them: 1.0e-5 off on an H100 with its own quotients, 3e-6 with exact
-// ones, gflow stress, T16). A step of Newton's, 2 operations; asking the compiler for exact quotients
-// took 14 to 22 % of the backward pass there.
+// 1 / x for x in [.01, 1], to half an ulp even where OpenCL's 2.5 are used: a pixel's T is divided
+// once per layer, so errors add up (`gflow stress`, T16). One Newton step, 2 operations; exact
+// quotients by the compiler cost more (NVIDIA H100).
 static inline lane reciprocal(lane x) {
   const lane r = TO_LANE(1.f) / x;
 #if LANES == 1
@@ -265,7 +266,7 @@ static inline lane reciprocal(lane x) {
 #endif
 }
 
-// Adds what this splat's pixels say; returns the pixels' new state through p. `entry` as above.
+// Adds the splat's moments in these pixels to m and updates the pixels' state. `entry` as above.
 static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, Footprint at, int entry) {
   const lane zero = TO_LANE(0.f), cut = fmin(at.raw, TO_LANE(ALPHA_MAX));
   const lane alpha = LANE_SELECT(zero, cut, (lane_int)(entry) <= p->end);
@@ -308,7 +309,7 @@ static inline Moments pixel_unblend(PixelGrads* p, Moments m, Splat s, Footprint
 #if DEPTH
   m.wd = fma(weight, p->vd, m.wd);
 #elif ABSGRAD
-  // K^T (q z): the pixel's own pull at the mean, before pulls of other pixels cancel it.
+  // K^T (q z): this pixel's gradient of the mean, before those of other pixels cancel it
   const lane ax = TO_LANE(s.a.z) * qz1, ay = fma(TO_LANE(s.a.w), qz1, TO_LANE(s.b.x) * qz2);
   m.wd += sqrt(fma(ax, ax, ay * ay));
 #endif

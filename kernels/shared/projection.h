@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// One Gaussian, given by mean and covariance factor L, seen by a camera (EWA splatting, Zwicker et
-// al. 2001): mean in the image, M = J W L with S = M M^T + DILATION I, and the whitening K.
-// det S comes from the factor's minors and K is triangular: both stay exact for needles where
-// a c - b b and the conic do not (numerics 0.2, 0.3, 1.3).
+// Projects one Gaussian, given by its mean and its covariance factor L (covariance L L^T), to the
+// image: EWA splatting (Zwicker et al. 2001).
+//   M = J W L,  S = M M^T + DILATION I,  K upper triangular with K^T K = inv(S)
+// J is the projection's Jacobian at the mean, W the camera's rotation. det S is computed from the
+// minors of M and the exponent from K: both stay accurate for long, thin splats, unlike a c - b b
+// and the conic. Derivation: design note numerics.md, sections 0 and 1.3.
 #ifndef GFLOW_PROJECTION_H
 #define GFLOW_PROJECTION_H
 #include "shared/constants.h"
@@ -12,8 +14,8 @@
 typedef struct Projection {
   real3 p;                 // in camera coordinates; p.z is the depth
   real2 mean;              // [px]
-  real u, v;               // X/Z and Y/Z, held inside the image plus FOV_MARGIN
-  int u_inside, v_inside;  // whether they were inside, i.e. carry a gradient
+  real u, v;               // X/Z and Y/Z, clamped to the image plus FOV_MARGIN
+  int u_inside, v_inside;  // 1: not clamped, so it carries a gradient
   real3 w1, w2;            // rows of J W
   Mat23 m;                 // J W L
 } Projection;
@@ -48,7 +50,7 @@ typedef struct GaussianGradient {
   Mat3 factor;
 } GaussianGradient;
 
-// Gradient of a loss by mean and factor from its gradient by the projected mean, depth and M.
+// Gradient with respect to mean and factor, given that with respect to projected mean, depth and M.
 static inline GaussianGradient project_vjp(PinholeCamera cam, Mat3 factor, Projection o,
                                            real2 v_mean, real v_depth, Mat23 v_m) {
   GaussianGradient g;
@@ -62,7 +64,7 @@ static inline GaussianGradient project_vjp(PinholeCamera cam, Mat3 factor, Proje
       make_real3(dot(factor.r1, v_m.r1), dot(factor.r2, v_m.r1), dot(factor.r3, v_m.r1));
   const real3 v_w2 =
       make_real3(dot(factor.r1, v_m.r2), dot(factor.r2, v_m.r2), dot(factor.r3, v_m.r2));
-  // w1 = fx/Z (row1 - u row3), u = X/Z unless it was held at the margin
+  // w1 = fx/Z (row1 - u row3), with u = X/Z unless it was clamped.
   const real inv_z = (real)1 / o.p.z, fx_z = cam.fx * inv_z, fy_z = cam.fy * inv_z;
   real v_x = fx_z * v_mean.x, v_y = fy_z * v_mean.y;
   real v_z = v_depth - (v_x * o.p.x + v_y * o.p.y + dot(o.w1, v_w1) + dot(o.w2, v_w2)) * inv_z;
@@ -80,8 +82,8 @@ static inline GaussianGradient project_vjp(PinholeCamera cam, Mat3 factor, Proje
   return g;
 }
 
-// Covariance S = M M^T + DILATION I, its determinant by minors, and the upper triangular K with
-// K^T K = inv(S); U = inv(K).
+// Covariance S = M M^T + DILATION I, its determinant from the minors of M, the upper triangular K
+// with K^T K = inv(S), and U = inv(K).
 typedef struct Whitening {
   Sym2 s;
   real det;

@@ -6,12 +6,11 @@
 
 typedef struct UnitQuat {
   real4 q;
-  real inverse_norm;  // 0 when the input was too short to mean a rotation
+  real inverse_norm;  // 0 if the input was too short or non-finite
 } UnitQuat;
 
-// q/|q|, by the largest component first so that neither |q| = 1e-30 nor 2e19 leaves float range
-// (numerics 2, "quaternion norm"). A quaternion with |q| < 1e-6 or a non-finite one is the
-// identity.
+// q/|q|. Divides by the largest component first, so that squares stay in float range (|q| = 2e19).
+// A quaternion whose components are at most 1e-6, or non-finite, becomes the identity.
 static inline UnitQuat quat_normalize(real4 q) {
   UnitQuat u;
   const real largest = fmax(fmax(fabs(q.x), fabs(q.y)), fmax(fabs(q.z), fabs(q.w)));

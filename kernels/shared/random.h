@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random numbers as a function of what they are for: (seed, stream, index) in, number out. No
-// state, so nothing depends on the order of work. Mixing by PCG's output permutation (O'Neill 2014)
-// over three rounds; uint arithmetic only, the same bits on every device.
+// Counter-based random numbers: a function of (seed, stream, index) without state, so nothing
+// depends on the order of work. Three rounds of PCG's output permutation (O'Neill 2014) in uint
+// arithmetic: the same bits on every device.
 #ifndef GFLOW_RANDOM_H
 #define GFLOW_RANDOM_H
 #include "shared/dialect.h"
@@ -14,11 +14,11 @@ static inline uint random_mix(uint v) {
 static inline uint random_bits(uint seed, uint stream, uint index) {
   return random_mix(index ^ random_mix(stream ^ random_mix(seed)));
 }
-// In (0, 1): never 0, so its logarithm is finite.
+// Uniform in (0, 1): never 0, so that its logarithm is finite.
 static inline real random_uniform(uint seed, uint stream, uint index) {
   return ((real)(random_bits(seed, stream, index) >> 9) + (real)0.5f) * (real)(1.0f / 8388608.0f);
 }
-// Two independent standard normal numbers (Box, Muller 1958); uses streams `stream` and + 1.
+// Two independent standard normal numbers (Box & Muller 1958). Uses `stream` and `stream` + 1.
 static inline real2 random_normal2(uint seed, uint stream, uint index) {
   const real radius = sqrt((real)-2 * log(random_uniform(seed, stream, index)));
   const real angle = (real)6.28318531f * random_uniform(seed, stream + 1u, index);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far a Gaussian is from one that rests, in its own measure: whether it needs to move at all.
+// Distance of a Gaussian from a static one, in standard deviations: whether it needs motion at all.
 #ifndef GFLOW_REST_H
 #define GFLOW_REST_H
 #include "shared/quat.h"
 
-// Unit quaternion of a matrix near a rotation, by its largest component (Shepperd 1978).
+// Unit quaternion of a matrix near a rotation, from its largest component (Shepperd 1978).
 static inline real4 quat_of_rotmat(Mat3 r) {
   const real one = 1;
   const real w = one + r.r1.x + r.r2.y + r.r3.z, x = one + r.r1.x - r.r2.y - r.r3.z;
@@ -19,8 +19,8 @@ static inline real4 quat_of_rotmat(Mat3 r) {
   return quat_normalize(q).q;
 }
 
-// R^T L diag(1/scales): where the point of a resting Gaussian one standard deviation along each of
-// its axes goes when its factor R diag(scales) becomes L.
+// S^-1 R^T L with S = diag(scales): the factor L in the axes and standard deviations of a Gaussian
+// with factor R S. It is I for L = R S.
 static inline Mat3 in_its_axes(Mat3 rotation, real3 scales, Mat3 factor) {
   Mat3 m = mat3_mul(mat3_transpose(rotation), factor);
   m.r1 = m.r1 * ((real)1 / scales.x);
@@ -29,11 +29,11 @@ static inline Mat3 in_its_axes(Mat3 rotation, real3 scales, Mat3 factor) {
   return m;
 }
 
-// d = |S^-1 R^T (mean - rest)| + |S^-1 R^T L - I|, in standard deviations, for a Gaussian that
-// rests at `rest` with factor R S and is at `mean` with factor L. Its density exp(-|z|^2 / 2) at no
-// place differs by more than .74 d from that at rest: the shift changes it by |z| exp(-|z|^2 / 2)
-// <= .61 times the first term, the turn by |z|^2 exp(-|z|^2 / 2) <= .74 times the second; to first
-// order.
+// d = |S^-1 R^T (mean - rest)| + |S^-1 R^T L - I|, in standard deviations: the distance of a
+// Gaussian with `mean` and factor L from a static one with mean `rest` and factor R S. To first
+// order its density exp(-|z|^2 / 2) differs nowhere by more than .74 d: the shift changes it by
+// |z| exp(-|z|^2 / 2) <= .61 times the first term, the change of the factor by
+// |z|^2 exp(-|z|^2 / 2) <= .74 times the second.
 static inline real distance_from_rest(real3 rest, real4 quat, real3 scales, real3 mean,
                                       Mat3 factor) {
   const Mat3 rotation = quat_to_rotmat(quat_normalize(quat).q);

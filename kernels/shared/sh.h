@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Real spherical harmonics to degree 3, signs and order as in every 3DGS file, and the colour
-// they give: max(0, 1/2 + sum_k sh_k Y_k(direction)).
+// Real spherical harmonics Y_k to degree 3, with the signs and order of 3DGS files. A colour is
+// max(0, 1/2 + sum_k sh_k Y_k(direction)).
 #ifndef GFLOW_SH_H
 #define GFLOW_SH_H
 #include "shared/dialect.h"
@@ -20,7 +20,7 @@ typedef struct ShBasis {
   real y[16];
 } ShBasis;
 
-// The (degree + 1)^2 basis values in direction d, |d| = 1; the rest is 0.
+// The (degree + 1)^2 basis values in direction d, |d| = 1; the others are 0.
 static inline ShBasis sh_basis(int degree, real3 d) {
   ShBasis b;
   for (int k = 0; k < 16; ++k) b.y[k] = (real)0;
@@ -49,7 +49,7 @@ static inline ShBasis sh_basis(int degree, real3 d) {
   }
   return b;
 }
-// Gradient by the direction (as a free vector) from the gradient by the basis values.
+// Gradient w.r.t. the direction (as a free vector), given that w.r.t. the basis values.
 static inline real3 sh_basis_vjp(int degree, real3 d, ShBasis v) {
   real3 g = make_real3((real)0, (real)0, (real)0);
   const real x = d.x, y = d.y, z = d.z, xx = x * x, yy = y * y, zz = z * z, two = 2;
@@ -75,7 +75,7 @@ static inline real3 sh_basis_vjp(int degree, real3 d, ShBasis v) {
   return g;
 }
 
-// Unit vector from the camera to a point; the derivative is (I - d d^T)/distance.
+// Unit vector from the camera to a point, or 0 if they coincide. Derivative: (I - d d^T)/distance.
 typedef struct Direction {
   real3 d;
   real inverse_distance;

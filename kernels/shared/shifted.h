@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Gaussian that a motion model shifts from where it rests, seen at a time:
+// A canonical Gaussian, shifted by a motion model and seen at time t:
 //   mean      mean + shift          factor    R((quat + shift)/|...|) diag(exp(log_scales + shift))
 //   opacity   sigmoid(logit) exp(-(t - mean_t)^2 / (2 scale_t^2))
 #ifndef GFLOW_SHIFTED_H
@@ -7,7 +7,7 @@
 #include "shared/life.h"
 #include "shared/quat.h"
 
-// The parameters that every model has.
+// The canonical parameters.
 typedef struct Still {
   real3 mean;
   real mean_t;
@@ -41,7 +41,8 @@ static inline Shifted shifted_at(Still g, Shift d, real t) {
   return o;
 }
 
-// Gradient by the parameters; that by the shift is its mean, quat and log_scales.xyz.
+// Gradient with respect to the canonical parameters; its mean, quat and log_scales.xyz are also
+// those with respect to the shift.
 static inline Still shifted_vjp(Still g, Shift d, real t, real3 v_mean, Mat3 v_factor,
                                 real v_opacity) {
   const real dt = t - g.mean_t, var = exp((real)2 * g.log_scales.w);

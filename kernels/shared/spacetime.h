@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Gaussian on a path (Spacetime Gaussians, Li et al. 2024, with a path of degree 2): with
-// tau = t - mean_t, the time since its own moment,
+// The spacetime motion model: a Gaussian on a path (Spacetime Gaussians, Li et al. 2024, with paths
+// of degree 2). With tau = t - mean_t:
 //   mean      mean + velocity tau + half_acceleration tau^2
 //   factor    R((quat + turn tau)/|...|) diag(scales)
 //   opacity   sigmoid(logit) exp(-tau^2 / (2 scale_t^2))
-// With half_acceleration = turn = 0 this is exactly the set of 4D Gaussians of native4d.h, written
-// by its cut and its velocity: then what a step changes of the motion leaves the shape alone.
+// With half_acceleration = turn = 0 these are exactly the 4D Gaussians of native4d.h, parametrised
+// by slice and velocity: a step that changes the motion does not change the shape.
 #ifndef GFLOW_SPACETIME_H
 #define GFLOW_SPACETIME_H
 #include "shared/life.h"
 #include "shared/quat.h"
 
-// One Gaussian's parameters as the optimiser sees them.
+// One Gaussian's parameters, as optimised.
 typedef struct Spacetime {
   real3 mean;
   real mean_t;
   real3 velocity, half_acceleration;
-  real4 quat, turn;  // at mean_t, any length; its change in a unit of time
+  real4 quat, turn;  // at mean_t, not normalised; its change per unit of time
   real4 log_scales;  // x y z t
   real logit_opacity;
 } Spacetime;
@@ -41,7 +41,7 @@ static inline SpacetimeCut spacetime_at(Spacetime g, real t) {
   return o;
 }
 
-// Gradient by the parameters, in a Spacetime, from the gradient by mean, factor and opacity.
+// Gradient with respect to the parameters, given that with respect to mean, factor and opacity.
 static inline Spacetime spacetime_vjp(Spacetime g, real t, real3 v_mean, Mat3 v_factor,
                                       real v_opacity) {
   const real4 s = exp(g.log_scales);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The arrays that every motion model has, read and written a Gaussian at a time (OpenCL C only).
+// Loads and stores the arrays of canonical parameters, one Gaussian at a time (OpenCL C only).
 #ifndef GFLOW_STILL_ROWS_H
 #define GFLOW_STILL_ROWS_H
 #include "shared/arrays.h"
@@ -28,8 +28,8 @@ static inline Still load_still(uint i, STILL_IN) {
   return g;
 }
 
-// Whether row i, entry k of the view, counts at time t: in its window first, seen then. Sets the
-// opacity to 0 where it is not.
+// Whether row i, entry k of the view, is needed at time t: at the first time, if it is inside its
+// time window (else its opacity becomes 0); at a second time, if it touches a tile.
 static inline int still_in_window(uint i, uint k, float t, float sigmas, int first,
                                   global const uint* restrict tiles_touched,
                                   global const float* restrict means_t,
@@ -41,7 +41,7 @@ static inline int still_in_window(uint i, uint k, float t, float sigmas, int fir
   return 0;
 }
 
-// As entry k of the view.
+// Writes entry k of the view.
 static inline void store_shifted(uint k, Shifted o, global float* restrict means_at,
                                  global float* restrict factors_at,
                                  global float* restrict opacities_at) {
@@ -50,7 +50,7 @@ static inline void store_shifted(uint k, Shifted o, global float* restrict means
   store_mat3(factors_at, k, o.factor);
 }
 
-// Sets the gradients (fresh) or adds to them.
+// Sets the gradients if `fresh`, else adds to them.
 static inline void put_still(uint i, Still v, int fresh, V_STILL_OUT) {
   if (fresh) {
     store3(v_means, i, v.mean);

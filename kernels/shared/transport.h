@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a splat carries the pixels under it from t1 to t2: flow at x = (mu2 - mu1) + H z with
-// z = K (x - mu1). Four maps (numerics 1.1 - 1.5):
-//   TRANSPORT_PAPER      A = B2 inv(B1), B the symmetric root of S          (paper eq. 8)
+// How a splat moves the pixels under it from t1 to t2:
+//   flow(x) = (mu2 - mu1) + H z,  z = K (x - mu1),  H = (A - I) U
+// with K and U of shared/projection.h and one of four maps A:
+//   TRANSPORT_PAPER      A = B2 inv(B1), B the symmetric square root of S (GaussianFlow eq. 8)
 //   TRANSPORT_OT         A = the Monge map from N(mu1, S1) to N(mu2, S2)
 //   TRANSPORT_MATERIAL   A = I + (M2 - M1) M1^T inv(S1): the projected 3D motion itself
-//   TRANSPORT_TRANSLATE  A = I                                             (paper eq. 9)
-// and H = (A - I) U, formed from differences so that nothing cancels when little moves.
-// No eigenvectors: every map and derivative is smooth at equal eigenvalues.
+//   TRANSPORT_TRANSLATE  A = I                                      (GaussianFlow eq. 9)
+// H is formed from differences, so nothing cancels for small motion. No eigenvectors are used: all
+// maps and derivatives are smooth at equal eigenvalues. Derivations: design note numerics.md,
+// sections 1.1 to 1.5.
 #ifndef GFLOW_TRANSPORT_H
 #define GFLOW_TRANSPORT_H
 #include "shared/projection.h"
@@ -16,7 +18,7 @@
 #define TRANSPORT_MATERIAL 2
 #define TRANSPORT_TRANSLATE 3
 
-// Symmetric root B = (S + s I)/tau; s = det B, tau = tr B.
+// Symmetric square root B = (S + s I)/tau of a covariance S; s = det B, tau = tr B.
 typedef struct Root2 {
   Sym2 b;
   real s, tau;
@@ -28,7 +30,8 @@ static inline Root2 root2(Sym2 cov, real det) {
   r.b = sym2_scale(make_sym2(cov.a + r.s, cov.b, cov.c + r.s), (real)1 / r.tau);
   return r;
 }
-// The X with B X + X B = Q (numerics 1.1): a sum of like-signed terms.
+// The X with B X + X B = Q, X = (s Q + adj(B) Q adj(B)) / (2 tr(B) s) with s = det B: the terms
+// have like signs, so nothing cancels.
 static inline Sym2 lyapunov2(Sym2 b, real det, Sym2 q) {
   const Sym2 adj = sym2_adj(b);
   const Sym2 sum = sym2_add(sym2_scale(q, det), sym2_congruence(mat2_of(adj), q));
@@ -51,7 +54,7 @@ static inline Mat2 root_to_triangular(Whitening w, Root2 r) {
 }
 
 // T - I of the Monge map T = (S2 + (s2/s1) adj S1)/n, n = sqrt(tr(S1 S2) + 2 s1 s2), from
-// differences: with D = S2 - S1 and r = s2/s1,
+// differences. With D = S2 - S1 and r = s2/s1:
 //   n (T - I) = D + (1 - r) S1 + (r tr S1 - n) I.
 typedef struct Monge2 {
   real s1, s2, r, n;
@@ -61,7 +64,7 @@ static inline Monge2 monge2(Whitening w1, Whitening w2, Mat23 m1, Mat23 m2) {
   Monge2 o;
   const Sym2 d = covariance_change(m1, m2);
   const Mat23 e = mat23_sub(m2, m1);
-  // det S2 - det S1: the minors' change is e1 x r2' + r1 x e2
+  // det S2 - det S1 from the change of the minors, e1 x r2' + r1 x e2.
   const real3 minors1 = cross(m1.r1, m1.r2), minors2 = cross(m2.r1, m2.r2);
   const real3 change = cross(e.r1, m2.r2) + cross(m1.r1, e.r2);
   const real det_change = dot(change, minors1 + minors2) + (real)DILATION * sym2_trace(d);
@@ -79,15 +82,15 @@ static inline Monge2 monge2(Whitening w1, Whitening w2, Mat23 m1, Mat23 m2) {
   return o;
 }
 
-// W = K M, for H = E W^T of material. Its first row is k1 (r1 - (b/c) r2) with b = r1.r2 and
-// c = |r2|^2 + DILATION: for needles a difference of nearly equal vectors (1e-5 of H at 300 x 1
-// px), so formed as k1/c (r2 x (r1 x r2) + DILATION r1), in which nothing cancels (2e-7 there).
+// W = K M, for the material transport H = E W^T with E = M2 - M1. With b = r1.r2 and c = |r2|^2 +
+// DILATION its first row is k1 (r1 - (b/c) r2), which cancels for long, thin splats (an error of
+// 1e-5 in H at 300 x 1 px). The equal k1/c (r2 x (r1 x r2) + DILATION r1) does not (2e-7).
 static inline Mat23 whitened_factor(Whitening w, Mat23 m) {
   const real3 minors = cross_exactly(m.r1, m.r2);
   return make_mat23((cross(m.r2, minors) + m.r1 * (real)DILATION) * (w.k1 / w.s.c), m.r2 * w.k3);
 }
 
-// H of one splat.
+// H of one splat; `mode` is one of TRANSPORT_*.
 static inline Mat2 transport(int mode, Mat23 m1, Whitening w1, Mat23 m2) {
   if (mode == TRANSPORT_PAPER) {
     const Whitening w2 = whiten(m2);
@@ -105,8 +108,8 @@ typedef struct TransportGradient {
   Mat23 m1, m2;
 } TransportGradient;
 
-// Gradient by M1 and M2 of sum v . (H z) where gh = sum v z^T was collected at fixed pixels: the
-// dependence of z on M1 is included (numerics 1.2, 1.3).
+// Gradient with respect to M1 and M2 of sum v . (H z), given gh = sum v z^T collected at fixed
+// pixels. Includes the dependence of z on M1.
 static inline TransportGradient transport_vjp(int mode, Mat23 m1, Whitening w1, Mat23 m2, Mat2 gh) {
   TransportGradient g;
   const real3 zero = make_real3((real)0, (real)0, (real)0);
@@ -124,7 +127,7 @@ static inline TransportGradient transport_vjp(int mode, Mat23 m1, Whitening w1, 
   } else if (mode == TRANSPORT_OT) {
     const Whitening w2 = whiten(m2);
     const Monge2 o = monge2(w1, w2, m1, m2);
-    const Sym2 ga = mat2_sym(mat2_mul(gh, mat2_transpose(whitening_u(w1))));  // by A, symmetric
+    const Sym2 ga = mat2_sym(mat2_mul(gh, mat2_transpose(whitening_u(w1))));  // w.r.t. A, symmetric
     const Sym2 t = make_sym2(o.change.a + (real)1, o.change.b, o.change.c + (real)1);
     const real gamma = sym2_inner(ga, t) / o.n;
     const real beta = sym2_inner(ga, sym2_adj(w1.s)) / o.n, half_n = (real)0.5f / o.n;
