@@ -1,19 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adam over rows first .. first + rows - 1 of parameters. A row with seen[row] == 0 keeps every bit
-// of its values and moments; once it is seen again, they decay by the steps that it missed. Order
-// within a training step: adam_refuse for every group, adam_advance once, then adam_step for every
-// group. Repeatable bit for bit: no two work-items share an element.
-// CPUs (LANES > 1) take ADAM_SPAN rows a work-item, whose floats are neighbours in memory, in
-// vectors.
-// Measured (PoCL, two cores with AVX-512, 100 000 rows of 23 floats in 8 groups): 4.1 ms for all
-// three with beta1 = 0.9; a row a work-item, with a look into the table in each group, took 8.9 ms.
-// With AVX2, 1 000 000 rows of which 10 000 live at the moment: 2.8 to 3.7 ms, not 12 to 15, since
-// adam_step reads a byte of each span that has nobody seen, not its rates.
+// of its values and moments; once it is seen again, its moments decay by the steps it missed. Order
+// within a training step: adam_refuse for every group, adam_advance once, adam_step for every
+// group. Bitwise repeatable: no two work-items share an element.
+// CPUs (LANES > 1) process ADAM_SPAN rows per work-item in vectors, since their floats are
+// neighbours in memory. Faster than one row per work-item; of a span without seen rows, adam_step
+// reads one byte.
 #include "shared/adam.h"
 #include "shared/lane_row.h"
 #include "shared/work.h"
 
-// A row with a gradient that Adam cannot take is skipped in all groups.
+// Rejects a row with a gradient that Adam cannot use: all groups skip it.
 static inline void refuse_row(size_t row, uint width, global const float* grads, global uint* seen,
                               global uint* refused) {
   if (seen[row] == 0) return;
@@ -26,8 +23,8 @@ static inline void refuse_row(size_t row, uint width, global const float* grads,
 
 kernel void adam_refuse(const uint first, const uint rows, const uint width,
                         global const float* restrict grads,  // [rows, width]
-                        global uint* restrict seen,          // [rows] becomes 0 if refused
-                        global uint* restrict refused) {     // [rows] one more, from 1, if refused
+                        global uint* restrict seen,          // [rows] becomes 0 if rejected
+                        global uint* restrict refused) {     // [rows] RowState::refused
 #if LANES == 1
   if (get_global_id(0) < rows) refuse_row(first + get_global_id(0), width, grads, seen, refused);
 #else
@@ -38,7 +35,7 @@ kernel void adam_refuse(const uint first, const uint rows, const uint width,
   for (size_t r = 0; r < span; ++r) any_seen |= seen[first + begin + r];
   if (!any_seen) return;
   global const float* g = grads + (first + begin) * width;
-  lane_int bad = 0;  // also by what rows left behind that are not seen now
+  lane_int bad = 0;  // set by stale gradients of unseen rows, too
   size_t i = 0;
   for (; i + LANES <= count; i += LANES) {
     const lane x = ROW_LOAD(g + i);
@@ -52,10 +49,9 @@ kernel void adam_refuse(const uint first, const uint rows, const uint width,
 #endif
 }
 
-// Counts the steps of a seen row up to number `now`, that which it is about to make, and says what
-// these do to it (AdamRow; correction1 times pace). Steps count from a row's first gradient on:
-// what has no moments yet has none to decay. Without makes_up what a row missed never was.
-// correction2 is -1 for rows not seen.
+// Advances a seen row to its step number `now` and returns its AdamRow, correction1 times pace.
+// Steps count from a row's first gradient on, since it has no moments to decay before. Without
+// makes_up, missed steps do not count. For unseen rows correction2 is -1.
 static inline float4 advance_row(size_t row, uint now, int makes_up, uint table_size,
                                  global const float* table, global const uint* seen,
                                  global const float* pace, global uint* steps, global uint* last,
@@ -64,7 +60,7 @@ static inline float4 advance_row(size_t row, uint now, int makes_up, uint table_
   refused[row] = min(refused[row], 1u);
   const uint before = steps[row];
   const uint missed = before == 0 || !makes_up ? 0 : now - last[row] - 1;
-  // Beyond the table all is as at its end, and counts must not wrap.
+  // Beyond the table everything is as at its end; the counter must not wrap.
   steps[row] = min(before + missed + 1, 0x7fffffffu);
   last[row] = now;
   float4 rate;
@@ -74,18 +70,18 @@ static inline float4 advance_row(size_t row, uint now, int makes_up, uint table_
   return rate;
 }
 
-// One work-item per row, or per ADAM_SPAN rows: of a span without a row that is seen only that is
-// written down, which is all that adam_step reads of it then.
+// One work-item per row, or per ADAM_SPAN rows. For a span without seen rows only `idle` is set,
+// which is all that adam_step then reads of it.
 kernel void adam_advance(const uint first, const uint rows, const uint now, const int makes_up,
                          const uint table_size,
                          global const float* restrict table,  // [table_size, 4] AdamRow by steps
                          global const uint* restrict seen,    // [rows]
-                         global const float* restrict pace,   // [rows] multiplies the rate
+                         global const float* restrict pace,   // [rows] learning-rate scale
                          global uint* restrict steps,         // [rows]
                          global uint* restrict last,          // [rows] number of its last step
                          global uint* restrict refused,       // [rows] at most 1 again if seen
                          global float* restrict rates,        // [rows, 4]
-                         global uchar* restrict idle) {       // [spans] 1: none is seen
+                         global uchar* restrict idle) {       // [spans] 1: no row is seen
 #if LANES == 1
   const size_t row = first + get_global_id(0);
   if (row >= (size_t)first + rows) return;
@@ -124,10 +120,10 @@ static inline void update_one(size_t i, AdamStep step, float4 c, ADAM_ARRAYS) {
 
 #if LANES > 1
 typedef struct LaneRow {
-  lane x, y, z, w;  // an AdamRow each
+  lane x, y, z, w;  // one AdamRow per lane
 } LaneRow;
 
-// As adam_update, on LANES floats from i on; those with y < 0 keep every bit.
+// adam_update on LANES floats from i on; lanes with y < 0 keep every bit.
 static inline void update_lanes(size_t i, AdamStep step, LaneRow c, ADAM_ARRAYS) {
   const lane g = ROW_LOAD(grads + i), value = ROW_LOAD(values + i);
   const lane v = ROW_LOAD(exp_avg_sq + i);
@@ -144,12 +140,12 @@ static inline void update_lanes(size_t i, AdamStep step, LaneRow c, ADAM_ARRAYS)
 }
 #endif
 
-// One work-item per scalar, or per ADAM_SPAN rows. Where beta1 is 0 exp_avg may be a null pointer.
+// One work-item per scalar, or per ADAM_SPAN rows. exp_avg may be null if beta1 is 0.
 kernel void adam_step(const uint first, const uint rows, const uint width, const AdamStep step,
                       const int per_time,
-                      global const float* restrict rates,  // [rows, 4] of adam_advance,
-                      global const uchar* restrict idle,   // [spans] too
-                      global const float* restrict reach,  // [rows] divides them, per_time times
+                      global const float* restrict rates,  // [rows, 4] from adam_advance
+                      global const uchar* restrict idle,   // [spans] from adam_advance
+                      global const float* restrict reach,  // [rows] rate divisor, per_time times
                       ADAM_ARRAYS) {                       // [rows, width]
 #if LANES == 1
   const size_t i = (size_t)first * width + get_global_id(0), row = i / width;
@@ -169,7 +165,7 @@ kernel void adam_step(const uint first, const uint rows, const uint width, const
     for (int k = 0; k < per_time; ++k) c[r].x /= reach[begin + r];
   }
   if (width < LANES && count == ADAM_SPAN) {
-    // The rows' floats one after the other: whole vectors, each float with its row's figures.
+    // The rows' floats one after the other: whole vectors, each float with the factors of its row.
     float x[ADAM_SPAN * LANES], y[ADAM_SPAN * LANES], z[ADAM_SPAN * LANES], w[ADAM_SPAN * LANES];
     for (uint r = 0, e = 0; r < ADAM_SPAN; ++r)
       for (uint k = 0; k < width; ++k, ++e) {

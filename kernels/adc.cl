@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Density control "adc": which Gaussians go, stay or become two.
-// Only sorts and prefix sums: bitwise repeatable. One work-item a Gaussian.
-// Measured (PoCL, two cores with AVX-512, 30 000): adc_accumulate, in each view, .03 ms; the rest
-// when it refines only.
+// Density control "adc": which Gaussians are removed, kept or split in two. Uses sorts and prefix
+// sums only: bitwise repeatable. One work-item per Gaussian.
 #include "shared/life.h"
 #include "shared/view_rows.h"
 
-// After a view: how hard the loss pulls at each splat's place in the image [half the image].
+// After a view: adds up the norms of the loss gradients w.r.t. the splats' positions, in units of
+// half the image.
 kernel void adc_accumulate(const uint n, const float half_width, const float half_height,
                                global const uint* restrict rows,  // shared/view_rows.h
                                global const uint* restrict tiles_touched,  // [n]
@@ -23,7 +22,8 @@ kernel void adc_accumulate(const uint n, const float half_width, const float hal
   views[i] += 1.f;
 }
 
-// copies: 0 for what goes, 1 for the rest; keys sort the candidates for growth, hardest pull first.
+// copies: 0 for Gaussians to remove, 1 for others. keys sorts the candidates for growth, those with
+// the largest mean gradient first.
 kernel void adc_rank(const uint n, const float threshold, const float min_logit_opacity,
                          const float max_log_scale, const float duration, const float cutoff_sigmas,
                          global const float* restrict logit_opacities,
@@ -43,15 +43,15 @@ kernel void adc_rank(const uint n, const float threshold, const float min_logit_
   order[i] = i;
 }
 
-// The first `allowed` candidates become two.
+// The first `allowed` candidates are split in two.
 kernel void adc_grow(const uint n, const uint allowed, global const uint* restrict keys,
                          global const uint* restrict order, global uint* restrict copies) {
   const uint k = get_global_id(0);
   if (k < n && k < allowed && keys[k] != 0xffffffffu) copies[order[k]] = 2u;
 }
 
-// Row i of the old arrays goes to offsets[i] ...: source and child (0: as it was, 1 and 2: the two
-// of a split) of each new row.
+// Row i of the old arrays becomes the copies[i] rows from offsets[i] on: source and child (0:
+// unchanged, 1 and 2: the two of a split) of each new row.
 kernel void adc_sources(const uint n, global const uint* restrict copies,
                             global const uint* restrict offsets, global uint* restrict source,
                             global uint* restrict child) {
@@ -64,12 +64,12 @@ kernel void adc_sources(const uint n, global const uint* restrict copies,
   }
 }
 
-// No opacity stays above a level: what the pictures need rises again, the rest will go. The mean
-// gradient of what was lowered is forgotten, it speaks of another place. How large its gradients
-// are is not: the next step would be 1 / sqrt(1 - beta2) times the rate, more than the reset
-// itself.
+// Clamps opacities from above: those that the images need rise again, the others become removable.
+// Clears the mean gradient of clamped ones, which belongs to another opacity. The mean squared
+// gradient is kept: without it the next step would be 1 / sqrt(1 - beta2) times the rate, more than
+// the reset itself.
 kernel void adc_reset(const uint n, const float most_logit, global float* restrict logit_opacities,
-                      global float* restrict exp_avg) {  // null: none is kept
+                      global float* restrict exp_avg) {  // null: none is stored
   const uint i = get_global_id(0);
   if (i >= n || !(logit_opacities[i] > most_logit)) return;
   logit_opacities[i] = most_logit;

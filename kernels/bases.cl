@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bases motion model on the device: the poses of the shared motions at a time, Gaussians that
-// follow them, and back. Windows, first and second time are as in native4d.cl. Gradients of the
-// poses are summed over chunks of Gaussians, then over chunks in order: bitwise repeatable.
-// Measured (PoCL, two cores with AVX2, 30 000, of which a view lists 13 000, 8 bases): look .20 ms,
-// the poses at both times 1.8, and 1.8 back.
+// The bases motion model on the device (formulas: shared/bases.h): the poses of the bases at a
+// time, Gaussians that follow them, and the gradient. Windows, first and second time are as in
+// native4d.cl. Gradients of the poses are summed over chunks of Gaussians, then over chunks in
+// order: bitwise repeatable.
 #include "shared/bases.h"
 #include "shared/keys.h"
 #include "shared/lookout.h"
 #include "shared/still_rows.h"
 #include "shared/unrolled.h"
 
-#define POSE 7  // floats of a pose: unit quaternion, shift
+#define POSE 7  // floats per pose: unit quaternion, shift
 
-// Not normalised; row k B + b of the tables is key k of basis b, and 0 is no motion.
+// Not normalised. Row k B + b of the tables is key k of basis b; 0 is no motion.
 static inline real4 basis_quat(int bases, int b, KeyWeights keys, global const float* basis_turns) {
   real4 q = make_real4(1.f, 0.f, 0.f, 0.f);
   FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count) {
@@ -21,7 +20,7 @@ static inline real4 basis_quat(int bases, int b, KeyWeights keys, global const f
   return q;
 }
 
-// One work-item a basis.
+// One work-item per basis.
 kernel void bases_pose(const int bases, const KeyWeights keys,
                        global const float* restrict basis_shifts,  // [K, B, 3]
                        global const float* restrict basis_turns,   // [K, B, 4]
@@ -46,7 +45,7 @@ static inline BasisPose load_pose(int b, global const float* poses, global const
   return p;
 }
 
-// Weights of Gaussian i, one of the first M, and what they make of its pose. The others rest.
+// Applies the bases to Gaussian i, one of the M dynamic ones. `weights` gets its blend weights.
 static inline Still follow(uint i, Still g, int bases, global const float* basis_logits,
                            global const float* poses, global const float* pivots, float* weights) {
   float logits[MAX_BASES];
@@ -89,9 +88,9 @@ kernel void bases_fwd(const uint n, const uint moving, const int bases, const fl
   store_shifted(k, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
 }
 
-// Which rows a camera may see at a time: as spacetime_look (spacetime.cl). Where they are is found
-// for LANES Gaussians together, too: that is most of the work here. (exp() of a vector takes three
-// times as long as all the rest: PoCL takes it apart. This one is 1e-6 off for logits within 10.)
+// Culls rows that a camera cannot see at time t, as spacetime_look (spacetime.cl). The means are
+// moved for LANES Gaussians at once, too, since that is most of the work. lookout_exp() is off by
+// 1e-6 for logits within 10; PoCL would take a vector exp() apart into scalars.
 kernel void bases_look(const uint n, const uint moving, const int bases, const float t,
                        const float sigmas, const PinholeCamera camera, STILL_IN,
                        global const float* restrict basis_logits,
@@ -109,7 +108,7 @@ kernel void bases_look(const uint n, const uint moving, const int bases, const f
   }
   lookout_clear(&lookout);
   LaneFloats logits[MAX_BASES];
-  for (int b = 0; b < bases; ++b) logits[b].all = TO_LANE(-1e30f);  // of those at rest: weight 0
+  for (int b = 0; b < bases; ++b) logits[b].all = TO_LANE(-1e30f);  // static ones: weight 0
   for (uint i = first, r = 0; i < n && r < LANES; ++i, ++r) {
     lookout_put(&lookout, r, load3(means, i), vload4(i, log_scales), logit_opacities[i]);
     if (i >= moving) continue;
@@ -136,7 +135,7 @@ kernel void bases_look(const uint n, const uint moving, const int bases, const f
   lookout_mark(group, n, shown, marks, counts);
 }
 
-// One work-item a chunk of `length` entries of the view.
+// One work-item per chunk of `length` entries of the view.
 kernel void bases_bwd(const uint n, const uint moving, const uint length, const int bases,
                       const float t, const int first, global const uint* restrict rows, STILL_IN,
                       global const float* restrict basis_logits, global const float* restrict poses,
@@ -171,7 +170,7 @@ kernel void bases_bwd(const uint n, const uint moving, const uint length, const 
     const real4 v_turn = quat_mul(v.quat, quat_conj(rest.quat)), v_quat = v.quat;
     const real3 v_mean = v.mean;
     real4 blend = make_real4(1.f, 0.f, 0.f, 0.f);
-    float mean_v = 0.f;  // of v_weights
+    float mean_v = 0.f;  // weighted mean of v_weights
     for (int b = 0; b < bases; ++b) {
       const BasisPose p = load_pose(b, poses, pivots);
       const BasisPose v_p = basis_pose_vjp(p, weights[b], rest.mean, v_mean, v_turn);
@@ -181,7 +180,7 @@ kernel void bases_bwd(const uint n, const uint moving, const uint length, const 
       v_weights[b] = dot(v_mean, basis_shift(p, rest.mean)) + dot(v_turn, basis_turn(p));
       mean_v += weights[b] * v_weights[b];
       float* sum = sums + POSE * b;
-      // One that is broken has a gradient of its own that says so, and tells nobody else anything.
+      // A broken Gaussian keeps its non-finite gradient, but must not affect the shared bases.
       const float told = v_p.quat.x + v_p.quat.y + v_p.quat.z + v_p.quat.w + v_p.shift.x +
                          v_p.shift.y + v_p.shift.z;
       if (!is_finite_real(told)) continue;
@@ -199,7 +198,7 @@ kernel void bases_bwd(const uint n, const uint moving, const uint length, const 
   for (int k = 0; k < bases * POSE; ++k) partials[chunk * bases * POSE + k] = sums[k];
 }
 
-// One work-item a basis: its chunks' sums to the keys that made its pose.
+// One work-item per basis: sums its chunks and passes the gradient on to the keys of its pose.
 kernel void bases_gather(const uint chunks, const int bases, const KeyWeights keys,
                          global const float* restrict basis_turns,
                          global const float* restrict partials,

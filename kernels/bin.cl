@@ -1,22 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Splats into tiles, each tile's list in depth order, ties by index; no atomics, bitwise repeatable
-// (kernels.md 4, S3). Those that are seen come sorted by depth once. Then, on CPUs, chunks of that
-// order are counted a tile, the counts summed over chunks and tiles, and the chunks scattered in
-// order; a GPU sorts pairs of tile and slot instead (tile_sort.cl). The lists are the same.
-// Measured (100 000 splats, 287 000 intersections; PoCL 3.1, 2 cores): counting .9 ms, scattering .9;
-// with unsigned loops over y * tiles_x + x 1.1 each. On an H100 all of binning takes .41 ms, with one
-// work-item a chunk 1.6.
+// Puts splats into tiles, each tile's list in depth order, ties by index; without atomics, bitwise
+// repeatable. The visible ones are sorted by depth once. On CPUs, chunks of that order are then
+// counted per tile, the counts summed over chunks and tiles, and the chunks scattered in order; a
+// GPU sorts (tile, slot) pairs instead (tile_sort.cl). The lists are the same. Signed loops over
+// row pointers are faster on PoCL than unsigned ones over y * tiles_x + x.
 #include "shared/constants.h"
 #include "shared/group_scan.h"
 
-// The part [x, y) of n items that chunk c of `chunks` takes.
+// The range [x, y) of n items in chunk c of `chunks`.
 static inline uint2 chunk_range(uint n, uint c, uint chunks) {
   const uint size = (n + chunks - 1) / chunks;
   const uint first = min(n, c * size);
   return (uint2)(first, min(n, first + size));
 }
 
-// One group a chunk of all Gaussians: how many of them are seen. So that only they are sorted.
+// Counts the visible Gaussians, so that only they are sorted. One group per chunk of all Gaussians.
 kernel void seen_count(const uint n, global const uint* restrict tiles_touched,
                        global uint* restrict counts) {  // [chunks]
   local ulong shared[GROUP];
@@ -28,7 +26,7 @@ kernel void seen_count(const uint n, global const uint* restrict tiles_touched,
   if (get_local_id(0) == 0) counts[get_group_id(0)] = (uint)all;
 }
 
-// And who, from offsets[chunk] on, with the keys of their depth.
+// Writes the visible Gaussians and their depth keys, from offsets[chunk] on.
 kernel void seen_write(const uint n, global const uint* restrict tiles_touched,
                        global const uint* restrict depth_keys,  // [N]
                        global const uint* restrict offsets,     // [chunks + 1]
@@ -52,7 +50,7 @@ kernel void seen_write(const uint n, global const uint* restrict tiles_touched,
 
 #if GROUP == 1
 
-// One work-item a chunk of those that are seen: histogram [chunks, tiles].
+// One work-item per chunk of visible Gaussians: histogram [chunks, tiles].
 kernel void tile_count(const uint n, const uint chunks, const uint tiles_x, const uint tiles,
                        global const uint* restrict order,         // [n] by depth
                        global const ushort* restrict tile_boxes,  // [N, 4]
@@ -72,7 +70,7 @@ kernel void tile_count(const uint n, const uint chunks, const uint tiles_x, cons
   }
 }
 
-// One work-item a tile: histogram becomes each chunk's offset within the tile; totals [tiles].
+// One work-item per tile: turns histogram into each chunk's offset within the tile; totals [tiles].
 kernel void tile_columns(const uint chunks, const uint tiles, global uint* restrict histogram,
                          global uint* restrict totals) {
   const uint t = get_global_id(0);
@@ -86,8 +84,8 @@ kernel void tile_columns(const uint chunks, const uint tiles, global uint* restr
   totals[t] = sum;
 }
 
-// One work-item a chunk. A Gaussian's intersections have consecutive slots, so that the backward
-// pass can be summed a Gaussian at a time.
+// One work-item per chunk. A Gaussian's intersections have consecutive slots, so that the backward
+// pass can sum them per Gaussian.
 kernel void tile_scatter(const uint n, const uint chunks, const uint tiles_x, const uint tiles,
                          global const uint* restrict order,
                          global const ushort* restrict tile_boxes,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// How many pairs of a pixel and a splat there are, for `gflow bench`: the work of splat.cl and
-// splat_bwd.cl, counted and not done. One work-item a pixel.
-#undef LANES  // of the device
+// Counts the (pixel, splat) pairs that splat.cl and splat_bwd.cl process, for `gflow bench`. One
+// work-item per pixel.
+#undef LANES  // the device's
 #define LANES 1
 #include "shared/pixel.h"
 
@@ -10,12 +10,12 @@ kernel void count_pairs(const int width, const int height,
                         global const uint* restrict tile_offsets,  // [tiles + 1]
                         global const uint* restrict isect_ids,     // [M]
                         global const ushort* restrict masks,       // [M]
-                        global const uint* restrict ends,          // [tiles] where a walk ends
-                        global const ushort* restrict cells,       // [tiles] that are looked at
-                        global uint* restrict listed,              // [H, W] splats of its tile
+                        global const uint* restrict ends,          // [tiles] entries processed
+                        global const ushort* restrict cells,       // [tiles] cells processed
+                        global uint* restrict listed,              // [H, W] in its tile's list
                         global uint* restrict masked,              // [H, W] of those, in its cell
                         global uint* restrict blended,             // [H, W] of those, in its colour
-                        global uint* restrict open) {              // [H, W] looked at until it is full
+                        global uint* restrict open) {              // [H, W] entries until saturated
   const int x = get_global_id(0), y = get_global_id(1);
   if (x >= width || y >= height) return;
   const int tiles_x = (width + TILE - 1) / TILE, tile = y / TILE * tiles_x + x / TILE;

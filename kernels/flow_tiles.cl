@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which tiles of a picture the flow is asked of in a step: those where the teacher moves always,
-// those where it is calm now and then, so much the more (flow_share). A tile without confident
-// pixels never. The gradient of the sum over tiles, each by its weight, is that of all in the mean.
-// One draw for the picture: its calm tiles come together, as a Gaussian that reaches into one of
-// them pays for its second time as much as one that reaches into all.
-// 256x192, PoCL on two cores with AVX-512: 0.017 ms.
-// One work-item a tile.
+// Samples the tiles in which a step evaluates the flow loss. Tiles where the target moves fast
+// always count; low-motion tiles count with a lower probability and a higher weight (flow_share);
+// tiles without confident pixels never count. The expected gradient is that of all tiles.
+// All tiles of an image use the same random draw, so that its low-motion tiles are sampled
+// together: a Gaussian that touches one of them costs as much at t2 as one that touches all.
+// One work-item per tile.
 #include "shared/lane_row.h"
 #include "shared/loss.h"
 
 kernel void flow_tiles(const uint width, const uint height, const float calm, const float calm_px,
                        const float draw,                         // uniform in (0, 1)
-                       global const float* restrict teacher,     // [2, H, W] px
+                       global const float* restrict teacher,     // [2, H, W] target flow [px]
                        global const uchar* restrict confidence,  // [H, W] 255 = full
-                       global float* restrict tile_weights) {    // [tiles] 0: not asked
+                       global float* restrict tile_weights) {    // [tiles] 0: not sampled
   const uint tiles_x = (width + TILE - 1) / TILE, tiles_y = (height + TILE - 1) / TILE;
   const uint tile = get_global_id(0), pixels = width * height;
   if (tile >= tiles_x * tiles_y) return;
@@ -22,7 +21,7 @@ kernel void flow_tiles(const uint width, const uint height, const float calm, co
   union {
     lane all;
     float one[LANES];
-  } most;  // |motion|^2 by confidence^2; below 0: no pixel has a say
+  } most;  // largest |motion|^2 confidence^2; below 0: no confident pixel
   most.all = TO_LANE(-1.0f);
   for (uint row = top; row < bottom; ++row)
     for (uint column = left; column < right; column += LANES) {

@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hexplane motion model on the device (formulas and layouts: shared/hexplane.h). CPUs treat a
+// The hexplane motion model on the device (formulas and layouts: shared/hexplane.h). CPUs process a
 // block of Gaussians at once, so that each weight read serves all of them, with LANES channels or
-// neurons in a vector; GPUs have a Gaussian a work-item. Nothing that forward computes is kept:
-// backward repeats it. Sums over Gaussians are made chunk by chunk, each chunk into memory of its
-// own, then over the chunks in order: bitwise repeatable, without atomics.
-// Measured (PoCL, two cores with AVX-512, dnerf-knight, 13 000 Gaussians at the end): a launch
-// takes 1.8 ms forward, 2.6 and 0.8 ms backward (network, planes), of a step of 10 ms.
+// neurons per vector; GPUs process one Gaussian per work-item. Forward keeps no activations:
+// backward recomputes them. Sums over Gaussians are made per chunk, each into memory of its own,
+// then over the chunks in order: bitwise repeatable, without atomics.
 #include "shared/hexplane.h"
 #include "shared/lane_row.h"
 #include "shared/still_rows.h"
 
-#ifndef LEVELS  // only for the syntax check; the host always says
+#ifndef LEVELS  // only for the syntax check; the host always defines it
 #define LEVELS 2
 #define CHANNELS 16
 #define HIDDEN 64
@@ -19,18 +17,18 @@
 #define RESIZE 1
 #endif
 #define FEATURES (LEVELS * CHANNELS)
-#define PARTS (CHANNELS / LANES)          // vectors of a level's channels
-#define FEATURE_PARTS (FEATURES / LANES)  // of all of them
+#define PARTS (CHANNELS / LANES)          // vectors per level
+#define FEATURE_PARTS (FEATURES / LANES)  // of all levels
 #define OUTPUTS HEXPLANE_OUTPUTS
 #if LANES == 1
 #define BLOCK 1  // Gaussians at once
-#define ROWS 1   // of which a layer holds so many in registers, two vectors each
+#define ROWS 1   // of these, rows held in registers by a layer, two vectors each
 #else
 #define BLOCK 32
 #define ROWS (LANES == 16 ? 8 : 4)
 #endif
 
-// ---- one Gaussian and the planes
+// ---- one Gaussian on the planes
 
 typedef struct Corner {  // a Gaussian's place on the planes of a level
   GridPlace at[3];
@@ -48,7 +46,7 @@ static inline Corner corner_of(real3 mean, HexplaneGrid grid, int level) {
 #define PLANE_U(plane) ((plane) == 2 ? 1 : 0)
 #define PLANE_V(plane) ((plane) == 0 ? 1 : 2)
 
-// Offset of a plane's cell in the planes' floats; of a line's in those of the lines.
+// Offset of a Gaussian's cell in the floats of the planes, and in those of the lines.
 static inline size_t cell_at(HexplaneGrid grid, int level, int plane, Corner c, int part) {
   const uint r = (uint)grid.resolution << level;
   const uint start = hexplane_level_start(grid.resolution, grid.times, level);
@@ -95,8 +93,8 @@ static inline lane features_of(HexplaneGrid grid, int level, Corner c, int part,
 
 // ---- the network on a block of Gaussians
 
-// out [BLOCK, outputs] = in [BLOCK, inputs] w [inputs, outputs] (+ w's next row, the bias). Two
-// vectors of outputs at a time; a last one without a partner is its own.
+// out [BLOCK, outputs] = in [BLOCK, inputs] w [inputs, outputs], plus w's next row, the bias, if
+// `biased`. Two vectors of outputs at a time; a last one without a partner is computed twice.
 static inline void layer_fwd(const float* in, const int inputs, global const float* w,
                              const int outputs, const int biased, float* out) {
   for (int j = 0; j < outputs; j += 2 * LANES) {
@@ -164,7 +162,7 @@ typedef struct Activations {
   float outputs[BLOCK * OUTPUTS];
 } Activations;
 
-// Of the Gaussians rows[0 .. count - 1]; the rest of the block repeats the last one.
+// For the Gaussians rows[0 .. count - 1]; the remaining entries of the block repeat the last one.
 static inline void network_fwd(const uint* rows, int count, HexplaneGrid grid,
                                global const float* means, global const float* planes,
                                global const float* lines, global const float* network,
@@ -212,7 +210,7 @@ static inline void shift_of_vjp(Shift d, Still v, HexplaneGrid grid, float* v_o)
 
 // ---- forward
 
-// What the planes of time are at one time, between rows `row` and row + 1. One work-item per line
+// Interpolates the time planes at one time, between rows `row` and row + 1. One work-item per line
 // cell and vector of channels.
 kernel void hexplane_cut(const HexplaneGrid grid, const int row, const float share,
                          global const float* restrict planes, global float* restrict lines) {
@@ -263,7 +261,7 @@ kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const
 
 // ---- backward
 
-// The weights of each layer as [outputs][inputs], without bias. One work-item a weight.
+// The weights of each layer as [outputs][inputs], without bias. One work-item per weight.
 kernel void hexplane_transpose(global const float* restrict network,
                                global float* restrict transposed) {
   const uint w = get_global_id(0);
@@ -275,14 +273,14 @@ kernel void hexplane_transpose(global const float* restrict network,
   if (k < inputs) transposed[start + j * inputs + k] = network[w];
 }
 
-// Numbers that a GPU keeps of each Gaussian for hexplane_bwd_network: inputs of all layers, then
-// the gradients of their outputs.
+// Floats that a GPU stores per Gaussian for hexplane_bwd_network: inputs of all layers, then the
+// gradients of their outputs.
 #define KEPT_INPUTS (FEATURES + LAYERS * HIDDEN)
 #define KEPT (KEPT_INPUTS + LAYERS * HIDDEN + OUTPUTS)
 
-// Gradients of the resting Gaussians, without what comes through the features; of the features; and
-// of the network: CPUs add them up in v_network, GPUs keep what they are made of. One work-item a
-// chunk of `length` Gaussians.
+// Gradients of the canonical parameters (except those through the features), of the features, and
+// of the network: CPUs sum the latter in v_networks, GPUs store its factors in `kept`. One
+// work-item per chunk of `length` Gaussians.
 kernel void hexplane_bwd(const uint n, const uint length, const float t, const int first,
                          const HexplaneGrid grid, STILL_IN, global const float* restrict planes,
                          global const float* restrict lines, global const float* restrict network,
@@ -292,7 +290,7 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
                          global const float* restrict v_factors_at,    // [N, 3, 3]
                          global const float* restrict v_opacities_at,  // [N] read if first
                          global uint* restrict seen, V_STILL_OUT,
-                         global float* restrict v_features,  // [N, FEATURES] of rows that count
+                         global float* restrict v_features,  // [N, FEATURES] of visible rows
                          global float* restrict v_networks,  // [chunks, WEIGHTS]; CPU
                          global float* restrict kept) {      // [N, KEPT]; GPU
   const uint chunk = get_global_id(0), begin = chunk * length, end = min(n, begin + length);
@@ -319,7 +317,7 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
       if (fresh) seen[row] = 1;
       put_still(row, v, fresh, V_STILL_ROWS);
       shift_of_vjp(d, v, grid, v_out + b * OUTPUTS);
-      // One that is broken has a gradient of its own that says so, and tells nobody else anything.
+      // A broken Gaussian keeps its non-finite gradient, but must not affect the shared network.
       float sum = 0.f;
       for (int k = 0; k < OUTPUTS; ++k) sum += v_out[b * OUTPUTS + k];
       if (!is_finite_real(sum))
@@ -362,8 +360,7 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
   }
 }
 
-// GPU: the gradient of each weight from a chunk of `length` Gaussians. One work-item a weight and
-// chunk.
+// GPU: each weight's gradient from `length` Gaussians. One work-item per weight and chunk.
 kernel void hexplane_bwd_network(const uint n, const uint length,
                                  global const uint* restrict tiles_touched,
                                  global const float* restrict kept,    // [N, KEPT]
@@ -385,9 +382,9 @@ kernel void hexplane_bwd_network(const uint n, const uint length,
   v_networks[id] = sum;
 }
 
-// From the features to the cells and the resting places. A chunk of `length` Gaussians adds to a
-// copy of the planes at one time, [level][XY, XZ, YZ, line X, line Y, line Z][CHANNELS]. One
-// work-item per chunk and vector of features, which is alone in its columns.
+// From the features to the cells and the canonical means. Each chunk of `length` Gaussians adds to
+// its own copy of the planes at one time, [level][XY, XZ, YZ, line X, line Y, line Z][CHANNELS].
+// One work-item per chunk and vector of features; no other one accesses its columns.
 kernel void hexplane_bwd_planes(const uint n, const uint length, const HexplaneGrid grid,
                                 global const uint* restrict tiles_touched,
                                 global const float* restrict means,
@@ -424,7 +421,7 @@ kernel void hexplane_bwd_planes(const uint n, const uint length, const HexplaneG
       value[3 + axis] = between(a, b, c.at[axis].share);
       ends[3 + axis] = b - a;
     }
-    // the product of all others: of those before, which starts with the gradient, and those after
+    // the product of all other factors: those before, which include the gradient, and those after
     after[5] = TO_LANE(1.f);
 #pragma unroll
     for (int p = 4; p >= 0; --p) after[p] = after[p + 1] * value[p + 1];
@@ -464,8 +461,7 @@ kernel void hexplane_bwd_planes(const uint n, const uint length, const HexplaneG
   }
 }
 
-// Adds what comes through the features to the gradient of the resting places. One work-item a
-// Gaussian.
+// Adds the gradient through the features to v_means. One work-item per Gaussian.
 kernel void hexplane_bwd_means(const uint n, global const uint* restrict tiles_touched,
                                global const float* restrict v_places,  // [N, FEATURE_PARTS, 3]
                                global float* restrict v_means) {       // [N, 3]
@@ -486,8 +482,7 @@ static inline void put_cell(global uint* seen, global float* v_planes, uint row,
   seen[row] = 1;
 }
 
-// The sum over the chunks' copies, set or added where there is a gradient. One work-item a cell of
-// the cut.
+// Sums the chunks' copies, and sets or adds what is not 0. One work-item per cell of a copy.
 kernel void hexplane_sum_planes(const uint chunks, const HexplaneGrid grid, const int row,
                                 const float share, global const float* restrict v_cuts,
                                 global uint* restrict seen, global float* restrict v_planes) {
@@ -502,7 +497,7 @@ kernel void hexplane_sum_planes(const uint chunks, const HexplaneGrid grid, cons
       sum[part] += ROW_LOAD(v_cuts + ((size_t)c * cells + cell) * CHANNELS + part * LANES);
     size += ROW_SUM(fabs(sum[part]));
   }
-  if (size == 0.f) return;  // NaN goes on, for Adam to refuse
+  if (size == 0.f) return;  // NaN continues, for Adam to reject
   for (int level = 0; level < LEVELS; ++level) {
     const uint r = (uint)grid.resolution << level,
                start = hexplane_level_start(grid.resolution, grid.times, level);
@@ -521,7 +516,7 @@ kernel void hexplane_sum_planes(const uint chunks, const HexplaneGrid grid, cons
   }
 }
 
-// Likewise for the weights. One work-item a weight.
+// The same for the weights. One work-item per weight.
 kernel void hexplane_sum_network(const uint chunks, global const float* restrict v_networks,
                                  global uint* restrict seen, global float* restrict v_network) {
   const uint w = get_global_id(0);
@@ -532,13 +527,13 @@ kernel void hexplane_sum_network(const uint chunks, global const float* restrict
   seen[w] = 1;
 }
 
-// ---- what planes should be like
+// ---- regularisers
 
-// Adds the gradient of, summed over levels and planes,
-//   plane_tv  sum of both directions' mean (p' - p)^2 between neighbours, of planes of space
-//   time_smoothness  mean (p'' - 2 p' + p)^2 of three rows in time, l1_time  mean |p - 1|, of
-//   planes of time
-// One work-item a row of the planes.
+// Adds the gradient of these terms, summed over levels and planes:
+//   plane_tv         planes of space: mean (p' - p)^2 between neighbours, both directions summed
+//   time_smoothness  planes of time: mean (p'' - 2 p' + p)^2 of three rows in time
+//   l1_time          planes of time: mean |p - 1|
+// One work-item per row of the planes.
 kernel void hexplane_regularize(const HexplaneGrid grid, const float plane_tv,
                                 const float time_smoothness, const float l1_time,
                                 global const float* restrict planes, global uint* restrict seen,

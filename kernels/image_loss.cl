@@ -1,15 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The image loss (1 - l) mean |x - y| + l (1 - mean SSIM) and its gradient by x, in three passes:
-// decode both pictures into bordered planes; SSIM and its derivatives by the windowed means; those
-// derivatives windowed again (the window is symmetric, so it is its own transpose) and combined.
+// The image loss (1 - l) mean |x - y| + l (1 - mean SSIM) and its gradient w.r.t. x, in three
+// passes: decode both images into bordered planes; SSIM and its derivatives w.r.t. the windowed
+// means; those derivatives windowed again (a symmetric window is its own transpose) and combined.
 //   ssim_fwd, image_loss_bwd, l1_bwd: one work-item per LANES columns x STRIP rows of a channel.
-//   It windows its rows horizontally into private memory, then those columns vertically.
-// Repeatable: every pixel and every sum is computed by one work-item in one order.
-//
-// Measured for 256x192 RGB with PoCL 3.1 on two Zen 3 cores (AVX2), CPU time of both together:
-// 1.4 ms for value and gradient with LANES 8 and STRIP 64 (0.7 ms from start to end), of which
-// prepare 0.3, ssim_fwd 0.7, image_loss_bwd 0.4. LANES 16 takes 1.2 ms, 4 3.1 ms, 1 13 ms; LANES 8
-// with STRIP 32 1.7 ms. Without SSIM 0.26 ms.
+//   The first two window the rows horizontally into private memory, then the columns vertically.
+// Repeatable: every pixel and every sum is computed by one work-item in one order. On CPUs wide
+// lanes and long strips are fastest, since strips recompute their neighbours' rows.
 #include "shared/lane_row.h"
 #include "shared/loss.h"
 #include "shared/unrolled.h"
@@ -23,15 +19,15 @@ constant float WINDOW[SSIM_TAPS] = {1.028380084e-03f, 7.598758135e-03f, 3.600077
                                     2.130055377e-01f, 1.093606895e-01f, 3.600077213e-02f,
                                     7.598758135e-03f, 1.028380084e-03f};
 
-// byte / 255 to the last bit on every device (OpenCL lets a division be 2.5 ulp off): a colour that
-// was rounded to 8 bits and decoded elsewhere differs from its own truth by exactly 0.
+// byte / 255 to the last bit on every device (OpenCL allows a division to be 2.5 ulp off): equal to
+// the same colour decoded elsewhere.
 static inline float decode(uchar byte) {
   const float inverse = 1.0f / 255.0f;
   const float b = convert_float(byte), q = b * inverse;
   return fma(fma(-255.0f, q, b), inverse, q);
 }
 
-// s = x + y - 1 and d = x - y (shared/loss.h) of a pixel whose true colour is y.
+// s = x + y - 1 and d = x - y (shared/loss.h) of a pixel whose ground truth is y.
 static inline void prepare(int x, int y, ImageLossSize size, global const float* rgb, float3 truth,
                            global float* s, global float* d) {
   const int pixel = y * size.width + x;
@@ -44,7 +40,7 @@ static inline void prepare(int x, int y, ImageLossSize size, global const float*
   }
 }
 
-// One work-item a pixel; launch: grid.
+// One work-item per pixel, on a grid.
 kernel void image_loss_prepare(const ImageLossSize size,
                                global const float* restrict rgb,    // [3, H, W] x
                                global const uchar* restrict truth,  // [H, W, 3] y, 8 bits
@@ -56,7 +52,7 @@ kernel void image_loss_prepare(const ImageLossSize size,
   prepare(x, y, size, rgb, (float3)(decode(of[0]), decode(of[1]), decode(of[2])), s, d);
 }
 
-// The same of colours that were decoded before they came (skip.compact off).
+// The same for ground truth in floats (skip.compact off).
 kernel void image_loss_prepare_floats(const ImageLossSize size,
                                       global const float* restrict rgb,    // [3, H, W] x
                                       global const float* restrict truth,  // [H, W, 3] y
@@ -67,10 +63,10 @@ kernel void image_loss_prepare_floats(const ImageLossSize size,
   prepare(x, y, size, rgb, vload3(y * size.width + x, truth), s, d);
 }
 
-// What one work-item treats.
+// The pixels of one work-item.
 typedef struct Strip {
   int x, y, channel;  // top left pixel
-  int rows;           // <= STRIP; 0: nothing, the launch was rounded up
+  int rows;           // <= STRIP; 0: none, the launch was rounded up
 } Strip;
 
 static inline Strip strip_at(int i, ImageLossSize size) {
@@ -88,19 +84,19 @@ static inline int strip_start(Strip strip, ImageLossSize size) {
   return strip.channel * size.plane + (strip.y + SSIM_RADIUS) * size.stride + BORDER_X + strip.x;
 }
 
-// Lanes right of the picture become 0.
+// Lanes right of the image become 0.
 static inline lane inside(lane value, Strip strip, ImageLossSize size) {
   return LANE_SELECT(TO_LANE(0.0f), value, ROW_COLUMN < size.width - strip.x);
 }
 
-// Stores one row of the strip into the picture [3, H, W], which has no border.
+// Stores one row of the strip into the image [3, H, W], which has no border.
 static inline void store_row(lane value, global float* picture, int row, Strip strip,
                              ImageLossSize size) {
   global float* to = picture + (strip.channel * size.height + strip.y + row) * size.width + strip.x;
   row_store(value, to, size.width - strip.x);
 }
 
-// SSIM and its derivatives by the means at every pixel.
+// SSIM and its derivatives w.r.t. the means at every pixel.
 kernel void ssim_fwd(const ImageLossSize size,
                      global const float* restrict s,     // [3, plane]
                      global const float* restrict d,     // [3, plane]
@@ -145,7 +141,7 @@ kernel void ssim_fwd(const ImageLossSize size,
   ssim_sum[get_global_id(0)] = ROW_SUM(sum);
 }
 
-// v_rgb = l1_scale sign(d) + ssim_scale * the derivative of the sum of SSIM over all pixels.
+// v_rgb = l1_scale sign(d) + ssim_scale * the gradient of the sum of SSIM over all pixels.
 kernel void image_loss_bwd(const ImageLossSize size, const float l1_scale, const float ssim_scale,
                            global const float* restrict s,        // [3, plane]
                            global const float* restrict d,        // [3, plane]

@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// The keyframes motion model on the device: Gaussians on paths through keys, and back. Windows,
-// first and second time, and what is written are as in native4d.cl. One work-item a Gaussian.
-// Measured (PoCL, two cores with AVX2, 30 000, of which a view lists 13 000): look .08 ms, poses at
-// both times .53, and .43 back.
+// The keyframes motion model on the device: Gaussians on paths through keys, and the gradient.
+// Windows, first and second time, and outputs are as in native4d.cl. One work-item per Gaussian.
 #include "shared/keys.h"
 #include "shared/lookout.h"
 #include "shared/still_rows.h"
 #include "shared/unrolled.h"
 
-#ifndef SCALES  // whether sizes follow keys, too; only for the syntax check, the host always says
+#ifndef SCALES  // whether sizes have keys; only for the syntax check, the host always defines it
 #define SCALES 1
 #endif
 
-// Row k M + i of the tables is key k of Gaussian i of the M that move; the others rest.
+// Row k M + i of the tables is key k of Gaussian i of the M dynamic ones; static ones do not move.
 static inline Shift shift_at(uint moving, uint i, KeyWeights keys, global const float* key_shifts,
                              global const float* key_turns, global const float* key_scales) {
   Shift d;
@@ -47,7 +45,7 @@ kernel void keyframes_fwd(const uint n, const uint moving, const float t, const 
   store_shifted(k, shifted_at(load_still(i, STILL_ROWS), d, t), means_at, factors_at, opacities_at);
 }
 
-// Which rows a camera may see at a time: as spacetime_look (spacetime.cl).
+// Culls rows that a camera cannot see at time t, as spacetime_look (spacetime.cl).
 kernel void keyframes_look(const uint n, const uint moving, const float t, const float sigmas,
                            const PinholeCamera camera, const KeyWeights keys, STILL_IN,
                            global const float* restrict key_shifts,
@@ -72,7 +70,7 @@ kernel void keyframes_look(const uint n, const uint moving, const float t, const
   lookout_mark(group, n, shown, marks, counts);
 }
 
-// Rows of keys start when they are first seen in a training step, whichever time it is for.
+// The first time that touches a key in a training step sets its gradient, a later one adds to it.
 kernel void keyframes_bwd(const uint n, const uint moving, const float t, const int first,
                           const KeyWeights keys, global const uint* restrict rows, STILL_IN,
                           global const float* restrict key_shifts,
@@ -114,8 +112,8 @@ kernel void keyframes_bwd(const uint n, const uint moving, const float t, const 
   }
 }
 
-// Key `key` of the Gaussians that move goes on from the two before it, or from rest. One work-item
-// a float.
+// Extrapolates key `key` of the dynamic Gaussians linearly from the two keys before it; key 1 is a
+// copy of key 0. One work-item per float.
 kernel void keyframes_start(const uint moving, const uint width, const uint key,
                             global float* restrict values) {  // [K, M, width]
   const uint at = get_global_id(0), block = moving * width;

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Density control "mcmc" (Kheradmand et al. 2024): dead Gaussians move to live ones, drawn by
-// opacity; noise keeps faint ones searching; opacity and size cost a little.
-// Only prefix sums and binary searches over random numbers by index: bitwise repeatable.
-// Measured (PoCL, two cores with AVX-512, 30 000): in each step mcmc_noise 1.0 ms, mcmc_shrink .22.
+// Density control "mcmc" (Kheradmand et al. 2024): dead Gaussians are relocated to live ones,
+// sampled by opacity; noise lets faint ones explore; opacity and size are penalised. Uses prefix
+// sums, binary searches and counter-based random numbers only: bitwise repeatable.
 #include "shared/arrays.h"
 #include "shared/quat.h"
 #include "shared/random.h"
 #include "shared/relocation.h"
 
-// dead: fainter than the least, or never seen in the video. weights: of the others, opacity x scale
-// as a whole number, at least 1.
+// dead: 1 if the opacity is below the least or the Gaussian is never visible in [0, duration].
+// weights: opacity x scale as an integer, at least 1, and 0 for dead ones.
 kernel void mcmc_weigh(const uint n, const float min_logit_opacity, const float duration,
                        const float cutoff_sigmas, const float scale,
                        global const float* restrict logit_opacities,
@@ -25,9 +24,9 @@ kernel void mcmc_weigh(const uint n, const float min_logit_opacity, const float 
   weights[i] = lives ? max((uint)(scale / (1.f + exp(-logit))), 1u) : 0u;
 }
 
-// Draw k of `count`, from the k-th of as many equal parts of the line on which Gaussian i has the
-// stretch offsets[i] .. offsets[i + 1] of `total`: each is drawn in proportion to its weight, with
-// less scatter than by draws from the whole line, and drawn[] ascends.
+// Stratified sampling: draw k falls into the k-th of `count` equal parts of [0, total), in which
+// Gaussian i has the interval offsets[i] .. offsets[i + 1]. Each is drawn in proportion to its
+// weight, with less variance than by independent draws, and drawn[] ascends.
 kernel void mcmc_draw(const uint n, const uint count, const uint total, const uint seed,
                       global const uint* restrict offsets,  // [N + 1]
                       global uint* restrict drawn) {        // [count]
@@ -46,7 +45,7 @@ kernel void mcmc_draw(const uint n, const uint count, const uint total, const ui
   drawn[k] = low;
 }
 
-// How many of the ascending drawn[0 .. count) are below i.
+// Number of elements of the ascending drawn[0 .. count) below i.
 static inline uint drawn_below(global const uint* drawn, uint count, uint i) {
   uint low = 0, high = count;
   while (low < high) {
@@ -59,8 +58,8 @@ static inline uint drawn_below(global const uint* drawn, uint count, uint i) {
   return low;
 }
 
-// One work-item a new row: rows of the dead take the first draws, rows behind the old n the rest.
-// child: how many others share the place of this row's source.
+// One work-item per new row: dead rows take the first draws, rows behind the old n the others.
+// child: how many other rows have the same source.
 kernel void mcmc_sources(const uint n, const uint fresh_n, const uint count,
                          global const uint* restrict dead, global const uint* restrict dead_offsets,
                          global const uint* restrict drawn, global uint* restrict source,
@@ -76,8 +75,8 @@ kernel void mcmc_sources(const uint n, const uint fresh_n, const uint count,
   child[j] = drawn_below(drawn, count, from + 1) - drawn_below(drawn, count, from);
 }
 
-// Those that share a place show together what the one did, but for `spread` standard deviations of
-// it by which each is moved; none starts out dead.
+// The Gaussians of one source look like it together, except that each is moved by a random offset
+// of `spread` standard deviations. Opacities are at least min_logit_opacity: none starts out dead.
 kernel void mcmc_share(const uint n, const uint seed, const float min_logit_opacity,
                        const float spread, global const uint* restrict child,
                        global const float* restrict quats,  // [N, 4]
@@ -97,7 +96,7 @@ kernel void mcmc_share(const uint n, const uint seed, const float min_logit_opac
   logit_opacities[i] = fmax(shared_opacity_logit(logit, copies), min_logit_opacity);
 }
 
-// Gradient of opacity_weight sum(opacities) + scale_weight sum(scales), for the rows seen.
+// Adds the gradient of opacity_weight sum(opacities) + scale_weight sum(scales), for seen rows.
 kernel void mcmc_shrink(const uint n, const float opacity_weight, const float scale_weight,
                         global const uint* restrict seen,
                         global const float* restrict logit_opacities,
@@ -112,10 +111,11 @@ kernel void mcmc_shrink(const uint n, const float opacity_weight, const float sc
   vstore4(v + scale_weight * (float4)(exp(s.x), exp(s.y), exp(s.z), 0.f), i, v_log_scales);
 }
 
-// means += scale gate(opacity) covariance (three normal numbers), for rows seen in this step, so
-// that noise and gradients keep their proportion; gate = 1 / (1 + exp(100 (opacity -
-// min_opacity))): those about to die search, what is opaque stays. Beyond 0.2 above the least it is
-// below 3e-9, left out.
+// means += scale gate(opacity) covariance (three normal numbers), with
+//   gate = 1 / (1 + exp(100 (opacity - min_opacity))):
+// nearly dead Gaussians explore, opaque ones stay. Only for rows seen in this step, so that noise
+// and gradients keep their proportion. The gate is skipped where it is below 3e-9: opacities over
+// min_opacity + 0.2.
 kernel void mcmc_noise(const uint n, const uint seed, const float scale, const float min_opacity,
                        global const uint* restrict seen,  // [N]
                        global const float* restrict logit_opacities,

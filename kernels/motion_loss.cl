@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The motion loss: what neighbours owe each other between two moments (shared/motion_loss.h), among
-// the Gaussians seen in a view. Each work-item sums the gradient of one Gaussian over its pairs, in
-// their order, so nothing is added across work-items and every bit repeats. A pair stands in the
-// lists of both and is computed twice: cheaper than to keep its gradient for the other.
-// Measured (PoCL, two cores with AVX-512, 30 000 of which 8300 are seen): rigidity and isometry add
-// .6 to .9 ms to a step of 6.7, velocity .6, acceleration .4; poses at both times of those at rest
-// are in that.
+// The motion loss between neighbours at two times (formulas: shared/motion_loss.h), among the
+// Gaussians visible in a view. A work-item sums the gradient of one Gaussian over its pairs, in
+// order: no two work-items add to the same element, so the result is bitwise repeatable. A pair is
+// in the lists of both Gaussians and computed twice: cheaper than storing its gradient.
 #include "shared/arrays.h"
 #include "shared/motion_loss.h"
 
-// From t2 back to t1, for those seen.
+// Rotations from t2 back to t1 of the visible Gaussians.
 kernel void motion_turns(const uint n, global const uint* restrict seen,
                          global const float* restrict factors1,  // [N, 3, 3]
                          global const float* restrict factors2,  // [N, 3, 3]
@@ -34,9 +31,9 @@ static inline void add_mat3(global float* p, uint i, Mat3 v) {
 }
 
 kernel void motion_pairs(const uint n, const MotionLossRule rule, global const uint* restrict seen,
-                         global const uint* restrict offsets,     // [N + 1] of a Gaussian's pairs
-                         global const uint* restrict others,      // [pairs] the other one
-                         global const float* restrict distances,  // [pairs] of reference
+                         global const uint* restrict offsets,     // [N + 1] a Gaussian's first pair
+                         global const uint* restrict others,      // [pairs] the other Gaussian
+                         global const float* restrict distances,  // [pairs] reference distance
                          global const float* restrict weights,    // [pairs]
                          global const float* restrict means1, global const float* restrict means2,
                          global const float* restrict factors1,

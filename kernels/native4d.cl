@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The native4d motion model on the device: Gaussians in space-time cut at time t, and back.
-// A Gaussian whose temporal weight is at most `cutoff` gets opacity 0 and is touched no further:
-// that is the time window, applied before projection. One work-item a Gaussian.
+// The native4d motion model on the device (formulas: shared/native4d.h): 4D Gaussians sliced at
+// time t, and the gradient. The time window is applied before projection: a Gaussian whose temporal
+// weight is at most `cutoff` gets opacity 0 and no further work. One work-item per Gaussian.
 #include "shared/arrays.h"
 #include "shared/lookout.h"
 #include "shared/native4d.h"
 #include "shared/random.h"
 #include "shared/view_rows.h"
 
-// Gaussians from `moving` on rest: they have no row of quats_r, which is quats for them.
+// Gaussians from `moving` on are static: they have no row of quats_r and use quats instead.
 static inline Native4d load_native4d(uint i, uint moving, global const float* means,
                                      global const float* means_t, global const float* quats,
                                      global const float* quats_r, global const float* log_scales,
@@ -23,10 +23,11 @@ static inline Native4d load_native4d(uint i, uint moving, global const float* me
   return g;
 }
 
-// At the first time of a view: opacity 0, and nothing else written, for those outside their window.
-// At a second time (first = 0): the rows with tiles_touched > 0 only, whether still there or not:
-// what is seen at t1 moves also while it fades. Nobody needs their opacities then.
-// tiles_touched and what is written have an entry for each of the view's rows (shared/view_rows.h).
+// Poses of a view. At its first time (first = 1), Gaussians outside their time window get opacity 0
+// and nothing else is written for them. At a second time (first = 0), only rows with tiles_touched
+// > 0 are written, whether inside their window or not, since a Gaussian visible at t1 also moves
+// while it fades; their opacities are not. tiles_touched and the outputs have one entry per row of
+// the view (shared/view_rows.h).
 kernel void native4d_fwd(const uint n, const uint moving, const float t, const float cutoff,
                          const int first, global const uint* restrict rows,
                          global const uint* restrict tiles_touched,     // [n] read if not first
@@ -75,16 +76,14 @@ static inline LaneQuat lane_quat_scale(LaneQuat q, lane s) {
 static inline lane lane_quat_norm2(LaneQuat q) {
   return q.t * q.t + q.x * q.x + q.y * q.y + q.z * q.z;
 }
-// Whether its length is one that quat_normalize (shared/quat.h) treats as any other, and whose
-// square is a float.
+// Whether this squared length is finite and no special case of quat_normalize (shared/quat.h).
 static inline lane_int lane_quat_sound(lane norm2) {
   return (norm2 > TO_LANE(1e-11f)) & (norm2 < TO_LANE(1e36f));
 }
 
-// Which rows a camera may see at a time: as spacetime_look (spacetime.cl), with the place and, for
-// the longest axis, the square root of all axes' squares together: the trace of the cut's
-// covariance, P_space P_space^T - velocity velocity^T |p_t|^2, is the sum over the columns of
-// |space - velocity t|^2.
+// Culls rows that a camera cannot see at time t, as spacetime_look (spacetime.cl). An upper bound
+// of the longest axis is the square root of the trace of the slice's covariance,
+//   tr(P_space P_space^T - velocity velocity^T |p_t|^2) = sum over columns |space - velocity t|^2.
 kernel void native4d_look(const uint n, const uint moving, const float t, const float cutoff,
                           const PinholeCamera camera, global const float* restrict means,
                           global const float* restrict means_t, global const float* restrict quats,
@@ -95,7 +94,7 @@ kernel void native4d_look(const uint n, const uint moving, const float t, const 
                           global uint* restrict counts) {  // [ceil(N / LANES)] their bits
   const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  // No longer than along the longest axis, wherever that points: its window is that long at most.
+  // The temporal standard deviation is at most the longest scale, whatever the rotation.
   const lane since = t - lookout_column(means_t, first, n, 1, 0);
   lane log_longest = lookout_column(log_scales, first, n, 4, 0);
   for (uint axis = 1; axis < 4; ++axis)
@@ -154,9 +153,10 @@ kernel void native4d_look(const uint n, const uint moving, const float t, const 
   lookout_mark(group, n, shown, marks, counts);
 }
 
-// For what was seen in this view; the rest is left alone. With first = 1 (the call for t1) the
-// gradients are set for Gaussians not `seen` before in this training step, which then are; else
-// they are added to, and opacities_at has no say (t2 moves, it does not show).
+// Gradients of the Gaussians visible in this view; other rows are unchanged. The call for t1 (first
+// = 1) sets the gradients of Gaussians not yet `seen` in this training step and marks them;
+// otherwise gradients are added. v_opacities_at is read only if first = 1, since t2 does not affect
+// opacities.
 kernel void native4d_bwd(const uint n, const uint moving, const float t, const int first,
                          global const uint* restrict rows, global const float* restrict means,
                          global const float* restrict means_t,
@@ -198,10 +198,10 @@ kernel void native4d_bwd(const uint n, const uint moving, const float t, const i
   v_logit_opacities[i] += v.logit_opacity;
 }
 
-// What becomes of the two children of a Gaussian (child 1 and 2; rows with 0 are left alone):
-//   it travels further than split_travel x its longest axis while it is to be seen: split in time,
-//     one child for the first half of its life and one for the second, each on the parent's path;
-//   else it is larger than split_scale: both are drawn from it and smaller by 1.6;
+// Makes the two children of a Gaussian (child 1 and 2; rows with 0 are unchanged):
+//   if it travels further than split_travel x its longest axis while visible: split in time, one
+//     child for each half of its lifetime, both on the parent's path;
+//   else if it is larger than split_scale: both are drawn from it and 1.6 times smaller;
 //   else it is cloned: child 2 is drawn from it.
 kernel void native4d_split(const uint n, const uint moving, const uint seed,
                            const float split_scale, const float split_travel,
@@ -219,7 +219,7 @@ kernel void native4d_split(const uint n, const uint moving, const uint seed,
   const Slice o = slice_rows(g, p, g.mean_t);
   const float longest = fmax(s.x, fmax(s.y, s.z));
 
-  const int lasting = o.norm_t > 0.5f * duration;  // then it is seen in [0, duration]
+  const int lasting = o.norm_t > 0.5f * duration;  // its window is then [0, duration]
   const float window = lasting ? 0.5f * duration : o.norm_t;
   const float travel = sqrt(dot(o.velocity, o.velocity)) * 2.f * window;
   if (travel > split_travel * longest && 0.6f * window > min_lifetime) {
@@ -244,7 +244,7 @@ kernel void native4d_split(const uint n, const uint moving, const uint seed,
   logit_opacities[i] = half_opacity_logit(g.logit_opacity);
 }
 
-// How much faster each Gaussian learns (life_pace).
+// Learning-rate scale of each Gaussian (life_pace).
 kernel void native4d_pace(const uint n, const float duration, const float power, const float most,
                           global const float* restrict log_scales,  // [N, 4]
                           global float* restrict pace) {            // [N]

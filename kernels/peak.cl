@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a device can do at most, for figures as a share of it: fused multiply-adds and copying.
+// The peak throughput of a device, in fused multiply-adds and in copying, for comparison.
 #include "shared/lane.h"
 
 #define CHAINS 12  // independent ones hide the latency of an FMA; measured best on Zen 4
 
-// 2 CHAINS LANES `rounds` operations a work-item.
+// 2 CHAINS LANES `rounds` operations per work-item.
 kernel void peak_fma(const int rounds, const float a, const float b, global float* restrict out) {
   const uint id = get_global_id(0);
   lane x[CHAINS];
@@ -25,7 +25,7 @@ kernel void peak_fma(const int rounds, const float a, const float b, global floa
 #endif
 }
 
-// 16 floats a work-item.
+// 16 floats per work-item.
 kernel void peak_copy(global const float* restrict from, global float* restrict to) {
   const uint id = get_global_id(0);
   vstore16(vload16(id, from), id, to);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians given directly by quaternion and scales: factor L = R(q/|q|) diag(scales), and back.
-// One work-item a Gaussian.
+// Gaussians given by quaternions and scales: factor L = R(q/|q|) diag(scales), and the gradient.
+// One work-item per Gaussian.
 #include "shared/arrays.h"
 #include "shared/quat.h"
 
@@ -12,7 +12,7 @@ kernel void posed_fwd(const uint n, global const float* restrict quats,  // [N, 
   store_mat3(factors, i, factor_of(load4(quats, i), load3(scales, i)));
 }
 
-// What is not drawn has gradients of 0, whatever its values: 0 x NaN would be none (numerics T23).
+// Gaussians that are not drawn get gradient 0, whatever their values: 0 x NaN would be NaN.
 kernel void posed_bwd(const uint n, global const float* restrict quats,
                       global const float* restrict scales,
                       global const float* restrict v_factors,  // [N, 3, 3]

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians at t1 to packed splats, then their colour and, from t2, their flow: in two kernels, so
-// that colour and t2 need be known for what is seen only. project_fwd decides that:
-// tiles_touched[i] = 0 means "not seen", and every later step skips it: nothing else of such a row
-// is written. One work-item a Gaussian.
+// Projects Gaussians at t1 to packed splats, then adds colour and the flow to t2. In two kernels,
+// so that colour and t2 are needed for visible Gaussians only. project_fwd decides visibility:
+// tiles_touched[i] = 0 means not visible. Every later step skips such a row, and no splat is
+// written for it. One work-item per Gaussian.
 // Defines: FLOW 0|1, TRANSPORT (shared/transport.h), DETACH_T1 0|1, ABSGRAD 0|1 (shared/pixel.h),
 // TIGHT_BOXES 0|1 (Skips::boxes).
-// Measured (PoCL, two cores with AVX-512, 30 000 Gaussians of which 10 600 are drawn): project_fwd
-// .33 ms, transport_fwd .19, project_bwd .44.
 #include "shared/arrays.h"
 #include "shared/transport.h"
 
@@ -27,8 +25,8 @@
 #define TIGHT_BOXES 1
 #endif
 
-// Stands for the x of a flow that could not be formed: it is drawn as none, and has no gradient. No
-// other flow has these bits, as + 0.f makes +0 of them.
+// Marks, as the x of m, a flow that could not be computed: it is drawn as 0 and has no gradient. No
+// other flow has these bits, since adding +0.f turns -0 into +0.
 #define NO_FLOW -0.f
 static inline bool has_no_flow(float m_x) { return as_uint(m_x) == as_uint(NO_FLOW); }
 
@@ -52,13 +50,13 @@ static inline uint touches_flow(ushort4 box, uint tiles_x, global const float* f
   return 0;
 }
 
-// Where the splats lie and what they cover. With `chosen`, flow_touched says of each whether it
-// touches a tile that has flow (View::flow_tiles); else it and flow_tiles are not touched.
+// Places the splats and the tiles they cover. If `chosen`, flow_touched marks the splats that touch
+// a tile with flow (View::flow_tiles); else it and flow_tiles are not accessed.
 kernel void project_fwd(const uint n, const PinholeCamera camera, const int chosen,
                         global const float* restrict means,      // [N, 3] world, at t1
                         global const float* restrict factors,    // [N, 3, 3] covariance = L L^T
-                        global const float* restrict opacities,  // [N] 0: not there at t1
-                        global const float* restrict flow_tiles,  // [tiles] 0: has none
+                        global const float* restrict opacities,  // [N] 0: not visible at t1
+                        global const float* restrict flow_tiles,  // [tiles] 0: no flow
                         global float* restrict splats,           // [N, 16] see shared/pixel.h
                         global ushort* restrict tile_boxes,      // [N, 4] first x y, last x y
                         global uint* restrict tiles_touched,     // [N]
@@ -69,22 +67,23 @@ kernel void project_fwd(const uint n, const PinholeCamera camera, const int chos
   tiles_touched[i] = 0;
   if (chosen) flow_touched[i] = 0;
   const float opacity = opacities[i];
-  if (opacity == 0.f) return;  // not there, as most are in a long video
+  if (opacity == 0.f) return;  // outside its time window, as most are in a long video
   const float log2_opacity = log2(opacity);
   if (!(log2_opacity >= ALPHA_MIN_LOG2)) return;  // NaN fails
   const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
   if (!(p.p.z >= camera.near_plane)) return;
 
-  // alpha >= 1/255 within |z|^2 <= log2(255 o), an ellipse with half axes sqrt(reach S_xx), ...
-  // (scaled z); a hair more than that, so that rounding cannot lose a pixel the pixel test keeps.
+  // alpha >= 1/255 where |z|^2 <= log2(255 o) (scaled z): an ellipse with half extents sqrt(reach
+  // S_xx) and sqrt(reach S_yy). The margin of 1e-3 is for rounding: no pixel that passes the pixel
+  // test may be lost.
   const float s_xx = dot(p.m.r1, p.m.r1) + DILATION, s_yy = dot(p.m.r2, p.m.r2) + DILATION;
 #if TIGHT_BOXES
   float reach = (log2_opacity - ALPHA_MIN_LOG2 + 1e-3f) / HALF_LOG2_E;
-#ifdef BOX_SIGMAS  // cuts off what is farther out: only to measure what that would save
+#ifdef BOX_SIGMAS  // `gflow bench pareto`: crops the box, to measure what that would save
   reach = fmin(reach, BOX_SIGMAS * BOX_SIGMAS);
 #endif
   const float reach_x = sqrt(reach * s_xx), reach_y = sqrt(reach * s_yy);
-#else  // as if opaque, and as long in every direction as along its longer axis
+#else  // as if opaque, and in every direction as long as along the longer axis
   const float half_difference = 0.5f * (s_xx - s_yy), s_xy = dot(p.m.r1, p.m.r2);
   const float longest =
       0.5f * (s_xx + s_yy) + sqrt(half_difference * half_difference + s_xy * s_xy);
@@ -95,7 +94,7 @@ kernel void project_fwd(const uint n, const PinholeCamera camera, const int chos
   if (x.x > x.y || y.x > y.y) return;
   const Whitening w = whiten(p.m);
   const float sum = p.mean.x + p.mean.y + p.p.z + w.k1 + w.k2 + w.k3 + log2_opacity + w.det;
-  if (!is_finite_real(sum)) return;  // z too: what is infinitely far projects to numbers
+  if (!is_finite_real(sum)) return;  // z too: an infinitely distant mean projects to finite pixels
 
   const float3 k = (float3)(w.k1, w.k2, w.k3) * SQRT_HALF_LOG2_E;
   vstore4((float4)(p.mean.x, p.mean.y, k.x, k.y), 4 * i, splats);
@@ -107,8 +106,8 @@ kernel void project_fwd(const uint n, const PinholeCamera camera, const int chos
   depth_keys[i] = as_uint(p.p.z);  // z > 0: the bits are ordered
 }
 
-// Completes the splats that are seen by colour and flow. Rows from `moving` on stand still in this
-// view (View::moving), those without rows_with_flow touch no tile that has flow.
+// Adds colour and flow to the visible splats. Rows from `moving` on are static in this view
+// (View::moving); rows with rows_with_flow 0 touch no tile that has flow.
 kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera camera,
                           const PinholeCamera camera2,
                           global const float* restrict means, global const float* restrict factors,
@@ -121,14 +120,14 @@ kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera c
   const uint i = get_global_id(0);
   if (i >= n || tiles_touched[i] == 0) return;
   const float3 c = load3(colors, i);
-  // A colour that is not finite must not be drawn: 0 x NaN would reach pixels far off.
+  // A non-finite colour must not be drawn: 0 x NaN would reach distant pixels.
   if (!is_finite_real(c.x + c.y + c.z)) splats[16 * i + 5] = -INFINITY;
   float2 m = (float2)(0.f);
   float4 h = (float4)(0.f);
 #if FLOW
   if (i < moving && rows_with_flow[i]) {
     const Projection p2 = project(camera2, load3(means_t2, i), load_mat3(factors_t2, i));
-    bool formed = p2.p.z >= camera.near_plane;  // behind camera 2 there is no flow to speak of
+    bool formed = p2.p.z >= camera.near_plane;  // behind camera 2 the flow is undefined
     if (formed) {
       const Projection p = project(camera, load3(means, i), load_mat3(factors, i));
       const Mat2 h2 = transport(TRANSPORT, p.m, whiten(p.m), p2.m);
@@ -147,9 +146,9 @@ kernel void transport_fwd(const uint n, const uint moving, const PinholeCamera c
   vstore4(h, 4 * i + 3, splats);
 }
 
-// From the 16 moments of each splat (kernel gather) back to the Gaussians at both times.
-// Rows that were not seen are left alone; of those that stand still (from `moving` on) v_means_t2
-// is what flow asks of the mean at t2 alone, and v_factors_t2 is left alone too.
+// From the 16 moments of each splat (kernel gather) to gradients of the Gaussians at both times.
+// Rows that are not visible are unchanged. For static rows (from `moving` on) v_means_t2 is the
+// flow's gradient w.r.t. the mean at t2, which v_means does not include; v_factors_t2 is unchanged.
 kernel void project_bwd(const uint n, const uint moving, const PinholeCamera camera,
                         const PinholeCamera camera2,
                         global const float* restrict means, global const float* restrict factors,
@@ -178,8 +177,8 @@ kernel void project_bwd(const uint n, const uint moving, const PinholeCamera cam
   const Projection p = project(camera, load3(means, i), factor);
   const Whitening w = whiten(p.m);
 
-  // The exponent e = log2 o - |z|^2 in the scaled z: by mu1 2 K^T sum(q z), by S1 K^T sum(q z z^T)
-  // K with the unscaled K (numerics 1.3); q carries ln 2 here.
+  // The gradient of e = log2 o - |z|^2 (scaled z) w.r.t. mu1 is 2 K^T z, and w.r.t. S1 K^T z z^T K
+  // with the unscaled K. LN_2 makes v_exponent of q.
   const float k1 = w.k1 * SQRT_HALF_LOG2_E, k2 = w.k2 * SQRT_HALF_LOG2_E;
   const float k3 = w.k3 * SQRT_HALF_LOG2_E;
   real2 v_mean = make_real2(2.f * LN_2 * k1 * s0.y, 2.f * LN_2 * (k2 * s0.y + k3 * s0.z));
@@ -188,7 +187,7 @@ kernel void project_bwd(const uint n, const uint moving, const PinholeCamera cam
   Mat23 v_m = covariance_vjp(p.m, v_s);
   v_opacities[i] = s0.x / opacities[i];
   store3(v_colors, i, make_real3(s1.z, s1.w, s2.x));
-  // What covers a pixel wrongly asks for more Gaussians; what moves wrongly does not.
+  // For density control: wrong coverage asks for more Gaussians, wrong motion does not.
 #if ABSGRAD
   const float v_depth = 0.f;
   vstore2((float2)(SQRT_2 * LN_2 * s2.y), i, v_means2d);
@@ -198,7 +197,7 @@ kernel void project_bwd(const uint n, const uint moving, const PinholeCamera cam
 #endif
 
 #if FLOW
-  const float2 g = (float2)(s2.z, s2.w);  // by m
+  const float2 g = (float2)(s2.z, s2.w);  // w.r.t. m
   const float4 s3 = vload4(4 * i + 3, moments);
   real3 v_mean2 = zero3;
   if (i >= moving) {

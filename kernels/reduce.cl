@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // First stage of sums over long arrays: one partial result per block of 256 elements; the host adds
-// those in double. The order of additions is fixed by the element's index alone, so the sum is the
-// same, bit for bit, on every run and device.
+// those in double. The order of additions depends on the elements' indices alone, so every run and
+// device gives the same bits.
 #define BLOCK 256
 
 // One work-item per block: element i is added to lane i % 16, then the lanes pairwise.

@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// The static/dynamic split: which Gaussians need no motion, where they rest, and which of those at
-// rest are pulled into motion. One work-item a Gaussian; bitwise repeatable.
-// Measured (PoCL, two cores with AVX-512, 30 000): rest_pull, in each view, .03 ms; the rest when
-// it refines only.
+// The static/dynamic split: which Gaussians need no motion, their static pose, and which static
+// ones become dynamic again. One work-item per Gaussian; bitwise repeatable.
 #include "shared/arrays.h"
 #include "shared/rest.h"
 #include "shared/view_rows.h"
 
-// One moment of the Gaussians that move (rows [0, moving)) joins their mean pose, by opacity.
+// Adds the pose of dynamic Gaussians (rows < moving) at one time to their mean, weighted by
+// opacity.
 kernel void rest_add(const uint moving, global const float* restrict means_at,
                      global const float* restrict factors_at,
-                     global const float* restrict opacities_at,  // 0: not there
+                     global const float* restrict opacities_at,  // 0: not visible then
                      global float* restrict means,               // [M, 3] sums
                      global float* restrict factors,             // [M, 3, 3] sums
                      global float* restrict weights,             // [M] sums
-                     global uint* restrict moments) {            // [M] number
+                     global uint* restrict moments) {            // [M] number of times
   const uint i = get_global_id(0);
   if (i >= moving) return;
   const float w = opacities_at[i];
@@ -29,7 +28,7 @@ static inline float3 scales_of(uint i, global const float* log_scales) {
   return make_real3(exp(log_scales[4 * i]), exp(log_scales[4 * i + 1]), exp(log_scales[4 * i + 2]));
 }
 
-// The sums become the pose: the mean place, and the rotation nearest to the mean factor.
+// Turns the sums into a pose: the mean position and the rotation of the mean factor.
 kernel void rest_pose(const uint moving, global const float* restrict log_scales,  // [N, 4]
                       global const float* restrict factors, global const float* restrict weights,
                       global float* restrict means,    // [M, 3]
@@ -47,7 +46,7 @@ kernel void rest_pose(const uint moving, global const float* restrict log_scales
   vstore4(quat_of_rotmat(r), i, quats);
 }
 
-// How far each is from that pose at one moment.
+// Distance of each Gaussian from that pose at one time; NaN counts as infinite.
 kernel void rest_travel(const uint moving, global const float* restrict log_scales,  // [N, 4]
                         global const float* restrict means, global const float* restrict quats,
                         global const float* restrict means_at,
@@ -61,10 +60,10 @@ kernel void rest_travel(const uint moving, global const float* restrict log_scal
   travel[i] = d >= travel[i] ? d : (d == d ? travel[i] : INFINITY);
 }
 
-// What a view would change of the velocities of those that rest (rows [moving, N), which `pulls`
-// has): x y z the sum of the gradients, w that of their squares. flow: 0 none; 1 v_means has its
-// part at t; 2 it has not (View::moving), and that is the opposite of the part at t2. They are
-// entries [first, n) of the view (shared/view_rows.h).
+// Adds up the gradient that a view would give the velocities of static Gaussians (rows [moving, N),
+// the rows of `pulls`): x y z the sum of the gradients, w that of their squared norms. flow 0:
+// none; 1: v_means includes the flow's part at t; 2: it does not (View::moving), and that part is
+// minus the one at t2. Processes entries [first, n) of the view (shared/view_rows.h).
 kernel void rest_pull(const uint n, const uint first, const uint moving, const float t,
                       const float t2, const int flow, global const uint* restrict rows,
                       global const uint* restrict tiles_touched,  // [n]
@@ -81,10 +80,11 @@ kernel void rest_pull(const uint n, const uint first, const uint moving, const f
   if (is_finite_real(square)) add4(pulls, i - moving, (float4)(v.x, v.y, v.z, square));
 }
 
-// moves: 0 for who rests from now on. Who had `trial` steps and never was further than `most` from
-// its mean pose comes to rest; who rests moves again where what pulls at it agrees: noise would add
-// up to a sum of about the square root of the sum of squares, and this is `wake` times as long.
-// Also source and child (1: starts anew) of each row, for RowMover.
+// moves: 0 for Gaussians that are static from now on. A dynamic one becomes static if it made
+// `trial` steps and, at two or more times, was never further than `most` from its mean pose. A
+// static one becomes dynamic if the norm of its summed gradients exceeds `wake` times the square
+// root of the summed squares, which is what noise would give; wake 0: never. Also sets source and
+// child (1: optimiser state is reset) of each row, for RowMover.
 kernel void rest_decide(const uint n, const uint moving, const float most, const uint trial,
                         const float wake, global const float* restrict travel,
                         global const uint* restrict moments, global const uint* restrict steps,
@@ -102,8 +102,8 @@ kernel void rest_decide(const uint n, const uint moving, const float most, const
   moves[i] = !(steps[i] >= trial && moments[i] > 1 && travel[i] <= most);
 }
 
-// After the rows have moved: those of the old [0, old_moving) that rest now (from `moving` on) take
-// their pose. A quaternion keeps its length, on which its pace in Adam depends.
+// After the rows have moved: rows from `moving` on that were dynamic (source below old_moving) take
+// their static pose. A quaternion keeps its length, on which its effective learning rate depends.
 kernel void rest_settle(const uint n, const uint moving, const uint old_moving,
                         global const uint* restrict source,
                         global const float* restrict rest_means,  // [old_moving, 3]

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tables with their rows moved, dropped or copied: what density control does to every array.
-// One work-item an element; no two share one, so bitwise repeatable.
+// Moves, drops and copies rows of tables: what density control does to every array. One work-item
+// per element, which no other one writes: bitwise repeatable.
 
-// New rows from old, in tables of `keys` rows a Gaussian: fresh[k, j, c] = old[k, source[j], c],
-// n and old_n Gaussians; 0 for children (child[j] > 0) where `only_old`. A source from old_n on has
-// no such row, it rested: then rest_rows[source[j], c] with has_rest_rows, else `rest`.
+// New rows from old, in tables of `keys` rows per Gaussian, for n new and old_n old Gaussians:
+//   fresh[k, j, c] = old[k, source[j], c]
+// With `only_old`, rows of children (child[j] > 0) and of static sources become 0. A source from
+// old_n on is static, without a row: it gives rest_rows[source[j], c] if has_rest_rows, or else
+// `rest`.
 kernel void rows_gather(const uint keys, const uint n, const uint old_n, const uint width,
                         const int only_old, const float rest, const int has_rest_rows,
                         global const uint* restrict source, global const uint* restrict child,
@@ -33,16 +35,16 @@ kernel void rows_gather_counts(const uint keys, const uint n, const uint old_n,
   fresh[row] = child[j] || from >= old_n ? 0u : old[(size_t)k * old_n + from];
 }
 
-// Who moves of what density control makes: who did, and who grows.
+// moves: whether each row of density control's result is dynamic: its source was, or it is a child.
 kernel void rows_movers(const uint n, const uint moving, global const uint* restrict source,
                         global const uint* restrict child, global uint* restrict moves) {
   const uint j = get_global_id(0);
   if (j < n) moves[j] = source[j] < moving || child[j] > 0;
 }
 
-// Those that move first, all else in the order it had; before[n] is how many they are.
+// Puts the dynamic rows first, otherwise in the order they had; before[n] is their number.
 kernel void rows_partition(const uint n, global const uint* restrict moves,
-                           global const uint* restrict before,  // [N + 1] movers below
+                           global const uint* restrict before,  // [N + 1] dynamic rows before each
                            global const uint* restrict source,
                            global const uint* restrict child, global uint* restrict sorted_source,
                            global uint* restrict sorted_child) {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exclusive prefix sum in three launches: sum of each chunk, prefix sum of those, prefix sum within
-// each chunk. One work-group of GROUP work-items per chunk. No atomics: integers, and every element
-// has one writer, so the result is the same whatever runs first.
-// Measured (PoCL, two cores with AVX-512, 30 000): .04 ms for all three.
+// Exclusive prefix sum in three launches: the sum of each chunk, a prefix sum of those, a prefix
+// sum within each chunk. One work-group of GROUP work-items per chunk. Integers without atomics,
+// and one writer per element: the result does not depend on the order of work.
 #include "shared/group_scan.h"
 
 // One group per chunk: sums[chunk] = sum of its elements, in 64 bits.

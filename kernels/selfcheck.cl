@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What gflow takes for granted of a device's arithmetic, computed so that the host can check it.
+// The device arithmetic that gflow relies on, computed for the host to check.
 #include "shared/projection.h"
 
 // One work-item per element.

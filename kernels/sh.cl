@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Colour of each Gaussian from its spherical harmonics, seen from the camera at its mean at t1.
-// Band 0 has an array of its own (its learning rate differs). `degree` may be below what is stored:
-// bands above it count as 0, and those above `walked`, from `degree` to what is stored, cost
-// nothing. One work-item a Gaussian.
-// Measured (PoCL, two cores with AVX-512, 10 600 of 30 000 seen, degree 1 of 2): .14 ms, and .23
-// back.
+// Colour of each Gaussian from its spherical harmonics, in the direction from the camera to its
+// mean at t1. Band 0 has an array of its own, since its learning rate differs. Bands above `degree`
+// count as 0; those above `walked` (>= degree) are not read at all. One work-item per Gaussian.
 #include "shared/arrays.h"
 #include "shared/sh.h"
 #include "shared/types.h"
@@ -27,7 +24,7 @@ static inline real3 sh_sum(ShBasis b, int count, real3 band0, global const float
   return c;
 }
 
-// stride: coefficients stored a Gaussian beside the first.
+// stride: coefficients stored per Gaussian beside the first.
 kernel void sh_fwd(const uint n, const int degree, const int walked, const int stride,
                    const PinholeCamera camera,
                    global const uint* restrict rows,           // shared/view_rows.h
@@ -43,14 +40,14 @@ kernel void sh_fwd(const uint n, const int degree, const int walked, const int s
   const int count = (walked + 1) * (walked + 1);
   const real3 c =
       sh_sum(sh_basis(degree, o.d), count, load3(sh0, i), sh_rest + (size_t)i * stride * 3);
-  // What is no number stays none, so that transport_fwd leaves that Gaussian out.
+  // A non-finite colour stays non-finite, so that transport_fwd leaves that Gaussian out.
   const real3 shown = fmax(c, make_real3(0.f, 0.f, 0.f));
   store3(colors, k, is_finite_real(c.x + c.y + c.z) ? shown : c);
 }
 
-// For what was seen in this view; the rest is left alone. Adds to v_means. v_sh0 and, where more
-// than band 0 is walked through, v_sh_rest are set for Gaussians not `seen` before in this training
-// step and added to for the others.
+// Only for Gaussians visible in this view; other entries are unchanged. Adds to v_means. v_sh0 and,
+// if walked > 0, v_sh_rest are set for Gaussians not yet `seen` in this training step and added to
+// for the others.
 kernel void sh_bwd(const uint n, const int degree, const int walked, const int stride,
                    const PinholeCamera camera, global const uint* restrict rows,
                    global const float* restrict means, global const float* restrict sh0,
@@ -75,7 +72,7 @@ kernel void sh_bwd(const uint n, const int degree, const int walked, const int s
   if (!seen[i]) {
     store3(v_sh0, i, v * b.y[0]);
     const int all = walked == 0 ? 1 : stride + 1;
-    FOR_UNROLLED(k, 1, 16, all) store3(v_own, k - 1, v * b.y[k]);  // 0 where not active
+    FOR_UNROLLED(k, 1, 16, all) store3(v_own, k - 1, v * b.y[k]);  // 0 for inactive bands
   } else {
     add3(v_sh0, i, v * b.y[0]);
     FOR_UNROLLED(k, 1, 16, count) add3(v_own, k - 1, v * b.y[k]);

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// One pass of a stable radix sort by a digit of SORT_BITS: count digits per chunk, (scan.cl makes
-// the counts offsets,) scatter. One work-group of GROUP work-items per chunk. Stable, hence
-// repeatable: within a chunk elements keep their order, and chunks follow each other.
-// Measured (PoCL 3.1, 2 cores, 100 000 keys of 32 bits): 0.95 ms with 11-bit digits, 1.3 with 8.
-// From about a million keys on, 8 bits win by a fifth: 2048 places written to are too many.
+// One pass of a stable radix sort by a digit of SORT_BITS: count digits per chunk, turn the counts
+// into offsets (scan.cl), scatter. One work-group of GROUP work-items per chunk. Stable, hence
+// repeatable: elements keep their order within a chunk, and chunks follow each other. On CPUs
+// 11-bit digits are faster than 8-bit ones up to about a million keys; beyond, 2048 places to write
+// to are too many.
 #include "shared/work.h"
 
 #define DIGITS (1 << SORT_BITS(GROUP))
 
-// counts is laid out digit-major, so that its prefix sum is where each (digit, chunk) begins.
+// counts is digit-major, so that its prefix sum is where each (digit, chunk) begins.
 kernel void sort_count(const uint n, const uint per_chunk, const uint shift, const uint mask,
                        global const uint* restrict keys,  // [n]
                        global uint* restrict counts) {    // [DIGITS, chunks]
@@ -52,10 +52,9 @@ kernel void sort_scatter(const uint n, const uint per_chunk, const uint shift, c
 
 #else
 
-// The chunk is taken in tiles of GROUP elements. An element's place is where its digit stands in the
-// output + the elements of the same digit before it in the tile, counted by looking at all of them:
-// three barriers a tile, where a sort by one bit after the other had 160 (an H100: .029 ms of 15 000
-// keys).
+// The chunk is taken in tiles of GROUP elements. An element's place is where its digit begins in
+// the output plus the number of equal digits before it in the tile, counted by comparing with all
+// of them: two barriers per tile, far fewer than a sort by one bit after the other.
 kernel void sort_scatter(const uint n, const uint per_chunk, const uint shift, const uint mask,
                          global const uint* restrict keys,     // [n]
                          global const uint* restrict values,   // [n]
@@ -74,7 +73,7 @@ kernel void sort_scatter(const uint n, const uint per_chunk, const uint shift, c
     digits[l] = digit;
     barrier(CLK_LOCAL_MEM_FENCE);
     int4 before = (int4)(0), all = (int4)(0);  // counted downwards: true is -1
-#pragma unroll 4  // all 64 turns at once spill registers (AMD's compiler)
+#pragma unroll 4  // all 64 iterations at once spill registers (AMD's compiler)
     for (uint k = 0; k < GROUP / 4; ++k) {
       const int4 same = vload4(k, digits) == (uint4)(digit);
       before += same & ((uint4)(4 * k) + (uint4)(0, 1, 2, 3) < (uint4)(l));

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The spacetime motion model on the device: Gaussians on their paths at time t, and back. Windows,
-// first and second time, and what is written are as in native4d.cl. One work-item a Gaussian.
-// Measured (PoCL, two cores with AVX2): look .06 ms of 10 000 rows, .54 of 100 000, .76 of a
-// million of which a hundredth are there; .7 ms of 10 000 poses at both times, and .9 back.
+// The spacetime motion model on the device (formulas: shared/spacetime.h): Gaussians on their paths
+// at time t, and the gradient. Windows, first and second time, and outputs are as in native4d.cl.
+// One work-item per Gaussian.
 #include "shared/arrays.h"
 #include "shared/lookout.h"
 #include "shared/random.h"
@@ -17,7 +16,7 @@
 #define SPACETIME_ROWS \
   means, means_t, velocities, half_accelerations, quats, turns, log_scales, logit_opacities
 
-// Gaussians from `moving` on rest: they have no rows of velocities, half_accelerations and turns.
+// Static Gaussians, from `moving` on, have no rows of velocities, half_accelerations and turns.
 static inline Spacetime load_spacetime(uint i, uint moving, SPACETIME_IN) {
   Spacetime g;
   g.mean = load3(means, i);
@@ -35,10 +34,10 @@ static inline Spacetime load_spacetime(uint i, uint moving, SPACETIME_IN) {
   return g;
 }
 
-// At the first time of a view: opacity 0, and nothing else written, for those outside their window.
-// At a second time (first = 0): the rows with tiles_touched > 0 only, in their window or not,
-// without their opacities, which nobody needs then.
-// tiles_touched and what is written have an entry for each of the view's rows (shared/view_rows.h).
+// Poses of a view. At its first time (first = 1), Gaussians outside their time window get opacity 0
+// and nothing else is written for them. At a second time (first = 0), only rows with tiles_touched
+// > 0 are written, whether inside their window or not, and without opacities. tiles_touched and the
+// outputs have one entry per row of the view (shared/view_rows.h).
 kernel void spacetime_fwd(const uint n, const uint moving, const float t, const float sigmas,
                           const int first, global const uint* restrict rows,
                           global const uint* restrict tiles_touched,  // [n] read if not first
@@ -59,8 +58,8 @@ kernel void spacetime_fwd(const uint n, const uint moving, const float t, const 
   store_mat3(factors_at, k, cut.factor);
 }
 
-// Which rows a camera may see at a time. One work-item per LANES Gaussians, which are looked at
-// together.
+// Culls rows that a camera cannot see at time t: stores one bit per row, 1 if it may be visible.
+// One work-item per LANES Gaussians, which are tested together.
 kernel void spacetime_look(const uint n, const uint moving, const float t, const float sigmas,
                            const PinholeCamera camera, SPACETIME_IN,
                            global uint* restrict marks,     // [ceil(N / LANES)]
@@ -83,8 +82,9 @@ kernel void spacetime_look(const uint n, const uint moving, const float t, const
   lookout_mark(group, n, shown, marks, counts);
 }
 
-// For what was seen in this view; the rest is left alone. first = 1 (the call for t1) sets the
-// gradients of Gaussians not `seen` before in this training step; else they are added to.
+// Gradients of the Gaussians visible in this view; other rows are unchanged. The call for t1 (first
+// = 1) sets the gradients of Gaussians not yet `seen` in this training step and marks them;
+// otherwise gradients are added.
 kernel void spacetime_bwd(const uint n, const uint moving, const float t, const int first,
                           global const uint* restrict rows, SPACETIME_IN,
                           global const uint* restrict tiles_touched,    // [n]
@@ -128,8 +128,8 @@ kernel void spacetime_bwd(const uint n, const uint moving, const float t, const 
   add4(v_turns, i, v.turn);
 }
 
-// What becomes of the two children of a Gaussian, as native4d_split: in time, each on the parent's
-// path, where it travels far in its life; else in space.
+// Makes the two children of a Gaussian, as native4d_split: in time, each on the parent's path, if
+// it travels far in its lifetime; else in space.
 kernel void spacetime_split(const uint n, const uint moving, const uint seed,
                             const float split_scale, const float split_travel,
                             const float min_lifetime, const float duration,
@@ -145,7 +145,7 @@ kernel void spacetime_split(const uint n, const uint moving, const uint seed,
   const real4 sizes = exp(g.log_scales);
   const real3 s = sizes.xyz;
   const float life = sizes.w, longest = fmax(s.x, fmax(s.y, s.z));
-  const int lasting = life > 0.5f * duration;  // then it is seen in [0, duration]
+  const int lasting = life > 0.5f * duration;  // its window is then [0, duration]
   const float window = lasting ? 0.5f * duration : life;
   const float travel = sqrt(dot(g.velocity, g.velocity)) * 2.f * window;
   if (i < moving && travel > split_travel * longest && 0.6f * window > min_lifetime) {
@@ -173,8 +173,9 @@ kernel void spacetime_split(const uint n, const uint moving, const uint seed,
   logit_opacities[i] = half_opacity_logit(g.logit_opacity);
 }
 
-// How fast a Gaussian learns. pace as native4d_pace; reach = how far from its own moment it matters
-// where it is: its life, at least a step of the video (a flow leads that far), at most the video.
+// Learning-rate scales. pace: as native4d_pace. reach: the time in which its motion matters, its
+// temporal standard deviation, clamped to at least a time step of the video (a flow leads that far)
+// and at most all of it.
 kernel void spacetime_pace(const uint n, const float duration, const float time_step,
                            const float power, const float most,
                            global const float* restrict log_scales,  // [N, 4]

@@ -1,20 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The image: every pixel blends its tile's splats front to back, colour, depth and flow in one
-// pass and with no list a pixel. Repeatable: each pixel sums in depth order.
-//   LANES > 1   one work-item (group of 1) a tile; splats outer, touched cells inner
-//   LANES == 1  one work-group of 256 a tile, one work-item a pixel, splats through local memory
-// A picture with flow may be shared between this kernel with FLOW and without: the tiles with_flow
-// are the first's, the others, which show none, the second's.
-// Measured (PoCL, two cores): 256x256 with 10 000, 512x512 with 100 000 Gaussians 1.3 and 7.1 ms,
-// 46 and 34 % of the FMA peak with AVX-512 (before `ends`), 2.3 and 12.0 ms, 34 and 26 %, with AVX2
-// (8 lanes, at three quarters of that peak), of which `ends` .04 and .5. What it came from: reading
-// ahead -20 % (100 000), the next cell's footprint before the last one's blend -3 to -7 %, loads that
-// broadcast -5 %, z by one addition -5 %, rounding by a large number -4 %, a cell's two parts without
-// a loop -33 % (AVX2). Estrin's form of the polynomial, and looking ahead by parts instead of cells
-// (AVX2), changed nothing.
+// Draws the image: every pixel blends its tile's splats front to back, with colour, depth and flow
+// in one pass and without lists per pixel. Repeatable: each pixel sums in depth order.
+//   LANES > 1   one work-item (group of 1) per tile; splats outer, touched cells inner
+//   LANES == 1  one work-group of 256 per tile, one work-item per pixel, splats in local memory
+// An image with flow may be split between the programs with and without FLOW (`shared`): the former
+// draws the tiles in with_flow, the latter the others and their flow of 0.
+// Fastest on PoCL: prefetching splats, and computing the next footprint before blending the last.
 #include "shared/pixel.h"
 
-#define BATCH 64  // LANES == 1: splats held in local memory at a time
+#define BATCH 64  // LANES == 1: splats in local memory at a time
 
 #if LANES > 1
 static inline void cell_blend(PixelSums* sums, Splat s, CellFootprint at, int entry) {
@@ -24,8 +18,8 @@ static inline void cell_blend(PixelSums* sums, Splat s, CellFootprint at, int en
 }
 #endif
 
-// Which tiles of a shared picture have flow: those of View::flow_tiles, if some were chosen, with a
-// splat below `moving`. One work-item a tile.
+// Which tiles of a shared image have flow: those of View::flow_tiles (all, unless `chosen`) that
+// list a splat below `moving`. One work-item per tile.
 kernel void tiles_with_flow(const uint tiles, const uint moving, const int chosen,
                             global const float* restrict flow_tiles,   // [tiles]
                             global const uint* restrict tile_offsets,  // [tiles + 1]
@@ -53,10 +47,10 @@ kernel void splat_fwd(const int width, const int height, const int shared,
                       global float* restrict depth,              // [H, W] sum of w Z
                       global float* restrict flow,               // [2, H, W] sum w f / sum w
                       global float* restrict flow_weight,        // [H, W] sum w of the first TOP_K
-                      global float* restrict transmittance,      // [H, W] what passes through all
+                      global float* restrict transmittance,      // [H, W] behind all splats
                       global int* restrict ends) {  // [H, W] entries of the tile's list until a
-                                                    // pixel is full; with TOP_K [2, H, W], too,
-                                                    // until its flow is
+                                                    // pixel is saturated; with TOP_K [2, H, W],
+                                                    // also until its flow is complete
   const int tiles_x = (width + TILE - 1) / TILE;
   const int tile = get_group_id(0);
   const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
@@ -64,8 +58,8 @@ kernel void splat_fwd(const int width, const int height, const int shared,
   const int ours = !shared || with_flow[tile] == FLOW;
   const uint first = tile_offsets[tile], end = ours ? tile_offsets[tile + 1] : first;
 #if LANES == 1
-  // A tile that is not ours goes on with nothing to do: after a return here PoCL 3.1 forgot which
-  // pixels are in the picture.
+  // A tile of the other program continues with an empty list: after a return here PoCL 3.1 loses
+  // track of which pixels are inside the image.
   local float4 batch[BATCH * 4];
   local ushort batch_mask[BATCH];
   local int open_pixels[2];
@@ -135,7 +129,7 @@ kernel void splat_fwd(const int width, const int height, const int shared,
       const int entry = (int)(k - first) + 1;
       int cell = next_cell(&mask);
       CellFootprint at = cell_footprint(s, &f, cell);
-      while (mask) {  // the next footprint fills the wait for this one's sums
+      while (mask) {  // the next footprint hides the latency of this one's sums
         const CellFootprint now = at;
         const int i = cell;
         cell = next_cell(&mask);

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The image's derivative: each tile walks its list back to front, from where the last of its pixels
-// was full, and each intersection leaves the 16 sums of shared/pixel.h in its own slot; `gather`
-// adds a Gaussian's slots in order. No atomics: bitwise repeatable.
-// Measured (PoCL, two cores): 256x256 with 10 000, 512x512 with 100 000 Gaussians 4.1 and 21.8 ms,
-// 35 and 26 % of the FMA peak with AVX2, as fast as front to back, which took 2.7 and 14.8 ms, 41
-// and 30 %, with AVX-512. Reading ahead -12 % (100 000); the rest as in splat.cl.
-// With `shared` the kernel with FLOW takes the tiles whose v_flow is not 0, and the one without the
-// others (Skips::flow, View::flow_tiles).
-// ASKING 1: cells of pixels that ask for nothing, every cotangent 0, are left out (Skips::asking).
+// The image's gradient: each tile processes its list back to front, from where the last of its
+// pixels was saturated, and each intersection stores the 16 sums of shared/pixel.h in its own slot;
+// `gather` adds a Gaussian's slots in order. No atomics: bitwise repeatable. Fastest on PoCL:
+// prefetching, as in splat.cl.
+// With `shared` the program with FLOW takes the tiles whose v_flow is not 0, the one without the
+// others (Skips::flow, View::flow_tiles). ASKING 1: skips cells of pixels whose incoming gradients
+// are all 0 (Skips::asking).
 #include "shared/pixel.h"
 
 #ifndef ASKING
@@ -17,14 +15,14 @@
 #define MOMENT_BITS 32
 #endif
 
-// LANES == 1: splats between two barriers; rows of four pixels in a tile, one a work-item; floats a
-// row leaves, and one that spreads rows over the banks of local memory.
+// LANES == 1: splats between two barriers; rows of four pixels in a tile, one per work-item; floats
+// per row in local memory, with one more so that rows use different banks.
 #define BATCH_BWD 4
 #define TILE_ROWS 64
 #define ROW_STRIDE (MOMENTS + 1)
 
 // The gradient state behind all splats of the pixels at `at` / lane vector (x, y), from what the
-// forward pass left and the images' cotangents. alpha's is taken as that of 1 - transmittance.
+// forward pass stored and the images' gradients. That of alpha is applied to 1 - transmittance.
 #if LANES == 1
 #define LOAD(plane) plane[at]
 #define LOAD_INT(plane) plane[at]
@@ -73,14 +71,14 @@ static inline PixelGrads grads_start(
 }
 
 #if LANES == 1
-// A pixel outside the picture.
+// A pixel outside the image.
 static inline PixelGrads grads_none(void) {
   PixelGrads p = {0};
   return p;
 }
 #endif
 
-// Whether a pixel's gradients can be other than 0. With v_alpha alone R says so.
+// Whether a pixel's gradients can be other than 0. With v_alpha alone, R is not 0.
 static inline lane_int asks(PixelGrads p) {
   const lane zero = TO_LANE(0.f);
   lane_int any = (p.vr != zero) | (p.vg != zero) | (p.vb != zero) | (p.R != zero);
@@ -135,8 +133,7 @@ static inline float16 moments_sums(Moments m) {
 }
 #endif
 
-// Slots, as they are kept: floats, or their upper halves (MOMENT_BITS 16, for `gflow bench
-// pareto`).
+// Slots are stored as floats, or as their upper halves for `gflow bench pareto` (MOMENT_BITS 16).
 #if MOMENT_BITS == 16
 #define KEPT(x, width) convert_ushort##width((as_uint##width(x) + 0x8000u) >> 16)
 #define KEPT_IN(partials) ((global ushort*)(partials))
@@ -171,11 +168,11 @@ kernel void splat_bwd(const int width, const int height, const int shared,
   const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
   const uint first = tile_offsets[tile], end = tile_offsets[tile + 1];
   const float3 background = (float3)(background_r, background_g, background_b);
-  uint asking = 0;                            // cells, one bit each
-  int stop = SATURATED ? 0 : (int)(end - first);  // entries until all pixels are full
+  uint asking = 0;                            // cells with gradients, one bit each
+  int stop = SATURATED ? 0 : (int)(end - first);  // entries until all pixels are saturated
 #if LANES == 1
-  // Moments of four pixels' rows are added up in registers; those of a tile's 64 rows meet in local
-  // memory, BATCH_BWD splats between two barriers, and are added in a fixed order.
+  // Moments of a row of four pixels are summed in registers; those of a tile's 64 rows in local
+  // memory, BATCH_BWD splats between two barriers, in a fixed order.
   local float row_moments[BATCH_BWD][TILE_ROWS * ROW_STRIDE];
   local uchar asking_cells[16];
   local int row_ends[TILE_ROWS], asks_flow;
@@ -281,7 +278,7 @@ kernel void splat_bwd(const int width, const int height, const int shared,
       const int entry = (int)(k - first) + 1;
       int cell = next_cell(&mask);
       CellFootprint at = cell_footprint(s, &f, cell);
-      while (mask) {  // the next footprint fills the wait for this one's sums
+      while (mask) {  // the next footprint hides the latency of this one's sums
         const CellFootprint now = at;
         const int i = cell;
         cell = next_cell(&mask);
@@ -295,7 +292,7 @@ kernel void splat_bwd(const int width, const int height, const int shared,
 #endif
 }
 
-// One work-item a Gaussian: its slots summed in order. Unseen ones are left alone.
+// One work-item per Gaussian: sums its slots in order. Rows that are not visible are unchanged.
 kernel void gather(const uint n, global const uint* restrict slot_offsets,  // [N + 1]
                    global const float* restrict partials,                   // [M, 16]
                    global float* restrict moments) {                        // [N, 16]
@@ -303,7 +300,7 @@ kernel void gather(const uint n, global const uint* restrict slot_offsets,  // [
   if (i >= n) return;
   const uint end = slot_offsets[i + 1];
   uint slot = slot_offsets[i];
-  if (slot == end) return;  // unseen
+  if (slot == end) return;  // not visible
   float8 low = (float8)(0.f), high = (float8)(0.f);
   for (; slot < end; ++slot) {
     low += slot_half(2 * (size_t)slot, partials);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What density control and Adam need of Gaussians that rest somewhere and are shifted from there,
-// whatever shifts them. One work-item a Gaussian.
+// Density control and learning rates of models that shift canonical Gaussians, one work-item each.
 #include "shared/random.h"
 #include "shared/still_rows.h"
 
-// The two children of a Gaussian (child 1 and 2; rows with 0 are left alone), which keep its path:
-// one larger than split_scale gives two drawn from it and smaller by 1.6, another a clone.
+// Makes the two children of a Gaussian (child 1 and 2; rows with 0 are unchanged), which keep its
+// path. If it is larger than split_scale, both are drawn from it and 1.6 times smaller; else child
+// 2 is drawn from it.
 kernel void still_split(const uint n, const uint seed, const float split_scale,
                         global const uint* restrict child, global float* restrict means,
                         global const float* restrict quats, global float* restrict log_scales,
@@ -28,7 +28,7 @@ kernel void still_split(const uint n, const uint seed, const float split_scale,
   logit_opacities[i] = half_opacity_logit(logit_opacities[i]);
 }
 
-// How much faster each Gaussian learns (life_pace).
+// Learning-rate scale of each Gaussian (life_pace).
 kernel void still_pace(const uint n, const float duration, const float power, const float most,
                        global const float* restrict log_scales,  // [N, 4]
                        global float* restrict pace) {            // [N]

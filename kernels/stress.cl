@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The float maths of one Gaussian over arrays of cases, as it is in the engine's kernels, for
-// `gflow stress`: its figures are the device's, not the host's. One work-item a case.
+// The float maths of one Gaussian, as in the engine's kernels, on arrays of cases for `gflow
+// stress`: its metrics are the device's, not the host's. One work-item per case.
 #include "shared/arrays.h"
 #include "shared/transport.h"
 
@@ -12,7 +12,7 @@ static inline void store_mat23(global float* p, uint i, Mat23 m) {
   store3(p, 2 * i + 1, m.r2);
 }
 
-// A = B2 inv(B1) of two covariances, and the gradient of G : A by them (numerics 1.1, 1.2).
+// A = B2 inv(B1) of two covariances, and the gradient of G : A with respect to them.
 kernel void stress_roots(const uint n,
                          global const float* restrict pairs,  // [n, 8] a b c det, twice
                          global const float* restrict g,      // [n, 4]
@@ -33,7 +33,7 @@ kernel void stress_roots(const uint n,
   store3(gradients, 2 * i + 1, make_real3(x2.a, x2.b, x2.c));
 }
 
-// The whitening of a projected factor, and where a pixel stands in it.
+// The whitening of a projected factor, and z of a pixel.
 kernel void stress_whiten(const uint n, global const float* restrict factors,  // [n, 2, 3] M
                           global const float* restrict offsets,                // [n, 2] x - mu
                           global float* restrict dets,                         // [n]
@@ -46,7 +46,7 @@ kernel void stress_whiten(const uint n, global const float* restrict factors,  /
   vstore2((float2)(w.k1 * d.x + w.k2 * d.y, w.k3 * d.y), i, z);
 }
 
-// H of a transport (shared/transport.h), and the gradient of v . (H z) at fixed pixels by M1, M2.
+// H of a transport (shared/transport.h); the gradient of v . (H z) w.r.t. M1, M2 at fixed pixels.
 kernel void stress_transport(const uint n, const int mode,
                              global const float* restrict m1,     // [n, 2, 3]
                              global const float* restrict m2,     // [n, 2, 3]

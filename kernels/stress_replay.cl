@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lists of a drawn image walked front to back as splat.cl does, and back to front as
-// splat_bwd.cl does, for `gflow stress`. Forward leaves what passes through a pixel, until which
-// entry it was open, and how many splats counted; backward begins with the first two as they were
-// drawn, and leaves what it has in front of all splats and its own count. LANES > 1: one work-item a
-// tile; LANES == 1: a group of 256 a tile, one work-item a pixel.
+// Replays the lists of a drawn image for `gflow stress`, front to back as in splat.cl and back to
+// front as in splat_bwd.cl. Forward stores each pixel's transmittance, the entry until which it was
+// open, and how many splats contributed. Backward starts from the first two and stores the
+// transmittance in front of all splats and its own count. LANES > 1: one work-item per tile; LANES
+// == 1: a group of 256 per tile, one work-item per pixel.
 #define FLOW 0
 #define DEPTH 0
 #include "shared/pixel.h"
@@ -41,7 +41,7 @@ static inline Step step_bwd(Step o, Splat s, Footprint at, int entry) {
   return o;
 }
 
-// One pixel's, or lane vector's, place and state; BACK begins with what was drawn.
+// Position and state of a pixel or lane vector. BACK starts from what was stored.
 #if LANES == 1
 #define READ(plane) plane[(size_t)y * width + x]
 #define READ_INT(plane) plane[(size_t)y * width + x]

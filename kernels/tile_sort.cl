@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// bin.cl's lists as a GPU makes them: a pair of tile and slot for each intersection, in depth order,
-// sorted by tile (sort.cl, stable). Every step has a work-item an element, however large a splat is.
+// bin.cl's lists as a GPU makes them: a (tile, slot) pair for each intersection, in depth order,
+// stably sorted by tile (sort.cl). Every step has one work-item per element, so that large splats
+// do not hold up others.
 #include "shared/work.h"
 
 #if GROUP > 1
 
-// Where `value` would be put in front of all that are not less, in ascending `sorted`.
+// Index of the first element of ascending `sorted` that is not less than `value`.
 static inline uint lower_bound(global const uint* sorted, uint n, uint value) {
   uint low = 0, high = n;
   while (low < high) {
@@ -18,7 +19,7 @@ static inline uint lower_bound(global const uint* sorted, uint n, uint value) {
   return low;
 }
 
-// One work-item a Gaussian that is seen, nearest first.
+// One work-item per visible Gaussian, nearest first.
 kernel void tiles_in_order(const uint n, global const uint* restrict order,
                            global const uint* restrict tiles_touched,
                            global uint* restrict counts) {  // [V]
@@ -26,7 +27,7 @@ kernel void tiles_in_order(const uint n, global const uint* restrict order,
   if (k < n) counts[k] = tiles_touched[order[k]];
 }
 
-// One work-item an intersection; those of the k-th nearest are starts[k] .. starts[k + 1].
+// One work-item per intersection; those of the k-th nearest Gaussian begin at starts[k].
 kernel void tile_pairs(const uint total, const uint n, const uint tiles_x,
                        global const uint* restrict starts,  // [V + 1]
                        global const uint* restrict order,   // [V]
@@ -34,7 +35,7 @@ kernel void tile_pairs(const uint total, const uint n, const uint tiles_x,
                        global const uint* restrict slot_offsets,    // [N + 1]
                        global uint* restrict tiles,                 // [M]
                        global uint* restrict slots,                 // [M]
-                       global uint* restrict owners) {              // [M] of each slot
+                       global uint* restrict owners) {              // [M] Gaussian of each slot
   const uint p = get_global_id(0);
   if (p >= total) return;
   const uint k = lower_bound(starts, n + 1, p + 1) - 1;
@@ -47,7 +48,7 @@ kernel void tile_pairs(const uint total, const uint n, const uint tiles_x,
   owners[slot] = id;
 }
 
-// One work-item an intersection of the sorted list.
+// One work-item per intersection of the sorted list.
 kernel void tile_ids(const uint total, global const uint* restrict isect_slots,  // [M]
                      global const uint* restrict owners,                         // [M]
                      global uint* restrict isect_ids) {                          // [M]
@@ -55,7 +56,7 @@ kernel void tile_ids(const uint total, global const uint* restrict isect_slots, 
   if (p < total) isect_ids[p] = owners[isect_slots[p]];
 }
 
-// One work-item a tile and one more.
+// One work-item per tile, and one more.
 kernel void tile_starts(const uint count, const uint total,
                         global const uint* restrict tiles,   // [M] ascending
                         global uint* restrict tile_offsets) {  // [count + 1]
