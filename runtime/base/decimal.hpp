@@ -7,9 +7,9 @@
 
 namespace gflow {
 
-// The number that a text is, and nothing else: decimal, as TOML, JSON and PLY have it, with a sign
-// or an exponent or neither. None for hexadecimal ones, which only some readers would take, for
-// "inf" and "nan", and where no double is as large or as small.
+// The decimal number that the whole text is, as in TOML, JSON and PLY, with optional sign and
+// exponent. nullopt for "inf", "nan" and hexadecimal numbers, which only some readers accept, and
+// for values outside of double's range.
 inline std::optional<double> decimal_number(std::string_view text) {
   if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
   if (text.find_first_of("0123456789") == text.npos) return std::nullopt;

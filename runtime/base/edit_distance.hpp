@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far a mistyped word is from one that exists.
+// The distance between a mistyped word and an existing one.
 #pragma once
 #include <algorithm>
 #include <numeric>
@@ -8,8 +8,8 @@
 
 namespace gflow {
 
-// Levenshtein: the fewest letters inserted, removed or replaced. Of words longer than a hundred
-// letters, which no name is, what is beyond counts as missing: a file's word may have millions.
+// Levenshtein distance: the fewest letters inserted, removed or replaced. Each letter beyond the
+// first hundred counts as missing: names are shorter, but a word from a file may have millions.
 inline size_t edit_distance(const std::string& whole_a, const std::string& whole_b) {
   constexpr size_t longest = 100;
   const std::string a = whole_a.substr(0, longest), b = whole_b.substr(0, longest);

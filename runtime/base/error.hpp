@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything gflow throws. An error is one clear sentence for the person who must act: what was
+// The base of all errors. Each message is one clear sentence for the person who must act: what was
 // being done, to what, what is wrong, what would be right.
 #pragma once
 #include <stdexcept>
@@ -8,7 +8,7 @@
 
 namespace gflow {
 
-// A text of a file may have zeros, at which what() would end: they become "\\0".
+// Text from a file may contain NUL bytes, at which what() would end: they become "\\0".
 inline std::string without_zeros(std::string text) {
   for (size_t at = text.find('\0'); at != text.npos; at = text.find('\0', at + 2))
     text.replace(at, 1, "\\0");

@@ -8,7 +8,7 @@ namespace gflow {
 
 inline constexpr uint64_t hash_begin = 14695981039346656037u;
 
-// FNV-1a, 64 bits, of bytes behind those that gave `h`. For names, not against forgers.
+// FNV-1a hash, 64 bits, continued from `h`. For names; it does not resist forgery.
 inline uint64_t hash(const char* bytes, size_t size, uint64_t h = hash_begin) {
   for (size_t i = 0; i < size; ++i) h = (h ^ uint8_t(bytes[i])) * 1099511628211u;
   return h;

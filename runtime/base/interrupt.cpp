@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A signal handler may touch nothing but lock-free variables and call little but write, hence the
-// two of this file.
+// Signal handlers may only use lock-free variables and call async-signal-safe functions like write.
 #include "runtime/base/interrupt.hpp"
 
 #include <unistd.h>
@@ -40,7 +39,7 @@ InterruptGuard::InterruptGuard() {
     if (former.sa_handler == SIG_IGN) continue;
     struct sigaction action = {};
     action.sa_handler = on_signal;
-    action.sa_flags = SA_RESTART;  // reads and writes under way go on
+    action.sa_flags = SA_RESTART;  // interrupted reads and writes continue
     sigemptyset(&action.sa_mask);
     sigaction(signal, &action, nullptr);
     former_[signal] = former;
@@ -54,7 +53,7 @@ InterruptGuard::~InterruptGuard() {
 void stop_at_once(int signal) { end_with(line_at_stop, signal); }
 
 void StopSentence::say(const std::string& sentence) {
-  // On a terminal a progress line may stand there: it goes.
+  // On a terminal, first erases a progress line that may be there.
   lines_.push_back(line_eraser() + ("gflow: " + sentence) + "\n");
   line_at_stop = lines_.back().c_str();
 }

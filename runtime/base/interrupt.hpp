@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C and its relatives. Where there is something to save, under an InterruptGuard, the first
-// signal only raises a flag, so that the step in progress is finished and what is there is written;
-// the second one ends the program at once. Everywhere else the first one does.
+// Handling of Ctrl-C and similar signals. Under an InterruptGuard, for work with something to save,
+// the first signal only sets a flag, so that the current step finishes and results are written; the
+// second one ends the program at once. Without a guard the first one does.
 #pragma once
 #include <csignal>
 #include <list>
@@ -17,8 +17,8 @@ struct Interrupted : Error {
   using Error::Error;
 };
 
-// While one of these lives, SIGINT, SIGTERM and SIGHUP set interrupted(). A signal that was ignored
-// before (nohup) stays ignored. The former handlers come back at the end. One at a time.
+// While it exists, SIGINT, SIGTERM and SIGHUP set interrupted(). Signals that were ignored before
+// (nohup) stay ignored. The destructor restores the previous handlers. Only one may exist.
 class InterruptGuard {
  public:
   InterruptGuard();
@@ -30,36 +30,36 @@ class InterruptGuard {
   std::map<int, struct sigaction> former_;
 };
 
-// Whether a signal came since the guard was built. Cheap: ask once a step.
+// Whether a signal came since the guard was built. Cheap: call it once per step.
 bool interrupted();
 
-// From now on interrupted() also where the process that started this one, of that number, is gone:
-// as by SIGTERM.
+// From now on interrupted() is also true once process `parent` is no longer the parent of this one,
+// as after SIGTERM.
 void stop_without_parent(int parent);
 
-// Ends the program: one sentence on stderr, no file left half-written, exit code 128 + signal.
-// Calls nothing but what POSIX allows in a signal handler, and is meant to be one.
+// Ends the program with one sentence on stderr, removes unfinished files, exit code 128 + signal. A
+// signal handler: calls only what POSIX allows in one.
 [[noreturn]] void stop_at_once(int signal);
 
-// What stop_at_once() says while this lives: what was being done, and what comes of it. One at a
-// time.
+// The sentence that stop_at_once() prints while this exists: what was being done, and what follows
+// from the stop. Only one may exist at a time.
 class StopSentence {
  public:
   explicit StopSentence(const std::string& sentence) { say(sentence); }
   ~StopSentence();
   StopSentence(const StopSentence&) = delete;
   StopSentence& operator=(const StopSentence&) = delete;
-  // From now on another one.
+  // Replaces the sentence.
   void say(const std::string& sentence);
 
  private:
-  std::list<std::string> lines_;  // all of them: a handler may be reading one
+  std::list<std::string> lines_;  // all of them, since a handler may be reading one
 };
 
-// Exit code of a program that this signal interrupted, as shells have it: 130 for Ctrl-C (SIGINT),
-// 143 for SIGTERM, 129 for SIGHUP.
+// Exit code of a program that this signal interrupted, as in shells: 130 for Ctrl-C (SIGINT), 143
+// for SIGTERM, 129 for SIGHUP.
 constexpr int exit_code_of(int signal) { return 128 + signal; }
-// That of the last signal; 130 if none came.
+// Exit code of the last signal; 130 if none came.
 int interrupted_exit_code();
 
 }  // namespace gflow

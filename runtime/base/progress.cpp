@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// See progress.hpp. The terminal's width is asked for at every drawing: windows change size.
+// See progress.hpp. The terminal's width is queried for every drawing, since windows change size.
 #include "runtime/base/progress.hpp"
 
 #include <fmt/format.h>
@@ -18,7 +18,7 @@ namespace gflow {
 namespace {
 
 constexpr size_t bar_cells = 24;
-constexpr size_t plain_width = 200;  // of lines that go into a file
+constexpr size_t plain_width = 200;  // of lines written to a file
 
 size_t terminal_width() {
   winsize size = {};
@@ -56,7 +56,7 @@ std::string progress_line(const ProgressState& state, double seconds, size_t wid
                                : "ETA " + duration_text(double(total - done) / per_second);
   const std::string counts =
       fmt::format("  {}/{}  {}  {}", done, total, speed_text(per_second), time);
-  // In a narrow window what says most.
+  // the most informative one that fits into the window
   const std::string choices[] = {label + "  " + bar_text(done, total) + counts, label + counts,
                                  fmt::format("{}/{}  {}", done, total, time),
                                  fmt::format("{}/{}", done, total),
@@ -99,7 +99,7 @@ void Progress::advance() {
 
 void Progress::say(const std::string& sentence) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  const bool drawn = terminal_ && !quiet_;  // a line that is being redrawn must go first
+  const bool drawn = terminal_ && !quiet_;  // a line that is being redrawn must be erased first
   std::fputs(((drawn ? "\r\x1b[K" : "") + printable(sentence) + "\n").c_str(), stderr);
 }
 
@@ -112,7 +112,7 @@ void Progress::finish() {
 
 void Progress::draw_if_due() {
   const auto now = Clock::now();
-  // In a file each is a line: ever fewer, a hundred in an hour.
+  // In a file each drawing is a line, so they become rarer: about a hundred in the first hour.
   const auto pause = terminal_
                          ? Clock::duration(std::chrono::milliseconds(100))
                          : std::max<Clock::duration>(std::chrono::seconds(5), (now - start_) / 20);
@@ -125,7 +125,7 @@ void Progress::draw(bool last) {
   const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
   const size_t width = terminal_ ? terminal_width() : plain_width;
   const std::string line = progress_line(state_, seconds, width);
-  // \r and "erase to the end of the line": the former text may have been longer.
+  // \r and "erase to the end of the line": the previous text may have been longer.
   if (terminal_)
     std::fputs(("\r" + line + "\x1b[K" + (last ? "\n" : "")).c_str(), stderr);
   else

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One line on stderr that tells how far a long task is. On a terminal it is redrawn in place, at
-// most ten times a second; into a file or pipe it becomes a plain line every few seconds, so that
-// logs stay readable.
+// A progress line on stderr. On a terminal it is redrawn in place, at most ten times a second. In a
+// file or pipe it is a plain line every few seconds, later less often, so that logs stay readable.
 #pragma once
 #include <chrono>
 #include <mutex>
@@ -12,41 +11,40 @@
 
 namespace gflow {
 
-// A figure beside the bar: {"loss", "0.0213"}. Without a name only the value is shown.
+// A value beside the bar: {"loss", "0.0213"}. Without a name only the value is shown.
 struct ProgressTerm {
   std::string name, value;
 };
 
-// "4:07" or "1:02:09"; "-:--" for what is not known (NaN, infinite or negative). [seconds]
+// "4:07" or "1:02:09"; "-:--" if unknown (NaN, infinite or negative). [seconds]
 std::string duration_text(double seconds);
 
 struct ProgressState {
   std::string label;
-  long first = 0;  // the count at which the clock started; the speed is that of the steps since
+  long first = 0;  // count at which the clock started; the speed is that of the steps since
   long done = 0, total = 0;
   std::vector<ProgressTerm> terms;
 };
 
-// The line itself, at most `width` characters: terms are dropped from the right, then the bar,
-// where space is short. After `seconds` of work:
+// The line itself after `seconds` of work, at most `width` characters. Where space is short, terms
+// are dropped from the right, then the bar:
 //   train  [#####-----]  4200/10000  52.3 it/s  ETA 1:51  loss 0.0213  psnr 31.2
 std::string progress_line(const ProgressState& state, double seconds, size_t width);
 
-// Shows progress until finish() or the end of its life. update() may be called from several
-// threads.
+// Shows progress until finish() or destruction. update() may be called from several threads.
 class Progress {
  public:
-  // `first` is where the count starts (a resumed run): it does not count for the speed.
+  // `first` is where the count starts (a resumed run); it does not count for the speed.
   Progress(std::string label, long total, bool quiet = false, long first = 0);
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  // Sets the count; draws if the last drawing is old enough.
+  // Sets the count. Draws if the last drawing is old enough.
   void update(long done, std::vector<ProgressTerm> terms = {});
   // Adds one to the count.
   void advance();
-  // Writes a sentence on a line of its own, quiet or not.
+  // Prints a sentence on a line of its own, even if quiet.
   void say(const std::string& sentence);
   // Draws the last state and ends the line.
   void finish();
@@ -62,7 +60,7 @@ class Progress {
   std::mutex mutex_;
 };
 
-// Passes counts on to a progress line, which must outlive it.
+// A callback that updates a progress line, which must outlive it.
 inline ProgressCallback counted(Progress& progress) {
   return [&progress](size_t done, size_t) { progress.update(long(done)); };
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long work tells its caller what there is to tell.
+// Callbacks by which long work reports to its caller.
 #pragma once
 #include <cstddef>
 #include <functional>
@@ -7,10 +7,10 @@
 
 namespace gflow {
 
-// How far it is. Called by worker threads, one at a time; an exception ends the work.
+// Progress. Called by worker threads, one at a time; an exception ends the work.
 using ProgressCallback = std::function<void(size_t done, size_t total)>;
 
-// Receives a sentence about what went wrong and does not stop the work; from any thread.
+// Receives a sentence about a problem that does not stop the work. Called from any thread.
 using Notice = std::function<void(const std::string&)>;
 
 }  // namespace gflow

@@ -7,14 +7,13 @@
 
 namespace gflow {
 
-// Whether stderr is a terminal on which a line can be written anew. Emacs and its like say of
-// themselves (TERM=dumb) that they cannot.
+// Whether stderr is a terminal that can redraw a line. With TERM=dumb (Emacs and others) it cannot.
 inline bool redraws_lines() {
   const char* kind = std::getenv("TERM");
   return ::isatty(STDERR_FILENO) == 1 && !(kind && std::string(kind) == "dumb");
 }
 
-// What removes a progress line that may stand there; nothing where there can be none.
+// Erases a progress line that may be there; empty where lines are not redrawn.
 inline const char* line_eraser() { return redraws_lines() ? "\r\x1b[K" : ""; }
 
 }  // namespace gflow

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A signal handler may neither wait for a lock nor allocate: paths lie in slots of fixed size, and
-// each slot belongs to whoever changed its state last.
+// A signal handler may neither wait for a lock nor allocate: paths are in slots of fixed size, and
+// a slot belongs to the thread that last changed its state.
 #include "runtime/base/unfinished_file.hpp"
 
 #include <sys/wait.h>
@@ -29,8 +29,8 @@ std::atomic<bool> ending{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may not wait for a lock");
 static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait for a lock");
 
-// Whether all of it is gone. By another program: to read a folder takes memory, which a signal
-// handler may not ask for.
+// Whether the whole folder was removed. Runs rm, since reading a folder allocates memory, which a
+// signal handler must not.
 bool remove_folder(const char* path) {
   const pid_t child = ::vfork();
   if (child == 0) {
@@ -51,8 +51,8 @@ UnfinishedFile::UnfinishedFile(const std::string& path) {
     slot_ = int(i);
     break;
   }
-  // Whoever removes says so before it looks at the slots: either it sees this one, or this sees
-  // that no file is begun any more.
+  // remove_unfinished_files() sets `ending` before it looks at the slots: either it sees this one,
+  // or this thread sees that no file may be begun any more and waits for the end.
   if (!ending) return;
   if (slot_ >= 0) slots[size_t(slot_)].state = unused;
   for (;;) ::pause();
@@ -64,8 +64,8 @@ UnfinishedFile::~UnfinishedFile() {
 
 void remove_unfinished_files() {
   ending = true;
-  // Another thread may have named a file and make it only now, or one in a folder: they are looked
-  // for a while, as long as that thread has not given them up.
+  // Another thread may have named a file and create it only now, or one in a folder: tries for 0.2
+  // s, unless that thread releases its slot.
   const auto remains = [](Slot& slot) {
     if (slot.state != being_removed || ::unlink(slot.path) == 0) return false;
     return errno == EISDIR ? !remove_folder(slot.path) : errno == ENOENT;

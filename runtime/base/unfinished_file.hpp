@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Temporaries as a signal handler sees them: a program that ends at once removes what it had begun
-// to write.
+// Unfinished files, as a signal handler sees them: a program that ends at once removes them.
 #pragma once
 #include <string>
 
 namespace gflow {
 
-// While one of these lives, remove_unfinished_files() removes the file, or folder with all that is
-// in it. Where more files are
-// written at once than there is room to note (64), or the path is longer than a path can be, the
-// file is not noted.
+// While it exists, remove_unfinished_files() removes the file, or the folder and all in it. Does
+// nothing if 64 files are registered already or the path is too long (PATH_MAX).
 class UnfinishedFile {
  public:
   explicit UnfinishedFile(const std::string& path);
@@ -21,7 +18,7 @@ class UnfinishedFile {
   int slot_ = -1;
 };
 
-// May be called by a signal handler; the program must end after it.
+// May be called by a signal handler. The program must end afterwards.
 void remove_unfinished_files();
 
 }  // namespace gflow

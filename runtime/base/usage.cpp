@@ -37,7 +37,7 @@ double peak_memory_mib() { return double(usage().ru_maxrss) / 1024; }
 
 void begin_peak_memory() {
 #ifdef __GLIBC__
-  malloc_trim(0);  // what was freed is not had any more
+  malloc_trim(0);  // freed memory must not count
 #endif
   std::ofstream("/proc/self/clear_refs") << "5";  // proc(5)
 }

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// What this process has cost so far.
+// Resources that this process has used.
 #pragma once
 
 namespace gflow {
 
-// Of all its threads [s].
+// CPU time of all threads [s].
 double cpu_seconds();
-// Of the thread that asks [s].
+// CPU time of the calling thread [s].
 double thread_cpu_seconds();
-// Most memory it had at once, since begin_peak_memory() if that was called [MiB]; with a device
-// that has none of its own, such as a CPU, the device's buffers are in it.
+// Peak memory, since begin_peak_memory() if that was called [MiB]. Includes the device's buffers if
+// the device has no memory of its own, such as a CPU.
 double peak_memory_mib();
-// From now on. Linux alone can; elsewhere it stays that of the whole process.
+// Restarts the peak from now on. Linux only; elsewhere it stays that of the whole process.
 void begin_peak_memory();
 
 }  // namespace gflow

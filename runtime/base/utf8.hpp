@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Letters of UTF-8. Names of files, and what damaged files hold, need not be any.
+// Characters of UTF-8. File names, and the contents of damaged files, need not be valid UTF-8.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -7,8 +7,8 @@
 
 namespace gflow {
 
-// How many bytes the letter at text[at] takes; 0 where none begins: bytes out of place, letters
-// written longer than they are, halves of surrogate pairs.
+// Number of bytes of the character at text[at]; 0 if none begins there: stray bytes, overlong
+// forms, surrogates.
 inline size_t utf8_letter(std::string_view text, size_t at) {
   const auto lead = static_cast<unsigned char>(text[at]);
   const size_t size = lead < 0x80 ? 1 : lead < 0xe0 ? 2 : lead < 0xf0 ? 3 : 4;

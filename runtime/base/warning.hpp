@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For what went wrong and does not stop the work; what does is an Error.
+// Warnings: problems that do not stop the work. Problems that do are Errors.
 #pragma once
 #include <cstdio>
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace gflow {
 
-// One sentence on stderr.
+// Prints one sentence on stderr.
 inline void warn(const std::string& sentence) {
   std::fprintf(stderr, "gflow: warning: %s\n", printable(sentence).c_str());
 }
