@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole files in and out, with POSIX calls because the standard streams neither tell errno
-// reliably nor reach the disk on demand.
+// POSIX calls, because standard streams neither report errno reliably nor reach the disk on demand.
 #include "runtime/files/atomic_file.hpp"
 
 #include <fcntl.h>
@@ -26,18 +25,18 @@
 namespace gflow {
 namespace {
 
-// The n-th temporary of this process beside path, as is_temporary_name() knows it; the extension is
-// kept because libraries choose the format by it.
+// The n-th temporary of this process beside `path`, in the form that is_temporary_name() knows. The
+// extension is kept because libraries choose the format by it.
 std::string name_beside(const std::string& path, unsigned n) {
   const std::filesystem::path full(path);
   const std::string stem = full.stem().string(), ending = full.extension().string();
   const std::string own = fmt::format(".{}-{}.part{}", ::getpid(), n, ending);
-  // A name may have 255 bytes: of a long one its beginning does.
+  // A name may have 255 bytes, so a long stem is cut.
   const size_t room = NAME_MAX - std::min<size_t>(own.size() + 1, NAME_MAX);
   return (full.parent_path() / ("." + stem.substr(0, room) + own)).string();
 }
 
-// An empty file beside path that no other process or earlier call uses; removed unless the rename
+// An empty file beside `path` that no other process or earlier call uses. Removed unless the rename
 // made it the real file.
 class Temporary {
  public:
@@ -46,7 +45,7 @@ class Temporary {
       path_ = name_beside(path, n);
       struct stat info;
       if (::lstat(path_.c_str(), &info) == 0) continue;
-      unfinished_.emplace(path_);  // first: a signal may come as soon as it is there
+      unfinished_.emplace(path_);  // first: a signal may come as soon as it exists
       const Descriptor claim(::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
       if (claim.get() >= 0) return;
       if (errno != EEXIST) refuse_to_write(path, errno);
@@ -75,8 +74,8 @@ void flush_to_disk(const std::string& temporary, const std::string& path) {
   if (file.get() < 0 || ::fsync(file.get()) != 0) refuse_to_write(path, errno);
 }
 
-// flag: O_TRUNC for the whole file, O_APPEND for more of it. Some libraries remove what they failed
-// to write, hence O_CREAT.
+// flag: O_TRUNC for the whole file, O_APPEND for more of it. O_CREAT because some libraries remove
+// what they failed to write.
 void write_all(const std::string& temporary, int flag, std::string_view bytes,
                const std::string& path) {
   Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | flag | O_CLOEXEC, 0666));
@@ -156,7 +155,7 @@ Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
   Bytes expanded;
   size_t consumed = 0, announced = 0;
   int state = Z_OK;
-  // No more than what a short file can expand to: most are.
+  // Most files are short: a piece is no longer than they can expand to.
   constexpr size_t most_packed = 1032;  // deflate's limit
   const size_t piece = std::min(size_t{1} << 20, most_packed * stored.size() + 1);
   while (state != Z_STREAM_END) {
@@ -174,10 +173,10 @@ Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
       throw Error(fmt::format("{} is truncated: its gzip stream has no end", path));
     if (state != Z_OK && state != Z_STREAM_END)
       throw Error(fmt::format("{} is damaged: {}", path, stream.msg ? stream.msg : "not gzip"));
-    if (before > 0 || expanded.size() == piece || state == Z_STREAM_END) {  // a whole first piece
+    if (before > 0 || expanded.size() == piece || state == Z_STREAM_END) {  // first piece whole
       require_announced(expanded, plausible_length, announced, path);
       if (state != Z_STREAM_END)
-        expanded.reserve(announced + 2 * piece);  // else twice as much while it grows
+        expanded.reserve(announced + 2 * piece);  // else it would double while it grows
     }
   }
   if (consumed < stored.size())
@@ -234,7 +233,7 @@ void write_file_atomically(const std::string& path, const Bytes& bytes) {
 
 void write_file_in_pieces(const std::string& path,
                           const std::function<void(const Append&)>& write) {
-  constexpr size_t enough = size_t{1} << 20;  // for one call of the system
+  constexpr size_t enough = size_t{1} << 20;  // for one system call
   replace_file(path, [&](const std::string& temporary) {
     std::string waiting;
     write([&](std::string_view piece) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole files in and out. A file written here is either complete or as it was before: bytes go to
-// a temporary in the same folder, reach the disk, and only then take the name.
+// Reads and writes whole files. A file written here is either complete or as it was before: bytes
+// go to a temporary in the same folder, reach the disk, and only then take the name.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -13,12 +13,11 @@
 
 namespace gflow {
 
-// A file that was not written because the disk, or the user's share of it, is full: what makes room
-// may help.
+// A file was not written because the disk, or the user's quota, is full: freeing space may help.
 struct DiskFull : Error {
   using Error::Error;
 };
-// The error of the system's number `code`: "cannot write PATH: why".
+// Throws "cannot write PATH: why" for the error number `code`; a DiskFull for ENOSPC and EDQUOT.
 [[noreturn]] void refuse_to_write(const std::string& path, int code);
 
 using Bytes = std::vector<uint8_t>;
@@ -27,69 +26,67 @@ using Bytes = std::vector<uint8_t>;
 // files that expand without end.
 inline constexpr size_t largest_file = size_t{1} << 32;
 
-// Before a library opens it: Error when there is no file of that name, or something else, as a
-// folder or a pipe, which would be waited for without end.
+// To be called before a library opens a file: Error if it does not exist or is not a regular file.
+// (Opening a pipe would wait for ever.)
 void require_file(const std::string& path);
 
-// Contents of a file. Error when it is missing, unreadable or longer than `limit` bytes.
+// Contents of a file. Error if it is missing, unreadable or longer than `limit` bytes.
 Bytes read_file(const std::string& path, size_t limit = largest_file);
 
-// How long a file is that begins like this (its first MiB, or all of it); Error when it says
-// nothing of the kind.
+// Length of a file that begins like this (its first MiB, or all of it). Error if the beginning is
+// not of that format.
 using LengthOf = std::function<size_t(const Bytes& beginning)>;
 
-// As read_file; a gzipped file (by its first two bytes, not its name) is expanded, but no further
-// than `length_of` its beginning: a few kB expand to GB. Error also when the stream is damaged,
-// ends early or goes on after that.
+// As read_file, but expands a gzipped file (recognised by its first two bytes, not its name), up to
+// the length that its beginning announces: a few kB expand to GB. Error also if the stream is
+// damaged, truncated or longer than that.
 Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of);
 
-// For what is expanded piece by piece: Error when there is more than the beginning announces. Asks
-// length_of once; `announced` keeps the answer, 0 before.
+// For expanding piece by piece: Error if there is more than the beginning announces. Calls
+// length_of once and keeps the answer in `announced`, which must be 0 before.
 void require_announced(const Bytes& so_far, const LengthOf& length_of, size_t& announced,
                        const std::string& what);
 
-// Replaces the file at path, whose permissions stay. On failure (disk full, no permission) the
-// temporary is removed, the old file remains, and the Error says path and reason. Missing folders
+// Replaces the file at `path` and keeps its permissions. On failure (disk full, no permission) the
+// temporary is removed, the old file remains, and the Error names path and reason. Missing folders
 // are not made.
 void write_file_atomically(const std::string& path, std::string_view bytes);
 void write_file_atomically(const std::string& path, const Bytes& bytes);
 
-// The same of bytes that are made while they are written: `write` hands them over a piece at a
-// time.
+// The same for bytes that are made while they are written: `write` passes them on piece by piece.
 using Append = std::function<void(std::string_view piece)>;
 void write_file_in_pieces(const std::string& path, const std::function<void(const Append&)>& write);
 
 // The same for libraries that write files themselves: `write` receives the temporary's name, which
-// has the extension of path, and throws when it fails.
+// has the extension of `path`, and throws on failure.
 void replace_file(const std::string& path,
                   const std::function<void(const std::string& temporary)>& write);
 
-// Error where something that is no file has the name: a device or pipe must not be replaced.
+// Error if `path` is something other than a regular file: a device or pipe must not be replaced.
 void require_replaceable(const std::string& path);
 
-// Gives a finished file the name `path`, and the permissions of the file that had it, which may be
-// private. Error when it cannot.
+// Renames a finished file to `path`, with the permissions of the file that had the name, which may
+// be private. Error if it cannot.
 void take_place(const std::string& finished, const std::string& path);
 
-// So that names in the folder of `path`, too, outlast a loss of power. Not every file system can;
-// the files themselves are safe.
+// Makes names in the folder of `path` survive a loss of power, on file systems that can; the files'
+// contents do anyway.
 void flush_folder_of(const std::string& path);
 
-// Whether a file has the name of a temporary: one that a killed process left behind is worth
-// nothing.
+// Whether a file has the name of a temporary. One that a killed process left behind may be deleted.
 bool is_temporary_name(const std::string& filename);
 
-// For libraries that fail without a reason: Error with the system's if the temporary of path cannot
-// grow by 1 MiB (disk full, file size limit). What it holds is spoiled.
+// For libraries that fail without a reason: throws the system's if the temporary of `path` cannot
+// grow by 1 MiB (disk full, file size limit). Spoils its contents.
 void require_room(const std::string& temporary, const std::string& path);
 
-// Before long work whose results fill a disk: Error when `folder` has not `bytes` free for them.
-// what: they are, e.g. "optical flow"; instead: what the user can do. Where the system does not
-// tell there is no Error.
+// To be called before long work that fills a disk: Error if `folder` has less than `bytes` free, or
+// nothing if that is not known. what: what needs them, e.g. "optical flow"; instead: what the user
+// can do.
 void require_free_space(const std::string& folder, uint64_t bytes, const std::string& what,
                         const std::string& instead);
 
-// Bytes gzipped, without name or time: equal input gives equal output.
+// Gzips bytes without name or time: equal input gives equal output.
 Bytes gzip(std::string_view bytes);
 
 }  // namespace gflow

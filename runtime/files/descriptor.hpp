@@ -6,7 +6,7 @@
 
 namespace gflow {
 
-// A file descriptor that is closed when it goes out of scope; below 0 it is none.
+// A file descriptor that is closed by the destructor; negative: none.
 class Descriptor {
  public:
   explicit Descriptor(int fd) : fd_(fd) {}
@@ -16,7 +16,7 @@ class Descriptor {
     if (fd_ >= 0) ::close(fd_);
   }
   int get() const { return fd_; }
-  // Some file systems say only here that there was no room for what was written.
+  // Whether it could be closed: some file systems report only here that a write had no room.
   bool close() { return ::close(std::exchange(fd_, -1)) == 0; }
 
  private:

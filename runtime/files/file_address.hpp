@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Paths as file:// addresses (RFC 8089, with %XX for all but plain letters): names of files may be
-// any bytes, and TOML and JSON hold only UTF-8.
+// Paths as file:// addresses (RFC 8089, all but plain letters as %XX): file names may be any bytes,
+// but TOML and JSON contain only UTF-8.
 #pragma once
 #include <fmt/format.h>
 
@@ -25,7 +25,7 @@ inline std::string file_address(const std::string& path) {
   return address;
 }
 
-// The path of an address; nothing where a % is not followed by two digits, or by 00.
+// The path of an address; nullopt if a % is not followed by two hexadecimal digits, or by 00.
 inline std::optional<std::string> path_of_address(const std::string& address) {
   std::string path;
   for (size_t i = sizeof file_scheme - 1; i < address.size(); ++i) {

@@ -15,8 +15,8 @@
 namespace gflow {
 namespace {
 
-// Error where another one has it; the file is closed then. Where there are no locks, as on some
-// network file systems, that is said and work goes on.
+// Locks `file`, or closes it and throws FileIsLocked if someone else has the lock. Where locks are
+// not supported, as on some network file systems, warns and continues.
 void lock_or_close(int file, const std::string& what, std::string (*who)(int)) {
   if (::flock(file, LOCK_EX | LOCK_NB) == 0) return;
   if (errno != EWOULDBLOCK)
@@ -30,7 +30,7 @@ void lock_or_close(int file, const std::string& what, std::string (*who)(int)) {
       fmt::format("{} is being written by {}: wait for it or choose another folder", what, holder));
 }
 
-// "process 1234", as the holder wrote it; it may not have come to that yet.
+// "process 1234", as its holder wrote it; it may not have written it yet.
 std::string holder(int file) {
   char text[16] = {};
   const ssize_t length = ::pread(file, text, sizeof text - 1, 0);
@@ -41,7 +41,7 @@ std::string holder(int file) {
 
 FileLock::FileLock(const std::string& path, const std::string& what)
     : file_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666)) {
-  // A link would have the number of the process written into the file it leads to.
+  // Through a link the process number would be written into another file.
   if (file_ < 0 && errno == ELOOP)
     throw Error(fmt::format("cannot lock {}: it is a link to another file; remove it", path));
   if (file_ < 0) throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
@@ -51,7 +51,7 @@ FileLock::FileLock(const std::string& path, const std::string& what)
     throw Error(fmt::format("cannot lock {}: it is no file of its own; remove it", path));
   }
   lock_or_close(file_, what, holder);
-  // Who holds it is only said, so that a full disk is no reason to stop.
+  // The process number is only for messages, so a full disk is no reason to stop.
   const std::string pid = std::to_string(::getpid());
   if (::ftruncate(file_, 0) != 0 || ::pwrite(file_, pid.data(), pid.size(), 0) < 0) errno = 0;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One process at a time: a lock that ends with the process that holds it, however it ends.
+// Locks for one process at a time. A lock ends with the process that holds it, however it ends.
 #pragma once
 #include <string>
 
@@ -14,10 +14,9 @@ struct FileIsLocked : Error {
 
 class FileLock {
  public:
-  // Locks the file, which is made where it is missing and stays behind: what counts is the lock of
-  // the system, not that the file is there. FileIsLocked, with the number of the process, when
-  // another one has it; `what` is the folder or file it stands for. On a file system without locks
-  // nothing is locked, and a warning says so.
+  // Locks the file and makes it if it is missing. It stays behind: the system's lock counts, not
+  // the file. FileIsLocked, with the number of the process, if someone else has the lock; `what` is
+  // the folder or file it stands for. On a file system without locks, only warns.
   FileLock(const std::string& path, const std::string& what);
   ~FileLock();
   FileLock(const FileLock&) = delete;
@@ -27,7 +26,7 @@ class FileLock {
   int file_;
 };
 
-// The same of a folder that is there, with nothing left behind; FileIsLocked does not say who.
+// The same for an existing folder, leaving nothing behind. FileIsLocked does not name the holder.
 class FolderLock {
  public:
   explicit FolderLock(const std::string& folder);

@@ -41,7 +41,7 @@ void FilePieces::hold(size_t most) {
     const ssize_t got = ::read(file_.get(), piece_.data() + held_, room - held_);
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) throw Error(fmt::format("cannot read {}: {}", path_, std::strerror(errno)));
-    if (got == 0) size_ = place_ + held_;  // became shorter meanwhile
+    if (got == 0) size_ = place_ + held_;  // it became shorter meanwhile
     if (got == 0) break;
     held_ += size_t(got);
   }

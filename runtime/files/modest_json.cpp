@@ -14,14 +14,14 @@ namespace {
 
 // Twenty thousand cameras of forty values each take 16 MB.
 constexpr size_t most_values = 800000;            // each takes up to 80 bytes of memory: 64 MB
-constexpr size_t longest_text = size_t{1} << 20;  // the parser has a text up to four times
-constexpr size_t most_blanks = size_t{1} << 20;   // in a row: it quotes them at eight bytes each
+constexpr size_t longest_text = size_t{1} << 20;  // the parser holds a text up to four times
+constexpr size_t most_blanks = size_t{1} << 20;   // in a row: quoted at eight bytes each
 constexpr int deepest_json = 100;  // a level takes 100 bytes of memory and one of the file
 
 }  // namespace
 
-// Looked at before it is parsed: the parser's own callback takes time by the square of a list's
-// length (nlohmann-json 3.11 goes through the list whenever an entry ends).
+// Checked before parsing, since the parser's own callback takes time quadratic in a list's length
+// (nlohmann-json 3.11 goes through the list whenever an entry ends).
 void require_modest_json(const void* text, size_t size, const std::string& path) {
   const char* json = static_cast<const char*>(text);
   int depth = 0, deepest = 0;
@@ -48,11 +48,11 @@ void require_modest_json(const void* text, size_t size, const std::string& path)
     else if (c == ',')
       ++values;
   }
-  // The parser takes it for the end, whatever follows.
+  // The parser takes a zero byte for the end, whatever follows.
   if (const void* zero = size > 0 ? std::memchr(text, 0, size) : nullptr)
     throw Error(fmt::format("cannot read {}: it is no JSON text, byte {} is zero", path,
                             static_cast<const char*>(zero) - json));
-  if (in_text) longest = std::max(longest, size - begin);  // it does not end
+  if (in_text) longest = std::max(longest, size - begin);  // it is not terminated
   if (deepest > deepest_json)
     throw Error(
         fmt::format("cannot read {}: its lists are nested more than {} deep", path, deepest_json));
@@ -83,7 +83,7 @@ nlohmann::ordered_json parsed_if_modest(std::string_view text) {
 }
 
 std::string reason_of(const nlohmann::json::exception& problem) {
-  constexpr size_t most_letters = 200;      // it quotes what it read last, whole
+  constexpr size_t most_letters = 200;      // the message quotes the last token in full
   const std::string text = problem.what();  // "[json.exception.type_error.302] type must be ..."
   const size_t end = text.find("] ");
   const bool tagged = text.rfind("[json.exception", 0) == 0 && end != text.npos;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is asked of JSON that others wrote before it is parsed, and said of what cannot be.
+// Limits on JSON from elsewhere, checked before parsing, and the parser's errors.
 #pragma once
 #include <cstddef>
 #include <nlohmann/json.hpp>
@@ -8,19 +8,18 @@
 
 namespace gflow {
 
-// Error that names `path` where there are more than 800 000 values or 100 levels, as a value of a
-// few bytes takes up to 80 of memory, a text within is longer than a megabyte, there are more than
-// a million blanks in a row, or a byte is zero.
+// Error that names `path` if there are more than 800 000 values or 100 levels (a value of a few
+// bytes takes up to 80 of memory), a text longer than a megabyte, more than a million blanks in a
+// row, or a zero byte.
 void require_modest_json(const void* text, size_t size, const std::string& path);
 
-// The same as a question.
+// The same test, without an Error.
 bool is_modest_json(const void* text, size_t size);
 
-// What it says, keys in the order of the text; a discarded value, which is of no type, where it is
-// no JSON or more of it than above.
+// The parsed text, keys in its order; a discarded value if it is not JSON or exceeds these limits.
 nlohmann::ordered_json parsed_if_modest(std::string_view text);
 
-// The library's reason without its own name for it, one line of 200 letters at most.
+// The parser's reason without the library's own name for it, one line of at most 200 characters.
 std::string reason_of(const nlohmann::json::exception& problem);
 
 }  // namespace gflow

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where files are put that nobody needs later.
+// Temporary folders.
 #pragma once
 #include <fmt/format.h>
 
@@ -14,12 +14,12 @@
 
 namespace gflow {
 
-// The system takes no temporary folder: no fault of the device or of what was to be done.
+// No temporary folder can be made: neither the device nor the task is at fault.
 struct NoTemporaryFolder : Error {
   using Error::Error;
 };
 
-// Makes a new folder, whose name says what it is for; who asked for it removes it.
+// Makes a new folder whose name contains its purpose. The caller removes it.
 inline std::string make_temporary_folder(const std::string& purpose) {
   std::string parent = "/tmp", named;
   for (const char* variable : {"TMPDIR", "TMP", "TEMP", "TEMPDIR"})  // as the standard library does
@@ -36,7 +36,7 @@ inline std::string make_temporary_folder(const std::string& purpose) {
   return path;
 }
 
-// A temporary folder, removed with all it holds: at the end, or by remove_unfinished_files().
+// A temporary folder, removed with its contents by the destructor or remove_unfinished_files().
 class ScratchFolder {
  public:
   explicit ScratchFolder(const std::string& purpose)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small files of text that another process may be changing.
+// Small text files that another process may be changing.
 #pragma once
 #include <algorithm>
 #include <filesystem>
@@ -11,8 +11,8 @@
 
 namespace gflow {
 
-// A file as text, "" where there is none (any longer: a training may remove it meanwhile). Error
-// that names it when it cannot be read.
+// Contents of a text file, "" if it does not exist (any more: a training may remove it meanwhile).
+// Error that names it if it cannot be read.
 inline std::string text_if_there(const std::string& path) {
   try {
     const Bytes bytes = read_file(path);
@@ -24,8 +24,8 @@ inline std::string text_if_there(const std::string& path) {
   }
 }
 
-// The same of what gflow writes in one piece, results or a stamp; "" also where there are more than
-// 16 MiB: that is nothing of the kind.
+// The same for what gflow writes in one piece, such as results; "" also for more than 16 MiB, which
+// those never have.
 inline std::string report_if_there(const std::string& path) {
   constexpr uintmax_t longest = uintmax_t{16} << 20;
   std::error_code none;
@@ -33,7 +33,7 @@ inline std::string report_if_there(const std::string& path) {
   return !none && size > longest ? "" : text_if_there(path);
 }
 
-// The first line of a text that has any, without its end; the text begins behind it then.
+// Removes the first line of a text that is not empty, and returns it without its end.
 inline std::string_view take_line(std::string_view& text) {
   const std::string_view line = text.substr(0, text.find('\n'));
   text.remove_prefix(std::min(text.size(), line.size() + 1));

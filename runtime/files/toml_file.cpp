@@ -11,9 +11,9 @@
 namespace gflow {
 namespace {
 
-// toml++ 3.3 bounds how deep values are nested, but makes a table of each part of a key a.b.c, and
-// takes tables apart by recursion: tens of thousands of them end the program. No file of settings
-// has as many dots, those of numbers and words among them.
+// toml++ 3.3 limits the nesting of values, but makes a table for each part of a key a.b.c and
+// destroys tables recursively: tens of thousands of parts overflow the stack. No file of settings
+// has as many dots, including those in numbers and words.
 void require_few_dots(std::string_view text, const std::string& path) {
   constexpr long most = 5000;
   if (const long dots = std::count(text.begin(), text.end(), '.'); dots > most)
@@ -29,7 +29,7 @@ toml::table parse_toml(std::string_view text, const std::string& path) {
 }
 
 toml::table read_toml(const std::string& path) {
-  constexpr size_t largest = size_t{1} << 20;  // all settings take 40 kB with their comments
+  constexpr size_t largest = size_t{1} << 20;  // all settings with their comments take 40 kB
   const Bytes bytes = read_file(path, largest);
   return parse_toml(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()),
                     path);

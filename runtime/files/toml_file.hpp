@@ -7,11 +7,11 @@
 
 namespace gflow {
 
-// Settings from a text; `path` is what Errors and the table's places name. Error when it has more
-// than 5000 dots; toml::parse_error when it is no TOML.
+// Parses settings; `path` is named in Errors and in the table's source positions. Error if there
+// are more than 5000 dots; toml::parse_error if it is not TOML.
 toml::table parse_toml(std::string_view text, const std::string& path);
 
-// A file of them, at most 1 MB. Error also when it cannot be read.
+// Reads and parses a file of settings, at most 1 MiB. Error also if it cannot be read.
 toml::table read_toml(const std::string& path);
 
 }  // namespace gflow
