@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Typed, named device memory. T is what the kernel sees: a scalar, or a struct of 4-byte scalars
-// (never float3: it is 16 bytes in OpenCL C). Fresh contents are undefined; where the queue poisons
-// them (Queue::poisons) they are `poison`, so that reading before writing shows: as a float a NaN
-// that no arithmetic makes, as an index one that no array has.
+// (never float3, which is 16 bytes in OpenCL C). Fresh contents are undefined. If the queue poisons
+// them (Queue::poisons) they are `poison`, so that reading before writing shows: as a float, a NaN
+// that no arithmetic makes; as an index, one that no array has.
 #pragma once
 #include <fmt/format.h>
 
@@ -23,7 +23,7 @@ constexpr cl_uint poison = 0x7fc0dead;
 template <class T>
 class Buffer {
  public:
-  // An empty buffer, for ensure() later.
+  // An empty buffer, to be sized by ensure().
   explicit Buffer(std::string name = "unnamed buffer") : name_(std::move(name)) {}
   Buffer(Queue& queue, size_t size, std::string name) : name_(std::move(name)) {
     allocate(queue, size, size);
@@ -40,9 +40,9 @@ class Buffer {
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;
 
-  // Makes the size `size`; contents are undefined afterwards unless it was that before. Reallocates
-  // only when the memory held is too small, then with a quarter to spare, so that growing by little
-  // seldom does.
+  // Sets the size. Contents are undefined afterwards, unless it was the size before. Reallocates
+  // only if the memory held is too small, then with a quarter to spare, so that repeated growth
+  // seldom reallocates.
   void ensure(Queue& queue, size_t size) {
     if (size <= capacity_ && handle_()) {
       if (size != size_) poison_all(queue);
@@ -50,30 +50,30 @@ class Buffer {
       return;
     }
     const size_t most = size_t(queue.info.max_allocation / sizeof(T));
-    handle_ = cl::Buffer();  // the old memory goes first: both may not fit
+    handle_ = cl::Buffer();  // frees the old memory first: both may not fit
     size_ = capacity_ = 0;
     allocate(queue, size, std::max(size, std::min(size + size / 4, most)));
   }
 
-  // Copies the whole buffer from the host, waiting.
+  // Copies the whole buffer from the host; blocks.
   void write(Queue& queue, const std::vector<T>& data) {
     check(data.size() == size_, "writing", 0, data.size());
     write_range(queue, 0, data);
   }
-  // Copies data to elements first, first + 1, ... , waiting.
+  // Copies data to elements first, first + 1, ...; blocks.
   void write_range(Queue& queue, size_t first, const std::vector<T>& data) {
     enqueue_write(queue, first, data, CL_TRUE);
   }
-  // Like write(), but without waiting: the caller keeps `data` alive and unchanged until the queue
+  // Like write(), but does not block: the caller keeps `data` alive and unchanged until the queue
   // was waited for (finish() or any blocking read).
   void write_async(Queue& queue, const std::vector<T>& data) {
     check(data.size() == size_, "writing", 0, data.size());
     enqueue_write(queue, 0, data, CL_FALSE);
   }
 
-  // The whole contents; waits for all work queued before.
+  // The whole contents; blocks until all queued work is done.
   std::vector<T> read(Queue& queue) const { return read_range(queue, 0, size_); }
-  // Like read(), without waiting: the caller keeps `data` alive until the event was waited for.
+  // Like read(), but does not block: the caller keeps `data` alive until the event was waited for.
   cl::Event read_async(Queue& queue, std::vector<T>& data) const {
     data.resize(size_);
     cl::Event event;
@@ -84,7 +84,7 @@ class Buffer {
       });
     return event;
   }
-  // Elements first .. first + count - 1; waits likewise.
+  // Elements first .. first + count - 1; blocks likewise.
   std::vector<T> read_range(Queue& queue, size_t first, size_t count) const {
     check_range("reading", first, count);
     std::vector<T> data(count);
@@ -96,7 +96,7 @@ class Buffer {
     return data;
   }
 
-  // Sets every element to `value`; does not wait.
+  // Sets every element to `value`; does not block.
   void fill(Queue& queue, T value) { fill_range(queue, 0, size_, value); }
   void fill_range(Queue& queue, size_t first, size_t count, T value) {
     check_range("filling", first, count);
@@ -106,12 +106,12 @@ class Buffer {
       });
   }
 
-  // Copies all of `other`, which must have this buffer's size; does not wait.
+  // Copies all of `other`, which must have this buffer's size; does not block.
   void copy_from(Queue& queue, const Buffer& other) {
     check(other.size_ == size_, "copying", 0, other.size_);
     copy_range(queue, other, 0, 0, size_);
   }
-  // Copies `count` elements, other[from...] to this[to...]; does not wait.
+  // Copies `count` elements, other[from...] to this[to...]; does not block.
   void copy_range(Queue& queue, const Buffer& other, size_t from, size_t to, size_t count) {
     other.check_range("copying from", from, count);
     check_range("copying to", to, count);
@@ -130,7 +130,7 @@ class Buffer {
   }
 
   size_t size() const { return size_; }
-  size_t capacity() const { return capacity_; }  // elements the memory held could take
+  size_t capacity() const { return capacity_; }  // elements that fit into the memory held
   const std::string& name() const { return name_; }
   const cl::Buffer& handle() const { return handle_; }
 
@@ -189,7 +189,7 @@ class Buffer {
 };
 
 // How a kernel uses a buffer: In<T> is `global const T*`, Out<T> is `global T*` (written, or read
-// and written). Kernel checks it against the compiled kernel's own signature.
+// and written). Kernel checks both against the compiled kernel's own signature.
 template <class T>
 struct In {
   In(const Buffer<T>& buffer) : handle(buffer.handle()) {}

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// See chunks.hpp. A queue with one lane has work-items like a GPU's, whatever its device.
+// See chunks.hpp. A queue with one lane uses work-items as on a GPU, whatever its device.
 #include "runtime/cl/chunks.hpp"
 
 #include <fmt/format.h>
@@ -14,7 +14,7 @@ Chunks chunks_for(const Queue& queue, size_t size, size_t least) {
         fmt::format("an array of {} elements is too long: at most 2^31 - 1 fit one sort or "
                     "prefix sum",
                     size));
-  // CPU: 4 a core, so that a core taken by another process does not hold up the rest.
+  // CPU: 4 per core, so that a core taken by another process does not hold up the others.
   const size_t most = queue.lanes == 1 ? 1024 : std::min<size_t>(4 * queue.info.compute_units, 256);
   const size_t count = std::clamp<size_t>(size / least, 1, most);
   return {cl_uint(count), cl_uint((size + count - 1) / count)};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How arrays are cut for kernels with one work-group per chunk (scan, sort). The one place that
-// decides it: a CPU wants a few long chunks, each run by one work-item; a GPU wants many groups.
+// How arrays are split for kernels with one work-group per chunk (scan, sort). Decided only here: a
+// CPU wants a few long chunks, each run by one work-item; a GPU wants many groups.
 #pragma once
 #include "runtime/cl/queue.hpp"
 
@@ -15,11 +15,11 @@ struct Chunks {
 // arrays of 2^31 elements or more: kernels index with 32 bits.
 Chunks chunks_for(const Queue& queue, size_t size, size_t least);
 
-// The same for sums of floats, whose rounding depends on how they are cut: `most` chunks wherever
-// the array is long enough, whatever the number of cores.
+// The same for sums of floats, whose rounding depends on the split: up to `most` chunks, whatever
+// the number of cores.
 Chunks chunks_of_sums(size_t size, size_t least, size_t most);
 
-// Work-items of a chunk's work-group: 1 or 256.
+// Work-items per chunk: 1 or 256.
 int chunk_group(const Queue& queue);
 
 }  // namespace gflow

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Turns an OpenCL failure into a sentence; a build failure carries the compiler's log.
+// Turns an OpenCL failure into a sentence; a build failure includes the compiler's log.
 #include "runtime/cl/cl_error.hpp"
 
 namespace gflow {

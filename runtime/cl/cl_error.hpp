@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Failures of OpenCL as errors of gflow.
+// OpenCL failures as errors of gflow.
 #pragma once
 #include <string>
 #include <utility>
@@ -9,20 +9,20 @@
 
 namespace gflow {
 
-// An array that is larger than the device gives.
+// An array that is larger than the device can allocate.
 struct OutOfMemory : Error {
   using Error::Error;
 };
 
-// An OpenCL call that failed: what we were doing, which call, its code by name, and for a failed
-// build the compiler's log.
+// A failed OpenCL call: what was being done, which call, its code by name, and for a failed build
+// the compiler's log.
 struct ClError : Error {
   ClError(const std::string& doing, const cl::Error& cause);
   cl_int code;
 };
 
-// Whether it is for want of device memory that something failed: an OutOfMemory, or a ClError with
-// one of OpenCL's codes for that.
+// Whether an error means that device memory ran out: an OutOfMemory, or a ClError with one of
+// OpenCL's codes for that.
 bool is_out_of_memory(const Error& error);
 
 // "CL_INVALID_VALUE" for -30, and so on; "an unknown OpenCL error" for codes outside OpenCL 1.2.

@@ -15,7 +15,7 @@
 namespace gflow {
 namespace {
 
-// The drivers that the loader knows, "" for none.
+// The drivers that the OpenCL loader finds; "" if none.
 std::string drivers_named() {
   const char* const chosen = std::getenv("OCL_ICD_VENDORS");
   const std::filesystem::path vendors = chosen && *chosen ? chosen : "/etc/OpenCL/vendors";
@@ -28,14 +28,14 @@ std::string drivers_named() {
   return names.empty() ? "" : fmt::format("{} in {}", names, vendors.string());
 }
 
-// PoCL has no device where it cannot make its folder for programs.
+// Without a folder for its programs PoCL has no device, so that reason is checked, too.
 std::string no_device_message() {
   const char* const cache = std::getenv("POCL_CACHE_DIR");
   const std::string install = "install a driver, on Debian e.g. `apt install pocl-opencl-icd`";
   std::error_code problem;
   std::string why = pocl_cache_problem(0);
   if (why.empty() && cache && *cache && !std::filesystem::is_directory(cache, problem))
-    return fmt::format(  // as root, in /proc
+    return fmt::format(  // as root, e.g. in /proc
         "no OpenCL device found: POCL_CACHE_DIR is {}, where no folder could be made: unset it, or "
         "name one that can be written",
         cache);
@@ -51,8 +51,8 @@ std::string no_device_message() {
              : fmt::format("no OpenCL device found: {}; if it is there: {}", install, why);
 }
 
-// What the program does at signals, put back at the end. PoCL's LLVM takes them over when its
-// platform is first asked for: a signal that was ignored (nohup) would end the program.
+// Restores the program's signal handlers. PoCL's LLVM replaces them when its platform is first
+// queried: a signal that was ignored (nohup) would end the program.
 class KeepSignals {
  public:
   KeepSignals() {
@@ -74,13 +74,13 @@ class KeepSignals {
 
 std::vector<cl::Device> all_devices() {
   const KeepSignals keep;
-  // PoCL looks for the linker there, and ends the program when a service has no such variable.
+  // PoCL searches PATH for the linker and ends the program if it is not set, as in some services.
   ::setenv("PATH", "/usr/local/bin:/usr/bin:/bin", 0);
   std::vector<cl::Platform> platforms;
   try {
     cl::Platform::get(&platforms);
   } catch (const cl::Error&) {
-    throw Error(no_device_message());  // the loader's answer to no driver is an error (-1001)
+    throw Error(no_device_message());  // without drivers the loader returns an error (-1001)
   }
   std::vector<cl::Device> all;
   for (const auto& platform : platforms) {
@@ -107,7 +107,7 @@ bool is_index(const std::string& text) {
          std::all_of(text.begin(), text.end(), [](unsigned char c) { return std::isdigit(c); });
 }
 
-// In one line, as every message is.
+// On one line, as all messages are.
 std::string listing(const std::vector<DeviceInfo>& infos) {
   std::string text;
   for (const auto& info : infos)
@@ -153,10 +153,10 @@ bool is_pocl(const DeviceInfo& info) { return info.platform == "Portable Computi
 
 int lanes_for(const DeviceInfo& info) {
   if (!info.is_cpu) return 1;                     // a GPU's lanes are its work-items
-  if (info.platform == "rusticl") return 1;       // its compiler takes vectors apart, in minutes
+  if (info.platform == "rusticl") return 1;       // compiling vectors takes it minutes
   if (info.native_vector_width >= 16) return 16;  // AVX-512: a 4x4 cell is one register
   if (info.native_vector_width >= 8) return 8;    // AVX2
-  return 4;                                       // SSE, NEON; scalar CPUs lose nothing by it
+  return 4;                                       // SSE, NEON; scalar CPUs do not lose by it
 }
 
 std::vector<DeviceInfo> list_devices() { return infos_of(all_devices()); }
@@ -166,7 +166,7 @@ cl::Device find_device(const std::string& wanted_or_empty) {
   const auto infos = infos_of(devices);
   std::string wanted = wanted_or_empty;
   if (const char* named = std::getenv("GFLOW_DEVICE"); wanted.empty() && named) wanted = named;
-  if (!wanted.empty() && wanted.find_first_not_of(" \t") == wanted.npos)  // it is in every name
+  if (!wanted.empty() && wanted.find_first_not_of(" \t") == wanted.npos)  // would match any name
     throw Error(fmt::format(
         "the OpenCL device is named by blanks alone; it takes its number or a part of its name, "
         "and there are:{}",
@@ -192,7 +192,7 @@ void require_usable(const DeviceInfo& info, int lanes) {
     throw Error(fmt::format("the OpenCL device {} cannot be used: {}", info.full_name(), reason));
   };
   const uint64_t least_memory = 256u << 20, least_local = 24u << 10;
-  const size_t least_group = lanes == 1 ? 256 : 64;  // a work-item per pixel of a 16x16 tile
+  const size_t least_group = lanes == 1 ? 256 : 64;  // one work-item per pixel of a 16x16 tile
   if (!info.has_compiler) refuse("its driver has no OpenCL C compiler");
   if (info.global_memory < least_memory)
     refuse(fmt::format("it has {} of memory, at least {} are needed", megabytes(info.global_memory),

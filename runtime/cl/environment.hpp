@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The variables by which a user changes how gflow uses a device.
+// Environment variables that change how gflow uses a device.
 #pragma once
 
 namespace gflow {
 
-// Whether a variable is 1 and not 0; `otherwise` where it is not set or empty. Error for all else.
+// true for 1, false for 0, `otherwise` if the variable is unset or empty. Error for anything else.
 bool is_wanted(const char* variable, bool otherwise);
 
-// Error where GFLOW_COMPILE_AHEAD, GFLOW_DEVICE_TIMEOUT, GFLOW_KERNEL_DIR, GFLOW_POISON_BUFFERS or
-// GFLOW_SYNC is what it cannot be: to be told before a device is asked for, which is not to blame.
+// Error if GFLOW_COMPILE_AHEAD, GFLOW_DEVICE_TIMEOUT, GFLOW_KERNEL_DIR, GFLOW_POISON_BUFFERS or
+// GFLOW_SYNC has an invalid value. To be called before a device is opened, which is not to blame.
 void check_environment();
 
 }  // namespace gflow

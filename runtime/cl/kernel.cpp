@@ -5,7 +5,7 @@
 namespace gflow::detail {
 namespace {
 
-// The kernel's own spelling of argument i, as ClName spells the host's.
+// The kernel's spelling of argument i's type, in the form of ClName.
 std::string device_spelling(const cl::Kernel& kernel, cl_uint i) {
   std::string type = kernel.getArgInfo<CL_KERNEL_ARG_TYPE_NAME>(i).c_str();
   if (type.rfind("unsigned ", 0) == 0) type = "u" + type.substr(9);  // "unsigned int*" is "uint*"
@@ -31,7 +31,7 @@ void check_signature(const cl::Kernel& kernel, const std::string& name,
       device = device_spelling(kernel, i);
       argument = kernel.getArgInfo<CL_KERNEL_ARG_NAME>(i).c_str();
     } catch (const cl::Error& cause) {
-      // A platform may keep no names, e.g. of a program loaded from its binary.
+      // A platform may keep no names, e.g. for a program loaded from its binary.
       if (cause.err() == CL_KERNEL_ARG_INFO_NOT_AVAILABLE) return;
       throw ClError("asking for the arguments of kernel " + name, cause);
     }

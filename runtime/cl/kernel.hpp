@@ -10,13 +10,13 @@
 
 namespace gflow {
 
-// How many work-items and in which groups; always whole groups, so kernels test their bounds.
+// The number of work-items and their groups. Always whole groups, so kernels test their bounds.
 struct Range {
   // n work-items, rounded up to whole groups of `local`.
   static Range over(size_t n, size_t local = 64) {
     return {(n + local - 1) / local * local, 1, local, 1, 1};
   }
-  // `count` groups of `local` work-items; local = 1 for kernels with one work-item a tile or chunk.
+  // `count` groups of `local` work-items; local = 1: one work-item per tile or chunk.
   static Range groups(size_t count, size_t local) { return {count * local, 1, local, 1, 1}; }
   // width x height work-items, each rounded up to whole groups of local_x x local_y.
   static Range grid(size_t width, size_t height, size_t local_x = 16, size_t local_y = 16) {
@@ -71,8 +71,9 @@ void set_arg(cl::Kernel& kernel, cl_uint i, const Out<T>& buffer) {
     static std::string get() { return SPELLING; } \
   }
 
-// For a struct of kernels/shared/ (global namespace) that kernels take by value:
-//   GFLOW_KERNEL_STRUCT(Camera);   after its definition, outside of any namespace
+// For a struct of kernels/shared/ (global namespace) that kernels take by value. Use after its
+// definition, outside of any namespace:
+//   GFLOW_KERNEL_STRUCT(Camera);
 #define GFLOW_KERNEL_STRUCT(T) GFLOW_CL_NAME(T, #T)
 
 }  // namespace gflow

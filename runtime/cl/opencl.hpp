@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one place that includes the OpenCL C++ headers and says how we use them: version 1.2, and
-// every failing call throws cl::Error (which cl_call() of error.hpp turns into a sentence).
+// The only place that includes the OpenCL C++ headers and configures them: version 1.2, and every
+// failing call throws cl::Error (which cl_call() of cl_error.hpp turns into a sentence).
 #pragma once
 #define CL_HPP_ENABLE_EXCEPTIONS
 #define CL_HPP_TARGET_OPENCL_VERSION 120

@@ -22,7 +22,7 @@ std::string value_of(const char* name) {
 
 constexpr char kAdvice[] = "set POCL_CACHE_DIR to a folder that can be written and has room";
 
-// "POCL_CACHE_DIR is ..." or what it is without the variable.
+// "POCL_CACHE_DIR is FOLDER", or the same without the variable.
 std::string name_of_folder() {
   const std::string folder = fs::absolute(pocl_cache_folder()).string();
   return (value_of("POCL_CACHE_DIR").empty() ? "PoCL keeps its programs in "
@@ -30,7 +30,7 @@ std::string name_of_folder() {
          folder;
 }
 
-// The folder, or the nearest above it, in which it would be made.
+// The folder, or its nearest existing parent, in which it would be made.
 fs::path nearest_that_is_there() {
   fs::path there = fs::absolute(pocl_cache_folder());
   std::error_code problem;
@@ -38,8 +38,8 @@ fs::path nearest_that_is_there() {
   return there;
 }
 
-// errno of a file that cannot be made or be so large there, of a full disk, a quota or a limit of
-// the shell (ulimit -f); 0 where it can, or nothing can be known. Leaves no file.
+// errno if a file of `size` bytes cannot be made there because of a full disk, a quota or a limit
+// of the shell (ulimit -f); else 0. Leaves no file.
 int why_no_file_of(uint64_t size, const fs::path& there) {
   const int file = open(there.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600);
   const int why = file >= 0 && fallocate(file, 0, 0, off_t(size)) == 0 ? 0 : errno;
@@ -67,7 +67,7 @@ std::string pocl_cache_problem(uint64_t needed) {
   if (!problem && space.available < needed)
     return fmt::format("{}, where {} MiB are left, and compiling takes {}: make room, or {}",
                        name_of_folder(), space.available >> 20, needed >> 20, kAdvice);
-  // Free space does not tell of a quota. (A limit on files is nothing to what is there already.)
+  // Free space does not show a quota. (A limit on file sizes does not affect existing programs.)
   if (const int why = why_no_file_of(needed, there); why == ENOSPC || why == EDQUOT)
     return fmt::format(
         "{}, where the {} MiB that compiling takes are not to be had ({}): make "

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The folder in which PoCL keeps what it compiles. Where that cannot be written PoCL says that it
-// has no device, and where it is full LLVM ends the program: both are told before.
+// The folder in which PoCL keeps compiled programs. If it cannot be written PoCL reports no device,
+// and if it is full LLVM ends the program: gflow checks both before.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -10,20 +10,20 @@
 
 namespace gflow {
 
-// That PoCL cannot keep what it would compile: no fault of the device.
+// PoCL cannot keep what it would compile; the device is not at fault.
 struct NoRoomForPrograms : Error {
   using Error::Error;
 };
 
-// $POCL_CACHE_DIR, else pocl/kcache in $XDG_CACHE_HOME or $HOME/.cache.
+// $POCL_CACHE_DIR, else pocl/kcache in $XDG_CACHE_HOME, $HOME/.cache or /tmp.
 std::filesystem::path pocl_cache_folder();
 
-// What is wrong with the folder, which must have `needed` bytes free, and what to do; empty where
-// nothing is.
+// What is wrong with the folder, which must have `needed` bytes free, and what to do; else empty.
 std::string pocl_cache_problem(uint64_t needed);
 
-// The same after something was not compiled: why a file as large as the largest may not be made
-// there, as well. A limit on files does not matter where all is compiled already.
+// The same after a compilation failed; checks also whether a file as large as the largest kernel's
+// may be made. (Not before, since a limit on file sizes does not matter if all is compiled
+// already.)
 std::string why_not_compiled();
 
 }  // namespace gflow

@@ -28,7 +28,7 @@ std::string kernel_text(const std::string& file) {
   return found->second;
 }
 
-// The x of a line that says: #include "x"; empty for any other line.
+// The x of a line #include "x"; empty for any other line.
 std::string included_file(const std::string& line) {
   const std::string start = "#include \"";
   if (line.compare(0, start.size(), start) != 0) return "";
@@ -46,7 +46,7 @@ void expand(const std::string& file, std::set<std::string>& done, std::ostream& 
       out << line << "\n";
       continue;
     }
-    // C++ headers (.hpp) stand inside #ifdef branches that OpenCL C never takes.
+    // C++ headers (.hpp) are inside #ifdef branches that OpenCL C never takes.
     if (other.find(".hpp") == std::string::npos) expand(other, done, out);
     out << "#line " << number + 1 << " \"" << file << "\"\n";
   }
@@ -58,7 +58,7 @@ cl::Program built_from_source(Queue& queue, const std::string& source, const std
   return program;
 }
 
-// Where a file could not be written PoCL tells no reason.
+// PoCL gives no reason if a file could not be written.
 cl::Program built_with_reasons(Queue& queue, const std::string& file, const std::string& source,
                                const std::string& options) {
   try {
@@ -71,9 +71,9 @@ cl::Program built_with_reasons(Queue& queue, const std::string& file, const std:
   }
 }
 
-// LLVM would end the program.
+// Without room LLVM would end the program.
 void require_room_for_programs(const DeviceInfo& device, const std::string& file) {
-  constexpr uint64_t taken = uint64_t{16} << 20;  // by all kernels of a training, twice
+  constexpr uint64_t taken = uint64_t{16} << 20;  // twice what all kernels of a training take
   const std::string problem = is_pocl(device) ? pocl_cache_problem(taken) : "";
   if (!problem.empty()) throw NoRoomForPrograms(fmt::format("compiling {}: {}", file, problem));
 }
@@ -88,7 +88,7 @@ std::string expand_includes(const std::string& file) {
 }
 
 Program::Program(Queue& queue, const std::string& file, const Defines& defines) : file(file) {
-  // -w: else PoCL counts on stderr what clang says of vectors that are wider than the registers.
+  // -w: else PoCL counts clang's warnings of vectors wider than the registers on stderr.
   std::string options = fmt::format("-cl-std=CL1.2 -w -cl-kernel-arg-info -DLANES={} -DGROUP={}",
                                     queue.lanes, chunk_group(queue));
   for (const auto& [name, value] : defines) options += " -D" + name + "=" + value.text;

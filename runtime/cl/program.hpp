@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One .cl file of kernels/ compiled for a queue's device. Built without any maths flag: results
-// must not depend on what a compiler may assume (NaN tests, order of sums).
+// A .cl file of kernels/ compiled for a queue's device. Built without any maths flag: results must
+// not depend on what a compiler may assume (NaN tests, order of sums).
 #pragma once
 #include <string>
 #include <type_traits>
@@ -21,19 +21,19 @@ struct DefineValue {
 };
 using Defines = std::vector<std::pair<std::string, DefineValue>>;  // becomes -DNAME=value
 
-// A compiled kernel file. It is built with LANES and GROUP (kernels/shared/work.h) as they suit the
-// device, and with these defines. The same file with the same defines is compiled once a queue, and
-// its binary is kept on disk where that pays (program_cache.hpp). GFLOW_KERNEL_DIR names a folder
-// to read the kernel files from instead of the embedded texts: for editing without a rebuild.
+// A compiled kernel file. It is built with LANES and GROUP (kernels/shared/work.h) for the device,
+// and with `defines`. The same file with the same defines is compiled once per queue, and its
+// binary is cached on disk where that pays (program_cache.hpp). GFLOW_KERNEL_DIR names a folder to
+// read the kernel files from instead of the embedded texts, for editing without a rebuild.
 struct Program {
-  // Error if the file or one it includes is missing; ClError with the compiler's log.
+  // Error if the file or one it includes is missing; ClError with the compiler's log on failure.
   Program(Queue& queue, const std::string& file, const Defines& defines = {});
   std::string file;
   cl::Program handle;
 };
 
-// The file with its #include "..." lines replaced by the texts they name, each once, and with
-// #line marks so that the compiler's messages carry our file names and line numbers.
+// The file with its #include "..." lines expanded, each file once, and with #line marks, so that
+// the compiler's messages have our file names and line numbers.
 std::string expand_includes(const std::string& file);
 
 }  // namespace gflow

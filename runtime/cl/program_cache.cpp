@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // File: magic, length, checksum of key and bytes, the driver's bytes. Written under another name
 // and renamed, so that a reader never sees half a file.
-// PoCL (3.1) has a cache of its own, and asked for a binary it compiles every kernel of the program
-// once more, for groups of any size: the first start of a training took 17 s with those, 8 without;
-// every later one 1.0 s and 1.3.
+// Off for PoCL, which has a cache of its own: asked for a binary, PoCL (3.1) compiles every kernel
+// once more, for groups of any size, which doubles the time of a first start.
 #include "runtime/cl/program_cache.hpp"
 
 #include <fmt/format.h>
@@ -23,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 const char magic[8] = {'G', 'F', 'L', 'O', 'W', 'B', 'I', '2'};
 
-constexpr uintmax_t largest_binary = uintmax_t{1} << 30;  // those of today have a few MB
+constexpr uintmax_t largest_binary = uintmax_t{1} << 30;  // today's have a few MB
 
 struct Header {
   char magic[8];
@@ -40,10 +39,10 @@ std::string cache_folder(const DeviceInfo& device) {
   return "";
 }
 
-// "" for what cannot be read.
+// "" if it cannot be read.
 std::string contents(const std::string& path) {
   std::error_code failed;
-  const uintmax_t size = fs::file_size(path, failed);  // so that it is in memory once
+  const uintmax_t size = fs::file_size(path, failed);  // read at once, to be in memory only once
   if (failed || size > largest_binary) return "";
   std::string bytes(size_t(size), '\0');
   std::ifstream in(path, std::ios::binary);

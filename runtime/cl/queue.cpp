@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The queue's construction, waiting, and the bookkeeping of event timings.
+// The queue's construction, waiting and event timings.
 #include "runtime/cl/queue.hpp"
 
 #include <fmt/format.h>
@@ -48,7 +48,7 @@ void Queue::launched(const std::string& kernel, const cl::Event& event) {
   if (finish_each_launch_) wait("running kernel " + kernel, [&] { handle.finish(); });
   if (!profile_) return;
   events_.emplace_back(kernel, event);
-  const size_t most_kept = 4096;  // a long training must not hoard driver objects
+  const size_t most_kept = 4096;  // bounds the driver objects of a long training
   if (events_.size() >= most_kept) fold_events();
 }
 

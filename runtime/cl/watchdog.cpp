@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Time is counted in ticks of the watching thread, not read from a clock: a program that was
-// stopped (Ctrl-Z, a debugger, a laptop that slept) has waited for nothing meanwhile.
+// stopped (Ctrl-Z, a debugger, a sleeping laptop) did not wait meanwhile.
 #include "runtime/cl/watchdog.hpp"
 
 #include <fmt/format.h>
@@ -32,7 +32,7 @@ Watchdog::~Watchdog() {
 }
 
 void Watchdog::watch() {
-  // On a terminal a progress line may stand there: it goes.
+  // On a terminal, first erases a progress line that may be there.
   const std::string sentence = fmt::format(
       "{}gflow: waiting for {}: nothing came back for {} s, so it hangs, or needs longer than "
       "GFLOW_DEVICE_TIMEOUT={} (seconds; 0: any) allows; what was saved before is whole\n",
@@ -45,7 +45,7 @@ void Watchdog::watch() {
     last = now;
     if (ticks * tick_ < std::chrono::seconds(seconds_)) continue;
     std::fputs(sentence.c_str(), stderr);
-    std::fflush(stdout);  // who waits in OpenCL does not print
+    std::fflush(stdout);  // a thread that waits in OpenCL does not print
     std::quick_exit(hang_exit_code);
   }
 }

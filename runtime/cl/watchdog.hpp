@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A kernel that never ends, or a driver that forgot its queue, would hold a program for ever: the
-// queue's waits for finish, reads, writes and events are watched (numerics section 3, "device lost
-// / hang").
+// Ends the program if the device hangs. A kernel that never ends, or a driver that lost its queue,
+// would block it for ever; so the queue's waits for finish, reads, writes and events are watched.
 #pragma once
 #include <atomic>
 #include <chrono>
@@ -13,15 +12,14 @@
 
 namespace gflow {
 
-// One per queue. When one wait lasts too long, it says so in one sentence on stderr and ends the
-// program by std::quick_exit with hang_exit_code: nothing that waits for the device can be
-// destroyed.
+// One per queue. If a wait takes too long, it prints one sentence on stderr and ends the program by
+// std::quick_exit with hang_exit_code, since nothing that waits for the device can be destroyed.
 class Watchdog {
  public:
   static constexpr int hang_exit_code = 4;
 
-  // `device`: its name for the sentence. `seconds`: the longest wait; 0: any. `tick`: how often it
-  // looks.
+  // `device`: its name for the sentence. `seconds`: the longest wait; 0: unlimited. `tick`: how
+  // often the wait is checked.
   Watchdog(std::string device, int seconds,
            std::chrono::milliseconds tick = std::chrono::seconds(1));
   ~Watchdog();
@@ -46,16 +44,16 @@ class Watchdog {
   const std::string device_;
   const int seconds_;
   const std::chrono::milliseconds tick_;
-  unsigned waits_ = 0;             // so far
-  std::atomic<unsigned> wait_{0};  // number of the one going on; 0: none
+  unsigned waits_ = 0;             // number of waits so far
+  std::atomic<unsigned> wait_{0};  // number of the current wait; 0: none
   std::mutex mutex_;
   std::condition_variable end_;
   bool ends_ = false;
   std::thread thread_;
 };
 
-// The longest wait [s]: the variable GFLOW_DEVICE_TIMEOUT, else 600. Error when it is no whole
-// number from 0 on.
+// The longest wait [s]: GFLOW_DEVICE_TIMEOUT, else 600; 0: unlimited. Error if it is not an integer
+// >= 0.
 int device_timeout();
 
 }  // namespace gflow
