@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bias corrections and decays come from a table made in double: 1 - beta2^t in float is off by up
-// to 7e-6, and a power per scalar is slow.
+// Bias corrections and decays come from a table computed in double: 1 - beta2^t in float is off by
+// up to 7e-6, and a power per scalar is slow.
 #include "runtime/primitives/adam.hpp"
 
 #include <algorithm>
@@ -12,7 +12,7 @@ namespace gflow {
 namespace {
 
 // Entries of the table; later steps use the last one. .999^32767 = 6e-15, so there both corrections
-// are 1 in float and what decayed for so long no longer counts; betas nearer to 1 are refused.
+// are 1 in float and older moments no longer matter. Betas nearer to 1 are rejected.
 const size_t table_size = 32768;
 
 std::vector<float> rows_by_steps(const AdamConfig& config) {
@@ -50,7 +50,7 @@ void check_rows(const ParameterGroup& group, const RowState& state, const RowRan
                           end, group.width, group.values.name()));
 }
 
-// Rows of a work-item on a CPU.
+// Work-items for so many rows on a CPU.
 size_t spans(size_t rows) { return (rows + ADAM_SPAN - 1) / ADAM_SPAN; }
 
 }  // namespace

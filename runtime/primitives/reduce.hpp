@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums over long arrays, repeatable bit for bit. They wait for the device: for logging and for
-// decisions, not for every step.
+// Sums over long arrays, bitwise repeatable. They wait for the device: for logging and decisions,
+// not for every step.
 #pragma once
 #include "runtime/cl/kernel.hpp"
 
@@ -15,7 +15,7 @@ class Reduce {
   double sum(Queue& queue, const Buffer<float>& values);
   double sum(Queue& queue, const Buffer<float>& values, size_t first, size_t count);
 
-  // How many elements are larger than `than`.
+  // Number of elements larger than `than`.
   uint64_t count_above(Queue& queue, const Buffer<cl_uint>& values, cl_uint than);
   uint64_t count_nonzero(Queue& queue, const Buffer<cl_uint>& values) {
     return count_above(queue, values, 0);

@@ -38,7 +38,7 @@ void Scan::fetch_total(Queue& queue) {
 
 uint64_t Scan::fetched_total() {
   fetched_->queue.wait("waiting for a total", [&] { fetched_->event.wait(); });
-  fetched_->event = cl::Event();  // nothing more to wait for
+  fetched_->event = cl::Event();  // so that the destructor does not wait
   return fetched_->value[0];
 }
 

@@ -7,24 +7,24 @@
 
 namespace gflow {
 
-// Any length; the result depends on nothing but the input.
+// For any length. The result depends on the input only.
 class Scan {
  public:
   explicit Scan(Queue& queue);
 
-  // out[i] = in[0] + ... + in[i - 1] for i = 0 .. n; out[n] is the total. `out` is made to hold
-  // n + 1 elements. Sums are kept in 64 bits, of which `out` gets the low 32: a caller that may
-  // exceed them asks total(). Does not wait.
+  // out[i] = in[0] + ... + in[i - 1] for i = 0 .. n; out[n] is the total. `out` is resized to n + 1
+  // elements. Sums have 64 bits, of which `out` gets the low 32: callers that may exceed them check
+  // total(). Does not wait.
   void exclusive(Queue& queue, const Buffer<cl_uint>& in, Buffer<cl_uint>& out, size_t n);
 
   // The total of the last exclusive(), in 64 bits; waits for it.
   uint64_t total(Queue& queue) const;
-  // The same in two parts: asks for it, to be waited for when other work is queued behind.
+  // The same in two parts, start and wait, so that other work can be queued in between.
   void fetch_total(Queue& queue);
   uint64_t fetched_total();
 
  private:
-  // What the device may still write to is not let go of. The queue stays where it is meanwhile.
+  // Keeps `value` alive until the device has written it. The queue must not move meanwhile.
   struct Fetched {
     Queue& queue;
     std::vector<cl_ulong> value;

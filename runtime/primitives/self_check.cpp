@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bounds are what OpenCL 1.2 promises (section 7.4, table of ULP values, full profile); that of
-// determinants is T5's (numerics section 5).
+// The bounds are those of OpenCL 1.2 (section 7.4, table of ULP values, full profile); that of
+// determinants is from `gflow stress`, T5.
 #include "runtime/primitives/self_check.hpp"
 
 #include <cmath>
@@ -14,7 +14,7 @@
 namespace gflow {
 namespace {
 
-// Largest distance of actual from expected, in units of the last place of the expected float.
+// Largest error of `actual`, in units in the last place of the expected float.
 double worst_ulp(const std::vector<float>& actual, const std::function<double(size_t)>& expected) {
   double worst = 0;
   for (size_t i = 0; i < actual.size(); ++i) {
@@ -27,8 +27,8 @@ double worst_ulp(const std::vector<float>& actual, const std::function<double(si
   return worst;
 }
 
-// Rows of needles, 1e-2 to 1e4 px long, some a thousandth as wide: their covariances' determinants
-// by a c - b b have no digit right.
+// Factors of long, thin splats of 1e-2 to 1e4 px, some a thousandth as wide: a c - b b of their
+// covariances has no correct digit.
 std::vector<float> needles(std::mt19937& rng, size_t n) {
   std::uniform_real_distribution<float> direction(-1, 1), length(-2, 4), width(-3, 0);
   std::vector<float> factors(6 * n);
@@ -91,7 +91,7 @@ void check_nan_tests(Queue& queue, const Program& program, SelfCheck& rows) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float inf = std::numeric_limits<float>::infinity();
   const std::vector<float> values = {1, -1, 0, 3e38f, -3e38f, 1e-38f, nan, -nan, inf, -inf};
-  // finite 1, differs from itself 2, fails "is positive" 4
+  // bits: 1 finite, 2 differs from itself, 4 fails "is positive"
   const std::vector<cl_uint> expected = {1, 5, 5, 1, 5, 1, 6, 6, 0, 4};
   Buffer<float> in(queue, values, "NaN test values");
   Buffer<cl_uint> out(queue, values.size(), "NaN test flags");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a device does what gflow takes for granted: accuracy of float32 functions and of
-// determinants of needles, NaN tests that survive the compiler, a stable sort. Takes well under a
-// second once the kernels are compiled.
+// Checks what gflow relies on: accuracy of float32 functions and of determinants of long, thin
+// splats, NaN tests that survive the compiler, a stable sort. Takes well under a second once the
+// kernels are compiled.
 #pragma once
 #include <string>
 #include <vector>
@@ -10,9 +10,9 @@
 
 namespace gflow {
 
-// One check: passed means figure <= bound (a NaN figure fails).
+// One check; passed means figure <= bound (NaN fails).
 struct SelfCheckRow {
-  std::string name;  // with the figure's unit
+  std::string name;  // with the unit of `figure`
   double figure, bound;
   bool passed;
 };

@@ -26,7 +26,7 @@ void RadixSort::sort(Queue& queue, Buffer<cl_uint>& keys, Buffer<cl_uint>& value
                             keys.name(), keys.size(), values.name(), values.size()));
   if (bits < 0 || bits > 32) throw Error(fmt::format("sorting by {} bits; keys have 32", bits));
   if (n < 2) return;
-  // A chunk's counts are read and written whole, so a chunk should have more keys than digits.
+  // A chunk's counts are read and written as a whole, so a chunk should have more keys than digits.
   const Chunks chunks = chunks_for(queue, n, group_ == 1 ? 8192 : 1024);
   const size_t entries = size_t(chunks.count) << digit_bits_;
   counts_.ensure(queue, entries);

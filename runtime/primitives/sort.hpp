@@ -5,14 +5,14 @@
 
 namespace gflow {
 
-// Least significant digit first: 11-bit digits where a work-item has a private count (CPUs), 8-bit
-// ones elsewhere. Keeps scratch memory of the size of the longest input.
+// Least significant digit first: 11-bit digits on CPUs, where a work-item has counts of its own,
+// 8-bit digits elsewhere. Keeps scratch memory of the size of the longest input.
 class RadixSort {
  public:
   explicit RadixSort(Queue& queue);
 
   // Sorts the first n pairs by the low `bits` bits of their keys, ascending; pairs with equal bits
-  // keep their order. Contents behind the first n are undefined afterwards. Does not wait.
+  // keep their order. Elements from n on are undefined afterwards. Does not wait.
   void sort(Queue& queue, Buffer<cl_uint>& keys, Buffer<cl_uint>& values, size_t n, int bits = 32);
 
  private:
