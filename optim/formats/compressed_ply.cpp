@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The words of a Gaussian, highest bits first (playcanvas/splat-transform, decompress-ply.ts):
+// Packed words of a Gaussian, highest bits first (playcanvas/splat-transform, decompress-ply.ts):
 //   packed_position  x 11, y 10, z 11 bits: 0 to 1 between the chunk's min and max
-//   packed_scale     the same of the logarithms of the scales
-//   packed_rotation  2 bits: which of w x y z is left out, the largest; 10 bits each of the others,
-//                    0 to 1 for -1/sqrt 2 to 1/sqrt 2
-//   packed_color     red, green, blue within the chunk's min and max, where it has them; opacity
-// and an element "sh" with a byte for each of f_rest_*, 0 to 1 for -4 to 4.
+//   packed_scale     the same for the log scales
+//   packed_rotation  2 bits: index of the largest of w x y z, which is omitted; 10 bits for each of
+//                    the others, 0 to 1 for -1/sqrt 2 to 1/sqrt 2
+//   packed_color     red, green, blue between the chunk's min and max if it has them; opacity
+// Element "sh" has one byte for each f_rest_*, 0 to 1 for -4 to 4.
 #include "optim/formats/compressed_ply.hpp"
 
 #include <fmt/format.h>
@@ -39,7 +39,7 @@ const PlyElement& required(const std::vector<PlyElement>& elements, const std::s
   return *element;
 }
 
-// The values of a property by row. Error when there is none of that name.
+// A property by row. Error if the element has no property of that name.
 class Column {
  public:
   Column(const PlyElement& element, const std::string& name, const std::string& path)
@@ -56,7 +56,7 @@ class Column {
   size_t at_;
 };
 
-// A column of words that several numbers are packed in.
+// A column of packed words. Error if it is not a 32-bit integer.
 Column packed(const PlyElement& element, const std::string& name, const std::string& path) {
   const Column column(element, name, path);
   if (!element.words_of_32[size_t(element.property(name))])
@@ -65,7 +65,7 @@ Column packed(const PlyElement& element, const std::string& name, const std::str
   return column;
 }
 
-// Three ranges, such as min_x to max_x, y, z.
+// The ranges of three properties per chunk, for instance min_x to max_x, y and z.
 struct Ranges {
   std::vector<Column> low, high;
   double at(size_t chunk, size_t axis, double share) const {
@@ -83,7 +83,7 @@ Ranges ranges_of(const PlyElement& chunks, const std::array<const char*, 3>& nam
   return ranges;
 }
 
-// `bits` of a word above its lowest `shift` ones, as 0 to 1.
+// `bits` bits of a word above its lowest `shift` bits, scaled to [0, 1].
 double share(uint32_t word, int shift, int bits) {
   const uint32_t most = (1u << bits) - 1;
   return double((word >> shift) & most) / double(most);
@@ -108,13 +108,13 @@ std::array<double, 4> unpack_quat(uint32_t word) {
   return quat;
 }
 
-// The coefficient of a byte: its middle, but for the ends of the range.
+// SH coefficient of a byte: the centre of its bin, or the end of the range for 0 and 255.
 float unpack_sh(double byte) {
   const double at = byte <= 0 ? 0 : byte >= 255 ? 1 : (byte + 0.5) / 256;
   return float((at - 0.5) * 8);
 }
 
-// The degree of the element "sh", 0 without one.
+// SH degree of the element "sh"; 0 if it is absent.
 int degree_of(const PlyElement* sh, size_t gaussians, const std::string& path) {
   if (!sh) return 0;
   if (sh->rows != gaussians)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Gaussian (antimatter15/splat, main.js): position 3 f32, scales 3 f32 (not their logarithms),
-// red green blue opacity u8 in [0, 1] x 255, quaternion w x y z u8 as 128 + 128 q.
+// Layout per Gaussian (antimatter15/splat, main.js): position 3 f32; scales 3 f32, not logarithms;
+// red green blue opacity u8 of [0, 1] x 255; quaternion w x y z u8 as 128 + 128 q.
 #include "optim/formats/dot_splat.hpp"
 
 #include <fmt/format.h>
@@ -23,7 +23,8 @@ constexpr size_t kSize = 32;
 
 uint8_t to_byte(double value) { return uint8_t(std::clamp(std::round(value), 0.0, 255.0)); }
 
-// The scales of a Gaussian as logarithms; those too small for a float were written as 0.
+// Log scales of a Gaussian. A scale of 0 (underflow in the writer) becomes the smallest normal
+// float.
 void read_log_scales(const uint8_t* bytes, size_t i, const std::string& path, float* log_scales) {
   float scales[3];
   std::memcpy(scales, bytes, sizeof scales);
@@ -36,13 +37,13 @@ void read_log_scales(const uint8_t* bytes, size_t i, const std::string& path, fl
   }
 }
 
-// The logarithm of volume x opacity.
+// log(volume x opacity).
 double weight_of(const SplatRow& row) {
   return double(row.log_scales[0]) + row.log_scales[1] + row.log_scales[2] +
          std::log(opacity_of_logit(*row.logit_opacity));
 }
 
-// Indices by falling weight; equal ones stay in order.
+// Indices by descending weight; ties keep their order.
 std::vector<uint32_t> by_weight(const std::vector<double>& weights) {
   std::vector<uint32_t> order(weights.size());
   std::iota(order.begin(), order.end(), uint32_t{0});

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Middlebury .flo: float tag 202021.25 ("PIEH"), int width, int height, then u, v of each pixel;
-// all little-endian. Colour code after Baker et al. 2011 (A Database and Evaluation Methodology for
-// Optical Flow): a wheel of 55 hues, unevenly spaced so that neighbours look equally different.
+// Middlebury .flo format, little-endian: float tag 202021.25 ("PIEH"), int width, int height, then
+// u, v per pixel. Colour code of Baker et al. 2011 (A Database and Evaluation Methodology for
+// Optical Flow): a wheel of 55 hues, spaced so that neighbouring hues look equally different.
 #include "optim/formats/flo.hpp"
 
 #include <fmt/format.h>
@@ -30,7 +30,7 @@ T value_at(const Bytes& bytes, size_t offset) {
 
 using Color = std::array<float, 3>;  // 0..1
 
-// From one pure colour to the next one channel rises or falls over `steps` hues.
+// Each arc runs from one pure colour to the next: one channel rises or falls over `steps` hues.
 std::vector<Color> make_wheel() {
   struct Arc {
     int steps, channel;
@@ -51,7 +51,7 @@ std::vector<Color> make_wheel() {
   return wheel;
 }
 
-// Colour of a flow whose length is 1 at full saturation.
+// Colour of a flow vector; length 1 is full saturation.
 Color wheel_color(const std::vector<Color>& wheel, float u, float v) {
   const float radius = std::sqrt(u * u + v * v);
   const float turn = (std::atan2(-v, -u) / float(M_PI) + 1) / 2;  // [0, 1], 0 = to the right
@@ -109,7 +109,7 @@ FlowField read_flo(const std::string& path) {
   std::memcpy(flow.uv.data(), bytes.data() + 12, 8 * n);
   for (size_t i = 0; i < n; ++i) {
     float &u = flow.uv[2 * i], &v = flow.uv[2 * i + 1];
-    // NaN and infinity fail both comparisons.
+    // NaN and Inf fail both comparisons.
     flow.valid[i] = std::fabs(u) <= known_below && std::fabs(v) <= known_below;
     if (!flow.valid[i]) u = v = 0;
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The whole file front to back: an index is of use to players that fetch parts.
+// Reads the file from front to back. The chunk index is only for players that fetch parts.
 #include <fmt/format.h>
 #include <zlib.h>
 
@@ -18,11 +18,11 @@ namespace {
 
 using namespace four_dgs;
 
-constexpr uint64_t kMostSplats = uint64_t{1} << 25;  // more than any scene has
-// What a Gaussian takes while its chunk is read, spherical harmonics aside [bytes].
+constexpr uint64_t kMostSplats = uint64_t{1} << 25;  // more than any real scene has
+// Memory per Gaussian while its chunk is read, without SH [bytes].
 constexpr uint64_t kSplatBytes = sizeof(MovingSplat) + 4 * 24;
 
-// A stretch of the file, read from its beginning; names the file in its errors.
+// A range of the file, read from its beginning. Errors name the file.
 class Reader {
  public:
   Reader(const std::string& path, std::string_view bytes)
@@ -32,7 +32,7 @@ class Reader {
     throw Error(fmt::format("cannot read {}: {}", path_, why));
   }
   size_t size() const { return rest_.size(); }
-  // Before memory is taken: streams of one value make large scenes of small files.
+  // Call before allocating: constant streams let a small file describe a huge scene.
   void require_plausible(uint64_t memory) const {
     require_plausible_size(memory, file_size_, path_);
   }
@@ -71,7 +71,7 @@ class Reader {
 
 std::string inflated(const Reader& in, std::string_view bytes, uint64_t size) {
   in.require_plausible(size);
-  std::string out(size + 1, '\0');  // one more shows a stream that is too long
+  std::string out(size + 1, '\0');  // one byte more, to detect a stream that is too long
   uLongf got = out.size();
   uLong used = bytes.size();
   if (uncompress2(reinterpret_cast<Bytef*>(out.data()), &got,
@@ -83,7 +83,7 @@ std::string inflated(const Reader& in, std::string_view bytes, uint64_t size) {
   return out;
 }
 
-// Values [count, channels] of an Attribute Stream; one row stands for all of a constant one.
+// Values of an attribute stream, [count, channels]; a constant stream has one row.
 struct Stream {
   uint8_t id = 0;
   size_t channels = 0;
@@ -93,7 +93,8 @@ struct Stream {
   const int32_t* row(size_t i) const { return &values[is_constant ? 0 : i * channels]; }
 };
 
-// Steps over streams whose id is not `wanted`, which later versions may have.
+// Reads a stream. Skips it if wanted(id), its expected number of channels, is 0: later versions may
+// have more streams.
 template <class Wanted>
 std::optional<Stream> read_stream(Reader& in, uint32_t count, Wanted&& wanted) {
   Stream stream;
@@ -171,14 +172,14 @@ class FileReader {
     if (has_header_) in.refuse("it is damaged: it has two headers");
     has_header_ = true;
     in.text("its header");  // profile
-    in.text("its header");  // program that wrote it
+    in.text("its header");  // name of the writer
     scene_.duration = in.finite("its duration");
     declared_ = in.get<uint64_t>("its header");
     scene_.cutoff = in.finite("its cutoff");
     const std::string model = in.text("its header");
     if (model != kModel)
       in.refuse(fmt::format("its temporal model is '{}', gflow reads '{}'", model, kModel));
-    for (int k = 0; k < 6; ++k) in.get<double>("its header");  // box
+    for (int k = 0; k < 6; ++k) in.get<double>("its header");  // bounding box
     scene_.sh_degree = in.get<uint8_t>("its header");
     if (scene_.sh_degree > 3)
       in.refuse(fmt::format("its spherical harmonics have degree {}, gflow reads 0 to 3",
@@ -193,11 +194,11 @@ class FileReader {
     const auto bands = uint64_t(scene_.sh_degree) + 1;
     const uint64_t rest = 3 * (bands * bands - 1);
     in.require_plausible(declared_ * (kSplatBytes + 4 * rest));
-    scene_.splats.reserve(declared_);  // growing would take twice as much
+    scene_.splats.reserve(declared_);  // growing would need twice the memory
     scene_.sh_rest.reserve(declared_ * rest);
   }
 
-  // Records that must come once, before all Gaussians.
+  // For records that must occur once, before the first chunk.
   void expect_first(const Reader& in, bool is_first, const char* what) const {
     if (!is_first) in.refuse(fmt::format("it is damaged: it has two {}", what));
     if (has_chunks_) in.refuse(fmt::format("it is damaged: its {} comes after Gaussians", what));
@@ -266,7 +267,7 @@ class FileReader {
     for (size_t i = first_; i < scene_.splats.size(); ++i) {
       MovingSplat& s = scene_.splats[i];
       s.sh_row = i;
-      s.begin = std::max(s.begin, begin);  // nothing is there outside of its chunk's interval
+      s.begin = std::max(s.begin, begin);  // a Gaussian is visible only within its chunk's interval
       s.end = std::min(s.end, end);
     }
   }
@@ -292,7 +293,7 @@ class FileReader {
       s.velocity[k] = bins(motion)[k] * motion_step;
       s.scales[k] = std::exp(bins(scale)[k] * grid_->scale);
     }
-    // Clipped, as the highest step may lie above 1.
+    // Clamped, because the highest bin may be above 1.
     const double green = bins(color)[0];
     for (size_t k = 0; k < 3; ++k) {
       const double bin = k == 1 ? green : green + bins(color)[k == 0 ? 1 : 2];
@@ -302,7 +303,7 @@ class FileReader {
     const int32_t largest = *bins(rotation_index);
     if (largest < 0 || largest > 3)
       in.refuse(fmt::format("it is damaged: component {} of a quaternion", largest));
-    double left = 1;  // for the square of the largest
+    double left = 1;  // the square of the largest component
     std::array<double, 4> xyzw{};
     for (size_t k = 0, from = 0; k < 4; ++k) {
       if (int32_t(k) == largest) continue;
@@ -322,7 +323,7 @@ class FileReader {
     if (!good) in.refuse("it is damaged: a Gaussian has a value without sense");
   }
 
-  // A record of one band of spherical harmonics, of the chunk before it.
+  // A record with one SH band of the preceding chunk.
   void read_band(Reader& in) {
     const auto band = in.get<uint8_t>("spherical harmonics");
     if (band != bands_ + 1 || band > scene_.sh_degree)
@@ -330,7 +331,7 @@ class FileReader {
                             band, scene_.sh_degree, bands_));
     bands_ = band;
     const size_t count = scene_.splats.size() - first_, size = band_size(band);
-    // The stream's id is that of the record and means nothing.
+    // The stream's id repeats the opcode and is ignored.
     const auto stream =
         read_stream(in, uint32_t(count), [&](uint8_t) -> size_t { return 3 * size; });
     const size_t rest = size_t((scene_.sh_degree + 1) * (scene_.sh_degree + 1) - 1);
@@ -345,7 +346,7 @@ class FileReader {
       }
   }
 
-  // Degrees are whole.
+  // A chunk must have all SH bands of its degree.
   void finish_chunk() {
     if (scene_.splats.size() > first_ && bands_ != scene_.sh_degree)
       in_.refuse(fmt::format("it is damaged: a chunk has {} bands of spherical harmonics, not {}",
@@ -377,8 +378,8 @@ class FileReader {
   uint64_t declared_ = 0;
   std::optional<Grid> grid_;
   std::vector<std::array<double, 2>> windows_;
-  size_t first_ = 0;  // Gaussian of the last chunk
-  int bands_ = 0;     // it has so far
+  size_t first_ = 0;  // index of the first Gaussian of the last chunk
+  int bands_ = 0;     // SH bands of the last chunk read so far
 };
 
 }  // namespace

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The file: magic, Header, Quantization, Window Table, Camera, Chunks each with its SH Band
-// Streams, a Chunk Index for each, Footer, magic. A Chunk holds the Gaussians that live in one
-// interval of time, so that a player fetches what a moment needs: the interval is the smallest one,
-// of the whole duration halved up to five times, around the Gaussian's window.
+// File layout: magic, Header, Quantization, Window Table, Camera, Chunks each followed by its SH
+// bands, one Chunk Index per chunk, Footer, magic. A chunk holds the Gaussians of one time
+// interval, so that a player can fetch what it shows. The interval of a Gaussian is the smallest
+// one that contains its window, out of the duration halved up to five times.
 #include <fmt/format.h>
 #include <zlib.h>
 
@@ -23,11 +23,12 @@ namespace {
 using namespace four_dgs;
 
 constexpr int kDeepest = 5;
-// How much a coefficient's error counts beside that of colours seen: other eyes may come.
+// Weight of a coefficient's own error against that of the colours seen: viewers use other eye
+// positions than `eyes`.
 constexpr double kStray = 0.01;
 constexpr int kSweeps = 3;
 
-// A record's content, or a part of it; little-endian as the machine is.
+// The content of a record or a part of it; assumes a little-endian host.
 class Content {
  public:
   template <class T>
@@ -48,13 +49,13 @@ class Content {
     bytes_.append(bytes);
     return *this;
   }
-  // Keys and values, as one block with its length.
+  // Keys and values as one block, preceded by its length.
   Content& map(const std::map<std::string, std::string>& entries) {
     Content block;
     for (const auto& [key, value] : entries) block.text(key).text(value);
     return text(block.bytes_);
   }
-  // Offset and length of the record that is appended.
+  // Appends a record; returns its offset and length.
   std::pair<uint64_t, uint64_t> record(Opcode opcode, const Content& content) {
     const uint64_t at = bytes_.size();
     put(opcode).put(uint64_t(content.bytes_.size())).raw(content.bytes_);
@@ -76,7 +77,7 @@ std::string deflated(const std::string& bytes) {
   return out;
 }
 
-// Whole numbers as zigzag symbols of 1, 2 or 4 bytes, the lowest bytes of all of them first.
+// Zigzag symbols of 1, 2 or 4 bytes, stored as byte planes, lowest bytes first.
 std::pair<uint8_t, std::string> symbols_of(const std::vector<int64_t>& values) {
   std::vector<uint64_t> symbols;
   uint64_t all = 0;
@@ -91,7 +92,8 @@ std::pair<uint8_t, std::string> symbols_of(const std::vector<int64_t>& values) {
   return {width, planes};
 }
 
-// One Attribute Stream of values [n, channels]: constant, or whichever of raw and delta is smaller.
+// Appends one attribute stream of values [n, channels]: constant if all rows are equal, else raw or
+// delta, whichever is smaller.
 void put_stream(Content& out, uint8_t id, const std::vector<int32_t>& values, uint8_t channels) {
   const size_t size = values.size();
   const auto all_equal = [&] {
@@ -108,7 +110,7 @@ void put_stream(Content& out, uint8_t id, const std::vector<int32_t>& values, ui
   auto [width, symbols] = symbols_of(plain);
   std::string payload = deflated(symbols);
   if (mode == raw) {
-    bool fits = true;  // a difference of two 32-bit numbers may need 33
+    bool fits = true;  // a difference of two 32-bit integers may need 33 bits
     for (size_t i = size; i-- > channels;) {
       differences[i] -= differences[i - channels];
       fits = fits && differences[i] == int32_t(differences[i]);
@@ -125,7 +127,7 @@ void put_stream(Content& out, uint8_t id, const std::vector<int32_t>& values, ui
   out.put(uint32_t(size / channels)).put(uint64_t(payload.size())).raw(payload);
 }
 
-// Steps that suit the scene: as small as pictures need and symbols of 32 bits allow.
+// Quantization steps for a scene, fine enough for rendering and coarse enough for 32-bit symbols.
 Grid grid_for(const MovingSplats& scene) {
   std::vector<double> sizes{1e-3};
   if (!scene.splats.empty()) sizes.clear();
@@ -137,7 +139,7 @@ Grid grid_for(const MovingSplats& scene) {
   grid.scale = grid.life = 0.005;
   grid.rotation = 0.001;
   grid.color = grid.opacity = 1.0 / 510;
-  // Carries as far as half a step of position at most while its Gaussian is seen.
+  // The motion error is at most half a position step while the Gaussian is visible.
   grid.motion = grid.position * std::min(2.0, 4 / scene.duration);
   grid.time = std::ldexp(scene.duration, -14);
   for (size_t k = 0; k < 3; ++k) {
@@ -161,15 +163,15 @@ int32_t bin_of(double value, double step, size_t i) {
   return int32_t(bin);
 }
 
-// Spherical harmonics as bytes, and what is added to the colour of degree 0 for their sake. The
-// format's grid of 1/32 is coarse, and its colours of degree 0 end at 0 and 1, which those of a
-// model need not. So bytes are chosen, one coefficient after the other, for the least squared
-// difference of the colours seen from the eyes. What all eyes have in common the colour of degree 0
-// takes back, whose grid is fine; if that colour is cut off, coefficients make up for it.
+// Quantized SH of a Gaussian, and a correction of its degree 0 colour. The format's SH step of 1/32
+// is coarse, and it limits degree 0 colours to [0, 1], which model colours may exceed. Bytes are
+// therefore chosen by coordinate descent to minimise the squared error of the colours seen from
+// `eyes`. The error that all eyes share is moved to the degree 0 colour, whose step is fine. If
+// that colour is clamped, the coefficients compensate for the clamping instead.
 struct Harmonics {
   std::vector<uint8_t> bytes;  // [3, K - 1]
   std::array<double, 3> shift{};
-  double largest_change = 0;  // of a coefficient within [-4, 4]
+  double largest_change = 0;  // of a coefficient clamped to [-4, 4]
 };
 
 Harmonics harmonics_of(const MovingSplats& scene, size_t i) {
@@ -193,8 +195,9 @@ Harmonics harmonics_of(const MovingSplats& scene, size_t i) {
   for (size_t c = 0; c < 3; ++c) {
     const double cut = std::clamp(s.color[c], 0.0, 1.0) - s.color[c];
     const std::array<double, 15> common = cut == 0 ? mean : std::array<double, 15>{};
-    std::array<double, 15> error{};              // of the coefficients
-    std::vector<double> off(views.size(), cut);  // colours seen, but for what is taken back
+    std::array<double, 15> error{};  // of the coefficients
+    std::vector<double> off(views.size(),
+                            cut);  // error of the colours seen, without the shared part
     uint8_t* const bytes = &out.bytes[c * rest];
     const auto change = [&](size_t k, double by) {
       error[k] += by;
@@ -229,15 +232,15 @@ Harmonics harmonics_of(const MovingSplats& scene, size_t i) {
   return out;
 }
 
-// When a Gaussian is there. Times stand in the file as f64, and the format has them as f32: players
-// keep windows as f32 and compare them with intervals of f64, which must be the same number.
+// Visibility window. Stored as f64 but rounded to f32: players keep windows as f32 and compare them
+// with f64 intervals, so both must be the same number.
 struct Window {
   float begin, end;
   bool operator<(const Window& o) const { return std::tie(begin, end) < std::tie(o.begin, o.end); }
 };
 Window window_of(const MovingSplat& s) { return {float(s.begin), float(s.end)}; }
 
-// The values of one Gaussian for each stream.
+// Quantized values of one Gaussian per stream.
 using Bins = std::array<std::array<int32_t, 3>, attribute_count>;
 
 Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t window_index,
@@ -246,7 +249,7 @@ Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t wind
   Bins bins{};
   for (const double value :
        {s.mean[0], s.mean[1], s.mean[2], s.velocity[0], s.velocity[1], s.velocity[2], s.mean_t})
-    if (!(std::fabs(value) < kLargest / 2)) too_far(i);  // whatever the grid rounds it to
+    if (!(std::fabs(value) < kLargest / 2)) too_far(i);  // margin for rounding to the grid
   const bool never_fades = std::isinf(s.life);
   const int32_t life_bin = never_fades ? 0 : bin_of(std::log(s.life), grid.life, i);
   const double time_step = grid.time_step(never_fades, life_bin);
@@ -256,8 +259,8 @@ Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t wind
   bins[flags][0] = never_fades ? kNeverFades : 0;
   bins[window][0] = window_index;
   bins[mean_t][0] = bin_of(s.mean_t, time_step, i);
-  // The place is that of the path as its grid has it, exact where it is seen first or at its own
-  // moment.
+  // The position compensates for the rounding of velocity and mean_t: the path is exact, up to a
+  // position step, at mean_t or at the end of the window nearest to it.
   const double own = bins[mean_t][0] * time_step, exact = std::clamp(s.mean_t, begin, end);
   for (size_t k = 0; k < 3; ++k) {
     const int32_t v = bins[motion][k] = bin_of(s.velocity[k], motion_step, i);
@@ -266,13 +269,13 @@ Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t wind
     bins[position][k] = bin_of(place - grid.origin[k], grid.position, i);
     bins[scale][k] = bin_of(std::log(std::max(s.scales[k], 1e-30)), grid.scale, i);
   }
-  // Colours as green, red - green, blue - green.
+  // Colours are stored as green, red - green, blue - green.
   std::array<int32_t, 3> rgb;
   for (size_t k = 0; k < 3; ++k)
     rgb[k] = bin_of(std::clamp(s.color[k] + color_shift[k], 0.0, 1.0), grid.color, i);
   bins[color] = {rgb[1], rgb[0] - rgb[1], rgb[2] - rgb[1]};
   bins[opacity][0] = bin_of(std::clamp(s.opacity, 0.0, 1.0), grid.opacity, i);
-  // x y z w without its largest, which is made positive.
+  // Quaternions are stored as x y z w without the largest component, which is made positive.
   const std::array<double, 4> q{s.quat[1], s.quat[2], s.quat[3], s.quat[0]};
   size_t largest = 0;
   double norm = 0;
@@ -287,7 +290,7 @@ Bins bins_of(const MovingSplats& scene, const Grid& grid, size_t i, int32_t wind
   return bins;
 }
 
-// By how much the file's colour of degree 0 differs from the scene's at most.
+// Largest error of a Gaussian's degree 0 colour after quantization.
 double color_change(const MovingSplat& s, const Grid& grid, const Bins& bins) {
   const double green = bins[color][0];
   const std::array<double, 3> stored{green + bins[color][1], green, green + bins[color][2]};
@@ -298,10 +301,10 @@ double color_change(const MovingSplat& s, const Grid& grid, const Bins& bins) {
   return largest;
 }
 
-// Where a Gaussian is stored: how often the duration is halved, and which part it is, but for the
-// rounding of times.
+// Storage interval of a Gaussian: how often the duration is halved, and the index of the part.
+// Ignores rounding of times.
 std::pair<int, int64_t> interval_of(const MovingSplat& s, double duration) {
-  constexpr double rounding = 1e-5;  // of a part; a part is 2^-kDeepest of all
+  constexpr double rounding = 1e-5;  // fraction of a part, which is duration / 2^level
   const double begin = window_of(s).begin, end = window_of(s).end;
   for (int level = kDeepest; level > 0; --level) {
     const double parts = std::ldexp(1 / duration, level);
@@ -311,7 +314,7 @@ std::pair<int, int64_t> interval_of(const MovingSplat& s, double duration) {
   return {0, 0};
 }
 
-// Neighbours in space follow each other: their differences are small.
+// Morton code. Neighbours in the stream are close in space, so their differences are small.
 uint64_t along_a_curve(const std::array<int32_t, 3>& bin, int shift) {
   uint64_t code = 0;
   for (int bit = 20; bit >= 0; --bit)
@@ -381,14 +384,14 @@ Content header_of(const MovingSplats& scene) {
   return content.map({{"color_space", "srgb-rec709-display"}, {"visibility_profile", "gaussian"}});
 }
 
-// color_off, sh_off: by how much colours and harmonics were changed at most.
+// color_off, sh_off: largest errors of degree 0 colours and SH coefficients.
 Content quantization_of(const Grid& grid, double color_off, double sh_off) {
   Content content;
   content.text(kScheme);
   Grid::fields(grid, [&](double value) { content.put(value); });
   const auto number = [](double value) { return fmt::format("{}", value); };
-  // Half a step each, or what was measured; what is left out of a quaternion may be thrice as far
-  // off as the rest.
+  // Largest errors: half a step each, or as measured. The omitted quaternion component may be off
+  // by three times as much as the others.
   return content.put(uint8_t(grid.sh))
       .map({{"pos", number(grid.position / 2)},
             {"scale_rel", number(std::expm1(grid.scale / 2))},

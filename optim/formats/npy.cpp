@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The .npy format: "\x93NUMPY", version, header length, a Python dictionary as text, then the
-// values. The file's length is compared with the header's promise before any value is copied.
+// values. The file length is checked against the header before values are copied.
 #include "optim/formats/npy.hpp"
 
 #include <fmt/format.h>
@@ -18,12 +18,12 @@ namespace {
 
 constexpr char magic[] = "\x93NUMPY";
 
-// What the header's dictionary says.
+// The header's dictionary.
 struct NpyHeader {
   std::string descr;
   bool fortran = false;
   std::vector<size_t> shape;
-  size_t length = 0;  // bytes before the first value
+  size_t length = 0;  // offset of the first value [bytes]
 };
 
 [[noreturn]] void refuse_array(const std::string& name, const std::string& why) {
@@ -34,7 +34,7 @@ std::string_view without_blanks(std::string_view text) {
   return text.substr(std::min(text.find_first_not_of(" \t\n\r\v\f"), text.size()));
 }
 
-// What stands behind 'key': in a dictionary; "" without it.
+// Text that follows 'key': in a dictionary; "" if the key is missing.
 std::string_view value_of(std::string_view dictionary, std::string_view key) {
   const size_t at = dictionary.find(fmt::format("'{}'", key));
   if (at == dictionary.npos) return "";
@@ -42,13 +42,13 @@ std::string_view value_of(std::string_view dictionary, std::string_view key) {
   return rest.substr(0, 1) == ":" ? without_blanks(rest.substr(1)) : "";
 }
 
-// What stands before `end` in a text that begins with `begin`; "" where it is not so.
+// Text between a leading `begin` and the first `end`; "" if there is none.
 std::string_view between(char begin, std::string_view text, char end) {
   const size_t stop = text.find(end, 1);
   return text.empty() || text[0] != begin || stop == text.npos ? "" : text.substr(1, stop - 1);
 }
 
-// "3, 4" or "3," or "".
+// Accepts "3, 4", "3," and "".
 std::vector<size_t> parse_shape(std::string_view text, const std::string& name) {
   std::vector<size_t> shape;
   for (size_t at = text.find_first_of("0123456789"); at < text.size();) {
@@ -70,7 +70,7 @@ NpyHeader parse_header(const uint8_t* bytes, size_t length, const std::string& n
   if (length < start) refuse_array(name, "it is truncated within its header");
   size_t text_length = bytes[8] | size_t(bytes[9]) << 8;
   if (version > 1) text_length |= size_t(bytes[10]) << 16 | size_t(bytes[11]) << 24;
-  constexpr size_t longest_header = 65536;  // NumPy's own have some hundred bytes
+  constexpr size_t longest_header = 65536;  // NumPy writes a few hundred bytes
   if (text_length > longest_header) refuse_array(name, "its header is longer than any of an array");
   if (length - start < text_length) refuse_array(name, "it is truncated within its header");
   const std::string_view text(reinterpret_cast<const char*>(bytes + start), text_length);
@@ -89,7 +89,7 @@ NpyHeader parse_header(const uint8_t* bytes, size_t length, const std::string& n
   return {std::string(descr), fortran, parse_shape(extents, name), start + text_length};
 }
 
-// Product of shape. Error when it exceeds what size_t can count in bytes.
+// Product of shape. Error if its size in bytes could overflow size_t.
 size_t count(const std::vector<size_t>& shape, const std::string& name) {
   size_t n = 1;
   bool empty = false;
@@ -114,7 +114,7 @@ Array take(const NpyHeader& header, const uint8_t* bytes, size_t length, const s
   return {header.shape, std::move(values)};
 }
 
-// What `take` returns for the type of the header's elements, whose values it gets as T{}.
+// Calls take(T{}) with the element type T of the header and returns its result.
 template <class Take>
 auto by_type(const NpyHeader& header, const std::string& name, Take&& take) {
   if (header.fortran)
@@ -194,7 +194,8 @@ Bytes npy_bytes(const Array& array) {
                                   array.shape_text(), values.size()));
         std::string text = fmt::format("{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}",
                                        descr_of<T>(), array.shape_text());
-        // Values start at a multiple of 64 bytes; the text ends with a newline (format 1.0).
+        // Format 1.0: the header ends with a newline and is padded so that values start at a
+        // multiple of 64.
         text.append(63 - (10 + text.size()) % 64, ' ');
         text += '\n';
         Bytes bytes(magic, magic + 6);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // NumPy arrays in memory and as .npy bytes (format 1.0, 2.0 and 3.0; little-endian, C order).
-// Booleans are held as uint8_t, 0 or 1, and written back as u1.
+// Booleans are read as uint8_t, 0 or 1, and written back as u1.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -11,18 +11,17 @@
 
 namespace gflow {
 
-// An n-dimensional array; the last index runs fastest. An empty shape is one scalar.
+// An n-dimensional array in C order. An empty shape is a scalar.
 struct Array {
   using Values = std::variant<std::vector<float>, std::vector<double>, std::vector<int8_t>,
                               std::vector<uint8_t>, std::vector<int16_t>, std::vector<uint16_t>,
                               std::vector<int32_t>, std::vector<uint32_t>, std::vector<int64_t>>;
 
   std::vector<size_t> shape;
-  Values values;  // as many as the product of shape
+  Values values;  // [product of shape]
 
-  // Number of elements.
   size_t size() const;
-  // Elements converted one by one as static_cast does.
+  // Elements converted by static_cast.
   std::vector<float> as_float() const;
   std::vector<double> as_double() const;
   std::vector<int32_t> as_int() const;
@@ -30,14 +29,15 @@ struct Array {
   std::string shape_text() const;
 };
 
-// One array from the bytes of a .npy file; `name` is the file named in errors. Refused: Fortran
-// order, big-endian, other element types, and any file whose length is not what its header says.
+// Parses the bytes of a .npy file; `name` names it in errors. Error for Fortran order, big-endian
+// data, other element types, and a length that differs from the header's.
 Array parse_npy(const uint8_t* bytes, size_t length, const std::string& name);
 
-// Bytes of the .npy file that begins like this, by its header. Error as parse_npy's.
+// Length [bytes] of a .npy file from its first bytes, which contain the header. Errors as
+// parse_npy.
 size_t npy_length(const uint8_t* bytes, size_t length, const std::string& name);
 
-// The bytes of a .npy file (format 1.0). Error when shape and number of values disagree.
+// The bytes of a .npy file (format 1.0). Error if shape and number of values disagree.
 Bytes npy_bytes(const Array& array);
 
 Array read_npy(const std::string& path);  // also gzipped

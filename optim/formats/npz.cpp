@@ -48,11 +48,11 @@ Archive open_archive(const std::string& path) {
   Archive archive(zip_open(path.c_str(), ZIP_RDONLY, &code));
   if (archive) return archive;
   std::string why = ErrorText(code).text();
-  // Of which libzip says "Operation not supported" and "Not a zip archive".
+  // libzip reports these two cases as "Operation not supported" and "Not a zip archive".
   std::error_code unknown;
   if (std::filesystem::is_directory(path, unknown))
     why = "it is a folder, expected is an .npz file";
-  else if (std::filesystem::is_other(path, unknown))  // a pipe, say
+  else if (std::filesystem::is_other(path, unknown))  // such as a pipe
     why = "it is not a file";
   else if (code == ZIP_ER_NOZIP)
     why = begins_as_archive(path) ? "it is cut off or damaged: the list of its arrays, with which "
@@ -63,7 +63,7 @@ Archive open_archive(const std::string& path) {
   throw Error(fmt::format("cannot read {}: {}", path, why));
 }
 
-// The name of entry i without ".npy"; Error when it is no array.
+// Name of entry i without ".npy". Error if the entry is not an array.
 std::string name_of_array(zip_t* archive, zip_uint64_t i, const std::string& path) {
   const char* stored = zip_get_name(archive, i, 0);
   std::string name = stored ? stored : "";
@@ -74,8 +74,8 @@ std::string name_of_array(zip_t* archive, zip_uint64_t i, const std::string& pat
   return name;
 }
 
-// The bytes of entry i, no more than their header announces and `plausible` accepts. They are read
-// piece by piece, because the size that a damaged archive states may be anything.
+// Bytes of entry i, at most what its header announces and `plausible` accepts. Read in pieces,
+// because the size stated by a damaged archive can be anything.
 Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name,
                   const std::function<void(size_t length)>& plausible) {
   const Entry entry(zip_fopen_index(archive, i, 0));
@@ -98,19 +98,19 @@ Bytes entry_bytes(zip_t* archive, zip_uint64_t i, const std::string& name,
       throw Error(fmt::format("cannot read array {}: {}", name, zip_file_strerror(entry.get())));
     bytes.resize(before + size_t(got));
     if (got == 0) return bytes;
-    if (bytes.size() < piece) continue;  // a small one, and its end
+    if (bytes.size() < piece) continue;  // a small array; the next read returns its end
     require_announced(bytes, length_of, announced, "array " + name);
-    bytes.reserve(announced + 2 * piece);  // else twice as much while it grows
+    bytes.reserve(announced + 2 * piece);  // growing would double the capacity
   }
 }
 
 }  // namespace
 
 Arrays read_npz(const std::string& path, const std::set<std::string>& only, size_t always) {
-  std::error_code gone;  // which opening it tells; afterwards it may vanish
+  std::error_code gone;  // a missing file is reported by open_archive
   const size_t file_size = std::filesystem::file_size(path, gone);
   const Archive archive = open_archive(path);
-  size_t unpacked = 0;  // of all arrays
+  size_t unpacked = 0;  // bytes of all arrays
   Arrays arrays;
   const zip_int64_t n = zip_get_num_entries(archive.get(), 0);
   for (zip_uint64_t i = 0; i < zip_uint64_t(n); ++i) {
@@ -157,7 +157,8 @@ void write_npz(const std::string& path, const Arrays& arrays, Packing packing) {
         throw Error(
             fmt::format("cannot write '{}' to {}: {}", name, path, zip_strerror(archive.get())));
       }
-      // A fixed time, so that equal arrays give equal files: 1980-01-01, the first of the format.
+      // A fixed time stamp (1980-01-01, the earliest of the format), so that equal arrays give
+      // equal files.
       zip_file_set_dostime(archive.get(), zip_uint64_t(index), 0, 1 << 5 | 1, 0);
       if (packing == Packing::stored)
         zip_set_file_compression(archive.get(), zip_uint64_t(index), ZIP_CM_STORE, 0);
@@ -169,7 +170,7 @@ void write_npz(const std::string& path, const Arrays& arrays, Packing packing) {
         refuse_to_write(path, zip_error_code_system(why));
       throw Error(fmt::format("cannot write {}: {}", path, zip_strerror(archive.get())));
     }
-    archive.release();  // closed: zip_discard would free it twice
+    archive.release();  // already closed; zip_discard would free it again
   });
 }
 

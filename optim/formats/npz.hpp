@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// NumPy archives: a zip file with one .npy for each named array. np.savez and np.savez_compressed
-// files are both read, and np.load reads ours. Each array has a CRC-32, which reading checks.
+// NumPy archives: a zip file with one .npy per named array. Reads files of np.savez and
+// np.savez_compressed and checks their CRC-32; np.load reads the files written here.
 #pragma once
 #include <fmt/format.h>
 
@@ -16,26 +16,28 @@ namespace gflow {
 
 using Arrays = std::map<std::string, Array>;
 
-// All arrays of an archive by name (without ".npy"). Error when it is missing, damaged, or when an
-// entry is no array that gflow reads. `only`: unless empty, the others are not read. `always`: what
-// they may hold however small the file is, as for require_plausible_size [bytes].
+// Reads the arrays of an archive by name (without ".npy"). If `only` is not empty, other arrays are
+// skipped. `always` [bytes] is the unpacked size accepted whatever the file size, as in
+// require_plausible_size. Error if the file is missing or damaged, or an entry is not an array that
+// gflow reads.
 Arrays read_npz(const std::string& path, const std::set<std::string>& only = {},
                 size_t always = always_plausible);
 
-// Names of all arrays of an archive (without ".npy"), none of which is read. Error as above.
+// Names of all arrays of an archive (without ".npy"), without reading their values. Errors as
+// read_npz.
 std::vector<std::string> names_in_npz(const std::string& path);
 
-// Deflating trained parameters and their moments saves a third of the space and takes thirty times
-// as long.
+// deflated: a third smaller for trained parameters and moments. stored: thirty times faster to
+// write.
 enum class Packing { deflated, stored };
 
-// Writes all arrays; the file appears complete or not at all.
+// Writes all arrays; replaces the file atomically.
 void write_npz(const std::string& path, const Arrays& arrays, Packing packing = Packing::deflated);
 
-// The array of that name. Error when it is absent, naming the file and the arrays it has.
+// The array with this name. Error if it is absent; lists the file and the arrays it has.
 const Array& array_named(const Arrays& arrays, const std::string& name, const std::string& path);
 
-// Its values. Error also when their type is not T or the shape is another.
+// The values of an array. Error if it is absent, its type is not T, or its shape differs.
 template <class T>
 const std::vector<T>& exact_values(const Arrays& arrays, const std::string& name,
                                    const std::vector<size_t>& shape, const std::string& path) {

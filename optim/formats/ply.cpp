@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PLY: a text header naming elements and their properties, then the rows of each element in turn.
-// Only element "vertex" is kept; what stands before it is stepped over, what follows is not read.
+// PLY: a text header with elements and their properties, then the rows of each element. read_ply
+// keeps element "vertex": elements before it are skipped, elements after it are not read.
 #include "optim/formats/ply.hpp"
 
 #include <fmt/format.h>
@@ -22,7 +22,7 @@ const PlyElementHeader* vertices_of(const PlyHeader& header) {
   return nullptr;
 }
 
-// Skips what comes before the element "vertex". Error when there is none.
+// Skips the elements before "vertex". Error if there is no "vertex".
 const PlyElementHeader& find_vertices(PlyRows& rows, const std::string& path) {
   const PlyElementHeader* vertices = vertices_of(rows.header());
   if (!vertices) refuse_ply(path, "it has no element 'vertex'");
@@ -49,20 +49,20 @@ std::array<int, 3> find_each(const std::vector<std::string>& names,
   return {find(names, three[0]), find(names, three[1]), find(names, three[2])};
 }
 
-// Whether the file has all of these columns, and as doubles.
+// Whether all of these columns exist and are doubles.
 bool are_doubles(const PlyElementHeader& element, const std::array<int, 3>& columns) {
   return std::all_of(columns.begin(), columns.end(), [&](int column) {
     return column >= 0 && element.properties[size_t(column)].type == PlyType::f64;
   });
 }
 
-// An integer modulo 2^32; 0 for what a text has in place of one.
+// An integer modulo 2^32; 0 for a value outside of 64-bit integers, possible in text.
 uint32_t integer_bits(double value) {
   return std::abs(value) < 9e18 ? uint32_t(int64_t(value)) : 0;
 }
 
-// The middle of the positions in a file, in whole units; of what is finite. Rather read twice than
-// kept as doubles, which take six times a text of short numbers.
+// Mean of the finite positions, rounded to whole units. A second pass over the file needs less
+// memory than keeping the positions as doubles.
 std::array<double, 3> middle_of(const std::string& path, const std::array<int, 3>& position) {
   std::array<double, 3> middle = {0, 0, 0}, sum = {0, 0, 0}, count = {0, 0, 0};
   PlyRows rows(path);
@@ -174,7 +174,7 @@ void write_ply(const std::string& path, const PlyTable& head, const PlyRow& row)
   for (const std::string& comment : head.comments) bytes += fmt::format("comment {}\n", comment);
   bytes += fmt::format("element vertex {}\n", head.rows);
   const bool far = head.origin != std::array<double, 3>{0, 0, 0};
-  std::vector<int> axes;  // of each column whose values are doubles, else -1
+  std::vector<int> axes;  // per column: its axis if the values are doubles, else -1
   for (const std::string& name : head.names) {
     const bool position = far && (name == "x" || name == "y" || name == "z");
     axes.push_back(position ? name[0] - 'x' : -1);
@@ -197,7 +197,7 @@ void write_ply(const std::string& path, const PlyTable& head, const PlyRow& row)
       write(bytes);
       bytes.clear();
     }
-    write(bytes);  // of a table without rows
+    write(bytes);  // header of a table without rows
   });
 }
 
@@ -254,7 +254,7 @@ void write_point_cloud(const std::string& path, const PointCloud& points) {
       write(bytes);
       bytes.clear();
     }
-    write(bytes);  // of no points
+    write(bytes);  // header of an empty point cloud
   });
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// PLY files: point clouds to start from, and tables of float properties such as trained Gaussians.
-// ASCII and binary little-endian are read; other elements (faces, chunks) and extra properties are
-// stepped over. Numbers of rows are compared with the file's length before memory is taken.
+// PLY files: point clouds, and tables of float properties such as trained Gaussians. Reads ASCII
+// and binary little-endian; skips other elements (faces, chunks) and unused properties. Row counts
+// are checked against the file length before memory is allocated.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -11,77 +11,76 @@
 
 namespace gflow {
 
-// Places farther from the origin are refused: the square of a float must be one.
+// Largest accepted coordinate: its square must be finite in float.
 constexpr double farthest_point = 1e18;
 
-// Coloured points. rgb is either as long as xyz or empty when the file has no colours.
+// Coloured points. rgb is as long as xyz, or empty if the file has no colours.
 struct PointCloud {
   std::vector<double> xyz;   // [n, 3] world
   std::vector<uint8_t> rgb;  // [n, 3]
   size_t size() const { return xyz.size() / 3; }
 };
 
-// The scalar properties of element "vertex", each value as float, row by row.
+// The scalar properties of element "vertex" as floats.
 struct PlyTable {
   std::vector<std::string> names;  // column names in the file's order
   size_t rows = 0;
   std::vector<float> values;          // [rows, names]
-  std::vector<std::string> comments;  // header comments without the word "comment"
-  // What x, y and z are relative to, where the file has them as doubles: far from 0 a float would
-  // not tell neighbours apart.
+  std::vector<std::string> comments;  // without the word "comment"
+  // Added to x, y and z. Not zero if the file has them as doubles, because floats far from 0 cannot
+  // separate neighbours.
   std::array<double, 3> origin = {0, 0, 0};
 
   // Index of a column, or -1.
   int column(const std::string& name) const;
-  // All values of a column. Error when there is no such column.
+  // Values of a column, [rows]. Error if there is no such column.
   std::vector<float> column_values(const std::string& name) const;
 };
 
-// Error when the file is missing, truncated, big-endian, has no element "vertex", or a property
-// of vertex that is a list.
+// Error if the file is missing, truncated or big-endian, if it has no element "vertex", or if a
+// property of "vertex" is a list.
 PlyTable read_ply(const std::string& path);
 
-// The properties of element "vertex" by name; empty when there is no such element. Reads the
-// header.
+// Names of the properties of element "vertex"; empty if there is none. Reads only the header.
 std::vector<std::string> ply_vertex_properties(const std::string& path);
 
-// Binary little-endian, all properties float; x, y and z double where they have an origin.
+// Binary little-endian. All properties are float; x, y and z are double if origin is not zero.
 void write_ply(const std::string& path, const PlyTable& table);
 
-// The values of row i of a table, [names], put into `values`: asked for in order, once each.
+// Puts row i of a table into `values`, [names]. Called once per row, in order.
 using PlyRow = std::function<void(size_t i, float* values)>;
-// The same of rows that are made while they are written; `head` has all but the values.
+// Writes rows as they are computed; `head` is the table without its values.
 void write_ply(const std::string& path, const PlyTable& head, const PlyRow& row);
 
-// One element of a PLY with its scalar properties: reals as floats, integers exactly (also 32 bits
-// that hold something packed, which a float would round).
+// One element of a PLY with its scalar properties. Reals are stored as floats and integers exactly,
+// because packed 32-bit words would be rounded by a float.
 struct PlyElement {
   std::string name;
   std::vector<std::string> properties;
-  std::vector<bool> reals;        // [properties] whether it is a float
-  std::vector<bool> words_of_32;  // [properties] whether it is an integer of 32 bits
+  std::vector<bool> reals;        // [properties]; true: a real type
+  std::vector<bool> words_of_32;  // [properties]; true: a 32-bit integer
   size_t rows = 0;
-  std::vector<uint32_t> words;  // [rows, properties] the bits of each, integers modulo 2^32
+  std::vector<uint32_t> words;  // [rows, properties]; float bits, or integers modulo 2^32
 
   // Index of a property, or -1.
   int property(const std::string& name) const;
-  // A value; integers as if they had no sign.
+  // A value as double; integers are read as unsigned.
   double value(size_t row, size_t property) const;
 };
 
-// Every element, in the file's order. Errors as read_ply, but lists are refused in all of them and
-// no element is demanded.
+// All elements in the file's order. Errors as read_ply, but a list in any element is an error and
+// "vertex" is not required.
 std::vector<PlyElement> read_ply_elements(const std::string& path);
 
-// No training begins with as many points: of more in a text of a few bytes each, the points would
-// take five times the file.
+// Limit on points kept, more than any training starts with: points of a short ASCII file take five
+// times its size in memory.
 constexpr size_t most_points = 3000000;
 
-// x y z and, when present, red green blue (uchar 0..255, or float 0..1); of more than most_points
-// so many, evenly chosen. Error on positions that are not finite.
+// Reads x y z and, if present, red green blue (uchar 0..255 or float 0..1). Keeps at most
+// most_points, evenly chosen. Error if a coordinate is not finite or above farthest_point.
 PointCloud read_point_cloud(const std::string& path);
 
-// Binary little-endian, x y z float and red green blue uchar when there are colours.
+// Binary little-endian: float x y z, and uchar red green blue if there are colours.
 void write_point_cloud(const std::string& path, const PointCloud& points);
 
 }  // namespace gflow

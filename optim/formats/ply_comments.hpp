@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What gflow says in the comments of a PLY. Comments of others are their own words.
+// Comments that gflow writes into a PLY. Comments of other programs are free text.
 #pragma once
 #include <array>
 #include <optional>
@@ -10,20 +10,20 @@
 
 namespace gflow {
 
-constexpr const char* model_comment = "gflow ";  // of a file that gflow wrote
+constexpr const char* model_comment = "gflow ";  // starts a comment of every file that gflow wrote
 
-// What follows `start` in the first comment that begins with it.
+// The rest of the first comment that begins with `start`.
 std::optional<std::string> comment_after(const PlyTable& table, const std::string& start);
 
-// Whether what follows one of our words is another's: it does not begin with a number, and gflow
-// did not write the file. In one that it wrote it is damaged.
+// Whether `text`, found after one of our keywords, belongs to another program: it does not begin
+// with a number and gflow did not write the file. In a file of gflow the same text means damage.
 bool says_nothing(const PlyTable& table, const std::string& text);
 
-// The numbers that make up `text`, and nothing else.
+// The numbers in `text`; nullopt if there are none or anything else.
 std::optional<std::vector<double>> only_numbers(const std::string& text);
 
-// What positions are relative to: the comment "origin x y z" and, where they are doubles, the
-// table's. Error where it is damaged; `path`: the file, for messages.
+// Origin of the positions: the comment "origin x y z" plus table.origin. Error if the comment is
+// damaged; `path` names the file.
 std::array<double, 3> origin_of(const PlyTable& table, const std::string& path);
 
 }  // namespace gflow

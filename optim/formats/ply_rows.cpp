@@ -22,8 +22,8 @@ void refuse_ply(const std::string& path, const std::string& why) {
 
 namespace {
 
-constexpr size_t longest_header = size_t{1} << 20;  // headers have some dozen lines
-constexpr size_t longest_word = size_t{1} << 12;    // numbers have some dozen characters
+constexpr size_t longest_header = size_t{1} << 20;  // headers have a few dozen lines
+constexpr size_t longest_word = size_t{1} << 12;    // numbers have a few dozen characters
 
 size_t size_of(PlyType type) {
   switch (type) {
@@ -69,7 +69,7 @@ PlyProperty parse_property(std::istringstream& words, const std::string& path) {
   return property;
 }
 
-// One header line; true when it was the last.
+// Parses one header line; true if it was "end_header".
 bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
                 const std::string& path) {
   std::istringstream words(line);
@@ -144,14 +144,14 @@ PlyHeader parse_header(FilePieces& file) {
   return header;
 }
 
-// Between words of a text; a 0 is none.
+// Separates words of ASCII data; NUL is not a blank.
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
 
 }  // namespace
 
 PlyRows::PlyRows(const std::string& path) : file_(path), header_(parse_header(file_)) {}
 
-// Each value of a text takes two bytes at least (a digit and a space), but for the last.
+// In ASCII each value but the last takes at least two bytes, a digit and a space.
 void PlyRows::require_rows(const PlyElementHeader& element) const {
   size_t stride = 0;
   for (const PlyProperty& property : element.properties) {
@@ -197,7 +197,7 @@ void PlyRows::skip_fixed(const PlyElementHeader& element) {
 
 void PlyRows::truncated() const { refuse_ply(file_.path(), "it is truncated: rows are missing"); }
 
-// text: where the word begins, up to behind it or further.
+// `text` begins at the bad word and may go on beyond it.
 void PlyRows::refuse_word(std::string_view text, const char* what) const {
   std::string shown;
   for (const char c : text.substr(0, 20)) {
@@ -208,7 +208,7 @@ void PlyRows::refuse_word(std::string_view text, const char* what) const {
              fmt::format("'{}' in line {} {}", shown, line_of(file_.path(), file_.place()), what));
 }
 
-// To the next word: within a row in the same line.
+// Advances to the next word; within a row it must be on the same line.
 void PlyRows::step_over_blanks() {
   for (;;) {
     const std::string_view text = file_.ahead(longest_word);
@@ -230,10 +230,11 @@ double PlyRows::next_word() {
   in_row_ = true;
   double value = 0;
   const char* const end = text.data() + text.size();
-  const bool plus = text[0] == '+' && text.size() > 1 && text[1] != '-';  // from_chars takes none
+  const bool plus =
+      text[0] == '+' && text.size() > 1 && text[1] != '-';  // from_chars rejects a leading '+'
   const auto result = std::from_chars(text.data() + plus, end, value);
   const bool whole = result.ptr == end ? text.size() == file_.left() : is_blank(*result.ptr);
-  if (result.ec == std::errc::invalid_argument || !whole)  // 0-1 is not two of them
+  if (result.ec == std::errc::invalid_argument || !whole)  // "0-1" is not two numbers
     refuse_word(text, "is no number");
   if (result.ec != std::errc())
     refuse_word(text, "is nearer to 0 or farther from it than a number can be");
@@ -273,7 +274,7 @@ double PlyRows::next_binary(PlyType type) {
   truncated();
 }
 
-// After the last value of a row: in text it ends the line.
+// Ends a row. In ASCII a row must end its line.
 void PlyRows::end_row() {
   if (!header_.ascii) return;
   in_row_ = false;
@@ -290,8 +291,8 @@ void PlyRows::end_row() {
   }
 }
 
-// A header that says less than there is belongs to other rows: with a bit of it flipped, or a
-// property lost, all that was read would be other numbers. Blanks are what an editor adds.
+// Data after the last row mean that the header lost a row or a property, so the values read are
+// misaligned. Trailing blanks are accepted.
 void PlyRows::require_end() {
   for (;;) {
     const std::string_view text = file_.ahead(longest_word);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The header of a PLY, and the values of its rows one after another.
+// Reads the header of a PLY and its rows as streams of values.
 #pragma once
 #include <cstddef>
 #include <string>
@@ -16,7 +16,7 @@ struct PlyProperty {
   std::string name;
   PlyType type;
   bool is_list = false;
-  PlyType length_type = PlyType::u8;  // of a list
+  PlyType length_type = PlyType::u8;  // of a list's length
 };
 
 struct PlyElementHeader {
@@ -31,24 +31,24 @@ struct PlyHeader {
   std::vector<std::string> comments;  // without the word "comment"
 };
 
-// "cannot read PLY PATH: why".
+// Throws "cannot read PLY PATH: why".
 [[noreturn]] void refuse_ply(const std::string& path, const std::string& why);
 
-// A PLY from its header to its last row, a piece of the file at a time. Its elements are to be read
-// or skipped in their order. Everything that cannot be read is an Error that says where.
+// Reads a PLY piece by piece. Elements must be read or skipped in the file's order. Errors name the
+// place in the file.
 class PlyRows {
  public:
-  // Error when the file is missing, does not begin with the header of a PLY, or is big-endian.
+  // Error if the file is missing, has no valid PLY header, or is big-endian.
   explicit PlyRows(const std::string& path);
 
   const PlyHeader& header() const { return header_; }
 
-  // Error when the rows of an element cannot be in what is left of the file, or it has a list: to
-  // be asked before memory is taken for them.
+  // Error if the rest of the file is too short for the rows of an element, or the element has a
+  // list. Call before allocating memory for the rows.
   void require_rows(const PlyElementHeader& element) const;
 
-  // Calls row(const double* values) for each of its rows, values [properties], after require_rows.
-  // Error when the element is the last one and the file goes on behind it.
+  // Calls row(const double* values) per row, values [properties]. Calls require_rows first. Error
+  // if the element is the last one and the file goes on after it.
   template <class Row>
   void read(const PlyElementHeader& element, Row&& row) {
     require_rows(element);
@@ -78,7 +78,7 @@ class PlyRows {
 
   FilePieces file_;
   PlyHeader header_;
-  bool in_row_ = false;  // of a text, behind its first value
+  bool in_row_ = false;  // ASCII: after the first value of a row
 };
 
 }  // namespace gflow

@@ -25,7 +25,7 @@ void append_numbered(std::vector<std::string>& names, const std::string& stem, s
   for (size_t i = 0; i < count; ++i) names.push_back(stem + std::to_string(i));
 }
 
-// Formats that compute what they give: a NaN in the file must not get far.
+// For formats whose values are computed when read: rejects NaN and Inf.
 PlyTable finite(PlyTable table, const std::string& path) {
   for (size_t i = 0; i < table.values.size(); ++i)
     if (!std::isfinite(table.values[i]))
@@ -89,7 +89,7 @@ void require_property(const std::vector<std::string>& names, const std::string& 
 
 namespace {
 
-// Error where a column of the standard table is not among these.
+// Error if a column of the standard table is missing.
 void require_columns(const std::vector<std::string>& names, int sh_degree,
                      const std::string& path) {
   for (const std::string& name : SplatTable(0, sh_degree, Normals::none).table.names)
@@ -154,7 +154,8 @@ PlyTable read_splats(const std::string& path) { return read_splats(path, splat_f
 
 PlyTable read_splats(const std::string& path, SplatFormat format) {
   if (format == SplatFormat::ply) {
-    require_columns(ply_vertex_properties(path), 0, path);  // before memory is taken for its rows
+    require_columns(ply_vertex_properties(path), 0,
+                    path);  // before memory is allocated for the rows
     return read_ply(path);
   }
   if (format == SplatFormat::compressed_ply) return finite(read_compressed_ply(path), path);

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// A header of 16 bytes, then one attribute of all Gaussians after the other:
+// A 16-byte header, then the attributes of all Gaussians, one attribute after the other:
 //   positions  3 x 24-bit fixed point; opacities u8; colours 3 u8 of 0.15 sh0 + 0.5;
 //   scales     3 u8, log scale = u8/16 - 10
-//   rotations  version 2: x y z as u8 of 127.5 (1 + q), w >= 0 is left out; version 3: 2 bits for
-//              the largest of x y z w, which is left out, then sign and 9 bits for each other one
+//   rotations  version 2: x y z as u8 of 127.5 (1 + q), w >= 0 is omitted;
+//              version 3: 2 bits for the index of the largest of x y z w, which is omitted, then
+//              sign and 9 bits for each of the others
 //   harmonics  u8 of 128 (1 + sh), colour by colour within a coefficient
 #include "optim/formats/spz.hpp"
 
@@ -48,7 +49,7 @@ std::array<double, 4> with_largest(std::array<double, 4> xyzw, size_t largest) {
   return xyzw;
 }
 
-// x y z w
+// Returns x y z w.
 std::array<double, 4> unpack_quat(const uint8_t* bytes, uint32_t version) {
   std::array<double, 4> q{};
   if (version == 2) {
@@ -66,8 +67,8 @@ std::array<double, 4> unpack_quat(const uint8_t* bytes, uint32_t version) {
   return with_largest(q, largest);
 }
 
-// What a turn by 180 degrees around x does to the coefficients above degree 0: the sign of their
-// polynomial (kernels/shared/sh.h) with -y and -z for y and z.
+// Signs of the SH coefficients above degree 0 under a rotation by 180 degrees around x: the sign of
+// each polynomial (kernels/shared/sh.h) with -y and -z for y and z.
 constexpr std::array<float, 15> kTurned{-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1};
 
 SpzHeader read_header(const Bytes& bytes, const std::string& path) {
@@ -80,7 +81,7 @@ SpzHeader read_header(const Bytes& bytes, const std::string& path) {
   if (header.sh_degree > 3)
     refuse_spz(path, fmt::format("its spherical harmonics have degree {}, gflow reads 0 to 3",
                                  header.sh_degree));
-  constexpr int most_bits = 24;  // of a position, all
+  constexpr int most_bits = 24;  // of a position in all
   if (header.fraction_bits > most_bits)
     refuse_spz(path, fmt::format("its positions have {} bits behind the point, they have {} in all",
                                  header.fraction_bits, most_bits));
@@ -94,7 +95,7 @@ size_t quat_bytes_of(const SpzHeader& header) { return header.version == 2 ? 3 :
 size_t bytes_each(const SpzHeader& header) {
   return 9 + 1 + 3 + 3 + quat_bytes_of(header) + 3 * coefficients_of(header);
 }
-constexpr size_t kMostBehind = 1 << 20;  // what other programs may have put behind the Gaussians
+constexpr size_t kMostBehind = 1 << 20;  // other programs may append data after the Gaussians
 
 }  // namespace
 
@@ -104,7 +105,7 @@ PlyTable read_spz(const std::string& path) {
   const Bytes bytes = read_file_or_gzip(path, [&](const Bytes& beginning) {
     const SpzHeader header = read_header(beginning, path);
     const size_t length = sizeof header + header.count * bytes_each(header);
-    constexpr size_t equal = 1 << 20;  // no scene is of many equal Gaussians
+    constexpr size_t equal = 1 << 20;  // no real scene has this many equal Gaussians
     require_plausible_size(length, stored, path, equal);
     return length + kMostBehind;
   });

@@ -5,8 +5,9 @@
 
 namespace gflow {
 
-// As a standard 3DGS PLY, turned from the format's axes (y up, z backward) to those of a PLY (y
-// down, z forward). Error when the file is of another version, or shorter than its header says.
+// Returns a standard 3DGS PLY, rotated from the axes of the format (y up, z backward) to those of a
+// PLY (y down, z forward). Error if the version is unknown or the file is shorter than its header
+// says.
 PlyTable read_spz(const std::string& path);
 
 }  // namespace gflow

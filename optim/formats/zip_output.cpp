@@ -19,7 +19,7 @@ ZipOutput::ZipOutput(const std::string& path)
 zip_t* ZipOutput::open() {
   zip_source_t* source = zip_source_function_create(answer, this, &error_);
   zip_t* archive = source ? zip_open_from_source(source, ZIP_TRUNCATE, &error_) : nullptr;
-  if (!archive) {  // nothing is read or written yet
+  if (!archive) {  // zip_open_from_source did not take ownership
     if (source) zip_source_free(source);
     throw std::bad_alloc();
   }
@@ -78,7 +78,7 @@ zip_int64_t ZipOutput::answer(void* data, zip_uint64_t length, zip_source_cmd_t 
       return checked(::lseek(file_.get(), 0, SEEK_CUR));
     case ZIP_SOURCE_COMMIT_WRITE:
       return checked(file_.close() ? 0 : -1);
-    default:  // to begin, to roll back, to be freed: nothing; to read what is empty: no bytes
+    default:  // begin, rollback, free: nothing to do; read: the file is empty
       return 0;
   }
 }
