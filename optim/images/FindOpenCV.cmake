@@ -1,5 +1,5 @@
-# Finds the five parts of OpenCV that gflow uses. OpenCV's own CMake package comes first; Debian's
-# component packages (libopencv-core-dev, ...) carry none, so there the parts are found by name.
+# Finds the five OpenCV modules that gflow uses. Prefers OpenCV's own CMake package; Debian's
+# component packages (libopencv-core-dev, ...) have none, so their modules are searched by name.
 set(parts core imgproc imgcodecs video videoio)
 find_package(OpenCV 4 QUIET CONFIG COMPONENTS ${parts})
 if(OpenCV_FOUND)

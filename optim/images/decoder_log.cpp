@@ -13,12 +13,11 @@ namespace gflow {
 namespace {
 
 std::mutex complaint_mutex;
-std::string complaint;  // guarded by it
+std::string complaint;  // guarded by complaint_mutex
 
-// A callback for FFmpeg's av_log: called from any thread of any decoder, with how grave it is, and
-// a format with its arguments.
+// FFmpeg's av_log callback. Decoder threads call it concurrently.
 void keep_errors(void*, int level, const char* format, va_list arguments) {
-  constexpr int error = 16;  // AV_LOG_ERROR; what is graver is less
+  constexpr int error = 16;  // AV_LOG_ERROR; lower levels are more severe
   if (level > error) return;
   char said[256];
   std::vsnprintf(said, sizeof said, format, arguments);
@@ -29,8 +28,8 @@ void keep_errors(void*, int level, const char* format, va_list arguments) {
 }  // namespace
 
 void listen_to_decoders() {
-  // FFmpeg is no library of ours, but of OpenCV's, where it has one. With the variable set OpenCV
-  // puts a callback of its own there.
+  // FFmpeg is not linked directly, only through OpenCV if that was built with it. If
+  // OPENCV_FFMPEG_LOGLEVEL is set, OpenCV installs a callback of its own.
   using Callback = void (*)(void*, int, const char*, va_list);
   void* const set_callback = dlsym(RTLD_DEFAULT, "av_log_set_callback");
   if (set_callback && !std::getenv("OPENCV_FFMPEG_LOGLEVEL"))

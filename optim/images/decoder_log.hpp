@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// What OpenCV and the FFmpeg in it say of what they read.
+// Log output of OpenCV and of the FFmpeg inside it.
 #pragma once
 #include <string>
 
 namespace gflow {
 
-// From now on they write nothing on stderr: a file they cannot read is an Error in a sentence of
-// ours, and what FFmpeg calls an error is kept for take_decoder_complaint(). The variables
-// OPENCV_LOG_LEVEL and OPENCV_FFMPEG_LOGLEVEL, where set, decide instead. To be called before the
-// first video is opened, and before other threads run.
+// Silences both on stderr. A file they cannot read raises an Error of gflow, and FFmpeg's own
+// errors are kept for take_decoder_complaint(). The environment variables OPENCV_LOG_LEVEL and
+// OPENCV_FFMPEG_LOGLEVEL take precedence. Call before the first video is opened and before other
+// threads start.
 void listen_to_decoders();
 
-// The first error that any decoder of this process has spoken of since the last call, as it said
-// it; empty: none, or nobody listens.
+// The first FFmpeg error in this process since the last call, verbatim; empty if there was none or
+// listen_to_decoders was not called.
 std::string take_decoder_complaint();
 
 }  // namespace gflow

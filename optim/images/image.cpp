@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures are resampled and written by OpenCV; it writes blue first: swapped here and nowhere
-// else.
+// Images are resampled and encoded by OpenCV, whose encoders expect BGR.
 #include "optim/images/image.hpp"
 
 #include <fmt/format.h>
@@ -21,7 +20,7 @@
 namespace gflow {
 namespace {
 
-// A header over the picture's memory; OpenCV does not write to what is an input.
+// A cv::Mat over the image's memory. const_cast is safe because OpenCV does not write to inputs.
 cv::Mat as_mat(const Image& image) {
   return cv::Mat(image.height, image.width, CV_8UC(image.channels),
                  const_cast<uint8_t*>(image.pixels.data()));
@@ -34,8 +33,7 @@ Image from_mat(const cv::Mat& mat) {
   return image;
 }
 
-// Its colours by one of OpenCV's conversions, straight into the picture: a large one is not there
-// three times.
+// Converts colours straight into the result, without another copy of a large image.
 Image converted(const cv::Mat& mat, int channels, int conversion) {
   Image image{mat.cols, mat.rows, channels, {}};
   image.pixels.resize(mat.total() * size_t(channels));
@@ -52,14 +50,14 @@ void check_pixels(const Image& image, const std::string& doing) {
                             image.width, image.height, image.channels, image.pixels.size()));
 }
 
-// Of bytes that check_image_bytes has seen.
+// `bytes` must have passed check_image_bytes.
 DecodedPicture decode(const Bytes& bytes, const std::string& path) {
   DecodedPicture picture = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
   const std::string& why = picture.complaint;
   if (picture.pixels.empty())
     throw Error(fmt::format("cannot read picture {}: it is damaged ({})", path, why));
   static std::mutex mutex;
-  static std::set<std::string> told;  // a picture may be decoded many times
+  static std::set<std::string> told;  // an image may be decoded many times
   const std::lock_guard<std::mutex> lock(mutex);
   if (!why.empty() && told.insert(path).second)
     warn(fmt::format("picture {} may be damaged ({}); it is used all the same", path, why));
@@ -72,7 +70,7 @@ DecodedPicture read_picture(const std::string& path) {
   return decode(bytes, path);
 }
 
-// A header over its memory.
+// A cv::Mat over the image's memory.
 cv::Mat as_mat(DecodedPicture& picture) {
   const int depth = picture.bits == 16 ? CV_16U : CV_8U;
   return cv::Mat(picture.height, picture.width, CV_MAKETYPE(depth, picture.channels),
@@ -99,7 +97,7 @@ void write_mat(const std::string& path, const cv::Mat& mat) {
   write_file_atomically(path, bytes);
 }
 
-// sample(in, out) on the picture; on colours times alpha where it has alpha, so that the hidden
+// Applies sample(in, out). Colours of an image with alpha are premultiplied, so that the hidden
 // colours of transparent pixels do not bleed in.
 template <class Sample>
 Image resampled(const Image& image, Sample sample) {
@@ -164,7 +162,7 @@ Image resized(const Image& image, int width, int height) {
 
 Image remapped(const Image& image, int width, int height, const std::vector<float>& from) {
   check_pixels(image, "resample a picture");
-  // OpenCV's pixel centres are at whole numbers.
+  // OpenCV's pixel centres are at integers.
   const cv::Mat map =
       cv::Mat(height, width, CV_32FC2, const_cast<float*>(from.data())) - cv::Scalar(0.5, 0.5);
   return resampled(image, [&](const cv::Mat& in, cv::Mat& out) {
@@ -175,7 +173,7 @@ Image remapped(const Image& image, int width, int height, const std::vector<floa
 void write_png(const std::string& path, const Image& image) {
   check_pixels(image, "write " + path);
   if (image.channels == 1) return write_mat(path, as_mat(image));
-  cv::Mat swapped;  // its own memory: in place would change the caller's picture
+  cv::Mat swapped;  // a copy: converting in place would change the caller's image
   cv::cvtColor(as_mat(image), swapped,
                image.channels == 4 ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
   write_mat(path, swapped);
@@ -192,7 +190,8 @@ void write_png16(const std::string& path, int width, int height,
 FlowField read_kitti_flow(const std::string& path) {
   const Bytes bytes = read_file(path);
   const ImageHeader header = check_image_bytes(bytes, path);
-  // 16 bits of three channels. Flow does not pack as one colour does.
+  // Three channels of 16 bits. The default plausibility bound applies: flow is less compressible
+  // than images of one colour.
   require_plausible_size(6 * size_t(header.width) * size_t(header.height), bytes.size(), path);
   DecodedPicture picture = decode(bytes, path);
   const cv::Mat mat = as_mat(picture);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // PNG: chunks of (length, type, data, checksum) up to IEND. JPEG: segments of (marker, length,
-// data); the entropy-coded part after SOS holds no end marker FF D9 but the real one.
+// data); in the entropy-coded data after SOS, FF D9 is always the end marker.
 #include "optim/images/image_header.hpp"
 
 #include <fmt/format.h>
@@ -21,7 +21,7 @@ namespace {
 
 constexpr char png_signature[] = "\x89PNG\r\n\x1a\n";
 
-// Bytes at a position, from a file or from memory; false when there are fewer.
+// Bytes at a position of a file or of memory; false if there are too few.
 class Source {
  public:
   virtual ~Source() = default;
@@ -70,12 +70,12 @@ uint32_t big_endian(const uint8_t* b, int n) {
 
 struct Parsed {
   ImageHeader header;
-  size_t data = 0;           // position of the first compressed byte
-  size_t bytes_a_pixel = 3;  // that decoding takes: at least the 3 of RGB that grey becomes
+  size_t data = 0;           // offset of the first compressed byte
+  size_t bytes_a_pixel = 3;  // memory of decoding; at least the 3 of RGB that grey becomes
   bool is_png = false;
 };
 
-// Chunks from IHDR up to the first IDAT.
+// Parses the chunks from IHDR to the first IDAT.
 Parsed parse_png(Source& source, const std::string& path) {
   Parsed parsed;
   parsed.is_png = true;
@@ -104,14 +104,15 @@ Parsed parse_png(Source& source, const std::string& path) {
   refuse(path, "its PNG header is truncated or damaged");
 }
 
-// What a decoder keeps of a progressive JPEG until it has seen all of it, 2 bytes for each
-// coefficient of each component, whose sampling factors stand behind the size [bytes a pixel].
+// Memory that a progressive JPEG's decoder needs beside the pixels: 2 bytes per coefficient of each
+// component, until all scans are read. Sampling factors follow the size in the frame header [bytes
+// per pixel].
 size_t kept_coefficients(Source& source, size_t frame) {
   uint8_t components[1 + 3 * 4] = {};
   source.read(frame + 9, components, 1);
   const size_t count = std::min<size_t>(components[0], 4);
   source.read(frame + 9, components, 1 + 3 * count);
-  int samples = 0, most = 1;  // of a block of 8 x 8 places of the coarsest component
+  int samples = 0, most = 1;  // samples per 8 x 8 block of the coarsest component
   for (size_t k = 0; k < count; ++k) {
     const int across = components[2 + 3 * k] >> 4, down = components[2 + 3 * k] & 15;
     samples += across * down;
@@ -120,7 +121,7 @@ size_t kept_coefficients(Source& source, size_t frame) {
   return size_t((2 * samples + most - 1) / most);
 }
 
-// Segments up to SOS.
+// Parses the segments up to SOS.
 Parsed parse_jpeg(Source& source, const std::string& path) {
   Parsed parsed;
   size_t at = 2;
@@ -131,7 +132,7 @@ Parsed parse_jpeg(Source& source, const std::string& path) {
       ++at;
       continue;
     }
-    // SOF0..SOF15 but for DHT, JPG and DAC, which share the range.
+    // SOF0..SOF15 without DHT, JPG and DAC, which share the range.
     const bool frame =
         marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
     if (frame && source.read(at, segment, 9)) {
@@ -166,13 +167,14 @@ Parsed parse(Source& source, const std::string& path) {
   return parsed;
 }
 
-// Whether its chunks go to the last one. Error where the checksum of one that pixels depend on is
-// wrong, which libpng would tell on its own, in its own words; it leaves out others (lower case).
+// Whether the chunks end with IEND. Error if the checksum of a critical chunk is wrong; libpng
+// would report that in its own words. Ancillary chunks (lower-case first letter) are not checked.
 bool has_whole_chunks(const Bytes& bytes, const std::string& path) {
   for (size_t at = 8; at <= bytes.size() && bytes.size() - at >= 12;) {
     const size_t length = big_endian(bytes.data() + at, 4);
     if (bytes.size() - at - 12 < length) return false;
-    const uint8_t* const named = bytes.data() + at + 4;  // checked from its name on
+    const uint8_t* const named =
+        bytes.data() + at + 4;  // the checksum covers the type and the data
     const bool counts = (named[0] & 0x20) == 0;
     if (counts && crc32(0, named, uInt(length + 4)) != big_endian(named + 4 + length, 4))
       refuse(path, "it is damaged: a checksum of its PNG is wrong");
@@ -201,7 +203,8 @@ ImageHeader check_image_bytes(const Bytes& bytes, const std::string& path) {
   const bool ended =
       parsed.is_png ? has_whole_chunks(bytes, path) : jpeg_has_end(bytes, parsed.data);
   if (!ended) refuse(path, "it is truncated");
-  // One colour packs a thousand times, and films begin black: 8K with 16 bits and alpha.
+  // An image of one colour compresses a thousandfold, and films begin black. 256 MB holds an 8K
+  // image of 16-bit RGBA.
   constexpr size_t one_colour = size_t{256} << 20;
   const size_t pixels = size_t(parsed.header.width) * size_t(parsed.header.height);
   require_plausible_size(parsed.bytes_a_pixel * pixels, bytes.size(), path, one_colour);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// 2704 x 2028 pixels (147 kB, EPYC, one core) take 28 ms; OpenCV's imdecode, with its colours put
-// in our order, 42, and what libjpeg says of damage then goes to stderr only.
+// Uses libjpeg and not cv::imdecode: it is a third faster because it writes RGB at once, and its
+// warnings can be caught.
 #include <csetjmp>
 #include <cstdio>
-// jpeglib.h takes for granted that FILE is known, and jerror.h that jpeglib.h is.
+// jpeglib.h needs FILE to be declared, and jerror.h needs jpeglib.h: the order matters.
 // clang-format off
 #include <jpeglib.h>
 #include <jerror.h>
@@ -14,9 +14,9 @@
 namespace gflow {
 namespace {
 
-// What libjpeg says on the way.
+// Error handler for libjpeg; keeps its first message.
 struct JpegReport {
-  jpeg_error_mgr manager;  // first: libjpeg has a pointer to it
+  jpeg_error_mgr manager;  // must be first: libjpeg's pointer to it is cast back
   std::jmp_buf stop;
   char words[JMSG_LENGTH_MAX] = "";
 };
@@ -33,19 +33,19 @@ void keep_words(j_common_ptr decoder) {
   std::longjmp(report_of(decoder).stop, 1);
 }
 
-// level -1: the data are corrupt; above it is tracing. Some cameras write bytes that mean nothing
-// between the parts of a file.
+// level -1 means corrupt data; higher levels are traces. Extraneous bytes between segments are
+// ignored, because some cameras write them.
 void on_message(j_common_ptr decoder, int level) {
   if (level < 0 && decoder->err->msg_code != JWRN_EXTRANEOUS_DATA) keep_words(decoder);
 }
 
-// Inks in the files of those who mix four are written as how much of each is missing.
+// CMYK to RGB. CMYK JPEGs store inverted inks (255: no ink).
 void mix(const JSAMPLE* inks, uint8_t* rgb, int width) {
   for (int x = 0; x < width; ++x, inks += 4, rgb += 3)
     for (int c = 0; c < 3; ++c) rgb[c] = uint8_t((inks[c] * inks[3] + 127) / 255);
 }
 
-// Nothing in here may need a destructor: an error leaves it by longjmp.
+// No local object may need a destructor: errors leave this function by longjmp.
 void decode(jpeg_decompress_struct& decoder, JpegReport& report, const Bytes& bytes,
             DecodedPicture& to) {
   if (setjmp(report.stop)) return;
@@ -81,7 +81,7 @@ DecodedPicture decode_jpeg(const Bytes& bytes) {
   decode(decoder, report, bytes, result);
   jpeg_destroy_decompress(&decoder);
   result.complaint = report.words;
-  if (!result.complaint.empty()) result.pixels.clear();  // what is missing would be invented
+  if (!result.complaint.empty()) result.pixels.clear();  // libjpeg invents the missing pixels
   return result;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loaded things by key within a memory bound; what was not used for longest goes first. A thing is
-// loaded once even when several threads ask for it at the same time.
+// Values cached by key within a memory bound, least recently used evicted first. A value is loaded
+// once even if several threads request it at the same time.
 #pragma once
 #include <condition_variable>
 #include <list>
@@ -17,8 +17,8 @@ class LruCache {
  public:
   explicit LruCache(size_t capacity) : capacity_(capacity) {}
 
-  // The value of a key; `load` makes it when it is absent and `bytes` tells its size. What load
-  // throws goes to the caller, and the next call tries again.
+  // The value of a key. If it is absent, load() creates it and bytes(value) is its size. An
+  // exception of load() propagates, and the next call tries again.
   template <class Load, class Size>
   std::shared_ptr<const Value> get(const Key& key, Load&& load, Size&& bytes) {
     std::unique_lock<std::mutex> lock(mutex_);
@@ -71,7 +71,7 @@ class LruCache {
   size_t capacity_, used_ = 0;
   std::mutex mutex_;
   std::condition_variable loaded_;
-  std::list<Key> order_;  // last used first
+  std::list<Key> order_;  // most recently used first
   std::map<Key, Entry> entries_;
   std::set<Key> loading_;
 };

@@ -16,7 +16,7 @@
 namespace gflow {
 namespace {
 
-// Opens the first encoder that works; avc1 (H.264) plays everywhere, mp4v is always built in.
+// Opens the first encoder that works: avc1 (H.264) plays everywhere, mp4v is always built in.
 cv::VideoWriter open_writer(const std::string& temporary, const std::string& path, double fps,
                             cv::Size size) {
   cv::VideoWriter writer;
@@ -25,7 +25,7 @@ cv::VideoWriter open_writer(const std::string& temporary, const std::string& pat
     try {
       if (writer.open(temporary, cv::CAP_FFMPEG, fourcc, fps, size)) return writer;
     } catch (const cv::Exception&) {
-      // An encoder that fails to open is one that is not there.
+      // Treated as an encoder that is not available.
     }
   }
   require_room(temporary, path);
@@ -33,7 +33,7 @@ cv::VideoWriter open_writer(const std::string& temporary, const std::string& pat
       fmt::format("cannot write video {}: this OpenCV has no MP4 encoder (needs FFmpeg)", path));
 }
 
-// The picture as the encoder takes it: blue first, sides even.
+// The frame as the encoder needs it: BGR with even sides.
 cv::Mat encodable(const Image& frame, cv::Size size) {
   const cv::Mat rgb(frame.height, frame.width, CV_8UC3, const_cast<uint8_t*>(frame.pixels.data()));
   cv::Mat bgr;
@@ -43,8 +43,8 @@ cv::Mat encodable(const Image& frame, cv::Size size) {
   return bgr;
 }
 
-// Whether an MP4 is complete: its boxes (length, name, contents) end where the file does, and the
-// index, which FFmpeg writes last, is among them. OpenCV does not tell of writes that failed.
+// Whether an MP4 is complete: its boxes (length, name, contents) end at the end of the file and
+// include the index "moov", which FFmpeg writes last. OpenCV does not report failed writes.
 bool is_whole(const std::string& file) {
   std::ifstream in(file, std::ios::binary);
   const uint64_t size = std::filesystem::file_size(file);
@@ -73,7 +73,8 @@ bool is_whole(const std::string& file) {
 void write_movie(const std::string& path, size_t count, const std::function<Image(size_t)>& frame,
                  double fps) {
   if (count == 0) throw Error(fmt::format("cannot write video {}: there are no frames", path));
-  if (!(float(fps) >= float(slowest_fps) && fps <= fastest_fps))  // settings are floats
+  if (!(float(fps) >= float(slowest_fps) &&
+        fps <= fastest_fps))  // compared as float, because settings are floats
     throw Error(fmt::format("cannot write video {}: {} frames a second, possible are {} to {}",
                             path, fps, slowest_fps, fastest_fps));
   Image image = frame(0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Videos written a frame at a time: no more than one picture is in memory.
+// Writes videos frame by frame; only one frame is in memory.
 #pragma once
 #include <functional>
 #include <string>
@@ -8,13 +8,12 @@
 
 namespace gflow {
 
-// Frames a second that an MP4 can have.
+// Range of an MP4's frame rate [frames/s].
 inline constexpr double slowest_fps = 0.01, fastest_fps = 1000;
 
-// `count` RGB pictures of one size, frame(0), frame(1), ..., as an MP4 (avc1 or mp4v, whichever
-// this OpenCV can write). Sizes are padded to even numbers by repeating the last row or column.
-// Error when OpenCV has no encoder, or fps is not from slowest_fps to fastest_fps. The file appears
-// complete or not at all.
+// Writes `count` RGB frames of one size, frame(0), frame(1), ..., as an MP4 (avc1, else mp4v). Odd
+// sizes are padded by repeating the last row or column. Replaces the file atomically. Error if
+// OpenCV has no encoder, or fps is outside of slowest_fps to fastest_fps.
 void write_movie(const std::string& path, size_t count, const std::function<Image(size_t)>& frame,
                  double fps);
 

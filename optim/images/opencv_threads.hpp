@@ -4,9 +4,9 @@
 
 namespace gflow {
 
-// OpenCV keeps to the thread that calls it, from here on and in the whole program: gflow works on
-// several pictures at a time instead. DIS shares a picture out among OpenCV's threads, and its
-// result depends on how many there are. Call it before others use OpenCV.
+// Limits OpenCV to the calling thread, for the whole program: gflow processes several images in
+// parallel instead. The result of DIS would also depend on OpenCV's number of threads. Call before
+// any other use of OpenCV.
 inline void give_opencv_one_thread() {
   static const bool once = (cv::setNumThreads(1), true);
   (void)once;

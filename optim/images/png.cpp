@@ -10,7 +10,7 @@
 namespace gflow {
 namespace {
 
-// What libpng says on the way.
+// Error handler for libpng; keeps its first message.
 struct PngReport {
   std::jmp_buf stop;
   char words[200] = "";
@@ -38,7 +38,7 @@ void read_source(png_structp png, png_bytep to, size_t n) {
   source.at += n;
 }
 
-// What becomes of each kind of picture.
+// Sets the conversion of each colour type.
 void ask_for_channels(png_structp png, png_infop info) {
   const int kind = png_get_color_type(png, info);
   const bool colours = (kind & PNG_COLOR_MASK_COLOR) != 0;
@@ -49,13 +49,13 @@ void ask_for_channels(png_structp png, png_infop info) {
   const uint16_t one = 1;
   uint8_t first = 0;
   std::memcpy(&first, &one, 1);
-  if (first == 1) png_set_swap(png);  // files have the high byte first
+  if (first == 1) png_set_swap(png);  // PNG stores 16 bits big-endian
 }
 
-// Nothing in here may need a destructor: an error leaves it by longjmp.
+// No local object may need a destructor: errors leave this function by longjmp.
 bool decode(png_structp png, png_infop info, PngReport& report, DecodedPicture& to) {
   if (setjmp(report.stop)) return false;
-  // Of chunks that may be left out only transparency is looked at. Checksums were compared before.
+  // Of the ancillary chunks only tRNS is used. Checksums were verified by check_image_bytes.
   png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
   png_set_crc_action(png, PNG_CRC_QUIET_USE, PNG_CRC_QUIET_USE);
   png_read_info(png, info);

@@ -26,8 +26,8 @@
 namespace gflow {
 namespace {
 
-// FFmpeg takes a text that names other files (a playlist) for a video, too, and opens them wherever
-// they are: only files whose pictures are in themselves are let through.
+// FFmpeg also opens playlists, text files that name other files anywhere. The whitelist admits only
+// containers that hold the frames themselves.
 void refuse_playlists() {
   static const int set =
       ::setenv("OPENCV_FFMPEG_CAPTURE_OPTIONS",
@@ -38,9 +38,9 @@ void refuse_playlists() {
   (void)set;
 }
 
-// FFmpeg takes memory for tables of the length that a header states before it reads them: a video
-// of 2 kB asked for 1.7 GB. A frame of 16000 x 16000 fits. FFmpeg is no library of ours, but of
-// OpenCV's, where it has one.
+// FFmpeg allocates tables of the length stated in a header before it reads them: a 2 kB video asked
+// for 1.7 GB. The limit of 768 MB holds a frame of 16000 x 16000. FFmpeg is not linked directly,
+// only through OpenCV if that was built with it.
 void limit_memory_of_ffmpeg() {
   static const bool done = [] {
     void* const limit = dlsym(RTLD_DEFAULT, "av_max_alloc");
@@ -50,9 +50,9 @@ void limit_memory_of_ffmpeg() {
   (void)done;
 }
 
-// While a video is opened or decoded: one thread at a time, since what decoders say does not tell
-// of which file. They decode some frames ahead, so it is of the video whose turn was last. Decoders
-// go on past what is damaged: a picture is there, and wrong. That is said once of each file.
+// Held while a video is opened or decoded. One thread at a time, because FFmpeg's messages do not
+// name the file. Decoding runs some frames ahead, so a message belongs to the last video used.
+// Decoders continue after damage with wrong frames; this warns once per file.
 class Turn {
  public:
   explicit Turn(const std::string& path) : lock_(mutex()) {
@@ -60,7 +60,7 @@ class Turn {
     last() = path;
   }
   ~Turn() { report(); }
-  // What was said of it is no news: it cannot be read.
+  // Drops messages about a file that could not be opened: the caller throws an Error.
   void refused() {
     take_decoder_complaint();
     last().clear();
@@ -97,15 +97,15 @@ cv::VideoCapture open_video(const std::string& path) {
   cv::VideoCapture capture;
   bool ok = false;
   try {
-    // FFmpeg where it is built in: other backends seek and count less exactly.
+    // Prefer FFmpeg: other backends seek and count frames less exactly.
     const bool ffmpeg = cv::videoio_registry::hasBackend(cv::CAP_FFMPEG);
     ok = capture.open(path, ffmpeg ? cv::CAP_FFMPEG : cv::CAP_ANY);
   } catch (const cv::Exception&) {
-    // Reported below: a file that no decoder accepts.
+    // Reported below.
   }
   if (ok) return capture;
   turn.refused();
-  // What forbids reading, or too many open files, is no damage.
+  // A missing permission or too many open files are not damage.
   if (const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); file.get() < 0)
     throw Error(fmt::format("cannot read video {}: {}", path, std::strerror(errno)));
   throw Error(
@@ -120,7 +120,7 @@ bool grab(cv::VideoCapture& capture, const std::string& path) {
   try {
     return capture.grab();
   } catch (const cv::Exception&) {
-    return false;  // damaged data: the same as the end
+    return false;  // damaged data count as the end
   }
 }
 
@@ -152,7 +152,7 @@ std::vector<double> frame_times(const std::string& path, int limit) {
   std::vector<double> times;
   bool rising = true;
   while ((limit <= 0 || int(times.size()) < limit) && grab(capture, path)) {
-    // Stamps count from the first frame, whose own is not always told.
+    // Time stamps are relative to the first frame, whose own stamp is not always available.
     const double stamp = times.empty() ? 0 : 1e-3 * capture.get(cv::CAP_PROP_POS_MSEC);
     rising &= times.empty() || stamp > times.back();
     times.push_back(stamp);
@@ -167,7 +167,7 @@ std::vector<double> frame_times(const std::string& path, int limit) {
 struct Video::State {
   std::string path;
   cv::VideoCapture capture;
-  int next = 0;  // number of the frame that is grabbed next
+  int next = 0;  // index of the next frame to grab
 };
 
 Video::Video(const std::string& path) : state_(new State{path, open_video(path), 0}) {}
@@ -190,7 +190,7 @@ Image Video::frame(int k) {
   try {
     state_->capture.retrieve(bgr);
   } catch (const cv::Exception&) {
-    // Leaves bgr empty.
+    // bgr stays empty, which is reported below.
   }
   if (bgr.empty() || bgr.type() != CV_8UC3)
     throw Error(fmt::format("cannot decode frame {} of video {}", k, state_->path));

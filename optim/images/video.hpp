@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Video files, decoded by OpenCV. Seeking by number is not trusted: containers state wrong key
-// frames, so frames are counted from the start or from where the last call stopped.
+// Video files, decoded by OpenCV. Frames are counted from the start, or from the last frame read.
+// Seeking by number is unreliable, because containers state wrong key frames.
 #pragma once
 #include <memory>
 #include <string>
@@ -10,22 +10,23 @@
 
 namespace gflow {
 
-// What a video says about itself. `frames` is the container's number; only where it states none
-// the frames are counted.
+// Properties of a video. `frames` is the container's number; frames are counted only if it states
+// none.
 struct VideoInfo {
   int width = 0, height = 0, frames = 0;
   double fps = 0;
 };
 
-// Error when the file is missing, is no video OpenCV can open, or has no frames.
+// Error if the file is missing, OpenCV cannot open it, or it has no frames.
 VideoInfo video_info(const std::string& path);
 
-// When each frame is shown, in seconds from the first, strictly rising: the container's time
-// stamps, or k / fps where it has none that rise. Every frame is decoded, so there are as many as
-// frame() gives, whatever the header says; at most `limit` when > 0. Error as video_info.
+// Display time of each frame [s], relative to the first, strictly increasing: the container's time
+// stamps, or k / fps if those do not increase. Decodes every frame, so the count matches frame()
+// whatever the header says; at most `limit` frames if > 0. Errors as video_info.
 std::vector<double> frame_times(const std::string& path, int limit = 0);
 
-// An open video. Reading frames in rising order is fast; going back starts again.
+// An open video. Reading frames in increasing order is fast; going back restarts from the
+// beginning.
 class Video {
  public:
   explicit Video(const std::string& path);
@@ -33,7 +34,7 @@ class Video {
   Video(Video&&) noexcept;
   Video& operator=(Video&&) noexcept;
 
-  // Frame k as RGB. Error when the video has no such frame.
+  // Frame k as RGB. Error if the video has no such frame.
   Image frame(int k);
 
  private:
