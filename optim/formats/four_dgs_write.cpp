@@ -195,9 +195,8 @@ Harmonics harmonics_of(const MovingSplats& scene, size_t i) {
   for (size_t c = 0; c < 3; ++c) {
     const double cut = std::clamp(s.color[c], 0.0, 1.0) - s.color[c];
     const std::array<double, 15> common = cut == 0 ? mean : std::array<double, 15>{};
-    std::array<double, 15> error{};  // of the coefficients
-    std::vector<double> off(views.size(),
-                            cut);  // error of the colours seen, without the shared part
+    std::array<double, 15> error{};              // of the coefficients
+    std::vector<double> off(views.size(), cut);  // error of the colours, shared part removed
     uint8_t* const bytes = &out.bytes[c * rest];
     const auto change = [&](size_t k, double by) {
       error[k] += by;

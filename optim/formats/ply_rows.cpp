@@ -230,8 +230,7 @@ double PlyRows::next_word() {
   in_row_ = true;
   double value = 0;
   const char* const end = text.data() + text.size();
-  const bool plus =
-      text[0] == '+' && text.size() > 1 && text[1] != '-';  // from_chars rejects a leading '+'
+  const bool plus = text[0] == '+' && text.size() > 1 && text[1] != '-';  // from_chars rejects +
   const auto result = std::from_chars(text.data() + plus, end, value);
   const bool whole = result.ptr == end ? text.size() == file_.left() : is_blank(*result.ptr);
   if (result.ec == std::errc::invalid_argument || !whole)  // "0-1" is not two numbers

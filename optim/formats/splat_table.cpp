@@ -154,8 +154,7 @@ PlyTable read_splats(const std::string& path) { return read_splats(path, splat_f
 
 PlyTable read_splats(const std::string& path, SplatFormat format) {
   if (format == SplatFormat::ply) {
-    require_columns(ply_vertex_properties(path), 0,
-                    path);  // before memory is allocated for the rows
+    require_columns(ply_vertex_properties(path), 0, path);  // before memory is allocated
     return read_ply(path);
   }
   if (format == SplatFormat::compressed_ply) return finite(read_compressed_ply(path), path);

@@ -173,8 +173,7 @@ bool has_whole_chunks(const Bytes& bytes, const std::string& path) {
   for (size_t at = 8; at <= bytes.size() && bytes.size() - at >= 12;) {
     const size_t length = big_endian(bytes.data() + at, 4);
     if (bytes.size() - at - 12 < length) return false;
-    const uint8_t* const named =
-        bytes.data() + at + 4;  // the checksum covers the type and the data
+    const uint8_t* const named = bytes.data() + at + 4;  // type and data are checked
     const bool counts = (named[0] & 0x20) == 0;
     if (counts && crc32(0, named, uInt(length + 4)) != big_endian(named + 4 + length, 4))
       refuse(path, "it is damaged: a checksum of its PNG is wrong");

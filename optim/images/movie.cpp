@@ -73,8 +73,7 @@ bool is_whole(const std::string& file) {
 void write_movie(const std::string& path, size_t count, const std::function<Image(size_t)>& frame,
                  double fps) {
   if (count == 0) throw Error(fmt::format("cannot write video {}: there are no frames", path));
-  if (!(float(fps) >= float(slowest_fps) &&
-        fps <= fastest_fps))  // compared as float, because settings are floats
+  if (!(float(fps) >= float(slowest_fps) && fps <= fastest_fps))  // settings are floats
     throw Error(fmt::format("cannot write video {}: {} frames a second, possible are {} to {}",
                             path, fps, slowest_fps, fastest_fps));
   Image image = frame(0);
