@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rotation from the cameras' own rotations, because positions on a line or in a plane, as rigs have
-// them, say little about it.
+// The rotation comes from the cameras' rotations, because camera positions on a line or in a plane,
+// as in rigs, do not determine it well.
 #include "optim/scene/align_points.hpp"
 
 #include <Eigen/LU>
@@ -16,7 +16,7 @@ Eigen::Vector3d mean_position(const std::vector<Camera>& cameras) {
   return sum / double(cameras.size());
 }
 
-// The rotation nearest to the sum of R_to^T R_from.
+// The rotation nearest to the sum of R_to^T R_from (orthogonal Procrustes).
 Eigen::Matrix3d mean_rotation(const std::vector<Camera>& from, const std::vector<Camera>& to) {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (size_t i = 0; i < from.size(); ++i)
@@ -43,7 +43,7 @@ bool align_points(PointCloud& points, const std::vector<Camera>& from,
     to_square += b.squaredNorm();
   }
   if (!(product > 0)) return false;
-  // Least squares: s = <a, b> / <a, a>; what remains is <b, b> - s <a, b>.
+  // Least squares: s = <a, b> / <a, a>; the squared residual is <b, b> - s <a, b>.
   const double scale = product / from_square;
   const double remaining = to_square - scale * product;
   if (!(std::sqrt(std::max(0., remaining)) <= 0.05 * std::sqrt(to_square))) return false;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Brings the points of one reconstruction into the world of another, by the cameras both have.
+// Moves the points of one reconstruction into the world of another, using the cameras of both.
 #pragma once
 #include <vector>
 
@@ -8,10 +8,10 @@
 
 namespace gflow {
 
-// Moves points by the similarity x -> s R x + t that takes cameras `from` to `to` (the same
-// physical cameras, in the same order): R is the mean of the cameras' rotations, s and t fit the
-// positions by least squares. True when the positions then agree within 5 % of their spread; else,
-// and with fewer than two places, the points remain as they were.
+// Applies the similarity x -> s R x + t that maps cameras `from` to `to` (the same physical cameras
+// in the same order). R is the mean relative rotation; s and t are a least-squares fit of the
+// positions. Returns true if the positions then agree within 5 % of their spread. Otherwise, or
+// with fewer than two distinct positions, returns false and leaves the points unchanged.
 bool align_points(PointCloud& points, const std::vector<Camera>& from,
                   const std::vector<Camera>& to);
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The pinhole camera every reader delivers. Pixel (i, j) has its centre at (i + .5, j + .5), x to
-// the right, y down; a point with camera coordinates (x, y, z), z > 0, is seen at
-// (fx x / z + cx, fy y / z + cy).
+// The pinhole camera that all readers produce. Pixel (i, j) has its centre at (i + .5, j + .5), x
+// right, y down. A point with camera coordinates (x, y, z), z > 0, projects to (fx x / z + cx, fy y
+// / z + cy).
 #pragma once
 #include <Eigen/Core>
 #include <algorithm>
@@ -13,12 +13,12 @@ namespace gflow {
 
 constexpr double degree = M_PI / 180;  // [rad]
 
-// What a lens did to the stored pictures of a camera: optim/scene/lens.hpp has the formulas.
+// Lens distortion of a camera's stored images; formulas are in optim/scene/lens.hpp.
 struct Lens {
   enum class Kind { none, radial, fisheye };
   Kind kind = Kind::none;
   std::array<double, 8> k = {};           // radial: k1 k2 p1 p2 k3 k4 k5 k6; fisheye: k1 k2 k3 k4
-  double fx = 0, fy = 0, cx = 0, cy = 0;  // of the stored picture [px]; 0 without a lens
+  double fx = 0, fy = 0, cx = 0, cy = 0;  // of the stored image [px]; 0 without a lens
 
   bool operator==(const Lens& other) const {
     return kind == other.kind && k == other.k && fx == other.fx && fy == other.fy &&
@@ -26,16 +26,16 @@ struct Lens {
   }
 };
 
-// One physical camera, or one pose of a moving one.
+// A physical camera, or one pose of a moving camera.
 struct Camera {
   std::string name;                                       // e.g. cam03
   int width = 0, height = 0;                              // [px]
   double fx = 0, fy = 0, cx = 0, cy = 0;                  // [px]
-  Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();  // world to camera, OpenCV axes, +z ahead
+  Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();  // world to camera, OpenCV axes
 
-  Lens lens;  // FrameStore takes its effect out of the pictures
+  Lens lens;  // FrameStore removes its effect from the images
 
-  // Where the camera stands, world.
+  // Camera centre in world coordinates.
   Eigen::Vector3d position() const {
     return -viewmat.topLeftCorner<3, 3>().transpose() * viewmat.topRightCorner<3, 1>();
   }
@@ -47,7 +47,7 @@ struct Camera {
     return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
   }
 
-  // Derivative of that by the point [px / scene unit].
+  // Jacobian of project() with respect to the point [px / scene unit].
   Eigen::Matrix<double, 2, 3> derivative(const Eigen::Vector3d& world) const {
     const Eigen::Matrix3d r = viewmat.topLeftCorner<3, 3>();
     const Eigen::Vector3d p = r * world + viewmat.topRightCorner<3, 1>();
@@ -58,7 +58,7 @@ struct Camera {
   }
 };
 
-// The same view at 1 / divisor of the size; sizes round down, at least 1, as pictures do.
+// The camera of an image reduced by `divisor`; sizes round down but are at least 1, as for images.
 inline Camera reduced(Camera camera, int divisor) {
   const int width = std::max(1, camera.width / divisor);
   const int height = std::max(1, camera.height / divisor);

@@ -54,7 +54,7 @@ std::string cameras_json(const std::vector<Camera>& cameras) {
   for (size_t i = 0; i < cameras.size(); ++i) {
     const Camera& c = cameras[i];
     const Eigen::Vector3d p = c.position();
-    nlohmann::ordered_json rotation;  // camera to world, as 3DGS viewers read it
+    nlohmann::ordered_json rotation;  // camera to world, as 3DGS viewers expect
     for (int row = 0; row < 3; ++row)
       rotation.push_back({c.viewmat(0, row), c.viewmat(1, row), c.viewmat(2, row)});
     list.push_back({{"id", i},

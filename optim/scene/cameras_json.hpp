@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists of cameras as runs of gflow and of 3DGS have them beside the model: cameras.json.
+// cameras.json: the list of cameras that gflow and 3DGS store beside a model.
 #pragma once
 #include <string>
 #include <vector>
@@ -8,15 +8,15 @@
 
 namespace gflow {
 
-// Cameras in a cameras.json, reduced by `resolution`: img_name, width, height, position, rotation
-// (camera to world, a list of rows), fx, fy, and cx, cy where they are not the middle. Error when
-// it is no such list.
+// Reads a cameras.json and divides image sizes by `resolution`. Fields: img_name, width, height,
+// position, rotation (camera to world, a list of rows), fx, fy, and cx, cy if the principal point
+// is not the image centre. Error if the file is not such a list.
 std::vector<Camera> read_cameras_json(const std::string& path, int resolution);
 
-// The text of such a file.
+// The text of a cameras.json.
 std::string cameras_json(const std::vector<Camera>& cameras);
 
-// The camera of that name. Error that lists the names there are.
+// The camera with this name. Error that lists the existing names.
 Camera camera_named(const std::vector<Camera>& cameras, const std::string& name);
 
 }  // namespace gflow

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures on demand. Three kinds of things are cached under one bound: a frame's picture before
-// the background, its RGB, and its alpha; for pictures without alpha the first is the second.
+// Images on demand. One memory bound covers three images per frame: as stored, RGB over the
+// background, and alpha. For images without alpha the first two are the same.
 #include "optim/scene/frame_store.hpp"
 
 #include <fmt/format.h>
@@ -29,7 +29,7 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-// A decoded frame: as stored, on the background, and its alpha.
+// A decoded frame: as stored, composited over the background, and its alpha.
 struct Decoded {
   std::shared_ptr<const Image> stored, rgb, alpha;
 };
@@ -48,8 +48,7 @@ Image alpha_of(const Image& rgba) {
   return alpha;
 }
 
-// A picture with its mask as alpha, times the alpha it has. A mask of zeros and ones, as labels are
-// often stored, counts as one of 0 and 255.
+// Multiplies a mask into the alpha channel. Label masks of 0 and 1 count as 0 and 255.
 Image masked(const Image& image, Image mask) {
   const uint8_t most = *std::max_element(mask.pixels.begin(), mask.pixels.end());
   if (most == 1)
@@ -65,7 +64,7 @@ Image masked(const Image& image, Image mask) {
   return rgba;
 }
 
-// One video, read by one thread at a time.
+// One video; only one thread reads it at a time.
 struct Unpacked {
   std::mutex mutex;
   Video video;
@@ -87,7 +86,7 @@ struct FrameStore::State {
 
   std::mutex videos_mutex;
   std::map<std::string, std::unique_ptr<Unpacked>> videos;
-  std::map<std::string, std::set<int>> used;  // frames of each video that the scene has
+  std::map<std::string, std::set<int>> used;  // frames of each video used by the scene
   std::unique_ptr<ScratchFolder> temporary;
 
   std::mutex queue_mutex;
@@ -98,7 +97,7 @@ struct FrameStore::State {
 
   explicit State(const FrameStoreOptions& o) : options(o), cache(o.cache_bytes) {}
 
-  // As the scene's camera sees it, at the store's resolution. `image` is what was stored.
+  // The stored image undistorted and resized to the store's resolution.
   Image prepared(const Image& image, const Frame& frame) const {
     const Camera& camera = full[size_t(frame.camera)];
     check_size(image.width, image.height, camera, frame.path);
@@ -122,7 +121,7 @@ struct FrameStore::State {
     return *slot;
   }
 
-  // Every used frame up to the wanted one is unpacked once, in order.
+  // Frames are unpacked in order: all used frames up to this one that are not yet on disk.
   Image load_video_frame(const Frame& frame) {
     Unpacked& unpacked = video_of(frame.path);
     const std::lock_guard<std::mutex> lock(unpacked.mutex);
@@ -133,7 +132,7 @@ struct FrameStore::State {
     fs::create_directories(folder, failed);
     if (failed)
       throw Error(fmt::format("cannot make folder {}: {}", folder.string(), failed.message()));
-    // What is damaged counts as missing: the video has it still.
+    // A damaged file counts as missing: its frame can be unpacked again.
     const auto damaged = [](const Error& problem) {
       warn(fmt::format("{}; this frame is unpacked again", problem.what()));
     };
@@ -194,7 +193,7 @@ struct FrameStore::State {
       try {
         get(frame);
       } catch (const std::exception&) {
-        // rgb() meets the same failure and reports it to whom it concerns.
+        // rgb() will fail in the same way and report it.
       }
     }
   }
@@ -232,7 +231,7 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
   }
   try {
     state_->worker = std::thread([state = state_.get()] { state->run_prefetch(); });
-  } catch (const std::system_error&) {  // no more threads: who needs a picture decodes it
+  } catch (const std::system_error&) {  // out of threads: frames are decoded on request
   }
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of a scene on demand: decoded, masked, undistorted, reduced, put on the background, and
-// kept within a memory bound. A background thread decodes what is asked for ahead of time. All
-// methods may be called from several threads. Video frames are unpacked to files once, since
-// stepping through a video is the only way to a certain frame that holds for every container.
+// Images of a scene on demand: decoded, masked, undistorted, reduced, composited over the
+// background, and cached within a memory bound. A background thread decodes prefetched frames. All
+// methods are thread-safe. Video frames are unpacked to files once, because only sequential
+// decoding finds a given frame in every container.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -17,42 +17,42 @@ namespace gflow {
 
 struct FrameStoreOptions {
   int resolution = 1;                                   // divisor of width and height
-  std::array<uint8_t, 3> background = {255, 255, 255};  // behind pictures with alpha, sRGB
-  size_t cache_bytes = size_t{1} << 30;                 // decoded pictures kept; oldest go first
-  std::string unpack_folder;  // reduced video frames are kept here as PNG; empty: in a temporary
-                              // folder, gone with the store
+  std::array<uint8_t, 3> background = {255, 255, 255};  // sRGB, behind images with alpha
+  size_t cache_bytes = size_t{1} << 30;  // decoded images kept; least recently used evicted first
+  std::string unpack_folder;  // folder of unpacked video frames (reduced, PNG); empty: a temporary
+                              // folder, removed with the store
 };
 
 class FrameStore {
  public:
-  // Checks that pictures that are files, and masks, have the size of their camera (headers only).
-  // The cameras are copied; frames given later must be of this scene.
+  // Checks that image files and masks have the size of their camera (reads headers only). Copies
+  // the cameras; frames passed later must be of this scene.
   explicit FrameStore(const Scene& scene, const FrameStoreOptions& options = {});
   ~FrameStore();
   FrameStore(const FrameStore&) = delete;
   FrameStore& operator=(const FrameStore&) = delete;
 
-  // The picture of a frame on the background, RGB, in the size of camera(frame). Error when it
-  // cannot be decoded or has another size than its camera.
+  // RGB over the background, in the size of camera(frame). Error if the image cannot be decoded or
+  // has another size than its camera.
   std::shared_ptr<const Image> rgb(const Frame& frame);
 
-  // Its alpha as a one-channel picture; null when the picture has none.
+  // Alpha as a one-channel image; null if the image has no alpha.
   std::shared_ptr<const Image> alpha(const Frame& frame);
 
-  // Behind rgb().
+  // The background of rgb().
   std::array<uint8_t, 3> background() const;
 
-  // The picture before any background: RGBA where it has alpha, else RGB.
+  // The image without a background: RGBA if it has alpha, else RGB.
   std::shared_ptr<const Image> picture(const Frame& frame);
 
-  // RGB before another background.
+  // RGB over another background.
   Image rgb_over(const Frame& frame, std::array<uint8_t, 3> background);
 
-  // Asks the background thread to decode these, in order, instead of what it has not begun yet.
-  // Frames that fail are left for rgb() to report.
+  // Queues frames for the background thread, in order; replaces frames queued before but not
+  // started. Failures are reported by rgb().
   void prefetch(const std::vector<const Frame*>& frames);
 
-  // The camera of a frame, or all, at the store's resolution.
+  // The camera of a frame, or all cameras, at the store's resolution.
   const Camera& camera(const Frame& frame) const;
   const std::vector<Camera>& cameras() const;
 

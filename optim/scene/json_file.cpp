@@ -85,7 +85,7 @@ Eigen::MatrixXd matrix(const Json& value, int rows, int columns, const std::stri
     const Json& row = value[size_t(r)];
     if (!row.is_array() || int(row.size()) != columns) bad();
     for (int c = 0; c < columns; ++c) {
-      if (!is_finite_number(row[size_t(c)])) bad();  // NaN is no JSON number; null stands for it
+      if (!is_finite_number(row[size_t(c)])) bad();  // a NaN was written as null
       result(r, c) = row[size_t(c)].get<double>();
     }
   }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// JSON of scene files: what is missing or of another kind is named with the place it was looked
-// for.
+// JSON of scene files. Errors name the place of a value that is missing or of another type.
 #pragma once
 #include <Eigen/Core>
 #include <nlohmann/json.hpp>
@@ -13,36 +12,37 @@ namespace gflow {
 
 using Json = nlohmann::json;
 
-// The whole file. Error when it is missing, larger than 128 MB, of more than 800 000 values or
-// 100 levels, or no JSON (NaN is none).
+// Parses a whole file. Error if it is missing, larger than 128 MB, has more than 800 000 values or
+// 100 levels, or is not JSON (NaN is not).
 Json read_json(const std::string& path);
 
-// A member of an object. Error when there is none; `where` names the object.
+// A member of an object. Error if it is missing; `where` names the object.
 const Json& member(const Json& object, const std::string& key, const std::string& where);
 
-// A finite number, or none where the object has no such member. Error when it is anything else.
+// A finite number; nullopt if the object has no such member. Error if it is anything else.
 std::optional<double> number(const Json& object, const std::string& key, const std::string& where);
 
-// The same where it must be there.
+// A finite number. Error if it is missing or anything else.
 double needed_number(const Json& object, const std::string& key, const std::string& where);
 
-// A text of one line. Error when `value` is anything else; `what` names it.
+// A string of one line. Error if `value` is anything else; `what` names it.
 std::string text(const Json& value, const std::string& what);
 
-// A list of texts.
+// A list of strings, each as text().
 std::vector<std::string> texts(const Json& value, const std::string& what);
 
 // A list of `count` finite numbers.
 std::vector<double> numbers(const Json& value, size_t count, const std::string& what);
 
-// rows x columns finite numbers, row by row.
+// rows x columns finite numbers as a list of rows.
 Eigen::MatrixXd matrix(const Json& value, int rows, int columns, const std::string& what);
 
-// The upper three rows [3, 4] of a pose; Error when a fourth is not 0 0 0 1 within 1e-5.
+// The upper three rows of a pose, [3, 4]. Error if there is a fourth row that is not 0 0 0 1 within
+// 1e-5.
 Eigen::MatrixXd pose_rows(const Json& value, const std::string& what);
 
-// A number, text or truth value of an object; `otherwise` where it has none, or something else: for
-// files of our own, which may be damaged.
+// A number, string or boolean of an object; `otherwise` if it is missing or of another type. For
+// files that gflow wrote, which may be damaged.
 template <class T>
 T member_or(const Json& object, const char* key, T otherwise) {
   if (!object.is_object() || !object.contains(key)) return otherwise;

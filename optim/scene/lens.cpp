@@ -10,7 +10,7 @@
 namespace gflow {
 namespace {
 
-// Where a pixel position of the pinhole picture lies in the stored one.
+// Position in the stored image of a pixel position in the pinhole image.
 Eigen::Vector2d source_of(const Camera& camera, double u, double v) {
   const Lens& lens = camera.lens;
   const Eigen::Vector2d p =
@@ -18,13 +18,14 @@ Eigen::Vector2d source_of(const Camera& camera, double u, double v) {
   return {lens.fx * p.x() + lens.cx, lens.fy * p.y() + lens.cy};
 }
 
-// Whether all on the way from the centre to this position has its own source in the picture: beyond
-// the range they were fitted to, polynomials turn back and would show the same place again.
+// Whether every position from the centre to (u, v) maps to a distinct position inside the stored
+// image. Beyond the range they were fitted to, distortion polynomials fold back and would show the
+// same place twice.
 bool has_source(const Camera& camera, double u, double v) {
   constexpr int parts = 32;
   double before = 0;
   for (int i = 1; i <= parts + 1; ++i) {
-    // Close to the end once more, so that a turn just before it is not passed over.
+    // An extra sample close to the end catches a fold just before it.
     const double t = i < parts ? double(i) / parts : i == parts ? 0.999 : 1;
     const Eigen::Vector2d at =
         source_of(camera, camera.cx + t * (u - camera.cx), camera.cy + t * (v - camera.cy));
@@ -38,7 +39,7 @@ bool has_source(const Camera& camera, double u, double v) {
 }
 
 bool all_have_sources(const Camera& camera) {
-  constexpr int parts = 32;  // of each side
+  constexpr int parts = 32;  // samples per side
   const double right = camera.width - 0.5, bottom = camera.height - 0.5;
   for (int i = 0; i <= parts; ++i) {
     const double x = 0.5 + (right - 0.5) * i / parts, y = 0.5 + (bottom - 0.5) * i / parts;

@@ -71,7 +71,7 @@ std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
     for (const Frame& frame : *frames) {
       stamp += frame.name + "\n";
       if (!frame.mask_path.empty()) add_file(frame.mask_path);
-      if (frame.path == last) continue;  // the next frame of one video
+      if (frame.path == last) continue;  // the next frame of the same video
       add_file(frame.path);
       last = frame.path;
     }

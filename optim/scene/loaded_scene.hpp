@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene as the settings ask for it.
+// Loads a scene according to the settings.
 #pragma once
 #include <memory>
 #include <string>
@@ -10,27 +10,27 @@
 
 namespace gflow {
 
-// What the settings say to read_scene.
+// Converts settings to options of read_scene.
 SceneOptions options_of(const SceneConfig& config);
 
-// A scene read as the configuration says, and its pictures.
+// A scene and its images.
 struct LoadedScene {
   Scene scene;
   std::unique_ptr<FrameStore> frames;
 };
 // The same of a scene in memory (complete_scene).
 LoadedScene with_frames(Scene scene, const SceneConfig& config, const std::string& unpack_folder);
-// unpack_folder: where frames of videos are kept as pictures; made when needed. origin: what the
-// model's coordinates are relative to that the scene is looked at with; without one the scene
-// chooses.
+// unpack_folder: where video frames are stored as images; created when needed. origin: the world
+// origin of the model that will be shown with this scene; by default the scene chooses one.
 LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder,
                        std::optional<std::array<double, 3>> origin = std::nullopt);
 
-// The frames of a split; Error when it has none.
+// The frames of a split. Error if there are none.
 const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split);
 
-// Everything that cached flow and video frames depend on: pictures and masks by path, size and time
-// of change, which picture follows which, what is undone of the lens, and how flow is computed.
+// Everything that cached flow and video frames depend on: path, size and modification time of
+// images and masks, the order of frames, the lens correction, and the version of the flow
+// computation.
 std::string cache_stamp(const Scene& scene, const SceneConfig& config);
 
 }  // namespace gflow

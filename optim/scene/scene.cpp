@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recognises a scene's layout and checks what a reader delivered.
+// Recognises the layout of a scene and checks the result of its reader.
 #include "optim/scene/scene.hpp"
 
 #include <fmt/format.h>
@@ -30,8 +30,8 @@ struct Layout {
 
 bool is_video(const std::string& path) { return fs::is_regular_file(path); }
 
-// Most specific first: many folders hold transforms or a COLMAP model, or both, beside what makes
-// them what they are; numbered pictures may lie anywhere.
+// Most specific first: many folders contain transforms files or a COLMAP model in addition to the
+// files of their layout, and numbered images occur anywhere.
 constexpr Layout layouts[] = {{"video", is_video, read_video_file},
                               {"n3v", is_n3v, read_n3v},
                               {"panoptic", is_panoptic, read_panoptic},
@@ -66,7 +66,7 @@ void check(const SceneOptions& options) {
                             options.max_steps));
 }
 
-// Keeps the steps that the options name: they become steps 0, 1, ... at times from 0 to 1.
+// Keeps the selected steps and renumbers them 0, 1, ...; their times become 0 to 1.
 void select_steps(Scene& scene, const SceneOptions& options) {
   const int first = options.first_step, stride = options.stride;
   if (first >= scene.steps)
@@ -94,7 +94,8 @@ void select_steps(Scene& scene, const SceneOptions& options) {
       if (skips || frame.flow_time > 1 + tolerance)
         frame.flow_path.clear(), frame.flow_mask_path.clear(), frame.flow_time = 0;
     }
-    // Views between two training times, nearest to a used step but outside of the range.
+    // Drop views between two training times whose nearest step is used but whose time is out of
+    // range.
     split->erase(std::remove_if(split->begin(), split->end(),
                                 [&](const Frame& frame) {
                                   return frame.time < -tolerance || frame.time > 1 + tolerance;
@@ -103,14 +104,13 @@ void select_steps(Scene& scene, const SceneOptions& options) {
   }
   scene.steps = count;
   scene.fps /= stride;
-  scene.tracks_path.clear();  // they are of all steps
+  scene.tracks_path.clear();  // tracks cover all steps, also those dropped
 }
 
-// Sorts the splits. Makes names such as a file may have, and unique, by appending a number where
-// paths gave equal ones.
+// Sorts the splits. Makes frame names valid as file names, and unique by appending a number.
 void order_frames(Scene& scene) {
   std::set<std::string> names;
-  std::map<std::string, int> used;  // numbers behind a name: none is tried twice
+  std::map<std::string, int> used;  // last number appended to a name; none is tried twice
   for (std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val}) {
     std::stable_sort(split->begin(), split->end(), [](const Frame& a, const Frame& b) {
       return std::tie(a.track, a.time) < std::tie(b.track, b.time);
@@ -124,7 +124,7 @@ void order_frames(Scene& scene) {
   }
 }
 
-// Floats must hold what is made of cameras: the squares of lengths, and products of them.
+// Camera values must be representable as floats, including squares of lengths and their products.
 void check(const Scene& scene) {
   constexpr double most = 1e6, farthest = 1e12;
   const auto within = [](double focal, double side) {
@@ -161,8 +161,9 @@ Eigen::Vector3d middle_of_cameras(const Scene& scene) {
   return mean;
 }
 
-// The point nearest to the axes of all training cameras; nothing where they are nearly parallel, or
-// there is one. Places count from the middle of the cameras, which may be far from zero.
+// The point nearest to the optical axes of all training cameras; nullopt if they are nearly
+// parallel or there is one camera. Computed relative to the mean camera position, which may be far
+// from zero.
 std::optional<Eigen::Vector3d> where_axes_meet(const Scene& scene) {
   const Eigen::Vector3d middle = middle_of_cameras(scene);
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
@@ -179,14 +180,14 @@ std::optional<Eigen::Vector3d> where_axes_meet(const Scene& scene) {
   return middle + Eigen::Vector3d(a.ldlt().solve(b));
 }
 
-// A place in the midst of the training cameras, where these stand so far from zero that floats,
-// relative error 6e-8, are too coarse for the scene; else zero. With points that is where cameras
-// are further from zero than 16 times what lies between them and the points: a thousandth of a
-// pixel at a focal length of 1000 px. Without, where the scene lies is a guess, by what the cameras
-// look at. So zero is left only where it does harm, a quarter of a pixel, and where the numbers are
-// those of surveys: the pictures of a hand that hardly moves may show anything, and those of one
-// place what lies about zero, as in D-NeRF. In units of about a tenth of that distance, to be read
-// easily.
+// World origin for training: a point near the training cameras if they are so far from zero that
+// float rounding (relative error 6e-8) would be visible, else zero. With points: if cameras are
+// more than 16 times the scene size from zero, which is an error of 1/1000 px at a focal length of
+// 1000 px. Without points the scene size is a guess from where the optical axes meet, which may be
+// anywhere for a camera that hardly moves. So zero is kept unless the error reaches a quarter of a
+// pixel and coordinates exceed 1e4, as in surveys. Zero is also kept if all cameras are at one
+// place: the scene is then assumed to be about zero, as in D-NeRF. The origin is rounded to a
+// multiple of the power of ten below the scene size, to be readable.
 std::array<double, 3> origin_for(const Scene& scene) {
   const Eigen::Vector3d middle = middle_of_cameras(scene);
   double size = 0;
@@ -207,7 +208,7 @@ std::array<double, 3> origin_for(const Scene& scene) {
   return {origin.x(), origin.y(), origin.z()};
 }
 
-// x = x' + origin for every place of the scene.
+// Changes coordinates to x' = x - origin for the whole scene.
 void recentre(Scene& scene, const std::array<double, 3>& place) {
   scene.origin = place;
   const Eigen::Vector3d origin(place.data());
@@ -286,7 +287,7 @@ std::string layout_of(const std::string& path) {
 }
 
 std::vector<FlowPair> neighbour_pairs(const Scene& scene) {
-  // Frames are sorted by track, then time, and readers give equal cameras one index.
+  // Frames are sorted by track, then time; readers give equal cameras one index.
   std::vector<FlowPair> pairs;
   for (size_t i = 0; i < scene.train.size(); ++i) {
     const Frame& frame = scene.train[i];

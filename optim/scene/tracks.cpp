@@ -9,11 +9,12 @@
 namespace gflow {
 namespace {
 
-constexpr double flow_reach = 0.2;  // share of the width that dense flow bridges
-constexpr double same_time = 1e-9;  // [videos]
+constexpr double flow_reach = 0.2;  // largest displacement for dense flow / image width
+constexpr double same_time = 1e-9;  // [video durations]
 
-// How far away the scene is for a camera: the median of its points. Without points it is taken to
-// lie about the origin, as in D-NeRF, but no nearer than the camera's own path is wide: `extent`.
+// Depth of the scene from a camera: the median of its points. Without points the scene is assumed
+// to be about the origin, as in D-NeRF, but at least `extent`, the radius of the camera's path,
+// away.
 double depth_of_scene(const Scene& scene, double extent, const Camera& camera) {
   std::vector<double> depths;
   for (size_t i = 0; i < scene.points.size(); ++i) {
@@ -27,7 +28,7 @@ double depth_of_scene(const Scene& scene, double extent, const Camera& camera) {
   return *middle;
 }
 
-// The world point seen at a pixel, z ahead.
+// World point seen at a pixel at depth z.
 Eigen::Vector3d point_at(const Camera& camera, const Eigen::Vector2d& pixel, double z) {
   const Eigen::Vector3d p(z * (pixel.x() - camera.cx) / camera.fx,
                           z * (pixel.y() - camera.cy) / camera.fy, z);

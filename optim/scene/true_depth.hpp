@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene's own depth, for judging only.
+// True depth of a scene, for evaluation only.
 #pragma once
 #include <vector>
 
@@ -7,10 +7,10 @@
 
 namespace gflow {
 
-// True depth of a frame (Frame::depth_path, .npy [H, W]) along the camera's z axis [scene units] at
-// width x height, [height, width]; on a smaller grid the nearest sample, since a mean across a
-// silhouette is the depth of nothing. 0: no surface. Error when the frame has none, and when the
-// file is no such array or of another shape than the picture.
+// True depth of a frame (Frame::depth_path, .npy [H, W]) along the camera's z axis [scene units],
+// resized to [height, width] by the nearest sample, because averaging across a silhouette gives a
+// depth of no surface. 0: no surface. Error if the frame has none, or the file is not such an array
+// or has another aspect ratio than the image.
 std::vector<float> read_true_depth(const Frame& frame, int width, int height);
 
 }  // namespace gflow
