@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// D-NeRF / Blender scenes: one transforms file a split.
+// D-NeRF / Blender scenes: one transforms file per split.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -25,8 +25,8 @@ bool has_times(const Transforms& file) {
   return !frames.empty() && frames[0].is_object() && frames[0].contains("time");
 }
 
-// timed: whether the training frames have a 'time', set by the first file that is read; views of a
-// moving scene without one would all be taken for its beginning.
+// timed: whether training frames have a 'time'; set by the first file read. Test views of a moving
+// scene without times would all be placed at its beginning.
 std::vector<Frame> read_split(const std::string& folder, const std::string& split,
                               const SceneOptions& options, std::optional<bool>& timed,
                               Scene& scene) {
@@ -42,7 +42,7 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& spli
   return read_frames(folder, file, options, scene);
 }
 
-// True flow leads from a frame's time one training interval ahead.
+// Adds true flow, which leads one training interval ahead, and true depth.
 void add_truth(const std::string& folder, const std::string& split, double interval,
                std::vector<Frame>& frames) {
   for (Frame& frame : frames) {

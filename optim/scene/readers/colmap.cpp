@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A plain COLMAP folder: the pictures of a model, a static scene of one time step.
+// A plain COLMAP folder: the images of a model, a static scene of one time step.
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -15,7 +15,7 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-// masks/NAME, or NAME.png as COLMAP calls it, or NAME with .png for its extension; or empty.
+// masks/NAME, NAME.png as in COLMAP, or NAME with extension .png; empty if there is none.
 std::string mask_of(const std::string& folder, const std::string& name, const std::string& source) {
   const std::string masks = (fs::path(folder) / "masks").string();
   const std::string path = path_inside(masks, name, source);
@@ -53,7 +53,7 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
     if (options.masks != Masks::none) frame.mask_path = mask_of(folder, image.name, sparse);
     scene.has_alpha |= !frame.mask_path.empty();
     frame.name = fs::path(image.name).replace_extension().generic_string();
-    frame.camera = frame.track = int(i);  // without times nothing says what follows what
+    frame.camera = frame.track = int(i);  // without times the order of images is unknown
     scene.cameras.push_back(
         fitted_to(image.camera, header.width, header.height, sparse, frame.path));
     const bool tested = options.test_every > 0 && i % size_t(options.test_every) == 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// COLMAP's files value by value, with errors that name the place: binary ones, whose records have
-// variable length, and texts.
+// Values of COLMAP's files in order: binary files, whose records have variable length, and text
+// files. Errors name the place.
 #pragma once
 #include <fmt/format.h>
 
@@ -18,7 +18,7 @@
 
 namespace gflow {
 
-// Little-endian values of a binary file in order. Error when it ends too early.
+// Little-endian values of a binary file in order. Error if the file ends too early.
 class ColmapBinary {
  public:
   explicit ColmapBinary(const std::string& path) : file_(path) {}
@@ -32,7 +32,7 @@ class ColmapBinary {
     file_.step(sizeof value);
     return value;
   }
-  // Up to the zero that ends it.
+  // A zero-terminated name.
   std::string next_name() {
     std::string name;
     while (const char c = next<char>()) {
@@ -42,18 +42,18 @@ class ColmapBinary {
     }
     return name;
   }
-  // A number of records of at least `record` bytes.
+  // A count of records of at least `record` bytes. Error if the rest of the file is too short.
   uint64_t next_count(size_t record) {
     const auto n = next<uint64_t>();
     need(n, record);
     return n;
   }
-  // Over n records of `record` bytes.
+  // Skips n records of `record` bytes.
   void skip(uint64_t n, size_t record) {
     need(n, record);
     file_.step(n * record);
   }
-  // Error when bytes are left.
+  // Error if bytes are left.
   void require_end() const {
     if (file_.left() > 0)
       throw Error(fmt::format("{} is damaged: {} bytes follow its last record", file_.path(),
@@ -71,27 +71,27 @@ class ColmapBinary {
   FilePieces file_;
 };
 
-// The lines of a text that are no comments, and the words of the last one in turn.
+// The non-comment lines of a text file, and the words of the current line.
 class ColmapText {
  public:
-  // `entry` says what an entry is, for messages.
+  // `entry` describes a line, for messages.
   ColmapText(const std::string& path, const char* entry) : file_(path), entry_(entry) {}
 
-  // False at the end of the file; empty lines count.
+  // Reads the next line, which may be empty; false at the end of the file.
   bool next_line() {
-    constexpr const char* byte_order = "\xef\xbb\xbf";  // which some editors put before a text
+    constexpr const char* byte_order = "\xef\xbb\xbf";  // byte order mark, added by some editors
     if (file_.place() == 0 && file_.ahead(3) == byte_order) file_.step(3);
     for (; file_.ahead(1) == "#"; ++number_) file_.skip_line();
     ++number_;
     at_ = 0;
     return file_.next_line(line_);
   }
-  // Without what ends it.
+  // The current line without its line ending.
   const std::string& line() const { return line_; }
-  // Else words may be missing at its end.
+  // False if the line was cut at longest_line.
   bool is_whole() const { return line_.size() < FilePieces::longest_line; }
 
-  // The next word of the line; empty behind the last.
+  // The next word of the line; empty at its end.
   std::string_view word() {
     at_ = std::min(line_.find_first_not_of(" \t\r", at_), line_.size());
     const size_t end = std::min(line_.find_first_of(" \t\r", at_), line_.size());
@@ -99,28 +99,28 @@ class ColmapText {
     at_ = end;
     return word;
   }
-  // What stands behind the words so far.
+  // The rest of the line after the words read so far.
   std::string rest() const {
     const size_t begin = std::min(line_.find_first_not_of(" \t\r", at_), line_.size());
     return line_.substr(begin);
   }
-  // The next word as a number; Error where it is none or not there. `what` names it.
+  // The next word as a number. Error if it is missing or not a number; `what` names it.
   template <class Number>
   Number number(const char* what) {
     const std::string_view text = word();
     if (text.empty()) refuse(fmt::format("ends before {}", what));
     Number value = 0;
     const auto read = std::from_chars(text.data(), text.data() + text.size(), value);
-    const size_t exponent = text.find_first_of("eE") + 1;  // 0 without one
+    const size_t exponent = text.find_first_of("eE") + 1;  // 0 without an exponent
     const bool tiny = std::is_floating_point_v<Number> && exponent > 0 &&
-                      text.substr(exponent, 1) == "-";  // read as 0
+                      text.substr(exponent, 1) == "-";  // underflow is read as 0
     const bool fits = read.ec == std::errc() || (read.ec == std::errc::result_out_of_range && tiny);
     if (!fits || read.ptr != text.data() + text.size() || !std::isfinite(double(value)))
       refuse(fmt::format("has '{}' where {} should be, {}", excerpt(std::string(text)), what,
                          std::is_floating_point_v<Number> ? "a finite number" : "a whole number"));
     return value;
   }
-  // Error: "line 7 of cameras.txt WHY; expected is ENTRY".
+  // Throws "line 7 of cameras.txt WHY; expected is ENTRY".
   [[noreturn]] void refuse(const std::string& why) const {
     throw Error(
         fmt::format("line {} of {} {}; expected is {}", number_, file_.path(), why, entry_));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// COLMAP models. An image's quaternion (w x y z) and translation are world-to-camera with our axes.
-// COLMAP's pixel centres are at (i + .5, j + .5) as well, so intrinsics are taken as they are.
-// Binary records have variable length, so every count is compared with the bytes that are left.
+// COLMAP models. An image's quaternion (w x y z) and translation are world-to-camera with OpenCV
+// axes. COLMAP's pixel centres are at (i + .5, j + .5) too, so intrinsics need no shift. Counts in
+// binary files are checked against the bytes left before memory is allocated.
 #include "optim/scene/readers/colmap_model.hpp"
 
 #include <fmt/format.h>
@@ -36,7 +36,7 @@ const char* const model_names[] = {"SIMPLE_PINHOLE",
                                    "RADIAL_FISHEYE",
                                    "THIN_PRISM_FISHEYE"};
 
-// Each takes some hundred bytes of memory, and no scene has as many files.
+// Limit on cameras and images: each takes some hundred bytes, and no real scene has more.
 constexpr size_t most_entries = 100000;
 
 void require_modest(size_t entries, const char* what, const std::string& path) {
@@ -45,8 +45,8 @@ void require_modest(size_t entries, const char* what, const std::string& path) {
                             most_entries, what));
 }
 
-// The observations of a picture, which are not needed: x, y and a point's number, or none. Error
-// when the line is something else, such as another picture.
+// Skips an image's observations: x, y and a point id each. Error if the line is anything else, such
+// as another image.
 void skip_observations(ColmapText& file, const std::string& path, const std::string& picture) {
   if (!file.next_line()) return;
   size_t numbers = 0;
@@ -63,8 +63,8 @@ void skip_observations(ColmapText& file, const std::string& path, const std::str
         path, excerpt(picture)));
 }
 
-// COLMAP's models with one or two focal lengths first, then the centre, then the coefficients at
-// these places of Lens::k.
+// COLMAP's camera models. Parameters are one or two focal lengths, the principal point, then
+// distortion coefficients, stored at these indices of Lens::k.
 struct CameraModel {
   const char* name;
   size_t focal_lengths;
@@ -272,14 +272,14 @@ PointCloud points_bin(const std::string& path) {
     for (double& value : xyz) value = file.next<double>();
     for (int& value : rgb) value = file.next<uint8_t>();
     file.next<double>();               // reprojection error
-    file.skip(file.next_count(8), 8);  // track: image id, index there
+    file.skip(file.next_count(8), 8);  // track: image id, point index
     append_point(points, xyz, rgb, path);
   }
   file.require_end();
   return points;
 }
 
-// Points that the lines of a text are room for; none is shorter than "1 0 0 0 0 0 0".
+// Upper bound on the number of points in a text file; the shortest line is "1 0 0 0 0 0 0".
 size_t room_in_lines(const std::string& path) {
   FilePieces file(path);
   const size_t most = file.left() / 14 + 1;
@@ -303,7 +303,7 @@ PointCloud points_txt(const std::string& path) {
   return points;
 }
 
-// NAME.bin or NAME.txt in folder. Error when neither is there.
+// NAME.bin or NAME.txt in a folder. Error if there is neither.
 std::string model_file(const std::string& folder, const std::string& name) {
   const std::string path = first_existing(folder, {name + ".bin", name + ".txt"});
   if (path.empty())

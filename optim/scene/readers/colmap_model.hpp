@@ -9,10 +9,10 @@
 
 namespace gflow {
 
-// One registered picture.
+// One registered image.
 struct ColmapImage {
-  std::string name;  // as COLMAP stores it, relative to the picture folder
-  Camera camera;     // named like the picture
+  std::string name;  // as stored by COLMAP, relative to the image folder
+  Camera camera;     // has the image's name
 };
 
 // Cameras and points of a model.
@@ -21,14 +21,14 @@ struct ColmapModel {
   PointCloud points;
 };
 
-// Reads the model in folder. Error when a file is missing, truncated or contradicts another, and
-// for a camera model that is not known. Distortion becomes Camera::lens.
+// Reads the model in a folder; distortion becomes Camera::lens. Error if a file is missing,
+// truncated or contradicts another, or if a camera model is unknown.
 ColmapModel read_colmap_model(const std::string& folder);
 
-// Only points3D.{bin,txt} of the folder.
+// Reads only points3D.{bin,txt} of a folder.
 PointCloud read_colmap_points(const std::string& folder);
 
-// True when folder has points3D.bin or .txt.
+// Whether a folder has points3D.bin or .txt.
 bool has_colmap_points(const std::string& folder);
 
 }  // namespace gflow

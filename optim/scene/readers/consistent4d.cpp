@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Consistent4D scenes, and any folder of numbered pictures. The layout has no cameras: they stand
-// still and look at the origin, z up, by elevation, radius and field of view, unless the input
-// view's are given.
+// Consistent4D scenes, and any folder of numbered images. The layout has no cameras. Unless cameras
+// of the input view are given, all are static and look at the origin, z up, placed by azimuth,
+// elevation, radius and field of view.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -23,7 +23,7 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-// How a picture is numbered: "frame_0012" is {"frame_", "0012"}; no number is an empty one.
+// An image name and its number: "frame_0012" is {"frame_", "0012"}; number may be empty.
 struct Numbered {
   std::string prefix, number;
 };
@@ -34,8 +34,8 @@ Numbered split_number(const std::string& stem) {
   return {stem.substr(0, at), stem.substr(at)};
 }
 
-// Pictures of a folder that are named by a number only; where there are none, those with a number
-// behind one and the same word.
+// The images of a folder named by a number only; if there are none, those with a common prefix
+// before the number.
 std::vector<std::string> numbered_pictures(const std::string& folder) {
   const std::vector<std::string> all = list_pictures(folder);
   std::vector<std::string> plain, named;
@@ -50,8 +50,8 @@ std::vector<std::string> numbered_pictures(const std::string& folder) {
   return prefixes.size() == 1 ? named : std::vector<std::string>{};
 }
 
-// Times in [0, 1] of pictures in natural order, as their numbers: a gap is a gap in time. Evenly
-// where two pictures have one number.
+// Times in [0, 1] of images in natural order, proportional to their numbers: a gap in the numbers
+// is a gap in time. Evenly spaced if the numbers do not increase.
 std::vector<double> times_of(const std::vector<std::string>& names) {
   std::vector<double> times;
   for (const std::string& name : names) times.push_back(std::stod(split_number(stem(name)).number));
@@ -66,8 +66,8 @@ std::vector<double> times_of(const std::vector<std::string>& names) {
   return times;
 }
 
-// The frames of one view, in natural order of their names; `view` is input or eval_k. It has one
-// camera or one a picture.
+// The frames of one view in natural order of names; `view` is input or eval_k. The view has one
+// camera, or one per image.
 std::vector<Frame> read_view(const std::string& folder, const std::string& pictures,
                              const std::string& view, std::optional<double> azimuth,
                              const SceneOptions& options, Scene& scene) {

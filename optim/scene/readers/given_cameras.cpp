@@ -37,7 +37,7 @@ std::vector<Camera> cameras_of_view(const SceneOptions& options, size_t pictures
     return {named != cameras.end() ? *named : camera_named(cameras, options.camera)};
   }
   if (cameras.size() == 1) return cameras;
-  // Of a video no more frames are decoded than max_steps asks for.
+  // max_steps limits how many frames of a video are decoded.
   const bool enough = options.max_steps > 0 && cameras.size() > pictures;
   if (cameras.size() != pictures && !enough)
     throw Error(

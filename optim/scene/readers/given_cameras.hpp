@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The camera of a plain video or folder of pictures: given in a file, or one that stands still and
-// looks at the origin.
+// Cameras of a plain video or a folder of images: given in a file, or one static camera that looks
+// at the origin.
 #pragma once
 #include <string>
 #include <vector>
@@ -10,12 +10,12 @@
 
 namespace gflow {
 
-// Cameras of a view of `pictures` pictures of that size, of which `source` is one. Without
-// options.cameras one static_camera at azimuth 0, called input. Else those of that file, a
-// cameras.json or a transforms file (optim/scene/readers/transforms_file.hpp): the one called
-// options.camera (folder and extension may be left out), the only one there is, or one a picture,
-// in natural order of their names. Scaled to the size. Error when there are neither one nor as many
-// as pictures.
+// Cameras of a view with `pictures` images of this size; `source` is one of them, for errors.
+// Without options.cameras: static_camera "input" at azimuth 0. Otherwise from that file, a
+// cameras.json or a transforms file (optim/scene/readers/transforms_file.hpp): the camera named
+// options.camera (folder and extension may be omitted), the only camera, or one per image in
+// natural order of names. Scaled to the image size. Error if the number of cameras is neither 1 nor
+// that of the images.
 std::vector<Camera> cameras_of_view(const SceneOptions& options, size_t pictures, int width,
                                     int height, const std::string& source);
 

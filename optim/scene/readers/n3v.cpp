@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Plenoptic video (N3V) scenes. Each row of poses_bounds.npy is a 3x5 matrix [R | t | h w f] and
-// two depths; the columns of R are the camera's down, right and backwards axes (LLFF). Row i
-// belongs to the i-th camera by name. Steps are those that all cameras have.
+// two depths; the columns of R are the camera's down, right and backward axes (LLFF). Row i belongs
+// to the i-th camera by name. Only time steps that all cameras have are used.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -25,12 +25,12 @@ namespace {
 
 constexpr double n3v_fps = 30;  // of the N3V recordings
 
-// One camera's pictures by step key: file stems, or frame numbers of a video.
+// Images of one camera by step key: a file stem, or the number of a video frame.
 struct Footage {
   std::string name;
   int width = 0, height = 0;
   std::map<std::string, std::string> pictures;  // stem -> path
-  std::string video;                            // instead of pictures
+  std::string video;                            // replaces pictures if not empty
   int video_frames = 0;
   double fps = n3v_fps;
 };
@@ -60,7 +60,7 @@ Footage from_video(const std::string& name, const std::string& path) {
 
 bool starts_with_cam(const std::string& name) { return name.compare(0, 3, "cam") == 0; }
 
-// camNN/images/ or camNN.mp4, by name; pictures win where a camera has both.
+// camNN/images/ or camNN.mp4, by name; images are preferred if a camera has both.
 std::vector<Footage> moving_footage(const std::string& folder, const SceneOptions& options) {
   const std::string sub = options.images.empty() ? "images" : options.images;
   std::map<std::string, std::string> pictures, videos;
@@ -82,18 +82,18 @@ std::vector<Footage> moving_footage(const std::string& folder, const SceneOption
   return footage;
 }
 
-// images or images_N: the one asked for, else the greatest N, which is the smallest size.
+// Folder images or images_N: options.images, else the largest N, which has the smallest images.
 std::string still_folder(const std::string& folder, const SceneOptions& options) {
   if (!options.images.empty()) return join(folder, options.images);
   std::string best;
   for (const std::string& name : list_folders(folder))
     if ((name == "images" || name.compare(0, 7, "images_") == 0) &&
         !list_pictures(join(folder, name)).empty())
-      best = join(folder, name);  // natural order: the last is the greatest
+      best = join(folder, name);  // natural order: the last has the largest N
   return best;
 }
 
-// One picture a camera: a static scene of one step.
+// One image per camera: a static scene of one step.
 std::vector<Footage> still_footage(const std::string& folder, const SceneOptions& options) {
   std::vector<Footage> footage;
   const std::string pictures = still_folder(folder, options);
@@ -134,7 +134,7 @@ Camera camera_of(const double* row, size_t i, const Footage& footage, const std:
   return fitted_to(camera, footage.width, footage.height, path, picture);
 }
 
-// And the range of depths of all of them.
+// Reads the cameras, and sets the depth range of the scene from all of them.
 std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Footage>& footage,
                                  Scene& scene) {
   const std::string path = join(folder, "poses_bounds.npy");
@@ -151,7 +151,7 @@ std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Fo
     cameras.push_back(camera_of(&values[17 * i], i, footage[i], path));
   for (size_t i = 0; i < footage.size(); ++i) {
     const double near = values[17 * i + 15], far = values[17 * i + 16];
-    if (near == 0 && far == 0) return cameras;  // not known
+    if (near == 0 && far == 0) return cameras;  // unknown
     if (!(near > 0 && far > near && std::isfinite(far)))
       throw Error(
           fmt::format("row {} of {} has the depths {} and {}: expected are a nearest above "
@@ -163,7 +163,7 @@ std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Fo
   return cameras;
 }
 
-// Stems that all cameras with pictures have, in natural order; "0000", "0001", ... for videos.
+// Stems common to all cameras with images, in natural order; "0000", "0001", ... if all are videos.
 std::vector<std::string> common_steps(const std::vector<Footage>& footage,
                                       const std::string& folder) {
   int shortest = -1;
@@ -193,7 +193,7 @@ std::vector<std::string> common_steps(const std::vector<Footage>& footage,
   return steps;
 }
 
-// A sentence when some cameras have more time steps than all have in common.
+// A warning if some cameras have more time steps than all have in common.
 std::vector<std::string> unused_steps(const std::vector<Footage>& footage, size_t used) {
   size_t most = used;
   std::vector<std::string> shortest;
@@ -232,8 +232,8 @@ std::vector<Frame> frames_of(const std::string& folder, int camera, const Footag
   return frames;
 }
 
-// A COLMAP model made from the same cameras may have a world of its own, as that of the published
-// recordings does: then its points are brought into the world of poses_bounds.npy.
+// A COLMAP model of the same cameras may have its own world, as in the published recordings. Its
+// points are then aligned to the world of poses_bounds.npy.
 PointCloud read_points(const std::string& folder, const std::vector<Camera>& cameras) {
   PointCloud points = find_points(folder);
   const std::string sparse = join(folder, "sparse/0");

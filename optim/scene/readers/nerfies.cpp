@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// nerfies and HyperNeRF captures. camera/ID.json: orientation is the world-to-camera rotation with
-// OpenCV axes, position the camera's place; focal_length, principal_point and the distortion are
-// those of rgb/1x. The scene is moved and scaled: world = (stored - center) scale.
+// nerfies and HyperNeRF captures. In camera/ID.json, orientation is the world-to-camera rotation
+// with OpenCV axes and position the camera centre; focal_length, principal_point and distortion are
+// those of rgb/1x. The scene is centred and scaled: world = (stored - center) scale.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -42,7 +42,7 @@ World read_world(const std::string& path) {
   return world;
 }
 
-// rgb/ and options.images, else rgb/Nx of the smallest N, which are the largest pictures.
+// rgb/ and options.images, else rgb/Nx with the smallest N, which has the largest images.
 std::string picture_folder(const std::string& folder, const SceneOptions& options) {
   const std::string rgb = join(folder, "rgb");
   if (!options.images.empty()) {
@@ -82,7 +82,7 @@ Camera read_camera(const std::string& path, const World& world, const std::strin
     const std::vector<double> radial = list("radial_distortion", 3);
     k[0] = radial[0], k[1] = radial[1], k[4] = radial[2];
   }
-  for (const char* key : {"tangential_distortion", "tangential"})  // the second in older files
+  for (const char* key : {"tangential_distortion", "tangential"})  // "tangential" in older files
     if (json.contains(key)) {
       const std::vector<double> tangential = list(key, 2);
       k[2] = tangential[0], k[3] = tangential[1];
@@ -91,7 +91,7 @@ Camera read_camera(const std::string& path, const World& world, const std::strin
   return behind_lens(camera, Lens::Kind::radial, k, path);
 }
 
-// What stands for a picture's time in metadata.json.
+// The time index of an image in metadata.json.
 double time_id(const Json& metadata, const std::string& id, const std::string& path) {
   const std::string where = fmt::format("'{}' of {}", id, path);
   const Json& entry = member(metadata, id, path);
@@ -117,7 +117,7 @@ PointCloud read_points(const std::string& folder, const World& world) {
                       i / 3, path, farthest_point));
     points.xyz.push_back(place);
   }
-  points.rgb.assign(values.size(), 128);  // their colours are not known
+  points.rgb.assign(values.size(), 128);  // the file has no colours
   return points;
 }
 
@@ -138,7 +138,7 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
   Scene scene;
   scene.layout = "nerfies";
   scene.fps = 24;
-  std::map<std::string, const char*> owners;  // of pictures: a list
+  std::map<std::string, const char*> owners;  // image -> its list
   const auto read_split = [&](const char* key, std::vector<Frame>& frames) {
     for (const std::string& id :
          texts(member(dataset, key, dataset_path), fmt::format("'{}' of {}", key, dataset_path))) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// nerfstudio scenes: one transforms file for all pictures.
+// nerfstudio scenes: one transforms file for all images.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-// The pictures that 'train_filenames' or its like names; empty where the file has no such list.
+// The images in the list `key`, such as 'train_filenames'; empty if there is no such list.
 std::set<std::string> listed(const std::string& folder, const Transforms& file,
                              const std::string& key) {
   std::set<std::string> paths;
@@ -27,8 +27,8 @@ std::set<std::string> listed(const std::string& folder, const Transforms& file,
   return paths;
 }
 
-// By the file's own lists, where pictures in none are for training if no list is of those; without
-// lists every n-th picture by name for the test.
+// Splits frames by the file's lists. Images in no list are for training if 'train_filenames' is
+// missing. Without any list every n-th image by name is a test image.
 void split_frames(const std::string& folder, const Transforms& file, int test_every,
                   const std::vector<Frame>& frames, Scene& scene) {
   struct List {
@@ -39,7 +39,7 @@ void split_frames(const std::string& folder, const Transforms& file, int test_ev
   List lists[] = {{"train_filenames", scene.train, {}},
                   {"test_filenames", scene.test, {}},
                   {"val_filenames", scene.val, {}}};
-  std::map<std::string, const char*> owners;  // of pictures: a list
+  std::map<std::string, const char*> owners;  // image -> its list
   for (List& list : lists) {
     list.pictures = listed(folder, file, list.key);
     for (const std::string& picture : list.pictures)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Panoptic Studio scenes as Dynamic 3D Gaussians stores them. A meta file has w, h [px] and for
-// each time t and camera c: k[t][c] (3x3), w2c[t][c] (4x4 world-to-camera, OpenCV axes), fn[t][c]
-// (the picture in ims/) and cam_id[t][c].
+// Panoptic Studio scenes as stored by Dynamic 3D Gaussians. A meta file has w, h [px] and for each
+// time t and camera c: k[t][c] (3x3), w2c[t][c] (4x4 world-to-camera, OpenCV axes), fn[t][c] (the
+// image in ims/) and cam_id[t][c].
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -59,7 +59,7 @@ Camera camera_of(const MetaFile& file, size_t t, size_t c, const std::string& pi
   };
   const Eigen::MatrixXd k = matrix(file.json["k"][t][c], 3, 3, what("k"));
   const Eigen::MatrixXd w2c = pose_rows(file.json["w2c"][t][c], what("w2c"));
-  const double skew = 1e-6 * std::fabs(k(0, 0));  // [px a unit of y]
+  const double skew = 1e-6 * std::fabs(k(0, 0));  // [px per unit of y]
   if (std::fabs(k(0, 1)) > skew || k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1)
     throw Error(fmt::format("{} is no matrix fx 0 cx, 0 fy cy, 0 0 1: gflow's cameras have no skew",
                             what("k")));
@@ -71,7 +71,7 @@ Camera camera_of(const MetaFile& file, size_t t, size_t c, const std::string& pi
   return fitted_to(camera, header.width, header.height, file.path, picture);
 }
 
-// The file in folder/sub/ that the meta file names, which must be there.
+// The file in folder/sub/ named by the meta file. Error if it is missing.
 std::string file_in(const std::string& folder, const char* sub, const std::string& name,
                     const MetaFile& meta) {
   const std::string path = path_inside((fs::path(folder) / sub).string(), name, meta.path);
@@ -94,7 +94,7 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
                               const SceneOptions& options, Scene& scene) {
   const MetaFile meta = read_meta(path);
   std::vector<Frame> frames;
-  std::map<std::string, std::string> owners;  // of pictures: which camera, when
+  std::map<std::string, std::string> owners;  // image -> its camera and time
   for (size_t t = 0; t < meta.times; ++t) {
     std::set<int> cameras;  // at this time
     for (size_t c = 0; c < meta.json["fn"][t].size(); ++c) {
@@ -126,7 +126,7 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
   return frames;
 }
 
-// init_pt_cld.npz: 'data' [n, 7] or [n, 6], x y z, red green blue (0 to 1), segment.
+// init_pt_cld.npz: 'data' [n, 7] or [n, 6]: x y z, red green blue (0 to 1), segment.
 PointCloud read_points(const std::string& folder) {
   const std::string path = (fs::path(folder) / "init_pt_cld.npz").string();
   if (!fs::exists(path)) return find_points(folder);
@@ -148,7 +148,7 @@ PointCloud read_points(const std::string& folder) {
     for (int c = 3; c < 6; ++c)
       points.rgb.push_back(uint8_t(std::lround(255 * std::clamp(double(row[c]), 0., 1.))));
   };
-  // Row by row, as a second copy of all would be larger than the file.
+  // Row by row, because converting all values would need more memory than the file.
   if (const auto* floats = std::get_if<std::vector<float>>(&data.values))
     for (size_t i = 0; i < count; ++i) add(i, &(*floats)[i * columns]);
   else if (const auto* doubles = std::get_if<std::vector<double>>(&data.values))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the scene readers share.
+// Helpers shared by the scene readers.
 #include "optim/scene/readers/reader_util.hpp"
 
 #include <fmt/format.h>
@@ -80,7 +80,7 @@ std::vector<std::string> list_videos(const std::string& folder) {
 
 std::string path_inside(const std::string& folder, const std::string& relative,
                         const std::string& source) {
-  constexpr size_t longest = 1024;  // more is no name, and no message
+  constexpr size_t longest = 1024;  // longer names do not occur and would not fit a message
   const auto is_control = [](unsigned char c) { return c < 0x20 || c == 0x7f; };
   if (relative.size() > longest || std::any_of(relative.begin(), relative.end(), is_control))
     throw Error(
@@ -224,7 +224,7 @@ double scene_extent(const Scene& scene) {
     if (used[i]) radius = std::max(radius, (scene.cameras[i].position() - mean).norm());
   if (radius > 1e-6 * (1 + mean.norm())) return 1.1 * radius;
 
-  // One camera: its median distance from the points, or from the origin.
+  // One camera: its median distance from the points, or its distance from the origin.
   if (scene.points.size() == 0) return mean.norm() > 1e-6 ? mean.norm() : 1;
   return std::max(median_distance(scene.points, mean), 1e-6);
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the scene readers share: listing files, paths that stay in the scene, poses, initial points.
+// Helpers shared by the scene readers: folder listings, paths inside the scene, poses, initial
+// points.
 #pragma once
 #include <Eigen/Core>
 #include <string>
@@ -11,20 +12,20 @@
 
 namespace gflow {
 
-// Names in a folder in natural order (2 before 10); empty when there is no such folder.
+// Names in a folder in natural order (2 before 10); empty if the folder does not exist.
 std::vector<std::string> list_pictures(const std::string& folder);  // .png .jpg .jpeg
 std::vector<std::string> list_folders(const std::string& folder);
 std::vector<std::string> list_videos(const std::string& folder);  // .mp4 .avi .mov .mkv .webm
 
-// True where digits compare as numbers: "cam2" < "cam10".
+// Natural order: digits compare as numbers, "cam2" < "cam10".
 bool natural_less(const std::string& a, const std::string& b);
 
-// The path of `relative` in folder. Error when it is absolute or leaves the folder by "..";
+// The path of `relative` in a folder. Error if it is absolute or leaves the folder by "..";
 // `source` is the file that named it.
 std::string path_inside(const std::string& folder, const std::string& relative,
                         const std::string& source);
 
-// The first of the names (relative to folder) that exists, with its folder; else empty.
+// Path of the first of the names (relative to folder) that exists, else empty.
 std::string first_existing(const std::string& folder, const std::vector<std::string>& names);
 
 // folder/name.
@@ -33,45 +34,46 @@ std::string join(const std::string& folder, const std::string& name);
 // File name without folder and extension.
 std::string stem(const std::string& path);
 
-// World-to-camera from camera-to-world with OpenCV axes (x right, y down, z ahead). The rotation is
-// brought to exact orthonormality. Error when a number is not finite or the 3x3 part is no rotation
-// within 1e-3; `what` names the pose.
+// World-to-camera matrix from a camera-to-world pose with OpenCV axes (x right, y down, looks along
+// z). The rotation is made exactly orthonormal. Error if a number is not finite or the rotation is
+// not orthonormal within 1e-3; `what` names the pose.
 Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& position,
                                   const std::string& what);
 
-// Gives a camera the size that a file states [px]. Error that names `where` unless the sides are
-// whole numbers from 1 to 999999.
+// Sets the image size of a camera from a file [px]. Error that names `where` unless both sides are
+// integers from 1 to 999999.
 void set_size(Camera& camera, double width, double height, const std::string& where);
 
-// Scales the intrinsics of a camera stored for another size to a picture's. Error when the shapes
-// differ by more than 2 % (rounding of odd sizes is less); `source` and `picture` are named.
+// Scales the intrinsics of a camera to the size of its image. Error if the aspect ratios differ by
+// 2 % or more (rounding of odd sizes is less); `source` and `picture` are named in it.
 Camera fitted_to(Camera camera, int width, int height, const std::string& source,
                  const std::string& picture);
 
-// Index of an equal camera (size, intrinsics, lens, pose) in the list, which gets it when it is
+// Index of an equal camera (size, intrinsics, lens, pose) in the list; appends the camera if it is
 // new.
 int find_or_add(std::vector<Camera>& cameras, const Camera& camera);
 
 // The first of points3D.ply, points3d.ply, points_t0.ply, fused.ply in the folder, or empty.
 std::string find_points_ply(const std::string& folder);
 
-// Initial points of the scene: that PLY, else sparse/0/points3D.{bin,txt,ply}; none when there is
-// no such file.
+// Initial points of a scene: find_points_ply, else sparse/0/points3D.{bin,txt,ply}; empty if there
+// is no such file.
 PointCloud find_points(const std::string& folder);
 
-// Times of the frames, rising, each once.
+// The distinct times of the frames in increasing order.
 std::vector<double> distinct_times(const std::vector<Frame>& frames);
 
-// Gives each frame the number of the nearest of these times.
+// Sets each frame's step to the index of the nearest of these times.
 void set_steps(const std::vector<double>& times, std::vector<Frame>& frames);
 
-// Sets the flow and mask of a frame when BASE.flo or BASE.flo.gz is there.
+// Sets the true flow and its mask if BASE.flo or BASE.flo.gz exists.
 void find_true_flow(Frame& frame, const std::string& base, double flow_time);
 
-// The median distance of the points from a place. Precondition: there are points.
+// Median distance of the points from a place. Precondition: at least one point.
 double median_distance(const PointCloud& points, const Eigen::Vector3d& from);
 
-// The radius of the training cameras, or their distance from the points: see Scene::extent.
+// Scene::extent: the radius of the training cameras, or for a single camera its distance from the
+// points.
 double scene_extent(const Scene& scene);
 
 }  // namespace gflow

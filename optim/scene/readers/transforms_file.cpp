@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// transform_matrix is camera-to-world with OpenGL axes (y up, looking along -z): columns y and z
-// change sign for ours.
+// transform_matrix is camera-to-world with OpenGL axes (y up, looking along -z); columns y and z
+// are negated to get OpenCV axes.
 #include "optim/scene/readers/transforms_file.hpp"
 
 #include <fmt/format.h>
@@ -20,7 +20,7 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-// From the frame, else from the top of the file.
+// A number of the frame, else of the whole file.
 std::optional<double> inherited(const Transforms& file, const Json& frame, const char* key,
                                 const std::string& where) {
   const auto own = number(frame, key, where);
@@ -59,7 +59,7 @@ std::string mask_of(const std::string& folder, const Transforms& file, const Jso
   return path;
 }
 
-// nerfstudio's camera models; a file without the word has OPENCV's coefficients or none.
+// nerfstudio's camera models. Without 'camera_model' OPENCV is assumed; missing coefficients are 0.
 Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera,
                  const std::string& where) {
   const Json& holder = frame.contains("camera_model") ? frame : file.json;
@@ -126,7 +126,7 @@ Transforms read_transforms(const std::string& path) {
 std::vector<Frame> read_frames(const std::string& folder, const Transforms& file,
                                const SceneOptions& options, Scene& scene) {
   std::vector<Frame> frames;
-  std::map<std::string, size_t> known;  // pictures, and the frames that they are
+  std::map<std::string, size_t> known;  // image -> its frame
   for (const Json& entry : file.json["frames"]) {
     const std::string where = fmt::format("frame {} of {}", frames.size(), file.path);
     require_object(entry, where);

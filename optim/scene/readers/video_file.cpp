@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A plain video: one camera, given or placed as that of Consistent4D. Times are those of the
-// container, so that a variable frame rate keeps its rhythm.
+// A plain video: one camera, given or placed as for Consistent4D. Times come from the container, so
+// that a variable frame rate is kept.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace gflow {
 
 Scene read_video_file(const std::string& path, const SceneOptions& options) {
   const VideoInfo info = video_info(path);
-  // What lies behind the last step in use need not be decoded.
+  // Frames after the last used step need not be decoded.
   const int64_t used =
       options.max_steps > 0
           ? options.first_step + int64_t(options.stride) * (options.max_steps - 1) + 1
@@ -23,7 +23,7 @@ Scene read_video_file(const std::string& path, const SceneOptions& options) {
   const std::vector<double> stamps = frame_times(path, int(std::min<int64_t>(used, INT_MAX)));
   Scene scene;
   scene.layout = "video";
-  // What a container says is at times an estimate.
+  // The container's frame count may be an estimate.
   if (used == 0 && double(stamps.size()) < 0.9 * info.frames - 1)
     scene.notices.push_back(
         fmt::format("only {} of the {} frames that video {} is said to have can be decoded: it may "
