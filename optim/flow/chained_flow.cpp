@@ -14,12 +14,13 @@ struct Vec2 {
   float x, y;
 };
 
-// Whether the flow of a pixel is likely that of the same surface: within what consistency() grants.
+// Whether two vectors probably belong to the same surface, with the tolerances of consistency().
 bool moves_alike(const Vec2& a, const Vec2& b) {
   return std::hypot(a.x - b.x, a.y - b.y) < std::max(0.5f, 0.05f * std::hypot(a.x, a.y));
 }
 
-// The link at pixel indices `at`; nothing outside of the picture or where it is not trusted.
+// Samples a link at pixel indices `at`; nullopt outside of the image or where the link is not
+// trusted.
 std::optional<Vec2> sample(const TeacherFlow& link, const Vec2& at) {
   const FlowField& flow = link.flow;
   const auto trusted = [&](int x, int y) {
@@ -49,11 +50,10 @@ std::optional<Vec2> sample(const TeacherFlow& link, const Vec2& at) {
     sum.x += weight * there.x;
     sum.y += weight * there.y;
   }
-  return Vec2{sum.x / weights, sum.y / weights};  // the nearest has a quarter at least
+  return Vec2{sum.x / weights, sum.y / weights};  // the nearest has a weight >= 1/4
 }
 
-// The way from pair.frame to pair.next by neighbours: their places among the links; empty when one
-// of them has no flow.
+// Indices of the links from pair.frame to pair.next; empty if a link has no flow.
 std::vector<size_t> way(const FlowPair& pair, const std::map<std::pair<int, int>, size_t>& links) {
   std::vector<size_t> way;
   const int step = pair.next > pair.frame ? 1 : -1;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flows of a scene's frame pairs computed from the pictures and kept on disk, rounded as
-// packed_flow.hpp says. Whoever asks gets the rounded flow, whether it was there or not.
+// Optical flow of a scene's frame pairs, computed from the images and stored on disk, rounded as in
+// packed_flow.hpp. The result is rounded whether it was stored or not.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -17,31 +17,31 @@
 namespace gflow {
 
 struct FlowEstimation {
-  std::string folder;                   // where flows are kept, see FlowFolder
-  uint64_t budget = uint64_t{8} << 30;  // of them all [bytes]
-  bool beforehand = true;               // compute all now; else each when it is asked for
-  int threads = 0;                      // that compute; 0: all cores
-  ProgressCallback progress;            // while computing beforehand, in pairs of pictures
-  Notice notice;                        // of a damaged file, or a full disk
+  std::string folder;                   // where flows are stored, see FlowFolder
+  uint64_t budget = uint64_t{8} << 30;  // limit on all flows together [bytes]
+  bool beforehand = true;               // compute all flows now; else each when it is requested
+  int threads = 0;                      // number of computing threads; 0: all cores
+  ProgressCallback progress;            // of computing beforehand, in frame pairs
+  Notice notice;                        // for a damaged file or a full disk
 };
 
-// Pairs of pictures that are compared, each once for both ways.
+// Number of frame pairs, counting both directions as one.
 size_t num_compared(const std::vector<FlowPair>& pairs);
 
-// What all flows will likely take on the disk [bytes].
+// Estimated size of all flows on disk [bytes].
 uint64_t likely_flow_bytes(const Scene& scene, const std::vector<FlowPair>& pairs,
                            const FrameStore& frames);
 
-// DIS flow from one picture of a scene to a later one of its track, in any split: that which
-// estimated_flows keeps in a folder where training compares the same two, else computed anew.
-// Either gives the same values. Keeps nothing itself.
+// DIS flow from one frame to a later one of its track, in any split: the flow that estimated_flows
+// stored if training uses the same pair, else computed. Both give the same values. Stores nothing.
 class FlowBetween {
  public:
-  // folder: as above, of the same pictures; it need not be there. `frames` must outlive this.
+  // folder: that of estimated_flows for the same images; it may be missing. `frames` must outlive
+  // this.
   FlowBetween(const Scene& scene, FrameStore& frames, const std::string& folder, Notice notice);
 
   TeacherFlow teacher(const Frame& from, const Frame& to) const;
-  // Without confidence, which takes half as long where it is computed.
+  // The flow without confidence, which takes half the time to compute.
   FlowField vectors(const Frame& from, const Frame& to) const;
 
  private:
@@ -49,20 +49,20 @@ class FlowBetween {
 
   FrameStore& frames_;
   std::optional<FlowFolder> folder_;
-  std::map<std::pair<PictureId, PictureId>, std::string> names_;  // of the flow between pictures
+  std::map<std::pair<PictureId, PictureId>, std::string> names_;  // of the stored flows
 };
 
-// Flow made of others, once: read from the folder where it is there, else made, rounded as it is
-// kept, and kept. Under the name of the pair's computed flow and _chained.
+// A cache for flows derived from other flows. Reads the flow from the folder if it is there, else
+// makes, rounds and stores it, under the name of the pair's computed flow with suffix _chained.
 using MakeFlow = std::function<TeacherFlow()>;
 using KeepFlow = std::function<TeacherFlow(const FlowPair& pair, const MakeFlow& make)>;
-// `scene` and `frames` must outlive it; how.folder, budget and notice count.
+// `scene` and `frames` must outlive the result; uses folder, budget and notice of `how`.
 KeepFlow kept_flows(const Scene& scene, FrameStore& frames, const FlowEstimation& how);
 
-// DIS flow for every pair with next >= 0 at the resolution of `frames`, kept under the name of its
-// frame, NAME_back where it leads back in time, NAME_over_4 where it leads to the fourth picture
-// after it. Error beforehand when the disk has no room for what is not there yet; a disk that fills
-// up later only has flows computed again. `scene` and `frames` must outlive the store.
+// DIS flow for every pair with next >= 0 at the resolution of `frames`. Stored under the name of
+// its frame, with suffix _back if it leads back in time and _over_4 if it spans four frames. Error
+// at the start if the disk has no room for the missing flows; a disk that fills up later only means
+// that flows are recomputed. `scene` and `frames` must outlive the store.
 FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                           FrameStore& frames, const FlowEstimation& how);
 

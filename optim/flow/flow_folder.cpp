@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A file's time of change is when it was used last. What is there is looked up anew each time: it
-// takes less than a thousandth of the time that computing a flow does, and counts what other
-// processes keep there.
+// A file's modification time is its time of last use. The folder is listed again each time: that
+// costs little compared with computing a flow, and includes files of other processes.
 #include "optim/flow/flow_folder.hpp"
 
 #include <fmt/format.h>
@@ -18,7 +17,7 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr uint64_t left_free = uint64_t{1} << 30;  // for models and pictures
+constexpr uint64_t left_free = uint64_t{1} << 30;  // for models and images
 constexpr const char* extension = ".flow";
 
 struct Kept {
@@ -27,7 +26,7 @@ struct Kept {
   uint64_t bytes;
 };
 
-// Files that other processes remove meanwhile are left out.
+// Lists the stored flows; skips files that another process removes meanwhile.
 std::vector<Kept> all_in(const std::string& folder) {
   std::vector<Kept> files;
   std::error_code failed;
@@ -68,7 +67,7 @@ std::optional<TeacherFlow> FlowFolder::read(const std::string& name, int width, 
     fs::last_write_time(path, fs::file_time_type::clock::now(), failed);
     return teacher;
   } catch (const Error& problem) {
-    if (fs::exists(path, failed) && notice_)  // else another process dropped it
+    if (fs::exists(path, failed) && notice_)  // else another process removed it
       notice_(fmt::format("{}; this flow is computed again", problem.what()));
     return {};
   }

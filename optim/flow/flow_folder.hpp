@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Computed flows by name in a folder of bounded size. Thread-safe; several processes may share the
-// folder: a file is there whole or not at all, and whoever misses one computes it again.
+// Computed flows by name in a folder of bounded size. Thread-safe. Several processes may share the
+// folder: files appear atomically, and a flow that another process removed is recomputed.
 #pragma once
 #include <mutex>
 #include <optional>
@@ -13,18 +13,18 @@ namespace gflow {
 
 class FlowFolder {
  public:
-  // Makes the folder where it is missing. `budget` [bytes]: all its flows together never take more,
-  // nor so much that less than 1 GiB of the disk stays free.
+  // Creates the folder if it is missing. All flows together take at most `budget` [bytes] and leave
+  // at least 1 GiB of the disk free.
   FlowFolder(const std::string& folder, uint64_t budget, Notice notice);
 
   const std::string& path() const { return folder_; }
-  // Whether there is a flow of that name and size, as far as can be told without reading it all.
+  // Whether there is a flow of this name and size, by its header and file length only.
   bool has(const std::string& name, int width, int height) const;
-  // The flow, which counts as used now. Nothing when there is none of that size; nothing, and a
-  // notice, when its file is damaged.
+  // Reads a flow and marks it as used now. nullopt if there is none of this size; nullopt and a
+  // notice if its file is damaged.
   std::optional<TeacherFlow> read(const std::string& name, int width, int height) const;
-  // Keeps a packed flow and drops those unused for longest where that takes too much room; keeps
-  // none that is larger than all the room. Error when it cannot be written.
+  // Stores a packed flow and removes the least recently used flows if it does not fit; does nothing
+  // if it is larger than all the room. Error if it cannot be written.
   void keep(const std::string& name, const Bytes& flow);
 
  private:

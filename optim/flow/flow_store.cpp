@@ -31,7 +31,7 @@ std::vector<uint8_t> where_valid(const FlowField& flow) {
   return confidence;
 }
 
-// A mask of the flow's size; kept where it is at least `threshold`.
+// Confidence from a mask of the flow's size: 255 where the mask is at least `threshold`.
 std::vector<uint8_t> read_mask(const std::string& path, const FlowField& flow, int threshold) {
   const Image mask = read_grey(path);
   if (mask.width != flow.width || mask.height != flow.height)
@@ -43,7 +43,7 @@ std::vector<uint8_t> read_mask(const std::string& path, const FlowField& flow, i
   return confidence;
 }
 
-// Brings a flow to the frame's resolution. Error when its shape is another than the camera's.
+// Resizes a flow to the frame's resolution. Error if its aspect ratio differs from the camera's.
 TeacherFlow fitted(const TeacherFlow& teacher, int width, int height, const std::string& path) {
   const double sx = double(width) / teacher.flow.width, sy = double(height) / teacher.flow.height;
   if (!(sx / sy > 0.98 && sx / sy < 1.02))
@@ -107,7 +107,7 @@ struct FlowStore::State {
     });
   }
 
-  // Loads the first in the queue that no other worker is at.
+  // Loads the first queued pair that no other worker is loading.
   void run_prefetch() {
     std::unique_lock<std::mutex> lock(mutex);
     for (;;) {
@@ -125,7 +125,7 @@ struct FlowStore::State {
       try {
         get(pair);
       } catch (const std::exception&) {
-        // get() of the store meets the same failure and reports it to whom it concerns.
+        // FlowStore::get() will fail in the same way and report it.
       }
       lock.lock();
       at_work.erase(pair);
@@ -156,7 +156,7 @@ void FlowStore::prefetch(const std::vector<size_t>& pairs) {
   if (state_->workers.empty() && !state_->queue.empty()) try {
       for (size_t t = 0; t < state_->options.threads; ++t)
         state_->workers.emplace_back([state = state_.get()] { state->run_prefetch(); });
-    } catch (const std::system_error&) {  // who needs a flow loads it, if nobody did before
+    } catch (const std::system_error&) {  // out of threads: flows are loaded on request
     }
   state_->changed.notify_all();
 }
@@ -177,7 +177,7 @@ TeacherFlow read_true_flow(const Frame& frame, int width, int height) {
 
 FlowStore extended(std::shared_ptr<FlowStore> first, std::vector<FlowStore::Loader> more) {
   FlowStoreOptions options;
-  options.cache_bytes = size_t{1} << 28;  // beside that of the first
+  options.cache_bytes = size_t{1} << 28;  // in addition to the cache of `first`
   options.at_hand = first->at_hand();
   options.threads = first->worth_prefetching() / 2;
   std::vector<FlowStore::Loader> loaders;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flows of a scene's frame pairs on demand: the scene's true flow, files of the user's, or computed
-// ones (estimated_flow.hpp); loaded when asked for, or by background threads ahead of time, and
-// kept within a memory bound.
+// Flows of a scene's frame pairs on demand: the scene's true flow, flow files of the user, or
+// computed flow (estimated_flow.hpp). Loaded on request or prefetched by background threads, and
+// cached within a memory bound.
 #pragma once
 #include <cstddef>
 #include <functional>
@@ -16,12 +16,12 @@
 namespace gflow {
 
 struct FlowStoreOptions {
-  size_t cache_bytes = size_t{1} << 30;  // flows kept in memory; oldest go first
-  bool at_hand = true;                   // each flow takes no longer than reading a file
-  size_t threads = 1;                    // that load what prefetch() asks for
+  size_t cache_bytes = size_t{1} << 30;  // flows kept in memory; least recently used evicted first
+  bool at_hand = true;                   // loading a flow takes no longer than reading a file
+  size_t threads = 1;                    // number of prefetching threads
 };
 
-// Flow i belongs to pair i of the list it was made for. Thread-safe.
+// Flow i belongs to pair i of the list that the store was made for. Thread-safe.
 class FlowStore {
  public:
   using Loader = std::function<TeacherFlow()>;
@@ -31,17 +31,17 @@ class FlowStore {
   FlowStore& operator=(FlowStore&&) noexcept;
 
   size_t size() const;
-  // False where nothing gives a flow for the pair, e.g. an estimate for a pair without next frame.
+  // False if the pair has no flow, e.g. an estimate for a pair without a next frame.
   bool has(size_t pair) const;
-  // Flow and confidence at the frame store's resolution. Error when it cannot be read.
+  // Flow and confidence at the resolution of the frame store. Error if it cannot be read.
   std::shared_ptr<const TeacherFlow> get(size_t pair);
 
-  // Asks background threads to load these, in order, instead of what they have not begun yet.
-  // Pairs that fail are left for get() to report.
+  // Queues pairs for the background threads, in order; replaces pairs queued before but not
+  // started. Failures are reported by get().
   void prefetch(const std::vector<size_t>& pairs);
-  // How many pairs are worth asking for at a time: enough for all threads.
+  // Number of pairs to prefetch at a time to keep all threads busy.
   size_t worth_prefetching() const;
-  // False where flows are computed when they are asked for: who wants many must do without.
+  // False if flows are computed on request, which makes many flows expensive.
   bool at_hand() const;
 
  private:
@@ -49,24 +49,23 @@ class FlowStore {
   std::unique_ptr<State> state_;
 };
 
-// The scene's own true flow where a frame has it; confidence where the mask is 255. None for pairs
-// that lead back in time or to another pose: a true flow is that seen by a camera at rest.
+// The scene's own true flow; confidence 255 where valid and, if there is a mask, where it is 255.
+// No flow for pairs that lead back in time or to another pose: true flow assumes a static camera.
 FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                      const FrameStore& frames);
 
-// Flow made elsewhere: FOLDER/<camera name>/<step, 4 digits>.{flo,flo.gz,png,npy} (png: KITTI;
-// npy: [H,W,2]) or FOLDER/<picture's name>.{...}; confidence 255 where valid, or where the
-// ..._mask.png beside it is > 127.
-// Error when a pair's file is missing, naming what was tried; none for pairs that lead back in
-// time. It leads from picture to picture: where a frame has a pair with a next frame, the other has
-// none.
+// Flow from files of the user: FOLDER/<camera name>/<step, 4 digits>.{flo,flo.gz,png,npy} (png:
+// KITTI; npy: [H,W,2]) or FOLDER/<image name>.{...}. Confidence is 255 where the flow is valid and,
+// if there is a ..._mask.png, where it is > 127. Error that lists the paths tried if a pair's file
+// is missing. No flow for pairs that lead back in time, nor for pairs without a next frame if the
+// same frame has one in another pair: the files lead from image to image.
 FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pairs,
                             const FrameStore& frames, const std::string& folder);
 
-// A store of the pairs of `first`, then of those that `more` loads.
+// A store of the pairs of `first` followed by those of the loaders `more`.
 FlowStore extended(std::shared_ptr<FlowStore> first, std::vector<FlowStore::Loader> more);
 
-// True flow of any frame (e.g. a test view) at width x height; Error when it has none.
+// True flow of any frame (e.g. a test view) at width x height. Error if it has none.
 TeacherFlow read_true_flow(const Frame& frame, int width, int height);
 
 }  // namespace gflow

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// DIS flow (Kroeger et al. 2016) by OpenCV and its consistency.
+// DIS flow (Kroeger et al. 2016) by OpenCV, and its forward-backward consistency.
 #include "optim/flow/optical_flow.hpp"
 
 #include <fmt/format.h>
@@ -15,7 +15,7 @@
 namespace gflow {
 namespace {
 
-// DIS needs a patch on each of the levels it takes by itself; smaller pictures are extended.
+// Smaller images are padded: DIS needs a patch on each of its pyramid levels.
 constexpr int smallest_side = 16;
 
 cv::Mat grey(const Image& image) {
@@ -28,7 +28,7 @@ cv::Mat grey(const Image& image) {
   return result;
 }
 
-// The finest setting, three times better than the medium preset on moving pixels.
+// Finest settings: three times more accurate on moving pixels than the medium preset.
 cv::Ptr<cv::DISOpticalFlow> finest_dis() {
   auto dis = cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
   dis->setFinestScale(0);
@@ -46,8 +46,8 @@ void check_pair(const Image& a, const Image& b) {
                             a.width, a.height, a.channels, b.width, b.height, b.channels));
 }
 
-// Bilinear sample of a flow at pixel indices (x, y); false outside of the picture or where one of
-// the four neighbours is not valid.
+// Bilinear sample of a flow at pixel indices (x, y); false outside of the image or if one of the
+// four neighbours is invalid.
 bool sample(const FlowField& flow, float x, float y, float result[2]) {
   if (!(x >= 0 && y >= 0 && x <= float(flow.width - 1) && y <= float(flow.height - 1)))
     return false;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The flow that teaches: OpenCV's DIS at its finest setting, with a forward-backward check that
-// says where it can be trusted.
+// Target flow by OpenCV's DIS at its finest settings, with a forward-backward check for confidence.
 #pragma once
 #include <cstdint>
 #include <utility>
@@ -11,28 +10,29 @@
 
 namespace gflow {
 
-// A flow and where to believe it.
+// A target flow and its confidence.
 struct TeacherFlow {
   FlowField flow;
-  std::vector<uint8_t> confidence;  // [height, width] 255 consistent, 0 not or unknown
-  float emphasis = 1;               // what each of its pixels counts as
+  std::vector<uint8_t> confidence;  // [height, width]; 255: consistent, 0: not or unknown
+  float emphasis = 1;               // weight of each pixel in the flow loss
 };
 
-// DIS flow from picture a to b (RGB, same size): finest scale 0, patch 8, stride 1, 100 gradient
-// descent and 30 variational iterations. Takes one core; the same on any number of them.
+// DIS flow from image a to b (RGB, same size): finest scale 0, patch 8, stride 1, 100 gradient
+// descent and 30 variational iterations. Uses one thread, so the result does not depend on their
+// number.
 FlowField estimate_flow(const Image& a, const Image& b);
 
-// 255 where |f(x) + b(x + f(x))| < max(0.5 px, 5 % of |f|), b bilinear; 0 elsewhere, where f leaves
-// the picture, and where f is not valid.
+// 255 where |f(x) + b(x + f(x))| < max(0.5 px, 5 % of |f|) with b sampled bilinearly; 0 elsewhere,
+// where f leaves the image, and where f or b is invalid.
 std::vector<uint8_t> consistency(const FlowField& forward, const FlowField& backward);
 
-// Both of the above for one pair of pictures, from a to b and from b to a.
+// Flow and confidence for a pair of images, from a to b and from b to a.
 std::pair<TeacherFlow, TeacherFlow> estimate_teacher_flows(const Image& a, const Image& b);
-// From a to b only.
+// Only from a to b.
 TeacherFlow estimate_teacher_flow(const Image& a, const Image& b);
 
-// The flow on a smaller or larger grid, vectors scaled along; the nearest sample, because a mean
-// across a silhouette is the motion of nothing.
+// A flow resampled to another size, with scaled vectors. Uses the nearest sample, because averaging
+// across a silhouette gives a motion of no surface.
 TeacherFlow resized(const TeacherFlow& teacher, int width, int height);
 
 }  // namespace gflow

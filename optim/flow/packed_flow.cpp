@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layout, little-endian: Header; then, as one zlib stream, the low bytes of all residuals of u and
-// of v, their high bytes, and a bit a pixel for valid and for trusted. A residual is the difference
-// to left + above - above left, modulo 2^16, with its sign in the lowest bit.
+// Layout, little-endian: Header; then one zlib stream of the low bytes of all residuals of u and of
+// v, their high bytes, and one bit per pixel each for valid and trusted. A residual is the
+// difference to left + above - above left, modulo 2^16, with its sign in the lowest bit.
 #include "optim/flow/packed_flow.hpp"
 
 #include <fmt/format.h>
@@ -19,17 +19,17 @@ namespace gflow {
 namespace {
 
 constexpr char tag[8] = {'g', 'f', 'l', 'o', 'w', 'u', 'v', '1'};
-constexpr uint32_t finest = 64;      // units a pixel
-constexpr uint32_t largest = 32767;  // units
+constexpr uint32_t finest = 64;      // units per pixel
+constexpr uint32_t largest = 32767;  // [units]
 constexpr uint32_t longest_side = 1u << 14;
-constexpr size_t most_expanded = 1032;  // bytes that zlib makes of one at the most (its manual)
+constexpr size_t most_expanded = 1032;  // largest expansion factor of zlib (its manual)
 
 struct Header {
   char tag[8];
   uint32_t width, height;
-  uint32_t units;   // a pixel: 64, 32, ... 1
+  uint32_t units;   // units per pixel: 64, 32, ... 1
   uint32_t length;  // of the zlib stream [bytes]
-  uint32_t crc;     // of all before, and of the stream
+  uint32_t crc;     // of the header before it, and of the stream
 };
 static_assert(sizeof(Header) == 28);
 
@@ -38,7 +38,7 @@ uint32_t crc_of(const Header& header, const uint8_t* stream) {
   return uint32_t(crc32(crc, stream, header.length));
 }
 
-// Where each part of the expanded stream begins.
+// Offsets of the parts of the expanded stream.
 struct Parts {
   size_t pixels, low, high, valid, trusted, end;
   explicit Parts(size_t n)
@@ -51,7 +51,7 @@ struct Parts {
 };
 
 bool is_storable(float u, float v) {
-  return std::fabs(u) <= float(largest) && std::fabs(v) <= float(largest);  // NaN is not
+  return std::fabs(u) <= float(largest) && std::fabs(v) <= float(largest);  // false for NaN
 }
 
 uint32_t units_for(const FlowField& flow) {
@@ -66,7 +66,7 @@ uint32_t units_for(const FlowField& flow) {
   return units;
 }
 
-// left + above - above left in row-major `plane`, outside of which all is 0.
+// left + above - above left in a row-major plane; values outside are 0.
 uint16_t predicted(const uint16_t* plane, int width, int x, int y) {
   const size_t i = size_t(y) * size_t(width) + size_t(x);
   const int left = x ? plane[i - 1] : 0;
@@ -82,7 +82,7 @@ uint16_t sign_first(uint16_t coded) {
   return uint16_t(coded >> 1) ^ uint16_t(coded & 1 ? 0xffff : 0);
 }
 
-// Z_RLE: residuals hardly repeat but for runs of zeros; looking for more takes longer and gains
+// Z_RLE: residuals repeat only as runs of zeros. Searching for other matches is slower and gains
 // nothing.
 Bytes deflated(const Bytes& bytes) {
   z_stream stream{};
@@ -153,7 +153,8 @@ TeacherFlow unpacked(const Bytes& bytes, const std::string& name) {
   const uint8_t* stream = bytes.data() + sizeof(Header);
   if (crc_of(header, stream) != header.crc) throw damaged("its checksum is wrong");
 
-  // A checksum may be right by chance: nothing is allocated that the stream cannot fill.
+  // The checksum may match by chance, so the size is bounded by what the stream can expand to
+  // before memory is allocated.
   const bool sized = header.width > 0 && header.width <= longest_side && header.height > 0 &&
                      header.height <= longest_side;
   if (!sized || Parts(size_t(header.width) * header.height).end > most_expanded * header.length)

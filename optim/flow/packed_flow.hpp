@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flow as it is kept on disk: about a twelfth of its floats. Vectors are rounded to 1/64 px, which
-// is far below the error of computed flow; what is left over after prediction from the neighbours
-// is mostly zeros and goes through zlib. Real video of 1352x1014: 0.94 MB instead of 12.3, unpacked
-// in 0.03 s; a KITTI PNG has 1.7 to 1.9 MB and takes 0.07 s, zstd makes files as small as zlib.
+// Compact flow for the disk, about a twelfth of the floats. Vectors are rounded to 1/64 px, far
+// below the error of computed flow. The residuals of a prediction from neighbours are mostly zero
+// and are compressed by zlib: smaller and faster than KITTI PNGs; zstd is not smaller.
 #pragma once
 #include <string>
 
@@ -11,19 +10,19 @@
 
 namespace gflow {
 
-// Likely size of a packed flow [bytes a pixel]; measured were 0.2 to 0.7, at worst it is 4.3.
+// Estimated size of a packed flow [bytes per pixel]; typically 0.2 to 0.7, at worst 4.3.
 inline constexpr double packed_flow_bytes_per_pixel = 1;
 
-// Rounds each component to the nearest 1/64 px: by at most 1/128 px. Where one exceeds 511 px all
-// are rounded coarser, to 1/32 px up to 1023 px, and so on. Beyond 32767 px a flow is unknown.
-// Confidence is kept as whether it is above 127.
+// Rounds each component to the nearest 1/64 px, an error of at most 1/128 px. If any component
+// exceeds 511 px, all use 1/32 px, above 1023 px 1/16 px, and so on. Vectors beyond 32767 px become
+// invalid. Confidence is stored as one bit: above 127.
 Bytes packed(const TeacherFlow& teacher);
 
-// The rounded flow. Error, which begins with `name`, when the bytes are not all that packed() made.
+// The rounded flow. Error, starting with `name`, if the bytes are not exactly a result of packed().
 TeacherFlow unpacked(const Bytes& bytes, const std::string& name);
 
-// Whether the file holds a packed flow of that size, by its first bytes and its length; what lies
-// between is looked at by unpacked().
+// Whether a file is a packed flow of this size, by its header and length only; unpacked() checks
+// the rest.
 bool holds_packed_flow(const std::string& path, int width, int height);
 
 }  // namespace gflow

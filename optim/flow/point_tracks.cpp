@@ -17,10 +17,10 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr float farthest_place = 1e6f;  // [px] beyond it a place is nonsense
-constexpr double most_of_area = 16;     // [px] that a point counts as
+constexpr float farthest_place = 1e6f;  // [px]; positions beyond it are invalid
+constexpr double most_of_area = 16;     // [px]; limit of the area one point represents
 
-// The frames of one track, as places in Scene::train.
+// The frames of one track: a range of Scene::train.
 struct Film {
   int first = 0, count = 0;
 };
@@ -72,7 +72,7 @@ TeacherFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, in
   const size_t pixels = teacher.flow.valid.size();
   std::fill(teacher.flow.valid.begin(), teacher.flow.valid.end(), uint8_t{0});
   teacher.confidence.resize(pixels);
-  std::map<size_t, float> from_centre;  // of the point that a pixel has
+  std::map<size_t, float> from_centre;  // distance of the chosen point, by pixel
   for (size_t k = 0; k < tracks.points; ++k) {
     const size_t a = from * tracks.points + k, b = to * tracks.points + k;
     if (!tracks.seen[a] || !tracks.seen[b]) continue;
@@ -96,8 +96,8 @@ TeacherFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, in
 
 namespace {
 
-// How many places are in sight. Error when they all lie outside their camera's pictures, or all
-// within the first pixel as shares of the width would.
+// Number of visible positions. Error if all are outside their camera's images, or all in the first
+// pixel, as for coordinates relative to the width.
 size_t require_inside(const PointTracks& tracks, const Camera& stored, const std::string& path) {
   size_t in_sight = 0, inside = 0, in_first = 0;
   for (size_t i = 0; i < tracks.seen.size(); ++i) {
