@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A network in an ONNX file, run by OpenCV's dnn module, of which no other file knows.
+// A network from an ONNX file, run by OpenCV's dnn module. No other file uses that module.
 #pragma once
 #include <memory>
 #include <string>
@@ -10,21 +10,21 @@
 
 namespace gflow {
 
-// What a network is given: values in rows, the last index fastest.
+// An input tensor: values in row-major order.
 struct NetworkValues {
   std::vector<int> shape;
   std::vector<float> values;
 };
 
-// OpenCV's own words on why it could not run a network on what it was given.
+// OpenCV's message when a network fails on its inputs.
 struct NetworkFailed : Error {
   using Error::Error;
 };
 
 class Network {
  public:
-  // Error when the file is missing or damaged, OpenCV cannot run it or dies of it (which is tried
-  // in a copy of this process), and when gflow was built without OpenCV's dnn module.
+  // Error if the file is missing or damaged, if OpenCV cannot load it or crashes (tried in a forked
+  // process first), or if gflow was built without OpenCV's dnn module.
   explicit Network(const std::string& path);
   ~Network();
   Network(Network&&) noexcept;
@@ -33,7 +33,8 @@ class Network {
   const std::string& path() const { return path_; }
   const std::vector<NetworkInput>& inputs() const { return inputs_; }
 
-  // The values of its first output; `values` in the order of inputs(), as many. NetworkFailed.
+  // The values of the first output. `values` has one entry per input, in the order of inputs().
+  // NetworkFailed if OpenCV throws.
   std::vector<float> run(const std::vector<NetworkValues>& values);
 
  private:

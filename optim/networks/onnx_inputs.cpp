@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Only the path model.graph.input.type.tensor_type.shape is followed (onnx.proto3).
+// Reads only model.graph.input.type.tensor_type.shape (onnx.proto3).
 #include "optim/networks/onnx_inputs.hpp"
 
 #include <fmt/format.h>
@@ -15,7 +15,7 @@
 namespace gflow {
 namespace {
 
-// An entry of two bytes is kept in many more: so much that no file takes more than a few MB.
+// An entry of two bytes in the file takes much more memory; these limits keep it to a few MB.
 constexpr size_t most_inputs = 65536, most_sizes = 16;
 
 std::vector<int64_t> sizes_of(std::string_view shape) {
@@ -50,7 +50,7 @@ std::vector<NetworkInput> onnx_input_list(const std::string& path) {
       inputs.push_back({std::string(name), sizes_of(field_of(tensor, 2))});
       names.insert(name);
     });
-    // Older files list their weights among the inputs.
+    // Older files list weights among the inputs.
     for_fields(graph, [&](const MessageField& weights) {
       if (weights.number == 5) names.erase(field_of(weights.bytes, 8));
     });

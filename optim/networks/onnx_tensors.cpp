@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fields are numbered as in onnx.proto3: ModelProto, GraphProto, NodeProto, AttributeProto and
+// Field numbers are those of onnx.proto3: ModelProto, GraphProto, NodeProto, AttributeProto and
 // TensorProto.
 #include "optim/networks/onnx_tensors.hpp"
 
@@ -16,8 +16,8 @@
 namespace gflow {
 namespace {
 
-constexpr int deepest = 32;          // graphs in attributes of nodes in graphs
-constexpr int most_dimensions = 32;  // OpenCV's
+constexpr int deepest = 32;          // nesting of graphs in node attributes
+constexpr int most_dimensions = 32;  // OpenCV's limit
 
 size_t count_varints(std::string_view bytes) {
   size_t count = 0;
@@ -25,11 +25,11 @@ size_t count_varints(std::string_view bytes) {
   return count;
 }
 
-// How its numbers may be kept, by data_type: as they are in memory (raw_data), or in a field of
-// their own. OpenCV reads no other types.
+// Where the values of a data_type may be: in raw_data, or in a typed field. OpenCV reads no other
+// types.
 struct Storage {
   uint64_t field;  // float_data 4, int32_data 5, int64_data 7, double_data 10
-  size_t size;     // of one in raw_data [bytes]
+  size_t size;     // of one value in raw_data [bytes]
 };
 Storage storage_of(uint64_t data_type) {
   switch (data_type) {
@@ -54,7 +54,7 @@ Storage storage_of(uint64_t data_type) {
   }
 }
 
-// Of a field of numbers, packed or each by itself.
+// Number of values in a field, packed or not.
 size_t count_numbers(const MessageField& field) {
   const bool is_packed = field.kind == MessageField::sized;
   switch (field.number) {
@@ -71,7 +71,7 @@ struct Tensor {
   std::string_view name, raw;
   uint64_t data_type = 0;
   size_t sizes = 0, elements = 1;
-  size_t counts[11] = {};  // of numbers in fields 4, 5, 7 and 10
+  size_t counts[11] = {};  // number of values in fields 4, 5, 7 and 10
   bool is_elsewhere = false;
 
   void add_size(uint64_t size) {
@@ -128,7 +128,7 @@ void check_tensor(std::string_view message, const std::string& path) {
                     path, name));
   const Storage storage = storage_of(tensor.data_type);
   if (storage.field == 0) return;
-  // OpenCV takes those of the field if there are any.
+  // OpenCV prefers the typed field if it is not empty.
   const size_t of_its_own = tensor.counts[storage.field];
   const bool is_whole = of_its_own > 0 ? of_its_own == tensor.elements
                                        : tensor.raw.size() == tensor.elements * storage.size;
@@ -143,7 +143,7 @@ void check_graph(std::string_view graph, const std::string& path, int depth);
 void check_attribute(std::string_view attribute, const std::string& path, int depth) {
   int tensors = 0;
   for_fields(attribute, [&](const MessageField& field) {
-    // A tensor that comes twice would be put together from both.
+    // Protobuf merges a field that occurs twice.
     if (field.number == 5 && ++tensors > 1) throw DamagedMessage{};
     if (field.number == 5 || field.number == 10) check_tensor(field.bytes, path);
     if (field.number == 6 || field.number == 11) check_graph(field.bytes, path, depth + 1);

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether tensors in a .onnx file hold as many numbers as they say. OpenCV, which reads them, does
-// not look: it would read past their end.
+// Checks that the tensors of an ONNX file have as many values as they state. OpenCV does not check
+// that and would read out of bounds.
 #pragma once
 #include <string>
 #include <string_view>
 
 namespace gflow {
 
-// The bytes of a model, the file at `path`. Error when a tensor of it, weights or an attribute of a
-// node, says that it has more or fewer numbers than it has, keeps them in another file, or is of
-// more sizes or a larger one than OpenCV takes. DamagedMessage where the bytes are no model.
+// `model`: the bytes of the file at `path`. Error if a tensor (weights or a node attribute) states
+// another number of values than it has or keeps them in another file. DamagedMessage if the bytes
+// are not a model, or a tensor has more dimensions or elements than OpenCV supports.
 void require_sound_tensors(std::string_view model, const std::string& path);
 
 }  // namespace gflow

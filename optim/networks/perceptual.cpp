@@ -10,13 +10,13 @@
 namespace gflow {
 namespace {
 
-// Mean and deviation of the pictures that CLIP was trained on.
+// Mean and standard deviation of the images CLIP was trained on.
 constexpr double kMean[3] = {0.48145466, 0.4578275, 0.40821073};
 constexpr double kDeviation[3] = {0.26862954, 0.26130258, 0.27577711};
 
-constexpr int64_t kLongest = 32768;  // [px] side of a picture
+constexpr int64_t kLongest = 32768;  // [px]; longest side of an image
 
-// Error unless the network takes `count` colour pictures; `what` it should be.
+// Error unless the network has `count` RGB image inputs; `what` describes the expected network.
 void require_pictures(const Network& network, size_t count, const std::string& setting,
                       const char* what) {
   if (network.inputs().size() != count)
@@ -51,7 +51,7 @@ NetworkValues minus_one_to_one(const ColourPlanes& picture) {
   return given;
 }
 
-// Keys' cubic with a = -0.5.
+// Keys' cubic kernel with a = -0.5.
 double cubic(double x) {
   x = std::abs(x);
   if (x < 1) return (1.5 * x - 2.5) * x * x + 1;
@@ -59,7 +59,7 @@ double cubic(double x) {
   return 0;
 }
 
-// How much of which of `from` samples each of `to` samples is, which cover the same length.
+// Weights of the `from` samples in each of the `to` samples that cover the same length.
 struct Share {
   int first = 0;
   std::vector<double> weights;
@@ -83,7 +83,7 @@ std::vector<Share> shares(int from, int to) {
   return all;
 }
 
-// A plane [height, width] to [to_height, to_width].
+// Resamples a plane [height, width] to [to_height, to_width].
 std::vector<double> bicubic(const float* plane, int width, int height, int to_width,
                             int to_height) {
   const std::vector<Share> across = shares(width, to_width), down = shares(height, to_height);
@@ -171,7 +171,7 @@ std::vector<float> clip_input(const ColourPlanes& picture, int side) {
   const int width = picture.width, height = picture.height, shorter = std::min(width, height);
   const int to_width = int(int64_t(side) * width / shorter);
   const int to_height = int(int64_t(side) * height / shorter);
-  const int left = int(std::lrint((to_width - side) / 2.0));  // half to even, as torchvision does
+  const int left = int(std::lrint((to_width - side) / 2.0));  // half to even, as in torchvision
   const int top = int(std::lrint((to_height - side) / 2.0));
   std::vector<float> input;
   for (size_t c = 0; c < 3; ++c) {

@@ -45,7 +45,7 @@ void for_fields(std::string_view message, const std::function<void(const Message
       case MessageField::fixed32:
         field.bytes = take(message, 4);
         break;
-      default:  // groups, which no ONNX file has
+      default:  // groups, which ONNX does not use
         throw DamagedMessage{};
     }
     see(field);

@@ -14,14 +14,14 @@
 namespace gflow {
 namespace {
 
-// What this process does when a signal comes, removing its unfinished files for one, is not for a
-// copy to do.
+// The signal handlers of this process (which, for one, remove its unfinished files) must not run in
+// the forked process.
 void forget_signal_handlers() {
   for (int signal = 1; signal < NSIG; ++signal)
     if (::signal(signal, SIG_DFL) == SIG_IGN) ::signal(signal, SIG_IGN);  // nohup
 }
 
-// While it lives no signal is answered.
+// Blocks all signals while it exists.
 class Deaf {
  public:
   Deaf() {
@@ -37,8 +37,7 @@ class Deaf {
   sigset_t before_;
 };
 
-// A copy of this process, in which the result is 0, and which has no handlers yet when it hears
-// its first signal.
+// fork() with default signal handlers in the child from its first instruction on.
 pid_t fork_without_handlers() {
   const Deaf deaf;
   const pid_t copy = ::fork();
@@ -56,7 +55,7 @@ pid_t fork_without_handlers() {
   ::dup2(nowhere, STDERR_FILENO);
   try {
     work();
-  } catch (...) {  // comes again, and is told of, where it is no trial
+  } catch (...) {  // thrown again, and reported, when the work is done for real
   }
   ::_exit(0);
 }
@@ -65,12 +64,12 @@ pid_t fork_without_handlers() {
 
 std::string dies_of(const std::function<void()>& work) {
   const pid_t first = ::getpid(), copy = fork_without_handlers();
-  if (copy < 0) return "";  // no room for another process
+  if (copy < 0) return "";  // cannot fork: skip the trial
   if (copy == 0) be_the_copy(work, first);
   int status = 0;
   while (::waitpid(copy, &status, 0) < 0)
     if (errno != EINTR) return "";
-  if (WIFEXITED(status))  // sanitizers end a program in their own way
+  if (WIFEXITED(status))  // sanitizers exit with a code instead of a signal
     return WEXITSTATUS(status) == 0 ? "" : "an error that its sanitizer found";
   const int signal = WTERMSIG(status);
   const bool interrupted = signal == SIGINT || signal == SIGTERM || signal == SIGHUP;
