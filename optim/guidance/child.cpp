@@ -31,7 +31,7 @@ int left_until(Clock::time_point end) {
 
 std::string in_seconds(Milliseconds time) { return fmt::format("{:g}", time.count() / 1000.0); }
 
-// How a process ended, as a shell's user knows it.
+// How a process ended, in a shell user's terms.
 std::string ending(int status) {
   if (WIFEXITED(status)) {
     const int code = WEXITSTATUS(status);
@@ -49,7 +49,7 @@ struct SpawnSettings {
     posix_spawn_file_actions_adddup2(&files, in, STDIN_FILENO);
     posix_spawn_file_actions_adddup2(&files, out, STDOUT_FILENO);
     posix_spawnattr_init(&attributes);
-    // A group of its own, no signal blocked, none ignored.
+    // A process group of its own, no blocked signals, default handlers.
     posix_spawnattr_setpgroup(&attributes, 0);
     sigset_t none, usual;
     sigemptyset(&none);
@@ -72,7 +72,7 @@ Child::Child(const std::string& command) : command_(command) {
   const auto failed = [&](const std::string& what) {
     return GuidanceFailed(fmt::format("cannot start the guidance program `{}`: {}", command, what));
   };
-  // A socket for its input: writing to one whose reader is gone need not raise SIGPIPE.
+  // Input through a socket, because writing to a closed socket can avoid SIGPIPE (MSG_NOSIGNAL).
   int to[2], from[2];
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, to) != 0)
     throw failed(std::strerror(errno));
@@ -98,12 +98,12 @@ Child::Child(const std::string& command) : command_(command) {
 Child::~Child() {
   close(in_);
   ended_within(Milliseconds(1000));
-  kill(-pid_, SIGTERM);  // with all that it has started, though it may have ended itself
+  kill(-pid_, SIGTERM);  // signals the whole group, also if the process itself has ended
   const auto end = Clock::now() + Milliseconds(1000);
   ended_within(Milliseconds(1000));
   if (!ended_) kill(-pid_, SIGKILL);
   waitpid(pid_, nullptr, 0);
-  // The group has its number for as long as one of those is there.
+  // The process group exists as long as one of its processes does.
   bool left = true;
   while ((left = kill(-pid_, 0) == 0) && Clock::now() < end)
     std::this_thread::sleep_for(Milliseconds(2));
@@ -114,7 +114,7 @@ Child::~Child() {
 bool Child::ended_within(Milliseconds time) {
   const auto end = Clock::now() + time;
   for (;;) {
-    // Left as it is, so that nobody else gets its number.
+    // WNOWAIT leaves a zombie, so that the pid is not reused.
     siginfo_t info{};
     if (!ended_ && waitid(P_PID, id_t(pid_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
         info.si_pid == pid_) {
@@ -144,7 +144,7 @@ void Child::send(const std::string& text, Milliseconds time_out) {
       continue;
     }
     if (errno == EINTR) continue;
-    if (errno != EAGAIN && errno != EWOULDBLOCK) return;  // ended; it may have said why
+    if (errno != EAGAIN && errno != EWOULDBLOCK) return;  // it ended; its last output may say why
     pollfd ready{in_, POLLOUT, 0};
     if (poll(&ready, 1, left_until(end)) == 0)
       throw GuidanceFailed(fmt::format(
@@ -171,12 +171,12 @@ std::string Child::receive(Milliseconds time_out) {
     if (interrupted())
       throw GuidanceFailed(
           fmt::format("interrupted while the guidance program `{}` was asked", command_));
-    // In short waits: another thread may be the one that a signal wakes.
+    // Short waits, because a signal may be delivered to another thread.
     pollfd ready{out_, POLLIN, 0};
     int n = poll(&ready, 1, std::min(left_until(end), 100));
     if (n < 0 && errno == EINTR) continue;
-    if (n == 0 && ended_within(Milliseconds(0))) {  // another may hold its output
-      n = poll(&ready, 1, 0);                       // what it said before it ended
+    if (n == 0 && ended_within(Milliseconds(0))) {  // a descendant may still hold the pipe open
+      n = poll(&ready, 1, 0);                       // output from before it ended
       if (n == 0) fail_as_ended();
     }
     if (n == 0 && Clock::now() < end) continue;

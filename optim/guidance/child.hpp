@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A program that is talked to in lines, over its standard input and output; its standard error is
-// ours. It is a process group of its own, so that a Ctrl-C meant for us does not end it in the
-// middle of a step, and it is ended and reaped with everything it started.
+// A child process that exchanges lines over its standard input and output and shares our standard
+// error. It has its own process group: a Ctrl-C does not stop it in the middle of a step, and it is
+// ended together with all processes it started.
 #pragma once
 #include <sys/types.h>
 
@@ -12,20 +12,20 @@ namespace gflow {
 
 class Child {
  public:
-  // Starts `command` by /bin/sh. GuidanceFailed when that is impossible.
+  // Starts `command` by /bin/sh. GuidanceFailed if that is impossible.
   explicit Child(const std::string& command);
-  // Closes its input, which asks it to end; when it has, or after a second, it is terminated with
-  // all that it has started, after another second what is left is killed.
+  // Closes the child's input, which asks it to end. After at most a second its process group gets
+  // SIGTERM, and after another second SIGKILL.
   ~Child();
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
 
-  // Sends a line; `text` has no line break. GuidanceFailed when the program does not read it in
-  // time. That it has ended is told by receive(), after what it said before.
+  // Sends a line; `text` has no line break. GuidanceFailed if the program does not read it in time.
+  // If the program has ended, that is reported by receive(), after its remaining output.
   void send(const std::string& text, std::chrono::milliseconds time_out);
-  // The next line, without its end. GuidanceFailed when the program ends instead, is silent for too
-  // long or sends more than a mebibyte without a line break, and after an interruption
-  // (io/interrupt.hpp).
+  // The next line, without its line break. GuidanceFailed if the program ends, is silent for too
+  // long or sends more than 1 MiB without a line break, and after an interruption
+  // (runtime/base/interrupt.hpp).
   std::string receive(std::chrono::milliseconds time_out);
 
  private:
@@ -37,7 +37,7 @@ class Child {
   int status_ = 0;
   bool ended_ = false;
   int in_ = -1, out_ = -1;  // our ends of its standard input (a socket) and output (a pipe)
-  std::string received_;    // and not yet returned
+  std::string received_;    // bytes received but not yet returned
 };
 
 }  // namespace gflow

@@ -93,7 +93,7 @@ std::shared_ptr<const TeacherFlow> KnownViews::flow(const GuidanceRequest& reque
                                                     const GuidanceView& view) const {
   const Camera& camera = view.camera;
   if (request.next_frame != request.frame + 1)
-    return nullptr;  // the files lead to the next picture
+    return nullptr;  // the flow of the files leads to the next step
   Frame frame;
   const fs::path base =
       path_below(fs::path(folder_) / "flow", camera.name) / fmt::format("{:04}", request.frame);

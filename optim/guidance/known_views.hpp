@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A folder with pictures, and if there are any flows, of known views:
+// Known views in a folder of images and, optionally, flows:
 //
-//   CAMERA/           pictures in natural order of their names, one a time step
+//   CAMERA/                     images in natural order of names, one per time step
 //   flow/CAMERA/NNNN.flo[.gz]   flow from time step NNNN to the next, NNNN_mask.png (see Scene)
-//   *.png, *.jpg      pictures that may be any view's, at any time
+//   *.png, *.jpg                images of any view at any time
 //
-// Pictures with alpha are put on the background that is drawn.
+// Images with alpha are composited over the request's background.
 #pragma once
 #include <map>
 #include <memory>
@@ -21,16 +21,16 @@ namespace gflow {
 
 class KnownViews {
  public:
-  // Error when the folder has no pictures in it or in its folders.
+  // Error if neither the folder nor its subfolders have images.
   explicit KnownViews(const std::string& folder);
 
-  // Planes [3, H, W] in [0, 1] in the size of the view: the picture of its camera at the request's
-  // time where `of_camera` and the folder knows that camera; else all pictures of that time.
-  // GuidanceFailed when there is none, or one has another shape than the view.
+  // Planes [3, H, W] in [0, 1] in the size of the view. If `of_camera` is set and the folder has
+  // the view's camera: that camera's image at the request's time. Otherwise all images of that
+  // time. GuidanceFailed if there is none, or its aspect ratio differs from the view's.
   std::vector<std::vector<float>> pictures(const GuidanceRequest& request, const GuidanceView& view,
                                            bool of_camera) const;
-  // The flow of the view's camera from the request's time step, in its size; nullptr when there is
-  // none.
+  // Flow of the view's camera from the request's time step, in the size of the view; nullptr if
+  // there is none.
   std::shared_ptr<const TeacherFlow> flow(const GuidanceRequest& request,
                                           const GuidanceView& view) const;
 
@@ -39,7 +39,7 @@ class KnownViews {
                             const GuidanceView& view) const;
 
   std::string folder_;
-  std::map<std::string, std::vector<std::string>> of_cameras_;  // paths, one a time step
+  std::map<std::string, std::vector<std::string>> of_cameras_;  // paths, one per time step
   std::vector<std::string> of_any_;
   mutable LruCache<std::string, Image> images_;  // decoded
   mutable LruCache<std::string, TeacherFlow> flows_;

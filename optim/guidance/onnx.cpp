@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-// The reference picture in [-1, 1], shrunk to fit into the view's size and put in its middle.
+// The reference image in [-1, 1], resized to fit the view and centred.
 std::vector<float> condition_of(const NoisyView& view) {
   const GuidanceReference& reference = view.request.reference;
   const int width = view.view.camera.width, height = view.view.camera.height;

@@ -8,7 +8,8 @@
 namespace gflow {
 namespace {
 
-// Two directions across `up`; the azimuth counts from the first to the second.
+// Two orthonormal directions perpendicular to `up`; azimuth is measured from the first to the
+// second.
 std::pair<Eigen::Vector3d, Eigen::Vector3d> across(const Eigen::Vector3d& up) {
   const Eigen::Vector3d some =
       std::fabs(up.x()) < 0.9 ? Eigen::Vector3d::UnitX().eval() : Eigen::Vector3d::UnitY().eval();
@@ -32,7 +33,7 @@ OrbitPlace place_of(const Orbit& orbit, const Camera& camera) {
 Camera moved(const Orbit& orbit, Camera camera, double azimuth, double elevation) {
   const OrbitPlace from = place_of(orbit, camera);
   constexpr double steepest = 89;
-  // One that stands higher already stays where it is.
+  // A camera that is already higher is limited to its own elevation.
   const double most = std::max(steepest, std::fabs(from.elevation));
   const double rise = std::clamp(from.elevation + elevation, -most, most) - from.elevation;
   const auto [first, second] = across(orbit.up);

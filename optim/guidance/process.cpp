@@ -27,7 +27,7 @@ struct Place {
   Json json() const { return {{"offset", offset}, {"shape", shape}}; }
 };
 
-// Hands out the memory from its beginning; each array starts at a multiple of 64 bytes.
+// Allocates the shared memory from its beginning; arrays are aligned to 64 bytes.
 class Layout {
  public:
   Place place(std::vector<size_t> shape, size_t bytes_each = 4) {
@@ -72,7 +72,7 @@ std::vector<T> taken(const SharedMemory& memory, const Place& place) {
   return values;
 }
 
-// A line of the program's; GuidanceFailed when it is no JSON object, or tells an error.
+// Parses a line of the program. GuidanceFailed if it is not a JSON object or contains an error.
 Json parsed(const std::string& line, const std::string& provider) {
   const Json answer = parsed_if_modest(line);
   if (!answer.is_object()) {
@@ -95,7 +95,8 @@ Json parsed(const std::string& line, const std::string& provider) {
   return answer;
 }
 
-// Whether the program says that it wrote an array of this shape, or null or nothing for none.
+// Whether the program wrote this array. It answers with the shape, or with null or nothing for
+// none. GuidanceFailed for another shape.
 bool wrote(const Json& view, const char* what, const Place& place, const std::string& provider) {
   const auto shape = view.find(what);
   if (shape == view.end() || shape->is_null()) return false;
@@ -139,7 +140,7 @@ ProcessGuidance::ProcessGuidance(const std::string& command, double time_out, co
       child_(command) {
   child_.send(Json{{"protocol", "gflow-guidance"}, {"version", version}}.dump(), time_out_);
   const Json greeting = parsed(child_.receive(time_out_), name());
-  const bool echo = greeting.contains("protocol");  // of a program that understands nothing
+  const bool echo = greeting.contains("protocol");  // ours: it does not know the protocol
   if (echo || !greeting.contains("version") || greeting["version"] != version)
     throw GuidanceFailed(fmt::format(
         "{} greeted with {}, expected is {{\"version\": {}}}: it is not made for this gflow",
@@ -206,7 +207,7 @@ std::vector<GuidanceAnswer> ProcessGuidance::guide(const GuidanceRequest& reques
   }
   child_.send(line.dump(), time_out_);
   const Json answer = parsed(child_.receive(time_out_), name());
-  memory_->forget_name();  // the program has it
+  memory_->forget_name();  // the program has opened it
   memory_->require_whole();
   if (!answer.contains("views") || !answer["views"].is_array() ||
       answer["views"].size() != places.size())

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Guidance by another program. Lines of JSON over its standard input and output, pictures in shared
-// memory; apps/guidance/README.md has the protocol, gflow_guidance.py beside it the other side.
+// Guidance by another program: JSON lines over its standard input and output, images in shared
+// memory. apps/guidance/README.md describes the protocol; gflow_guidance.py beside it is the Python
+// side.
 #pragma once
 #include <memory>
 
@@ -13,12 +14,12 @@ namespace gflow {
 
 class ProcessGuidance : public Guidance {
  public:
-  // The protocol that is spoken; a program of another one is refused.
+  // Protocol version; a program with another one is an Error.
   static constexpr int version = 1;
 
-  // Starts the program and waits for its greeting. time_out: for greeting and each answer [s].
-  // `rule` is for the timestep that is drawn for the program. GuidanceFailed when it does not greet
-  // in time, or as another version.
+  // Starts the program and waits for its greeting. time_out: for the greeting and each answer [s].
+  // `rule`: for the timestep drawn for the program. GuidanceFailed if it does not greet in time or
+  // has another version.
   ProcessGuidance(const std::string& command, double time_out, const SdsRule& rule);
 
   std::vector<GuidanceAnswer> guide(const GuidanceRequest& request) override;

@@ -12,7 +12,7 @@
 namespace gflow {
 namespace {
 
-// beta(share) for share in [0, 1].
+// Builds a schedule from beta(share), share in [0, 1].
 template <class Beta>
 NoiseSchedule schedule_of(int timesteps, double beta_start, double beta_end, Beta&& beta) {
   if (timesteps < 2 || !(beta_start > 0 && beta_start <= beta_end && beta_end < 1))

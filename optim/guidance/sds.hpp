@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Score distillation: a denoiser's opinion of a picture as a gradient (Poole et al. 2022,
-// DreamFusion, eq. 3). With a picture x in [0, 1], y = 2 x - 1, noise e ~ N(0, 1) and a timestep t,
+// Score distillation sampling (Poole et al. 2022, DreamFusion, eq. 3): the gradient of an image
+// from a denoiser. With an image x in [0, 1], y = 2 x - 1, noise e ~ N(0, 1) and a timestep t,
 //
 //   z = sqrt(a_t) y + sqrt(1 - a_t) e,   dL/dy = w(t) (eps(z; t) - e),   w(t) = 1 - a_t,
 //
-// a_t the schedule's cumulated alpha (alphas_cumprod); w is DreamFusion's sigma_t^2. The derivative
-// of the denoiser is left out, so that the mean over e is the gradient of a distance between the
-// noised picture and the noised pictures that the denoiser knows: with its score s(z) and
-// eps = -sqrt(1 - a_t) s it is -w(t) sqrt(1 - a_t) E s(z) (analytic.hpp has s in closed form).
+// where a_t is the schedule's cumulative alpha (alphas_cumprod) and w is DreamFusion's sigma_t^2.
+// The derivative of the denoiser is omitted. The mean over e is then the gradient of a distance
+// between the noised image and the denoiser's distribution of noised images: with its score s(z)
+// and eps = -sqrt(1 - a_t) s it is -w(t) sqrt(1 - a_t) E s(z) (analytic.hpp has s in closed form).
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -16,44 +16,44 @@
 
 namespace gflow {
 
-// How much of a picture is left at each of T timesteps.
+// Fraction of an image's variance left at each of T timesteps.
 struct NoiseSchedule {
-  std::vector<double> alphas_cumprod;  // [T] falling, in (0, 1)
+  std::vector<double> alphas_cumprod;  // [T]; decreasing, in (0, 1)
 
   // beta_t = (sqrt(b0) + t / (T - 1) (sqrt(b1) - sqrt(b0)))^2, a_t = prod (1 - beta_s): the "scaled
-  // linear" schedule of latent diffusion (Rombach et al. 2022; Stable Diffusion, Zero123).
-  // Error unless T >= 2 and 0 < b0 <= b1 < 1.
+  // linear" schedule of latent diffusion (Rombach et al. 2022; Stable Diffusion, Zero123). Error
+  // unless T >= 2 and 0 < b0 <= b1 < 1.
   static NoiseSchedule scaled_linear(int timesteps = 1000, double beta_start = 0.00085,
                                      double beta_end = 0.012);
-  // beta_t = b0 + t / (T - 1) (b1 - b0): that of DDPM (Ho et al. 2020).
+  // beta_t = b0 + t / (T - 1) (b1 - b0), as in DDPM (Ho et al. 2020). Errors as scaled_linear.
   static NoiseSchedule linear(int timesteps = 1000, double beta_start = 1e-4,
                               double beta_end = 0.02);
   int timesteps() const { return int(alphas_cumprod.size()); }
 };
 
-// Which timesteps are drawn, and how strongly the condition counts.
+// Range of timesteps and strength of the condition.
 struct SdsRule {
-  double t_min = 0.02;        // share of the timesteps below which none is drawn
-  double t_max = 0.98;        // above which none is drawn at first,
-  double t_max_final = 0.02;  // and at last: T_max falls linearly (GaussianFlow, appendix)
-  double scale = 1;           // s of eps = eps_u + s (eps_c - eps_u); 1: the condition alone
+  double t_min = 0.02;        // smallest timestep, as a fraction of T
+  double t_max = 0.98;        // largest timestep at first,
+  double t_max_final = 0.02;  // and at the end: falls linearly (GaussianFlow, appendix)
+  double scale = 1;           // s of eps = eps_u + s (eps_c - eps_u); 1: only the condition
 };
 
-// The greatest share of the timesteps that is drawn when `progress` in [0, 1] of the training with
-// guidance is over.
+// Largest timestep, as a fraction of T, at `progress` in [0, 1] of the guided steps.
 double t_max_at(const SdsRule& rule, double progress);
-// The share of the timesteps drawn for a view: evenly between t_min and t_max_at(), by seed. Where
-// t_max_at() has fallen below t_min, t_min.
+// A timestep for a view, as a fraction of T: uniform in [t_min, t_max_at()] by seed and view; t_min
+// if t_max_at() is below t_min.
 double timestep_share(const SdsRule& rule, double progress, uint32_t seed, uint32_t view);
-// Its number, 0 to T - 1.
+// Index of a timestep, 0 to T - 1.
 int timestep_at(const NoiseSchedule& schedule, double share);
-// `count` independent standard normal numbers, by seed and view.
+// `count` independent standard normal numbers by seed and view.
 std::vector<float> gaussian_noise(uint32_t seed, uint32_t view, size_t count);
 
-// eps_u + s (eps_c - eps_u) (Ho, Salimans 2021). With s = 1 the denoiser is asked once.
+// Classifier-free guidance: eps_u + s (eps_c - eps_u) (Ho & Salimans 2021). With s = 1 the denoiser
+// runs once.
 std::vector<float> guided_noise(Denoiser& denoiser, const NoisyView& view, double scale);
 
-// dL/dx [3, H, W] = 2 dL/dy for the rendered picture of a view of a request, with this noise.
+// dL/dx [3, H, W] = 2 dL/dy for the rendered image of a view, with this noise.
 std::vector<float> sds_gradient(Denoiser& denoiser, const NoiseSchedule& schedule,
                                 const GuidanceRequest& request, const GuidanceView& view,
                                 int timestep, const std::vector<float>& noise, double scale);

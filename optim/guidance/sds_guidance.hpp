@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Score distillation as a guidance: any denoiser, by the schedule and rule of sds.hpp.
+// Score distillation with any denoiser, by the schedule and rule of sds.hpp.
 #pragma once
 #include <memory>
 
@@ -20,7 +20,7 @@ class SdsGuidance : public Guidance {
   SdsRule rule_;
 };
 
-// That with pictures, and where wanted and there flows, of a folder (analytic.hpp).
+// Score distillation with images, and optionally flows, of a folder (analytic.hpp).
 class AnalyticGuidance : public Guidance {
  public:
   AnalyticGuidance(const std::string& folder, double variance, NoiseSchedule schedule,

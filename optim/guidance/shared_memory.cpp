@@ -22,10 +22,10 @@ SharedMemory::SharedMemory(size_t bytes) : bytes_(bytes) {
                                       (bytes >> 20) + 1, std::strerror(code)));
   };
   name_ = fmt::format("/gflow-guidance-{}-{}", getpid(), count++);
-  shm_unlink(name_.c_str());  // of a former process of this number that was killed
+  shm_unlink(name_.c_str());  // left by a killed process with the same pid
   file_ = shm_open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (file_ < 0) throw failed(errno);
-  // Allocated now: a full /dev/shm would end us by SIGBUS at the first write.
+  // Allocate now: otherwise a full /dev/shm would raise SIGBUS at the first write.
   int code = posix_fallocate(file_, 0, off_t(bytes));
   void* const data =
       code == 0 ? mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file_, 0) : MAP_FAILED;

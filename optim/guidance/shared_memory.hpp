@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Memory that another process maps by a name (POSIX shared memory).
+// Memory that another process maps by name (POSIX shared memory).
 #pragma once
 #include <cstddef>
 #include <string>
@@ -8,7 +8,7 @@ namespace gflow {
 
 class SharedMemory {
  public:
-  // New memory, all 0, that only this user may open. GuidanceFailed when there is no room.
+  // New zeroed memory, accessible only by this user. GuidanceFailed if there is no room.
   explicit SharedMemory(size_t bytes);
   ~SharedMemory();
   SharedMemory(const SharedMemory&) = delete;
@@ -16,10 +16,11 @@ class SharedMemory {
 
   std::byte* data() const { return data_; }
   size_t size() const { return bytes_; }
-  const std::string& name() const { return name_; }  // "/gflow-...", as shm_open takes it
-  // GuidanceFailed where the other process has cut it off: touching what is gone would end us.
+  const std::string& name() const { return name_; }  // "/gflow-...", for shm_open
+  // GuidanceFailed if the other process has truncated the memory: accessing it would raise SIGBUS.
   void require_whole() const;
-  // Whoever has it keeps it; nobody else finds it, and nothing is left behind however we end.
+  // Unlinks the name. Existing mappings stay valid, nobody else can open the memory, and nothing is
+  // left behind however this process ends.
   void forget_name();
 
  private:
