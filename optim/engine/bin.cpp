@@ -8,12 +8,12 @@
 namespace gflow {
 namespace {
 
-// None as shipped, so that it is the program that others need, too.
+// Without defines if masks are on, so that the program is shared with other users of common.cl.
 Defines mask_defines(const EngineSettings& settings) {
   return with_more(settings.skip.masks ? Defines{} : Defines{{"CELL_MASKS", 0}}, settings);
 }
 
-// Of groups that take a chunk each.
+// One work-group per chunk.
 Range groups_of(const Queue& queue, cl_uint chunks) {
   return Range::groups(chunks, size_t(chunk_group(queue)));
 }

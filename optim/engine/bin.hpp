@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Splats into 16x16 tiles in depth order, with a mask of the touched cells for each intersection.
+// Assigns splats to 16x16 tiles in depth order, with a mask of the touched cells per intersection.
 #pragma once
 #include "optim/engine/tile_lists.hpp"
 #include "runtime/primitives/sort.hpp"
@@ -9,10 +9,10 @@ namespace gflow {
 class Bin {
  public:
   Bin(Queue& queue, const EngineSettings& settings);
-  // Counts what is seen, and the intersections. Does not wait.
+  // Starts counting visible Gaussians and intersections. Does not wait.
   void start(Queue& queue, const Splats& splats, Tiles& tiles);
-  // The rest, of the same splats. Waits for the counts alone: what was queued since start() may go
-  // on. Error when there are 2^31 intersections or more, before anything is allocated.
+  // Builds the tile lists of the same splats. Waits only for the counts; work queued after start()
+  // may continue. Error, before anything is allocated, if there are 2^31 or more intersections.
   void build(Queue& queue, int width, int height, const Splats& splats, Tiles& tiles);
 
  private:
@@ -25,7 +25,7 @@ class Bin {
   std::unique_ptr<TileLists> lists_;
   cl_uint chunks_ = 0;                                                         // of all Gaussians
   Buffer<cl_uint> seen_counts_{"seen counts"}, seen_offsets_{"seen offsets"};  // [chunks (+ 1)]
-  Buffer<cl_uint> keys_{"depth keys"}, order_{"depth order"};  // of the V that are seen
+  Buffer<cl_uint> keys_{"depth keys"}, order_{"depth order"};  // [V] visible Gaussians
 };
 
 }  // namespace gflow

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians given outright at each time by means, quaternions and linear scales: what `gflow splat`
-// and the tests feed the engine with.
+// Gaussians given at each time by means, quaternions and linear scales, as used by `gflow splat`
+// and the tests.
 #pragma once
 #include "optim/engine/gaussians.hpp"
 

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which stream of random numbers is whose (shared/random.h: a number is a function of the run's
-// seed, a stream and an index, so that training gives the same bits however it is divided): two
-// uses of one stream would draw the same numbers. Only the order of views (curriculum.hpp) has its
-// rounds as streams, from 0 on.
+// Streams of random numbers (shared/random.h). A number is a function of the run's seed, a stream
+// and an index, so that training is repeatable however work is divided. Each use has its own
+// stream; two uses of one stream would draw the same numbers. The order of views
+// (train/curriculum.hpp) uses its rounds as streams, from 0 on.
 #pragma once
 #include "shared/dialect.h"
 
 namespace gflow::streams {
 
 enum : uint {
-  // Of each step.
+  // Per step.
   kSplit = 7,
   kPair = 8,
   kBackground = 9,
@@ -21,10 +21,10 @@ enum : uint {
   kReach = 15,
   kTile = 16,
   kTileSeed = 17,
-  // Of each view that is guided; its seed is one of kGuidance's.
+  // Per guided view; the seed is a number of kGuidance.
   kTimestep = 31,
-  kLatentNoise = 32,  // and 33: a pair
-  // Of the first Gaussians: each of an axis and those after it.
+  kLatentNoise = 32,  // and 33: pairs of numbers
+  // Initial Gaussians. kPosition and kColor are the first of three streams each.
   kPosition = 100,
   kColor = 110,
   kTime = 120,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The program of kernels/raster.cl for what is wanted: shared by projection and splatting.
+// The program of kernels/raster.cl for these settings, shared by projection and splatting.
 #pragma once
 #include "optim/engine/settings.hpp"
 #include "runtime/cl/program.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one may choose about the image and its flow, with the names users write.
+// Choices for rendering and flow, with their names in settings.
 #pragma once
 #include <fmt/format.h>
 
@@ -14,7 +14,7 @@
 
 namespace gflow {
 
-// How a splat carries pixels from t1 to t2 (shared/transport.h); the values are the kernels'.
+// How a splat carries pixels from t1 to t2 (shared/transport.h); values are those of the kernels.
 enum class Transport {
   paper = TRANSPORT_PAPER,
   ot = TRANSPORT_OT,
@@ -24,7 +24,7 @@ enum class Transport {
 // Whether the splat that saturates a pixel is still drawn.
 enum class StopRule { include, exclude };
 
-// Their names for users, in the order of the enumerators, which count from 0.
+// Names in settings, in the order of the enumerators, which count from 0.
 constexpr std::array<const char*, 4> names_of(Transport) {
   return {"paper", "ot", "material", "translate"};
 }
@@ -34,24 +34,24 @@ constexpr const char* name_of(Enum value) {
   return names_of(value)[static_cast<size_t>(value)];
 }
 
-// Work that is left out. `boxes`, `masks`, `saturated`, `asking`, `flow`, `bands` and `compact`
-// change no bit of an image or a gradient (but the sign of a 0), but without boxes more Gaussians
-// count as seen; `outside` none either, but for the last bits of what `bases` share; `still`
-// changes the last bits of gradients, since sums that are 0 are not formed; `unseen` those of
-// steps, which a Gaussian makes up for when it is seen again (shared/adam.h; with adam.beta1 above
-// 0 what the mean gradient would do meanwhile is left out).
+// Work that can be skipped. `boxes`, `masks`, `saturated`, `asking`, `flow`, `bands` and `compact`
+// change no bit of an image or gradient (except the sign of a 0), but without `boxes` more
+// Gaussians count as visible. `outside` changes none either, except the last bits of what `bases`
+// share. `still` changes the last bits of gradients, because sums that are 0 are not formed.
+// `unseen` changes the last bits of Adam steps; a Gaussian catches up when it is visible again
+// (shared/adam.h), but with adam.beta1 > 0 the moves by its mean gradient in between are lost.
 struct Skips {
-  bool boxes = true;      // tiles outside the box of the ellipse where alpha >= 1/255 (project.cl)
-  bool masks = true;      // cells of a tile outside that ellipse (cell_mask.cl)
-  bool saturated = true;  // a tile's list from where nothing passes through it (splat.cl)
-  bool asking = true;     // the way back through cells where every gradient is 0 (splat_bwd.cl)
-  bool outside = true;  // rows of other moments and outside the picture (motion/view_rows.hpp), but
-                        // in steps with a motion loss, or with mcmc, which pose all
-  bool still = true;    // the second time of what rests before a camera at rest (View::moving)
-  bool flow = true;     // flow in tiles where nothing moves, its gradients where none are asked for
-  bool bands = true;    // spherical harmonics, and their Adam, above the degree in use (sh.cl)
-  bool compact = true;  // three quarters of a picture on the device: bytes, not floats
-  bool unseen = true;   // Adam's steps of Gaussians that no picture of a step shows
+  bool boxes = true;  // tiles outside the bounding box of the ellipse alpha >= 1/255 (project.cl)
+  bool masks = true;  // 4x4 cells of a tile outside that ellipse (cell_mask.cl)
+  bool saturated = true;  // rest of a tile's list once all its pixels are saturated (splat.cl)
+  bool asking = true;     // backward pass in cells where every gradient is 0 (splat_bwd.cl)
+  bool outside = true;    // rows absent at this time or outside the image (motion/view_rows.hpp),
+                          // except in steps with a motion loss or mcmc, which pose all rows
+  bool still = true;      // t2 of static Gaussians seen by a static camera (View::moving)
+  bool flow = true;       // flow in tiles where nothing moves; its gradients where v_flow is 0
+  bool bands = true;      // SH bands, and their Adam steps, above the degree in use (sh.cl)
+  bool compact = true;    // three quarters of an image's memory on the device: bytes, not floats
+  bool unseen = true;     // Adam steps of Gaussians that no image of the step shows
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
@@ -78,33 +78,33 @@ struct Skips {
 struct EngineSettings {
   Transport transport = Transport::material;
   StopRule stop = StopRule::include;
-  int top_k = 0;                // contributors a pixel's flow is made of; 0 = all, the paper has 20
+  int top_k = 0;                // contributors to a pixel's flow; 0: all; the paper uses 20
   bool detach_t1 = false;       // no flow gradient to the geometry at t1
-  bool detach_weights = false;  // no flow gradient to the weights, i.e. to what is drawn where
+  bool detach_weights = false;  // no flow gradient to the blending weights
   bool absgrad = false;         // v_means2d from sums of |gradient| over pixels; not with depth
   Skips skip;
-  std::vector<std::pair<std::string, std::string>> defines;  // others for its kernels: gflow bench
+  std::vector<std::pair<std::string, std::string>> defines;  // more, for gflow bench
 };
 
-// The defines of a kernel file, and those.
+// The defines of a kernel file and those of the settings.
 template <class Defines>
 Defines with_more(Defines defines, const EngineSettings& settings) {
   for (const auto& [name, value] : settings.defines) defines.emplace_back(name, value);
   return defines;
 }
 
-// Which images are wanted beside colour and alpha; what is not wanted costs nothing.
+// Images to render besides colour and alpha; others cost nothing.
 struct Channels {
   bool flow = true;
   bool depth = true;
 };
 
-// The moment of the depth carries the sums of |gradient|: one or the other.
+// absgrad uses the slot of the depth moment, so only one of the two is available.
 inline bool absgrad(const EngineSettings& settings, Channels channels) {
   return settings.absgrad && !channels.depth;
 }
 
-// The value of that name; Error that lists the choices.
+// The enumerator of this name. Error that lists the choices.
 template <class Enum>
 Enum value_named(const std::string& name) {
   const auto names = names_of(Enum{});

@@ -8,7 +8,8 @@
 namespace gflow {
 namespace {
 
-// One group a tile: a single work-item where it holds LANES pixels, else one for so many pixels.
+// One group per tile: a single work-item if it holds LANES pixels, else one work-item per `pixels`
+// pixels.
 Range tile_groups(const Tiles& tiles, int lanes, int pixels) {
   return Range::groups(tiles.count(), lanes > 1 ? 1 : TILE * TILE / pixels);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tiles of splats to images, and image gradients to 16 moments a Gaussian.
+// Tiles of splats to images, and image gradients to 16 moments per Gaussian.
 #pragma once
 #include <array>
 
@@ -10,17 +10,18 @@ namespace gflow {
 class Splatting {
  public:
   Splatting(Queue& queue, const EngineSettings& settings, Channels channels);
-  // Which tiles of a picture have flow, [tiles] 0 or 1 for forward(): those with a weight in
-  // flow_tiles (nullptr: all) and a splat below `moving`.
+  // Which tiles of an image have flow, [tiles] 0 or 1 for forward(): those that are chosen by
+  // flow_tiles (nullptr: all) and contain a splat of a row below `moving`.
   const Buffer<cl_uchar>& tiles_with_flow(Queue& queue, const Buffer<float>* flow_tiles,
                                           size_t moving, const Tiles& tiles);
-  // images.width and height are set by the caller. Of a picture shared between one with flow and
-  // one without, each draws the tiles that are its own by with_flow.
+  // The caller sets images.width and height. With with_flow, two Splattings share an image: the one
+  // with the flow channel renders the tiles with flow, the other one the rest.
   void forward(Queue& queue, const std::array<float, 3>& background, const Splats& splats,
                const Tiles& tiles, Images& images, const Buffer<cl_uchar>* with_flow = nullptr);
-  // partials [M, 16]; moments [N, 16], undefined for Gaussians that were not seen. All of v is read
-  // that the channels have, v_alpha always. In two halves: first all tiles, or with `shared` those
-  // that ask for flow, or none, as the channels have it; then the sums over them.
+  // The backward pass in two halves. backward(): partials [M, 16] per intersection, from the
+  // gradients v of all channels and always v_alpha. With `shared` it covers only the tiles with
+  // nonzero v_flow if it has the flow channel, else only the others. gather(): moments [N, 16], the
+  // sums per Gaussian, undefined for Gaussians that were not visible.
   void backward(Queue& queue, const Splats& splats, const Tiles& tiles, const Images& images,
                 const ImageGradients& v, Buffer<float>& partials, bool shared = false);
   void gather(Queue& queue, const Splats& splats, const Tiles& tiles, const Buffer<float>& partials,

@@ -19,7 +19,7 @@ using Shape = std::vector<size_t>;
                           array.shape_text(), expected));
 }
 
-// The named array as floats, with its shape checked.
+// An array as floats. Error for another shape.
 std::vector<float> floats(const Arrays& input, const std::string& key, const Shape& shape,
                           const std::string& name) {
   const Array& array = array_named(input, key, name);
@@ -32,8 +32,8 @@ std::vector<float> floats_or(const Arrays& input, const std::string& key, const 
   return input.count(key) ? floats(input, key, shape, name) : otherwise;
 }
 
-// An array of N Gaussians whose values may not be below 0 nor above `most`. One that is not finite
-// is only its own Gaussian's trouble.
+// Values of N Gaussians, each finite one in [0, most]. Non-finite values are allowed, because they
+// only affect their own Gaussian.
 std::vector<float> floats_up_to(float most, const char* expected, const Arrays& input,
                                 const std::string& key, const Shape& shape,
                                 const std::string& name) {
@@ -49,7 +49,7 @@ std::vector<float> scales_of(const Arrays& input, const std::string& key, size_t
   return floats_up_to(HUGE_VALF, "lengths from 0 on, not logarithms", input, key, {n, 3}, name);
 }
 
-// A viewmat, which turns and shifts.
+// A viewmat: rotation and translation.
 std::vector<float> pose_of(const Arrays& input, const std::string& key, const std::string& name) {
   const std::vector<float> m = floats(input, key, {4, 4}, name);
   for (const float x : m)
@@ -66,7 +66,7 @@ std::vector<float> pose_of(const Arrays& input, const std::string& key, const st
     }
   const float determinant = m[0] * (m[5] * m[10] - m[6] * m[9]) -
                             m[1] * (m[4] * m[10] - m[6] * m[8]) +
-                            m[2] * (m[4] * m[9] - m[5] * m[8]);  // below 0: a mirror
+                            m[2] * (m[4] * m[9] - m[5] * m[8]);  // < 0: a reflection
   if (!(turns && determinant > 0))
     throw Error(
         fmt::format("reading {}: camera pose '{}' should be a rotation and a translation, "
@@ -92,7 +92,7 @@ PinholeCamera camera_of(const std::vector<float>& viewmat, const std::vector<flo
   return camera;
 }
 
-// [H, W, C] to planes [C, H, W] and back.
+// [H, W, C] to planes [C, H, W].
 std::vector<float> to_planes(const std::vector<float>& image, size_t channels) {
   const size_t pixels = image.size() / channels;
   std::vector<float> planes(image.size());
@@ -108,7 +108,7 @@ std::vector<float> from_planes(const std::vector<float>& planes, size_t channels
   return image;
 }
 
-// Numbers of the Gaussians that have a value that is not finite in any array of theirs.
+// Indices of Gaussians with a non-finite value in any array.
 std::vector<int32_t> broken_gaussians(const Arrays& input, size_t n) {
   std::vector<char> broken(n);
   for (const char* key :
@@ -124,14 +124,14 @@ std::vector<int32_t> broken_gaussians(const Arrays& input, size_t n) {
   return numbers;
 }
 
-// One image of the output, its cotangent's key and number of channels.
+// An output image: its name, channels and cotangent.
 struct Loss {
   std::string key;
   size_t channels;
   Buffer<float> ImageGradients::*gradient;
 };
 
-// Error when a value is not finite, which would reach every pixel.
+// Error if a value is not finite; it would reach every pixel.
 void require_finite(const std::vector<float>& values, const std::string& key,
                     const std::string& name) {
   for (const float x : values)
@@ -139,8 +139,8 @@ void require_finite(const std::vector<float>& values, const std::string& key,
       throw Error(fmt::format("reading {}: array '{}' has a value that is not finite", name, key));
 }
 
-// Error where the device cannot hold the images of such a file, with one of each's cotangents. On a
-// CPU it is the memory that they are read into and written from as well.
+// Error if the device cannot hold the images and their cotangents. On a CPU the same memory also
+// holds the arrays read and written.
 void require_room_for_images(const DeviceInfo& device, size_t pixels, const Arrays& input,
                              const std::string& name) {
   const bool moves = input.count("means_t2") > 0;
@@ -188,10 +188,9 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
   const Array& means = array_named(input, "means", name);
   if (means.shape.size() != 2 || means.shape[1] != 3) refuse_shape(means, "means", name, "(N, 3)");
   SplatScene s;
-  const size_t n = s.count = means.shape[0];  // which all other arrays are to have
+  const size_t n = s.count = means.shape[0];  // all other arrays must have n rows
   s.moves = input.count("means_t2") > 0;
 
-  // Gaussians at both times
   const std::vector<float> places = floats(input, "means", {n, 3}, name);
   const std::vector<float> opacities =
       floats_up_to(1, "opacities from 0 to 1, not logits", input, "opacities", {n}, name);
@@ -211,7 +210,6 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
     posed.forward(queue, s.quats_t2, s.scales_t2, s.t2.factors);
   }
 
-  // cameras
   const auto viewmat = pose_of(input, "viewmat", name);
   const auto viewmat2 = input.count("viewmat_t2") ? pose_of(input, "viewmat_t2", name) : viewmat;
   const auto K = floats(input, "K", {3, 3}, name);
@@ -250,7 +248,7 @@ Arrays splat_arrays(Queue& queue, const Arrays& input, const SplatOptions& optio
   const std::vector<int32_t> broken = broken_gaussians(input, n);
   output["broken"] = {{broken.size()}, broken};
 
-  // one backward pass a cotangent, the other images' gradients being zero
+  // One backward pass per cotangent; gradients of the other images are zero.
   std::vector<Loss> losses{{"rgb", 3, &ImageGradients::v_rgb},
                            {"alpha", 1, &ImageGradients::v_alpha},
                            {"depth", 1, &ImageGradients::v_depth}};

@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-// One work-item a chunk: for devices whose cores are few and quick.
+// One work-item per chunk, for devices with few fast cores.
 class CountedLists : public TileLists {
  public:
   explicit CountedLists(Queue& queue)
@@ -51,7 +51,7 @@ int bits_of(cl_uint largest) {
   return bits;
 }
 
-// One work-item an intersection: for devices with thousands of them.
+// One work-item per intersection, for devices with thousands of work-items.
 class SortedLists : public TileLists {
  public:
   explicit SortedLists(Queue& queue)

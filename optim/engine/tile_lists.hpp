@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Each tile's list of splats from all splats in depth order, as suits the device: counted by chunks
-// (kernels/bin.cl) or sorted by tile (kernels/tile_sort.cl). Both make the same lists.
+// Lists of splats per tile, from all splats in depth order. Two methods with the same result:
+// counting by chunks (kernels/bin.cl), or sorting by tile (kernels/tile_sort.cl).
 #pragma once
 #include <memory>
 
@@ -8,7 +8,7 @@
 
 namespace gflow {
 
-// A tile t's splats are isect_ids[tile_offsets[t] .. tile_offsets[t + 1]), nearest first. The
+// Tile t contains the splats isect_ids[tile_offsets[t] .. tile_offsets[t + 1]), nearest first. The
 // intersections of Gaussian i have the slots slot_offsets[i] .. slot_offsets[i + 1].
 struct Tiles {
   cl_uint x = 0, y = 0;                          // tiles across and down
@@ -17,29 +17,29 @@ struct Tiles {
   Buffer<cl_uint> tile_offsets{"tile_offsets"};  // [tiles + 1]
   Buffer<cl_uint> isect_ids{"isect_ids"};        // [M]
   Buffer<cl_uint> isect_slots{"isect_slots"};    // [M]
-  Buffer<cl_ushort> masks{"masks"};              // [M] one bit a 4x4 cell
+  Buffer<cl_ushort> masks{"masks"};              // [M]; one bit per 4x4 cell
   size_t count() const { return size_t(x) * y; }
 };
 
-// Splats that are seen, nearest first, ties by index.
+// Visible splats, nearest first, ties by index.
 struct DepthOrder {
   const Buffer<cl_uint>& ids;  // [V]
   cl_uint count;               // V
 };
 
-// Gives `tiles`, whose size, number of intersections and slot_offsets are known, its tile_offsets,
-// isect_ids and isect_slots.
+// Fills tile_offsets, isect_ids and isect_slots of `tiles`, whose size, number of intersections and
+// slot_offsets are set.
 class TileLists {
  public:
   virtual ~TileLists() = default;
   virtual void build(Queue& queue, const Splats& splats, const DepthOrder& order, Tiles& tiles) = 0;
 };
 
-// What suits the queue's device.
+// The implementation that suits the queue's device.
 std::unique_ptr<TileLists> tile_lists_for(Queue& queue);
 
-// Pieces that n splats are cut into for counting: enough to fill the device, few enough that
-// [chunks, tiles] counters stay small.
+// Number of chunks for counting n splats: enough to occupy the device, few enough that the counters
+// [chunks, tiles] stay small.
 cl_uint bin_chunks(const Queue& queue, size_t n);
 
 }  // namespace gflow
