@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A test scene on the device: uploaded once, drawn and differentiated by the engine, results read
-// back by name. And how results are compared.
+// A test scene on the device: uploaded once, rendered and differentiated by the engine, results
+// read back by name. Also comparison of results.
 #pragma once
 #include <cstring>
 
@@ -18,8 +18,8 @@ inline std::vector<float> to_float(const std::vector<double>& a) {
   return std::vector<float>(a.begin(), a.end());
 }
 
-// An output, every value of which a kernel must have written: with GFLOW_POISON_BUFFERS memory
-// holds a number that none computes until then.
+// Reads an output and checks that every value was written. With GFLOW_POISON_BUFFERS memory
+// initially holds a bit pattern that no kernel computes.
 inline std::vector<float> written(Queue& queue, const Buffer<float>& output) {
   std::vector<float> values = output.read(queue);
   for (size_t i = 0; i < values.size(); ++i) {
@@ -63,19 +63,19 @@ class DeviceScene {
     write(scales2_, "scales_t2");
   }
 
-  // Looks from elsewhere, at pictures of the same size.
+  // Sets other cameras with the same image size.
   void aim(const PinholeCamera& camera, const PinholeCamera& camera_t2) {
     view_.camera = camera;
     view_.camera_t2 = camera_t2;
   }
 
-  // Makes the pose at t2 of a Gaussian one that must not be looked at.
+  // Sets a Gaussian's pose at t2 to NaN, to show that it is not read.
   void break_second_pose_of(size_t row) {
     t2_.means.fill_range(queue_, 3 * row, 3, std::numeric_limits<float>::quiet_NaN());
     quats2_.fill_range(queue_, 4 * row, 4, std::numeric_limits<float>::quiet_NaN());
   }
 
-  // View::moving; the rows from there on get a wrong pose at t2, which must not be looked at.
+  // Sets View::moving. Static rows get a wrong pose at t2, which must not be read.
   void stand_still_from(size_t row) {
     view_.moving = row;
     const size_t rest = t2_.opacities.size() - row;
@@ -83,14 +83,14 @@ class DeviceScene {
     quats2_.fill_range(queue_, 4 * row, 4 * rest, 0.5f);
   }
 
-  // View::flow_tiles.
+  // Sets View::flow_tiles.
   void ask_flow_of(const std::vector<float>& tiles) {
     flow_tiles_.ensure(queue_, tiles.size());
     flow_tiles_.write(queue_, tiles);
     view_.flow_tiles = &flow_tiles_;
   }
 
-  // rgb, alpha, transmittance, and depth, flow where the channels have them.
+  // rgb, alpha, transmittance, and depth and flow if the channels have them.
   FloatArrays forward() {
     posed_.forward(queue_, quats_, scales_, t1_.factors);
     posed_.forward(queue_, quats2_, scales2_, t2_.factors);
@@ -138,8 +138,8 @@ class DeviceScene {
 
   Engine engine;
   GaussianGradients gradients;
-  bool flow_in_parts = false;   // ImageGradients'
-  bool keep_gradients = false;  // what rows that are not seen hold; else 0
+  bool flow_in_parts = false;   // see ImageGradients
+  bool keep_gradients = false;  // keep what rows that are not visible hold; else 0
 
  private:
   Queue& queue_;
@@ -157,7 +157,7 @@ inline void require_same_size(size_t actual, size_t expected) {
   if (actual != expected) throw Error(fmt::format("{} values instead of {}", actual, expected));
 }
 
-// Root of the sum of squares, of one vector or of the difference of two.
+// Euclidean norm of a vector, or of the difference of two.
 template <class A>
 double norm(const std::vector<A>& a) {
   double sum = 0;
@@ -172,13 +172,13 @@ double distance(const std::vector<A>& a, const std::vector<E>& b) {
     sum += (double(a[i]) - double(b[i])) * (double(a[i]) - double(b[i]));
   return std::sqrt(sum);
 }
-// |actual - expected| / |expected|; 0 where both are 0.
+// actual - expected| / |expected|; 0 if both are 0.
 template <class A, class E>
 double relative_l2(const std::vector<A>& actual, const std::vector<E>& expected) {
   const double difference = distance(actual, expected);
   return difference == 0 ? 0 : difference / std::max(norm(expected), 1e-30);
 }
-// The largest |actual - expected| over the pixels that are not doubtful; a NaN gives infinity.
+// Largest |actual - expected| over pixels that are not doubtful; infinity for NaN.
 template <class E>
 double largest_error(const std::vector<float>& actual, const std::vector<E>& expected,
                      const std::vector<uint8_t>& doubtful) {

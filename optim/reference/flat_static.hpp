@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Gaussian at rest and its shift as one list of numbers: 13 and 10.
+// A static Gaussian and its shift as one list of 13 + 10 numbers.
 #pragma once
 #include "shared/shifted.h"
 
@@ -11,7 +11,7 @@ inline Still still_from(const std::vector<double>& x) {
 inline Shift shift_from(const std::vector<double>& x) {
   return {{x[13], x[14], x[15]}, {x[16], x[17], x[18], x[19]}, {x[20], x[21], x[22]}};
 }
-// The gradient by both, from that by the Gaussian: a shift adds to what it shifts.
+// Gradients of both from the gradient of the shifted Gaussian, since the shift is additive.
 inline std::vector<double> still_and_shift(const Still& v) {
   return {v.mean.x,        v.mean.y, v.mean.z,       v.mean_t,       v.quat.x,       v.quat.y,
           v.quat.z,        v.quat.w, v.log_scales.x, v.log_scales.y, v.log_scales.z, v.log_scales.w,

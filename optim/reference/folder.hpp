@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A folder for the files a test makes, gone with the object.
+// A temporary folder for test files, removed with the object.
 #pragma once
 #include <unistd.h>
 
@@ -19,7 +19,7 @@ class TemporaryFolder {
 
   const std::string& path() const { return path_; }
 
-  // Path of a file in it; folders on the way are made.
+  // Path of a file in the folder; creates parent folders.
   std::string file(const std::string& name) const {
     const std::filesystem::path full = std::filesystem::path(path_) / name;
     std::filesystem::create_directories(full.parent_path());
@@ -32,7 +32,7 @@ class TemporaryFolder {
     return file(name);
   }
 
-  // Number of files in it, at any depth.
+  // Number of files in the folder, at any depth.
   size_t count() const {
     size_t n = 0;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(path_))

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The field of the hexplane model in double, written out by its formulas (shared/hexplane.h):
-// planes, features, network, shift, and their derivatives; and what the planes should be like.
+// The hexplane field in double, written from its formulas (shared/hexplane.h): planes, features,
+// network, shift, and their derivatives; and the regularisation of the planes.
 #pragma once
 #include "optim/motion/hexplane_shape.hpp"
 #include "optim/reference/parameters.hpp"
@@ -13,7 +13,7 @@ namespace gflow::reference {
 struct HexplaneLevel {
   const HexplaneShape& shape;
   const std::vector<double>& planes;
-  size_t start, resolution;  // its first row
+  size_t start, resolution;  // start: its first row
 
   double space(size_t plane, size_t v, size_t u, size_t c) const {
     return at(start + (plane * resolution + v) * resolution + u, c);
@@ -36,12 +36,12 @@ inline std::vector<HexplaneLevel> hexplane_levels(const HexplaneShape& shape,
   return levels;
 }
 
-// Between two cells, by share; slope = d share / d (what it is the place of), 0 outside.
+// Position between two cells: share in [0, 1], and slope = d share / d coordinate, 0 outside.
 struct HexplanePlace {
   size_t cell = 0;
   double share = 0, slope = 0;
 };
-// Of `unit`, which is in [0, 1] or outside; per_unit = d unit / d x.
+// `unit` is in [0, 1] inside the planes; per_unit = d unit / d coordinate.
 inline HexplanePlace place_of(double unit, double per_unit, size_t count) {
   if (count < 2) return {};
   const double x = std::clamp(unit, 0.0, 1.0) * double(count - 1);
@@ -49,15 +49,15 @@ inline HexplanePlace place_of(double unit, double per_unit, size_t count) {
   return {cell, x - double(cell), unit >= 0 && unit <= 1 ? per_unit * double(count - 1) : 0};
 }
 
-// A row of the planes that takes part in a factor of the features, its weight, and the derivatives
-// of that by the mean.
+// A row of the planes that contributes to a factor of the features, its weight, and the derivative
+// of the weight by the mean.
 struct HexplaneTerm {
   size_t row;
   double weight;
   std::array<double, 3> slope;
 };
 
-// The six factors of a level's features at a place and time: XY XZ YZ XT YT ZT.
+// The six factors of a level's features at a position and time: XY XZ YZ XT YT ZT.
 inline std::array<std::vector<HexplaneTerm>, 6> hexplane_terms(const HexplaneLevel& level,
                                                                const double (&mean)[3],
                                                                double time_unit) {
@@ -141,7 +141,7 @@ inline Shift hexplane_shift(const HexplaneShape& shape, double duration, const N
   return d;
 }
 
-// The gradient of the shift's sum weighed by v.
+// Gradient of the sum of shift x v.
 struct HexplaneGradient {
   std::vector<double> planes, network, mean;
 };
@@ -193,7 +193,7 @@ inline HexplaneGradient hexplane_vjp(const HexplaneShape& shape, double duration
   return g;
 }
 
-// The three terms of PlaneRule, weighed.
+// The weighted sum of the three terms of PlaneRule.
 inline double plane_cost(const HexplaneShape& shape, const PlaneRule& rule,
                          const std::vector<double>& planes) {
   double cost = 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The losses in double, by the definition: a full 11 x 11 window at every pixel, nothing separated,
-// no border planes. Per-pixel maths comes from kernels/shared/loss.h, read as double.
+// The losses in double, by definition: a full 11 x 11 window at every pixel, not separable, no
+// special border. Per-pixel maths is kernels/shared/loss.h compiled for double.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -22,7 +22,7 @@ inline double ssim_window(int dx, int dy) {
   return std::exp(-(dx * dx + dy * dy) / 4.5) / (sum * sum);
 }
 
-// f(dx, dy, index of the pixel there or -1 outside) over the window around (x, y).
+// Calls f(dx, dy, index of the pixel or -1 outside) over the window around (x, y).
 template <class F>
 void for_window(int width, int height, int x, int y, F&& f) {
   for (int dy = -SSIM_RADIUS; dy <= SSIM_RADIUS; ++dy)
@@ -32,7 +32,7 @@ void for_window(int width, int height, int x, int y, F&& f) {
     }
 }
 
-// rgb [3, H, W] in [0, 1], truth [H, W, 3] in 8 bits.
+// rgb [3, H, W] in [0, 1], truth [H, W, 3] as 8 bits.
 inline ImageLossResult image_loss(int width, int height, const std::vector<double>& rgb,
                                   const std::vector<uint8_t>& truth, double ssim_weight) {
   const int pixels = width * height;
@@ -82,8 +82,8 @@ struct FlowLossResult {
   std::vector<double> v_flow;  // [2, H, W]
 };
 
-// flow, teacher [2, H, W], alpha and confidence (in [0, 1]) [H, W], the weight of a pixel's tile
-// among it.
+// flow, teacher [2, H, W]; alpha, confidence [H, W]. confidence in [0, 1] includes the weight of
+// the pixel's tile.
 inline FlowLossResult flow_loss(const std::vector<double>& flow, const std::vector<double>& alpha,
                                 const std::vector<double>& teacher,
                                 const std::vector<double>& confidence, double weight, double knee) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every motion model's forward function in double: Gaussian i of given parameters at a time.
+// Forward functions of all motion models in double: Gaussian i of given parameters at a time.
 #pragma once
 #include <functional>
 
@@ -81,7 +81,7 @@ inline Shifted hexplane_at(const MotionShape& shape, const Named& p, size_t i, d
   return shifted_at(g, hexplane_shift(shape.hexplane, double(shape.duration), p, g.mean, t), t);
 }
 
-// Of any model.
+// The forward function of any model.
 inline DoubleForward forward_of(const MotionShape& shape) {
   return [shape](const Named& p, size_t i, double t) -> Shifted {
     switch (shape.motion) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What Gaussians are made from, in double: poses (quaternion and scales at each time) and the
-// native4d model with spherical harmonics; each with its derivative. Arrays by name, as in files
-// and parameter groups.
+// Parameters of Gaussians in double: poses (quaternion and scales at each time), and the native4d
+// model with spherical harmonics; each with its derivative. Arrays by name, as in files and
+// parameter groups.
 #pragma once
 #include <map>
 #include <string>
@@ -58,7 +58,7 @@ inline Named posed_vjp(const Named& p, const Gaussians& v) {
   return g;
 }
 
-// The native4d groups of optim/motion/native4d.hpp; those of optim/motion/color.hpp.
+// Groups of optim/motion/native4d.hpp, and of optim/motion/color.hpp.
 inline Native4d native4d_row(const Named& p, size_t i) {
   Native4d g;
   g.mean = row3(p.at("means"), i);
@@ -115,7 +115,7 @@ inline real3 sh_color_vjp(const Named& p, size_t i, int degree, real3 mean, real
   return direction_to_vjp(o, sh_basis_vjp(degree, o.d, v_b));
 }
 
-// A native4d field with SH colour, seen at t1 by `camera` and moving on to t2.
+// A native4d field with SH colour seen at t1 by `camera`, and its motion to t2.
 struct Cut {
   double t1, t2;
   int degree;

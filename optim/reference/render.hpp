@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The engine in double, by its definition: every Gaussian at every pixel, no tiles, no lists, no
-// radius. The maths of one Gaussian is kernels/shared read as double; what a pixel does with it is
-// written here anew: alpha from the inverse covariance (not K), and the derivative. Which Gaussians
-// count at a pixel is decided first and can be given instead, so that central differences do not
+// The engine in double, by definition: every Gaussian at every pixel, no tiles, no lists, no
+// radius. The maths of one Gaussian is kernels/shared compiled for double. The per-pixel part is
+// written independently: alpha from the inverse covariance (not K), and the derivative. The
+// contributors of each pixel are decided first and can be fixed, so that central differences do not
 // cross a threshold.
 #pragma once
 #include <algorithm>
@@ -32,7 +32,7 @@ struct Shot {
 struct Planes {
   std::vector<double> rgb, alpha, depth, flow;
 };
-// Sum of the products, over all images.
+// Inner product over all images.
 inline double inner(const Planes& a, const Planes& v) {
   double sum = 0;
   for (const auto& [x, y] :
@@ -41,7 +41,7 @@ inline double inner(const Planes& a, const Planes& v) {
   return sum;
 }
 
-// One Gaussian that counts at a pixel; `clamped`: its alpha is cut to 0.99.
+// A Gaussian that contributes to a pixel; `clamped`: its alpha is clamped to 0.99.
 struct Contributor {
   uint32_t gaussian;
   bool clamped;
@@ -50,7 +50,7 @@ struct Contributor {
 struct Contributors {
   std::vector<size_t> first;
   std::vector<Contributor> list;
-  std::vector<uint8_t> doubtful;  // [H, W] 1: float32 may decide otherwise here
+  std::vector<uint8_t> doubtful;  // [H, W]; 1: float32 may decide otherwise
 };
 
 inline real3 row3(const std::vector<double>& a, size_t i) {
@@ -70,7 +70,7 @@ inline void add_rows9(std::vector<double>& a, size_t i, Mat3 m) {
   add_row3(a, 3 * i + 2, m.r3);
 }
 
-// A Gaussian as a pixel sees it: flow = m + D (x - mean).
+// A projected Gaussian: flow = m + D (x - mean).
 struct Seen {
   bool drawn, moves;
   Projection p, p2;
@@ -112,8 +112,9 @@ inline double distance2(const Seen& s, real2 x) {
   return s.conic.a * d.x * d.x + 2 * s.conic.b * d.x * d.y + s.conic.c * d.y * d.y;
 }
 
-// Who counts where. A decision is doubtful when float32 rounding could turn it: alpha within 1e-4
-// of 1/255, transmittance within 1e-3 of the stop, raw alpha within 1e-5 of 0.99.
+// Decides the contributors of each pixel. A decision is doubtful if float32 rounding could change
+// it: alpha within 1e-4 of 1/255, transmittance within 1e-3 of the stop threshold, raw alpha within
+// 1e-5 of 0.99 (relative).
 inline Contributors decide(const Shot& shot, const std::vector<Seen>& seen) {
   std::vector<uint32_t> order(seen.size());
   std::iota(order.begin(), order.end(), 0u);
@@ -122,7 +123,7 @@ inline Contributors decide(const Shot& shot, const std::vector<Seen>& seen) {
       order.end());
   std::stable_sort(order.begin(), order.end(),
                    [&](uint32_t a, uint32_t b) { return seen[a].p.p.z < seen[b].p.p.z; });
-  std::vector<double> reach(seen.size());  // largest distance2 that can matter
+  std::vector<double> reach(seen.size());  // largest distance2 that can contribute
   for (uint32_t i : order) reach[i] = 2 * std::log(255 * seen[i].opacity) + 1e-3;
   const bool exclude = shot.settings.stop == StopRule::exclude;
   const size_t pixels = size_t(shot.camera.width) * shot.camera.height;
@@ -150,9 +151,9 @@ inline Contributors decide(const Shot& shot, const std::vector<Seen>& seen) {
   return c;
 }
 
-// One contributor's part at one pixel.
+// One contributor at one pixel.
 struct Layer {
-  double alpha, T, weight, flow_weight;  // T: before this layer
+  double alpha, T, weight, flow_weight;  // T: transmittance before this layer
   real2 d, flow;
 };
 inline std::vector<Layer> layers_at(const Shot& shot, const std::vector<Seen>& seen,
@@ -204,16 +205,17 @@ inline Planes blend(const Shot& shot, const Gaussians& g, const std::vector<Seen
   return out;
 }
 
-// What the pixels say to one splat; 2D gradients at fixed pixels.
+// Gradients of one splat, summed over pixels.
 struct SplatGradient {
-  real2 mean{0, 0}, m{0, 0};  // by mean at t1 (flow's part not included) and by m
+  real2 mean{0, 0}, m{0, 0};  // by the mean at t1 (without the part of flow) and by m
   Sym2 s{0, 0, 0};            // by S, as a symmetric matrix
   Mat2 d{0, 0, 0, 0};         // by D
   double opacity = 0, depth = 0;
   real3 color{0, 0, 0};
 };
 
-// Back to front: `behind` is what the layers behind and the background add, per unit of T.
+// Back to front. `behind` is the contribution of the layers behind and the background, per unit of
+// T.
 inline std::vector<SplatGradient> blend_vjp(const Shot& shot, const Gaussians& g,
                                             const std::vector<Seen>& seen, const Contributors& c,
                                             const Planes& images, const Planes& v) {
@@ -258,7 +260,7 @@ inline std::vector<SplatGradient> blend_vjp(const Shot& shot, const Gaussians& g
   return out;
 }
 
-// From the splats' gradients to the Gaussians' at both times.
+// From gradients of the splats to gradients of the Gaussians at both times.
 inline Gaussians see_vjp(const Shot& shot, const Gaussians& g, const std::vector<Seen>& seen,
                          const std::vector<SplatGradient>& v) {
   const size_t n = g.count();
@@ -295,7 +297,7 @@ inline Gaussians see_vjp(const Shot& shot, const Gaussians& g, const std::vector
   return out;
 }
 
-// The whole forward pass; `fixed` are the contributors of another call, else they are decided here.
+// The whole forward pass. `fixed`: contributors of another call; otherwise they are decided here.
 struct Rendering {
   std::vector<Seen> seen;
   Contributors contributors;

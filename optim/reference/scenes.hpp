@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small random scenes for the engine's tests. Every value is a float32, held as double, so that the
-// reference and the device are given the same numbers.
+// Small random scenes for tests of the engine. Every value is a float32 stored as double, so that
+// the reference and the device get the same numbers.
 #pragma once
 #include <cmath>
 #include <random>
@@ -9,7 +9,7 @@
 
 namespace gflow {
 
-// Gaussians posed at two times (reference::posed) and how they are looked at.
+// Gaussians posed at two times (reference::posed), and the cameras and settings to render them.
 struct PosedScene {
   reference::Shot shot;
   reference::Named p;
@@ -22,12 +22,12 @@ struct SceneSpec {
   int width = 32, height = 32;
   unsigned seed = 1;
   double cover = 15;    // mean number of Gaussians that touch a pixel
-  double aspect = .5;   // spread of the logarithms of the three scales
-  double spread = 1.2;  // how far centres lie from the middle, 1 = the image's border
-  double opaque = 0;    // share of Gaussians with opacity in (0.99, 1]
+  double aspect = .5;   // standard deviation of the three log scales
+  double spread = 1.2;  // extent of the centres; 1: to the image's border
+  double opaque = 0;    // fraction of Gaussians with opacity in (0.99, 1]
 };
 
-// The world-to-camera part of a camera, from a quaternion (w x y z) and a translation.
+// Sets a camera's pose (world to camera) from a quaternion (w x y z) and a translation.
 inline void place(PinholeCamera& camera, real4 quat, real3 translation) {
   const Mat3 r = quat_to_rotmat(quat_normalize(quat).q);
   const real3 rows[3] = {r.r1, r.r2, r.r3};
@@ -52,7 +52,7 @@ inline PinholeCamera test_camera(int width, int height) {
   c.height = height;
   return c;
 }
-// The world position of a point given in camera coordinates.
+// World position of a point in camera coordinates.
 inline real3 world_of(const PinholeCamera& c, real3 p) {
   const real3 d = p - make_real3(c.translation[0], c.translation[1], c.translation[2]);
   const float* r = c.rotation;
@@ -69,7 +69,7 @@ inline PosedScene random_scene(const SceneSpec& spec) {
   const auto uniform = [&](double lo, double hi) {
     return lo + (hi - lo) * (double(rng()) / 4294967296.0);
   };
-  const auto normal = [&] {  // by hand: the standard's distribution differs between libraries
+  const auto normal = [&] {  // std::normal_distribution differs between libraries
     return std::sqrt(-2 * std::log(uniform(1e-12, 1))) *
            std::cos(6.283185307179586 * uniform(0, 1));
   };
@@ -80,7 +80,7 @@ inline PosedScene random_scene(const SceneSpec& spec) {
   const double background[3] = {.25, .375, .625};
   std::copy(background, background + 3, s.shot.background);
   const PinholeCamera& c = s.shot.camera;
-  // area of alpha >= 1/255 at a typical opacity .3: 2 pi ln(76) sigma^2 = 27 sigma^2
+  // Area of alpha >= 1/255 at a typical opacity of .3: 2 pi ln(76) sigma^2 = 27 sigma^2.
   const double area = double(spec.width) * spec.height * spec.spread * spec.spread;
   const double sigma = std::sqrt(spec.cover * area / (27.0 * double(std::max<size_t>(spec.n, 1))));
   for (const char* name :
@@ -116,7 +116,7 @@ inline PosedScene random_scene(const SceneSpec& spec) {
   return s;
 }
 
-// One Gaussian more, at camera coordinates `at`, with three scales and no rotation of its own; it
+// Adds a Gaussian at camera coordinates `at`, with three scales and no rotation of its own. It
 // moves by `shift` (camera coordinates) until t2.
 inline void add_gaussian(PosedScene& s, real3 at, real3 scales, double opacity,
                          real3 shift = {0, 0, 0}) {
@@ -131,7 +131,7 @@ inline void add_gaussian(PosedScene& s, real3 at, real3 scales, double opacity,
   }
 }
 
-// Random cotangents of order 1/sqrt(pixels), 0 at the doubtful pixels (float32 values).
+// Random cotangents of order 1/sqrt(pixels) as float32 values, 0 at doubtful pixels.
 inline reference::Planes random_cotangents(const PosedScene& s, unsigned seed,
                                            const std::vector<uint8_t>& doubtful = {}) {
   std::mt19937 rng(seed);
@@ -151,7 +151,7 @@ inline reference::Planes random_cotangents(const PosedScene& s, unsigned seed,
   v.flow = plane(2, .1);
   return v;
 }
-// The same with only one of the images' cotangents: "rgb", "alpha", "depth" or "flow".
+// The cotangents of one image, others 0: "rgb", "alpha", "depth" or "flow".
 inline reference::Planes only(reference::Planes v, const std::string& image) {
   if (image != "rgb") std::fill(v.rgb.begin(), v.rgb.end(), 0.0);
   if (image != "alpha") std::fill(v.alpha.begin(), v.alpha.end(), 0.0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rows of the spacetime model in double, as one list of numbers and as the groups of
+// Rows of the spacetime model in double, as a flat list and as the groups of
 // optim/motion/spacetime.hpp.
 #pragma once
 #include "optim/reference/parameters.hpp"

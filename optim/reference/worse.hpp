@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The worst of many errors, where a value that is no number is the worst there is.
+// The worst of several errors, where NaN is worst.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -7,8 +7,8 @@
 
 namespace gflow {
 
-// The larger of the worst so far, which is a number, and one more; infinity for NaN, which
-// std::max(worst, NaN) would pass over.
+// The larger of `worst`, which is not NaN, and `error`; infinity if `error` is NaN, which
+// std::max(worst, NaN) would ignore.
 inline double worse(double worst, double error) {
   return std::isnan(error) ? std::numeric_limits<double>::infinity() : std::max(worst, error);
 }
