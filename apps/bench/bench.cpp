@@ -20,7 +20,7 @@ namespace bench {
 
 namespace {
 
-// Told now rather than when all is done.
+// Checks output paths before anything is measured.
 void check_outputs(const BenchOptions& options) {
   require_writable("--json", options.json);
   require_writable("--markdown", options.markdown);
@@ -80,7 +80,7 @@ void deliver(const BenchOptions& options, const std::function<Result()>& measure
   check_outputs(options);
   const Result result = measure();
   result.report.print();
-  std::fflush(stdout);  // an interruption that comes while plots are drawn takes nothing of it
+  std::fflush(stdout);  // keeps the report if plotting is interrupted
   if (!options.json.empty())
     write_file_atomically(options.json, std::string_view(result.report.json().dump(1) + "\n"));
   if (!options.markdown.empty())

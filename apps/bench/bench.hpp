@@ -11,30 +11,31 @@
 
 namespace gflow::bench {
 
-// What every bench takes.
+// Options common to all benches.
 struct BenchOptions {
   int repeats = 15;
   std::string json, compare, plots;  // files and a folder, or empty
-  std::string markdown;              // a file, of benches that write a table
+  std::string markdown;              // file, for benches that write a table
 };
 void add_common(CLI::App& bench, BenchOptions& options);
 
-// Under an InterruptGuard: Interrupted where Ctrl-C was pressed, so that scratch folders go.
+// Call under an InterruptGuard. Throws Interrupted after Ctrl-C, so that scratch folders are
+// removed.
 void stop_if_interrupted();
 
-// "512x512" as width and height; Error names the option when it is no size.
+// Width and height of "512x512". Error that names the option if the text is not a size.
 std::pair<int, int> size_named(const std::string& option, const std::string& text);
 
-// What was measured, and how to show it.
+// The measurements of a bench and their presentation.
 struct Result {
   Report report;
   std::vector<Plot> plots;
   std::string markdown = "";
 };
 
-// Error where a file that is to be written cannot be. Then measures, prints, writes, draws and
-// compares as asked for: what was measured is shown whatever fails. Where something is worse than
-// in --compare it measures once more, and ends the program with 3 where it is worse again.
+// Checks output paths, then measures, prints, writes, plots and compares as requested; the report
+// is printed even if a later part fails. If something is worse than in --compare, measures once
+// more, and exits with code 3 if it is worse again.
 void deliver(const BenchOptions& options, const std::function<Result()>& measure);
 
 void add_raster(CLI::App& bench, const GlobalOptions& options);

@@ -21,7 +21,7 @@ std::vector<Choice> all_choices(int lanes) {
   add("stop", "exclude").stop = StopRule::exclude;
   for (const std::string t : {"1e-2", "1e-3", "1e-5", "1e-6"})
     add("pixels finished at", t).defines = {{"T_MIN", t + "f"}};
-  // log2 of 1/64, 1/128, 1/512, 1/2048
+  // log2 of 1/64, 1/128, 1/512, 1/2048.
   for (const auto& [name, log2] :
        {std::pair{"1/64", "-6.f"}, {"1/128", "-7.f"}, {"1/512", "-9.f"}, {"1/2048", "-11.f"}})
     add("alpha >=", name).defines = {{"ALPHA_MIN_LOG2", log2}};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one may choose about the image, its flow and gradients: the knobs of `gflow bench pareto`.
+// The choices about image, flow and gradients that `gflow bench pareto` compares.
 #pragma once
 #include <string>
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace gflow::bench {
 
-// One choice: what differs from the settings as shipped.
+// A choice: a knob and the settings that differ from the defaults.
 struct Choice {
   std::string knob, name;
   EngineSettings settings;
@@ -16,8 +16,8 @@ struct Choice {
   bool shipped() const { return knob == "shipped"; }
 };
 
-// The shipped one and those of the knobs asked for, all where none is named; none that gives the
-// device as many lanes as it has. Error when there is no such knob.
+// The default choice and those of the given knobs (none given: all knobs). Skips the number of
+// lanes that the device has by default. Error if a knob does not exist.
 std::vector<Choice> choices_of(int lanes, const std::vector<std::string>& knobs);
 
 }  // namespace gflow::bench

@@ -10,7 +10,7 @@ namespace {
 
 std::vector<double> widened(const std::vector<float>& a) { return {a.begin(), a.end()}; }
 
-// Everyone before the camera at every pixel, nearest first.
+// All Gaussians in front of the camera at every pixel, nearest first.
 reference::Contributors everyone(const reference::Shot& shot,
                                  const std::vector<reference::Seen>& seen) {
   std::vector<uint32_t> order;
@@ -26,7 +26,7 @@ reference::Contributors everyone(const reference::Shot& shot,
     const real2 x = reference::pixel_centre(shot, pixel);
     for (const uint32_t i : order) {
       const double raw = seen[i].opacity * std::exp(-0.5 * reference::distance2(seen[i], x));
-      if (raw > 1e-12) all.list.push_back({i, raw > 0.99});  // a trillionth is no cut-off
+      if (raw > 1e-12) all.list.push_back({i, raw > 0.99});  // negligible, but saves memory
     }
     all.first.push_back(all.list.size());
   }

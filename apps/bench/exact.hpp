@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the engine should have found, in double (tests/reference): how wrong images, flow and
-// gradients are, by the definition of the image and by one without cut-offs.
+// Errors of the engine's images, flow and gradients against the double reference (optim/reference):
+// with the cut-offs of the image definition, and without any.
 #pragma once
 #include "apps/bench/scene.hpp"
 #include "optim/reference/render.hpp"
 
 namespace gflow::bench {
 
-// Root mean squares over pixels, relative L2 errors over gradients (the worst of the groups).
+// Root mean square over pixels; relative L2 over gradients (the worst group).
 struct Errors {
   double rgb = 0;        // [of 1]
   double flow_px = 0;    // [px]
@@ -16,15 +16,15 @@ struct Errors {
 
 class Exact {
  public:
-  // The Gaussians of a scene at both times; takes time and memory by Gaussians x pixels.
+  // The Gaussians of a scene at both times. Time and memory grow with Gaussians x pixels.
   Exact(Queue& queue, BenchScene& scene);
 
-  // A loss by which gradients are compared: random, nothing at pixels where rounding may decide who
-  // counts. Planes as in ImageGradients, without depth.
+  // A random loss for comparing gradients, 0 at pixels where rounding may decide which Gaussians
+  // contribute. Planes as in ImageGradients, without depth.
   const reference::Planes& loss() const { return v_; }
 
-  // `as_defined`: by the image's definition with the settings as shipped, at pixels where rounding
-  // decides nothing. `without_cutoffs`: every Gaussian counts at every pixel.
+  // as_defined: the default image definition, without pixels where rounding may decide.
+  // without_cutoffs: every Gaussian contributes to every pixel.
   struct Found {
     Errors as_defined, without_cutoffs;
   };

@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who of several choices is worth a look: the Pareto front of time and errors.
+// The Pareto front of time and errors.
 #pragma once
 #include <algorithm>
 #include <vector>
 
 namespace gflow::bench {
 
-// The time and the errors of a choice, each in a unit of its own; all choices have as many errors.
+// Time and errors of a choice, each in its own unit. All choices have the same number of errors.
 struct TimeAndErrors {
   double time = 1;
   std::vector<double> errors;
 };
 
-// Whether each is on the front: nobody else is as fast and as exact in every measure, and in one of
-// them better, beyond what times differ by from run to run and decimals that nobody sees.
+// Whether each choice is on the front: no other one is as good in time and all errors and better in
+// one of them. Tolerances cover the run-to-run spread of times and negligible differences of
+// errors.
 inline std::vector<bool> pareto_front(const std::vector<TimeAndErrors>& all) {
   constexpr double kSpread = 1.03, kSame = 1.03, kMoreExact = 1.1;
   const auto worse = [](const TimeAndErrors& a, const TimeAndErrors& b) {  // a than b

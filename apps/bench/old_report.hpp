@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An earlier report of `gflow bench`, as --compare takes it from a file.
+// An earlier report of `gflow bench`, read from a file for --compare.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>
@@ -10,16 +10,16 @@ namespace gflow::bench {
 
 using Json = nlohmann::ordered_json;
 
-// Error where a file is no report of this bench, or of more than 16 MB.
+// Error if the file is not a report of this bench, or is larger than 16 MB.
 Json read_report(const std::string& path, const std::string& bench);
 
-// Whether it was measured with the same, in whatever order the keys are.
+// Equality regardless of the order of keys.
 bool same_json(const Json& a, const Json& b);
 
-// A text of it; "" where it has none of that key.
+// A string of the report; "" if the key is missing.
 std::string text_of(const Json& report, const char* key);
 
-// A figure of its rows; NaN where it has none.
+// A value of the report's rows; NaN if it is missing.
 Spread figure_of(const Json& rows, const std::string& row, const std::string& name);
 
 }  // namespace gflow::bench

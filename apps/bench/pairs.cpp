@@ -10,7 +10,7 @@
 namespace gflow::bench {
 namespace {
 
-// Of each tile, bit by bit, the cells with a pixel whose gradients are not 0.
+// Per tile, a bit mask of the cells with a pixel that has a nonzero gradient.
 std::vector<cl_ushort> cells_that_ask(Queue& queue, const Images& images, const ImageGradients& v,
                                       bool flow) {
   const size_t width = size_t(images.width), pixels = width * size_t(images.height);
@@ -35,7 +35,7 @@ double sum(const std::vector<cl_uint>& counts) {
   return std::accumulate(counts.begin(), counts.end(), 0.0);
 }
 
-// Walks the lists: of each tile from its start to `ends`, in `cells`.
+// Counts pairs in the tile lists, each from its start to `ends`, in the given cells.
 class Walk {
  public:
   Walk(Queue& queue, const Engine& engine, const EngineSettings& settings)
@@ -60,8 +60,8 @@ class Walk {
            cells_, listed, masked, blended, open_);
   }
 
-  // How far the kernels go when they stop where all of those cells are full, which they look at
-  // after each `batch` of splats; no further than `ends`.
+  // Where the kernels stop: once all given cells are saturated, checked after each `batch` of
+  // splats; at most `ends`.
   std::vector<cl_uint> stops(const std::vector<cl_uint>& ends, const std::vector<cl_ushort>& cells,
                              cl_uint batch) const {
     const std::vector<cl_uint> open = open_.read(queue_);
@@ -109,7 +109,8 @@ Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& sett
   walk(whole, all);
   Pairs pairs;
   pairs.listed = sum(walk.listed.read(queue));
-  // splat.cl looks now and then; splat_bwd.cl begins where the last pixel was full.
+  // splat.cl checks for saturation periodically; splat_bwd.cl starts where the last pixel
+  // saturated.
   const std::vector<cl_uint> there =
       stops ? walk.stops(whole, all, queue.lanes == 1 ? 64 : 32) : whole;
   const std::vector<cl_uint> back = stops ? walk.stops(whole, asking, 1) : whole;
@@ -131,8 +132,9 @@ size_t tiles_asking_flow(Queue& queue, const Images& images, const ImageGradient
   return size_t(std::count(asks.begin(), asks.end(), true));
 }
 
-// Forward: exponent 8, exp2 13, cut, weight and what passes 5, colour 6; flow 12, depth 2. Backward
-// repeats 26 of them, and adds 26 for what colour and alpha pull at, 28 for flow, 4 for depth.
+// Forward: exponent 8, exp2 13, cut-off, weight and transmittance 5, colour 6; flow 12, depth 2.
+// Backward repeats 26 of them, and adds 26 for the gradients of colour and alpha, 28 for flow, 4
+// for depth.
 double forward_flops(Channels c) { return 32 + (c.flow ? 12 : 0) + (c.depth ? 2 : 0); }
 double backward_flops(Channels c) { return 52 + (c.flow ? 28 : 0) + (c.depth ? 4 : 0); }
 
@@ -142,11 +144,11 @@ double bytes_of(const Touched& t) {
 }
 
 double bytes_of_stage(const std::string& stage, const Touched& t, Channels c) {
-  const double pose = 12 + 36, record = 64, flow = c.flow;  // a mean and a factor; a splat
+  const double pose = 12 + 36, record = 64, flow = c.flow;  // mean and factor; splat
   const double planes = 4 * (6 + 2 * flow + c.depth);       // images of splat.cl
   if (stage == "motion") return (1 + flow) * t.drawn * (4 * t.parameters + pose + 4);
   if (stage == "project") return t.drawn * (pose + 4 + record / 2 + 8 + 4 + 4);
-  if (stage == "bin")  // keys written; three passes of the sort; counted and scattered a tile
+  if (stage == "bin")  // keys written; three sort passes; counting and scattering per tile
     return t.drawn * (12 + 3 * (4 + 16) + 12 + 16) + 8 * t.intersections;
   if (stage == "mask") return t.intersections * (4 + record / 2 + 2);
   if (stage == "transport") return t.drawn * (4 + 12 + 2 * pose * flow + 36);
@@ -157,7 +159,7 @@ double bytes_of_stage(const std::string& stage, const Touched& t, Channels c) {
   if (stage == "gather") return t.intersections * record + t.drawn * (4 + record);
   if (stage == "project back")
     return t.drawn * (4 + 4 + record + (1 + flow) * 2 * pose + 4 + 12 + 8);
-  if (stage == "motion back")  // at the second time gradients are added to those of the first
+  if (stage == "motion back")  // gradients at t2 are added to those at t1
     return t.drawn * (8 + pose + 4 + 8 * t.parameters + flow * (pose + 12 * t.parameters));
   if (stage == "Adam")
     return 4 * 6 * t.parameters * t.moved;  // gradients twice, values, second moments

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow bench pareto`: run time against error. Every choice about the image, tried alone: the time
-// of an image with flow and its gradients, and how far they are from double.
+// `gflow bench pareto`: run time against error. Each choice about the image is tried alone: the
+// time of an image with flow and its gradients, and their errors against double.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -38,15 +38,15 @@ constexpr char kNativeIsBuiltIn[] =
 
 struct Measured {
   Choice choice;
-  Cost cost, beside;  // the latter: of the shipped settings, in the same repeats
+  Cost cost, beside;  // beside: the default settings in the same repeats
   Exact::Found found;
-  // CPU time, of that of the shipped settings.
+  // CPU time relative to the default settings.
   Spread of_shipped() const {
     return choice.shipped() ? Spread{1, 1, 1} : ratio_of(cost.cpu_ms, beside.cpu_ms);
   }
 };
 
-// How wrong it is in every way that is measured.
+// All measured errors.
 std::vector<double> all_errors(const Exact::Found& found) {
   const Errors &a = found.as_defined, &b = found.without_cutoffs;
   return {a.rgb, a.flow_px, a.gradients, b.rgb, b.flow_px, b.gradients};
@@ -86,8 +86,8 @@ ImageGradients uploaded(Queue& queue, const reference::Planes& v) {
   return out;
 }
 
-// A queue for so many lanes (0: the device's own number) with the scene that is timed, and the
-// small one that is compared.
+// A queue with this number of lanes (0: the device's), the scene that is timed, and the small one
+// that is compared with double.
 struct Place {
   Place(const GlobalOptions& options, const ParetoOptions& o, int lanes) {
     QueueOptions queue_options;
@@ -115,15 +115,15 @@ Shown timed(const Place& place, const EngineSettings& settings) {
           random_gradients(*place.queue, pixels, {true, false})};
 }
 
-// By all errors: those without cut-offs do not show rounding, those as defined not what is left
-// out.
+// Uses all errors: those without cut-offs do not show rounding, those as defined do not show what
+// cut-offs remove.
 std::vector<bool> front_of(const std::vector<Measured>& all) {
   std::vector<TimeAndErrors> costs;
   for (const Measured& m : all) costs.push_back({m.of_shipped().median, all_errors(m.found)});
   return pareto_front(costs);
 }
 
-// Devices whose exp2 and native_exp2 are one: "exp2 native" is no choice there.
+// Whether exp2 and native_exp2 are the same on this device, so that "exp2 native" is no choice.
 bool native_is_built_in(const std::vector<Measured>& all) {
   const auto errors_of = [&](const std::string& name) {
     const auto found = std::find_if(all.begin(), all.end(),
@@ -134,9 +134,9 @@ bool native_is_built_in(const std::vector<Measured>& all) {
   return !native.empty() && native == errors_of("exp2 built in");
 }
 
-// Six pictures of error over time: without cut-offs above, as defined below. Who is on the front is
-// blue, the shipped settings are red. A line leads through those that no other on the front beats
-// in time and the error of that picture; these have labels, one where several are hardly apart.
+// Six plots of error over time: without cut-offs above, as defined below. Choices on the front are
+// blue, the default settings red. A line connects the labelled choices that no other one on the
+// front beats in time and this error.
 Plot plot_of(const std::vector<Measured>& all, const std::vector<bool>& front) {
   struct Part {
     const char* title;
@@ -233,7 +233,7 @@ std::string markdown_of(const Queue& queue, const ParetoOptions& o,
 
 #ifdef GFLOW_WITH_OPENCV
 
-// Mean and deviation, to so many digits; "-" where there is nothing to measure it by.
+// Mean and deviation with this many digits; "-" if nothing was measured.
 std::string in_words(const Samples& values, int digits) {
   const MeanAndDeviation m = mean_of(values);
   if (std::isnan(m.mean)) return "-";
@@ -280,8 +280,8 @@ void add_rows(Report& report, const std::vector<TrainedChoice>& all) {
   }
 }
 
-// What a step takes, and what trainings of the same time come to: a line for each choice, the
-// shipped one first and as a line through all of them.
+// Cost of a step, and results of trainings with equal time: one line per choice, the default one
+// first and as a line through all plots.
 Plot plot_of(const std::vector<TrainedChoice>& all) {
   struct Part {
     const char* title;
@@ -437,7 +437,7 @@ void add_pareto(CLI::App& bench, const GlobalOptions& options) {
       ->type_name("FILE.md");
   add_common(*pareto, flags->common);
   pareto->callback([flags, &options] {
-    choices_of(0, flags->knobs);  // refuses before anything is made
+    choices_of(0, flags->knobs);  // an unknown knob is an Error before anything is measured
 #ifdef GFLOW_WITH_OPENCV
     if (!flags->training.scene.empty()) require_trainable(flags->training);
 #endif

@@ -34,7 +34,7 @@ Peak measure_peak(Queue& queue) {
   Program program(queue, "peak.cl");
   Kernel<cl_int, cl_float, cl_float, Out<float>> fma(program, "peak_fma");
   Kernel<In<float>, Out<float>> copy(program, "peak_copy");
-  // A CPU runs a work-item on a core; a GPU wants very many short ones.
+  // A CPU runs one work-item per core; a GPU needs very many short ones.
   const bool wide = queue.lanes > 1;
   const size_t items = wide ? 4 * queue.info.compute_units : 65536;
   const cl_int rounds = wide ? 1600000 : 4096;

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// The most a device can do, measured in the same process as what is compared with it.
+// Peak rates of a device, measured in the same process as what is compared with them.
 #pragma once
 #include "runtime/cl/queue.hpp"
 
 namespace gflow::bench {
 
 struct Peak {
-  double gflops = 0;    // fused multiply-adds of the pixel kernels' vectors, two operations each
-  double copy_gbs = 0;  // bytes read and written by a copy of 64 MiB [1e9 bytes / s]
+  double gflops = 0;    // FMAs on the pixel kernels' vectors, two operations each [1e9/s]
+  double copy_gbs = 0;  // bytes read and written by a copy [1e9 bytes/s]
 };
 
-// The best of nine runs of kernels/peak.cl each, by wall time.
+// The best of nine runs each of the kernels in kernels/peak.cl, by wall time.
 Peak measure_peak(Queue& queue);
 
 }  // namespace gflow::bench

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow bench raster`: one image and its gradients, stage by stage, from the parameters of moving
+// `gflow bench raster`: an image and its gradients, stage by stage, from the parameters of moving
 // Gaussians to Adam.
 #include <fmt/format.h>
 
@@ -28,7 +28,7 @@ struct RasterOptions {
   bool no_flow = false, depth = false, kernels = false, grid = false;
 };
 
-// The kernels of each stage, in the order they run. The prefix sum of `look` is in `bin`, whose
+// The kernels of each stage, in execution order. The prefix sum of `look` counts in `bin`, whose
 // kernels it shares.
 const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
     {"look", {"spacetime_look", "view_rows_write"}},
@@ -46,7 +46,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
     {"motion back", {"spacetime_bwd"}},
     {"Adam", {"adam_refuse", "adam_advance", "adam_step"}}};
 
-// Half the CPU time from binning to gathering, the raster alone: wall time on two quiet cores. NaN
+// Half the CPU time from bin to gather, the rasterizer alone: its wall time on two idle cores. NaN
 // on a GPU.
 Figure half_of_raster(const Queue& queue, const Cost& cost) {
   const char* const name = "bin to gather, of that [ms]";
@@ -89,7 +89,7 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& rep
       touched.parameters += double(group.width);
   const auto row = [&](const std::string& name, const Samples& times, double flops) {
     const Spread ms = spread_of(times);
-    // Operations, or bytes, in 1e9 a second by time in ms: 1e-6.
+    // Operations or bytes in 1e9 per second, time in ms: factor 1e-6.
     const double share = flops * pairs.blended * 1e-6 / report.peak().gflops;
     report.add(
         {scene.name + ": " + name,
@@ -97,7 +97,7 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& rep
           queue.info.is_cpu ? Figure{"CPU, about [ms]", spread_of(cpu_of(times, all, cost.cpu_ms))}
                             : single("CPU, about [ms]", NAN),
           {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
-          // Of the others nobody has counted the operations.
+          // Operations are counted only for splat and backward.
           single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN),
           single("of the copy peak [%]", 100e-6 * bytes_of_stage(name, touched, channels) /
                                              report.peak().copy_gbs / ms.median)},
@@ -120,7 +120,7 @@ struct Case {
   size_t gaussians;
 };
 
-// Of random Gaussians, each once. One size goes with every number, and the other way round.
+// Cases with random Gaussians, each once. A single size goes with every number, and vice versa.
 std::vector<Case> cases_of(const RasterOptions& o) {
   const size_t sizes = o.sizes.size(), numbers = o.gaussians.size();
   const bool each = o.grid || sizes == 1 || numbers == 1;
@@ -184,7 +184,7 @@ void add_raster(CLI::App& bench, const GlobalOptions& options) {
                        "Gaussians as for `gflow splat`; left out: random ones, about 48 in a pixel")
           ->check(path_given())
           ->type_name("FILE.npz");
-  // What only random ones have.
+  // Options of random scenes only.
   CLI::Option* const random[] = {
       raster
           ->add_option("--pixels", flags->sizes,
@@ -212,7 +212,7 @@ void add_raster(CLI::App& bench, const GlobalOptions& options) {
   raster->add_flag("--kernels", flags->kernels, "Show the kernels of each stage");
   add_common(*raster, flags->common);
   raster->callback([flags, &options] {
-    if (flags->file.empty()) cases_of(*flags);  // refuses before anything is made
+    if (flags->file.empty()) cases_of(*flags);  // checks the cases before anything is measured
     deliver(flags->common, [&] { return run_raster(*flags, options); });
   });
 }

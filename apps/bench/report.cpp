@@ -12,10 +12,10 @@
 namespace gflow::bench {
 namespace {
 
-constexpr double kGrown = 1.1;   // a ratio above it is worth a look
-constexpr double kFallen = 0.2;  // [dB] and so much less of a quality
+constexpr double kGrown = 1.1;   // a larger ratio counts as worse
+constexpr double kFallen = 0.2;  // [dB]; a larger loss of quality counts as worse
 
-// Four digits, as long as that is readable.
+// Four significant digits where readable.
 std::string digits(double x) {
   if (std::isnan(x)) return "-";
   const double size = std::fabs(x);
@@ -49,14 +49,14 @@ void print_table(const std::vector<std::vector<std::string>>& lines) {
   }
 }
 
-// Figures that follow from another one, such as [ns] a pair or a time without a spread, need not be
-// compared as well; parts of a row's CPU time are shown beside it and not judged.
+// Whether a value is a time to compare. Values that follow from another one, such as ns per pair or
+// a time without a spread, are not.
 bool is_time(const Figure& f) {
   return f.spread &&
          (f.name.find("[ms]") != std::string::npos || f.name.find("[s]") != std::string::npos);
 }
 
-// Of a row with CPU time, that alone.
+// Whether a time is evaluated: in a row with CPU time only that one.
 bool is_judged(const Row& row, const Figure& f) {
   const auto is_cpu = [](const Figure& x) { return is_time(x) && x.name.rfind("CPU", 0) == 0; };
   return !row.brief && (is_cpu(f) || std::none_of(row.figures.begin(), row.figures.end(), is_cpu));
@@ -125,7 +125,7 @@ Json Report::json() const {
                    : Json(f.value.median);
     all["rows"][row.name] = figures;
   }
-  all["notes"] = notes_;  // none as well: readers find the same names each time
+  all["notes"] = notes_;  // also if empty, so that reports have a fixed set of keys
   return all;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a bench found, as a table on the terminal, as JSON, and beside an earlier one.
+// Results of a bench: as a table on the terminal, as JSON, and compared with an earlier report.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>
@@ -12,13 +12,13 @@
 
 namespace gflow::bench {
 
-// One figure with its unit in its name, e.g. "wall [ms]". One that was measured once has no spread.
+// A value with its unit in the name, e.g. "wall [ms]". Values measured once have no spread.
 struct Figure {
   std::string name;
   Spread value;
   bool spread = true;
-  bool error = false;    // that may not grow either, as times may not
-  bool quality = false;  // [dB] that may not fall
+  bool error = false;    // must not grow, as times
+  bool quality = false;  // [dB]; must not fall
 };
 inline Figure single(std::string name, double value) {
   return {std::move(name), {value, value, value}, false};
@@ -28,44 +28,43 @@ inline Figure error(std::string name, double value) {
   return {std::move(name), {value, value, value}, false, true};
 }
 
-// What was measured, under a name that no other row of the report has.
+// A row of values; its name is unique in the report.
 struct Row {
   std::string name;
   std::vector<Figure> figures;
-  bool brief = false;  // too small a part of the whole for its time to be judged
+  bool brief = false;  // too small a part of the whole to evaluate its time
 };
-// Whether the times of a part are less than 5 % of the whole's.
+// Whether a part takes less than 5 % of the whole's time.
 inline bool is_brief(const Samples& part, const Samples& whole) {
   return ratio_of(part, whole).median < 0.05;
 }
 
 class Report {
  public:
-  // `bench` is the sub-command; facts say what is run, e.g. {"pixels", "512x512"}. Measures the
-  // peaks. Error where `old`, the path of an earlier report or "", is none of this bench, or of
-  // other facts: before anything else is measured.
+  // `bench` is the sub-command; `facts` are the conditions, e.g. {"pixels", "512x512"}. Measures
+  // the peaks. Error, before anything else is measured, if the earlier report `old` (a path or "")
+  // is of another bench or has other facts.
   Report(std::string bench, Queue& queue, Json facts, const std::string& old);
   const Peak& peak() const { return peak_; }
-  // Behind what was measured: a note tells where the peaks are others by then.
+  // Call after the measurements: adds a note if the peaks have changed.
   void measure_peak_again(Queue& queue);
   void add(Row row) { rows_.push_back(std::move(row)); }
-  // A sentence, without a full stop, that stands below the tables.
+  // Adds a sentence, without full stop, below the tables.
   void note(std::string text) { notes_.push_back(std::move(text)); }
 
-  // Rows with the same figures side by side in one table, medians, and quartiles where they differ.
+  // Prints rows with the same values as one table: medians, and quartiles if they differ.
   void print() const;
   Json json() const;
-  // Prints the ratios to the old report, of every time with a spread ("[ms]", "[s]") and of every
-  // error that both have, the differences of qualities, and which rows only one of them has.
-  // Returns the names of what is worse: an error that has grown by more than a tenth, a quality
-  // that has fallen by more than .2 dB, a time whose lower quartile has grown by a tenth (what
-  // disturbs a measurement only adds to it); in each case only where the spreads do not overlap
-  // either. Of a row with CPU time only that is judged, as other programs take part of the other
-  // times; of a brief row nothing.
+  // Prints ratios to the old report for times with a spread ("[ms]", "[s]") and for errors,
+  // differences of qualities, and rows that only one report has. Returns the names of what is
+  // worse: an error that grew by more than a tenth, a quality that fell by more than 0.2 dB, or a
+  // time whose lower quartile grew by more than a tenth (disturbances only add time), each only if
+  // the spreads do not overlap. In rows with CPU time only that is evaluated, because other
+  // programs affect the other times; brief rows are not evaluated.
   std::vector<std::string> compare() const;
 
  private:
-  Json head_, facts_;  // facts_ are in head_, too
+  Json head_, facts_;  // facts_ are also in head_
   Peak peak_;
   std::string old_path_;
   Json old_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is told of figures that were measured several times.
+// Statistics of values measured several times.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -11,17 +11,17 @@
 
 namespace gflow::bench {
 
-using Samples = std::vector<double>;                   // a value for each repeat
-using KernelSamples = std::map<std::string, Samples>;  // of each kernel
+using Samples = std::vector<double>;                   // one value per repeat
+using KernelSamples = std::map<std::string, Samples>;  // by kernel
 
-// The middle of some values, and where the quarters below and above it begin.
+// Median and quartiles.
 struct Spread {
   double median = 0, low = 0, high = 0;
 };
 inline Spread spread_of(Samples values) {
   if (values.empty()) return {};
   std::sort(values.begin(), values.end());
-  const auto at = [&](double share) {  // between the two nearest ranks
+  const auto at = [&](double share) {  // interpolates between the nearest ranks
     const double rank = share * double(values.size() - 1);
     const size_t below = size_t(rank), above = std::min(below + 1, values.size() - 1);
     return values[below] + (rank - double(below)) * (values[above] - values[below]);
@@ -29,7 +29,7 @@ inline Spread spread_of(Samples values) {
   return {at(0.5), at(0.25), at(0.75)};
 }
 
-// Of values with normal noise; the deviation is that of a single one, 0 of fewer than two.
+// Mean and standard deviation of a single value; 0 for fewer than two values.
 struct MeanAndDeviation {
   double mean = 0, deviation = 0;
 };
@@ -41,29 +41,29 @@ inline MeanAndDeviation mean_of(const Samples& values) {
   return {mean, n < 2 ? 0 : std::sqrt(squares / (n - 1))};
 }
 
-// Times a number > 0.
+// Scales a spread by a number > 0.
 inline Spread scaled(const Spread& s, double by) {
   return {s.median * by, s.low * by, s.high * by};
 }
 
-// Of a / b in each repeat: what slows down a repeat slows both.
+// Spread of a / b per repeat: what slows down a repeat slows down both.
 inline Spread ratio_of(const Samples& a, const Samples& b) {
   Samples ratios;
   for (size_t i = 0; i < std::min(a.size(), b.size()); ++i) ratios.push_back(a[i] / b[i]);
   return spread_of(std::move(ratios));
 }
 
-// About the CPU time of some kernels of a CPU: the CPU time of that repeat, by their share of the
-// time that all kernels took. Other programs take cores from all of them alike, and what the host
-// does between kernels is shared out among them, so that the parts add up to the whole.
+// Estimated CPU time of some kernels on a CPU: the CPU time of the repeat times their share of all
+// kernel time. Interference and host work are shared out among the kernels, so that parts add up to
+// the whole.
 inline Samples cpu_of(const Samples& times, const Samples& all, const Samples& cpu) {
   Samples used;
   for (size_t i = 0; i < times.size(); ++i) used.push_back(cpu[i] * times[i] / all[i]);
   return used;
 }
 
-// The time of some kernels in each repeat; empty where none of them ran. A sum of their quartiles
-// would be no quartile of the sum.
+// Time of some kernels per repeat; empty if none ran. Quartiles must be taken of this sum, not
+// summed.
 inline Samples sum_of(const KernelSamples& kernels, const std::vector<std::string>& names) {
   Samples sum;
   for (const std::string& name : names) {
@@ -80,8 +80,8 @@ inline Samples sum_of(const KernelSamples& kernels) {
   return sum_of(kernels, names);
 }
 
-// In which order `count` ways run in a repeat: shuffled, backwards in every second one, so that of
-// any two each comes first as often as the other. The same in every run.
+// Order in which `count` variants run in a repeat: shuffled, and reversed in every second repeat,
+// so that of any two each comes first equally often. Deterministic.
 inline std::vector<size_t> order_of(size_t count, int repeat) {
   std::vector<size_t> order(count);
   std::iota(order.begin(), order.end(), 0);

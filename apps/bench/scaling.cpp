@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow bench scaling`: what an image with flow, its gradients and Adam cost with more Gaussians,
-// pixels, frames and cores; and what 5 million at 3840x2160 would take on a GPU, from counted bytes
-// and operations.
+// `gflow bench scaling`: cost of an image with flow, its gradients and Adam for more Gaussians,
+// pixels, frames and cores; and a prediction for 5 million Gaussians at 3840x2160 on a GPU from
+// counted bytes and operations.
 #include <fmt/format.h>
 #include <sys/wait.h>
 
@@ -48,7 +48,7 @@ Point measured(Queue& queue, const ScalingOptions& o, const std::string& sweep, 
   return p;
 }
 
-// The slope of log y over log x, by least squares: 1 is linear.
+// Least-squares slope of log y over log x; 1 is linear.
 double exponent(const std::vector<std::pair<double, double>>& points) {
   double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
   for (const auto& [x, y] : points) {
@@ -58,23 +58,24 @@ double exponent(const std::vector<std::pair<double, double>>& points) {
   return (n * sxy - sx * sy) / (n * sxx - sx * sx);
 }
 
-// Of the upper half of a sweep, where what does not grow is small; or of its last two points alone.
+// Exponent of the upper half of a sweep, where constant costs are small; or of its last two points.
 double exponent_of(const std::vector<Point>& points, const std::string& sweep, bool last_two) {
   std::vector<std::pair<double, double>> all;
   for (const Point& p : points)
     if (p.sweep == sweep) all.emplace_back(p.x, spread_of(p.cost.cpu_ms).median);
-  if (all.size() < 2) return 0;  // --most left one
+  if (all.size() < 2) return 0;  // --most left one point
   const size_t upper = all.size() - all.size() / 2 + (all.size() % 2 == 0);
   all.erase(all.begin(), all.end() - long(last_two ? 2 : upper));
   return exponent(all);
 }
 
-// The program itself with so many of PoCL's threads; the wall time of its raster bench, or NaN.
+// Wall time of this program's raster bench with a limited number of PoCL threads; NaN if
+// unavailable.
 Spread wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
                        const GlobalOptions& options) {
   const ScratchFolder folder("bench");
   const std::string file = folder.file("cores.json");
-  // Names go through the environment, so that none is read by the shell.
+  // Paths are passed through the environment, so that the shell does not interpret them.
   setenv("GFLOW_BENCH_SELF", std::filesystem::read_symlink("/proc/self/exe").c_str(), 1);
   setenv("GFLOW_BENCH_FILE", file.c_str(), 1);
   if (!options.device.empty()) setenv("GFLOW_DEVICE", options.device.c_str(), 1);
@@ -82,7 +83,7 @@ Spread wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
       "POCL_MAX_PTHREAD_COUNT={} \"$GFLOW_BENCH_SELF\" bench raster --pixels 512x512 "
       "--gaussians {} --repeats {} --json \"$GFLOW_BENCH_FILE\" > /dev/null 2>&1",
       cores, gaussians, o.common.repeats);
-  const int status = std::system(command.c_str());  // Ctrl-C reaches that one alone
+  const int status = std::system(command.c_str());  // Ctrl-C reaches only the child
   const int code = WIFEXITED(status) ? WEXITSTATUS(status) : exit_code_of(WTERMSIG(status));
   if (code == exit_code_of(SIGINT)) throw Interrupted("interrupted: the cores were not compared");
   const Spread unknown{NAN, NAN, NAN};
@@ -94,10 +95,10 @@ Spread wall_with_cores(int cores, size_t gaussians, const ScalingOptions& o,
   return {wall["median"], wall["low"], wall["high"]};
 }
 
-constexpr double kParameters = 50;  // spacetime, colour of degree 2
+constexpr double kParameters = 50;  // spacetime, SH degree 2
 
-// What is predicted, and what is measured for it: as many Gaussians a pixel, for pairs a pixel and
-// tiles a Gaussian depend on that.
+// The predicted scene, and the density to measure for it: pairs per pixel and tiles per Gaussian
+// depend on the number of Gaussians per pixel.
 constexpr double kGaussians = 5e6, kPixels = 3840.0 * 2160.0;
 constexpr int kSide = 512;
 constexpr size_t kAsDense = size_t(kGaussians / kPixels * kSide * kSide);
@@ -122,8 +123,8 @@ void predict(const ScalingOptions& o, const Point& as_dense, Report& report) {
                       std::max(compute_ms / here, memory_ms))}});
 }
 
-// A picture for each sweep, with an axis of its own, and beside it what would be in proportion.
-// Each line of the table: sweep, x, ms.
+// One plot per sweep with its own axes, and a line of proportional scaling. `table` rows: sweep, x,
+// ms.
 Plot plot_of(std::vector<std::vector<std::string>> table) {
   Plot plot;
   plot.name = "scaling";
@@ -131,7 +132,7 @@ Plot plot_of(std::vector<std::vector<std::string>> table) {
   plot.script =
       "set key inside top left\nset format xy '10^{%L}'\nset logscale xy\n"
       "set multiplot layout 2,2\n";
-  for (size_t first = 1, end; first < table.size(); first = end) {  // behind the headings
+  for (size_t first = 1, end; first < table.size(); first = end) {  // skips the headings
     const std::string sweep = table[first][0];
     for (end = first; end < table.size() && table[end][0] == sweep;) ++end;
     const std::vector<std::string>&from = table[first], &to = table[end - 1];

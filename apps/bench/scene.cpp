@@ -13,9 +13,9 @@
 namespace gflow::bench {
 namespace {
 
-constexpr double kContributors = 50;  // aimed at, were nothing saturated
+constexpr double kContributors = 50;  // target of contributors per pixel without saturation
 
-// The projected shape of one splat before the dilation.
+// The projected shape of a splat before dilation.
 struct Shape {
   double x, y, length, width, turn, opacity;
 };
@@ -38,7 +38,7 @@ std::vector<Shape> shapes(int width, int height, size_t count, double scale) {
   return all;
 }
 
-// Expected contributors a pixel, were nothing saturated: sum of ellipse areas over the picture.
+// Expected contributors per pixel without saturation: sum of ellipse areas / image area.
 double coverage(int width, int height, size_t count, double scale) {
   double area = 0;
   for (const Shape& s : shapes(width, height, count, scale)) {
@@ -113,7 +113,7 @@ BenchScene random_scene(Queue& queue, int width, int height, size_t count, size_
     append("means_t", {double(i / count)});
     append("quats", {std::cos(0.5 * s.turn), 0, 0, std::sin(0.5 * s.turn)});
     append("turns", {0, 0, 0, 0.02});
-    // Flat, facing the camera: what is projected is their length and width.
+    // Flat and facing the camera, so that the projected size is length x width.
     append("log_scales", {std::log(s.length * unit), std::log(s.width * unit),
                           std::log(1e-3 * s.width * unit), std::log(frames > 1 ? 0.1 : 100.)});
     append("logit_opacities", {std::log(s.opacity / (1 - s.opacity))});

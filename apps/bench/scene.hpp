@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is drawn when the engine is measured: random Gaussians that move, or those of a file.
+// Scenes for measuring the engine: random moving Gaussians, or those of a file.
 #pragma once
 #include <memory>
 #include <string>
@@ -12,7 +12,8 @@ namespace gflow::bench {
 struct BenchScene {
   std::string name;  // e.g. "512x512, 100000"
   View view;         // both cameras
-  // Of a random scene: spacetime parameters, drawn at t1 and t2. Those of a file are at both times.
+  // For a random scene: spacetime parameters, drawn at t1 and t2. A file has Gaussians at both
+  // times.
   std::unique_ptr<Motion> motion;
   std::unique_ptr<Parameters> parameters;
   float t1 = 0, t2 = 1;
@@ -20,7 +21,7 @@ struct BenchScene {
   Buffer<float> colors{"colors"};
   size_t count = 0;
 
-  // Sets at_t1 and at_t2, of all, where there is a motion.
+  // Computes at_t1 and at_t2 for all rows if there is a motion model.
   void pose(Queue& queue) {
     if (!motion) return;
     const Buffer<cl_uint> all(queue, std::vector<cl_uint>(count, 1u), "all");
@@ -29,17 +30,17 @@ struct BenchScene {
   }
 };
 
-// Normal random cotangents of an image, with a plane more for each channel.
+// Normally distributed cotangents of an image, including those of the optional channels.
 ImageGradients random_gradients(Queue& queue, size_t pixels, Channels channels);
 
-// Gaussians before a camera: projected means uniform in the picture, anisotropic, opacities
-// sigmoid(N(-0.2, 1.5)), and so large that about 48 of them are blended in a pixel, whatever their
-// number; they move by about a pixel and turn. With frames > 1 so many are there in each of them,
-// for it alone; the one in the middle is drawn.
+// Gaussians in front of a camera: projected means uniform in the image, anisotropic, opacities
+// sigmoid(N(-0.2, 1.5)), sized so that about 48 are blended per pixel whatever their number. They
+// move by about a pixel and rotate. With frames > 1 each frame has `count` Gaussians of its own;
+// the middle frame is drawn.
 BenchScene random_scene(Queue& queue, int width, int height, size_t count, size_t frames = 1);
 
-// Those of a file for `gflow splat` (optim/engine/splat_file.hpp). Error when it has no second time
-// and flow is wanted.
+// The Gaussians of a file for `gflow splat` (optim/engine/splat_file.hpp). Error if flow is wanted
+// and the file has no second time.
 BenchScene scene_of_file(Queue& queue, const std::string& path, bool flow);
 
 }  // namespace gflow::bench

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow bench skip`: what each piece of work that is left out (skip.*, motion.cutoff, flow.*)
-// would cost, alone and all together, in training steps on a scene; and what it changes of the
-// result.
+// `gflow bench skip`: cost of each piece of skipped work (skip.*, motion.cutoff, flow.*), alone and
+// all together, in training steps on a scene; and its effect on the result.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -18,9 +17,9 @@ namespace {
 
 constexpr char kEveryStep[] = "flow in every step (flow.every=1)";
 
-// As shipped; without each skip in turn; without those that leave the result as it is but for
-// rounding, and without any. Those in the mean over steps and within a share of opacity change what
-// is trained: what they save is no saving of the same work.
+// The default; without each skip in turn; without all exact skips (exact but for rounding); and
+// without any. The others (flow.every, flow.calm, motion.cutoff) change what is trained, so their
+// savings are not for the same work.
 std::vector<Kind> kinds_of() {
   std::vector<Kind> kinds{{"all skips", {}}};
   Kind inexact{"no exact skip", {}}, none{"no skip at all", {}};
@@ -40,8 +39,8 @@ std::vector<Kind> kinds_of() {
   return kinds;
 }
 
-// That flow counts in every second step is no skip: it is another way to spend the time. So what
-// all skips save is told of steps that have flow as often, too.
+// Flow in every second step is not a skip but another use of the time. So the saving of all skips
+// is also reported for steps with flow every time.
 std::string saved_by_all(const std::vector<Kind>& kinds, const std::vector<StepCost>& costs) {
   const auto every = std::find_if(kinds.begin(), kinds.end(),
                                   [](const Kind& kind) { return kind.name == kEveryStep; });
@@ -53,7 +52,7 @@ std::string saved_by_all(const std::vector<Kind>& kinds, const std::vector<StepC
       ratio.median, ratio.low, ratio.high);
 }
 
-// |a - b| / |b| over all parameters; 0 only for equal bits.
+// a - b| / |b| over all parameters; 0 only for equal bits.
 double difference(const HostModel& a, const HostModel& b) {
   double apart = 0, length = 0;
   for (const auto& [name, values] : b.groups) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow bench step`: whole training steps on a scene, with and without what training may ask for
-// beside the pictures.
+// `gflow bench step`: whole training steps on a scene, with and without optional losses beside the
+// image loss.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>

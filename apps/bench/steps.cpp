@@ -24,14 +24,14 @@ TrainConfig configured(const StepOptions& o, const Kind& kind) {
   for (const std::string& setting : o.settings) apply_setting(config, setting);
   for (const std::string& setting : kind.settings) apply_setting(config, setting);
   if (kind.change) kind.change(config);
-  // The number of Gaussians grows in the first half.
-  const int most = o.block + std::max(2, config.flow.every);  // with_whole_blocks()
+  // Gaussians are added in the first half only.
+  const int most = o.block + std::max(2, config.flow.every);  // see with_whole_blocks()
   config.train.iterations = 2 * std::max(o.warm, most * (o.common.repeats + 2));
   check(config);
   return config;
 }
 
-// How many numbers Adam moves of a Gaussian; without higher bands of colour where those rest.
+// Parameters per Gaussian that Adam updates; without higher SH bands if they are unused.
 double parameters_of_one(const HostModel& model, bool without_bands) {
   size_t values = 0;
   for (const auto& [name, group] : model.groups)
@@ -39,13 +39,13 @@ double parameters_of_one(const HostModel& model, bool without_bands) {
   return double(values) / double(std::max<size_t>(model.count, 1));
 }
 
-// The model with what of its shape a setting may change meanwhile.
+// The model with the parts of its shape that settings may change.
 HostModel shown_by(const TrainConfig& config, HostModel model) {
   model.shape.cutoff = config.motion.cutoff;
   return model;
 }
 
-// A training that goes on in its own way.
+// Continues a training with the settings of one kind.
 class GoingOn {
  public:
   GoingOn(Queue& queue, const StepOptions& o, const Kind& kind, const Trained& from,
@@ -75,7 +75,7 @@ class GoingOn {
     append_kernels(cost.kernels, queue_, cost.wall.size() - 1, steps);
   }
 
-  // Of so many steps more what they work on.
+  // Runs `steps` more steps and averages the work they do.
   StepCost end(int steps) {
     cost.busy = sum_of(cost.kernels);
     cost.end = model_.read(queue_);
@@ -90,7 +90,7 @@ class GoingOn {
   StepCost cost;
 
  private:
-  // Adds so much of the work of the last step.
+  // Adds the work of the last step with this weight.
   void count(double share) {
     const Renderer& renderer = trainer_->renderer();
     const Engine& engine = renderer.engine();

@@ -14,7 +14,7 @@
 namespace gflow::bench {
 namespace {
 
-// Trainings that are timed in turn, with their pictures in memory.
+// Trainings timed in turn; each keeps its images in memory.
 constexpr size_t kSideBySide = 6;
 
 void choose(TrainConfig& config, const EngineSettings& settings) {
@@ -71,7 +71,7 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
                                          const GlobalOptions& options) {
   const InterruptGuard guard;
   const ScratchFolder folder("bench");
-  std::vector<std::unique_ptr<Queue>> queues;  // of other lanes
+  std::vector<std::unique_ptr<Queue>> queues;  // for other numbers of lanes
   std::vector<Kind> kinds;
   for (const Choice& choice : choices) {
     Kind kind{choice.name, {}};

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the choices about the image are worth in a training: not in as many steps, but in as much
-// time.
+// Effect of the choices about the image on training quality: for equal time, not for equal steps.
 #pragma once
 #include <memory>
 #include <string>
@@ -13,29 +12,29 @@
 namespace gflow::bench {
 
 struct TrainingOptions {
-  std::string scene;                  // folder or video; empty: nothing is trained
+  std::string scene;                  // folder or video; empty: no training
   std::vector<std::string> settings;  // of all trainings, "section.key=value"
-  int steps = 3000;                   // with the settings as shipped
+  int steps = 3000;                   // with the default settings
   int seeds = 3;                      // from 0
 };
 
-// Of one choice. PSNR, that where things move [dB] and the error of the flow there [px] of the test
-// views, a sample for each seed; NaN where the scene has nothing to measure it by.
+// Results of one choice. PSNR, PSNR of moving parts [dB] and flow error of moving parts [px] of the
+// test views, one sample per seed; NaN if the scene has no such ground truth.
 struct TrainedChoice {
   Choice choice;
-  Spread of_shipped;  // CPU time of a step
+  Spread of_shipped;  // CPU time per step
   int steps = 0;      // that fit into the time
   Samples psnr, psnr_dynamic, flow_epe_dynamic;
 };
 
-// Before anything is measured. Error when there is no such scene, or a setting is one that the
-// choices differ by.
+// Call before anything is measured. Error if the scene does not exist, or a setting is one that the
+// choices change.
 void require_trainable(const TrainingOptions& o);
 
-// First the time of a step with each choice, from the middle of one of --steps, at least `repeats`
-// blocks of it in turn with the shipped one; then the trainings, of so many steps as that time
-// leaves. So who disturbs the machine during the long trainings changes nothing. Error when the
-// scene cannot be trained; Interrupted on Ctrl-C.
+// First measures the time per step of each choice, from the middle of a training of --steps, in at
+// least `repeats` blocks alternating with the default choice. Then trains with the number of steps
+// that fit into the same time, so that disturbances during the long trainings do not matter. Error
+// if the scene cannot be trained; Interrupted on Ctrl-C.
 std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>& choices,
                                          const TrainingOptions& o, int repeats,
                                          const GlobalOptions& options);

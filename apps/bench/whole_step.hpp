@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is timed of a random scene: everything between its parameters and their next values.
+// The timed work on a random scene: everything from its parameters to their next values.
 #pragma once
 #include "apps/bench/scene.hpp"
 #include "optim/train/options.hpp"
@@ -7,8 +7,8 @@
 
 namespace gflow::bench {
 
-// One step without losses: parameters to image, its gradients to parameters, Adam. A scene of a
-// file has Gaussians only.
+// One step without losses: parameters to image, image gradients to parameters, Adam. A scene from a
+// file has Gaussians only, no parameters.
 class WholeStep {
  public:
   WholeStep(Queue& queue, BenchScene& scene, Channels channels)
@@ -45,7 +45,7 @@ class WholeStep {
                          g_.v_opacities, rows_.list());
     for (const ParameterGroup& group : p.groups) adam_.refuse(queue_, group, p.rows, p.count);
     adam_.advance(queue_, p.rows, p.count);
-    // A rate at which the scene stays what it is.
+    // The learning rate is so small that the scene does not change.
     for (ParameterGroup& group : p.groups)
       adam_.step(queue_, group, p.rows, p.count, {1e-12f, 1e-8f});
   }
