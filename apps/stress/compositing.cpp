@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// T16, T17, T19, T21, T22: what pixels make of layers: deep, thin, opaque, one alone; the stop; the
-// cut at .99; splats over many tiles and images of odd sizes.
+// T16, T17, T19, T21, T22: compositing of layers (deep, thin, opaque, single), the stop rule, the
+// alpha clamp at .99, splats over many tiles, and images of odd sizes.
 #include "apps/stress/dense.hpp"
 
 namespace gflow::stress {
 namespace {
 
-// A column of layers over one pixel: splats far wider than the image, so that each one's opacity is
-// its alpha there. Colours and flows are random.
+// A stack of layers over one pixel. Splats are far wider than the image, so that opacity equals
+// alpha. Colours and flows are random.
 PosedScene layers(const std::vector<double>& alphas, unsigned seed) {
   PosedScene s = random_scene({0, 1, 1});
   s.shot.camera = s.shot.camera_t2 = test_camera(1, 1);
@@ -39,8 +39,7 @@ std::vector<double> hard_alphas(size_t n, double opaque, Random& random) {
   return a;
 }
 
-// What a pixel makes of layers of given alphas, by the definition, in double; the gradient of v .
-// rgb.
+// Compositing of layers with given alphas in double, by definition, and the gradient of v . rgb.
 struct Blend {
   double T = 1, flow[2] = {0, 0};
   std::vector<double> by_alpha;
@@ -48,7 +47,7 @@ struct Blend {
 };
 Blend blend(const PosedScene& s, const std::vector<float>& alphas, real3 v, bool stop) {
   Blend out;
-  std::vector<double> before;  // T
+  std::vector<double> before;  // transmittance before each layer
   double W = 0;
   for (size_t i = 0; i < alphas.size(); ++i) {
     out.doubtful |= std::fabs(out.T / double(T_MIN) - 1) < 1e-4;
@@ -67,14 +66,14 @@ Blend blend(const PosedScene& s, const std::vector<float>& alphas, real3 v, bool
   out.by_alpha.assign(alphas.size(), 0.);
   for (size_t i = before.size(); i-- > 0;) {
     const double own = dot(v, reference::row3(s.p.at("colors"), i)), a = double(alphas[i]);
-    // no gradient through the cut at .99
+    // No gradient through the clamp at .99.
     if (s.p.at("opacities")[i] <= double(ALPHA_MAX)) out.by_alpha[i] = before[i] * (own - behind);
     behind = a * own + (1 - a) * behind;
   }
   return out;
 }
 
-// The device's own alpha of each layer: it drawn alone.
+// The device's alpha of each layer when it is drawn alone.
 std::vector<float> drawn_alphas(Queue& queue, const PosedScene& s) {
   std::vector<float> alphas;
   PosedScene one = layers({.5}, 1);
@@ -88,10 +87,10 @@ std::vector<float> drawn_alphas(Queue& queue, const PosedScene& s) {
 }
 
 struct PixelErrors {
-  std::vector<double> gradient, T, flow;  // dL/dalpha by the pixel's largest; relative; by 100 px
+  std::vector<double> gradient, T, flow;  // dL/dalpha / the pixel's largest; relative; / 100 px
   double doubtful = 0;
 };
-// Flow against an image that does not stop, the rest against one that stops as it should.
+// Flow is compared with an image that does not stop, the rest with one that stops as defined.
 void compare_pixel(Queue& queue, const PosedScene& s, PixelErrors& errors) {
   const std::vector<float> alphas = drawn_alphas(queue, s);
   const reference::Planes v = only(random_cotangents(s, 3), "rgb");
@@ -128,7 +127,7 @@ Rows deep_pixels(Queue& queue) {  // T16
   };
   add("60 mixed layers", [](Random& r) { return mixed_alphas(60, r); });
   add("600 thin layers", [](Random& r) { return thin_alphas(600, r); });
-  // .9899: at .99 itself rounding decides whether the gradient passes.
+  // .9899, because at .99 itself rounding decides whether the gradient passes.
   add("60 layers, some of .9899", [](Random& r) { return hard_alphas(60, .9899, r); });
   add("60 layers, some of .999", [](Random& r) { return hard_alphas(60, .999, r); });
   return rows;
@@ -155,7 +154,7 @@ Rows stop_rule(Queue& queue) {  // T17, flows up to 100 px
 Rows faint(Queue& queue) {  // T19
   Rows rows;
   const double step = 1.0001 / 255;
-  {  // alone at alpha 1/255: flow and its gradient do not depend on how faint it is
+  {  // a single layer at alpha 1/255: flow and its gradient do not depend on alpha
     PosedScene s = layers({step}, 1);
     s.shot.settings.transport = Transport::translate;
     const reference::Gaussians g = reference::posed(s.p);
@@ -169,7 +168,7 @@ Rows faint(Queue& queue) {  // T19
     rows.push_back({"alpha 1/255 alone, gradient by the mean at t2, relative",
                     row_error(device.backward(v).at("means_t2"), expected.means_t2, 0, 3), 1e-6});
   }
-  for (const bool empty : {true, false}) {  // nothing at all; one below 1/255
+  for (const bool empty : {true, false}) {  // no Gaussian; one below 1/255
     PosedScene s = empty ? layers({}, 1) : layers({.0039}, 1);
     DeviceScene device(queue, s);
     double sum = 0;
@@ -187,7 +186,7 @@ Rows faint(Queue& queue) {  // T19
   return rows;
 }
 
-// The colour of a pixel by the opacity of the one layer over it, the background behind.
+// The colour of a pixel as a function of the opacity of its only layer, against the background.
 Rows clamp(Queue& queue) {  // T21
   Rows rows;
   const auto colour = [&](double opacity) {
@@ -202,12 +201,12 @@ Rows clamp(Queue& queue) {  // T21
     DeviceScene device(queue, s);
     device.forward();
     const double found = double(device.backward(v).at("opacities")[0]);
-    const double h = open ? -.05 : .005;  // away from the cut: straight on either side
+    const double h = open ? -.05 : .005;  // away from the clamp: linear on either side
     const double difference = (colour(opacity + h) - colour(opacity)) / h;
     rows.push_back({fmt::format("opacity {}, gradient off the one-sided difference", opacity),
                     std::fabs(found - difference), 1e-3});
   }
-  // Two splats of .99 leave exactly 1e-4, the threshold: drawn either way round, by any rounding.
+  // Two splats of .99 leave exactly 1e-4, the stop threshold: rounding may decide either way.
   double most = 0;
   for (const double first :
        {.99, std::nextafter(.99f, 0.f) * 1., std::nextafter(.99f, 1.f) * 1., 1.}) {

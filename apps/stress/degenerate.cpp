@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// T30: no Gaussian, one, none seen, all at one depth, 1e5 over one pixel, surfels and needles.
+// T30: no Gaussian, one, none visible, all at one depth, 1e5 over one pixel, surfels and needles.
 #include <cstring>
 
 #include "apps/stress/dense.hpp"
@@ -85,7 +85,7 @@ Rows degenerate(Queue& queue) {
   rows.push_back({"1e4 at one depth: share of pixels left out as doubtful",
                   share_of(r.contributors.doubtful), kMostDoubtful});
 
-  // flat (one scale 0), needles (two), points (three)
+  // Flat (one scale 0), needles (two), points (three).
   for (const auto& [name, scales] : {std::pair{"surfels", real3{.3, .2, 0}},
                                      {"needles", real3{.5, 0, 0}},
                                      {"points", real3{0, 0, 0}}}) {
@@ -106,7 +106,7 @@ Rows degenerate(Queue& queue) {
   return rows;
 }
 
-Rows crowd(Queue& queue) {  // the part of T30 that takes longer
+Rows crowd(Queue& queue) {  // the slower part of T30
   PosedScene s = random_scene({0, 16, 16});
   s.shot.camera = s.shot.camera_t2 = test_camera(16, 16);
   Random random(31);

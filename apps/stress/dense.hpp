@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene on the device against the sum over all splats at every pixel, in double.
+// Compares a scene on the device with the dense sum over all splats at every pixel, in double.
 #pragma once
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
@@ -7,8 +7,8 @@
 
 namespace gflow::stress {
 
-// Adds a row each for colour and alpha, depth and flow (by its largest), the share of pixels that
-// these leave out and the worst gradient; a value that is no number is infinitely far off.
+// Adds rows for colour and alpha, depth and flow (relative to the largest), the share of pixels
+// left out as doubtful, and the worst gradient. NaN counts as infinitely wrong.
 inline void compare_with_dense(Queue& queue, const PosedScene& s, const std::string& name,
                                Rows& rows) {
   const reference::Gaussians g = reference::posed(s.p);

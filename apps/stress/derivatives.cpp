@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The table of hand-written derivatives. Every device kernel against its double: the same text read
-// as double where there is one (kernels/shared), the reference's plain loops (tests/reference), or
-// else extrapolated differences of the double forward function. And each double text against
-// central differences of what it is the derivative of.
+// The table of hand-written derivatives. Each device kernel is compared with double: the same
+// source compiled for double (kernels/shared), the reference's plain loops (optim/reference), or
+// extrapolated differences of the double forward function. Each double derivative is compared with
+// central differences.
 #include <map>
 
 #include "apps/stress/differences.hpp"
@@ -18,10 +18,10 @@
 
 namespace gflow::stress {
 
-// derivatives_of_motion.cpp
+// Defined in derivatives_of_motion.cpp.
 std::vector<Derivative> motion_derivatives(Queue& queue);
 #ifdef GFLOW_WITH_OPENCV
-// training/derivatives_of_host.cpp
+// Defined in training/derivatives_of_host.cpp.
 std::vector<Derivative> host_derivatives();
 #endif
 
@@ -45,7 +45,7 @@ Derivative transport_row(Queue& queue, int mode) {
     for (const double y : flat(a2)) x.push_back(y);
     for (const double y : flat(v.m2)) found.push_back(y);
     expected.insert(expected.end(), found.begin(), found.end());
-    // v^T (A - I) d at fixed pixels d = inv(K) z: gh : H K inv(K1), by M1 and M2
+    // v^T (A - I) d at fixed pixels d = inv(K) z: gh : H K inv(K1), by M1 and M2.
     const Mat2 u = whitening_u(whiten(a1));
     const auto loss = [&](const std::vector<double>& y) {
       const Mat23 b1{{y[0], y[1], y[2]}, {y[3], y[4], y[5]}};
@@ -78,7 +78,7 @@ Derivative project_row(Queue& queue) {
   double differences = 0;
   constexpr size_t n = 100;
   for (size_t i = 0; i < n; ++i) {
-    const double wide = i % 2 ? .9 : .2;  // some are held at the margin
+    const double wide = i % 2 ? .9 : .2;  // some are clamped at the field-of-view margin
     const real3 p = world_of(c, {wide * 4, -.1 * 4, 4 + random.uniform(-.2, .2)});
     std::vector<double> x{p.x, p.y, p.z};
     for (int k = 0; k < 9; ++k) x.push_back(random.normal());
@@ -140,10 +140,10 @@ Derivative image_row(Queue& queue, const std::string& image, Transport transport
   double to_double = 0, differences = 0;
   std::string parameters;
   for (const auto& [name, gradient] : expected) {
-    if (norm(gradient) < 1e-9) continue;  // this image does not depend on it
+    if (norm(gradient) < 1e-9) continue;  // the image does not depend on it
     parameters += (parameters.empty() ? "" : " ") + name;
     to_double = worse(to_double, relative_l2(found.at(name), gradient));
-    // along four random directions: one parameter at a time would take minutes
+    // Along four random directions: one parameter at a time would take minutes.
     Random random(44);
     for (int k = 0; k < 4; ++k) {
       std::vector<double> direction(gradient.size());
@@ -328,11 +328,11 @@ Derivative flow_loss_row(Queue& queue) {
       1e-6};
 }
 
-// What opacity and size cost beside the images (mcmc).
+// Regularisation of opacity and scales (mcmc).
 Derivative price_row(Queue& queue) {
   constexpr size_t n = 60;
   Random random(49);
-  Floats x;  // logits, then log scales, of which the fourth is that of the time and costs nothing
+  Floats x;  // logits, then log scales; the fourth, temporal one has no cost
   for (size_t i = 0; i < n; ++i) x.push_back(float(3 * random.normal()));
   for (size_t i = 0; i < 4 * n; ++i) x.push_back(float(random.uniform(-6, 1)));
   DensityRule rule;
@@ -371,9 +371,9 @@ Derivative price_row(Queue& queue) {
           1e-6};
 }
 
-// What wakes those at rest: the gradient by velocities that they would have, of a view in which
-// they are drawn at both times, and of one in which they stand still: at t2 they are where they are
-// at t.
+// The criterion that makes static Gaussians dynamic again: the gradient by the velocities they
+// would have, for a view that draws them at both times, and for one in which they are static (at t2
+// they are where they are at t).
 Derivative pull_row(Queue& queue) {
   constexpr size_t n = 40;
   const float t = .7f, t2 = .9f;
@@ -403,8 +403,8 @@ Derivative pull_row(Queue& queue) {
   const auto since = [&](size_t k, bool stood_still) {  // how long velocities act until t2
     return double(t2) - (stood_still ? double(t) : double(means_t[k / 3]));
   };
-  // The two views' places: at t on the line through the mean; at t2 on it too, or as far from where
-  // it was drawn at t as the time between makes it.
+  // Positions in the two views: at t on the line through the mean; at t2 on the same line, or
+  // displaced from the position at t by the velocity times t2 - t.
   const Floats means = numbers(3 * n);
   const auto cost = [&](const std::vector<double>& velocities) {
     double sum = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The motion models' and motion losses' rows of the table of derivatives.
+// Rows of the table of derivatives for motion models and motion losses.
 #include "apps/stress/differences.hpp"
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
@@ -19,7 +19,7 @@ using reference::Named;
 constexpr size_t kCount = 17;
 constexpr double kTimes[2] = {.4, .9};
 
-// What the loss asks of mean, factor and opacity of Gaussian i at time k.
+// Cotangents of mean, factor and opacity of Gaussian i at time k.
 struct Ask {
   std::vector<float> means[2], factors[2], opacities;
   double of(const Shifted& o, size_t i, int k) const {
@@ -47,8 +47,8 @@ Ask random_ask() {
   return ask;
 }
 
-// The device's gradient of two times, of every group, against extrapolated differences of the model
-// in double (their own error: 1e-9). The worst group.
+// The device's gradient of two times against extrapolated differences of the model in double
+// (accurate to 1e-9), for every group. Returns the error of the worst group.
 double device_error(Queue& queue, const MotionShape& shape, std::string& groups) {
   const std::unique_ptr<Motion> motion = make_motion(queue, shape);
   Parameters p(queue, kCount, motion->groups(), motion->tables());
@@ -95,7 +95,7 @@ double device_error(Queue& queue, const MotionShape& shape, std::string& groups)
       };
       std::vector<float> found = group.grads.read(queue);
       for (size_t k = 0; k < found.size(); ++k)
-        if (!rows[k / group.width]) found[k] = 0;  // a key at neither time: undefined
+        if (!rows[k / group.width]) found[k] = 0;  // a key used at neither time: undefined
       const std::vector<size_t> some = spread_indices(found.size(), 150);
       worst_error = worse(
           worst_error, relative_error(picked(found, some), slopes(loss, values[name], 1e-3, some)));
@@ -114,7 +114,7 @@ real4 four(const std::vector<double>& x, size_t at) {
   return {x[at], x[at + 1], x[at + 2], x[at + 3]};
 }
 
-// The worst of 30 random points: `derivative(x)` against slopes of `loss(x)`.
+// The worst of 30 random points: derivative(x) against slopes of loss(x).
 template <class Derivative, class Loss>
 double text_error(size_t numbers, Derivative&& derivative, Loss&& loss) {
   Random random(53);
@@ -216,7 +216,7 @@ MotionShape shape_of(MotionModelKind kind) {
   return shape;
 }
 
-// The reference's derivative of the field, by its planes and network.
+// The reference's derivative of the hexplane field by planes and network.
 double hexplane_text() {
   const MotionShape shape = shape_of(MotionModelKind::hexplane);
   size_t planes = 0, network = 0;
@@ -244,7 +244,7 @@ double hexplane_text() {
   return most;
 }
 
-// ---- motion losses: the kernel's own text over all pairs in double
+// Motion losses: the kernel's shared source over all pairs in double.
 
 struct Moments {
   std::vector<double> means1, means2, factors1, factors2;
@@ -254,7 +254,7 @@ Mover mover_of(const Moments& m, size_t i, Turn& turn) {
   return {reference::row3(m.means1, i), reference::row3(m.means2, i), turn.t};
 }
 
-// Gaussians that move by a tenth and turn by some degrees.
+// Gaussians that move by a tenth and rotate by some degrees.
 Moments some_moments() {
   Random random(55);
   Moments m;
@@ -274,7 +274,7 @@ Moments some_moments() {
   return m;
 }
 
-// Each with the one before and the one behind it; a tenth farther apart than they are.
+// Each Gaussian with its predecessor and successor; distances a tenth larger than the real ones.
 NeighbourPairs ring_of_pairs(const Moments& m) {
   NeighbourPairs pairs;
   pairs.offsets = {0};
@@ -345,7 +345,7 @@ Derivative motion_loss_row(Queue& queue) {
   w.isometry = .5f;
   w.velocity = .3f;
   w.extent = 3;
-  w.falloff = 0;  // all pairs weigh alike
+  w.falloff = 0;  // all pairs have equal weight
   const double pair_count = double(pairs.others.size()) / 2, knee = 1e-3 * 3;
   const PairsInDouble in_double(
       {float(double(w.rigidity) / 3 / pair_count), float(double(w.rotation) / pair_count),
@@ -429,9 +429,8 @@ Derivative bends_row(Queue& queue) {
           1e-6};
 }
 
-// Of what planes should be like. The cost is quadratic but for |p - 1|, so differences are exact
-// and there is no derivative in double to be wrong: the last column is what two steps of them
-// differ by.
+// Regularisation of the planes. The cost is quadratic except for |p - 1|, so differences are exact
+// and serve as the reference; the last column compares two step sizes.
 Derivative plane_rule_row(Queue& queue) {
   const MotionShape shape = shape_of(MotionModelKind::hexplane);
   const PlaneRule rule{.1f, .2f, .3f};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// T46: what a device must do before gflow uses it (`gflow devices` shows the same).
+// T46: the self-check of a device before gflow uses it (also printed by `gflow devices`).
 #include "apps/stress/stress.hpp"
 #include "optim/motion/gradient_check.hpp"
 

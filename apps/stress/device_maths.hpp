@@ -49,7 +49,7 @@ class DeviceMaths {
       project_;
 };
 
-// The names of shared/transport.h's modes.
+// Names of the modes of shared/transport.h.
 inline std::string mode_name(int mode) { return name_of(Transport(mode)); }
 
 }  // namespace gflow::stress

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Slopes of functions in double, and how far apart two gradients are.
+// Numerical derivatives in double, and comparison of gradients.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -7,8 +7,8 @@
 
 namespace gflow::stress {
 
-// Derivatives of f at x by those of its values that `which` names, by central differences of steps
-// h and h / 2, extrapolated: the error goes with h^4. Steps are relative for values above 1.
+// Derivatives of f at x by the components in `which`: central differences with steps h and h / 2,
+// extrapolated to an error of order h^4. Steps are relative for values above 1.
 template <class F>
 std::vector<double> slopes(F&& f, std::vector<double> x, double h,
                            const std::vector<size_t>& which) {
@@ -28,14 +28,14 @@ std::vector<double> slopes(F&& f, std::vector<double> x, double h,
   return g;
 }
 
-// Every n-th of `size`, so that there are at most about `most`.
+// Evenly spaced indices below `size`, about `most` of them at most.
 inline std::vector<size_t> spread_indices(size_t size, size_t most) {
   if (size == 0) return {};
   std::vector<size_t> which;
   for (size_t i = 0; i < size; i += std::max<size_t>(1, size / most)) which.push_back(i);
   return which;
 }
-// By all values.
+// By all components.
 template <class F>
 std::vector<double> slopes(F&& f, const std::vector<double>& x, double h) {
   return slopes(f, x, h, spread_indices(x.size(), x.size()));
@@ -47,7 +47,7 @@ std::vector<T> picked(const std::vector<T>& values, const std::vector<size_t>& w
   return some;
 }
 
-// |a - b| / |b|; infinite for different sizes, or where b is 0 and a is not.
+// a - b| / |b|; infinite for different sizes, or if b is 0 and a is not.
 template <class A, class B>
 double relative_error(const std::vector<A>& a, const std::vector<B>& b) {
   if (a.size() != b.size() || a.empty()) return HUGE_VAL;

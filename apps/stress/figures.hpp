@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How figures are made of many errors, and the random numbers cases are made of.
+// Statistics of errors, and random numbers for test cases.
 #pragma once
 #include <fmt/format.h>
 
@@ -16,9 +16,10 @@ namespace gflow::stress {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
 
-// The smallest error that at least `share` of them do not exceed; NaN counts as infinite.
+// The smallest error that at least a fraction `share` of the errors do not exceed; NaN counts as
+// infinite.
 inline double quantile(std::vector<double> errors, double share) {
-  if (errors.empty()) return infinite;  // nothing was measured: no pass
+  if (errors.empty()) return infinite;  // nothing was measured: must fail
   for (double& e : errors)
     if (std::isnan(e)) e = infinite;
   std::sort(errors.begin(), errors.end());
@@ -27,7 +28,7 @@ inline double quantile(std::vector<double> errors, double share) {
 }
 inline double worst(const std::vector<double>& errors) { return quantile(errors, 1); }
 
-// |actual - expected| / |expected| of `width` values from i * width on, by the Euclidean norm.
+// actual - expected| / |expected| of `width` values from i * width on, by the Euclidean norm.
 template <class A, class E>
 double row_error(const std::vector<A>& actual, const std::vector<E>& expected, size_t i,
                  size_t width) {
@@ -46,14 +47,14 @@ inline double count_not_finite(const std::vector<float>& values) {
       std::count_if(values.begin(), values.end(), [](float x) { return !std::isfinite(x); }));
 }
 
-// The share of pixels that a comparison leaves out, since rounding may decide there, and how large
-// it may be: each of a pixel's forty or so layers has a chance of 1e-4 or less to be at the cut.
+// Bound on the share of doubtful pixels, which a comparison leaves out because rounding may decide
+// there: each of a pixel's forty or so layers is at the cut-off with a probability of 1e-4 or less.
 constexpr double kMostDoubtful = .02;
 inline double share_of(const std::vector<uint8_t>& doubtful) {
   return double(std::count(doubtful.begin(), doubtful.end(), 1)) / double(doubtful.size());
 }
 
-// T29's: what may stand in a slot that something broke.
+// T29: values that a broken slot may contain.
 inline std::vector<float> poisons() {
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = HUGE_VALF;
   return {nan,    -nan,    inf,    -inf,    3e38f,  -3e38f,  1e30f, -1e30f,

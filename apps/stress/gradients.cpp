@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T34-T38: the gradient of the whole image: the double one against differences, the device's
-// against double over random scenes, of each loss alone, of both, of a wide image.
+// T34-T38: the gradient of the whole image: double against differences, device against double over
+// random scenes, each loss alone, both, and a wide image.
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/reference/device_scene.hpp"
@@ -11,8 +11,8 @@ namespace {
 const Transport kTransports[] = {Transport::paper, Transport::ot, Transport::material,
                                  Transport::translate};
 
-// Few Gaussians that meet every case: cut, stop, margin. Who counts where is held: the cut-off's
-// steps have no derivative.
+// Few Gaussians that cover every case: cut-off, stop, margin. Contributors are fixed, because the
+// cut-off steps have no derivative.
 Rows against_differences(Queue&) {  // T34
   Rows rows;
   for (const Transport t : kTransports) {
@@ -48,12 +48,12 @@ Rows against_differences(Queue&) {  // T34
 }
 
 struct Agreement {
-  double cosine = 0, relative = 0;                // of the worst scene, the cosine as 1 - it
-  double elements = 0, off = 0, false_zeros = 0;  // of all scenes
-  double doubtful = 0;                            // pixels of the worst scene, share
+  double cosine = 0, relative = 0;                // of the worst scene; the cosine as 1 - cosine
+  double elements = 0, off = 0, false_zeros = 0;  // over all scenes
+  double doubtful = 0;                            // share of pixels of the worst scene
 };
 
-// Over `count` scenes, all parameters of each as classes.
+// Over `count` scenes; each parameter array is a class.
 Agreement agreement(Queue& queue, int count) {
   Agreement all;
   for (int k = 0; k < count; ++k) {
@@ -86,7 +86,7 @@ Agreement agreement(Queue& queue, int count) {
         class_a2 += a * a;
         class_e2 += e * e;
         class_d2 += (a - e) * (a - e);
-        if (std::fabs(e) > 1e-3 * most) {  // the band near zero is left out
+        if (std::fabs(e) > 1e-3 * most) {  // ignores the band near zero
           ++all.elements;
           all.off += !(std::fabs(a - e) <= 1e-3 * std::fabs(e));
           all.false_zeros += a == 0;
@@ -94,7 +94,7 @@ Agreement agreement(Queue& queue, int count) {
       }
       if (class_e2 == 0) continue;
       all.relative = worse(all.relative, std::sqrt(class_d2 / class_e2));
-      dots += class_dots / class_e2;  // classes weigh alike
+      dots += class_dots / class_e2;  // equal weight for all classes
       a2 += class_a2 / class_e2;
       e2 += 1;
     }

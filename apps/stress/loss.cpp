@@ -16,7 +16,7 @@ struct Found {
   double loss;
 };
 
-// One pixel whose flow is off by (r, 0); weight 1.
+// One pixel with a flow error of (r, 0); weight 1.
 Found at(Queue& queue, FlowLoss& loss, float r) {
   const Buffer<float> flow(queue, {r, 0.f}, "flow"), teacher(queue, {0.f, 0.f}, "teacher");
   const Buffer<float> alpha(queue, {1.f}, "alpha");
@@ -40,14 +40,14 @@ Rows norms(Queue& queue) {
     const double loss =
         double(r) * double(r) / (std::hypot(double(r), double(kKnee)) + double(kKnee));
     constexpr double least = std::numeric_limits<float>::min();
-    if (loss < least)  // as good as 0 where floats are
+    if (loss < least)  // below the normal range of float: compare absolutely
       rows.push_back({fmt::format("r = {:.0e}, loss, off double's {:.0e}", r, loss),
                       std::fabs(found.loss - loss), least});
     else
       rows.push_back(
           {fmt::format("r = {:.0e}, loss, relative", r), std::fabs(found.loss / loss - 1), 1e-6});
   }
-  // The slope has no step at the knee: on either side of it by 1e-7 of a px.
+  // The slope is continuous at the knee; the two points differ by about 1e-10 px.
   const double below = double(at(queue, loss, std::nextafter(kKnee, 0.f)).v_flow[0]);
   const double above = double(at(queue, loss, std::nextafter(kKnee, 1.f)).v_flow[0]);
   rows.push_back({"step of the slope at the knee", std::fabs(above - below), 1e-6});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T12-T14, T39: the transports against where material points really go: spins, scalings,
-// approaches; a pose learned from flow alone; a plane of splats under a rigid motion.
+// T12-T14, T39: the transports against the true motion of material points: spin, scaling, approach;
+// a pose learned from flow alone; a plane of splats under a rigid motion.
 #include "apps/stress/figures.hpp"
 #include "apps/stress/moving_splat.hpp"
 #include "apps/stress/stress.hpp"
@@ -25,8 +25,9 @@ Rows spins(Queue& queue) {  // T12
       const FlowErrors e = flow_errors(device, TRANSPORT_MATERIAL, a, b);
       material = worse(material, e.error);
       share = worse(share, e.error / e.flow);
-      // The paper's map errs as much as if nothing had turned: |R(d) - I| sqrt(p^2 + q^2) for a
-      // spin by d, and |R(d) - I| = 2 sin(d / 2); pixels with |z| <= 3 have 0.949 of the variance.
+      // The paper's map errs as if nothing had rotated: |R(d) - I| sqrt(p^2 + q^2) for a spin by d,
+      // where
+      // R(d) - I| = 2 sin(d / 2); pixels with |z| <= 3 have 0.949 of the variance.
       const FlowErrors paper = flow_errors(device, TRANSPORT_PAPER, a, b);
       const double analytic =
           2 * std::sin(degrees * 3.14159265358979 / 360) * paper.spread * std::sqrt(.9494);
@@ -34,8 +35,8 @@ Rows spins(Queue& queue) {  // T12
                                   degrees, aspect),
                       std::fabs(paper.error / analytic - 1), .02});
     }
-    // What is left is the projection's linearisation, which grows with the motion: .15 px at 20
-    // degrees is .8 % of the flow.
+    // The remaining error is the projection's linearisation, which grows with the motion: .15 px at
+    // 20 degrees is .8 % of the flow.
     if (degrees < 45)
       rows.push_back(
           {fmt::format("material, {:.0f} degrees, aspect 1 to 30 [px]", degrees), material, .15});
@@ -70,13 +71,13 @@ Rows scalings(Queue& queue) {  // T13
   return rows;
 }
 
-// ---- a pose at t2 learned from flow alone
+// A pose at t2 learned from flow alone.
 
-// A flat splat of 40 x 8 px in the middle of the image, which turns by 20 degrees and is shifted by
-// (8, -3) px until t2. The start at t2 is its pose at t1.
+// A flat splat of 40 x 8 px in the centre of the image rotates by 20 degrees and moves by (8, -3)
+// px until t2. The fit at t2 starts from the pose at t1.
 struct Fit {
   double degrees, scale_x, scale_y,
-      shift_px;  // found: turn, scales by the true ones, shift's error
+      shift_px;  // found: rotation, scales relative to the true ones, error of the shift
 };
 
 Fit fit(Queue& queue, Transport transport) {
@@ -97,7 +98,7 @@ Fit fit(Queue& queue, Transport transport) {
     truth[i] = std::cos(angle) * d.x - std::sin(angle) * d.y - d.x + 8;
     truth[s.pixels() + i] = std::sin(angle) * d.x + std::cos(angle) * d.y - d.y - 3;
   }
-  // turn about z and logarithms of two scales, shift in x and y [units]
+  // Rotation about z, logarithms of two scales, shift in x and y [units].
   std::vector<double> x(5, 0.), m(5, 0.), v(5, 0.);
   const double rates[5] = {.03, .02, .03, .004, .004};
   reference::Planes want = only(random_cotangents(s, 1), "none");
@@ -144,12 +145,11 @@ Rows learned_from_flow(Queue& queue) {  // T14
           {"material: scale along, off 1", std::fabs(found.scale_x - 1), .005},
           {"material: scale across, off 1", std::fabs(found.scale_y - 1), .005},
           {"material: shift, off (8, -3) px [px]", found.shift_px, .05},
-          // What the paper's map learns here: 10 degrees, half of the truth. (Numerics 1.6 has 8.3
-          // from 400 random pixels; samples of that many give 9 to 12, a dense grid 10.000.)
+          // The paper's map learns 10 degrees, half of the truth, on a dense grid of pixels.
           {"paper: turn, off its own 10 degrees [degrees]", std::fabs(paper.degrees - 10), .1}};
 }
 
-// ---- a tilted plane of small flat splats under a rigid motion: the flow of a plane is known
+// A tilted plane of small flat splats under a rigid motion: the flow of a plane is known.
 
 struct Plane {
   PosedScene scene;
@@ -200,7 +200,7 @@ Plane moving_plane(Transport transport) {
   return plane;
 }
 
-// Mean end point error where the plane is opaque [px].
+// Mean end-point error where the plane is opaque [px].
 template <class T>
 double mean_epe(const Plane& plane, const std::vector<T>& flow, const std::vector<float>& alpha) {
   const size_t pixels = plane.scene.pixels();
@@ -214,9 +214,9 @@ double mean_epe(const Plane& plane, const std::vector<T>& flow, const std::vecto
   return count > double(pixels) / 2 ? sum / count : infinite;
 }
 
-// What published code computes for the paper's flow, for the record (reference only): x - mu with
-// the wrong sign and each weight times 1 - alpha (the authors' rasterizer), or inv(S2) S1 in the
-// place of B2 inv(B1), with that sign (MotionGS).
+// Variants of the paper's flow in published code, for reference only. authors: the authors'
+// rasterizer, x - mu with the wrong sign and each weight times 1 - alpha. motion_gs: MotionGS,
+// inv(S2) S1 in place of B2 inv(B1), with the same sign.
 enum class Published { none, authors, motion_gs };
 
 double published_epe(const Plane& plane, Published form, const std::vector<float>& alpha) {
@@ -242,7 +242,7 @@ double published_epe(const Plane& plane, Published form, const std::vector<float
       flow[plane.scene.pixels() + i] += weight * l.flow.y;
     }
     if (sum <= 0)
-      continue;  // (the authors do not divide; their code would be off by the cover too)
+      continue;  // the authors' code does not normalise, which would add the error of partial cover
     flow[i] /= sum;
     flow[plane.scene.pixels() + i] /= sum;
   }

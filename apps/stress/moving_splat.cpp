@@ -13,7 +13,7 @@ PinholeCamera camera() {
   for (int i = 0; i < 3; ++i) c.rotation[4 * i] = 1;
   c.fx = c.fy = float(kFocal);
   c.near_plane = 0.01f;
-  c.width = c.height = 4000;  // wide enough that J is held nowhere
+  c.width = c.height = 4000;  // wide enough that J is not clamped
   return c;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T31-T33: Adam over ten thousand steps with spikes, gradients that are no numbers, and what
-// rounding noise becomes of.
+// T31-T33: Adam over ten thousand steps with spikes, non-finite gradients, and amplification of
+// rounding noise.
 #include <cstring>
 #include <tuple>
 
@@ -13,7 +13,8 @@
 namespace gflow::stress {
 namespace {
 
-// What gflow trains Gaussians with, and what is a path's: keys, bases, planes, networks.
+// Adam as used for Gaussians, and for the shared parameters of paths: keys, bases, planes,
+// networks.
 const AdamGroups shipped;
 const AdamConfig of_gaussians{shipped.beta1, shipped.beta2, true};
 const AdamConfig of_paths{shipped.beta1_paths, shipped.beta2, false};
@@ -28,7 +29,7 @@ struct Trained {
         state(queue, rows) {
     group.values.fill(queue, 0.f);
   }
-  // Without `seen`, of all rows.
+  // Default `seen`: all rows.
   void step(const std::vector<float>& grads, AdamRate rate, std::vector<cl_uint> seen = {}) {
     seen.resize(rows, 1u);
     state.seen.write(queue, seen);
@@ -53,8 +54,9 @@ size_t different_bits(const std::vector<float>& a, const std::vector<float>& b) 
   return count;
 }
 
-// The largest difference between steps of who has a gradient and steps of all, with beta1 = 0: 300
-// steps of .01, each good to some roundings of v. Row i has a gradient in each i + 1st step.
+// The largest difference between updating only rows with a gradient and updating all rows, with
+// beta1 = 0: 300 steps of .01, each accurate to some roundings of v. Row i has a gradient in every
+// (i + 1)-th step.
 double left_out(Queue& queue) {
   constexpr size_t rows = 4 * ADAM_SPAN + 3, n = 3 * rows;
   Trained some(queue, rows, of_gaussians), all(queue, rows, of_gaussians);
@@ -63,7 +65,8 @@ double left_out(Queue& queue) {
     std::vector<cl_uint> seen(rows);
     std::vector<float> g(n, 0.f);
     for (size_t i = 0; i < n; ++i) {
-      seen[i / 3] = t % (i / 3 + 1) == 0;  // all in the first step, with which their counts begin
+      // Step 0 includes all rows, so that their step counts start together.
+      seen[i / 3] = t % (i / 3 + 1) == 0;
       if (seen[i / 3]) g[i] = float(random.normal());
     }
     some.step(g, {.01f, 1e-8f}, seen);
@@ -76,8 +79,7 @@ double left_out(Queue& queue) {
   return worst;
 }
 
-// The textbook's update in double, written out here. Of as many rows that CPUs have whole spans of
-// them, and a rest.
+// The textbook update in double. The number of rows gives a CPU whole spans and a remainder.
 void long_run(Queue& queue, const std::string& name, const AdamConfig& config, Rows& out) {
   constexpr size_t rows = 4 * ADAM_SPAN + 3, n = 3 * rows;
   constexpr int steps = 10000;
@@ -91,7 +93,7 @@ void long_run(Queue& queue, const std::string& name, const AdamConfig& config, R
     std::vector<float> g(n);
     for (size_t i = 0; i < n; ++i) {
       g[i] = float(.2 + random.normal());
-      if (i % 3 == 1 && t % 1000 == 500) g[i] *= 1e6f;  // a spike now and then
+      if (i % 3 == 1 && t % 1000 == 500) g[i] *= 1e6f;  // an occasional spike
       if (i % 3 == 2) g[i] *= 1e-6f;
     }
     trained.step(g, {lr, epsilon});
@@ -124,7 +126,7 @@ Rows long_runs(Queue& queue) {  // T31
   out.push_back({"zero gradient with zero moments: values that changed",
                  double(different_bits(still.values(), start)), 0});
 
-  Trained seldom(queue, 2);  // row 1 is seen in every second step
+  Trained seldom(queue, 2);  // row 1 is visible in every second step
   for (int t = 0; t < 9; ++t) {
     seldom.state.seen.write(queue, {1u, cl_uint(t % 2)});
     seldom.group.grads.fill(queue, .5f);
@@ -138,7 +140,7 @@ Rows long_runs(Queue& queue) {  // T31
   return out;
 }
 
-// Row 7 gets one that is not finite, or whose square is not, in its last steps.
+// Row 7 gets gradients in its last steps that are non-finite or have a non-finite square.
 Rows bad_gradients(Queue& queue) {  // T32
   Rows out;
   constexpr size_t rows = 50, n = 3 * rows, culprit = 7;
@@ -172,9 +174,9 @@ Rows bad_gradients(Queue& queue) {  // T32
   return out;
 }
 
-// A gradient summed in float from 128 terms, forwards or backwards; every second value's terms
-// cancel, so that its gradient is nothing but rounding. `size`: root mean square of the others, as
-// in trainings (AdamGroups).
+// A gradient summed in float from 128 terms, forwards or backwards. The terms of every second value
+// cancel, so that its gradient is only rounding noise. `size`: root mean square of the others, as
+// in training (AdamGroups).
 Rows noise_gain(Queue& queue) {  // T33
   constexpr size_t rows = 40, n = 3 * rows, terms = 128;
   const float lr = .01f;
@@ -215,7 +217,7 @@ Rows noise_gain(Queue& queue) {  // T33
         {"hexplane's network, 1e-2", 1e-2, shipped.eps_network, of_paths}})
     out.push_back({fmt::format("gradients as of {}: in steps of the rate", name),
                    largest_difference(size, epsilon, config), 1});
-  // It can fail: without a floor Adam makes whole steps of the noise.
+  // Checks that the test can fail: with a tiny epsilon Adam amplifies the noise to whole steps.
   out.push_back({"epsilon 1e-15 instead: one step by that difference",
                  1 / largest_difference(1e-5, 1e-15f, of_paths), .2});
   return out;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T25-T27: quaternions of any length, scales and opacities far beyond what training leaves them:
-// through the motion models' kernels.
+// T25-T27: quaternions of any length, scales and opacities far beyond those of training, through
+// the kernels of the motion models.
 #include <Eigen/Geometry>
 
 #include "apps/stress/figures.hpp"
@@ -42,7 +42,7 @@ Rows quaternions(Queue& queue) {  // T25
     double rotation = 0, radial = 0;
     for (size_t i = 0; i < n; ++i) {
       Eigen::Quaterniond e(unit[4 * i], unit[4 * i + 1], unit[4 * i + 2], unit[4 * i + 3]);
-      if (length < 1e-6f) e.setIdentity();  // too short to mean a rotation
+      if (length < 1e-6f) e.setIdentity();  // too short to define a rotation
       const Eigen::Matrix3d l = e.normalized().toRotationMatrix() * double(.7f);
       const std::vector<double> expected{l(0, 0), l(0, 1), l(0, 2), l(1, 0), l(1, 1),
                                          l(1, 2), l(2, 0), l(2, 1), l(2, 2)};
@@ -62,7 +62,8 @@ Rows quaternions(Queue& queue) {  // T25
   return rows;
 }
 
-// One row a value of a group, all else ordinary, through forward and backward of the default model.
+// One row per value of a group, all else ordinary, through forward and backward of the default
+// model.
 struct Response {
   Floats factors, opacities, by_scales, by_opacity;
 };
@@ -107,14 +108,15 @@ Rows parameter_scales(Queue& queue) {  // T26
   double broken = 0, drawn = 0, lost = 0;
   std::vector<double> errors;
   for (size_t i = 0; i < values.size(); ++i) {
-    // float has exp(x) up to 88.7; above, the factor must be infinite, and the engine culls it
+    // exp(x) is finite in float up to 88.7. Above that the factor must be infinite, and the engine
+    // culls it.
     const double expected = std::exp(double(values[i]));
     const Mat3 l = factor_of({1.f, .2f, -.1f, .3f}, {expected, expected, expected});
     if (values[i] > -87 && values[i] < 88) {
       errors.push_back(std::fabs(double(found.factors[9 * i]) / l.r1.x - 1));
       broken += count_not_finite(Floats(&found.by_scales[4 * i], &found.by_scales[4 * i] + 3));
     }
-    // Below the smallest normal float devices may take 0 or the subnormal.
+    // Below the smallest normal float devices may return 0 or the subnormal.
     if (values[i] <= -87)
       lost += !(std::fabs(found.factors[9 * i]) <= 2e-38f) +
               count_not_finite(Floats(&found.by_scales[4 * i], &found.by_scales[4 * i] + 3));

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// T29: one broken value in one Gaussian at the left of an image, in every slot of what the engine
-// is given. At the right no bit may change, and the broken one must be named: not seen where it is
-// not finite, or so large that it is left out. A broken camera concerns all: what comes of it must
-// be numbers.
+// T29: one broken value in one Gaussian at the left of an image, in every input of the engine. At
+// the right no bit may change, and the broken Gaussian must be detectable: culled if the value is
+// not finite or too large to draw. A broken camera affects everything; its results must be finite.
 #include <functional>
 #include <limits>
 #include <map>
@@ -28,9 +27,9 @@ PosedScene two_sides() {
 
 struct Harm {
   double images_changed = 0, gradients_changed = 0, not_finite = 0, unnamed = 0, cases = 0;
-  double left_out = 0;  // cases of finite values in which the culprit is not drawn, or not moved
-  double reached = 0;   // cases where the culprit truly lies at the right: nothing is compared
-  double own = 0;       // gradients other than 0 of a culprit that is not drawn, or at t2 not moved
+  double left_out = 0;  // cases of finite values in which the culprit is not drawn, or has no flow
+  double reached = 0;   // cases in which the culprit is really at the right; nothing is compared
+  double own = 0;  // nonzero gradients of a culprit that is not drawn, or at t2 of one without flow
 };
 
 class Poisoned {
@@ -82,7 +81,7 @@ class Poisoned {
     return harm;
   }
 
-  // Every poison in a pixel at the left of what a loss asks of an image.
+  // Every poison in a pixel at the left of an image's cotangent.
   Harm cotangent(const std::string& image) {
     Harm harm;
     for (const float poison : poisons()) {
@@ -110,7 +109,7 @@ class Poisoned {
     device_.upload(s);
     return device_.forward();
   }
-  // Whether the image is that without the culprit, or, of a slot at t2, without its flow.
+  // Whether the image is that without the culprit or, for a slot at t2, that without its flow.
   bool left_out(const std::string& slot, const FloatArrays& found) const {
     const auto equal = [&](const char* image, const FloatArrays& other) {
       return same_image(found.at(image), other.at(image));
@@ -118,8 +117,8 @@ class Poisoned {
     if (slot.find("_t2") != std::string::npos) return equal("flow", unmoved_);
     return equal("rgb", without_) && equal("alpha", without_) && equal("depth", without_);
   }
-  // Whether the engine's own arrays say which one is broken: not seen; without a colour; without
-  // flow; or, of a quaternion, without a turn.
+  // Whether the engine's own arrays show which Gaussian is broken: culled; without a colour;
+  // without flow; or, for a quaternion, without a rotation.
   bool named(const std::string& slot) {
     const std::vector<float> r = culprits_record();
     const bool seen = device_.engine.splats().tiles_touched.read_range(queue_, 0, 1)[0] > 0;
@@ -146,7 +145,7 @@ class Poisoned {
     }
   }
 
-  // Of the culprit, at both times, or of one that is drawn, at t2.
+  // Nonzero gradients of a culprit that is not drawn, or at t2 of one that is drawn without flow.
   double own_gradients(const std::string& slot, const FloatArrays& found) {
     const bool seen = device_.engine.splats().tiles_touched.read_range(queue_, 0, 1)[0] > 0;
     const std::vector<float> r = culprits_record();
@@ -156,7 +155,7 @@ class Poisoned {
       const bool at_t2 = name.find("_t2") != std::string::npos;
       if (seen && !(at_t2 && stays && (slot == "means_t2" || slot == "scales_t2"))) continue;
       const size_t width = gradient.size() / clean_.count();
-      for (size_t i = 0; i < width; ++i) count += gradient[i] != 0;  // NaN, too
+      for (size_t i = 0; i < width; ++i) count += gradient[i] != 0;  // also counts NaN
     }
     return count;
   }
@@ -171,7 +170,7 @@ class Poisoned {
   DeviceScene device_;
   FloatArrays images_, gradients_;
   FloatArrays without_, unmoved_;  // images without the culprit, and without its flow
-  std::map<std::string, std::vector<float>> unturned_;  // the culprit's record without that turn
+  std::map<std::string, std::vector<float>> unturned_;  // the culprit's record without a rotation
 };
 
 using Number = std::function<float&(PinholeCamera&)>;
@@ -189,7 +188,7 @@ void broken_camera(DeviceScene& device, const PosedScene& s, const reference::Pl
   }
 }
 
-// Every poison in every number of both cameras, or of that at t2 alone: images and gradients must
+// Every poison in every value of both cameras, or only of the one at t2: images and gradients must
 // be finite.
 Harm camera(Queue& queue, bool both) {
   const PosedScene s = two_sides();
@@ -210,8 +209,8 @@ Harm camera(Queue& queue, bool both) {
   return harm;
 }
 
-// Poison in one pixel of the teacher's flow: the gradient of no other may change, that pixel's must
-// be a number, and where it is no flow at all it is not counted among the confident ones.
+// Poison in one pixel of the target flow. Gradients of other pixels must not change, its own must
+// be finite, and an unusable vector must not count as confident.
 Row broken_teacher(Queue& queue) {
   constexpr int width = 19, height = 3;
   constexpr size_t pixels = size_t(width) * height, culprit = width + 4;

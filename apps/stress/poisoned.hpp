@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// T29's scene and what both halves of it, the engine and the motion models, ask of it: a culprit
-// (0) at the left of an image, one under it (1), and others at the right, which no value of the
-// culprit reaches but by being broken, unless it then truly lies there or covers everything.
+// The scene of T29 for the engine and for the motion models: a culprit (0) at the left of an image,
+// one under it (1), and others at the right. A broken culprit must not affect those at the right,
+// unless it really reaches them with its size or position.
 #pragma once
 #include <cstring>
 #include <vector>
@@ -11,7 +11,7 @@
 namespace gflow::stress {
 
 constexpr int kPoisonedWidth = 96, kPoisonedHeight = 32;
-constexpr size_t kRightFrom = 64;  // [px], and four tiles
+constexpr size_t kRightFrom = 64;  // [px]; four tiles
 
 inline bool same_bits(float a, float b) { return std::memcmp(&a, &b, sizeof(float)) == 0; }
 
@@ -19,7 +19,7 @@ inline bool same_image(const std::vector<float>& a, const std::vector<float>& b)
   return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
 }
 
-// Of planes [H, W]: how many of the pixels at the right have other bits.
+// Number of values of the pixels at the right, in planes [H, W], whose bits differ.
 inline double changed_at_right(const std::vector<float>& now, const std::vector<float>& before) {
   double changed = 0;
   for (size_t i = 0; i < now.size(); ++i)
@@ -27,7 +27,7 @@ inline double changed_at_right(const std::vector<float>& now, const std::vector<
   return changed;
 }
 
-// Whether the culprit, drawn as the `entry`-th, truly covers tiles at the right, e.g. with a size
+// Whether the culprit, drawn as entry `entry`, really covers tiles at the right, e.g. with a size
 // of 1e6.
 inline bool reaches_right(Queue& queue, const Engine& engine, size_t entry = 0) {
   const Splats& splats = engine.splats();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T23, T24, T28: who is culled at the near plane, the gradient where J is held at the margin, large
-// coordinates.
+// T23, T24, T28: culling at the near plane, the gradient where J is clamped at the margin, and
+// large coordinates.
 #include "apps/stress/device_maths.hpp"
 #include "apps/stress/differences.hpp"
 #include "apps/stress/figures.hpp"
@@ -46,8 +46,8 @@ Rows near_plane(Queue& queue) {  // T23; the plane is at .01f
           {"images and gradients not finite", broken, 0}};
 }
 
-// Gaussians inside, and beyond the margin in x, y and both: the device's gradient against
-// differences of the projection in double, which know nothing of how the gradient is written.
+// Gaussians inside and beyond the margin in x, y and both: the device's gradient against
+// differences of the double projection, which are independent of the derivation.
 Rows margin(Queue& queue) {  // T24
   Rows rows;
   const PinholeCamera c = random_scene({0, 64, 48}).shot.camera;
@@ -99,8 +99,8 @@ Rows margin(Queue& queue) {  // T24
   return rows;
 }
 
-// Gaussians and a camera `far` from the origin, given in float: how far R p + t is off by its own
-// rounding. Scenes further off than this must be moved to the origin before they are trained.
+// Gaussians and a camera `far` from the origin in float: the projection error from rounding R p +
+// t. Scenes farther away must be recentred before training.
 Rows far_from_origin(Queue& queue) {  // T28
   Rows rows;
   DeviceMaths device(queue);

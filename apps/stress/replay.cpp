@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T18: whether the forward and the backward pass agree, at every pixel, on who counts, and how far
-// off 1 the way back is in front of all splats.
+// T18: whether forward and backward pass agree on the contributors of every pixel, and how far the
+// transmittance recovered in front of all splats is from 1.
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/reference/device_scene.hpp"
@@ -8,7 +8,7 @@
 namespace gflow::stress {
 namespace {
 
-// kernels/stress_replay.cl walks the lists of a drawn image as splat.cl and as splat_bwd.cl do.
+// kernels/stress_replay.cl walks the lists of an image as splat.cl and splat_bwd.cl do.
 class Replay {
  public:
   explicit Replay(Queue& queue)

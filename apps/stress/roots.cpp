@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// T1-T4: roots of covariances and A = B2 inv(B1) with its gradient, from round to kappa 1e8 and
-// from tiny to huge. In double against eigenvectors in long double, on the device against double.
+// T1-T4: square roots of covariances and A = B2 inv(B1) with its gradient, for condition numbers
+// kappa from 1 to 1e8 and sizes from tiny to huge. Double against eigenvectors in long double,
+// device against double.
 #include "apps/stress/device_maths.hpp"
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
@@ -10,8 +11,8 @@ namespace {
 
 using longer = long double;
 
-// A covariance of eigenvalues `size` and `size` / kappa, as it is after rounding to T, with its
-// determinant as exact as T holds it.
+// A covariance with eigenvalues `size` and `size` / kappa after rounding to T, and its determinant
+// as exact as T holds it.
 template <class T>
 struct Covariance {
   T a, b, c, det;
@@ -23,10 +24,10 @@ T exact_det(T a, T b, T c) {  // Kahan's difference of products: 1.5 ulp
   return std::fma(a, c, -p) + e;
 }
 
-// After rounding kappa is within a factor of 1.5 (not where it is 1): a matrix whose rounding has
-// made it another one tells nothing of the formula.
+// `rounded` is true if kappa after rounding is within a factor of 1.5. Other matrices are rejected:
+// what rounding has changed says nothing about the formula.
 struct Ellipse {
-  double angle, large, small;  // small, large: eigenvalues
+  double angle, large, small;  // large, small: eigenvalues
 };
 template <class T>
 bool rounded(const Ellipse& e, Covariance<T>& s) {
@@ -47,10 +48,10 @@ Covariance<T> random_covariance(Random& random, double kappa) {
   return s;
 }
 
-// ---- the definition in T, by eigenvectors: none of the closed forms
+// The definition in T, by eigenvectors, without any of the closed forms.
 template <class T>
 struct Eigen2 {
-  T large, small, co, si;  // eigenvector of `large` is (co, si)
+  T large, small, co, si;  // (co, si) is the eigenvector of `large`
 };
 template <class T>
 Eigen2<T> eigen_of(T a, T b, T c, T det) {
@@ -81,7 +82,7 @@ template <class T>
 Full<T> full(const Sym<T>& s) {
   return {s.a, s.b, s.b, s.c};
 }
-// The X with B X + X B = Q, B with the eigenvectors of e and eigenvalues l, s.
+// The X with B X + X B = Q, where B has the eigenvectors of e and eigenvalues l, s.
 template <class T>
 Sym<T> lyapunov_by_eigen(const Eigen2<T>& e, T l, T s, const Full<T>& q) {
   const Full<T> r{e.co, -e.si, e.si, e.co}, rt{e.co, e.si, -e.si, e.co};
@@ -155,8 +156,8 @@ Rows double_roots(Queue&) {  // T1
     solutions.push_back(relative({x.a - y.a, x.b - y.b, x.c - y.c}, {y.a, y.b, y.b, y.c}));
     solutions_by_condition.push_back(solutions.back() / std::sqrt(kappa));
   }
-  // Where B2 and inv(B1) cancel, A is as badly conditioned as |B2| |inv(B1)| says, and X is so by
-  // the condition of B: the worst of ten thousand by that, 99 % as they are.
+  // Where B2 and inv(B1) cancel, A has the condition |B2| |inv(B1)|, and X has that of B. The worst
+  // errors are therefore scaled by the condition, the 99 % quantiles are not.
   return {{"root, worst of 1e4, kappa to 1e8", worst(roots), 1e-14},
           {"its inverse, worst", worst(inverses), 1e-14},
           {"A = B2 inv(B1), 99 %", quantile(maps, .99), 1e-14},
@@ -169,7 +170,7 @@ struct MapErrors {
   std::vector<double> maps, gradients;
 };
 
-// Pairs as given, on the device, against double.
+// Given pairs on the device, against double.
 MapErrors device_errors(Queue& queue, const std::vector<Covariance<float>>& s1,
                         const std::vector<Covariance<float>>& s2) {
   Random random(2);
@@ -189,7 +190,7 @@ MapErrors device_errors(Queue& queue, const std::vector<Covariance<float>>& s1,
     errors.maps.push_back(relative({a[0] - e.a.a, a[1] - e.a.b, a[2] - e.a.c, a[3] - e.a.d},
                                    {e.a.a, e.a.b, e.a.c, e.a.d}));
     const Sym<longer>&x1 = e.x1, &x2 = e.x2;
-    // the gradient by a, b, c of both, as one vector: b counts twice
+    // The gradient by a, b, c of both as one vector: b counts twice.
     errors.gradients.push_back(relative(
         {x[0] - x1.a, 2 * (x[1] - x1.b), x[2] - x1.c, x[3] - x2.a, 2 * (x[4] - x2.b), x[5] - x2.c},
         {x1.a, 2 * x1.b, x1.c, x2.a, 2 * x2.b, x2.c}));
@@ -197,7 +198,8 @@ MapErrors device_errors(Queue& queue, const std::vector<Covariance<float>>& s1,
   return errors;
 }
 
-// S2 close to S1, as between two frames: turned by 0.02, axes changed by 5 % (deviations).
+// S2 close to S1, as between two frames: rotated by 0.02, axes changed by 5 % (standard
+// deviations).
 MapErrors errors_at(Queue& queue, double kappa, double size, int n = 4000) {
   Random random(3);
   std::vector<Covariance<float>> s1, s2;
@@ -214,7 +216,7 @@ MapErrors errors_at(Queue& queue, double kappa, double size, int n = 4000) {
   return device_errors(queue, s1, s2);
 }
 
-// Of 99 %: numerics section 5 from 1e6 on, below some twice what section 1.4 has for the closed
+// Bound for 99 %: from 1e6 on a requirement, below about twice the measured error of the closed
 // form.
 double gradient_bound(double kappa) {
   if (kappa < 2) return 1e-6;
@@ -231,7 +233,7 @@ Rows device_roots(Queue& queue) {  // T2
                                                   : fmt::format("kappa {:.0e}", kappa);
     rows.push_back(
         {at + ", gradient of A, 99 %", quantile(e.gradients, .99), gradient_bound(kappa)});
-    // Of quotients whose divisor may come out small; a formula that fails has digits wrong here.
+    // The worst case has quotients with small divisors; a wrong formula would be off by far more.
     rows.push_back(
         {at + ", gradient of A, worst, relative", worst(e.gradients), 30 * gradient_bound(kappa)});
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Projected splats as cases for the device: float factors M [2, 3] in rows, and the same numbers in
-// double.
+// Projected splats as test cases for the device: float factors M [2, 3] in rows, and the same
+// numbers in double.
 #pragma once
 #include "apps/stress/device_maths.hpp"
 #include "apps/stress/figures.hpp"
@@ -8,8 +8,8 @@
 
 namespace gflow::stress {
 
-// An ellipse with standard deviations `along`, `across` and `depth` px at an angle, its long axis
-// tilted out of the image.
+// An ellipse with standard deviations `along`, `across` and `depth` [px] at an angle; its long axis
+// is tilted out of the image.
 struct Axes {
   double along, across, depth, angle, tilt;
   Axes changed(Random& random, double change) const {
@@ -20,8 +20,8 @@ struct Axes {
 inline Axes random_axes(Random& random, double along, double across) {
   return {along, across, across, random.angle(), random.uniform(-.5, .5)};
 }
-// Its columns as they are in R diag(s), an axis each; or mixed by a rotation, as in factors that
-// are cut from four dimensions.
+// Rotation of a factor's columns: none, one column per axis as in R diag(s); or random, as in
+// factors sliced from four dimensions.
 inline Mat3 mixture(Random& random, bool mixed) {
   if (!mixed) return mat3_identity();
   return quat_to_rotmat(

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stress tests of the numerics: each has a number, and gives figures with the bounds they must
-// keep. `gflow stress` runs them all on a user's device, CI the quick ones.
+// The stress tests of the numerics. Each has a number and returns values with bounds. `gflow
+// stress` runs them all on a user's device, CI the quick ones.
 #pragma once
 #include <functional>
 #include <string>
@@ -10,7 +10,7 @@
 
 namespace gflow::stress {
 
-// What was looked at, how far off it was, and how far it may be. A figure that is not finite fails.
+// A test condition, the measured value and its bound. A non-finite value fails.
 struct Row {
   std::string condition;
   double figure, bound;
@@ -21,7 +21,7 @@ bool passed(const Row& row);
 
 struct Test {
   std::string id, name;
-  bool quick;  // not left out by --quick and by CI
+  bool quick;  // also run with --quick and in CI
   std::function<Rows(Queue&)> run;
 };
 using Tests = std::vector<Test>;
@@ -47,17 +47,17 @@ Tests poison_model_tests();
 Tests training_tests();
 #endif
 
-// All of them, in the order of their numbers.
+// All tests in the order of their numbers.
 Tests all_tests();
 
-// One hand-written derivative: how far the device's is from the double one, and that from central
+// A hand-written derivative: error of the device against double, and of double against central
 // differences of the double forward function; relative L2, the worst of its parameters.
 struct Derivative {
   std::string kernel, parameters;
   double against_double, against_differences;
   double double_bound, differences_bound;
 };
-// Of all kernels, and what the host differentiates itself.
+// All kernels' derivatives, and those computed on the host.
 std::vector<Derivative> derivatives(Queue& queue);
 bool passed(const Derivative& row);
 

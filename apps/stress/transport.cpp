@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T7-T11, T15: the transports' H and its gradient on the device, for needles that move little and
-// much, that do not move, that turn with the image.
+// T7-T11, T15: H of the transports and its gradient on the device, for needles that move little and
+// much, that do not move, and that rotate with the image.
 #include <cstring>
 
 #include "apps/stress/splats.hpp"
@@ -13,8 +13,8 @@ namespace {
 constexpr int kCases = 4000;
 const int kModes[] = {TRANSPORT_PAPER, TRANSPORT_OT, TRANSPORT_MATERIAL, TRANSPORT_TRANSLATE};
 
-// Splats of length x width px at two times: turned, tilted and scaled by `change` (deviation).
-// Each is seen in six pixels at |z| = 3, where a loss asks v: gh = sum v z^T.
+// Splats of length x width px at two times: rotated, tilted and scaled by `change` (standard
+// deviation). Each has six pixels at |z| = 3 with cotangents v: gh = sum v z^T.
 struct Cases {
   Floats m1, m2, z, gh;  // [n, 6], [n, 6], [n, 6, 2], [n, 4]
 };
@@ -47,7 +47,7 @@ Mat2 gh_at(const Cases& c, size_t i) {
 }
 
 struct TransportErrors {
-  std::vector<double> moved;              // [px] |H z| at |z| = 3
+  std::vector<double> moved;              // [px]; |H z| at |z| = 3
   std::vector<double> flow, h, gradient;  // [px], relative, relative
 };
 
@@ -65,7 +65,7 @@ TransportErrors errors_of(DeviceMaths& device, int mode, const Cases& c) {
       const double dx = (double(f[0]) - h.a) * z1 + (double(f[1]) - h.b) * z2;
       const double dy = (double(f[2]) - h.c) * z1 + (double(f[3]) - h.d) * z2;
       e.moved.push_back(std::hypot(h.a * z1 + h.b * z2, h.c * z1 + h.d * z2));
-      error = std::hypot(dx, dy) <= error ? error : std::hypot(dx, dy);  // NaN stays
+      error = std::hypot(dx, dy) <= error ? error : std::hypot(dx, dy);  // keeps NaN
     }
     e.flow.push_back(error);
     const std::vector<double> flat_h{h.a, h.b, h.c, h.d};
@@ -113,7 +113,7 @@ double count_not_plus_0(const Floats& values) {
   }));
 }
 
-// What is drawn of random Gaussians that rest: -0 is no +0.
+// Rendered flow of random static Gaussians must be +0; -0 counts as an error.
 void drawn_at_rest(Queue& queue, Rows& rows) {
   PosedScene s = random_scene({400, 64, 48, 9});
   s.shot.camera_t2 = s.shot.camera;
@@ -146,7 +146,7 @@ Rows nothing_moved(Queue& queue) {  // T9
       Cases c = cases(length, 0, 9);
       c.m2 = c.m1;
       const DeviceMaths::Transported found = device.transport(mode, c.m1, c.m2, c.gh);
-      // material has -0 among them, which a flow's sum, begun at +0, does not keep.
+      // material has -0 in H, but the sum of a pixel's flow starts at +0 and stays +0.
       not_zero +=
           mode == TRANSPORT_MATERIAL
               ? double(found.h.size()) - double(std::count(found.h.begin(), found.h.end(), 0.f))
@@ -184,9 +184,9 @@ Floats turned_by_90_degrees(const Floats& m) {  // rows (r1, r2) -> (-r2, r1)
   return t;
 }
 
-// How far the flow at turned pixels of turned splats is from the turned flow, relative L2.
+// Relative L2 difference between the flow of rotated splats at rotated pixels and the rotated flow.
 double turn_error(DeviceMaths& device, int mode, const Cases& c) {
-  Floats offsets, turned_offsets;  // d = inv(K) z, and turned
+  Floats offsets, turned_offsets;  // d = inv(K) z, and rotated
   for (size_t i = 0; i < size_t(kCases); ++i) {
     const Whitening w = whiten(factor_at(c.m1, i));
     const float dx = float(w.u1 * double(c.z[12 * i]) + w.u2 * double(c.z[12 * i + 1]));
@@ -224,11 +224,11 @@ Rows frame_turn(Queue& queue) {  // T11
   return rows;
 }
 
-// With T = I + H K: T S1 T = S2 and T = T^T. The device's H, the rest in double.
+// With T = I + H K: T S1 T = S2 and T = T^T. H from the device, the rest in double.
 Rows monge_map(Queue& queue) {  // T15
   std::vector<double> pushed, symmetric;
   DeviceMaths device(queue);
-  const Cases c = cases(62, .2, 15);  // (62 / .62)^2: kappa 1e4 after the dilation
+  const Cases c = cases(62, .2, 15);  // (62 / .62)^2: kappa 1e4 after dilation
   const Floats h = device.transport(TRANSPORT_OT, c.m1, c.m2, c.gh).h;
   for (size_t i = 0; i < size_t(kCases); ++i) {
     const Whitening w1 = whiten(factor_at(c.m1, i)), w2 = whiten(factor_at(c.m2, i));

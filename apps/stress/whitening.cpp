@@ -8,7 +8,7 @@ namespace gflow::stress {
 namespace {
 
 constexpr int kWhitened = 20000;
-constexpr double kThinnest = 0.3;  // [px] across, before the dilation
+constexpr double kThinnest = 0.3;  // [px] across, before dilation
 
 Rows determinants(Queue& queue) {  // T5
   Rows rows;

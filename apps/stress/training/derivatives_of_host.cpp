@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The derivatives that the host works out: by a picture of guidance in closed form and by score
-// distillation, and of a pixel by the point that is seen there (first velocities).
+// Derivatives computed on the host: of guidance by an image, in closed form and by score
+// distillation, and of a pixel by the world point seen there (initial velocities).
 #include <Eigen/Geometry>
 
 #include "apps/stress/differences.hpp"
@@ -12,11 +12,11 @@
 
 namespace gflow::stress {
 
-std::vector<Derivative> host_derivatives();  // derivatives.cpp has them in its table
+std::vector<Derivative> host_derivatives();  // for the table in derivatives.cpp
 
 namespace {
 
-// -log p(z) but for a constant, p a mixture of equal weights, means sqrt(a) m, variance s.
+// -log p(z) up to a constant; p is a mixture with equal weights, means sqrt(a) m, variance s.
 double surprise(const std::vector<std::vector<float>>& means, double a, double s,
                 const std::vector<double>& z) {
   double p = 0;
@@ -29,7 +29,7 @@ double surprise(const std::vector<std::vector<float>>& means, double a, double s
   return -std::log(p);
 }
 
-// The noise that the closed form sees is sqrt(1 - a) times the slope of -log p.
+// The noise of the closed form is sqrt(1 - a) times the gradient of -log p.
 Derivative mixture_row() {
   const std::vector<std::vector<float>> means{{.5f, -.2f, .1f, .7f}, {-.4f, .3f, .6f, 0}};
   const double variance = .1, a = .6, s = a * variance + 1 - a;
@@ -55,7 +55,7 @@ Derivative mixture_row() {
           1e-6};
 }
 
-// A mixture of one that sds_gradient may ask.
+// A mixture of one Gaussian as a denoiser for sds_gradient.
 class OneGaussian : public Denoiser {
  public:
   OneGaussian(std::vector<float> mean, double variance)
@@ -70,8 +70,9 @@ class OneGaussian : public Denoiser {
   double variance_;
 };
 
-// Linear in the noise, so that the mean over e and -e is that over all: w sigma / sqrt(a) times
-// the slope of the mean of -log p(z), by the picture x, y = 2 x - 1 (sds.hpp).
+// The gradient is linear in the noise, so the mean over e and -e is the mean over all noise: w
+// sigma / sqrt(a) times the gradient of the mean of -log p(z) by the image x, y = 2 x - 1
+// (sds.hpp).
 Derivative sds_row() {
   const GuidanceRequest request = some_request(1, 3, 2);
   const std::vector<float>& x = request.views[0].rgb;
@@ -113,7 +114,8 @@ Derivative sds_row() {
           1e-6};
 }
 
-// All in double; held to the chain of two, the pixel by the camera's axes and these by the world's.
+// All in double. Compared with the chain rule: pixel by camera coordinates, these by world
+// coordinates.
 Derivative camera_row() {
   Random random(52);
   std::vector<double> found, expected, differences;
@@ -129,7 +131,7 @@ Derivative camera_row() {
     const Eigen::Vector3d point =
         turn.transpose() * (ahead - camera.viewmat.topRightCorner<3, 1>());
     const Eigen::Matrix<double, 2, 3> j = camera.derivative(point);
-    // K [x y] / z by camera coordinates, and these by the world's.
+    // K [x y] / z by camera coordinates, and these by world coordinates.
     const Eigen::Vector3d p = ahead;
     Eigen::Matrix<double, 2, 3> by_camera;
     by_camera << camera.fx / p.z(), 0, -camera.fx * p.x() / (p.z() * p.z()), 0, camera.fy / p.z(),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// T28: scenes up to 1e6 units from the zero of their world, read, projected on the device and
+// T28: scenes up to 1e6 units from the origin of their world, read, projected on the device and
 // exported.
 #include "apps/stress/device_maths.hpp"
 #include "apps/stress/figures.hpp"
@@ -11,7 +11,8 @@
 namespace gflow::stress {
 namespace {
 
-// How far the device sees the scene's points from where the scene at zero has them, in double [px].
+// Error of the device's projection of a distant scene against the same scene at the origin in
+// double [px].
 double projection_error(Queue& queue, const Scene& there, const Scene& here) {
   DeviceMaths device(queue);
   const size_t n = here.points.size();
@@ -32,8 +33,8 @@ double projection_error(Queue& queue, const Scene& there, const Scene& here) {
   return worst(errors);
 }
 
-// Gaussians on the scene's points, exported as a PLY: how far from where the scene has them,
-// relative to how far off that is.
+// Gaussians at the scene's points, exported as a PLY: position error relative to the distance from
+// the origin.
 double export_error(Queue& queue, const Scene& there, const Scene& here, const Place& away) {
   HostModel host;
   for (size_t i = 0; i < there.points.size(); ++i)
@@ -55,8 +56,8 @@ double export_error(Queue& queue, const Scene& there, const Scene& here, const P
   return worst(errors);
 }
 
-// The bound of the export is relative to how far off the scene is: only of 1e3 units or more can
-// the floats that hold a few units about its own origin keep it.
+// The bound of the export is relative to the distance, so only distant scenes can keep it: stored
+// floats span a few units around the scene's own origin.
 Rows far_scenes(Queue& queue) {
   Rows rows;
   const SmallScene scene(queue);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The small scene as a survey would have it: far from the zero of its world.
+// The small scene far from the origin of its world, as in surveys.
 #pragma once
 #include <array>
 #include <filesystem>
@@ -12,7 +12,7 @@ namespace gflow {
 
 using Place = std::array<double, 3>;
 
-// A copy of the scene in a folder, moved there, as doubles.
+// A copy of the scene in a folder, moved by `away`, with positions as doubles.
 class FarScene {
  public:
   FarScene(const SmallScene& scene, const Place& away, bool with_points = true) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// T29, of what is trained: one broken value in one Gaussian at the left of an image, in every
-// parameter of every motion model and of its colour. At the right no bit may change, of no other
-// Gaussian may a gradient change or cease to be a number, nor of what all of them share; and where
-// the value is no number the culprit is drawn as if it were not there, or without the flow that the
-// value has a part in. A broken value in what all share concerns all: the images must be numbers.
+// T29 for trained parameters: one broken value in one Gaussian at the left of an image, in every
+// parameter of every motion model and of colour. At the right no bit may change. Gradients of other
+// Gaussians must not change and must be finite; gradients of shared parameters must be finite. If
+// the value is not finite, the culprit must be drawn as if absent, or without the flow that depends
+// on the value. A broken value in shared parameters affects everything; the images must be finite.
 #include "apps/stress/figures.hpp"
 #include "apps/stress/poisoned.hpp"
 #include "apps/stress/stress.hpp"
@@ -38,7 +38,7 @@ HostModel two_sides(MotionModelKind kind) {
     std::vector<float>& values = host.groups[group];
     for (size_t k = 0; k < values.size(); ++k) values[k] += by * noise(61, uint(k));
   };
-  disturb("log_scales", .3f);  // of a round one no turn is seen
+  disturb("log_scales", .3f);  // a sphere would not show a rotation
   disturb("quats", .1f);
   for (const MotionColumns& columns : motion_columns(host.shape)) disturb(columns.group, .02f);
   for (const TableSpec& table : motion_tables(host.shape))
@@ -46,7 +46,7 @@ HostModel two_sides(MotionModelKind kind) {
   return host;
 }
 
-// One that is drawn with its flow, and its gradients.
+// A model rendered with flow, and its gradients.
 class Drawn {
  public:
   Drawn(Queue& queue, MotionModelKind kind)
@@ -68,7 +68,7 @@ class Drawn {
 
   struct Outcome {
     std::vector<std::vector<float>> images;
-    std::vector<std::vector<float>> gradients;  // of the model's tables, group by group
+    std::vector<std::vector<float>> gradients;  // by table and group
   };
   Outcome draw() {
     model_.parameters.forget_seen(queue_);
@@ -98,7 +98,7 @@ class Drawn {
   Model& model() { return model_; }
 
  private:
-  bool is_listed() {  // as the first, where it is
+  bool is_listed() {  // as the first row, if at all
     const std::vector<cl_uint> rows = renderer_.rows().read(queue_);
     return !rows.empty() && rows[0] == 0;
   }
@@ -111,14 +111,14 @@ class Drawn {
   ImageGradients v_;
 };
 
-// Whether a table, by its place in Parameters::tables(), is of all Gaussians together.
+// Whether a table, by its index in Parameters::tables(), is shared by all Gaussians.
 bool is_shared(const Parameters& p, size_t table) {
   return table > 0 && p.more_specs[table - 1].keys == 0;
 }
 
 struct ModelHarm {
   double pixels = 0, gradients = 0, not_finite = 0, cases = 0;
-  double reached = 0;  // cases where the culprit truly lies at the right: nothing is compared
+  double reached = 0;  // cases in which the culprit is really at the right; nothing is compared
 
   void add(const Drawn::Outcome& found, const Drawn::Outcome& clean, const Parameters& p,
            bool reaches) {
@@ -144,9 +144,9 @@ struct ModelHarm {
   }
 };
 
-// How the culprit may be drawn where a value of it is no number: as without it; but for the flow as
-// it was, where the value has no part in the rest; unturned; and with infinite logits and
-// logarithms, which are shares and sizes at their limits, as with very large ones.
+// Allowed images for a non-finite value: without the culprit; without the flow it affects, if it
+// affects nothing else; with an unrotated culprit; and, for infinite logits and logarithms, as with
+// very large ones.
 class Exemplars {
  public:
   Exemplars(Queue& queue, Drawn& scene)
@@ -156,12 +156,12 @@ class Exemplars {
     without_ = drawn_with(opacities, 0, {-100});
   }
 
-  // Of what the scene has drawn last.
+  // Whether the images of the last draw are allowed.
   bool have(const std::vector<std::vector<float>>& images, ParameterGroup& group, size_t place,
             float poison) {
     if (are(images, without_) || are(images, clean_, kFlow) || scene_.unturned()) return true;
     const std::string& name = group.values.name();
-    if (name == "quats_r" || name == "quats")  // one of a 4D rotation's two, or the only one
+    if (name == "quats_r" || name == "quats")  // one quaternion of a 4D rotation, or the only one
       if (are(images, drawn_with(group, 0, {1, 0, 0, 0}))) return true;
     return std::isinf(poison) && name.find("log") != name.npos &&
            are(images, drawn_with(group, place, {poison > 0 ? 200.f : -200.f}));
@@ -225,7 +225,7 @@ class PoisonedModel {
   }
 
  private:
-  // Every poison in every component of the culprit's rows. gradients: those of the sound model.
+  // Every poison in every component of the culprit's rows. gradients: those of the clean model.
   void poison_culprit(ParameterGroup& group, size_t rows, const std::vector<float>& gradients) {
     const Parameters& p = scene_.model().parameters;
     const std::vector<float> before = group.values.read(queue_);
@@ -240,7 +240,7 @@ class PoisonedModel {
         }
       }
   }
-  // In some forty values of a group that is of all together.
+  // Every poison in about forty values of a shared group.
   void poison_shared(ParameterGroup& group) {
     const std::vector<float> before = group.values.read(queue_);
     for (size_t place = 0; place < before.size(); place += std::max<size_t>(1, before.size() / 40))
@@ -250,7 +250,7 @@ class PoisonedModel {
         ++shared_;
       }
   }
-  // The group has its values again afterwards; the renderer has what was drawn.
+  // Restores the group's values afterwards; the renderer keeps what was drawn.
   Drawn::Outcome draw_with(ParameterGroup& group, const std::vector<float>& before, size_t place,
                            float poison) {
     std::vector<float> values = before;
@@ -267,8 +267,8 @@ class PoisonedModel {
   Exemplars exemplars_;
   const Drawn::Outcome clean_;
   ModelHarm harm_;
-  double unused_ = 0, unnamed_ = 0;     // of the culprit's values
-  double shared_ = 0, not_finite_ = 0;  // cases of what all share, and their pixels
+  double unused_ = 0, unnamed_ = 0;     // counts over the culprit's values
+  double shared_ = 0, not_finite_ = 0;  // cases in shared parameters, and their non-finite pixels
 };
 
 Rows every_model(Queue& queue) {  // T29

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A request for guidance to ask providers with.
+// A guidance request for tests.
 #pragma once
 #include <cmath>
 

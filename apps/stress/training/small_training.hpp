@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene small enough to train in seconds, drawn by the renderer from Gaussians that are known: a
-// textured blob that crosses a wall (or, with alpha, nothing), four cameras, five steps, true flow.
-// It is written as an N3V folder; cam00 is the one held out.
+// A scene small enough to train in seconds, rendered from known Gaussians: a textured blob that
+// crosses a wall (or, with alpha, nothing); four cameras, five steps, true flow. Written as an N3V
+// folder; cam00 is the test camera.
 #pragma once
 #include <Eigen/Geometry>
 #include <cmath>
@@ -22,7 +22,7 @@ namespace gflow {
 // Deterministic numbers in [-1, 1] for Gaussian i.
 inline float noise(uint stream, uint i) { return float(2 * random_uniform(5u, stream, i) - 1); }
 
-// Appends a Gaussian without turn that is there for ever; moves at `speed` along x.
+// Appends an unrotated Gaussian that exists at all times and moves at `speed` along x.
 inline void append_gaussian(HostModel& model, const Eigen::Vector3f& mean, float scale,
                             const Eigen::Vector3f& color, float speed) {
   auto& g = model.groups;
@@ -47,9 +47,9 @@ inline Eigen::Vector3f some_color(uint i) {
   return {0.5f + 0.4f * noise(0, i), 0.5f + 0.4f * noise(1, i), 0.5f + 0.4f * noise(2, i)};
 }
 
-constexpr float blob_path = 0.6f;  // [scene units] what the blob covers in the video
+constexpr float blob_path = 0.6f;  // [scene units]; distance the blob covers in the video
 
-// 14 Gaussians that move, and 80 at rest behind them.
+// 14 moving Gaussians, and 80 static ones behind them.
 inline HostModel small_model(bool with_wall) {
   HostModel model;
   model.shape.sh_degree = 0;
@@ -141,14 +141,14 @@ class SmallScene {
       const Eigen::Matrix3d world = camera.viewmat.topLeftCorner<3, 3>().transpose();
       const Eigen::Vector3d p = camera.position();
       const double size[3] = {double(height), double(width), camera.fx};
-      for (int r = 0; r < 3; ++r)  // down, right, backwards, position, size
+      for (int r = 0; r < 3; ++r)  // down, right, backward, position, size
         rows.insert(rows.end(), {world(r, 1), world(r, 0), -world(r, 2), p[r], size[r]});
       rows.insert(rows.end(), {1, 10});
     }
     write_npy(folder_.file("poses_bounds.npy"), {{size_t(cameras), 17}, rows});
   }
 
-  // The Gaussians' places in the middle of the video, a little off; no colours known.
+  // The Gaussians' positions at the middle of the video with some noise; grey.
   void write_points() const {
     PointCloud points;
     for (size_t i = 0; i < 3 * truth.count; ++i) {
@@ -162,7 +162,7 @@ class SmallScene {
   bool with_alpha_;
 };
 
-// Settings that suit it: everything happens within some hundred steps.
+// Settings that suit the scene: everything happens within some hundred steps.
 inline TrainConfig small_config(const SmallScene& scene, int iterations) {
   TrainConfig config;
   config.scene.path = scene.path();
@@ -171,7 +171,7 @@ inline TrainConfig small_config(const SmallScene& scene, int iterations) {
   config.motion.sh_degree = 1;
   config.motion.sh_interval = 100;
   config.init.dynamic = 0;
-  config.lr.motion = 8;  // all live as long as the video: they have their whole path to learn
+  config.lr.motion = 8;  // Gaussians exist throughout the video and must learn their whole path
   config.flow.source = FlowSource::files;  // the scene's true flow
   config.density.start = 100;
   config.density.every = 50;
@@ -179,7 +179,7 @@ inline TrainConfig small_config(const SmallScene& scene, int iterations) {
   return config;
 }
 
-// A training without run folder.
+// A training without a run folder.
 class SmallTraining {
  public:
   SmallTraining(Queue& queue, const TrainConfig& config, Guidance* guidance = nullptr)
@@ -198,7 +198,7 @@ class SmallTraining {
     for (int i = 0; i < count; ++i) trainer.step(queue, done_++);
   }
 
-  // All that a training step changes, by name, as bits.
+  // All state that training changes, by name, as bits.
   std::map<std::string, std::vector<uint32_t>> bits(Queue& queue) {
     std::map<std::string, std::vector<uint32_t>> all;
     for (const auto& [name, array] : trainer.state(queue))
@@ -206,7 +206,7 @@ class SmallTraining {
                  array.values);
     return all;
   }
-  // Goes on from there as if `done` steps had been made here.
+  // Continues from a state as if `done` steps had been made.
   void go_on(Queue& queue, const Arrays& state, int done) {
     trainer.set_state(queue, state, "a state");
     done_ = done;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// T40, T41: trainings with density control that must not differ by a bit: run again, on a busy
-// machine, and after going on from a saved state; and one that breaks and goes back.
+// T40, T41: trainings with density control that must be equal in every bit when repeated, on a busy
+// machine, and after resuming; and one that breaks and rolls back.
 #include <atomic>
 #include <future>
 #include <thread>
@@ -33,7 +33,7 @@ uint64_t hash(const Bits& bits) {
   return h;
 }
 
-// Every hundred steps.
+// Hashes after every hundred steps.
 std::vector<uint64_t> hashes(Queue& queue, const TrainConfig& config, int steps, size_t* count) {
   SmallTraining training(queue, config);
   std::vector<uint64_t> found;
@@ -46,7 +46,7 @@ std::vector<uint64_t> hashes(Queue& queue, const TrainConfig& config, int steps,
   return found;
 }
 
-// Threads that do nothing but work while it lives.
+// Threads that keep all cores busy while this object exists.
 class Load {
  public:
   Load() {
@@ -82,7 +82,7 @@ Rows repeated(Queue& queue, int steps) {  // T40
   {
     const Load load;
     auto beside = std::async(std::launch::async, [&] {
-      Queue other(queue.device, {false, queue.lanes});  // its programs are compiled again, too
+      Queue other(queue.device, {false, queue.lanes});  // compiles its programs again, too
       return hashes(other, config, steps, nullptr);
     });
     busy = different(first, hashes(queue, config, steps, nullptr));
@@ -131,8 +131,8 @@ double not_finite_in(const Arrays& arrays) {
   return count;
 }
 
-// Colours beyond what a sum over a picture holds, and a place that is no number: back to the
-// checkpoint, and on from there.
+// Colours too large for a sum over an image, and a NaN position: training rolls back to the
+// checkpoint and continues.
 Rows gone_back(Queue& queue) {  // T41
   const SmallScene scene(queue);
   constexpr int saved = 20, steps = 100;
@@ -155,7 +155,7 @@ Rows gone_back(Queue& queue) {  // T41
   std::string notice;
   const int back = roll_back.go_back(saved + 1, broken, notice);
   Bits now = training.bits(queue);
-  for (Bits* bits : {&kept, &now}) bits->erase("caution");  // half the rates from here on
+  for (Bits* bits : {&kept, &now}) bits->erase("caution");  // halved learning rates from here on
   training.go_on(queue, training.trainer.state(queue), back);
   training.steps(queue, steps - back);
   const StepReport figures = training.trainer.report(queue);
