@@ -72,7 +72,7 @@ TEST_F(TrainerTest, SaysOnceThatNothingIsInSight) {
   opacities = Array{opacities.shape, std::vector<float>(opacities.size(), -20.f)};
   training.trainer.set_state(queue(), state, "hidden");
   EXPECT_EQ(notices_in(99), "");
-  EXPECT_NE(notices_in(60).find("in sight in 100 pictures in a row"), std::string::npos);
+  EXPECT_NE(notices_in(60).find("visible in 100 images in a row"), std::string::npos);
   EXPECT_EQ(notices_in(20), "");
 }
 
