@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string_view>
 
 #include "optim/formats/splat_table.hpp"
 #include "runtime/base/error.hpp"
@@ -26,13 +27,13 @@ constexpr size_t kChunk = 256;
   throw Error(fmt::format("cannot read compressed PLY {}: {}", path, why));
 }
 
-const PlyElement* find(const std::vector<PlyElement>& elements, const std::string& name) {
+const PlyElement* find(const std::vector<PlyElement>& elements, std::string_view name) {
   for (const PlyElement& element : elements)
     if (element.name == name) return &element;
   return nullptr;
 }
 
-const PlyElement& required(const std::vector<PlyElement>& elements, const std::string& name,
+const PlyElement& required(const std::vector<PlyElement>& elements, std::string_view name,
                            const std::string& path) {
   const PlyElement* element = find(elements, name);
   if (!element) refuse_compressed(path, fmt::format("it has no element '{}'", name));

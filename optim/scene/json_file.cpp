@@ -31,7 +31,7 @@ Json read_json(const std::string& path) {
   }
 }
 
-const Json& member(const Json& object, const std::string& key, const std::string& where) {
+const Json& member(const Json& object, std::string_view key, const std::string& where) {
   if (!object.is_object() || !object.contains(key))
     throw Error(fmt::format("{} has no '{}'", where, key));
   return object[key];

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <type_traits>
 #include <vector>
 
@@ -17,7 +18,7 @@ using Json = nlohmann::json;
 Json read_json(const std::string& path);
 
 // A member of an object. Error if it is missing; `where` names the object.
-const Json& member(const Json& object, const std::string& key, const std::string& where);
+const Json& member(const Json& object, std::string_view key, const std::string& where);
 
 // A finite number; nullopt if the object has no such member. Error if it is anything else.
 std::optional<double> number(const Json& object, const std::string& key, const std::string& where);
