@@ -174,8 +174,8 @@ void write_npz(const std::string& path, const Arrays& arrays, Packing packing) {
   });
 }
 
-const Array& array_named(const Arrays& arrays, const std::string& name, const std::string& path) {
-  const auto found = arrays.find(name);
+const Array& array_named(const Arrays& arrays, std::string_view name, const std::string& path) {
+  const auto found = arrays.find(std::string(name));
   if (found != arrays.end()) return found->second;
   constexpr size_t most_named = 8;
   std::string names;

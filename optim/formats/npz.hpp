@@ -4,9 +4,11 @@
 #pragma once
 #include <fmt/format.h>
 
+#include <initializer_list>
 #include <map>
 #include <set>
 #include <string>
+#include <string_view>
 
 #include "optim/formats/npy.hpp"
 #include "runtime/base/error.hpp"
@@ -35,11 +37,11 @@ enum class Packing { deflated, stored };
 void write_npz(const std::string& path, const Arrays& arrays, Packing packing = Packing::deflated);
 
 // The array with this name. Error if it is absent; lists the file and the arrays it has.
-const Array& array_named(const Arrays& arrays, const std::string& name, const std::string& path);
+const Array& array_named(const Arrays& arrays, std::string_view name, const std::string& path);
 
 // The values of an array. Error if it is absent, its type is not T, or its shape differs.
 template <class T>
-const std::vector<T>& exact_values(const Arrays& arrays, const std::string& name,
+const std::vector<T>& exact_values(const Arrays& arrays, std::string_view name,
                                    const std::vector<size_t>& shape, const std::string& path) {
   const Array& array = array_named(arrays, name, path);
   const auto* values = std::get_if<std::vector<T>>(&array.values);
@@ -48,6 +50,13 @@ const std::vector<T>& exact_values(const Arrays& arrays, const std::string& name
                             array.shape_text(), values ? "" : " of another number type",
                             fmt::join(shape, ", ")));
   return *values;
+}
+
+// The same for a shape in braces: gcc 14 warns that the result may refer to a temporary vector.
+template <class T>
+const std::vector<T>& exact_values(const Arrays& arrays, std::string_view name,
+                                   std::initializer_list<size_t> shape, const std::string& path) {
+  return exact_values<T>(arrays, name, std::vector<size_t>(shape), path);
 }
 
 }  // namespace gflow
