@@ -43,6 +43,14 @@ bool begins_as_archive(const std::string& path) {
   return std::memcmp(begin, "PK\3\4", sizeof begin) == 0;
 }
 
+// Whether the archive has no directory, which is its last part.
+bool lacks_directory(int code) {
+#ifdef ZIP_ER_TRUNCATED_ZIP  // libzip 1.11 and later, for files that begin as an archive
+  if (code == ZIP_ER_TRUNCATED_ZIP) return true;
+#endif
+  return code == ZIP_ER_NOZIP;
+}
+
 Archive open_archive(const std::string& path) {
   int code = 0;
   Archive archive(zip_open(path.c_str(), ZIP_RDONLY, &code));
@@ -54,7 +62,7 @@ Archive open_archive(const std::string& path) {
     why = "it is a folder, expected is an .npz file";
   else if (std::filesystem::is_other(path, unknown))  // such as a pipe
     why = "it is not a file";
-  else if (code == ZIP_ER_NOZIP)
+  else if (lacks_directory(code))
     why = begins_as_archive(path) ? "it is cut off or damaged: the list of its arrays, with which "
                                     "it would end, is missing"
                                   : "it is no .npz file (a zip archive of arrays)";
