@@ -128,20 +128,25 @@ TEST(Npz, DamagedContentsAreRefused) {
 TEST(Npz, DamageIsReadWhenTheChecksumsAreThoseOfIt) {
   const TemporaryFolder folder;
   const std::string path = folder.file("a.npz");
-  write_npz(path, {{"a", {{2}, std::vector<int32_t>{7, 8}}}, {"b", {{1}, std::vector<int32_t>{9}}}},
-            Packing::stored);
+  // Large values: the bytes of small ones also occur in the headers of the archive.
+  const int32_t first = 80000008, second = 90000009;
+  const Arrays arrays = {{"a", {{2}, std::vector<int32_t>{7, first}}},
+                         {"b", {{1}, std::vector<int32_t>{second}}}};
+  write_npz(path, arrays, Packing::stored);
   std::string bytes = contents(path);
-  for (const int32_t value : {8, 9}) {
+  for (const int32_t value : {first, second}) {
     const size_t at = bytes.find(std::string(reinterpret_cast<const char*>(&value), sizeof value));
     ASSERT_NE(at, std::string::npos);
-    bytes[at] = char(value + 10);
+    bytes[at] = char(bytes[at] + 10);
   }
   expect_error([&] { read_npz(folder.write("bad.npz", bytes)); }, {"bad.npz"});
   const std::string mended =
       fuzz::with_checksums(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
   const Arrays back = read_npz(folder.write("mended.npz", mended));
-  EXPECT_EQ(std::get<std::vector<int32_t>>(back.at("a").values), (std::vector<int32_t>{7, 18}));
-  EXPECT_EQ(std::get<std::vector<int32_t>>(back.at("b").values), (std::vector<int32_t>{19}));
+  EXPECT_EQ(std::get<std::vector<int32_t>>(back.at("a").values),
+            (std::vector<int32_t>{7, first + 10}));
+  EXPECT_EQ(std::get<std::vector<int32_t>>(back.at("b").values),
+            (std::vector<int32_t>{second + 10}));
 }
 
 TEST(Npz, AnUnwritablePlaceIsAnError) {
