@@ -48,12 +48,12 @@ LoadedScene with_frames(Scene scene, const SceneConfig& config, const std::strin
   return loaded;
 }
 
-const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split) {
+const std::vector<Frame>& frames_of_split(const Scene& scene, std::string_view split) {
   const std::vector<Frame>* frames = nullptr;
   if (split == "train") frames = &scene.train;
   if (split == "test") frames = &scene.test;
   if (split == "val") frames = &scene.val;
-  if (!frames) throw Error("there is no split '" + split + "': choose train, test or val");
+  if (!frames) throw Error(fmt::format("there is no split '{}': choose train, test or val", split));
   if (frames->empty()) throw Error(fmt::format("scene {} has no {} views", scene.name, split));
   return *frames;
 }
