@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string_view>
 
 #include "apps/experiments/metrics.hpp"
 #include "runtime/base/printable.hpp"
@@ -90,13 +91,13 @@ class Reader {
     return node ? text(*node, key) : other;
   }
 
-  const toml::array& list(const toml::node& node, const std::string& name) const {
+  const toml::array& list(const toml::node& node, std::string_view name) const {
     const toml::array* list = node.as_array();
     if (list && !list->empty()) return *list;
     throw Error(fmt::format("{}: '{}' must be a list that is not empty", at(node), name));
   }
 
-  const toml::table& table(const toml::node& node, const std::string& name) const {
+  const toml::table& table(const toml::node& node, std::string_view name) const {
     if (const toml::table* table = node.as_table()) return *table;
     throw Error(fmt::format("{}: {} must be a table", at(node), name));
   }
