@@ -3,6 +3,7 @@
 #pragma once
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "optim/scene/frame_store.hpp"
@@ -26,7 +27,7 @@ LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_fold
                        std::optional<std::array<double, 3>> origin = std::nullopt);
 
 // The frames of a split. Error if there are none.
-const std::vector<Frame>& frames_of_split(const Scene& scene, const std::string& split);
+const std::vector<Frame>& frames_of_split(const Scene& scene, std::string_view split);
 
 // Everything that cached flow and video frames depend on: path, size and modification time of
 // images and masks, the order of frames, the lens correction, and the version of the flow
