@@ -17,7 +17,7 @@
 #include "optim/formats/four_dgs.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "optim/images/video.hpp"
-#include "optim/model/views.hpp"
+#include "optim/eval/views.hpp"
 #include "runtime/base/tell.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "runtime/files/json_text.hpp"
@@ -114,7 +114,7 @@ Json info_of_four_dgs(const std::string& path) {
 // The file at `path`, of `format` and so many bytes, holds the model.
 Json info_of_model(const HostModel& model, const std::string& path, const std::string& format,
                    uintmax_t bytes) {
-  const bool still = stands_still(model);
+  const bool still = is_static_model(model);
   size_t floats = 0;
   for (const auto& group : model.groups) floats += group.second.size();
   Json info{{"file", path},

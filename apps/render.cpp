@@ -102,7 +102,7 @@ std::vector<Camera> cameras_of(const std::vector<Frame>& frames,
 }
 
 std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& source) {
-  const bool still = stands_still(source.model);
+  const bool still = is_static_model(source.model);
   if (source.loaded) {
     const Scene& scene = source.loaded->scene;
     const std::vector<Camera>& cameras = source.loaded->frames->cameras();
@@ -208,7 +208,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   require_no_other_files(flags.output);
   const Source source = find_source(flags);
   std::vector<RenderView> views = views_wanted(flags, source);
-  const bool still = stands_still(source.model);
+  const bool still = is_static_model(source.model);
   if (still)
     for (RenderView& view : views) view.time_t2 = -1;
 

@@ -8,19 +8,22 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common/options.hpp"
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 #include "runtime/base/edit_distance.hpp"
 #include "runtime/base/printable.hpp"
 
 namespace gflow {
 namespace {
 
-// Those whose name contains the word. Error that tells the nearest where there is none.
-std::vector<SettingInWords> settings_named(const std::string& word) {
+// Those whose name contains the word; advanced ones if `all_levels` or where a word is given. Error
+// that names the nearest where there is none.
+std::vector<SettingInWords> settings_named(const std::string& word, bool all_levels) {
   const std::vector<SettingInWords> all = settings_in_words({});
   std::vector<SettingInWords> found;
-  std::copy_if(all.begin(), all.end(), std::back_inserter(found),
-               [&](const auto& s) { return s.name.find(word) != std::string::npos; });
+  std::copy_if(all.begin(), all.end(), std::back_inserter(found), [&](const auto& s) {
+    const bool shown = all_levels || !word.empty() || !s.advanced;
+    return shown && s.name.find(word) != std::string::npos;
+  });
   if (!found.empty()) return found;
   const auto apart = [&](const SettingInWords& s) {  // of its whole name, or of what is in it
     const size_t dot = s.name.find('.');
@@ -43,17 +46,19 @@ std::string as_toml(const SettingInWords& s) {
 void add_settings(CLI::App& app, const GlobalOptions&) {
   struct Flags {
     std::string word;
-    bool json = false;
+    bool json = false, all = false;
   };
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
-      "settings", "List the settings of training: default, meaning, unit, what they may be");
+      "settings", "List the settings of training: default, meaning, unit, allowed values");
   command->add_option("WORD", flags->word, "Only those with this in their name, e.g. flow. or rate")
       ->type_name("WORD");
+  command->add_flag("--all", flags->all,
+                    "Advanced settings, too (those with WORD are always shown)");
   command->add_flag("--json", flags->json, "As JSON");
   command->callback([flags] {
     nlohmann::ordered_json all = nlohmann::ordered_json::object();
-    for (const SettingInWords& s : settings_named(flags->word))
+    for (const SettingInWords& s : settings_named(flags->word, flags->all))
       if (flags->json)
         all[s.name] = {{"default", s.value}, {"meaning", s.meaning}, {"allowed", s.allowed}};
       else

@@ -43,8 +43,8 @@ void print_timings(Queue& queue) {
          t.total_ms / double(t.count));
 }
 
-TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
-  TrainConfig config;
+TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
+  TrainOptions config;
   if (flags.resume) RunFolder::require_no_beginning(flags.run);
   if (flags.resume && RunFolder::is_run(flags.run)) config = RunFolder(flags.run).read_config();
   const std::string command_of_run = config.guidance.command;
@@ -94,7 +94,7 @@ TrainConfig configured(const TrainFlags& flags, const CLI::App& command) {
 }
 
 void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI::App& command) {
-  const TrainConfig config = configured(flags, command);
+  const TrainOptions config = configured(flags, command);
   GlobalOptions device = options;
   if (device.device.empty()) device.device = config.train.device;
   const CompileAhead ahead(device.device, config);
@@ -153,7 +153,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
                    "Camera of a video or of numbered pictures, or one a picture: cameras.json or "
                    "transforms.json (scene.cameras)")
       ->type_name("FILE");
-  const TrainConfig defaults;
+  const TrainOptions defaults;
   constexpr double most = std::numeric_limits<int>::max();
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")
       ->check(number_in(1, most))

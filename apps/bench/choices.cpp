@@ -35,7 +35,7 @@ std::vector<Choice> all_choices(int lanes) {
   add("cell masks", "off").skip.masks = false;
   add("saturated tiles", "walked on").skip.saturated = false;
   Skips& none = add("skips", "none").skip;
-  Skips::fields(none, [](const char*, bool& on, const char*) { on = false; });
+  Skips::fields(none, [](const char*, bool& on, const Help&) { on = false; });
   for (const int w : {1, 4, 8, 16})
     if (w != lanes) {
       all.push_back({"lanes", fmt::format("lanes {}", w), {}, w});

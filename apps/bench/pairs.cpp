@@ -103,7 +103,7 @@ Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& sett
   const std::vector<cl_ushort> all(whole.size(), 0xffff);
   const bool stops = settings.skip.saturated;
   const std::vector<cl_ushort> asking =
-      v && settings.skip.asking ? cells_that_ask(queue, engine.images(), *v, flow) : all;
+      v && settings.skip.zero_gradients ? cells_that_ask(queue, engine.images(), *v, flow) : all;
 
   Walk walk(queue, engine, settings);
   walk(whole, all);

@@ -18,22 +18,23 @@ namespace {
 constexpr char kEveryStep[] = "flow in every step (flow.every=1)";
 
 // The default; without each skip in turn; without all exact skips (exact but for rounding); and
-// without any. The others (flow.every, flow.calm, motion.cutoff) change what is trained, so their
-// savings are not for the same work.
+// without any. The others (flow.every, flow.low_motion, motion.cutoff) change what is trained, so
+// their savings are not for the same work.
 std::vector<Kind> kinds_of() {
   std::vector<Kind> kinds{{"all skips", {}}};
   Kind inexact{"no exact skip", {}}, none{"no skip at all", {}};
   Skips skips;
-  Skips::fields(skips, [&](const std::string& name, bool&, const char*) {
+  Skips::fields(skips, [&](const std::string& name, bool&, const Help&) {
     const std::string off = fmt::format("skip.{}=false", name);
     kinds.push_back({fmt::format("without {}", name), {off}});
     none.settings.push_back(off);
     inexact.settings.push_back(off);
   });
   kinds.push_back({"at every time (motion.cutoff=0)", {"motion.cutoff=0"}});
-  kinds.push_back({"flow of calm tiles too (flow.calm=1)", {"flow.calm=1"}});
+  kinds.push_back({"flow of calm tiles too (flow.low_motion=1)", {"flow.low_motion=1"}});
   kinds.push_back({kEveryStep, {"flow.every=1"}});
-  none.settings.insert(none.settings.end(), {"motion.cutoff=0", "flow.calm=1", "flow.every=1"});
+  none.settings.insert(none.settings.end(),
+                       {"motion.cutoff=0", "flow.low_motion=1", "flow.every=1"});
   kinds.push_back(inexact);
   kinds.push_back(none);
   return kinds;
@@ -119,11 +120,11 @@ Result run_skip(StepOptions o, const GlobalOptions& options) {
 
 void add_skip(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<StepOptions>();
-  CLI::App* skip =
-      bench.add_subcommand("skip",
-                           "Training steps on a scene without each of the settings skip.*, "
-                           "motion.cutoff, flow.calm and flow.every; at last with none of the "
-                           "exact ones (skip.*), and with none at all");
+  CLI::App* skip = bench.add_subcommand(
+      "skip",
+      "Training steps on a scene without each of the settings skip.*, "
+      "motion.cutoff, flow.low_motion and flow.every; at last with none of the "
+      "exact ones (skip.*), and with none at all");
   add_step_options(*skip, *flags);
   skip->callback(
       [flags, &options] { deliver(flags->common, [&] { return run_skip(*flags, options); }); });

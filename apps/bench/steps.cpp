@@ -18,8 +18,8 @@
 namespace gflow::bench {
 namespace {
 
-TrainConfig configured(const StepOptions& o, const Kind& kind) {
-  TrainConfig config;
+TrainOptions configured(const StepOptions& o, const Kind& kind) {
+  TrainOptions config;
   config.scene.path = o.scene;
   for (const std::string& setting : o.settings) apply_setting(config, setting);
   for (const std::string& setting : kind.settings) apply_setting(config, setting);
@@ -40,7 +40,7 @@ double parameters_of_one(const HostModel& model, bool without_bands) {
 }
 
 // The model with the parts of its shape that settings may change.
-HostModel shown_by(const TrainConfig& config, HostModel model) {
+HostModel shown_by(const TrainOptions& config, HostModel model) {
   model.shape.cutoff = config.motion.cutoff;
   return model;
 }
@@ -141,7 +141,7 @@ class GoingOn {
   }
 
   Queue& queue_;
-  TrainConfig config_;
+  TrainOptions config_;
   Preparation prepared_;
   Model model_;
   std::unique_ptr<Trainer> trainer_;
@@ -151,7 +151,7 @@ class GoingOn {
 }  // namespace
 
 Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folder, bool quiet) {
-  const TrainConfig config = configured(o, Kind());
+  const TrainOptions config = configured(o, Kind());
   Preparation prepared(config, folder.file("frames"));
   prepared.compute_flow(folder.file("flow"), quiet);
   prepared.look_for_change();
@@ -168,7 +168,7 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
 }
 
 StepOptions with_whole_blocks(StepOptions o, const Trained& from, bool quiet) {
-  const TrainConfig config = configured(o, Kind());
+  const TrainOptions config = configured(o, Kind());
   o.counted =
       std::lcm((config.train.focus + 1) * steps_to_flow(config.flow, from.model.shape.motion),
                config.loss.motion_every);

@@ -29,7 +29,7 @@ void add_step_options(CLI::App& bench, StepOptions& options);
 struct Kind {
   std::string name;
   std::vector<std::string> settings;
-  std::function<void(TrainConfig&)> change = {};  // applied after the settings
+  std::function<void(TrainOptions&)> change = {};  // applied after the settings
   Queue* queue = nullptr;
 };
 
@@ -42,7 +42,7 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
 
 // Mean work of a step over the same steps for all kinds (StepOptions::counted).
 struct StepWork {
-  double listed = 0;  // rows that the view may show (skip.outside); only these are posed
+  double listed = 0;  // rows that the view may show (skip.culled); only these are posed
   double posed = 0, posed_t2 = 0;              // Gaussians posed at the first and second time
   double tiles_with_flow = 0, tiles_back = 0;  // drawn with flow; with flow gradients
   double color_values = 0;                     // read to compute colours

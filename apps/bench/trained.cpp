@@ -17,7 +17,7 @@ namespace {
 // Trainings timed in turn; each keeps its images in memory.
 constexpr size_t kSideBySide = 6;
 
-void choose(TrainConfig& config, const EngineSettings& settings) {
+void choose(TrainOptions& config, const EngineSettings& settings) {
   config.flow.transport = settings.transport;
   config.flow.stop = settings.stop;
   config.flow.top_k = settings.top_k;
@@ -27,7 +27,7 @@ void choose(TrainConfig& config, const EngineSettings& settings) {
 
 Evaluation trained(Queue& queue, const Choice& choice, const TrainingOptions& o, int steps,
                    int seed, const ScratchFolder& folder) {
-  TrainConfig config;
+  TrainOptions config;
   config.scene.path = o.scene;
   for (const std::string& setting : o.settings) apply_setting(config, setting);
   choose(config, choice.settings);
@@ -50,11 +50,11 @@ Evaluation trained(Queue& queue, const Choice& choice, const TrainingOptions& o,
 }  // namespace
 
 void require_trainable(const TrainingOptions& o) {
-  TrainConfig asked;
+  TrainOptions asked;
   asked.scene.path = o.scene;
   for (const std::string& setting : o.settings) apply_setting(asked, setting);
   check(asked);
-  TrainConfig chosen = asked;
+  TrainOptions chosen = asked;
   choose(chosen, {});
   const auto wanted = setting_values(asked), used = setting_values(chosen);
   for (const auto& [name, value] : wanted)
@@ -63,7 +63,7 @@ void require_trainable(const TrainingOptions& o) {
           fmt::format("--set {}={}: that is what the choices of this table differ by; "
                       "--knob says which of them are tried",
                       name, value));
-  read_scene(o.scene, options_of(asked.scene));
+  read_scene(o.scene, asked.scene);
 }
 
 std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>& choices,
@@ -75,7 +75,7 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
   std::vector<Kind> kinds;
   for (const Choice& choice : choices) {
     Kind kind{choice.name, {}};
-    kind.change = [&choice](TrainConfig& config) { choose(config, choice.settings); };
+    kind.change = [&choice](TrainOptions& config) { choose(config, choice.settings); };
     if (choice.lanes) {
       QueueOptions queue_options;
       queue_options.lanes = choice.lanes;

@@ -2,7 +2,7 @@
 // The timed work on a random scene: everything from its parameters to their next values.
 #pragma once
 #include "apps/bench/scene.hpp"
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 #include "runtime/primitives/adam.hpp"
 
 namespace gflow::bench {
@@ -19,7 +19,7 @@ class WholeStep {
             queue, size_t(scene.view.camera.width) * size_t(scene.view.camera.height), channels)),
         engine_(queue),
         rows_(queue),
-        adam_(queue, {AdamGroups{}.beta1, AdamGroups{}.beta2}) {}
+        adam_(queue, {AdamOptions{}.beta1, AdamOptions{}.beta2}) {}
 
   void operator()() {
     BenchScene& s = scene_;

@@ -35,7 +35,7 @@ int cores() {
 }
 
 // By the kernels, the device, and the settings that choose among them or are compiled into them.
-fs::path mark_of(const std::string& device, const TrainConfig& config) {
+fs::path mark_of(const std::string& device, const TrainOptions& config) {
   uint64_t needs = hash(device);
   for (const auto& [file, text] : kernel_sources()) needs = hash(text, needs);
   for (const auto& [name, value] : setting_values(config))
@@ -56,7 +56,7 @@ void become_second(pid_t first) {
   ::setpriority(PRIO_PROCESS, 0, 19);
 }
 
-void compile(const std::string& device, const TrainConfig& config, const fs::path& mark) {
+void compile(const std::string& device, const TrainOptions& config, const fs::path& mark) {
   try {
     const cl::Device found = find_device(device);
     if (!is_pocl(device_info(found))) return;
@@ -71,7 +71,7 @@ void compile(const std::string& device, const TrainConfig& config, const fs::pat
 
 }  // namespace
 
-CompileAhead::CompileAhead(const std::string& device, const TrainConfig& config) {
+CompileAhead::CompileAhead(const std::string& device, const TrainOptions& config) {
   const char* kernels = std::getenv("GFLOW_KERNEL_DIR");  // which somebody is changing
   if (!is_wanted("GFLOW_COMPILE_AHEAD", true) || (kernels && *kernels) || cores() < 2) return;
   const fs::path mark = mark_of(device, config);

@@ -9,7 +9,7 @@
 
 #include <string>
 
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 
 namespace gflow {
 
@@ -18,7 +18,7 @@ class CompileAhead {
   // To be made before anything of OpenCL is called and before there are threads, as it forks; does
   // nothing where it cannot help. Nothing that goes wrong in that process is told: this one comes
   // to it, too. device: as find_device takes it.
-  CompileAhead(const std::string& device, const TrainConfig& config);
+  CompileAhead(const std::string& device, const TrainOptions& config);
   // Ends that process, wherever it is; so does the end of this process, however it comes.
   ~CompileAhead();
   CompileAhead(const CompileAhead&) = delete;

@@ -15,7 +15,7 @@ struct ModelSource {
   HostModel model;
   std::string state;             // RunState::text; empty for a file
   std::optional<RunFolder> run;  // the folder that was named
-  TrainConfig config;            // of that run
+  TrainOptions config;           // of that run
 };
 
 // Error when there is no such thing, or an iteration is chosen of what is no run.

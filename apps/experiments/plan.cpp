@@ -58,7 +58,7 @@ class Reader {
     plan.title = text_or(file_, "title", fs::path(path_).stem().string());
     plan.metrics = metrics();
     plan.films = films();
-    const TrainConfig base = base_config();
+    const TrainOptions base = base_config();
     const std::vector<Axis> axes = read_axes();
     for (const Axis& axis : axes) plan.axes.push_back(axis.name);
     plan.baseline = baseline(axes);
@@ -168,8 +168,8 @@ class Reader {
     return films;
   }
 
-  TrainConfig base_config() const {
-    TrainConfig config;
+  TrainOptions base_config() const {
+    TrainOptions config;
     if (const toml::node* node = file_.get("config"))
       apply_file(config, (fs::path(path_).parent_path() / text(*node, "config")).string());
     if (const toml::node* node = file_.get("settings"))
@@ -177,7 +177,7 @@ class Reader {
     return config;
   }
 
-  void apply(TrainConfig& config, const Choice& choice) const {
+  void apply(TrainOptions& config, const Choice& choice) const {
     for (const Setting& setting : choice.settings) try {
         apply_setting(config, setting.key + "=" + setting.value);
       } catch (const Error& problem) {
@@ -339,13 +339,13 @@ class Reader {
   }
 
   // The combinations of a scene, the last axis fastest.
-  void add_rows(Plan& plan, const TrainConfig& base, const Choice& scene,
+  void add_rows(Plan& plan, const TrainOptions& base, const Choice& scene,
                 const std::vector<Axis>& axes) const {
     size_t combinations = 1;
     for (const Axis& axis : axes) combinations *= axis.choices.size();
     for (size_t number = 0; number < combinations; ++number) {
       Row row{scene.name, {}};
-      TrainConfig config = base;
+      TrainOptions config = base;
       apply(config, scene);
       std::string id = scene.name;
       size_t share = combinations, rest = number;

@@ -25,7 +25,7 @@
 #include <string>
 #include <vector>
 
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 
 namespace gflow::experiments {
 
@@ -40,9 +40,9 @@ struct Row {
 
 // One training.
 struct PlannedRun {
-  std::string id;      // of its folder: scene, choices and seed, as a file may be called
-  size_t row;          // of Plan::rows
-  TrainConfig config;  // whole, with scene and seed
+  std::string id;       // of its folder: scene, choices and seed, as a file may be called
+  size_t row;           // of Plan::rows
+  TrainOptions config;  // whole, with scene and seed
 };
 
 // Pictures of the test views NAME_... at time steps `first` to `last` of the video, from 0.

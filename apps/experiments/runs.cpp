@@ -40,7 +40,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // The first setting in which they differ, as a sentence; empty: none.
-std::string difference(const TrainConfig& before, const TrainConfig& now) {
+std::string difference(const TrainOptions& before, const TrainOptions& now) {
   const auto a = setting_values(before), b = setting_values(now);
   for (const auto& [key, value] : b)
     if (a.at(key) != value) return fmt::format("{} was {}, now it is {}", key, a.at(key), value);
@@ -48,9 +48,9 @@ std::string difference(const TrainConfig& before, const TrainConfig& now) {
 }
 
 // Whether the settings name a network that the results of a run were not judged by.
-bool wants_other_judges(MetricsConfig wanted, const RunFolder& run) {
+bool wants_other_judges(MetricsOptions wanted, const RunFolder& run) {
   make_paths_absolute(wanted);
-  const MetricsConfig judges = run.judged_by();
+  const MetricsOptions judges = run.judged_by();
   return (!wanted.lpips.empty() && wanted.lpips != judges.lpips) ||
          (!wanted.clip.empty() && wanted.clip != judges.clip);
 }
@@ -103,7 +103,7 @@ void share_caches(const std::string& from, const std::string& to) {
 
 // Whether two trainings look at the same pictures at the same steps, so that the flow between those
 // of one is that of the other: its files say which pictures they are of, not which file each is.
-bool same_pictures(const TrainConfig& a, const TrainConfig& b) {
+bool same_pictures(const TrainOptions& a, const TrainOptions& b) {
   const auto of_a = setting_values(a), of_b = setting_values(b);
   return std::all_of(of_a.begin(), of_a.end(), [&](const auto& setting) {
     return setting.first.rfind("scene.", 0) != 0 || of_b.at(setting.first) == setting.second;
@@ -124,8 +124,8 @@ bool is_being_trained(const std::string& run) {
 // Seconds a step may take where no run tells: measured were 256 x 192 pixels and 30 000 Gaussians
 // with flow, 10 ms on two cores with AVX-512 (PoCL). Another device or motion model may be several
 // times faster or slower. NaN where the scene cannot be read.
-double guessed_step(const SceneConfig& config) try {
-  const Scene scene = read_scene(config.path, options_of(config));
+double guessed_step(const SceneOptions& config) try {
+  const Scene scene = read_scene(config.path, config);
   double pixels = 0;
   for (const Camera& camera : scene.cameras)
     pixels += double(camera.width) * camera.height / double(scene.cameras.size());
@@ -370,7 +370,7 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
     standing.seconds = train_seconds(files.run + "/results.json");
   }
   standing.status = finished ? Status::finished : Status::stopped;
-  TrainConfig before;
+  TrainOptions before;
   apply_file(before, files.settings);
   // Going on with a training that is finished judges it anew.
   if (finished && wants_other_judges(run.config.metrics, RunFolder(files.run)))
@@ -405,7 +405,7 @@ TimeLeft time_left(const Plan& plan, const std::vector<Standing>& standings) {
       if (!guesses.count(scene)) guesses[scene] = guessed_step(plan.runs[i].config.scene);
       each = guesses[scene];
     }
-    const ScheduleConfig& train = plan.runs[i].config.train;
+    const ScheduleOptions& train = plan.runs[i].config.train;
     double seconds = each * double(train.iterations - steps);
     const double most = 60.0 * double(train.minutes);
     if (most > 0 && !(seconds < most)) seconds = most;

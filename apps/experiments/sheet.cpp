@@ -108,7 +108,7 @@ std::string films_in_words(const Scene& scene) {
 // Steps of a view from the left, truth first; no rows where the scene has no such view.
 Sheet film_sheet(const Film& film, const std::string& scene, const std::vector<Drawn>& drawn) {
   Sheet sheet{fmt::format("{}, {}: steps {} to {}", scene, film.view, film.first, film.last), {}};
-  const TrainConfig& config = drawn[0].run->config;
+  const TrainOptions& config = drawn[0].run->config;
   const LoadedScene loaded = load_scene(config.scene, drawn[0].folder + "/frames");
   const std::vector<const Frame*> frames = frames_of(film, loaded.scene);
   if (frames.empty()) return sheet;
@@ -140,7 +140,7 @@ void require_films(const Plan& plan) {
   for (const PlannedRun& run : plan.runs) {
     const std::string& name = plan.rows[run.row].scene;
     if (scenes.empty() || scenes.back().first != name)
-      scenes.emplace_back(name, read_scene(run.config.scene.path, options_of(run.config.scene)));
+      scenes.emplace_back(name, read_scene(run.config.scene.path, run.config.scene));
   }
   for (const Film& film : plan.films) {
     std::vector<std::string> there;

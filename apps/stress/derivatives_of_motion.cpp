@@ -433,7 +433,10 @@ Derivative bends_row(Queue& queue) {
 // and serve as the reference; the last column compares two step sizes.
 Derivative plane_rule_row(Queue& queue) {
   const MotionShape shape = shape_of(MotionModelKind::hexplane);
-  const PlaneRule rule{.1f, .2f, .3f};
+  HexplaneOptions rule;
+  rule.plane_tv = .1f;
+  rule.time_smoothness = .2f;
+  rule.l1_time = .3f;
   const std::unique_ptr<Motion> motion = make_motion(queue, shape);
   Parameters p(queue, kCount, motion->groups(), motion->tables());
   Random random(57);

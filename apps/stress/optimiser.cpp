@@ -6,7 +6,7 @@
 
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 #include "runtime/primitives/adam.hpp"
 #include "shared/work.h"
 
@@ -15,7 +15,7 @@ namespace {
 
 // Adam as used for Gaussians, and for the shared parameters of paths: keys, bases, planes,
 // networks.
-const AdamGroups shipped;
+const AdamOptions shipped;
 const AdamConfig of_gaussians{shipped.beta1, shipped.beta2, true};
 const AdamConfig of_paths{shipped.beta1_paths, shipped.beta2, false};
 
@@ -176,7 +176,7 @@ Rows bad_gradients(Queue& queue) {  // T32
 
 // A gradient summed in float from 128 terms, forwards or backwards. The terms of every second value
 // cancel, so that its gradient is only rounding noise. `size`: root mean square of the others, as
-// in training (AdamGroups).
+// in training (AdamOptions).
 Rows noise_gain(Queue& queue) {  // T33
   constexpr size_t rows = 40, n = 3 * rows, terms = 128;
   const float lr = .01f;

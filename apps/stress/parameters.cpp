@@ -81,7 +81,7 @@ Response respond(Queue& queue, const std::string& name, const Floats& values) {
     groups["quats"].insert(groups["quats"].end(), {1.f, .2f, -.1f, .3f});
     groups["log_scales"].insert(groups["log_scales"].end(), {-1.f, -2.f, -3.f, 1.f});
   }
-  add_rest(shape, groups, n);
+  set_static(shape, groups, n);
   if (name == "log_scales")
     for (size_t i = 0; i < n; ++i)
       for (int k = 0; k < 3; ++k) groups[name][4 * i + size_t(k)] = values[i];

@@ -8,14 +8,12 @@
 #include <memory>
 #include <vector>
 
+#include "optim/density/density_options.hpp"
 #include "optim/engine/gaussians.hpp"
 #include "optim/formats/npz.hpp"
 #include "optim/motion/motion.hpp"
 
 namespace gflow {
-
-enum class DensityKind { adc, mcmc };
-constexpr std::array<const char*, 2> names_of(DensityKind) { return {"adc", "mcmc"}; }
 
 // In scene units and the model's time. Each strategy reads what concerns it.
 struct DensityRule {

@@ -18,7 +18,7 @@ inline Program raster_program(Queue& queue, const EngineSettings& settings, Chan
                             {"ABSGRAD", int(absgrad(settings, channels))},
                             {"TIGHT_BOXES", int(settings.skip.boxes)},
                             {"SATURATED", int(settings.skip.saturated)},
-                            {"ASKING", int(settings.skip.asking)}},
+                            {"ASKING", int(settings.skip.zero_gradients)}},
                     settings)};
 }
 

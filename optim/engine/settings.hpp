@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Choices for rendering and flow, with their names in settings.
 #pragma once
-#include <fmt/format.h>
-
-#include <algorithm>
 #include <array>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "runtime/base/error.hpp"
+#include "runtime/base/option.hpp"
 #include "shared/transport.h"
 
 namespace gflow {
@@ -29,10 +26,6 @@ constexpr std::array<const char*, 4> names_of(Transport) {
   return {"paper", "ot", "material", "translate"};
 }
 constexpr std::array<const char*, 2> names_of(StopRule) { return {"include", "exclude"}; }
-template <class Enum>
-constexpr const char* name_of(Enum value) {
-  return names_of(value)[static_cast<size_t>(value)];
-}
 
 // Work that can be skipped. `boxes`, `masks`, `saturated`, `asking`, `flow`, `bands` and `compact`
 // change no bit of an image or gradient (except the sign of a 0), but without `boxes` more
@@ -43,35 +36,43 @@ constexpr const char* name_of(Enum value) {
 struct Skips {
   bool boxes = true;  // tiles outside the bounding box of the ellipse alpha >= 1/255 (project.cl)
   bool masks = true;  // 4x4 cells of a tile outside that ellipse (cell_mask.cl)
-  bool saturated = true;  // rest of a tile's list once all its pixels are saturated (splat.cl)
-  bool asking = true;     // backward pass in cells where every gradient is 0 (splat_bwd.cl)
-  bool outside = true;    // rows absent at this time or outside the image (motion/view_rows.hpp),
-                          // except in steps with a motion loss or mcmc, which pose all rows
-  bool still = true;      // t2 of static Gaussians seen by a static camera (View::moving)
-  bool flow = true;       // flow in tiles where nothing moves; its gradients where v_flow is 0
-  bool bands = true;      // SH bands, and their Adam steps, above the degree in use (sh.cl)
-  bool compact = true;    // three quarters of an image's memory on the device: bytes, not floats
-  bool unseen = true;     // Adam steps of Gaussians that no image of the step shows
+  bool saturated = true;       // rest of a tile's list once all its pixels are saturated (splat.cl)
+  bool zero_gradients = true;  // backward pass in cells where every gradient is 0 (splat_bwd.cl)
+  bool culled = true;       // rows absent at this time or outside the image (motion/view_rows.hpp),
+                            // except in steps with a motion loss or mcmc, which pose all rows
+  bool static_pose = true;  // t2 of static Gaussians seen by a static camera (View::moving)
+  bool flow = true;         // flow in tiles where nothing moves; its gradients where v_flow is 0
+  bool bands = true;        // SH bands, and their Adam steps, above the degree in use (sh.cl)
+  bool compact = true;      // three quarters of an image's memory on the device: bytes, not floats
+  bool unseen = true;       // Adam steps of Gaussians that no image of the step shows
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("boxes", self.boxes,
-          "tiles outside the box in which a splat can be seen; off: a square around its circle");
-    field("masks", self.masks, "cells of 4x4 pixels in which it cannot");
-    field("saturated", self.saturated, "what lies behind where a whole tile is opaque");
-    field("asking", self.asking, "gradients of cells of pixels that are exactly right");
     field(
-        "outside", self.outside,
-        "Gaussians of other moments and those that the camera cannot see, before anything is made "
-        "of them");
-    field("still", self.still, "the second time of Gaussians at rest before a camera at rest");
+        "boxes", self.boxes,
+        advanced(
+            "tiles outside the box in which a splat can be seen; off: a square around its circle"));
+    field("masks", self.masks, advanced("cells of 4x4 pixels in which it cannot"));
+    field("saturated", self.saturated, advanced("what lies behind where a whole tile is opaque"));
+    field("zero_gradients", self.zero_gradients,
+          advanced("gradients of cells of pixels that are exactly right"));
+    field("culled", self.culled,
+          advanced("Gaussians of other moments and those that the camera cannot see, before "
+                   "anything is made "
+                   "of them"));
+    field("static_pose", self.static_pose,
+          advanced("the second time of Gaussians at rest before a camera at rest"));
     field("flow", self.flow,
-          "flow in tiles where all is at rest, its gradients in tiles that ask for none");
-    field("bands", self.bands, "bands of the spherical harmonics that are not in use yet");
-    field("compact", self.compact,
-          "three quarters of the bytes of a picture on the device, decoded there; off: floats");
+          advanced("flow in tiles where all is at rest, its gradients in tiles that ask for none"));
+    field("bands", self.bands,
+          advanced("bands of the spherical harmonics that are not in use yet"));
+    field(
+        "compact", self.compact,
+        advanced(
+            "three quarters of the bytes of a picture on the device, decoded there; off: floats"));
     field("unseen", self.unseen,
-          "optimiser steps of Gaussians that no picture of the step shows, made up for later");
+          advanced(
+              "optimiser steps of Gaussians that no picture of the step shows, made up for later"));
   }
 };
 
@@ -102,16 +103,6 @@ struct Channels {
 // absgrad uses the slot of the depth moment, so only one of the two is available.
 inline bool absgrad(const EngineSettings& settings, Channels channels) {
   return settings.absgrad && !channels.depth;
-}
-
-// The enumerator of this name. Error that lists the choices.
-template <class Enum>
-Enum value_named(const std::string& name) {
-  const auto names = names_of(Enum{});
-  const auto found = std::find(names.begin(), names.end(), name);
-  if (found == names.end())
-    throw Error(fmt::format("there is no '{}', only {}", name, fmt::join(names, ", ")));
-  return Enum(found - names.begin());
 }
 
 }  // namespace gflow

@@ -88,7 +88,7 @@ bool any(const std::vector<uint8_t>& mask) {
 // Goes through the views in their order.
 class Judge {
  public:
-  Judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
+  Judge(Queue& queue, Model& model, const TrainOptions& config, const LoadedScene& loaded,
         const std::vector<Frame>& frames, const std::string& folder, const std::string& flow_folder)
       : queue_(queue),
         model_(model),
@@ -225,7 +225,7 @@ class Judge {
 
   Queue& queue_;
   Model& model_;
-  const TrainConfig& config_;
+  const TrainOptions& config_;
   const std::vector<Frame>& frames_;
   const std::string& folder_;
   FrameStore& store_;
@@ -257,7 +257,7 @@ const std::vector<NamedFigure>& view_figures() {
   return figures;
 }
 
-Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config,
+Evaluation evaluate(Queue& queue, Model& model, const TrainOptions& config,
                     const LoadedScene& loaded, const std::vector<Frame>& frames,
                     const ProgressCallback& progress, const std::string& folder,
                     const std::string& flow_folder) {

@@ -9,6 +9,7 @@
 
 #include "optim/eval/track_error.hpp"
 #include "optim/model/renderer.hpp"
+#include "optim/options/train_options.hpp"
 #include "optim/scene/loaded_scene.hpp"
 #include "runtime/base/report.hpp"
 
@@ -58,7 +59,7 @@ struct Evaluation {
 // it leads. What is not there costs nothing: true depth, the networks of config.metrics; Error
 // where one of these cannot be used. `progress` may be empty. Does not set `tracks`. What is drawn
 // is written as FOLDER/NAME.png unless `folder`, which must exist, is empty.
-Evaluation evaluate(Queue& queue, Model& model, const TrainConfig& config,
+Evaluation evaluate(Queue& queue, Model& model, const TrainOptions& config,
                     const LoadedScene& loaded, const std::vector<Frame>& frames,
                     const ProgressCallback& progress, const std::string& folder = "",
                     const std::string& flow_folder = "");

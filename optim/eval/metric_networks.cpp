@@ -12,7 +12,7 @@ ColourPlanes planes_of(const Picture& picture) {
 
 }  // namespace
 
-JudgingNetworks::JudgingNetworks(const MetricsConfig& config) {
+JudgingNetworks::JudgingNetworks(const MetricsOptions& config) {
   if (!config.lpips.empty()) lpips_.emplace(config.lpips, "metrics.lpips");
   if (!config.clip.empty()) clip_.emplace(config.clip, "metrics.clip");
 }
@@ -28,7 +28,7 @@ void JudgingNetworks::judge(ViewFigures& view, const Picture& picture, const Pic
   if (clip_) view.clip = clip_->similarity(drawn, filmed);
 }
 
-void make_paths_absolute(MetricsConfig& config) {
+void make_paths_absolute(MetricsOptions& config) {
   for (std::string* path : {&config.lpips, &config.clip})
     if (!path->empty()) *path = std::filesystem::absolute(*path).lexically_normal().string();
 }

@@ -6,14 +6,14 @@
 #include "optim/eval/evaluation.hpp"
 #include "optim/loss/metrics.hpp"
 #include "optim/networks/perceptual.hpp"
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 
 namespace gflow {
 
 class JudgingNetworks {
  public:
   // Loads them; none where the setting is empty. Error when one cannot be used.
-  explicit JudgingNetworks(const MetricsConfig& config);
+  explicit JudgingNetworks(const MetricsOptions& config);
   // Error when one takes pictures of another size.
   void require_size(int width, int height) const;
   // Sets view.lpips and view.clip, each where it has a network.
@@ -25,6 +25,6 @@ class JudgingNetworks {
 };
 
 // Names of files that are relative to where gflow was started, made independent of it.
-void make_paths_absolute(MetricsConfig& config);
+void make_paths_absolute(MetricsOptions& config);
 
 }  // namespace gflow

@@ -8,7 +8,7 @@
 //   MOVIE.mp4, compare_MOVIE.mp4 of the views that share a movie, two or more of one size
 #pragma once
 #include "optim/model/renderer.hpp"
-#include "optim/model/views.hpp"
+#include "optim/eval/views.hpp"
 #include "optim/scene/frame_store.hpp"
 #include "runtime/base/report.hpp"
 

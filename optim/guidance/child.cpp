@@ -148,7 +148,7 @@ void Child::send(const std::string& text, Milliseconds time_out) {
     pollfd ready{in_, POLLOUT, 0};
     if (poll(&ready, 1, left_until(end)) == 0)
       throw GuidanceFailed(fmt::format(
-          "the guidance program `{}` has not read its input for {} s (guidance.time_out)", command_,
+          "the guidance program `{}` has not read its input for {} s (guidance.timeout)", command_,
           in_seconds(time_out)));
   }
 }
@@ -182,7 +182,7 @@ std::string Child::receive(Milliseconds time_out) {
     if (n == 0 && Clock::now() < end) continue;
     if (n == 0)
       throw GuidanceFailed(
-          fmt::format("the guidance program `{}` has not answered for {} s (guidance.time_out)",
+          fmt::format("the guidance program `{}` has not answered for {} s (guidance.timeout)",
                       command_, in_seconds(time_out)));
     char bytes[4096];
     const ssize_t count = read(out_, bytes, sizeof bytes);

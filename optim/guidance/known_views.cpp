@@ -22,7 +22,7 @@ KnownViews::KnownViews(const std::string& folder)
     : folder_(folder), images_(kCacheBytes), flows_(kCacheBytes) {
   if (!fs::is_directory(folder))
     throw Error(fmt::format(
-        "guidance.pictures = \"{}\" is no folder; it must be one with pictures, or with a folder "
+        "guidance.images = \"{}\" is no folder; it must be one with pictures, or with a folder "
         "of pictures for each camera",
         folder));
   const auto pictures_in = [](const fs::path& place) {
@@ -38,8 +38,7 @@ KnownViews::KnownViews(const std::string& folder)
   }
   if (of_any_.empty() && of_cameras_.empty())
     throw Error(fmt::format(
-        "guidance.pictures = \"{}\" has no .png or .jpg, neither itself nor in its folders",
-        folder));
+        "guidance.images = \"{}\" has no .png or .jpg, neither itself nor in its folders", folder));
 }
 
 std::vector<float> KnownViews::planes(const std::string& path, const GuidanceRequest& request,
@@ -81,7 +80,7 @@ std::vector<std::vector<float>> KnownViews::pictures(const GuidanceRequest& requ
       if (k < steps.size()) paths.push_back(steps[k]);
   }
   if (paths.empty())
-    throw GuidanceFailed(fmt::format("guidance.pictures = \"{}\" has no picture of time step {}{}",
+    throw GuidanceFailed(fmt::format("guidance.images = \"{}\" has no picture of time step {}{}",
                                      folder_, k,
                                      its == of_cameras_.end() ? "" : " by camera " + its->first));
   std::vector<std::vector<float>> pictures;

@@ -133,7 +133,7 @@ StepViews views_at(const std::vector<Watcher>& watchers, int step, const Scene& 
 
 Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<Watcher>& watchers,
                     const std::vector<FlowPair>& pairs, FlowStore& flows,
-                    const TrainConfig& config) {
+                    const TrainOptions& config) {
   Seeds seeds;
   if (config.init.dynamic == 0 || scene.points.size() < 50 || scene.steps < 4) return seeds;
   if (watchers.size() < kLeastCameras) return seeds;

@@ -8,7 +8,7 @@
 #include "optim/flow/flow_store.hpp"
 #include "optim/init/motion_mask.hpp"
 #include "optim/model/model.hpp"
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 
 namespace gflow {
 
@@ -26,6 +26,6 @@ struct Seeds {
 // Candidates are random in the box around the scene's points. Deterministic for config.train.seed.
 Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<Watcher>& watchers,
                     const std::vector<FlowPair>& pairs, FlowStore& flows,
-                    const TrainConfig& config);
+                    const TrainOptions& config);
 
 }  // namespace gflow

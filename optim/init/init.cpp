@@ -10,7 +10,6 @@
 #include "optim/engine/random_streams.hpp"
 #include "optim/init/dynamic_seeds.hpp"
 #include "optim/loss/nearest_points.hpp"
-#include "optim/model/views.hpp"
 #include "optim/motion/bases.hpp"
 #include "optim/motion/hexplane.hpp"
 #include "shared/random.h"
@@ -132,7 +131,7 @@ FirstPoints fitting_points(const Scene& scene, FrameStore& frames,
 // point of an object needs to lie on it at its own time only.
 FirstPoints random_points(const Scene& scene, FrameStore& frames,
                           const std::vector<ObjectView>& by_time, bool hull,
-                          const TrainConfig& config) {
+                          const TrainOptions& config) {
   const size_t count = size_t(std::min(config.init.count, config.density.cap));
   const uint seed = uint(config.train.seed);
   const Eigen::Vector3d centre = looked_at(scene);
@@ -164,7 +163,7 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
 
 // The points that init.from asks for.
 FirstPoints first_points(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
-                         const TrainConfig& config) {
+                         const TrainOptions& config) {
   const InitFrom from = config.init.from;
   const std::vector<ObjectView> by_time = views_by_time(scene, parts);
   const bool given =
@@ -182,7 +181,7 @@ FirstPoints first_points(const Scene& scene, FrameStore& frames, const std::vect
 }
 
 // A model without Gaussians, and without what only its motion model has.
-HostModel empty_model(const Scene& scene, const TrainConfig& config) {
+HostModel empty_model(const Scene& scene, const TrainOptions& config) {
   HostModel model;
   model.shape = model_shape(scene, config);
   for (const char* name :
@@ -193,7 +192,7 @@ HostModel empty_model(const Scene& scene, const TrainConfig& config) {
 
 // A ball of the first opacity; time and its standard deviation in the model's unit. rgb: or null.
 void append_ball(HostModel& model, const float* xyz, float scale, float time, float scale_t,
-                 const uint8_t* rgb, const TrainConfig& config) {
+                 const uint8_t* rgb, const TrainOptions& config) {
   HostGroups& g = model.groups;
   const auto append = [&](const char* name, std::initializer_list<float> values) {
     g[name].insert(g[name].end(), values);
@@ -226,7 +225,7 @@ Seeds at_most(const Seeds& all, size_t most) {
   return some;
 }
 
-HostModel read_init_file(const TrainConfig& config) {
+HostModel read_init_file(const TrainOptions& config) {
   const std::string& path = config.init.file;
   if (path.empty()) throw Error("init.from is \"file\", but init.file names none");
   const HostModel file = [&] {
@@ -236,7 +235,7 @@ HostModel read_init_file(const TrainConfig& config) {
       throw Error(fmt::format("init.file: {}", problem.what()));
     }
   }();
-  if (!stands_still(file))
+  if (!is_static_model(file))
     throw Error(
         fmt::format("init.file {} moves, first Gaussians stand still: `gflow export --format "
                     "ply --times T` makes a PLY of one of its times",
@@ -253,7 +252,7 @@ HostModel read_init_file(const TrainConfig& config) {
 // The Gaussians of init.file as they are, in the scene's coordinates; bands of colour that the
 // model has not are left out, those that the file has not are 0. What each is relative to may
 // differ.
-void append_file(HostModel& model, float time, float scale_t, const TrainConfig& config) {
+void append_file(HostModel& model, float time, float scale_t, const TrainOptions& config) {
   const HostModel file = read_init_file(config);
   HostGroups& g = model.groups;
   for (const char* name : {"means", "quats", "log_scales", "logit_opacities", "sh0"})
@@ -294,14 +293,14 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   return distance;
 }
 
-MotionModelKind motion_model(const Scene& scene, const MotionConfig& config) {
+MotionModelKind motion_model(const Scene& scene, const MotionOptions& config) {
   if (config.model != MotionChoice::automatic)
     return MotionModelKind(int(config.model) - int(choice_of(MotionModelKind{})));
   const bool alone = scene.steps > 1 && scene.train.size() < 2 * size_t(scene.steps);
   return alone ? MotionModelKind::hexplane : MotionModelKind::spacetime;
 }
 
-ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
+ModelShape model_shape(const Scene& scene, const TrainOptions& config) {
   ModelShape shape;
   shape.motion = motion_model(scene, config.motion);
   shape.sh_degree = config.motion.sh_degree;
@@ -311,23 +310,16 @@ ModelShape model_shape(const Scene& scene, const TrainConfig& config) {
   shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
   shape.key_scales = config.motion.key_scales;
   shape.bases = config.motion.bases;
-  HexplaneShape& h = shape.hexplane;  // but for its box
-  h.levels = config.hexplane.levels;
-  h.channels = config.hexplane.channels;
-  h.resolution = config.hexplane.resolution;
-  h.times = config.hexplane.times > 0 ? config.hexplane.times : std::max((scene.steps + 1) / 2, 1);
-  h.hidden = config.hexplane.hidden;
-  h.layers = config.hexplane.layers;
-  h.turn = config.hexplane.turn;
-  h.resize = config.hexplane.resize;
+  static_cast<HexplaneOptions&>(shape.hexplane) = config.hexplane;
+  if (shape.hexplane.times == 0) shape.hexplane.times = std::max((scene.steps + 1) / 2, 1);
   return shape;
 }
 
-void require_init_file(const TrainConfig& config) {
+void require_init_file(const TrainOptions& config) {
   if (config.init.begins_from_file()) read_init_file(config);
 }
 
-void require_first_points(const Scene& scene, const InitConfig& init) {
+void require_first_points(const Scene& scene, const InitOptions& init) {
   if (init.from == InitFrom::points && scene.points.size() == 0)
     throw Error("init.from is \"points\", but scene " + scene.name +
                 " has none (points3D.ply or sparse/0/points3D.bin)");
@@ -338,7 +330,7 @@ void require_first_points(const Scene& scene, const InitConfig& init) {
 
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
-                        FlowStore& flows, const TrainConfig& config) {
+                        FlowStore& flows, const TrainOptions& config) {
   HostModel model = empty_model(scene, config);
   Seeds seeds;  // short-lived, so none where each Gaussian is followed through the video
   if (!config.train.sequential && !is_permanent(model.shape.motion))
@@ -353,7 +345,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
     append_file(model, duration / 2, lifetime, config);
     seeds = at_most(seeds, size_t(config.density.cap) - model.count);
   } else {
-    TrainConfig beside_seeds = config;
+    TrainOptions beside_seeds = config;
     beside_seeds.density.cap -= int(seeds.size());
     const FirstPoints points = first_points(scene, frames, parts, beside_seeds);
     const std::vector<float> distance = neighbour_distance(points.xyz);
@@ -367,9 +359,9 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
   for (size_t k = 0; k < seeds.size(); ++k)
     append_ball(model, &seeds.xyz[3 * k], seeds.spacing[k], seeds.time[k] * duration, short_life,
                 &seeds.rgb[3 * k], config);
-  add_rest(model.shape, model.groups, model.count, uint32_t(config.train.seed));
-  if (model.shape.motion == MotionModelKind::bases)
-    place_bases(model.shape, model.groups, seeds.size() ? n : 0);
+  set_static(model.shape, model.groups, model.count, uint32_t(config.train.seed));
+  if (const auto place = motion_model_of(model.shape.motion).place)
+    place(model.shape, model.groups, seeds.size() ? n : 0);
   for (size_t k = 0; k < seeds.size(); ++k) {
     const float* v = &seeds.velocity[3 * k];
     set_velocity(model.shape, model.groups, n + k,

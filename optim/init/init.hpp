@@ -6,8 +6,8 @@
 #include "optim/flow/flow_store.hpp"
 #include "optim/init/motion_mask.hpp"
 #include "optim/model/model.hpp"
+#include "optim/options/train_options.hpp"
 #include "optim/scene/frame_store.hpp"
-#include "optim/train/options.hpp"
 
 namespace gflow {
 
@@ -19,17 +19,17 @@ namespace gflow {
 // of interest of training frame i; flows[i] belongs to pairs[i], and both of these may be empty.
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
                         const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
-                        FlowStore& flows, const TrainConfig& config);
+                        FlowStore& flows, const TrainOptions& config);
 
 // The Error that initial_model would throw for init.file, before time is spent on anything else.
-void require_init_file(const TrainConfig& config);
+void require_init_file(const TrainOptions& config);
 // The Error that it would throw because the scene has not what init.from asks for.
-void require_first_points(const Scene& scene, const InitConfig& init);
+void require_first_points(const Scene& scene, const InitOptions& init);
 // The motion model that is asked for, or that suits the scene: from one camera at a time, only a
 // common pose shows what a Gaussian does while it is not seen (README, How Gaussians move).
-MotionModelKind motion_model(const Scene& scene, const MotionConfig& config);
+MotionModelKind motion_model(const Scene& scene, const MotionOptions& config);
 // What the configuration and the scene say of the model.
-ModelShape model_shape(const Scene& scene, const TrainConfig& config);
+ModelShape model_shape(const Scene& scene, const TrainOptions& config);
 
 // Mean distance to the three nearest other points, for each of xyz [n, 3]; never 0.
 std::vector<float> neighbour_distance(const std::vector<float>& xyz);

@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "optim/model/slice.hpp"
-#include "optim/train/options.hpp"
 #include "shared/native4d.h"
 
 namespace gflow {

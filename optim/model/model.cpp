@@ -309,7 +309,7 @@ HostModel read_model(const std::string& path) {
     model.groups[name].resize(width * model.count);
   if (moving) read_tables(tables_path(path), model);
   if (!moving) {  // a static scene is there for ever
-    add_rest(model.shape, model.groups, model.count);
+    set_static(model.shape, model.groups, model.count);
     for (size_t i = 0; i < model.count; ++i) {
       model.groups["log_scales"][4 * i + 3] = std::log(1000 * model.shape.duration);
       model.groups["means_t"][i] = model.shape.duration / 2;
@@ -322,6 +322,13 @@ HostModel read_model(const std::string& path) {
                                 path, model.count ? i * model.count / values.size() : 0, name));
   warn_of_scales(model, path);
   return model;
+}
+
+bool is_static_model(const HostModel& model) {
+  const std::vector<float>& log_scales = model.groups.at("log_scales");
+  for (size_t i = 0; i < model.count; ++i)
+    if (log_scales[4 * i + 3] < std::log(100 * model.shape.duration)) return false;
+  return is_static(model.shape, model.groups);
 }
 
 }  // namespace gflow

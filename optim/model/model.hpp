@@ -65,4 +65,7 @@ std::string tables_path(const std::string& path);
 // Error when properties are missing or values are not finite.
 HostModel read_model(const std::string& path);
 
+// Whether every Gaussian lasts for the whole video and none moves.
+bool is_static_model(const HostModel& model);
+
 }  // namespace gflow

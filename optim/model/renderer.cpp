@@ -45,7 +45,7 @@ Bands Renderer::bands(const Model& model) const {
 
 void Renderer::look(Queue& queue, Model& model, const Shot& shot) {
   // Motion losses go over pairs of Gaussians, wherever they are.
-  const bool all = !skip_.outside || shot.all_posed || shot.motion_loss;
+  const bool all = !skip_.culled || shot.all_posed || shot.motion_loss;
   if (!all &&
       model.motion->look(queue, model.parameters, model.time(shot.time), shot.view.camera, rows_))
     rows_.take_marked(queue, model.parameters);
@@ -64,7 +64,7 @@ void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   View& view = shot_.view;
   look(queue, model, shot);
   // Motion losses compare poses at both times, of those at rest too.
-  if (skip_.still && shot.flow && !shot.motion_loss && same(view.camera, view.camera_t2))
+  if (skip_.static_pose && shot.flow && !shot.motion_loss && same(view.camera, view.camera_t2))
     view.moving = rows_.moving();
   const RowList rows = rows_.list();
   model.motion->at(queue, model.parameters, model.time(shot.time), nullptr, t1_, rows);

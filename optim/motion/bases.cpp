@@ -148,4 +148,33 @@ void BasesMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& chil
   still_rows_.split(queue, p, child, rule, seed);
 }
 
+const MotionModel& bases_model() {
+  static const MotionModel model = [] {
+    MotionModel m;
+    m.name = "bases";
+    m.has_keys = m.has_bases = true;
+    m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
+      return std::make_unique<BasesMotion>(queue, shape);
+    };
+    m.groups = [](const MotionShape& shape) { return bases_groups(shape.bases); };
+    m.tables = [](const MotionShape& shape) { return bases_tables(shape.keys, shape.bases); };
+    m.columns = [](const MotionShape& shape) -> std::vector<MotionColumns> {
+      MotionColumns columns{"basis_logits", {}};
+      for (int b = 0; b < shape.bases; ++b)
+        columns.properties.push_back(fmt::format("basis_{}", b));
+      return {columns};
+    };
+    m.place = place_bases;
+    m.is_static = [](const MotionShape&, const HostGroups& groups) {
+      const auto zero = [&](const char* group) {
+        const std::vector<float>& values = groups.at(group);
+        return std::all_of(values.begin(), values.end(), [](float x) { return x == 0; });
+      };
+      return zero("basis_shifts") && zero("basis_turns");
+    };
+    return m;
+  }();
+  return model;
+}
+
 }  // namespace gflow

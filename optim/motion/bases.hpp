@@ -18,6 +18,9 @@ std::vector<TableSpec> bases_tables(int keys, int bases);
 // Gaussians first .. count - 1, and each Gaussian following those near it, or none.
 void place_bases(const MotionShape& shape, HostGroups& groups, size_t first);
 
+// Its entry in the table of models.
+const MotionModel& bases_model();
+
 class BasesMotion : public Motion {
  public:
   // Error for less than one key or basis, or too many bases.

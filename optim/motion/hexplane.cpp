@@ -76,7 +76,7 @@ std::vector<TableSpec> hexplane_tables(const HexplaneShape& shape) {
   return {planes, network};
 }
 
-void set_hexplane_rest(const HexplaneShape& s, HostGroups& groups, uint32_t seed) {
+void set_hexplane_static(const HexplaneShape& s, HostGroups& groups, uint32_t seed) {
   std::vector<float>& planes = groups["planes"];
   const size_t channels = size_t(s.channels);
   planes.assign(planes_rows(s) * channels, 1.f);
@@ -98,7 +98,7 @@ void set_hexplane_rest(const HexplaneShape& s, HostGroups& groups, uint32_t seed
   }
 }
 
-bool hexplane_at_rest(const HexplaneShape& s, const HostGroups& groups) {
+bool is_hexplane_static(const HexplaneShape& s, const HostGroups& groups) {
   const std::vector<float>& network = groups.at("network");
   return std::all_of(network.begin() + long(weights_before_last(s)), network.end(),
                      [](float x) { return x == 0; });
@@ -208,7 +208,7 @@ void HexplaneMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   planes.active = {0, planes.count};
 }
 
-void HexplaneMotion::regularize(Queue& queue, Parameters& p, const PlaneRule& rule) {
+void HexplaneMotion::regularize(Queue& queue, Parameters& p, const HexplaneOptions& rule) {
   if (rule.plane_tv == 0 && rule.time_smoothness == 0 && rule.l1_time == 0) return;
   Table& planes = p.more[0];
   hexplane_regularize_(queue, Range::over(planes.count, kGroup), grid_, rule.plane_tv,
@@ -224,6 +224,27 @@ void HexplaneMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule)
 void HexplaneMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
                            const SplitRule& rule, uint32_t seed) {
   still_rows_.split(queue, p, child, rule, seed);
+}
+
+const MotionModel& hexplane_model() {
+  static const MotionModel model = [] {
+    MotionModel m;
+    m.name = "hexplane";
+    m.has_planes = m.is_permanent = true;
+    m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
+      return std::make_unique<HexplaneMotion>(queue, shape);
+    };
+    m.groups = [](const MotionShape&) { return still_groups(); };
+    m.tables = [](const MotionShape& shape) { return hexplane_tables(shape.hexplane); };
+    m.set_static = [](const MotionShape& shape, HostGroups& groups, size_t, uint32_t seed) {
+      set_hexplane_static(shape.hexplane, groups, seed);
+    };
+    m.is_static = [](const MotionShape& shape, const HostGroups& groups) {
+      return is_hexplane_static(shape.hexplane, groups);
+    };
+    return m;
+  }();
+  return model;
 }
 
 }  // namespace gflow

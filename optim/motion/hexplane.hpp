@@ -19,14 +19,17 @@ std::vector<TableSpec> hexplane_tables(const HexplaneShape& shape);
 
 // Sets both so that nothing moves: planes of time 1, of space uniform in [0.1, 0.5] as 4DGaussians,
 // hidden layers uniform in +-sqrt(6 / inputs) (He et al. 2015), the last layer 0.
-void set_hexplane_rest(const HexplaneShape& shape, HostGroups& groups, uint32_t seed);
+void set_hexplane_static(const HexplaneShape& shape, HostGroups& groups, uint32_t seed);
 
 // Whether the last layer is 0.
-bool hexplane_at_rest(const HexplaneShape& shape, const HostGroups& groups);
+bool is_hexplane_static(const HexplaneShape& shape, const HostGroups& groups);
 
 // The box of the planes around most of the points [n, 3]: all but a hundredth at each side of each
 // axis, and `slack` times its size.
 void set_box(HexplaneShape& shape, const std::vector<float>& xyz, float slack);
+
+// Its entry in the table of models.
+const MotionModel& hexplane_model();
 
 class HexplaneMotion : public Motion {
  public:
@@ -40,7 +43,7 @@ class HexplaneMotion : public Motion {
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
                 const RowList& rows = {}) override;
-  void regularize(Queue& queue, Parameters& parameters, const PlaneRule& rule) override;
+  void regularize(Queue& queue, Parameters& parameters, const HexplaneOptions& rule) override;
   void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;

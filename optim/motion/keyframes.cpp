@@ -87,4 +87,31 @@ void KeyframesMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& 
   still_rows_.split(queue, p, child, rule, seed);
 }
 
+const MotionModel& keyframes_model() {
+  static const MotionModel model = [] {
+    MotionModel m;
+    m.name = "keyframes";
+    m.has_keys = m.has_key_scales = true;
+    m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
+      return std::make_unique<KeyframesMotion>(queue, shape);
+    };
+    m.groups = [](const MotionShape&) { return still_groups(); };
+    m.tables = keyframes_tables;
+    m.set_velocity = [](const MotionShape& shape, HostGroups& groups, size_t i,
+                        const std::array<double, 3>& v, double, double s_t) {
+      const size_t count = groups.at("means_t").size();
+      const double own = groups.at("means_t")[i];
+      const double step = double(shape.duration) / std::max(shape.keys - 1, 1);
+      const double most = std::max(3 * s_t, 2 * step);  // beyond that its path is unknown
+      for (size_t k = 0; k < size_t(shape.keys); ++k) {
+        const double times = std::clamp(double(k) * step - own, -most, most);
+        for (size_t c = 0; c < 3; ++c)
+          groups.at("key_shifts")[3 * (k * count + i) + c] = float(times * v[c]);
+      }
+    };
+    return m;
+  }();
+  return model;
+}
+
 }  // namespace gflow

@@ -15,6 +15,9 @@ namespace gflow {
 // key_shifts, key_turns and perhaps key_scales, a row a key and Gaussian.
 std::vector<TableSpec> keyframes_tables(const MotionShape& shape);
 
+// Its entry in the table of models.
+const MotionModel& keyframes_model();
+
 class KeyframesMotion : public Motion {
  public:
   KeyframesMotion(Queue& queue, const MotionShape& shape);

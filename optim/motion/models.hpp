@@ -1,20 +1,66 @@
 // SPDX-License-Identifier: Apache-2.0
-// The motion models by name, and what of their parameters is made or asked on the host. A new model
-// is one more word here, beside its own four files.
+// The motion models in one table: everything that the rest of gflow asks about a model. A new one
+// is its own files and one line in models.cpp, or register_motion_model() from outside.
 #pragma once
 #include <array>
 #include <limits>
 #include <map>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "optim/motion/motion.hpp"
 
 namespace gflow {
 
+// The number of a model in the table. gflow's own have names here; registered ones follow.
 enum class MotionModelKind { spacetime, native4d, keyframes, bases, hexplane };
-constexpr std::array<const char*, 5> names_of(MotionModelKind) {
-  return {"spacetime", "native4d", "keyframes", "bases", "hexplane"};
-}
+
+struct MotionShape;
+
+// Parameter arrays on the host by group name, a row per Gaussian.
+using HostGroups = std::map<std::string, std::vector<float>>;
+
+// A group with a row per Gaussian that only this model has, and the PLY properties of its columns.
+struct MotionColumns {
+  std::string group;
+  std::vector<std::string> properties;
+};
+
+// A motion model. Functions may be nullptr where a comment says so.
+struct MotionModel {
+  const char* name = nullptr;  // in settings and files
+
+  // Which numbers of MotionShape its arrays depend on, beside duration and cutoff.
+  bool has_keys = false, has_key_scales = false, has_bases = false, has_planes = false;
+  // Every Gaussian lasts for the whole video: one common pose moves.
+  bool is_permanent = false;
+  // Each Gaussian has one path of few parameters for all of its life.
+  bool has_stiff_paths = false;
+
+  std::unique_ptr<Motion> (*make)(Queue&, const MotionShape&) = nullptr;
+  // Motion::groups and tables without a device; no tables: nullptr.
+  std::vector<GroupSpec> (*groups)(const MotionShape&) = nullptr;
+  std::vector<TableSpec> (*tables)(const MotionShape&) = nullptr;
+  // Groups in the PLY beside those of every model; none: nullptr.
+  std::vector<MotionColumns> (*columns)(const MotionShape&) = nullptr;
+  // Turns arrays of zeros into those of `count` static Gaussians, turned as "quats" says; nullptr:
+  // zeros are. `seed`: of what starts at random.
+  void (*set_static)(const MotionShape&, HostGroups&, size_t count, uint32_t seed) = nullptr;
+  // Lays out what all Gaussians share, by those from number `first` on; nullptr: nothing.
+  void (*place)(const MotionShape&, HostGroups&, size_t first) = nullptr;
+  // See set_velocity() below; nullptr: no Gaussian has a motion of its own.
+  void (*set_velocity)(const MotionShape&, HostGroups&, size_t i, const std::array<double, 3>& v,
+                       double s, double s_t) = nullptr;
+  // Whether no Gaussian moves; nullptr: when all of `columns` and `tables` are 0.
+  bool (*is_static)(const MotionShape&, const HostGroups&) = nullptr;
+};
+
+const MotionModel& motion_model_of(MotionModelKind kind);
+// Adds a model, which must outlive all use, and returns its number. Error where the name is taken.
+MotionModelKind register_motion_model(const MotionModel& model);
+// All names, by number.
+std::vector<const char*> names_of(MotionModelKind);
 
 // What a motion model must know beside its arrays.
 struct MotionShape {
@@ -32,12 +78,11 @@ struct MotionShape {
   static void fields(Self& self, Field&& field) {
     field("duration", self.duration, 0.0, 1e30);
     field("cutoff", self.cutoff, -std::numeric_limits<double>::denorm_min(), 0.5);  // may be 0
-    const bool keyed =
-        self.motion == MotionModelKind::keyframes || self.motion == MotionModelKind::bases;
-    if (keyed) field("keys", self.keys, 0.0, 1e6);
-    if (self.motion == MotionModelKind::keyframes) field("key_scales", self.key_scales, -1.0, 1.0);
-    if (self.motion == MotionModelKind::bases) field("bases", self.bases, 0.0, 1e3);
-    if (self.motion != MotionModelKind::hexplane) return;
+    const MotionModel& model = motion_model_of(self.motion);
+    if (model.has_keys) field("keys", self.keys, 0.0, 1e6);
+    if (model.has_key_scales) field("key_scales", self.key_scales, -1.0, 1.0);
+    if (model.has_bases) field("bases", self.bases, 0.0, 1e3);
+    if (!model.has_planes) return;
     auto& h = self.hexplane;
     field("resolution", h.resolution, 1.0, 1e4);
     field("times", h.times, 0.0, 1e6);
@@ -54,43 +99,25 @@ struct MotionShape {
   }
 };
 
+// By the descriptor of shape.motion.
 std::unique_ptr<Motion> make_motion(Queue& queue, const MotionShape& shape);
-
-// Parameter arrays on the host by group name, a row a Gaussian.
-using HostGroups = std::map<std::string, std::vector<float>>;
-
-// A group that only this model has a row a Gaussian of, and the properties of a PLY that hold its
-// columns.
-struct MotionColumns {
-  std::string group;
-  std::vector<std::string> properties;
-};
 std::vector<MotionColumns> motion_columns(const MotionShape& shape);
-
-// Its arrays with a row a Gaussian, and its tables with other rows: Motion::groups and tables
-// without a device.
 std::vector<GroupSpec> motion_groups(const MotionShape& shape);
 std::vector<TableSpec> motion_tables(const MotionShape& shape);
+inline bool is_permanent(MotionModelKind kind) { return motion_model_of(kind).is_permanent; }
+inline bool has_stiff_paths(MotionModelKind kind) { return motion_model_of(kind).has_stiff_paths; }
 
-// Fills all of those for `count` Gaussians that stand still, turned as "quats" says. `seed`: of
-// what starts at random.
-void add_rest(const MotionShape& shape, HostGroups& groups, size_t count, uint32_t seed = 0);
+// Fills all groups and tables for `count` static Gaussians, turned as "quats" says. `seed`: of what
+// starts at random.
+void set_static(const MotionShape& shape, HostGroups& groups, size_t count, uint32_t seed = 0);
 
-// Whether every Gaussian lasts for the whole video: there is one common pose, and what moves is
-// that, not which Gaussians there are.
-constexpr bool is_permanent(MotionModelKind kind) { return kind == MotionModelKind::hexplane; }
-// Whether each Gaussian has one path of few numbers for all of its life.
-constexpr bool has_stiff_paths(MotionModelKind kind) {
-  return kind == MotionModelKind::spacetime || kind == MotionModelKind::native4d;
-}
-
-// Gives Gaussian i, at rest, not turned, of spatial scale s and temporal scale s_t, the velocity v;
-// native4d: or the largest along v that those scales allow; keyframes: around its own moment;
-// bases and hexplane: none, as no Gaussian has a motion of its own.
+// Gives Gaussian i, static, not turned, of spatial scale s and temporal scale s_t, the velocity v;
+// native4d: or the largest along v that those scales allow; keyframes: around its own time; nothing
+// for models in which no Gaussian has a motion of its own.
 void set_velocity(const MotionShape& shape, HostGroups& groups, size_t i,
                   const std::array<double, 3>& v, double s, double s_t);
 
 // Whether no Gaussian moves.
-bool at_rest(const MotionShape& shape, const HostGroups& groups);
+bool is_static(const MotionShape& shape, const HostGroups& groups);
 
 }  // namespace gflow

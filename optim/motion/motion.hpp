@@ -64,7 +64,7 @@ class Motion {
                         const RowList& rows = {}) = 0;
 
   // After all backward() of a training step: adds the gradients of what keeps the model simple.
-  virtual void regularize(Queue&, Parameters&, const PlaneRule&) {}
+  virtual void regularize(Queue&, Parameters&, const HexplaneOptions&) {}
 
   // Sets parameters.rows.pace and reach, by which Adam's rates become those of each Gaussian.
   virtual void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) = 0;

@@ -70,4 +70,56 @@ void Native4dMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& c
                   p["log_scales"].values, p["logit_opacities"].values);
 }
 
+namespace {
+
+// The two unit quaternions (w x y z) of a 4D rotation that gives a Gaussian with spatial scale s
+// and temporal scale s_t the velocity v (kernels/shared/native4d.h).
+struct QuatPair {
+  std::array<float, 4> left, right;
+};
+QuatPair quats_for_velocity(const std::array<double, 3>& v, double s, double s_t) {
+  const double speed = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+  if (speed == 0) return {{1, 0, 0, 0}, {1, 0, 0, 0}};
+  // speed = (1 - r^2) tau / (1 + r^2 tau^2), r = s/s_t, tau = tan of the angle between v and time
+  const double rr = (s / s_t) * (s / s_t), b = 1 - rr;
+  const double discriminant = b * b - 4 * speed * speed * rr;
+  const double tau = discriminant > 0 ? 2 * speed / (b + std::sqrt(discriminant)) : s_t / s;
+  const double half = 0.5 * std::atan(tau), k = std::sin(half) / speed;
+  const auto f = [](double value) { return float(value); };
+  const double w = std::cos(half);
+  return {{f(w), f(k * v[0]), f(k * v[1]), f(k * v[2])},
+          {f(w), f(-k * v[0]), f(-k * v[1]), f(-k * v[2])}};
+}
+
+}  // namespace
+
+const MotionModel& native4d_model() {
+  static const MotionModel model = [] {
+    MotionModel m;
+    m.name = "native4d";
+    m.has_stiff_paths = true;
+    m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
+      return std::make_unique<Native4dMotion>(queue, shape.cutoff);
+    };
+    m.groups = [](const MotionShape&) { return native4d_groups(); };
+    m.columns = [](const MotionShape&) -> std::vector<MotionColumns> {
+      return {{"quats_r", {"rot_r_0", "rot_r_1", "rot_r_2", "rot_r_3"}}};
+    };
+    m.set_static = [](const MotionShape&, HostGroups& groups, size_t, uint32_t) {
+      groups["quats_r"] = groups.at("quats");
+    };
+    m.set_velocity = [](const MotionShape&, HostGroups& groups, size_t i,
+                        const std::array<double, 3>& v, double s, double s_t) {
+      const QuatPair q = quats_for_velocity(v, s, s_t);
+      std::copy(q.left.begin(), q.left.end(), &groups.at("quats")[4 * i]);
+      std::copy(q.right.begin(), q.right.end(), &groups.at("quats_r")[4 * i]);
+    };
+    m.is_static = [](const MotionShape&, const HostGroups& groups) {
+      return groups.at("quats") == groups.at("quats_r");
+    };
+    return m;
+  }();
+  return model;
+}
+
 }  // namespace gflow

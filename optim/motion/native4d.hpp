@@ -3,12 +3,15 @@
 // means_t [N,1], quats and quats_r [N,4], log_scales [N,4] (x y z t), logit_opacities [N,1].
 // Each Gaussian moves in a straight line while it lives; its shape does not change.
 #pragma once
-#include "optim/motion/motion.hpp"
+#include "optim/motion/models.hpp"
 
 namespace gflow {
 
 // The arrays with a row a Gaussian.
 std::vector<GroupSpec> native4d_groups();
+
+// Its entry in the table of models.
+const MotionModel& native4d_model();
 
 class Native4dMotion : public Motion {
  public:

@@ -74,4 +74,27 @@ void SpacetimeMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& 
                    p["log_scales"].values, p["logit_opacities"].values);
 }
 
+const MotionModel& spacetime_model() {
+  static const MotionModel model = [] {
+    MotionModel m;
+    m.name = "spacetime";
+    m.has_stiff_paths = true;
+    m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
+      return std::make_unique<SpacetimeMotion>(queue, shape.cutoff);
+    };
+    m.groups = [](const MotionShape&) { return spacetime_groups(); };
+    m.columns = [](const MotionShape&) -> std::vector<MotionColumns> {
+      return {{"velocities", {"motion_0", "motion_1", "motion_2"}},
+              {"half_accelerations", {"motion_3", "motion_4", "motion_5"}},
+              {"turns", {"omega_0", "omega_1", "omega_2", "omega_3"}}};
+    };
+    m.set_velocity = [](const MotionShape&, HostGroups& groups, size_t i,
+                        const std::array<double, 3>& v, double, double) {
+      for (size_t c = 0; c < 3; ++c) groups.at("velocities")[3 * i + c] = float(v[c]);
+    };
+    return m;
+  }();
+  return model;
+}
+
 }  // namespace gflow

@@ -8,12 +8,15 @@
 // flow error 0.68 against 1.37 px, and a tenth less time, because nothing is rotated in four
 // dimensions.
 #pragma once
-#include "optim/motion/motion.hpp"
+#include "optim/motion/models.hpp"
 
 namespace gflow {
 
 // The arrays with a row a Gaussian.
 std::vector<GroupSpec> spacetime_groups();
+
+// Its entry in the table of models.
+const MotionModel& spacetime_model();
 
 class SpacetimeMotion : public Motion {
  public:

@@ -15,15 +15,16 @@ namespace {
 
 // nullptr when all tiles count in every step. Paths with many parameters, each moved by few images,
 // do not converge under rare and strong gradients: optim/loss/README.md.
-std::unique_ptr<FlowTiles> flow_tiles_for(Queue& queue, const FlowConfig& flow,
+std::unique_ptr<FlowTiles> flow_tiles_for(Queue& queue, const FlowOptions& flow,
                                           MotionModelKind motion) {
-  const float share = flow.calm > 0 ? flow.calm : has_stiff_paths(motion) ? 0.1f : 1.f;
-  return share < 1 ? std::make_unique<FlowTiles>(queue, CalmRule{share, flow.calm_px}) : nullptr;
+  const float share = flow.low_motion > 0 ? flow.low_motion : has_stiff_paths(motion) ? 0.1f : 1.f;
+  return share < 1 ? std::make_unique<FlowTiles>(queue, CalmRule{share, flow.low_motion_px})
+                   : nullptr;
 }
 
 }  // namespace
 
-FlowObjective::FlowObjective(Queue& queue, const TrainConfig& options, const Scene& scene,
+FlowObjective::FlowObjective(Queue& queue, const TrainOptions& options, const Scene& scene,
                              FrameStore& frames, const std::vector<FlowPair>& pairs,
                              FlowStore& flows, MotionModelKind motion)
     : options_(options),

@@ -7,14 +7,14 @@
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/flow_tiles.hpp"
 #include "optim/objectives/objective.hpp"
+#include "optim/options/train_options.hpp"
 #include "optim/scene/frame_store.hpp"
-#include "optim/train/options.hpp"
 
 namespace gflow {
 
 // Steps from one with flow to the next (flow.every). A path of few parameters learns as much from
 // flow in every second step: optim/loss/README.md.
-inline int steps_to_flow(const FlowConfig& flow, MotionModelKind motion) {
+inline int steps_to_flow(const FlowOptions& flow, MotionModelKind motion) {
   if (flow.every > 0) return flow.every;
   return has_stiff_paths(motion) ? 2 : 1;
 }
@@ -22,15 +22,15 @@ inline int steps_to_flow(const FlowConfig& flow, MotionModelKind motion) {
 class FlowObjective : public Objective {
  public:
   // flows[i] belongs to pairs[i]. All references must outlive it.
-  FlowObjective(Queue& queue, const TrainConfig& options, const Scene& scene, FrameStore& frames,
+  FlowObjective(Queue& queue, const TrainOptions& options, const Scene& scene, FrameStore& frames,
                 const std::vector<FlowPair>& pairs, FlowStore& flows, MotionModelKind motion);
 
   void request(Queue& queue, const ViewContext& view, Shot& shot) override;
   void add_gradients(Queue& queue, const ViewContext& view, const Renderer& renderer,
                      ImageGradients& v) override;
   // flow_loss and flow_epe [px] of the last view with flow, estimated from the tiles that were
-  // evaluated (flow.calm) and weighted by flow.weight whatever flow.every: NaN where no tile was, 0
-  // where there is no flow at all.
+  // evaluated (flow.low_motion) and weighted by flow.weight whatever flow.every: NaN where no tile
+  // was, 0 where there is no flow at all.
   void report(Queue& queue, const Renderer& renderer, LossReport& report) override;
   void save_state(Queue& queue, Arrays& arrays) override;
   void load_state(Queue& queue, const Arrays& arrays, const std::string& path) override;
@@ -45,7 +45,7 @@ class FlowObjective : public Objective {
   // Of the last view with flow. Waits.
   Values values(Queue& queue);
 
-  const TrainConfig& options_;
+  const TrainOptions& options_;
   const Scene& scene_;
   FrameStore& frames_;
   const std::vector<FlowPair>& pairs_;

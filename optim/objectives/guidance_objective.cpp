@@ -16,11 +16,11 @@ namespace {
 
 // The layouts whose cameras stand on the ground by definition, and look at the origin if nobody
 // says where they are.
-bool has_own_cameras(const Scene& scene, const SceneConfig& config) {
+bool has_own_cameras(const Scene& scene, const SceneOptions& config) {
   return !takes_cameras(scene.layout) || !config.cameras.empty();
 }
 
-Eigen::Vector3d up_of(const Scene& scene, const TrainConfig& config) {
+Eigen::Vector3d up_of(const Scene& scene, const TrainOptions& config) {
   const UpAxis axis = config.guidance.up;
   const bool z = scene.layout == "blender" || !has_own_cameras(scene, config.scene);
   if (axis == UpAxis::x) return Eigen::Vector3d::UnitX();
@@ -32,7 +32,7 @@ Eigen::Vector3d up_of(const Scene& scene, const TrainConfig& config) {
   return sum.norm() > 1e-6 ? sum.normalized() : Eigen::Vector3d::UnitZ();
 }
 
-Orbit orbit_of(const Scene& scene, const TrainConfig& config) {
+Orbit orbit_of(const Scene& scene, const TrainOptions& config) {
   Orbit orbit;
   if (has_own_cameras(scene, config.scene)) orbit.focus = looked_at(scene);
   orbit.up = up_of(scene, config);
@@ -54,7 +54,7 @@ std::vector<float> planes_of(const Image& picture) {
 
 }  // namespace
 
-GuidanceObjective::GuidanceObjective(Queue& queue, const TrainConfig& config, const Scene& scene,
+GuidanceObjective::GuidanceObjective(Queue& queue, const TrainOptions& config, const Scene& scene,
                                      FrameStore& frames, Guidance& guidance)
     : config_(config),
       scene_(scene),
@@ -70,12 +70,12 @@ GuidanceObjective::GuidanceObjective(Queue& queue, const TrainConfig& config, co
 }
 
 bool GuidanceObjective::is_due(int step) const {
-  const GuidanceConfig& g = config_.guidance;
+  const GuidanceOptions& g = config_.guidance;
   return step >= g.start && (g.stop == 0 || step < g.stop) && (step - g.start) % g.every == 0;
 }
 
 Camera GuidanceObjective::camera_for(int step, int view, const Frame& frame) const {
-  const GuidanceConfig& g = config_.guidance;
+  const GuidanceOptions& g = config_.guidance;
   const uint seed = uint(config_.train.seed), index = uint(step * g.views + view);
   if (g.cameras == GuidanceCameras::orbit) {
     const auto drawn = [&](uint stream, float most) {
@@ -101,7 +101,7 @@ Camera GuidanceObjective::camera_for(int step, int view, const Frame& frame) con
 
 GuidanceRequest GuidanceObjective::request_for(const StepContext& context) const {
   const int step = context.step;
-  const GuidanceConfig& g = config_.guidance;
+  const GuidanceOptions& g = config_.guidance;
   const Frame& frame = *context.frame;
   const int end =
       g.stop == 0 ? config_.train.iterations : std::min(g.stop, config_.train.iterations);
@@ -171,7 +171,7 @@ void GuidanceObjective::add_novel_views(NovelViews& views, const StepContext& co
 
 void GuidanceObjective::set_gradients(Queue& queue, const Images& images,
                                       const GuidanceAnswer& answer) {
-  const GuidanceConfig& g = config_.guidance;
+  const GuidanceOptions& g = config_.guidance;
   const size_t pixels = size_t(images.width) * size_t(images.height);
   const double values = 3 * double(pixels);
   std::vector<float> v_rgb(3 * pixels, 0.f);

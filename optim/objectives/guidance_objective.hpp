@@ -10,16 +10,16 @@
 #include "optim/guidance/orbit.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/objectives/objective.hpp"
+#include "optim/options/train_options.hpp"
 #include "optim/scene/frame_store.hpp"
-#include "optim/train/options.hpp"
 
 namespace gflow {
 
 class GuidanceObjective : public Objective {
  public:
   // Error when guidance.cameras names a split without views. All references must outlive it.
-  GuidanceObjective(Queue& queue, const TrainConfig& config, const Scene& scene, FrameStore& frames,
-                    Guidance& guidance);
+  GuidanceObjective(Queue& queue, const TrainOptions& config, const Scene& scene,
+                    FrameStore& frames, Guidance& guidance);
 
   // In a step with guidance: draws its views, asks the provider, and adds the gradients of
   //   mean over views of (guidance.weight w <gradient, rgb> / (3 H W) + guidance.flow w_f L_flow).
@@ -36,7 +36,7 @@ class GuidanceObjective : public Objective {
   Shot shot_of(const GuidanceRequest& request, const GuidanceView& view, int sh_degree) const;
   void set_gradients(Queue& queue, const Images& images, const GuidanceAnswer& answer);
 
-  const TrainConfig& config_;
+  const TrainOptions& config_;
   const Scene& scene_;
   FrameStore& frames_;
   Guidance& guidance_;

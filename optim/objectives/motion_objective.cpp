@@ -9,7 +9,7 @@
 namespace gflow {
 
 // A loss that counts in every n-th step only counts n times as much there.
-std::unique_ptr<MotionObjective> MotionObjective::make(Queue& queue, const LossConfig& options,
+std::unique_ptr<MotionObjective> MotionObjective::make(Queue& queue, const LossOptions& options,
                                                        int steps, float extent, Model& model) {
   const float times = float(options.motion_every);
   MotionLossWeights w;
@@ -24,7 +24,7 @@ std::unique_ptr<MotionObjective> MotionObjective::make(Queue& queue, const LossC
   return std::make_unique<MotionObjective>(queue, options, steps, w, model);
 }
 
-MotionObjective::MotionObjective(Queue& queue, const LossConfig& options, int steps,
+MotionObjective::MotionObjective(Queue& queue, const LossOptions& options, int steps,
                                  const MotionLossWeights& weights, Model& model)
     : options_(options), steps_(steps), model_(model), loss_(queue, weights) {}
 

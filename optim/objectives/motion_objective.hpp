@@ -4,7 +4,7 @@
 #pragma once
 #include "optim/loss/motion_loss.hpp"
 #include "optim/objectives/objective.hpp"
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 
 namespace gflow {
 
@@ -12,9 +12,9 @@ class MotionObjective : public Objective {
  public:
   // nullptr when all weights are 0 or the scene has one time step only. steps: time steps of the
   // scene; extent: its size [scene units]. The references must outlive it.
-  static std::unique_ptr<MotionObjective> make(Queue& queue, const LossConfig& options, int steps,
+  static std::unique_ptr<MotionObjective> make(Queue& queue, const LossOptions& options, int steps,
                                                float extent, Model& model);
-  MotionObjective(Queue& queue, const LossConfig& options, int steps,
+  MotionObjective(Queue& queue, const LossOptions& options, int steps,
                   const MotionLossWeights& weights, Model& model);
 
   // Finds neighbours again when that is due.
@@ -28,7 +28,7 @@ class MotionObjective : public Objective {
   void load_state(Queue& queue, const Arrays& arrays, const std::string& path) override;
 
  private:
-  const LossConfig& options_;
+  const LossOptions& options_;
   int steps_;
   Model& model_;
   MotionLoss loss_;

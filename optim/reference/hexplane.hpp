@@ -193,8 +193,8 @@ inline HexplaneGradient hexplane_vjp(const HexplaneShape& shape, double duration
   return g;
 }
 
-// The weighted sum of the three terms of PlaneRule.
-inline double plane_cost(const HexplaneShape& shape, const PlaneRule& rule,
+// The weighted sum of the regularisers of the planes.
+inline double plane_cost(const HexplaneShape& shape, const HexplaneOptions& rule,
                          const std::vector<double>& planes) {
   double cost = 0;
   const size_t channels = size_t(shape.channels), times = size_t(shape.times);

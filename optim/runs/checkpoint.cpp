@@ -13,7 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "optim/motion/parameters_state.hpp"
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 #include "runtime/base/warning.hpp"
 #include "runtime/files/json_text.hpp"
 #include "runtime/files/modest_json.hpp"
@@ -125,7 +125,7 @@ CheckpointFacts facts_of(const OrderedJson& json, const std::string& path) {
   facts.seconds = json.at("seconds");
   facts.config = json.at("config");
   try {
-    TrainConfig readable;
+    TrainOptions readable;
     apply_text(readable, facts.config, "its settings");
   } catch (const Error& problem) {
     throw Error(fmt::format("{} is damaged: {}", path, problem.what()));

@@ -17,9 +17,9 @@ namespace {
 
 // The settings of a run with some of [metrics] changed; Error for any other. A network that judged
 // the run before does so again unless the settings say otherwise.
-TrainConfig judged_by(const TrainConfig& config, const MetricsConfig& before,
-                      const std::vector<std::string>& settings) {
-  TrainConfig changed = config;
+TrainOptions judged_by(const TrainOptions& config, const MetricsOptions& before,
+                       const std::vector<std::string>& settings) {
+  TrainOptions changed = config;
   const auto keep = [](std::string& network, const std::string& former) {
     if (network.empty() && std::filesystem::exists(former)) network = former;
   };
@@ -27,7 +27,7 @@ TrainConfig judged_by(const TrainConfig& config, const MetricsConfig& before,
   keep(changed.metrics.clip, before.clip);
   for (const std::string& setting : settings) {
     apply_setting(changed, setting);
-    TrainConfig rest = changed;
+    TrainOptions rest = changed;
     rest.metrics = config.metrics;
     if (setting_values(rest) != setting_values(config))
       throw Error(
@@ -41,7 +41,7 @@ TrainConfig judged_by(const TrainConfig& config, const MetricsConfig& before,
 
 }  // namespace
 
-Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
+Evaluation judge(Queue& queue, Model& model, const TrainOptions& config, const LoadedScene& loaded,
                  const std::vector<Frame>& frames, bool quiet, const std::string& pictures,
                  const std::string& flow) {
   if (!pictures.empty()) std::filesystem::create_directories(pictures);
@@ -57,7 +57,7 @@ Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const Lo
   return evaluation;
 }
 
-void require_what_judges(const TrainConfig& config, const Scene& scene, const FrameStore& frames) {
+void require_what_judges(const TrainOptions& config, const Scene& scene, const FrameStore& frames) {
   const JudgingNetworks networks(config.metrics);
   for (const Frame& frame : scene.test) {
     const Camera& camera = frames.camera(frame);
@@ -67,7 +67,7 @@ void require_what_judges(const TrainConfig& config, const Scene& scene, const Fr
   if (!scene.tracks_path.empty()) read_tracks(scene.tracks_path, scene.origin);
 }
 
-void write_comparison(Queue& queue, Model& model, const TrainConfig& config,
+void write_comparison(Queue& queue, Model& model, const TrainOptions& config,
                       const LoadedScene& loaded, const RunFolder& run) {
   const std::vector<RenderView> views =
       split_views(loaded.scene, loaded.scene.test, loaded.frames->cameras(), "test");
@@ -85,7 +85,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   const auto lock = run.lock_if_free();
   if (lock) put_back_former_files(run, *lock);
   const RunState state = read_run_state(run, iteration);
-  const TrainConfig config = judged_by(state.config, run.judged_by(), settings);
+  const TrainOptions config = judged_by(state.config, run.judged_by(), settings);
   LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, state.model, Purpose::showing);

@@ -11,15 +11,15 @@ namespace gflow {
 
 // The views, and the paths in space where the scene has true ones. What is drawn goes into the
 // folder `pictures` unless that is empty; flow: the folder of what was computed.
-Evaluation judge(Queue& queue, Model& model, const TrainConfig& config, const LoadedScene& loaded,
+Evaluation judge(Queue& queue, Model& model, const TrainOptions& config, const LoadedScene& loaded,
                  const std::vector<Frame>& frames, bool quiet, const std::string& pictures,
                  const std::string& flow);
 
 // What the result will be judged by, once: better told now than at the end.
-void require_what_judges(const TrainConfig& config, const Scene& scene, const FrameStore& frames);
+void require_what_judges(const TrainOptions& config, const Scene& scene, const FrameStore& frames);
 
 // compare.png: the middle one of the views, beside its truth.
-void write_comparison(Queue& queue, Model& model, const TrainConfig& config,
+void write_comparison(Queue& queue, Model& model, const TrainOptions& config,
                       const LoadedScene& loaded, const RunFolder& run);
 
 // Of a model of a run, on its scene's test views (or "train", "val").

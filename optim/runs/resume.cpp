@@ -30,16 +30,16 @@ std::string scene_stamp(const Scene& scene) {
 }
 
 // Error when going on with these settings would not be the training that was begun.
-void require_same_training(const CheckpointFolder::Found& found, const TrainConfig& config,
+void require_same_training(const CheckpointFolder::Found& found, const TrainOptions& config,
                            const std::string& scene, const RunFolder& run) {
   const CheckpointFacts& facts = found.checkpoint.facts;
-  TrainConfig former;
+  TrainOptions former;
   apply_text(former, facts.config, "the settings in " + found.path);
   const auto before = setting_values(former);
   auto now = setting_values(config);
   for (const char* free :
        {"scene.path", "train.minutes", "train.log_every", "train.checkpoint_every",
-        "train.save_every", "train.device", "flow.store", "guidance.command", "guidance.time_out",
+        "train.save_every", "train.device", "flow.store", "guidance.command", "guidance.timeout",
         "metrics.lpips", "metrics.clip"})
     now.erase(free);
   for (const auto& [name, value] : now)
@@ -73,7 +73,7 @@ void warn_of_other_bits(const CheckpointFacts& facts, const DeviceInfo& device) 
 }  // namespace
 
 std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
-                                                            const TrainConfig& config,
+                                                            const TrainOptions& config,
                                                             const Scene& scene,
                                                             const RunFolder& run, bool quiet) {
   auto found = run.checkpoints().latest();
@@ -90,7 +90,7 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
 
 namespace {
 
-std::string resuming_command(const RunFolder& run, const TrainConfig& config) {
+std::string resuming_command(const RunFolder& run, const TrainOptions& config) {
   const bool starts_program = config.guidance.provider == GuidanceProvider::process;
   return fmt::format("gflow train -o {} --resume{}", run.folder(),
                      starts_program ? " --allow-command" : "");
@@ -100,7 +100,7 @@ std::string resuming_command(const RunFolder& run, const TrainConfig& config) {
 
 void require_no_training(const RunFolder& run) {
   if (!run.holds_training()) return;
-  TrainConfig former;
+  TrainOptions former;
   RunFacts ended;
   std::optional<CheckpointFolder::Found> last;
   try {
@@ -132,11 +132,11 @@ void require_no_training(const RunFolder& run) {
       run.folder(), former.scene.path.empty() ? "" : " of " + former.scene.path));
 }
 
-std::string how_to_go_on(const RunFolder& run, const TrainConfig& config) {
+std::string how_to_go_on(const RunFolder& run, const TrainOptions& config) {
   return fmt::format("`{}` goes on from there", resuming_command(run, config));
 }
 
-Checkpointer::Checkpointer(Queue& queue, const TrainConfig& config, const Scene& scene,
+Checkpointer::Checkpointer(Queue& queue, const TrainOptions& config, const Scene& scene,
                            const RunFolder& run, Trainer& trainer, const ModelShape& shape)
     : queue_(queue), folder_(run.checkpoints()), trainer_(trainer) {
   facts_.config = to_toml(config);

@@ -10,7 +10,7 @@ namespace gflow {
 // are checkpoints and none can be read, or when a setting that the result depends on, the cameras
 // or the pictures are not those the training was begun with.
 std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
-                                                            const TrainConfig& config,
+                                                            const TrainOptions& config,
                                                             const Scene& scene,
                                                             const RunFolder& run, bool quiet);
 
@@ -19,12 +19,12 @@ void require_no_training(const RunFolder& run);
 
 // "`gflow train -o RUN --resume` goes on from there", with the option that a run needs which starts
 // a program.
-std::string how_to_go_on(const RunFolder& run, const TrainConfig& config);
+std::string how_to_go_on(const RunFolder& run, const TrainOptions& config);
 
 // Writes the checkpoints of one training; all references must outlive it.
 class Checkpointer {
  public:
-  Checkpointer(Queue& queue, const TrainConfig& config, const Scene& scene, const RunFolder& run,
+  Checkpointer(Queue& queue, const TrainOptions& config, const Scene& scene, const RunFolder& run,
                Trainer& trainer, const ModelShape& shape);
   // After `step` steps that took so many seconds. Waits.
   void write(int step, double seconds);

@@ -13,8 +13,8 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 
-#include "optim/model/views.hpp"
 #include "optim/runs/backup.hpp"
 #include "optim/runs/run_names.hpp"
 #include "optim/scene/cameras_json.hpp"
@@ -53,16 +53,33 @@ OrderedJson number(double value) {
   return std::isfinite(value) ? OrderedJson(value) : OrderedJson(nullptr);
 }
 
-// A line of metrics.jsonl as lines of metrics.csv; what is no number stays empty.
-std::string csv_names(const OrderedJson& line) {
+// The names of a line of metrics.jsonl: the columns of metrics.csv.
+std::vector<std::string> names_of_line(const OrderedJson& line) {
   std::vector<std::string> names;
   for (const auto& item : line.items()) names.push_back(item.key());
-  return fmt::format("{}\n", fmt::join(names, ","));
+  return names;
 }
-std::string csv_values(const OrderedJson& line) {
-  std::vector<std::string> values;
-  for (const OrderedJson& value : line) values.push_back(value.is_null() ? "" : value.dump());
-  return fmt::format("{}\n", fmt::join(values, ","));
+std::string csv_row(const std::vector<std::string>& cells) {
+  return fmt::format("{}\n", fmt::join(cells, ","));
+}
+// A line as a row under these columns. A cell without a finite value is empty.
+std::string csv_row(const OrderedJson& line, const std::vector<std::string>& columns) {
+  std::vector<std::string> cells;
+  for (const std::string& column : columns) {
+    const auto value = line.find(column);
+    cells.push_back(value == line.end() || value->is_null() ? "" : value->dump());
+  }
+  return csv_row(cells);
+}
+// The columns of a table; none when there is no such file, or it is empty.
+std::vector<std::string> columns_of(const std::string& path) {
+  std::ifstream table(path);
+  std::string header;
+  std::getline(table, header);
+  std::vector<std::string> columns;
+  std::istringstream names(header);
+  for (std::string column; std::getline(names, column, ',');) columns.push_back(column);
+  return columns;
 }
 
 OrderedJson figures_of(const ViewFigures& view) {
@@ -105,11 +122,11 @@ bool holds_something(const std::string& folder) {
 
 // Sets `config` to the settings of the last checkpoint that can be read, whose path is returned;
 // leaves it as it is and returns "" when there is none.
-std::string last_settings(const CheckpointFolder& checkpoints, TrainConfig& config) {
+std::string last_settings(const CheckpointFolder& checkpoints, TrainOptions& config) {
   for (const int step : checkpoints.steps()) {
     const std::string path = checkpoints.path(step);
     try {
-      TrainConfig kept;
+      TrainOptions kept;
       apply_text(kept, read_checkpoint_facts(path).config, "the settings in " + path);
       check(kept);
       config = kept;
@@ -346,15 +363,15 @@ bool RunFolder::has_caches_of(const std::string& stamp) const {
   return fs::exists(path(kRunStamp)) && stamp == report_if_there(path(kRunStamp));
 }
 
-void RunFolder::write_config(const TrainConfig& config) const {
+void RunFolder::write_config(const TrainOptions& config) const {
   write_text(path("config.toml"), to_toml(config));
 }
 
-TrainConfig RunFolder::read_config() const {
-  TrainConfig kept;
+TrainOptions RunFolder::read_config() const {
+  TrainOptions kept;
   const std::string checkpoint = last_settings(checkpoints(), kept);
   try {
-    TrainConfig config = kept;
+    TrainOptions config = kept;
     if (fs::is_regular_file(path("config.toml")) && fs::file_size(path("config.toml")) == 0)
       throw Error(
           fmt::format("reading the configuration {}: it is empty, and a training writes all "
@@ -382,8 +399,11 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepReport& 
                {"rejected", report.rejected}});
   append_lines(path("metrics.jsonl"), iteration == 0, json_text(line) + "\n");
   const std::string table = path("metrics.csv");
-  const bool anew = iteration == 0 || !fs::exists(table);
-  append_lines(table, anew, (anew ? csv_names(line) : "") + csv_values(line));
+  const std::vector<std::string> there =
+      iteration == 0 ? std::vector<std::string>{} : columns_of(table);
+  const std::vector<std::string> columns = there.empty() ? names_of_line(line) : there;
+  append_lines(table, there.empty(),
+               (there.empty() ? csv_row(columns) : "") + csv_row(line, columns));
 }
 
 OrderedJson RunFolder::metrics_of(std::string_view line) {
@@ -399,6 +419,7 @@ OrderedJson RunFolder::metrics_of(std::string_view line) {
 
 void RunFolder::keep_metrics_before(int iteration) const {
   std::string kept = text_if_there(path("metrics.jsonl")), table;
+  std::vector<std::string> columns;
   size_t end = 0;  // of what is kept
   int number = 1;
   for (std::string_view rest = kept; !rest.empty(); ++number) {
@@ -412,8 +433,8 @@ void RunFolder::keep_metrics_before(int iteration) const {
                       "not kept",
                       path("metrics.jsonl"), number));
     if (line.is_discarded() || line["iteration"] >= iteration) break;
-    if (end == 0) table = csv_names(line);
-    table += csv_values(line);
+    if (end == 0) columns = names_of_line(line), table = csv_row(columns);
+    table += csv_row(line, columns);
     end = kept.size() - rest.size();
   }
   kept.resize(end);
@@ -428,7 +449,7 @@ void RunFolder::keep_metrics_before(int iteration) const {
 
 std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
                                                   const std::string& split, const RunFacts& facts,
-                                                  const TrainConfig& config, size_t gaussians,
+                                                  const TrainOptions& config, size_t gaussians,
                                                   bool latest) const {
   const std::string suffix =
       fmt::format("{}{}.json", split == "test" ? "" : "_" + split,
@@ -469,7 +490,7 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
   return {of_all, of_each};
 }
 
-MetricsConfig RunFolder::judged_by() const {
+MetricsOptions RunFolder::judged_by() const {
   const std::string text = report_if_there(path("results.json"));
   const OrderedJson results = parsed_if_modest(text);
   const auto test = results.is_object() ? results.value("test", OrderedJson()) : OrderedJson();

@@ -82,10 +82,10 @@ class RunFolder {
   // Whether they were.
   bool has_caches_of(const std::string& stamp) const;
 
-  void write_config(const TrainConfig& config) const;
+  void write_config(const TrainOptions& config) const;
   // config.toml, and what it does not say from the last checkpoint; that alone, with a warning,
   // where config.toml is missing or damaged. Error when there is neither.
-  TrainConfig read_config() const;
+  TrainOptions read_config() const;
   void write_cameras(const Scene& scene) const;
   // What a line of metrics.jsonl says; a discarded value where it is none, or of more than 64 kB.
   static nlohmann::ordered_json metrics_of(std::string_view line);
@@ -100,10 +100,10 @@ class RunFolder {
   // (NaN) become null. To be called when all else is there: an experiment takes results.json for
   // the sign that a run is finished. Returns both paths.
   std::vector<std::string> write_results(const Evaluation& evaluation, const std::string& split,
-                                         const RunFacts& facts, const TrainConfig& config,
+                                         const RunFacts& facts, const TrainOptions& config,
                                          size_t gaussians, bool latest = true) const;
   // The networks that judged results.json; none where there is no such file.
-  MetricsConfig judged_by() const;
+  MetricsOptions judged_by() const;
   // Of the last training, for an evaluation made later; zeros when there was none, or, with a
   // warning, when what says so is damaged: model and checkpoints do without. Error when it is there
   // and cannot be read.

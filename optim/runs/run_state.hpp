@@ -17,8 +17,8 @@ struct RunState {
   std::string path;         // of the file that held it
   uintmax_t bytes = 0;      // its length; a training may have replaced it by now
   HostModel model;
-  TrainConfig config;  // of the run
-  RunFacts facts;      // of `iteration` steps; NaN and "" where nobody knows
+  TrainOptions config;  // of the run
+  RunFacts facts;       // of `iteration` steps; NaN and "" where nobody knows
 
   // "iteration 1200 of 3000, from the checkpoint"
   std::string text() const;

@@ -41,7 +41,7 @@ void require_whole_files(Preparation& prepared, bool quiet) {
 }
 
 // Error when the file that training begins with cannot be used, or would be gone by then.
-void require_first_file(const TrainConfig& config, const RunFolder& run) {
+void require_first_file(const TrainOptions& config, const RunFolder& run) {
   if (run.would_forget(config.init.file))
     throw Error(fmt::format(
         "init.file {} belongs to the run in {}, which this training would replace: name another "
@@ -71,9 +71,9 @@ std::set<std::string> files_of(const Scene& scene) {
 
 // The shape of the model that a checkpoint goes on with.
 ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& scene,
-                           const TrainConfig& config, const RunFolder& run) {
+                           const TrainOptions& config, const RunFolder& run) {
   ModelShape shape = model_shape(scene, config);
-  if (shape.motion != MotionModelKind::hexplane) return shape;
+  if (!motion_model_of(shape.motion).has_planes) return shape;
   const HexplaneShape kept = kept_shape(found.checkpoint, found.path, run).hexplane;
   shape.hexplane.centre = kept.centre;
   shape.hexplane.half_size = kept.half_size;
@@ -81,7 +81,7 @@ ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& sc
 }
 
 // Whether it is over, and there was no room for its last checkpoint beside the model.
-bool is_over_without_checkpoint(const RunFolder& run, const TrainConfig& config) {
+bool is_over_without_checkpoint(const RunFolder& run, const TrainOptions& config) {
   if (!run.checkpoints().steps().empty() || run.models().empty()) return false;
   const RunFacts ended = run.read_facts();
   return ended.finished && ended.iterations == run.models()[0] &&
@@ -102,7 +102,7 @@ bool is_complete(const RunFolder& run, int steps) {
 
 }  // namespace
 
-Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
+Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& run, bool quiet,
                      Start start, const TrainExtensions& extensions) {
   check(config);
   run.require_its_folders();
@@ -110,7 +110,7 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
   const bool begins = start != Start::resume || run.checkpoints().steps().empty();
   require_elsewhere(
       {config.scene.path, config.scene.cameras, config.flow.folder, config.flow.tracks,
-       config.guidance.pictures, config.guidance.model, config.metrics.lpips, config.metrics.clip},
+       config.guidance.images, config.guidance.model, config.metrics.lpips, config.metrics.clip},
       run);
   if (begins) require_first_file(config, run);
   StopSentence stop("interrupted while reading the scene; nothing was lost");
@@ -203,7 +203,14 @@ Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& r
     run.keep_metrics_before(former.step);
   }
   Checkpointer checkpoints(queue, config, scene, run, trainer, model.shape);
-  Training training{queue, config, run, model, trainer, checkpoints, Stopwatch(former.seconds), extensions.observer};
+  Training training{queue,
+                    config,
+                    run,
+                    model,
+                    trainer,
+                    checkpoints,
+                    Stopwatch(former.seconds),
+                    extensions.observer};
   std::optional<InterruptGuard> guard;
   int steps = 0;
   try {

@@ -20,7 +20,7 @@ enum class Start { anew, overwrite, resume };
 // training that was stopped, in whichever way, and resumed gives the bits of one that was not.
 // Error when another process writes the folder, and when there is a checkpoint and settings or
 // scene are not its own. extensions: objectives and an observer of the caller's.
-Evaluation train_run(Queue& queue, const TrainConfig& config, const RunFolder& run, bool quiet,
+Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& run, bool quiet,
                      Start start = Start::anew, const TrainExtensions& extensions = {});
 
 }  // namespace gflow

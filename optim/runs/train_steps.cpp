@@ -218,7 +218,7 @@ class RunObserver : public TrainObserver {
   // has gone back to its last checkpoint instead.
   bool keep(TrainState& state) {
     const auto& [queue, config, run, model, trainer, checkpoints, watch, observer] = training_;
-    const ScheduleConfig& plan = config.train;
+    const ScheduleOptions& plan = config.train;
     const int done = state.done;
     const bool last = done == plan.iterations, logs = (done - 1) % plan.log_every == 0 || last;
     const bool saves = !last && ends_round(done, plan.checkpoint_every);

@@ -29,7 +29,7 @@ class Stopwatch {
 // What a training is made of; all that it refers to outlives it.
 struct Training {
   Queue& queue;
-  const TrainConfig& config;
+  const TrainOptions& config;
   const RunFolder& run;
   Model& model;
   Trainer& trainer;

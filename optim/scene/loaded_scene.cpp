@@ -10,39 +10,19 @@
 
 namespace gflow {
 
-SceneOptions options_of(const SceneConfig& config) {
-  SceneOptions options;
-  options.images = config.images;
-  options.holdout = config.holdout;
-  options.test_every = config.test_every;
-  options.cameras = config.cameras;
-  options.camera = config.camera;
-  options.fps = config.fps;
-  options.elevation = config.elevation;
-  options.radius = config.radius;
-  options.fov_y = config.fovy;
-  options.masks = config.masks;
-  options.first_views = config.first_views;
-  options.first_step = config.first_step;
-  options.stride = config.stride;
-  options.max_steps = config.max_steps;
-  return options;
-}
-
-LoadedScene load_scene(const SceneConfig& config, const std::string& unpack_folder,
+LoadedScene load_scene(const SceneOptions& options, const std::string& unpack_folder,
                        std::optional<std::array<double, 3>> origin) {
-  SceneOptions options = options_of(config);
-  options.origin = origin;
-  Scene scene = read_scene(config.path, options);
+  Scene scene = read_scene(options.path, options, origin);
   for (const std::string& notice : scene.notices) warn(notice);
-  return with_frames(std::move(scene), config, unpack_folder);
+  return with_frames(std::move(scene), options, unpack_folder);
 }
 
-LoadedScene with_frames(Scene scene, const SceneConfig& config, const std::string& unpack_folder) {
+LoadedScene with_frames(Scene scene, const SceneOptions& options,
+                        const std::string& unpack_folder) {
   LoadedScene loaded{std::move(scene), nullptr};
   FrameStoreOptions store;
-  store.resolution = config.resolution;
-  store.background.fill(shown_level(config.background));
+  store.resolution = options.resolution;
+  store.background.fill(shown_level(options.background));
   store.unpack_folder = unpack_folder;
   loaded.frames = std::make_unique<FrameStore>(loaded.scene, store);
   return loaded;
@@ -58,10 +38,10 @@ const std::vector<Frame>& frames_of_split(const Scene& scene, std::string_view s
   return *frames;
 }
 
-std::string cache_stamp(const Scene& scene, const SceneConfig& config) {
+std::string cache_stamp(const Scene& scene, const SceneOptions& options) {
   namespace fs = std::filesystem;
   std::string stamp = fmt::format("packed DIS flow, resolution {} background {}\n",
-                                  config.resolution, name_of(config.background));
+                                  options.resolution, name_of(options.background));
   const auto add_file = [&](const std::string& path) {
     stamp += fmt::format("{} {} {}\n", path, fs::file_size(path),
                          fs::last_write_time(path).time_since_epoch().count());

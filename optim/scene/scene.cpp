@@ -221,7 +221,8 @@ void recentre(Scene& scene, const std::array<double, 3>& place) {
 
 }  // namespace
 
-void complete_scene(Scene& scene, const SceneOptions& options) {
+void complete_scene(Scene& scene, const SceneOptions& options,
+                    const std::optional<std::array<double, 3>>& origin) {
   check(options);
   if (options.fps > 0) scene.fps = options.fps;
   if (scene.fps <= 0) scene.fps = 24;
@@ -237,11 +238,12 @@ void complete_scene(Scene& scene, const SceneOptions& options) {
     for (Frame& frame : *split)
       if (frame.image && frame.path.empty()) frame.path = "image of " + frame.name;
   check(scene);
-  recentre(scene, options.origin ? *options.origin : origin_for(scene));
+  recentre(scene, origin ? *origin : origin_for(scene));
   if (scene.extent <= 0) scene.extent = scene_extent(scene);
 }
 
-Scene read_scene(const std::string& path, const SceneOptions& options) {
+Scene read_scene(const std::string& path, const SceneOptions& options,
+                 const std::optional<std::array<double, 3>>& origin) {
   if (path.empty())
     throw Error("cannot read the scene: scene.path is empty, expected is its folder or video");
   if (!fs::exists(path))
@@ -253,7 +255,7 @@ Scene read_scene(const std::string& path, const SceneOptions& options) {
   const fs::path last = (absolute.has_filename() ? absolute : absolute.parent_path()).filename();
   scene.name = (fs::is_directory(path) ? last : last.stem()).string();
   scene.tracks_path = first_existing(path, {"tracks3d.npy"});
-  complete_scene(scene, options);
+  complete_scene(scene, options, origin);
   return scene;
 }
 

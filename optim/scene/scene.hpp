@@ -10,6 +10,7 @@
 
 #include "optim/formats/ply.hpp"
 #include "optim/scene/camera.hpp"
+#include "optim/scene/scene_options.hpp"
 
 namespace gflow {
 
@@ -55,39 +56,18 @@ struct Scene {
   std::vector<std::string> notices;  // warnings about files that cannot be used, one sentence each
 };
 
-// Which masks to use: those meant as transparency, also those that label moving objects (Panoptic's
-// seg/), or none.
-enum class Masks { automatic, all, none };
-
-// Options for reading a scene. Those that do not concern the layout are ignored.
-struct SceneOptions {
-  std::string images;  // n3v/colmap/nerfies: image folder, e.g. images_4; empty: the default
-  Masks masks = Masks::automatic;  // colmap, nerfstudio, panoptic
-  int holdout = 0;                 // n3v: index of the test camera; -1: none
-  int test_every = 8;              // colmap/nerfstudio: every n-th image is a test image; 0: none
-  std::string cameras;       // consistent4d/video: file of the input camera or cameras, or empty
-  std::string camera;        // consistent4d/video: name of one of these cameras, or empty
-  double fps = 0;            // > 0: replaces the scene's own rate
-  double elevation = 0;      // consistent4d/video: of the input camera [deg]
-  double radius = 2.0;       // consistent4d/video: its distance from the origin or scene
-  double fov_y = 49.1;       // consistent4d/video: vertical field of view [deg]
-  bool first_views = false;  // consistent4d: train on the first image of each test view
-  // Time steps to use: first_step, first_step + stride, ..., at most max_steps of them (0: all). If
-  // steps are left out, the first and the last time become 0 and 1. A stride above 1 drops the true
-  // flow of training frames, because it leads to the next original step.
-  int first_step = 0, stride = 1, max_steps = 0;
-  // World origin, that of the model this scene is used with. By default read_scene chooses one.
-  std::optional<std::array<double, 3>> origin;
-};
-
 // Completes a scene that was made in memory, whose cameras, frames (with camera, track, time,
 // image) and points are set: time steps, names, order, origin, extent. Error when something
 // contradicts itself. read_scene has done so.
-void complete_scene(Scene& scene, const SceneOptions& options = {});
+// origin: the world origin of the model that will be shown with the scene; by default the scene
+// chooses one.
+void complete_scene(Scene& scene, const SceneOptions& options = {},
+                    const std::optional<std::array<double, 3>>& origin = std::nullopt);
 
 // Reads a scene folder or a video file. Error if no layout fits (lists what was looked for), or a
 // file is missing, truncated or contradicts another.
-Scene read_scene(const std::string& path, const SceneOptions& options = {});
+Scene read_scene(const std::string& path, const SceneOptions& options = {},
+                 const std::optional<std::array<double, 3>>& origin = std::nullopt);
 
 // The point nearest to the optical axes of all training cameras; if these are parallel, the point
 // at distance `extent` in front of the cameras.

@@ -38,11 +38,11 @@ double moment_to_begin(const std::vector<Frame>& frames) {
   return most > least ? best : 0.5;
 }
 
-Curriculum Curriculum::of(const TrainConfig& config, bool permanent) {
+Curriculum Curriculum::of(const TrainOptions& config, bool permanent) {
   if (!permanent) return {};
   const int iterations = config.train.iterations;
   return {std::min(config.hexplane.warmup, iterations / 5),
-          double(config.hexplane.unfold) * iterations, iterations};
+          double(config.hexplane.curriculum) * iterations, iterations};
 }
 
 double Curriculum::share(int step) const {

@@ -3,8 +3,8 @@
 // the moment that is seen best, then views further and further away in time. A pose that moves far
 // is followed from where it is known, not searched for at all times at once.
 #pragma once
+#include "optim/options/train_options.hpp"
 #include "optim/scene/scene.hpp"
-#include "optim/train/options.hpp"
 
 namespace gflow {
 
@@ -15,7 +15,7 @@ struct Curriculum {
   int iterations = 1;  // of the whole training
 
   // As `config` has it for motion models that are permanent, all at once for others.
-  static Curriculum of(const TrainConfig& config, bool permanent);
+  static Curriculum of(const TrainOptions& config, bool permanent);
 
   bool warming(int step) const { return step < warmup; }
   // How much of it is done, 0 to 1.

@@ -10,14 +10,14 @@
 namespace gflow {
 namespace {
 
-NoiseSchedule schedule_of(const GuidanceConfig& config) {
+NoiseSchedule schedule_of(const GuidanceOptions& config) {
   const double first = double(config.beta_start), last = double(config.beta_end);
   return config.schedule == NoiseKind::linear
              ? NoiseSchedule::linear(config.timesteps, first, last)
              : NoiseSchedule::scaled_linear(config.timesteps, first, last);
 }
 
-void require_set(const std::string& value, const GuidanceConfig& config, const char* setting,
+void require_set(const std::string& value, const GuidanceOptions& config, const char* setting,
                  const char* what) {
   if (value.empty())
     throw Error(fmt::format("guidance.provider is \"{}\", but {} is empty: it must name {}",
@@ -26,8 +26,8 @@ void require_set(const std::string& value, const GuidanceConfig& config, const c
 
 }  // namespace
 
-std::unique_ptr<Guidance> guidance_of(const TrainConfig& train) {
-  const GuidanceConfig& config = train.guidance;
+std::unique_ptr<Guidance> guidance_of(const TrainOptions& train) {
+  const GuidanceOptions& config = train.guidance;
   const SdsRule rule{double(config.t_min), double(config.t_max), double(config.t_max_final),
                      double(config.scale)};
   switch (config.provider) {
@@ -35,20 +35,20 @@ std::unique_ptr<Guidance> guidance_of(const TrainConfig& train) {
       return nullptr;
     case GuidanceProvider::process:
       require_set(config.command, config, "guidance.command", "the program to start");
-      return std::make_unique<ProcessGuidance>(config.command, double(config.time_out), rule);
+      return std::make_unique<ProcessGuidance>(config.command, double(config.timeout), rule);
     case GuidanceProvider::onnx:
       require_set(config.model, config, "guidance.model", "the network's file");
       return std::make_unique<SdsGuidance>(std::make_unique<OnnxDenoiser>(config.model),
                                            schedule_of(config), rule);
     case GuidanceProvider::analytic:
       return std::make_unique<AnalyticGuidance>(
-          config.pictures.empty() ? train.scene.path : config.pictures, double(config.variance),
+          config.images.empty() ? train.scene.path : config.images, double(config.variance),
           schedule_of(config), rule);
   }
   throw Error("a guidance provider without a name");
 }
 
-void require_no_program(const TrainConfig& config, const std::string& where) {
+void require_no_program(const TrainOptions& config, const std::string& where) {
   if (config.guidance.provider != GuidanceProvider::process || config.guidance.command.empty())
     return;
   const std::string& command = config.guidance.command;
@@ -58,8 +58,8 @@ void require_no_program(const TrainConfig& config, const std::string& where) {
                   where, command.substr(0, command.find('\n'))));
 }
 
-void require_guided_views(const TrainConfig& train, const Scene& scene) {
-  const GuidanceConfig& config = train.guidance;
+void require_guided_views(const TrainOptions& train, const Scene& scene) {
+  const GuidanceOptions& config = train.guidance;
   if (!config.enabled() || config.cameras == GuidanceCameras::orbit) return;
   const bool test = config.cameras == GuidanceCameras::test;
   if ((test ? scene.test : scene.val).empty())

@@ -17,7 +17,7 @@ float between_rates(float a, float b, double share) {
 
 }  // namespace
 
-Rates::Rates(const TrainConfig& config, const Scene& scene, const MotionShape& shape)
+Rates::Rates(const TrainOptions& config, const Scene& scene, const MotionShape& shape)
     : config_(config), scene_(scene), shape_(shape) {}
 
 float Rates::position(int step) const {
@@ -26,8 +26,8 @@ float Rates::position(int step) const {
 }
 
 AdamRate Rates::planned(Quantity quantity, int step) const {
-  const LearningRates& lr = config_.lr;
-  const AdamGroups& eps = config_.adam;
+  const LearningRateOptions& lr = config_.lr;
+  const AdamOptions& eps = config_.adam;
   const bool permanent = is_permanent(shape_.motion);
   const double share = stage_at(config_.train, std::max(scene_.steps, 1), step).share;
   const double field_share = Curriculum::of(config_, permanent).share_after(step);

@@ -2,8 +2,8 @@
 // How far Adam may go in a step with each kind of parameter (settings lr.* and adam.*).
 #pragma once
 #include "optim/motion/models.hpp"
+#include "optim/options/train_options.hpp"
 #include "optim/scene/scene.hpp"
-#include "optim/train/options.hpp"
 #include "runtime/primitives/adam.hpp"
 
 namespace gflow {
@@ -11,7 +11,7 @@ namespace gflow {
 class Rates {
  public:
   // The references must outlive it.
-  Rates(const TrainConfig& config, const Scene& scene, const MotionShape& shape);
+  Rates(const TrainOptions& config, const Scene& scene, const MotionShape& shape);
 
   // Of positions, before scale and what is the model's own [scene units].
   float position(int step) const;
@@ -23,7 +23,7 @@ class Rates {
  private:
   AdamRate planned(Quantity quantity, int step) const;
 
-  const TrainConfig& config_;
+  const TrainOptions& config_;
   const Scene& scene_;
   const MotionShape& shape_;
 };

@@ -9,14 +9,14 @@
 #include "optim/flow/flow_store.hpp"
 #include "optim/guidance/guidance.hpp"
 #include "optim/objectives/objective.hpp"
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 
 namespace gflow {
 
 // What a training is given. All references must outlive it.
 struct TrainInputs {
   Queue& queue;
-  const TrainConfig& options;
+  const TrainOptions& options;
   const Scene& scene;
   FrameStore& frames;
   const std::vector<FlowPair>& pairs;  // may be empty

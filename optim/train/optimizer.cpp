@@ -8,7 +8,7 @@ namespace {
 
 constexpr int kStepsToPace = 100;  // steps between two updates of each Gaussian's own rate
 
-std::unique_ptr<Adam> path_adam_for(Queue& queue, const AdamGroups& adam,
+std::unique_ptr<Adam> path_adam_for(Queue& queue, const AdamOptions& adam,
                                     const Parameters& parameters) {
   const AdamConfig config{adam.beta1_paths, adam.beta2, false};
   return parameters.more.empty() ? nullptr : std::make_unique<Adam>(queue, config);
@@ -16,7 +16,7 @@ std::unique_ptr<Adam> path_adam_for(Queue& queue, const AdamGroups& adam,
 
 }  // namespace
 
-Optimizer::Optimizer(Queue& queue, const TrainConfig& options, const Scene& scene, Model& model)
+Optimizer::Optimizer(Queue& queue, const TrainOptions& options, const Scene& scene, Model& model)
     : options_(options),
       scene_(scene),
       model_(model),
@@ -41,14 +41,13 @@ bool Optimizer::step(Queue& queue, const Renderer& renderer, const Stage& stage,
 }
 
 void Optimizer::update(Queue& queue, const Stage& stage, int step, bool warming, int sh_degree) {
-  const LearningRates& lr = options_.lr;
+  const LearningRateOptions& lr = options_.lr;
   Parameters& p = model_.parameters;
   if (step % kStepsToPace == 0) {  // Gaussians are added and change their lifetimes
     const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
     model_.motion->set_pace(queue, p, {model_.shape.duration, time_step, lr.pace, lr.pace_most});
   }
-  const HexplaneConfig& planes = options_.hexplane;
-  model_.motion->regularize(queue, p, {planes.plane_tv, planes.time_smoothness, planes.l1_time});
+  model_.motion->regularize(queue, p, options_.hexplane);
   if (stage.time_step > 0) {  // one key alone; a flow leads to the one before
     Table& keys = p.more[0];
     keys.rows.seen.fill_range(queue, 0, size_t(stage.time_step) * p.moving, 0u);

@@ -12,7 +12,7 @@ namespace gflow {
 class Optimizer {
  public:
   // The references must outlive it.
-  Optimizer(Queue& queue, const TrainConfig& options, const Scene& scene, Model& model);
+  Optimizer(Queue& queue, const TrainOptions& options, const Scene& scene, Model& model);
 
   // Before the gradients of a step are summed: starts them at 0. Starts the key of a time step that
   // is trained alone (train.sequential).
@@ -29,7 +29,7 @@ class Optimizer {
  private:
   void update(Queue& queue, const Stage& stage, int step, bool warming, int sh_degree);
 
-  const TrainConfig& options_;
+  const TrainOptions& options_;
   const Scene& scene_;
   Model& model_;
   Rates rates_;

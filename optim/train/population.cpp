@@ -16,13 +16,14 @@ constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
 
 // nullptr when nobody may rest, or has a motion of its own, or its keys are trained one by one:
 // then nobody knows yet what it will do.
-std::unique_ptr<Rest> rest_for(Queue& queue, const TrainConfig& config, const Scene& scene,
+std::unique_ptr<Rest> rest_for(Queue& queue, const TrainOptions& config, const Scene& scene,
                                const Parameters& parameters) {
-  if (config.motion.rest == 0 || scene.steps < 2 || config.train.sequential) return nullptr;
+  if (config.motion.static_threshold == 0 || scene.steps < 2 || config.train.sequential)
+    return nullptr;
   return parameters.can_rest() ? std::make_unique<Rest>(queue) : nullptr;
 }
 
-DensityRule density_rule(const DensityConfig& d, const Scene& scene, const MotionShape& shape) {
+DensityRule density_rule(const DensityOptions& d, const Scene& scene, const MotionShape& shape) {
   const float extent = float(scene.extent);
   DensityRule rule;
   rule.cap = size_t(d.cap);
@@ -45,7 +46,7 @@ DensityRule density_rule(const DensityConfig& d, const Scene& scene, const Motio
 
 }  // namespace
 
-Population::Population(Queue& queue, const TrainConfig& config, const Scene& scene, Model& model)
+Population::Population(Queue& queue, const TrainOptions& config, const Scene& scene, Model& model)
     : config_(config),
       scene_(scene),
       model_(model),
@@ -90,7 +91,7 @@ bool Population::after_step(Queue& queue, const Renderer& renderer, const Stage&
 }
 
 bool Population::refining(int done) const {
-  const DensityConfig& d = config_.density;
+  const DensityOptions& d = config_.density;
   return done >= d.start && done <= d.stop_fraction * float(config_.train.iterations);
 }
 
@@ -127,13 +128,13 @@ void Population::memory_is_short(const std::string& sentence) {
 
 // Not after the last step: what comes to rest changes a little, and nothing would make up for it.
 bool Population::settling(int done) const {
-  return rest_ && done % config_.motion.rest_every == 0 && done < config_.train.iterations;
+  return rest_ && done % config_.motion.static_every == 0 && done < config_.train.iterations;
 }
 
 bool Population::settle(Queue& queue) {
   RestRule rule;
-  rule.most = config_.motion.rest;
-  rule.wake = config_.motion.rest_wake;
+  rule.most = config_.motion.static_threshold;
+  rule.wake = config_.motion.wake_threshold;
   rule.duration = model_.shape.duration;
   rule.moments = std::clamp(scene_.steps, 2, kRestMoments);
   try {

@@ -18,7 +18,7 @@ namespace gflow {
 class Population {
  public:
   // All references must outlive it.
-  Population(Queue& queue, const TrainConfig& config, const Scene& scene, Model& model);
+  Population(Queue& queue, const TrainOptions& config, const Scene& scene, Model& model);
 
   // Whether after_step() needs Gaussians that are outside the picture.
   bool needs_all_posed() const { return density_ && density_->needs_all_posed(); }
@@ -48,7 +48,7 @@ class Population {
   bool settle(Queue& queue);
   void memory_is_short(const std::string& sentence);
 
-  const TrainConfig& config_;
+  const TrainOptions& config_;
   const Scene& scene_;
   Model& model_;
   std::unique_ptr<Density> density_;  // nullptr: their number stays

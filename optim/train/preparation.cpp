@@ -20,7 +20,7 @@ namespace gflow {
 namespace {
 
 // Neighbours in time no further apart than max_gap steps: flow over more is a guess.
-std::vector<FlowPair> close_pairs(const Scene& scene, const FlowConfig& flow) {
+std::vector<FlowPair> close_pairs(const Scene& scene, const FlowOptions& flow) {
   const bool by_track = flow.pairs == FlowPairs::track;
   if (!by_track && flow.source != FlowSource::files)
     throw Error(
@@ -35,10 +35,10 @@ std::vector<FlowPair> close_pairs(const Scene& scene, const FlowConfig& flow) {
 }
 
 // Pairs further apart: over 2, 4, 8, ... pictures and over `reach` itself, there and back.
-std::vector<FlowPair> far_pairs(const Scene& scene, const FlowConfig& flow) {
+std::vector<FlowPair> far_pairs(const Scene& scene, const FlowOptions& flow) {
   std::vector<FlowPair> pairs;
-  if (flow.reach == 1) return pairs;
-  const int most = flow.reach > 0 ? flow.reach : int(scene.train.size());
+  if (flow.span == 1) return pairs;
+  const int most = flow.span > 0 ? flow.span : int(scene.train.size());
   for (int span = 2;; span = std::min(2 * span, most)) {
     const std::vector<FlowPair> apart = distant_pairs(scene, span);
     for (const FlowPair& pair : apart)
@@ -53,36 +53,37 @@ std::vector<FlowPair> far_pairs(const Scene& scene, const FlowConfig& flow) {
 }
 
 // Flow of all pairs from that of the first of them, neighbours.
-FlowStore with_far_flow(const TrainConfig& config, const LoadedScene& loaded,
+FlowStore with_far_flow(const TrainOptions& config, const LoadedScene& loaded,
                         const std::vector<FlowPair>& pairs, FlowStore neighbours,
                         const KeepFlow& keep = {}) {
   if (neighbours.size() == pairs.size()) return neighbours;
   const auto near = std::make_shared<FlowStore>(std::move(neighbours));
   return extended(
-      near, config.flow.far == FarFlow::tracks
+      near, config.flow.long_span == FarFlow::tracks
                 ? track_flows(loaded.scene, pairs, near->size(), *loaded.frames, config.flow.tracks)
                 : chained_flows(near, pairs, keep));
 }
 
 // Error when two settings of flow do not go together.
-void require_sources(const FlowConfig& flow) {
+void require_sources(const FlowOptions& flow) {
   const bool by_tracks =
-      flow.source == FlowSource::tracks || (flow.reach != 1 && flow.far == FarFlow::tracks);
+      flow.source == FlowSource::tracks || (flow.span != 1 && flow.long_span == FarFlow::tracks);
   if (!flow.enabled) return;
-  if (flow.reach != 1 && flow.pairs == FlowPairs::time)
+  if (flow.span != 1 && flow.pairs == FlowPairs::time)
     throw Error(
-        "flow.reach above 1 follows the pictures of one camera: it needs flow.pairs = \"track\"");
+        "flow.span above 1 follows the pictures of one camera: it needs flow.pairs = \"track\"");
   if (by_tracks && flow.tracks.empty())
     throw Error("flow of points is asked for, but flow.tracks names no file or folder of them");
-  if (flow.reach != 1 && flow.far == FarFlow::direct && flow.source != FlowSource::dis)
-    throw Error(fmt::format(
-        "flow.far = \"direct\" is computed from the pictures, flow.source = \"{}\" is not: choose "
-        "\"chain\" or \"tracks\"",
-        name_of(flow.source)));
+  if (flow.span != 1 && flow.long_span == FarFlow::direct && flow.source != FlowSource::dis)
+    throw Error(
+        fmt::format("flow.long_span = \"direct\" is computed from the pictures, flow.source = "
+                    "\"{}\" is not: choose "
+                    "\"chain\" or \"tracks\"",
+                    name_of(flow.source)));
 }
 
 // The flow that need not be computed: none at all, or that of files.
-std::optional<FlowStore> flows_at_hand(const TrainConfig& config, const LoadedScene& loaded,
+std::optional<FlowStore> flows_at_hand(const TrainOptions& config, const LoadedScene& loaded,
                                        const std::vector<FlowPair>& pairs) {
   if (!config.flow.enabled || pairs.empty())
     return FlowStore(std::vector<FlowStore::Loader>(pairs.size()));
@@ -102,7 +103,7 @@ std::optional<FlowStore> flows_at_hand(const TrainConfig& config, const LoadedSc
   return flows;
 }
 
-FlowEstimation kept_in(const std::string& folder, const FlowConfig& flow) {
+FlowEstimation kept_in(const std::string& folder, const FlowOptions& flow) {
   FlowEstimation how;
   how.folder = folder;
   how.budget = uint64_t(double(flow.store) * double(uint64_t{1} << 30));
@@ -110,7 +111,7 @@ FlowEstimation kept_in(const std::string& folder, const FlowConfig& flow) {
   return how;
 }
 
-FlowStore computed_flows(const TrainConfig& config, const LoadedScene& loaded,
+FlowStore computed_flows(const TrainOptions& config, const LoadedScene& loaded,
                          const std::vector<FlowPair>& pairs, FlowEstimation how, bool quiet) {
   const size_t compared = num_compared(pairs);
   const size_t views = size_t(config.train.iterations) * size_t(config.train.batch);
@@ -130,10 +131,10 @@ FlowStore computed_flows(const TrainConfig& config, const LoadedScene& loaded,
 
 }  // namespace
 
-Preparation::Preparation(const TrainConfig& config, const std::string& unpack_folder)
+Preparation::Preparation(const TrainOptions& config, const std::string& unpack_folder)
     : Preparation(config, load_scene(config.scene, unpack_folder)) {}
 
-Preparation::Preparation(const TrainConfig& config, LoadedScene loaded)
+Preparation::Preparation(const TrainOptions& config, LoadedScene loaded)
     : config_(config), loaded_(std::move(loaded)) {
   if (scene().train.empty()) throw Error("scene " + scene().name + " has no training views");
   require_sequence(config, scene(), model_shape(scene(), config));
@@ -151,7 +152,7 @@ Preparation::Preparation(const TrainConfig& config, LoadedScene loaded)
 
 void Preparation::compute_flow(const std::string& folder, bool quiet) {
   if (flows_) return;
-  const bool all_alike = config_.flow.far == FarFlow::direct;
+  const bool all_alike = config_.flow.long_span == FarFlow::direct;
   const FlowEstimation how = kept_in(folder, config_.flow);
   flows_ =
       with_far_flow(config_, loaded_, pairs_,
@@ -174,7 +175,7 @@ HostModel Preparation::first_model(Queue& queue) {
   const Model none(queue, model_shape(scene(), config_), 0);
   const size_t holds = most_gaussians(queue.info, none.parameters, size_t(config_.density.memory),
                                       config_.adam.beta1 > 0);
-  TrainConfig config = config_;
+  TrainOptions config = config_;
   if (holds < size_t(config.density.cap)) {
     warn(fmt::format(
         "memory is short: density.memory, and the {:.1f} MiB that {} gives in one piece, "

@@ -13,9 +13,9 @@ class Preparation {
   // Reads the scene and finds out which pictures have flow between them. Error when the scene is
   // broken, has no training views or not those that train.sequential needs, and when flow is to be
   // read and is not there. The configuration must outlive it.
-  Preparation(const TrainConfig& config, const std::string& unpack_folder);
+  Preparation(const TrainOptions& config, const std::string& unpack_folder);
   // The same of a scene that is loaded.
-  Preparation(const TrainConfig& config, LoadedScene loaded);
+  Preparation(const TrainOptions& config, LoadedScene loaded);
   Preparation(const Preparation&) = delete;  // scene and flows are referred to
 
   // Whether flow is still to be computed.
@@ -49,7 +49,7 @@ class Preparation {
  private:
   PointCloud points_from_stereo();
 
-  const TrainConfig& config_;
+  const TrainOptions& config_;
   LoadedScene loaded_;
   std::vector<FlowPair> neighbours_;  // both ways
   std::vector<FlowPair> pairs_;       // these and those further apart

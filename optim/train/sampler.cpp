@@ -10,7 +10,7 @@
 
 namespace gflow {
 
-Sampler::Sampler(const TrainConfig& config, const Scene& scene, const FrameStore& frames,
+Sampler::Sampler(const TrainOptions& config, const Scene& scene, const FrameStore& frames,
                  const std::vector<FlowPair>& pairs, const FlowStore& flows,
                  std::vector<Rect> parts, const MotionShape& shape)
     : config_(config),
@@ -49,7 +49,7 @@ int Sampler::pair_at(size_t frame, int step, size_t turn) const {
   const uint seed = uint(config_.train.seed);
   const bool reaches = ways.near.empty() ||
                        (!ways.far.empty() && random_uniform(seed, streams::kReach, uint(turn)) <=
-                                                 config_.flow.far_share);
+                                                 config_.flow.long_share);
   const std::vector<int>& pairs = reaches ? ways.far : ways.near;
   if (pairs.empty() || step < config_.flow.start || stage(step).time_step == 0) return -1;
   return pairs[random_bits(seed, streams::kPair, uint(turn)) % pairs.size()];

@@ -7,8 +7,8 @@
 
 #include "optim/flow/flow_store.hpp"
 #include "optim/objectives/flow_objective.hpp"
+#include "optim/options/train_options.hpp"
 #include "optim/train/curriculum.hpp"
-#include "optim/train/options.hpp"
 #include "optim/train/sequential.hpp"
 
 namespace gflow {
@@ -17,7 +17,7 @@ class Sampler {
  public:
   // As for the Trainer; shape: of the model that is trained. Error where train.sequential does not
   // go with it (require_sequence). All references must outlive it.
-  Sampler(const TrainConfig& config, const Scene& scene, const FrameStore& frames,
+  Sampler(const TrainOptions& config, const Scene& scene, const FrameStore& frames,
           const std::vector<FlowPair>& pairs, const FlowStore& flows, std::vector<Rect> parts,
           const MotionShape& shape);
 
@@ -41,10 +41,10 @@ class Sampler {
     std::vector<int> near, far;
   };
   // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,
-  // to a neighbour or further (flow.far_share), or -1.
+  // to a neighbour or further (flow.long_share), or -1.
   int pair_at(size_t frame, int step, size_t turn) const;
 
-  const TrainConfig& config_;
+  const TrainOptions& config_;
   const Scene& scene_;
   const FrameStore& frames_;
   std::vector<Rect> parts_;

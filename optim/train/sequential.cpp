@@ -7,7 +7,7 @@
 
 namespace gflow {
 
-void require_sequence(const TrainConfig& config, const Scene& scene, const MotionShape& shape) {
+void require_sequence(const TrainOptions& config, const Scene& scene, const MotionShape& shape) {
   if (!config.train.sequential) return;
   const int steps = std::max(scene.steps, 1);
   if (shape.motion != MotionModelKind::keyframes || shape.keys != steps)
@@ -24,7 +24,7 @@ void require_sequence(const TrainConfig& config, const Scene& scene, const Motio
                     scene.name, unseen - seen.begin()));
 }
 
-Stage stage_at(const ScheduleConfig& config, int time_steps, int step) {
+Stage stage_at(const ScheduleOptions& config, int time_steps, int step) {
   if (!config.sequential) return {-1, step == 0, double(step) / config.iterations};
   // Stage s ends before training step end(s); each has at least one, if there are enough.
   const int later = time_steps - 1;

@@ -2,7 +2,7 @@
 // Training one time step after the other, as Dynamic 3D Gaussians do: the first fits the scene,
 // each next one moves it, starting with the velocity it had.
 #pragma once
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 
 namespace gflow {
 
@@ -17,9 +17,9 @@ struct Stage {
 
 // Error when train.sequential is asked for and cannot be: it needs a keyframes model with a key a
 // time step, and a training picture of each.
-void require_sequence(const TrainConfig& config, const Scene& scene, const MotionShape& shape);
+void require_sequence(const TrainOptions& config, const Scene& scene, const MotionShape& shape);
 
 // time_steps >= 1: of the scene.
-Stage stage_at(const ScheduleConfig& config, int time_steps, int step);
+Stage stage_at(const ScheduleOptions& config, int time_steps, int step);
 
 }  // namespace gflow

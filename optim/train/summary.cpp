@@ -32,7 +32,7 @@ size_t count_short_lived(const HostModel& model) {
   return count;
 }
 
-std::string place_of(const HostModel& model, const Scene& scene, const InitConfig& init,
+std::string place_of(const HostModel& model, const Scene& scene, const InitOptions& init,
                      bool stereo) {
   if (init.begins_from_file()) return "from " + init.file;
   if (lies_on_points(model, scene))
@@ -67,7 +67,7 @@ std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
 }
 
 std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
-                                     const InitConfig& init, bool stereo) {
+                                     const InitOptions& init, bool stereo) {
   const size_t short_lived = count_short_lived(model);
   const std::string more =
       short_lived ? fmt::format(", and {} short-lived where something moves", short_lived) : "";
@@ -75,41 +75,42 @@ std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
                      place_of(model, scene, init, stereo), more);
 }
 
-void warn_of_idle_settings(const Scene& scene, const TrainConfig& config) {
+void warn_of_idle_settings(const Scene& scene, const TrainOptions& config) {
   if (!config.scene.cameras.empty() && !takes_cameras(scene.layout))
     warn(fmt::format("scene.cameras = \"{}\" does nothing: scene {} has cameras of its own ({})",
                      config.scene.cameras, scene.name, scene.layout));
   const MotionModelKind model = motion_model(scene, config.motion);
-  const bool keyed = model == MotionModelKind::keyframes;
+  const MotionModel& traits = motion_model_of(model);
   const char* const name = names_of(model)[size_t(model)];
-  if (config.motion.keys > 0 && !keyed && model != MotionModelKind::bases)
+  if (config.motion.keys > 0 && !traits.has_keys)
     warn(fmt::format("motion.keys = {} does nothing with the motion model {}, which has none",
                      config.motion.keys, name));
-  if (config.motion.key_scales && !keyed)
+  if (config.motion.key_scales && !traits.has_key_scales)
     warn(fmt::format("motion.key_scales does nothing with the motion model {}, only with keyframes",
                      name));
-  if (config.motion.rest > 0 && model == MotionModelKind::hexplane)
-    warn(
-        fmt::format("motion.rest = {} does nothing with the motion model hexplane, whose Gaussians "
-                    "have no motion of their own to lose",
-                    config.motion.rest));
-  else if (config.motion.rest > 0 && config.train.sequential)
+  if (config.motion.static_threshold > 0 && traits.is_permanent)
     warn(fmt::format(
-        "motion.rest = {} does nothing with train.sequential: before the last moment is "
-        "trained nobody knows who rests",
-        config.motion.rest));
-  const FlowConfig& flow = config.flow;
+        "motion.static_threshold = {} does nothing with the motion model hexplane, whose Gaussians "
+        "have no motion of their own to lose",
+        config.motion.static_threshold));
+  else if (config.motion.static_threshold > 0 && config.train.sequential)
+    warn(
+        fmt::format("motion.static_threshold = {} does nothing with train.sequential: before the "
+                    "last moment is "
+                    "trained nobody knows who rests",
+                    config.motion.static_threshold));
+  const FlowOptions& flow = config.flow;
   const bool asks_tracks =
-      flow.source == FlowSource::tracks || (flow.far == FarFlow::tracks && flow.reach != 1);
+      flow.source == FlowSource::tracks || (flow.long_span == FarFlow::tracks && flow.span != 1);
   if (!flow.tracks.empty() && !asks_tracks)
     warn(fmt::format(
-        "flow.tracks = \"{}\" does nothing: set flow.source = \"tracks\", or flow.far = "
-        "\"tracks\" with a flow.reach",
+        "flow.tracks = \"{}\" does nothing: set flow.source = \"tracks\", or flow.long_span = "
+        "\"tracks\" with a flow.span",
         flow.tracks));
-  const GuidanceConfig& guidance = config.guidance;
+  const GuidanceOptions& guidance = config.guidance;
   for (const auto& [setting, value] : {std::pair{"command", &guidance.command},
                                        {"model", &guidance.model},
-                                       {"pictures", &guidance.pictures}})
+                                       {"pictures", &guidance.images}})
     if (!guidance.enabled() && !value->empty())
       warn(fmt::format("guidance.{} = \"{}\" does nothing: guidance.provider is none", setting,
                        *value));

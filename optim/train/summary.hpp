@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "optim/model/model.hpp"
+#include "optim/options/train_options.hpp"
 #include "optim/scene/scene.hpp"
-#include "optim/train/options.hpp"
 
 namespace gflow {
 
@@ -19,9 +19,9 @@ std::string in_words(const Scene& scene, const std::vector<Camera>& cameras);
 // initial_model made it with these settings. stereo: the scene's points are those that several
 // cameras agree on.
 std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
-                                     const InitConfig& init, bool stereo);
+                                     const InitOptions& init, bool stereo);
 
 // Warns of settings that the scene, or another setting, keeps from having the effect they are for.
-void warn_of_idle_settings(const Scene& scene, const TrainConfig& config);
+void warn_of_idle_settings(const Scene& scene, const TrainOptions& config);
 
 }  // namespace gflow

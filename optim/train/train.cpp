@@ -7,7 +7,7 @@
 
 namespace gflow {
 
-TrainResult train(Queue& queue, Scene scene, const TrainConfig& options,
+TrainResult train(Queue& queue, Scene scene, const TrainOptions& options,
                   const TrainExtensions& extensions) {
   check(options);
   const ScratchFolder folder("train");

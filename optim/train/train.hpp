@@ -15,7 +15,7 @@ struct TrainResult {
 // used. Optical flow that must be computed is kept in a temporary folder. The same inputs give the
 // same bits. Error when scene, options or device do not allow a training; what the observer throws
 // passes through.
-TrainResult train(Queue& queue, Scene scene, const TrainConfig& options,
+TrainResult train(Queue& queue, Scene scene, const TrainOptions& options,
                   const TrainExtensions& extensions = {});
 
 }  // namespace gflow

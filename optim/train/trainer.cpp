@@ -33,7 +33,7 @@ int Trainer::sh_degree(int step) const {
 }
 
 std::array<uint8_t, 3> Trainer::background(int step) const {
-  const TrainConfig& options = in_.options;
+  const TrainOptions& options = in_.options;
   if (options.scene.background != Background::random || !in_.scene.has_alpha) {
     const uint8_t level = shown_level(options.scene.background);
     return {level, level, level};

@@ -62,7 +62,7 @@ void draw_and_return(Queue& queue, const EngineSettings& settings, Channels chan
   queue.finish();
 }
 
-void compare(Queue& queue, const TrainConfig& config, WarmUpImage& p) {
+void compare(Queue& queue, const TrainOptions& config, WarmUpImage& p) {
   const size_t pixels = TILE * TILE;
   ImageLoss image(queue, config.loss.ssim);
   image.run(queue, TILE, TILE, p.images.rgb, zeros<cl_uchar>(queue, 3 * pixels), p.v.v_rgb);
@@ -74,7 +74,7 @@ void compare(Queue& queue, const TrainConfig& config, WarmUpImage& p) {
   queue.finish();
 }
 
-void learn(Queue& queue, const TrainConfig& config, Parameters& parameters) {
+void learn(Queue& queue, const TrainOptions& config, Parameters& parameters) {
   Adam adam(queue, {config.adam.beta1, config.adam.beta2});
   for (Table* table : parameters.tables()) {
     adam.refuse(queue, table->groups[0], table->rows, table->count);
@@ -85,13 +85,15 @@ void learn(Queue& queue, const TrainConfig& config, Parameters& parameters) {
 }
 
 void go_back(Queue& queue, Model& model, WarmUpImage& p) {
+  HexplaneOptions every_term;
+  every_term.plane_tv = every_term.time_smoothness = every_term.l1_time = 1;
   Parameters& parameters = model.parameters;
   const Buffer<cl_uint>& seen = p.splats.tiles_touched;
   GaussianGradients& g = p.gradients;
   model.color.backward(queue, parameters, model.color.bands(0, true), p.view.camera, p.gaussians,
                        seen, g);
   model.motion->backward(queue, parameters, 0, true, seen, g.v_means, g.v_factors, g.v_opacities);
-  model.motion->regularize(queue, parameters, {1, 1, 1});
+  model.motion->regularize(queue, parameters, every_term);
   model.motion->set_pace(queue, parameters, {1, 1, 1, 1});
   queue.finish();
 }
@@ -111,8 +113,8 @@ void go_forth(Queue& queue, bool flow, Model& model, WarmUpImage& p) {
 
 }  // namespace
 
-void rehearse(Queue& queue, const TrainConfig& config) {
-  const Scene scene = read_scene(config.scene.path, options_of(config.scene));
+void rehearse(Queue& queue, const TrainOptions& config) {
+  const Scene scene = read_scene(config.scene.path, config.scene);
   const ModelShape shape = model_shape(scene, config);
   const EngineSettings settings = engine_settings(config);
   const bool flow = config.flow.enabled;

@@ -144,7 +144,7 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   for (const char* exact : {"masks", "saturated", "asking", "outside", "flow", "bands", "compact"})
     EXPECT_EQ(rows[fmt::format("without {}", exact)]["model differs by"], 0) << exact;
   for (const char* in_the_mean :
-       {"flow of calm tiles too (flow.calm=1)", "flow in every step (flow.every=1)"})
+       {"flow of calm tiles too (flow.low_motion=1)", "flow in every step (flow.every=1)"})
     EXPECT_GT(rows[in_the_mean]["model differs by"], 0) << in_the_mean;
   EXPECT_GT(rows["without masks"]["pairs in cells"], all["pairs in cells"]);
   EXPECT_GT(rows["without boxes"]["intersections"], all["intersections"]);

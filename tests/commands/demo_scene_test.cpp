@@ -2,9 +2,9 @@
 // The scene that ships with gflow is whole: what apps/demo/run needs can be read from it.
 #include <gtest/gtest.h>
 
+#include "optim/options/train_options.hpp"
 #include "optim/scene/frame_store.hpp"
 #include "optim/scene/scene.hpp"
-#include "optim/train/options.hpp"
 
 namespace gflow {
 namespace {
@@ -36,7 +36,7 @@ TEST(DemoScene, VideoAndPicturesHaveOneSize) {
 }
 
 TEST(DemoScene, ItsSettingsAreKnown) {
-  TrainConfig config;
+  TrainOptions config;
   EXPECT_NO_THROW(apply_file(config, demo + "/config.toml"));
 }
 

@@ -39,7 +39,7 @@ serve(guide)
 
   static std::string path(const std::string& name) { return folder_->path() + "/" + name; }
   static std::string write_config(const std::string& command) {
-    TrainConfig config = small_config(*scene_, 60);
+    TrainOptions config = small_config(*scene_, 60);
     config.train.log_every = 10;
     config.guidance.provider = GuidanceProvider::process;
     config.guidance.command = command;
@@ -104,7 +104,7 @@ TEST_F(GuidanceCommand, AProgramThatAFileNamesIsNotStartedUnasked) {
       0);
   const RunFolder theirs(path("theirs"));
   Checkpoint checkpoint = read_checkpoint(theirs.checkpoints().path(2));
-  TrainConfig config = theirs.read_config();
+  TrainOptions config = theirs.read_config();
   config.guidance.provider = GuidanceProvider::process;
   config.guidance.command = command;
   config.train.iterations = 4;

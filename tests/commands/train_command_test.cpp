@@ -96,11 +96,11 @@ TEST_F(CommandTest, SettingsWithoutEffectAreNamed) {
   const Outcome outcome =
       gflow({"train", scene().path(), "-o", out, "--iterations", "1", "--quiet", "--set",
              "scene.cameras=" + cameras, "--set", "motion.model=hexplane", "--set",
-             "motion.rest=0.1", "--set", "density.enabled=false", "--set", "flow.source=files",
-             "--set", "flow.tracks=a.npz"});
+             "motion.static_threshold=0.1", "--set", "density.enabled=false", "--set",
+             "flow.source=files", "--set", "flow.tracks=a.npz"});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
-  for (const char* setting :
-       {"scene.cameras = ", "motion.rest = 0.1", "density.enabled = false", "flow.tracks = "})
+  for (const char* setting : {"scene.cameras = ", "motion.static_threshold = 0.1",
+                              "density.enabled = false", "flow.tracks = "})
     EXPECT_NE(outcome.err.find(std::string("gflow: warning: ") + setting), std::string::npos)
         << setting << " in " << outcome.err;
   EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 4) << outcome.err;
@@ -253,7 +253,7 @@ TEST_F(CommandTest, TheDeviceInTheSettingsIsForTrainingAlone) {
   const std::string copy = folder.path() + "/run", wanted = "train.device=no such device";
   EXPECT_EQ(gflow({"train", scene().path(), "-o", copy, "--set", wanted}).code, 2);
   fs::copy(run(), copy, fs::copy_options::recursive);
-  TrainConfig config = RunFolder::open(copy).read_config();
+  TrainOptions config = RunFolder::open(copy).read_config();
   config.train.device = "no such device";
   RunFolder(copy).write_config(config);
   EXPECT_EQ(gflow({"eval", copy, "--quiet"}).code, 0);
@@ -299,9 +299,12 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
 }
 
 TEST_F(CommandTest, SettingsListsWhatTrainingMayBeTold) {
-  const Outcome all = gflow({"settings"});
+  const Outcome all = gflow({"settings", "--all"}), usual = gflow({"settings"});
   EXPECT_EQ(all.code, 0) << all.err;
   EXPECT_EQ(size_t(std::count(all.out.begin(), all.out.end(), '\n')), setting_values({}).size());
+  EXPECT_NE(all.out.find("adam.eps_means"), std::string::npos);
+  EXPECT_EQ(usual.out.find("adam.eps_means"), std::string::npos);
+  EXPECT_NE(usual.out.find("flow.weight"), std::string::npos);
   const Outcome some = gflow({"settings", "flow.ev"});
   EXPECT_EQ(some.out.find("flow.every = "), 0u) << some.out;
   EXPECT_EQ(std::count(some.out.begin(), some.out.end(), '\n'), 1) << some.out;

@@ -67,6 +67,7 @@ class McmcField {
   static MotionShape shape_of(MotionModelKind kind) {
     MotionShape shape;
     shape.motion = kind;
+    shape.hexplane.times = 16;
     shape.keys = 3;
     return shape;
   }

@@ -21,6 +21,7 @@ TEST_P(PaceOf, FollowsTheLifeUpToTheMost) {
   Queue queue = test_queue();
   MotionShape shape;
   shape.motion = GetParam();
+  shape.hexplane.times = 16;
   shape.duration = 10;
   shape.keys = 3;
   shape.bases = 2;

@@ -17,6 +17,7 @@ bool moves_in_test(size_t i) { return i % 3 == 0; }
 MotionShape resting_shape(MotionModelKind kind) {
   MotionShape shape;
   shape.motion = kind;
+  shape.hexplane.times = 16;
   shape.duration = 2;
   shape.keys = 4;
   shape.bases = 3;

@@ -126,7 +126,7 @@ TEST_P(LeftOut, SplatsBehindAFullTile) {
 TEST_P(LeftOut, CellsThatAskForNothing) {
   for (const bool asking : {true, false}) {
     PosedScene s = one_tile(200, 15, 0, StopRule::include);
-    s.shot.settings.skip.asking = asking;
+    s.shot.settings.skip.zero_gradients = asking;
     Tile tile(queue, s);
     ASSERT_FALSE(tile.forward_meets_nan());
     std::vector<float> v_rgb(3 * s.pixels(), 0.f);

@@ -61,6 +61,7 @@ void fill_randomly(Queue& queue, Parameters& p) {
 MotionShape shape_of(MotionModelKind kind) {
   MotionShape shape;
   shape.motion = kind;
+  shape.hexplane.times = 16;
   shape.keys = 4;
   shape.key_scales = 1;
   shape.bases = 3;

@@ -121,7 +121,7 @@ TEST_P(SplatModes, LeavesOutWhatAsksForNothing) {
   for (const size_t moving : {s.count(), s.count() / 20}) {
     std::vector<FloatArrays> images, gradients;
     for (const bool skip : {false, true}) {
-      s.shot.settings.skip.asking = s.shot.settings.skip.flow = skip;
+      s.shot.settings.skip.zero_gradients = s.shot.settings.skip.flow = skip;
       DeviceScene device(queue, s);
       device.flow_in_parts = skip;
       if (moving < s.count()) device.stand_still_from(moving);

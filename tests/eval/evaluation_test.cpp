@@ -10,7 +10,7 @@ namespace gflow {
 namespace {
 
 Evaluation judged(Queue& queue, const SmallScene& scene, const HostModel& host) {
-  const TrainConfig config = small_config(scene, 1);
+  const TrainOptions config = small_config(scene, 1);
   LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, host);
   return evaluate(queue, model, config, loaded, loaded.scene.test, {});
@@ -52,7 +52,7 @@ TEST(Evaluate, DynamicPixelsAreThoseWhoseTrueFlowExceedsOnePixel) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   HostModel still = scene.truth;
-  add_rest(still.shape, still.groups, still.count);
+  set_static(still.shape, still.groups, still.count);
   const Evaluation evaluation = judged(queue, scene, still);
 
   const LoadedScene loaded = load_scene(small_config(scene, 1).scene, "");
@@ -95,7 +95,7 @@ TEST(Evaluate, SsimOfWhatMovesIsTheMeanOverThesePixels) {
   const SmallScene scene(queue);
   HostModel other = scene.truth;
   for (size_t i = 0; i < 3 * 14; ++i) other.groups.at("sh0")[i] *= -1;
-  const TrainConfig config = small_config(scene, 1);
+  const TrainOptions config = small_config(scene, 1);
   const LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, other);
   const TemporaryFolder drawn;
@@ -122,7 +122,7 @@ TEST(Evaluate, FlAllIsTheShareOfPixelsOffByMoreThanThree) {
   Queue queue = test_queue();
   const SmallScene scene(queue, false, 96, 80);
   HostModel still = scene.truth;
-  add_rest(still.shape, still.groups, still.count);
+  set_static(still.shape, still.groups, still.count);
   const Evaluation evaluation = judged(queue, scene, still);
   const LoadedScene loaded = load_scene(small_config(scene, 1).scene, "");
   for (size_t k = 0; k + 1 < loaded.scene.test.size(); ++k) {
@@ -199,7 +199,7 @@ TEST(Evaluate, AsksTheNetworksThatAreGiven) {
   EXPECT_EQ(without.lpips_model + without.clip_model, "");
   EXPECT_TRUE(std::isnan(without.mean.lpips));
   EXPECT_TRUE(std::isnan(without.mean.clip));
-  TrainConfig config = small_config(scene, 1);
+  TrainOptions config = small_config(scene, 1);
   config.metrics.lpips = judging_networks + "lpips.onnx";
   config.metrics.clip = judging_networks + "clip.onnx";
   LoadedScene loaded = load_scene(config.scene, "");
@@ -242,7 +242,7 @@ struct KeptFlow {
   }
 
   SmallScene scene;
-  TrainConfig config;
+  TrainOptions config;
   LoadedScene loaded;
   TemporaryFolder folder;
 };
@@ -294,7 +294,7 @@ TEST(Evaluate, ComputesNoFlowForATrainingWithoutIt) {
 TEST(Evaluate, SaysHowFarItIs) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  const TrainConfig config = small_config(scene, 1);
+  const TrainOptions config = small_config(scene, 1);
   LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, scene.truth);
   std::vector<size_t> calls;

@@ -18,7 +18,7 @@ HostModel moving_ball(const std::array<double, 3>& v, float turn, float life) {
   append_gaussian(host, {0, 3, 0}, 0.2f, {0.5f, 0.5f, 0.5f}, 0);
   host.shape.sh_degree = 0;
   host.shape.duration = 2;
-  add_rest(host.shape, host.groups, host.count);
+  set_static(host.shape, host.groups, host.count);
   for (size_t i = 0; i < 2; ++i) {
     host.groups["means_t"][i] = 0;
     host.groups["log_scales"][4 * i + 3] = std::log(life);

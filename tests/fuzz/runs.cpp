@@ -13,10 +13,10 @@
 #include "optim/engine/splat_file.hpp"
 #include "optim/guidance/process.hpp"
 #include "optim/networks/onnx_inputs.hpp"
+#include "optim/options/train_options.hpp"
 #include "optim/reference/device.hpp"
 #include "optim/runs/checkpoint.hpp"
 #include "optim/runs/run_folder.hpp"
-#include "optim/train/options.hpp"
 #include "runtime/base/hash.hpp"
 #include "runtime/cl/program_cache.hpp"
 #include "tests/fuzz/inputs.hpp"
@@ -27,12 +27,12 @@ namespace {
 
 void config(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "config.toml", [](const std::string& path) {
-    TrainConfig config;
+    TrainOptions config;
     apply_file(config, path);
     check(config);
   });
 }
-void config_seeds(const std::string& to) { seed(to, "a", to_toml(TrainConfig())); }
+void config_seeds(const std::string& to) { seed(to, "a", to_toml(TrainOptions())); }
 
 // A model of each motion, and what it keeps in a second file: the first byte chooses.
 constexpr size_t kMotions = 5;
@@ -74,7 +74,7 @@ void checkpoint(const uint8_t* bytes, size_t size) {
 }
 void checkpoint_seeds(const std::string& to) {
   Checkpoint some;
-  some.facts.config = to_toml(TrainConfig());
+  some.facts.config = to_toml(TrainOptions());
   some.arrays["a"] = {{2}, std::vector<float>{1, 2}};
   seed(to, "a", written("s.npz", [&](const std::string& p) { write_checkpoint(p, some); }));
 }

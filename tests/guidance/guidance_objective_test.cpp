@@ -34,19 +34,19 @@ class GuideTest : public testing::Test {
   Queue& queue() { return made_->queue; }
   const std::string& views() { return made_->views.path(); }
 
-  TrainConfig config(int iterations) {
-    TrainConfig config = small_config(made_->scene, iterations);
+  TrainOptions config(int iterations) {
+    TrainOptions config = small_config(made_->scene, iterations);
     config.guidance.provider = GuidanceProvider::analytic;
-    config.guidance.pictures = views();
+    config.guidance.images = views();
     config.guidance.cameras = GuidanceCameras::test;
     return config;
   }
-  std::unique_ptr<Guidance> analytic(const TrainConfig& config) {
+  std::unique_ptr<Guidance> analytic(const TrainOptions& config) {
     return std::make_unique<AnalyticGuidance>(views(), double(config.guidance.variance),
                                               NoiseSchedule::scaled_linear(), SdsRule{});
   }
   // Of the held-out camera after training.
-  ViewFigures trained(const TrainConfig& config, Guidance* guidance) {
+  ViewFigures trained(const TrainOptions& config, Guidance* guidance) {
     SmallTraining training(queue(), config, guidance);
     training.steps(queue(), config.train.iterations);
     return evaluate(queue(), training.model, training.config, training.loaded,
@@ -79,7 +79,7 @@ class Asked : public Guidance {
 };
 
 TEST_F(GuideTest, AGuidanceWithoutAnswersChangesNoBit) {
-  TrainConfig with = config(60), without = with;
+  TrainOptions with = config(60), without = with;
   without.guidance = {};
   Asked silent;
   SmallTraining a(queue(), with, &silent), b(queue(), without);
@@ -90,7 +90,7 @@ TEST_F(GuideTest, AGuidanceWithoutAnswersChangesNoBit) {
 }
 
 TEST_F(GuideTest, AsksInTheStepsAndAboutTheViewsThatAreSet) {
-  TrainConfig set = config(20);
+  TrainOptions set = config(20);
   set.guidance.cameras = GuidanceCameras::orbit;
   set.guidance.start = 3;
   set.guidance.every = 4;
@@ -137,7 +137,7 @@ TEST_F(GuideTest, TheGradientIsThatOfTheMeanOverViews) {
     answer.gradient = view.rgb;
     return answer;
   };
-  TrainConfig set = config(10);
+  TrainOptions set = config(10);
   set.guidance.cameras = GuidanceCameras::orbit;
   set.guidance.weight = 6;
   set.guidance.views = 3;
@@ -185,7 +185,7 @@ TEST_F(GuideTest, TheGradientIsThatOfTheMeanOverViews) {
 // With nothing else than guidance: colours that nobody gave the model come from the known pictures.
 TEST_F(GuideTest, AnalyticGuidanceAloneTrainsTowardsTheKnownPictures) {
   constexpr int steps = 150;
-  TrainConfig set = config(steps);
+  TrainOptions set = config(steps);
   const auto guidance = analytic(set);
   SmallTraining training(queue(), set);
   Renderer renderer(queue(), engine_settings(set));
@@ -221,12 +221,12 @@ TEST_F(GuideTest, AnalyticGuidanceAloneTrainsTowardsTheKnownPictures) {
 }
 
 TEST_F(GuideTest, FlowOfANovelViewTeachesItsMotion) {
-  TrainConfig without = config(300);
+  TrainOptions without = config(300);
   without.flow.enabled = false;
   without.density.enabled = false;
   without.guidance.weight = 0;
   without.guidance.flow = 0;
-  TrainConfig with = without;
+  TrainOptions with = without;
   with.guidance.flow = 0.05f;
   const auto none = analytic(without), some = analytic(with);
   const ViewFigures before = trained(without, none.get()), after = trained(with, some.get());
@@ -234,7 +234,7 @@ TEST_F(GuideTest, FlowOfANovelViewTeachesItsMotion) {
 }
 
 TEST_F(GuideTest, GoesOnFromASavedStateWithTheSameBits) {
-  TrainConfig set = config(160);
+  TrainOptions set = config(160);
   set.guidance.flow = 0.05f;
   set.guidance.views = 2;
   set.guidance.every = 3;
@@ -248,7 +248,7 @@ TEST_F(GuideTest, GoesOnFromASavedStateWithTheSameBits) {
 }
 
 TEST_F(GuideTest, AFailureLeavesTheTrainingAsItWas) {
-  TrainConfig set = config(200);
+  TrainOptions set = config(200);
   const auto guidance = analytic(set);
   int answers_left = 130;
   Asked failing([&](const GuidanceRequest& request, const GuidanceView&) {
@@ -280,7 +280,7 @@ TEST_F(GuideTest, AnswersThatDoNotFitAreNamed) {
 }
 
 TEST_F(GuideTest, ASplitWithoutViewsIsNamed) {
-  TrainConfig set = config(1);
+  TrainOptions set = config(1);
   set.guidance.cameras = GuidanceCameras::val;
   Asked asked;
   expect_error([&] { SmallTraining(queue(), set, &asked); }, {"no val views"});

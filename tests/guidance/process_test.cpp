@@ -69,7 +69,7 @@ TEST(Process, AProgramMaySayWhyItGivesUpBeforeItIsSpokenTo) {
 
 TEST(Process, ASilentProgramIsGivenUpInTime) {
   const auto start = Clock::now();
-  expect_failure("sleep 60", {"has not answered for 0.2 s (guidance.time_out)"}, 0.2);
+  expect_failure("sleep 60", {"has not answered for 0.2 s (guidance.timeout)"}, 0.2);
   expect_failure("read hello; echo '{\"version\": 1}'; sleep 60", {"has not answered for 0.2 s"},
                  0.2);
   EXPECT_LT(Clock::now() - start, std::chrono::seconds(30));

@@ -8,7 +8,7 @@
 #include "optim/density/memory.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "optim/init/dynamic_seeds.hpp"
-#include "optim/model/views.hpp"
+#include "optim/eval/views.hpp"
 #include "optim/train/preparation.hpp"
 #include "tests/support/compare.hpp"
 #include "tests/support/small_scene.hpp"
@@ -65,8 +65,8 @@ TEST(NeighbourDistance, IsNeverZero) {
 }
 
 struct Loaded {
-  explicit Loaded(const TrainConfig& config) : loaded(load_scene(config.scene, "")) {}
-  HostModel model(const TrainConfig& config) {
+  explicit Loaded(const TrainOptions& config) : loaded(load_scene(config.scene, "")) {}
+  HostModel model(const TrainOptions& config) {
     FlowStore no_flows({});
     return initial_model(loaded.scene, *loaded.frames,
                          parts_of_interest(loaded.scene, *loaded.frames, {}), {}, {}, no_flows,
@@ -78,13 +78,13 @@ struct Loaded {
 TEST(InitialModel, StandsAtThePointsOfTheScene) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  const TrainConfig config = small_config(scene, 10);
+  const TrainOptions config = small_config(scene, 10);
   Loaded loaded(config);
   const HostModel model = loaded.model(config);
   EXPECT_EQ(model.count, scene.truth.count);
   const std::vector<double>& places = loaded.loaded.scene.points.xyz;
   EXPECT_EQ(model.groups.at("means"), std::vector<float>(places.begin(), places.end()));
-  EXPECT_TRUE(at_rest(model.shape, model.groups));
+  EXPECT_TRUE(is_static(model.shape, model.groups));
   EXPECT_EQ(model.groups.at("sh_rest").size(), 9 * model.count);  // degree 1
   for (const float v : model.groups.at("logit_opacities"))
     EXPECT_NEAR(1 / (1 + std::exp(-v)), config.init.opacity, 1e-6);
@@ -93,7 +93,7 @@ TEST(InitialModel, StandsAtThePointsOfTheScene) {
 TEST(InitialModel, IsRandomWhenAskedForAndDeterministicForTheSeed) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 10);
+  TrainOptions config = small_config(scene, 10);
   config.init.from = InitFrom::random;
   config.init.count = 50;
   Loaded loaded(config);
@@ -107,7 +107,7 @@ TEST(InitialModel, IsRandomWhenAskedForAndDeterministicForTheSeed) {
 TEST(InitialModel, PutsRandomPointsOnTheObjectWherePicturesHaveAlpha) {
   Queue queue = test_queue();
   const SmallScene scene(queue, true);
-  TrainConfig config = small_config(scene, 10);
+  TrainOptions config = small_config(scene, 10);
   config.init.from = InitFrom::visual_hull;
   config.init.count = 100;
   // The blob is there from x = -0.3 to 0.3 only for a part of the video: a point that most pictures
@@ -126,7 +126,7 @@ TEST(InitialModel, PutsRandomPointsOnTheObjectWherePicturesHaveAlpha) {
 TEST(InitialModel, RandomPointsFillTheBoxEvenWherePicturesHaveAlpha) {
   Queue queue = test_queue();
   const SmallScene scene(queue, true);
-  TrainConfig config = small_config(scene, 10);
+  TrainOptions config = small_config(scene, 10);
   config.init.from = InitFrom::random;
   config.init.count = 100;
   EXPECT_EQ(Loaded(config).model(config).count, 100u);
@@ -135,7 +135,7 @@ TEST(InitialModel, RandomPointsFillTheBoxEvenWherePicturesHaveAlpha) {
 TEST(InitialModel, OfAVisualHullNeedsAlpha) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 10);
+  TrainOptions config = small_config(scene, 10);
   config.init.from = InitFrom::visual_hull;
   Loaded loaded(config);
   expect_error([&] { loaded.model(config); }, {"visual-hull", "alpha"});
@@ -152,7 +152,7 @@ PlyTable static_splat(size_t count) {
 TEST(InitialModel, TakesTheGaussiansOfAFileAsTheyAre) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 10);
+  TrainOptions config = small_config(scene, 10);
   write_ply(scene.folder().file("first.ply"), static_splat(7));
   config.init.file = scene.folder().file("first.ply");
   Loaded loaded(config);
@@ -175,7 +175,7 @@ TEST(InitialModel, TakesTheGaussiansOfAFileAsTheyAre) {
         EXPECT_FLOAT_EQ(std::exp(model.groups.at("log_scales")[4 * i + 3]),
                         config.init.lifetime * model.shape.duration);
       }
-      EXPECT_TRUE(at_rest(model.shape, model.groups));
+      EXPECT_TRUE(is_static(model.shape, model.groups));
     }
   }
 }
@@ -183,7 +183,7 @@ TEST(InitialModel, TakesTheGaussiansOfAFileAsTheyAre) {
 TEST(InitialModel, RefusesAFileThatCannotBeginAScene) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 10);
+  TrainOptions config = small_config(scene, 10);
   config.init.from = InitFrom::file;
   Loaded loaded(config);
   expect_error([&] { loaded.model(config); }, {"init.from", "init.file names none"});
@@ -202,17 +202,17 @@ TEST(InitialModel, RefusesAFileThatCannotBeginAScene) {
 TEST(InitialModel, OfOneTimeStepIsStaticForEver) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 10);
+  TrainOptions config = small_config(scene, 10);
   config.scene.max_steps = 1;
   Loaded loaded(config);
-  EXPECT_TRUE(stands_still(loaded.model(config)));
+  EXPECT_TRUE(is_static_model(loaded.model(config)));
 }
 
 TEST(InitialModel, NeedsPointsWhenTheyAreAskedFor) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   std::filesystem::remove(scene.folder().file("points3D.ply"));
-  TrainConfig config = small_config(scene, 10);
+  TrainOptions config = small_config(scene, 10);
   config.init.from = InitFrom::points;
   Loaded loaded(config);
   expect_error([&] { loaded.model(config); }, {"init.from", "points3D.ply"});
@@ -222,7 +222,7 @@ TEST(InitialModel, NeedsPointsWhenTheyAreAskedFor) {
 TEST(InitialModel, StaysWithinTheCapAndTheMemorySeedsIncluded) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 10);
+  TrainOptions config = small_config(scene, 10);
   config.init.dynamic = 100;
   config.density.cap = 40;
   const HostModel few = SmallTraining(queue, config).model.read(queue);
@@ -250,7 +250,7 @@ TEST(InitialModel, StaysWithinTheCapAndTheMemorySeedsIncluded) {
 TEST(InitialModel, SeedsWhatMovesWithItsVelocity) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 10);
+  TrainOptions config = small_config(scene, 10);
   config.init.dynamic = 100;
   const SmallTraining training(queue, config);
   const HostModel model = training.model.read(queue);
@@ -277,14 +277,15 @@ TEST_P(EveryMotionModel, IsGivenAVelocityOnTheHostAndMovesByItOnTheDevice) {
     HostModel host;
     append_gaussian(host, {0, 0, 0}, 0.05f, {0.5f, 0.5f, 0.5f}, 0);
     host.shape.motion = GetParam();
+    host.shape.hexplane.times = 2;
     host.shape.duration = 2;
     host.shape.keys = 5;
     host.shape.sh_degree = 0;
     host.groups["log_scales"][3] = std::log(0.4f);
-    add_rest(host.shape, host.groups, 1);
-    EXPECT_TRUE(at_rest(host.shape, host.groups));
+    set_static(host.shape, host.groups, 1);
+    EXPECT_TRUE(is_static(host.shape, host.groups));
     set_velocity(host.shape, host.groups, 0, v, 0.05, 0.4);
-    EXPECT_EQ(at_rest(host.shape, host.groups), v == (std::array<double, 3>{0, 0, 0}));
+    EXPECT_EQ(is_static(host.shape, host.groups), v == (std::array<double, 3>{0, 0, 0}));
     Model model(queue, host);
     GaussiansAt now, later;
     const Buffer<cl_uint> seen(queue, std::vector<cl_uint>{1}, "seen");

@@ -38,7 +38,7 @@ class PaintedWall {
     return stereo_points(loaded.scene, *loaded.frames, {}, 200, seed);
   }
 
-  TrainConfig config;
+  TrainOptions config;
   LoadedScene loaded;
 
  private:

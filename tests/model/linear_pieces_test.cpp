@@ -3,7 +3,7 @@
 #include "optim/model/linear_pieces.hpp"
 
 #include "optim/loss/metrics.hpp"
-#include "optim/model/views.hpp"
+#include "optim/eval/views.hpp"
 #include "tests/support/lively_model.hpp"
 
 namespace gflow {

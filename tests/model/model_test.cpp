@@ -4,9 +4,9 @@
 #include <cstring>
 
 #include "optim/formats/ply.hpp"
-#include "optim/model/views.hpp"
+#include "optim/eval/views.hpp"
+#include "optim/options/train_options.hpp"
 #include "optim/reference/device.hpp"
-#include "optim/train/options.hpp"
 #include "tests/support/memory_of.hpp"
 #include "tests/support/random_model.hpp"
 #include "tests/support/temporary_folder.hpp"
@@ -207,13 +207,13 @@ TEST(Model, AStandard3dgsFileIsReadAsOneThatStandsStill) {
   const HostModel model = read_model(folder.file("static.ply"));
   EXPECT_EQ(model.count, 2u);
   EXPECT_EQ(model.shape.sh_degree, 1);
-  EXPECT_TRUE(at_rest(model.shape, model.groups));
+  EXPECT_TRUE(is_static(model.shape, model.groups));
   const float* v = table.values.data();
   const size_t w = table.names.size();
   EXPECT_EQ(model.groups.at("means"),
             (std::vector<float>{v[0], v[1], v[2], v[w], v[w + 1], v[w + 2]}));
-  EXPECT_TRUE(stands_still(model));
-  EXPECT_FALSE(stands_still(random_model(3, 0)));
+  EXPECT_TRUE(is_static_model(model));
+  EXPECT_FALSE(is_static_model(random_model(3, 0)));
 }
 
 TEST(Model, AStandard3dgsFileIsTheSameAtAllTimes) {
@@ -237,7 +237,7 @@ TEST(Model, APublished3dgsFileIsRead) {
                     "above read a made file of the same layout";
   const HostModel model = read_model(path);
   EXPECT_EQ(model.count, read_ply(path).rows);
-  EXPECT_TRUE(stands_still(model));
+  EXPECT_TRUE(is_static_model(model));
 }
 
 TEST(Model, RefusesAFileWithoutAProperty) {

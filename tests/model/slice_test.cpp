@@ -6,7 +6,7 @@
 #include <random>
 
 #include "optim/loss/metrics.hpp"
-#include "optim/model/views.hpp"
+#include "optim/eval/views.hpp"
 #include "tests/support/lively_model.hpp"
 
 namespace gflow {
@@ -64,7 +64,7 @@ TEST_P(EverySlicedModel, LooksFromAFileLikeTheModelAtItsTime) {
     EXPECT_LT(sliced.table.rows, host.count);  // some are not there
     write_ply(folder.file("slice.ply"), sliced.table);
     const HostModel back = read_model(folder.file("slice.ply"));
-    EXPECT_TRUE(stands_still(back));
+    EXPECT_TRUE(is_static_model(back));
     const std::vector<float> expected = drawn(queue, host, time, camera);
     const std::vector<float> got = drawn(queue, back, 0, camera);
     EXPECT_GT(psnr(Picture::from_planes(camera.width, camera.height, got),

@@ -62,7 +62,7 @@ TEST_P(HexplaneOfSomeShapes, TheDoubleDerivativeIsThatOfCentralDifferences) {
   Random random(23);
   Named p;
   HostGroups groups;
-  add_rest(shape, groups, 1);  // for their sizes
+  set_static(shape, groups, 1);  // for their sizes
   for (const auto& [name, middle] : {std::pair{"planes", 1.0}, std::pair{"network", 0.0}})
     for (size_t k = 0; k < groups[name].size(); ++k) p[name].push_back(middle + 0.2 * random());
   for (const double t : {0.4, 1.3}) {
@@ -100,7 +100,7 @@ TEST_P(HexplaneOfSomeShapes, TheDoubleDerivativeIsThatOfCentralDifferences) {
 TEST(Hexplane, ASizeChangesAtMostTwentyFold) {
   MotionShape shape = small_shape();
   HostGroups groups;
-  add_rest(shape, groups, 1);
+  set_static(shape, groups, 1);
   Named p;
   for (const char* name : {"planes", "network"})
     p[name] = std::vector<double>(groups[name].begin(), groups[name].end());
@@ -159,8 +159,8 @@ TEST(Hexplane, GradientsOfManyGaussiansAreTheSumOfThoseOfFew) {
 TEST(Hexplane, ANewModelRestsAndOneWeightOfTheLastLayerMovesIt) {
   const MotionShape shape = small_shape();
   HostGroups groups;
-  add_rest(shape, groups, 3, 7);
-  EXPECT_TRUE(at_rest(shape, groups));
+  set_static(shape, groups, 3, 7);
+  EXPECT_TRUE(is_static(shape, groups));
   Named p;
   for (const char* name : {"planes", "network"})
     p[name] = std::vector<double>(groups[name].begin(), groups[name].end());
@@ -173,13 +173,21 @@ TEST(Hexplane, ANewModelRestsAndOneWeightOfTheLastLayerMovesIt) {
   p["network"][p["network"].size() - HEXPLANE_OUTPUTS + 1] = 2;  // the bias of y
   EXPECT_EQ(shift().y, 3);
   groups["network"][groups["network"].size() - HEXPLANE_OUTPUTS + 1] = 2;
-  EXPECT_FALSE(at_rest(shape, groups));
+  EXPECT_FALSE(is_static(shape, groups));
 }
 
-class HexplaneRule : public testing::TestWithParam<PlaneRule> {};
+HexplaneOptions planes(float plane_tv, float time_smoothness, float l1_time) {
+  HexplaneOptions options;
+  options.plane_tv = plane_tv;
+  options.time_smoothness = time_smoothness;
+  options.l1_time = l1_time;
+  return options;
+}
+
+class HexplaneRule : public testing::TestWithParam<HexplaneOptions> {};
 INSTANTIATE_TEST_SUITE_P(Motion, HexplaneRule,
-                         testing::Values(PlaneRule{0.7f, 0, 0}, PlaneRule{0, 0.6f, 0},
-                                         PlaneRule{0, 0, 0.5f}, PlaneRule{0.1f, 0.2f, 0.3f}));
+                         testing::Values(planes(0.7f, 0, 0), planes(0, 0.6f, 0), planes(0, 0, 0.5f),
+                                         planes(0.1f, 0.2f, 0.3f)));
 
 TEST_P(HexplaneRule, GradientEqualsCentralDifferences) {
   Queue queue = test_queue();
@@ -218,7 +226,7 @@ TEST(Hexplane, ThePlanesOfARestingModelCostNothingInTimeAndAShapeThatIsNoneIsRef
   EXPECT_THROW(make_motion(queue, shape), Error);
   shape = small_shape();
   HostGroups groups;
-  add_rest(shape, groups, 1);
+  set_static(shape, groups, 1);
   const std::vector<double> planes(groups["planes"].begin(), groups["planes"].end());
   EXPECT_EQ(reference::plane_cost(shape.hexplane, {0, 1, 1}, planes), 0);
   EXPECT_GT(reference::plane_cost(shape.hexplane, {1, 0, 0}, planes), 0);
@@ -228,6 +236,7 @@ TEST(Hexplane, TheBoxHoldsAllButAFewPointsAndItsSlack) {
   std::vector<float> xyz;
   for (int i = 0; i <= 200; ++i) xyz.insert(xyz.end(), {float(i), 5.f, i ? -1.f : 1000.f});
   HexplaneShape shape;
+  shape.times = 16;
   set_box(shape, xyz, 0.5f);
   EXPECT_EQ(shape.centre[0], 100);
   EXPECT_EQ(shape.half_size[0], 1.5f * 98);

@@ -54,7 +54,7 @@ TEST(Consistent4d, UnequalViewsAndImpossibleCamerasAreRefused) {
   options.radius = 0;
   expect_error([&] { read_scene(folder.path(), options); }, {"distance"});
   options.radius = 1;
-  options.fov_y = 180;
+  options.fovy = 180;
   expect_error([&] { read_scene(folder.path(), options); }, {"field of view"});
 }
 

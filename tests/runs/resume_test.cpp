@@ -76,7 +76,7 @@ class Resume : public testing::Test {
 
  private:
   static void write_config() {
-    TrainConfig config = small_config(*scene_, 240);
+    TrainOptions config = small_config(*scene_, 240);
     config.train.log_every = 10;
     config.train.checkpoint_every = 20;
     config.loss.velocity = 0.01f;  // not in every step

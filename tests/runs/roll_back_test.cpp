@@ -41,7 +41,7 @@ TEST(RollBack, RefusedRowsOfEveryTableCountAndThoseThatAllShareMayNotStayStuck) 
   for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::keyframes,
                                      MotionModelKind::bases, MotionModelKind::hexplane}) {
     const int motion = int(kind);
-    TrainConfig config = small_config(scene, 20);
+    TrainOptions config = small_config(scene, 20);
     config.motion.model = choice_of(kind);
     SmallTraining training(queue, config);
     training.steps(queue, 2);
@@ -76,7 +76,7 @@ class Broken : public testing::Test {
   }
   Queue queue;
   SmallScene scene;
-  TrainConfig config;
+  TrainOptions config;
   SmallTraining training;
   TemporaryFolder folder;
   RunFolder run;

@@ -319,7 +319,7 @@ TEST(RunFolder, IsNotOpenedWhileATrainingBeginsThere) {
 TEST(RunFolder, ConfigurationComesBack) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  TrainConfig config;
+  TrainOptions config;
   config.flow.weight = 0.125f;
   config.scene.path = "a \"quoted\" path";
   run.write_config(config);
@@ -414,7 +414,7 @@ Evaluation some_evaluation() {
 TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  TrainConfig config;
+  TrainOptions config;
   config.scene.resolution = 2;
   config.train.seed = 5;
   run.write_results(some_evaluation(), "test", {700, 12.5, 300, "a device", "bases"}, config, 42);
@@ -550,6 +550,22 @@ TEST(RunFolder, MetricsAreOneObjectALineAndStartAgainWithATraining) {
   EXPECT_EQ(std::count(rows[0].begin(), rows[0].end(), ','),
             std::count(rows[3].begin(), rows[3].end(), ','));
   EXPECT_FALSE(lines[2].contains("rigidity"));
+}
+
+// As after an update of gflow: the columns of a table stay, whatever the order of later terms.
+TEST(RunFolder, ATableOfMetricsKeepsItsColumns) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create(folder.path());
+  StepReport report;
+  report.terms = {{"a", 1, ""}, {"b", 2, ""}};
+  run.append_metrics(0, 1, report);
+  report.terms = {{"b", 20, ""}, {"c", 30, ""}, {"a", 10, ""}};
+  run.append_metrics(10, 1, report);
+  const std::string table = contents(run.path("metrics.csv"));
+  EXPECT_NE(table.find(",a,b,"), std::string::npos) << table;
+  EXPECT_NE(table.find(",10.0,20.0,"), std::string::npos) << table;
+  run.keep_metrics_before(20);
+  EXPECT_EQ(contents(run.path("metrics.csv")), table);
 }
 
 TEST(RunFolder, MetricsHaveAColumnForEachTerm) {

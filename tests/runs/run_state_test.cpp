@@ -88,7 +88,7 @@ class RunStateTest : public testing::Test {
   TemporaryFolder folder;
   RunFolder run;
   HostModel lively;
-  TrainConfig config;
+  TrainOptions config;
   Checkpoint checkpoint;
 };
 
@@ -172,7 +172,7 @@ TEST_F(RunStateTest, SettingsComeFromTheCheckpointWhereTheirFileIsGoneOrDamaged)
   write_checkpoint_of(1200);
   const auto read = [&] {
     testing::internal::CaptureStderr();
-    const TrainConfig config = RunFolder::open(folder.path()).read_config();
+    const TrainOptions config = RunFolder::open(folder.path()).read_config();
     const std::string said = testing::internal::GetCapturedStderr();
     EXPECT_EQ(to_toml(config), whole);
     return said;

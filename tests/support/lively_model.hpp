@@ -10,6 +10,7 @@ namespace gflow {
 inline HostModel lively_model(MotionModelKind kind) {
   HostModel model;
   model.shape.motion = kind;
+  model.shape.hexplane.times = 16;
   model.shape.sh_degree = 1;
   model.shape.duration = 2;
   model.shape.keys = 4;
@@ -27,7 +28,7 @@ inline HostModel lively_model(MotionModelKind kind) {
     g["logit_opacities"][i] = 2 * noise(32, i);
     for (uint k = 0; k < 9; ++k) g["sh_rest"].push_back(0.3f * noise(33 + k, i));
   }
-  add_rest(model.shape, g, 60);
+  set_static(model.shape, g, 60);
   for (const MotionColumns& columns : motion_columns(model.shape))
     for (size_t k = 0; k < g[columns.group].size(); ++k)
       g[columns.group][k] += 0.4f * noise(50, uint(k));

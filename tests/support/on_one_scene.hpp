@@ -25,7 +25,7 @@ class OnOneScene : public testing::Test {
 };
 
 inline std::map<std::string, std::vector<uint32_t>> bits_after(Queue& queue,
-                                                               const TrainConfig& config,
+                                                               const TrainOptions& config,
                                                                int steps) {
   SmallTraining training(queue, config);
   training.steps(queue, steps);

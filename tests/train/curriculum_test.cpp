@@ -8,11 +8,11 @@
 namespace gflow {
 namespace {
 
-TrainConfig some_config() {
-  TrainConfig config;
+TrainOptions some_config() {
+  TrainOptions config;
   config.train.iterations = 1000;
   config.hexplane.warmup = 100;
-  config.hexplane.unfold = 0.5f;
+  config.hexplane.curriculum = 0.5f;
   return config;
 }
 
@@ -73,11 +73,11 @@ TEST(Curriculum, RatesFallOnceItIsDone) {
   EXPECT_EQ(curriculum.share_after(600), 0);
   EXPECT_DOUBLE_EQ(curriculum.share_after(800), 0.5);
   EXPECT_DOUBLE_EQ(curriculum.share_after(1000), 1);
-  TrainConfig brief = some_config();
+  TrainOptions brief = some_config();
   brief.train.iterations = 200;
   EXPECT_FALSE(Curriculum::of(brief, true).warming(40));
-  TrainConfig endless = some_config();  // the training ends before it is done
-  endless.hexplane.unfold = 1;
+  TrainOptions endless = some_config();  // the training ends before it is done
+  endless.hexplane.curriculum = 1;
   EXPECT_EQ(Curriculum::of(endless, true).share_after(999), 0);
 }
 

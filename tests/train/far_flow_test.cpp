@@ -12,7 +12,7 @@ class FarFlow : public ::testing::Test {
  protected:
   // Trained as `gflow train` does, without a run folder; flow is never computed.
   struct Trained {
-    Trained(Queue& queue, const TrainConfig& c, int steps)
+    Trained(Queue& queue, const TrainOptions& c, int steps)
         : config(c),
           prepared(config, ""),
           model(first(queue)),
@@ -23,27 +23,27 @@ class FarFlow : public ::testing::Test {
       prepared.look_for_change();
       return Model(queue, prepared.first_model(queue));
     }
-    TrainConfig config;
+    TrainOptions config;
     Preparation prepared;
     Model model;
     Trainer trainer;
   };
 
-  TrainConfig config(int reach) const {
-    TrainConfig config = small_config(scene_, 600);
+  TrainOptions config(int reach) const {
+    TrainOptions config = small_config(scene_, 600);
     config.density.enabled = false;
-    config.flow.reach = reach;
+    config.flow.span = reach;
     config.flow.every = 1;  // what is compared here is which flow
     return config;
   }
   // Flow error where the blob moves, in the view held out [px].
-  double flow_error(const TrainConfig& config) {
+  double flow_error(const TrainOptions& config) {
     Trained trained(queue_, config, config.train.iterations);
     const LoadedScene& loaded = trained.prepared.loaded();
     return evaluate(queue_, trained.model, config, loaded, loaded.scene.test, {})
         .mean.flow_epe_dynamic;
   }
-  Array::Values velocities(const TrainConfig& config) {
+  Array::Values velocities(const TrainOptions& config) {
     Trained trained(queue_, config, 20);
     return trained.trainer.state(queue_).at("gaussians/velocities").values;
   }
@@ -65,7 +65,7 @@ class FarFlow : public ::testing::Test {
     }
     return folder.path();
   }
-  void expect_refused(const TrainConfig& config, std::initializer_list<std::string> words) {
+  void expect_refused(const TrainOptions& config, std::initializer_list<std::string> words) {
     expect_error([&] { Preparation(config, ""); }, words);
   }
 
@@ -74,51 +74,51 @@ class FarFlow : public ::testing::Test {
 };
 
 TEST_F(FarFlow, NeighboursOnlyIsTheDefaultAndOfOneReachTheShareMeansNothing) {
-  TrainConfig near = config(1);
+  TrainOptions near = config(1);
   const Array::Values expected = velocities(near);
-  near.flow.far_share = 1;
+  near.flow.long_share = 1;
   EXPECT_TRUE(velocities(near) == expected);
   EXPECT_FALSE(velocities(config(2)) == expected);
 }
 
 TEST_F(FarFlow, TeachesTheMotionByItself) {
-  TrainConfig none = config(1), far = config(0);
+  TrainOptions none = config(1), far = config(0);
   none.flow.weight = 0;
-  far.flow.far_share = 1;  // over 2 and 4 pictures, never between neighbours
+  far.flow.long_share = 1;  // over 2 and 4 pictures, never between neighbours
   none.train.iterations = far.train.iterations = 1000;
   EXPECT_LT(flow_error(far), 0.5 * flow_error(none));
 }
 
 TEST_F(FarFlow, PathsOfPointsTeachTheMotion) {
   const TemporaryFolder folder;
-  TrainConfig none = config(1), tracks = config(0);
+  TrainOptions none = config(1), tracks = config(0);
   none.flow.weight = 0;
   tracks.flow.source = FlowSource::tracks;
   tracks.flow.tracks = write_tracks(folder);
   const double without = flow_error(none);
   EXPECT_LT(flow_error(tracks), 0.5 * without);
   tracks.flow.source = FlowSource::files;  // between neighbours; and the tracks further
-  tracks.flow.far = gflow::FarFlow::tracks;
+  tracks.flow.long_span = gflow::FarFlow::tracks;
   EXPECT_LT(flow_error(tracks), 0.5 * without);
 }
 
 // Measured: 0.91 px without flow, 0.54 px with it in every third step, 0.36 px in each.
 TEST_F(FarFlow, InEveryThirdStepOnlyItStillTeaches) {
-  TrainConfig none = config(1), third = config(1);
+  TrainOptions none = config(1), third = config(1);
   none.flow.weight = 0;
   third.flow.every = 3;
   EXPECT_LT(flow_error(third), 0.75 * flow_error(none));
 }
 
 TEST_F(FarFlow, WhatDoesNotGoTogetherIsRefused) {
-  TrainConfig direct = config(2), in_time = config(2), nameless = config(1), empty = config(2);
-  direct.flow.far = gflow::FarFlow::direct;
-  expect_refused(direct, {"flow.far", "direct", "flow.source = \"files\""});
+  TrainOptions direct = config(2), in_time = config(2), nameless = config(1), empty = config(2);
+  direct.flow.long_span = gflow::FarFlow::direct;
+  expect_refused(direct, {"flow.long_span", "direct", "flow.source = \"files\""});
   in_time.flow.pairs = FlowPairs::time;
-  expect_refused(in_time, {"flow.reach", "flow.pairs"});
+  expect_refused(in_time, {"flow.span", "flow.pairs"});
   nameless.flow.source = FlowSource::tracks;
   expect_refused(nameless, {"flow.tracks"});
-  empty.flow.far = gflow::FarFlow::tracks;
+  empty.flow.long_span = gflow::FarFlow::tracks;
   empty.flow.tracks = scene_.path() + "/nowhere";
   expect_refused(empty, {"nowhere/cam01.npz"});
 }

@@ -26,7 +26,7 @@ class FarSceneTest : public ::testing::Test {
   Queue queue;
   SmallScene near;
   FarScene far;
-  TrainConfig config, far_config;
+  TrainOptions config, far_config;
 };
 
 TEST_F(FarSceneTest, IsReadRelativeToAPlaceInItsMidst) {

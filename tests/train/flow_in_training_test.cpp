@@ -10,7 +10,7 @@ namespace {
 class FlowInTraining : public OnOneScene {};
 
 TEST_F(FlowInTraining, FlowOfWeightZeroChangesNoBit) {
-  TrainConfig config = small_config(scene(), 150);
+  TrainOptions config = small_config(scene(), 150);
   config.flow.enabled = false;
   const auto without = bits_after(queue(), config, 150);
   config.flow.enabled = true;
@@ -22,19 +22,19 @@ TEST_F(FlowInTraining, FlowOfWeightZeroChangesNoBit) {
 }
 
 TEST_F(FlowInTraining, FlowOfPositiveWeightChangesTheModel) {
-  TrainConfig config = small_config(scene(), 20);
+  TrainOptions config = small_config(scene(), 20);
   const auto with = bits_after(queue(), config, 20);
   config.flow.enabled = false;
   EXPECT_NE(with.at("gaussians/quats"), bits_after(queue(), config, 20).at("gaussians/quats"));
 }
 
 TEST_F(FlowInTraining, CalmTilesCountInSomeSteps) {
-  TrainConfig config = small_config(scene(), 40);
-  config.flow.calm = 0.2f;
-  config.flow.calm_px = 100;  // all are calm
+  TrainOptions config = small_config(scene(), 40);
+  config.flow.low_motion = 0.2f;
+  config.flow.low_motion_px = 100;  // all are calm
   const auto some = bits_after(queue(), config, 40);
   expect_equal_bits(some, bits_after(queue(), config, 40));
-  config.flow.calm = 1;
+  config.flow.low_motion = 1;
   EXPECT_NE(some.at("gaussians/quats"), bits_after(queue(), config, 40).at("gaussians/quats"));
 }
 
@@ -42,12 +42,12 @@ TEST_F(FlowInTraining, CalmTilesCountInSomeSteps) {
 TEST_F(FlowInTraining, TheLossOfSomeTilesIsThatOfAllInTheMean) {
   constexpr int kSteps = 900;
   constexpr double kShare = 0.3;
-  TrainConfig config = small_config(scene(), kSteps);
-  config.flow.calm_px = 1e6f;  // all are calm
+  TrainOptions config = small_config(scene(), kSteps);
+  config.flow.low_motion_px = 1e6f;  // all are calm
   config.flow.every = 1;
   int asked = 0;
   const auto mean_loss = [&](float calm) {
-    config.flow.calm = calm;
+    config.flow.low_motion = calm;
     SmallTraining training(queue(), config);
     training.trainer.set_rate_scale(0);
     double sum = 0;
@@ -73,7 +73,7 @@ TEST_F(FlowInTraining, TheLossOfSomeTilesIsThatOfAllInTheMean) {
 TEST_F(FlowInTraining, CountsInEverySecondStepOfStiffPathsAndInEachOfOthers) {
   for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
                                      MotionModelKind::keyframes, MotionModelKind::hexplane}) {
-    TrainConfig config = small_config(scene(), 20);
+    TrainOptions config = small_config(scene(), 20);
     config.motion.model = choice_of(kind);
     const auto shipped = bits_after(queue(), config, 20);
     config.flow.every = has_stiff_paths(kind) ? 2 : 1;
@@ -87,8 +87,8 @@ TEST_F(FlowInTraining, CountsInEverySecondStepOfStiffPathsAndInEachOfOthers) {
 // A training that does not learn, so that its figures differ by what is shown alone: n steps apart,
 // with n times the weight, the loss that is told is that of the weight.
 TEST_F(FlowInTraining, TheLossThatIsToldIsByTheWeight) {
-  TrainConfig config = small_config(scene(), 40);
-  config.flow.calm = 1;
+  TrainOptions config = small_config(scene(), 40);
+  config.flow.low_motion = 1;
   const auto first_figures = [&](int every) {
     config.flow.every = every;
     SmallTraining training(queue(), config);
@@ -107,8 +107,8 @@ TEST_F(FlowInTraining, TheLossThatIsToldIsByTheWeight) {
 }
 
 TEST_F(FlowInTraining, AStepWithoutShowsThatOfTheStepBeforeAlsoWhenResumed) {
-  TrainConfig config = small_config(scene(), 60);
-  config.flow.calm = 1;
+  TrainOptions config = small_config(scene(), 60);
+  config.flow.low_motion = 1;
   config.flow.every = 4;
   SmallTraining training(queue(), config), other(queue(), config);
   training.steps(queue(), 20);

@@ -30,7 +30,7 @@ class FlowOnDemand : public testing::Test {
 
   Queue queue;
   SmallScene scene;
-  TrainConfig config;
+  TrainOptions config;
   TemporaryFolder folder;
 };
 
@@ -49,7 +49,7 @@ TEST_F(FlowOnDemand, ATrainingIsTheSameWithFlowComputedBeforehandOrWhenNeededKep
 }
 
 TEST_F(FlowOnDemand, ATrainingIsTheSameWithChainsKeptOrNot) {
-  config.flow.reach = 4;
+  config.flow.span = 4;
   const auto [expected, kept] = train("kept", "1", "_chained");
   EXPECT_GT(kept, 5u);  // of 24: three cameras, four pairs over 2 and 4 pictures, both ways
   const auto [unkept, none] = train("unkept", "0", "_chained");

@@ -30,7 +30,7 @@ class RatesTest : public testing::Test {
   }
   Scene scene;
   MotionShape shape;
-  TrainConfig config;
+  TrainOptions config;
   Rates rates{config, scene, shape};
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training leaves out what its settings say, counted on the device: skip.outside, skip.still,
+// Training leaves out what its settings say, counted on the device: skip.culled, skip.static_pose,
 // skip.bands, skip.compact. That nothing else changes: trainer_test.cpp, bench_scene_test.cpp.
 #include <gtest/gtest.h>
 
@@ -17,9 +17,9 @@ class LeftOutOfTraining : public testing::Test {
 };
 
 TEST_F(LeftOutOfTraining, TheShapesOfThoseOutsideThePicture) {
-  TrainConfig config = small_config(scene, 20);
+  TrainOptions config = small_config(scene, 20);
   const auto posed_and_drawn = [&](bool skip) {
-    config.skip.outside = skip;
+    config.skip.culled = skip;
     SmallTraining training(queue, config);
     training.model.parameters["means"].values.fill_range(queue, 0, 3 * 20, 30.f);  // far aside
     std::array<size_t, 2> counts{};
@@ -58,17 +58,17 @@ TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
                       MotionModelKind::keyframes};
   for (const bool rests : {false, true})
     for (const MotionModelKind kind : kinds) {
-      TrainConfig config = small_config(scene, 200);
+      TrainOptions config = small_config(scene, 200);
       config.density.enabled = !rests;  // which moves what has begun to rest
       config.motion.model = choice_of(kind);
-      config.motion.rest = 1;
-      config.motion.rest_every = 60;
+      config.motion.static_threshold = 1;
+      config.motion.static_every = 60;
       config.density.every = 30;
       config.density.start = 20;
       config.flow.every = 1;
       size_t fewest = there, most_resting = 0;
       const auto state_with = [&](bool skip) {
-        config.skip.outside = skip;
+        config.skip.culled = skip;
         SmallTraining training(queue, config);
         Parameters& p = training.model.parameters;
         shorten_lives(queue, p);
@@ -93,11 +93,11 @@ TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
 
 // A motion loss knows Gaussians by their rows, and compares also those that the view does not show.
 TEST_F(LeftOutOfTraining, NoRowsWhereAMotionLossComparesThem) {
-  TrainConfig config = small_config(scene, 40);
+  TrainOptions config = small_config(scene, 40);
   config.loss.rigidity = config.loss.velocity = 0.1f;
   config.loss.motion_every = 2;
   const auto state_with = [&](bool skip) {
-    config.skip.outside = skip;
+    config.skip.culled = skip;
     SmallTraining training(queue, config);
     shorten_lives(queue, training.model.parameters);
     size_t fewest = training.model.parameters.count;
@@ -113,13 +113,13 @@ TEST_F(LeftOutOfTraining, NoRowsWhereAMotionLossComparesThem) {
 }
 
 TEST_F(LeftOutOfTraining, TheSecondTimeOfThoseAtRest) {
-  TrainConfig config = small_config(scene, 200);
+  TrainOptions config = small_config(scene, 200);
   config.density.enabled = false;
-  config.motion.rest = 1;
-  config.motion.rest_every = 60;
+  config.motion.static_threshold = 1;
+  config.motion.static_every = 60;
   config.flow.every = 1;
   for (const bool skip : {true, false}) {
-    config.skip.still = skip;
+    config.skip.static_pose = skip;
     SmallTraining training(queue, config);
     training.steps(queue, 70);
     const Parameters& p = training.model.parameters;
@@ -134,7 +134,7 @@ TEST_F(LeftOutOfTraining, TheSecondTimeOfThoseAtRest) {
 
 // What is no number there is not looked at while only the colour from everywhere is in use.
 TEST_F(LeftOutOfTraining, BandsOfColourThatAreNotInUseYet) {
-  TrainConfig config = small_config(scene, 20);
+  TrainOptions config = small_config(scene, 20);
   const auto drawn = [&](bool skip, bool broken) {
     config.skip.bands = skip;
     SmallTraining training(queue, config);
@@ -148,7 +148,7 @@ TEST_F(LeftOutOfTraining, BandsOfColourThatAreNotInUseYet) {
 }
 
 TEST_F(LeftOutOfTraining, ThreeQuartersOfThePicturesBytes) {
-  const TrainConfig config = small_config(scene, 20);
+  const TrainOptions config = small_config(scene, 20);
   SmallTraining training(queue, config);
   training.steps(queue, 1);
   const Renderer& renderer = training.trainer.renderer();

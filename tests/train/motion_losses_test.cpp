@@ -13,7 +13,7 @@ namespace {
 class MotionLossesInTraining : public OnOneScene {};
 
 // Weights are of means over all Gaussians, and here they are few.
-TrainConfig with_motion_losses(TrainConfig config) {
+TrainOptions with_motion_losses(TrainOptions config) {
   config.loss.rigidity = 0.01f;
   config.loss.rotation = 1e-4f;
   config.loss.isometry = 0.01f;
@@ -25,7 +25,7 @@ TrainConfig with_motion_losses(TrainConfig config) {
 }
 
 TEST_F(MotionLossesInTraining, RepeatBitByBitThroughDensityControl) {
-  const TrainConfig config = with_motion_losses(small_config(scene(), 250));
+  const TrainOptions config = with_motion_losses(small_config(scene(), 250));
   const auto first = bits_after(queue(), config, 250);
   EXPECT_NE(first.at("gaussians/means_t").size(), scene().truth.count);  // density control
   expect_equal_bits(first, bits_after(queue(), config, 250));
@@ -33,7 +33,7 @@ TEST_F(MotionLossesInTraining, RepeatBitByBitThroughDensityControl) {
 
 // Its neighbours are those of step 120.
 TEST_F(MotionLossesInTraining, OfAKeptStateGoOnBitByBit) {
-  const TrainConfig config = with_motion_losses(small_config(scene(), 200));
+  const TrainOptions config = with_motion_losses(small_config(scene(), 200));
   SmallTraining training(queue(), config);
   training.steps(queue(), 130);
   const Arrays state = training.trainer.state(queue());
@@ -45,15 +45,15 @@ TEST_F(MotionLossesInTraining, OfAKeptStateGoOnBitByBit) {
 }
 
 TEST_F(MotionLossesInTraining, OfWeightZeroChangeNoBitAndOthersDo) {
-  TrainConfig config = small_config(scene(), 30);
+  TrainOptions config = small_config(scene(), 30);
   const auto without = bits_after(queue(), config, 30);
   config.loss.neighbours = 3;  // asked for by nobody
   config.loss.motion_every = 2;
   expect_equal_bits(without, bits_after(queue(), config, 30));
-  for (float LossConfig::*weight :
-       {&LossConfig::rigidity, &LossConfig::rotation, &LossConfig::isometry, &LossConfig::velocity,
-        &LossConfig::acceleration}) {
-    TrainConfig with = config;
+  for (float LossOptions::*weight :
+       {&LossOptions::rigidity, &LossOptions::rotation, &LossOptions::isometry,
+        &LossOptions::velocity, &LossOptions::acceleration}) {
+    TrainOptions with = config;
     with.loss.*weight = 1;
     EXPECT_NE(without.at("gaussians/velocities"),
               bits_after(queue(), with, 30).at("gaussians/velocities"));
@@ -64,7 +64,7 @@ TEST_F(MotionLossesInTraining, OfWeightZeroChangeNoBitAndOthersDo) {
 TEST_F(MotionLossesInTraining, TeachEveryMotionModel) {
   for (size_t kind = 0; kind < names_of(MotionModelKind{}).size(); ++kind)
     for (const bool flow : {true, false}) {
-      TrainConfig config = with_motion_losses(small_config(scene(), 12));
+      TrainOptions config = with_motion_losses(small_config(scene(), 12));
       config.motion.model = choice_of(MotionModelKind(kind));
       config.flow.enabled = flow;
       SmallTraining training(queue(), config);
@@ -80,7 +80,7 @@ TEST_F(MotionLossesInTraining, TeachEveryMotionModel) {
 
 // The blob goes as one. What each of its Gaussians learns from its own pixels does not.
 TEST_F(MotionLossesInTraining, OfRigidityMakeNeighboursMoveTogether) {
-  TrainConfig config = small_config(scene(), 400);
+  TrainOptions config = small_config(scene(), 400);
   config.density.enabled = false;
   config.flow.enabled = false;
   const auto misfit = [&](float weight) {
@@ -94,7 +94,7 @@ TEST_F(MotionLossesInTraining, OfRigidityMakeNeighboursMoveTogether) {
 }
 
 TEST_F(MotionLossesInTraining, AreInTheFiguresOfStepsThatHaveThem) {
-  TrainConfig config = small_config(scene(), 10);
+  TrainOptions config = small_config(scene(), 10);
   config.loss.velocity = 1;
   config.loss.motion_every = 2;
   SmallTraining training(queue(), config);

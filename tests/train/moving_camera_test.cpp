@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "optim/eval/evaluation.hpp"
-#include "optim/model/views.hpp"
+#include "optim/eval/views.hpp"
 #include "tests/support/small_scene.hpp"
 
 namespace gflow {
@@ -51,7 +51,7 @@ class PanScene {
   }
 
   HostModel truth;
-  TrainConfig config;
+  TrainOptions config;
   LoadedScene loaded;
 
  private:

@@ -32,7 +32,7 @@ size_t out_of_place(const std::vector<uint32_t>& order) {
 TEST(RowOrderInTraining, IsThatOfTimeAndPlaceFromTheFirstStepOn) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  TrainConfig config = small_config(scene, 40);
+  TrainOptions config = small_config(scene, 40);
   config.density.enabled = false;
   // Next to nothing is learned: where a Gaussian is tells which it was.
   config.lr.means = config.lr.means_final = config.lr.mean_t = config.lr.scales = 1e-12f;

@@ -58,7 +58,7 @@ class Counter : public TrainObserver {
 };
 
 // A scene whose images are in memory, and no file is behind them.
-Scene scene_in_memory(const TrainConfig& config) {
+Scene scene_in_memory(const TrainOptions& config) {
   LoadedScene loaded = load_scene(config.scene, "");
   Scene scene;
   scene.name = "in memory";
@@ -79,8 +79,8 @@ Scene scene_in_memory(const TrainConfig& config) {
 
 class Seams : public OnOneScene {
  protected:
-  TrainConfig config(int iterations) {
-    TrainConfig config = small_config(scene(), iterations);
+  TrainOptions config(int iterations) {
+    TrainOptions config = small_config(scene(), iterations);
     config.flow.enabled = false;
     config.train.log_every = 10;
     return config;
@@ -131,7 +131,7 @@ TEST_F(Seams, AnObserverSeesEveryStepAndMayStop) {
 }
 
 TEST_F(Seams, ASceneInMemoryTrainsToTheBitsOfItsFiles) {
-  TrainConfig both = config(150);
+  TrainOptions both = config(150);
   const TrainResult memory = train(queue(), scene_in_memory(both), both);
   SmallTraining files(queue(), both);
   files.steps(queue(), 150);

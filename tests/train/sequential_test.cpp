@@ -8,7 +8,7 @@ namespace gflow {
 namespace {
 
 TEST(Sequence, WithoutItThereIsOneStageOfAllTimes) {
-  ScheduleConfig config;
+  ScheduleOptions config;
   config.iterations = 10;
   for (int step = 0; step < 10; ++step) {
     const Stage stage = stage_at(config, 5, step);
@@ -20,7 +20,7 @@ TEST(Sequence, WithoutItThereIsOneStageOfAllTimes) {
 }
 
 TEST(Sequence, TheFirstTimeStepGetsItsShareAndTheOthersEqualParts) {
-  ScheduleConfig config;
+  ScheduleOptions config;
   config.iterations = 100;
   config.sequential = true;
   config.first_share = 0.4f;
@@ -44,8 +44,8 @@ TEST(Sequence, TheFirstTimeStepGetsItsShareAndTheOthersEqualParts) {
 
 class SequenceTest : public testing::Test {
  protected:
-  TrainConfig config(int iterations) {
-    TrainConfig config = small_config(scene_, iterations);
+  TrainOptions config(int iterations) {
+    TrainOptions config = small_config(scene_, iterations);
     config.motion.model = choice_of(MotionModelKind::keyframes);
     config.train.sequential = true;
     config.density.enabled = false;
@@ -99,7 +99,7 @@ TEST_F(SequenceTest, FollowsTheMotion) {
 }
 
 TEST_F(SequenceTest, EachTimeStepNeedsATrainingPicture) {
-  TrainConfig asked = config(10);
+  TrainOptions asked = config(10);
   Scene scene = load_scene(asked.scene, "").scene;
   const auto require = [&] { require_sequence(asked, scene, model_shape(scene, asked)); };
   EXPECT_NO_THROW(require());
@@ -112,10 +112,10 @@ TEST_F(SequenceTest, EachTimeStepNeedsATrainingPicture) {
 }
 
 TEST_F(SequenceTest, OtherModelsAndOtherKeysAreRefused) {
-  TrainConfig other = config(10);
+  TrainOptions other = config(10);
   other.motion.model = choice_of(MotionModelKind::spacetime);
   EXPECT_THROW(SmallTraining(queue_, other), Error);
-  TrainConfig few = config(10);
+  TrainOptions few = config(10);
   few.motion.keys = 2;
   EXPECT_THROW(SmallTraining(queue_, few), Error);
 }

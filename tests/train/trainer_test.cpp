@@ -14,7 +14,7 @@ namespace {
 class TrainerTest : public OnOneScene {};
 
 TEST_F(TrainerTest, TwoRunsOf500StepsGiveTheSameBits) {
-  TrainConfig config = small_config(scene(), 500);
+  TrainOptions config = small_config(scene(), 500);
   config.init.dynamic = 60;
   const auto first = bits_after(queue(), config, 500);
   EXPECT_GT(first.at("gaussians/means_t").size(), scene().truth.count);  // density control
@@ -22,13 +22,13 @@ TEST_F(TrainerTest, TwoRunsOf500StepsGiveTheSameBits) {
 }
 
 TEST_F(TrainerTest, TwoRunsOfEveryDensityStrategyGiveTheSameBits) {
-  TrainConfig resetting = small_config(scene(), 300);
+  TrainOptions resetting = small_config(scene(), 300);
   resetting.density.opacity_reset_every = 70;  // within the rounds, not at one
   resetting.density.absgrad = true;
   resetting.density.grad_threshold = 4e-4f;
-  TrainConfig mcmc = small_config(scene(), 300);
+  TrainOptions mcmc = small_config(scene(), 300);
   mcmc.density.strategy = DensityKind::mcmc;
-  for (const TrainConfig& config : {resetting, mcmc}) {
+  for (const TrainOptions& config : {resetting, mcmc}) {
     const auto first = bits_after(queue(), config, 300);
     const size_t count = first.at("gaussians/means_t").size();
     EXPECT_NE(count, scene().truth.count);  // density control took part
@@ -38,7 +38,7 @@ TEST_F(TrainerTest, TwoRunsOfEveryDensityStrategyGiveTheSameBits) {
 }
 
 TEST_F(TrainerTest, StopsGrowingAtTheMemoryBudgetAndSaysSoOnce) {
-  TrainConfig config = small_config(scene(), 300);
+  TrainOptions config = small_config(scene(), 300);
   config.density.strategy = DensityKind::mcmc;
   config.density.growth = 10;
   config.density.cap = 1000000;
@@ -56,7 +56,7 @@ TEST_F(TrainerTest, StopsGrowingAtTheMemoryBudgetAndSaysSoOnce) {
 }
 
 TEST_F(TrainerTest, SaysOnceThatNothingIsInSight) {
-  const TrainConfig config = small_config(scene(), 300);
+  const TrainOptions config = small_config(scene(), 300);
   SmallTraining training(queue(), config);
   const auto notices_in = [&](int steps) {
     std::string all;
@@ -94,7 +94,7 @@ TEST_F(TrainerTest, GoesOnWithTheGaussiansItHasWhenMemoryRunsOut) {
 }
 
 TEST_F(TrainerTest, TwoRunsInBatchesOfTwoGiveTheSameBits) {
-  TrainConfig config = small_config(scene(), 200);
+  TrainOptions config = small_config(scene(), 200);
   config.train.batch = 2;
   expect_equal_bits(bits_after(queue(), config, 200), bits_after(queue(), config, 200));
 }
@@ -104,7 +104,7 @@ TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
   for (const MotionModelKind kind :
        {MotionModelKind::spacetime, MotionModelKind::native4d, MotionModelKind::keyframes,
         MotionModelKind::bases, MotionModelKind::hexplane}) {
-    TrainConfig config = small_config(scene(), 260);
+    TrainOptions config = small_config(scene(), 260);
     config.motion.model = choice_of(kind);
     config.train.batch = kind == MotionModelKind::native4d ? 2 : 1;
     if (kind == MotionModelKind::bases) config.density.strategy = DensityKind::mcmc;
@@ -124,11 +124,11 @@ TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
 TEST_F(TrainerTest, GoesOnWithThoseThatRestWithTheSameBits) {
   for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
                                      MotionModelKind::keyframes, MotionModelKind::bases}) {
-    TrainConfig config = small_config(scene(), 260);
+    TrainOptions config = small_config(scene(), 260);
     config.motion.model = choice_of(kind);
-    config.motion.rest = 4;  // it has learnt little yet
-    config.motion.rest_every = 60;
-    config.motion.rest_wake = 2;
+    config.motion.static_threshold = 4;  // it has learnt little yet
+    config.motion.static_every = 60;
+    config.motion.wake_threshold = 2;
     config.density.start = 140;
     if (kind == MotionModelKind::bases) config.density.strategy = DensityKind::mcmc;
     SmallTraining training(queue(), config);
@@ -148,10 +148,10 @@ TEST_F(TrainerTest, GoesOnWithThoseThatRestWithTheSameBits) {
 }
 
 TEST_F(TrainerTest, WhereNobodyRestsNoBitChanges) {
-  TrainConfig config = small_config(scene(), 200);
+  TrainOptions config = small_config(scene(), 200);
   const auto before = bits_after(queue(), config, 200);
-  config.motion.rest = 1e-12f;
-  config.motion.rest_every = 60;
+  config.motion.static_threshold = 1e-12f;
+  config.motion.static_every = 60;
   auto after = bits_after(queue(), config, 200);
   after.erase("rest/pulls");
   expect_equal_bits(before, after);
@@ -159,10 +159,10 @@ TEST_F(TrainerTest, WhereNobodyRestsNoBitChanges) {
 
 // The wall rests, the blob does not, and what is learnt is as good.
 TEST_F(TrainerTest, TheWallRestsAndTheBlobMoves) {
-  TrainConfig config = small_config(scene(), 400);
+  TrainOptions config = small_config(scene(), 400);
   config.density.enabled = false;
-  config.motion.rest = 0.5f;
-  config.motion.rest_every = 100;
+  config.motion.static_threshold = 0.5f;
+  config.motion.static_every = 100;
   SmallTraining training(queue(), config);
   training.steps(queue(), 400);
   const Parameters& p = training.model.parameters;
@@ -183,10 +183,10 @@ TEST_F(TrainerTest, TheWallRestsAndTheBlobMoves) {
 
 TEST_F(TrainerTest, WhereMemoryIsShortARoundOfRestChangesNothing) {
   Queue small = test_queue();
-  TrainConfig config = small_config(scene(), 300);
+  TrainOptions config = small_config(scene(), 300);
   config.density.enabled = false;
-  config.motion.rest = 1;
-  config.motion.rest_every = 100;
+  config.motion.static_threshold = 1;
+  config.motion.static_every = 100;
   SmallTraining training(small, config);
   training.steps(small, 99);
   const uint64_t all = std::exchange(small.info.max_allocation, 64);
@@ -199,7 +199,7 @@ TEST_F(TrainerTest, WhereMemoryIsShortARoundOfRestChangesNothing) {
 }
 
 TEST_F(TrainerTest, AStateOfAnotherModelIsRefusedAndChangesNothing) {
-  TrainConfig config = small_config(scene(), 20);
+  TrainOptions config = small_config(scene(), 20);
   SmallTraining training(queue(), config);
   training.steps(queue(), 3);
   const auto before = training.bits(queue());
@@ -220,7 +220,7 @@ TEST_F(TrainerTest, AStateOfAnotherModelIsRefusedAndChangesNothing) {
 
 // Half of the moments, where no mean gradient is kept; and what is kept is gone on from.
 TEST_F(TrainerTest, TheMeanGradientIsSavedWhereItIsKept) {
-  const auto kept = [&](TrainConfig config) {
+  const auto kept = [&](TrainOptions config) {
     SmallTraining training(queue(), config);
     training.steps(queue(), 3);
     Arrays state = training.trainer.state(queue());
@@ -233,7 +233,7 @@ TEST_F(TrainerTest, TheMeanGradientIsSavedWhereItIsKept) {
                                  state.count("gaussians/means/exp_avg_sq"),
                                  state.count("table1/key_shifts/exp_avg")};
   };
-  TrainConfig config = small_config(scene(), 20);
+  TrainOptions config = small_config(scene(), 20);
   EXPECT_EQ(kept(config), (std::array<size_t, 3>{0, 1, 0}));
   config.motion.model = choice_of(MotionModelKind::keyframes);
   EXPECT_EQ(kept(config), (std::array<size_t, 3>{0, 1, 1}));
@@ -244,7 +244,7 @@ TEST_F(TrainerTest, TheMeanGradientIsSavedWhereItIsKept) {
 }
 
 TEST_F(TrainerTest, WorkThatIsLeftOutChangesNoBit) {
-  TrainConfig config = small_config(scene(), 60);
+  TrainOptions config = small_config(scene(), 60);
   config.density.enabled = false;  // it counts tiles, of which loose boxes have more
   config.motion.sh_interval = 25;
   const auto shipped = bits_after(queue(), config, 60);
@@ -253,7 +253,7 @@ TEST_F(TrainerTest, WorkThatIsLeftOutChangesNoBit) {
 }
 
 TEST_F(TrainerTest, UnseenGaussiansMakeNoStep) {
-  TrainConfig config = small_config(scene(), 40);
+  TrainOptions config = small_config(scene(), 40);
   config.density.enabled = false;
   SmallTraining training(queue(), config);
   Buffer<float>& means = training.model.parameters["means"].values;
@@ -268,7 +268,7 @@ TEST_F(TrainerTest, UnseenGaussiansMakeNoStep) {
 // roundings stay roundings (3e-7) unless one decides whether a splat still reaches a pixel: then
 // trainings part as far (1e-3) as those that start 1e-8 units apart. So of five starts most agree.
 TEST_F(TrainerTest, UnseenGaussiansEndWhereStepsForAllWouldTakeThem) {
-  TrainConfig config = small_config(scene(), 60);
+  TrainOptions config = small_config(scene(), 60);
   config.density.enabled = false;
   size_t missed = 0;
   const auto values = [&](bool skip, float shift) {
@@ -306,13 +306,13 @@ TEST_F(TrainerTest, UnseenGaussiansEndWhereStepsForAllWouldTakeThem) {
 }
 
 TEST_F(TrainerTest, AnotherSeedGivesAnotherModel) {
-  TrainConfig config = small_config(scene(), 20);
+  TrainOptions config = small_config(scene(), 20);
   const auto first = bits_after(queue(), config, 20);
   config.train.seed = 4;
   EXPECT_NE(first.at("gaussians/means"), bits_after(queue(), config, 20).at("gaussians/means"));
 }
 
-Evaluation judged(Queue& queue, const TrainConfig& config) {
+Evaluation judged(Queue& queue, const TrainOptions& config) {
   SmallTraining training(queue, config);
   training.steps(queue, config.train.iterations);
   return evaluate(queue, training.model, config, training.loaded, training.loaded.scene.test, {});
@@ -322,7 +322,7 @@ Evaluation judged(Queue& queue, const TrainConfig& config) {
 // lie about half way (in the logarithm): a wrong gradient falls short of them, another machine's
 // rounding does not. Flow must halve the error, as on the scenes gflow is judged by.
 TEST_F(TrainerTest, LearnsTheSceneAndItsMotion) {
-  TrainConfig config = small_config(scene(), 1200);
+  TrainOptions config = small_config(scene(), 1200);
   config.density.enabled = false;
   SmallTraining untrained(queue(), config);
   const ViewFigures before =
@@ -340,7 +340,7 @@ TEST_F(TrainerTest, LearnsTheSceneAndItsMotion) {
 
 // native4d: 25.7 dB and 0.16 px.
 TEST_F(TrainerTest, LearnsWithTheOtherMotionModelToo) {
-  TrainConfig config = small_config(scene(), 1200);
+  TrainOptions config = small_config(scene(), 1200);
   config.density.enabled = false;
   config.motion.model = choice_of(MotionModelKind::native4d);
   const ViewFigures with = judged(queue(), config).mean;
@@ -352,7 +352,7 @@ TEST_F(TrainerTest, LearnsWithTheOtherMotionModelToo) {
 // dB where the Gaussians get the colour of the next step.
 TEST_F(TrainerTest, ARandomBackgroundIsBehindPictureAndGaussiansAlike) {
   const SmallScene transparent(queue(), true);
-  TrainConfig config = small_config(transparent, 200);
+  TrainOptions config = small_config(transparent, 200);
   config.scene.background = Background::random;
   SmallTraining training(queue(), config);
   training.steps(queue(), 200);
@@ -364,14 +364,14 @@ TEST_F(TrainerTest, ARandomBackgroundIsBehindPictureAndGaussiansAlike) {
 }
 
 TEST_F(TrainerTest, ARandomBackgroundChangesNoBitWherePicturesAreOpaque) {
-  TrainConfig config = small_config(scene(), 20);
+  TrainOptions config = small_config(scene(), 20);
   const auto white = bits_after(queue(), config, 20);
   config.scene.background = Background::random;
   expect_equal_bits(white, bits_after(queue(), config, 20));
 }
 
 TEST_F(TrainerTest, PhotographsOfOneMomentTrainAModelThatStandsStill) {
-  TrainConfig config = small_config(scene(), 30);
+  TrainOptions config = small_config(scene(), 30);
   config.scene.max_steps = 1;
   config.loss.rigidity = config.loss.acceleration = 1;  // of what does not move
   SmallTraining training(queue(), config);
@@ -380,7 +380,7 @@ TEST_F(TrainerTest, PhotographsOfOneMomentTrainAModelThatStandsStill) {
   const HostModel after = training.model.read(queue());
   EXPECT_NE(after.groups.at("means"), before.groups.at("means"));
   EXPECT_EQ(after.groups.at("means_t"), before.groups.at("means_t"));
-  EXPECT_TRUE(at_rest(after.shape, after.groups));
+  EXPECT_TRUE(is_static(after.shape, after.groups));
 }
 
 TEST_F(TrainerTest, FiguresDescribeTheLastView) {
@@ -396,7 +396,7 @@ TEST_F(TrainerTest, FiguresDescribeTheLastView) {
 }
 
 TEST_F(TrainerTest, SphericalHarmonicsRiseByOneDegreePerIntervalUpToTheHighest) {
-  TrainConfig config = small_config(scene(), 10);
+  TrainOptions config = small_config(scene(), 10);
   config.motion.sh_degree = 2;
   config.motion.sh_interval = 100;
   const SmallTraining training(queue(), config);

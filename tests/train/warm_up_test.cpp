@@ -44,7 +44,7 @@ class Rehearsal : public OnOneScene, public testing::WithParamInterface<MotionMo
 
 TEST_P(Rehearsal, CompilesWhatAStepNeedsAndNothingBesides) {
   for (const bool flow : {true, false}) {
-    TrainConfig config = small_config(scene(), 10);
+    TrainOptions config = small_config(scene(), 10);
     config.motion.model = choice_of(GetParam());
     config.flow.enabled = flow;
     Queue rehearsing = profiling_queue(), training = profiling_queue();

@@ -43,7 +43,7 @@ double export_error(Queue& queue, const Scene& there, const Scene& here, const P
   host.shape.sh_degree = 0;
   host.shape.duration = 1;
   host.shape.origin = there.origin;
-  add_rest(host.shape, host.groups, host.count);
+  set_static(host.shape, host.groups, host.count);
   Model model(queue, host);
   const TemporaryFolder folder;
   write_ply(folder.file("now.ply"), slice(queue, model, .5).table);

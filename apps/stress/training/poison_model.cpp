@@ -33,7 +33,7 @@ HostModel two_sides(MotionModelKind kind) {
                     some_color(2 + i), 0);
   for (const char* name : {"velocities", "half_accelerations", "turns"}) host.groups.erase(name);
   for (uint k = 0; k < 9 * host.count; ++k) host.groups["sh_rest"].push_back(.1f * noise(60, k));
-  add_rest(host.shape, host.groups, host.count);
+  set_static(host.shape, host.groups, host.count);
   const auto disturb = [&](const std::string& group, float by) {
     std::vector<float>& values = host.groups[group];
     for (size_t k = 0; k < values.size(); ++k) values[k] += by * noise(61, uint(k));

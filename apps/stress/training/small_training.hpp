@@ -163,8 +163,8 @@ class SmallScene {
 };
 
 // Settings that suit the scene: everything happens within some hundred steps.
-inline TrainConfig small_config(const SmallScene& scene, int iterations) {
-  TrainConfig config;
+inline TrainOptions small_config(const SmallScene& scene, int iterations) {
+  TrainOptions config;
   config.scene.path = scene.path();
   config.train.iterations = iterations;
   config.train.seed = 3;
@@ -182,7 +182,7 @@ inline TrainConfig small_config(const SmallScene& scene, int iterations) {
 // A training without a run folder.
 class SmallTraining {
  public:
-  SmallTraining(Queue& queue, const TrainConfig& config, Guidance* guidance = nullptr)
+  SmallTraining(Queue& queue, const TrainOptions& config, Guidance* guidance = nullptr)
       : config(config),
         loaded(load_scene(config.scene, "")),
         pairs(config.flow.enabled ? neighbour_pairs(loaded.scene) : std::vector<FlowPair>{}),
@@ -212,7 +212,7 @@ class SmallTraining {
     done_ = done;
   }
 
-  TrainConfig config;
+  TrainOptions config;
   LoadedScene loaded;
   std::vector<FlowPair> pairs;
   FlowStore flows;

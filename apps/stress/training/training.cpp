@@ -15,8 +15,8 @@ namespace {
 
 using Bits = std::map<std::string, std::vector<uint32_t>>;
 
-TrainConfig config_of(const SmallScene& scene, int steps) {
-  TrainConfig config = small_config(scene, steps);
+TrainOptions config_of(const SmallScene& scene, int steps) {
+  TrainOptions config = small_config(scene, steps);
   config.init.dynamic = 60;
   config.density.stop_fraction = .9f;
   return config;
@@ -34,7 +34,7 @@ uint64_t hash(const Bits& bits) {
 }
 
 // Hashes after every hundred steps.
-std::vector<uint64_t> hashes(Queue& queue, const TrainConfig& config, int steps, size_t* count) {
+std::vector<uint64_t> hashes(Queue& queue, const TrainOptions& config, int steps, size_t* count) {
   SmallTraining training(queue, config);
   std::vector<uint64_t> found;
   for (int done = 0; done < steps; done += 100) {
@@ -74,7 +74,7 @@ double different(const std::vector<uint64_t>& a, const std::vector<uint64_t>& b)
 
 Rows repeated(Queue& queue, int steps) {  // T40
   const SmallScene scene(queue);
-  const TrainConfig config = config_of(scene, steps);
+  const TrainOptions config = config_of(scene, steps);
   size_t grown = 0;
   const std::vector<uint64_t> first = hashes(queue, config, steps, &grown);
   const std::vector<uint64_t> second = hashes(queue, config, steps, nullptr);
@@ -88,7 +88,7 @@ Rows repeated(Queue& queue, int steps) {  // T40
     busy = different(first, hashes(queue, config, steps, nullptr));
     busy += different(first, beside.get());
   }
-  TrainConfig seeded = config;
+  TrainOptions seeded = config;
   ++seeded.train.seed;
   const std::vector<uint64_t> unlike = hashes(queue, seeded, 100, nullptr);
   const std::string of = fmt::format("{} steps, hashes of {} that differ: ", steps, first.size());
@@ -101,7 +101,7 @@ Rows repeated(Queue& queue, int steps) {  // T40
 Rows resumed(Queue& queue, int times) {  // T41
   const SmallScene scene(queue);
   constexpr int steps = 300;
-  const TrainConfig config = config_of(scene, steps);
+  const TrainOptions config = config_of(scene, steps);
   SmallTraining whole(queue, config);
   whole.steps(queue, steps);
   const uint64_t expected = hash(whole.bits(queue));
@@ -136,7 +136,7 @@ double not_finite_in(const Arrays& arrays) {
 Rows gone_back(Queue& queue) {  // T41
   const SmallScene scene(queue);
   constexpr int saved = 20, steps = 100;
-  const TrainConfig config = config_of(scene, steps);
+  const TrainOptions config = config_of(scene, steps);
   SmallTraining training(queue, config);
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path() + "/run");

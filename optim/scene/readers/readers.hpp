@@ -8,7 +8,7 @@
 namespace gflow {
 
 // A video file of one camera: options.cameras, else a static camera as in read_consistent4d
-// (options.elevation, radius, fov_y). Frames and times come from decoding. The training views are
+// (options.elevation, radius, fovy). Frames and times come from decoding. The training views are
 // also the test views.
 Scene read_video_file(const std::string& path, const SceneOptions& options);
 

@@ -19,9 +19,9 @@ void check_orbit(const SceneOptions& options) {
   if (!(options.radius > 0) || !std::isfinite(options.radius))
     throw Error(
         fmt::format("the camera's distance is {}, expected is a positive number", options.radius));
-  if (!(options.fov_y > 0 && options.fov_y < 180))
+  if (!(options.fovy > 0 && options.fovy < 180))
     throw Error(fmt::format("the camera's field of view is {} degrees, possible is 0 to 180",
-                            options.fov_y));
+                            options.fovy));
 }
 
 }  // namespace
@@ -40,7 +40,7 @@ Camera static_camera(const std::string& name, double azimuth, const SceneOptions
   camera.name = name;
   camera.width = width;
   camera.height = height;
-  camera.fx = camera.fy = 0.5 * height / std::tan(0.5 * options.fov_y * degree);
+  camera.fx = camera.fy = 0.5 * height / std::tan(0.5 * options.fovy * degree);
   camera.cx = 0.5 * width;
   camera.cy = 0.5 * height;
   camera.viewmat = viewmat_from_pose(rotation, options.radius * away, "the camera of " + name);

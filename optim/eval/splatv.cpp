@@ -8,7 +8,7 @@
 // read at time t in [0, 1] with tau = t - t0 as
 //   mean + velocity tau + half_acceleration tau^2 + ..., (quat + turn tau)/|...|,
 //   opacity exp(-(tau / life)^2), so life = sqrt(2) standard deviations.
-#include "optim/model/splatv.hpp"
+#include "optim/eval/splatv.hpp"
 
 #include <fmt/format.h>
 
@@ -20,9 +20,9 @@
 
 #include "optim/formats/splat_table.hpp"
 #include "optim/model/as_spacetime.hpp"
-#include "optim/model/views.hpp"
+#include "optim/eval/views.hpp"
+#include "optim/options/train_options.hpp"
 #include "optim/scene/cameras_json.hpp"
-#include "optim/train/options.hpp"
 #include "runtime/files/atomic_file.hpp"
 
 namespace gflow {

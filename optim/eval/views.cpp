@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/model/views.hpp"
+#include "optim/eval/views.hpp"
 
 #include <fmt/format.h>
 
@@ -225,13 +225,6 @@ std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<do
     views.push_back(view);
   }
   return views;
-}
-
-bool stands_still(const HostModel& model) {
-  const std::vector<float>& log_scales = model.groups.at("log_scales");
-  for (size_t i = 0; i < model.count; ++i)
-    if (log_scales[4 * i + 3] < std::log(100 * model.shape.duration)) return false;
-  return at_rest(model.shape, model.groups);
 }
 
 }  // namespace gflow

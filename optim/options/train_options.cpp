@@ -1,19 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // The four visitors of the settings: assign, check, print, and find the nearest name.
-#include "optim/train/options.hpp"
+#include "optim/options/train_options.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <sstream>
+#include <string_view>
 #include <type_traits>
 
 #include "runtime/base/decimal.hpp"
 #include "runtime/base/edit_distance.hpp"
 #include "runtime/base/error.hpp"
 #include "runtime/base/printable.hpp"
+#include "runtime/base/warning.hpp"
 #include "runtime/files/file_address.hpp"
 #include "runtime/files/toml_file.hpp"
 
@@ -135,9 +138,9 @@ void assign(const Incoming& in, Enum& member) {
 // Calls visit("section", "key", member, help[, range]) for every setting.
 template <class Config, class Visit>
 void for_each_setting(Config& config, Visit&& visit) {
-  TrainConfig::sections(config, [&](const char* section, auto& part, const char*) {
+  TrainOptions::sections(config, [&](const char* section, auto& part, const char*) {
     std::decay_t<decltype(part)>::fields(
-        part, [&](const char* key, auto& member, const char* help, const auto&... range) {
+        part, [&](const char* key, auto& member, const Help& help, const auto&... range) {
           visit(std::string(section), std::string(key), member, help, range...);
         });
   });
@@ -157,7 +160,7 @@ std::string nearest_setting(const std::string& name, const std::string& section,
                             const std::string& key) {
   std::string nearest;
   size_t best = std::numeric_limits<size_t>::max(), of_key = best;
-  TrainConfig config;
+  TrainOptions config;
   for_each_setting(
       config, [&](const std::string& its_section, const std::string& its_key, auto&&...) {
         const size_t keys = edit_distance(key, its_key);
@@ -173,8 +176,8 @@ std::string nearest_setting(const std::string& name, const std::string& section,
 std::string nearest_section(const std::string& name) {
   std::string nearest;
   size_t best = std::numeric_limits<size_t>::max();
-  TrainConfig config;
-  TrainConfig::sections(config, [&](const char* section, auto&, const char*) {
+  TrainOptions config;
+  TrainOptions::sections(config, [&](const char* section, auto&, const char*) {
     const size_t distance = edit_distance(name, section);
     if (distance >= best) return;
     best = distance;
@@ -183,17 +186,53 @@ std::string nearest_section(const std::string& name) {
   return nearest_in_words(name, nearest, 2 * best <= name.size(), "[]");
 }
 
-void assign_setting(TrainConfig& config, const std::string& section, const std::string& key,
-                    Incoming in) {
+// Settings by their former names, which files may still have.
+constexpr std::pair<std::string_view, std::string_view> kRenamed[] = {
+    {"motion.rest", "motion.static_threshold"},
+    {"motion.rest_every", "motion.static_every"},
+    {"motion.rest_wake", "motion.wake_threshold"},
+    {"hexplane.unfold", "hexplane.curriculum"},
+    {"flow.reach", "flow.span"},
+    {"flow.far", "flow.long_span"},
+    {"flow.far_share", "flow.long_share"},
+    {"flow.calm", "flow.low_motion"},
+    {"flow.calm_px", "flow.low_motion_px"},
+    {"guidance.pictures", "guidance.images"},
+    {"guidance.time_out", "guidance.timeout"},
+    {"skip.asking", "skip.zero_gradients"},
+    {"skip.still", "skip.static_pose"},
+    {"skip.outside", "skip.culled"},
+};
+
+// The present section and key of a setting; a notice where it has been renamed, once each.
+std::pair<std::string, std::string> present_name(const std::string& section,
+                                                 const std::string& key) {
+  const std::string name = section + "." + key;
+  for (const auto& [former, present] : kRenamed) {
+    if (name != former) continue;
+    static std::set<std::string> noted;
+    if (noted.insert(name).second)
+      warn(fmt::format("the setting {} is called {} now; the former name still works", name,
+                       present));
+    const size_t dot = present.find('.');
+    return {std::string(present.substr(0, dot)), std::string(present.substr(dot + 1))};
+  }
+  return {section, key};
+}
+
+void assign_setting(TrainOptions& config, const std::string& given_section,
+                    const std::string& given_key, Incoming in) {
+  const std::pair<std::string, std::string> present = present_name(given_section, given_key);
+  const std::string &section = present.first, &key = present.second;
   in.name = section.empty() ? key : section + "." + key;
   bool known = false;
   for_each_setting(config, [&](const std::string& its_section, const std::string& its_key,
-                               auto& member, const char*, const auto&... range) {
+                               auto& member, const Help&, const auto&... range) {
     if (section != its_section || key != its_key) return;
     assign(in, member, range...);
     known = true;
   });
-  TrainConfig::sections(config, [&](const char* its_name, auto&, const char*) {
+  TrainOptions::sections(config, [&](const char* its_name, auto&, const char*) {
     if (section.empty() && key == its_name)
       throw Error(
           fmt::format("{}: '{}' is a section: its settings stand below [{}], or are named "
@@ -228,7 +267,7 @@ void check_value(const std::string& name, const Number& value, const Allowed& ra
 
 // parse() gives the table or throws toml::parse_error.
 template <class Parse>
-void apply_toml(TrainConfig& config, const std::string& path, Parse&& parse) {
+void apply_toml(TrainOptions& config, const std::string& path, Parse&& parse) {
   toml::table file;
   try {
     file = parse();
@@ -251,7 +290,7 @@ void apply_toml(TrainConfig& config, const std::string& path, Parse&& parse) {
     const toml::table* table = node.as_table();
     if (!table) assign_setting(config, "", name, {where(node), "", &node, {}});
     bool known = false;
-    TrainConfig::sections(
+    TrainOptions::sections(
         config, [&](const char* its_name, auto&, const char*) { known |= name == its_name; });
     if (!known && table->empty())
       throw Error(fmt::format("{}: there is no section {}", where(node), nearest_section(name)));
@@ -262,37 +301,8 @@ void apply_toml(TrainConfig& config, const std::string& path, Parse&& parse) {
 
 }  // namespace
 
-Allowed one_of(std::vector<float> values) {
-  Allowed range;
-  range.among = std::move(values);
-  return range;
-}
-
-bool Allowed::contains(int64_t value) const {
-  const double number = double(value);  // a float does not tell 2000000001 from its neighbours
-  if (!among.empty()) return std::find(among.begin(), among.end(), number) != among.end();
-  return number >= min && number <= max;
-}
-
-bool Allowed::contains(double value) const {
-  if (!(std::fabs(value) <= std::numeric_limits<float>::max())) return false;
-  const float number = static_cast<float>(value);
-  if (!among.empty()) return std::find(among.begin(), among.end(), number) != among.end();
-  if (or_zero && value == 0) return true;
-  return (above_min ? number > min : number >= min) && number <= max;
-}
-
-std::string Allowed::text() const {
-  if (!among.empty()) return fmt::format("one of {}", fmt::join(among, ", "));
-  const bool bounded = max < std::numeric_limits<float>::max();
-  if (or_zero) return fmt::format("0, or {} to {}", min, max);
-  if (above_min)
-    return bounded ? fmt::format("above {}, at most {}", min, max) : fmt::format("above {}", min);
-  return bounded ? fmt::format("{} to {}", min, max) : fmt::format("at least {}", min);
-}
-
-EngineSettings engine_settings(const TrainConfig& config) {
-  const FlowConfig& flow = config.flow;
+EngineSettings engine_settings(const TrainOptions& config) {
+  const FlowOptions& flow = config.flow;
   EngineSettings settings;
   settings.skip = config.skip;
   settings.defines = config.defines;
@@ -305,15 +315,15 @@ EngineSettings engine_settings(const TrainConfig& config) {
   return settings;
 }
 
-void apply_file(TrainConfig& config, const std::string& path) {
+void apply_file(TrainOptions& config, const std::string& path) {
   apply_toml(config, path, [&] { return read_toml(path); });
 }
 
-void apply_text(TrainConfig& config, const std::string& text, const std::string& name) {
+void apply_text(TrainOptions& config, const std::string& text, const std::string& name) {
   apply_toml(config, name, [&] { return parse_toml(text, name); });
 }
 
-void apply_setting(TrainConfig& config, const std::string& assignment) {
+void apply_setting(TrainOptions& config, const std::string& assignment) {
   const size_t equals = assignment.find('=');
   const size_t dot = assignment.substr(0, equals).find('.');
   const std::string where = "--set " + excerpt(assignment);
@@ -339,38 +349,39 @@ void apply_setting(TrainConfig& config, const std::string& assignment) {
   assign_setting(config, section, key, {where, "", table.get("value"), text});
 }
 
-void check(const TrainConfig& config) {
+void check(const TrainOptions& config) {
   for_each_setting(config, [](const std::string& section, const std::string& key,
-                              const auto& member, const char*, const auto&... range) {
+                              const auto& member, const Help&, const auto&... range) {
     check_value(section + "." + key, member, range...);
   });
 }
 
-std::string to_toml(const TrainConfig& config) {
+std::string to_toml(const TrainOptions& config) {
   std::string text =
       "# Every setting of this run. Use it again with: gflow train SCENE -o RUN --config FILE\n";
-  TrainConfig::sections(config, [&](const char* section, auto& part, const char* help) {
+  TrainOptions::sections(config, [&](const char* section, auto& part, const char* help) {
     text += fmt::format("\n[{}]  # {}\n", section, help);
     std::decay_t<decltype(part)>::fields(
-        part, [&](const char* key, auto& member, const char* meaning, const auto&... range) {
+        part, [&](const char* key, auto& member, const Help& help, const auto&... range) {
           const std::string values = allowed(member, range...);
           text += fmt::format("{:<28}  # {}{}\n", fmt::format("{} = {}", key, toml_text(member)),
-                              meaning, values.empty() ? "" : " (" + values + ")");
+                              help.text, values.empty() ? "" : " (" + values + ")");
         });
   });
   return text;
 }
 
-std::vector<SettingInWords> settings_in_words(const TrainConfig& config) {
+std::vector<SettingInWords> settings_in_words(const TrainOptions& config) {
   std::vector<SettingInWords> all;
   for_each_setting(config, [&](const std::string& section, const std::string& key,
-                               const auto& member, const char* meaning, const auto&... range) {
-    all.push_back({section + "." + key, toml_text(member), meaning, allowed(member, range...)});
+                               const auto& member, const Help& help, const auto&... range) {
+    all.push_back({section + "." + key, toml_text(member), help.text, allowed(member, range...),
+                   help.advanced});
   });
   return all;
 }
 
-std::map<std::string, std::string> setting_values(const TrainConfig& config) {
+std::map<std::string, std::string> setting_values(const TrainOptions& config) {
   std::map<std::string, std::string> values;
   for (SettingInWords& setting : settings_in_words(config))
     values[setting.name] = std::move(setting.value);

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Settings: what a file and --set change, what is refused and in which words, and that printing
 // loses nothing.
-#include "optim/train/options.hpp"
-
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -12,6 +10,7 @@
 #include <fstream>
 #include <functional>
 
+#include "optim/options/train_options.hpp"
 #include "runtime/base/error.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -39,19 +38,19 @@ std::string message_of(const std::function<void()>& action) {
 
 std::string message_of_file(const std::string& text) {
   const TemporaryFile file(text);
-  TrainConfig config;
+  TrainOptions config;
   return message_of([&] { apply_file(config, file.path); });
 }
 
 std::string message_of_setting(const std::string& assignment) {
-  TrainConfig config;
+  TrainOptions config;
   return message_of([&] { apply_setting(config, assignment); });
 }
 
 #define EXPECT_CONTAINS(text, part) EXPECT_NE((text).find(part), std::string::npos) << (text)
 
 TEST(ApplySetting, TakesNumbersAsPeopleWriteThem) {
-  TrainConfig config;
+  TrainOptions config;
   apply_setting(config, "flow.weight=.25");
   EXPECT_EQ(config.flow.weight, 0.25f);
   apply_setting(config, "flow.weight=2.");
@@ -64,7 +63,7 @@ TEST(ApplySetting, TakesNoHexadecimalFractions) {
     EXPECT_CONTAINS(message_of_setting("flow.weight=" + text),
                     "flow.weight = " + text + " is not allowed; it must be a decimal number");
   EXPECT_CONTAINS(message_of_file("[flow]\nweight = 0x1p-2\n"), "line 2");
-  TrainConfig config;
+  TrainOptions config;
   apply_setting(config, "flow.weight=0x10");  // TOML's whole numbers may be
   EXPECT_EQ(config.flow.weight, 16.f);
 }
@@ -82,17 +81,17 @@ TEST(ApplySetting, ASettingHasTwoNames) {
 
 TEST(Config, AFileChangesWhatItNamesAndNothingElse) {
   const TemporaryFile file("[train]\niterations = 77\n[flow]\nweight = 1\ntransport = \"ot\"\n");
-  TrainConfig config;
+  TrainOptions config;
   apply_file(config, file.path);
   EXPECT_EQ(config.train.iterations, 77);
   EXPECT_EQ(config.flow.weight, 1.0f);  // a whole number is a number
   EXPECT_EQ(config.flow.transport, Transport::ot);
-  EXPECT_EQ(config.train.batch, TrainConfig().train.batch);
+  EXPECT_EQ(config.train.batch, TrainOptions().train.batch);
 }
 
 // toml++ takes a folder for an empty file.
 TEST(Config, AFolderOrADeviceIsNoFile) {
-  TrainConfig config;
+  TrainOptions config;
   for (const std::string path : {"/tmp", "/dev/zero"})
     expect_error([&] { apply_file(config, path); }, {path, "it is not a file"});
 }
@@ -100,7 +99,7 @@ TEST(Config, AFolderOrADeviceIsNoFile) {
 TEST(Config, EveryPresetPassesTheCheck) {
   size_t presets = 0;
   for (const auto& file : std::filesystem::directory_iterator(GFLOW_SOURCE_DIR "/apps/presets")) {
-    TrainConfig config;
+    TrainOptions config;
     apply_file(config, file.path().string());
     EXPECT_NO_THROW(check(config)) << file.path();
     const std::string name = file.path().filename().string();
@@ -108,7 +107,7 @@ TEST(Config, EveryPresetPassesTheCheck) {
       EXPECT_GT(config.guidance.views, 1);
     } else if (name != "mcmc.toml") {
       EXPECT_EQ(config.motion.model, choice_of(MotionModelKind::hexplane)) << file.path();
-      EXPECT_EQ(config.hexplane.unfold, 0) << file.path();
+      EXPECT_EQ(config.hexplane.curriculum, 0) << file.path();
     } else {
       EXPECT_EQ(config.density.strategy, DensityKind::mcmc);
     }
@@ -118,7 +117,7 @@ TEST(Config, EveryPresetPassesTheCheck) {
 }
 
 TEST(Config, PrintedInFullAndReadBackItIsTheSame) {
-  TrainConfig config;
+  TrainOptions config;
   config.scene.background = Background::black;
   config.train.seed = 1999999999;  // no float holds it
   config.train.device = "quote \" backslash \\ tab \t";
@@ -127,7 +126,7 @@ TEST(Config, PrintedInFullAndReadBackItIsTheSame) {
   config.flow.enabled = false;
   config.flow.transport = Transport::translate;
   const TemporaryFile file(to_toml(config));
-  TrainConfig copy;
+  TrainOptions copy;
   apply_file(copy, file.path);
   EXPECT_EQ(copy.scene.background, Background::black);
   EXPECT_EQ(copy.train.seed, config.train.seed);
@@ -137,10 +136,10 @@ TEST(Config, PrintedInFullAndReadBackItIsTheSame) {
   EXPECT_EQ(to_toml(copy), to_toml(config));
 }
 
-TEST(Config, TheDefaultsPassTheirOwnCheck) { EXPECT_NO_THROW(check(TrainConfig())); }
+TEST(Config, TheDefaultsPassTheirOwnCheck) { EXPECT_NO_THROW(check(TrainOptions())); }
 
 TEST(Config, EveryLineOfTheFileHasAComment) {
-  std::istringstream lines(to_toml(TrainConfig()));
+  std::istringstream lines(to_toml(TrainOptions()));
   int settings = 0;
   for (std::string line; std::getline(lines, line);) {
     if (line.empty()) continue;
@@ -152,7 +151,7 @@ TEST(Config, EveryLineOfTheFileHasAComment) {
 
 TEST(Config, NoSettingIsNamedTwice) {
   // TOML refuses a key given twice, so reading the print back is the check.
-  EXPECT_EQ(message_of_file(to_toml(TrainConfig())), "no error");
+  EXPECT_EQ(message_of_file(to_toml(TrainOptions())), "no error");
 }
 
 TEST(Config, AnUnknownKeyIsNamedWithTheNearestAndItsLine) {
@@ -215,7 +214,7 @@ std::string in_a_file(const std::string& name, const std::string& value) {
 
 TEST(Config, NanAndInfinityAreRefusedEverywhere) {
   size_t numbers = 0;
-  for (const SettingInWords& setting : settings_in_words(TrainConfig())) {
+  for (const SettingInWords& setting : settings_in_words(TrainOptions())) {
     numbers += is_number(setting);
     for (const char* value : {"nan", "-nan", "+nan", "inf", "-inf", "+inf"}) {
       const std::string told = setting.name + " = ";
@@ -232,9 +231,9 @@ TEST(Config, NanAndInfinityAreRefusedEverywhere) {
 
 // Also where a program sets it.
 TEST(Config, NanAndInfinityAreFoundInEverySetting) {
-  TrainConfig config;
+  TrainOptions config;
   size_t numbers = 0;
-  TrainConfig::sections(config, [&](const char* section, auto& part, const char*) {
+  TrainOptions::sections(config, [&](const char* section, auto& part, const char*) {
     std::decay_t<decltype(part)>::fields(part, [&](const char* key, auto& member, const auto&...) {
       if constexpr (std::is_same_v<std::decay_t<decltype(member)>, float>) {
         const float before = member;
@@ -254,11 +253,11 @@ TEST(Config, NanAndInfinityAreFoundInEverySetting) {
 // Of no setting may a number be taken for another: it is kept to the last digit of its kind, or
 // refused by name with what is allowed.
 TEST(Config, ANumberIsKeptOrRefusedByName) {
-  for (const SettingInWords& setting : settings_in_words(TrainConfig())) {
+  for (const SettingInWords& setting : settings_in_words(TrainOptions())) {
     if (!is_number(setting)) continue;
     for (const char* value : {"0", "-0.0", "-1", "1", "0.5", "1e30", "-1e30", "1e-30", "1e-46",
                               "2147483648", "9223372036854775807", "-9223372036854775808"}) {
-      TrainConfig config;
+      TrainOptions config;
       const std::string message =
           message_of([&] { apply_setting(config, fmt::format("{}={}", setting.name, value)); });
       if (message != "no error") {
@@ -270,7 +269,7 @@ TEST(Config, ANumberIsKeptOrRefusedByName) {
                    asked = std::stod(value);
       EXPECT_NEAR(kept, asked, std::fabs(asked) * 6e-8 + 1e-45) << setting.name;
       EXPECT_EQ(message_of([&] { check(config); }), "no error") << setting.name << " = " << value;
-      TrainConfig again;
+      TrainOptions again;
       apply_text(again, to_toml(config), "printed");
       EXPECT_EQ(to_toml(again), to_toml(config));
     }
@@ -278,13 +277,13 @@ TEST(Config, ANumberIsKeptOrRefusedByName) {
 }
 
 TEST(Config, BoundsThatNoDoubleHoldsAreStillAllowed) {
-  TrainConfig config;
+  TrainOptions config;
   apply_setting(config, "init.opacity=0.99");
   EXPECT_NO_THROW(check(config));
 }
 
 TEST(Config, SettingsNeedNoQuotes) {
-  TrainConfig config;
+  TrainOptions config;
   apply_setting(config, "flow.transport=paper");
   apply_setting(config, "flow.source = \"files\"");
   apply_setting(config, "flow.folder=some folder/flow");
@@ -293,6 +292,21 @@ TEST(Config, SettingsNeedNoQuotes) {
   EXPECT_EQ(config.flow.source, FlowSource::files);
   EXPECT_EQ(config.flow.folder, "some folder/flow");
   EXPECT_EQ(config.train.device, "0");
+}
+
+TEST(Config, FormerNamesStillWorkAndAreNoted) {
+  TrainOptions options;
+  testing::internal::CaptureStderr();
+  apply_setting(options, "flow.reach=8");
+  apply_text(options, "[motion]\nrest = 0.5\nrest_every = 7\n", "old.toml");
+  apply_setting(options, "flow.reach=4");
+  const std::string notices = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(options.flow.span, 4);
+  EXPECT_EQ(options.motion.static_threshold, 0.5f);
+  EXPECT_EQ(options.motion.static_every, 7);
+  EXPECT_CONTAINS(notices, "flow.reach is called flow.span now");
+  EXPECT_CONTAINS(notices, "motion.rest is called motion.static_threshold now");
+  EXPECT_EQ(notices.find("flow.reach"), notices.rfind("flow.reach"));  // once
 }
 
 TEST(Config, AnAssignmentWithoutSectionOrValueIsExplained) {
@@ -305,7 +319,7 @@ TEST(Config, AFileThatIsNotTomlIsNamedWithItsLine) {
   const std::string message = message_of_file("[train]\niterations = = 3\n");
   EXPECT_CONTAINS(message, "gflow_config_test.toml, line 2");
   EXPECT_CONTAINS(message_of([] {
-                    TrainConfig config;
+                    TrainOptions config;
                     apply_file(config, "no/such/file.toml");
                   }),
                   "no/such/file.toml");
@@ -327,7 +341,7 @@ TEST(Config, WhatIsRefusedIsShownInOneShortLine) {
 // A path need not be UTF-8, and TOML must.
 TEST(Config, EveryPathIsReadAgain) {
   for (const char* path : {"caf\xc3\xa9 \xe7\x94\xbb \xf0\x9f\x8e\xac \xed\x9f\xbf", "plain"}) {
-    TrainConfig config;
+    TrainOptions config;
     config.scene.path = path;
     EXPECT_EQ(to_toml(config).find("file://"), std::string::npos);
   }
@@ -335,14 +349,14 @@ TEST(Config, EveryPathIsReadAgain) {
        {"caf\xc3\xa9 \xe7\x94\xbb \xf0\x9f\x8e\xac \xed\x9f\xbf", "plain", "file://x%20y",
         "/a b/%41\xff\"\\\n", "caf\xe9", "\xc0\xaf", "\xe0\x80\xaf", "\xed\xa0\x80",
         "\xf4\x90\x80\x80", "\xff", "\x80", "cut \xe7\x94"}) {
-    TrainConfig config, read;
+    TrainOptions config, read;
     config.scene.path = path;
     config.train.seed = 7;
     apply_text(read, to_toml(config), "a test");
     EXPECT_EQ(read.scene.path, path);
     EXPECT_EQ(read.train.seed, 7);
   }
-  TrainConfig config;
+  TrainOptions config;
   apply_setting(config, "scene.path=file:///a%20b/caf%E9");
   EXPECT_EQ(config.scene.path, "/a b/caf\xe9");
   for (const char* address : {"file:///%", "file:///%4", "file:///%4g", "file:///a%00b"})

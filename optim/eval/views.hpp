@@ -48,7 +48,4 @@ std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
 std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<double>& times,
                                     const std::string& up);
 
-// Whether every Gaussian is there, at rest, for the whole video.
-bool stands_still(const HostModel& model);
-
 }  // namespace gflow

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The file is read here as the viewer's shader reads it, and compared with the model on the device.
-#include "optim/model/splatv.hpp"
+#include "optim/eval/splatv.hpp"
 
 #include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "optim/model/as_spacetime.hpp"
-#include "optim/model/views.hpp"
+#include "optim/eval/views.hpp"
 #include "tests/support/compare.hpp"
 #include "tests/support/small_scene.hpp"
 

@@ -1,0 +1,39 @@
+# cmake --install: the program, the headers and libraries for find_package(gflow), the kernels to read
+# or change (GFLOW_KERNEL_DIR). cpack makes a .deb of them.
+install(TARGETS gflow RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+install(DIRECTORY runtime optim DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/gflow FILES_MATCHING PATTERN "*.hpp")
+install(DIRECTORY kernels/shared DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/gflow
+        FILES_MATCHING PATTERN "*.h" PATTERN "*.hpp")
+install(DIRECTORY kernels/ DESTINATION ${CMAKE_INSTALL_DATADIR}/gflow/kernels
+        FILES_MATCHING PATTERN "*.cl" PATTERN "*.h")
+install(DIRECTORY apps/presets DESTINATION ${CMAKE_INSTALL_DATADIR}/gflow)
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+
+# Two sets of targets, so that gflow::engine asks for no OpenCV.
+set(PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/gflow)
+install(TARGETS gflow_base gflow_runtime gflow_formats gflow_engine EXPORT engine
+        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+install(EXPORT engine NAMESPACE gflow:: FILE gflowEngineTargets.cmake DESTINATION ${PACKAGE_DIR})
+if(OpenCV_FOUND)
+  install(TARGETS gflow_scene gflow_networks gflow_guidance gflow_train EXPORT train
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(EXPORT train NAMESPACE gflow:: FILE gflowTrainTargets.cmake DESTINATION ${PACKAGE_DIR})
+endif()
+
+include(CMakePackageConfigHelpers)
+configure_package_config_file(apps/package/gflowConfig.cmake.in ${CMAKE_BINARY_DIR}/gflowConfig.cmake
+                              INSTALL_DESTINATION ${PACKAGE_DIR})
+write_basic_package_version_file(${CMAKE_BINARY_DIR}/gflowConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${CMAKE_BINARY_DIR}/gflowConfig.cmake ${CMAKE_BINARY_DIR}/gflowConfigVersion.cmake
+        optim/images/FindOpenCV.cmake DESTINATION ${PACKAGE_DIR})
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_CONTACT "gflow maintainers <gflow@localhost>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "Trains moving 3D Gaussian scenes from video on any OpenCL device")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "pocl-opencl-icd | opencl-icd")
+set(CPACK_STRIP_FILES ON)
+include(CPack)

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// How many Gaussians there are, and where (settings density.*).
+#pragma once
+#include <array>
+
+#include "runtime/base/option.hpp"
+
+namespace gflow {
+
+enum class DensityKind { adc, mcmc };
+constexpr std::array<const char*, 2> names_of(DensityKind) { return {"adc", "mcmc"}; }
+
+struct DensityOptions {
+  bool enabled = true;
+  DensityKind strategy = DensityKind::adc;
+  int start = 500;
+  float stop_fraction = 0.5f;
+  int every = 100;
+  int cap = 30000;
+  int memory = 0;
+  float prune_opacity = 0.02f;
+  float grad_threshold = 2e-4f;
+  bool absgrad = false;
+  float split_scale = 0.01f;
+  float split_travel = 1;
+  float min_lifetime = 1;
+  float prune_scale = 0.5f;
+  int opacity_reset_every = 0;
+  float growth = 0.05f;
+  float spread = 0.5f;
+  float noise = 1e5f;
+  float opacity_weight = 0.01f;
+  float scale_weight = 0.01f;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("enabled", self.enabled, "add, move and remove Gaussians");
+    field("strategy", self.strategy,
+          "adc: clone, split and prune by gradients; mcmc: move the faintest to where others are, "
+          "with noise");
+    field("start", self.start, "first step", at_least(0));
+    field("stop_fraction", self.stop_fraction, "last step, as a share of train.iterations",
+          between(0, 1));
+    field("every", self.every, "steps between two rounds", at_least(1));
+    field("cap", self.cap, "most Gaussians", at_least(1));
+    field("memory", self.memory,
+          "Gaussians stop growing in number before they need more [MiB]; 0: three quarters of the "
+          "device's memory",
+          at_least(0));
+    field("prune_opacity", self.prune_opacity, "fainter Gaussians are removed (mcmc: moved)",
+          above_up_to(0, 0.99f));
+    field("grad_threshold", self.grad_threshold,
+          "adc: grow where the mean gradient of the image position exceeds this "
+          "[1 / half the image]",
+          at_least(0));
+    field("absgrad", self.absgrad,
+          advanced("adc: add up each pixel's gradient without its direction, so that pixels do not "
+                   "cancel; "
+                   "wants a higher grad_threshold"));
+    field("split_scale", self.split_scale,
+          advanced("adc: larger Gaussians split, smaller ones clone [x scene extent]"), above(0));
+    field("split_travel", self.split_travel,
+          advanced("adc: a Gaussian that moves further than this splits in time [x its size]"),
+          above(0));
+    field("min_lifetime", self.min_lifetime,
+          advanced("adc: shortest temporal scale a split makes [time steps]"), above(0));
+    field("prune_scale", self.prune_scale,
+          advanced("adc: larger Gaussians are removed [x scene extent]"), above(0));
+    field(
+        "opacity_reset_every", self.opacity_reset_every,
+        advanced(
+            "adc: steps between two times that no opacity may exceed 2 x prune_opacity; 0: never"),
+        at_least(0));
+    field("growth", self.growth, advanced("mcmc: share of their number that is added in a round"),
+          at_least(0));
+    field("spread", self.spread,
+          advanced("mcmc: how far those that come to one place are moved apart [x its size]"),
+          at_least(0));
+    field("noise", self.noise,
+          advanced("mcmc: of the positions that a step sees [x their learning rate x covariance, "
+                   "in extents]"),
+          at_least(0));
+    field("opacity_weight", self.opacity_weight,
+          advanced("mcmc: of the mean opacity beside the image loss"), at_least(0));
+    field("scale_weight", self.scale_weight,
+          advanced("mcmc: of the mean size beside the image loss [1 / scene extent]"), at_least(0));
+  }
+};
+
+}  // namespace gflow

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Networks that evaluate the result (settings metrics.*).
+#pragma once
+#include <string>
+
+#include "runtime/base/option.hpp"
+
+namespace gflow {
+
+// Changes nothing that is trained.
+struct MetricsOptions {
+  std::string lpips;
+  std::string clip;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("lpips", self.lpips,
+          "LPIPS network that judges views, .onnx; empty: none; apps/metrics/README.md");
+    field("clip", self.clip, "image encoder of CLIP that judges views, .onnx; empty: none");
+  }
+};
+
+}  // namespace gflow

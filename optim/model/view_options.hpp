@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+// How views are drawn (settings render.*).
+#pragma once
+#include "runtime/base/option.hpp"
+
+namespace gflow {
+
+struct ViewOptions {
+  float near = 0.05f;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("near", self.near, "Gaussians closer to the camera are skipped [scene units]", above(0));
+  }
+};
+
+}  // namespace gflow

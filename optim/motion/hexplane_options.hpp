@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// The field of the hexplane model (settings hexplane.*).
+#pragma once
+#include "runtime/base/option.hpp"
+
+namespace gflow {
+
+struct HexplaneOptions {
+  int levels = 2;
+  int channels = 16;
+  int resolution = 32;
+  int times = 0;
+  int hidden = 64;
+  int layers = 2;
+  float slack = 0.5f;
+  int warmup = 300;
+  float curriculum = 0.5f;
+  float opacity = 0.01f;
+  bool turn = true;
+  bool resize = true;
+  float plane_tv = 0;
+  float time_smoothness = 0.01f;
+  float l1_time = 0;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("levels", self.levels, advanced("sets of planes, each twice as fine in space"),
+          between(1, 4));
+    field("channels", self.channels, advanced("features of a level"), one_of({16, 32, 64}));
+    field("resolution", self.resolution, "cells along x, y and z at the first level",
+          between(2, 1024));
+    field("times", self.times, advanced("rows of the planes in time; 0: one for two time steps"),
+          between(0, 10000));
+    field("hidden", self.hidden, advanced("neurons of a hidden layer"), one_of({32, 64, 128, 256}));
+    field("layers", self.layers, advanced("hidden layers"), between(1, 4));
+    field("slack", self.slack, advanced("room around the first Gaussians [x their extent]"),
+          at_least(0));
+    field("warmup", self.warmup,
+          advanced("first steps, in which nothing learns to move; at most a fifth of all"),
+          at_least(0));
+    field("curriculum", self.curriculum,
+          "share of the training in which the views widen from the middle of the video to all of "
+          "it; 0: all at once",
+          between(0, 1));
+    field("opacity", self.opacity,
+          advanced("learning rate instead of lr.opacity: what lasts must not fade before it has "
+                   "learnt where "
+                   "to be"),
+          at_least(0));
+    field("turn", self.turn, advanced("learn how Gaussians turn"));
+    field("resize", self.resize, advanced("learn how Gaussians change their size"));
+    field("plane_tv", self.plane_tv,
+          advanced("weight of the squared differences between neighbours on planes of space"),
+          at_least(0));
+    field("time_smoothness", self.time_smoothness,
+          advanced("weight of the squared second differences of planes in time"), at_least(0));
+    field("l1_time", self.l1_time,
+          advanced("weight of how far planes of time are from 1, that is, from rest"), at_least(0));
+  }
+};
+
+}  // namespace gflow

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+// How long training takes and how fast parameters change (settings train.*, lr.*, adam.*).
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "optim/motion/motion.hpp"
+#include "runtime/base/option.hpp"
+
+namespace gflow {
+
+// Random numbers are drawn by 32 bits of the seed. A number that a float holds and people can read.
+constexpr int64_t kGreatestSeed = 2000000000;
+
+struct ScheduleOptions {
+  int iterations = 10000;
+  int batch = 1;
+  int focus = 5;
+  bool sequential = false;
+  float first_share = 0.3f;
+  int64_t seed = 0;
+  float minutes = 0;
+  int log_every = 100;
+  int checkpoint_every = 1000;
+  int save_every = 0;
+  std::string device;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("iterations", self.iterations, "training steps", at_least(1));
+    field("batch", self.batch, "views in one step", between(1, 256));
+    field("focus", self.focus,
+          "steps on the parts of pictures where things change (fixed cameras) or are (alpha), for "
+          "each step on whole pictures",
+          at_least(0));
+    field("sequential", self.sequential,
+          "one time step after the other, as Dynamic 3D Gaussians: the first fits the scene, each "
+          "next only moves it (motion.model keyframes, motion.keys 0)");
+    field("first_share", self.first_share,
+          advanced("sequential: share of the iterations that the first time step gets"),
+          between(0, 1));
+    field("seed", self.seed, "of every random choice", between(0, float(kGreatestSeed)));
+    field("minutes", self.minutes,
+          "stop after this much training time [minutes], not repeatably; 0: no limit", at_least(0));
+    field("log_every", self.log_every, "steps between two lines of the log", at_least(1));
+    field(
+        "checkpoint_every", self.checkpoint_every,
+        "steps between two checkpoints, from which --resume goes on; 0: only when training ends or "
+        "is interrupted",
+        at_least(0));
+    field("save_every", self.save_every,
+          "steps between two point clouds, point_cloud/iteration_N; 0: only when training ends or "
+          "is interrupted",
+          at_least(0));
+    field("device", self.device,
+          "OpenCL device by index or part of its name; empty: GFLOW_DEVICE, then any");
+  }
+};
+struct LearningRateOptions {
+  float means = 6e-4f;
+  float means_final = 6e-6f;
+  float mean_t = 1.6e-4f;
+  float sh = 2.5e-3f;
+  float sh_rest_divisor = 20;
+  float opacity = 0.05f;
+  float scales = 5e-3f;
+  float quats = 1e-3f;
+  float quats_final = 1e-4f;
+  float weights = 1e-2f;
+  float motion = 1;
+  float planes = 4e-3f;
+  float planes_final = 4e-4f;
+  float network = 8e-4f;
+  float network_final = 8e-5f;
+  float fade = 0.3f;
+  float pace = 1;
+  float pace_most = 8;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("means", self.means, "at the first step [x scene extent]", at_least(0));
+    field("means_final", self.means_final,
+          advanced("at the last step, reached exponentially [x scene extent]"), above(0));
+    field("mean_t", self.mean_t, advanced("position in time"), at_least(0));
+    field("sh", self.sh, "colour, degree 0", at_least(0));
+    field("sh_rest_divisor", self.sh_rest_divisor,
+          advanced("degrees above 0 learn this much slower"), at_least(1));
+    field("opacity", self.opacity, "before the sigmoid", at_least(0));
+    field("scales", self.scales, "logarithm of the size in space and time", at_least(0));
+    field("quats", self.quats, "rotation (native4d: both quaternions), at the first step",
+          at_least(0));
+    field("quats_final", self.quats_final, advanced("at the last step, reached exponentially"),
+          above(0));
+    field("weights", self.weights,
+          advanced("how much a Gaussian follows each basis, before the softmax"), at_least(0));
+    field("motion", self.motion,
+          "velocities, accelerations and turns: at the ends of its life a Gaussian moves so many "
+          "times what it does in its middle",
+          at_least(0));
+    field("planes", self.planes, advanced("hexplane's planes, at the first step"), at_least(0));
+    field("planes_final", self.planes_final, advanced("at the last step, reached exponentially"),
+          above(0));
+    field("network", self.network, advanced("hexplane's network, at the first step"), at_least(0));
+    field("network_final", self.network_final, advanced("at the last step, reached exponentially"),
+          above(0));
+    field("fade", self.fade,
+          advanced("rates without one for the last step fall over the second half, exponentially, "
+                   "to this [x "
+                   "that before]"),
+          above_up_to(0, 1));
+    field("pace", self.pace,
+          advanced("rates grow with (length of the video / time a Gaussian is seen) to this power; "
+                   "0: not"),
+          between(0, 1));
+    field("pace_most", self.pace_most, advanced("but at most so many times"),
+          between(1, PaceRule::kMost));
+  }
+};
+// The epsilons bound the step on noise: well below a group's usual gradient, far above its rounding
+// errors. Median rms of the gradients on n3v-baton: means 1e-5, velocities 3e-5, means_t 5e-8,
+// rotations 2e-7, scales 3e-7, opacities 6e-7, colour 8e-7. 1e-3 of each instead of 1e-8 changed
+// PSNR and flow error by less than 0.1 dB and 0.002 px; the larger one is the steadier. Of
+// hexplane's planes 1.5e-7 (root mean square 2e-5), of its network 4e-5 (1e-2): the smallest that
+// T33 allows.
+struct AdamOptions {
+  // The root of the smallest float that is not flushed to 0: below it a gradient whose square is
+  // none moves its parameter by more than the rate, up to no number at all.
+  static constexpr float kLeastEpsilon = 1.1e-19f;
+  float beta1 = 0;
+  float beta1_paths = 0.9f;
+  float beta2 = 0.999f;
+  float eps_means = 1e-8f;
+  float eps_sh = 1e-8f;
+  float eps_opacity = 1e-8f;
+  float eps_scales = 1e-8f;
+  float eps_quats = 1e-8f;
+  float eps_planes = 1e-10f;
+  float eps_network = 1e-7f;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("beta1", self.beta1,
+          advanced("memory of the mean gradient; above 0, what no picture shows rests in place of "
+                   "gliding on"),
+          between(0, 0.9994f));
+    field("beta1_paths", self.beta1_paths,
+          advanced("the same of keys, bases, planes and networks, of which a step that shows none "
+                   "never was"),
+          between(0, 0.9994f));
+    field("beta2", self.beta2, advanced("memory of its square"), between(0, 0.9994f));
+    field("eps_means", self.eps_means, advanced("in space and time"), at_least(kLeastEpsilon));
+    field("eps_sh", self.eps_sh, advanced("colour"), at_least(kLeastEpsilon));
+    field("eps_opacity", self.eps_opacity, advanced("opacity"), at_least(kLeastEpsilon));
+    field("eps_scales", self.eps_scales, advanced("in space and time"), at_least(kLeastEpsilon));
+    field("eps_quats", self.eps_quats, advanced("rotation"), at_least(kLeastEpsilon));
+    field("eps_planes", self.eps_planes, advanced("planes of hexplane"), at_least(kLeastEpsilon));
+    field("eps_network", self.eps_network, advanced("network of hexplane"),
+          at_least(kLeastEpsilon));
+  }
+};
+
+}  // namespace gflow

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which scene is read, and how (settings scene.*).
+#pragma once
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "optim/images/movie.hpp"
+#include "runtime/base/option.hpp"
+
+namespace gflow {
+
+enum class Background { white, black, random };
+constexpr std::array<const char*, 3> names_of(Background) { return {"white", "black", "random"}; }
+
+// Which mask images count: those meant as transparency, also those that label what moves
+// (Panoptic's seg/), or none.
+enum class Masks { automatic, all, none };
+constexpr std::array<const char*, 3> names_of(Masks) { return {"auto", "all", "none"}; }
+
+// The grey, 0 to 255, behind pictures where they are shown or judged: random is for training steps
+// only, and white elsewhere.
+constexpr uint8_t shown_level(Background background) {
+  return background == Background::black ? 0 : 255;
+}
+
+// Values that do not concern the layout found are ignored.
+struct SceneOptions {
+  std::string path;
+  int resolution = 1;
+  Background background = Background::white;
+  int holdout = 0;
+  std::string images;
+  Masks masks = Masks::automatic;
+  std::string cameras;
+  std::string camera;
+  float fps = 0;
+  float elevation = 0;
+  float radius = 2;
+  float fovy = 49.1f;
+  bool first_views = false;
+  int test_every = 8;
+  int first_step = 0;
+  int stride = 1;
+  int max_steps = 0;
+
+  template <class Self, class Field>
+  static void fields(Self& self, Field&& field) {
+    field("path", self.path, "folder of the scene; `gflow train SCENE` sets it");
+    field("resolution", self.resolution, "divides the width and height of the pictures",
+          one_of({1, 2, 4, 8}));
+    field("background", self.background,
+          "behind pictures with transparency; random: a new colour in each training step, white "
+          "elsewhere");
+    field("holdout", self.holdout, "camera kept for the test, by number; -1: none (N3V)",
+          at_least(-1));
+    field("images", self.images,
+          "folder with one picture a camera (N3V, COLMAP), or of rgb/ (nerfies); empty: found by "
+          "name");
+    field("masks", self.masks,
+          "mask pictures as transparency; auto: mask_path (nerfstudio), masks/ (COLMAP); all: also "
+          "seg/ (Panoptic)");
+    field("cameras", self.cameras,
+          "file of the camera that filmed, or of one camera a picture: cameras.json or "
+          "transforms.json; empty: one at rest, by the three settings below (Consistent4D, video)");
+    field("camera", self.camera, "the one of several in that file, by name");
+    field("fps", self.fps, "pictures a second; 0: as the video says, else 24",
+          zero_or_between(float(slowest_fps), float(fastest_fps)));
+    field("elevation", self.elevation,
+          "of the camera above the horizon [degrees] (Consistent4D, video)", between(-90, 90));
+    field("radius", self.radius,
+          "distance of the camera from the origin, or of a given one from what it films [scene "
+          "units] (Consistent4D, video)",
+          above(0));
+    field("fovy", self.fovy, "vertical field of view [degrees] (Consistent4D, video)",
+          between(1, 170));
+    field("first_views", self.first_views,
+          "train on the first picture of each view that is for the test, too (Consistent4D)");
+    field("test_every", self.test_every,
+          "every n-th picture is for the test; 0: none (COLMAP, nerfstudio)", at_least(0));
+    field("first_step", self.first_step, "first time step that is used, from 0", at_least(0));
+    field("stride", self.stride, "of the time steps from there, use every n-th", at_least(1));
+    field("max_steps", self.max_steps, "use at most so many time steps; 0: all", at_least(0));
+  }
+};
+
+}  // namespace gflow
