@@ -12,25 +12,26 @@
 #include "apps/common/options.hpp"
 #include "apps/common/report.hpp"
 #include "optim/runs/evaluate_run.hpp"
-#include "runtime/base/tell.hpp"
+#include "runtime/base/output.hpp"
 
 namespace gflow {
 
 void print_report(const Evaluation& evaluation) {
   if (evaluation.views.empty()) return;
-  const ViewFigures& m = evaluation.mean;
+  const ViewMetrics& m = evaluation.mean;
   const auto line = [](const char* name, double value, const char* unit) {
-    if (std::isfinite(value)) show("{:<22} {:8.3f} {}\n", name, value, unit);
+    if (std::isfinite(value)) print_result("{:<22} {:8.3f} {}\n", name, value, unit);
   };
   const auto of_network = [&](const char* name, double value, const std::string& model,
                               const char* setting) {
     if (model.empty())
-      show("{:<22} no model given ({})\n", name, setting);
+      print_result("{:<22} no model given ({})\n", name, setting);
     else
-      show("{:<22} {:8.4f}\n", name, value);
+      print_result("{:<22} {:8.4f}\n", name, value);
   };
-  show("{} views{}, flow compared with: {}\n", evaluation.views.size(),
-       evaluation.trained_on ? ", all of which were trained on" : "", evaluation.flow_reference);
+  print_result("{} views{}, flow compared with: {}\n", evaluation.views.size(),
+               evaluation.trained_on ? ", all of which were trained on" : "",
+               evaluation.flow_reference);
   line("PSNR", m.psnr, "dB");
   line("PSNR, moving pixels", m.psnr_dynamic, "dB");
   line("SSIM", m.ssim, "");
@@ -85,10 +86,10 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
     print_state(judged.state);
     print_report(judged.evaluation);
     if (judged.written.empty()) {
-      show("metrics   not written: {} is being trained\n", flags->run);
+      print_result("metrics   not written: {} is being trained\n", flags->run);
       return;
     }
-    show("metrics   {}\n", fmt::join(judged.written, ", "));
+    print_result("metrics   {}\n", fmt::join(judged.written, ", "));
   });
 }
 

@@ -14,8 +14,8 @@
 #include "apps/experiments/runs.hpp"
 #include "apps/experiments/table.hpp"
 #include "optim/train/guidance_provider.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
-#include "runtime/base/tell.hpp"
 #include "runtime/cl/device.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "runtime/files/file_lock.hpp"
@@ -67,22 +67,23 @@ void print_runs(const Plan& plan, const std::string& folder, int jobs) {
       state += fmt::format(", {} left", std::isnan(left[i])
                                             ? "nobody knows how much is"
                                             : fmt::format("{} {}", about, duration_text(left[i])));
-    show("{:<{}}  {:>7} steps  {}\n", plan.runs[i].id, width, plan.runs[i].config.train.iterations,
-         state);
+    print_result("{:<{}}  {:>7} steps  {}\n", plan.runs[i].id, width,
+                 plan.runs[i].config.train.iterations, state);
     all += left[i];
     longest = std::max(longest, left[i]);
   }
   const auto finished = std::count_if(standings.begin(), standings.end(), [](const Standing& s) {
     return s.status == Status::finished;
   });
-  show("{} runs, {} of them finished; {}\n", plan.runs.size(), finished,
-       std::isnan(all)
-           ? "how long the others take is known when one of them is"
-           : fmt::format("{} {} left{}{}", about, duration_text(std::max(all / jobs, longest)),
-                         jobs > 1 ? fmt::format(" with {} at a time", jobs) : "",
-                         guessed
-                             ? ", guessed from steps and pixels, training alone: no run has begun"
-                             : ""));
+  print_result(
+      "{} runs, {} of them finished; {}\n", plan.runs.size(), finished,
+      std::isnan(all)
+          ? "how long the others take is known when one of them is"
+          : fmt::format("{} {} left{}{}", about, duration_text(std::max(all / jobs, longest)),
+                        jobs > 1 ? fmt::format(" with {} at a time", jobs) : "",
+                        guessed
+                            ? ", guessed from steps and pixels, training alone: no run has begun"
+                            : ""));
 }
 
 void write_text(const std::string& path, const std::string& text) {
@@ -96,14 +97,15 @@ void write_everything(const Plan& plan, const std::string& folder) {
   write_text(folder + "/table.json", json_text(table.json(), 1) + "\n");
   write_text(folder + "/costs.md", table.costs());
   write_text(folder + "/runs.csv", table.runs_csv());
-  show("{}\n{}", table.markdown(), table.costs());
+  print_result("{}\n{}", table.markdown(), table.costs());
   std::string plots;
   for (const std::vector<Plot>& some : {table.bars(), table.curves(folder)})
     for (const Plot& plot : some) plots = draw(plot, folder + "/plots");
-  show("\ntables    {0}/table.md, .csv, .json, {0}/costs.md, {0}/runs.csv\n", folder);
+  print_result("\ntables    {0}/table.md, .csv, .json, {0}/costs.md, {0}/runs.csv\n", folder);
   if (!plots.empty())
-    show("plots     {}\n", plots.compare(0, 3, "run") == 0 ? plots : folder + "/plots");
-  for (const std::string& sheet : write_contact_sheets(plan, folder)) show("pictures  {}\n", sheet);
+    print_result("plots     {}\n", plots.compare(0, 3, "run") == 0 ? plots : folder + "/plots");
+  for (const std::string& sheet : write_contact_sheets(plan, folder))
+    print_result("pictures  {}\n", sheet);
 }
 
 // NoUsableDevice where one that trainings would run on is not there or cannot be used: each of them

@@ -14,18 +14,18 @@
 #include "apps/common/model_source.hpp"
 #include "apps/common/options.hpp"
 #include "apps/common/output_path.hpp"
+#include "optim/eval/splatv.hpp"
+#include "optim/eval/views.hpp"
 #include "optim/formats/dot_splat.hpp"
 #include "optim/formats/four_dgs.hpp"
 #include "optim/images/movie.hpp"
 #include "optim/model/linear_pieces.hpp"
 #include "optim/model/slice.hpp"
-#include "optim/eval/splatv.hpp"
-#include "optim/eval/views.hpp"
 #include "optim/runs/run_state.hpp"
 #include "optim/scene/cameras_json.hpp"
 #include "runtime/base/interrupt.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
-#include "runtime/base/tell.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "runtime/files/file_lock.hpp"
 
@@ -151,7 +151,7 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
                                     times.size(), folder));
   }
   progress.finish();
-  show("written   {} PLY files in {}\n", times.size(), folder);
+  print_result("written   {} PLY files in {}\n", times.size(), folder);
 }
 
 // Where a viewer may begin: the cameras of the run, else those beside the file, else some around
@@ -221,8 +221,8 @@ void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
   pieces.viewpoint = viewpoint_of(cameras[0], host);
   pieces.eyes = eyes_of(cameras);
   write_four_dgs(flags.output, pieces);
-  show("written   {}, {} Gaussians in {} straight pieces, {:.4g} s\n", flags.output, host.count,
-       pieces.splats.size(), pieces.duration);
+  print_result("written   {}, {} Gaussians in {} straight pieces, {:.4g} s\n", flags.output,
+               host.count, pieces.splats.size(), pieces.duration);
 }
 
 // The source's model is empty afterwards, but for its shape, where the device has it.
@@ -232,7 +232,7 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
   if (flags.format == "splatv") {
     require_no_times(flags);
     write_splatv(flags.output, host, viewer_cameras(source));
-    show("written   {}, {} Gaussians\n", flags.output, host.count);
+    print_result("written   {}, {} Gaussians\n", flags.output, host.count);
     return;
   }
   if (flags.format == "4dgs") return export_four_dgs(flags, source, options);
@@ -257,7 +257,8 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
                     flags.model, host.count, times[0]));
   if (flags.format == "ply") write_ply(flags.output, now.head(), row);
   if (flags.format == "splat") write_dot_splat(flags.output, rows, now.sh_degree(), row);
-  show("written   {}, {} of {} Gaussians, at time {}\n", flags.output, rows, host.count, times[0]);
+  print_result("written   {}, {} of {} Gaussians, at time {}\n", flags.output, rows, host.count,
+               times[0]);
 }
 
 void run_export(ExportFlags flags, const GlobalOptions& options) {
@@ -272,7 +273,8 @@ void run_export(ExportFlags flags, const GlobalOptions& options) {
   const auto& [x, y, z] = source.model.shape.origin;
   const bool restored = flags.format == "ply" || flags.format == "ply-sequence";
   if (!restored && (x != 0 || y != 0 || z != 0))
-    show("relative to ({}, {}, {}) of the scene's world, which floats cannot hold\n", x, y, z);
+    print_result("relative to ({}, {}, {}) of the scene's world, which floats cannot hold\n", x, y,
+                 z);
   print_state(source.state);
 }
 

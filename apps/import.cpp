@@ -16,7 +16,7 @@
 #include "optim/formats/four_dgs.hpp"
 #include "optim/formats/ply_comments.hpp"
 #include "optim/formats/splat_table.hpp"
-#include "runtime/base/tell.hpp"
+#include "runtime/base/output.hpp"
 
 namespace gflow {
 namespace {
@@ -74,8 +74,8 @@ void run_import(const ImportFlags& flags) {
                         flags.input, i, standard.head().names[c]));
   };
   write_ply(flags.output, standard.head(), copy_finite);
-  show("read      {}, {}\nwritten   {}, {} Gaussians\n", flags.input,
-       names_of(format)[size_t(format)], flags.output, table.rows);
+  print_result("read      {}, {}\nwritten   {}, {} Gaussians\n", flags.input,
+               names_of(format)[size_t(format)], flags.output, table.rows);
 }
 
 }  // namespace

@@ -14,11 +14,11 @@
 #include "apps/common/command_line.hpp"
 #include "apps/common/model_source.hpp"
 #include "apps/common/options.hpp"
+#include "optim/eval/views.hpp"
 #include "optim/formats/four_dgs.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "optim/images/video.hpp"
-#include "optim/eval/views.hpp"
-#include "runtime/base/tell.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "runtime/files/json_text.hpp"
 
@@ -235,7 +235,7 @@ void print_info(const Json& info) {
           bytes < 1e5 ? fmt::format("{} bytes", bytes) : fmt::format("{:.1f} MiB", bytes / 1048576);
     }
     std::replace(name.begin(), name.end(), '_', ' ');
-    show("{:<15} {}{}\n", name, text, unit_of(key));
+    print_result("{:<15} {}{}\n", name, text, unit_of(key));
   }
 }
 

@@ -44,7 +44,7 @@ bool is_over = false;
 void tell_of_exit() {
   if (is_over) return;
   gflow::remove_unfinished_files();
-  const std::string why = gflow::why_not_compiled();
+  const std::string why = gflow::compile_failure_reason();
   say("a library ended the program, for the reason it gives above" +
           (why.empty() ? "" : "; " + why),
       1);
@@ -54,7 +54,7 @@ void tell_of_exit() {
 // signal does what it always does, whoever sent it.
 void tell_of_abort(int) {
   alarm(10);  // memory that is corrupt may hold a lock
-  if (gflow::why_not_compiled().empty()) {
+  if (gflow::compile_failure_reason().empty()) {
     gflow::remove_unfinished_files();
     say("a library or the OpenCL driver has aborted the program, for the reason it gives above if "
         "it gives one; what was saved before is whole",
@@ -77,7 +77,12 @@ std::string global_help(const CLI::App& app) {
 }
 
 void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
-  app.set_version_flag("--version", "gflow " GFLOW_VERSION);
+  const std::string commit = GFLOW_COMMIT;
+  app.set_version_flag("--version",
+                       fmt::format("gflow {}{}\nOpenCL: 1.2 and later\nOpenCV: {}\nnetworks "
+                                   "(OpenCV dnn): {}",
+                                   GFLOW_VERSION, commit.empty() ? "" : " (" + commit + ")",
+                                   GFLOW_OPENCV, GFLOW_NETWORKS));
   app.option_defaults()->always_capture_default();
   app.add_option(
          "--device", options.device,
@@ -169,7 +174,7 @@ int main(int argc, char** argv) {
   std::atexit(tell_of_exit);
   std::signal(SIGABRT, tell_of_abort);
 #ifdef GFLOW_WITH_OPENCV
-  gflow::listen_to_decoders();
+  gflow::capture_decoder_errors();
 #endif
   const int code = run_in_words(argc, argv);
   is_over = true;

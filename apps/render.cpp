@@ -19,8 +19,8 @@
 #include "optim/runs/run_state.hpp"
 #include "optim/scene/cameras_json.hpp"
 #include "runtime/base/interrupt.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
-#include "runtime/base/tell.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "runtime/files/file_lock.hpp"
 
@@ -139,20 +139,20 @@ void print_written(const RenderReport& report, const std::vector<RenderView>& vi
   const bool one_time = std::all_of(views.begin(), views.end(), [&](const RenderView& view) {
     return view.time == views[0].time;
   });
-  show("pictures  {} views in {}/rgb, alpha, depth\n", report.views, folder);
+  print_result("pictures  {} views in {}/rgb, alpha, depth\n", report.views, folder);
   if (report.flows)
-    show("flow      {} views in {}/flow\n", report.flows, folder);
+    print_result("flow      {} views in {}/flow\n", report.flows, folder);
   else if (still)
-    show("flow      none: nothing in the model moves\n");
+    print_result("flow      none: nothing in the model moves\n");
   else if (one_time)
-    show("flow      none: no step of a scene follows the one time {}\n", views[0].time);
+    print_result("flow      none: no step of a scene follows the one time {}\n", views[0].time);
   if (report.compared)
-    show("compared  {} views in {}/compare: truth, render, error x 4{}\n", report.compared, folder,
-         report.flows ? ", flow, reference flow" : "");
-  for (const std::string& movie : report.movies) show("video     {}\n", movie);
+    print_result("compared  {} views in {}/compare: truth, render, error x 4{}\n", report.compared,
+                 folder, report.flows ? ", flow, reference flow" : "");
+  for (const std::string& movie : report.movies) print_result("video     {}\n", movie);
   if (report.movies.empty())
-    show("video     none: it takes two pictures of one size{}\n",
-         one_time ? ", so more than one of --times" : "");
+    print_result("video     none: it takes two pictures of one size{}\n",
+                 one_time ? ", so more than one of --times" : "");
 }
 
 // Names of the files in a folder, without their endings, and without what a killed process left.

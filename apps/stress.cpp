@@ -15,8 +15,8 @@
 #include "apps/common/options.hpp"
 #include "apps/common/output_path.hpp"
 #include "runtime/base/interrupt.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/base/printable.hpp"
-#include "runtime/base/tell.hpp"
 #include "runtime/base/warning.hpp"
 #include "runtime/cl/pocl_cache.hpp"
 #include "runtime/files/atomic_file.hpp"
@@ -33,13 +33,13 @@ struct StressFlags {
   std::string json;
 };
 
-// "T7" of "T7", " t7", "07". Error when it is no number.
+// "T7" of "T7", " t7", "07". Error when it is not a number.
 std::string test_number(const std::string& word) {
   size_t at = std::min(word.find_first_not_of(" \t"), word.size());
   if (at < word.size() && (word[at] == 'T' || word[at] == 't')) ++at;
   const std::string digits = word.substr(at);
   if (digits.empty() || digits.find_first_not_of("0123456789") != digits.npos)
-    throw Error(fmt::format("--only: '{}' is no number of a test; T7 is one, T7,T12 are two",
+    throw Error(fmt::format("--only: '{}' is not a number of a test; T7 is one, T7,T12 are two",
                             excerpt(word, 40)));
   return "T" + digits.substr(std::min(digits.find_first_not_of('0'), digits.size() - 1));
 }
@@ -123,7 +123,7 @@ std::string text_of(const Derivative& d) {
 }
 
 void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
-  if (!quiet) tell("{} {} ...\n", test.id, test.name);
+  if (!quiet) print_status("{} {} ...\n", test.id, test.name);
   const auto start = std::chrono::steady_clock::now();
   Rows rows;
   try {

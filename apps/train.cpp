@@ -16,7 +16,7 @@
 #include "optim/eval/metric_networks.hpp"
 #include "optim/runs/train_run.hpp"
 #include "optim/train/guidance_provider.hpp"
-#include "runtime/base/tell.hpp"
+#include "runtime/base/output.hpp"
 
 namespace gflow {
 namespace {
@@ -37,10 +37,10 @@ void print_timings(Queue& queue) {
                                                          queue.timings().end());
   std::sort(rows.begin(), rows.end(),
             [](const auto& a, const auto& b) { return a.second.total_ms > b.second.total_ms; });
-  show("{:<22} {:>9} {:>12} {:>10}\n", "kernel", "launches", "total [ms]", "each [ms]");
+  print_result("{:<22} {:>9} {:>12} {:>10}\n", "kernel", "launches", "total [ms]", "each [ms]");
   for (const auto& [name, t] : rows)
-    show("{:<22} {:>9} {:>12.1f} {:>10.3f}\n", name, t.count, t.total_ms,
-         t.total_ms / double(t.count));
+    print_result("{:<22} {:>9} {:>12.1f} {:>10.3f}\n", name, t.count, t.total_ms,
+                 t.total_ms / double(t.count));
 }
 
 TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
@@ -107,9 +107,9 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
                                           : flags.overwrite ? Start::overwrite
                                                             : Start::anew);
   print_report(evaluation);
-  show("model     {}\n", run.model_path(run.models().at(0)));
+  print_result("model     {}\n", run.model_path(run.models().at(0)));
   if (!evaluation.views.empty())
-    show("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
+    print_result("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
   if (flags.profile) print_timings(queue);
 }
 

@@ -15,7 +15,7 @@ static inline void refuse_row(size_t row, uint width, global const float* grads,
                               global uint* refused) {
   if (seen[row] == 0) return;
   int accepted = 1;
-  for (uint k = 0; k < width; ++k) accepted &= adam_accepts(grads[row * width + k]);
+  for (uint k = 0; k < width; ++k) accepted &= is_usable_gradient(grads[row * width + k]);
   if (accepted) return;
   seen[row] = 0;
   refused[row] = min(max(refused[row], 1u) + 1, 0x7fffffffu);
@@ -42,7 +42,7 @@ kernel void adam_refuse(const uint first, const uint rows, const uint width,
     bad |= (LANE_AS_INT(x * x) & 0x7f800000) == 0x7f800000;
   }
   int rest = 0;
-  for (; i < count; ++i) rest |= !adam_accepts(g[i]);
+  for (; i < count; ++i) rest |= !is_usable_gradient(g[i]);
   if (!rest && !lane_any(bad)) return;
   for (size_t row = first + begin; row < first + min(begin + ADAM_SPAN, (size_t)rows); ++row)
     refuse_row(row, width, grads, seen, refused);

@@ -37,7 +37,7 @@ kernel void adc_rank(const uint n, const float threshold, const float min_logit_
   const float mean = views[i] > 0.f ? pull[i] / views[i] : 0.f;
   const int stays = logit_opacities[i] >= min_logit_opacity &&
                     fmax(s.x, fmax(s.y, s.z)) <= max_log_scale &&
-                    life_meets(means_t[i], exp(s.w), duration, cutoff_sigmas);
+                    is_visible_in_video(means_t[i], exp(s.w), duration, cutoff_sigmas);
   copies[i] = stays ? 1u : 0u;
   keys[i] = stays && mean > threshold ? ~as_uint(mean) : 0xffffffffu;
   order[i] = i;

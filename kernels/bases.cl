@@ -6,7 +6,7 @@
 #include "shared/bases.h"
 #include "shared/keys.h"
 #include "shared/lookout.h"
-#include "shared/still_rows.h"
+#include "shared/canonical_rows.h"
 #include "shared/unrolled.h"
 
 #define POSE 7  // floats per pose: unit quaternion, shift
@@ -88,10 +88,10 @@ kernel void bases_fwd(const uint n, const uint moving, const int bases, const fl
   store_shifted(k, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
 }
 
-// Culls rows that a camera cannot see at time t, as spacetime_look (spacetime.cl). The means are
+// Culls rows that a camera cannot see at time t, as spacetime_cull (spacetime.cl). The means are
 // moved for LANES Gaussians at once, too, since that is most of the work. lookout_exp() is off by
 // 1e-6 for logits within 10; PoCL would take a vector exp() apart into scalars.
-kernel void bases_look(const uint n, const uint moving, const int bases, const float t,
+kernel void bases_cull(const uint n, const uint moving, const int bases, const float t,
                        const float sigmas, const PinholeCamera camera, STILL_IN,
                        global const float* restrict basis_logits,
                        global const float* restrict poses, global const float* restrict pivots,
@@ -99,7 +99,7 @@ kernel void bases_look(const uint n, const uint moving, const int bases, const f
                        global uint* restrict counts) {  // [ceil(N / LANES)] their bits
   const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  Lookout lookout;
+  CullInputs lookout;
   LaneInts shown;
   shown.all = lookout_time(&lookout, first, n, t, sigmas, means_t, log_scales);
   if (!lane_any(shown.all)) {
@@ -131,7 +131,7 @@ kernel void bases_look(const uint n, const uint moving, const int bases, const f
   lookout.x.all += x / sum;
   lookout.y.all += y / sum;
   lookout.z.all += z / sum;
-  shown.all &= lookout_shows(lookout, camera);
+  shown.all &= cull_visible(lookout, camera);
   lookout_mark(group, n, shown, marks, counts);
 }
 

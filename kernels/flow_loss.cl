@@ -33,8 +33,8 @@ kernel void flow_loss(const uint width, const uint height, const float scale, co
   const lane y = row_load(flow + pixels + i, count) - teacher_y;
   const lane trust = row_load_bytes(confidence + i, count) * (1.0f / 255.0f);
   const lane weight = asked * scale * trust * row_load(alpha + i, count);
-  const lane_int counted = (asked * trust > zero) & (fabs(teacher_x) <= TO_LANE(TEACHER_LIMIT)) &
-                           (fabs(teacher_y) <= TO_LANE(TEACHER_LIMIT));  // NaN fails
+  const lane_int counted = (asked * trust > zero) & (fabs(teacher_x) <= TO_LANE(TARGET_FLOW_LIMIT)) &
+                           (fabs(teacher_y) <= TO_LANE(TARGET_FLOW_LIMIT));  // NaN fails
   const lane_int weighted = counted & (weight > zero);
 
   const RobustNormGradient v = robust_norm_vjp(x, y, knee, weight);

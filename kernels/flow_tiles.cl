@@ -29,8 +29,8 @@ kernel void flow_tiles(const uint width, const uint height, const float calm, co
       const int count = right - column;
       const lane x = row_load(teacher + i, count), y = row_load(teacher + pixels + i, count);
       const lane trust = row_load_bytes(confidence + i, count) * (1.0f / 255.0f);
-      const lane_int counts = (trust > TO_LANE(0.0f)) & (fabs(x) <= TO_LANE(TEACHER_LIMIT)) &
-                              (fabs(y) <= TO_LANE(TEACHER_LIMIT));  // NaN fails
+      const lane_int counts = (trust > TO_LANE(0.0f)) & (fabs(x) <= TO_LANE(TARGET_FLOW_LIMIT)) &
+                              (fabs(y) <= TO_LANE(TARGET_FLOW_LIMIT));  // NaN fails
       const lane square = trust * trust * (x * x + y * y);
       most.all = fmax(most.all, LANE_SELECT(TO_LANE(-1.0f), square, counts));
     }

@@ -6,7 +6,7 @@
 // then over the chunks in order: bitwise repeatable, without atomics.
 #include "shared/hexplane.h"
 #include "shared/lane_row.h"
-#include "shared/still_rows.h"
+#include "shared/canonical_rows.h"
 
 #ifndef LEVELS  // only for the syntax check; the host always defines it
 #define LEVELS 2
@@ -191,7 +191,7 @@ static inline Shift shift_of(const float* o, HexplaneGrid grid) {
   Shift d;
   d.mean = make_real3(grid.half_size[0] * o[0], grid.half_size[1] * o[1], grid.half_size[2] * o[2]);
   d.quat = TURN ? make_real4(o[3], o[4], o[5], o[6]) : make_real4(0.f, 0.f, 0.f, 0.f);
-  d.log_scales = RESIZE ? make_real3(resize_of(o[7]), resize_of(o[8]), resize_of(o[9]))
+  d.log_scales = RESIZE ? make_real3(log_scale_change(o[7]), log_scale_change(o[8]), log_scale_change(o[9]))
                         : make_real3(0.f, 0.f, 0.f);
   return d;
 }
@@ -203,16 +203,16 @@ static inline void shift_of_vjp(Shift d, Still v, HexplaneGrid grid, float* v_o)
   v_o[4] = TURN ? v.quat.y : 0.f;
   v_o[5] = TURN ? v.quat.z : 0.f;
   v_o[6] = TURN ? v.quat.w : 0.f;
-  v_o[7] = RESIZE ? v.log_scales.x * resize_slope(d.log_scales.x) : 0.f;
-  v_o[8] = RESIZE ? v.log_scales.y * resize_slope(d.log_scales.y) : 0.f;
-  v_o[9] = RESIZE ? v.log_scales.z * resize_slope(d.log_scales.z) : 0.f;
+  v_o[7] = RESIZE ? v.log_scales.x * log_scale_change_slope(d.log_scales.x) : 0.f;
+  v_o[8] = RESIZE ? v.log_scales.y * log_scale_change_slope(d.log_scales.y) : 0.f;
+  v_o[9] = RESIZE ? v.log_scales.z * log_scale_change_slope(d.log_scales.z) : 0.f;
 }
 
 // ---- forward
 
 // Interpolates the time planes at one time, between rows `row` and row + 1. One work-item per line
 // cell and vector of channels.
-kernel void hexplane_cut(const HexplaneGrid grid, const int row, const float share,
+kernel void hexplane_slice(const HexplaneGrid grid, const int row, const float share,
                          global const float* restrict planes, global float* restrict lines) {
   const uint id = get_global_id(0), part = id % PARTS;
   uint cell = id / PARTS;
@@ -391,14 +391,14 @@ kernel void hexplane_bwd_planes(const uint n, const uint length, const HexplaneG
                                 global const float* restrict planes,
                                 global const float* restrict lines,
                                 global const float* restrict v_features,  // [N, FEATURES]
-                                global float* restrict v_cuts,      // [chunks, cells, CHANNELS]
+                                global float* restrict v_slices,      // [chunks, cells, CHANNELS]
                                 global float* restrict v_places) {  // [N, FEATURE_PARTS, 3]
   const uint chunk = get_global_id(0) / FEATURE_PARTS, feature = get_global_id(0) % FEATURE_PARTS;
   const int level = feature / PARTS, part = feature % PARTS;
   const uint r = (uint)grid.resolution << level;
   const uint cells = hexplane_level_start(grid.resolution, 1, LEVELS);
   global float* v_cut =
-      v_cuts +
+      v_slices +
       ((size_t)chunk * cells + hexplane_level_start(grid.resolution, 1, level)) * CHANNELS +
       part * LANES;
   for (uint cell = 0; cell < hexplane_level_rows(r, 1); ++cell)
@@ -484,7 +484,7 @@ static inline void put_cell(global uint* seen, global float* v_planes, uint row,
 
 // Sums the chunks' copies, and sets or adds what is not 0. One work-item per cell of a copy.
 kernel void hexplane_sum_planes(const uint chunks, const HexplaneGrid grid, const int row,
-                                const float share, global const float* restrict v_cuts,
+                                const float share, global const float* restrict v_slices,
                                 global uint* restrict seen, global float* restrict v_planes) {
   const uint cells = hexplane_level_start(grid.resolution, 1, LEVELS);
   uint cell = get_global_id(0);
@@ -494,7 +494,7 @@ kernel void hexplane_sum_planes(const uint chunks, const HexplaneGrid grid, cons
   for (int part = 0; part < PARTS; ++part) {
     sum[part] = TO_LANE(0.f);
     for (uint c = 0; c < chunks; ++c)
-      sum[part] += ROW_LOAD(v_cuts + ((size_t)c * cells + cell) * CHANNELS + part * LANES);
+      sum[part] += ROW_LOAD(v_slices + ((size_t)c * cells + cell) * CHANNELS + part * LANES);
     size += ROW_SUM(fabs(sum[part]));
   }
   if (size == 0.f) return;  // NaN continues, for Adam to reject

@@ -3,7 +3,7 @@
 // Windows, first and second time, and outputs are as in native4d.cl. One work-item per Gaussian.
 #include "shared/keys.h"
 #include "shared/lookout.h"
-#include "shared/still_rows.h"
+#include "shared/canonical_rows.h"
 #include "shared/unrolled.h"
 
 #ifndef SCALES  // whether sizes have keys; only for the syntax check, the host always defines it
@@ -45,8 +45,8 @@ kernel void keyframes_fwd(const uint n, const uint moving, const float t, const 
   store_shifted(k, shifted_at(load_still(i, STILL_ROWS), d, t), means_at, factors_at, opacities_at);
 }
 
-// Culls rows that a camera cannot see at time t, as spacetime_look (spacetime.cl).
-kernel void keyframes_look(const uint n, const uint moving, const float t, const float sigmas,
+// Culls rows that a camera cannot see at time t, as spacetime_cull (spacetime.cl).
+kernel void keyframes_cull(const uint n, const uint moving, const float t, const float sigmas,
                            const PinholeCamera camera, const KeyWeights keys, STILL_IN,
                            global const float* restrict key_shifts,
                            global const float* restrict key_turns,
@@ -55,7 +55,7 @@ kernel void keyframes_look(const uint n, const uint moving, const float t, const
                            global uint* restrict counts) {  // [ceil(N / LANES)] their bits
   const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  Lookout lookout;
+  CullInputs lookout;
   LaneInts shown;
   shown.all = lookout_time(&lookout, first, n, t, sigmas, means_t, log_scales);
   if (lane_any(shown.all)) {
@@ -65,7 +65,7 @@ kernel void keyframes_look(const uint n, const uint moving, const float t, const
       const float4 log_scales_at = vload4(i, log_scales) + (float4)(d.log_scales, 0.f);
       lookout_put(&lookout, r, load3(means, i) + d.mean, log_scales_at, logit_opacities[i]);
     }
-    shown.all &= lookout_shows(lookout, camera);
+    shown.all &= cull_visible(lookout, camera);
   }
   lookout_mark(group, n, shown, marks, counts);
 }

@@ -19,7 +19,7 @@ kernel void mcmc_weigh(const uint n, const float min_logit_opacity, const float 
   if (i >= n) return;
   const float logit = logit_opacities[i];
   const int lives = logit >= min_logit_opacity &&  // NaN fails
-                    life_meets(means_t[i], exp(log_scales[4 * i + 3]), duration, cutoff_sigmas);
+                    is_visible_in_video(means_t[i], exp(log_scales[4 * i + 3]), duration, cutoff_sigmas);
   dead[i] = lives ? 0u : 1u;
   weights[i] = lives ? max((uint)(scale / (1.f + exp(-logit))), 1u) : 0u;
 }

@@ -7,19 +7,19 @@
 #include "shared/motion_loss.h"
 
 // Rotations from t2 back to t1 of the visible Gaussians.
-kernel void motion_turns(const uint n, global const uint* restrict seen,
+kernel void motion_rotations(const uint n, global const uint* restrict seen,
                          global const float* restrict factors1,  // [N, 3, 3]
                          global const float* restrict factors2,  // [N, 3, 3]
                          global float* restrict turns) {         // [N, 3, 3]
   const uint i = get_global_id(0);
   if (i >= n || seen[i] == 0) return;
-  store_mat3(turns, i, turn_between(load_mat3(factors1, i), load_mat3(factors2, i)).t);
+  store_mat3(turns, i, relative_rotation(load_mat3(factors1, i), load_mat3(factors2, i)).t);
 }
 
 // Without rigidity and rotation, turns and factors are not read nor v_factors written.
-static inline Mover load_mover(uint i, int turning, global const float* means1,
+static inline PairMember load_mover(uint i, int turning, global const float* means1,
                                global const float* means2, global const float* turns) {
-  Mover m;
+  PairMember m;
   m.mean1 = load3(means1, i);
   m.mean2 = load3(means2, i);
   m.turn = turning ? load_mat3(turns, i) : mat3_identity();
@@ -48,8 +48,8 @@ kernel void motion_pairs(const uint n, const MotionLossRule rule, global const u
   PairTerms sum;
   sum.rigidity = sum.rotation = sum.isometry = sum.velocity = 0.f;
   if (seen[i] != 0) {
-    const Mover own = load_mover(i, turning, means1, means2, turns);
-    Mover v;
+    const PairMember own = load_mover(i, turning, means1, means2, turns);
+    PairMember v;
     v.mean1 = v.mean2 = make_real3(0.f, 0.f, 0.f);
     v.turn = mat3_scale(mat3_identity(), 0.f);
     for (uint k = offsets[i]; k < offsets[i + 1]; ++k) {
@@ -69,7 +69,7 @@ kernel void motion_pairs(const uint n, const MotionLossRule rule, global const u
     add3(v_means2, i, v.mean2);
     if (turning) {
       const TurnGradient g =
-          turn_vjp(turn_between(load_mat3(factors1, i), load_mat3(factors2, i)), v.turn);
+          turn_vjp(relative_rotation(load_mat3(factors1, i), load_mat3(factors2, i)), v.turn);
       add_mat3(v_factors1, i, g.factor1);
       add_mat3(v_factors2, i, g.factor2);
     }
@@ -80,7 +80,7 @@ kernel void motion_pairs(const uint n, const MotionLossRule rule, global const u
   terms[3 * n + i] = sum.velocity;
 }
 
-kernel void motion_bends(const uint n, const MotionLossRule rule, global const uint* restrict seen,
+kernel void motion_acceleration(const uint n, const MotionLossRule rule, global const uint* restrict seen,
                          global const float* restrict means0, global const float* restrict means1,
                          global const float* restrict means2,
                          global float* restrict v_means0,  // [N, 3] set
@@ -91,7 +91,7 @@ kernel void motion_bends(const uint n, const MotionLossRule rule, global const u
   if (i >= n) return;
   terms[i] = 0.f;
   if (seen[i] == 0) return;
-  const Bend bend = bend_of(rule, load3(means0, i), load3(means1, i), load3(means2, i));
+  const Bend bend = acceleration_loss(rule, load3(means0, i), load3(means1, i), load3(means2, i));
   terms[i] = bend.value;
   store3(v_means0, i, bend.gradient);
   add3(v_means1, i, bend.gradient * -2.f);

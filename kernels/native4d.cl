@@ -81,10 +81,10 @@ static inline lane_int lane_quat_sound(lane norm2) {
   return (norm2 > TO_LANE(1e-11f)) & (norm2 < TO_LANE(1e36f));
 }
 
-// Culls rows that a camera cannot see at time t, as spacetime_look (spacetime.cl). An upper bound
+// Culls rows that a camera cannot see at time t, as spacetime_cull (spacetime.cl). An upper bound
 // of the longest axis is the square root of the trace of the slice's covariance,
 //   tr(P_space P_space^T - velocity velocity^T |p_t|^2) = sum over columns |space - velocity t|^2.
-kernel void native4d_look(const uint n, const uint moving, const float t, const float cutoff,
+kernel void native4d_cull(const uint n, const uint moving, const float t, const float cutoff,
                           const PinholeCamera camera, global const float* restrict means,
                           global const float* restrict means_t, global const float* restrict quats,
                           global const float* restrict quats_r,
@@ -100,7 +100,7 @@ kernel void native4d_look(const uint n, const uint moving, const float t, const 
   for (uint axis = 1; axis < 4; ++axis)
     log_longest = fmax(log_longest, lookout_column(log_scales, first, n, 4, axis));
   LaneInts shown;
-  shown.all = lookout_lives(since, log_longest, sqrt(-2.f * log(cutoff)));
+  shown.all = cull_in_time_window(since, log_longest, sqrt(-2.f * log(cutoff)));
   if (!lane_any(shown.all)) {
     lookout_mark(group, n, shown, marks, counts);
     return;
@@ -244,11 +244,11 @@ kernel void native4d_split(const uint n, const uint moving, const uint seed,
   logit_opacities[i] = half_opacity_logit(g.logit_opacity);
 }
 
-// Learning-rate scale of each Gaussian (life_pace).
-kernel void native4d_pace(const uint n, const float duration, const float power, const float most,
+// Learning-rate scale of each Gaussian (lifetime_rate_scale).
+kernel void native4d_rate_scale(const uint n, const float duration, const float power, const float most,
                           global const float* restrict log_scales,  // [N, 4]
                           global float* restrict pace) {            // [N]
   const uint i = get_global_id(0);
   if (i >= n) return;
-  pace[i] = life_pace(exp(log_scales[4 * i + 3]), duration, power, most);
+  pace[i] = lifetime_rate_scale(exp(log_scales[4 * i + 3]), duration, power, most);
 }

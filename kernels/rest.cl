@@ -55,7 +55,7 @@ kernel void rest_travel(const uint moving, global const float* restrict log_scal
                         global float* restrict travel) {  // [M] largest so far
   const uint i = get_global_id(0);
   if (i >= moving || !(opacities_at[i] > 0.f)) return;
-  const float d = distance_from_rest(load3(means, i), load4(quats, i), scales_of(i, log_scales),
+  const float d = distance_from_static(load3(means, i), load4(quats, i), scales_of(i, log_scales),
                                      load3(means_at, i), load_mat3(factors_at, i));
   travel[i] = d >= travel[i] ? d : (d == d ? travel[i] : INFINITY);
 }

@@ -36,7 +36,7 @@ kernel void rows_gather_counts(const uint keys, const uint n, const uint old_n,
 }
 
 // moves: whether each row of density control's result is dynamic: its source was, or it is a child.
-kernel void rows_movers(const uint n, const uint moving, global const uint* restrict source,
+kernel void rows_dynamic(const uint n, const uint moving, global const uint* restrict source,
                         global const uint* restrict child, global uint* restrict moves) {
   const uint j = get_global_id(0);
   if (j < n) moves[j] = source[j] < moving || child[j] > 0;

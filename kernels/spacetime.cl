@@ -48,11 +48,11 @@ kernel void spacetime_fwd(const uint n, const uint moving, const float t, const 
   const uint k = get_global_id(0);
   if (k >= n || (!first && tiles_touched[k] == 0)) return;
   const uint i = view_row(k, rows);
-  if (first && !life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) {
+  if (first && !is_in_time_window(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) {
     opacities_at[k] = 0.f;
     return;
   }
-  const SpacetimeCut cut = spacetime_at(load_spacetime(i, moving, SPACETIME_ROWS), t);
+  const SpacetimeSlice cut = spacetime_at(load_spacetime(i, moving, SPACETIME_ROWS), t);
   if (first) opacities_at[k] = cut.life.opacity;
   store3(means_at, k, cut.mean);
   store_mat3(factors_at, k, cut.factor);
@@ -60,13 +60,13 @@ kernel void spacetime_fwd(const uint n, const uint moving, const float t, const 
 
 // Culls rows that a camera cannot see at time t: stores one bit per row, 1 if it may be visible.
 // One work-item per LANES Gaussians, which are tested together.
-kernel void spacetime_look(const uint n, const uint moving, const float t, const float sigmas,
+kernel void spacetime_cull(const uint n, const uint moving, const float t, const float sigmas,
                            const PinholeCamera camera, SPACETIME_IN,
                            global uint* restrict marks,     // [ceil(N / LANES)]
                            global uint* restrict counts) {  // [ceil(N / LANES)] their bits
   const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  Lookout lookout;
+  CullInputs lookout;
   LaneInts shown;
   shown.all = lookout_time(&lookout, first, n, t, sigmas, means_t, log_scales);
   if (lane_any(shown.all)) {
@@ -77,7 +77,7 @@ kernel void spacetime_look(const uint n, const uint moving, const float t, const
       if (i < moving) mean += (load3(velocities, i) + load3(half_accelerations, i) * dt) * dt;
       lookout_put(&lookout, r, mean, vload4(i, log_scales), logit_opacities[i]);
     }
-    shown.all &= lookout_shows(lookout, camera);
+    shown.all &= cull_visible(lookout, camera);
   }
   lookout_mark(group, n, shown, marks, counts);
 }
@@ -173,10 +173,10 @@ kernel void spacetime_split(const uint n, const uint moving, const uint seed,
   logit_opacities[i] = half_opacity_logit(g.logit_opacity);
 }
 
-// Learning-rate scales. pace: as native4d_pace. reach: the time in which its motion matters, its
+// Learning-rate scales. pace: as native4d_rate_scale. reach: the time in which its motion matters, its
 // temporal standard deviation, clamped to at least a time step of the video (a flow leads that far)
 // and at most all of it.
-kernel void spacetime_pace(const uint n, const float duration, const float time_step,
+kernel void spacetime_rate_scale(const uint n, const float duration, const float time_step,
                            const float power, const float most,
                            global const float* restrict log_scales,  // [N, 4]
                            global float* restrict pace,              // [N]
@@ -184,6 +184,6 @@ kernel void spacetime_pace(const uint n, const float duration, const float time_
   const uint i = get_global_id(0);
   if (i >= n) return;
   const float life = exp(log_scales[4 * i + 3]);
-  pace[i] = life_pace(life, duration, power, most);
+  pace[i] = lifetime_rate_scale(life, duration, power, most);
   reach[i] = clamp(life, time_step, duration);
 }

@@ -175,20 +175,20 @@ kernel void splat_bwd(const int width, const int height, const int shared,
   // memory, BATCH_BWD splats between two barriers, in a fixed order.
   local float row_moments[BATCH_BWD][TILE_ROWS * ROW_STRIDE];
   local uchar asking_cells[16];
-  local int row_ends[TILE_ROWS], asks_flow;
+  local int row_ends[TILE_ROWS], has_flow_gradient;
   const int l = get_local_id(0), cell = l >> 2;
   const int x = x0 + (cell & 3) * CELL, y = y0 + (cell >> 2) * CELL + (l & 3);
   PixelGrads state[CELL];
   if (shared) {
-    if (l == 0) asks_flow = 0;
+    if (l == 0) has_flow_gradient = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
     for (int i = 0; i < CELL; ++i) {
       const size_t at = (size_t)y * width + x + i;
       if (x + i >= width || y >= height) continue;
-      if (v_flow[at] != 0.f || v_flow[at + (size_t)width * height] != 0.f) asks_flow = 1;
+      if (v_flow[at] != 0.f || v_flow[at + (size_t)width * height] != 0.f) has_flow_gradient = 1;
     }
     barrier(CLK_LOCAL_MEM_FENCE);
-    if (asks_flow != FLOW) return;
+    if (has_flow_gradient != FLOW) return;
   }
   if (l < 16) asking_cells[l] = !ASKING;
   barrier(CLK_LOCAL_MEM_FENCE);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Density control and learning rates of models that shift canonical Gaussians, one work-item each.
 #include "shared/random.h"
-#include "shared/still_rows.h"
+#include "shared/canonical_rows.h"
 
 // Makes the two children of a Gaussian (child 1 and 2; rows with 0 are unchanged), which keep its
 // path. If it is larger than split_scale, both are drawn from it and 1.6 times smaller; else child
@@ -28,11 +28,11 @@ kernel void still_split(const uint n, const uint seed, const float split_scale,
   logit_opacities[i] = half_opacity_logit(logit_opacities[i]);
 }
 
-// Learning-rate scale of each Gaussian (life_pace).
-kernel void still_pace(const uint n, const float duration, const float power, const float most,
+// Learning-rate scale of each Gaussian (lifetime_rate_scale).
+kernel void static_rate_scale(const uint n, const float duration, const float power, const float most,
                        global const float* restrict log_scales,  // [N, 4]
                        global float* restrict pace) {            // [N]
   const uint i = get_global_id(0);
   if (i >= n) return;
-  pace[i] = life_pace(exp(log_scales[4 * i + 3]), duration, power, most);
+  pace[i] = lifetime_rate_scale(exp(log_scales[4 * i + 3]), duration, power, most);
 }

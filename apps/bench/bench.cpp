@@ -12,7 +12,7 @@
 #include "apps/common/command_line.hpp"
 #include "apps/common/output_path.hpp"
 #include "runtime/base/interrupt.hpp"
-#include "runtime/base/tell.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/files/atomic_file.hpp"
 
 namespace gflow {
@@ -86,11 +86,11 @@ void deliver(const BenchOptions& options, const std::function<Result()>& measure
   if (!options.markdown.empty())
     write_file_atomically(options.markdown, std::string_view(result.markdown));
   if (!options.plots.empty())
-    for (const Plot& plot : result.plots) show("plot: {}\n", draw(plot, options.plots));
+    for (const Plot& plot : result.plots) print_result("plot: {}\n", draw(plot, options.plots));
   if (options.compare.empty()) return;
   std::vector<std::string> worse = result.report.compare();
   if (worse.empty()) return;
-  show("{} worse than in {}: measured once more\n", worse.size(), options.compare);
+  print_result("{} worse than in {}: measured once more\n", worse.size(), options.compare);
   const std::vector<std::string> again = measure().report.compare();
   worse.erase(std::remove_if(worse.begin(), worse.end(),
                              [&](const std::string& name) {
@@ -98,7 +98,8 @@ void deliver(const BenchOptions& options, const std::function<Result()>& measure
                              }),
               worse.end());
   if (worse.empty()) return;
-  show("{} worse than in {}, twice: {}\n", worse.size(), options.compare, fmt::join(worse, "; "));
+  print_result("{} worse than in {}, twice: {}\n", worse.size(), options.compare,
+               fmt::join(worse, "; "));
   throw CLI::RuntimeError(3);
 }
 

@@ -19,8 +19,8 @@ constexpr size_t largest_report = size_t{16} << 20;
 
 Json read_report(const std::string& path, const std::string& bench) {
   const Bytes bytes = read_file(path, largest_report);
-  Json report =
-      parsed_if_modest(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+  Json report = parse_json_within_limits(
+      std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   if (!report.is_object() || report.value("bench", Json()) != bench || !report.contains("rows") ||
       !report["rows"].is_object())
     throw Error(fmt::format("{}: it is no report of `gflow bench {}`", path, bench));

@@ -15,7 +15,7 @@
 #include "apps/bench/exact.hpp"
 #include "apps/bench/front.hpp"
 #include "apps/common/command_line.hpp"
-#include "runtime/base/tell.hpp"
+#include "runtime/base/output.hpp"
 #ifdef GFLOW_WITH_OPENCV
 #include "apps/bench/trained.hpp"
 #endif
@@ -350,7 +350,7 @@ Result run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
   std::vector<Measured> all;
   const std::vector<Choice> tried = choices_of(home.queue->lanes, o.knobs);
   for (const Choice& choice : tried) {
-    if (!options.quiet) tell("{} of {}: {}\n", all.size() + 1, tried.size(), choice.name);
+    if (!options.quiet) print_status("{} of {}: {}\n", all.size() + 1, tried.size(), choice.name);
     std::unique_ptr<Place> other;
     if (choice.lanes) other = std::make_unique<Place>(options, o, choice.lanes);
     const Place& place = other ? *other : home;

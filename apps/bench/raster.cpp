@@ -31,7 +31,7 @@ struct RasterOptions {
 // The kernels of each stage, in execution order. The prefix sum of `look` counts in `bin`, whose
 // kernels it shares.
 const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
-    {"look", {"spacetime_look", "view_rows_write"}},
+    {"look", {"spacetime_cull", "view_rows_write"}},
     {"motion", {"spacetime_fwd"}},
     {"project", {"project_fwd"}},
     {"bin",

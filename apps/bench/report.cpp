@@ -7,7 +7,7 @@
 #include <cmath>
 #include <map>
 
-#include "runtime/base/tell.hpp"
+#include "runtime/base/output.hpp"
 
 namespace gflow::bench {
 namespace {
@@ -43,9 +43,9 @@ void print_table(const std::vector<std::vector<std::string>>& lines) {
       widths[k] = std::max(widths[k], line[k].size());
     }
   for (const auto& line : lines) {
-    show("  {:<{}}", line[0], widths[0]);
-    for (size_t k = 1; k < line.size(); ++k) show("  {:>{}}", line[k], widths[k]);
-    show("\n");
+    print_result("  {:<{}}", line[0], widths[0]);
+    for (size_t k = 1; k < line.size(); ++k) print_result("  {:>{}}", line[k], widths[k]);
+    print_result("\n");
   }
 }
 
@@ -99,8 +99,9 @@ void Report::measure_peak_again(Queue& queue) {
 }
 
 void Report::print() const {
-  show("{}, {} lanes, peak {} GFLOP/s, copy {} GB/s\n", head_["device"].get<std::string>(),
-       head_["lanes"].get<int>(), digits(head_["peak_gflops"]), digits(head_["peak_copy_gbs"]));
+  print_result("{}, {} lanes, peak {} GFLOP/s, copy {} GB/s\n", head_["device"].get<std::string>(),
+               head_["lanes"].get<int>(), digits(head_["peak_gflops"]),
+               digits(head_["peak_copy_gbs"]));
   for (size_t first = 0; first < rows_.size();) {
     std::vector<std::vector<std::string>> lines{{""}};
     for (const Figure& f : rows_[first].figures) lines[0].push_back(f.name);
@@ -112,7 +113,7 @@ void Report::print() const {
     print_table(lines);
     first = k;
   }
-  for (const std::string& note : notes_) show("{}\n", note);
+  for (const std::string& note : notes_) print_result("{}\n", note);
 }
 
 Json Report::json() const {
@@ -132,7 +133,7 @@ Json Report::json() const {
 std::vector<std::string> Report::compare() const {
   const Json& rows = old_["rows"];
   if (text_of(old_, "device") != head_["device"])
-    show("{} was measured on another device, {}\n", old_path_, text_of(old_, "device"));
+    print_result("{} was measured on another device, {}\n", old_path_, text_of(old_, "device"));
   std::vector<std::vector<std::string>> lines{
       {"lower quartiles; errors and dB in the middle", "before", "now", "ratio"}};
   std::vector<std::string> only_here, only_there, worse;
@@ -174,8 +175,8 @@ std::vector<std::string> Report::compare() const {
                     "same again",
                     old_path_));
   print_table(lines);
-  if (!only_here.empty()) show("only here: {}\n", fmt::join(only_here, ", "));
-  if (!only_there.empty()) show("only in {}: {}\n", old_path_, fmt::join(only_there, ", "));
+  if (!only_here.empty()) print_result("only here: {}\n", fmt::join(only_here, ", "));
+  if (!only_there.empty()) print_result("only in {}: {}\n", old_path_, fmt::join(only_there, ", "));
   return worse;
 }
 

@@ -10,8 +10,8 @@
 #include <numeric>
 
 #include "apps/common/command_line.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
-#include "runtime/base/tell.hpp"
 #include "runtime/base/usage.hpp"
 #include "runtime/primitives/reduce.hpp"
 
@@ -56,7 +56,7 @@ class GoingOn {
         model_(queue_, shown_by(config_, from.model)),
         step_(o.warm) {
     prepared_.compute_flow(folder.file("flow"), true);
-    prepared_.look_for_change();
+    prepared_.find_motion_masks();
     trainer_.reset(new Trainer(prepared_.trainer(queue_, model_)));
     trainer_->set_state(queue_, from.state, "the first training");
   }
@@ -154,7 +154,7 @@ Trained warmed_up(Queue& queue, const StepOptions& o, const ScratchFolder& folde
   const TrainOptions config = configured(o, Kind());
   Preparation prepared(config, folder.file("frames"));
   prepared.compute_flow(folder.file("flow"), quiet);
-  prepared.look_for_change();
+  prepared.find_motion_masks();
   Model model(queue, prepared.first_model(queue));
   Trainer trainer = prepared.trainer(queue, model);
   Progress progress("train", o.warm, quiet);
@@ -174,8 +174,9 @@ StepOptions with_whole_blocks(StepOptions o, const Trained& from, bool quiet) {
                config.loss.motion_every);
   o.timed = (o.block + o.counted - 1) / o.counted * o.counted;
   if (o.timed != o.block && !quiet)
-    tell("--block {} becomes {}: the same kinds of step in each, which come again after {}\n",
-         o.block, o.timed, o.counted);
+    print_status(
+        "--block {} becomes {}: the same kinds of step in each, which come again after {}\n",
+        o.block, o.timed, o.counted);
   return o;
 }
 

@@ -9,7 +9,7 @@
 #include "apps/common/command_line.hpp"
 #include "optim/eval/evaluation.hpp"
 #include "runtime/base/interrupt.hpp"
-#include "runtime/base/tell.hpp"
+#include "runtime/base/output.hpp"
 
 namespace gflow::bench {
 namespace {
@@ -36,7 +36,7 @@ Evaluation trained(Queue& queue, const Choice& choice, const TrainingOptions& o,
   check(config);
   Preparation prepared(config, folder.file("frames"));
   prepared.compute_flow(folder.file("flow"), true);
-  prepared.look_for_change();
+  prepared.find_motion_masks();
   Model model(queue, prepared.first_model(queue));
   Trainer trainer = prepared.trainer(queue, model);
   for (int step = 0; step < steps; ++step) {
@@ -95,7 +95,8 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
   std::vector<TrainedChoice> all{{choices[0], {1, 1, 1}, o.steps, {}, {}, {}}};
   for (size_t first = 1; first < kinds.size(); first += kSideBySide) {
     const size_t end = std::min(first + kSideBySide, kinds.size());
-    if (!options.quiet) tell("steps of {} to {} of {} choices\n", first + 1, end, kinds.size());
+    if (!options.quiet)
+      print_status("steps of {} to {} of {} choices\n", first + 1, end, kinds.size());
     std::vector<Kind> group{kinds[0]};
     group.insert(group.end(), kinds.begin() + long(first), kinds.begin() + long(end));
     const std::vector<StepCost> costs = costs_of_steps(queue, timing, group, from, folder);
@@ -110,9 +111,9 @@ std::vector<TrainedChoice> train_choices(Queue& queue, const std::vector<Choice>
     for (int seed = 0; seed < o.seeds; ++seed) {
       TrainedChoice& one = all[i];
       if (!options.quiet)
-        tell("training {} of {}: {}, {} steps, seed {}\n", i * o.seeds + seed + 1,
-             all.size() * o.seeds, one.choice.name, one.steps, seed);
-      const ViewFigures mean =
+        print_status("training {} of {}: {}, {} steps, seed {}\n", i * o.seeds + seed + 1,
+                     all.size() * o.seeds, one.choice.name, one.steps, seed);
+      const ViewMetrics mean =
           trained(kinds[i].queue ? *kinds[i].queue : queue, one.choice, o, one.steps, seed, folder)
               .mean;
       one.psnr.push_back(mean.psnr);

@@ -84,7 +84,7 @@ CLI::Validator number_in(double low, double high) {
       [low, high](std::string& text) {
         const auto value = decimal_number(text);
         const bool in_range = value && *value >= low && *value <= high;
-        return in_range ? "" : fmt::format("'{}' is no number from {} to {}", text, low, high);
+        return in_range ? "" : fmt::format("'{}' is not a number from {} to {}", text, low, high);
       },
       "");
 }
@@ -127,7 +127,7 @@ std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
     return unknown_command(path, word == extras.end() ? "" : *word, commands);
   const std::string name = full_name(path);
   if (dynamic_cast<const CLI::ConversionError*>(&problem))
-    return fmt::format("{}: that is no number the option can take (see `{} --help`)",
+    return fmt::format("{}: that is not a number the option can take (see `{} --help`)",
                        without_prefix(problem.what(), "Could not convert: "), name);
   if (dynamic_cast<const CLI::ArgumentMismatch*>(&problem)) {
     const std::string said = problem.what(), option = said.substr(0, said.find(':'));

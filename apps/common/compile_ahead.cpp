@@ -63,7 +63,7 @@ void compile(const std::string& device, const TrainOptions& config, const fs::pa
     const FileLock alone(mark.parent_path() / "gflow.lock", "PoCL's programs");
     if (fs::exists(mark)) return;
     Queue queue(found);
-    rehearse(queue, config);
+    warm_up_kernels(queue, config);
     std::ofstream(mark, std::ios::app);
   } catch (...) {  // another is at it; or the first process will come to whatever it is
   }
@@ -73,7 +73,8 @@ void compile(const std::string& device, const TrainOptions& config, const fs::pa
 
 CompileAhead::CompileAhead(const std::string& device, const TrainOptions& config) {
   const char* kernels = std::getenv("GFLOW_KERNEL_DIR");  // which somebody is changing
-  if (!is_wanted("GFLOW_COMPILE_AHEAD", true) || (kernels && *kernels) || cores() < 2) return;
+  if (!environment_flag("GFLOW_COMPILE_AHEAD", true) || (kernels && *kernels) || cores() < 2)
+    return;
   const fs::path mark = mark_of(device, config);
   std::error_code problem;
   if (fs::exists(mark, problem)) return;

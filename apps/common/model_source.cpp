@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "apps/common/command_line.hpp"
-#include "runtime/base/tell.hpp"
+#include "runtime/base/output.hpp"
 
 namespace gflow {
 
@@ -37,7 +37,7 @@ void require_no_iteration(int iteration, const std::string& path) {
 }
 
 void print_state(const std::string& state) {
-  if (!state.empty()) show("model     {}\n", state);
+  if (!state.empty()) print_result("model     {}\n", state);
 }
 
 }  // namespace gflow

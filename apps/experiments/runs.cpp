@@ -91,8 +91,8 @@ void share_caches(const std::string& from, const std::string& to) {
   fs::create_directories(to, none);
   fs::copy_file(from + "/caches.stamp", to + "/caches.stamp", fs::copy_options::skip_existing,
                 none);
-  const std::string stamp = report_if_there(from + "/caches.stamp");
-  if (stamp.empty() || stamp != report_if_there(to + "/caches.stamp")) return;
+  const std::string stamp = read_report_or_empty(from + "/caches.stamp");
+  if (stamp.empty() || stamp != read_report_or_empty(to + "/caches.stamp")) return;
   for (const char* name : {"flow", "frames"})
     for (const auto& entry : fs::recursive_directory_iterator(from + "/" + name, none)) {
       const fs::path link = to / fs::relative(entry.path(), from);
@@ -362,8 +362,8 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   if (!fs::exists(files.settings) || !RunFolder::is_run(files.run)) return standing;
   const RunFacts facts = RunFolder(files.run).read_facts();
   // One whose results were lost or damaged is judged again, as one that was stopped before.
-  const std::string results = report_if_there(files.run + "/results.json");
-  const bool finished = facts.finished && parsed_if_modest(results).is_object();
+  const std::string results = read_report_or_empty(files.run + "/results.json");
+  const bool finished = facts.finished && parse_json_within_limits(results).is_object();
   std::tie(standing.steps, standing.seconds) = steps_made(files.run);
   if (finished) {
     standing.steps = run.config.train.iterations;

@@ -383,7 +383,7 @@ std::vector<Plot> Results::curves(const std::string& folder) const {
         const Row& row = plan_.rows[plan_.runs[i].row];
         if (row.scene != scene || !is_first_seed(plan_, i) || !results_[i].is_object()) continue;
         const std::string metrics =
-            text_if_there(RunFiles(folder, plan_.runs[i].id).run + "/metrics.jsonl");
+            read_text_or_empty(RunFiles(folder, plan_.runs[i].id).run + "/metrics.jsonl");
         if (block > 0) plot.table.insert(plot.table.end(), 2, Words{});
         plot.table.push_back({by_time ? "seconds" : "steps", plain(name_of(row, plan_.title))});
         for (std::string_view rest = metrics; !rest.empty();) {

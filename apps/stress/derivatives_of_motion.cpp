@@ -143,7 +143,7 @@ double spacetime_text() {
             spacetime_vjp(reference::spacetime_from(x), kTime, kMean, kFactor, kOpacity));
       },
       [](const std::vector<double>& x) {
-        const SpacetimeCut c = spacetime_at(reference::spacetime_from(x), kTime);
+        const SpacetimeSlice c = spacetime_at(reference::spacetime_from(x), kTime);
         return asked(c.mean, c.factor, c.life);
       });
 }
@@ -249,8 +249,8 @@ double hexplane_text() {
 struct Moments {
   std::vector<double> means1, means2, factors1, factors2;
 };
-Mover mover_of(const Moments& m, size_t i, Turn& turn) {
-  turn = turn_between(reference::rows9(m.factors1, i), reference::rows9(m.factors2, i));
+PairMember mover_of(const Moments& m, size_t i, Turn& turn) {
+  turn = relative_rotation(reference::rows9(m.factors1, i), reference::rows9(m.factors2, i));
   return {reference::row3(m.means1, i), reference::row3(m.means2, i), turn.t};
 }
 
@@ -310,10 +310,10 @@ class PairsInDouble {
               std::vector<double>(9 * kCount), std::vector<double>(9 * kCount)};
     for (size_t i = 0; i < kCount; ++i) {
       Turn own;
-      const Mover a = mover_of(x, i, own);
+      const PairMember a = mover_of(x, i, own);
       Mat3 by_turn = mat3_scale(mat3_identity(), 0);
       for (size_t k = pairs_.offsets[i]; k < pairs_.offsets[i + 1]; ++k) {
-        const Mover by = share(x, a, k).gradient;
+        const PairMember by = share(x, a, k).gradient;
         reference::add_row3(v.means1, i, by.mean1);
         reference::add_row3(v.means2, i, by.mean2);
         by_turn = mat3_add(by_turn, by.turn);
@@ -326,7 +326,7 @@ class PairsInDouble {
   }
 
  private:
-  PairShare share(const Moments& x, const Mover& own, size_t pair) const {
+  PairShare share(const Moments& x, const PairMember& own, size_t pair) const {
     Turn other;
     return pair_share(rule_, 1, double(pairs_.distances[pair]), own,
                       mover_of(x, pairs_.others[pair], other));
@@ -393,8 +393,8 @@ Derivative bends_row(Queue& queue) {
   w.extent = 3;
   const MotionLossRule rule{0, 0, 0, 0, float(.8 / 3 / kCount), float(1e-3 * 3)};
   const auto bend = [&](const std::vector<double>& y, size_t i) {
-    return bend_of(rule, three(y, 3 * i), three(y, 3 * (kCount + i)),
-                   three(y, 3 * (2 * kCount + i)));
+    return acceleration_loss(rule, three(y, 3 * i), three(y, 3 * (kCount + i)),
+                             three(y, 3 * (2 * kCount + i)));
   };
   std::vector<double> expected(x.size());
   for (size_t i = 0; i < kCount; ++i)
@@ -421,7 +421,7 @@ Derivative bends_row(Queue& queue) {
   std::vector<float> found;
   for (const Buffer<float>* gradient : {&v.v_means_t0, &v.v_means, &v.v_means_t2})
     for (const float y : gradient->read(queue)) found.push_back(y);
-  return {"motion_bends",
+  return {"motion_acceleration",
           "means at t0, t1, t2",
           relative_error(found, expected),
           relative_error(expected, slopes(loss, x, 1e-4)),

@@ -38,6 +38,6 @@ static inline AdamState adam_update(AdamState s, real grad, AdamStep step, AdamR
 
 // Whether the gradient and its square are finite. A square that overflows would make v infinite and
 // freeze the parameter for good.
-static inline int adam_accepts(real grad) { return is_finite_real(grad * grad); }
+static inline int is_usable_gradient(real grad) { return is_finite_real(grad * grad); }
 
 #endif

@@ -21,7 +21,7 @@
 #include "shared/dialect.h"
 
 #define HEXPLANE_OUTPUTS 16
-#define HEXPLANE_MOST_RESIZE 3
+#define HEXPLANE_MAX_LOG_SCALE 3
 
 typedef struct HexplaneGrid {
   int resolution, times;  // cells at level 0, at least 2; rows in time, at least 1
@@ -58,12 +58,12 @@ static inline GridPlace grid_place(real x, real centre, real half_size, int reso
 }
 
 // The change of a log scale for a network output, and its derivative, given the change.
-static inline real resize_of(real output) {
-  const real most = (real)HEXPLANE_MOST_RESIZE;
+static inline real log_scale_change(real output) {
+  const real most = (real)HEXPLANE_MAX_LOG_SCALE;
   return most * tanh(output / most);
 }
-static inline real resize_slope(real change) {
-  const real share = change / (real)HEXPLANE_MOST_RESIZE;
+static inline real log_scale_change_slope(real change) {
+  const real share = change / (real)HEXPLANE_MAX_LOG_SCALE;
   return (real)1 - share * share;
 }
 

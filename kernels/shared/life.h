@@ -30,10 +30,10 @@ static inline LifeGradient life_vjp(Life o, real logit, real dt, real var, real 
 
 // Whether the marginal at dt exceeds exp(-sigmas^2 / 2), without evaluating it. `life` is the
 // temporal standard deviation. False for NaN.
-static inline int life_reaches(real dt, real life, real sigmas) { return fabs(dt) < sigmas * life; }
+static inline int is_in_time_window(real dt, real life, real sigmas) { return fabs(dt) < sigmas * life; }
 
 // Whether the window mean_t +- sigmas * life overlaps [0, duration]. False for NaN.
-static inline int life_meets(real mean_t, real life, real duration, real sigmas) {
+static inline int is_visible_in_video(real mean_t, real life, real duration, real sigmas) {
   const real outside = fmax(fmax(-mean_t, mean_t - duration), (real)0);
   return outside <= sigmas * life && is_finite_real(mean_t);
 }
@@ -52,7 +52,7 @@ static inline real half_opacity_logit(real logit) {
 // Learning-rate scale of a Gaussian that is visible in only a part of the video. Adam skips the
 // steps in which it is not seen, so without the scale it would move less. It is
 // (duration / visible time)^power, clamped to [1, most].
-static inline real life_pace(real life, real duration, real power, real most) {
+static inline real lifetime_rate_scale(real life, real duration, real power, real most) {
   const real seen = (real)4.9f * life;  // temporal weight above 1/20
   return clamp(pow(duration / seen, power), (real)1, most);
 }

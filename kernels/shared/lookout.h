@@ -95,31 +95,31 @@ static inline lane lookout_column(global const float* restrict values, uint firs
 // lookout_time loads the times; the other members are needed only if one of the rows is inside its
 // time window. Rows are in the order of time (optim/density/order.hpp), so most groups of a long
 // video need no more.
-typedef struct Lookout {
+typedef struct CullInputs {
   LaneFloats x, y, z;      // mean
   LaneFloats dt;           // t - mean_t
   LaneFloats log_life, log_longest, logit;
-} Lookout;
+} CullInputs;
 
 // Rows less than `sigmas` temporal standard deviations away, with a rounding margin. NaN passes.
-static inline lane_int lookout_lives(lane dt, lane log_life, float sigmas) {
+static inline lane_int cull_in_time_window(lane dt, lane log_life, float sigmas) {
   return !(fabs(dt) > TO_LANE(1.001f * sigmas) * lookout_exp(log_life));
 }
 
 // Loads the times of LANES rows and tests them. The other members stay undefined.
-static inline lane_int lookout_time(Lookout* o, uint first, uint n, float t, float sigmas,
+static inline lane_int lookout_time(CullInputs* o, uint first, uint n, float t, float sigmas,
                                     global const float* means_t, global const float* log_scales) {
   o->dt.all = t - lookout_column(means_t, first, n, 1, 0);
   o->log_life.all = lookout_column(log_scales, first, n, 4, 3);
-  return lookout_lives(o->dt.all, o->log_life.all, sigmas);
+  return cull_in_time_window(o->dt.all, o->log_life.all, sigmas);
 }
 
 // To be called before lookout_put: defines the lanes that no row fills.
-static inline void lookout_clear(Lookout* o) {
+static inline void lookout_clear(CullInputs* o) {
   o->x.all = o->y.all = o->z.all = TO_LANE(0.f);
   o->log_longest.all = o->logit.all = TO_LANE(0.f);
 }
-static inline void lookout_put(Lookout* o, uint r, float3 mean, float4 log_scales, float logit) {
+static inline void lookout_put(CullInputs* o, uint r, float3 mean, float4 log_scales, float logit) {
   const float xy = log_scales.x > log_scales.y ? log_scales.x : log_scales.y;
   o->x.row[r] = mean.x;
   o->y.row[r] = mean.y;
@@ -129,7 +129,7 @@ static inline void lookout_put(Lookout* o, uint r, float3 mean, float4 log_scale
 }
 
 // Rows that the camera may see.
-static inline lane_int lookout_shows(Lookout o, PinholeCamera camera) {
+static inline lane_int cull_visible(CullInputs o, PinholeCamera camera) {
   const lane apart = o.dt.all / lookout_exp(o.log_life.all);
   const lane opacity =
       lookout_exp(-0.5f * apart * apart) / (TO_LANE(1.f) + lookout_exp(-o.logit.all));

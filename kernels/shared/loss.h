@@ -74,7 +74,7 @@ static inline SsimPixel ssim_pixel(SsimMeans m) {
 }
 
 // Target flow with a larger component is an error of its file or estimator, and masked [px].
-#define TEACHER_LIMIT 1e5f
+#define TARGET_FLOW_LIMIT 1e5f
 
 // The probability that a tile counts in the flow loss of a step, then with weight 1 / share, so
 // that the expected gradient is that of all tiles. motion: the tile's fastest target flow [px];

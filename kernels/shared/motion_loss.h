@@ -18,7 +18,7 @@ typedef struct MotionLossRule {
   float knee;  // of rho for lengths [scene units]
 } MotionLossRule;
 
-#define TURN_KNEE 0.01f  // of rho for rotation matrices, no unit: 0.4 degrees
+#define ROTATION_KNEE 0.01f  // of rho for rotation matrices, no unit: 0.4 degrees
 
 // The axes of a factor L = R diag(s): its columns at length 1, stored as rows.
 typedef struct Axes {
@@ -59,7 +59,7 @@ typedef struct Turn {
   Mat3 t;
   int known;
 } Turn;
-static inline Turn turn_between(Mat3 factor1, Mat3 factor2) {
+static inline Turn relative_rotation(Mat3 factor1, Mat3 factor2) {
   Turn o;
   o.axes1 = axes_of(factor1);
   o.axes2 = axes_of(factor2);
@@ -108,10 +108,10 @@ static inline Rho rho_of_square(real square, real knee) {
 }
 
 // One Gaussian of a pair, at both times.
-typedef struct Mover {
+typedef struct PairMember {
   real3 mean1, mean2;
   Mat3 turn;
-} Mover;
+} PairMember;
 
 // One Gaussian's share of a pair's loss (of rigidity the term with its own rotation, of the other
 // terms half), and the gradient of the pair's whole loss with respect to it.
@@ -120,11 +120,11 @@ typedef struct PairTerms {
 } PairTerms;
 typedef struct PairShare {
   PairTerms terms;
-  Mover gradient;
+  PairMember gradient;
 } PairShare;
 
-static inline PairShare pair_share(MotionLossRule rule, real weight, real distance, Mover i,
-                                   Mover j) {
+static inline PairShare pair_share(MotionLossRule rule, real weight, real distance, PairMember i,
+                                   PairMember j) {
   const real half_of = (real)0.5f;
   const real knee = rule.knee;
   const real3 d1 = j.mean1 - i.mean1, d2 = j.mean2 - i.mean2;
@@ -151,7 +151,7 @@ static inline PairShare pair_share(MotionLossRule rule, real weight, real distan
     const real w = weight * rule.rotation;
     const Mat3 r = mat3_add(i.turn, mat3_scale(j.turn, (real)-1));
     const Rho rho =
-        rho_of_square(dot(r.r1, r.r1) + dot(r.r2, r.r2) + dot(r.r3, r.r3), (real)TURN_KNEE);
+        rho_of_square(dot(r.r1, r.r1) + dot(r.r2, r.r2) + dot(r.r3, r.r3), (real)ROTATION_KNEE);
     o.terms.rotation = half_of * w * rho.value;
     if (rho.factor > (real)0)
       o.gradient.turn = mat3_add(o.gradient.turn, mat3_scale(r, w * rho.factor));
@@ -187,7 +187,7 @@ typedef struct Bend {
   real value;
   real3 gradient;
 } Bend;
-static inline Bend bend_of(MotionLossRule rule, real3 m0, real3 m1, real3 m2) {
+static inline Bend acceleration_loss(MotionLossRule rule, real3 m0, real3 m1, real3 m2) {
   const real3 r = m0 - m1 * (real)2 + m2;
   const Rho rho = rho_of_square(dot(r, r), rule.knee);
   Bend o;

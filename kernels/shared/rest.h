@@ -21,7 +21,7 @@ static inline real4 quat_of_rotmat(Mat3 r) {
 
 // S^-1 R^T L with S = diag(scales): the factor L in the axes and standard deviations of a Gaussian
 // with factor R S. It is I for L = R S.
-static inline Mat3 in_its_axes(Mat3 rotation, real3 scales, Mat3 factor) {
+static inline Mat3 relative_factor(Mat3 rotation, real3 scales, Mat3 factor) {
   Mat3 m = mat3_mul(mat3_transpose(rotation), factor);
   m.r1 = m.r1 * ((real)1 / scales.x);
   m.r2 = m.r2 * ((real)1 / scales.y);
@@ -34,13 +34,13 @@ static inline Mat3 in_its_axes(Mat3 rotation, real3 scales, Mat3 factor) {
 // order its density exp(-|z|^2 / 2) differs nowhere by more than .74 d: the shift changes it by
 // |z| exp(-|z|^2 / 2) <= .61 times the first term, the change of the factor by
 // |z|^2 exp(-|z|^2 / 2) <= .74 times the second.
-static inline real distance_from_rest(real3 rest, real4 quat, real3 scales, real3 mean,
+static inline real distance_from_static(real3 rest, real4 quat, real3 scales, real3 mean,
                                       Mat3 factor) {
   const Mat3 rotation = quat_to_rotmat(quat_normalize(quat).q);
   const real3 d = mat3_transpose_mul_vec(rotation, mean - rest);
   const real3 shift = make_real3(d.x / scales.x, d.y / scales.y, d.z / scales.z);
   const Mat3 m =
-      mat3_add(in_its_axes(rotation, scales, factor), mat3_scale(mat3_identity(), (real)-1));
+      mat3_add(relative_factor(rotation, scales, factor), mat3_scale(mat3_identity(), (real)-1));
   return sqrt(dot(shift, shift)) + sqrt(dot(m.r1, m.r1) + dot(m.r2, m.r2) + dot(m.r3, m.r3));
 }
 

@@ -21,20 +21,20 @@ typedef struct Spacetime {
   real logit_opacity;
 } Spacetime;
 
-typedef struct SpacetimeCut {
+typedef struct SpacetimeSlice {
   real3 mean;
   Mat3 factor;
   Life life;
-} SpacetimeCut;
+} SpacetimeSlice;
 
 static inline real3 spacetime_velocity(Spacetime g, real tau) {
   return g.velocity + g.half_acceleration * ((real)2 * tau);
 }
 
-static inline SpacetimeCut spacetime_at(Spacetime g, real t) {
+static inline SpacetimeSlice spacetime_at(Spacetime g, real t) {
   const real tau = t - g.mean_t;
   const real4 s = exp(g.log_scales);
-  SpacetimeCut o;
+  SpacetimeSlice o;
   o.mean = g.mean + (g.velocity + g.half_acceleration * tau) * tau;
   o.factor = factor_of(g.quat + g.turn * tau, make_real3(s.x, s.y, s.z));
   o.life = life_at(g.logit_opacity, tau, s.w * s.w);

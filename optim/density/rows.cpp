@@ -7,7 +7,7 @@ RowMover::RowMover(Queue& queue)
     : program_(queue, "common.cl"),
       rows_gather_(program_, "rows_gather"),
       rows_gather_counts_(program_, "rows_gather_counts"),
-      rows_movers_(program_, "rows_movers"),
+      rows_movers_(program_, "rows_dynamic"),
       rows_partition_(program_, "rows_partition"),
       scan_(queue) {}
 

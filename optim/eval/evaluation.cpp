@@ -40,7 +40,7 @@ std::vector<float> planes_of(const FlowField& flow) {
   return planes;
 }
 
-Reference reference_of(const TeacherFlow& teacher, bool truth) {
+Reference reference_of(const TargetFlow& teacher, bool truth) {
   Reference r;
   r.true_flow = truth;
   r.planes = planes_of(teacher.flow);
@@ -48,7 +48,7 @@ Reference reference_of(const TeacherFlow& teacher, bool truth) {
   r.seen = teacher.confidence;
   const size_t pixels = r.known.size();
   r.moving.resize(pixels);
-  const auto too_large = [](float x) { return std::fabs(x) > TEACHER_LIMIT; };  // as training
+  const auto too_large = [](float x) { return std::fabs(x) > TARGET_FLOW_LIMIT; };  // as training
   for (size_t i = 0; i < pixels; ++i) {
     if (too_large(r.planes[i]) || too_large(r.planes[pixels + i])) r.known[i] = 0;
     r.moving[i] = r.known[i] && std::hypot(r.planes[i], r.planes[pixels + i]) > kMoving;
@@ -67,10 +67,10 @@ std::vector<const Frame*> followers(const std::vector<Frame>& frames, int max_ga
   return next;
 }
 
-double mean_of(const std::vector<ViewFigures>& views, double ViewFigures::*figure) {
+double mean_of(const std::vector<ViewMetrics>& views, double ViewMetrics::*figure) {
   double sum = 0;
   size_t count = 0;
-  for (const ViewFigures& view : views)
+  for (const ViewMetrics& view : views)
     if (std::isfinite(view.*figure)) {
       sum += view.*figure;
       ++count;
@@ -86,9 +86,9 @@ bool any(const std::vector<uint8_t>& mask) {
 }
 
 // Goes through the views in their order.
-class Judge {
+class Evaluator {
  public:
-  Judge(Queue& queue, Model& model, const TrainOptions& config, const LoadedScene& loaded,
+  Evaluator(Queue& queue, Model& model, const TrainOptions& config, const LoadedScene& loaded,
         const std::vector<Frame>& frames, const std::string& folder, const std::string& flow_folder)
       : queue_(queue),
         model_(model),
@@ -102,12 +102,12 @@ class Judge {
         next_(followers(frames, config.flow.max_gap)),
         stride_((frames.size() + kMostWithDis - 1) / kMostWithDis) {
     result_.flow_reference = "none";
-    result_.trained_on = are_trained_on(loaded.scene, frames);
+    result_.trained_on = are_training_images(loaded.scene, frames);
     result_.lpips_model = config.metrics.lpips;
     result_.clip_model = config.metrics.clip;
   }
 
-  void look_at(size_t i) {
+  void add(size_t i) {
     const Frame& frame = frames_[i];
     const Camera& camera = store_.camera(frame);
     Reference reference = reference_of_view(i);
@@ -120,7 +120,7 @@ class Judge {
       write_png(folder_ + "/" + frame.name + ".png",
                 picture_of_rgb(camera.width, camera.height, planes));
 
-    ViewFigures view;
+    ViewMetrics view;
     view.name = frame.name;
     view.step = frame.step;
     judge_picture(view, picture, truth, reference);
@@ -129,7 +129,7 @@ class Judge {
       view.depth_error =
           depth_error(renderer_.images().depth.read(queue_), renderer_.images().alpha.read(queue_),
                       read_true_depth(frame, camera.width, camera.height));
-    networks_.judge(view, picture, truth);
+    networks_.evaluate(view, picture, truth);
     result_.views.push_back(view);
     judge_flicker(frame, picture, truth, std::move(reference));
   }
@@ -185,7 +185,7 @@ class Judge {
     renderer_.forward(queue_, model_, shot);
   }
 
-  static void judge_picture(ViewFigures& view, const Picture& picture, const Picture& truth,
+  static void judge_picture(ViewMetrics& view, const Picture& picture, const Picture& truth,
                             const Reference& reference) {
     const std::vector<double> similarity = ssim_map(picture, truth);
     view.psnr = psnr(picture, truth);
@@ -195,7 +195,7 @@ class Judge {
     view.ssim_dynamic = mean_of_map(similarity, reference.moving);
   }
 
-  void judge_flow(ViewFigures& view, const Reference& reference, size_t i) {
+  void judge_flow(ViewMetrics& view, const Reference& reference, size_t i) {
     if (!any(reference.known)) return;
     const std::vector<float> flow = renderer_.images().flow.read(queue_);
     const FlowMetrics known = flow_metrics(flow, reference.planes, reference.known);
@@ -230,7 +230,7 @@ class Judge {
   const std::string& folder_;
   FrameStore& store_;
   const FlowBetween dis_;
-  JudgingNetworks networks_;
+  MetricNetworks networks_;
   Renderer renderer_;
   const std::vector<const Frame*> next_;
   const size_t stride_;  // of the views that get DIS
@@ -242,18 +242,18 @@ class Judge {
 
 const std::vector<NamedFigure>& view_figures() {
   static const std::vector<NamedFigure> figures{
-      {"psnr", &ViewFigures::psnr},
-      {"ssim", &ViewFigures::ssim},
-      {"psnr_dynamic", &ViewFigures::psnr_dynamic},
-      {"ssim_dynamic", &ViewFigures::ssim_dynamic},
-      {"flow_epe", &ViewFigures::flow_epe},
-      {"flow_epe_dynamic", &ViewFigures::flow_epe_dynamic},
-      {"fl_all", &ViewFigures::fl_all},
-      {"teacher_epe_dynamic", &ViewFigures::teacher_epe_dynamic},
-      {"depth_error", &ViewFigures::depth_error},
-      {"flicker", &ViewFigures::flicker},
-      {"lpips", &ViewFigures::lpips},
-      {"clip", &ViewFigures::clip}};
+      {"psnr", &ViewMetrics::psnr},
+      {"ssim", &ViewMetrics::ssim},
+      {"psnr_dynamic", &ViewMetrics::psnr_dynamic},
+      {"ssim_dynamic", &ViewMetrics::ssim_dynamic},
+      {"flow_epe", &ViewMetrics::flow_epe},
+      {"flow_epe_dynamic", &ViewMetrics::flow_epe_dynamic},
+      {"fl_all", &ViewMetrics::fl_all},
+      {"teacher_epe_dynamic", &ViewMetrics::teacher_epe_dynamic},
+      {"depth_error", &ViewMetrics::depth_error},
+      {"flicker", &ViewMetrics::flicker},
+      {"lpips", &ViewMetrics::lpips},
+      {"clip", &ViewMetrics::clip}};
   return figures;
 }
 
@@ -261,12 +261,12 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainOptions& config,
                     const LoadedScene& loaded, const std::vector<Frame>& frames,
                     const ProgressCallback& progress, const std::string& folder,
                     const std::string& flow_folder) {
-  Judge judge(queue, model, config, loaded, frames, folder, flow_folder);
+  Evaluator evaluator(queue, model, config, loaded, frames, folder, flow_folder);
   for (size_t i = 0; i < frames.size(); ++i) {
-    judge.look_at(i);
+    evaluator.add(i);
     if (progress) progress(i + 1, frames.size());
   }
-  return judge.result();
+  return evaluator.result();
 }
 
 }  // namespace gflow

@@ -19,7 +19,7 @@ constexpr double kNoFigure = std::numeric_limits<double>::quiet_NaN();
 
 // One view. NaN (null in JSON) where a figure has no meaning: no pixel moves, no flow or depth is
 // known, no network is given.
-struct ViewFigures {
+struct ViewMetrics {
   std::string name;
   int step = 0;  // of the video
   double psnr = kNoFigure, ssim = kNoFigure;
@@ -38,15 +38,15 @@ struct ViewFigures {
 // The figures in the order of results.json, by name.
 struct NamedFigure {
   const char* name;
-  double ViewFigures::*value;
+  double ViewMetrics::*value;
 };
 const std::vector<NamedFigure>& view_figures();
 
 struct Evaluation {
-  ViewFigures mean;            // over the views that have the figure
+  ViewMetrics mean;            // over the views that have the figure
   std::string flow_reference;  // "true", "dis" or "none"
   bool trained_on = false;     // each view shows a picture of the training split
-  std::vector<ViewFigures> views;
+  std::vector<ViewMetrics> views;
   std::optional<TrackError> tracks;     // where the scene has true tracks
   std::string lpips_model, clip_model;  // the networks that judged; empty: none was given
 };

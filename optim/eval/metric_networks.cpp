@@ -12,16 +12,17 @@ ColourPlanes planes_of(const Picture& picture) {
 
 }  // namespace
 
-JudgingNetworks::JudgingNetworks(const MetricsOptions& config) {
+MetricNetworks::MetricNetworks(const MetricsOptions& config) {
   if (!config.lpips.empty()) lpips_.emplace(config.lpips, "metrics.lpips");
   if (!config.clip.empty()) clip_.emplace(config.clip, "metrics.clip");
 }
 
-void JudgingNetworks::require_size(int width, int height) const {
+void MetricNetworks::require_size(int width, int height) const {
   if (lpips_) lpips_->require_size(width, height);
 }
 
-void JudgingNetworks::judge(ViewFigures& view, const Picture& picture, const Picture& truth) {
+void MetricNetworks::evaluate(ViewMetrics& view, const Picture& picture,
+                                     const Picture& truth) {
   if (!lpips_ && !clip_) return;
   const ColourPlanes drawn = planes_of(picture), filmed = planes_of(truth);
   if (lpips_) view.lpips = lpips_->distance(drawn, filmed);

@@ -10,14 +10,14 @@
 
 namespace gflow {
 
-class JudgingNetworks {
+class MetricNetworks {
  public:
   // Loads them; none where the setting is empty. Error when one cannot be used.
-  explicit JudgingNetworks(const MetricsOptions& config);
+  explicit MetricNetworks(const MetricsOptions& config);
   // Error when one takes pictures of another size.
   void require_size(int width, int height) const;
   // Sets view.lpips and view.clip, each where it has a network.
-  void judge(ViewFigures& view, const Picture& picture, const Picture& truth);
+  void evaluate(ViewMetrics& view, const Picture& picture, const Picture& truth);
 
  private:
   std::optional<Lpips> lpips_;

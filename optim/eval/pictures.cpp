@@ -70,7 +70,7 @@ FlowField flow_of_planes(int width, int height, const std::vector<float>& planes
 }
 
 Image picture_of_flow(const FlowField& flow, float longest) {
-  FlowPicture picture = color_wheel(flow, longest);
+  FlowImage picture = color_wheel(flow, longest);
   return {picture.width, picture.height, 3, std::move(picture.rgb)};
 }
 

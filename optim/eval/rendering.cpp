@@ -102,8 +102,7 @@ FlowField reference_flow(const RenderView& view, FrameStore& frames) {
       !view.truth->flow_path.empty() && std::abs(view.truth->flow_time - view.time_t2) < 1e-6;
   if (truth) return read_true_flow(*view.truth, view.camera.width, view.camera.height).flow;
   if (!view.truth_t2) return {};
-  TeacherFlow teacher =
-      estimate_teacher_flow(*frames.rgb(*view.truth), *frames.rgb(*view.truth_t2));
+  TargetFlow teacher = estimate_target_flow(*frames.rgb(*view.truth), *frames.rgb(*view.truth_t2));
   teacher.flow.valid = teacher.confidence;
   return teacher.flow;
 }

@@ -72,7 +72,7 @@ Eigen::Vector3f point_at(const Tracks& tracks, size_t step, size_t point) {
 }
 
 // Whether the true flow of a picture shows the point going from one place to the other.
-bool sees(const Camera& camera, const TeacherFlow& truth, const Eigen::Vector3f& from,
+bool sees(const Camera& camera, const TargetFlow& truth, const Eigen::Vector3f& from,
           const Eigen::Vector3f& to) {
   const auto in_camera = [&](const Eigen::Vector3f& p) -> Eigen::Vector3d {
     return (camera.viewmat * p.cast<double>().homogeneous()).head<3>();
@@ -125,7 +125,7 @@ void mark_seen(Tracks& tracks, const Scene& scene, const FrameStore& frames) {
     if (frame.flow_path.empty() || std::fabs(frame.flow_time - next_time) > 1e-6) return;
     filmed[step] = 1;
     const Camera& camera = frames.camera(frame);
-    const TeacherFlow teacher = read_true_flow(frame, camera.width, camera.height);
+    const TargetFlow teacher = read_true_flow(frame, camera.width, camera.height);
     for (size_t k = 0; k < tracks.points; ++k)
       if (sees(camera, teacher, point_at(tracks, step, k), point_at(tracks, step + 1, k)))
         seen[step * tracks.points + k] = 1;

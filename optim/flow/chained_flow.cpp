@@ -21,7 +21,7 @@ bool moves_alike(const Vec2& a, const Vec2& b) {
 
 // Samples a link at pixel indices `at`; nullopt outside of the image or where the link is not
 // trusted.
-std::optional<Vec2> sample(const TeacherFlow& link, const Vec2& at) {
+std::optional<Vec2> sample(const TargetFlow& link, const Vec2& at) {
   const FlowField& flow = link.flow;
   const auto trusted = [&](int x, int y) {
     return x < flow.width && y < flow.height &&
@@ -67,9 +67,9 @@ std::vector<size_t> way(const FlowPair& pair, const std::map<std::pair<int, int>
 
 }  // namespace
 
-TeacherFlow chained(const Links& links) {
+TargetFlow chained(const Links& links) {
   const FlowField& first = links.at(0)->flow;
-  TeacherFlow chain{zero_flow(first.width, first.height), {}};
+  TargetFlow chain{zero_flow(first.width, first.height), {}};
   chain.confidence.resize(chain.flow.valid.size());
   for (int y = 0; y < first.height; ++y)
     for (int x = 0; x < first.width; ++x) {
@@ -90,15 +90,15 @@ TeacherFlow chained(const Links& links) {
   return chain;
 }
 
-TeacherFlow chained(const Links& there, const Links& back) {
-  TeacherFlow chain = chained(there);
+TargetFlow chained(const Links& there, const Links& back) {
+  TargetFlow chain = chained(there);
   chain.confidence = consistency(chain.flow, chained(back).flow);
   return chain;
 }
 
 std::vector<FlowStore::Loader> chained_flows(std::shared_ptr<FlowStore> links,
                                              const std::vector<FlowPair>& pairs,
-                                             const KeepFlow& keep) {
+                                             const StoreFlow& keep) {
   std::map<std::pair<int, int>, size_t> known;
   for (size_t i = 0; i < links->size(); ++i)
     if (links->has(i) && pairs[i].next >= 0) known[{pairs[i].frame, pairs[i].next}] = i;

@@ -11,17 +11,17 @@
 
 namespace gflow {
 
-using Links = std::vector<std::shared_ptr<const TeacherFlow>>;
+using Links = std::vector<std::shared_ptr<const TargetFlow>>;
 
 // Follows each pixel through the links, which have one size. Between pixels a link is interpolated
 // only from those of the four neighbours that move like the nearest one, because averaging across a
 // silhouette gives a motion of no surface. Valid, with confidence 255, where every link is trusted
 // at the pixel nearest to the path; a path ends where its point is occluded.
-TeacherFlow chained(const Links& links);
+TargetFlow chained(const Links& links);
 
 // The same. Confidence is 255 only if the links `back`, from the last frame to the first, return to
 // the start of the path, by the rule of consistency().
-TeacherFlow chained(const Links& there, const Links& back);
+TargetFlow chained(const Links& there, const Links& back);
 
 // Loaders of pairs[links->size()] and later ones. They span several frames and are chained from
 // `links`, the flows of the pairs before them, and checked against the reverse chain if `links` has
@@ -30,6 +30,6 @@ TeacherFlow chained(const Links& there, const Links& back);
 // checked one.
 std::vector<FlowStore::Loader> chained_flows(std::shared_ptr<FlowStore> links,
                                              const std::vector<FlowPair>& pairs,
-                                             const KeepFlow& keep = {});
+                                             const StoreFlow& keep = {});
 
 }  // namespace gflow

@@ -39,7 +39,7 @@ std::vector<FlowPair> without_direction(const std::vector<FlowPair>& pairs) {
 }
 
 std::string name_in_folder(const Scene& scene, const FlowPair& pair) {
-  return scene.train[size_t(pair.frame)].name + (leads_back(scene, pair) ? "_back" : "") +
+  return scene.train[size_t(pair.frame)].name + (is_backward_in_time(scene, pair) ? "_back" : "") +
          (pair.span > 1 ? fmt::format("_over_{}", pair.span) : "");
 }
 
@@ -59,7 +59,7 @@ class Estimator {
     folder_.keep(name(reverse(pair)), back);
   }
 
-  TeacherFlow flow(const FlowPair& pair) {
+  TargetFlow flow(const FlowPair& pair) {
     const Turn turn(*this, pair);
     const Camera& camera = camera_of(pair);
     if (auto kept = folder_.read(name(pair), camera.width, camera.height)) return *std::move(kept);
@@ -68,7 +68,7 @@ class Estimator {
     return unpacked(there, name(pair));
   }
 
-  TeacherFlow made(const FlowPair& pair, const MakeFlow& make) {
+  TargetFlow made(const FlowPair& pair, const MakeFlow& make) {
     const std::string kept_as = name(pair) + "_chained";
     const Camera& camera = camera_of(pair);
     if (auto kept = folder_.read(kept_as, camera.width, camera.height)) return *std::move(kept);
@@ -142,8 +142,8 @@ class Estimator {
   // The packed flows of a pair in both directions. The consistency check needs both, and the result
   // must not depend on which is requested.
   std::pair<Bytes, Bytes> compute(const FlowPair& pair) {
-    const auto [there, back] = estimate_teacher_flows(frames_.rgb_over(frame(pair.frame), mid_grey),
-                                                      frames_.rgb_over(frame(pair.next), mid_grey));
+    const auto [there, back] = estimate_target_flows(frames_.rgb_over(frame(pair.frame), mid_grey),
+                                                     frames_.rgb_over(frame(pair.next), mid_grey));
     return {packed(there), packed(back)};
   }
 
@@ -197,7 +197,7 @@ uint64_t likely_flow_bytes(const Scene& scene, const std::vector<FlowPair>& pair
   return uint64_t(bytes);
 }
 
-KeepFlow kept_flows(const Scene& scene, FrameStore& frames, const FlowEstimation& how) {
+StoreFlow stored_flows(const Scene& scene, FrameStore& frames, const FlowEstimation& how) {
   const auto keeper = std::make_shared<Estimator>(scene, frames, how);
   return [=](const FlowPair& pair, const MakeFlow& make) { return keeper->made(pair, make); };
 }
@@ -228,7 +228,7 @@ FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs
   }
   FlowStoreOptions options;
   options.cache_bytes = memory_bytes;
-  options.at_hand = how.beforehand;
+  options.is_precomputed = how.beforehand;
   options.threads = how.beforehand ? 1 : threads;
   return FlowStore(std::move(loaders), options);
 }
@@ -240,27 +240,27 @@ FlowBetween::FlowBetween(const Scene& scene, FrameStore& frames, const std::stri
   folder_.emplace(folder, 0, std::move(notice));
   for (const FlowPair& pair : neighbour_pairs(scene))
     if (pair.next >= 0)
-      names_[{picture_id(scene.train[size_t(pair.frame)]),
-              picture_id(scene.train[size_t(pair.next)])}] = name_in_folder(scene, pair);
+      names_[{image_id(scene.train[size_t(pair.frame)]),
+              image_id(scene.train[size_t(pair.next)])}] = name_in_folder(scene, pair);
 }
 
-std::optional<TeacherFlow> FlowBetween::kept(const Frame& from, const Frame& to) const {
-  const auto name = names_.find({picture_id(from), picture_id(to)});
+std::optional<TargetFlow> FlowBetween::kept(const Frame& from, const Frame& to) const {
+  const auto name = names_.find({image_id(from), image_id(to)});
   if (name == names_.end()) return std::nullopt;
   const Camera& camera = frames_.camera(from);
   return folder_->read(name->second, camera.width, camera.height);
 }
 
-TeacherFlow FlowBetween::teacher(const Frame& from, const Frame& to) const {
+TargetFlow FlowBetween::teacher(const Frame& from, const Frame& to) const {
   if (auto flow = kept(from, to)) return *std::move(flow);
-  return unpacked(packed(estimate_teacher_flow(frames_.rgb_over(from, mid_grey),
-                                               frames_.rgb_over(to, mid_grey))),
+  return unpacked(packed(estimate_target_flow(frames_.rgb_over(from, mid_grey),
+                                              frames_.rgb_over(to, mid_grey))),
                   from.name);
 }
 
 FlowField FlowBetween::vectors(const Frame& from, const Frame& to) const {
   if (auto flow = kept(from, to)) return std::move(flow->flow);
-  TeacherFlow computed{
+  TargetFlow computed{
       estimate_flow(frames_.rgb_over(from, mid_grey), frames_.rgb_over(to, mid_grey)), {}};
   computed.confidence.resize(computed.flow.valid.size());
   return unpacked(packed(computed), from.name).flow;

@@ -40,24 +40,24 @@ class FlowBetween {
   // this.
   FlowBetween(const Scene& scene, FrameStore& frames, const std::string& folder, Notice notice);
 
-  TeacherFlow teacher(const Frame& from, const Frame& to) const;
+  TargetFlow teacher(const Frame& from, const Frame& to) const;
   // The flow without confidence, which takes half the time to compute.
   FlowField vectors(const Frame& from, const Frame& to) const;
 
  private:
-  std::optional<TeacherFlow> kept(const Frame& from, const Frame& to) const;
+  std::optional<TargetFlow> kept(const Frame& from, const Frame& to) const;
 
   FrameStore& frames_;
   std::optional<FlowFolder> folder_;
-  std::map<std::pair<PictureId, PictureId>, std::string> names_;  // of the stored flows
+  std::map<std::pair<ImageId, ImageId>, std::string> names_;  // of the stored flows
 };
 
 // A cache for flows derived from other flows. Reads the flow from the folder if it is there, else
 // makes, rounds and stores it, under the name of the pair's computed flow with suffix _chained.
-using MakeFlow = std::function<TeacherFlow()>;
-using KeepFlow = std::function<TeacherFlow(const FlowPair& pair, const MakeFlow& make)>;
+using MakeFlow = std::function<TargetFlow()>;
+using StoreFlow = std::function<TargetFlow(const FlowPair& pair, const MakeFlow& make)>;
 // `scene` and `frames` must outlive the result; uses folder, budget and notice of `how`.
-KeepFlow kept_flows(const Scene& scene, FrameStore& frames, const FlowEstimation& how);
+StoreFlow stored_flows(const Scene& scene, FrameStore& frames, const FlowEstimation& how);
 
 // DIS flow for every pair with next >= 0 at the resolution of `frames`. Stored under the name of
 // its frame, with suffix _back if it leads back in time and _over_4 if it spans four frames. Error

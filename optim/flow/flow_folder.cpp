@@ -57,12 +57,12 @@ bool FlowFolder::has(const std::string& name, int width, int height) const {
   return holds_packed_flow(file_of(name), width, height);
 }
 
-std::optional<TeacherFlow> FlowFolder::read(const std::string& name, int width, int height) const {
+std::optional<TargetFlow> FlowFolder::read(const std::string& name, int width, int height) const {
   const std::string path = file_of(name);
   std::error_code failed;
   if (!fs::exists(path, failed)) return {};
   try {
-    TeacherFlow teacher = unpacked(read_file(path), path);
+    TargetFlow teacher = unpacked(read_file(path), path);
     if (teacher.flow.width != width || teacher.flow.height != height) return {};
     fs::last_write_time(path, fs::file_time_type::clock::now(), failed);
     return teacher;

@@ -22,7 +22,7 @@ class FlowFolder {
   bool has(const std::string& name, int width, int height) const;
   // Reads a flow and marks it as used now. nullopt if there is none of this size; nullopt and a
   // notice if its file is damaged.
-  std::optional<TeacherFlow> read(const std::string& name, int width, int height) const;
+  std::optional<TargetFlow> read(const std::string& name, int width, int height) const;
   // Stores a packed flow and removes the least recently used flows if it does not fit; does nothing
   // if it is larger than all the room. Error if it cannot be written.
   void keep(const std::string& name, const Bytes& flow);

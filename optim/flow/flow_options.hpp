@@ -66,7 +66,7 @@ struct FlowOptions {
           advanced("share of the steps with flow that compare pictures further apart"),
           between(0, 1));
     field("tracks", self.tracks,
-          "paths of points: a folder with <camera>.npz, or the one file; optim/scene/README.md");
+          "paths of points: a folder with <camera>.npz, or the one file; optim/flow/README.md");
     field("transport", self.transport, "how a pixel moves with a Gaussian");
     field("top_k", self.top_k,
           advanced("Gaussians that count for the flow of a pixel, in depth order; 0: all"),

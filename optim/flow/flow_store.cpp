@@ -44,7 +44,7 @@ std::vector<uint8_t> read_mask(const std::string& path, const FlowField& flow, i
 }
 
 // Resizes a flow to the frame's resolution. Error if its aspect ratio differs from the camera's.
-TeacherFlow fitted(const TeacherFlow& teacher, int width, int height, const std::string& path) {
+TargetFlow fitted(const TargetFlow& teacher, int width, int height, const std::string& path) {
   const double sx = double(width) / teacher.flow.width, sy = double(height) / teacher.flow.height;
   if (!(sx / sy > 0.98 && sx / sy < 1.02))
     throw Error(fmt::format("flow {} is {}x{}, its picture is {}x{}", path, teacher.flow.width,
@@ -80,7 +80,7 @@ FlowField read_any_flow(const std::string& path) {
 struct FlowStore::State {
   std::vector<Loader> loaders;
   FlowStoreOptions options;
-  LruCache<size_t, TeacherFlow> cache;
+  LruCache<size_t, TargetFlow> cache;
 
   std::vector<std::thread> workers;
   std::mutex mutex;
@@ -101,8 +101,8 @@ struct FlowStore::State {
     for (std::thread& worker : workers) worker.join();
   }
 
-  std::shared_ptr<const TeacherFlow> get(size_t pair) {
-    return cache.get(pair, loaders[pair], [](const TeacherFlow& teacher) {
+  std::shared_ptr<const TargetFlow> get(size_t pair) {
+    return cache.get(pair, loaders[pair], [](const TargetFlow& teacher) {
       return teacher.flow.uv.size() * sizeof(float) + 2 * teacher.confidence.size();
     });
   }
@@ -143,7 +143,7 @@ size_t FlowStore::size() const { return state_->loaders.size(); }
 
 bool FlowStore::has(size_t pair) const { return pair < size() && state_->loaders[pair]; }
 
-std::shared_ptr<const TeacherFlow> FlowStore::get(size_t pair) {
+std::shared_ptr<const TargetFlow> FlowStore::get(size_t pair) {
   if (!has(pair)) throw Error(fmt::format("there is no flow for frame pair {}", pair));
   return state_->get(pair);
 }
@@ -161,14 +161,14 @@ void FlowStore::prefetch(const std::vector<size_t>& pairs) {
   state_->changed.notify_all();
 }
 
-size_t FlowStore::worth_prefetching() const { return 2 * state_->options.threads; }
+size_t FlowStore::prefetch_count() const { return 2 * state_->options.threads; }
 
-bool FlowStore::at_hand() const { return state_->options.at_hand; }
+bool FlowStore::is_precomputed() const { return state_->options.is_precomputed; }
 
-TeacherFlow read_true_flow(const Frame& frame, int width, int height) {
+TargetFlow read_true_flow(const Frame& frame, int width, int height) {
   if (frame.flow_path.empty())
     throw Error(fmt::format("frame {} comes without a true flow", frame.name));
-  TeacherFlow teacher{read_flo(frame.flow_path), {}};
+  TargetFlow teacher{read_flo(frame.flow_path), {}};
   teacher.confidence = frame.flow_mask_path.empty()
                            ? where_valid(teacher.flow)
                            : read_mask(frame.flow_mask_path, teacher.flow, 255);
@@ -178,8 +178,8 @@ TeacherFlow read_true_flow(const Frame& frame, int width, int height) {
 FlowStore extended(std::shared_ptr<FlowStore> first, std::vector<FlowStore::Loader> more) {
   FlowStoreOptions options;
   options.cache_bytes = size_t{1} << 28;  // in addition to the cache of `first`
-  options.at_hand = first->at_hand();
-  options.threads = first->worth_prefetching() / 2;
+  options.is_precomputed = first->is_precomputed();
+  options.threads = first->prefetch_count() / 2;
   std::vector<FlowStore::Loader> loaders;
   for (size_t i = 0; i < first->size(); ++i)
     loaders.push_back(first->has(i) ? FlowStore::Loader([=] { return *first->get(i); })
@@ -195,7 +195,7 @@ FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
     const Frame frame = scene.train[size_t(pair.frame)];
     const Camera camera = frames.camera(frame);
     const bool rests = pair.next < 0 || scene.train[size_t(pair.next)].camera == frame.camera;
-    if (frame.flow_path.empty() || leads_back(scene, pair) || !rests)
+    if (frame.flow_path.empty() || is_backward_in_time(scene, pair) || !rests)
       loaders.emplace_back();
     else
       loaders.emplace_back([=] { return read_true_flow(frame, camera.width, camera.height); });
@@ -210,7 +210,7 @@ FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pai
     if (pair.next >= 0) have_next.insert(pair.frame);
   std::vector<FlowStore::Loader> loaders;
   for (const FlowPair& pair : pairs) {
-    if (leads_back(scene, pair) || (pair.next < 0 && have_next.count(pair.frame))) {
+    if (is_backward_in_time(scene, pair) || (pair.next < 0 && have_next.count(pair.frame))) {
       loaders.emplace_back();
       continue;
     }
@@ -230,7 +230,7 @@ FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pai
     const std::string& base = path.compare(0, step.size(), step) == 0 ? step : picture;
     const std::string mask = first_existing("", {base + "_mask.png"});
     loaders.emplace_back([=] {
-      TeacherFlow teacher{read_any_flow(path), {}};
+      TargetFlow teacher{read_any_flow(path), {}};
       teacher.confidence =
           mask.empty() ? where_valid(teacher.flow) : read_mask(mask, teacher.flow, 128);
       return fitted(teacher, camera.width, camera.height, path);

@@ -17,14 +17,14 @@ namespace gflow {
 
 struct FlowStoreOptions {
   size_t cache_bytes = size_t{1} << 30;  // flows kept in memory; least recently used evicted first
-  bool at_hand = true;                   // loading a flow takes no longer than reading a file
+  bool is_precomputed = true;            // loading a flow takes no longer than reading a file
   size_t threads = 1;                    // number of prefetching threads
 };
 
 // Flow i belongs to pair i of the list that the store was made for. Thread-safe.
 class FlowStore {
  public:
-  using Loader = std::function<TeacherFlow()>;
+  using Loader = std::function<TargetFlow()>;
   explicit FlowStore(std::vector<Loader> loaders, const FlowStoreOptions& options = {});
   ~FlowStore();
   FlowStore(FlowStore&&) noexcept;
@@ -34,15 +34,15 @@ class FlowStore {
   // False if the pair has no flow, e.g. an estimate for a pair without a next frame.
   bool has(size_t pair) const;
   // Flow and confidence at the resolution of the frame store. Error if it cannot be read.
-  std::shared_ptr<const TeacherFlow> get(size_t pair);
+  std::shared_ptr<const TargetFlow> get(size_t pair);
 
   // Queues pairs for the background threads, in order; replaces pairs queued before but not
   // started. Failures are reported by get().
   void prefetch(const std::vector<size_t>& pairs);
   // Number of pairs to prefetch at a time to keep all threads busy.
-  size_t worth_prefetching() const;
+  size_t prefetch_count() const;
   // False if flows are computed on request, which makes many flows expensive.
-  bool at_hand() const;
+  bool is_precomputed() const;
 
  private:
   struct State;
@@ -66,6 +66,6 @@ FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pai
 FlowStore extended(std::shared_ptr<FlowStore> first, std::vector<FlowStore::Loader> more);
 
 // True flow of any frame (e.g. a test view) at width x height. Error if it has none.
-TeacherFlow read_true_flow(const Frame& frame, int width, int height);
+TargetFlow read_true_flow(const Frame& frame, int width, int height);
 
 }  // namespace gflow

@@ -71,7 +71,7 @@ bool sample(const FlowField& flow, float x, float y, float result[2]) {
 
 FlowField estimate_flow(const Image& a, const Image& b) {
   check_pair(a, b);
-  give_opencv_one_thread();
+  limit_opencv_to_one_thread();
   cv::Mat uv;
   finest_dis()->calc(grey(a), grey(b), uv);
   FlowField flow = zero_flow(a.width, a.height);
@@ -102,21 +102,21 @@ std::vector<uint8_t> consistency(const FlowField& forward, const FlowField& back
   return confidence;
 }
 
-std::pair<TeacherFlow, TeacherFlow> estimate_teacher_flows(const Image& a, const Image& b) {
-  TeacherFlow there{estimate_flow(a, b), {}}, back{estimate_flow(b, a), {}};
+std::pair<TargetFlow, TargetFlow> estimate_target_flows(const Image& a, const Image& b) {
+  TargetFlow there{estimate_flow(a, b), {}}, back{estimate_flow(b, a), {}};
   there.confidence = consistency(there.flow, back.flow);
   back.confidence = consistency(back.flow, there.flow);
   return {there, back};
 }
 
-TeacherFlow estimate_teacher_flow(const Image& a, const Image& b) {
-  return estimate_teacher_flows(a, b).first;
+TargetFlow estimate_target_flow(const Image& a, const Image& b) {
+  return estimate_target_flows(a, b).first;
 }
 
-TeacherFlow resized(const TeacherFlow& teacher, int width, int height) {
+TargetFlow resized(const TargetFlow& teacher, int width, int height) {
   const FlowField& from = teacher.flow;
   if (from.width == width && from.height == height) return teacher;
-  TeacherFlow result{zero_flow(width, height), {}};
+  TargetFlow result{zero_flow(width, height), {}};
   result.confidence.resize(result.flow.valid.size());
   const float sx = float(width) / float(from.width), sy = float(height) / float(from.height);
   for (int y = 0; y < height; ++y)

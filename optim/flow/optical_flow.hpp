@@ -11,7 +11,7 @@
 namespace gflow {
 
 // A target flow and its confidence.
-struct TeacherFlow {
+struct TargetFlow {
   FlowField flow;
   std::vector<uint8_t> confidence;  // [height, width]; 255: consistent, 0: not or unknown
   float emphasis = 1;               // weight of each pixel in the flow loss
@@ -27,12 +27,12 @@ FlowField estimate_flow(const Image& a, const Image& b);
 std::vector<uint8_t> consistency(const FlowField& forward, const FlowField& backward);
 
 // Flow and confidence for a pair of images, from a to b and from b to a.
-std::pair<TeacherFlow, TeacherFlow> estimate_teacher_flows(const Image& a, const Image& b);
+std::pair<TargetFlow, TargetFlow> estimate_target_flows(const Image& a, const Image& b);
 // Only from a to b.
-TeacherFlow estimate_teacher_flow(const Image& a, const Image& b);
+TargetFlow estimate_target_flow(const Image& a, const Image& b);
 
 // A flow resampled to another size, with scaled vectors. Uses the nearest sample, because averaging
 // across a silhouette gives a motion of no surface.
-TeacherFlow resized(const TeacherFlow& teacher, int width, int height);
+TargetFlow resized(const TargetFlow& teacher, int width, int height);
 
 }  // namespace gflow

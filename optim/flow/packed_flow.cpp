@@ -102,7 +102,7 @@ Bytes deflated(const Bytes& bytes) {
 
 }  // namespace
 
-Bytes packed(const TeacherFlow& teacher) {
+Bytes packed(const TargetFlow& teacher) {
   const FlowField& flow = teacher.flow;
   if (uint32_t(flow.width) > longest_side || uint32_t(flow.height) > longest_side)
     throw Error(fmt::format("a flow of {}x{} cannot be kept, at most {} pixels a side can",
@@ -141,7 +141,7 @@ Bytes packed(const TeacherFlow& teacher) {
   return result;
 }
 
-TeacherFlow unpacked(const Bytes& bytes, const std::string& name) {
+TargetFlow unpacked(const Bytes& bytes, const std::string& name) {
   const auto damaged = [&](const char* what) {
     return Error(fmt::format("{} is damaged: {}", name, what));
   };
@@ -161,7 +161,7 @@ TeacherFlow unpacked(const Bytes& bytes, const std::string& name) {
     throw damaged("it does not expand to a flow of its size");
   if (header.units == 0 || header.units > finest) throw damaged("its unit is none");
   const int width = int(header.width), height = int(header.height);
-  TeacherFlow teacher{zero_flow(width, height), {}};
+  TargetFlow teacher{zero_flow(width, height), {}};
   const Parts parts(teacher.flow.valid.size());
   Bytes expanded(parts.end);
   uLongf length = uLongf(expanded.size());

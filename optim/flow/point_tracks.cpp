@@ -66,9 +66,9 @@ PointTracks read_point_tracks(const std::string& path) {
   return tracks;
 }
 
-TeacherFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, int width, int height,
-                           float sx, float sy) {
-  TeacherFlow teacher{zero_flow(width, height), {}};
+TargetFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, int width, int height,
+                          float sx, float sy) {
+  TargetFlow teacher{zero_flow(width, height), {}};
   const size_t pixels = teacher.flow.valid.size();
   std::fill(teacher.flow.valid.begin(), teacher.flow.valid.end(), uint8_t{0});
   teacher.confidence.resize(pixels);

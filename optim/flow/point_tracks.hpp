@@ -25,8 +25,8 @@ PointTracks read_point_tracks(const std::string& path);
 // Flow of the points visible in both frames, each stored at its pixel (if two share one, the one
 // nearer to the centre); invalid elsewhere. sx, sy: size of a track pixel in flow pixels. Emphasis
 // is pixels / points, at most 16, so that a point counts as the area around it.
-TeacherFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, int width, int height,
-                           float sx = 1, float sy = 1);
+TargetFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, int width, int height,
+                          float sx = 1, float sy = 1);
 
 // Loaders of pairs[first] and later ones, from FOLDER/<camera name>.npz, or from the file `folder`
 // if there is only one camera. No flow for pairs without a next frame. Error if a file is missing,

@@ -60,7 +60,7 @@ class Column {
 // A column of packed words. Error if it is not a 32-bit integer.
 Column packed(const PlyElement& element, const std::string& name, const std::string& path) {
   const Column column(element, name, path);
-  if (!element.words_of_32[size_t(element.property(name))])
+  if (!element.is_32_bit[size_t(element.property(name))])
     refuse_compressed(path,
                       fmt::format("its property '{}' is no uint, whose bits are expected", name));
   return column;

@@ -133,12 +133,12 @@ void write_flo(const std::string& path, const FlowField& flow) {
     write_file_atomically(path, bytes);
 }
 
-FlowPicture color_wheel(const FlowField& flow, float longest) {
+FlowImage color_wheel(const FlowField& flow, float longest) {
   check_sizes(flow, "draw");
   if (!(longest > 0)) longest = longest_valid(flow);
   if (!(longest > 0)) longest = 1;  // nothing moves: all white
   const std::vector<Color> wheel = make_wheel();
-  FlowPicture picture{flow.width, flow.height, std::vector<uint8_t>(3 * flow.valid.size())};
+  FlowImage picture{flow.width, flow.height, std::vector<uint8_t>(3 * flow.valid.size())};
   for (size_t i = 0; i < flow.valid.size(); ++i) {
     if (!flow.valid[i]) continue;
     const Color color = wheel_color(wheel, flow.uv[2 * i] / longest, flow.uv[2 * i + 1] / longest);

@@ -16,7 +16,7 @@ struct FlowField {
 };
 
 // Flow drawn as an RGB image, [height, width, 3].
-struct FlowPicture {
+struct FlowImage {
   int width = 0, height = 0;
   std::vector<uint8_t> rgb;
 };
@@ -34,6 +34,6 @@ void write_flo(const std::string& path, const FlowField& flow);
 // Middlebury colour code: hue is the direction, saturation the length divided by `longest` [px] (<=
 // 0: the longest valid flow). Zero flow is white, invalid pixels are black, flow above `longest` is
 // darkened.
-FlowPicture color_wheel(const FlowField& flow, float longest = 0);
+FlowImage color_wheel(const FlowField& flow, float longest = 0);
 
 }  // namespace gflow

@@ -26,7 +26,7 @@ struct NpyHeader {
   size_t length = 0;  // offset of the first value [bytes]
 };
 
-[[noreturn]] void refuse_array(const std::string& name, const std::string& why) {
+[[noreturn]] void throw_array_error(const std::string& name, const std::string& why) {
   throw Error(fmt::format("cannot read array {}: {}", name, why));
 }
 
@@ -53,7 +53,7 @@ std::vector<size_t> parse_shape(std::string_view text, const std::string& name) 
   std::vector<size_t> shape;
   for (size_t at = text.find_first_of("0123456789"); at < text.size();) {
     const size_t end = std::min(text.find_first_not_of("0123456789", at), text.size());
-    if (end - at > 15) refuse_array(name, fmt::format("its shape ({}) is too large", text));
+    if (end - at > 15) throw_array_error(name, fmt::format("its shape ({}) is too large", text));
     shape.push_back(std::stoull(std::string(text.substr(at, end - at))));
     at = text.find_first_of("0123456789", end);
   }
@@ -62,30 +62,31 @@ std::vector<size_t> parse_shape(std::string_view text, const std::string& name) 
 
 NpyHeader parse_header(const uint8_t* bytes, size_t length, const std::string& name) {
   if (length < 10 || std::memcmp(bytes, magic, 6) != 0)
-    refuse_array(name, "it does not begin like a .npy file");
+    throw_array_error(name, "it does not begin like a .npy file");
   const int version = bytes[6];
   if (version < 1 || version > 3)
-    refuse_array(name, fmt::format("it has format version {}, known are 1 to 3", version));
+    throw_array_error(name, fmt::format("it has format version {}, known are 1 to 3", version));
   const size_t start = version == 1 ? 10 : 12;
-  if (length < start) refuse_array(name, "it is truncated within its header");
+  if (length < start) throw_array_error(name, "it is truncated within its header");
   size_t text_length = bytes[8] | size_t(bytes[9]) << 8;
   if (version > 1) text_length |= size_t(bytes[10]) << 16 | size_t(bytes[11]) << 24;
   constexpr size_t longest_header = 65536;  // NumPy writes a few hundred bytes
-  if (text_length > longest_header) refuse_array(name, "its header is longer than any of an array");
-  if (length - start < text_length) refuse_array(name, "it is truncated within its header");
+  if (text_length > longest_header)
+    throw_array_error(name, "its header is longer than any of an array");
+  if (length - start < text_length) throw_array_error(name, "it is truncated within its header");
   const std::string_view text(reinterpret_cast<const char*>(bytes + start), text_length);
 
-  if (text.find("descr") == text.npos) refuse_array(name, "its header describes no array");
+  if (text.find("descr") == text.npos) throw_array_error(name, "its header describes no array");
   const std::string_view descr = between('\'', value_of(text, "descr"), '\'');
   if (descr.empty() || descr.size() > 20)
-    refuse_array(name, "it holds records or objects, expected is one number type such as f4");
+    throw_array_error(name, "it holds records or objects, expected is one number type such as f4");
   const std::string_view order = value_of(text, "fortran_order"), shape = value_of(text, "shape");
   const std::string_view extents = between('(', shape, ')');
   const bool fortran = order.substr(0, 4) == "True";
   if ((!fortran && order.substr(0, 5) != "False") || shape.substr(0, 1) != "(" ||
       shape.find(')') == shape.npos || extents.size() > 200 ||
       extents.find_first_not_of("0123456789, ") != extents.npos)
-    refuse_array(name, "its header does not give order and shape (whole numbers from 0 on)");
+    throw_array_error(name, "its header does not give order and shape (whole numbers from 0 on)");
   return {std::string(descr), fortran, parse_shape(extents, name), start + text_length};
 }
 
@@ -96,7 +97,7 @@ size_t count(const std::vector<size_t>& shape, const std::string& name) {
   for (size_t extent : shape) {
     empty |= extent == 0;
     if (extent && n > std::numeric_limits<size_t>::max() / 16 / extent)
-      refuse_array(name, fmt::format("its shape ({}) is too large", fmt::join(shape, ", ")));
+      throw_array_error(name, fmt::format("its shape ({}) is too large", fmt::join(shape, ", ")));
     n *= extent ? extent : 1;
   }
   return empty ? 0 : n;
@@ -106,9 +107,9 @@ template <class T>
 Array take(const NpyHeader& header, const uint8_t* bytes, size_t length, const std::string& name) {
   const size_t n = count(header.shape, name);
   if (length - header.length != n * sizeof(T))
-    refuse_array(name, fmt::format("it has {} bytes of values, its shape ({}) of {} needs {}",
-                                   length - header.length, fmt::join(header.shape, ", "),
-                                   header.descr, n * sizeof(T)));
+    throw_array_error(name, fmt::format("it has {} bytes of values, its shape ({}) of {} needs {}",
+                                        length - header.length, fmt::join(header.shape, ", "),
+                                        header.descr, n * sizeof(T)));
   std::vector<T> values(n);
   if (n) std::memcpy(values.data(), bytes + header.length, n * sizeof(T));
   return {header.shape, std::move(values)};
@@ -118,7 +119,7 @@ Array take(const NpyHeader& header, const uint8_t* bytes, size_t length, const s
 template <class Take>
 auto by_type(const NpyHeader& header, const std::string& name, Take&& take) {
   if (header.fortran)
-    refuse_array(name, "it is in Fortran order; save it with numpy.ascontiguousarray");
+    throw_array_error(name, "it is in Fortran order; save it with numpy.ascontiguousarray");
   const std::string& d = header.descr;
   if (d == "<f4") return take(float{});
   if (d == "<f8") return take(double{});
@@ -129,9 +130,10 @@ auto by_type(const NpyHeader& header, const std::string& name, Take&& take) {
   if (d == "<i4") return take(int32_t{});
   if (d == "<u4") return take(uint32_t{});
   if (d == "<i8") return take(int64_t{});
-  refuse_array(name, fmt::format("its elements are {}, known are f4 f8 i1 i2 i4 i8 u1 u2 u4 b1, "
-                                 "little-endian",
-                                 d));
+  throw_array_error(name,
+                    fmt::format("its elements are {}, known are f4 f8 i1 i2 i4 i8 u1 u2 u4 b1, "
+                                "little-endian",
+                                d));
 }
 
 template <class T>

@@ -175,7 +175,7 @@ void write_npz(const std::string& path, const Arrays& arrays, Packing packing) {
       zip_error_t* why = zip_get_error(archive.get());
       const bool of_system = zip_error_system_type(why) == ZIP_ET_SYS;
       if (of_system && zip_error_code_system(why) != 0)
-        refuse_to_write(path, zip_error_code_system(why));
+        throw_write_error(path, zip_error_code_system(why));
       throw Error(fmt::format("cannot write {}: {}", path, zip_strerror(archive.get())));
     }
     archive.release();  // already closed; zip_discard would free it again

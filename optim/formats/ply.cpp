@@ -25,7 +25,7 @@ const PlyElementHeader* vertices_of(const PlyHeader& header) {
 // Skips the elements before "vertex". Error if there is no "vertex".
 const PlyElementHeader& find_vertices(PlyRows& rows, const std::string& path) {
   const PlyElementHeader* vertices = vertices_of(rows.header());
-  if (!vertices) refuse_ply(path, "it has no element 'vertex'");
+  if (!vertices) throw_ply_error(path, "it has no element 'vertex'");
   for (const PlyElementHeader* before = rows.header().elements.data(); before != vertices; ++before)
     rows.skip(*before);
   rows.require_rows(*vertices);
@@ -142,7 +142,7 @@ std::vector<PlyElement> read_ply_elements(const std::string& path) {
     PlyElement element{header.name, names_of(header), {}, {}, header.rows, {}};
     for (const PlyProperty& property : header.properties) {
       element.reals.push_back(is_real(property.type));
-      element.words_of_32.push_back(property.type == PlyType::u32 || property.type == PlyType::i32);
+      element.is_32_bit.push_back(property.type == PlyType::u32 || property.type == PlyType::i32);
     }
     rows.require_rows(header);
     element.words.reserve(header.rows * header.properties.size());
@@ -209,7 +209,7 @@ PointCloud read_point_cloud(const std::string& path) {
   const std::array<int, 3> color = find_each(names, {"red", "green", "blue"});
   const auto is_there = [](int column) { return column >= 0; };
   if (!std::all_of(position.begin(), position.end(), is_there))
-    refuse_ply(path, "its vertices have no x, y and z");
+    throw_ply_error(path, "its vertices have no x, y and z");
   const bool colored = std::all_of(color.begin(), color.end(), is_there);
   const bool exact = are_doubles(vertices, position);
   PointCloud points;
@@ -223,9 +223,10 @@ PointCloud read_point_cloud(const std::string& path) {
     for (size_t i = 0; i < 3; ++i) {
       const double place = values[position[i]];
       if (!(std::fabs(place) <= farthest_point))
-        refuse_ply(path, fmt::format("the position of vertex {} is not finite, or farther off than "
-                                     "{:g}",
-                                     v, farthest_point));
+        throw_ply_error(path,
+                        fmt::format("the position of vertex {} is not finite, or farther off than "
+                                    "{:g}",
+                                    v, farthest_point));
       if (kept) points.xyz.push_back(exact ? place : double(float(place)));
     }
     for (size_t i = 0; i < 3 && colored && kept; ++i)

@@ -57,8 +57,8 @@ void write_ply(const std::string& path, const PlyTable& head, const PlyRow& row)
 struct PlyElement {
   std::string name;
   std::vector<std::string> properties;
-  std::vector<bool> reals;        // [properties]; true: a real type
-  std::vector<bool> words_of_32;  // [properties]; true: a 32-bit integer
+  std::vector<bool> reals;      // [properties]; true: a real type
+  std::vector<bool> is_32_bit;  // [properties]; true: a 32-bit integer
   size_t rows = 0;
   std::vector<uint32_t> words;  // [rows, properties]; float bits, or integers modulo 2^32
 

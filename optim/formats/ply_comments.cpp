@@ -20,7 +20,7 @@ std::optional<std::string> comment_after(const PlyTable& table, const std::strin
   return std::nullopt;
 }
 
-bool says_nothing(const PlyTable& table, const std::string& text) {
+bool is_foreign_comment(const PlyTable& table, const std::string& text) {
   char* end = nullptr;
   std::strtod(text.c_str(), &end);
   return end == text.c_str() && !comment_after(table, model_comment);
@@ -41,7 +41,7 @@ std::optional<std::vector<double>> only_numbers(const std::string& text) {
 std::array<double, 3> origin_of(const PlyTable& table, const std::string& path) {
   std::array<double, 3> origin = table.origin;
   const auto text = comment_after(table, "origin ");
-  if (!text || says_nothing(table, *text)) return origin;
+  if (!text || is_foreign_comment(table, *text)) return origin;
   constexpr double farthest = 1e30;
   const auto said = only_numbers(*text);
   if (!said || said->size() != 3 ||

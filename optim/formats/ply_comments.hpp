@@ -17,7 +17,7 @@ std::optional<std::string> comment_after(const PlyTable& table, const std::strin
 
 // Whether `text`, found after one of our keywords, belongs to another program: it does not begin
 // with a number and gflow did not write the file. In a file of gflow the same text means damage.
-bool says_nothing(const PlyTable& table, const std::string& text);
+bool is_foreign_comment(const PlyTable& table, const std::string& text);
 
 // The numbers in `text`; nullopt if there are none or anything else.
 std::optional<std::vector<double>> only_numbers(const std::string& text);

@@ -16,7 +16,7 @@
 
 namespace gflow {
 
-void refuse_ply(const std::string& path, const std::string& why) {
+void throw_ply_error(const std::string& path, const std::string& why) {
   throw Error(fmt::format("cannot read PLY {}: {}", path, why));
 }
 
@@ -50,7 +50,7 @@ PlyType parse_type(const std::string& word, const std::string& path) {
       {"float64", PlyType::f64}};
   const auto found = types.find(word);
   if (found == types.end())
-    refuse_ply(path, fmt::format("'{}' is no property type", excerpt(word)));
+    throw_ply_error(path, fmt::format("'{}' is no property type", excerpt(word)));
   return found->second;
 }
 
@@ -65,7 +65,7 @@ PlyProperty parse_property(std::istringstream& words, const std::string& path) {
     words >> type;
   }
   property.type = parse_type(type, path);
-  if (!(words >> property.name)) refuse_ply(path, "a property in its header has no name");
+  if (!(words >> property.name)) throw_ply_error(path, "a property in its header has no name");
   return property;
 }
 
@@ -78,12 +78,14 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
   if (keyword == "format") {
     words >> word;
     if (word != "ascii" && word != "binary_little_endian")
-      refuse_ply(path, fmt::format("its format is '{}', known are ascii and binary_little_endian",
-                                   excerpt(word)));
+      throw_ply_error(path,
+                      fmt::format("its format is '{}', known are ascii and binary_little_endian",
+                                  excerpt(word)));
     std::string version;
     if (!(words >> version) || version != "1.0" || !(words >> std::ws).eof())
-      refuse_ply(path, fmt::format("its '{}' should end with its version, 1.0", excerpt(line)));
-    if (has_format) refuse_ply(path, "its header has two lines 'format'");
+      throw_ply_error(path,
+                      fmt::format("its '{}' should end with its version, 1.0", excerpt(line)));
+    if (has_format) throw_ply_error(path, "its header has two lines 'format'");
     header.ascii = word == "ascii";
     has_format = true;
   } else if (keyword == "element") {
@@ -91,18 +93,18 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
     long long rows = -1;
     words >> element.name >> rows;
     if (!words || rows < 0 || !(words >> std::ws).eof())
-      refuse_ply(path, fmt::format("'{}' has no number of rows", excerpt(line)));
+      throw_ply_error(path, fmt::format("'{}' has no number of rows", excerpt(line)));
     element.rows = size_t(rows);
     header.elements.push_back(element);
   } else if (keyword == "property") {
-    if (header.elements.empty()) refuse_ply(path, "a property comes before any element");
+    if (header.elements.empty()) throw_ply_error(path, "a property comes before any element");
     header.elements.back().properties.push_back(parse_property(words, path));
   } else if (keyword == "comment") {
     header.comments.push_back(line.size() > 8 ? line.substr(8) : "");
   } else if (keyword == "end_header") {
     return true;
   } else if (!keyword.empty() && keyword != "obj_info") {
-    refuse_ply(path, fmt::format("its header line '{}' is unknown", excerpt(line)));
+    throw_ply_error(path, fmt::format("its header line '{}' is unknown", excerpt(line)));
   }
   return false;
 }
@@ -114,31 +116,32 @@ PlyHeader parse_header(FilePieces& file) {
   const size_t word = std::min(text.find_first_of(" \t"), first);
   if (text.substr(0, word) != "ply" ||
       text.substr(word, first - word).find_first_not_of(" \t") != text.npos)
-    refuse_ply(path, "it does not begin with a line 'ply'");
+    throw_ply_error(path, "it does not begin with a line 'ply'");
   PlyHeader header;
   bool has_format = false, ended = false;
   size_t at = text.find('\n');
   while (!ended) {
     const size_t end = at == text.npos ? at : text.find('\n', at + 1);
     if (end == text.npos)
-      refuse_ply(path, file.left() < longest_header
-                           ? "it has no line 'end_header'"
-                           : "it has no line 'end_header' within its first MB");
+      throw_ply_error(path, file.left() < longest_header
+                                ? "it has no line 'end_header'"
+                                : "it has no line 'end_header' within its first MB");
     std::string line(text.substr(at + 1, end - at - 1));
     if (!line.empty() && line.back() == '\r') line.pop_back();
     ended = parse_line(line, header, has_format, path);
     at = end;
   }
-  if (!has_format) refuse_ply(path, "its header has no line 'format'");
+  if (!has_format) throw_ply_error(path, "its header has no line 'format'");
   std::set<std::string> elements;
   for (const PlyElementHeader& element : header.elements) {
     if (!elements.insert(element.name).second)
-      refuse_ply(path, fmt::format("its header has the element '{}' twice", excerpt(element.name)));
+      throw_ply_error(path,
+                      fmt::format("its header has the element '{}' twice", excerpt(element.name)));
     std::set<std::string> names;
     for (const PlyProperty& property : element.properties)
       if (!names.insert(property.name).second)
-        refuse_ply(path, fmt::format("its element '{}' has the property '{}' twice",
-                                     excerpt(element.name), excerpt(property.name)));
+        throw_ply_error(path, fmt::format("its element '{}' has the property '{}' twice",
+                                          excerpt(element.name), excerpt(property.name)));
   }
   file.step(at + 1);
   return header;
@@ -156,20 +159,21 @@ void PlyRows::require_rows(const PlyElementHeader& element) const {
   size_t stride = 0;
   for (const PlyProperty& property : element.properties) {
     if (property.is_list)
-      refuse_ply(file_.path(), fmt::format("property '{}' of {} is a list, expected are numbers",
-                                           excerpt(property.name), excerpt(element.name)));
+      throw_ply_error(file_.path(),
+                      fmt::format("property '{}' of {} is a list, expected are numbers",
+                                  excerpt(property.name), excerpt(element.name)));
     stride += header_.ascii ? 2 : size_of(property.type);
   }
   if (!stride)
-    refuse_ply(file_.path(),
-               fmt::format("its element '{}' has no properties", excerpt(element.name)));
+    throw_ply_error(file_.path(),
+                    fmt::format("its element '{}' has no properties", excerpt(element.name)));
   const bool vertices = element.name == "vertex";
   if (element.rows > (file_.left() + 1) / stride)
-    refuse_ply(file_.path(),
-               fmt::format("it is truncated: {} {} need {}{} bytes, {} are left", element.rows,
-                           vertices ? "vertices" : "rows of " + excerpt(element.name),
-                           header_.ascii ? "at least " : "", double(element.rows) * double(stride),
-                           file_.left()));
+    throw_ply_error(file_.path(),
+                    fmt::format("it is truncated: {} {} need {}{} bytes, {} are left", element.rows,
+                                vertices ? "vertices" : "rows of " + excerpt(element.name),
+                                header_.ascii ? "at least " : "",
+                                double(element.rows) * double(stride), file_.left()));
 }
 
 void PlyRows::skip(const PlyElementHeader& element) {
@@ -181,7 +185,7 @@ void PlyRows::skip(const PlyElementHeader& element) {
     for (const PlyProperty& property : element.properties) {
       const double n = property.is_list ? next(property.length_type) : 1;
       if (!(n >= 0))
-        refuse_ply(file_.path(), fmt::format("a list of {} is {} long", element.name, n));
+        throw_ply_error(file_.path(), fmt::format("a list of {} is {} long", element.name, n));
       for (double i = 0; i < n; ++i) next(property.type);
     }
     end_row();
@@ -195,7 +199,9 @@ void PlyRows::skip_fixed(const PlyElementHeader& element) {
   file_.step(element.rows * stride);
 }
 
-void PlyRows::truncated() const { refuse_ply(file_.path(), "it is truncated: rows are missing"); }
+void PlyRows::truncated() const {
+  throw_ply_error(file_.path(), "it is truncated: rows are missing");
+}
 
 // `text` begins at the bad word and may go on beyond it.
 void PlyRows::refuse_word(std::string_view text, const char* what) const {
@@ -204,8 +210,8 @@ void PlyRows::refuse_word(std::string_view text, const char* what) const {
     if (is_blank(c)) break;
     shown += c;
   }
-  refuse_ply(file_.path(),
-             fmt::format("'{}' in line {} {}", shown, line_of(file_.path(), file_.place()), what));
+  throw_ply_error(file_.path(), fmt::format("'{}' in line {} {}", shown,
+                                            line_of(file_.path(), file_.place()), what));
 }
 
 // Advances to the next word; within a row it must be on the same line.
@@ -216,9 +222,9 @@ void PlyRows::step_over_blanks() {
                                    [&](char c) { return !is_blank(c) || (c == '\n' && in_row_); });
     file_.step(size_t(word - text.begin()));
     if (word != text.end() && *word == '\n')
-      refuse_ply(file_.path(),
-                 fmt::format("line {} has fewer values than its element has properties",
-                             line_of(file_.path(), file_.place())));
+      throw_ply_error(file_.path(),
+                      fmt::format("line {} has fewer values than its element has properties",
+                                  line_of(file_.path(), file_.place())));
     if (word != text.end() || text.empty()) return;
   }
 }
@@ -234,7 +240,7 @@ double PlyRows::next_word() {
   const auto result = std::from_chars(text.data() + plus, end, value);
   const bool whole = result.ptr == end ? text.size() == file_.left() : is_blank(*result.ptr);
   if (result.ec == std::errc::invalid_argument || !whole)  // "0-1" is not two numbers
-    refuse_word(text, "is no number");
+    refuse_word(text, "is not a number");
   if (result.ec != std::errc())
     refuse_word(text, "is nearer to 0 or farther from it than a number can be");
   file_.step(size_t(result.ptr - text.data()));
@@ -284,9 +290,9 @@ void PlyRows::end_row() {
     file_.step(size_t(stop - text.begin()));
     if (text.empty() || (stop != text.end() && *stop == '\n')) return;
     if (stop != text.end())
-      refuse_ply(file_.path(),
-                 fmt::format("line {} has more values than its element has properties",
-                             line_of(file_.path(), file_.place())));
+      throw_ply_error(file_.path(),
+                      fmt::format("line {} has more values than its element has properties",
+                                  line_of(file_.path(), file_.place())));
   }
 }
 
@@ -298,10 +304,10 @@ void PlyRows::require_end() {
     const auto more = std::find_if_not(text.begin(), text.end(), is_blank);
     file_.step(size_t(more - text.begin()));
     if (more != text.end())
-      refuse_ply(file_.path(),
-                 fmt::format("it goes on for {} bytes behind its last row: its header "
-                             "has too few rows or properties",
-                             file_.left()));
+      throw_ply_error(file_.path(),
+                      fmt::format("it goes on for {} bytes behind its last row: its header "
+                                  "has too few rows or properties",
+                                  file_.left()));
     if (text.empty()) return;
   }
 }

@@ -32,7 +32,7 @@ struct PlyHeader {
 };
 
 // Throws "cannot read PLY PATH: why".
-[[noreturn]] void refuse_ply(const std::string& path, const std::string& why);
+[[noreturn]] void throw_ply_error(const std::string& path, const std::string& why);
 
 // Reads a PLY piece by piece. Elements must be read or skipped in the file's order. Errors name the
 // place in the file.

@@ -32,7 +32,7 @@ struct SpzHeader {
 };
 static_assert(sizeof(SpzHeader) == 16);
 
-[[noreturn]] void refuse_spz(const std::string& path, const std::string& why) {
+[[noreturn]] void throw_spz_error(const std::string& path, const std::string& why) {
   throw Error(fmt::format("cannot read {}: {}", path, why));
 }
 
@@ -73,18 +73,21 @@ constexpr std::array<float, 15> kTurned{-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -
 
 SpzHeader read_header(const Bytes& bytes, const std::string& path) {
   SpzHeader header{};
-  if (bytes.size() < sizeof header) refuse_spz(path, "it is truncated: it has no header");
+  if (bytes.size() < sizeof header) throw_spz_error(path, "it is truncated: it has no header");
   std::memcpy(&header, bytes.data(), sizeof header);
-  if (header.magic != kMagic) refuse_spz(path, "it does not begin with 'NGSP', as .spz files do");
+  if (header.magic != kMagic)
+    throw_spz_error(path, "it does not begin with 'NGSP', as .spz files do");
   if (header.version != 2 && header.version != 3)
-    refuse_spz(path, fmt::format("it is .spz version {}, gflow reads 2 and 3", header.version));
+    throw_spz_error(path,
+                    fmt::format("it is .spz version {}, gflow reads 2 and 3", header.version));
   if (header.sh_degree > 3)
-    refuse_spz(path, fmt::format("its spherical harmonics have degree {}, gflow reads 0 to 3",
-                                 header.sh_degree));
+    throw_spz_error(path, fmt::format("its spherical harmonics have degree {}, gflow reads 0 to 3",
+                                      header.sh_degree));
   constexpr int most_bits = 24;  // of a position in all
   if (header.fraction_bits > most_bits)
-    refuse_spz(path, fmt::format("its positions have {} bits behind the point, they have {} in all",
-                                 header.fraction_bits, most_bits));
+    throw_spz_error(path,
+                    fmt::format("its positions have {} bits behind the point, they have {} in all",
+                                header.fraction_bits, most_bits));
   return header;
 }
 
@@ -113,9 +116,9 @@ PlyTable read_spz(const std::string& path) {
   const size_t n = header.count, coefficients = coefficients_of(header);
   const size_t quat_bytes = quat_bytes_of(header), each = bytes_each(header);
   if ((bytes.size() - sizeof header) / each < n)
-    refuse_spz(path,
-               fmt::format("it is truncated: {} Gaussians need {} bytes, {} follow the header", n,
-                           n * each, bytes.size() - sizeof header));
+    throw_spz_error(
+        path, fmt::format("it is truncated: {} Gaussians need {} bytes, {} follow the header", n,
+                          n * each, bytes.size() - sizeof header));
   const uint8_t* positions = bytes.data() + sizeof header;
   const uint8_t* opacities = positions + 9 * n;
   const uint8_t* colors = opacities + n;

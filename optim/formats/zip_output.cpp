@@ -13,7 +13,7 @@ namespace gflow {
 ZipOutput::ZipOutput(const std::string& path)
     : file_(::open(path.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC)) {
   zip_error_init(&error_);
-  if (file_.get() < 0) refuse_to_write(path, errno);
+  if (file_.get() < 0) throw_write_error(path, errno);
 }
 
 zip_t* ZipOutput::open() {

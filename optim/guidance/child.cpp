@@ -127,7 +127,7 @@ bool Child::ended_within(Milliseconds time) {
   return ended_;
 }
 
-void Child::fail_as_ended() {
+void Child::throw_process_ended() {
   const bool known = ended_within(Milliseconds(1000));
   throw GuidanceFailed(fmt::format("the guidance program `{}` {}", command_,
                                    known ? ending(status_) : "closed its output"));
@@ -177,7 +177,7 @@ std::string Child::receive(Milliseconds time_out) {
     if (n < 0 && errno == EINTR) continue;
     if (n == 0 && ended_within(Milliseconds(0))) {  // a descendant may still hold the pipe open
       n = poll(&ready, 1, 0);                       // output from before it ended
-      if (n == 0) fail_as_ended();
+      if (n == 0) throw_process_ended();
     }
     if (n == 0 && Clock::now() < end) continue;
     if (n == 0)
@@ -187,7 +187,7 @@ std::string Child::receive(Milliseconds time_out) {
     char bytes[4096];
     const ssize_t count = read(out_, bytes, sizeof bytes);
     if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) fail_as_ended();
+    if (count <= 0) throw_process_ended();
     received_.append(bytes, size_t(count));
   }
 }

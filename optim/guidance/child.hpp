@@ -29,7 +29,7 @@ class Child {
   std::string receive(std::chrono::milliseconds time_out);
 
  private:
-  [[noreturn]] void fail_as_ended();
+  [[noreturn]] void throw_process_ended();
   bool ended_within(std::chrono::milliseconds time);
 
   std::string command_;

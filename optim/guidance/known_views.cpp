@@ -27,7 +27,7 @@ KnownViews::KnownViews(const std::string& folder)
         folder));
   const auto pictures_in = [](const fs::path& place) {
     std::vector<std::string> paths;
-    for (const std::string& name : list_pictures(place.string()))
+    for (const std::string& name : list_images(place.string()))
       paths.push_back((place / name).string());
     return paths;
   };
@@ -88,8 +88,8 @@ std::vector<std::vector<float>> KnownViews::pictures(const GuidanceRequest& requ
   return pictures;
 }
 
-std::shared_ptr<const TeacherFlow> KnownViews::flow(const GuidanceRequest& request,
-                                                    const GuidanceView& view) const {
+std::shared_ptr<const TargetFlow> KnownViews::flow(const GuidanceRequest& request,
+                                                   const GuidanceView& view) const {
   const Camera& camera = view.camera;
   if (request.next_frame != request.frame + 1)
     return nullptr;  // the flow of the files leads to the next step
@@ -101,7 +101,7 @@ std::shared_ptr<const TeacherFlow> KnownViews::flow(const GuidanceRequest& reque
   return flows_.get(
       fmt::format("{} {}x{}", frame.flow_path, camera.width, camera.height),
       [&] { return read_true_flow(frame, camera.width, camera.height); },
-      [](const TeacherFlow& flow) { return 10 * flow.confidence.size(); });
+      [](const TargetFlow& flow) { return 10 * flow.confidence.size(); });
 }
 
 }  // namespace gflow

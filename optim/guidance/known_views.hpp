@@ -31,8 +31,8 @@ class KnownViews {
                                            bool of_camera) const;
   // Flow of the view's camera from the request's time step, in the size of the view; nullptr if
   // there is none.
-  std::shared_ptr<const TeacherFlow> flow(const GuidanceRequest& request,
-                                          const GuidanceView& view) const;
+  std::shared_ptr<const TargetFlow> flow(const GuidanceRequest& request,
+                                         const GuidanceView& view) const;
 
  private:
   std::vector<float> planes(const std::string& path, const GuidanceRequest& request,
@@ -42,7 +42,7 @@ class KnownViews {
   std::map<std::string, std::vector<std::string>> of_cameras_;  // paths, one per time step
   std::vector<std::string> of_any_;
   mutable LruCache<std::string, Image> images_;  // decoded
-  mutable LruCache<std::string, TeacherFlow> flows_;
+  mutable LruCache<std::string, TargetFlow> flows_;
 };
 
 }  // namespace gflow

@@ -19,10 +19,10 @@ std::pair<Eigen::Vector3d, Eigen::Vector3d> across(const Eigen::Vector3d& up) {
 
 }  // namespace
 
-OrbitPlace place_of(const Orbit& orbit, const Camera& camera) {
+OrbitPosition place_of(const Orbit& orbit, const Camera& camera) {
   const Eigen::Vector3d away = camera.position() - orbit.focus;
   const auto [first, second] = across(orbit.up);
-  OrbitPlace place;
+  OrbitPosition place;
   place.distance = away.norm();
   place.azimuth = std::atan2(away.dot(second), away.dot(first)) / degree;
   const double height = place.distance > 0 ? away.dot(orbit.up) / place.distance : 0;
@@ -31,7 +31,7 @@ OrbitPlace place_of(const Orbit& orbit, const Camera& camera) {
 }
 
 Camera moved(const Orbit& orbit, Camera camera, double azimuth, double elevation) {
-  const OrbitPlace from = place_of(orbit, camera);
+  const OrbitPosition from = place_of(orbit, camera);
   constexpr double steepest = 89;
   // A camera that is already higher is limited to its own elevation.
   const double most = std::max(steepest, std::fabs(from.elevation));
@@ -49,7 +49,7 @@ Camera moved(const Orbit& orbit, Camera camera, double azimuth, double elevation
   return camera;
 }
 
-OrbitPlace difference(const OrbitPlace& a, const OrbitPlace& b) {
+OrbitPosition difference(const OrbitPosition& a, const OrbitPosition& b) {
   return {std::remainder(b.azimuth - a.azimuth, 360.0), b.elevation - a.elevation,
           b.distance - a.distance};
 }

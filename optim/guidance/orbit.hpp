@@ -15,10 +15,10 @@ struct Orbit {
 
 // Position of a camera on the orbit: azimuth counter-clockwise from above, relative to an arbitrary
 // direction; elevation above the horizon [degrees]; distance from the focus.
-struct OrbitPlace {
+struct OrbitPosition {
   double azimuth = 0, elevation = 0, distance = 0;
 };
-OrbitPlace place_of(const Orbit& orbit, const Camera& camera);
+OrbitPosition place_of(const Orbit& orbit, const Camera& camera);
 
 // Moves a camera around the focus and rotates it along, so that its view of the focus stays centred
 // as before. The resulting elevation is clamped to 89 degrees (or the camera's own if that is
@@ -26,7 +26,7 @@ OrbitPlace place_of(const Orbit& orbit, const Camera& camera);
 Camera moved(const Orbit& orbit, Camera camera, double azimuth, double elevation);
 
 // b relative to a; azimuth in [-180, 180].
-OrbitPlace difference(const OrbitPlace& a, const OrbitPlace& b);
+OrbitPosition difference(const OrbitPosition& a, const OrbitPosition& b);
 
 // The same view as a square image: the longer side becomes `size`, and the shorter side is extended
 // beyond the original view. size 0: unchanged.

@@ -74,7 +74,7 @@ std::vector<T> taken(const SharedMemory& memory, const Place& place) {
 
 // Parses a line of the program. GuidanceFailed if it is not a JSON object or contains an error.
 Json parsed(const std::string& line, const std::string& provider) {
-  const Json answer = parsed_if_modest(line);
+  const Json answer = parse_json_within_limits(line);
   if (!answer.is_object()) {
     constexpr size_t shown = 60;
     const std::string start = line.size() > shown ? line.substr(0, shown) + "..." : line;

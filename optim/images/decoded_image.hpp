@@ -11,7 +11,7 @@
 
 namespace gflow {
 
-struct DecodedPicture {
+struct DecodedImage {
   int width = 0, height = 0;    // [px]
   int channels = 0, bits = 0;   // 1, 3 or 4 channels; 8 or 16 bits, 16 in host byte order
   std::vector<uint8_t> pixels;  // [height, width, channels], RGB order; empty: damaged
@@ -21,7 +21,7 @@ struct DecodedPicture {
 };
 
 // Decodes bytes that passed check_image_bytes. Grey with alpha becomes 4 channels, CMYK becomes 3.
-DecodedPicture decode_png(const Bytes& bytes);
-DecodedPicture decode_jpeg(const Bytes& bytes);
+DecodedImage decode_png(const Bytes& bytes);
+DecodedImage decode_jpeg(const Bytes& bytes);
 
 }  // namespace gflow

@@ -27,7 +27,7 @@ void keep_errors(void*, int level, const char* format, va_list arguments) {
 
 }  // namespace
 
-void listen_to_decoders() {
+void capture_decoder_errors() {
   // FFmpeg is not linked directly, only through OpenCV if that was built with it. If
   // OPENCV_FFMPEG_LOGLEVEL is set, OpenCV installs a callback of its own.
   using Callback = void (*)(void*, int, const char*, va_list);
@@ -38,7 +38,7 @@ void listen_to_decoders() {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
 }
 
-std::string take_decoder_complaint() {
+std::string take_decoder_error() {
   const std::lock_guard<std::mutex> lock(complaint_mutex);
   std::string taken;
   taken.swap(complaint);

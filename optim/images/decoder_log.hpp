@@ -6,13 +6,13 @@
 namespace gflow {
 
 // Silences both on stderr. A file they cannot read raises an Error of gflow, and FFmpeg's own
-// errors are kept for take_decoder_complaint(). The environment variables OPENCV_LOG_LEVEL and
+// errors are kept for take_decoder_error(). The environment variables OPENCV_LOG_LEVEL and
 // OPENCV_FFMPEG_LOGLEVEL take precedence. Call before the first video is opened and before other
 // threads start.
-void listen_to_decoders();
+void capture_decoder_errors();
 
 // The first FFmpeg error in this process since the last call, verbatim; empty if there was none or
-// listen_to_decoders was not called.
-std::string take_decoder_complaint();
+// capture_decoder_errors was not called.
+std::string take_decoder_error();
 
 }  // namespace gflow

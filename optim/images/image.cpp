@@ -51,8 +51,8 @@ void check_pixels(const Image& image, const std::string& doing) {
 }
 
 // `bytes` must have passed check_image_bytes.
-DecodedPicture decode(const Bytes& bytes, const std::string& path) {
-  DecodedPicture picture = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
+DecodedImage decode(const Bytes& bytes, const std::string& path) {
+  DecodedImage picture = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
   const std::string& why = picture.complaint;
   if (picture.pixels.empty())
     throw Error(fmt::format("cannot read picture {}: it is damaged ({})", path, why));
@@ -64,20 +64,20 @@ DecodedPicture decode(const Bytes& bytes, const std::string& path) {
   return picture;
 }
 
-DecodedPicture read_picture(const std::string& path) {
+DecodedImage read_picture(const std::string& path) {
   const Bytes bytes = read_file(path);
   check_image_bytes(bytes, path);
   return decode(bytes, path);
 }
 
 // A cv::Mat over the image's memory.
-cv::Mat as_mat(DecodedPicture& picture) {
+cv::Mat as_mat(DecodedImage& picture) {
   const int depth = picture.bits == 16 ? CV_16U : CV_8U;
   return cv::Mat(picture.height, picture.width, CV_MAKETYPE(depth, picture.channels),
                  picture.pixels.data());
 }
 
-cv::Mat as_8_bits(DecodedPicture& picture) {
+cv::Mat as_8_bits(DecodedImage& picture) {
   const cv::Mat mat = as_mat(picture);
   if (picture.bits == 8) return mat;
   cv::Mat result;
@@ -122,7 +122,7 @@ Image resampled(const Image& image, Sample sample) {
 }  // namespace
 
 Image read_image(const std::string& path) {
-  DecodedPicture picture = read_picture(path);
+  DecodedImage picture = read_picture(path);
   if (picture.bits == 8 && picture.channels > 1)
     return {picture.width, picture.height, picture.channels, std::move(picture.pixels)};
   const cv::Mat mat = as_8_bits(picture);
@@ -130,7 +130,7 @@ Image read_image(const std::string& path) {
 }
 
 Image read_grey(const std::string& path) {
-  DecodedPicture picture = read_picture(path);
+  DecodedImage picture = read_picture(path);
   const cv::Mat mat = as_8_bits(picture);
   if (mat.channels() == 1) return from_mat(mat);
   return converted(mat, 1, mat.channels() == 4 ? cv::COLOR_RGBA2GRAY : cv::COLOR_RGB2GRAY);
@@ -193,7 +193,7 @@ FlowField read_kitti_flow(const std::string& path) {
   // Three channels of 16 bits. The default plausibility bound applies: flow is less compressible
   // than images of one colour.
   require_plausible_size(6 * size_t(header.width) * size_t(header.height), bytes.size(), path);
-  DecodedPicture picture = decode(bytes, path);
+  DecodedImage picture = decode(bytes, path);
   const cv::Mat mat = as_mat(picture);
   if (mat.type() != CV_16UC3)
     throw Error(fmt::format("cannot read flow {}: KITTI flow is a 16-bit RGB PNG", path));

@@ -47,7 +47,7 @@ void mix(const JSAMPLE* inks, uint8_t* rgb, int width) {
 
 // No local object may need a destructor: errors leave this function by longjmp.
 void decode(jpeg_decompress_struct& decoder, JpegReport& report, const Bytes& bytes,
-            DecodedPicture& to) {
+            DecodedImage& to) {
   if (setjmp(report.stop)) return;
   jpeg_create_decompress(&decoder);
   jpeg_mem_src(&decoder, bytes.data(), static_cast<unsigned long>(bytes.size()));
@@ -71,10 +71,10 @@ void decode(jpeg_decompress_struct& decoder, JpegReport& report, const Bytes& by
 
 }  // namespace
 
-DecodedPicture decode_jpeg(const Bytes& bytes) {
+DecodedImage decode_jpeg(const Bytes& bytes) {
   jpeg_decompress_struct decoder{};
   JpegReport report;
-  DecodedPicture result;
+  DecodedImage result;
   decoder.err = jpeg_std_error(&report.manager);
   report.manager.error_exit = on_error;
   report.manager.emit_message = on_message;

@@ -53,7 +53,7 @@ void ask_for_channels(png_structp png, png_infop info) {
 }
 
 // No local object may need a destructor: errors leave this function by longjmp.
-bool decode(png_structp png, png_infop info, PngReport& report, DecodedPicture& to) {
+bool decode(png_structp png, png_infop info, PngReport& report, DecodedImage& to) {
   if (setjmp(report.stop)) return false;
   // Of the ancillary chunks only tRNS is used. Checksums were verified by check_image_bytes.
   png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
@@ -75,10 +75,10 @@ bool decode(png_structp png, png_infop info, PngReport& report, DecodedPicture& 
 
 }  // namespace
 
-DecodedPicture decode_png(const Bytes& bytes) {
+DecodedImage decode_png(const Bytes& bytes) {
   PngReport report;
   PngSource source{bytes, 0};
-  DecodedPicture result;
+  DecodedImage result;
   png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &report, on_error, keep_words);
   png_infop info = png ? png_create_info_struct(png) : nullptr;
   if (info) {

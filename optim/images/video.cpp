@@ -62,7 +62,7 @@ class Turn {
   ~Turn() { report(); }
   // Drops messages about a file that could not be opened: the caller throws an Error.
   void refused() {
-    take_decoder_complaint();
+    take_decoder_error();
     last().clear();
   }
 
@@ -77,7 +77,7 @@ class Turn {
   }
   static void report() {
     static std::set<std::string> reported;
-    const std::string complaint = take_decoder_complaint();
+    const std::string complaint = take_decoder_error();
     if (complaint.empty() || last().empty() || !reported.insert(last()).second) return;
     warn(
         fmt::format("video {} is damaged: its decoder says '{}'; what its frames show may be wrong",

@@ -30,7 +30,7 @@ std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<double>& xy
 }
 
 // The frame of a watcher at a step, or -1.
-int frame_at(const Watcher& watcher, int step) {
+int frame_at(const StaticCamera& watcher, int step) {
   for (size_t i = 0; i < watcher.frames.size(); ++i)
     if (watcher.frames[i]->step == step) return int(i);
   return -1;
@@ -49,9 +49,9 @@ struct StepViews {
   std::vector<const Camera*> cameras;
   std::vector<std::shared_ptr<const Image>> pictures;
   std::vector<std::vector<uint8_t>> changed;
-  std::vector<std::shared_ptr<const TeacherFlow>> flows;  // null where there is none
-  double time = 0;                                        // of the step, in [0, 1]
-  double flow_time = 0;                                   // length of the flow's step, in videos
+  std::vector<std::shared_ptr<const TargetFlow>> flows;  // null where there is none
+  double time = 0;                                       // of the step, in [0, 1]
+  double flow_time = 0;                                  // length of the flow's step, in videos
 };
 
 // Whether every camera that has the point in view sees change there, and enough have it in view;
@@ -101,25 +101,25 @@ Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point
 std::map<const Frame*, size_t> flow_index(const Scene& scene, const std::vector<FlowPair>& pairs,
                                           const FlowStore& flows) {
   std::map<const Frame*, size_t> index;
-  if (!flows.at_hand()) return index;
+  if (!flows.is_precomputed()) return index;
   for (size_t i = 0; i < pairs.size(); ++i)
-    if (flows.has(i) && pairs[i].next >= 0 && !leads_back(scene, pairs[i]) &&
+    if (flows.has(i) && pairs[i].next >= 0 && !is_backward_in_time(scene, pairs[i]) &&
         scene.train[size_t(pairs[i].frame)].camera == scene.train[size_t(pairs[i].next)].camera)
       index[&scene.train[size_t(pairs[i].frame)]] = i;
   return index;
 }
 
-StepViews views_at(const std::vector<Watcher>& watchers, int step, const Scene& scene,
+StepViews views_at(const std::vector<StaticCamera>& static_cameras, int step, const Scene& scene,
                    FrameStore& frames, const std::vector<FlowPair>& pairs, FlowStore& flows,
                    const std::map<const Frame*, size_t>& flow_of) {
   StepViews views;
-  for (const Watcher& watcher : watchers) {
+  for (const StaticCamera& watcher : static_cameras) {
     const int k = frame_at(watcher, step);
     if (k < 0) continue;
     const Frame* frame = watcher.frames[size_t(k)];
     views.cameras.push_back(&watcher.camera);
     views.pictures.push_back(frames.rgb(*frame));
-    views.changed.push_back(change_mask(*views.pictures.back(), watcher.usual));
+    views.changed.push_back(changed_pixels(*views.pictures.back(), watcher.usual));
     views.time = frame->time;
     const auto found = flow_of.find(frame);
     views.flows.push_back(found == flow_of.end() ? nullptr : flows.get(found->second));
@@ -131,18 +131,19 @@ StepViews views_at(const std::vector<Watcher>& watchers, int step, const Scene& 
 
 }  // namespace
 
-Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<Watcher>& watchers,
+Seeds dynamic_seeds(const Scene& scene, FrameStore& frames,
+                    const std::vector<StaticCamera>& static_cameras,
                     const std::vector<FlowPair>& pairs, FlowStore& flows,
                     const TrainOptions& config) {
   Seeds seeds;
   if (config.init.dynamic == 0 || scene.points.size() < 50 || scene.steps < 4) return seeds;
-  if (watchers.size() < kLeastCameras) return seeds;
+  if (static_cameras.size() < kLeastCameras) return seeds;
   const auto [low, high] = box_of(scene.points.xyz);
   const auto flow_of = flow_index(scene, pairs, flows);
   const size_t wanted = std::max<size_t>(1, size_t(config.init.dynamic) / size_t(scene.steps));
   const uint seed = uint(config.train.seed);
   for (int step = 0; step < scene.steps; ++step) {
-    const StepViews views = views_at(watchers, step, scene, frames, pairs, flows, flow_of);
+    const StepViews views = views_at(static_cameras, step, scene, frames, pairs, flows, flow_of);
     if (views.cameras.size() < kLeastCameras) continue;
     std::vector<float> xyz;
     for (uint i = 0; i < 500000 && xyz.size() < 3 * wanted; ++i) {

@@ -24,7 +24,8 @@ struct Seeds {
 // About config.init.dynamic seeds, spread evenly over the steps; none where fewer than three fixed
 // cameras see a step, or nothing changes. flows[i] belongs to pairs[i]; both may be empty.
 // Candidates are random in the box around the scene's points. Deterministic for config.train.seed.
-Seeds dynamic_seeds(const Scene& scene, FrameStore& frames, const std::vector<Watcher>& watchers,
+Seeds dynamic_seeds(const Scene& scene, FrameStore& frames,
+                    const std::vector<StaticCamera>& static_cameras,
                     const std::vector<FlowPair>& pairs, FlowStore& flows,
                     const TrainOptions& config);
 

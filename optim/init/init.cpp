@@ -134,7 +134,7 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
                           const TrainOptions& config) {
   const size_t count = size_t(std::min(config.init.count, config.density.cap));
   const uint seed = uint(config.train.seed);
-  const Eigen::Vector3d centre = looked_at(scene);
+  const Eigen::Vector3d centre = focus_point(scene);
   const double half = 0.5 * config.init.box * scene.extent;
   const bool one_pose =
       is_permanent(motion_model(scene, config.motion));  // that of the middle of the video
@@ -329,12 +329,13 @@ void require_first_points(const Scene& scene, const InitOptions& init) {
 }
 
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
-                        const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
-                        FlowStore& flows, const TrainOptions& config) {
+                        const std::vector<StaticCamera>& static_cameras,
+                        const std::vector<FlowPair>& pairs, FlowStore& flows,
+                        const TrainOptions& config) {
   HostModel model = empty_model(scene, config);
   Seeds seeds;  // short-lived, so none where each Gaussian is followed through the video
   if (!config.train.sequential && !is_permanent(model.shape.motion))
-    seeds = at_most(dynamic_seeds(scene, frames, watchers, pairs, flows, config),
+    seeds = at_most(dynamic_seeds(scene, frames, static_cameras, pairs, flows, config),
                     size_t(config.density.cap) / 2);
   const float duration = model.shape.duration;
   const bool permanent = is_permanent(model.shape.motion);

@@ -18,15 +18,16 @@ namespace gflow {
 // file is no splat that stands still, or has more than density.cap Gaussians. parts[i] is the part
 // of interest of training frame i; flows[i] belongs to pairs[i], and both of these may be empty.
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
-                        const std::vector<Watcher>& watchers, const std::vector<FlowPair>& pairs,
-                        FlowStore& flows, const TrainOptions& config);
+                        const std::vector<StaticCamera>& static_cameras,
+                        const std::vector<FlowPair>& pairs, FlowStore& flows,
+                        const TrainOptions& config);
 
 // The Error that initial_model would throw for init.file, before time is spent on anything else.
 void require_init_file(const TrainOptions& config);
 // The Error that it would throw because the scene has not what init.from asks for.
 void require_first_points(const Scene& scene, const InitOptions& init);
 // The motion model that is asked for, or that suits the scene: from one camera at a time, only a
-// common pose shows what a Gaussian does while it is not seen (README, How Gaussians move).
+// common pose shows what a Gaussian does while it is not seen (optim/motion/README.md).
 MotionModelKind motion_model(const Scene& scene, const MotionOptions& config);
 // What the configuration and the scene say of the model.
 ModelShape model_shape(const Scene& scene, const TrainOptions& config);

@@ -60,7 +60,7 @@ bool differs(const uint8_t* rgb, const uint8_t* usual) {
   return most >= kChange;
 }
 
-std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t>& usual) {
+std::vector<uint8_t> changed_pixels(const Image& picture, const std::vector<uint8_t>& usual) {
   const int w = picture.width, h = picture.height;
   std::vector<uint8_t> mask(size_t(w) * size_t(h));
   for (int y = 0; y < h; ++y)
@@ -74,18 +74,18 @@ std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t
   return mask;
 }
 
-std::vector<Watcher> watchers_of(const Scene& scene, FrameStore& store) {
+std::vector<StaticCamera> static_cameras_of(const Scene& scene, FrameStore& store) {
   std::map<int, std::vector<const Frame*>> by_camera;
   for (const Frame& frame : scene.train) by_camera[frame.camera].push_back(&frame);
-  std::vector<Watcher> watchers;
+  std::vector<StaticCamera> static_cameras;
   for (auto& [camera, frames] : by_camera) {
     if (frames.size() < 4) continue;
     const size_t stride = (frames.size() + kMedianOf - 1) / kMedianOf;
     std::vector<std::shared_ptr<const Image>> pictures;
     for (size_t i = 0; i < frames.size(); i += stride) pictures.push_back(store.rgb(*frames[i]));
-    watchers.push_back({store.camera(*frames[0]), frames, median_picture(pictures)});
+    static_cameras.push_back({store.camera(*frames[0]), frames, median_picture(pictures)});
   }
-  return watchers;
+  return static_cameras;
 }
 
 namespace {
@@ -97,14 +97,14 @@ Rect around_object(FrameStore& store, const Frame& frame, const Image& alpha) {
   const std::array<uint8_t, 3> background = store.background();
   std::vector<uint8_t> usual(picture->pixels.size());
   for (size_t i = 0; i < usual.size(); ++i) usual[i] = background[i % 3];
-  const Rect shown = around(change_mask(*picture, usual), picture->width, picture->height, 0);
+  const Rect shown = around(changed_pixels(*picture, usual), picture->width, picture->height, 0);
   return shown.width > 0 ? shown : around(alpha.pixels, alpha.width, alpha.height, 0);
 }
 
 }  // namespace
 
 std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
-                                    const std::vector<Watcher>& watchers) {
+                                    const std::vector<StaticCamera>& static_cameras) {
   std::vector<Rect> parts;
   for (const Frame& frame : scene.train) {
     const Camera& camera = store.camera(frame);
@@ -113,11 +113,11 @@ std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
     if (const auto alpha = store.alpha(frame)) parts.back() = around_object(store, frame, *alpha);
   }
   if (scene.has_alpha) return parts;
-  for (const Watcher& watcher : watchers)
+  for (const StaticCamera& watcher : static_cameras)
     for (size_t i = 0; i < watcher.frames.size(); ++i)
       parts[size_t(watcher.frames[i] - scene.train.data())] =
-          around(change_mask(*store.rgb(*watcher.frames[i]), watcher.usual), watcher.camera.width,
-                 watcher.camera.height, 0);
+          around(changed_pixels(*store.rgb(*watcher.frames[i]), watcher.usual),
+                 watcher.camera.width, watcher.camera.height, 0);
   return parts;
 }
 

@@ -11,20 +11,20 @@
 namespace gflow {
 
 // One fixed camera over time.
-struct Watcher {
+struct StaticCamera {
   Camera camera;
   std::vector<const Frame*> frames;  // by time
   std::vector<uint8_t> usual;        // [H, W, 3] median over at most 25 of them
 };
 
 // The cameras of scene.train that stand still over at least four steps.
-std::vector<Watcher> watchers_of(const Scene& scene, FrameStore& store);
+std::vector<StaticCamera> static_cameras_of(const Scene& scene, FrameStore& store);
 
 // Whether two colours differ by more than noise.
 bool differs(const uint8_t* rgb, const uint8_t* usual);
 
 // [H, W] 1 where a picture of the watcher differs from the usual by more than noise, or next to it.
-std::vector<uint8_t> change_mask(const Image& picture, const std::vector<uint8_t>& usual);
+std::vector<uint8_t> changed_pixels(const Image& picture, const std::vector<uint8_t>& usual);
 
 // A part of a picture [px].
 struct Rect {
@@ -36,6 +36,6 @@ struct Rect {
 // whole picture where neither is known; empty where nothing changes. Sides are multiples of 16
 // where the picture allows it.
 std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
-                                    const std::vector<Watcher>& watchers);
+                                    const std::vector<StaticCamera>& static_cameras);
 
 }  // namespace gflow

@@ -46,10 +46,11 @@ Eye eye_of(const Camera& camera, const std::vector<uint8_t>& rgb) {
 }
 
 std::vector<Eye> eyes_of(const Scene& scene, FrameStore& frames,
-                         const std::vector<Watcher>& watchers) {
+                         const std::vector<StaticCamera>& static_cameras) {
   std::vector<Eye> eyes;
-  if (watchers.size() > 1) {
-    for (const Watcher& watcher : watchers) eyes.push_back(eye_of(watcher.camera, watcher.usual));
+  if (static_cameras.size() > 1) {
+    for (const StaticCamera& watcher : static_cameras)
+      eyes.push_back(eye_of(watcher.camera, watcher.usual));
     return eyes;
   }
   for (const Frame& frame : scene.train)
@@ -89,7 +90,7 @@ Eigen::Vector3d on_ray(const Eye& eye, double x, double y, double depth) {
 Depths depths_of(const Scene& scene, const std::vector<Eye>& eyes) {
   Depths depths{scene.near, scene.far, 0};
   if (!(depths.near > 0 && depths.far > depths.near)) {
-    const Eigen::Vector3d middle = looked_at(scene);
+    const Eigen::Vector3d middle = focus_point(scene);
     double distance = 0;
     for (const Eye& eye : eyes)
       distance += (eye.camera.position() - middle).norm() / double(eyes.size());
@@ -157,9 +158,10 @@ Match match_of(const std::vector<Eye>& eyes, size_t i, int x, int y, const Depth
 }  // namespace
 
 PointCloud stereo_points(const Scene& scene, FrameStore& frames,
-                         const std::vector<Watcher>& watchers, size_t count, uint32_t seed) {
+                         const std::vector<StaticCamera>& static_cameras, size_t count,
+                         uint32_t seed) {
   PointCloud points;
-  const std::vector<Eye> eyes = eyes_of(scene, frames, watchers);
+  const std::vector<Eye> eyes = eyes_of(scene, frames, static_cameras);
   if (eyes.size() < 2) return points;
   const Depths depths = depths_of(scene, eyes);
   for (uint n = 0; n < kTries * count && points.size() < count; ++n) {

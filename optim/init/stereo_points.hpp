@@ -13,6 +13,7 @@ namespace gflow {
 // scene.near and scene.far, else between a quarter and eight times the distance to what the cameras
 // look at. Deterministic for a seed.
 PointCloud stereo_points(const Scene& scene, FrameStore& frames,
-                         const std::vector<Watcher>& watchers, size_t count, uint32_t seed);
+                         const std::vector<StaticCamera>& static_cameras, size_t count,
+                         uint32_t seed);
 
 }  // namespace gflow

@@ -72,8 +72,8 @@ size_t confident_pixels(const std::vector<float>& teacher,
                     teacher.size(), pixels));
   size_t count = 0;
   for (size_t i = 0; i < pixels; ++i)
-    count += confidence[i] != 0 && std::fabs(teacher[i]) <= TEACHER_LIMIT &&
-             std::fabs(teacher[pixels + i]) <= TEACHER_LIMIT;
+    count += confidence[i] != 0 && std::fabs(teacher[i]) <= TARGET_FLOW_LIMIT &&
+             std::fabs(teacher[pixels + i]) <= TARGET_FLOW_LIMIT;
   return count;
 }
 

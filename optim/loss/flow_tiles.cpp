@@ -11,7 +11,7 @@
 namespace gflow {
 namespace {
 
-CalmRule checked(const CalmRule& rule) {
+LowMotionRule checked(const LowMotionRule& rule) {
   if (!(rule.share > 0 && rule.share <= 1))
     throw Error(
         fmt::format("choosing tiles for the flow: the share of calm ones is {}, it must be"
@@ -25,7 +25,7 @@ CalmRule checked(const CalmRule& rule) {
 
 }  // namespace
 
-FlowTiles::FlowTiles(Queue& queue, const CalmRule& rule)
+FlowTiles::FlowTiles(Queue& queue, const LowMotionRule& rule)
     : rule_(checked(rule)), program_(queue, "common.cl"), flow_tiles_(program_, "flow_tiles") {}
 
 const Buffer<float>& FlowTiles::choose(Queue& queue, uint32_t seed, int width, int height,

@@ -10,7 +10,7 @@
 
 namespace gflow {
 
-struct CalmRule {
+struct LowMotionRule {
   float share = 1;  // least probability that a tile counts, in (0, 1]; 1: all tiles always count
   float px = 0.5f;  // motion from which one always counts, above 0 [px]; below in proportion
 };
@@ -18,7 +18,7 @@ struct CalmRule {
 class FlowTiles {
  public:
   // Error when the rule is out of its ranges.
-  FlowTiles(Queue& queue, const CalmRule& rule);
+  FlowTiles(Queue& queue, const LowMotionRule& rule);
 
   // Weights [tiles], row by row, of a picture of width x height: 0, or 1 / share. A tile without a
   // pixel of any confidence has 0. teacher [2, H, W] px, confidence [H, W] with 255 = 1. The same
@@ -27,7 +27,7 @@ class FlowTiles {
                               const Buffer<float>& teacher, const Buffer<cl_uchar>& confidence);
 
  private:
-  CalmRule rule_;
+  LowMotionRule rule_;
   Program program_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_float, In<float>, In<cl_uchar>, Out<float>>
       flow_tiles_;

@@ -24,9 +24,9 @@ float median(std::vector<float> values) {
 MotionLoss::MotionLoss(Queue& queue, const MotionLossWeights& weights)
     : weights_(weights),
       program_(queue, "motion_loss.cl"),
-      motion_turns_(program_, "motion_turns"),
+      motion_turns_(program_, "motion_rotations"),
       motion_pairs_(program_, "motion_pairs"),
-      motion_bends_(program_, "motion_bends"),
+      motion_bends_(program_, "motion_acceleration"),
       reduce_(queue) {
   if (!(weights.extent > 0) || !std::isfinite(weights.extent))
     throw Error(

@@ -77,7 +77,7 @@ void read_comment(const PlyTable& table, const std::string& key, Number& member,
         fmt::format("reading {}: gflow wrote it, but its comment '{}' is missing: it is "
                     "damaged",
                     path, key));
-  if (!text || says_nothing(table, *text)) return;
+  if (!text || is_foreign_comment(table, *text)) return;
   const auto numbers = only_numbers(*text);
   const double value = numbers && numbers->size() == 1 ? (*numbers)[0] : std::nan("");
   const bool whole = std::is_integral_v<Number>;

@@ -34,7 +34,7 @@ const Buffer<cl_uint>& Renderer::with_second_time() const {
   return shot_.motion_loss ? splats.tiles_touched : splats.rows_with_flow();
 }
 
-bool Renderer::bends() const {
+bool Renderer::needs_third_time() const {
   return shot_.motion_loss && shot_.motion_loss->weights().acceleration > 0 && time_t0() > -1e-6 &&
          time_t0() < 1 + 1e-6;
 }
@@ -73,7 +73,8 @@ void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   if (shot.flow || shot.motion_loss)
     model.motion->at(queue, model.parameters, model.time(shot.time_t2), &with_second_time(), t2_,
                      moving_rows());
-  if (bends()) model.motion->at(queue, model.parameters, model.time(time_t0()), &seen, t0_, rows);
+  if (needs_third_time())
+    model.motion->at(queue, model.parameters, model.time(time_t0()), &seen, t0_, rows);
   model.color.forward(queue, model.parameters, bands(model), shot.view.camera, t1_, seen, colors_,
                       rows);
   engine_.draw(queue, shot.background, t1_, shot.flow ? t2_ : t1_, colors_);
@@ -89,14 +90,15 @@ void Renderer::backward(Queue& queue, Model& model, const ImageGradients& v) {
     g.v_means_t2.fill(queue, 0);
     g.v_factors_t2.fill(queue, 0);
   }
-  if (shot_.motion_loss) shot_.motion_loss->run(queue, seen, bends() ? &t0_ : nullptr, t1_, t2_, g);
+  if (shot_.motion_loss)
+    shot_.motion_loss->run(queue, seen, needs_third_time() ? &t0_ : nullptr, t1_, t2_, g);
   model.color.backward(queue, p, bands(model), shot_.view.camera, t1_, seen, g, rows);
   model.motion->backward(queue, p, model.time(shot_.time), true, seen, g.v_means, g.v_factors,
                          g.v_opacities, rows);
   if (shot_.flow || shot_.motion_loss)
     model.motion->backward(queue, p, model.time(shot_.time_t2), false, with_second_time(),
                            g.v_means_t2, g.v_factors_t2, g.v_opacities, moving_rows());
-  if (bends())
+  if (needs_third_time())
     model.motion->backward(queue, p, model.time(time_t0()), false, seen, g.v_means_t0,
                            g.v_factors_t0, g.v_opacities, rows);
 }

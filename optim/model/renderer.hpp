@@ -54,7 +54,7 @@ class Renderer {
   // Those of them that are elsewhere at the second time.
   RowList moving_rows() const;
   Bands bands(const Model& model) const;
-  bool bends() const;  // whether the motion loss has a third moment within the video
+  bool needs_third_time() const;  // whether the motion loss has a third moment within the video
   double time_t0() const { return 2 * shot_.time - shot_.time_t2; }
 
   Engine engine_;

@@ -68,7 +68,7 @@ BasesMotion::BasesMotion(Queue& queue, const MotionShape& shape)
       program_(queue, "bases.cl"),
       bases_pose_(program_, "bases_pose"),
       bases_fwd_(program_, "bases_fwd"),
-      bases_look_(program_, "bases_look"),
+      bases_look_(program_, "bases_cull"),
       bases_bwd_(program_, "bases_bwd"),
       bases_gather_(program_, "bases_gather"),
       still_rows_(queue) {
@@ -78,7 +78,7 @@ BasesMotion::BasesMotion(Queue& queue, const MotionShape& shape)
 }
 
 std::vector<GroupSpec> bases_groups(int bases) {
-  std::vector<GroupSpec> groups = still_groups();
+  std::vector<GroupSpec> groups = canonical_groups();
   groups.push_back({"basis_logits", size_t(bases), Quantity::weight, 0, true, true, kLeastLogit});
   return groups;
 }

@@ -4,9 +4,9 @@
 // quaternion 1), 0 being no motion; pivots [B, 3], which are not trained. 13 + B floats a Gaussian.
 // For few things that move rigidly, above all where each is seen by one camera at a time.
 #pragma once
+#include "optim/motion/canonical_rows.hpp"
 #include "optim/motion/keys.hpp"
 #include "optim/motion/models.hpp"
-#include "optim/motion/still_rows.hpp"
 
 namespace gflow {
 
@@ -61,7 +61,7 @@ class BasesMotion : public Motion {
       bases_bwd_;
   Kernel<cl_uint, cl_int, KeyWeights, In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>>
       bases_gather_;
-  StillRows still_rows_;
+  CanonicalRows still_rows_;
   Buffer<float> poses_{"basis poses"};        // [B, 7]
   Buffer<float> partials_{"basis partials"};  // [chunks, B, 7]
 };

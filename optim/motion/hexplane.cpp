@@ -126,7 +126,7 @@ HexplaneMotion::HexplaneMotion(Queue& queue, const MotionShape& shape)
       weights_(all_weights(shape_)),
       cells_(hexplane_level_start(uint(shape_.resolution), 1, shape_.levels)),
       program_(queue, "hexplane.cl", defines(shape_)),
-      hexplane_cut_(program_, "hexplane_cut"),
+      hexplane_cut_(program_, "hexplane_slice"),
       hexplane_fwd_(program_, "hexplane_fwd"),
       hexplane_transpose_(program_, "hexplane_transpose"),
       hexplane_bwd_(program_, "hexplane_bwd"),
@@ -234,7 +234,7 @@ const MotionModel& hexplane_model() {
     m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
       return std::make_unique<HexplaneMotion>(queue, shape);
     };
-    m.groups = [](const MotionShape&) { return still_groups(); };
+    m.groups = [](const MotionShape&) { return canonical_groups(); };
     m.tables = [](const MotionShape& shape) { return hexplane_tables(shape.hexplane); };
     m.set_static = [](const MotionShape& shape, HostGroups& groups, size_t, uint32_t seed) {
       set_hexplane_static(shape.hexplane, groups, seed);

@@ -4,8 +4,8 @@
 // Johnson 2023; 4DGaussians, Wu et al. 2024; DreamGaussian4D, Ren et al. 2023). 13 floats a
 // Gaussian, however long the video is; the planes and the network are shared.
 #pragma once
+#include "optim/motion/canonical_rows.hpp"
 #include "optim/motion/models.hpp"
-#include "optim/motion/still_rows.hpp"
 #include "shared/hexplane.h"
 
 GFLOW_KERNEL_STRUCT(HexplaneGrid);
@@ -35,7 +35,7 @@ class HexplaneMotion : public Motion {
  public:
   // Error when the shape is none.
   HexplaneMotion(Queue& queue, const MotionShape& shape);
-  std::vector<GroupSpec> groups() const override { return still_groups(); }
+  std::vector<GroupSpec> groups() const override { return canonical_groups(); }
   std::vector<TableSpec> tables() const override { return hexplane_tables(shape_); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians, const RowList& rows = {}) override;
@@ -82,10 +82,10 @@ class HexplaneMotion : public Motion {
   Kernel<cl_uint, In<float>, Out<cl_uint>, Out<float>> hexplane_sum_network_;
   Kernel<HexplaneGrid, cl_float, cl_float, cl_float, In<float>, Out<cl_uint>, Out<float>>
       hexplane_regularize_;
-  StillRows still_rows_;
+  CanonicalRows still_rows_;
   Buffer<float> lines_{"hexplane lines"}, transposed_{"hexplane transposed"};
   Buffer<float> v_features_{"v_features"}, v_places_{"v_places"}, kept_{"hexplane kept"};
-  Buffer<float> v_networks_{"v_networks"}, v_cuts_{"v_cuts"};
+  Buffer<float> v_networks_{"v_networks"}, v_cuts_{"v_slices"};
 };
 
 }  // namespace gflow

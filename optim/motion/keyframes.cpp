@@ -19,7 +19,7 @@ KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
       scales_(shape.key_scales ? "key_scales" : "key_shifts"),
       program_(queue, "keyframes.cl", {{"SCALES", shape.key_scales}}),
       keyframes_fwd_(program_, "keyframes_fwd"),
-      keyframes_look_(program_, "keyframes_look"),
+      keyframes_look_(program_, "keyframes_cull"),
       keyframes_bwd_(program_, "keyframes_bwd"),
       keyframes_start_(program_, "keyframes_start"),
       still_rows_(queue) {
@@ -95,7 +95,7 @@ const MotionModel& keyframes_model() {
     m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
       return std::make_unique<KeyframesMotion>(queue, shape);
     };
-    m.groups = [](const MotionShape&) { return still_groups(); };
+    m.groups = [](const MotionShape&) { return canonical_groups(); };
     m.tables = keyframes_tables;
     m.set_velocity = [](const MotionShape& shape, HostGroups& groups, size_t i,
                         const std::array<double, 3>& v, double, double s_t) {

@@ -6,9 +6,9 @@
 // 3D Gaussians (Luiten et al. 2024), beside the place where it rests, which all frames train. 13
 // floats a Gaussian and 7 a key; a step touches two to five keys only.
 #pragma once
+#include "optim/motion/canonical_rows.hpp"
 #include "optim/motion/keys.hpp"
 #include "optim/motion/models.hpp"
-#include "optim/motion/still_rows.hpp"
 
 namespace gflow {
 
@@ -21,7 +21,7 @@ const MotionModel& keyframes_model();
 class KeyframesMotion : public Motion {
  public:
   KeyframesMotion(Queue& queue, const MotionShape& shape);
-  std::vector<GroupSpec> groups() const override { return still_groups(); }
+  std::vector<GroupSpec> groups() const override { return canonical_groups(); }
   std::vector<TableSpec> tables() const override { return keyframes_tables(shape_); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians, const RowList& rows = {}) override;
@@ -54,7 +54,7 @@ class KeyframesMotion : public Motion {
          Out<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>>
       keyframes_bwd_;
   Kernel<cl_uint, cl_uint, cl_uint, Out<float>> keyframes_start_;
-  StillRows still_rows_;
+  CanonicalRows still_rows_;
 };
 
 }  // namespace gflow

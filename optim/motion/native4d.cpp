@@ -9,10 +9,10 @@ Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
     : cutoff_(cutoff),
       program_(queue, "native4d.cl"),
       native4d_fwd_(program_, "native4d_fwd"),
-      native4d_look_(program_, "native4d_look"),
+      native4d_look_(program_, "native4d_cull"),
       native4d_bwd_(program_, "native4d_bwd"),
       native4d_split_(program_, "native4d_split"),
-      native4d_pace_(program_, "native4d_pace") {}
+      native4d_pace_(program_, "native4d_rate_scale") {}
 
 std::vector<GroupSpec> native4d_groups() {
   return {{"means", 3},

@@ -64,7 +64,7 @@ std::string now_beside(const std::string& last) {
 // Whether a training can have left the values: what rates are divided by is above 0; second
 // moments, what rates are multiplied with and what density control has counted are no less, nor is
 // the second more than it may be; and one more step than was made can be counted.
-bool is_sound(const std::string& name, const std::vector<float>& values) {
+bool is_finite_report(const std::string& name, const std::vector<float>& values) {
   const bool divides = ends_with(name, "/rows/reach"), paces = ends_with(name, "/rows/pace");
   const bool counts = name.rfind("density/", 0) == 0;  // pulls and views since the last round
   const bool from_0 = divides || paces || counts || ends_with(name, "/exp_avg_sq");
@@ -73,8 +73,8 @@ bool is_sound(const std::string& name, const std::vector<float>& values) {
            !(paces && value > PaceRule::kMost);
   });
 }
-bool is_sound(const Arrays& arrays, const std::string& name, const std::vector<uint32_t>& values,
-              uint32_t steps) {
+bool is_finite_report(const Arrays& arrays, const std::string& name,
+                      const std::vector<uint32_t>& values, uint32_t steps) {
   const auto at_most = [&](uint32_t most) {
     return std::all_of(values.begin(), values.end(), [&](uint32_t value) { return value <= most; });
   };
@@ -122,13 +122,14 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
   parameters = std::move(loaded);
 }
 
-std::string unsound_array(const Arrays& arrays, uint32_t steps) {
+std::string non_finite_array(const Arrays& arrays, uint32_t steps) {
   for (const auto& [name, array] : arrays) {
     const auto of = [&name = name](const char* place) { return name.rfind(place, 0) == 0; };
     if (!of("gaussians/") && !of("table") && !of("density/")) continue;
     const auto* floats = std::get_if<std::vector<float>>(&array.values);
     const auto* counts = std::get_if<std::vector<uint32_t>>(&array.values);
-    if ((floats && !is_sound(name, *floats)) || (counts && !is_sound(arrays, name, *counts, steps)))
+    if ((floats && !is_finite_report(name, *floats)) ||
+        (counts && !is_finite_report(arrays, name, *counts, steps)))
       return ends_with(name, last_name) ? name + "' or '" + now_beside(name) : name;
   }
   return "";

@@ -25,8 +25,8 @@ void load_state(Queue& queue, Parameters& parameters, const Arrays& arrays,
 // second moment, a pace or a count of density control below 0, a pace above PaceRule::kMost, a
 // reach that is not above 0, more steps than an int counts, or a table that is further than the
 // `steps` of its training; two names where they contradict each other. Empty when there is none.
-std::string unsound_array(const Arrays& arrays,
-                          uint32_t steps = uint32_t(std::numeric_limits<int>::max()));
+std::string non_finite_array(const Arrays& arrays,
+                             uint32_t steps = uint32_t(std::numeric_limits<int>::max()));
 
 // The values alone, by group, read without a device: in groups of what moves, the rows of those
 // that do, which are the first `moving` of all. Error as load_state.

@@ -9,10 +9,10 @@ SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
     : sigmas_(window_sigmas(cutoff)),
       program_(queue, "spacetime.cl"),
       spacetime_fwd_(program_, "spacetime_fwd"),
-      spacetime_look_(program_, "spacetime_look"),
+      spacetime_look_(program_, "spacetime_cull"),
       spacetime_bwd_(program_, "spacetime_bwd"),
       spacetime_split_(program_, "spacetime_split"),
-      spacetime_pace_(program_, "spacetime_pace") {}
+      spacetime_pace_(program_, "spacetime_rate_scale") {}
 
 std::vector<GroupSpec> spacetime_groups() {
   return {{"means", 3},

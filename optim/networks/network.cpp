@@ -69,14 +69,14 @@ void with_their_words(const std::function<void()>& work, Make make) {
 }  // namespace
 
 Network::Network(const std::string& path) : path_(path), inputs_(onnx_input_list(path)) {
-  give_opencv_one_thread();  // the forked process in dies_of has no other threads
+  limit_opencv_to_one_thread();  // the forked process in crash_signal_of has no other threads
   const Quiet quiet;
   const auto load = [&] {
     state_ = std::make_unique<State>(State{cv::dnn::readNetFromONNX(path)});
   };
   // OpenCV does not validate everything in a file: it divides by sizes of 0 and reads out of
   // bounds. Fuzzing with damaged files crashed only loading, never running.
-  if (const std::string end = dies_of(load); !end.empty())
+  if (const std::string end = crash_signal_of(load); !end.empty())
     throw Error(
         fmt::format("the network {} cannot be used: OpenCV dies of it ({}); it is damaged, or made "
                     "for something else",

@@ -45,7 +45,7 @@ pid_t fork_without_handlers() {
   return copy;
 }
 
-[[noreturn]] void be_the_copy(const std::function<void()>& work, pid_t first) {
+[[noreturn]] void run_in_child(const std::function<void()>& work, pid_t first) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != first) ::_exit(0);
   const rlimit none{0, 0};
@@ -62,10 +62,10 @@ pid_t fork_without_handlers() {
 
 }  // namespace
 
-std::string dies_of(const std::function<void()>& work) {
+std::string crash_signal_of(const std::function<void()>& work) {
   const pid_t first = ::getpid(), copy = fork_without_handlers();
   if (copy < 0) return "";  // cannot fork: skip the trial
-  if (copy == 0) be_the_copy(work, first);
+  if (copy == 0) run_in_child(work, first);
   int status = 0;
   while (::waitpid(copy, &status, 0) < 0)
     if (errno != EINTR) return "";

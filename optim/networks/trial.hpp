@@ -9,6 +9,6 @@ namespace gflow {
 // Forks, runs `work` in the child, and returns the name of the signal that killed the child; "" if
 // it ended (also by an exception) or was interrupted. Side effects and output of the child are
 // lost. The child has only one thread, so `work` must not need others.
-std::string dies_of(const std::function<void()>& work);
+std::string crash_signal_of(const std::function<void()>& work);
 
 }  // namespace gflow

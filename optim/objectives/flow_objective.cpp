@@ -18,7 +18,7 @@ namespace {
 std::unique_ptr<FlowTiles> flow_tiles_for(Queue& queue, const FlowOptions& flow,
                                           MotionModelKind motion) {
   const float share = flow.low_motion > 0 ? flow.low_motion : has_stiff_paths(motion) ? 0.1f : 1.f;
-  return share < 1 ? std::make_unique<FlowTiles>(queue, CalmRule{share, flow.low_motion_px})
+  return share < 1 ? std::make_unique<FlowTiles>(queue, LowMotionRule{share, flow.low_motion_px})
                    : nullptr;
 }
 

@@ -34,7 +34,7 @@ Eigen::Vector3d up_of(const Scene& scene, const TrainOptions& config) {
 
 Orbit orbit_of(const Scene& scene, const TrainOptions& config) {
   Orbit orbit;
-  if (has_own_cameras(scene, config.scene)) orbit.focus = looked_at(scene);
+  if (has_own_cameras(scene, config.scene)) orbit.focus = focus_point(scene);
   orbit.up = up_of(scene, config);
   return orbit;
 }
@@ -119,11 +119,11 @@ GuidanceRequest GuidanceObjective::request_for(const StepContext& context) const
   for (size_t c = 0; c < 3; ++c) request.background[c] = float(context.background[c]) / 255;
   request.reference.camera = frames_.camera(frame);
   request.reference.rgb = planes_of(frames_.rgb_over(frame, context.background));
-  const OrbitPlace from = place_of(orbit_, request.reference.camera);
+  const OrbitPosition from = place_of(orbit_, request.reference.camera);
   for (int v = 0; v < g.views; ++v) {
     GuidanceView view;
     view.camera = squared(camera_for(step, v, frame), g.size);
-    const OrbitPlace away = difference(from, place_of(orbit_, view.camera));
+    const OrbitPosition away = difference(from, place_of(orbit_, view.camera));
     view.azimuth = away.azimuth;
     view.elevation = away.elevation;
     view.distance = away.distance;

@@ -134,7 +134,7 @@ inline Shift hexplane_shift(const HexplaneShape& shape, double duration, const N
   d.mean = {double(shape.half_size[0]) * o[0], double(shape.half_size[1]) * o[1],
             double(shape.half_size[2]) * o[2]};
   if (shape.turn) d.quat = {o[3], o[4], o[5], o[6]};
-  const double most = HEXPLANE_MOST_RESIZE;
+  const double most = HEXPLANE_MAX_LOG_SCALE;
   if (shape.resize)
     d.log_scales = {most * std::tanh(o[7] / most), most * std::tanh(o[8] / most),
                     most * std::tanh(o[9] / most)};
@@ -157,7 +157,7 @@ inline HexplaneGradient hexplane_vjp(const HexplaneShape& shape, double duration
   if (shape.turn) std::copy(v_quat, v_quat + 4, v_out.begin() + 3);
   const double v_size[3] = {v.log_scales.x, v.log_scales.y, v.log_scales.z};
   for (size_t k = 0; shape.resize && k < 3; ++k)
-    v_out[7 + k] = v_size[k] / std::pow(std::cosh(o[7 + k] / HEXPLANE_MOST_RESIZE), 2);
+    v_out[7 + k] = v_size[k] / std::pow(std::cosh(o[7 + k] / HEXPLANE_MAX_LOG_SCALE), 2);
 
   HexplaneGradient g{std::vector<double>(p.at("planes").size()), std::vector<double>(w.size()),
                      std::vector<double>(3)};

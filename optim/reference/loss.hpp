@@ -91,8 +91,8 @@ inline FlowLossResult flow_loss(const std::vector<double>& flow, const std::vect
   FlowLossResult out;
   out.v_flow.assign(2 * pixels, 0.0);
   for (size_t i = 0; i < pixels; ++i) {
-    if (!(std::fabs(teacher[i]) <= TEACHER_LIMIT) ||
-        !(std::fabs(teacher[pixels + i]) <= TEACHER_LIMIT))
+    if (!(std::fabs(teacher[i]) <= TARGET_FLOW_LIMIT) ||
+        !(std::fabs(teacher[pixels + i]) <= TARGET_FLOW_LIMIT))
       continue;
     const double x = flow[i] - teacher[i], y = flow[pixels + i] - teacher[pixels + i];
     const double w = weight / double(pixels) * confidence[i] * alpha[i];

@@ -86,7 +86,7 @@ inline DoubleForward forward_of(const MotionShape& shape) {
   return [shape](const Named& p, size_t i, double t) -> Shifted {
     switch (shape.motion) {
       case MotionModelKind::spacetime: {
-        const SpacetimeCut c = spacetime_at(spacetime_row(p, i), t);
+        const SpacetimeSlice c = spacetime_at(spacetime_row(p, i), t);
         return {c.mean, c.factor, c.life};
       }
       case MotionModelKind::native4d: {

@@ -27,7 +27,7 @@ std::vector<std::string> names_of_former(const RunFolder& run) {
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(run.folder(), none)) {
     const std::string name = entry.path().filename().string();
-    if (is_temporary_name(name) && name.rfind(FormerFiles::kName, 0) == 0) names.push_back(name);
+    if (is_temporary_name(name) && name.rfind(Backup::kName, 0) == 0) names.push_back(name);
   }
   return names;
 }
@@ -37,41 +37,40 @@ void put_back(const fs::path& file, const fs::path& to) {
   std::error_code problem;
   if (fs::is_directory(fs::symlink_status(to, problem))) fs::remove_all(to, problem);
   fs::rename(file, to, problem);
-  if (problem) refuse_to_write(to.string(), problem.value());
+  if (problem) throw_write_error(to.string(), problem.value());
 }
 
 }  // namespace
 
-FormerFiles::FormerFiles(const RunFolder& run) {
+Backup::Backup(const RunFolder& run) {
   keep_in(fs::path(run.path(kRunLock)).parent_path().string());
 }
 
-void FormerFiles::keep_in(const std::string& folder) {
+void Backup::keep_in(const std::string& folder) {
   if (std::find(folders_.begin(), folders_.end(), folder) != folders_.end()) return;
-  const fs::path aside = fs::path(folder) / temporary_folder_name(FormerFiles::kName);
+  const fs::path aside = fs::path(folder) / temporary_folder_name(Backup::kName);
   std::error_code problem;
   fs::create_directory(aside, problem);  // or it is there: two places may be links to one
-  if (problem) refuse_to_write(aside.string(), problem.value());
+  if (problem) throw_write_error(aside.string(), problem.value());
   flush_folder_of(aside.string());
   folders_.push_back(folder);
 }
 
-void FormerFiles::put_aside(const std::vector<std::string>& paths) {
+void Backup::put_aside(const std::vector<std::string>& paths) {
   for (const std::string& path : paths) {
     const fs::path from(path);
     keep_in(from.parent_path().string());
-    const fs::path to =
-        from.parent_path() / temporary_folder_name(FormerFiles::kName) / from.filename();
+    const fs::path to = from.parent_path() / temporary_folder_name(Backup::kName) / from.filename();
     std::error_code problem;
     fs::rename(from, to, problem);
-    if (problem) refuse_to_write(path, problem.value());
+    if (problem) throw_write_error(path, problem.value());
     moved_.emplace_back(path, to.string());
   }
   flush();
 }
 
 // Before anything takes their names, also on a disk of its own behind a link.
-void FormerFiles::flush() const {
+void Backup::flush() const {
   for (const std::string& folder : folders_) {
     const fs::path aside = fs::path(folder) / temporary_folder_name(kName);
     flush_folder_of(aside / "");
@@ -79,12 +78,12 @@ void FormerFiles::flush() const {
   }
 }
 
-bool FormerFiles::are_aside(const RunFolder& run) {
+bool Backup::are_aside(const RunFolder& run) {
   std::error_code none;
   return fs::exists(run.path(temporary_folder_name(kName)), none);
 }
 
-FormerFiles::~FormerFiles() {
+Backup::~Backup() {
   std::error_code problem;
   std::string why;
   int left = 0;
@@ -108,9 +107,9 @@ FormerFiles::~FormerFiles() {
   }
 }
 
-void put_back_former_files(const RunFolder& run, const FileLock&) {
+void restore_backup(const RunFolder& run, const FileLock&) {
   for (const std::string& name : names_of_former(run)) {
-    const std::string next = NextFiles::kName + name.substr(std::string(FormerFiles::kName).size());
+    const std::string next = StagedFiles::kName + name.substr(std::string(Backup::kName).size());
     if (!fs::exists(run.path(next + "/config.toml"))) continue;
     for (const char* place : kPlaces) {
       const fs::path folder = fs::path(run.folder()) / place;
@@ -125,9 +124,9 @@ void put_back_former_files(const RunFolder& run, const FileLock&) {
   }
 }
 
-void put_back_former_files(const RunFolder& run) {
+void restore_backup(const RunFolder& run) {
   if (names_of_former(run).empty()) return;
-  if (const auto lock = run.lock_if_free()) put_back_former_files(run, *lock);
+  if (const auto lock = run.lock_if_free()) restore_backup(run, *lock);
 }
 
 }  // namespace gflow

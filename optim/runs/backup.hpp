@@ -2,7 +2,7 @@
 // Files of a training that another replaces. They are put aside, all or none, before the other's
 // take their names, and removed after: never are some of each under their names. Where one cannot
 // go they come back at once; where the program is killed in between, with the next that opens the
-// run (put_back_former_files()).
+// run (restore_backup()).
 #pragma once
 #include <string>
 #include <utility>
@@ -12,16 +12,16 @@
 
 namespace gflow {
 
-class FormerFiles {
+class Backup {
  public:
   static constexpr const char* kName = ".former";  // of their folders: temporary_folder_name()
 
   // Of a run whose lock the caller has. Error when its folder cannot be written.
-  explicit FormerFiles(const RunFolder& run);
-  FormerFiles(const FormerFiles&) = delete;
-  FormerFiles& operator=(const FormerFiles&) = delete;
+  explicit Backup(const RunFolder& run);
+  Backup(const Backup&) = delete;
+  Backup& operator=(const Backup&) = delete;
   // Puts back what is aside; removes it once given up. A warning where that fails.
-  ~FormerFiles();
+  ~Backup();
   // Whether there are some of this process: it has not put all of them back.
   static bool are_aside(const RunFolder& run);
 
@@ -40,11 +40,11 @@ class FormerFiles {
 };
 
 // Where a training was killed while files of the former one were aside, and had not begun (its
-// config.toml is among NextFiles still), they take their names again, also those that something has
-// taken meanwhile. For whoever opens a run, under its lock, which the caller has. Error when one of
-// them cannot.
-void put_back_former_files(const RunFolder& run, const FileLock&);
+// config.toml is among StagedFiles still), they take their names again, also those that something
+// has taken meanwhile. For whoever opens a run, under its lock, which the caller has. Error when
+// one of them cannot.
+void restore_backup(const RunFolder& run, const FileLock&);
 // The same unless another process has the lock, which is then to do so itself.
-void put_back_former_files(const RunFolder& run);
+void restore_backup(const RunFolder& run);
 
 }  // namespace gflow

@@ -84,7 +84,7 @@ OrderedJson facts_json(const Arrays& arrays, const std::string& path) {
   const auto* text =
       found == arrays.end() ? nullptr : std::get_if<std::vector<uint8_t>>(&found->second.values);
   if (!text) throw Error(path + " is no checkpoint: it does not say what it holds ('facts')");
-  require_modest_json(text->data(), text->size(), path);
+  require_json_limits(text->data(), text->size(), path);
   const OrderedJson json = OrderedJson::parse(text->begin(), text->end());
   const OrderedJson& format = json.at("format");
   if (!format.is_number_integer())
@@ -154,7 +154,8 @@ Checkpoint read_checkpoint(const std::string& path) {
     checkpoint.arrays.erase(kFacts);
     require_arrays(json, checkpoint.arrays, path);
     checkpoint.facts = facts_of(json, path);
-    const std::string unsound = unsound_array(checkpoint.arrays, uint32_t(checkpoint.facts.step));
+    const std::string unsound =
+        non_finite_array(checkpoint.arrays, uint32_t(checkpoint.facts.step));
     if (!unsound.empty())
       throw Error(fmt::format(
           "{} cannot be gone on from: in array '{}' are values that no training leaves, not finite "

@@ -41,13 +41,13 @@ TrainOptions judged_by(const TrainOptions& config, const MetricsOptions& before,
 
 }  // namespace
 
-Evaluation judge(Queue& queue, Model& model, const TrainOptions& config, const LoadedScene& loaded,
-                 const std::vector<Frame>& frames, bool quiet, const std::string& pictures,
-                 const std::string& flow) {
+Evaluation evaluate_views(Queue& queue, Model& model, const TrainOptions& config,
+                          const LoadedScene& loaded, const std::vector<Frame>& frames, bool quiet,
+                          const std::string& pictures, const std::string& flow) {
   if (!pictures.empty()) std::filesystem::create_directories(pictures);
   Progress progress("eval ", long(frames.size()), quiet);
   Evaluation evaluation =
-      evaluate(queue, model, config, loaded, frames, counted(progress), pictures, flow);
+      evaluate(queue, model, config, loaded, frames, progress_callback(progress), pictures, flow);
   progress.finish();
   if (!loaded.scene.tracks_path.empty()) {
     Tracks tracks = read_tracks(loaded.scene.tracks_path, loaded.scene.origin);
@@ -57,8 +57,9 @@ Evaluation judge(Queue& queue, Model& model, const TrainOptions& config, const L
   return evaluation;
 }
 
-void require_what_judges(const TrainOptions& config, const Scene& scene, const FrameStore& frames) {
-  const JudgingNetworks networks(config.metrics);
+void require_metric_networks(const TrainOptions& config, const Scene& scene,
+                             const FrameStore& frames) {
+  const MetricNetworks networks(config.metrics);
   for (const Frame& frame : scene.test) {
     const Camera& camera = frames.camera(frame);
     networks.require_size(camera.width, camera.height);
@@ -83,7 +84,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
                            int iteration, const std::vector<std::string>& settings) {
   const StopSentence stop("interrupted while evaluating; nothing was lost");
   const auto lock = run.lock_if_free();
-  if (lock) put_back_former_files(run, *lock);
+  if (lock) restore_backup(run, *lock);
   const RunState state = read_run_state(run, iteration);
   const TrainOptions config = judged_by(state.config, run.judged_by(), settings);
   LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);
@@ -92,8 +93,9 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   const bool latest = iteration == latest_iteration || iteration == iterations_of(run).back();
   const bool drawn = lock && latest && split == "test";
   const bool kept = run.has_caches_of(cache_stamp(loaded.scene, config.scene));
-  const Evaluation evaluation = judge(queue, model, config, loaded, frames, quiet,
-                                      drawn ? run.path("test") : "", kept ? run.path("flow") : "");
+  const Evaluation evaluation =
+      evaluate_views(queue, model, config, loaded, frames, quiet, drawn ? run.path("test") : "",
+                     kept ? run.path("flow") : "");
   if (drawn) write_comparison(queue, model, config, loaded, run);
   std::vector<std::string> written;
   if (lock)

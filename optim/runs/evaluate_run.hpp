@@ -11,12 +11,13 @@ namespace gflow {
 
 // The views, and the paths in space where the scene has true ones. What is drawn goes into the
 // folder `pictures` unless that is empty; flow: the folder of what was computed.
-Evaluation judge(Queue& queue, Model& model, const TrainOptions& config, const LoadedScene& loaded,
-                 const std::vector<Frame>& frames, bool quiet, const std::string& pictures,
-                 const std::string& flow);
+Evaluation evaluate_views(Queue& queue, Model& model, const TrainOptions& config,
+                          const LoadedScene& loaded, const std::vector<Frame>& frames, bool quiet,
+                          const std::string& pictures, const std::string& flow);
 
 // What the result will be judged by, once: better told now than at the end.
-void require_what_judges(const TrainOptions& config, const Scene& scene, const FrameStore& frames);
+void require_metric_networks(const TrainOptions& config, const Scene& scene,
+                             const FrameStore& frames);
 
 // compare.png: the middle one of the views, beside its truth.
 void write_comparison(Queue& queue, Model& model, const TrainOptions& config,

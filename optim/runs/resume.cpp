@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "runtime/base/tell.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/base/warning.hpp"
 
 namespace gflow {
@@ -82,7 +82,8 @@ std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
     warn_of_other_bits(found->checkpoint.facts, queue.info);
   }
   if (!quiet)
-    tell("{}\n", found ? fmt::format("going on from {}", found->path)
+    print_status("{}\n",
+                 found ? fmt::format("going on from {}", found->path)
                        : fmt::format("{} has no checkpoint: training starts at the first step",
                                      run.folder()));
   return found;
@@ -132,7 +133,7 @@ void require_no_training(const RunFolder& run) {
       run.folder(), former.scene.path.empty() ? "" : " of " + former.scene.path));
 }
 
-std::string how_to_go_on(const RunFolder& run, const TrainOptions& config) {
+std::string how_to_resume(const RunFolder& run, const TrainOptions& config) {
   return fmt::format("`{}` goes on from there", resuming_command(run, config));
 }
 

@@ -19,7 +19,7 @@ void require_no_training(const RunFolder& run);
 
 // "`gflow train -o RUN --resume` goes on from there", with the option that a run needs which starts
 // a program.
-std::string how_to_go_on(const RunFolder& run, const TrainOptions& config);
+std::string how_to_resume(const RunFolder& run, const TrainOptions& config);
 
 // Writes the checkpoints of one training; all references must outlive it.
 class Checkpointer {

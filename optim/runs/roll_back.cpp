@@ -9,28 +9,27 @@
 
 namespace gflow {
 
-bool is_sound(const StepReport& now, const StepReport& before) {
+bool is_finite_report(const StepReport& now, const StepReport& before) {
   return std::isfinite(now.loss) && now.non_finite.empty() && now.stuck == 0 &&
          now.rejected <= before.rejected + 10 + now.gaussians / 1000;
 }
 
-std::string what_is_unsound(const StepReport& figures, int step) {
+std::string what_is_non_finite(const StepReport& figures, int step) {
   if (!std::isfinite(figures.loss))
-    return fmt::format("the loss is {} at step {}",
-                       std::isnan(figures.loss) ? "no number" : "infinite", step);
+    return fmt::format("the loss is {} at step {}", std::isnan(figures.loss) ? "NaN" : "infinite",
+                       step);
   if (!figures.non_finite.empty())
-    return fmt::format("{} has values that are no numbers at step {}", figures.non_finite, step);
+    return fmt::format("{} contains NaN or Inf at step {}", figures.non_finite, step);
   if (figures.stuck > 0)
     return fmt::format(
-        "{} rows of parameters that all Gaussians share had ten gradients in a row that are no "
-        "numbers at step {}",
+        "{} shared rows of parameters had ten non-finite gradients in a row at step {}",
         figures.stuck, step);
-  return fmt::format("{} rows of parameters had gradients that are no numbers at step {}",
-                     figures.rejected, step);
+  return fmt::format("{} rows of parameters had non-finite gradients at step {}", figures.rejected,
+                     step);
 }
 
-int RollBack::go_back(int step, const StepReport& figures, std::string& notice) {
-  const std::string what = what_is_unsound(figures, step);
+int RollBack::roll_back(int step, const StepReport& figures, std::string& notice) {
+  const std::string what = what_is_non_finite(figures, step);
   std::optional<CheckpointFolder::Found> last = run_.checkpoints().latest();
   const int from = last ? last->checkpoint.facts.step : -1;
   times_ = from == from_ ? times_ + 1 : 1;
@@ -56,12 +55,11 @@ int RollBack::go_back(int step, const StepReport& figures, std::string& notice) 
   return from;
 }
 
-void RollBack::save_what_there_is(int step, double seconds,
-                                  const std::optional<StepReport>& before) {
+void RollBack::save_if_finite(int step, double seconds, const std::optional<StepReport>& before) {
   queue_.finish();
   StepReport now = trainer_.counts(queue_);
-  now.non_finite = unsound_array(trainer_.state(queue_));
-  if (is_sound(now, before.value_or(now))) checkpoints_.write(step, seconds);
+  now.non_finite = non_finite_array(trainer_.state(queue_));
+  if (is_finite_report(now, before.value_or(now))) checkpoints_.write(step, seconds);
 }
 
 }  // namespace gflow

@@ -13,10 +13,10 @@ namespace gflow {
 // learned are numbers, since the figures before no more rows than one Gaussian in a thousand (and
 // ten more) had gradients that Adam could not take, and nothing that all share is stuck with them.
 // (A Gaussian that cannot learn is no reason to give up the others.)
-bool is_sound(const StepReport& now, const StepReport& before);
+bool is_finite_report(const StepReport& now, const StepReport& before);
 
 // Of figures that are not sound, in words: what it is at that step.
-std::string what_is_unsound(const StepReport& figures, int step);
+std::string what_is_non_finite(const StepReport& figures, int step);
 
 class RollBack {
  public:
@@ -28,11 +28,11 @@ class RollBack {
   // Puts the trainer where the last checkpoint was, with half the learning rates it had last; says
   // so in `notice`. Returns that step. Error when there is none, or after `most` times: then
   // broken.npz in the run holds the state that the training came to.
-  int go_back(int step, const StepReport& figures, std::string& notice);
+  int roll_back(int step, const StepReport& figures, std::string& notice);
 
   // Saves the state after `step` steps, when the next one failed for want of memory, if it is sound
-  // as far as can be seen without an image: `before` as for is_sound().
-  void save_what_there_is(int step, double seconds, const std::optional<StepReport>& before);
+  // as far as can be seen without an image: `before` as for is_finite_report().
+  void save_if_finite(int step, double seconds, const std::optional<StepReport>& before);
 
  private:
   Queue& queue_;

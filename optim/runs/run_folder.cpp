@@ -82,20 +82,20 @@ std::vector<std::string> columns_of(const std::string& path) {
   return columns;
 }
 
-OrderedJson figures_of(const ViewFigures& view) {
+OrderedJson metrics_of_view(const ViewMetrics& view) {
   OrderedJson figures;
   for (const auto& [name, value] : view_figures()) figures[name] = number(view.*value);
   return figures;
 }
 
 // For each figure its mean over the views of each time step.
-OrderedJson figures_by_step(const std::vector<ViewFigures>& views) {
+OrderedJson figures_by_step(const std::vector<ViewMetrics>& views) {
   int steps = 0;
-  for (const ViewFigures& view : views) steps = std::max(steps, view.step + 1);
+  for (const ViewMetrics& view : views) steps = std::max(steps, view.step + 1);
   OrderedJson all = OrderedJson::object();
   for (const auto& [name, value] : view_figures()) {
     std::vector<double> sums(size_t(steps), 0.0), counts(size_t(steps), 0.0);
-    for (const ViewFigures& view : views) {
+    for (const ViewMetrics& view : views) {
       if (!std::isfinite(view.*value)) continue;
       sums[size_t(view.step)] += view.*value;
       ++counts[size_t(view.step)];
@@ -226,7 +226,7 @@ RunFolder RunFolder::open(const std::string& path) {
                     path, path));
   const RunFolder run(path);
   try {
-    put_back_former_files(run);
+    restore_backup(run);
   } catch (const Error& problem) {
     warn(fmt::format("{} is not whole, a training that was to replace it was killed: {}", path,
                      problem.what()));
@@ -250,7 +250,7 @@ std::vector<int> RunFolder::models() const {
   return iterations;
 }
 
-void RunFolder::forget_model(int iteration) const {
+void RunFolder::remove_model(int iteration) const {
   fs::remove_all(fs::path(model_path(iteration)).parent_path());
 }
 
@@ -302,7 +302,7 @@ std::vector<std::string> RunFolder::training() const {
   return those_there(std::move(paths));
 }
 
-bool RunFolder::would_forget(const std::string& file) const {
+bool RunFolder::would_remove(const std::string& file) const {
   if (file.empty()) return false;
   const fs::path real = fs::weakly_canonical(file);
   for (const char* name :
@@ -352,7 +352,7 @@ void RunFolder::forget_unfinished_files() const {
   }
 }
 
-void RunFolder::forget_stale_caches(const std::string& stamp) const {
+void RunFolder::remove_stale_caches(const std::string& stamp) const {
   if (has_caches_of(stamp)) return;
   for (const char* folder : {"flow", "frames"})
     for (const std::string& file : all_of(path(folder))) fs::remove_all(file);
@@ -360,7 +360,7 @@ void RunFolder::forget_stale_caches(const std::string& stamp) const {
 }
 
 bool RunFolder::has_caches_of(const std::string& stamp) const {
-  return fs::exists(path(kRunStamp)) && stamp == report_if_there(path(kRunStamp));
+  return fs::exists(path(kRunStamp)) && stamp == read_report_or_empty(path(kRunStamp));
 }
 
 void RunFolder::write_config(const TrainOptions& config) const {
@@ -411,14 +411,14 @@ OrderedJson RunFolder::metrics_of(std::string_view line) {
   OrderedJson none(OrderedJson::value_t::discarded);
   // Not left to the parser, which takes microseconds to find reasons: a log may have millions.
   if (line.size() > longest || line.empty() || line.front() != '{') return none;
-  OrderedJson parsed = parsed_if_modest(line);
+  OrderedJson parsed = parse_json_within_limits(line);
   const bool is_line =
       parsed.is_object() && parsed.contains("iteration") && parsed["iteration"].is_number_integer();
   return is_line ? parsed : none;
 }
 
 void RunFolder::keep_metrics_before(int iteration) const {
-  std::string kept = text_if_there(path("metrics.jsonl")), table;
+  std::string kept = read_text_or_empty(path("metrics.jsonl")), table;
   std::vector<std::string> columns;
   size_t end = 0;  // of what is kept
   int number = 1;
@@ -444,7 +444,7 @@ void RunFolder::keep_metrics_before(int iteration) const {
     return;
   }
   for (const auto& [name, text] : {std::pair("metrics.jsonl", &kept), {"metrics.csv", &table}})
-    if (*text != text_if_there(path(name))) write_text(path(name), *text);
+    if (*text != read_text_or_empty(path(name))) write_text(path(name), *text);
 }
 
 std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
@@ -456,9 +456,9 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
                   latest ? "" : fmt::format("_iteration_{}", facts.iterations));
   const std::string of_all = path("results" + suffix), of_each = path("per_view" + suffix);
   OrderedJson views = OrderedJson::object();
-  for (const ViewFigures& view : evaluation.views) views[view.name] = figures_of(view);
+  for (const ViewMetrics& view : evaluation.views) views[view.name] = metrics_of_view(view);
   write_text(of_each, json_text(views, 1) + "\n");
-  OrderedJson test = figures_of(evaluation.mean);
+  OrderedJson test = metrics_of_view(evaluation.mean);
   test["by_step"] = figures_by_step(evaluation.views);
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
@@ -491,8 +491,8 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
 }
 
 MetricsOptions RunFolder::judged_by() const {
-  const std::string text = report_if_there(path("results.json"));
-  const OrderedJson results = parsed_if_modest(text);
+  const std::string text = read_report_or_empty(path("results.json"));
+  const OrderedJson results = parse_json_within_limits(text);
   const auto test = results.is_object() ? results.value("test", OrderedJson()) : OrderedJson();
   const auto named = [&](const char* key) {
     return test.is_object() && test.contains(key) && test[key].is_string()
@@ -516,9 +516,9 @@ RunFacts RunFolder::read_facts() const {
   RunFacts facts;
   std::string why = path("training.json") + " is not the JSON that `gflow train` writes";
   try {
-    const std::string text = report_if_there(path("training.json"));
+    const std::string text = read_report_or_empty(path("training.json"));
     if (text.empty() && !fs::exists(path("training.json"))) return facts;
-    const OrderedJson run = parsed_if_modest(text);
+    const OrderedJson run = parse_json_within_limits(text);
     const OrderedJson& iterations = run.at("iterations");
     facts.iterations = iterations.is_number_integer() ? iterations.get<int>() : -1;
     facts.train_seconds = run.value("train_seconds", 0.0);

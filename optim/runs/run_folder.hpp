@@ -54,7 +54,7 @@ class RunFolder {
   // optim/runs/run_state.hpp.
   std::vector<int> models() const;
   // Removes the model of an iteration, if there is one.
-  void forget_model(int iteration) const;
+  void remove_model(int iteration) const;
   // Error when a folder of it is there and cannot be looked into, or is a link to one that is not:
   // a training would take it for empty, or could not write there; or where flow, frames or test, of
   // which a training removes all, is a link to a folder that is neither empty nor gflow's.
@@ -67,7 +67,7 @@ class RunFolder {
   std::vector<std::string> training() const;
   // Whether a training here may remove or replace this file, or folder, as one of those or of its
   // results or caches; links are followed. "": no.
-  bool would_forget(const std::string& file) const;
+  bool would_remove(const std::string& file) const;
   // Paths of results and figures of views, of all splits and iterations, compare.png and test/, or
   // what is in it where it is a link to a folder that is claimed.
   std::vector<std::string> results() const;
@@ -78,7 +78,7 @@ class RunFolder {
   void forget_unfinished_files() const;
   // Removes cached flow and video frames unless they were made under the same stamp. Links stay,
   // and what is in a folder elsewhere that is not claimed.
-  void forget_stale_caches(const std::string& stamp) const;
+  void remove_stale_caches(const std::string& stamp) const;
   // Whether they were.
   bool has_caches_of(const std::string& stamp) const;
 

@@ -11,31 +11,31 @@ namespace gflow {
 
 namespace fs = std::filesystem;
 
-NextFiles::NextFiles(const RunFolder& run)
+StagedFiles::StagedFiles(const RunFolder& run)
     : run_(run), folder_(run.path(temporary_folder_name(kName))) {
   std::error_code problem;
   fs::remove_all(folder_.folder(), problem);
   fs::create_directory(folder_.folder(), problem);
-  if (problem) refuse_to_write(folder_.folder(), problem.value());
+  if (problem) throw_write_error(folder_.folder(), problem.value());
   flush_folder_of(folder_.folder());
 }
 
-NextFiles::~NextFiles() {
-  if (FormerFiles::are_aside(run_)) return;  // these are known by it
+StagedFiles::~StagedFiles() {
+  if (Backup::are_aside(run_)) return;  // these are known by it
   std::error_code none;
   fs::remove_all(folder_.folder(), none);
 }
 
-void NextFiles::require_names() const {
+void StagedFiles::require_names() const {
   for (const auto& file : fs::directory_iterator(folder_.folder()))
     require_replaceable(run_.path(file.path().filename().string()));
 }
 
-void NextFiles::take_name(const std::string& file) const {
-  take_place(folder_.path(file), run_.path(file));
+void StagedFiles::take_name(const std::string& file) const {
+  rename_over(folder_.path(file), run_.path(file));
 }
 
-void NextFiles::take_names() const {
+void StagedFiles::take_names() const {
   std::vector<std::string> files;
   for (const auto& file : fs::directory_iterator(folder_.folder()))
     files.push_back(file.path().filename().string());

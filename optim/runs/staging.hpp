@@ -6,18 +6,18 @@
 
 namespace gflow {
 
-class NextFiles {
+class StagedFiles {
  public:
   static constexpr const char* kName = ".next";  // of their folder: temporary_folder_name()
 
   // A folder within the run's, whose lock the caller has. Error when it cannot be made. While its
   // config.toml is there files of the former training that are aside are to come back
-  // (put_back_former_files()); after that what a killed process leaves of it goes with
+  // (restore_backup()); after that what a killed process leaves of it goes with
   // RunFolder::forget_unfinished_files().
-  explicit NextFiles(const RunFolder& run);
-  NextFiles(const NextFiles&) = delete;
-  NextFiles& operator=(const NextFiles&) = delete;
-  ~NextFiles();  // removes what has not taken its name
+  explicit StagedFiles(const RunFolder& run);
+  StagedFiles(const StagedFiles&) = delete;
+  StagedFiles& operator=(const StagedFiles&) = delete;
+  ~StagedFiles();  // removes what has not taken its name
 
   // Where they are to be written.
   const RunFolder& folder() const { return folder_; }

@@ -15,8 +15,8 @@
 #include "optim/train/guidance_provider.hpp"
 #include "optim/train/preparation.hpp"
 #include "optim/train/summary.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
-#include "runtime/base/tell.hpp"
 #include "runtime/files/atomic_file.hpp"
 
 namespace gflow {
@@ -42,7 +42,7 @@ void require_whole_files(Preparation& prepared, bool quiet) {
 
 // Error when the file that training begins with cannot be used, or would be gone by then.
 void require_first_file(const TrainOptions& config, const RunFolder& run) {
-  if (run.would_forget(config.init.file))
+  if (run.would_remove(config.init.file))
     throw Error(fmt::format(
         "init.file {} belongs to the run in {}, which this training would replace: name another "
         "output folder, or copy the file out of it",
@@ -53,7 +53,7 @@ void require_first_file(const TrainOptions& config, const RunFolder& run) {
 // Error when one of what is trained on, files or folders, lies among what this run replaces.
 void require_elsewhere(const std::set<std::string>& files, const RunFolder& run) {
   for (const std::string& file : files)
-    if (run.would_forget(file))
+    if (run.would_remove(file))
       throw Error(fmt::format(
           "training on {}: it lies among what a training into {} removes or replaces: name another "
           "output folder, or copy that out of there",
@@ -106,7 +106,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
                      Start start, const TrainExtensions& extensions) {
   check(config);
   run.require_its_folders();
-  put_back_former_files(run);
+  restore_backup(run);
   const bool begins = start != Start::resume || run.checkpoints().steps().empty();
   require_elsewhere(
       {config.scene.path, config.scene.cameras, config.flow.folder, config.flow.tracks,
@@ -118,7 +118,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   const Scene& scene = prepared.scene();
   require_elsewhere(files_of(scene), run);  // it may be links
   if (start == Start::resume && is_over_without_checkpoint(run, config)) {
-    if (!quiet) tell("the training in {} is over; its model is judged\n", run.folder());
+    if (!quiet) print_status("the training in {} is over; its model is judged\n", run.folder());
     if (scene.test.empty()) return {};
     const RunEvaluation judged = evaluate_run(queue, run, "test", quiet, latest_iteration, {});
     if (judged.written.empty())
@@ -129,14 +129,14 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
     return judged.evaluation;
   }
   if (begins) require_first_points(scene, config.init);
-  require_what_judges(config, scene, prepared.frames());
+  require_metric_networks(config, scene, prepared.frames());
   const std::vector<int> saved = run.checkpoints().steps();
   const bool finished =
       start == Start::resume && !saved.empty() && saved[0] >= config.train.iterations;
   std::unique_ptr<Guidance> guidance = finished ? nullptr : guidance_of(config);
   run.make();
   const FileLock lock = run.lock();
-  put_back_former_files(run, lock);  // another may have been killed since
+  restore_backup(run, lock);  // another may have been killed since
   run.forget_unfinished_files();
   run.claim_linked_folders();
   std::optional<CheckpointFolder::Found> resumed;
@@ -145,9 +145,9 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   const bool has_steps_left = !resumed || resumed->checkpoint.facts.step < config.train.iterations;
   if (finished && has_steps_left) guidance = guidance_of(config);  // the last was damaged
   const bool complete = resumed && !has_steps_left && is_complete(run, config.train.iterations);
-  run.forget_stale_caches(cache_stamp(scene, config.scene));
+  run.remove_stale_caches(cache_stamp(scene, config.scene));
   for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // broken ones are named now
-  prepared.look_for_change();  // a scene may not show what init.from asks for
+  prepared.find_motion_masks();  // a scene may not show what init.from asks for
 
   // Nothing is wrong with what goes in. A training that is there, or its results, stays until the
   // first step of this one is made and sound, which shows that it can be.
@@ -158,13 +158,13 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   std::optional<HostModel> first;
   bool begun = false;
   const auto begin_run = [&](bool changes) {
-    const NextFiles next(run);
+    const StagedFiles next(run);
     next.folder().write_config(config);
     next.folder().write_cameras(scene);
     if (first) write_model(next.folder().path("input.ply"), *first);
     first.reset();
     next.require_names();
-    FormerFiles former(run);
+    Backup former(run);
     if (!goes_on) former.put_aside(run.training());
     if (changes) former.put_aside(run.results());
     next.take_name("config.toml");  // from here on the folder is of this training
@@ -174,10 +174,10 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   };
   if (begins_now) begin_run(true);
   const std::string left =
-      replaces ? "the former training is as it was" : how_to_go_on(run, config);
+      replaces ? "the former training is as it was" : how_to_resume(run, config);
   stop.say("interrupted while preparing the training; " + left);
   warn_of_idle_settings(scene, config);
-  if (!quiet) tell("{}", in_words(scene, prepared.frames().cameras()));
+  if (!quiet) print_status("{}", in_words(scene, prepared.frames().cameras()));
   if (prepared.lacks_flow()) stop.say("interrupted while computing optical flow; " + left);
   prepared.compute_flow(run.path("flow"), quiet);
 
@@ -186,14 +186,14 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
     first = prepared.first_model(queue);
     if (begins_now) write_model(run.path("input.ply"), *first);
     if (!quiet)
-      tell("{}",
-           first_gaussians_in_words(*first, scene, config.init, prepared.began_with_stereo()));
+      print_status(
+          "{}", first_gaussians_in_words(*first, scene, config.init, prepared.began_with_stereo()));
     return Model(queue, *first);
   };
   Model model =
       resumed ? Model(queue, shape_to_resume(*resumed, scene, config, run), 0) : first_model();
   if (begins_now) first.reset();
-  if (!quiet) tell("motion model: {}\n", name_of(model.shape.motion));
+  if (!quiet) print_status("motion model: {}\n", name_of(model.shape.motion));
   Trainer trainer = prepared.trainer(queue, model, guidance.get(), extensions.objectives);
   CheckpointFacts former;
   if (resumed) {
@@ -218,7 +218,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
     if (!begun) at_first = {[&] { begin_run(true); }, replaces};
     steps = train_steps(training, former.step, guard, quiet, at_first);
   } catch (const Error& problem) {
-    if (begun || goes_on || FormerFiles::are_aside(run)) throw;
+    if (begun || goes_on || Backup::are_aside(run)) throw;
     throw Error(fmt::format("{}; {}", problem.what(), left));
   }
   prepared.flows().prefetch({});  // of steps that an interruption or the clock left out
@@ -232,11 +232,12 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   if (interrupted())
     throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}, {}", steps,
                                   config.train.iterations, run.model_path(steps),
-                                  how_to_go_on(run, config)));
+                                  how_to_resume(run, config)));
   if (scene.test.empty()) return {};
   try {
-    const Evaluation evaluation = judge(queue, model, config, prepared.loaded(), scene.test, quiet,
-                                        run.path("test"), run.path("flow"));
+    const Evaluation evaluation =
+        evaluate_views(queue, model, config, prepared.loaded(), scene.test, quiet, run.path("test"),
+                       run.path("flow"));
     write_comparison(queue, model, config, prepared.loaded(), run);
     run.write_results(evaluation, "test", facts, config, model.parameters.count);  // all is done
     return evaluation;

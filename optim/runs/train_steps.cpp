@@ -65,10 +65,10 @@ Error without_guidance(const GuidanceFailed& problem, const Training& training, 
   const RunFolder& run = training.run;
   if (step == 0)
     return Error(fmt::format("{}; no step was trained, {}", problem.what(),
-                             how_to_go_on(run, training.config)));
+                             how_to_resume(run, training.config)));
   training.checkpoints.write(step, training.watch.seconds());
   return Error(fmt::format("{}; {} steps are saved, {}", problem.what(), step,
-                           how_to_go_on(run, training.config)));
+                           how_to_resume(run, training.config)));
 }
 
 // Whether the device failed.
@@ -94,12 +94,12 @@ Error without_step(const Error& problem, const Training& training, int step, Rol
   };
   const bool may_answer = is_out_of_memory(problem) || !is_of_device(problem);
   if (saved() < step && may_answer && training.trainer.untouched()) try {
-      roll_back.save_what_there_is(step, training.watch.seconds(), before);
+      roll_back.save_if_finite(step, training.watch.seconds(), before);
     } catch (const Error&) {  // what there is to say is why the step failed
     }
   if (saved() == 0) return Error(fmt::format("{}; no step is saved", problem.what()));
   return Error(fmt::format("{}; {} of {} steps are saved, {}", problem.what(), saved(), step,
-                           how_to_go_on(run, training.config)));
+                           how_to_resume(run, training.config)));
 }
 
 // Runs what writes something of the end; "" or why it could not. Where the disk is full, older
@@ -126,7 +126,7 @@ Error not_all_kept(const Training& training, int steps, const std::string& model
   const int last = saved.empty() ? 0 : saved[0];
   std::string go_on;
   if (last > 0)
-    go_on = "; once that is mended, " + how_to_go_on(run, training.config);
+    go_on = "; once that is mended, " + how_to_resume(run, training.config);
   else if (model.empty() && steps == training.config.train.iterations)
     go_on = fmt::format("; once that is mended, `gflow eval {}` judges it", run.folder());
   if (model.empty())
@@ -225,11 +225,11 @@ class RunObserver : public TrainObserver {
     const bool shows = !last && ends_round(done, plan.save_every);
     if (logs || saves || shows) {
       report_ = state.report();
-      if (last || saves || shows) report_.non_finite = unsound_array(trainer.state(queue));
-      if (!is_sound(report_, before_.value_or(report_))) {
-        if (!begun_) throw Error(what_is_unsound(report_, done));
+      if (last || saves || shows) report_.non_finite = non_finite_array(trainer.state(queue));
+      if (!is_finite_report(report_, before_.value_or(report_))) {
+        if (!begun_) throw Error(what_is_non_finite(report_, done));
         std::string sentence;
-        state.done = roll_back_.go_back(done, report_, sentence);
+        state.done = roll_back_.roll_back(done, report_, sentence);
         progress_.say("gflow: " + sentence);
         return false;
       }
@@ -282,15 +282,15 @@ RunFacts keep_result(Training& training, int steps) {
                        training.queue.info.full_name(),
                        name_of(training.model.shape.motion),
                        !interrupted()};
-  const std::string unsound = unsound_array(training.trainer.state(training.queue));
+  const std::string unsound = non_finite_array(training.trainer.state(training.queue));
   if (!unsound.empty()) {  // stopped between two looks at it
     training.checkpoints.write_to(run.path("broken.npz"), steps);
     const std::string sentence = fmt::format(
-        "training {}: {} has values that are no numbers after {} steps, which are kept in "
+        "training {}: {} contains NaN or Inf after {} steps, which are kept in "
         "broken.npz; {}",
         run.folder(), unsound, steps,
         run.checkpoints().steps().empty() ? "no step is saved"
-                                          : how_to_go_on(run, training.config));
+                                          : how_to_resume(run, training.config));
     if (interrupted()) throw Interrupted(sentence);
     throw Error(sentence);
   }
@@ -304,7 +304,7 @@ RunFacts keep_result(Training& training, int steps) {
       why_not(run, [&] { save_model(training.queue, training.model, run, steps); });
   if (no_model.empty() && stopped != steps &&
       !ends_round(stopped, training.config.train.save_every))
-    run.forget_model(stopped);
+    run.remove_model(stopped);
   const std::string no_rest = no_checkpoint.empty() ? no_facts : no_checkpoint;
   if (no_model.empty() && no_rest.empty()) return facts;
   throw not_all_kept(training, steps, no_model, no_rest);

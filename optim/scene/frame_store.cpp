@@ -204,7 +204,7 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
   if (options.resolution < 1)
     throw Error(
         fmt::format("the resolution divisor is {}, expected is 1 or more", options.resolution));
-  give_opencv_one_thread();
+  limit_opencv_to_one_thread();
   state_->full = scene.cameras;
   for (const Camera& camera : scene.cameras) {
     state_->reduced_cameras.push_back(reduced(camera, options.resolution));

@@ -23,7 +23,7 @@ bool is_finite_number(const Json& value) {
 
 Json read_json(const std::string& path) {
   const Bytes bytes = read_file(path, largest_json);
-  require_modest_json(bytes.data(), bytes.size(), path);
+  require_json_limits(bytes.data(), bytes.size(), path);
   try {
     return Json::parse(bytes.begin(), bytes.end());
   } catch (const Json::exception& cause) {

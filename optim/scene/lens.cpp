@@ -67,8 +67,8 @@ Eigen::Vector2d distorted(const Lens& lens, const Eigen::Vector2d& point) {
           d * y + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
 }
 
-Camera behind_lens(Camera camera, Lens::Kind kind, const std::array<double, 8>& k,
-                   const std::string& what) {
+Camera pinhole_of_lens(Camera camera, Lens::Kind kind, const std::array<double, 8>& k,
+                       const std::string& what) {
   for (const double value : k)
     if (!std::isfinite(value))
       throw Error(fmt::format("{} has a distortion that is not finite", what));

@@ -23,8 +23,8 @@ Eigen::Vector2d distorted(const Lens& lens, const Eigen::Vector2d& point);
 // kept, unless some pixels would have no source: then both focal lengths grow until all have one,
 // which crops the rim of the stored image. A radial lens with zero coefficients is no lens. Error
 // if a coefficient is not finite or the focal lengths would grow fourfold; `what` names the camera.
-Camera behind_lens(Camera camera, Lens::Kind kind, const std::array<double, 8>& k,
-                   const std::string& what);
+Camera pinhole_of_lens(Camera camera, Lens::Kind kind, const std::array<double, 8>& k,
+                       const std::string& what);
 
 // The image as seen by the pinhole camera; unchanged if the camera has no lens. The image must have
 // the camera's size.

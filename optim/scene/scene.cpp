@@ -40,7 +40,7 @@ constexpr Layout layouts[] = {{"video", is_video, read_video_file},
                               {"blender", is_blender, read_blender},
                               {"nerfstudio", is_nerfstudio, read_nerfstudio},
                               {"colmap", is_colmap, read_colmap},
-                              {"consistent4d", has_numbered_pictures, read_consistent4d}};
+                              {"consistent4d", has_numbered_images, read_consistent4d}};
 
 Scene read_recognised(const std::string& path, const SceneOptions& options) {
   if (fs::exists(path) && !fs::is_directory(path)) require_file(path);
@@ -164,7 +164,7 @@ Eigen::Vector3d middle_of_cameras(const Scene& scene) {
 // The point nearest to the optical axes of all training cameras; nullopt if they are nearly
 // parallel or there is one camera. Computed relative to the mean camera position, which may be far
 // from zero.
-std::optional<Eigen::Vector3d> where_axes_meet(const Scene& scene) {
+std::optional<Eigen::Vector3d> optical_axes_intersection(const Scene& scene) {
   const Eigen::Vector3d middle = middle_of_cameras(scene);
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
@@ -199,7 +199,8 @@ std::array<double, 3> origin_for(const Scene& scene) {
     if (away < 16 * size) return {0, 0, 0};
   } else {
     constexpr double least = 1e4, rounding = 1e-9;
-    if (const auto place = where_axes_meet(scene)) size = std::max(size, (*place - middle).norm());
+    if (const auto place = optical_axes_intersection(scene))
+      size = std::max(size, (*place - middle).norm());
     if (away < least || away < 4096 * size || size <= rounding * away) return {0, 0, 0};
   }
   if (!(size > 0)) return {0, 0, 0};
@@ -259,23 +260,23 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
   return scene;
 }
 
-Eigen::Vector3d looked_at(const Scene& scene) {
-  if (const auto place = where_axes_meet(scene)) return *place;
+Eigen::Vector3d focus_point(const Scene& scene) {
+  if (const auto place = optical_axes_intersection(scene)) return *place;
   Eigen::Vector3d ahead = Eigen::Vector3d::Zero();
   for (const Frame& frame : scene.train)
     ahead += scene.cameras[size_t(frame.camera)].viewmat.block<1, 3>(2, 0).transpose();
   return middle_of_cameras(scene) + ahead.normalized() * scene.extent;
 }
 
-PictureId picture_id(const Frame& frame) {
+ImageId image_id(const Frame& frame) {
   return {frame.camera, frame.path, frame.video_frame, frame.mask_path};
 }
 
-bool are_trained_on(const Scene& scene, const std::vector<Frame>& frames) {
-  std::set<PictureId> trained;
-  for (const Frame& frame : scene.train) trained.insert(picture_id(frame));
+bool are_training_images(const Scene& scene, const std::vector<Frame>& frames) {
+  std::set<ImageId> trained;
+  for (const Frame& frame : scene.train) trained.insert(image_id(frame));
   return std::all_of(frames.begin(), frames.end(),
-                     [&](const Frame& frame) { return trained.count(picture_id(frame)) > 0; });
+                     [&](const Frame& frame) { return trained.count(image_id(frame)) > 0; });
 }
 
 bool takes_cameras(const std::string& layout) {
@@ -326,7 +327,7 @@ std::vector<FlowPair> pairs_in_time(const Scene& scene) {
   return pairs;
 }
 
-bool leads_back(const Scene& scene, const FlowPair& pair) {
+bool is_backward_in_time(const Scene& scene, const FlowPair& pair) {
   return pair.next >= 0 &&
          scene.train[size_t(pair.next)].time < scene.train[size_t(pair.frame)].time;
 }

@@ -71,14 +71,14 @@ Scene read_scene(const std::string& path, const SceneOptions& options = {},
 
 // The point nearest to the optical axes of all training cameras; if these are parallel, the point
 // at distance `extent` in front of the cameras.
-Eigen::Vector3d looked_at(const Scene& scene);
+Eigen::Vector3d focus_point(const Scene& scene);
 
 // Identity of an image: pose, file, video frame, mask.
-using PictureId = std::tuple<int, std::string, int, std::string>;
-PictureId picture_id(const Frame& frame);
+using ImageId = std::tuple<int, std::string, int, std::string>;
+ImageId image_id(const Frame& frame);
 
 // Whether every frame shows an image of the training split.
-bool are_trained_on(const Scene& scene, const std::vector<Frame>& frames);
+bool are_training_images(const Scene& scene, const std::vector<Frame>& frames);
 
 // Whether a layout has no cameras of its own, so that SceneOptions::cameras may supply them.
 bool takes_cameras(const std::string& layout);
@@ -106,7 +106,7 @@ std::vector<FlowPair> distant_pairs(const Scene& scene, int span);
 std::vector<FlowPair> pairs_in_time(const Scene& scene);
 
 // Whether the flow of a pair leads back in time.
-bool leads_back(const Scene& scene, const FlowPair& pair);
+bool is_backward_in_time(const Scene& scene, const FlowPair& pair);
 
 // The pairs that have two frames, reversed.
 std::vector<FlowPair> reversed(const std::vector<FlowPair>& pairs);

@@ -12,8 +12,8 @@
 #include "optim/init/init.hpp"
 #include "optim/init/stereo_points.hpp"
 #include "optim/train/guidance_provider.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
-#include "runtime/base/tell.hpp"
 #include "runtime/base/warning.hpp"
 
 namespace gflow {
@@ -55,7 +55,7 @@ std::vector<FlowPair> far_pairs(const Scene& scene, const FlowOptions& flow) {
 // Flow of all pairs from that of the first of them, neighbours.
 FlowStore with_far_flow(const TrainOptions& config, const LoadedScene& loaded,
                         const std::vector<FlowPair>& pairs, FlowStore neighbours,
-                        const KeepFlow& keep = {}) {
+                        const StoreFlow& keep = {}) {
   if (neighbours.size() == pairs.size()) return neighbours;
   const auto near = std::make_shared<FlowStore>(std::move(neighbours));
   return extended(
@@ -118,12 +118,12 @@ FlowStore computed_flows(const TrainOptions& config, const LoadedScene& loaded,
   how.beforehand =
       compared <= views && likely_flow_bytes(loaded.scene, pairs, *loaded.frames) <= how.budget;
   if (!how.beforehand && !quiet)
-    tell(
+    print_status(
         "optical flow of {} pairs of pictures is computed when it is needed and kept within "
         "{} GiB in {}\n",
         compared, config.flow.store, how.folder);
   Progress progress("flow ", long(compared), quiet || !how.beforehand || compared == 0);
-  how.progress = counted(progress);
+  how.progress = progress_callback(progress);
   FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, how);
   progress.finish();
   return flows;
@@ -157,13 +157,13 @@ void Preparation::compute_flow(const std::string& folder, bool quiet) {
   flows_ =
       with_far_flow(config_, loaded_, pairs_,
                     computed_flows(config_, loaded_, all_alike ? pairs_ : neighbours_, how, quiet),
-                    kept_flows(scene(), frames(), how));
+                    stored_flows(scene(), frames(), how));
 }
 
-void Preparation::look_for_change() {
+void Preparation::find_motion_masks() {
   if (config_.init.dynamic > 0 || config_.train.focus > 0)
-    watchers_ = watchers_of(scene(), frames());
-  parts_ = parts_of_interest(scene(), frames(), watchers_);
+    static_cameras_ = static_cameras_of(scene(), frames());
+  parts_ = parts_of_interest(scene(), frames(), static_cameras_);
 }
 
 HostModel Preparation::first_model(Queue& queue) {
@@ -184,12 +184,12 @@ HostModel Preparation::first_model(Queue& queue) {
         config.density.cap));
     config.density.cap = std::max(int(holds), 1);
   }
-  return initial_model(scene(), frames(), parts_, watchers_, neighbours_, *flows_, config);
+  return initial_model(scene(), frames(), parts_, static_cameras_, neighbours_, *flows_, config);
 }
 
 PointCloud Preparation::points_from_stereo() {
-  if (watchers_.empty()) watchers_ = watchers_of(scene(), frames());
-  PointCloud points = stereo_points(scene(), frames(), watchers_, size_t(config_.init.count),
+  if (static_cameras_.empty()) static_cameras_ = static_cameras_of(scene(), frames());
+  PointCloud points = stereo_points(scene(), frames(), static_cameras_, size_t(config_.init.count),
                                     uint32_t(config_.train.seed));
   constexpr size_t few = 100;
   began_with_stereo_ = points.size() >= few;

@@ -30,7 +30,7 @@ class Preparation {
   void compute_flow(const std::string& folder, bool quiet);
   // Finds what moves in the pictures, for focus and first Gaussians. Needs no flow. Error when
   // init.from asks for stereo points and there are none.
-  void look_for_change();
+  void find_motion_masks();
 
   // As many Gaussians at most as density.cap and the memory allow. A scene without points gets
   // those of several cameras (stereo_points.hpp).
@@ -54,7 +54,7 @@ class Preparation {
   std::vector<FlowPair> neighbours_;  // both ways
   std::vector<FlowPair> pairs_;       // these and those further apart
   std::optional<FlowStore> flows_;
-  std::vector<Watcher> watchers_;
+  std::vector<StaticCamera> static_cameras_;
   std::vector<Rect> parts_;
   bool began_with_stereo_ = false;
 };

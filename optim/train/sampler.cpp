@@ -38,7 +38,7 @@ Sampler::Sampler(const TrainOptions& config, const Scene& scene, const FrameStor
       });
   if (!config.flow.enabled || config.flow.weight == 0) return;
   for (size_t i = 0; i < pairs.size(); ++i) {
-    if (!flows.has(i) || (sequential && !leads_back(scene, pairs[i]))) continue;
+    if (!flows.has(i) || (sequential && !is_backward_in_time(scene, pairs[i]))) continue;
     Ways& ways = ways_[size_t(pairs[i].frame)];
     (pairs[i].span > 1 ? ways.far : ways.near).push_back(int(i));
   }

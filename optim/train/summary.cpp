@@ -41,7 +41,7 @@ std::string place_of(const HostModel& model, const Scene& scene, const InitOptio
   return hull ? "in the visual hull" : "at random places";
 }
 
-std::string counted(size_t count, const char* one, const char* several) {
+std::string progress_callback(size_t count, const char* one, const char* several) {
   return fmt::format("{} {}", count, count == 1 ? one : several);
 }
 
@@ -52,14 +52,14 @@ std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
   for (const Camera& camera : cameras) sizes.insert({camera.width, camera.height});
   std::string text = fmt::format(
       "scene: {}, {}, {}; pictures: {} for training, {} for the test, {} for validation, {}{}x{}\n",
-      scene.layout, counted(scene.cameras.size(), "camera", "cameras"),
-      counted(size_t(scene.steps), "time step", "time steps"), scene.train.size(),
+      scene.layout, progress_callback(scene.cameras.size(), "camera", "cameras"),
+      progress_callback(size_t(scene.steps), "time step", "time steps"), scene.train.size(),
       scene.test.size(), scene.val.size(), sizes.size() > 1 ? "up to " : "", sizes.rbegin()->first,
       sizes.rbegin()->second);
   const auto& [x, y, z] = scene.origin;
   if (x != 0 || y != 0 || z != 0)
     text += fmt::format("coordinates: relative to ({}, {}, {}) of the scene's world\n", x, y, z);
-  if (!scene.test.empty() && are_trained_on(scene, scene.test))
+  if (!scene.test.empty() && are_training_images(scene, scene.test))
     text +=
         "test views: there are none but the training views; their figures do not tell how the "
         "scene looks from elsewhere\n";

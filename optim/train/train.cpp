@@ -14,7 +14,7 @@ TrainResult train(Queue& queue, Scene scene, const TrainOptions& options,
   Preparation prepared(options,
                        with_frames(std::move(scene), options.scene, folder.file("frames")));
   const std::unique_ptr<Guidance> guidance = guidance_of(options);
-  prepared.look_for_change();
+  prepared.find_motion_masks();
   prepared.compute_flow(folder.file("flow"), true);
   Model model(queue, prepared.first_model(queue));
   Trainer trainer = prepared.trainer(queue, model, guidance.get(), extensions.objectives);

@@ -50,7 +50,8 @@ void Trainer::prefetch(int step) {
       if (next == step + 1) frames.push_back(sample.frame);
       if (sample.pair >= 0) flows.push_back(size_t(sample.pair));
     }
-    const bool enough = in_.flows.at_hand() || next - step >= int(in_.flows.worth_prefetching());
+    const bool enough =
+        in_.flows.is_precomputed() || next - step >= int(in_.flows.prefetch_count());
     if (enough) break;
   }
   in_.frames.prefetch(frames);

@@ -17,7 +17,7 @@ struct StepReport : LossReport {
   size_t gaussians = 0, moving = 0;
   size_t rejected = 0;  // rows whose gradients were rejected as non-finite so far, of any table
   size_t stuck = 0;     // rows shared by all Gaussians whose last ten gradients were all non-finite
-  // unsound_array() of the state, where that was checked: before something of it is kept.
+  // non_finite_array() of the state, where that was checked: before something of it is kept.
   std::string non_finite;
 };
 

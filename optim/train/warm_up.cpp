@@ -84,7 +84,7 @@ void learn(Queue& queue, const TrainOptions& config, Parameters& parameters) {
   queue.finish();
 }
 
-void go_back(Queue& queue, Model& model, WarmUpImage& p) {
+void roll_back(Queue& queue, Model& model, WarmUpImage& p) {
   HexplaneOptions every_term;
   every_term.plane_tv = every_term.time_smoothness = every_term.l1_time = 1;
   Parameters& parameters = model.parameters;
@@ -113,7 +113,7 @@ void go_forth(Queue& queue, bool flow, Model& model, WarmUpImage& p) {
 
 }  // namespace
 
-void rehearse(Queue& queue, const TrainOptions& config) {
+void warm_up_kernels(Queue& queue, const TrainOptions& config) {
   const Scene scene = read_scene(config.scene.path, config.scene);
   const ModelShape shape = model_shape(scene, config);
   const EngineSettings settings = engine_settings(config);
@@ -127,7 +127,7 @@ void rehearse(Queue& queue, const TrainOptions& config) {
   for (Table* table : model.parameters.tables())
     for (ParameterGroup& group : table->groups) group.values.fill(queue, 0.f);
   model.parameters.forget_seen(queue);
-  go_back(queue, model, picture);
+  roll_back(queue, model, picture);
   learn(queue, config, model.parameters);
   compare(queue, config, picture);
   go_forth(queue, flow, model, picture);

@@ -9,6 +9,6 @@ namespace gflow {
 // Launches the kernels of a training step, but for those of binning and density control, which are
 // soon compiled, on one Gaussian that nobody sees. Those come first that a training comes to last.
 // Error where the scene cannot be read.
-void rehearse(Queue& queue, const TrainOptions& config);
+void warm_up_kernels(Queue& queue, const TrainOptions& config);
 
 }  // namespace gflow

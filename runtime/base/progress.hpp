@@ -61,7 +61,7 @@ class Progress {
 };
 
 // A callback that updates a progress line, which must outlive it.
-inline ProgressCallback counted(Progress& progress) {
+inline ProgressCallback progress_callback(Progress& progress) {
   return [&progress](size_t done, size_t) { progress.update(long(done)); };
 }
 

@@ -14,6 +14,6 @@ inline bool redraws_lines() {
 }
 
 // Erases a progress line that may be there; empty where lines are not redrawn.
-inline const char* line_eraser() { return redraws_lines() ? "\r\x1b[K" : ""; }
+inline const char* erase_line_sequence() { return redraws_lines() ? "\r\x1b[K" : ""; }
 
 }  // namespace gflow

@@ -39,7 +39,7 @@ std::string no_device_message() {
         "no OpenCL device found: POCL_CACHE_DIR is {}, where no folder could be made: unset it, or "
         "name one that can be written",
         cache);
-  if (why.empty()) why = why_not_compiled();
+  if (why.empty()) why = compile_failure_reason();
   if (const std::string drivers = drivers_named(); why.empty() && !drivers.empty())
     return fmt::format(
         "no OpenCL device found: {}; if a driver that is there ({}) should have one, a limit of "

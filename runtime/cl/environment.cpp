@@ -11,7 +11,7 @@
 
 namespace gflow {
 
-bool is_wanted(const char* variable, bool otherwise) {
+bool environment_flag(const char* variable, bool otherwise) {
   const char* value = std::getenv(variable);
   const std::string answer = value ? value : "";
   if (answer.empty()) return otherwise;
@@ -23,7 +23,7 @@ bool is_wanted(const char* variable, bool otherwise) {
 void check_environment() {
   device_timeout();
   for (const char* variable : {"GFLOW_COMPILE_AHEAD", "GFLOW_POISON_BUFFERS", "GFLOW_SYNC"})
-    is_wanted(variable, false);
+    environment_flag(variable, false);
   const char* kernels = std::getenv("GFLOW_KERNEL_DIR");
   std::error_code problem;
   if (kernels && *kernels && !std::filesystem::is_directory(kernels, problem))

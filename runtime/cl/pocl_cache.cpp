@@ -31,7 +31,7 @@ std::string name_of_folder() {
 }
 
 // The folder, or its nearest existing parent, in which it would be made.
-fs::path nearest_that_is_there() {
+fs::path nearest_existing_parent() {
   fs::path there = fs::absolute(pocl_cache_folder());
   std::error_code problem;
   while (!fs::exists(there, problem) && there.has_relative_path()) there = there.parent_path();
@@ -40,7 +40,7 @@ fs::path nearest_that_is_there() {
 
 // errno if a file of `size` bytes cannot be made there because of a full disk, a quota or a limit
 // of the shell (ulimit -f); else 0. Leaves no file.
-int why_no_file_of(uint64_t size, const fs::path& there) {
+int file_creation_error(uint64_t size, const fs::path& there) {
   const int file = open(there.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600);
   const int why = file >= 0 && fallocate(file, 0, 0, off_t(size)) == 0 ? 0 : errno;
   if (file >= 0) close(file);
@@ -59,7 +59,7 @@ fs::path pocl_cache_folder() {
 }
 
 std::string pocl_cache_problem(uint64_t needed) {
-  const fs::path there = nearest_that_is_there();
+  const fs::path there = nearest_existing_parent();
   std::error_code problem;
   if (!fs::is_directory(there, problem) || access(there.c_str(), W_OK | X_OK) != 0)
     return fmt::format("{}, where nothing can be written: {}", name_of_folder(), kAdvice);
@@ -68,7 +68,7 @@ std::string pocl_cache_problem(uint64_t needed) {
     return fmt::format("{}, where {} MiB are left, and compiling takes {}: make room, or {}",
                        name_of_folder(), space.available >> 20, needed >> 20, kAdvice);
   // Free space does not show a quota. (A limit on file sizes does not affect existing programs.)
-  if (const int why = why_no_file_of(needed, there); why == ENOSPC || why == EDQUOT)
+  if (const int why = file_creation_error(needed, there); why == ENOSPC || why == EDQUOT)
     return fmt::format(
         "{}, where the {} MiB that compiling takes are not to be had ({}): make "
         "room, or {}",
@@ -76,10 +76,10 @@ std::string pocl_cache_problem(uint64_t needed) {
   return "";
 }
 
-std::string why_not_compiled() {
+std::string compile_failure_reason() {
   constexpr uint64_t largest = uint64_t{1} << 20;  // LLVM's code of the largest kernel: 872 KiB
   if (std::string why = pocl_cache_problem(largest); !why.empty()) return why;
-  const int why = why_no_file_of(largest, nearest_that_is_there());
+  const int why = file_creation_error(largest, nearest_existing_parent());
   if (!why) return "";
   return fmt::format(
       "{}, where no file can have the MiB that compiling takes ({}): lift the limit (ulimit -f), "

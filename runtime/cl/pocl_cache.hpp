@@ -24,6 +24,6 @@ std::string pocl_cache_problem(uint64_t needed);
 // The same after a compilation failed; checks also whether a file as large as the largest kernel's
 // may be made. (Not before, since a limit on file sizes does not matter if all is compiled
 // already.)
-std::string why_not_compiled();
+std::string compile_failure_reason();
 
 }  // namespace gflow

@@ -65,7 +65,7 @@ cl::Program built_with_reasons(Queue& queue, const std::string& file, const std:
     return built_from_source(queue, source, options);
   } catch (const cl::Error& problem) {
     const bool of_build = problem.err() == CL_BUILD_PROGRAM_FAILURE && is_pocl(queue.info);
-    const std::string why = of_build ? why_not_compiled() : "";
+    const std::string why = of_build ? compile_failure_reason() : "";
     if (why.empty()) throw;
     throw NoRoomForPrograms(fmt::format("compiling {}: {}", file, why));
   }

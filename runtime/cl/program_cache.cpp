@@ -52,7 +52,7 @@ std::string contents(const std::string& path) {
 
 }  // namespace
 
-std::string_view sound_binary(std::string_view file, uint64_t key) {
+std::string_view verified_binary(std::string_view file, uint64_t key) {
   Header header;
   if (file.size() < sizeof header) return {};
   std::memcpy(&header, file.data(), sizeof header);
@@ -77,7 +77,7 @@ ProgramCache::ProgramCache(const Queue& queue, const std::string& source,
 cl::Program ProgramCache::load(Queue& queue, const std::string& options) const {
   if (path_.empty()) return {};
   const std::string file = contents(path_);
-  const std::string_view bytes = sound_binary(file, key_);
+  const std::string_view bytes = verified_binary(file, key_);
   if (bytes.empty()) return {};
   try {
     cl::Program program(queue.context, {queue.device},

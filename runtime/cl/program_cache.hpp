@@ -11,7 +11,7 @@
 namespace gflow {
 
 // The driver's bytes in a cache file; empty if it is not a whole cache file or has another `key`.
-std::string_view sound_binary(std::string_view file, uint64_t key);
+std::string_view verified_binary(std::string_view file, uint64_t key);
 
 // The place of one program's binary in the cache folder: $GFLOW_CACHE_DIR (empty = no cache), else
 // none on PoCL, which has its own, else $XDG_CACHE_HOME/gflow, else ~/.cache/gflow. The key covers

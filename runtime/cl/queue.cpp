@@ -32,8 +32,8 @@ Queue::Queue(const cl::Device& device, const QueueOptions& options)
       lanes(checked_lanes(options.lanes, info)),
       watchdog_(std::make_unique<Watchdog>(info.full_name(), device_timeout())),
       profile_(options.profile),
-      poison_(is_wanted("GFLOW_POISON_BUFFERS", debug_build)),
-      finish_each_launch_(is_wanted("GFLOW_SYNC", false)) {
+      poison_(environment_flag("GFLOW_POISON_BUFFERS", debug_build)),
+      finish_each_launch_(environment_flag("GFLOW_SYNC", false)) {
   wait("making a queue on " + info.full_name(), [&] {
     context = cl::Context(device);
     handle = cl::CommandQueue(context, device, profile_ ? CL_QUEUE_PROFILING_ENABLE : 0);
@@ -49,10 +49,10 @@ void Queue::launched(const std::string& kernel, const cl::Event& event) {
   if (!profile_) return;
   events_.emplace_back(kernel, event);
   const size_t most_kept = 4096;  // bounds the driver objects of a long training
-  if (events_.size() >= most_kept) fold_events();
+  if (events_.size() >= most_kept) collect_timings();
 }
 
-void Queue::fold_events() {
+void Queue::collect_timings() {
   finish();
   cl_call("reading kernel times of " + info.full_name(), [&] {
     for (const auto& [kernel, event] : events_) {
@@ -68,7 +68,7 @@ void Queue::fold_events() {
 }
 
 const std::map<std::string, KernelTiming>& Queue::timings() {
-  fold_events();
+  collect_timings();
   return timings_;
 }
 

@@ -69,7 +69,7 @@ class Queue {
   std::map<std::string, cl::Program> programs;  // built so far, by options and source (Program)
 
  private:
-  void fold_events();
+  void collect_timings();
 
   std::unique_ptr<Watchdog> watchdog_;
   bool profile_;

@@ -36,7 +36,7 @@ void Watchdog::watch() {
   const std::string sentence = fmt::format(
       "{}gflow: waiting for {}: nothing came back for {} s, so it hangs, or needs longer than "
       "GFLOW_DEVICE_TIMEOUT={} (seconds; 0: any) allows; what was saved before is whole\n",
-      line_eraser(), device_, seconds_, seconds_);
+      erase_line_sequence(), device_, seconds_, seconds_);
   unsigned last = 0;
   std::unique_lock lock(mutex_);
   for (int ticks = 0; !end_.wait_for(lock, tick_, [&] { return ends_; });) {

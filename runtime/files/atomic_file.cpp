@@ -48,7 +48,7 @@ class Temporary {
       unfinished_.emplace(path_);  // first: a signal may come as soon as it exists
       const Descriptor claim(::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
       if (claim.get() >= 0) return;
-      if (errno != EEXIST) refuse_to_write(path, errno);
+      if (errno != EEXIST) throw_write_error(path, errno);
     }
   }
   Temporary(const Temporary&) = delete;
@@ -58,7 +58,7 @@ class Temporary {
   }
   const std::string& path() const { return path_; }
   void rename_to(const std::string& path) {
-    take_place(path_, path);
+    rename_over(path_, path);
     renamed_ = true;
     unfinished_.reset();
   }
@@ -71,7 +71,7 @@ class Temporary {
 
 void flush_to_disk(const std::string& temporary, const std::string& path) {
   const Descriptor file(::open(temporary.c_str(), O_RDONLY | O_CLOEXEC));
-  if (file.get() < 0 || ::fsync(file.get()) != 0) refuse_to_write(path, errno);
+  if (file.get() < 0 || ::fsync(file.get()) != 0) throw_write_error(path, errno);
 }
 
 // flag: O_TRUNC for the whole file, O_APPEND for more of it. O_CREAT because some libraries remove
@@ -86,7 +86,7 @@ void write_all(const std::string& temporary, int flag, std::string_view bytes,
     ok = written > 0;
     if (ok) bytes.remove_prefix(size_t(written));
   }
-  if (!ok || !file.close()) refuse_to_write(path, errno);
+  if (!ok || !file.close()) throw_write_error(path, errno);
 }
 
 std::string_view view(const Bytes& bytes) {
@@ -95,7 +95,7 @@ std::string_view view(const Bytes& bytes) {
 
 }  // namespace
 
-void refuse_to_write(const std::string& path, int code) {
+void throw_write_error(const std::string& path, int code) {
   const std::string sentence = fmt::format("cannot write {}: {}", path, std::strerror(code));
   if (code == ENOSPC || code == EDQUOT) throw DiskFull(sentence);
   throw Error(sentence);
@@ -199,10 +199,10 @@ void require_replaceable(const std::string& path) {
     throw Error(fmt::format("writing {}: there is something of that name that is no file", path));
 }
 
-void take_place(const std::string& finished, const std::string& path) {
+void rename_over(const std::string& finished, const std::string& path) {
   struct stat former;
   if (::stat(path.c_str(), &former) == 0) ::chmod(finished.c_str(), former.st_mode & 0777);
-  if (::rename(finished.c_str(), path.c_str()) != 0) refuse_to_write(path, errno);
+  if (::rename(finished.c_str(), path.c_str()) != 0) throw_write_error(path, errno);
   flush_folder_of(path);
 }
 

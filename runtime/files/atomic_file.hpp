@@ -18,7 +18,7 @@ struct DiskFull : Error {
   using Error::Error;
 };
 // Throws "cannot write PATH: why" for the error number `code`; a DiskFull for ENOSPC and EDQUOT.
-[[noreturn]] void refuse_to_write(const std::string& path, int code);
+[[noreturn]] void throw_write_error(const std::string& path, int code);
 
 using Bytes = std::vector<uint8_t>;
 
@@ -67,7 +67,7 @@ void require_replaceable(const std::string& path);
 
 // Renames a finished file to `path`, with the permissions of the file that had the name, which may
 // be private. Error if it cannot.
-void take_place(const std::string& finished, const std::string& path);
+void rename_over(const std::string& finished, const std::string& path);
 
 // Makes names in the folder of `path` survive a loss of power, on file systems that can; the files'
 // contents do anyway.

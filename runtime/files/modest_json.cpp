@@ -22,7 +22,7 @@ constexpr int deepest_json = 100;  // a level takes 100 bytes of memory and one 
 
 // Checked before parsing, since the parser's own callback takes time quadratic in a list's length
 // (nlohmann-json 3.11 goes through the list whenever an entry ends).
-void require_modest_json(const void* text, size_t size, const std::string& path) {
+void require_json_limits(const void* text, size_t size, const std::string& path) {
   const char* json = static_cast<const char*>(text);
   int depth = 0, deepest = 0;
   size_t values = 1;
@@ -67,19 +67,19 @@ void require_modest_json(const void* text, size_t size, const std::string& path)
                             values, most_values));
 }
 
-bool is_modest_json(const void* text, size_t size) {
+bool is_within_json_limits(const void* text, size_t size) {
   try {
-    require_modest_json(text, size, "");
+    require_json_limits(text, size, "");
     return true;
   } catch (const Error&) {
     return false;
   }
 }
 
-nlohmann::ordered_json parsed_if_modest(std::string_view text) {
+nlohmann::ordered_json parse_json_within_limits(std::string_view text) {
   using Json = nlohmann::ordered_json;
-  return is_modest_json(text.data(), text.size()) ? Json::parse(text, nullptr, false)
-                                                  : Json(Json::value_t::discarded);
+  return is_within_json_limits(text.data(), text.size()) ? Json::parse(text, nullptr, false)
+                                                         : Json(Json::value_t::discarded);
 }
 
 std::string reason_of(const nlohmann::json::exception& problem) {

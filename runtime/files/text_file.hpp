@@ -13,7 +13,7 @@ namespace gflow {
 
 // Contents of a text file, "" if it does not exist (any more: a training may remove it meanwhile).
 // Error that names it if it cannot be read.
-inline std::string text_if_there(const std::string& path) {
+inline std::string read_text_or_empty(const std::string& path) {
   try {
     const Bytes bytes = read_file(path);
     return {bytes.begin(), bytes.end()};
@@ -26,11 +26,11 @@ inline std::string text_if_there(const std::string& path) {
 
 // The same for what gflow writes in one piece, such as results; "" also for more than 16 MiB, which
 // those never have.
-inline std::string report_if_there(const std::string& path) {
+inline std::string read_report_or_empty(const std::string& path) {
   constexpr uintmax_t longest = uintmax_t{16} << 20;
   std::error_code none;
   const uintmax_t size = std::filesystem::file_size(path, none);
-  return !none && size > longest ? "" : text_if_there(path);
+  return !none && size > longest ? "" : read_text_or_empty(path);
 }
 
 // Removes the first line of a text that is not empty, and returns it without its end.

@@ -211,7 +211,7 @@ TEST(StressCommand, TellsWhatQuickLeavesOut) {
 TEST(StressCommand, RefusesWhatItDoesNotKnow) {
   expect_refused({"stress", "--only", "T99"}, {"--only T99", "T5, ", "T42 to T45"});
   for (const char* word : {"T1-T3", "quick", "T"})
-    expect_refused({"stress", "--only", word}, {fmt::format("--only: '{}' is no number", word)});
+    expect_refused({"stress", "--only", word}, {fmt::format("--only: '{}' is not a number", word)});
   for (const std::string path : {"/nowhere/figures.json", "/proc/figures.json"})
     expect_refused({"stress", "--only", "5", "--json", path},
                    {"--json " + path, "no file can be written there"});

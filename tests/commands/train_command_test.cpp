@@ -290,7 +290,7 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   expect_refused({"stress", "--json", ""}, {"--json", "the path is empty"});
   expect_refused({"train", "some", "-o", "out", "--config", ""}, {"--config", "the path is empty"});
   expect_refused({"train", "some", "-o", "out", "--seed", std::string(23, '9')},
-                 {"--seed: '" + std::string(23, '9') + "' is no number from 0 to 2000000000"});
+                 {"--seed: '" + std::string(23, '9') + "' is not a number from 0 to 2000000000"});
   expect_refused({"render", run(), "-o", out, "--up", "w"}, {"'w'", "-y or -z"});
   expect_refused({"render", run(), "-o", out, "--fps", "nan"}, {"'nan'", "0.01 to 1000"});
   expect_refused({"render", run(), "-o", out, "--fps", "0x1p3"}, {"'0x1p3'", "0.01 to 1000"});
@@ -317,7 +317,10 @@ TEST_F(CommandTest, SettingsListsWhatTrainingMayBeTold) {
 
 TEST_F(CommandTest, HelpIsThereForEveryCommand) {
   EXPECT_EQ(gflow({"--help"}).code, 0);
-  EXPECT_EQ(gflow({"--version"}).code, 0);
+  const Outcome version = gflow({"--version"});
+  EXPECT_EQ(version.code, 0);
+  for (const char* part : {"gflow ", "OpenCL", "OpenCV", "networks"})
+    EXPECT_NE(version.out.find(part), std::string::npos) << version.out;
   for (const char* command : {"train", "render", "eval", "splat", "devices"}) {
     const Outcome outcome = gflow({command, "--help"});
     EXPECT_EQ(outcome.code, 0) << command;

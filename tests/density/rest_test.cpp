@@ -341,7 +341,7 @@ TEST(Rest, NoPlaceChangesByMoreThanTheBound) {
     };
     const real3 x = draw();
     const double change = std::fabs(density(turned, x - mean) - density(q, x - rest));
-    const double d = distance_from_rest(rest, q, scales, mean, l1);
+    const double d = distance_from_static(rest, q, scales, mean, l1);
     EXPECT_LE(change, 0.74 * d * (1 + d));
     largest = std::max(largest, change / d);
   }

@@ -45,7 +45,7 @@ class Tile {
     masks = tiles.masks.read(queue);
   }
 
-  // Whether any value of the picture, or of the moments of its splats, is no number.
+  // Whether any value of the picture, or of the moments of its splats, is not a number.
   bool forward_meets_nan() {
     splatting_.forward(queue_, {0, 0, 0}, splats_, tiles, images);
     return any_nan(images.rgb);

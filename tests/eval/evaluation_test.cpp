@@ -25,7 +25,7 @@ TEST(Evaluate, FindsNoErrorInTheModelThatDrewThePictures) {
   EXPECT_EQ(evaluation.flow_reference, "true");
   EXPECT_FALSE(evaluation.trained_on);
   ASSERT_EQ(evaluation.views.size(), size_t(SmallScene::steps));
-  for (const ViewFigures& view : evaluation.views) {
+  for (const ViewMetrics& view : evaluation.views) {
     EXPECT_NEAR(view.psnr, 58.9, 1) << view.name;
     EXPECT_GT(view.ssim, 0.999) << view.name;
   }
@@ -39,7 +39,7 @@ TEST(Evaluate, HasNoFlowFiguresWhereNoFlowLeads) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   const Evaluation evaluation = judged(queue, scene, scene.truth);
-  const ViewFigures& last = evaluation.views.back();  // nothing follows the last step
+  const ViewMetrics& last = evaluation.views.back();  // nothing follows the last step
   EXPECT_TRUE(std::isnan(last.flow_epe));
   EXPECT_TRUE(std::isnan(last.flow_epe_dynamic));
   EXPECT_TRUE(std::isnan(last.psnr_dynamic));
@@ -101,7 +101,7 @@ TEST(Evaluate, SsimOfWhatMovesIsTheMeanOverThesePixels) {
   const TemporaryFolder drawn;
   const Evaluation evaluation =
       evaluate(queue, model, config, loaded, loaded.scene.test, {}, drawn.path());
-  const ViewFigures& view = evaluation.views[1];
+  const ViewMetrics& view = evaluation.views[1];
   const FlowField flow = read_flo(loaded.scene.test[1].flow_path);
   std::vector<uint8_t> moving;
   for (size_t i = 0; i < flow.valid.size(); ++i)
@@ -205,14 +205,14 @@ TEST(Evaluate, AsksTheNetworksThatAreGiven) {
   LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, scene.truth);
   try {
-    JudgingNetworks judges(config.metrics);
+    MetricNetworks judges(config.metrics);
   } catch (const Error& problem) {
     ASSERT_NE(std::string(problem.what()).find("libopencv-dnn-dev"), std::string::npos);
     GTEST_SKIP() << "built without OpenCV's dnn module";
   }
   const Evaluation evaluation = evaluate(queue, model, config, loaded, loaded.scene.test, {});
   EXPECT_EQ(evaluation.lpips_model, config.metrics.lpips);
-  for (const ViewFigures& view : evaluation.views) {
+  for (const ViewMetrics& view : evaluation.views) {
     EXPECT_GT(view.lpips, 0);  // this network tells the two apart
     EXPECT_NEAR(view.clip, 1, 1e-4);
   }
@@ -271,7 +271,7 @@ TEST(Evaluate, ReadsTheFlowThatIsKept) {
   kept.keep();
   const Evaluation right = kept.judged(queue);
   const Frame& frame = kept.loaded.scene.train[0];
-  TeacherFlow far{zero_flow(48, 40), std::vector<uint8_t>(48 * 40, 255)};
+  TargetFlow far{zero_flow(48, 40), std::vector<uint8_t>(48 * 40, 255)};
   far.flow.uv.assign(far.flow.uv.size(), 100.f);
   FlowFolder(kept.folder.path(), uint64_t{1} << 30, {}).keep(frame.name, packed(far));
   const Evaluation wrong = kept.judged(queue);

@@ -2,7 +2,7 @@
 small. Each allocation, build and wait is taken, of kernels made, arguments, launches and copies the first ones and as
 many more spread over the rest (`--every`: each); the line of a fault says how many of how many.
 
-Which exit code is right (the table in README.md, NoUsableDevice in apps/common/options.hpp, main in apps/main.cpp):
+Which exit code is right (the table in apps/README.md, NoUsableDevice in apps/common/options.hpp, main in apps/main.cpp):
 4 where the device hangs; 2 where it fails before or in the check that stands before any work, and then nothing
 was written; 1 where it fails later, also where it is lost. 0 only where gflow can do without: memory that is
 short while density control, rest or order change the Gaussians (trainer.cpp), and a checkpoint on the way that cannot

@@ -66,10 +66,10 @@ TEST(AtomicFile, AFullDiskIsAnErrorThatLeavesTheOldFile) {
 }
 
 TEST(AtomicFile, AFullDiskIsToldFromOtherFaults) {
-  EXPECT_THROW(refuse_to_write("a", ENOSPC), DiskFull);
-  EXPECT_THROW(refuse_to_write("a", EDQUOT), DiskFull);
+  EXPECT_THROW(throw_write_error("a", ENOSPC), DiskFull);
+  EXPECT_THROW(throw_write_error("a", EDQUOT), DiskFull);
   try {
-    refuse_to_write("a", EIO);
+    throw_write_error("a", EIO);
   } catch (const DiskFull&) {
     ADD_FAILURE() << "no room would help";
   } catch (const Error& error) {

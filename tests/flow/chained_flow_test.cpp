@@ -9,8 +9,8 @@ using namespace gflow;
 
 namespace {
 
-std::shared_ptr<TeacherFlow> trusted(FlowField flow) {
-  auto teacher = std::make_shared<TeacherFlow>();
+std::shared_ptr<TargetFlow> trusted(FlowField flow) {
+  auto teacher = std::make_shared<TargetFlow>();
   teacher->confidence.assign(flow.valid.size(), 255);
   teacher->flow = std::move(flow);
   return teacher;
@@ -38,7 +38,7 @@ FlowField turning(double degrees) {
 }
 
 // A bar, columns from..from+8, moves right by 2.5 px before a background at rest.
-std::shared_ptr<TeacherFlow> bar(double from) {
+std::shared_ptr<TargetFlow> bar(double from) {
   FlowField flow = zero_flow(64, 4);
   std::vector<uint8_t> confidence(64 * 4, 255);
   for (int y = 0; y < 4; ++y)
@@ -58,7 +58,7 @@ std::shared_ptr<TeacherFlow> bar(double from) {
 
 TEST(ChainedFlow, OfATurnIsTheWholeTurn) {
   const auto link = trusted(turning(5)), back = trusted(turning(-5));
-  const TeacherFlow chain = chained({link, link, link, link}, {back, back, back, back});
+  const TargetFlow chain = chained({link, link, link, link}, {back, back, back, back});
   int known = 0;
   for (int y = 0; y < 48; ++y)
     for (int x = 0; x < 64; ++x) {
@@ -77,7 +77,7 @@ TEST(ChainedFlow, OfATurnIsTheWholeTurn) {
 }
 
 TEST(ChainedFlow, IsThatOfOneSurfaceOrOfNone) {
-  const TeacherFlow chain = chained({bar(8), bar(10.5), bar(13), bar(15.5)});
+  const TargetFlow chain = chained({bar(8), bar(10.5), bar(13), bar(15.5)});
   for (int x = 0; x < 64; ++x) {
     const size_t i = size_t(64 + x);  // in the second row
     const bool on_bar = x >= 8 && x < 16;
@@ -143,16 +143,16 @@ TEST(ChainedFlow, IsKeptWhereItIsChecked) {
   FlowEstimation how;
   how.folder = folder.path() + "/kept";
   FrameStore frames(scene);
-  const KeepFlow keep = kept_flows(scene, frames, how);
-  const KeepFlow counting = [&](const FlowPair& pair, const MakeFlow& make) {
+  const StoreFlow keep = stored_flows(scene, frames, how);
+  const StoreFlow counting = [&](const FlowPair& pair, const MakeFlow& make) {
     return keep(pair, [&] {
       ++made;
       return make();
     });
   };
-  const TeacherFlow fresh = chained_flows(checked, both)[0]();
+  const TargetFlow fresh = chained_flows(checked, both)[0]();
   for (int time = 0; time < 2; ++time) {
-    const TeacherFlow kept = chained_flows(checked, both, counting)[0]();
+    const TargetFlow kept = chained_flows(checked, both, counting)[0]();
     EXPECT_EQ(kept.flow.uv, fresh.flow.uv) << time;  // whole pixels: rounding does nothing
     EXPECT_EQ(kept.confidence, fresh.confidence) << time;
   }
@@ -160,7 +160,7 @@ TEST(ChainedFlow, IsKeptWhereItIsChecked) {
   EXPECT_TRUE(
       std::filesystem::exists(how.folder + "/" + scene.train[0].name + "_over_2_chained.flow"));
   // Without a way back more is trusted: not that which is kept.
-  const TeacherFlow other = chained_flows(unchecked, there, counting)[0]();
+  const TargetFlow other = chained_flows(unchecked, there, counting)[0]();
   EXPECT_NE(other.confidence, fresh.confidence);
   EXPECT_EQ(made, 1);
 }

@@ -55,10 +55,10 @@ class EstimatedFlow : public testing::Test {
 
 TEST_F(EstimatedFlow, ComesBothWaysForEachPairOfPictures) {
   ASSERT_EQ(pairs.size(), 8u);
-  EXPECT_TRUE(leads_back(scene, pairs[4]));
+  EXPECT_TRUE(is_backward_in_time(scene, pairs[4]));
   FlowStore flows = estimate();
   EXPECT_EQ(steps, (std::vector<size_t>{1, 2, 3, 4}));
-  EXPECT_TRUE(flows.at_hand());
+  EXPECT_TRUE(flows.is_precomputed());
   EXPECT_NEAR(flows.get(0)->flow.uv[2 * centre], 2, 0.2);
   EXPECT_NEAR(flows.get(4)->flow.uv[2 * centre], -2, 0.2);
   EXPECT_EQ(flows.get(0)->confidence[centre], 255);
@@ -68,8 +68,8 @@ TEST_F(EstimatedFlow, ComesBothWaysForEachPairOfPictures) {
 TEST_F(EstimatedFlow, IsKeptAndUsedAgain) {
   estimate();
   // A marked file shows that it is read, not computed again; one of another size is replaced.
-  const TeacherFlow marked{uniform(48, 40, 7, 7), std::vector<uint8_t>(48 * 40, 255)};
-  const TeacherFlow small{uniform(4, 4, 7, 7), std::vector<uint8_t>(16, 255)};
+  const TargetFlow marked{uniform(48, 40, 7, 7), std::vector<uint8_t>(48 * 40, 255)};
+  const TargetFlow small{uniform(4, 4, 7, 7), std::vector<uint8_t>(16, 255)};
   write_file_atomically(file("input_0000"), packed(marked));
   write_file_atomically(file("input_0001"), packed(small));
   FlowStore again = estimate();
@@ -88,7 +88,7 @@ TEST_F(EstimatedFlow, IsTheSameBeforehandAndWhenAskedForKeptOrNot) {
   how.folder += "_too";
   how.budget = 0;
   FlowStore flows = estimate();
-  EXPECT_FALSE(flows.at_hand());
+  EXPECT_FALSE(flows.is_precomputed());
   EXPECT_TRUE(fs::is_empty(how.folder));
   flows.prefetch({7, 0, 3, 4, 1, 5, 6, 2});
   EXPECT_EQ(all_of(flows), expected);

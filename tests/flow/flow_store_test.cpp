@@ -49,7 +49,7 @@ TEST(FlowStore, WhatIsPrefetchedIsLoadedOnceAndFailuresAreReportedByGet) {
   std::atomic<int> loads{0};
   std::vector<FlowStore::Loader> loaders(4);
   for (int k = 0; k < 3; ++k)
-    loaders[size_t(k)] = [&loads, k]() -> TeacherFlow {
+    loaders[size_t(k)] = [&loads, k]() -> TargetFlow {
       ++loads;
       if (k == 1) throw Error("no such flow");
       return {uniform(2, 2, float(k), 0), std::vector<uint8_t>(4, 255)};

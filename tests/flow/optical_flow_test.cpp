@@ -6,7 +6,7 @@
 using namespace gflow;
 
 TEST(OpticalFlow, FindsAKnownTranslation) {
-  const TeacherFlow teacher = estimate_teacher_flow(texture(64, 48, 0, 0), texture(64, 48, 2, -1));
+  const TargetFlow teacher = estimate_target_flow(texture(64, 48, 0, 0), texture(64, 48, 2, -1));
   double error = 0;
   int n = 0;
   for (int y = 8; y < 40; ++y)
@@ -39,13 +39,13 @@ TEST(OpticalFlow, ConsistencyIsHalfAPixelOrFivePercent) {
 }
 
 TEST(OpticalFlow, ResizingScalesTheVectors) {
-  TeacherFlow teacher{uniform(8, 4, 4, 2), std::vector<uint8_t>(32, 255)};
-  const TeacherFlow half = resized(teacher, 4, 2);
+  TargetFlow teacher{uniform(8, 4, 4, 2), std::vector<uint8_t>(32, 255)};
+  const TargetFlow half = resized(teacher, 4, 2);
   EXPECT_EQ(half.flow.width, 4);
   EXPECT_EQ(half.flow.uv[0], 2);
   EXPECT_EQ(half.flow.uv[1], 1);
   EXPECT_EQ(half.confidence.size(), 8u);
-  const TeacherFlow narrow = resized(teacher, 4, 4);
+  const TargetFlow narrow = resized(teacher, 4, 4);
   EXPECT_EQ(narrow.flow.uv[0], 2);
   EXPECT_EQ(narrow.flow.uv[1], 2);
 }

@@ -13,8 +13,8 @@ namespace {
 
 // Smooth in parts and noise up to `longest` elsewhere; every fifth pixel is unknown, every third
 // trusted.
-TeacherFlow any_flow(int width, int height, float longest) {
-  TeacherFlow teacher{zero_flow(width, height), {}};
+TargetFlow any_flow(int width, int height, float longest) {
+  TargetFlow teacher{zero_flow(width, height), {}};
   std::mt19937 random(3);
   std::uniform_real_distribution<float> noise(-longest, longest);
   for (size_t i = 0; i < teacher.flow.valid.size(); ++i) {
@@ -27,7 +27,7 @@ TeacherFlow any_flow(int width, int height, float longest) {
   return teacher;
 }
 
-double largest_change(const TeacherFlow& a, const TeacherFlow& b) {
+double largest_change(const TargetFlow& a, const TargetFlow& b) {
   double most = 0;
   for (size_t i = 0; i < a.flow.uv.size(); ++i)
     most = worse(most, std::fabs(a.flow.uv[i] - b.flow.uv[i]));
@@ -40,8 +40,8 @@ TEST(PackedFlow, IsRoundedByAtMostHalfItsUnit) {
   const std::pair<float, float> bounds[] = {
       {0.01f, 1 / 128.f}, {511, 1 / 128.f}, {600, 1 / 64.f}, {5000, 1 / 8.f}, {32000, 1 / 2.f}};
   for (const auto& [longest, bound] : bounds) {
-    const TeacherFlow flow = any_flow(37, 23, longest);
-    const TeacherFlow back = unpacked(packed(flow), "flow");
+    const TargetFlow flow = any_flow(37, 23, longest);
+    const TargetFlow back = unpacked(packed(flow), "flow");
     EXPECT_LE(largest_change(flow, back), bound) << longest;
     // Of 1700 components some lie near the middle between two that can be kept.
     if (longest > 1) {
@@ -54,8 +54,8 @@ TEST(PackedFlow, IsRoundedByAtMostHalfItsUnit) {
 
 TEST(PackedFlow, WhatIsRoundedAlreadyStaysAsItIs) {
   for (const auto& [width, height] : {std::pair(1, 1), {1, 9}, {9, 1}, {16, 8}, {37, 23}}) {
-    const TeacherFlow once = unpacked(packed(any_flow(width, height, 40)), "flow");
-    const TeacherFlow twice = unpacked(packed(once), "flow");
+    const TargetFlow once = unpacked(packed(any_flow(width, height, 40)), "flow");
+    const TargetFlow twice = unpacked(packed(once), "flow");
     EXPECT_EQ(once.flow.uv, twice.flow.uv);
     EXPECT_EQ(once.flow.valid, twice.flow.valid);
     EXPECT_EQ(once.confidence, twice.confidence);
@@ -64,16 +64,16 @@ TEST(PackedFlow, WhatIsRoundedAlreadyStaysAsItIs) {
 
 TEST(PackedFlow, WhatIsNoPlaceInAnyPictureIsUnknown) {
   const float inf = std::numeric_limits<float>::infinity(), nan = std::nanf("");
-  TeacherFlow flow{uniform(5, 1, 1, 1), std::vector<uint8_t>(5, 255)};
+  TargetFlow flow{uniform(5, 1, 1, 1), std::vector<uint8_t>(5, 255)};
   flow.flow.uv = {1, 1, nan, 1, 1, inf, -40000, 1, 1e20f, 1};
-  const TeacherFlow back = unpacked(packed(flow), "flow");
+  const TargetFlow back = unpacked(packed(flow), "flow");
   EXPECT_EQ(back.flow.valid, (std::vector<uint8_t>{1, 0, 0, 0, 0}));
   EXPECT_EQ(back.confidence, (std::vector<uint8_t>{255, 0, 0, 0, 0}));
   EXPECT_EQ(back.flow.uv, (std::vector<float>{1, 1, 0, 0, 0, 0, 0, 0, 0, 0}));
 }
 
 TEST(PackedFlow, APictureThatRestsTakesHardlyAnything) {
-  const TeacherFlow rest{zero_flow(640, 480), std::vector<uint8_t>(640 * 480, 255)};
+  const TargetFlow rest{zero_flow(640, 480), std::vector<uint8_t>(640 * 480, 255)};
   EXPECT_LT(packed(rest).size(), 10000u);  // of 2.8 MB
 }
 

@@ -28,14 +28,14 @@ void write(const std::string& path, bool with_visibility, size_t pictures = 3) {
   write_npz(path, arrays);
 }
 
-size_t known(const TeacherFlow& flow) {
+size_t known(const TargetFlow& flow) {
   return size_t(std::count(flow.confidence.begin(), flow.confidence.end(), 255));
 }
 
 }  // namespace
 
 TEST(PointTracks, AreAFlowAtTheirPixels) {
-  const TeacherFlow flow = flow_of_points(tracks(), 0, 1, 48, 40);
+  const TargetFlow flow = flow_of_points(tracks(), 0, 1, 48, 40);
   EXPECT_EQ(known(flow), 2u);  // two share a pixel; the last is out of sight
   const size_t first = 2 * 48 + 1, shared = 4 * 48 + 10;
   EXPECT_EQ(flow.flow.uv[2 * first], 2);
@@ -48,12 +48,12 @@ TEST(PointTracks, AreAFlowAtTheirPixels) {
   EXPECT_EQ(flow.emphasis, 16);                                  // 1920 pixels, two points
   EXPECT_EQ(flow_of_points(tracks(), 0, 1, 4, 4).emphasis, 16);  // one of 16 pixels
   EXPECT_EQ(known(flow_of_points(tracks(), 0, 2, 48, 40)), 2u);  // the first is hidden by then
-  const TeacherFlow back = flow_of_points(tracks(), 2, 1, 48, 40);
+  const TargetFlow back = flow_of_points(tracks(), 2, 1, 48, 40);
   EXPECT_EQ(back.flow.uv[2 * (5 * 48 + 12)], -1);
 }
 
 TEST(PointTracks, ScaleWithThePictures) {
-  const TeacherFlow flow = flow_of_points(tracks(), 0, 1, 24, 20, 0.5f, 0.5f);
+  const TargetFlow flow = flow_of_points(tracks(), 0, 1, 24, 20, 0.5f, 0.5f);
   EXPECT_EQ(flow.flow.uv[2 * (1 * 24 + 0)], 1);
 }
 

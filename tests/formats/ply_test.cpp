@@ -161,7 +161,7 @@ TEST(Ply, RefusesHeadersThatMakeNoSense) {
              "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
              "end_header\n1 abc 2\n");
       },
-      {"'abc' in line 8 is no number"});
+      {"'abc' in line 8 is not a number"});
   expect_error(
       [&] { read(start + "element vertex 0\nproperty float x\nproperty int x\nend_header\n"); },
       {"'vertex'", "'x' twice"});
@@ -181,14 +181,14 @@ TEST(Ply, TakesDamagedTextForNoOtherNumbers) {
   const std::vector<float> four{1, 2, 3, 4};
   EXPECT_EQ(read("1 2\n3 4\n"), four);
   EXPECT_EQ(read("1 2 \r\n\n\n3\t+4"), four);
-  expect_error([&] { read("1-2\n3 4\n"); }, {"a.ply", "'1-2' in line 7 is no number"});
+  expect_error([&] { read("1-2\n3 4\n"); }, {"a.ply", "'1-2' in line 7 is not a number"});
   expect_error([&] { read("1 2\n3 1.2.3\n"); }, {"'1.2.3' in line 8"});
   expect_error([&] { read("0x10 2\n3 4\n"); }, {"'0x10' in line 7"});
-  expect_error([&] { read(std::string("1 2\n3\0004\n", 8)); }, {"'3\\04' in line 8 is no number"});
+  expect_error([&] { read(std::string("1 2\n3\0004\n", 8)); }, {"'3\\04' in line 8 is not a number"});
   expect_error([&] { read("1 2 3\n4 5\n"); }, {"line 7 has more values"});
   expect_error([&] { read("1\n2 3\n4 5\n"); }, {"line 7 has fewer values"});
   expect_error([&] { read("1 2\n3 1e400\n"); }, {"'1e400' in line 8 is nearer to 0 or farther"});
-  expect_error([&] { read("1 2\n3 +-4\n"); }, {"'+-4' in line 8 is no number"});
+  expect_error([&] { read("1 2\n3 +-4\n"); }, {"'+-4' in line 8 is not a number"});
 }
 
 TEST(Ply, RefusesPositionsThatAreNotFinite) {
@@ -243,7 +243,7 @@ TEST(Ply, NoNumberGoesOnForThousandsOfDigits) {
         .values;
   };
   EXPECT_EQ(read(4000), (std::vector<float>{7}));
-  expect_error([&] { read(5000); }, {"'00000000000000000000' in line 6 is no number"});
+  expect_error([&] { read(5000); }, {"'00000000000000000000' in line 6 is not a number"});
 }
 
 // Read whole, the texts took six times their size.

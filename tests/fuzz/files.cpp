@@ -142,7 +142,7 @@ void packed_flow(const uint8_t* bytes, size_t size) {
   may_refuse([&] { unpacked(Bytes(bytes, bytes + size), "the input"); });
 }
 void packed_flow_seeds(const std::string& to) {
-  TeacherFlow teacher;
+  TargetFlow teacher;
   teacher.flow.width = 4, teacher.flow.height = 3;
   for (int i = 0; i < 12; ++i) {
     teacher.flow.uv.push_back(float(i) / 4), teacher.flow.uv.push_back(-1);

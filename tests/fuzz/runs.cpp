@@ -206,7 +206,7 @@ void onnx_seeds(const std::string& to) {
 constexpr uint64_t kKey = 7;
 void program_cache(const uint8_t* bytes, size_t size) {
   const std::string_view file(reinterpret_cast<const char*>(bytes), size);
-  const std::string_view binary = sound_binary(file, kKey);
+  const std::string_view binary = verified_binary(file, kKey);
   if (binary.size() > size) throw std::logic_error("more than the file has");
 }
 void program_cache_seeds(const std::string& to) {
@@ -214,7 +214,7 @@ void program_cache_seeds(const std::string& to) {
   const uint64_t header[2] = {binary.size(), hash(binary, kKey)};
   const std::string file =
       "GFLOWBI2" + std::string(reinterpret_cast<const char*>(header), sizeof header) + binary;
-  if (sound_binary(file, kKey) != binary) throw std::logic_error("the seed is not sound");
+  if (verified_binary(file, kKey) != binary) throw std::logic_error("the seed is not sound");
   seed(to, "a", file);
 }
 

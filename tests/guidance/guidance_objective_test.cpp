@@ -46,7 +46,7 @@ class GuideTest : public testing::Test {
                                               NoiseSchedule::scaled_linear(), SdsRule{});
   }
   // Of the held-out camera after training.
-  ViewFigures trained(const TrainOptions& config, Guidance* guidance) {
+  ViewMetrics trained(const TrainOptions& config, Guidance* guidance) {
     SmallTraining training(queue(), config, guidance);
     training.steps(queue(), config.train.iterations);
     return evaluate(queue(), training.model, training.config, training.loaded,
@@ -229,7 +229,7 @@ TEST_F(GuideTest, FlowOfANovelViewTeachesItsMotion) {
   TrainOptions with = without;
   with.guidance.flow = 0.05f;
   const auto none = analytic(without), some = analytic(with);
-  const ViewFigures before = trained(without, none.get()), after = trained(with, some.get());
+  const ViewMetrics before = trained(without, none.get()), after = trained(with, some.get());
   EXPECT_LT(after.flow_epe, 0.65 * before.flow_epe) << before.flow_epe;
 }
 

@@ -22,7 +22,7 @@ TEST(Orbit, AMovedCameraIsTheOnePlacedThere) {
     const Camera moved_there = moved({}, at(10, 15), azimuth, elevation);
     const Camera placed = at(10 + azimuth, 15 + elevation);
     EXPECT_LT((moved_there.viewmat - placed.viewmat).norm(), 1e-12) << azimuth;
-    const OrbitPlace away = difference(place_of({}, at(10, 15)), place_of({}, placed));
+    const OrbitPosition away = difference(place_of({}, at(10, 15)), place_of({}, placed));
     EXPECT_NEAR(std::remainder(away.azimuth - azimuth, 360.0), 0, 1e-9);
     EXPECT_NEAR(away.elevation, elevation, 1e-9);
     EXPECT_NEAR(away.distance, 0, 1e-12);
@@ -37,7 +37,7 @@ TEST(Orbit, KeepsTheViewOfItsFocusAboutAnyAxis) {
   for (const double azimuth : {-170.0, 40.0, 90.0}) {
     const Camera other = moved(orbit, camera, azimuth, 25);
     EXPECT_LT((other.project(orbit.focus) - camera.project(orbit.focus)).norm(), 1e-9);
-    const OrbitPlace away = difference(place_of(orbit, camera), place_of(orbit, other));
+    const OrbitPosition away = difference(place_of(orbit, camera), place_of(orbit, other));
     EXPECT_NEAR(away.azimuth, azimuth, 1e-9);
     EXPECT_NEAR(away.elevation, 25, 1e-9);
   }

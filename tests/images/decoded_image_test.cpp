@@ -30,7 +30,7 @@ cv::Mat read_by_opencv(const Bytes& file) {
   return mat;
 }
 
-void expect_pixels(const DecodedPicture& found, const cv::Mat& expected) {
+void expect_pixels(const DecodedImage& found, const cv::Mat& expected) {
   ASSERT_EQ(found.width, expected.cols);
   ASSERT_EQ(found.height, expected.rows);
   ASSERT_EQ(found.channels, expected.channels());
@@ -54,7 +54,7 @@ TEST(Png, EveryKindIsReadAsOpenCvReadsIt) {
                                    interlaced ? ", interlaced" : "",
                                    transparent ? ", transparent" : ""));
           const Bytes png = as_bytes(png_of(kind, random_rows(kind, rng)));
-          const DecodedPicture found = decode_png(png);
+          const DecodedImage found = decode_png(png);
           EXPECT_EQ(found.complaint, "");
           expect_pixels(found, read_by_opencv(png));
           EXPECT_EQ(check_image_bytes(png, "it").has_alpha, found.channels == 4);
@@ -66,7 +66,7 @@ TEST(Png, WhatNoPixelNeedsIsNotSpokenOf) {
   const PngKind kind{2, 8, false, false};
   const std::string rows = random_rows(kind, rng);
   const std::string profile = "a profile" + std::string(2, '\0') + deflated("is longer than this");
-  const DecodedPicture found = decode_png(
+  const DecodedImage found = decode_png(
       as_bytes(png_of(kind, rows, png_chunk("iCCP", profile) + png_chunk("gAMA", "??"))));
   EXPECT_EQ(found.complaint, "");
   EXPECT_EQ(found.pixels, decode_png(as_bytes(png_of(kind, rows))).pixels);
@@ -114,7 +114,7 @@ TEST(Jpeg, EveryKindIsReadAsOpenCvReadsIt) {
   for (const int type : {CV_8UC1, CV_8UC3})
     for (const bool progressive : {false, true}) {
       const Bytes jpeg = jpeg_of(type, progressive);
-      const DecodedPicture found = decode_jpeg(jpeg);
+      const DecodedImage found = decode_jpeg(jpeg);
       EXPECT_EQ(found.complaint, "");
       expect_pixels(found, read_by_opencv(jpeg));
     }
@@ -142,7 +142,7 @@ TEST(Jpeg, BytesThatMeanNothingAreNoDamage) {
     Bytes longer = jpeg;
     longer.insert(longer.end() - 2, 5, 0);  // before the marker of the end
     testing::internal::CaptureStderr();
-    const DecodedPicture found = decode_jpeg(longer);
+    const DecodedImage found = decode_jpeg(longer);
     EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
     EXPECT_EQ(found.complaint, "");
     EXPECT_EQ(found.pixels, decode_jpeg(jpeg).pixels);
@@ -154,7 +154,7 @@ TEST(Jpeg, OnesThatLackPixelsAreDamaged) {
     const Bytes jpeg = jpeg_of(CV_8UC3, progressive);
     Bytes half(jpeg.begin(), jpeg.begin() + long(jpeg.size() / 2));
     half.insert(half.end(), {0xff, 0xd9});
-    const DecodedPicture found = decode_jpeg(half);
+    const DecodedImage found = decode_jpeg(half);
     EXPECT_NE(found.complaint, "");
     EXPECT_TRUE(found.pixels.empty());
   }

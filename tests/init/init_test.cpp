@@ -6,9 +6,9 @@
 #include <random>
 
 #include "optim/density/memory.hpp"
+#include "optim/eval/views.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "optim/init/dynamic_seeds.hpp"
-#include "optim/eval/views.hpp"
 #include "optim/train/preparation.hpp"
 #include "tests/support/compare.hpp"
 #include "tests/support/small_scene.hpp"
@@ -237,7 +237,7 @@ TEST(InitialModel, StaysWithinTheCapAndTheMemorySeedsIncluded) {
     config.density.memory = memory;  // MiB
     Preparation prepared(config, "");
     prepared.compute_flow("", true);
-    prepared.look_for_change();
+    prepared.find_motion_masks();
     return prepared.first_model(queue);
   };
   const HostModel free = begun(0), within = begun(1);

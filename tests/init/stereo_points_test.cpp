@@ -94,7 +94,7 @@ TEST(StereoPoints, AreWhereASceneWithoutPointsBegins) {
   PaintedWall wall;
   wall.config.init.count = 150;
   Preparation prepared(wall.config, "");
-  prepared.look_for_change();
+  prepared.find_motion_masks();
   const HostModel model = prepared.first_model(queue);
   ASSERT_EQ(model.count, 150u);
   const std::vector<float>& means = model.groups.at("means");

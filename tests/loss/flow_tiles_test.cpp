@@ -29,7 +29,8 @@ struct Asked {
   }
 };
 
-std::vector<float> chosen(Queue& queue, const CalmRule& rule, const Asked& asked, uint32_t seed) {
+std::vector<float> chosen(Queue& queue, const LowMotionRule& rule, const Asked& asked,
+                          uint32_t seed) {
   FlowTiles tiles(queue, rule);
   const Buffer<float> teacher(queue, asked.teacher, "teacher");
   const Buffer<cl_uchar> confidence(queue, asked.confidence, "confidence");
@@ -49,7 +50,7 @@ TEST_P(FlowTilesLanes, AsksOfEachAsOftenAsItShould) {
   asked.set(1, 0, 2e5f, 0);
   for (int y = 16; y < 32; ++y)
     for (int x = 16; x < 32; ++x) asked.set(x, y, 2, 2, 0);  // tile 6: nothing is known
-  const CalmRule rule{0.125f, 1};
+  const LowMotionRule rule{0.125f, 1};
   const int draws = 4000;
   std::vector<double> share(kTiles, 0.125);
   share[4] = 1, share[6] = 0, share[11] = 0.5 * 128 / 255;
@@ -124,8 +125,9 @@ TEST(FlowTiles, TheLossIsRightInTheMean) {
 
 TEST(FlowTiles, RefusesWhatItCannotUse) {
   Queue queue = test_queue();
-  for (const CalmRule rule : {CalmRule{0, 1}, CalmRule{1.5f, 1}, CalmRule{NOT_A_NUMBER, 1},
-                              CalmRule{1, 0}, CalmRule{1, NOT_A_NUMBER}})
+  for (const LowMotionRule rule :
+       {LowMotionRule{0, 1}, LowMotionRule{1.5f, 1}, LowMotionRule{NOT_A_NUMBER, 1},
+        LowMotionRule{1, 0}, LowMotionRule{1, NOT_A_NUMBER}})
     EXPECT_THROW(FlowTiles(queue, rule), Error);
   FlowTiles tiles(queue, {});
   const Buffer<float> teacher(queue, 7, "teacher");

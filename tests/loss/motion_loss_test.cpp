@@ -239,11 +239,11 @@ struct FromNumbers {
     const auto rows = [](const double* a) {
       return Mat3{{a[0], a[1], a[2]}, {a[3], a[4], a[5]}, {a[6], a[7], a[8]}};
     };
-    turn = turn_between(rows(x + 6), rows(x + 15));
+    turn = relative_rotation(rows(x + 6), rows(x + 15));
     mover = {{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, turn.t};
   }
   Turn turn;
-  Mover mover;
+  PairMember mover;
 };
 
 // The kernel's own text in double, for any factors: the differences are exact to 1e-6.
@@ -267,7 +267,7 @@ TEST(MotionLoss, OfOnePairHasTheGradientOfItsDifferences) {
     for (double& value : x) value = random();
     for (const size_t first : {6, 15, 30, 39})  // a diagonal: columns far from one plane
       for (const size_t k : {0, 4, 8}) x[first + k] += 2;
-    const Mover v = share(x, 0).gradient;
+    const PairMember v = share(x, 0).gradient;
     const TurnGradient g = turn_vjp(FromNumbers(x.data()).turn, v.turn);
     std::vector<double> found = {v.mean1.x, v.mean1.y, v.mean1.z, v.mean2.x, v.mean2.y, v.mean2.z};
     for (const Mat3& factor : {g.factor1, g.factor2}) put(found, eigen(factor));
@@ -319,8 +319,8 @@ TEST(MotionLoss, OfATurnDoesNotDependOnScales) {
       return Mat3{
           {m(0, 0), m(0, 1), m(0, 2)}, {m(1, 0), m(1, 1), m(1, 2)}, {m(2, 0), m(2, 1), m(2, 2)}};
     };
-    const Turn turn = turn_between(rows(r1 * Eigen::Vector3d(1e-6, 2, 1e-3).asDiagonal()),
-                                   rows(r2 * Eigen::Vector3d(5, 1e-5, 1).asDiagonal()));
+    const Turn turn = relative_rotation(rows(r1 * Eigen::Vector3d(1e-6, 2, 1e-3).asDiagonal()),
+                                        rows(r2 * Eigen::Vector3d(5, 1e-5, 1).asDiagonal()));
     EXPECT_TRUE(turn.known);
     EXPECT_LT((eigen(turn.t) - r1 * r2.transpose()).norm(), 1e-12);
   }

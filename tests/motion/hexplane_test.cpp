@@ -106,7 +106,7 @@ TEST(Hexplane, ASizeChangesAtMostTwentyFold) {
     p[name] = std::vector<double>(groups[name].begin(), groups[name].end());
   std::fill(p["network"].end() - HEXPLANE_OUTPUTS, p["network"].end(), 1e6);  // the last biases
   const Shift d = reference::hexplane_shift(shape.hexplane, 2, p, {0, 0, 0}, 1);
-  EXPECT_EQ(d.log_scales.x, HEXPLANE_MOST_RESIZE);
+  EXPECT_EQ(d.log_scales.x, HEXPLANE_MAX_LOG_SCALE);
   Queue queue = test_queue();
   const auto motion = make_motion(queue, shape);
   Parameters parameters(queue, 1, motion->groups(), motion->tables());

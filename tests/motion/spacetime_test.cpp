@@ -36,7 +36,7 @@ TEST(Spacetime, StraightAndNotTurningItIsTheFourDimensionalGaussianWithThatCutAn
     g.half_acceleration = {0, 0, 0};
     g.turn = {0, 0, 0, 0};
     const double t = random(), life = std::exp(g.log_scales.w), tau = t - g.mean_t;
-    const SpacetimeCut cut = spacetime_at(g, t);
+    const SpacetimeSlice cut = spacetime_at(g, t);
     // The 4x4 covariance with conditional covariance L L^T, temporal variance s^2 and velocity v.
     const Eigen::Matrix3d l = eigen(cut.factor);
     const Eigen::Vector3d v = eigen(g.velocity);
@@ -75,7 +75,7 @@ TEST(Spacetime, GradientEqualsCentralDifferences) {
     const real3 v_mean = random.three();
     const Mat3 v_l = random.nine();
     const auto loss = [&](const std::vector<double>& x) {
-      const SpacetimeCut o = spacetime_at(reference::spacetime_from(x), t);
+      const SpacetimeSlice o = spacetime_at(reference::spacetime_from(x), t);
       return dot(o.mean, v_mean) + o.life.opacity * v_opacity + dot(o.factor.r1, v_l.r1) +
              dot(o.factor.r2, v_l.r2) + dot(o.factor.r3, v_l.r3);
     };
@@ -119,7 +119,7 @@ TEST(Spacetime, DeviceCutsAsTheDoubleFormulas) {
   motion.at(queue, m.p, .25f, &all, whole);
   std::vector<double> means, factors, opacities;
   for (const Spacetime& g : m.rows) {
-    const SpacetimeCut s = spacetime_at(g, .25);
+    const SpacetimeSlice s = spacetime_at(g, .25);
     for (double x : {s.mean.x, s.mean.y, s.mean.z}) means.push_back(x);
     for (real3 r : {s.factor.r1, s.factor.r2, s.factor.r3})
       for (double x : {r.x, r.y, r.z}) factors.push_back(x);

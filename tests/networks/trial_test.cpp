@@ -15,19 +15,19 @@ namespace {
 
 TEST(Trial, SaysOfWhatItsCopyDies) {
   for (const int signal : {SIGFPE, SIGSEGV, SIGABRT, SIGKILL})
-    EXPECT_EQ(dies_of([&] { std::raise(signal); }), ::strsignal(signal));
+    EXPECT_EQ(crash_signal_of([&] { std::raise(signal); }), ::strsignal(signal));
 }
 
 TEST(Trial, OfWorkThatEndsThereIsNothingToSay) {
-  EXPECT_EQ(dies_of([] {}), "");
-  EXPECT_EQ(dies_of([] { throw std::runtime_error("told of later"); }), "");
-  EXPECT_EQ(dies_of([] { std::raise(SIGINT); }), "");
+  EXPECT_EQ(crash_signal_of([] {}), "");
+  EXPECT_EQ(crash_signal_of([] { throw std::runtime_error("told of later"); }), "");
+  EXPECT_EQ(crash_signal_of([] { std::raise(SIGINT); }), "");
 }
 
 TEST(Trial, NothingItDoesOrSaysIsLeft) {
   int value = 1;
   testing::internal::CaptureStdout();
-  dies_of([&] {
+  crash_signal_of([&] {
     value = 2;
     std::puts("never seen");
     std::fflush(stdout);
@@ -42,7 +42,7 @@ TEST(Trial, DoesNotCallTheHandlersOfThisProcess) {
   static std::string path;
   path = folder.write("unfinished", "");
   const auto before = std::signal(SIGFPE, [](int) { std::remove(path.c_str()); });
-  EXPECT_EQ(dies_of([] { std::raise(SIGFPE); }), ::strsignal(SIGFPE));
+  EXPECT_EQ(crash_signal_of([] { std::raise(SIGFPE); }), ::strsignal(SIGFPE));
   std::signal(SIGFPE, before);
   EXPECT_EQ(folder.count(), 1u);
 }

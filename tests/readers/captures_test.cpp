@@ -36,7 +36,7 @@ double depth(const Camera& camera, const Eigen::Vector3d& world) {
 }
 
 // The point nearest to the cameras' optical axes, in the sense of least squares.
-Eigen::Vector3d where_axes_meet(const std::vector<Camera>& cameras) {
+Eigen::Vector3d optical_axes_intersection(const std::vector<Camera>& cameras) {
   Eigen::Matrix3d across = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Camera& camera : cameras) {
@@ -126,7 +126,7 @@ TEST(Captures, PanopticCamerasLookAtTheStage) {
   EXPECT_EQ(scene.layout, "panoptic");
   EXPECT_EQ(scene.steps, 2);
   ASSERT_EQ(scene.cameras.size(), 4u);
-  const Eigen::Vector3d stage = where_axes_meet(scene.cameras);
+  const Eigen::Vector3d stage = optical_axes_intersection(scene.cameras);
   expect_all_look_at(scene.cameras, stage);
   for (const Camera& camera : scene.cameras) {
     EXPECT_NEAR(depth(camera, stage), 2.75, 0.05) << camera.name;  // the dome's radius
@@ -208,5 +208,5 @@ TEST(Captures, NerfstudioCamerasLookAtTheFox) {
   const Scene scene = read_scene(folder.path(), options);
   EXPECT_EQ(scene.layout, "nerfstudio");
   ASSERT_EQ(scene.cameras.size(), 3u);
-  expect_all_look_at(scene.cameras, where_axes_meet(scene.cameras));
+  expect_all_look_at(scene.cameras, optical_axes_intersection(scene.cameras));
 }

@@ -58,7 +58,7 @@ TEST(VideoFile, ATruncatedOneIsTold) {
 // Decoders go on past what is damaged, and say so. MPEG-4 frames of a moving pattern with bytes in
 // the middle of the file overwritten.
 TEST(VideoFile, ADamagedOneIsTold) {
-  listen_to_decoders();
+  capture_decoder_errors();
   const TemporaryFolder folder;
   const std::string path = folder.file("a.avi");
   {

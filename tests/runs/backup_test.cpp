@@ -13,9 +13,9 @@ namespace {
 namespace fs = std::filesystem;
 
 // A run that is to be replaced.
-class FormerFilesTest : public testing::Test {
+class BackupTest : public testing::Test {
  protected:
-  FormerFilesTest() : run_(folder_.path()) {
+  BackupTest() : run_(folder_.path()) {
     for (const std::string& name : names_) folder_.write(name, "former");
     folder_.write("notes.txt", "of a user");
   }
@@ -23,8 +23,8 @@ class FormerFilesTest : public testing::Test {
   void expect_all_there() const {
     for (const std::string& name : names_)
       EXPECT_EQ(contents(folder_.path() + "/" + name), "former") << name;
-    EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(FormerFiles::kName))));
-    EXPECT_FALSE(fs::exists(run_.path("point_cloud/" + temporary_folder_name(FormerFiles::kName))));
+    EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(Backup::kName))));
+    EXPECT_FALSE(fs::exists(run_.path("point_cloud/" + temporary_folder_name(Backup::kName))));
   }
   // As one that is killed in it leaves the folder, before the next training has begun or after.
   void kill_in_replacing(bool begun) const {
@@ -58,16 +58,16 @@ class FormerFilesTest : public testing::Test {
   RunFolder run_;
 };
 
-TEST_F(FormerFilesTest, ComeBackUnlessTheyAreGivenUp) {
+TEST_F(BackupTest, ComeBackUnlessTheyAreGivenUp) {
   {
-    FormerFiles former(run_);
+    Backup former(run_);
     former.put_aside(run_.training());
     former.put_aside(run_.results());
     expect_none_there();
   }
   expect_all_there();
   {
-    FormerFiles former(run_);
+    Backup former(run_);
     former.put_aside(run_.training());
     former.put_aside(run_.results());
     former.give_up();
@@ -78,12 +78,12 @@ TEST_F(FormerFilesTest, ComeBackUnlessTheyAreGivenUp) {
   EXPECT_EQ(folder_.count(), 2u);  // notes and settings
 }
 
-TEST_F(FormerFilesTest, ComeBackWhereOneOfThemCannotGo) {
+TEST_F(BackupTest, ComeBackWhereOneOfThemCannotGo) {
   // Something that is no file of its own has the name there.
-  const std::string models = run_.path("point_cloud/" + temporary_folder_name(FormerFiles::kName));
+  const std::string models = run_.path("point_cloud/" + temporary_folder_name(Backup::kName));
   folder_.write("point_cloud/" + fs::path(models).filename().string() + "/iteration_5/x", "");
   {
-    FormerFiles former(run_);
+    Backup former(run_);
     expect_error([&] { former.put_aside(run_.training()); },
                  {"cannot write", "point_cloud/iteration_5: "});
     EXPECT_FALSE(fs::exists(run_.path("training.json")));
@@ -93,14 +93,14 @@ TEST_F(FormerFilesTest, ComeBackWhereOneOfThemCannotGo) {
 }
 
 // As on a disk that takes no more: the next that opens the folder does it.
-TEST_F(FormerFilesTest, ThatCannotComeBackAreNotLost) {
+TEST_F(BackupTest, ThatCannotComeBackAreNotLost) {
   {
-    const NextFiles next(run_);
+    const StagedFiles next(run_);
     folder_.write(fs::path(next.folder().folder()).filename().string() + "/config.toml", "next");
-    FormerFiles former(run_);
+    Backup former(run_);
     former.put_aside(run_.training());
     former.put_aside(run_.results());
-    EXPECT_TRUE(FormerFiles::are_aside(run_));
+    EXPECT_TRUE(Backup::are_aside(run_));
     // In the way.
     for (const char* name : {"point_cloud/iteration_5/x", "test/b.png", "input.ply/x"})
       folder_.write(name, "");
@@ -109,17 +109,17 @@ TEST_F(FormerFilesTest, ThatCannotComeBackAreNotLost) {
   const std::string told = testing::internal::GetCapturedStderr();
   EXPECT_NE(told.find("cannot put back " + run_.path("test") + ": "), std::string::npos) << told;
   EXPECT_NE(told.find(", nor 2 more; the next gflow"), std::string::npos) << told;
-  EXPECT_TRUE(FormerFiles::are_aside(run_));
-  put_back_former_files(run_);
+  EXPECT_TRUE(Backup::are_aside(run_));
+  restore_backup(run_);
   EXPECT_FALSE(fs::exists(run_.path("test/b.png")));
   EXPECT_FALSE(fs::exists(run_.path("point_cloud/iteration_5/x")));
   run_.forget_unfinished_files();
   expect_all_there();
-  EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(NextFiles::kName))));
+  EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(StagedFiles::kName))));
 }
 
 // On another disk, where the links stay.
-TEST_F(FormerFilesTest, MayLieBehindLinks) {
+TEST_F(BackupTest, MayLieBehindLinks) {
   const TemporaryFolder scratch;
   fs::rename(run_.path("checkpoints"), scratch.path() + "/kept");
   fs::rename(run_.path("point_cloud/iteration_5"), scratch.path() + "/kept/iteration_5");
@@ -131,7 +131,7 @@ TEST_F(FormerFilesTest, MayLieBehindLinks) {
     fs::create_directory_symlink(scratch.path() + "/kept", run_.path(link));
   for (const bool given_up : {false, true}) {
     expect_all_there();
-    FormerFiles former(run_);
+    Backup former(run_);
     former.put_aside(run_.training());
     former.put_aside(run_.results());
     EXPECT_EQ(scratch.count(), 4u) << "not moved to another disk";
@@ -143,10 +143,10 @@ TEST_F(FormerFilesTest, MayLieBehindLinks) {
 }
 
 // A process is killed before the next training has its settings there, or after.
-TEST_F(FormerFilesTest, ComeBackWhereTheNextTrainingHadNotBegun) {
+TEST_F(BackupTest, ComeBackWhereTheNextTrainingHadNotBegun) {
   for (const bool begun : {false, true}) {
     kill_in_replacing(begun);
-    put_back_former_files(run_);
+    restore_backup(run_);
     run_.forget_unfinished_files();
     if (begun)
       expect_none_there();
@@ -157,7 +157,7 @@ TEST_F(FormerFilesTest, ComeBackWhereTheNextTrainingHadNotBegun) {
   }
 }
 
-TEST_F(FormerFilesTest, ComeBackBeforeARunIsOpened) {
+TEST_F(BackupTest, ComeBackBeforeARunIsOpened) {
   kill_in_replacing(false);
   folder_.write("results.json", "of what was left, as by an older gflow");
   EXPECT_EQ(RunFolder::open(folder_.path()).models(), std::vector<int>{5});
@@ -166,13 +166,13 @@ TEST_F(FormerFilesTest, ComeBackBeforeARunIsOpened) {
 }
 
 // Who has it is to put them back: it may be about to begin.
-TEST_F(FormerFilesTest, ComeBackUnderTheLockAlone) {
+TEST_F(BackupTest, ComeBackUnderTheLockAlone) {
   kill_in_replacing(false);
   {
     const FileLock lock = run_.lock();
-    put_back_former_files(run_);
+    restore_backup(run_);
     EXPECT_TRUE(run_.training().empty());
-    put_back_former_files(run_, lock);
+    restore_backup(run_, lock);
   }
   expect_all_there();
 }

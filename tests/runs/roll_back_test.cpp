@@ -16,22 +16,22 @@ TEST(RollBack, ATrainingIsSoundWhoseLossIsANumberAndThatRefusesFew) {
   before.gaussians = now.gaussians = 5000;
   before.rejected = 7;
   now.rejected = 7 + 15;
-  EXPECT_TRUE(is_sound(now, before));
+  EXPECT_TRUE(is_finite_report(now, before));
   now.rejected = 7 + 16;
-  EXPECT_FALSE(is_sound(now, before));
+  EXPECT_FALSE(is_finite_report(now, before));
   now.rejected = 7;
   now.non_finite = "gaussians/means";
-  EXPECT_FALSE(is_sound(now, before));
+  EXPECT_FALSE(is_finite_report(now, before));
   now.non_finite.clear();
   for (const double loss : {std::nan(""), HUGE_VAL}) {
     now.loss = loss;
-    EXPECT_FALSE(is_sound(now, before));
+    EXPECT_FALSE(is_finite_report(now, before));
   }
   now.loss = 0;
-  EXPECT_TRUE(is_sound(now, before));
+  EXPECT_TRUE(is_finite_report(now, before));
   now.stuck = 1;
-  EXPECT_FALSE(is_sound(now, before));
-  EXPECT_NE(what_is_unsound(now, 9).find("1 rows of parameters that all Gaussians share"),
+  EXPECT_FALSE(is_finite_report(now, before));
+  EXPECT_NE(what_is_non_finite(now, 9).find("1 shared rows of parameters"),
             std::string::npos);
 }
 
@@ -92,8 +92,8 @@ TEST_F(Broken, GoesBackToTheCheckpointWithHalfTheRates) {
   break_colours();
   training.steps(queue, 1);
   const StepReport figures = training.trainer.report(queue);
-  ASSERT_FALSE(is_sound(figures, {}));
-  EXPECT_EQ(roll_back.go_back(21, figures, notice), 20);
+  ASSERT_FALSE(is_finite_report(figures, {}));
+  EXPECT_EQ(roll_back.roll_back(21, figures, notice), 20);
   EXPECT_NE(notice.find("back to step 20"), std::string::npos) << notice;
   EXPECT_EQ(training.trainer.rate_scale(), 0.5f);
   auto now = training.bits(queue);
@@ -119,7 +119,7 @@ TEST_F(Broken, GoesBackToTheCheckpointWithHalfTheRates) {
   EXPECT_EQ(training.trainer.rate_scale(), 1.f);
   ASSERT_GT(full, 0);
   EXPECT_NEAR(half / full, 0.5, 1e-3);  // positions are rounded to 1e-7 of them
-  EXPECT_TRUE(is_sound(training.trainer.report(queue), {}));
+  EXPECT_TRUE(is_finite_report(training.trainer.report(queue), {}));
 }
 
 TEST_F(Broken, IsNotSavedWhereMemoryEnds) {
@@ -127,17 +127,17 @@ TEST_F(Broken, IsNotSavedWhereMemoryEnds) {
   const StepReport before = training.trainer.report(queue);
   break_colours();
   training.steps(queue, 1);
-  roll_back.save_what_there_is(21, 0, before);
+  roll_back.save_if_finite(21, 0, before);
   EXPECT_TRUE(run.checkpoints().steps().empty());
   // With nothing to compare with, as when a training has just gone on, what was refused is of
   // before.
-  roll_back.save_what_there_is(21, 0, {});
+  roll_back.save_if_finite(21, 0, {});
   EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{21});
 }
 
 TEST_F(Broken, WhatIsSoundIsSavedWhereMemoryEnds) {
   training.steps(queue, 20);
-  roll_back.save_what_there_is(20, 0, training.trainer.report(queue));
+  roll_back.save_if_finite(20, 0, training.trainer.report(queue));
   EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{20});
 }
 
@@ -145,10 +145,10 @@ TEST_F(Broken, EndsAfterThreeReturnsAndKeepsTheStateItCameTo) {
   checkpoints.write(0, 0);
   StepReport figures;
   figures.loss = std::nan("");
-  for (int k = 0; k < RollBack::most; ++k) EXPECT_EQ(roll_back.go_back(9, figures, notice), 0);
+  for (int k = 0; k < RollBack::most; ++k) EXPECT_EQ(roll_back.roll_back(9, figures, notice), 0);
   EXPECT_EQ(training.trainer.rate_scale(), 0.125f);
-  expect_error([&] { roll_back.go_back(9, figures, notice); },
-               {"the loss is no number at step 9", "3 returns to step 0", "lr.", "broken.npz"});
+  expect_error([&] { roll_back.roll_back(9, figures, notice); },
+               {"the loss is NaN at step 9", "3 returns to step 0", "lr.", "broken.npz"});
   EXPECT_EQ(read_checkpoint(run.path("broken.npz")).facts.step, 9);
   EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{0});
 }
@@ -158,12 +158,12 @@ TEST_F(Broken, ValuesThatAreNoNumbersAreNamedAndNotSaved) {
   training.steps(queue, 20);
   const StepReport before = training.trainer.report(queue);
   training.model.parameters["means"].values.fill_range(queue, 3, 1, HUGE_VALF);
-  roll_back.save_what_there_is(20, 0, before);
+  roll_back.save_if_finite(20, 0, before);
   EXPECT_TRUE(run.checkpoints().steps().empty());
   StepReport figures = training.trainer.report(queue);
-  figures.non_finite = unsound_array(training.trainer.state(queue));
-  expect_error([&] { roll_back.go_back(20, figures, notice); },
-               {"gaussians/means has values that are no numbers at step 20", "broken.npz"});
+  figures.non_finite = non_finite_array(training.trainer.state(queue));
+  expect_error([&] { roll_back.roll_back(20, figures, notice); },
+               {"gaussians/means contains NaN or Inf at step 20", "broken.npz"});
 }
 
 TEST(BrokenRun, EndsWhereParametersAreNoNumbersThoughTheLossIs) {
@@ -178,7 +178,7 @@ TEST(BrokenRun, EndsWhereParametersAreNoNumbersThoughTheLossIs) {
   for (const char* more : {"train.log_every=4", "train.save_every=4"}) {
     const Outcome outcome = train(more);
     EXPECT_EQ(outcome.code, 1) << more;
-    EXPECT_NE(outcome.err.find("has values that are no numbers"), std::string::npos) << outcome.err;
+    EXPECT_NE(outcome.err.find("contains NaN or Inf"), std::string::npos) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
     EXPECT_TRUE(RunFolder(run).checkpoints().steps().empty()) << more;
     EXPECT_TRUE(RunFolder(run).models().empty()) << more;

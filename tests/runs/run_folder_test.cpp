@@ -49,7 +49,7 @@ TEST(RunFolder, IsNotMadeOfAFolderThatHoldsSomethingElse) {
   expect_error([&] { RunFolder::create(folder.path() + "/scene"); }, {"/scene", "not empty"});
   EXPECT_TRUE(std::filesystem::exists(folder.file("scene/flow/mine")));
   const RunFolder run = RunFolder::create(folder.path() + "/run");
-  run.forget_stale_caches("a scene");
+  run.remove_stale_caches("a scene");
   run.write_config({});
   EXPECT_NO_THROW(RunFolder::create(folder.path() + "/run"));  // to be trained anew
 }
@@ -150,10 +150,10 @@ TEST(RunFolder, TheTableOfMetricsIsMendedFromTheirLines) {
 TEST(RunFolder, KnowsWhateverIsOfAnEarlierTraining) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  EXPECT_FALSE(run.would_forget(""));
-  EXPECT_FALSE(run.would_forget(folder.path() + "/../other.ply"));
-  EXPECT_TRUE(run.would_forget(folder.path() + "/./point_cloud/a.ply"));
-  EXPECT_TRUE(run.would_forget(folder.path() + "/cameras.json"));
+  EXPECT_FALSE(run.would_remove(""));
+  EXPECT_FALSE(run.would_remove(folder.path() + "/../other.ply"));
+  EXPECT_TRUE(run.would_remove(folder.path() + "/./point_cloud/a.ply"));
+  EXPECT_TRUE(run.would_remove(folder.path() + "/cameras.json"));
   for (const char* name :
        {"metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz", "training.json",
         "checkpoints/iteration_1.npz", "point_cloud/iteration_1/point_cloud.ply"})
@@ -195,13 +195,13 @@ TEST(RunFolder, ForgetsStaleCachesAndNotTheLinksToThem) {
   scratch.write(kOnlyOurs, "");
   folder.write("frames/0.png", "");
   std::filesystem::create_directory_symlink(scratch.path(), run.path("flow"));
-  run.forget_stale_caches("a");
+  run.remove_stale_caches("a");
   EXPECT_TRUE(std::filesystem::is_symlink(run.path("flow")));
   EXPECT_EQ(scratch.count(), 1u);
   EXPECT_TRUE(std::filesystem::exists(scratch.file(kOnlyOurs)));
   EXPECT_FALSE(std::filesystem::exists(run.path("frames")));
   scratch.write("pair.flo", "");
-  run.forget_stale_caches("a");
+  run.remove_stale_caches("a");
   EXPECT_EQ(scratch.count(), 2u);
 }
 
@@ -218,7 +218,7 @@ TEST(RunFolder, WhatALinkLeadsToIsEmptiedOnlyIfAllOfItIsOurs) {
         [&] { run.require_its_folders(); },
         {run.path(name) + " is a link to " + documents.path(), documents.path() + "/" + kOnlyOurs});
     run.claim_linked_folders();
-    run.forget_stale_caches("a");
+    run.remove_stale_caches("a");
     EXPECT_TRUE(run.results().empty());
     EXPECT_EQ(documents.count(), 2u) << name;
     documents.write(kOnlyOurs, "");
@@ -275,15 +275,15 @@ TEST(RunFolder, LeavesWhatOthersAreWriting) {
 TEST(RunFolder, KnowsWhatItWouldForgetThroughLinks) {
   const TemporaryFolder folder, other;
   const RunFolder run(folder.path());
-  EXPECT_FALSE(run.would_forget(folder.path()));
-  EXPECT_FALSE(run.would_forget(folder.path() + "/pictures"));
-  EXPECT_TRUE(run.would_forget(folder.path() + "/test/"));
+  EXPECT_FALSE(run.would_remove(folder.path()));
+  EXPECT_FALSE(run.would_remove(folder.path() + "/pictures"));
+  EXPECT_TRUE(run.would_remove(folder.path() + "/test/"));
   std::filesystem::create_directory(folder.path() + "/frames");
   std::filesystem::create_directory_symlink(folder.path() + "/frames", other.path() + "/link");
-  EXPECT_TRUE(run.would_forget(other.path() + "/link/cam01"));
-  EXPECT_FALSE(run.would_forget(other.path() + "/pictures"));
+  EXPECT_TRUE(run.would_remove(other.path() + "/link/cam01"));
+  EXPECT_FALSE(run.would_remove(other.path() + "/pictures"));
   std::filesystem::create_directory_symlink(other.path(), folder.path() + "/flow");
-  EXPECT_TRUE(run.would_forget(folder.path() + "/flow/pictures"));
+  EXPECT_TRUE(run.would_remove(folder.path() + "/flow/pictures"));
 }
 
 TEST(RunFolder, KnowsTheResultsOfEverySplit) {
@@ -369,8 +369,8 @@ TEST(RunFolder, ForgetsModelsOfAnEarlierTraining) {
         std::filesystem::path(run.model_path(iteration)).parent_path());
     std::ofstream(run.model_path(iteration)) << "ply";
   }
-  run.forget_model(200);
-  run.forget_model(300);  // there is none
+  run.remove_model(200);
+  run.remove_model(300);  // there is none
   EXPECT_EQ(run.models(), std::vector<int>{100});
   EXPECT_EQ(folder.count(), 1u);
 }
@@ -390,18 +390,18 @@ TEST(RunFolder, MetricsThatDoNotFitLeaveNoHalfALine) {
 TEST(RunFolder, CachesMadeUnderAnotherStampAreForgotten) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  run.forget_stale_caches("one");
+  run.remove_stale_caches("one");
   for (const char* name : {"flow", "frames"}) std::filesystem::create_directories(run.path(name));
-  run.forget_stale_caches("one");
+  run.remove_stale_caches("one");
   EXPECT_TRUE(std::filesystem::exists(run.path("flow")));
-  run.forget_stale_caches("two");
+  run.remove_stale_caches("two");
   EXPECT_FALSE(std::filesystem::exists(run.path("flow")));
   EXPECT_FALSE(std::filesystem::exists(run.path("frames")));
 }
 
 Evaluation some_evaluation() {
   Evaluation evaluation;
-  ViewFigures view;
+  ViewMetrics view;
   view.name = "cam00_0000";
   view.psnr = 31.5;
   view.ssim = 0.9;
@@ -500,7 +500,7 @@ TEST(RunFolder, ReportsAndStampsThatGoOnForLongAreDamaged) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
   run.write_facts({30, 1.5, 300, "some device", "bases"});
-  run.forget_stale_caches("stamp");
+  run.remove_stale_caches("stamp");
   folder.write("results.json", R"({"test": {"lpips_model": "alex.onnx"}})");
   EXPECT_EQ(run.judged_by().lpips, "alex.onnx");
   ASSERT_TRUE(run.has_caches_of("stamp"));

@@ -83,7 +83,7 @@ TEST(Lens, UndistortedPicturesAreThoseOfAPinholeCamera) {
   for (const Case& one : {Case{Lens::Kind::radial, {-.2, .03, .002, -.003, .001, 0, 0, 0}},
                           Case{Lens::Kind::radial, {.15, -.02, .001, .002, 0, 0, 0, 0}},
                           Case{Lens::Kind::fisheye, {-.03, .01, 0, 0}}}) {
-    const Camera camera = behind_lens(camera_without_lens(), one.kind, one.k, "cam");
+    const Camera camera = pinhole_of_lens(camera_without_lens(), one.kind, one.k, "cam");
     // 60 levels x (9 / 120)^2 / 8 of linear interpolation and two roundings by half a level: 1.1
     EXPECT_LT(worst_error(undistorted(stored_picture(camera), camera), camera), 1.2)
         << int(one.kind) << " " << one.k[0];
@@ -91,9 +91,9 @@ TEST(Lens, UndistortedPicturesAreThoseOfAPinholeCamera) {
 }
 
 TEST(Lens, BarrelKeepsTheFocalLengthAndPincushionLosesTheRim) {
-  const Camera barrel = behind_lens(camera_without_lens(), Lens::Kind::radial, {-.1}, "cam");
+  const Camera barrel = pinhole_of_lens(camera_without_lens(), Lens::Kind::radial, {-.1}, "cam");
   EXPECT_EQ(barrel.fx, 120);
-  const Camera pincushion = behind_lens(camera_without_lens(), Lens::Kind::radial, {.1}, "cam");
+  const Camera pincushion = pinhole_of_lens(camera_without_lens(), Lens::Kind::radial, {.1}, "cam");
   // The farthest corner, (-82.5 / 120, 62.5 / 126), would lie 7 % outside: r^2 = 0.72. Zoomed by s:
   // x = 0.6875 / s, (1 + .1 r^2 / s^2) / s <= 83 / 82.5 gives s = 1.06 or so, in steps of 1 %.
   EXPECT_GT(pincushion.fx, 1.04 * 120);
@@ -104,14 +104,14 @@ TEST(Lens, BarrelKeepsTheFocalLengthAndPincushionLosesTheRim) {
 
 TEST(Lens, PolynomialsThatTurnBackAreNotFollowedThere) {
   // r (1 - r^2) turns back at r = 0.577, within the picture (corner at 0.85): mirrored content.
-  const Camera camera = behind_lens(camera_without_lens(), Lens::Kind::radial, {-1}, "cam");
+  const Camera camera = pinhole_of_lens(camera_without_lens(), Lens::Kind::radial, {-1}, "cam");
   const double corner = std::hypot(82.5 / camera.fx, 62.5 / camera.fy);
   EXPECT_LT(corner, 0.5774);
 }
 
 TEST(Lens, ImpossibleCoefficientsAreRefused) {
   const auto lens = [](double k1) {
-    behind_lens(camera_without_lens(), Lens::Kind::radial, {k1}, "the camera of a.png");
+    pinhole_of_lens(camera_without_lens(), Lens::Kind::radial, {k1}, "the camera of a.png");
   };
   expect_error([&] { lens(NAN); }, {"the camera of a.png", "not finite"});
   expect_error([&] { lens(-1000); }, {"the camera of a.png", "no pinhole picture", "-1000"});
@@ -121,7 +121,7 @@ TEST(Lens, ThePicturesOfAStoreAreUndistortedAndThenReduced) {
   const TemporaryFolder folder;
   Scene scene;
   scene.cameras = {
-      behind_lens(camera_without_lens(), Lens::Kind::radial, {.15, -.02, .001, .002}, "cam")};
+      pinhole_of_lens(camera_without_lens(), Lens::Kind::radial, {.15, -.02, .001, .002}, "cam")};
   write_png(folder.file("a.png"), stored_picture(scene.cameras[0]));
   Frame frame;
   frame.path = folder.file("a.png");

@@ -41,7 +41,7 @@ struct TrackGap {
   size_t tracks = 0;
 };
 TrackGap track_gap(const Array& tracks, int step, int later, const Camera& camera,
-                   const TeacherFlow& flow) {
+                   const TargetFlow& flow) {
   const std::vector<double> xyz = tracks.as_double();
   const size_t n = tracks.shape[1];
   std::vector<double> gaps;
@@ -136,7 +136,7 @@ TEST(SharedScenes, TrueFlowChainedFollowsTheTracks) {
     const auto links = std::make_shared<FlowStore>(true_flows(scene, pairs, frames));
     const FlowPair pair = distant_pairs(scene, 4)[2];
     pairs.push_back(pair);
-    const TeacherFlow chain = chained_flows(links, pairs)[0]();
+    const TargetFlow chain = chained_flows(links, pairs)[0]();
     const Frame &frame = scene.train[size_t(pair.frame)], &later = scene.train[size_t(pair.next)];
     const TrackGap gap = track_gap(read_npy(folder + "/tracks3d.npy"), frame.step, later.step,
                                    scene.cameras[size_t(frame.camera)], chain);
@@ -155,15 +155,15 @@ TEST(SharedScenes, DisChainedReachesWhatItDoesNotInOneLeap) {
   const auto rgb = [&](size_t f) { return frames.rgb(scene.train[f]); };
   Links there, back;
   for (size_t f = 2; f < 6; ++f) {
-    auto [a, b] = estimate_teacher_flows(*rgb(f), *rgb(f + 1));
-    there.push_back(std::make_shared<TeacherFlow>(std::move(a)));
-    back.insert(back.begin(), std::make_shared<TeacherFlow>(std::move(b)));
+    auto [a, b] = estimate_target_flows(*rgb(f), *rgb(f + 1));
+    there.push_back(std::make_shared<TargetFlow>(std::move(a)));
+    back.insert(back.begin(), std::make_shared<TargetFlow>(std::move(b)));
   }
-  const auto gap = [&](const TeacherFlow& flow) {
+  const auto gap = [&](const TargetFlow& flow) {
     return track_gap(tracks, 2, 6, scene.cameras[size_t(scene.train[2].camera)], flow);
   };
   const TrackGap chain = gap(chained(there, back)),
-                 leap = gap(estimate_teacher_flow(*rgb(2), *rgb(6)));
+                 leap = gap(estimate_target_flow(*rgb(2), *rgb(6)));
   // Measured: 107 tracks, 1.15 px; in one leap, after 80 degrees of turn, 4 tracks and 21 px.
   EXPECT_GT(chain.tracks, 80u);
   EXPECT_LT(chain.quartile, 1.5);
@@ -262,8 +262,8 @@ TEST(SharedScenes, DisReachesItsKnownErrorOnTheSphere) {
   const std::vector<size_t> steps = {0, 3, 6, 9, 12, 15, 18};
   for (size_t k : steps) {
     const Frame& frame = scene.train[k];  // of cam01
-    const TeacherFlow teacher =
-        estimate_teacher_flow(*store.rgb(frame), *store.rgb(scene.train[k + 1]));
+    const TargetFlow teacher =
+        estimate_target_flow(*store.rgb(frame), *store.rgb(scene.train[k + 1]));
     sum += moving_error(teacher.flow, read_true_flow(frame, 256, 192).flow);
   }
   // Measured independently with OpenCV from Python: 0.20 px.
@@ -304,8 +304,8 @@ TEST(SharedScenes, TracksOfTruthAgreeWithTheTrueFlow) {
   size_t known = 0;
   for (const Frame& frame : scene.train) {
     if (scene.cameras[size_t(frame.camera)].name != "cam03" || frame.step > 17) continue;
-    const TeacherFlow truth = read_true_flow(frame, 256, 192);
-    const TeacherFlow told =
+    const TargetFlow truth = read_true_flow(frame, 256, 192);
+    const TargetFlow told =
         flow_of_points(tracks, size_t(frame.step), size_t(frame.step) + 1, 256, 192);
     for (size_t i = 0; i < truth.flow.valid.size(); ++i) {
       if (!told.flow.valid[i]) continue;

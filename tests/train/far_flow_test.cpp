@@ -20,7 +20,7 @@ class FarFlow : public ::testing::Test {
       for (int step = 0; step < steps; ++step) trainer.step(queue, step);
     }
     Model first(Queue& queue) {
-      prepared.look_for_change();
+      prepared.find_motion_masks();
       return Model(queue, prepared.first_model(queue));
     }
     TrainOptions config;

@@ -58,7 +58,7 @@ TEST_F(FarSceneTest, WithoutPointsItIsReadAndTrainedAsNearby) {
   EXPECT_EQ(here.origin, (std::array<double, 3>{0, 0, 0}));
   EXPECT_NEAR(there.extent, here.extent, 1e-8);
   const Eigen::Vector3d away(kAway.data()), origin(there.origin.data());
-  EXPECT_LE((looked_at(there) + origin - looked_at(here) - away).norm(), 1e-7);
+  EXPECT_LE((focus_point(there) + origin - focus_point(here) - away).norm(), 1e-7);
   for (size_t c = 0; c < here.cameras.size(); ++c) {
     const Eigen::Vector3d position = there.cameras[c].position();
     EXPECT_LE(position.norm(), 100 * here.extent);

@@ -132,7 +132,7 @@ TEST_F(LeftOutOfTraining, TheSecondTimeOfThoseAtRest) {
   }
 }
 
-// What is no number there is not looked at while only the colour from everywhere is in use.
+// What is not a number there is not looked at while only the colour from everywhere is in use.
 TEST_F(LeftOutOfTraining, BandsOfColourThatAreNotInUseYet) {
   TrainOptions config = small_config(scene, 20);
   const auto drawn = [&](bool skip, bool broken) {

@@ -78,8 +78,8 @@ class PanScene {
 };
 
 // Where a turned camera sees what this one sees at a pixel: no depth matters.
-TeacherFlow flow_by_turning(const Camera& from, const Camera& to) {
-  TeacherFlow teacher{zero_flow(from.width, from.height), {}};
+TargetFlow flow_by_turning(const Camera& from, const Camera& to) {
+  TargetFlow teacher{zero_flow(from.width, from.height), {}};
   teacher.confidence.assign(teacher.flow.valid.size(), 255);
   for (int y = 0; y < from.height; ++y)
     for (int x = 0; x < from.width; ++x) {

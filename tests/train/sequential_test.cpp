@@ -93,7 +93,7 @@ TEST_F(SequenceTest, FollowsTheMotion) {
                     training.loaded.scene.test, {})
         .mean;
   };
-  const ViewFigures first = judged(450), all = judged(1500);
+  const ViewMetrics first = judged(450), all = judged(1500);
   EXPECT_GT(all.psnr_dynamic, first.psnr_dynamic + 2);
   EXPECT_LT(all.flow_epe_dynamic, 0.5 * first.flow_epe_dynamic);
 }

@@ -325,12 +325,12 @@ TEST_F(TrainerTest, LearnsTheSceneAndItsMotion) {
   TrainOptions config = small_config(scene(), 1200);
   config.density.enabled = false;
   SmallTraining untrained(queue(), config);
-  const ViewFigures before =
+  const ViewMetrics before =
       evaluate(queue(), untrained.model, config, untrained.loaded, untrained.loaded.scene.test, {})
           .mean;
-  const ViewFigures with = judged(queue(), config).mean;
+  const ViewMetrics with = judged(queue(), config).mean;
   config.flow.enabled = false;
-  const ViewFigures without = judged(queue(), config).mean;
+  const ViewMetrics without = judged(queue(), config).mean;
   EXPECT_LT(before.psnr, 15);
   EXPECT_GT(with.psnr, 21);
   EXPECT_GT(before.flow_epe_dynamic, 2);
@@ -343,7 +343,7 @@ TEST_F(TrainerTest, LearnsWithTheOtherMotionModelToo) {
   TrainOptions config = small_config(scene(), 1200);
   config.density.enabled = false;
   config.motion.model = choice_of(MotionModelKind::native4d);
-  const ViewFigures with = judged(queue(), config).mean;
+  const ViewMetrics with = judged(queue(), config).mean;
   EXPECT_GT(with.psnr, 21);
   EXPECT_LT(with.flow_epe_dynamic, 0.3);
 }

@@ -215,7 +215,7 @@ class PoisonedModel {
     Rows rows{{of + "others' pixels changed", harm_.pixels, 0},
               {of + "others' gradients changed", harm_.gradients, 0},
               {of + "not finite but the culprit's own gradients", harm_.not_finite, 0},
-              {of + "drawn with what is no number", unnamed_, 0},
+              {of + "drawn with what is not a number", unnamed_, 0},
               {of + "share in which it truly reaches the others", harm_.reached / harm_.cases, .12},
               {of + "values that had no part in the image", unused_, 0}};
     if (shared_ > 0)

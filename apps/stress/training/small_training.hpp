@@ -187,10 +187,10 @@ class SmallTraining {
         loaded(load_scene(config.scene, "")),
         pairs(config.flow.enabled ? neighbour_pairs(loaded.scene) : std::vector<FlowPair>{}),
         flows(true_flows(loaded.scene, pairs, *loaded.frames)),
-        watchers(watchers_of(loaded.scene, *loaded.frames)),
-        parts(parts_of_interest(loaded.scene, *loaded.frames, watchers)),
-        model(queue,
-              initial_model(loaded.scene, *loaded.frames, parts, watchers, pairs, flows, config)),
+        static_cameras(static_cameras_of(loaded.scene, *loaded.frames)),
+        parts(parts_of_interest(loaded.scene, *loaded.frames, static_cameras)),
+        model(queue, initial_model(loaded.scene, *loaded.frames, parts, static_cameras, pairs,
+                                   flows, config)),
         trainer({queue, this->config, loaded.scene, *loaded.frames, pairs, flows, model, guidance},
                 parts) {}
 
@@ -216,7 +216,7 @@ class SmallTraining {
   LoadedScene loaded;
   std::vector<FlowPair> pairs;
   FlowStore flows;
-  std::vector<Watcher> watchers;
+  std::vector<StaticCamera> static_cameras;
   std::vector<Rect> parts;
   Model model;
   Trainer trainer;

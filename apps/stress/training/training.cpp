@@ -153,19 +153,19 @@ Rows gone_back(Queue& queue) {  // T41
   StepReport loss_alone;
   loss_alone.loss = broken.loss;
   std::string notice;
-  const int back = roll_back.go_back(saved + 1, broken, notice);
+  const int back = roll_back.roll_back(saved + 1, broken, notice);
   Bits now = training.bits(queue);
   for (Bits* bits : {&kept, &now}) bits->erase("caution");  // halved learning rates from here on
   training.go_on(queue, training.trainer.state(queue), back);
   training.steps(queue, steps - back);
   const StepReport figures = training.trainer.report(queue);
   return {
-      {"a loss that is no number: taken for one, or for sound",
-       double(std::isfinite(broken.loss)) + double(is_sound(loss_alone, {})), 0},
+      {"a loss that is not a number: taken for one, or for sound",
+       double(std::isfinite(broken.loss)) + double(is_finite_report(loss_alone, {})), 0},
       {"gone back: steps off the checkpoint's", std::fabs(double(back - saved)), 0},
       {"gone back: other bits than the checkpoint's", double(hash(now) != hash(kept)), 0},
       {"and on to step 100: values not finite", not_finite_in(training.trainer.state(queue)), 0},
-      {"and on to step 100: not sound", double(!is_sound(figures, {})), 0}};
+      {"and on to step 100: not sound", double(!is_finite_report(figures, {})), 0}};
 }
 
 }  // namespace

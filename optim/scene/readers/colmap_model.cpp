@@ -107,7 +107,7 @@ Camera make_camera(const CameraModel& model, double width, double height,
   camera.fx = p[0], camera.fy = p[n - 1], camera.cx = p[n], camera.cy = p[n + 1];
   std::array<double, 8> k = {};
   for (size_t i = 0; i < model.places.size(); ++i) k[model.places[i]] = p[n + 2 + i];
-  return behind_lens(camera, model.kind, k, "a camera in " + path);
+  return pinhole_of_lens(camera, model.kind, k, "a camera in " + path);
 }
 
 std::vector<double> room_for_parameters(const CameraModel& model) {

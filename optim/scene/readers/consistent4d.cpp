@@ -36,8 +36,8 @@ Numbered split_number(const std::string& stem) {
 
 // The images of a folder named by a number only; if there are none, those with a common prefix
 // before the number.
-std::vector<std::string> numbered_pictures(const std::string& folder) {
-  const std::vector<std::string> all = list_pictures(folder);
+std::vector<std::string> numbered_images(const std::string& folder) {
+  const std::vector<std::string> all = list_images(folder);
   std::vector<std::string> plain, named;
   std::set<std::string> prefixes;
   for (const std::string& name : all) {
@@ -72,7 +72,7 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& pictu
                              const std::string& view, std::optional<double> azimuth,
                              const SceneOptions& options, Scene& scene) {
   std::vector<Frame> frames;
-  const std::vector<std::string> names = numbered_pictures(pictures);
+  const std::vector<std::string> names = numbered_images(pictures);
   const std::vector<double> times = times_of(names);
   const std::string first = join(pictures, names[0]);
   const ImageHeader header = read_image_header(first);
@@ -103,10 +103,10 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& pictu
 }  // namespace
 
 bool has_input_view(const std::string& folder) {
-  return !numbered_pictures(join(folder, "input")).empty() && !is_colmap(folder);
+  return !numbered_images(join(folder, "input")).empty() && !is_colmap(folder);
 }
 
-bool has_numbered_pictures(const std::string& folder) { return !numbered_pictures(folder).empty(); }
+bool has_numbered_images(const std::string& folder) { return !numbered_images(folder).empty(); }
 
 Scene read_consistent4d(const std::string& folder, const SceneOptions& options) {
   const std::string input = has_input_view(folder) ? join(folder, "input") : folder;
@@ -121,7 +121,7 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
   for (int k = 0; k < 4; ++k) {
     const std::string view = fmt::format("eval_{}", k);
     const std::string pictures = (fs::path(folder) / view).string();
-    if (numbered_pictures(pictures).empty()) continue;
+    if (numbered_images(pictures).empty()) continue;
     const std::vector<Frame> frames =
         read_view(folder, pictures, view, azimuths[k], options, scene);
     if (frames.size() != size_t(scene.steps))

@@ -38,7 +38,7 @@ struct Footage {
 Footage from_pictures(const std::string& name, const std::string& folder) {
   Footage footage;
   footage.name = name;
-  for (const std::string& file : list_pictures(folder))
+  for (const std::string& file : list_images(folder))
     footage.pictures[stem(file)] = join(folder, file);
   const ImageHeader header = read_image_header(footage.pictures.begin()->second);
   footage.width = header.width;
@@ -66,7 +66,7 @@ std::vector<Footage> moving_footage(const std::string& folder, const SceneOption
   std::map<std::string, std::string> pictures, videos;
   for (const std::string& name : list_folders(folder)) {
     const std::string path = join(join(folder, name), sub);
-    if (starts_with_cam(name) && !list_pictures(path).empty()) pictures[name] = path;
+    if (starts_with_cam(name) && !list_images(path).empty()) pictures[name] = path;
   }
   for (const std::string& name : list_videos(folder))
     if (starts_with_cam(name) && !pictures.count(stem(name)))
@@ -88,7 +88,7 @@ std::string still_folder(const std::string& folder, const SceneOptions& options)
   std::string best;
   for (const std::string& name : list_folders(folder))
     if ((name == "images" || name.compare(0, 7, "images_") == 0) &&
-        !list_pictures(join(folder, name)).empty())
+        !list_images(join(folder, name)).empty())
       best = join(folder, name);  // natural order: the last has the largest N
   return best;
 }
@@ -97,7 +97,7 @@ std::string still_folder(const std::string& folder, const SceneOptions& options)
 std::vector<Footage> still_footage(const std::string& folder, const SceneOptions& options) {
   std::vector<Footage> footage;
   const std::string pictures = still_folder(folder, options);
-  for (const std::string& file : list_pictures(pictures)) {
+  for (const std::string& file : list_images(pictures)) {
     const std::string path = join(pictures, file);
     const ImageHeader header = read_image_header(path);
     Footage one;

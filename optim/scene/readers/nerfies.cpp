@@ -52,7 +52,7 @@ std::string picture_folder(const std::string& folder, const SceneOptions& option
     return join(rgb, options.images);
   }
   for (const std::string& name : list_folders(rgb))  // natural order: 1x, 2x, ..., 16x
-    if (name.back() == 'x' && !list_pictures(join(rgb, name)).empty()) return join(rgb, name);
+    if (name.back() == 'x' && !list_images(join(rgb, name)).empty()) return join(rgb, name);
   throw Error(fmt::format("{} has no pictures: looked for {}/1x, 2x, ...", folder, rgb));
 }
 
@@ -88,7 +88,7 @@ Camera read_camera(const std::string& path, const World& world, const std::strin
       k[2] = tangential[0], k[3] = tangential[1];
       break;
     }
-  return behind_lens(camera, Lens::Kind::radial, k, path);
+  return pinhole_of_lens(camera, Lens::Kind::radial, k, path);
 }
 
 // The time index of an image in metadata.json.

@@ -64,7 +64,7 @@ bool natural_less(const std::string& a, const std::string& b) {
   return a < b;  // "01" and "1": any fixed order
 }
 
-std::vector<std::string> list_pictures(const std::string& folder) {
+std::vector<std::string> list_images(const std::string& folder) {
   return list(folder, [](const auto& e) { return has_extension(e, {".png", ".jpg", ".jpeg"}); });
 }
 

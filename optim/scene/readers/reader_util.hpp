@@ -13,7 +13,7 @@
 namespace gflow {
 
 // Names in a folder in natural order (2 before 10); empty if the folder does not exist.
-std::vector<std::string> list_pictures(const std::string& folder);  // .png .jpg .jpeg
+std::vector<std::string> list_images(const std::string& folder);  // .png .jpg .jpeg
 std::vector<std::string> list_folders(const std::string& folder);
 std::vector<std::string> list_videos(const std::string& folder);  // .mp4 .avi .mov .mkv .webm
 

@@ -31,7 +31,7 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options);
 // follow the numbers, so that missing images leave a gap. Without eval views the input view is the
 // test view. An input/ beside sparse/0/ is COLMAP's input and does not count as this layout.
 bool has_input_view(const std::string& folder);
-bool has_numbered_pictures(const std::string& folder);
+bool has_numbered_images(const std::string& folder);
 Scene read_consistent4d(const std::string& folder, const SceneOptions& options);
 
 // nerfstudio: transforms.json. As Blender, with lens distortion (k1 ... k6, p1, p2; fisheye by

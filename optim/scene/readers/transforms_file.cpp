@@ -69,11 +69,11 @@ Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera
   const auto k = [&](const char* key) { return inherited(file, frame, key, where).value_or(0); };
   const std::string what = "the camera of " + where;
   if (model == "OPENCV_FISHEYE")
-    return behind_lens(camera, Lens::Kind::fisheye, {k("k1"), k("k2"), k("k3"), k("k4")}, what);
+    return pinhole_of_lens(camera, Lens::Kind::fisheye, {k("k1"), k("k2"), k("k3"), k("k4")}, what);
   if (model == "OPENCV" || model == "PINHOLE" || model == "SIMPLE_PINHOLE")
-    return behind_lens(camera, Lens::Kind::radial,
-                       {k("k1"), k("k2"), k("p1"), k("p2"), k("k3"), k("k4"), k("k5"), k("k6")},
-                       what);
+    return pinhole_of_lens(camera, Lens::Kind::radial,
+                           {k("k1"), k("k2"), k("p1"), k("p2"), k("k3"), k("k4"), k("k5"), k("k6")},
+                           what);
   throw Error(
       fmt::format("{} has the camera_model '{}', known are PINHOLE, OPENCV and OPENCV_FISHEYE",
                   where, excerpt(model)));

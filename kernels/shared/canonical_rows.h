@@ -36,7 +36,7 @@ static inline int still_in_window(uint i, uint k, float t, float sigmas, int fir
                                   global const float* restrict log_scales,
                                   global float* restrict opacities_at) {
   if (!first) return tiles_touched[k] != 0;
-  if (life_reaches(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) return 1;
+  if (is_in_time_window(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) return 1;
   opacities_at[k] = 0.f;
   return 0;
 }

@@ -7,11 +7,11 @@
 namespace gflow {
 
 // means [N,3], means_t [N,1], quats [N,4], log_scales [N,4] (x y z t), logit_opacities [N,1].
-std::vector<GroupSpec> still_groups();
+std::vector<GroupSpec> canonical_groups();
 
-class StillRows {
+class CanonicalRows {
  public:
-  explicit StillRows(Queue& queue);
+  explicit CanonicalRows(Queue& queue);
   // Motion::set_pace and split. A split keeps the path and the life.
   void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule);
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,

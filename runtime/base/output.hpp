@@ -15,13 +15,13 @@ namespace gflow {
 // Prints to stdout, with characters that a terminal would obey escaped (they may be in file names).
 // Output for programs (--json) uses fmt::print.
 template <class... Args>
-void show(fmt::format_string<Args...> text, Args&&... args) {
+void print_result(fmt::format_string<Args...> text, Args&&... args) {
   fmt::print("{}", printable_lines(fmt::format(text, std::forward<Args>(args)...)));
 }
 
 // Prints to stderr. Unlike fmt::print, does not throw if stderr is closed or full.
 template <class... Args>
-void tell(fmt::format_string<Args...> text, Args&&... args) {
+void print_status(fmt::format_string<Args...> text, Args&&... args) {
   std::fputs(fmt::format(text, std::forward<Args>(args)...).c_str(), stderr);
 }
 

@@ -1,0 +1,29 @@
+# Installs the build into a folder of its own, builds apps/example against that, and runs it:
+#   cmake -DBUILD=build/release -DSOURCE=. -P tests/package.cmake
+function(run)
+  execute_process(COMMAND ${ARGN} RESULT_VARIABLE code OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  if(NOT code EQUAL 0)
+    message(FATAL_ERROR "${ARGN} ended with ${code}:\n${output}")
+  endif()
+  set(output "${output}" PARENT_SCOPE)
+endfunction()
+
+set(prefix ${BUILD}/package/prefix)
+file(REMOVE_RECURSE ${BUILD}/package)
+run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${prefix})
+run(${CMAKE_COMMAND} -S ${SOURCE}/apps/example -B ${BUILD}/package/example -G Ninja -DCMAKE_PREFIX_PATH=${prefix})
+run(${CMAKE_COMMAND} --build ${BUILD}/package/example)
+
+run(${BUILD}/package/example/fit)
+if(NOT output MATCHES "step 0: loss 0\\.([0-9]+), flow.*step 9: loss 0\\.([0-9]+), flow")
+  message(FATAL_ERROR "the example prints no losses:\n${output}")
+endif()
+if(NOT CMAKE_MATCH_2 LESS CMAKE_MATCH_1)
+  message(FATAL_ERROR "ten Adam steps do not lower the loss:\n${output}")
+endif()
+
+run(${BUILD}/package/example/train ${SOURCE}/apps/demo/scene ${BUILD}/package/model.ply)
+run(${prefix}/bin/gflow info ${BUILD}/package/model.ply)
+if(NOT output MATCHES "spacetime")
+  message(FATAL_ERROR "the example's model is not described:\n${output}")
+endif()
