@@ -345,7 +345,7 @@ Derivative motion_loss_row(Queue& queue) {
   w.isometry = .5f;
   w.velocity = .3f;
   w.extent = 3;
-  w.falloff = 0;  // all pairs have equal weight
+  w.neighbour_falloff = 0;  // all pairs have equal weight
   const double pair_count = double(pairs.others.size()) / 2, knee = 1e-3 * 3;
   const PairsInDouble in_double(
       {float(double(w.rigidity) / 3 / pair_count), float(double(w.rotation) / pair_count),

@@ -61,7 +61,7 @@ void AdcDensity::after_step(Queue& queue, Parameters& p, const GaussiansAt&,
     return;
   ParameterGroup& opacities = p["logit_opacities"];
   adc_reset_(queue, Range::over(p.count), cl_uint(p.count),
-             logit(std::min(2 * rule.min_opacity, 0.99f)), opacities.values, opacities.exp_avg);
+             logit(std::min(2 * rule.prune_opacity, 0.99f)), opacities.values, opacities.exp_avg);
 }
 
 void AdcDensity::refine(Queue& queue, Parameters& p, Motion& motion, const DensityRule& rule,
@@ -71,12 +71,12 @@ void AdcDensity::refine(Queue& queue, Parameters& p, Motion& motion, const Densi
   copies_.ensure(queue, n);
   keys_.ensure(queue, n);
   order_.ensure(queue, n);
-  adc_rank_(queue, Range::over(n), n, rule.grad_threshold, logit(rule.min_opacity),
-            std::log(rule.max_scale), rule.split.duration, window_sigmas(rule.cutoff),
+  adc_rank_(queue, Range::over(n), n, rule.grad_threshold, logit(rule.prune_opacity),
+            std::log(rule.prune_scale), rule.split.duration, window_sigmas(rule.cutoff),
             p["logit_opacities"].values, p["log_scales"].values, p["means_t"].values, pull_, views_,
             copies_, keys_, order_);
   sort_.sort(queue, keys_, order_, n);
-  const cl_uint allowed = rule.cap > n ? cl_uint(rule.cap - n) : 0;
+  const cl_uint allowed = cl_uint(rule.cap) > n ? cl_uint(rule.cap) - n : 0;
   adc_grow_(queue, Range::over(n), n, allowed, keys_, order_, copies_);
   scan_.exclusive(queue, copies_, offsets_, n);
   const size_t count = size_t(scan_.total(queue));

@@ -15,22 +15,11 @@
 
 namespace gflow {
 
-// In scene units and the model's time. Each strategy reads what concerns it.
-struct DensityRule {
-  size_t cap = 30000;          // most Gaussians
-  float min_opacity = 0.005f;  // fainter ones go
-  float cutoff = 0.05f;        // what is below this temporal weight all the time goes
-  SplitRule split;             // how what grows becomes two; the length of the video
-  // adc
-  float grad_threshold = 2e-4f;  // mean pull above which a Gaussian grows [1 / half the image]
-  float max_scale = 0;           // larger ones go [scene units]
-  int opacity_reset_every = 0;   // steps; 0: never
-  // mcmc
-  float growth = 0.05f;      // of their number, a round
-  float spread = 0;          // of those that share a place [standard deviations of the one]
-  float noise = 0;           // of the means, beside their learning rate
-  float opacity_weight = 0;  // of the mean opacity in the loss
-  float scale_weight = 0;    // of the mean size [1 / scene unit]
+// The options of a scene whose extent is 1, that is, with lengths in scene units; and what density
+// control knows about the model.
+struct DensityRule : DensityOptions {
+  float cutoff = 0.05f;  // Gaussians below this temporal weight at all times are removed
+  SplitRule split;       // how one Gaussian becomes two; the length of the video
 };
 
 inline float logit(float p) { return std::log(p / (1 - p)); }

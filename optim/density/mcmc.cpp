@@ -30,7 +30,7 @@ void McmcDensity::after_step(Queue& queue, Parameters& p, const GaussiansAt& dra
                              const DensityRule& rule, const DensityStep& step) {
   if (rule.noise == 0) return;
   mcmc_noise_(queue, Range::over(p.count), cl_uint(p.count), step.seed,
-              rule.noise * step.position_rate, rule.min_opacity, p.rows.seen,
+              rule.noise * step.position_rate, rule.prune_opacity, p.rows.seen,
               p["logit_opacities"].values, drawn.opacities, drawn.factors, p["means"].values);
 }
 
@@ -40,7 +40,7 @@ void McmcDensity::refine(Queue& queue, Parameters& p, Motion&, const DensityRule
   const cl_uint n = cl_uint(p.count);
   // As fine as the sum of all weights fits 32 bits.
   const cl_uint scale = std::min(std::numeric_limits<cl_uint>::max() / n, cl_uint(1) << 16);
-  const float min_logit = logit(rule.min_opacity);
+  const float min_logit = logit(rule.prune_opacity);
   dead_.ensure(queue, n);
   weights_.ensure(queue, n);
   mcmc_weigh_(queue, Range::over(n), n, min_logit, rule.split.duration, window_sigmas(rule.cutoff),
@@ -50,7 +50,7 @@ void McmcDensity::refine(Queue& queue, Parameters& p, Motion&, const DensityRule
   const cl_uint dead = cl_uint(scan_.total(queue));
   scan_.exclusive(queue, weights_, offsets_, n);
   const cl_uint total = cl_uint(scan_.total(queue));
-  const size_t wanted = std::min(rule.cap, n + size_t(std::ceil(float(n) * rule.growth)));
+  const size_t wanted = std::min(size_t(rule.cap), n + size_t(std::ceil(float(n) * rule.growth)));
   const cl_uint fresh_n = cl_uint(std::max(size_t(n), wanted)), count = dead + fresh_n - n;
   if (count == 0 || total == 0) return;
 

@@ -40,7 +40,7 @@ void MotionLoss::set_pairs(Queue& queue, NeighbourPairs pairs) {
   const double usual = std::max(median(pairs_.distances), std::numeric_limits<float>::min());
   for (const float distance : pairs_.distances) {
     const double share = double(distance) / usual;
-    weights.push_back(float(std::exp(-weights_.falloff * share * share)));
+    weights.push_back(float(std::exp(-weights_.neighbour_falloff * share * share)));
   }
   const auto upload = [&](auto& buffer, const auto& values) {
     buffer.ensure(queue, values.size());

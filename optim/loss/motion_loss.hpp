@@ -5,6 +5,7 @@
 // view, hidden ones included: whatever else a training step changes.
 #pragma once
 #include "optim/engine/gaussians.hpp"
+#include "optim/loss/loss_options.hpp"
 #include "optim/loss/neighbours.hpp"
 #include "runtime/primitives/reduce.hpp"
 #include "shared/motion_loss.h"
@@ -16,10 +17,8 @@ namespace gflow {
 // Lengths count in scene extents. Each term is a mean over all pairs (acceleration: over all
 // Gaussians) of the model, what is not seen counting as 0: so a pair pulls as hard in the view of a
 // part.
-struct MotionLossWeights {
-  float rigidity = 0, rotation = 0, isometry = 0, velocity = 0, acceleration = 0;  // 0: off
-  float falloff = 0.5f;  // a pair at distance d weighs exp(-falloff (d / median of all pairs)^2)
-  float extent = 1;      // of the scene [scene units]
+struct MotionLossWeights : LossOptions {
+  float extent = 1;  // of the scene [scene units]
 
   bool any_turns() const { return rigidity > 0 || rotation > 0; }
   bool any_pairs() const { return any_turns() || isometry > 0 || velocity > 0; }

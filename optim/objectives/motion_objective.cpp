@@ -11,14 +11,10 @@ namespace gflow {
 // A loss that counts in every n-th step only counts n times as much there.
 std::unique_ptr<MotionObjective> MotionObjective::make(Queue& queue, const LossOptions& options,
                                                        int steps, float extent, Model& model) {
-  const float times = float(options.motion_every);
   MotionLossWeights w;
-  w.rigidity = times * options.rigidity;
-  w.rotation = times * options.rotation;
-  w.isometry = times * options.isometry;
-  w.velocity = times * options.velocity;
-  w.acceleration = times * options.acceleration;
-  w.falloff = options.neighbour_falloff;
+  static_cast<LossOptions&>(w) = options;
+  for (float* weight : {&w.rigidity, &w.rotation, &w.isometry, &w.velocity, &w.acceleration})
+    *weight *= float(options.motion_every);
   w.extent = extent;
   if (steps < 2 || !(w.any_pairs() || w.acceleration > 0)) return nullptr;
   return std::make_unique<MotionObjective>(queue, options, steps, w, model);

@@ -6,6 +6,7 @@
 
 #include "optim/guidance/guidance.hpp"
 #include "optim/options/train_options.hpp"
+#include "optim/scene/scene.hpp"
 
 namespace gflow {
 

@@ -23,24 +23,19 @@ std::unique_ptr<Rest> rest_for(Queue& queue, const TrainOptions& config, const S
   return parameters.can_rest() ? std::make_unique<Rest>(queue) : nullptr;
 }
 
-DensityRule density_rule(const DensityOptions& d, const Scene& scene, const MotionShape& shape) {
+DensityRule density_rule(const DensityOptions& options, const Scene& scene,
+                         const MotionShape& shape) {
   const float extent = float(scene.extent);
   DensityRule rule;
-  rule.cap = size_t(d.cap);
-  rule.min_opacity = d.prune_opacity;
+  static_cast<DensityOptions&>(rule) = options;
+  rule.prune_scale *= extent;
+  rule.noise /= extent * extent;  // the rate is in scene units, the covariance in their square
+  rule.scale_weight /= extent;
   rule.cutoff = shape.cutoff;
-  rule.split.split_scale = d.split_scale * extent;
-  rule.split.split_travel = d.split_travel;
+  rule.split.split_scale = options.split_scale * extent;
+  rule.split.split_travel = options.split_travel;
   rule.split.duration = shape.duration;
-  rule.split.min_lifetime = d.min_lifetime * shape.duration / float(std::max(scene.steps, 1));
-  rule.grad_threshold = d.grad_threshold;
-  rule.max_scale = d.prune_scale * extent;
-  rule.opacity_reset_every = d.opacity_reset_every;
-  rule.growth = d.growth;
-  rule.spread = d.spread;
-  rule.noise = d.noise / (extent * extent);  // the rate is in scene units, the covariance squared
-  rule.opacity_weight = d.opacity_weight;
-  rule.scale_weight = d.scale_weight / extent;
+  rule.split.min_lifetime = options.min_lifetime * shape.duration / float(std::max(scene.steps, 1));
   return rule;
 }
 
@@ -101,7 +96,7 @@ bool Population::refine(Queue& queue, uint32_t seed) {
   const size_t budget = size_t(config_.density.memory);
   memory_holds_ =
       std::min(memory_holds_, most_gaussians(queue.info, p, budget, config_.adam.beta1 > 0));
-  rule.cap = std::min(rule.cap, memory_holds_);
+  rule.cap = int(std::min(size_t(rule.cap), memory_holds_));
   try {
     density_->refine(queue, p, *model_.motion, rule, seed);
   } catch (const Error& problem) {
@@ -111,7 +106,7 @@ bool Population::refine(Queue& queue, uint32_t seed) {
     return false;
   }
   if (rest_) rest_->forget();
-  if (rule.cap < density_rule_.cap && p.count >= rule.cap)
+  if (rule.cap < density_rule_.cap && p.count >= size_t(rule.cap))
     memory_is_short(
         fmt::format("density.memory = {} MiB{} holds {} Gaussians, fewer than density.cap",
                     budget ? budget : size_t(queue.info.global_memory / 4 * 3 >> 20),

@@ -3,6 +3,7 @@
 // each next one moves it, starting with the velocity it had.
 #pragma once
 #include "optim/options/train_options.hpp"
+#include "optim/scene/scene.hpp"
 
 namespace gflow {
 

@@ -8,6 +8,7 @@
 #include "optim/motion/native4d.hpp"
 #include "optim/reference/device.hpp"
 #include "tests/support/compare.hpp"
+#include "tests/support/density_rule.hpp"
 #include "tests/support/numbers.hpp"
 
 namespace gflow {
@@ -31,7 +32,7 @@ class AdcField {
         parameters(queue, made.size(), all_groups()),
         made_(made) {
     rule.grad_threshold = 1;
-    rule.max_scale = 10;
+    rule.prune_scale = 10;
     rule.split.split_scale = 0.5f;
     const size_t n = made.size();
     std::vector<float> log_scales, logits, means_t, quats, quats_r;
@@ -88,7 +89,7 @@ class AdcField {
   Queue queue;
   Native4dMotion motion;
   AdcDensity density;
-  DensityRule rule;
+  DensityRule rule = quiet_rule();
   Parameters parameters;
 
  private:

@@ -9,6 +9,7 @@
 #include "optim/reference/device.hpp"
 #include "shared/relocation.h"
 #include "tests/support/compare.hpp"
+#include "tests/support/density_rule.hpp"
 #include "tests/support/numbers.hpp"
 
 namespace gflow {
@@ -23,7 +24,7 @@ class McmcField {
         density(queue),
         motion(make_motion(queue, shape_of(kind))),
         parameters(queue, opacities.size(), all_groups(), motion->tables()) {
-    rule.min_opacity = 0.02f;
+    rule.prune_opacity = 0.02f;
     rule.growth = 0;
     for (Table* table : parameters.tables())
       for (ParameterGroup& group : table->groups) {
@@ -59,7 +60,7 @@ class McmcField {
 
   Queue queue;
   McmcDensity density;
-  DensityRule rule;
+  DensityRule rule = quiet_rule();
   std::unique_ptr<Motion> motion;
   Parameters parameters;
 

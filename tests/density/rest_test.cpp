@@ -4,6 +4,7 @@
 #include "optim/density/adc.hpp"
 #include "optim/density/mcmc.hpp"
 #include "shared/rest.h"
+#include "tests/support/density_rule.hpp"
 #include "tests/support/motion_check.hpp"
 
 namespace gflow {
@@ -431,9 +432,9 @@ TEST(Rest, WhatGrowsMoves) {
   made.p["logit_opacities"].values.fill(made.queue, 1);
   made.refine();
   AdcDensity density(made.queue);
-  DensityRule rule;
+  DensityRule rule = quiet_rule();
   rule.grad_threshold = 1;
-  rule.max_scale = 10;
+  rule.prune_scale = 10;
   rule.split.split_scale = 1;
   const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
   const Buffer<float> v(made.queue, {0, 0, 0, 0, 9, 0}, "v_means2d");
@@ -453,7 +454,7 @@ TEST(Rest, WhatIsRelocatedMoves) {
   made.refine();
   made.p["logit_opacities"].values.write(made.queue, {-3, -20, 3});
   McmcDensity density(made.queue);
-  DensityRule rule;
+  DensityRule rule = quiet_rule();
   rule.growth = 0;
   density.refine(made.queue, made.p, *made.motion, rule, 1);
   ASSERT_EQ(made.p.count, 3u);

@@ -96,7 +96,7 @@ bool seen_row(size_t i) { return i % 4 != 3; }
 MotionLossWeights only_term(float MotionLossWeights::*term) {
   MotionLossWeights w;
   w.extent = float(kExtent);
-  w.falloff = 2;
+  w.neighbour_falloff = 2;
   w.*term = 0.7f;
   return w;
 }
@@ -134,7 +134,7 @@ double plain_loss(const MotionLossWeights& w, const NeighbourPairs& pairs, const
       const Eigen::Vector3d d1 = eigen_row(m.means1, j) - eigen_row(m.means1, i);
       const Eigen::Vector3d d2 = eigen_row(m.means2, j) - eigen_row(m.means2, i);
       const double l = double(pairs.distances[k]);
-      const double weight = std::exp(-double(w.falloff) * l * l / (median * median));
+      const double weight = std::exp(-double(w.neighbour_falloff) * l * l / (median * median));
       const double rigidity = 0.5 * (rho((d1 - turns[i] * d2).squaredNorm(), knee) +
                                      rho((d1 - turns[j] * d2).squaredNorm(), knee));
       const double isometry = 0.5 * (rho((d1.norm() - l) * (d1.norm() - l), knee) +

@@ -6,6 +6,7 @@
 
 #include "optim/density/adc.hpp"
 #include "optim/reference/flat_static.hpp"
+#include "tests/support/density_rule.hpp"
 #include "tests/support/motion_check.hpp"
 
 namespace gflow {
@@ -161,9 +162,9 @@ TEST(Keyframes, ChildrenKeepTheirParentsPathThroughDensityControl) {
   p["logit_opacities"].values.write(queue, {1, 1, -20, 1});  // the third goes
   p["means_t"].values.fill(queue, 0.5f);
   AdcDensity density(queue);
-  DensityRule rule;
+  DensityRule rule = quiet_rule();
   rule.grad_threshold = 1;
-  rule.max_scale = 10;
+  rule.prune_scale = 10;
   rule.split.split_scale = 1;
   const Buffer<cl_uint> touched(queue, {1, 1, 1, 1}, "tiles");
   const Buffer<float> v(queue, {0, 0, 9, 0, 0, 0, 9, 0}, "v");
