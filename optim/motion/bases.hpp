@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians that follow a few rigid motions shared by all, held at keys, by weights of their own
-// (kernels/shared/bases.h). Tables: basis_shifts [K, B, 3] and basis_turns [K, B, 4] (added to the
-// quaternion 1), 0 being no motion; pivots [B, 3], which are not trained. 13 + B floats a Gaussian.
-// For few things that move rigidly, above all where each is seen by one camera at a time.
+// Motion model "bases": each Gaussian follows a weighted blend of a few rigid motions that all
+// share (kernels/shared/bases.h). The motions are stored at keys: basis_shifts [K, B, 3] and
+// basis_turns [K, B, 4] (added to the identity quaternion); 0 is no motion. pivots [B, 3] are not
+// trained. 13 + B floats per Gaussian. Suits scenes of few rigid objects, above all if one camera
+// at a time sees each.
 #pragma once
 #include "optim/motion/canonical_rows.hpp"
 #include "optim/motion/keys.hpp"
@@ -10,20 +11,21 @@
 
 namespace gflow {
 
-// The arrays with a row a Gaussian, and the others.
+// Groups with a row per Gaussian, and the other tables.
 std::vector<GroupSpec> bases_groups(int bases);
 std::vector<TableSpec> bases_tables(int keys, int bases);
 
-// Sets "pivots" and "basis_logits" of Gaussians at rest: pivots far apart from each other among
-// Gaussians first .. count - 1, and each Gaussian following those near it, or none.
+// Sets "pivots" and "basis_logits" of static Gaussians. Pivots are far apart from each other,
+// chosen among Gaussians first .. count - 1. Each Gaussian follows the bases whose pivots are near,
+// or none.
 void place_bases(const MotionShape& shape, HostGroups& groups, size_t first);
 
-// Its entry in the table of models.
+// Entry in the table of models.
 const MotionModel& bases_model();
 
 class BasesMotion : public Motion {
  public:
-  // Error for less than one key or basis, or too many bases.
+  // Error for fewer than one key or basis, or too many bases.
   BasesMotion(Queue& queue, const MotionShape& shape);
   std::vector<GroupSpec> groups() const override { return bases_groups(shape_.bases); }
   std::vector<TableSpec> tables() const override { return bases_tables(shape_.keys, shape_.bases); }
@@ -40,7 +42,7 @@ class BasesMotion : public Motion {
              const SplitRule& rule, uint32_t seed) override;
 
  private:
-  // Fills poses_ for a time; returns its keys.
+  // Sets poses_ at a time; returns the keys that it used.
   KeyWeights pose(Queue& queue, const Parameters& parameters, float t);
 
   MotionShape shape_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all models share whose Gaussians rest somewhere and are shifted from there
-// (kernels/shared/shifted.h): their arrays, and what density control and Adam ask.
+// Shared by all models in which a Gaussian has a canonical pose that is shifted over time
+// (kernels/shared/shifted.h): parameter groups, pace and split.
 #pragma once
 #include "optim/motion/motion.hpp"
 
@@ -12,7 +12,7 @@ std::vector<GroupSpec> canonical_groups();
 class CanonicalRows {
  public:
   explicit CanonicalRows(Queue& queue);
-  // Motion::set_pace and split. A split keeps the path and the life.
+  // See Motion::set_pace and Motion::split. Children keep path and lifetime.
   void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule);
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed);

@@ -13,10 +13,11 @@ inline std::vector<GroupSpec> color_groups(int highest) {
           {"sh_rest", size_t(3 * ((highest + 1) * (highest + 1) - 1)), Quantity::color_rest}};
 }
 
-// What is shown of the harmonics, and how far they are walked through.
+// Bands of spherical harmonics that a view uses.
 struct Bands {
-  int degree;  // those above count as 0
-  int walked;  // the highest that is looked at, from `degree` to what is stored: nobody sees which
+  int degree;  // higher bands count as 0
+  int walked;  // highest band that kernels read, `degree` to the stored one; does not change
+               // colours
 };
 
 class Color {
@@ -28,11 +29,11 @@ class Color {
         sh_fwd_(program_, "sh_fwd"),
         sh_bwd_(program_, "sh_bwd") {}
 
-  // Those up to `degree`; with `skip` (settings.hpp) no others are walked through.
+  // Bands up to `degree`. With `skip` (settings.hpp) higher bands are not read.
   Bands bands(int degree, bool skip) const { return {degree, skip ? degree : highest_}; }
 
-  // colors [n, 3] of what is seen; the others are undefined. The Gaussians, and all else of the
-  // view, have an entry for each of `rows`.
+  // Sets colors [n, 3] of Gaussians with tiles_touched > 0; the others are undefined. Arrays of the
+  // view have one entry per entry of `rows`.
   void forward(Queue& queue, const Parameters& p, Bands bands, const PinholeCamera& camera,
                const GaussiansAt& gaussians, const Buffer<cl_uint>& tiles_touched,
                Buffer<float>& colors, const RowList& rows = {}) {
@@ -43,8 +44,8 @@ class Color {
             colors);
   }
 
-  // From v.v_colors to the groups' gradients, those of sh_rest only where bands of it are walked
-  // through, and to v.v_means (the view direction depends on the mean). To be called before
+  // Backward pass from v.v_colors to the groups' gradients and to v.v_means (the view direction
+  // depends on the mean). sh_rest gets gradients only in the bands that are read. Call it before
   // Motion::backward, which marks rows as seen.
   void backward(Queue& queue, Parameters& p, Bands bands, const PinholeCamera& camera,
                 const GaussiansAt& gaussians, const Buffer<cl_uint>& tiles_touched,

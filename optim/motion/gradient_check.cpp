@@ -13,7 +13,7 @@ namespace {
 constexpr size_t kCount = 64;
 constexpr float kTime = 0.3f;
 
-// Values of about unit size; each stream is another array.
+// Uniform values in [-1, 1]; each stream is another array.
 std::vector<float> numbers(uint stream, size_t n) {
   std::vector<float> values(n);
   for (size_t i = 0; i < n; ++i) values[i] = float(2 * random_uniform(1, stream, uint(i)) - 1);

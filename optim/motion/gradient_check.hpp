@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of a device's self-check that needs the splat maths: one derivative kernel against the
-// same text in double on the host. Under 0.1 s once compiled.
+// The part of the device self-check that needs the splat formulas: compares a backward kernel with
+// the same formulas in double on the host.
 #pragma once
 #include "runtime/primitives/self_check.hpp"
 
 namespace gflow {
 
-// Relative L2 error of spacetime_bwd, the default model's, over 64 random Gaussians, bound 1e-4
-// (T35); the host runs kernels/shared/spacetime.h in double.
+// Relative L2 error of spacetime_bwd, the backward pass of the default model, over 64 random
+// Gaussians; bound 1e-4 (device check T35). The host runs kernels/shared/spacetime.h in double.
 SelfCheckRow gradient_check(Queue& queue);
 
-// runtime's self_check and the row above: what a device must pass before it is used.
+// The self_check() of runtime/ and the row above: what a device must pass before it is used.
 SelfCheck full_self_check(Queue& queue);
 
 }  // namespace gflow

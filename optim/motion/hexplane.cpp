@@ -23,7 +23,7 @@ uint all_weights(const HexplaneShape& s) {
   return weights_before_last(s) + uint(s.hidden + 1) * HEXPLANE_OUTPUTS;
 }
 
-// The shape; Error when there cannot be such a model.
+// Returns the shape; Error if a number of it is out of range.
 const HexplaneShape& checked(const HexplaneShape& s) {
   const auto among = [](int value, std::initializer_list<int> values) {
     return std::find(values.begin(), values.end(), value) != values.end();
@@ -48,11 +48,12 @@ Defines defines(const HexplaneShape& s) {
           {"LAYERS", s.layers}, {"TURN", int(s.turn)},    {"RESIZE", int(s.resize)}};
 }
 
-// Chunks of Gaussians with a copy of the planes of their own: few, for the copies must be summed.
+// Chunks of Gaussians, each with its own copy of the planes' gradients. Few, because the copies
+// must be summed.
 Chunks plane_chunks(const Queue& queue, size_t n) {
   return chunks_of_sums(n, 256, queue.lanes == 1 ? 64 : 4);
 }
-// Chunks with a copy of the network.
+// Chunks of Gaussians, each with its own copy of the network's gradients.
 Chunks network_chunks(const Queue& queue, size_t n) {
   return chunks_of_sums(n, 128, queue.lanes == 1 ? 32 : 16);
 }

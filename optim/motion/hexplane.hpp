@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians that rest in one common pose and are shifted, turned and resized from there by a field:
-// features from planes over x y z t and a small network (kernels/shared/hexplane.h; HexPlane, Cao &
-// Johnson 2023; 4DGaussians, Wu et al. 2024; DreamGaussian4D, Ren et al. 2023). 13 floats a
-// Gaussian, however long the video is; the planes and the network are shared.
+// Motion model "hexplane": all Gaussians have one canonical pose, and a field shifts, rotates and
+// resizes them over time. The field is a set of feature planes over x y z t and a small network
+// (kernels/shared/hexplane.h; HexPlane, Cao & Johnson 2023; 4DGaussians, Wu et al. 2024;
+// DreamGaussian4D, Ren et al. 2023). 13 floats per Gaussian, independent of the length of the
+// video; planes and network are shared.
 #pragma once
 #include "optim/motion/canonical_rows.hpp"
 #include "optim/motion/models.hpp"
@@ -17,23 +18,23 @@ HexplaneGrid grid_of(const HexplaneShape& shape);
 // "planes" [rows, channels] and "network" [weights, 1].
 std::vector<TableSpec> hexplane_tables(const HexplaneShape& shape);
 
-// Sets both so that nothing moves: planes of time 1, of space uniform in [0.1, 0.5] as 4DGaussians,
-// hidden layers uniform in +-sqrt(6 / inputs) (He et al. 2015), the last layer 0.
+// Initialises both so that nothing moves: time planes 1, space planes uniform in [0.1, 0.5] as in
+// 4DGaussians, hidden layers uniform in +-sqrt(6 / inputs) (He et al. 2015), last layer 0.
 void set_hexplane_static(const HexplaneShape& shape, HostGroups& groups, uint32_t seed);
 
 // Whether the last layer is 0.
 bool is_hexplane_static(const HexplaneShape& shape, const HostGroups& groups);
 
-// The box of the planes around most of the points [n, 3]: all but a hundredth at each side of each
-// axis, and `slack` times its size.
+// Sets the box of the planes to the range of xyz [n, 3], without 1 % of the points at each end of
+// each axis, enlarged by the factor 1 + slack.
 void set_box(HexplaneShape& shape, const std::vector<float>& xyz, float slack);
 
-// Its entry in the table of models.
+// Entry in the table of models.
 const MotionModel& hexplane_model();
 
 class HexplaneMotion : public Motion {
  public:
-  // Error when the shape is none.
+  // Error if a number of the shape is out of range.
   HexplaneMotion(Queue& queue, const MotionShape& shape);
   std::vector<GroupSpec> groups() const override { return canonical_groups(); }
   std::vector<TableSpec> tables() const override { return hexplane_tables(shape_); }
@@ -49,7 +50,8 @@ class HexplaneMotion : public Motion {
              const SplitRule& rule, uint32_t seed) override;
 
  private:
-  // Cuts the planes of time at t, into lines_; the row before t and the share of the next one.
+  // Interpolates the time planes at t into lines_; returns the row before t and the weight of the
+  // next row.
   struct TimePlace {
     int row;
     float share;
@@ -59,7 +61,7 @@ class HexplaneMotion : public Motion {
   HexplaneShape shape_;
   HexplaneGrid grid_;
   float duration_, sigmas_;
-  size_t lanes_, weights_, cells_;  // cells_: of the planes at one time
+  size_t lanes_, weights_, cells_;  // cells_: cells of all planes at one time
   Program program_;
   Kernel<HexplaneGrid, cl_int, cl_float, In<float>, Out<float>> hexplane_cut_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, HexplaneGrid, In<cl_uint>, In<float>,

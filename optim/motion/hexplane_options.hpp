@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The field of the hexplane model (settings hexplane.*).
+// Planes, network and schedule of the hexplane model (settings hexplane.*).
 #pragma once
 #include "runtime/base/option.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the hexplane model's arrays are made for.
+// Sizes and box of the hexplane model's field.
 #pragma once
 #include <array>
 
@@ -7,7 +7,7 @@
 
 namespace gflow {
 
-// The options, with `times` decided (>= 1), and the box of the planes.
+// The options with `times` resolved (>= 1), and the box that the planes cover.
 struct HexplaneShape : HexplaneOptions {
   std::array<float, 3> centre{0, 0, 0}, half_size{1, 1, 1};  // [world]
 };

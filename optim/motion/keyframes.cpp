@@ -102,7 +102,7 @@ const MotionModel& keyframes_model() {
       const size_t count = groups.at("means_t").size();
       const double own = groups.at("means_t")[i];
       const double step = double(shape.duration) / std::max(shape.keys - 1, 1);
-      const double most = std::max(3 * s_t, 2 * step);  // beyond that its path is unknown
+      const double most = std::max(3 * s_t, 2 * step);  // extrapolate no further
       for (size_t k = 0; k < size_t(shape.keys); ++k) {
         const double times = std::clamp(double(k) * step - own, -most, most);
         for (size_t c = 0; c < 3; ++c)

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians on free paths, held at keys: each rests at means, quats and is shifted from there by
-// the cubic through key_shifts [K, N, 3], key_turns [K, N, 4] (added to the quaternion) and, where
-// shape.key_scales says so, key_scales [K, N, 3] (added to the log_scales)
-// (kernels/shared/shifted.h, keys.hpp). With a key a frame this is the per-frame model of Dynamic
-// 3D Gaussians (Luiten et al. 2024), beside the place where it rests, which all frames train. 13
-// floats a Gaussian and 7 a key; a step touches two to five keys only.
+// Motion model "keyframes": free paths stored at keys. A Gaussian has a canonical pose, means and
+// quats, and is shifted from it by the cubic through key_shifts [K, N, 3], key_turns [K, N, 4]
+// (added to the quaternion) and, with shape.key_scales, key_scales [K, N, 3] (added to the
+// log_scales) (kernels/shared/shifted.h, keys.hpp). With one key per frame this is the per-frame
+// model of Dynamic 3D Gaussians (Luiten et al. 2024), plus a canonical pose that all frames train.
+// 13 floats per Gaussian and 7 per key (10 with key_scales); a view touches at most four keys per
+// time.
 #pragma once
 #include "optim/motion/canonical_rows.hpp"
 #include "optim/motion/keys.hpp"
@@ -12,10 +13,10 @@
 
 namespace gflow {
 
-// key_shifts, key_turns and perhaps key_scales, a row a key and Gaussian.
+// key_shifts, key_turns and, with shape.key_scales, key_scales: a row per key and Gaussian.
 std::vector<TableSpec> keyframes_tables(const MotionShape& shape);
 
-// Its entry in the table of models.
+// Entry in the table of models.
 const MotionModel& keyframes_model();
 
 class KeyframesMotion : public Motion {
@@ -38,7 +39,7 @@ class KeyframesMotion : public Motion {
 
  private:
   MotionShape shape_;
-  std::string scales_;  // the group that kernels take as key_scales: another where there is none
+  std::string scales_;  // group bound as key_scales; a placeholder if there is none
   Program program_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, KeyWeights, In<cl_uint>, In<cl_uint>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,

@@ -10,14 +10,14 @@ KeyWeights key_weights(double t, double duration, int keys) {
   KeyWeights result{0, 1, {1, 0, 0, 0}};
   if (keys < 2) return result;
   double place = std::clamp(t / duration, 0.0, 1.0) * (keys - 1);
-  // A time of the video in floats lies on its key.
+  // Snap to the key: the time of a frame is rounded to float.
   if (std::fabs(place - std::round(place)) < 1e-5 * keys) place = std::round(place);
   const int key = std::min(int(place), keys - 2);
   const double f = place - key;
-  // weights of keys key - 1 .. key + 2
+  // Catmull-Rom weights of keys key - 1 .. key + 2
   double w[4] = {0.5 * f * (-1 + f * (2 - f)), 1 + 0.5 * f * f * (-5 + 3 * f),
                  0.5 * f * (1 + f * (4 - 3 * f)), 0.5 * f * f * (f - 1)};
-  if (key == 0) {  // the key before the first goes straight on
+  if (key == 0) {  // extrapolate key -1 linearly
     w[1] += 2 * w[0];
     w[2] -= w[0];
     w[0] = 0;

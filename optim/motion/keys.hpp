@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Paths held at keys, equally spaced over the video, and smooth between them.
+// Paths stored at keys, equally spaced over the video, with smooth interpolation between them.
 #pragma once
 #include "optim/motion/motion.hpp"
 #include "shared/keys.h"
@@ -8,13 +8,13 @@ GFLOW_KERNEL_STRUCT(KeyWeights);
 
 namespace gflow {
 
-// The keys that make a path at time t in [0, duration] (clamped), by Catmull and Rom's cubic: it
-// goes through every key with the slope of its two neighbours, straight on beyond the ends; on a
-// key only that key counts. keys >= 1.
+// Catmull-Rom weights of the keys at time t in [0, duration] (clamped). The path passes through
+// every key with the slope between its two neighbours and is extended linearly beyond the ends. At
+// a key, only that key has weight. keys >= 1.
 KeyWeights key_weights(double t, double duration, int keys);
 
-// How much faster a key learns than what is always seen: it is touched by the times around it only,
-// two parts of `keys`.
+// Pace of a key, (keys / 2)^rule.power in [1, rule.most]: only the two intervals next to a key
+// train it.
 float key_pace(int keys, const PaceRule& rule);
 
 }  // namespace gflow

@@ -14,7 +14,7 @@
 namespace gflow {
 namespace {
 
-// In the order of MotionModelKind. A new model is one more entry.
+// In the order of MotionModelKind.
 std::vector<const MotionModel*>& models() {
   static std::vector<const MotionModel*> all = {
       &spacetime_model(), &native4d_model(), &keyframes_model(), &bases_model(), &hexplane_model()};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The motion models in one table: everything that the rest of gflow asks about a model. A new one
-// is its own files and one line in models.cpp, or register_motion_model() from outside.
+// The motion models in one table: everything that the rest of gflow asks about a model. A new model
+// needs its own files and one line in models.cpp, or register_motion_model() from outside.
 #pragma once
 #include <array>
 #include <limits>
@@ -13,12 +13,12 @@
 
 namespace gflow {
 
-// The number of a model in the table. gflow's own have names here; registered ones follow.
+// Number of a model in the table. gflow's own models have names here; registered ones follow.
 enum class MotionModelKind { spacetime, native4d, keyframes, bases, hexplane };
 
 struct MotionShape;
 
-// Parameter arrays on the host by group name, a row per Gaussian.
+// Parameter arrays on the host by group name, those of other tables included.
 using HostGroups = std::map<std::string, std::vector<float>>;
 
 // A group with a row per Gaussian that only this model has, and the PLY properties of its columns.
@@ -31,49 +31,50 @@ struct MotionColumns {
 struct MotionModel {
   const char* name = nullptr;  // in settings and files
 
-  // Which numbers of MotionShape its arrays depend on, beside duration and cutoff.
+  // Numbers of MotionShape that its arrays depend on, besides duration and cutoff.
   bool has_keys = false, has_key_scales = false, has_bases = false, has_planes = false;
-  // Every Gaussian lasts for the whole video: one common pose moves.
+  // Every Gaussian lasts for the whole video; one canonical pose is deformed over time.
   bool is_permanent = false;
-  // Each Gaussian has one path of few parameters for all of its life.
+  // Each Gaussian has one path of few parameters over its lifetime.
   bool has_stiff_paths = false;
 
   std::unique_ptr<Motion> (*make)(Queue&, const MotionShape&) = nullptr;
-  // Motion::groups and tables without a device; no tables: nullptr.
+  // As Motion::groups and Motion::tables, without a device. tables: nullptr if there are none.
   std::vector<GroupSpec> (*groups)(const MotionShape&) = nullptr;
   std::vector<TableSpec> (*tables)(const MotionShape&) = nullptr;
-  // Groups in the PLY beside those of every model; none: nullptr.
+  // Groups in the PLY besides those of every model; nullptr: none.
   std::vector<MotionColumns> (*columns)(const MotionShape&) = nullptr;
-  // Turns arrays of zeros into those of `count` static Gaussians, turned as "quats" says; nullptr:
-  // zeros are. `seed`: of what starts at random.
+  // Turns zero arrays into those of `count` static Gaussians with the rotations in "quats";
+  // nullptr: zeros are static already. `seed`: of random initial values.
   void (*set_static)(const MotionShape&, HostGroups&, size_t count, uint32_t seed) = nullptr;
-  // Lays out what all Gaussians share, by those from number `first` on; nullptr: nothing.
+  // Initialises what all Gaussians share from the Gaussians number `first` and later; nullptr:
+  // nothing to do.
   void (*place)(const MotionShape&, HostGroups&, size_t first) = nullptr;
-  // See set_velocity() below; nullptr: no Gaussian has a motion of its own.
+  // See set_velocity() below; nullptr: Gaussians have no motion of their own.
   void (*set_velocity)(const MotionShape&, HostGroups&, size_t i, const std::array<double, 3>& v,
                        double s, double s_t) = nullptr;
-  // Whether no Gaussian moves; nullptr: when all of `columns` and `tables` are 0.
+  // Whether no Gaussian moves; nullptr: true if all of `columns` and `tables` are 0.
   bool (*is_static)(const MotionShape&, const HostGroups&) = nullptr;
 };
 
 const MotionModel& motion_model_of(MotionModelKind kind);
-// Adds a model, which must outlive all use, and returns its number. Error where the name is taken.
+// Adds a model, which must outlive all use, and returns its number. Error if the name is taken.
 MotionModelKind register_motion_model(const MotionModel& model);
-// All names, by number.
+// Names in the order of their numbers.
 std::vector<const char*> names_of(MotionModelKind);
 
-// What a motion model must know beside its arrays.
+// Numbers that define the arrays of a motion model.
 struct MotionShape {
   MotionModelKind motion = MotionModelKind::spacetime;
-  float duration = 1;    // length of the video in the model's time; > 0
+  float duration = 1;    // length of the video in model time; > 0
   float cutoff = 0.05f;  // temporal weight, in [0, 1), at or below which a Gaussian is skipped
-  int keys = 0;          // keyframes, bases: moments at which the paths are held
-  int key_scales = 0;    // keyframes: 1 where sizes have keys, too
-  int bases = 0;         // bases: motions that all Gaussians share
+  int keys = 0;          // keyframes, bases: number of keys
+  int key_scales = 0;    // keyframes: 1 if scales have keys, too
+  int bases = 0;         // bases: number of shared rigid motions
   HexplaneShape hexplane;
 
-  // Calls field(name, member, lowest, highest) for each number that this model's files hold; all
-  // are above `lowest` and at most `highest`.
+  // Calls field(name, member, lowest, highest) for each number that files of this model store;
+  // valid values are above `lowest` and at most `highest`.
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("duration", self.duration, 0.0, 1e30);
@@ -99,7 +100,7 @@ struct MotionShape {
   }
 };
 
-// By the descriptor of shape.motion.
+// The following use the table entry of shape.motion.
 std::unique_ptr<Motion> make_motion(Queue& queue, const MotionShape& shape);
 std::vector<MotionColumns> motion_columns(const MotionShape& shape);
 std::vector<GroupSpec> motion_groups(const MotionShape& shape);
@@ -107,13 +108,14 @@ std::vector<TableSpec> motion_tables(const MotionShape& shape);
 inline bool is_permanent(MotionModelKind kind) { return motion_model_of(kind).is_permanent; }
 inline bool has_stiff_paths(MotionModelKind kind) { return motion_model_of(kind).has_stiff_paths; }
 
-// Fills all groups and tables for `count` static Gaussians, turned as "quats" says. `seed`: of what
-// starts at random.
+// Sets all groups and tables of `count` static Gaussians with the rotations in "quats". `seed`: of
+// random initial values.
 void set_static(const MotionShape& shape, HostGroups& groups, size_t count, uint32_t seed = 0);
 
-// Gives Gaussian i, static, not turned, of spatial scale s and temporal scale s_t, the velocity v;
-// native4d: or the largest along v that those scales allow; keyframes: around its own time; nothing
-// for models in which no Gaussian has a motion of its own.
+// Gives Gaussian i the velocity v [scene units per unit of model time]. It must be static and
+// unrotated, with spatial scale s and temporal scale s_t. native4d: limited to the largest speed
+// that these scales allow. keyframes: only around its temporal mean. No effect in models whose
+// Gaussians have no motion of their own.
 void set_velocity(const MotionShape& shape, HostGroups& groups, size_t i,
                   const std::array<double, 3>& v, double s, double s_t);
 

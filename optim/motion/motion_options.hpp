@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the Gaussians move (settings motion.*).
+// Motion model and static/dynamic split (settings motion.*).
 #pragma once
 #include <array>
 
@@ -8,7 +8,7 @@
 
 namespace gflow {
 
-// motion.model: chosen by the scene, or a MotionModelKind, each one number higher.
+// motion.model: `automatic` (chosen by the scene), or a MotionModelKind plus one.
 enum class MotionChoice { automatic };
 constexpr MotionChoice choice_of(MotionModelKind kind) { return MotionChoice(int(kind) + 1); }
 inline std::vector<const char*> names_of(MotionChoice) {

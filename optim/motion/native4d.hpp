@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// 4D Gaussians cut at a time (RT-4DGS; formulas: kernels/shared/native4d.h). Groups: means [N,3],
-// means_t [N,1], quats and quats_r [N,4], log_scales [N,4] (x y z t), logit_opacities [N,1].
-// Each Gaussian moves in a straight line while it lives; its shape does not change.
+// Motion model "native4d": 4D Gaussians, sliced at a time (RT-4DGS; formulas:
+// kernels/shared/native4d.h). Groups: means [N,3], means_t [N,1], quats and quats_r [N,4],
+// log_scales [N,4] (x y z t), logit_opacities [N,1]. Each Gaussian moves along a straight line; its
+// shape is constant.
 #pragma once
 #include "optim/motion/models.hpp"
 
 namespace gflow {
 
-// The arrays with a row a Gaussian.
+// Groups with a row per Gaussian.
 std::vector<GroupSpec> native4d_groups();
 
-// Its entry in the table of models.
+// Entry in the table of models.
 const MotionModel& native4d_model();
 
 class Native4dMotion : public Motion {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// All arrays that training changes, by name, in tables: one with a row a Gaussian, and those of a
-// motion model that have other rows. Losses, density control, files and Adam go over tables and
-// groups and need not know the motion model.
+// All trained arrays by name, in tables: one with a row per Gaussian, and those of a motion model
+// with other rows. Losses, density control, files and Adam iterate over tables and groups and do
+// not depend on the motion model.
 #pragma once
 #include <algorithm>
 #include <limits>
@@ -13,7 +13,7 @@
 
 namespace gflow {
 
-// What a group's values are; says at which rate they learn.
+// Kind of a group's values; selects their learning rate.
 enum class Quantity {
   position,
   time,
@@ -32,19 +32,19 @@ struct GroupSpec {
   std::string name;
   size_t width;
   Quantity quantity = Quantity::position;
-  int per_time = 0;     // 1 for its change in a unit of time (a velocity), 2 for that of its change
-  bool motion = false;  // nothing but motion: left alone where there is one moment only
-  bool moving = false;  // Gaussians at rest have no rows in it
-  float rest = 0;       // such a group's values where nothing moves,
-  std::string rest_of = "";  // or the group that has them; empty: none
+  int per_time = 0;     // order of the time derivative that it holds: 1 velocity, 2 acceleration
+  bool motion = false;  // holds motion only: not trained if the scene has one time step
+  bool moving = false;  // static Gaussians have no rows in it
+  float rest = 0;       // value of such a group for static Gaussians
+  std::string rest_of = "";  // group that holds these values instead; empty: none
 };
 
 // Groups that share their rows.
 class Table {
  public:
-  // `count` rows of undefined values, zero gradients and moments; the first `moving` of them in
-  // groups of what moves. Without gradients and moments, three quarters of the memory, where it
-  // does not learn.
+  // `count` rows with undefined values, zero gradients and moments; groups with GroupSpec::moving
+  // have the first `moving` rows only. learns = false: no gradients and moments, a quarter of the
+  // memory.
   Table(Queue& queue, size_t count, size_t moving, std::vector<GroupSpec> specs, bool learns = true)
       : count(count),
         moving(moving),
@@ -57,7 +57,7 @@ class Table {
   }
 
   size_t rows_of(const GroupSpec& spec) const { return spec.moving ? moving : count; }
-  // Of the active rows, those that the group has.
+  // The active rows that the group has.
   RowRange active_in(const GroupSpec& spec) const {
     const size_t end = std::min(active.first + active.count, rows_of(spec));
     return {active.first, end - std::min(active.first, end)};
@@ -74,19 +74,19 @@ class Table {
   std::vector<GroupSpec> specs;
   std::vector<ParameterGroup> groups;  // as specs
   RowState rows;
-  RowRange active;  // rows this training step may have seen; all others have rows.seen = 0
+  RowRange active;  // rows that this training step may have seen; all others have rows.seen = 0
 };
 
-// A table beside that of the Gaussians: either `rows` rows that all of them share, or `keys` rows a
-// Gaussian that moves, row k M + i being key k of Gaussian i of M.
+// A table besides that of the Gaussians: `rows` rows that all Gaussians share, or `keys` rows per
+// dynamic Gaussian. Row k M + i is key k of dynamic Gaussian i of M.
 struct TableSpec {
   std::vector<GroupSpec> groups;
   size_t rows = 0, keys = 0;
   size_t count(size_t moving) const { return rows + keys * moving; }
 };
 
-// The table of the Gaussians, and the others. The first `moving` Gaussians move; the others rest
-// where "means" and "quats" say, with no rows for their motion.
+// The table of the Gaussians, and the others. The first `moving` Gaussians are dynamic. The others
+// are static: "means" and "quats" hold their pose, and they have no rows for motion.
 class Parameters : public Table {
  public:
   static constexpr size_t all = std::numeric_limits<size_t>::max();
@@ -102,7 +102,7 @@ class Parameters : public Table {
     }
   }
 
-  // A group of any table. Error when there is none of that name.
+  // A group of any table. Error if there is none of that name.
   const ParameterGroup& operator[](const std::string& name) const {
     if (const ParameterGroup* group = find(name)) return *group;
     for (const Table& table : more)
@@ -113,7 +113,7 @@ class Parameters : public Table {
     return const_cast<ParameterGroup&>(std::as_const(*this)[name]);
   }
 
-  // Every table, that of the Gaussians first.
+  // All tables, that of the Gaussians first.
   std::vector<Table*> tables() {
     std::vector<Table*> all{this};
     for (Table& table : more) all.push_back(&table);
@@ -124,7 +124,7 @@ class Parameters : public Table {
     for (const Table& table : more) all.push_back(&table);
     return all;
   }
-  // Whether there is anything that a Gaussian at rest does without.
+  // Whether any rows exist for dynamic Gaussians only.
   bool can_rest() const {
     const auto own = [](const GroupSpec& spec) { return spec.moving; };
     const auto keyed = [](const TableSpec& table) { return table.keys > 0; };
@@ -132,7 +132,7 @@ class Parameters : public Table {
            std::any_of(more_specs.begin(), more_specs.end(), keyed);
   }
 
-  // Before a training step: nothing was seen yet.
+  // Before a training step: marks all rows as not seen.
   void forget_seen(Queue& queue) {
     rows.seen.fill(queue, 0u);
     for (Table& table : more) {
@@ -141,7 +141,7 @@ class Parameters : public Table {
     }
   }
 
-  // Instead: every Gaussian that ever was seen counts as seen, with gradient 0 so far.
+  // Instead of forget_seen(): marks every Gaussian that was ever seen as seen, with zero gradients.
   void count_as_seen(Queue& queue) {
     forget_seen(queue);
     rows.seen.copy_from(queue, rows.steps);

@@ -11,14 +11,15 @@ namespace {
 constexpr const char* moving_name = "gaussians/moving";
 constexpr const char* now_name = "rows/now";
 constexpr const char* last_name = "/rows/last";
-constexpr const char* mean_gradient = "/exp_avg";  // not of what keeps none
+constexpr const char* mean_gradient = "/exp_avg";  // absent in groups without a mean gradient
 
-// What stands before the names of a table's arrays; 0: that of the Gaussians.
+// Prefix of a table's array names; table 0 is that of the Gaussians.
 std::string table_name(size_t table) {
   return table == 0 ? "gaussians/" : fmt::format("table{}/", table);
 }
 
-// Calls visit(name, buffer, shape) for every buffer that is kept; parameters are const or not.
+// Calls visit(name, buffer, shape) for every buffer that is saved; P is Parameters or const
+// Parameters.
 template <class P, class Visit>
 void for_each_buffer(P& parameters, Visit&& visit) {
   const auto tables = parameters.tables();
@@ -56,14 +57,14 @@ size_t moving_of(const Arrays& arrays, size_t count, const std::string& path) {
 bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
-// Of the table whose rows/last this is.
+// Name of the rows/now array of the table of a rows/last array.
 std::string now_beside(const std::string& last) {
   return last.substr(0, last.rfind(last_name) + 1) + now_name;
 }
 
-// Whether a training can have left the values: what rates are divided by is above 0; second
-// moments, what rates are multiplied with and what density control has counted are no less, nor is
-// the second more than it may be; and one more step than was made can be counted.
+// Whether training can produce the values: all finite; reach > 0, because rates are divided by it;
+// second moments, pace and counts of density control >= 0; pace <= PaceRule::kMost. Step counts
+// must leave room for one more step.
 bool is_finite_report(const std::string& name, const std::vector<float>& values) {
   const bool divides = ends_with(name, "/rows/reach"), paces = ends_with(name, "/rows/pace");
   const bool counts = name.rfind("density/", 0) == 0;  // pulls and views since the last round
@@ -78,7 +79,7 @@ bool is_finite_report(const Arrays& arrays, const std::string& name,
   const auto at_most = [&](uint32_t most) {
     return std::all_of(values.begin(), values.end(), [&](uint32_t value) { return value <= most; });
   };
-  if (ends_with(name, last_name)) {  // a row's last step is behind it
+  if (ends_with(name, last_name)) {  // a row's last step is at most the table's current one
     const auto now = arrays.find(now_beside(name));
     const auto* step =
         now == arrays.end() ? nullptr : std::get_if<std::vector<uint32_t>>(&now->second.values);
@@ -93,7 +94,7 @@ bool is_finite_report(const Arrays& arrays, const std::string& name,
 void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays) {
   for_each_buffer(parameters, [&](const std::string& name, const auto& buffer,
                                   const std::vector<size_t>& shape) {
-    // Other empty arrays are of no rows or no columns, and belong there.
+    // Other empty arrays have no rows or no columns and are saved.
     if (ends_with(name, mean_gradient) && buffer.size() == 0) return;
     arrays[name] = {shape, buffer.read(queue)};
   });

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rows of a model that a view may show. Those of other moments and those outside the picture
-// are left out of it before anything is made of them: all else of the view has an entry for each of
-// these rows, in their order, and costs nothing for the others (Skips::outside).
+// Culling: the rows of a model that a view may show. Gaussians of other times and outside the image
+// are dropped before they are posed. All other arrays of the view have one entry per listed row, in
+// the same order (Skips::culled).
 #pragma once
 #include "optim/motion/parameters.hpp"
 #include "runtime/primitives/scan.hpp"
 
 namespace gflow {
 
-// Entries of a view, as the kernels take them (kernels/shared/view_rows.h).
+// Rows of a view, as the kernels take them (kernels/shared/view_rows.h).
 struct RowList {
   size_t count = Parameters::all;         // entries, at most as many as rows
   const Buffer<cl_uint>* rows = nullptr;  // [count] ascending; nullptr: entry k is row k
@@ -23,17 +23,17 @@ class ViewRows {
 
   // Every row of the model.
   void take_all(const Parameters& parameters);
-  // Those that are marked. Waits: how many there are decides how much work is queued.
+  // The marked rows. Waits, because their number decides how much work is queued.
   void take_marked(Queue& queue, const Parameters& parameters);
 
   RowList list() const { return {count_, listed_ ? &rows_ : nullptr}; }
   size_t count() const { return count_; }
-  // How many of them move: they come first, as in the model.
+  // Number of dynamic rows; they come first, as in the model.
   size_t moving() const { return moving_; }
   // The row of each entry. Waits.
   std::vector<cl_uint> read(Queue& queue) const;
 
-  // For Motion::look: a bit for each of a group of queue.lanes rows, and how many are set.
+  // For Motion::look: one bit per row in groups of queue.lanes rows, and the number of set bits.
   void ensure_marks(Queue& queue, const Parameters& parameters);
   size_t groups() const { return marks.size(); }
   Buffer<cl_uint> marks{"marks"}, counts{"marked"};  // [groups]
