@@ -44,7 +44,7 @@ void FlowLoss::run(Queue& queue, float weight, int width, int height, const Buff
                             height, tile_weights->name(), tile_weights->size(), tiles));
   terms_.ensure(queue, 3 * pixels);
   no_weights_.ensure(queue, 0);
-  const size_t runs = (size_t(width) + lanes_ - 1) / lanes_;  // of LANES pixels in a row
+  const size_t runs = (size_t(width) + lanes_ - 1) / lanes_;  // runs of LANES pixels in a row
   flow_loss_(queue, Range::over(runs * size_t(height), 64), cl_uint(width), cl_uint(height),
              weight / float(pixels), robust_px_, int(tile_weights != nullptr),
              tile_weights ? *tile_weights : no_weights_, flow, alpha, teacher, confidence, v_flow,

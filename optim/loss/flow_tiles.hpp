@@ -1,28 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flow where a scene needs it: tiles of 16 x 16 pixels in which the teacher moves are asked of in
-// every step, calm ones in a share of the steps, 1 / share times as much, those of a picture in the
-// same steps. An estimate of the gradient of all tiles that is right in the mean, and costs what is
-// asked alone. What is not linear in the gradient is not right in the mean: in calm tiles its mean
-// length (density control by adc, waking of those at rest) and square (Adam) are larger. What that
-// costs: optim/loss/README.md.
+// Subsampling of the flow loss by tiles of 16 x 16 pixels. Tiles whose target flow is long are
+// evaluated in every step, low-motion tiles in a share of the steps with weight 1 / share. All
+// tiles of an image share one random number. The gradient is unbiased, at the cost of the evaluated
+// tiles only. Nonlinear functions of the gradient are biased: in low-motion tiles its mean norm
+// (adc, waking of static Gaussians) and mean square (Adam) are larger. Effect on quality:
+// optim/loss/README.md.
 #pragma once
 #include "runtime/cl/kernel.hpp"
 
 namespace gflow {
 
 struct LowMotionRule {
-  float share = 1;  // least probability that a tile counts, in (0, 1]; 1: all tiles always count
-  float px = 0.5f;  // motion from which one always counts, above 0 [px]; below in proportion
+  float share =
+      1;  // least probability that a tile is evaluated, in (0, 1]; 1: all tiles in every step
+  float px = 0.5f;  // tiles of at least this motion are always evaluated [px], > 0; others in
+                    // proportion to it
 };
 
 class FlowTiles {
  public:
-  // Error when the rule is out of its ranges.
+  // Error if the rule is out of range.
   FlowTiles(Queue& queue, const LowMotionRule& rule);
 
-  // Weights [tiles], row by row, of a picture of width x height: 0, or 1 / share. A tile without a
-  // pixel of any confidence has 0. teacher [2, H, W] px, confidence [H, W] with 255 = 1. The same
-  // seed gives the same choice.
+  // Weights [tiles], row by row, of an image of width x height: 0, or 1 / probability. Tiles in
+  // which no pixel has confidence get 0. teacher, the target flow, [2, H, W] [px]; confidence [H,
+  // W] with 255 = 1. The same seed gives the same choice.
   const Buffer<float>& choose(Queue& queue, uint32_t seed, int width, int height,
                               const Buffer<float>& teacher, const Buffer<cl_uchar>& confidence);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Launches kernels/image_loss.cl; the bordered planes are filled when the size changes, and the
-// kernels write only their inside.
+// Launches kernels/image_loss.cl. The borders of the planes are filled only when the size changes;
+// the kernels write only inside.
 #include "optim/loss/image_loss.hpp"
 
 #include "shared/work.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The image loss of 3DGS: L = (1 - l) mean |x - y| + l (1 - mean SSIM(x, y)), means over pixels and
-// channels. Value and gradient stay on the device; value() alone waits and reads back.
+// channels. Value and gradient stay on the device; only value() reads back and waits.
 #pragma once
 #include <limits>
 
@@ -13,25 +13,25 @@ namespace gflow {
 
 struct ImageLossValue {
   double l1 = 0;                                           // mean |x - y|
-  double ssim = std::numeric_limits<double>::quiet_NaN();  // mean SSIM; NaN when its weight is 0
+  double ssim = std::numeric_limits<double>::quiet_NaN();  // mean SSIM; NaN if its weight is 0
   double total = 0;                                        // L
 };
 
 class ImageLoss {
  public:
-  // ssim_weight: l, in [0, 1]. With 0 no SSIM work is done at all.
+  // ssim_weight: l, in [0, 1]; at 0 SSIM is not computed.
   ImageLoss(Queue& queue, float ssim_weight);
 
-  // v_rgb [3, H, W] = dL/d rgb, overwritten. rgb [3, H, W] in [0, 1]; truth [H, W, 3], 255 = 1.
-  // Where rgb equals the truth, |x - y| has derivative 0. The size may change from call to call.
-  // weight multiplies the gradient, not value(): the share of the whole when this is a part of it.
+  // Sets v_rgb [3, H, W] = dL/d rgb. rgb [3, H, W] in [0, 1]; truth [H, W, 3], 255 = 1. Where rgb
+  // equals truth, |x - y| has derivative 0. The size may change from call to call. weight
+  // multiplies the gradient, not value(): the share of the image if only a part of it is given.
   void run(Queue& queue, int width, int height, const Buffer<float>& rgb,
            const Buffer<cl_uchar>& truth, Buffer<float>& v_rgb, float weight = 1);
-  // The same with bytes / 255 as truth; of equal values every bit is equal.
+  // The same with truth as bytes / 255; the results are bitwise equal.
   void run(Queue& queue, int width, int height, const Buffer<float>& rgb,
            const Buffer<float>& truth, Buffer<float>& v_rgb, float weight = 1);
 
-  // The loss of the last run(); waits for it. Error before the first.
+  // The loss of the last run(). Waits. Error before the first.
   ImageLossValue value(Queue& queue);
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Losses on images, and on motion among neighbours (settings loss.*).
+// Image loss and regularisers of motion (settings loss.*).
 #pragma once
 #include "runtime/base/option.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plain loops, sharing no code with the kernels they also serve to check.
+// Plain loops that share no code with the kernels, because tests check the kernels against them.
 #include "optim/loss/metrics.hpp"
 
 #include <fmt/format.h>
@@ -15,7 +15,7 @@ namespace gflow {
 namespace {
 
 constexpr int RADIUS = 5;
-constexpr float SHOWN = 1.f / 255;  // alpha below it no picture file would show
+constexpr float SHOWN = 1.f / 255;  // smaller alpha is invisible in an 8-bit image
 constexpr double NOT_A_NUMBER = std::numeric_limits<double>::quiet_NaN();
 
 void check_values(size_t have, int width, int height) {
@@ -43,7 +43,7 @@ std::array<double, 2 * RADIUS + 1> window() {
   return w;
 }
 
-// plane convolved with the window across and down, 0 outside.
+// Separable convolution of a plane with the window, 0 outside.
 std::vector<double> blur(const std::vector<double>& plane, int width, int height) {
   const auto w = window();
   std::vector<double> across(plane.size(), 0.0), both(plane.size(), 0.0);
@@ -58,7 +58,7 @@ std::vector<double> blur(const std::vector<double>& plane, int width, int height
   return both;
 }
 
-// A plane [H, W] at a place within it, in pixels from the centre of the first; bilinear.
+// Bilinear value of a plane [H, W] at (x, y), in pixels from the centre of the first pixel.
 double between_pixels(const float* plane, int width, int height, double x, double y) {
   const int left = std::min(int(x), width - 1), top = std::min(int(y), height - 1);
   const int right = std::min(left + 1, width - 1), bottom = std::min(top + 1, height - 1);
@@ -210,7 +210,7 @@ double flicker(const std::vector<float>& error, const std::vector<float>& next_e
   for (size_t i = 0; i < pixels; ++i) {
     const double x = double(i % size_t(width)) + flow[i];
     const double y = double(i / size_t(width)) + flow[pixels + i];
-    // Said so that NaN is out, too.
+    // Phrased so that NaN fails.
     const bool inside = x >= 0 && y >= 0 && x <= width - 1 && y <= height - 1;
     if ((!mask.empty() && !mask[i]) || !inside) continue;
     ++count;

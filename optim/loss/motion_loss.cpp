@@ -8,8 +8,8 @@
 namespace gflow {
 namespace {
 
-// The knee of lengths: smaller misfits count by their square. A thousandth of the scene is a third
-// of a pixel in a picture of 300.
+// Knee of the robust norm: smaller differences count by their square. 1e-3 extents are a third of a
+// pixel in an image of 300 pixels.
 constexpr float kKnee = 1e-3f;  // [x extent]
 
 float median(std::vector<float> values) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Regularisers of motion: neighbours keep together, turn alike, keep their distance, move alike;
-// paths bend little. Formulas: kernels/shared/motion_loss.h. They act on the Gaussians that a
-// motion model gives at two (three) moments, so every model has them, and among those seen in a
-// view, hidden ones included: whatever else a training step changes.
+// Regularisers of motion: neighbours stay rigid, rotate alike, keep their distance and move alike;
+// paths bend little. Formulas: kernels/shared/motion_loss.h. They use only the poses that a motion
+// model gives at two or three times, so they work for every model. They act on the Gaussians that a
+// view touches, occluded ones included: those that the step changes anyway.
 #pragma once
 #include "optim/engine/gaussians.hpp"
 #include "optim/loss/loss_options.hpp"
@@ -14,9 +14,9 @@ GFLOW_KERNEL_STRUCT(MotionLossRule);
 
 namespace gflow {
 
-// Lengths count in scene extents. Each term is a mean over all pairs (acceleration: over all
-// Gaussians) of the model, what is not seen counting as 0: so a pair pulls as hard in the view of a
-// part.
+// Lengths are multiples of the scene extent. Each term is a mean over all pairs of the model
+// (acceleration: over all Gaussians), in which unseen ones count as 0. So the pull on a pair does
+// not depend on how much of the model a view shows.
 struct MotionLossWeights : LossOptions {
   float extent = 1;  // of the scene [scene units]
 
@@ -24,7 +24,7 @@ struct MotionLossWeights : LossOptions {
   bool any_pairs() const { return any_turns() || isometry > 0 || velocity > 0; }
 };
 
-// The terms of one view, times their weights.
+// The terms of one view, weighted.
 struct MotionLossValue {
   double rigidity = 0, rotation = 0, isometry = 0, velocity = 0, acceleration = 0;
   double total() const { return rigidity + rotation + isometry + velocity + acceleration; }
@@ -35,17 +35,17 @@ class MotionLoss {
   MotionLoss(Queue& queue, const MotionLossWeights& weights);
 
   const MotionLossWeights& weights() const { return weights_; }
-  // Who are neighbours, until the next call.
+  // Sets the neighbours until the next call.
   void set_pairs(Queue& queue, NeighbourPairs pairs);
   const NeighbourPairs& pairs() const { return pairs_; }
 
-  // Adds the gradients, at t1 and t2, of all terms for the Gaussians with seen[i] > 0, the others
-  // being left alone. at_t0: at 2 t1 - t2, then v_means_t0 is set for them; or nullptr: no
-  // acceleration in this view. Error when the pairs are not of as many Gaussians.
+  // Adds the gradients of all terms at t1 and t2 for the Gaussians with seen[i] > 0. at_t0: poses
+  // at 2 t1 - t2, then v_means_t0 is set for these Gaussians; nullptr: no acceleration term in this
+  // view. Error if the pairs belong to another number of Gaussians.
   void run(Queue& queue, const Buffer<cl_uint>& seen, const GaussiansAt* at_t0,
            const GaussiansAt& at_t1, const GaussiansAt& at_t2, GaussianGradients& v);
 
-  // Of the last run(); waits.
+  // The terms of the last run(). Waits.
   MotionLossValue value(Queue& queue);
 
  private:

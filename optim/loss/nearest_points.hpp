@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The nearest of many points, by a k-d tree.
+// Nearest neighbours among many points, by a k-d tree.
 #pragma once
 #include <memory>
 #include <vector>
@@ -14,10 +14,10 @@ class NearestPoints {
 
   struct Near {
     size_t index;
-    float squared;  // distance
+    float squared;  // squared distance
   };
-  // The k nearest to a point, the nearest first; fewer where there are fewer. One of the points
-  // itself finds itself.
+  // The k points nearest to `point`, nearest first; fewer if there are fewer. A point of the set
+  // finds itself first. Valid until the next call.
   const std::vector<Near>& of(const float* point, size_t k);
 
  private:

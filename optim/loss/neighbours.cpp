@@ -15,7 +15,7 @@ struct FoundPair {
   bool found_by_low;
 };
 
-// Gaussians by the moment at which they look for neighbours.
+// Gaussians by the time at which they search for neighbours.
 std::vector<std::vector<cl_uint>> seekers(const std::vector<float>& means_t,
                                           const NeighbourRule& rule) {
   std::vector<std::vector<cl_uint>> by_moment(rule.moments);
@@ -27,7 +27,7 @@ std::vector<std::vector<cl_uint>> seekers(const std::vector<float>& means_t,
   return by_moment;
 }
 
-// What those who are there at a moment and look for neighbours then find.
+// Adds the neighbours that visible Gaussians of `seeking` find at one time.
 void find_at(const std::vector<cl_uint>& seeking, const std::vector<float>& means,
              const std::vector<float>& opacities, size_t count, std::vector<FoundPair>& pairs) {
   std::vector<float> xyz;
@@ -78,7 +78,7 @@ NeighbourPairs listed_with_both(std::vector<FoundPair> pairs, size_t n) {
     lists.others[next[i]] = other;
     lists.distances[next[i]++] = distance;
   };
-  // Lower ones first, then higher ones: with pairs in order, every list rises.
+  // Lower numbers first, then higher ones: pairs are sorted, so every list is ascending.
   for (const FoundPair& p : pairs) put(p.high, p.low, p.distance);
   for (const FoundPair& p : pairs) put(p.low, p.high, p.distance);
   return lists;
