@@ -48,7 +48,7 @@ void AdcDensity::see(Queue& queue, const Parameters& p, const DensityView& view)
 
 void AdcDensity::reorder(Queue& queue, const Buffer<cl_uint>& source) {
   const size_t count = pull_.size();
-  if (count == 0) return;  // nothing was seen yet
+  if (count == 0) return;  // no view was seen yet
   Buffer<float> pull(queue, count, "pull"), views(queue, count, "views");
   adc_reorder_(queue, Range::over(count), cl_uint(count), source, pull_, views_, pull, views);
   pull_ = std::move(pull);

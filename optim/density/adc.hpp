@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Density strategy "adc" (adaptive density control, Kerbl et al. 2023): Gaussians the loss pulls at
-// hard become two, faint, huge or never visible ones go, the number stays below a cap by taking the
-// hardest pulls first. Kernels: kernels/adc.cl.
+// Density strategy "adc" (adaptive density control, Kerbl et al. 2023). Gaussians with large
+// gradients are split or cloned; faint, huge and never visible ones are removed. At the cap the
+// largest gradients go first. Kernels: kernels/adc.cl.
 #pragma once
 #include "optim/density/density.hpp"
 #include "optim/density/rows.hpp"
@@ -14,15 +14,15 @@ class AdcDensity : public Density {
   explicit AdcDensity(Queue& queue);
 
   void see(Queue& queue, const Parameters& parameters, const DensityView& view) override;
-  // Lowers all opacities to twice the least when a reset is due.
+  // Limits all opacities to twice the minimum when a reset is due.
   void after_step(Queue& queue, Parameters& parameters, const GaussiansAt& drawn,
                   const DensityRule& rule, const DensityStep& step) override;
-  // By the evidence since the last call, which is forgotten. Children start with zero moments and
-  // step counts. Waits once. Seed: of the children's places.
+  // Uses the gradients accumulated since the last call, and clears them. Children start with zero
+  // moments and step counts. seed: of the children's positions. Waits once.
   void refine(Queue& queue, Parameters& parameters, Motion& motion, const DensityRule& rule,
               uint32_t seed) override;
   void reorder(Queue& queue, const Buffer<cl_uint>& source) override;
-  // The evidence so far: density/pull and density/views [N].
+  // The accumulated gradients: density/pull and density/views [N].
   void save_state(Queue& queue, Arrays& arrays) const override;
   void load_state(Queue& queue, const Arrays& arrays, const std::string& path) override;
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Density control: how many Gaussians there are, and where. The strategies by name, and the one
-// interface through which training uses them. A new strategy is one more word here, beside its own
-// files.
+// Density control: adds, moves and removes Gaussians. The strategies by name, and the interface
+// through which training uses them. A new strategy needs its own files and one more name here.
 #pragma once
 #include <array>
 #include <cmath>
@@ -15,8 +14,7 @@
 
 namespace gflow {
 
-// The options of a scene whose extent is 1, that is, with lengths in scene units; and what density
-// control knows about the model.
+// Lengths in scene units, times in model time. Each strategy reads what it needs.
 struct DensityRule : DensityOptions {
   float cutoff = 0.05f;  // Gaussians below this temporal weight at all times are removed
   SplitRule split;       // how one Gaussian becomes two; the length of the video
@@ -24,10 +22,10 @@ struct DensityRule : DensityOptions {
 
 inline float logit(float p) { return std::log(p / (1 - p)); }
 
-// What one view says.
+// Result of one view.
 struct DensityView {
-  int width, height;                     // of the whole picture
-  RowList rows;                          // whose entries these are
+  int width, height;                     // of the whole image
+  RowList rows;                          // rows that the arrays below have entries for
   const Buffer<cl_uint>& tiles_touched;  // [n]
   const Buffer<float>& v_means2d;        // [n, 2] [1/px]
 };
@@ -35,9 +33,9 @@ struct DensityView {
 // The training step just made.
 struct DensityStep {
   int done;             // steps so far
-  bool refining;        // density control has not stopped
+  bool refining;        // density control has not stopped yet
   float position_rate;  // learning rate of the means
-  uint32_t seed;        // of this step
+  uint32_t seed;        // random seed of this step
 };
 
 class Density {
@@ -46,9 +44,9 @@ class Density {
 
   // After the gradients of a view.
   virtual void see(Queue&, const Parameters&, const DensityView&) {}
-  // Adds what the strategy wants of the parameters to their gradients; before Adam.
+  // Adds the strategy's regularisers to the gradients; before Adam.
   virtual void add_gradients(Queue&, Parameters&, const DensityRule&) {}
-  // Whether after_step() needs those of `drawn` that are outside the picture.
+  // Whether after_step() needs Gaussians of `drawn` that are outside the image.
   virtual bool needs_all_posed() const { return false; }
   // After Adam. `drawn`: the Gaussians of the step's last view.
   virtual void after_step(Queue&, Parameters&, const GaussiansAt& drawn, const DensityRule&,
@@ -56,15 +54,15 @@ class Density {
     (void)drawn;
   }
   // A round: rebuilds all arrays of `parameters`. Repeatable for a seed. If memory runs out it
-  // throws (is_out_of_memory) and the parameters are as they were.
+  // throws (is_out_of_memory) and `parameters` are unchanged.
   virtual void refine(Queue&, Parameters&, Motion&, const DensityRule&, uint32_t seed) = 0;
 
-  // When others have moved the rows: new row i was source[i].
+  // After other code has moved the rows: new row i was row source[i].
   virtual void reorder(Queue&, const Buffer<cl_uint>& source) { (void)source; }
 
-  // What lives from step to step, for a checkpoint.
+  // Adds the state that a checkpoint must hold.
   virtual void save_state(Queue&, Arrays&) const {}
-  // The reverse. Error when the arrays are missing or do not fit; `path`: the file, for messages.
+  // The reverse. Error if the arrays are missing or do not fit; `path`: the file, for messages.
   virtual void load_state(Queue&, const Arrays&, const std::string& path) { (void)path; }
 };
 

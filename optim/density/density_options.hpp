@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How many Gaussians there are, and where (settings density.*).
+// Density control: number and placement of Gaussians (settings density.*).
 #pragma once
 #include <array>
 

@@ -38,7 +38,7 @@ void McmcDensity::refine(Queue& queue, Parameters& p, Motion&, const DensityRule
                          uint32_t seed) {
   if (p.count == 0) return;
   const cl_uint n = cl_uint(p.count);
-  // As fine as the sum of all weights fits 32 bits.
+  // The finest weights whose sum fits 32 bits.
   const cl_uint scale = std::min(std::numeric_limits<cl_uint>::max() / n, cl_uint(1) << 16);
   const float min_logit = logit(rule.prune_opacity);
   dead_.ensure(queue, n);

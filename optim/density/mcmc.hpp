@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Density strategy "mcmc" (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte
-// Carlo"): training as sampling. No thresholds: dead Gaussians move to live ones drawn by opacity,
-// the number grows by a share a round up to the cap, noise on the means lets faint ones search, and
-// opacity and size cost a little, so that what is not needed dies. Kernels: kernels/mcmc.cl.
+// Carlo"): training as sampling, without gradient thresholds. Dead Gaussians move to live ones
+// drawn by opacity. The number grows by a share per round up to the cap. Noise on the means lets
+// faint Gaussians explore. Opacity and size have a small cost, so that unneeded Gaussians die.
+// Kernels: kernels/mcmc.cl.
 //
-// Where this differs from the authors' program: relocation and growth draw together, in one round,
-// and from the whole line of opacities in equal parts; those that come to one place are moved apart
-// by half a size, because equal ones learn alike for long (n3v-baton, 3000 steps, seed 0: 35.1 dB,
-// without 33.8, by a whole size 34.8; without noise, with any growth, 33.5 to 33.8); noise reaches
-// a Gaussian, as Adam does, in the steps that see it; what lives wholly outside of the video counts
-// as dead.
+// Differences from the authors' program: relocation and growth draw together, once per round, by
+// stratified sampling over the opacities. Copies of one Gaussian are moved apart by half its size,
+// because equal copies receive equal gradients for long; this gives the best PSNR (0 and a whole
+// size are worse). Like Adam, noise reaches a Gaussian only in steps that see it. Gaussians
+// entirely outside the video count as dead.
 #pragma once
 #include "optim/density/density.hpp"
 #include "optim/density/rows.hpp"
@@ -22,11 +22,13 @@ class McmcDensity : public Density {
   explicit McmcDensity(Queue& queue);
 
   void add_gradients(Queue& queue, Parameters& parameters, const DensityRule& rule) override;
-  bool needs_all_posed() const override { return true; }  // its noise is for all that live
+  bool needs_all_posed() const override {
+    return true;
+  }  // noise also moves Gaussians outside the last image
   void after_step(Queue& queue, Parameters& parameters, const GaussiansAt& drawn,
                   const DensityRule& rule, const DensityStep& step) override;
-  // A row that moves or is moved to starts with zero moments and step counts. Waits twice. The
-  // number never shrinks; where all are dead nothing changes. Seed: of the draws.
+  // Rows that move or are moved to start with zero moments and step counts. The number never
+  // shrinks; if all Gaussians are dead nothing changes. seed: of the draws. Waits twice.
   void refine(Queue& queue, Parameters& parameters, Motion& motion, const DensityRule& rule,
               uint32_t seed) override;
 

@@ -6,10 +6,10 @@
 namespace gflow {
 namespace {
 
-// A Gaussian has with tiles: `gflow bench raster`, 30 000 at 512 x 512 pixels: 5.5.
+// Intersections per Gaussian: 5.5 in `gflow bench raster` at 30 000 Gaussians, 512 x 512 pixels.
 constexpr size_t intersections = 6;
 
-// Words of four bytes a Gaussian that draw it and carry its gradients (optim/engine).
+// 4-byte words per Gaussian for rendering and its gradients (optim/engine).
 constexpr size_t drawing_words = 2 * 13                       // GaussiansAt, at two times
                                  + 3 + 30                     // colours, GaussianGradients
                                  + 16 + 2 + 3                 // Splats
@@ -18,7 +18,7 @@ constexpr size_t drawing_words = 2 * 13                       // GaussiansAt, at
                                  + 6                          // sorts; density control's own
                                  + intersections * (16 + 3);  // partials; ids, slots and masks
 
-// Gaussians' own tables: their rows a Gaussian.
+// Visits the tables with rows per Gaussian, with the number of rows per Gaussian.
 template <class Visit>
 void for_each_own_table(const Parameters& p, Visit&& visit) {
   visit(static_cast<const Table&>(p), size_t(1));
@@ -36,14 +36,15 @@ size_t bytes_per_gaussian(const Parameters& parameters, bool remembers) {
     for (const GroupSpec& spec : table.specs) words += keys * arrays * spec.width;
     words += keys * 10;  // RowState
   });
-  // Twice the tables: the old and the new. What draws has a quarter to spare (Buffer::ensure).
+  // Tables count twice, old and new. Render buffers get a quarter of slack (Buffer::ensure).
   return 4 * (2 * words + drawing_words * 5 / 4);
 }
 
 size_t most_gaussians(const DeviceInfo& device, const Parameters& parameters, size_t budget,
                       bool remembers) {
   const uint64_t bytes = budget ? uint64_t(budget) << 20 : device.global_memory / 4 * 3;
-  size_t widest = intersections * 16 * 5 / 4;  // words a Gaussian in one array: the partials
+  size_t widest =
+      intersections * 16 * 5 / 4;  // words per Gaussian in the largest array: the partials
   for_each_own_table(parameters, [&](const Table& table, size_t keys) {
     for (const GroupSpec& spec : table.specs) widest = std::max(widest, keys * spec.width);
   });

@@ -8,9 +8,9 @@
 namespace gflow {
 namespace {
 
-constexpr int kAxisBits = 9, kTimeBits = 4;  // three axes; times, and those that last
+constexpr int kAxisBits = 9, kTimeBits = 4;  // bits per axis; bits of time
 
-// Where the middle 98 % of the values lie: what has flown away must not make the cells large.
+// Range of the middle 98 % of the values, so that outliers do not make the cells large.
 std::pair<float, float> range_of(const std::vector<float>& means, size_t axis) {
   std::vector<float> values;
   values.reserve(means.size() / 3);
@@ -24,14 +24,14 @@ std::pair<float, float> range_of(const std::vector<float>& means, size_t axis) {
   return {from, std::max(values[high], std::nextafter(from, INFINITY))};
 }
 
-// The bits of x, two zeros before each.
+// The bits of x with two zeros between them.
 uint32_t spread(uint32_t x) {
   uint32_t out = 0;
   for (int bit = 0; bit < kAxisBits; ++bit) out |= (x >> bit & 1u) << (3 * bit);
   return out;
 }
 
-// Which of 2^bits equal parts of [0, 1] x is in.
+// Index of the part of [0, 1] that contains x, of 2^bits equal parts.
 uint32_t part_of(double x, int bits) {
   const int parts = 1 << bits;
   return uint32_t(std::clamp(int(std::clamp(x, 0.0, 1.0) * parts), 0, parts - 1));
@@ -53,7 +53,7 @@ std::vector<uint32_t> order_of(const std::vector<float>& means, const std::vecto
       keys[i] = ~0u;
       continue;
     }
-    // seen in half the video and more: a window of two lives each way
+    // with lifetime > duration / 8, a window of +-2 lifetimes is at least half the video
     const uint32_t time = life > duration / 8 ? 0 : 1 + part_of(moment, kTimeBits);
     uint32_t place = 0;
     for (size_t axis = 0; axis < 3; ++axis) {

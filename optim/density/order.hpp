@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows in the order of time and place, so that what a picture shows lies together: the others' rows
-// share no cache lines with it, and whole vectors and work-groups have nothing to do.
+// Order of rows by time and place, so that the Gaussians of an image are adjacent: others share no
+// cache lines with them, and whole vectors and work-groups are skipped.
 #pragma once
 #include "optim/density/rows.hpp"
 
 namespace gflow {
 
-// New row j of such an order is row order[j]: first those that last through most of the video, then
-// by the moment they live at, each along a Z curve (Morton 1966) through space. means [N,3],
-// means_t [N], log_scales [N,4]; duration: length of the video [model time]. What is not finite
-// comes last. A function of its arguments alone.
+// Row order: new row j is row order[j]. First the Gaussians that are visible through most of the
+// video, then the others by temporal mean; each group along a Z curve in space (Morton 1966).
+// Non-finite rows come last. means [N,3], means_t [N], log_scales [N,4]; duration: length of the
+// video [model time]. A function of its arguments alone.
 std::vector<uint32_t> order_of(const std::vector<float>& means, const std::vector<float>& means_t,
                                const std::vector<float>& log_scales, double duration);
 
@@ -17,8 +17,8 @@ class RowOrder {
  public:
   explicit RowOrder(Queue& queue) : rows_(queue) {}
 
-  // Puts the rows of all tables in that order, those that move before those that rest. Returns the
-  // row that each was. Waits. If it throws, `parameters` are as they were.
+  // Sorts the rows of all tables, dynamic before static. Returns the former row of each. Waits. If
+  // it throws, `parameters` are unchanged.
   const Buffer<cl_uint>& sort(Queue& queue, Parameters& parameters, double duration);
 
  private:

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The static/dynamic split: Gaussians that need no motion lose its parameters and their optimiser
-// state, and get them back when what they show pulls them into motion. For every motion model whose
-// Gaussians have a motion of their own. Kernels: kernels/rest.cl.
+// The static/dynamic split. Gaussians that need no motion lose their motion parameters and the
+// optimiser state of these, and get them back when gradients pull them into motion. For every
+// motion model whose Gaussians have their own motion. Kernels: kernels/rest.cl.
 //
-// Whoever moves was made to move: at the start, by growing (RowMover), or by the pulls here. A
-// round puts to rest those that, after a trial of some steps, stay near their mean pose.
+// Gaussians become dynamic at initialisation, by density control (RowMover), or by the pulls
+// accumulated here. A round makes those static that, after a trial of some steps, stay near their
+// mean pose.
 #pragma once
 #include "optim/density/rows.hpp"
 #include "optim/formats/npz.hpp"
@@ -13,33 +14,35 @@
 namespace gflow {
 
 struct RestRule {
-  float most = 0.05f;   // furthest from the mean pose of who rests (kernels/shared/rest.h)
-  float wake = 5;       // a sum of pulls so many times as long as noise's wakes; 0: none does
-  unsigned trial = 50;  // steps that a Gaussian must have made before it may rest
+  float most =
+      0.05f;  // largest distance of static Gaussians from their mean pose (kernels/shared/rest.h)
+  float wake =
+      5;  // a static Gaussian wakes when its summed pull exceeds this x expected noise; 0: never
+  unsigned trial = 50;  // optimiser steps a Gaussian needs before it may become static
   float duration = 1;   // length of the video [model time]
-  int moments = 2;      // at which the poses are compared, from 0 to duration; >= 2
+  int moments = 2;      // times at which poses are compared, evenly from 0 to duration; >= 2
 };
 
 class Rest {
  public:
   explicit Rest(Queue& queue);
 
-  // After a view: its gradients by the means at its time, and with flow at its second time, both in
-  // the model's time. `stood_still`: those at rest did so in this view (View::moving).
+  // After a view: accumulates its gradients by the means at t and, with flow, at t2 (model times).
+  // `stood_still`: static Gaussians kept their pose between them (View::moving).
   void see(Queue& queue, const Parameters& parameters, const ViewRows& rows,
            const Buffer<cl_uint>& tiles_touched, float t, const Buffer<float>& v_means,
            const float* t2, const Buffer<float>& v_means_t2, bool stood_still);
 
-  // A round; forgets what was seen. Those that rest change by at most .74 rule.most of their
-  // opacity at each of the moments. Returns for each new row the row it was. Those woken start with
-  // zero moments and step counts, all others keep theirs. Waits. If memory runs out it throws, and
-  // the parameters are as they were.
+  // A round; clears the accumulated pulls. Gaussians that become static change by at most 0.74
+  // rule.most of their opacity at each compared time. Returns the former row of each new row. Woken
+  // Gaussians start with zero moments and step counts; all others keep theirs. Waits. If memory
+  // runs out it throws, and the parameters are unchanged.
   const Buffer<cl_uint>& refine(Queue& queue, Parameters& parameters, Motion& motion,
                                 const RestRule& rule);
-  // When density control has moved the rows.
+  // After density control has moved the rows.
   void forget() { pulls_known_ = false; }
 
-  // What lives from step to step: rest/pulls [resting, 4].
+  // State for a checkpoint: rest/pulls [static Gaussians, 4].
   void save_state(Queue& queue, const Parameters& parameters, Arrays& arrays) const;
   void load_state(Queue& queue, const Parameters& parameters, const Arrays& arrays,
                   const std::string& path);
@@ -63,7 +66,7 @@ class Rest {
       rest_settle_;
   RowMover rows_;
   bool pulls_known_ = false;
-  Buffer<float> pulls_{"pulls"};  // [resting, 4] since the last round
+  Buffer<float> pulls_{"pulls"};  // [static Gaussians, 4] since the last round
   Buffer<cl_uint> source_{"source"}, child_{"child"};
 };
 

@@ -73,13 +73,13 @@ void RowMover::rebuild(Queue& queue, Parameters& p, size_t count, size_t moving,
   std::vector<Table> keyed;
   for (size_t t = 0; t < p.more.size(); ++t) {
     const TableSpec& spec = p.more_specs[t];
-    if (spec.keys == 0) continue;  // not the Gaussians' own
+    if (spec.keys == 0) continue;  // shared by all Gaussians
     const size_t rows = spec.count(moving);
     keyed.emplace_back(queue, rows, rows, spec.groups);
     keyed.back().active = {0, 0};
     gather(queue, p, spec.keys, source, child, p.more[t], keyed.back());
   }
-  // Everything is there now: from here on nothing fails.
+  // All allocations are done: nothing below can fail.
   fresh.more_specs = p.more_specs;
   auto next = keyed.begin();
   for (size_t t = 0; t < p.more.size(); ++t)

@@ -10,22 +10,21 @@ class RowMover {
  public:
   explicit RowMover(Queue& queue);
 
-  // Makes `count` Gaussians: the j-th gets the values of source[j], and its moments and step counts
-  // unless child[j] > 0: then zeros. In tables with keys so do all its rows; tables that all
-  // Gaussians share stay. Those that move are what moved and the children; where some rest, they
-  // are put first, and source and child with them, and it waits. If this throws, `parameters` are
-  // as they were.
+  // Makes `count` Gaussians. The j-th gets the values of row source[j], and its moments and step
+  // counts if child[j] is 0, else zeros; likewise its rows in tables with keys. Tables shared by
+  // all Gaussians stay. Copies of dynamic rows and all children are dynamic. If some are static,
+  // dynamic ones are sorted to the front, `source` and `child` with them, and it waits. If it
+  // throws, `parameters` are unchanged.
   void move(Queue& queue, Parameters& parameters, size_t count, Buffer<cl_uint>& source,
             Buffer<cl_uint>& child);
 
-  // The same, but moves[j] says whether the j-th moves (0: it rests), before they are put in order.
-  // One that begins to move has the values of rest and zero moments in what only those that move
-  // have.
+  // The same, with moves[j] > 0 if the j-th is dynamic, in the order before sorting. A Gaussian
+  // that becomes dynamic gets the static values and zero moments in its motion rows.
   void move(Queue& queue, Parameters& parameters, size_t count, const Buffer<cl_uint>& moves,
             Buffer<cl_uint>& source, Buffer<cl_uint>& child);
 
  private:
-  // Fills a table with `keys` rows a Gaussian from the one that `parameters` had.
+  // Fills a table with `keys` rows per Gaussian from the corresponding one of `parameters`.
   void gather(Queue& queue, const Parameters& parameters, size_t keys,
               const Buffer<cl_uint>& source, const Buffer<cl_uint>& child, const Table& from,
               Table& to);
