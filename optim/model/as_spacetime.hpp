@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// 4D Gaussians in the coordinates of the spacetime model: exactly the same thing to look at.
+// Exact conversion of native4d models to spacetime models.
 #pragma once
 #include "optim/model/model.hpp"
 
 namespace gflow {
 
-// A spacetime model as it is; each Gaussian of a native4d model as one that goes through its mean
-// with the velocity and the shape of its cut and lives as long (kernels/shared/native4d.h). Error,
-// which begins with `what`, for other motion models: they bend.
+// Returns a spacetime model unchanged. In a native4d model each Gaussian becomes one through the
+// same mean with the velocity and shape of its slice and the same lifetime
+// (kernels/shared/native4d.h). Error, which begins with `what`, for other motion models: their
+// paths cannot be expressed.
 HostModel as_spacetime(HostModel model, const std::string& what);
 
 }  // namespace gflow

@@ -17,10 +17,11 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// A weight that falls by less than this over the whole video is that of one who is there for ever.
+// A Gaussian whose temporal weight falls by less than this over the whole video counts as
+// permanent.
 constexpr double kFades = 1e-3;
 
-// Temporal standard deviation in the model's time.
+// Lifetime: temporal standard deviation in model time.
 double life_of(const HostModel& model, size_t i) {
   const auto row = [&](const char* group) {
     const float* v = &model.groups.at(group)[4 * i];
@@ -47,17 +48,17 @@ double difference(const PathSample& from, const PathSample& to) {
   return (a - to.covariance()).norm() / std::max(a.norm(), 1e-300);
 }
 
-// One Gaussian on its way through the samples. The line starts in the piece's first sample and has
-// a velocity in [low, high], which each sample narrows; the shape is that of the last sample which
-// is still like the first one, so that it lies between those of the piece.
+// State of one Gaussian while samples arrive. The line starts at the first sample of the piece; its
+// velocity is in [low, high], which each sample narrows. The shape is that of the last sample that
+// is still similar to the first one, so it is between those of the piece.
 struct Path {
-  MovingSplat splat;           // what all pieces share
-  size_t first = 0, last = 0;  // samples between which it is seen; first > last: never
+  MovingSplat splat;           // common to all pieces
+  size_t first = 0, last = 0;  // visible from `first` to `last`; first > last: never
   bool open = false, shaped = false;
-  size_t begin = 0;              // of the piece
+  size_t begin = 0;              // first sample of the piece
   PathSample start, shape, now;  // now: the latest sample
   Vector3d low, high;
-  double slack = 0;  // how far the line may be off
+  double slack = 0;  // allowed distance from the line
 };
 
 class PathCutter {
@@ -69,7 +70,7 @@ class PathCutter {
     scene_.sh_degree = model.shape.sh_degree;
     set_harmonics(model);
     const double seen = std::sqrt(-2 * std::log(scene_.cutoff));
-    const double unit = length_ / double(model.shape.duration);  // [s] a unit of model time
+    const double unit = length_ / double(model.shape.duration);  // [s] per unit of model time
     for (size_t i = 0; i < model.count; ++i) {
       Path path;
       MovingSplat& s = path.splat;
@@ -91,7 +92,7 @@ class PathCutter {
     }
   }
 
-  // Sample k of all Gaussians; in order.
+  // Adds sample k of all Gaussians; call in order of k.
   void add(size_t k, const std::vector<float>& means, const std::vector<float>& factors) {
     for (size_t i = 0; i < paths_.size(); ++i) {
       Path& path = paths_[i];
@@ -122,7 +123,7 @@ class PathCutter {
 
   void extend(Path& path, const PathSample& sample, size_t k) {
     if (!path.open) return open(path, sample, k);
-    if (!narrow(path, sample, k)) {  // the line ended with the sample before
+    if (!narrow(path, sample, k)) {  // the line ends at the sample before
       const PathSample before = path.now;
       close(path, k - 1, false);
       open(path, before, k - 1);
@@ -139,7 +140,7 @@ class PathCutter {
     }
   }
 
-  // False, and nothing done, where no line leads from the start through all samples.
+  // Returns false and changes nothing if no line from the start passes all samples.
   bool narrow(Path& path, const PathSample& sample, size_t k) const {
     const double passed = time(k) - time(path.begin);
     const Vector3d velocity = (sample.mean - path.start.mean) / passed;
@@ -151,7 +152,7 @@ class PathCutter {
     return true;
   }
 
-  // The piece up to sample k; the last sample of all is shown, too.
+  // Emits the piece up to sample k; the last sample of the video is shown, too.
   void close(Path& path, size_t k, bool to_the_end) {
     path.open = false;
     MovingSplat s = path.splat;
@@ -175,7 +176,7 @@ class PathCutter {
     scene_.splats.push_back(s);
   }
 
-  // From coefficient by coefficient to channel by channel.
+  // Reorders from coefficient-major to channel-major.
   void set_harmonics(const HostModel& model) {
     const auto rest = size_t((model.shape.sh_degree + 1) * (model.shape.sh_degree + 1) - 1);
     scene_.sh_rest.resize(3 * rest * model.count);
@@ -202,7 +203,7 @@ MovingSplats linear_pieces(Queue& queue, Model& model, const PieceRule& rule,
                     "them a second, not {} and {}",
                     rule.steps, rule.fps));
   PathCutter cutter(model.read(queue), rule);
-  // All of them, in their time window or not: a piece begins before one is seen.
+  // All Gaussians, inside their time window or not: a piece begins before its Gaussian is visible.
   const Buffer<cl_uint> all(queue, std::vector<cl_uint>(model.parameters.count, 1), "all");
   GaussiansAt at;
   for (int k = 0; k < rule.steps; ++k) {

@@ -21,14 +21,14 @@
 namespace gflow {
 namespace {
 
-// The arrays with a row a Gaussian.
+// Groups with a row per Gaussian.
 std::vector<GroupSpec> all_groups(const ModelShape& shape) {
   std::vector<GroupSpec> specs = motion_groups(shape);
   for (const GroupSpec& spec : color_groups(shape.sh_degree)) specs.push_back(spec);
   return specs;
 }
 
-// A block of PLY columns that is a block of a group's columns: (file column i, group column i).
+// Consecutive PLY columns that are consecutive columns of a group.
 struct ColumnBlock {
   std::string group;
   size_t first;
@@ -41,7 +41,7 @@ std::vector<std::string> numbered(const std::string& stem, size_t count) {
   return names;
 }
 
-// All columns but f_rest, whose order in the file is channel by channel.
+// All columns except f_rest, which the file stores channel by channel.
 std::vector<ColumnBlock> column_blocks(bool moving, const MotionShape& shape) {
   std::vector<ColumnBlock> blocks{{"means", 0, {"x", "y", "z"}},
                                   {"sh0", 0, numbered("f_dc_", 3)},
@@ -65,8 +65,9 @@ std::map<std::string, size_t> widths_of(const MotionShape& shape) {
   return widths;
 }
 
-// Of the comment "key value": a number above `lowest` and at most `highest`. Where there is none,
-// it is as the member stands: the file is another program's, or older than key_scales.
+// Reads the comment "key value" into `member`: a number above `lowest` and at most `highest`.
+// Without it the member keeps its value: the file is from another program, or older than
+// key_scales.
 template <class Number>
 void read_comment(const PlyTable& table, const std::string& key, Number& member, double lowest,
                   double highest, const std::string& path) {
@@ -81,7 +82,7 @@ void read_comment(const PlyTable& table, const std::string& key, Number& member,
   const auto numbers = only_numbers(*text);
   const double value = numbers && numbers->size() == 1 ? (*numbers)[0] : std::nan("");
   const bool whole = std::is_integral_v<Number>;
-  const bool from_0 = lowest < 0 && lowest > -1e-300;  // above the number before 0
+  const bool from_0 = lowest < 0 && lowest > -1e-300;  // `lowest` is just below 0, so 0 is valid
   if (!(value > lowest && value <= highest) || (whole && value != std::floor(value)))
     throw Error(
         fmt::format("reading {}: its comment '{} {}' is damaged: expected is a {}number "
@@ -91,8 +92,8 @@ void read_comment(const PlyTable& table, const std::string& key, Number& member,
   member = Number(value);
 }
 
-// The model that a file was written by: its comment "gflow MODEL"; files without one that move are
-// told apart by their properties.
+// The motion model of a file: its comment "gflow MODEL"; moving files without it are recognised by
+// their properties.
 MotionModelKind kind_of(const PlyTable& table, const std::string& path) {
   const auto names = names_of(MotionModelKind{});
   if (const auto word = comment_after(table, model_comment)) {
@@ -123,7 +124,7 @@ void read_tables(const std::string& path, HostModel& model) {
         fmt::format("the motion of this {} model lies in {}, which is not there: it belongs "
                     "beside the PLY",
                     names_of(model.shape.motion)[size_t(model.shape.motion)], path));
-  size_t expected_bytes = always_plausible;  // of a model that begins all are equal: they pack well
+  size_t expected_bytes = always_plausible;  // initial values are equal and compress well
   for (const TableSpec& table : tables)
     for (const GroupSpec& group : table.groups)
       expected_bytes += table.count(model.count) * group.width * sizeof(float);
@@ -139,8 +140,8 @@ void read_tables(const std::string& path, HostModel& model) {
     }
 }
 
-// Values of a group with `blocks` blocks of rows, one a Gaussian that moves, for all Gaussians:
-// files hold every one's motion.
+// Expands a group with `blocks` blocks of rows, one row per dynamic Gaussian, to all Gaussians,
+// because files store the motion of every one.
 std::vector<float> for_all(const std::vector<float>& values, size_t blocks, size_t moving,
                            size_t count, const GroupSpec& spec, const HostGroups& groups) {
   std::vector<float> all(blocks * count * spec.width, spec.rest);
@@ -152,7 +153,7 @@ std::vector<float> for_all(const std::vector<float>& values, size_t blocks, size
   return all;
 }
 
-// The model of such values, of which `moving` of `count` Gaussians have rows for their motion.
+// The model of values in which `moving` of `count` Gaussians have motion rows.
 HostModel model_of_values(const ModelShape& shape, size_t count, size_t moving, HostGroups values) {
   HostModel host{shape, count, std::move(values)};
   if (moving == count) return host;
@@ -186,7 +187,7 @@ Model::Model(Queue& queue, const HostModel& host, Purpose purpose)
   for (Table* table : parameters.tables())
     for (size_t g = 0; g < table->specs.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
-      const size_t size = spec.width * table->count;  // all move
+      const size_t size = spec.width * table->count;  // all are dynamic
       const auto found = host.groups.find(spec.name);
       if (found == host.groups.end() || found->second.size() != size)
         throw Error(fmt::format("a model of {} Gaussians needs {} values of {}", host.count, size,
@@ -250,7 +251,7 @@ void write_model(const std::string& path, const HostModel& model) {
 
 namespace {
 
-// Says how many are larger than a float can be: they are not drawn.
+// Warns of Gaussians whose scales overflow a float: they are not drawn.
 void warn_of_scales(const HostModel& model, const std::string& path) {
   const std::vector<float>& log_scales = model.groups.at("log_scales");
   size_t too_large = 0;
@@ -305,10 +306,10 @@ HostModel read_model(const std::string& path) {
         sh_rest[(i * rest + k) * 3 + c] = table.values[i * columns + from];
     }
   table.values = std::vector<float>();      // `= {}` would keep its memory
-  for (const auto& [name, width] : widths)  // what the file does not have
+  for (const auto& [name, width] : widths)  // groups that the file lacks
     model.groups[name].resize(width * model.count);
   if (moving) read_tables(tables_path(path), model);
-  if (!moving) {  // a static scene is there for ever
+  if (!moving) {  // static scenes last for the whole video
     set_static(model.shape, model.groups, model.count);
     for (size_t i = 0; i < model.count; ++i) {
       model.groups["log_scales"][4 * i + 3] = std::log(1000 * model.shape.duration);

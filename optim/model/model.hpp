@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A trained or growing scene: its parameters, the motion model and the colour model that read them;
-// and its file, a 3DGS PLY with the motion as extra properties.
+// A model: its parameters, the motion model and colour model that read them, and its file, a 3DGS
+// PLY with the motion as extra properties.
 #pragma once
 #include <array>
 #include <map>
@@ -14,10 +14,10 @@
 
 namespace gflow {
 
-// What must be known before the arrays can be read.
+// Everything that defines the arrays of a model.
 struct ModelShape : MotionShape {
-  int sh_degree = 2;  // highest, 0 to 3
-  // The place of the world that means are relative to (Scene::origin).
+  int sh_degree = 2;  // highest degree, 0 to 3
+  // World position that means are relative to (Scene::origin).
   std::array<double, 3> origin = {0, 0, 0};
 };
 
@@ -27,14 +27,14 @@ struct HostModel {
   HostGroups groups;
 };
 
-// What a model is for: one that is only shown takes a quarter of the device's memory.
+// Purpose of a model; without training state it takes a quarter of the memory.
 enum class Purpose { training, showing };
 
 class Model {
  public:
-  // `count` Gaussians of undefined values.
+  // `count` Gaussians with undefined values.
   Model(Queue& queue, const ModelShape& shape, size_t count, Purpose purpose = Purpose::training);
-  // Error when a group is missing or has the wrong length.
+  // Error if a group is missing or has the wrong length.
   Model(Queue& queue, const HostModel& host, Purpose purpose = Purpose::training);
 
   // Model time of a scene time in [0, 1].
@@ -47,22 +47,24 @@ class Model {
   Parameters parameters;
 };
 
-// The model that a checkpoint's arrays (Trainer::state) hold, read without a device. shape: that of
-// the training's models. Error that names the array when one is missing or has another shape.
+// The model in a checkpoint's arrays (Trainer::state), without a device. shape: that of the run.
+// Error that names the array if one is missing or has another shape; `path`: the file, for
+// messages.
 HostModel model_of_state(const ModelShape& shape, const Arrays& arrays, const std::string& path);
 
-// Standard 3DGS properties (x y z, nx ny nz, f_dc_*, f_rest_*, opacity, scale_*, rot_*) and for the
-// motion t, scale_t, and rot_r_0..3 (native4d) or motion_0..5, omega_0..3 (spacetime; names and
-// meaning as Spacetime Gaussians): a viewer of static splats shows each Gaussian at its own moment.
-// shape is kept in comments. What has other rows than one a Gaussian stands in a second file beside
-// it, tables_path(path). Each file appears complete or not at all.
+// Writes a PLY with the standard 3DGS properties (x y z, nx ny nz, f_dc_*, f_rest_*, opacity,
+// scale_*, rot_*). Motion is stored as t, scale_t, and rot_r_0..3 (native4d) or motion_0..5,
+// omega_0..3 (spacetime; names and meaning as in Spacetime Gaussians). A viewer of static splats
+// shows each Gaussian at its temporal mean. `shape` is stored in comments. Tables with other rows
+// than one per Gaussian go into a second file, tables_path(path). Each file appears complete or not
+// at all.
 void write_model(const std::string& path, const HostModel& model);
 
 // "a/b.ply" -> "a/b.motion.npz".
 std::string tables_path(const std::string& path);
 
-// Reads what write_model wrote, or any splat file that read_splats reads (then nothing moves).
-// Error when properties are missing or values are not finite.
+// Reads a file of write_model, or any splat file that read_splats reads (then all Gaussians are
+// static). Error if properties are missing or values are non-finite.
 HostModel read_model(const std::string& path);
 
 // Whether every Gaussian lasts for the whole video and none moves.

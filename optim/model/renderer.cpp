@@ -44,7 +44,7 @@ Bands Renderer::bands(const Model& model) const {
 }
 
 void Renderer::look(Queue& queue, Model& model, const Shot& shot) {
-  // Motion losses go over pairs of Gaussians, wherever they are.
+  // Motion losses act on pairs of Gaussians, visible or not.
   const bool all = !skip_.culled || shot.all_posed || shot.motion_loss;
   if (!all &&
       model.motion->look(queue, model.parameters, model.time(shot.time), shot.view.camera, rows_))
@@ -63,7 +63,7 @@ void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
   View& view = shot_.view;
   look(queue, model, shot);
-  // Motion losses compare poses at both times, of those at rest too.
+  // Motion losses compare poses at both times, of static Gaussians too.
   if (skip_.static_pose && shot.flow && !shot.motion_loss && same(view.camera, view.camera_t2))
     view.moving = rows_.moving();
   const RowList rows = rows_.list();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model seen by a camera at a time: motion -> colour -> engine, and back to the parameters'
-// gradients. Training, evaluation and rendering all draw through this.
+// Renders a model from a camera at a time: motion, colour, engine, and the backward pass to the
+// parameters. Training, evaluation and rendering use it.
 #pragma once
 #include "optim/engine/engine.hpp"
 #include "optim/loss/motion_loss.hpp"
@@ -9,18 +9,18 @@
 
 namespace gflow {
 
-// The engine's camera; near_plane in scene units.
+// Converts to the engine's camera; near_plane in scene units.
 PinholeCamera pinhole(const Camera& camera, float near_plane);
 
-// What to draw. Times are the scene's, in [0, 1].
+// What to render. Times are scene times, in [0, 1].
 struct Shot {
   View view;
   double time = 0;
-  double time_t2 = 0;  // with flow: where the flow leads; with a motion loss: its second moment
+  double time_t2 = 0;  // target time of the flow; with a motion loss: its second time
   bool flow = false, depth = false;
-  MotionLoss* motion_loss = nullptr;  // joins the backward pass
-  bool all_posed = false;             // rows() are all of the model's
-  int sh_degree = 3;                  // bands in use; at most what the model has
+  MotionLoss* motion_loss = nullptr;  // added in the backward pass; nullptr: none
+  bool all_posed = false;             // no culling: rows() lists every row of the model
+  int sh_degree = 3;  // highest band of spherical harmonics in use; limited to what the model has
   std::array<float, 3> background = {1, 1, 1};
 };
 
@@ -30,31 +30,31 @@ class Renderer {
       : engine_(queue, settings), skip_(settings.skip), rows_(queue) {}
 
   void forward(Queue& queue, Model& model, const Shot& shot);
-  // Gradients of sum(images . v) for the last forward(), to model.parameters: set for rows not seen
-  // before in this training step, added for the others; rows seen are marked.
+  // Backward pass of the last forward(): gradients of sum(images . v) to model.parameters, set for
+  // rows not seen before in this training step, added for the others. Marks rows as seen.
   void backward(Queue& queue, Model& model, const ImageGradients& v);
 
   const Images& images() const { return engine_.images(); }
-  // Of the last view, for which all below has entries: those in the picture, or all
-  // (Shot::all_posed).
+  // Rows of the last view, after culling or all (Shot::all_posed). All arrays below have one entry
+  // per listed row.
   const ViewRows& rows() const { return rows_; }
-  // At the time drawn last; an entry is set where its opacity is not 0.
+  // Poses at the last rendered time; an entry is set if its opacity is not 0.
   const GaussiansAt& gaussians() const { return t1_; }
   const Engine& engine() const { return engine_; }
   const GaussianGradients& gradients() const { return gradients_; }
-  // Whether those at rest stood still in the last view with flow (View::moving).
+  // Whether static Gaussians kept their pose in the last view with flow (View::moving).
   bool stood_still() const { return shot_.view.moving < all_rows; }
-  const Shot& shot() const { return shot_; }  // the last
-  // Whose pose at the second time matters, of the entries below shot().view.moving.
+  const Shot& shot() const { return shot_; }  // of the last forward()
+  // Entries, below shot().view.moving, whose pose at the second time matters.
   const Buffer<cl_uint>& with_second_time() const;
 
  private:
-  // Which rows a view may show.
+  // Culls: sets the rows that a view may show.
   void look(Queue& queue, Model& model, const Shot& shot);
-  // Those of them that are elsewhere at the second time.
+  // The listed rows whose pose differs at the second time.
   RowList moving_rows() const;
   Bands bands(const Model& model) const;
-  bool needs_third_time() const;  // whether the motion loss has a third moment within the video
+  bool needs_third_time() const;  // whether the motion loss has a third time within the video
   double time_t0() const { return 2 * shot_.time - shot_.time_t2; }
 
   Engine engine_;

@@ -8,8 +8,8 @@
 
 namespace gflow {
 
-// L = U diag(s) V^T gives L L^T = U diag(s)^2 U^T, and s_k = |L^T u_k|. From L itself: the
-// eigenvalues of L L^T would have lost the small scales of a flat Gaussian.
+// L = U diag(s) V^T gives L L^T = U diag(s)^2 U^T, and s_k = |L^T u_k|. The SVD of L itself keeps
+// the small scales of a flat Gaussian, which the eigenvalues of L L^T lose.
 FactorParts parts_of_factor(const float* factor) {
   const Eigen::Matrix3d l =
       Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(factor).cast<double>();
@@ -24,7 +24,7 @@ FactorParts parts_of_factor(const float* factor) {
 
 namespace {
 
-constexpr size_t kPiece = size_t{1} << 14;  // Gaussians that are fetched at once
+constexpr size_t kPiece = size_t{1} << 14;  // Gaussians per block
 
 }  // namespace
 
@@ -38,7 +38,7 @@ SliceRows::SliceRows(Queue& queue, Model& model, double scene_time)
     const size_t count = std::min(kPiece, model.parameters.count - first);
     opacities_ = at_.opacities.read_range(queue, first, count);
     factors_ = at_.factors.read_range(queue, 9 * first, 9 * count);
-    // Whose scales no float can hold are not drawn either.
+    // Gaussians whose scales overflow a float are not drawn either.
     for (size_t i = 0; i < count; ++i)
       if (opacities_[i] > 0 && std::all_of(&factors_[9 * i], &factors_[9 * i] + 9,
                                            [](float f) { return std::isfinite(f); }))

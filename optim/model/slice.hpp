@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A moving model at one time, as Gaussians that stand still: what every viewer of static splats can
-// show.
+// A slice of a moving model at one time: static Gaussians that every splat viewer can show.
 #pragma once
 #include <array>
 
@@ -9,22 +8,22 @@
 
 namespace gflow {
 
-// Scales s, largest first, and the unit quaternion (w x y z) of R with R diag(s)^2 R^T = L L^T.
-// L [3, 3], row by row.
+// Decomposes a factor L [3, 3], row by row: scales s, largest first, and the unit quaternion (w x y
+// z) of R with R diag(s)^2 R^T = L L^T.
 struct FactorParts {
   std::array<double, 3> scales;
   std::array<double, 4> quat;
 };
 FactorParts parts_of_factor(const float* factor);
 
-// The Gaussians that are there at a scene time in [0, 1], in the model's order; those below the
-// temporal cutoff are left out. For any motion model. They are fetched from the device a piece at a
-// time: the queue and the model must outlive it.
+// The Gaussians visible at a scene time in [0, 1], in the model's order, without those below the
+// temporal cutoff. For any motion model. Reads them from the device in blocks; queue and model must
+// outlive it.
 class SliceRows {
  public:
   SliceRows(Queue& queue, Model& model, double scene_time);
   int sh_degree() const { return model_.shape.sh_degree; }
-  // The table of them but for its values, and a PlyRow of it.
+  // The table without its values; row() gives each row (PlyRow).
   const PlyTable& head() const { return table_.table; }
   void row(size_t i, float* values);
 
@@ -34,14 +33,14 @@ class SliceRows {
   Queue& queue_;
   Model& model_;
   GaussiansAt at_;
-  std::vector<uint32_t> there_;  // indices in the model
+  std::vector<uint32_t> there_;  // of the visible Gaussians
   SplatTable table_;             // without values
   SplatTable one_;
-  size_t first_ = 0, count_ = 0;  // of the model's Gaussians, those fetched
+  size_t first_ = 0, count_ = 0;  // range of the model's Gaussians that is loaded
   std::vector<float> means_, factors_, opacities_, sh0_, sh_rest_;
 };
 
-// The same as a table.
+// The slice as a table.
 SplatTable slice(Queue& queue, Model& model, double scene_time);
 
 }  // namespace gflow

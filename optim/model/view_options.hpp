@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How views are drawn (settings render.*).
+// Rendering of views (settings render.*).
 #pragma once
 #include "runtime/base/option.hpp"
 
