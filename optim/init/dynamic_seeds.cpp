@@ -15,7 +15,7 @@ namespace {
 
 constexpr size_t kLeastCameras = 3;
 
-// The box that holds all but the outermost fiftieth of the points on each side of each axis.
+// Bounding box without the outermost 2 % of the points at each side of each axis.
 std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<double>& xyz) {
   Eigen::Vector3d low, high;
   for (int axis = 0; axis < 3; ++axis) {
@@ -29,14 +29,14 @@ std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<double>& xy
   return {low - margin, high + margin};
 }
 
-// The frame of a watcher at a step, or -1.
+// Index of a static camera's frame at a time step, or -1.
 int frame_at(const StaticCamera& watcher, int step) {
   for (size_t i = 0; i < watcher.frames.size(); ++i)
     if (watcher.frames[i]->step == step) return int(i);
   return -1;
 }
 
-// Where a camera sees a point, as an index into its pictures; -1 when it does not.
+// Pixel index at which a camera sees a point; -1 if it does not.
 long pixel_of(const Camera& camera, const Eigen::Vector3d& point) {
   if ((camera.viewmat * point.homogeneous()).z() <= 0) return -1;
   const Eigen::Vector2d at = camera.project(point);
@@ -44,18 +44,18 @@ long pixel_of(const Camera& camera, const Eigen::Vector3d& point) {
   return long(at.y()) * camera.width + long(at.x());
 }
 
-// What the cameras of one step say.
+// The images of all static cameras at one time step.
 struct StepViews {
   std::vector<const Camera*> cameras;
   std::vector<std::shared_ptr<const Image>> pictures;
   std::vector<std::vector<uint8_t>> changed;
-  std::vector<std::shared_ptr<const TargetFlow>> flows;  // null where there is none
-  double time = 0;                                       // of the step, in [0, 1]
-  double flow_time = 0;                                  // length of the flow's step, in videos
+  std::vector<std::shared_ptr<const TargetFlow>> flows;  // null if there is none
+  double time = 0;                                       // of the time step, in [0, 1]
+  double flow_time = 0;  // time that the flow covers [lengths of the video]
 };
 
-// Whether every camera that has the point in view sees change there, and enough have it in view;
-// the mean colour they see.
+// Whether at least kLeastCameras cameras have the point in view and all of them see change there;
+// sets the mean colour.
 bool inside_hull(const StepViews& views, const Eigen::Vector3d& point, std::array<int, 3>& color) {
   size_t seen = 0;
   std::array<int, 3> sum{};
@@ -71,8 +71,8 @@ bool inside_hull(const StepViews& views, const Eigen::Vector3d& point, std::arra
   return true;
 }
 
-// Least squares over the cameras: J v = flow, J the derivative of the pixel by the point. 0 where
-// fewer than three cameras trust their flow, or the answer does not fit within 2 px.
+// Least squares over the cameras: J v = flow, with J the derivative of the pixel by the point. 0 if
+// fewer than three cameras have confident flow, or the residual is 2 px or more.
 Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point) {
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
@@ -88,7 +88,8 @@ Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point
     rows.emplace_back(j, f);
   }
   if (rows.size() < kLeastCameras) return Eigen::Vector3d::Zero();
-  a += 1e-3 * a.trace() / 3 * Eigen::Matrix3d::Identity();  // depth is seen weakly
+  a += 1e-3 * a.trace() / 3 *
+       Eigen::Matrix3d::Identity();  // regularise: depth is weakly constrained
   const Eigen::Vector3d v = a.ldlt().solve(b);
   double residual = 0;
   for (const auto& [j, f] : rows) residual += (j * v - f).squaredNorm();
@@ -96,8 +97,8 @@ Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point
   return v / views.flow_time;
 }
 
-// flow_of[frame] = index of the flow pair that starts there; the camera rests, so that all flow is
-// the scene's. Empty where each flow would have to be computed first: all are needed.
+// Index of the flow pair that starts at each frame. Cameras are static, so all flow is the scene's.
+// Empty if flow is computed on demand, because all flows would be needed.
 std::map<const Frame*, size_t> flow_index(const Scene& scene, const std::vector<FlowPair>& pairs,
                                           const FlowStore& flows) {
   std::map<const Frame*, size_t> index;

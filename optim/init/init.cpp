@@ -18,10 +18,10 @@
 namespace gflow {
 namespace {
 
-// Coefficients of a colour channel above degree 0.
+// Coefficients per colour channel above degree 0.
 size_t rest_coefficients(int sh_degree) { return size_t((sh_degree + 1) * (sh_degree + 1) - 1); }
 
-// What is known of the object at a time of the video.
+// Views that decide whether a point is on the object at a time.
 constexpr size_t kViewsAtATime = 12;
 
 // A training frame and the part of it that shows the object.
@@ -30,7 +30,7 @@ struct ObjectView {
   Rect part;
 };
 
-// Whether at least nine of ten pictures that have the point in view see it on the object.
+// Whether the point is on the object in at least nine of ten images that have it in view.
 bool on_object(FrameStore& frames, const std::vector<ObjectView>& views,
                const Eigen::Vector3d& point) {
   size_t seen = 0, inside = 0;
@@ -49,8 +49,9 @@ bool on_object(FrameStore& frames, const std::vector<ObjectView>& views,
   return seen > 0 && 10 * inside >= 9 * seen;
 }
 
-// Whether two thirds of the views show something other than the background at the point, and at
-// least half of them have it in their picture: the object's hull while it moves little.
+// Whether the point is on the object's hull, if the object moves little: two thirds of the views
+// that have it in view show something other than the background there, and at least half of all
+// views have it in view.
 bool in_hull(FrameStore& frames, const std::vector<ObjectView>& views,
              const Eigen::Vector3d& point) {
   const std::array<uint8_t, 3> background = frames.background();
@@ -68,7 +69,7 @@ bool in_hull(FrameStore& frames, const std::vector<ObjectView>& views,
   return 2 * seen >= views.size() && 3 * inside >= 2 * seen;
 }
 
-// The training frames by time.
+// Training frames in order of time.
 std::vector<ObjectView> views_by_time(const Scene& scene, const std::vector<Rect>& parts) {
   std::vector<ObjectView> views;
   for (size_t i = 0; i < scene.train.size(); ++i) views.push_back({&scene.train[i], parts[i]});
@@ -78,14 +79,14 @@ std::vector<ObjectView> views_by_time(const Scene& scene, const std::vector<Rect
   return views;
 }
 
-// The at most kViewsAtATime views nearest to a place in the order of time, 0 to 1.
+// At most kViewsAtATime views nearest to a relative place in the order of time, 0 to 1.
 std::vector<ObjectView> views_near(const std::vector<ObjectView>& by_time, double place) {
   const size_t count = std::min(by_time.size(), kViewsAtATime);
   const size_t first = size_t(place * double(by_time.size() - count) + 0.5);
   return {by_time.begin() + long(first), by_time.begin() + long(first + count)};
 }
 
-// At most 40 of them, spread over time.
+// At most 40 views, spread over time.
 std::vector<ObjectView> some_of(const std::vector<ObjectView>& by_time) {
   std::vector<ObjectView> views;
   const size_t stride = (by_time.size() + 39) / 40;
@@ -93,7 +94,7 @@ std::vector<ObjectView> some_of(const std::vector<ObjectView>& by_time) {
   return views;
 }
 
-// Points and the time at which each is known to be on the object, in [0, 1].
+// Points, each with a time in [0, 1] at which it is on the object.
 struct FirstPoints {
   std::vector<float> xyz;    // [n, 3] world
   std::vector<uint8_t> rgb;  // [n, 3] or empty
@@ -108,7 +109,7 @@ void append(Points& points, const PointCloud& from, size_t i) {
     points.rgb.insert(points.rgb.end(), &from.rgb[3 * i], &from.rgb[3 * i] + 3);
 }
 
-// The points that lie on the object, at most `most` of them, evenly chosen.
+// At most `most` scene points on the object, evenly chosen.
 FirstPoints fitting_points(const Scene& scene, FrameStore& frames,
                            const std::vector<ObjectView>& by_time, size_t most) {
   PointCloud kept = scene.points;
@@ -127,8 +128,8 @@ FirstPoints fitting_points(const Scene& scene, FrameStore& frames,
   return points;
 }
 
-// In a box; with `hull` only those that the pictures' alpha has on the object. Objects move: a
-// point of an object needs to lie on it at its own time only.
+// Random points in a box; with `hull` only those on the object by the images' alpha. Objects move,
+// so a point needs to be on the object at its own time only.
 FirstPoints random_points(const Scene& scene, FrameStore& frames,
                           const std::vector<ObjectView>& by_time, bool hull,
                           const TrainOptions& config) {
@@ -137,7 +138,7 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
   const Eigen::Vector3d centre = focus_point(scene);
   const double half = 0.5 * config.init.box * scene.extent;
   const bool one_pose =
-      is_permanent(motion_model(scene, config.motion));  // that of the middle of the video
+      is_permanent(motion_model(scene, config.motion));  // the pose in the middle of the video
   FirstPoints points;
   const uint tries = uint(std::min<size_t>(100 * count, 4000000));
   for (uint i = 0; i < tries && points.size() < count; ++i) {
@@ -172,7 +173,7 @@ FirstPoints first_points(const Scene& scene, FrameStore& frames, const std::vect
   FirstPoints points;
   if (given && scene.points.size() > 0)
     points = fitting_points(scene, frames, by_time, size_t(config.density.cap));
-  // None given, or few of many on the object: those were no surface points.
+  // Without points, or if few of many are on the object and so are not surface points.
   const size_t enough = std::min({size_t(1000), scene.points.size(), size_t(config.density.cap)});
   if (points.size() == 0 || points.size() < enough)
     points =
@@ -180,7 +181,7 @@ FirstPoints first_points(const Scene& scene, FrameStore& frames, const std::vect
   return points;
 }
 
-// A model without Gaussians, and without what only its motion model has.
+// A model without Gaussians and without the groups that only its motion model has.
 HostModel empty_model(const Scene& scene, const TrainOptions& config) {
   HostModel model;
   model.shape = model_shape(scene, config);
@@ -190,7 +191,8 @@ HostModel empty_model(const Scene& scene, const TrainOptions& config) {
   return model;
 }
 
-// A ball of the first opacity; time and its standard deviation in the model's unit. rgb: or null.
+// Appends an isotropic Gaussian with the initial opacity; time and scale_t in model time; rgb may
+// be null.
 void append_ball(HostModel& model, const float* xyz, float scale, float time, float scale_t,
                  const uint8_t* rgb, const TrainOptions& config) {
   HostGroups& g = model.groups;
@@ -207,7 +209,7 @@ void append_ball(HostModel& model, const float* xyz, float scale, float time, fl
   ++model.count;
 }
 
-// Evenly chosen ones.
+// At most `most` seeds, evenly chosen.
 Seeds at_most(const Seeds& all, size_t most) {
   if (all.size() <= most) return all;
   Seeds some;
@@ -249,9 +251,8 @@ HostModel read_init_file(const TrainOptions& config) {
   return file;
 }
 
-// The Gaussians of init.file as they are, in the scene's coordinates; bands of colour that the
-// model has not are left out, those that the file has not are 0. What each is relative to may
-// differ.
+// Takes the Gaussians of init.file, moved to the model's origin. Bands of colour that the model
+// lacks are dropped, those that the file lacks are 0.
 void append_file(HostModel& model, float time, float scale_t, const TrainOptions& config) {
   const HostModel file = read_init_file(config);
   HostGroups& g = model.groups;
@@ -284,7 +285,7 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
     for (size_t k = 1; k < near.size(); ++k) sum += std::sqrt(double(near[k].squared));
     distance[i] = float(near.size() > 1 ? sum / double(near.size() - 1) : 0);
   }
-  // coincident points get the smallest distance there is
+  // coincident points get the smallest distance above 0
   float least = std::numeric_limits<float>::max();
   for (const float d : distance)
     if (d > 0) least = std::min(least, d);
@@ -333,7 +334,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
                         const std::vector<FlowPair>& pairs, FlowStore& flows,
                         const TrainOptions& config) {
   HostModel model = empty_model(scene, config);
-  Seeds seeds;  // short-lived, so none where each Gaussian is followed through the video
+  Seeds seeds;  // none for permanent Gaussians: seeds are short-lived
   if (!config.train.sequential && !is_permanent(model.shape.motion))
     seeds = at_most(dynamic_seeds(scene, frames, static_cameras, pairs, flows, config),
                     size_t(config.density.cap) / 2);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The first Gaussians (settings init.*).
+// Initial Gaussians (settings init.*).
 #pragma once
 #include <array>
 #include <string>
@@ -23,7 +23,7 @@ struct InitOptions {
   int dynamic = 6000;
   float dynamic_lifetime = 1;
 
-  // Whether the file says where to begin.
+  // Whether Gaussians come from init.file.
   bool begins_from_file() const {
     return from == InitFrom::file || (from == InitFrom::automatic && !file.empty());
   }

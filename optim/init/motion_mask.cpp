@@ -7,12 +7,12 @@
 namespace gflow {
 namespace {
 
-constexpr int kChange = 20;       // grey levels from the usual colour that count as change
-constexpr int kMargin = 12;       // [px] around what changes: SSIM's window and a little more
-constexpr size_t kMedianOf = 25;  // pictures the usual one is made of
+constexpr int kChange = 20;       // grey levels from the median colour that count as change
+constexpr int kMargin = 12;       // [px] around the mask: SSIM's window and a little more
+constexpr size_t kMedianOf = 25;  // images in the median
 constexpr size_t kNoise = 8;      // fewer changed pixels than this are noise
 
-// Median over time, a channel of a pixel at a time.
+// Median over time, per channel and pixel.
 std::vector<uint8_t> median_picture(const std::vector<std::shared_ptr<const Image>>& pictures) {
   std::vector<uint8_t> median(pictures[0]->pixels.size()), values(pictures.size());
   for (size_t i = 0; i < median.size(); ++i) {
@@ -23,7 +23,8 @@ std::vector<uint8_t> median_picture(const std::vector<std::shared_ptr<const Imag
   return median;
 }
 
-// [low, low + size) with the margin, a multiple of 16 long, inside [0, length).
+// Adds the margin to [low, low + size), rounds the length up to a multiple of 16, within [0,
+// length).
 void pad_side(int& low, int& size, int length) {
   int first = std::max(0, low - kMargin), last = std::min(length, low + size + kMargin);
   const int wanted = std::min(length, (last - first + 15) / 16 * 16);
@@ -32,7 +33,7 @@ void pad_side(int& low, int& size, int length) {
   size = wanted;
 }
 
-// Around all set pixels; empty when there are too few.
+// Rectangle around all set pixels; empty if there are too few.
 Rect around(const std::vector<uint8_t>& mask, int width, int height, uint8_t above) {
   int x0 = width, y0 = height, x1 = -1, y1 = -1;
   size_t count = 0;
@@ -90,8 +91,8 @@ std::vector<StaticCamera> static_cameras_of(const Scene& scene, FrameStore& stor
 
 namespace {
 
-// Around what differs from the background; around what is opaque where nothing does. Alpha alone
-// says little where a floor is in the picture.
+// Rectangle around the pixels that differ from the background, or around the opaque ones if none
+// does. Alpha alone says little if the image shows a floor.
 Rect around_object(FrameStore& store, const Frame& frame, const Image& alpha) {
   const auto picture = store.rgb(frame);
   const std::array<uint8_t, 3> background = store.background();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where pictures of fixed cameras change over time, and where pictures with alpha show anything:
-// what training should look at more often than at the rest.
+// Motion masks of static cameras, and focus regions: the parts of images that training samples more
+// often.
 #pragma once
 #include <map>
 #include <memory>
@@ -10,31 +10,31 @@
 
 namespace gflow {
 
-// One fixed camera over time.
+// A static camera and its frames.
 struct StaticCamera {
   Camera camera;
-  std::vector<const Frame*> frames;  // by time
-  std::vector<uint8_t> usual;        // [H, W, 3] median over at most 25 of them
+  std::vector<const Frame*> frames;  // in order of time
+  std::vector<uint8_t> usual;        // [H, W, 3] median image, over at most 25 frames
 };
 
-// The cameras of scene.train that stand still over at least four steps.
+// The cameras of scene.train that are static over at least four time steps.
 std::vector<StaticCamera> static_cameras_of(const Scene& scene, FrameStore& store);
 
 // Whether two colours differ by more than noise.
 bool differs(const uint8_t* rgb, const uint8_t* usual);
 
-// [H, W] 1 where a picture of the watcher differs from the usual by more than noise, or next to it.
+// Motion mask [H, W]: 1 at pixels that differ from the median image by more than noise, and next to
+// them.
 std::vector<uint8_t> changed_pixels(const Image& picture, const std::vector<uint8_t>& usual);
 
-// A part of a picture [px].
+// A rectangle of an image [px].
 struct Rect {
   int x = 0, y = 0, width = 0, height = 0;
 };
 
-// The part of each training frame worth a closer look, with a margin: around what changes at a
-// fixed camera, or around what stands out from the background of a picture with transparency. The
-// whole picture where neither is known; empty where nothing changes. Sides are multiples of 16
-// where the picture allows it.
+// Focus region of each training frame, with a margin: around the motion mask of a static camera, or
+// around the object in an image with transparency. The whole image if neither is known; empty if
+// nothing changes. Sides are multiples of 16 if the image is large enough.
 std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
                                     const std::vector<StaticCamera>& static_cameras);
 

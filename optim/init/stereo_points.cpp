@@ -11,12 +11,14 @@
 namespace gflow {
 namespace {
 
-constexpr int kWidth = 320;        // pictures are compared at about this width [px]
-constexpr int kTries = 6;          // pixels a point that is wanted
-constexpr float kMatch = 12;       // most difference of the colours of a point, mean over its patch
-constexpr float kDistinct = 0.5f;  // of the mean difference over all depths
+constexpr int kWidth = 320;  // images are compared at about this width [px]
+constexpr int kTries = 6;    // tested pixels per requested point
+constexpr float kMatch =
+    12;  // largest mean colour difference over the patch of a match [grey levels]
+constexpr float kDistinct =
+    0.5f;  // largest difference of a match, relative to the mean over all depths
 
-// A camera and its picture, both made smaller.
+// A camera and its image, both downscaled.
 struct Eye {
   Camera camera;
   std::vector<float> rgb;  // [H, W, 3]
@@ -24,7 +26,7 @@ struct Eye {
   const float* at(int x, int y) const {
     return &rgb[3 * (size_t(y) * size_t(camera.width) + size_t(x))];
   }
-  bool holds(int x, int y) const {  // a patch around it
+  bool holds(int x, int y) const {  // whether a 3 x 3 patch around the pixel fits
     return x >= 1 && y >= 1 && x < camera.width - 1 && y < camera.height - 1;
   }
 };
@@ -59,7 +61,7 @@ std::vector<Eye> eyes_of(const Scene& scene, FrameStore& frames,
   return eyes;
 }
 
-// Mean difference of the colours of two patches of 3 x 3.
+// Mean colour difference of two 3 x 3 patches.
 float difference(const Eye& a, int ax, int ay, const Eye& b, int bx, int by) {
   float sum = 0;
   for (int v = -1; v <= 1; ++v)
@@ -70,7 +72,7 @@ float difference(const Eye& a, int ax, int ay, const Eye& b, int bx, int by) {
   return sum / 27;
 }
 
-// What is tried along a pixel's ray: 1 / depth in equal parts.
+// Depths tested along a pixel's ray, uniform in 1 / depth.
 struct Depths {
   double near, far;
   int count;
@@ -86,7 +88,8 @@ Eigen::Vector3d on_ray(const Eye& eye, double x, double y, double depth) {
   return c.position() + c.viewmat.topLeftCorner<3, 3>().transpose() * p;
 }
 
-// As many that a step between two moves the middle of a picture by a pixel at most in any other.
+// Enough depths that the step between two moves the image centre by at most a pixel in any other
+// camera.
 Depths depths_of(const Scene& scene, const std::vector<Eye>& eyes) {
   Depths depths{scene.near, scene.far, 0};
   if (!(depths.near > 0 && depths.far > depths.near)) {
@@ -113,7 +116,7 @@ Depths depths_of(const Scene& scene, const std::vector<Eye>& eyes) {
   return depths;
 }
 
-// The depth of a pixel of eyes[i] at which the others see it, and whether it is clear.
+// Depth of a pixel of eyes[i] at which the others agree best, and whether the match is distinct.
 struct Match {
   double depth = 0;
   bool found = false;
@@ -140,7 +143,7 @@ Match match_of(const std::vector<Eye>& eyes, size_t i, int x, int y, const Depth
     }
     const size_t needed = std::min<size_t>(2, eyes.size() - 1);
     if (differences.size() < needed) continue;
-    // Some may have something before it: the better half decides.
+    // Some views may be occluded: the better half decides.
     const size_t half = std::max(needed, (differences.size() + 1) / 2);
     std::nth_element(differences.begin(), differences.begin() + long(half - 1), differences.end());
     float cost = 0;

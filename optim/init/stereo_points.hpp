@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Points of a scene that comes without any, from the pictures of several cameras at once: random
-// pixels are looked for at many depths, and a pixel becomes a point where the other cameras see the
-// same colours (a plane sweep, Collins 1996, at single pixels).
+// Initial points for scenes without any, from images of several cameras at one time. Random pixels
+// are tested at many depths; a pixel becomes a point where other cameras see the same colours
+// (plane sweep, Collins 1996, at single pixels).
 #pragma once
 #include "optim/init/motion_mask.hpp"
 
 namespace gflow {
 
-// At most `count` points with the colours of their pixels; none where fewer than two cameras see
-// the scene at the same time. Fixed cameras are compared by their usual pictures, so that what
-// moves is no matter; others by those of the time step in the middle. Depths are those between
-// scene.near and scene.far, else between a quarter and eight times the distance to what the cameras
-// look at. Deterministic for a seed.
+// At most `count` points with the colours of their pixels; none if fewer than two cameras see the
+// scene at the same time. Static cameras use their median images, so that moving objects do not
+// matter; others use the middle time step. Depths range from scene.near to scene.far, else from a
+// quarter to eight times the mean distance to the point that the cameras look at. Deterministic for
+// a seed.
 PointCloud stereo_points(const Scene& scene, FrameStore& frames,
                          const std::vector<StaticCamera>& static_cameras, size_t count,
                          uint32_t seed);
