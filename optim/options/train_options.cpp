@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The four visitors of the settings: assign, check, print, and find the nearest name.
+// Assigns, checks and prints settings, and finds the nearest name.
 #include "optim/options/train_options.hpp"
 
 #include <fmt/format.h>
@@ -33,7 +33,7 @@ std::string toml_text(float value) {
   if (std::isfinite(value) && text.find_first_of(".e") == std::string::npos) text += ".0";
   return text;
 }
-// A path that is no UTF-8, as TOML must be, becomes an address.
+// A path that is not UTF-8, which TOML requires, is written as a file address.
 std::string toml_text(const std::string& value) {
   if (!is_utf8(value) || is_file_address(value)) return '"' + file_address(value) + '"';
   std::string text = "\"";
@@ -51,7 +51,7 @@ std::string toml_text(Enum value) {
   return fmt::format("\"{}\"", name_of(value));
 }
 
-// What a setting of this type accepts, for messages and for the comments of the file.
+// Allowed values of a setting by type, for messages and for comments of the file.
 std::string allowed(bool) { return "true or false"; }
 std::string allowed(const std::string&) { return ""; }
 template <class Number, std::enable_if_t<std::is_arithmetic_v<Number>, int> = 0>
@@ -63,8 +63,7 @@ std::string allowed(Enum value) {
   return fmt::format("{}", fmt::join(names_of(value), ", "));
 }
 
-// One value on its way into a setting. `text` is set when it comes from --set, where quotes may be
-// left out.
+// A value for a setting. `text` is set if it comes from --set, where quotes are optional.
 struct Incoming {
   std::string where;  // "run.toml, line 7" or "--set"
   std::string name;   // "train.iterations"
@@ -119,7 +118,7 @@ void assign(const Incoming& in, float& member, const Allowed& range) {
   constexpr double most = std::numeric_limits<float>::max();
   if (value && *value > most && range.contains(most))
     in.refuse(fmt::format("a number, at most {:.3g}", most));
-  const bool is_text = in.node->is_string();  // which may be a number to others, as 0x1p-2
+  const bool is_text = in.node->is_string();  // text such as 0x1p-2 may parse as a number elsewhere
   if (!value || !range.contains(*value))
     in.refuse((is_text ? "a decimal number, " : "a number, ") + range.text());
   member = static_cast<float>(*value);
@@ -146,8 +145,8 @@ void for_each_setting(Config& config, Visit&& visit) {
   });
 }
 
-// What a sentence on an unknown name ends with: the one that is meant, if any is near. marks:
-// around names, "[]" or "''".
+// End of a message about an unknown name: the nearest name, if one is near. marks: around names,
+// "[]" or "''".
 std::string nearest_in_words(const std::string& name, const std::string& nearest, bool is_near,
                              const std::string& marks) {
   const std::string known = is_near ? "the nearest is " + marks.substr(0, 1) + nearest + marks[1]
@@ -155,7 +154,8 @@ std::string nearest_in_words(const std::string& name, const std::string& nearest
   return fmt::format("{}{}{}; {}", marks[0], excerpt(name), marks[1], known);
 }
 
-// The key counts twice and the section at most 3: a right key in a wrong section is found, too.
+// Distance: the key counts twice and the section at most 3, so that a right key in a wrong section
+// is found.
 std::string nearest_setting(const std::string& name, const std::string& section,
                             const std::string& key) {
   std::string nearest;
@@ -186,7 +186,7 @@ std::string nearest_section(const std::string& name) {
   return nearest_in_words(name, nearest, 2 * best <= name.size(), "[]");
 }
 
-// Settings by their former names, which files may still have.
+// Renamed settings, which older files may contain: former and current name.
 constexpr std::pair<std::string_view, std::string_view> kRenamed[] = {
     {"motion.rest", "motion.static_threshold"},
     {"motion.rest_every", "motion.static_every"},
@@ -204,7 +204,7 @@ constexpr std::pair<std::string_view, std::string_view> kRenamed[] = {
     {"skip.outside", "skip.culled"},
 };
 
-// The present section and key of a setting; a notice where it has been renamed, once each.
+// Current section and key of a setting; prints a notice once per renamed setting.
 std::pair<std::string, std::string> present_name(const std::string& section,
                                                  const std::string& key) {
   const std::string name = section + "." + key;
@@ -244,8 +244,7 @@ void assign_setting(TrainOptions& config, const std::string& given_section,
                             nearest_setting(in.name, section, key)));
 }
 
-// A node for the text of --set: TOML where it is TOML, else a number where it is one (.5),
-// otherwise a piece of text.
+// Parses the text of --set as TOML, else as a number (.5), else as plain text.
 toml::table value_table(const std::string& text) {
   try {
     return parse_toml("value = " + text, "--set");
@@ -274,7 +273,7 @@ void apply_toml(TrainOptions& config, const std::string& path, Parse&& parse) {
   } catch (const toml::parse_error& problem) {
     const auto at = problem.source().begin;
     std::string why(problem.description());
-    // toml++ says this of 1e999.
+    // toml++ reports this for 1e999.
     if (why.find("floating-point") != why.npos &&
         why.find("could not be interpreted as a value") != why.npos)
       why = fmt::format("the number {} is farther from 0 than a number can be",

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every setting of a training: the options of all rooms, section by section, as config.toml has
-// them.
+// All settings of a training run: the options of all rooms by section, as in config.toml.
 #pragma once
 #include <map>
 #include <string>
@@ -37,7 +36,7 @@ struct TrainOptions {
   ViewOptions render;
   MetricsOptions metrics;
   Skips skip;
-  // Of the engine's kernels, in place of theirs; no setting: `gflow bench pareto` tries them.
+  // Overrides of the engine's kernel defines. Not a setting; `gflow bench pareto` uses it.
   std::vector<std::pair<std::string, std::string>> defines;
 
   // Calls section(name, part, help) for each section of the file.
@@ -60,30 +59,30 @@ struct TrainOptions {
             "work that is left out (to measure what it saves: gflow bench skip)");
   }
 };
-// What the engine needs to know.
+// Engine settings of a configuration.
 EngineSettings engine_settings(const TrainOptions& config);
 
-// The functions below throw Error: an unknown setting is named with the nearest known one, a wrong
-// type or value with what is allowed, and each message starts with the file and line or the option
-// it comes from.
+// The functions below throw Error. It names an unknown setting with the nearest known one, and for
+// a wrong type or value what is allowed. Each message starts with the file and line or the option
+// that it comes from.
 
-// Changes the settings that a TOML file gives.
+// Applies the settings of a TOML file.
 void apply_file(TrainOptions& config, const std::string& path);
 // The same for TOML text, called `name` in errors.
 void apply_text(TrainOptions& config, const std::string& text, const std::string& name);
-// Changes one setting: "section.key=value". Text needs no quotes.
+// Applies one setting: "section.key=value". Text needs no quotes.
 void apply_setting(TrainOptions& config, const std::string& assignment);
-// Checks every value against its range; needed after members were set by hand.
+// Checks every value against its range; call it after setting members directly.
 void check(const TrainOptions& config);
-// The whole configuration as TOML with a comment a line; reading it back gives the same values.
+// The whole configuration as TOML with one comment per line; reading it back gives the same values.
 std::string to_toml(const TrainOptions& config);
-// One setting in words: its value as TOML, what it means with its unit, and what it may be ("": any
+// Documentation of one setting: value as TOML, meaning with unit, and allowed values ("": any
 // text).
 struct SettingInWords {
   std::string name, value, meaning, allowed;  // name: "section.key"
   bool advanced = false;
 };
-// All, in the order of the file.
+// All settings, in the order of the file.
 std::vector<SettingInWords> settings_in_words(const TrainOptions& config);
 // Every setting as "section.key" and its value as TOML.
 std::map<std::string, std::string> setting_values(const TrainOptions& config);
