@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of an image that a view draws.
+// Cropping of cameras and images to the part that a view renders.
 #pragma once
 #include <algorithm>
 #include <vector>

@@ -13,8 +13,8 @@
 namespace gflow {
 namespace {
 
-// nullptr when all tiles count in every step. Paths with many parameters, each moved by few images,
-// do not converge under rare and strong gradients: optim/loss/README.md.
+// nullptr if all tiles are evaluated in every step. Paths with many parameters, each trained by few
+// images, do not converge with rare and strong gradients: optim/loss/README.md.
 std::unique_ptr<FlowTiles> flow_tiles_for(Queue& queue, const FlowOptions& flow,
                                           MotionModelKind motion) {
   const float share = flow.low_motion > 0 ? flow.low_motion : has_stiff_paths(motion) ? 0.1f : 1.f;
@@ -36,7 +36,8 @@ FlowObjective::FlowObjective(Queue& queue, const TrainOptions& options, const Sc
       loss_(queue, options.flow.robust_px),
       tiles_(flow_tiles_for(queue, options.flow, motion)) {}
 
-// Binning of the view before has waited for the queue, so the host arrays of its uploads are free.
+// Binning of the previous view has waited for the queue, so the host arrays of its uploads are
+// free.
 void FlowObjective::upload_target(Queue& queue, const ViewContext& view) {
   const Rect& part = view.sample.part;
   const auto flow = flows_.get(size_t(view.sample.pair));
@@ -111,7 +112,7 @@ void FlowObjective::report(Queue& queue, const Renderer&, LossReport& report) {
   report.terms.push_back({"flow_epe", epe, epe > 0 ? fmt::format("epe {:.2f} px", epe) : ""});
 }
 
-// For the log of a step without flow.
+// Needed for the log of a step without flow.
 void FlowObjective::save_state(Queue& queue, Arrays& arrays) {
   const Values last = values(queue);
   if (every_ > 1 && last.known)

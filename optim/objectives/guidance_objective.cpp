@@ -14,8 +14,8 @@
 namespace gflow {
 namespace {
 
-// The layouts whose cameras stand on the ground by definition, and look at the origin if nobody
-// says where they are.
+// Whether the scene or the settings give cameras. Otherwise the layout defines them: z is up, and
+// they look at the origin.
 bool has_own_cameras(const Scene& scene, const SceneOptions& config) {
   return !takes_cameras(scene.layout) || !config.cameras.empty();
 }
@@ -43,7 +43,7 @@ const char* split_name(GuidanceCameras cameras) {
   return cameras == GuidanceCameras::test ? "test" : "val";
 }
 
-// [H, W, 3] bytes as planes in [0, 1].
+// Bytes [H, W, 3] as planes [3, H, W] in [0, 1].
 std::vector<float> planes_of(const Image& picture) {
   const size_t pixels = picture.pixels.size() / 3;
   std::vector<float> planes(3 * pixels);
@@ -66,7 +66,7 @@ GuidanceObjective::GuidanceObjective(Queue& queue, const TrainOptions& config, c
   for (const Frame& frame : scene.train) times.insert(frame.time);
   times_.assign(times.begin(), times.end());
   if (config.guidance.cameras != GuidanceCameras::orbit)
-    frames_of_split(scene, split_name(config.guidance.cameras));  // Error when there are none
+    frames_of_split(scene, split_name(config.guidance.cameras));  // throws if there are none
 }
 
 bool GuidanceObjective::is_due(int step) const {
@@ -86,7 +86,7 @@ Camera GuidanceObjective::camera_for(int step, int view, const Frame& frame) con
     camera.name.clear();
     return camera;
   }
-  // One of those that are nearest in time.
+  // One of the frames nearest in time.
   std::vector<const Frame*> nearest;
   double least = std::numeric_limits<double>::max();
   for (const Frame& other : frames_of_split(scene_, split_name(g.cameras))) {
@@ -158,7 +158,7 @@ void GuidanceObjective::add_novel_views(NovelViews& views, const StepContext& co
 
   pull_ = 0;
   had_flow_ = false;
-  // Backwards: the last one is still drawn.
+  // In reverse order, because the last view is still rendered.
   for (size_t i = answers.size(); i-- > 0;) {
     if (answers[i].gradient.empty() && answers[i].flow.empty()) continue;
     const Shot shot = shot_of(request, request.views[i], context.sh_degree);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Guidance of novel views: which views a step draws, what the provider answers, and its gradients
-// (settings guidance.*). A function of options, seed and step number, as far as the provider is a
-// function of the request.
+// Guidance of novel views: chooses the views of a step, asks the provider, and adds its gradients
+// (settings guidance.*). A function of options, seed and step number if the provider is a function
+// of the request.
 #pragma once
 #include <limits>
 #include <vector>
@@ -17,16 +17,17 @@ namespace gflow {
 
 class GuidanceObjective : public Objective {
  public:
-  // Error when guidance.cameras names a split without views. All references must outlive it.
+  // Error if guidance.cameras names a split without views. All references must outlive it.
   GuidanceObjective(Queue& queue, const TrainOptions& config, const Scene& scene,
                     FrameStore& frames, Guidance& guidance);
 
-  // In a step with guidance: draws its views, asks the provider, and adds the gradients of
+  // In a step with guidance: renders its views, asks the provider, and adds the gradients of
   //   mean over views of (guidance.weight w <gradient, rgb> / (3 H W) + guidance.flow w_f L_flow).
-  // GuidanceFailed before anything of the model is touched.
+  // Throws GuidanceFailed before anything in the model is changed.
   void add_novel_views(NovelViews& views, const StepContext& context) override;
-  // guidance: mean over pixel values and views of |weight x gradient|, without guidance.weight;
-  // guidance_flow_epe: of the flow asked for, in the view drawn last [px]. NaN before the first.
+  // Reports guidance: mean over pixel values and views of |weight x gradient|, without
+  // guidance.weight; and guidance_flow_epe: error against the provider's flow in the last rendered
+  // view [px]. NaN before the first.
   void report(Queue& queue, const Renderer& renderer, LossReport& report) override;
 
  private:
@@ -41,7 +42,7 @@ class GuidanceObjective : public Objective {
   FrameStore& frames_;
   Guidance& guidance_;
   Orbit orbit_;
-  std::vector<double> times_;  // of the time steps, rising
+  std::vector<double> times_;  // of the time steps, ascending
   FlowLoss flow_loss_;
   ImageGradients v_;
   Buffer<float> target_flow_{"target flow of guidance"};

@@ -13,7 +13,7 @@ namespace gflow {
 ImageObjective::ImageObjective(Queue& queue, FrameStore& frames, float ssim, bool compact)
     : frames_(frames), loss_(queue, ssim), compact_(compact) {}
 
-// The frame store keeps images on its own background; another one is put behind the part drawn.
+// The frame store composites images on its own background; the step may use another one.
 void ImageObjective::read_truth(const ViewContext& view) {
   const Frame& frame = *view.sample.frame;
   const Rect& part = view.sample.part;

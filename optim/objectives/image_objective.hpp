@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// L1 and SSIM between a view and its image (settings loss.ssim, skip.compact).
+// L1 and SSIM of a view against its image (settings loss.ssim, skip.compact).
 #pragma once
 #include "optim/loss/image_loss.hpp"
 #include "optim/objectives/objective.hpp"
@@ -15,20 +15,20 @@ class ImageObjective : public Objective {
 
   void add_gradients(Queue& queue, const ViewContext& view, const Renderer& renderer,
                      ImageGradients& v) override;
-  // loss, l1, ssim of the last view, and its psnr [dB].
+  // Reports loss, l1, ssim and psnr [dB] of the last view.
   void report(Queue& queue, const Renderer& renderer, LossReport& report) override;
 
-  // Bytes of the last image on the device.
+  // Size of the last image on the device [bytes].
   size_t image_bytes() const { return truth_.size() + sizeof(float) * truth_as_floats_.size(); }
 
  private:
-  // Reads the part of the image that is drawn, on the step's background.
+  // Reads the rendered part of the image, on the background of the step.
   void read_truth(const ViewContext& view);
 
   FrameStore& frames_;
   ImageLoss loss_;
   bool compact_;
-  std::vector<cl_uchar> truth_bytes_;  // what asynchronous writes read from
+  std::vector<cl_uchar> truth_bytes_;  // source of asynchronous writes
   std::vector<float> truth_floats_;
   Buffer<cl_uchar> truth_{"truth"};
   Buffer<float> truth_as_floats_{"truth as floats"};

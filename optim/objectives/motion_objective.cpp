@@ -8,7 +8,7 @@
 
 namespace gflow {
 
-// A loss that counts in every n-th step only counts n times as much there.
+// A loss in every n-th step has n times the weight.
 std::unique_ptr<MotionObjective> MotionObjective::make(Queue& queue, const LossOptions& options,
                                                        int steps, float extent, Model& model) {
   MotionLossWeights w;
@@ -27,8 +27,8 @@ MotionObjective::MotionObjective(Queue& queue, const LossOptions& options, int s
 void MotionObjective::begin_step(Queue& queue, const StepContext& context) {
   if (!loss_.weights().any_pairs()) return;
   if (neighbours_known_ && context.step % options_.neighbours_every != 0) return;
-  // Each Gaussian looks for its neighbours in the middle of its life; ten times of the video tell
-  // lives apart well enough.
+  // Each Gaussian searches near its temporal mean; ten times of the video are enough to
+  // distinguish.
   const NeighbourRule rule{size_t(options_.neighbours), model_.shape.duration,
                            size_t(std::min(steps_, 10))};
   loss_.set_pairs(queue, find_neighbours(queue, model_.parameters, *model_.motion, rule));

@@ -10,17 +10,17 @@ namespace gflow {
 
 class MotionObjective : public Objective {
  public:
-  // nullptr when all weights are 0 or the scene has one time step only. steps: time steps of the
-  // scene; extent: its size [scene units]. The references must outlive it.
+  // nullptr if all weights are 0 or the scene has one time step. steps: time steps of the scene;
+  // extent: of the scene [scene units]. The references must outlive it.
   static std::unique_ptr<MotionObjective> make(Queue& queue, const LossOptions& options, int steps,
                                                float extent, Model& model);
   MotionObjective(Queue& queue, const LossOptions& options, int steps,
                   const MotionLossWeights& weights, Model& model);
 
-  // Finds neighbours again when that is due.
+  // Updates the neighbours when due.
   void begin_step(Queue& queue, const StepContext& context) override;
   void request(Queue& queue, const ViewContext& view, Shot& shot) override;
-  // rigidity, rotation, isometry, velocity, acceleration of the last view, times their weights; NaN
+  // Reports rigidity, rotation, isometry, velocity and acceleration of the last view, weighted; NaN
   // in a step without them (loss.motion_every).
   void report(Queue& queue, const Renderer& renderer, LossReport& report) override;
   void rows_changed() override { neighbours_known_ = false; }
