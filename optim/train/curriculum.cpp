@@ -12,7 +12,7 @@
 namespace gflow {
 namespace {
 
-constexpr size_t kFrontViews = 12;  // the outermost ones
+constexpr size_t kFrontViews = 12;  // outermost views
 
 }  // namespace
 
@@ -20,7 +20,7 @@ size_t shuffled(size_t n, uint32_t seed, size_t i) {
   const uint round = uint(i / n);
   std::vector<size_t> order(n);
   std::iota(order.begin(), order.end(), size_t(0));
-  for (size_t k = n - 1; k > 0; --k)  // Fisher, Yates
+  for (size_t k = n - 1; k > 0; --k)  // Fisher-Yates
     std::swap(order[k], order[random_bits(seed, round, uint(k)) % (k + 1)]);
   return order[i % n];
 }

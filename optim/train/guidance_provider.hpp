@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The guidance that the settings ask for.
+// Creates the guidance provider of the settings.
 #pragma once
 #include <memory>
 #include <string>
@@ -10,15 +10,15 @@
 
 namespace gflow {
 
-// Starts the program, reads the network or finds the pictures; nullptr when there is to be no
-// guidance. Error that names the setting when something is missing or does not fit.
+// Starts the program, reads the network or finds the images; nullptr if guidance is off. Error that
+// names the setting if something is missing or does not fit.
 std::unique_ptr<Guidance> guidance_of(const TrainOptions& config);
 
-// Error when training with these settings would start a program. For those whose command comes from
-// a file, which may be somebody else's: a run, a checkpoint, settings; `where` names it.
+// Error if training with these settings would start a program. For callers that get the command
+// from a file which somebody else may have written (run, checkpoint, settings); `where` names it.
 void require_no_program(const TrainOptions& config, const std::string& where);
 
-// Error when guidance.cameras names a split without views.
+// Error if guidance.cameras names a split without views.
 void require_guided_views(const TrainOptions& config, const Scene& scene);
 
 }  // namespace gflow

@@ -10,7 +10,7 @@
 namespace gflow {
 namespace {
 
-// a at 0, b at 1, geometrically between.
+// Geometric interpolation from a at 0 to b at 1.
 float between_rates(float a, float b, double share) {
   return a > 0 ? float(a * std::pow(double(b) / a, share)) : 0.f;
 }

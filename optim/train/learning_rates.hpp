@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far Adam may go in a step with each kind of parameter (settings lr.* and adam.*).
+// Learning rates and epsilons of Adam by kind of parameter (settings lr.* and adam.*).
 #pragma once
 #include "optim/motion/models.hpp"
 #include "optim/options/train_options.hpp"
@@ -13,11 +13,11 @@ class Rates {
   // The references must outlive it.
   Rates(const TrainOptions& config, const Scene& scene, const MotionShape& shape);
 
-  // Of positions, before scale and what is the model's own [scene units].
+  // Learning rate of positions, without `scale` and per-Gaussian factors [scene units].
   float position(int step) const;
   AdamRate of(const GroupSpec& spec, int step) const;
 
-  // What all of them are multiplied by; part of the state of a training.
+  // Learning-rate scale, a factor on all rates; saved in checkpoints.
   float scale = 1;
 
  private:

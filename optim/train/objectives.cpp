@@ -30,7 +30,7 @@ std::unique_ptr<Objective> guidance(const TrainInputs& in) {
                                              *in.guidance);
 }
 
-// The order of their terms in log and CSV. The image objective comes first: it sets what others
+// Order of their terms in log and CSV. The image objective is first, because it sets what others
 // add to. A new objective is one more function above and one more name here.
 constexpr std::unique_ptr<Objective> (*kObjectives[])(const TrainInputs&) = {image, flow, motion,
                                                                              guidance};

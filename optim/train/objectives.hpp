@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The objectives of a training: gflow's own, registered in one table, and those of whoever calls
-// it.
+// The objectives of a training run: gflow's own, registered in one table, and those of the caller.
 #pragma once
 #include <functional>
 #include <memory>
@@ -13,22 +12,22 @@
 
 namespace gflow {
 
-// What a training is given. All references must outlive it.
+// Inputs of a training run. All references must outlive it.
 struct TrainInputs {
   Queue& queue;
   const TrainOptions& options;
   const Scene& scene;
   FrameStore& frames;
   const std::vector<FlowPair>& pairs;  // may be empty
-  FlowStore& flows;                    // flow i belongs to pairs[i]
+  FlowStore& flows;                    // flows[i] belongs to pairs[i]
   Model& model;
   Guidance* guidance = nullptr;  // the provider of options.guidance; nullptr: none
 };
 
-// Makes an objective; nullptr when the options leave it nothing to do.
+// Makes an objective; nullptr if the options leave it nothing to do.
 using MakeObjective = std::function<std::unique_ptr<Objective>(const TrainInputs&)>;
 
-// gflow's own in their order, then `more`.
+// gflow's objectives in their order, then `more`.
 std::vector<std::unique_ptr<Objective>> make_objectives(const TrainInputs& inputs,
                                                         const std::vector<MakeObjective>& more);
 

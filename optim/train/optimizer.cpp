@@ -6,7 +6,7 @@
 namespace gflow {
 namespace {
 
-constexpr int kStepsToPace = 100;  // steps between two updates of each Gaussian's own rate
+constexpr int kStepsToPace = 100;  // steps between two updates of the pace
 
 std::unique_ptr<Adam> path_adam_for(Queue& queue, const AdamOptions& adam,
                                     const Parameters& parameters) {
@@ -43,12 +43,12 @@ bool Optimizer::step(Queue& queue, const Renderer& renderer, const Stage& stage,
 void Optimizer::update(Queue& queue, const Stage& stage, int step, bool warming, int sh_degree) {
   const LearningRateOptions& lr = options_.lr;
   Parameters& p = model_.parameters;
-  if (step % kStepsToPace == 0) {  // Gaussians are added and change their lifetimes
+  if (step % kStepsToPace == 0) {  // Gaussians are added, and their lifetimes change
     const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
     model_.motion->set_pace(queue, p, {model_.shape.duration, time_step, lr.pace, lr.pace_most});
   }
   model_.motion->regularize(queue, p, options_.hexplane);
-  if (stage.time_step > 0) {  // one key alone; a flow leads to the one before
+  if (stage.time_step > 0) {  // train one key only; flow leads to the one before
     Table& keys = p.more[0];
     keys.rows.seen.fill_range(queue, 0, size_t(stage.time_step) * p.moving, 0u);
   }
@@ -67,8 +67,7 @@ void Optimizer::update(Queue& queue, const Stage& stage, int step, bool warming,
     for (size_t g = 0; g < table->groups.size(); ++g) {
       const GroupSpec& spec = table->specs[g];
       if (unused(spec)) continue;
-      // A scene of one time step has no motion, and neither has the first one that is trained
-      // alone.
+      // A scene with one time step, or the first stage of train.sequential, has no motion.
       if (spec.motion && (scene_.steps < 2 || stage.time_step == 0)) continue;
       adam.step(queue, table->groups[g], table->rows, table->active_in(spec),
                 rates_.of(spec, step));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a step does with the sum of its gradients: regularisers of the model, Adam with its learning
-// rates, density control.
+// Applies the gradients of a step: regularisers of the model, Adam with its learning rates, density
+// control.
 #pragma once
 #include <memory>
 
@@ -14,11 +14,12 @@ class Optimizer {
   // The references must outlive it.
   Optimizer(Queue& queue, const TrainOptions& options, const Scene& scene, Model& model);
 
-  // Before the gradients of a step are summed: starts them at 0. Starts the key of a time step that
-  // is trained alone (train.sequential).
+  // Before the gradients of a step: zeroes them. With train.sequential, starts the key of a new
+  // time step.
   void begin_step(Queue& queue, const Stage& stage);
-  // Applies the gradients. renderer: as after the last view. warming: nothing learns to move yet.
-  // sh_degree: bands in use. Whether the rows of the model have changed.
+  // Applies the gradients. renderer: in its state after the last view. warming: motion is not
+  // trained yet. sh_degree: highest band in use. Returns whether the rows of the model have
+  // changed.
   bool step(Queue& queue, const Renderer& renderer, const Stage& stage, int step, bool warming,
             int sh_degree);
 
@@ -33,8 +34,9 @@ class Optimizer {
   const Scene& scene_;
   Model& model_;
   Rates rates_;
-  Adam adam_;                        // of the Gaussians' table
-  std::unique_ptr<Adam> path_adam_;  // of keys, bases, planes and networks; nullptr: there are none
+  Adam adam_;  // for the Gaussians' table
+  std::unique_ptr<Adam>
+      path_adam_;  // for keys, bases, planes and networks; nullptr if there are none
   Population population_;
 };
 

@@ -12,10 +12,10 @@
 namespace gflow {
 namespace {
 
-constexpr int kRestMoments = 60;  // most moments at which a round of rest looks
+constexpr int kRestMoments = 60;  // largest number of times at which a round compares poses
 
-// nullptr when nobody may rest, or has a motion of its own, or its keys are trained one by one:
-// then nobody knows yet what it will do.
+// nullptr if the split is off, Gaussians have no motion of their own, or keys are trained one by
+// one: then later motion is unknown.
 std::unique_ptr<Rest> rest_for(Queue& queue, const TrainOptions& config, const Scene& scene,
                                const Parameters& parameters) {
   if (config.motion.static_threshold == 0 || scene.steps < 2 || config.train.sequential)
@@ -101,7 +101,7 @@ bool Population::refine(Queue& queue, uint32_t seed) {
     density_->refine(queue, p, *model_.motion, rule, seed);
   } catch (const Error& problem) {
     if (!is_out_of_memory(problem)) throw;
-    memory_holds_ = p.count;  // no more are tried for
+    memory_holds_ = p.count;  // do not try to grow again
     memory_is_short(problem.what());
     return false;
   }
@@ -121,7 +121,8 @@ void Population::memory_is_short(const std::string& sentence) {
                         model_.parameters.count, sentence);
 }
 
-// Not after the last step: what comes to rest changes a little, and nothing would make up for it.
+// Not after the last step: a Gaussian that becomes static changes a little, and no step would
+// correct it.
 bool Population::settling(int done) const {
   return rest_ && done % config_.motion.static_every == 0 && done < config_.train.iterations;
 }
@@ -135,7 +136,7 @@ bool Population::settle(Queue& queue) {
   try {
     const Buffer<cl_uint>& source = rest_->refine(queue, model_.parameters, *model_.motion, rule);
     if (density_) density_->reorder(queue, source);
-  } catch (const Error& problem) {  // they go on as they were
+  } catch (const Error& problem) {  // continue unchanged
     if (!is_out_of_memory(problem)) throw;
     memory_is_short(problem.what());
     return false;
@@ -147,7 +148,7 @@ bool Population::put_in_order(Queue& queue) {
   try {
     const Buffer<cl_uint>& source = order_.sort(queue, model_.parameters, model_.shape.duration);
     if (density_) density_->reorder(queue, source);
-  } catch (const Error& problem) {  // slower, and other last bits
+  } catch (const Error& problem) {  // continue unsorted: slower, and different rounding
     if (!is_out_of_memory(problem)) throw;
     memory_is_short(problem.what());
     return false;

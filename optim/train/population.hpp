@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which Gaussians a training has: density control, who rests, and the order of their rows. Where
-// memory runs out, training goes on with those there are.
+// Number and order of Gaussians: density control, static/dynamic split, and row order. If memory
+// runs out, training continues with the Gaussians that exist.
 #pragma once
 #include <limits>
 #include <memory>
@@ -20,25 +20,25 @@ class Population {
   // All references must outlive it.
   Population(Queue& queue, const TrainOptions& config, const Scene& scene, Model& model);
 
-  // Whether after_step() needs Gaussians that are outside the picture.
+  // Whether after_step() needs Gaussians outside the image.
   bool needs_all_posed() const { return density_ && density_->needs_all_posed(); }
-  // After the gradients of a view, which is a part of a picture width x height.
+  // After the gradients of a view, which may be a part of an image of width x height.
   void see(Queue& queue, const Renderer& renderer, const Shot& shot, int width, int height);
-  // Adds what density control wants of the parameters to their gradients; before Adam.
+  // Adds the regularisers of density control to the gradients; before Adam.
   void add_gradients(Queue& queue);
-  // After Adam of training step `step`, from 0, whose last view is in `renderer`; position_rate: of
-  // the means. Whether the rows are others now.
+  // After Adam of training step `step`, from 0, whose last view is in `renderer`; position_rate:
+  // learning rate of the means. Returns whether rows have changed.
   bool after_step(Queue& queue, const Renderer& renderer, const Stage& now, int step,
                   float position_rate);
-  // Rows in the order of time and place. Whether they are others now.
+  // Sorts rows by time and place. Returns whether rows have changed.
   bool put_in_order(Queue& queue);
 
-  // A sentence for the user about memory that is short since the last call, or "".
+  // Message to the user if memory became short since the last call, else "".
   std::string take_notice() { return std::exchange(notice_, ""); }
 
-  // What lives from step to step, beside the parameters.
+  // State for a checkpoint, besides the parameters.
   void save_state(Queue& queue, Arrays& arrays) const;
-  // The reverse. Error when the arrays are missing or do not fit; `path`: the file, for messages.
+  // The reverse. Error if the arrays are missing or do not fit; `path`: the file, for messages.
   void load_state(Queue& queue, const Arrays& arrays, const std::string& path);
 
  private:
@@ -51,11 +51,11 @@ class Population {
   const TrainOptions& config_;
   const Scene& scene_;
   Model& model_;
-  std::unique_ptr<Density> density_;  // nullptr: their number stays
+  std::unique_ptr<Density> density_;  // nullptr: the number is constant
   DensityRule density_rule_;
   RowOrder order_;
-  std::unique_ptr<Rest> rest_;                                // nullptr: all move
-  size_t memory_holds_ = std::numeric_limits<size_t>::max();  // Gaussians
+  std::unique_ptr<Rest> rest_;                                // nullptr: all are dynamic
+  size_t memory_holds_ = std::numeric_limits<size_t>::max();  // limit on the number of Gaussians
   bool memory_was_short_ = false;
   std::string notice_;
 };

@@ -19,7 +19,7 @@
 namespace gflow {
 namespace {
 
-// Neighbours in time no further apart than max_gap steps: flow over more is a guess.
+// Neighbours in time at most max_gap steps apart: flow over more is unreliable.
 std::vector<FlowPair> close_pairs(const Scene& scene, const FlowOptions& flow) {
   const bool by_track = flow.pairs == FlowPairs::track;
   if (!by_track && flow.source != FlowSource::files)
@@ -34,7 +34,7 @@ std::vector<FlowPair> close_pairs(const Scene& scene, const FlowOptions& flow) {
   return close;
 }
 
-// Pairs further apart: over 2, 4, 8, ... pictures and over `reach` itself, there and back.
+// Pairs further apart: over 2, 4, 8, ... frames and over `reach` itself, in both directions.
 std::vector<FlowPair> far_pairs(const Scene& scene, const FlowOptions& flow) {
   std::vector<FlowPair> pairs;
   if (flow.span == 1) return pairs;
@@ -52,7 +52,7 @@ std::vector<FlowPair> far_pairs(const Scene& scene, const FlowOptions& flow) {
   return pairs;
 }
 
-// Flow of all pairs from that of the first of them, neighbours.
+// Chains the flow of neighbours, the first of `pairs`, to the flow of all pairs.
 FlowStore with_far_flow(const TrainOptions& config, const LoadedScene& loaded,
                         const std::vector<FlowPair>& pairs, FlowStore neighbours,
                         const StoreFlow& keep = {}) {
@@ -64,7 +64,7 @@ FlowStore with_far_flow(const TrainOptions& config, const LoadedScene& loaded,
                 : chained_flows(near, pairs, keep));
 }
 
-// Error when two settings of flow do not go together.
+// Error if two settings of flow contradict each other.
 void require_sources(const FlowOptions& flow) {
   const bool by_tracks =
       flow.source == FlowSource::tracks || (flow.span != 1 && flow.long_span == FarFlow::tracks);
@@ -82,7 +82,7 @@ void require_sources(const FlowOptions& flow) {
                     name_of(flow.source)));
 }
 
-// The flow that need not be computed: none at all, or that of files.
+// The flow that is available without computing it: none, or that of files.
 std::optional<FlowStore> flows_at_hand(const TrainOptions& config, const LoadedScene& loaded,
                                        const std::vector<FlowPair>& pairs) {
   if (!config.flow.enabled || pairs.empty())

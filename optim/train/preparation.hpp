@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a training needs before its first step: pictures, flow, parts of interest, first Gaussians.
+// Preparation before the first step: images, flow, focus regions, initial Gaussians.
 #pragma once
 #include <optional>
 
@@ -10,34 +10,35 @@ namespace gflow {
 
 class Preparation {
  public:
-  // Reads the scene and finds out which pictures have flow between them. Error when the scene is
-  // broken, has no training views or not those that train.sequential needs, and when flow is to be
-  // read and is not there. The configuration must outlive it.
+  // Reads the scene and finds the pairs of images that have flow. Error if the scene is broken, has
+  // no training views or lacks those that train.sequential needs, and if flow files are requested
+  // and missing. The configuration must outlive it.
   Preparation(const TrainOptions& config, const std::string& unpack_folder);
-  // The same of a scene that is loaded.
+  // The same for a loaded scene.
   Preparation(const TrainOptions& config, LoadedScene loaded);
-  Preparation(const Preparation&) = delete;  // scene and flows are referred to
+  Preparation(const Preparation&) = delete;  // other objects refer to scene and flows
 
-  // Whether flow is still to be computed.
+  // Whether flow still has to be computed.
   bool lacks_flow() const { return !flows_; }
-  // How many of flows(), the first, are read from files one by one.
+  // Number of flows, the first of flows(), that are read from single files.
   size_t flows_in_files() const {
     return config_.flow.enabled && config_.flow.source == FlowSource::files ? neighbours_.size()
                                                                             : 0;
   }
-  // Computes it, kept in a folder: beforehand where all fits into its room and training is long
-  // enough to look at all pairs, else when it is asked for. Nothing where there is flow.
+  // Computes flow and keeps it in a folder: beforehand if all of it fits into its budget and
+  // training is long enough to use all pairs, else on demand. Does nothing if flow exists.
   void compute_flow(const std::string& folder, bool quiet);
-  // Finds what moves in the pictures, for focus and first Gaussians. Needs no flow. Error when
-  // init.from asks for stereo points and there are none.
+  // Finds motion masks, for focus regions and initial Gaussians. Needs no flow. Error if init.from
+  // asks for stereo points and there are none.
   void find_motion_masks();
 
-  // As many Gaussians at most as density.cap and the memory allow. A scene without points gets
-  // those of several cameras (stereo_points.hpp).
+  // The initial model, with at most as many Gaussians as density.cap and memory allow. A scene
+  // without points gets stereo points (stereo_points.hpp).
   HostModel first_model(Queue& queue);
-  // Whether that began with points several cameras agree on.
+  // Whether the initial model uses stereo points.
   bool began_with_stereo() const { return began_with_stereo_; }
-  // guidance: of the settings, or nullptr; it must outlive the trainer. more: further objectives.
+  // guidance: provider of the settings, or nullptr; it must outlive the trainer. more: further
+  // objectives.
   Trainer trainer(Queue& queue, Model& model, Guidance* guidance = nullptr,
                   const std::vector<MakeObjective>& more = {});
 
@@ -51,8 +52,8 @@ class Preparation {
 
   const TrainOptions& config_;
   LoadedScene loaded_;
-  std::vector<FlowPair> neighbours_;  // both ways
-  std::vector<FlowPair> pairs_;       // these and those further apart
+  std::vector<FlowPair> neighbours_;  // pairs of neighbours, in both directions
+  std::vector<FlowPair> pairs_;       // neighbours_ and pairs further apart
   std::optional<FlowStore> flows_;
   std::vector<StaticCamera> static_cameras_;
   std::vector<Rect> parts_;

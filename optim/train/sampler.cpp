@@ -56,7 +56,7 @@ int Sampler::pair_at(size_t frame, int step, size_t turn) const {
 }
 
 std::vector<Sample> Sampler::at(int step) const {
-  // One step in focus + 1 looks at whole pictures, the others at parts of interest.
+  // One step in focus + 1 uses whole images, the others focus regions.
   const Choice& choice = choices_[size_t(std::max(stage(step).time_step, 0))];
   const int focus = choice.focus.empty() ? 0 : config_.train.focus;
   const bool whole = step % (focus + 1) == 0;

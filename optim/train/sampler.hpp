@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a training step looks at: views, the parts of them that are drawn, the flow they are
-// compared by. A function of configuration, scene, seed and step number alone.
+// Samples of each training step: views, the regions that are rendered, and their flow pairs. A
+// function of configuration, scene, seed and step number alone.
 #pragma once
 #include <algorithm>
 #include <vector>
@@ -15,33 +15,33 @@ namespace gflow {
 
 class Sampler {
  public:
-  // As for the Trainer; shape: of the model that is trained. Error where train.sequential does not
-  // go with it (require_sequence). All references must outlive it.
+  // As for the Trainer; shape: of the trained model. Error if train.sequential does not fit it
+  // (require_sequence). All references must outlive it.
   Sampler(const TrainOptions& config, const Scene& scene, const FrameStore& frames,
           const std::vector<FlowPair>& pairs, const FlowStore& flows, std::vector<Rect> parts,
           const MotionShape& shape);
 
-  // The views of step number `step`, from 0.
+  // The samples of step number `step`, from 0.
   std::vector<Sample> at(int step) const;
-  // Which time steps a training step is about.
+  // Time steps that a training step trains.
   Stage stage(int step) const { return stage_at(config_.train, std::max(scene_.steps, 1), step); }
   const Curriculum& curriculum() const { return curriculum_; }
-  // Steps from one with flow to the next (flow.every).
+  // Number of steps from one with flow to the next (flow.every).
   int flow_every() const { return flow_every_; }
 
  private:
-  // Training frames to choose from, all and those with a part smaller than the whole, of all time
-  // steps or, when trained one after the other, of each; from the moment seen best outwards where
-  // the model unfolds.
+  // Training frames to choose from: all, and those with a focus region. For all time steps
+  // together, or with train.sequential one per time step. With a curriculum sorted by distance in
+  // time from moment_to_begin().
   struct Choice {
     std::vector<size_t> frames, focus;
   };
-  // Flows that lead from a frame, forward and back; far: over several pictures.
+  // Flow pairs of a frame, forward and backward (train.sequential: backward only): to a neighbour,
+  // or over several frames.
   struct Ways {
     std::vector<int> near, far;
   };
-  // The flow pair, leading to what is trained already, that a frame is shown with, forward or back,
-  // to a neighbour or further (flow.long_share), or -1.
+  // The flow pair for a frame, to a neighbour or further (flow.long_share), or -1.
   int pair_at(size_t frame, int step, size_t turn) const;
 
   const TrainOptions& config_;
@@ -51,7 +51,7 @@ class Sampler {
   Curriculum curriculum_;
   int flow_every_ = 1;
   std::vector<Choice> choices_;
-  std::vector<Ways> ways_;  // one a training frame
+  std::vector<Ways> ways_;  // one per training frame
 };
 
 }  // namespace gflow

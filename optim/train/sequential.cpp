@@ -26,7 +26,7 @@ void require_sequence(const TrainOptions& config, const Scene& scene, const Moti
 
 Stage stage_at(const ScheduleOptions& config, int time_steps, int step) {
   if (!config.sequential) return {-1, step == 0, double(step) / config.iterations};
-  // Stage s ends before training step end(s); each has at least one, if there are enough.
+  // Stage s ends before training step end(s); each has at least one step if there are enough.
   const int later = time_steps - 1;
   const double first =
       later > 0 ? double(config.first_share) * config.iterations : double(config.iterations);

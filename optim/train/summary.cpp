@@ -13,8 +13,8 @@
 namespace gflow {
 namespace {
 
-// Whether the first Gaussian, which is never one of the short-lived, is at one of the scene's
-// points: made-up places are not.
+// Whether the first Gaussian, which is never short-lived, is at one of the scene's points; random
+// ones are not.
 bool lies_on_points(const HostModel& model, const Scene& scene) {
   const std::vector<float>& means = model.groups.at("means");
   for (size_t i = 0; i < scene.points.size(); ++i)
@@ -24,7 +24,7 @@ bool lies_on_points(const HostModel& model, const Scene& scene) {
   return false;
 }
 
-// Those that do not last as long as the first one.
+// Number of Gaussians with a shorter lifetime than the first one.
 size_t count_short_lived(const HostModel& model) {
   const std::vector<float>& log_scales = model.groups.at("log_scales");
   size_t count = 0;

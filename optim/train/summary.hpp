@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a training tells its user before the first step: what it found, what it begins with, and
-// which settings do nothing.
+// Messages before the first step: what was found, the initial Gaussians, and settings without
+// effect.
 #pragma once
 #include <string>
 #include <vector>
@@ -11,17 +11,16 @@
 
 namespace gflow {
 
-// A line with layout, cameras, time steps and pictures; another one where the test views are those
-// that are trained on. cameras: the scene's, in the size that is trained.
+// One line: layout, cameras, time steps and images; another line if the test views are training
+// views. cameras: the scene's, at training size.
 std::string in_words(const Scene& scene, const std::vector<Camera>& cameras);
 
-// A line: how many there are, where they come from, and how many of them are short-lived. model: as
-// initial_model made it with these settings. stereo: the scene's points are those that several
-// cameras agree on.
+// One line: number and origin of the initial Gaussians, and how many are short-lived. model: from
+// initial_model with these settings. stereo: the scene's points are stereo points.
 std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
                                      const InitOptions& init, bool stereo);
 
-// Warns of settings that the scene, or another setting, keeps from having the effect they are for.
+// Warns of settings that the scene or another setting makes ineffective.
 void warn_of_idle_settings(const Scene& scene, const TrainOptions& config);
 
 }  // namespace gflow

@@ -22,7 +22,7 @@ TrainResult train(Queue& queue, Scene scene, const TrainOptions& options,
   TrainObserver& observer = extensions.observer ? *extensions.observer : nobody;
   TrainResult result;
   result.steps = train_loop(queue, trainer, 0, options.train.iterations, observer);
-  prepared.flows().prefetch({});  // nothing more is needed
+  prepared.flows().prefetch({});  // cancel: no further flow is needed
   if (result.steps > 0) result.report = trainer.report(queue);
   result.model = model.read(queue);
   return result;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The training loop, and the seam for whoever follows it: log, checkpoints, viewers, scripts.
+// The training loop, and the observer interface for logs, checkpoints, viewers and scripts.
 #pragma once
 #include <optional>
 #include <string>
@@ -8,15 +8,15 @@
 
 namespace gflow {
 
-// A training after one of its steps.
+// State of a training run after a step.
 class TrainState {
  public:
   TrainState(Queue& queue, Trainer& trainer, int done, int steps)
       : queue(queue), trainer(trainer), done(done), steps(steps) {}
 
-  // Loss, terms and counts of the step just made; read from the device on the first call. Waits.
+  // Loss, terms and counts of the last step; read from the device on the first call. Waits.
   const StepReport& report();
-  // The model as it is on the device; valid during the call.
+  // The model on the device; valid during the call.
   const Model& model() const { return trainer.model(); }
 
   Queue& queue;
@@ -33,23 +33,23 @@ class TrainObserver {
   virtual ~TrainObserver() = default;
   // After each step. An exception ends the training.
   virtual void after_step(TrainState&) {}
-  // A sentence for the user about something that happened in a step.
+  // A message to the user about an event in a step.
   virtual void on_notice(const std::string&) {}
-  // Asked before each step, of which `done` are made: true ends the training.
+  // Called before each step, with `done` steps made; true ends the training.
   virtual bool stop(int done) {
     (void)done;
     return false;
   }
 };
 
-// What a caller adds to a training.
+// Additions of a caller to a training run.
 struct TrainExtensions {
-  TrainObserver* observer = nullptr;      // nullptr: nobody follows
+  TrainObserver* observer = nullptr;      // nullptr: none
   std::vector<MakeObjective> objectives;  // after gflow's own
 };
 
-// Makes steps first, first + 1, ... of options.train.iterations; returns the number of steps made,
-// `first` included.
+// Makes steps first, first + 1, ..., steps - 1 unless the observer stops; returns the number of
+// steps made, the `first` earlier ones included.
 int train_loop(Queue& queue, Trainer& trainer, int first, int steps, TrainObserver& observer);
 
 }  // namespace gflow

@@ -24,7 +24,7 @@ Trainer::Trainer(const TrainInputs& in, std::vector<Rect> parts,
 Trainer::~Trainer() {
   try {
     in_.queue.finish();
-  } catch (const Error&) {  // of a device that failed, which has been reported
+  } catch (const Error&) {  // the device failed, which has been reported
   }
 }
 
@@ -68,7 +68,7 @@ void Trainer::step(Queue& queue, int step) {
   const StepContext context{step, samples.front().frame, background(step), sh_degree(step)};
   view_pass_.begin_step(queue, context);
   optimizer_.begin_step(queue, now);
-  // First, because a provider of guidance may fail.
+  // First, because the guidance provider may fail.
   view_pass_.run_novel_views(queue, context, [&](const Shot& shot) {
     untouched_ = false;
     const PinholeCamera& camera = shot.view.camera;

@@ -47,7 +47,7 @@ Shot ViewPass::shot_of(const ViewContext& view) const {
   shot.view.camera = crop(pinhole(frames_.camera(*view.sample.frame), near_), view.sample.part);
   shot.view.camera_t2 = shot.view.camera;
   shot.time = view.sample.frame->time;
-  // The second time of losses that compare poses: the next time step, or the one before.
+  // Second time of losses that compare poses: the next time step, or the one before.
   const double later = shot.time + 1.0 / std::max(time_steps_ - 1, 1);
   shot.time_t2 = later < 1 + 1e-6 ? later : 2 * shot.time - later;
   shot.sh_degree = view.sh_degree;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything that one view of a training step needs on one device: draws it, lets the objectives
-// compare, and adds the gradients to the model's parameters.
+// One view of a training step on one device: renders it, lets the objectives compare, and adds the
+// gradients to the model's parameters.
 #pragma once
 #include <memory>
 #include <vector>
@@ -18,11 +18,11 @@ class ViewPass {
 
   // Before the first view of a step.
   void begin_step(Queue& queue, const StepContext& context);
-  // Views that objectives draw themselves; after_backward: called with each view's gradients.
+  // Renders the novel views of objectives; after_backward is called with each view's gradients.
   void run_novel_views(Queue& queue, const StepContext& context,
                        const std::function<void(const Shot&)>& after_backward);
-  // One view of the step. Its gradients are in renderer() until the next call. all_posed: density
-  // control needs Gaussians outside the image, too.
+  // Renders one view of the step. Its gradients are in renderer() until the next call. all_posed:
+  // density control needs Gaussians outside the image, too.
   void run(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
            bool all_posed);
 
@@ -32,10 +32,10 @@ class ViewPass {
   void save_state(Queue& queue, Arrays& arrays);
   void load_state(Queue& queue, const Arrays& arrays, const std::string& path);
 
-  // As after the last view.
+  // State after the last view.
   const Renderer& renderer() const { return renderer_; }
   const ImageGradients& image_gradients() const { return v_; }  // v_flow is stale without flow
-  // Views in a row, up to the last one, in which no Gaussian was visible.
+  // Number of consecutive views, up to the last one, in which no Gaussian was visible.
   int empty_views() const { return empty_views_; }
 
  private:

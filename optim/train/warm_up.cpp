@@ -17,7 +17,7 @@ Buffer<T> zeros(Queue& queue, size_t n) {
   return buffer;
 }
 
-// All that drawing takes and gives, for one tile and one Gaussian of opacity 0.
+// Inputs and outputs of rendering, for one tile and one Gaussian of opacity 0.
 struct WarmUpImage {
   explicit WarmUpImage(Queue& queue) {
     const size_t pixels = TILE * TILE;
@@ -119,7 +119,8 @@ void warm_up_kernels(Queue& queue, const TrainOptions& config) {
   const EngineSettings settings = engine_settings(config);
   const bool flow = config.flow.enabled;
   WarmUpImage picture(queue);
-  // Of what never rests, all pictures have flow in all tiles.
+  // Permanent models have no static Gaussians and evaluate flow in all tiles, so with flow they
+  // never render without it.
   if (!flow || !is_permanent(shape.motion))
     draw_and_return(queue, settings, {false, false}, picture);
   if (flow) draw_and_return(queue, settings, {true, false}, picture);
