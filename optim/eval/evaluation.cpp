@@ -15,17 +15,17 @@
 namespace gflow {
 namespace {
 
-constexpr double kMoving = 1;  // [px] a pixel counts as dynamic above this
+constexpr double kMoving = 1;  // [px] pixels with longer reference flow count as moving
 constexpr size_t kMostWithDis = 30;
 
-// The flow a view is compared with: planes [2, H, W], where it is known, where it moves, and what
-// is seen at both times.
+// Reference flow of a view: planes [2, H, W], and masks of where it is known, where it moves, and
+// what is visible at both times.
 struct Reference {
   std::vector<float> planes;
   std::vector<uint8_t> known, moving, seen;
-  double time = 0;              // it leads to this time [0, 1]
-  const Frame* next = nullptr;  // the picture it leads to; null: none of those that are judged
-  bool true_flow = false;       // that of a camera at rest
+  double time = 0;              // target time [0, 1]
+  const Frame* next = nullptr;  // target frame; null if it is not evaluated
+  bool true_flow = false;       // true flow, as from a static camera
 
   bool empty() const { return planes.empty(); }
 };
@@ -48,7 +48,9 @@ Reference reference_of(const TargetFlow& teacher, bool truth) {
   r.seen = teacher.confidence;
   const size_t pixels = r.known.size();
   r.moving.resize(pixels);
-  const auto too_large = [](float x) { return std::fabs(x) > TARGET_FLOW_LIMIT; };  // as training
+  const auto too_large = [](float x) {
+    return std::fabs(x) > TARGET_FLOW_LIMIT;
+  };  // the same limit as in training
   for (size_t i = 0; i < pixels; ++i) {
     if (too_large(r.planes[i]) || too_large(r.planes[pixels + i])) r.known[i] = 0;
     r.moving[i] = r.known[i] && std::hypot(r.planes[i], r.planes[pixels + i]) > kMoving;
@@ -56,7 +58,8 @@ Reference reference_of(const TargetFlow& teacher, bool truth) {
   return r;
 }
 
-// For each frame the track's next one among `frames`, or null; no further than max_gap steps.
+// For each frame the next one of its camera track among `frames`, at most max_gap steps away, or
+// null.
 std::vector<const Frame*> followers(const std::vector<Frame>& frames, int max_gap) {
   std::vector<const Frame*> next(frames.size(), nullptr);
   for (size_t i = 0; i < frames.size(); ++i)
@@ -78,18 +81,20 @@ double mean_of(const std::vector<ViewMetrics>& views, double ViewMetrics::*figur
   return count ? sum / double(count) : kNoFigure;
 }
 
-// No pixel selected is no figure; an empty mask would mean all of them.
+// Whether any pixel is selected. Without one a metric is undefined; the metric functions take an
+// empty mask as all pixels.
 bool any(const std::vector<uint8_t>& mask) {
   for (const uint8_t m : mask)
     if (m) return true;
   return false;
 }
 
-// Goes through the views in their order.
+// Evaluates the views in their order.
 class Evaluator {
  public:
   Evaluator(Queue& queue, Model& model, const TrainOptions& config, const LoadedScene& loaded,
-        const std::vector<Frame>& frames, const std::string& folder, const std::string& flow_folder)
+            const std::vector<Frame>& frames, const std::string& folder,
+            const std::string& flow_folder)
       : queue_(queue),
         model_(model),
         config_(config),
@@ -141,7 +146,7 @@ class Evaluator {
   }
 
  private:
-  // What the next view needs of the one before it.
+  // What flicker of a view needs when the next one is rendered.
   struct Before {
     Reference reference;
     std::vector<float> error;
@@ -171,7 +176,7 @@ class Evaluator {
   }
 
   void draw(const Frame& frame, const Camera& camera, const Reference& reference) {
-    const bool moves = reference.next && !reference.true_flow;  // the camera may have
+    const bool moves = reference.next && !reference.true_flow;  // the camera may have moved
     const float level = float(shown_level(config_.scene.background)) / 255;
     Shot shot;
     shot.view.camera = pinhole(camera, config_.render.near);
@@ -209,7 +214,7 @@ class Evaluator {
                                      .epe;
   }
 
-  // That of the view before, which is known when its next one is drawn.
+  // Sets the flicker of the previous view, now that its next one is rendered.
   void judge_flicker(const Frame& frame, const Picture& picture, const Picture& truth,
                      Reference&& reference) {
     const bool follows = before_ && before_->reference.next == &frame &&
@@ -233,7 +238,7 @@ class Evaluator {
   MetricNetworks networks_;
   Renderer renderer_;
   const std::vector<const Frame*> next_;
-  const size_t stride_;  // of the views that get DIS
+  const size_t stride_;  // every stride_-th view uses DIS
   std::optional<Before> before_;
   Evaluation result_;
 };

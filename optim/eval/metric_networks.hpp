@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The networks that the settings name to judge pictures by (metrics.lpips, metrics.clip).
+// The networks of metrics.lpips and metrics.clip.
 #pragma once
 #include <optional>
 
@@ -12,11 +12,11 @@ namespace gflow {
 
 class MetricNetworks {
  public:
-  // Loads them; none where the setting is empty. Error when one cannot be used.
+  // Loads the networks; none if the setting is empty. Error if one cannot be used.
   explicit MetricNetworks(const MetricsOptions& config);
-  // Error when one takes pictures of another size.
+  // Error if a network needs another image size.
   void require_size(int width, int height) const;
-  // Sets view.lpips and view.clip, each where it has a network.
+  // Sets view.lpips and view.clip, each if it has a network.
   void evaluate(ViewMetrics& view, const Picture& picture, const Picture& truth);
 
  private:
@@ -24,7 +24,7 @@ class MetricNetworks {
   std::optional<Clip> clip_;
 };
 
-// Names of files that are relative to where gflow was started, made independent of it.
+// Makes relative file names absolute, from the working directory.
 void make_paths_absolute(MetricsOptions& config);
 
 }  // namespace gflow

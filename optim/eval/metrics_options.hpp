@@ -7,7 +7,7 @@
 
 namespace gflow {
 
-// Changes nothing that is trained.
+// These settings do not affect training.
 struct MetricsOptions {
   std::string lpips;
   std::string clip;

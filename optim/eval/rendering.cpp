@@ -18,12 +18,12 @@ namespace {
 namespace fs = std::filesystem;
 constexpr int error_gain = 4;
 
-// One drawn view on the host.
+// One rendered view on the host.
 struct Drawn {
   int width = 0, height = 0;
   Image rgb;
   std::vector<float> alpha, depth;
-  FlowField flow;  // empty without one
+  FlowField flow;  // empty without flow
 };
 
 class Painter {
@@ -54,7 +54,7 @@ class Painter {
     return drawn;
   }
 
-  // The length that 1 % of the flow exceeds in the liveliest of at most eight views; at least 1 px.
+  // Length that 1 % of the flow exceeds, in the fastest of at most eight views; at least 1 px.
   float flow_scale(const std::vector<RenderView>& views) {
     std::vector<const RenderView*> with_flow;
     for (const RenderView& view : views)
@@ -96,7 +96,7 @@ void write_view(const std::string& folder, const std::string& name, const Drawn&
   write_png(path("flow", ".png"), picture_of_flow(drawn.flow, flow_scale));
 }
 
-// The scene's flow from this view to time_t2: true where there is truth, else estimated.
+// The scene's flow from this view to time_t2: true if known, else estimated.
 FlowField reference_flow(const RenderView& view, FrameStore& frames) {
   const bool truth =
       !view.truth->flow_path.empty() && std::abs(view.truth->flow_time - view.time_t2) < 1e-6;
@@ -107,7 +107,7 @@ FlowField reference_flow(const RenderView& view, FrameStore& frames) {
   return teacher.flow;
 }
 
-// Panels that this view lacks stay black, so that all rows of a video are alike.
+// Panels that this view lacks stay black, so that all frames of a video have one layout.
 Image comparison(const RenderView& view, FrameStore& frames, const Drawn& drawn, bool with_flow,
                  float flow_scale) {
   const Image black{drawn.width, drawn.height, 3,
@@ -122,7 +122,8 @@ Image comparison(const RenderView& view, FrameStore& frames, const Drawn& drawn,
   return side_by_side(panels);
 }
 
-// A video of each group of two or more pictures of one size; they are read again, not held.
+// Writes a video of each group of two or more images of one size; images are read back from files
+// to save memory.
 void write_movies(const std::vector<RenderView>& views, const std::string& folder,
                   const std::string& kind, const std::string& prefix, double fps, bool with_truth,
                   std::vector<std::string>& written) {
@@ -156,7 +157,7 @@ Image comparison_picture(Queue& queue, Model& model, const RenderView& view, Fra
                          const RenderOptions& options) {
   if (!view.truth) throw Error("view " + view.name + " has no picture to be compared with");
   Painter painter(queue, model, options);
-  // Colours by the reference: that looks the same beside each model that is compared with it.
+  // Scale colours by the reference, so that it looks the same beside every model.
   const bool with_flow = view.time_t2 >= 0;
   const float longest = with_flow ? flow_length_above(reference_flow(view, frames), 0.002) : 0;
   return comparison(view, frames, painter.draw(view), with_flow, std::max(longest, 1.f));

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The file (antimatter15/splaTV, hybrid.js): u32 magic, u32 length of a JSON list of chunks, that
-// list, the chunks. The one chunk "splat" is a texture of 32-bit words, 4096 x 4 words wide, 16
-// words a Gaussian; h2 is two half floats in a word, the first in the low bits:
-//   0-2 mean f32 | 3, 4 quaternion w x y z h2 | 5 scales x y h2, 6 z h2 | 7 red green blue opacity
-//   u8 8-12 velocity, half acceleration, a third order, x y z each, h2 | 13, 14 turn h2 | 15 t0,
-//   life h2
-// read at time t in [0, 1] with tau = t - t0 as
+// File layout (antimatter15/splaTV, hybrid.js): u32 magic, u32 length of a JSON list of chunks,
+// that list, the chunks. The one chunk "splat" is a texture of 32-bit words, 4096 x 4 words wide,
+// 16 words per Gaussian; h2 is two half floats in a word, the first in the low bits:
+//   0-2 mean f32 | 3, 4 quaternion w x y z h2 | 5 scales x y h2, 6 z h2
+//   7 red green blue opacity u8
+//   8-12 velocity, half acceleration, third order, x y z each, h2
+//   13, 14 turn h2 | 15 t0, life h2
+// A viewer evaluates it at time t in [0, 1] with tau = t - t0 as
 //   mean + velocity tau + half_acceleration tau^2 + ..., (quat + turn tau)/|...|,
 //   opacity exp(-(tau / life)^2), so life = sqrt(2) standard deviations.
 #include "optim/eval/splatv.hpp"
@@ -18,9 +19,9 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "optim/eval/views.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "optim/model/as_spacetime.hpp"
-#include "optim/eval/views.hpp"
 #include "optim/options/train_options.hpp"
 #include "optim/scene/cameras_json.hpp"
 #include "runtime/files/atomic_file.hpp"
@@ -29,8 +30,8 @@ namespace gflow {
 namespace {
 
 constexpr uint32_t kMagic = 0x674b;
-constexpr size_t kTexels = 4096, kWords = 16;     // across the texture; a Gaussian
-constexpr size_t kAcross = kTexels * 4 / kWords;  // Gaussians in a row of the texture
+constexpr size_t kTexels = 4096, kWords = 16;     // texels per texture row; words per Gaussian
+constexpr size_t kAcross = kTexels * 4 / kWords;  // Gaussians per texture row
 
 uint16_t half(double value) { return Eigen::half(float(std::clamp(value, -65504.0, 65504.0))).x; }
 uint32_t halves(double low, double high) { return half(low) | uint32_t(half(high)) << 16; }
@@ -47,8 +48,8 @@ std::array<double, n> row(const HostModel& model, const char* group, size_t i) {
   return values;
 }
 
-// A Gaussian in units of the video's length, at the moment t0 that a half float can hold: the path
-// is the same, counted from there.
+// A Gaussian in units of the video's length, relative to the t0 that a half float can represent;
+// the path is the same.
 struct FittedPath {
   Vec3 mean, velocity, half_acceleration;
   Vec4 quat, turn;
@@ -102,7 +103,7 @@ void put(const HostModel& model, size_t i, uint32_t* words) {
     words[7] |= byte(color_of_sh0(sh0[k])) << 8 * k;
   }
   const double largest = std::max({log_scales[0], log_scales[1], log_scales[2]});
-  if (std::isfinite(std::exp(float(largest))))  // else it is not drawn
+  if (std::isfinite(std::exp(float(largest))))  // else it is not rendered
     words[7] |= byte(opacity_of_logit(model.groups.at("logit_opacities")[i])) << 24;
   words[3] = halves(p.quat[0], p.quat[1]);
   words[4] = halves(p.quat[2], p.quat[3]);
@@ -129,7 +130,7 @@ void write_splatv(const std::string& path, const HostModel& any,
   const size_t rows = std::max<size_t>(1, (model.count + kAcross - 1) / kAcross);
   std::vector<uint32_t> texture(rows * kTexels * 4, 0);
   for (size_t i = 0; i < model.count; ++i) put(model, i, &texture[kWords * i]);
-  // The rest of the last row: opacity 0 and a life that is not.
+  // Padding of the last row: opacity 0, and a life above 0.
   for (size_t i = model.count; i < rows * kAcross; ++i) texture[kWords * i + 15] = halves(0, 1);
   const size_t size = texture.size() * sizeof(uint32_t);
   using Json = nlohmann::ordered_json;

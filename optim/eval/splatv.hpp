@@ -6,9 +6,9 @@
 
 namespace gflow {
 
-// The paths, turns and lives of a spacetime or native4d model are the format's own: exact up to its
-// half floats. Colour is that of degree 0, the same from all sides. The viewer starts at the first
-// camera; at least one is needed. Error for other motion models.
+// Paths, rotations and lifetimes of spacetime and native4d models are exact up to half precision.
+// Colour is that of degree 0. The viewer starts at the first camera; at least one is needed. Error
+// for other motion models.
 void write_splatv(const std::string& path, const HostModel& model,
                   const std::vector<Camera>& cameras);
 

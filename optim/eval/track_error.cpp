@@ -13,12 +13,12 @@
 namespace gflow {
 namespace {
 
-// A Gaussian over one step: where it is and how it moves.
+// A Gaussian over one step: its pose and motion.
 struct Carrier {
   Eigen::Vector3f mean, mean_later;
   Eigen::Matrix3f whiten;  // L^-1
   Eigen::Matrix3f carry;   // L' L^-1
-  float opacity, reach;    // reach: beyond three deviations along its longest axis it does nothing
+  float opacity, reach;    // reach: three deviations along its longest axis; no effect beyond
 };
 
 using RowMatrix = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
@@ -51,7 +51,7 @@ std::vector<Carrier> carriers(Queue& queue, Model& model, float t, float t_later
   return all;
 }
 
-// Where the point goes in the step; stays, and returns false, where nothing carries it.
+// Moves the point by one step; if no Gaussian carries it, it stays and the result is false.
 bool carried(const std::vector<Carrier>& all, Eigen::Vector3f& point) {
   float weights = 0;
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
@@ -71,7 +71,7 @@ Eigen::Vector3f point_at(const Tracks& tracks, size_t step, size_t point) {
   return Eigen::Vector3f(&tracks.xyz[3 * (step * tracks.points + point)]);
 }
 
-// Whether the true flow of a picture shows the point going from one place to the other.
+// Whether the true flow of an image shows the point moving between two positions.
 bool sees(const Camera& camera, const TargetFlow& truth, const Eigen::Vector3f& from,
           const Eigen::Vector3f& to) {
   const auto in_camera = [&](const Eigen::Vector3f& p) -> Eigen::Vector3d {
@@ -116,7 +116,7 @@ Tracks read_tracks(const std::string& path, const std::array<double, 3>& origin)
 
 void mark_seen(Tracks& tracks, const Scene& scene, const FrameStore& frames) {
   tracks.seen.clear();
-  if (size_t(scene.steps) != tracks.steps) return;  // some steps were left out
+  if (size_t(scene.steps) != tracks.steps) return;  // some time steps were skipped
   std::vector<uint8_t> seen((tracks.steps - 1) * tracks.points, 0), filmed(tracks.steps - 1, 0);
   for (const Frame& frame : scene.train) {
     const size_t step = size_t(frame.step);
@@ -139,7 +139,7 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
   for (size_t k = 0; k < tracks.points; ++k) points.push_back(truth(0, k));
   std::vector<double> sums(tracks.points, 0.0);
   std::vector<uint8_t> seen_so_far(tracks.points, 1);
-  size_t steps_seen = 0, kept_seen = 0;  // of all points
+  size_t steps_seen = 0, kept_seen = 0;  // sums over all points
   TrackError error;
   TrackError::Seen seen;
   seen.by_step.assign(tracks.steps, 0.0);
@@ -147,12 +147,12 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
   const double later_steps = double(tracks.steps - 1), all = later_steps * double(tracks.points);
   error.by_step.assign(tracks.steps, 0.0);
   error.motion_by_step.assign(tracks.steps, 0.0);
-  error.motion_by_step[0] = std::nan("");  // no step leads to the first
+  error.motion_by_step[0] = std::nan("");  // no step leads to the first time step
   for (size_t step = 0; step + 1 < tracks.steps; ++step) {
     const std::vector<Carrier> now = carriers(queue, model, model.time(double(step) / later_steps),
                                               model.time(double(step + 1) / later_steps));
     size_t seen_now = 0, kept_now = 0;
-    double motions = 0, distances = 0;  // of those
+    double motions = 0, distances = 0;  // over seen points
     for (size_t k = 0; k < tracks.points; ++k) {
       if (!carried(now, points[k])) error.lost += 1 / all;
       const double distance = double((points[k] - truth(step + 1, k)).norm());

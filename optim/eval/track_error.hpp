@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far a model's motion carries points away from their true paths in space.
+// 3D tracking error: how far a model's motion carries points away from their true paths.
 #pragma once
 #include <optional>
 
@@ -8,48 +8,51 @@
 
 namespace gflow {
 
-// Paths of `points` points over `steps` equal steps of the video, xyz [steps, points, 3], world.
+// Paths of `points` points over `steps` equally spaced time steps, xyz [steps, points, 3] in world
+// units.
 struct Tracks {
   size_t steps = 0, points = 0;
   std::vector<float> xyz;
   // Whether a training camera sees the point in this step and the next, [steps - 1, points]; empty
-  // where nobody knows.
+  // if unknown.
   std::vector<uint8_t> seen;
 };
-// Relative to `origin` of the file's world. Error when the file holds no such array.
+// Reads tracks, relative to `origin` in the file's world. Error if the file contains no such array.
 Tracks read_tracks(const std::string& path, const std::array<double, 3>& origin = {0, 0, 0});
 
-// Fills `seen` where all training pictures but the last ones have true flow: a point is seen where
-// the flow around its pixel moves as the point does, to .3 px and 2 %, and is not hidden at the
-// next step. Error when a flow cannot be read.
+// Sets `seen` if all training images but the last ones have true flow. A point is seen if the flow
+// around its pixel agrees with its motion to 0.3 px and 2 %, and it is not hidden at the next step.
+// Error if a flow cannot be read.
 void mark_seen(Tracks& tracks, const Scene& scene, const FrameStore& frames);
 
 struct TrackError {
-  double mean = 0;    // distance from the true path, over all points and later steps [scene units]
-  double median = 0;  // over the points, of their mean
-  double end = 0;     // at the last step: how far it has drifted by then
+  double mean =
+      0;  // mean distance from the true path, over all points and later steps [scene units]
+  double median = 0;            // median over the points of their mean distance
+  double end = 0;               // mean distance at the last step
   std::vector<double> by_step;  // mean over the points at each step, 0 at the first
-  // How far a step leads from the truth when it begins there: error of the motion alone, which
-  // does not add up. Mean over all points and steps; by_step: of the step that leads there, which
-  // is NaN for the first.
+  // Error of single steps that start at the true position: error of the motion alone, without
+  // drift. Mean over all points and steps; motion_by_step: of the step that leads to each time
+  // step, NaN for the first.
   double motion = 0;
   std::vector<double> motion_by_step;
-  double still = 0;  // mean for points that never move, for comparison
-  double lost = 0;   // share of the steps at which no Gaussian was there to carry a point
-  // The same for what training could see, where that is known and anything is: no picture says how
-  // the far side of a thing moves.
+  double still = 0;  // mean distance if the points did not move, for comparison
+  double lost = 0;   // share of the steps in which no Gaussian carries the point
+  // The same for visible motion, if it is known and there is any: no image shows how the far side
+  // of an object moves.
   struct Seen {
-    double share = 0;   // of all steps of all points
-    double mean = 0;    // of points for as long as they have been seen in every step
-    double motion = 0;  // of these steps
-    std::vector<double> by_step, motion_by_step;  // as above; NaN where none is seen
+    double share = 0;   // seen share of all steps of all points
+    double mean = 0;    // over points while they have been seen in every step so far
+    double motion = 0;  // over the seen steps
+    std::vector<double> by_step, motion_by_step;  // as above; NaN if none is seen
   };
   std::optional<Seen> seen;
 };
 
-// Each point starts on its true place and is carried from step to step by the Gaussians around it
-// as material is, each by its own affine motion L(t') L(t)^-1, by the share they have in the
-// density there: a point may be handed from one short-lived Gaussian to the next.
+// Error of a model's motion against tracks. Each point starts at its true position and is carried
+// from step to step by the Gaussians around it, each by its own affine motion L(t') L(t)^-1,
+// weighted by their share of the density there. So a point may pass from one short-lived Gaussian
+// to the next.
 TrackError track_error(Queue& queue, Model& model, const Tracks& tracks);
 
 }  // namespace gflow

@@ -17,9 +17,9 @@ namespace gflow {
 namespace {
 
 constexpr double same_time = 1e-6;
-constexpr size_t few = 4;  // fewer views of a camera make no video
+constexpr size_t few = 4;  // cameras with fewer views have no video of their own
 
-// A number and nothing else but blanks before it, or NaN.
+// A number with nothing but blanks before it, or NaN.
 double number_in(const std::string& blanks_and_number) {
   const size_t first = blanks_and_number.find_first_not_of(" \t");
   const std::string text = first == std::string::npos ? "" : blanks_and_number.substr(first);
@@ -33,13 +33,13 @@ std::vector<std::string> pieces(const std::string& text, char separator) {
   return result;
 }
 
-// Time between two steps of the scene; 0 for a single one.
+// Time between two time steps of the scene; 0 if there is one.
 double interval_of(const Scene& scene) {
   const std::vector<double> times = step_times(scene);
   return times.size() > 1 ? (times.back() - times[0]) / double(times.size() - 1) : 0;
 }
 
-// The frame of a camera at a time, of whatever split, or null.
+// The frame of a camera at a time, in any split, or null.
 const Frame* frame_at(const Scene& scene, const std::string& camera, double time) {
   for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
     for (const Frame& frame : *split)
@@ -49,7 +49,8 @@ const Frame* frame_at(const Scene& scene, const std::string& camera, double time
   return nullptr;
 }
 
-// The camera goes along to the next picture; a true flow is that seen by a camera at rest.
+// Estimated flow includes the camera's motion to the next frame; true flow is that of a static
+// camera.
 void set_flow_target(RenderView& view, const Frame& frame, const Frame* next,
                      const std::vector<Camera>& cameras, double interval) {
   const bool truth = !frame.flow_path.empty();
@@ -64,7 +65,7 @@ void set_flow_target(RenderView& view, const Frame& frame, const Frame* next,
   if (shows_it && (!truth || next->camera == frame.camera)) view.truth_t2 = next;
 }
 
-// The quantile of some values.
+// The quantile of values at `share`.
 double quantile(std::vector<float> values, double share) {
   const auto at = values.begin() + long(share * double(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
@@ -79,7 +80,8 @@ Eigen::Vector3d axis_named(const std::string& name) {
   return Eigen::Vector3d::Unit(letter[0] - 'x') * (minus ? -1 : 1);
 }
 
-// World to camera of a camera at `position` that looks at `target`, `up` being up in the picture.
+// World-to-camera matrix of a camera at `position` that looks at `target`, with `up` up in the
+// image.
 Eigen::Matrix4d looking(const Eigen::Vector3d& position, const Eigen::Vector3d& target,
                         const Eigen::Vector3d& up) {
   const Eigen::Vector3d ahead = (target - position).normalized();
