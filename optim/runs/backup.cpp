@@ -17,11 +17,11 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// What is put aside stays in the folder it lies in, which may be a link to another disk. The run's
-// own is the last to be empty: by it the others are known.
+// A file's backup stays in the file's folder, which may be a link to another disk. The run's own
+// folder is the last to be restored, because its backup folder names the others.
 constexpr const char* kPlaces[] = {"test", "point_cloud", "checkpoints", ""};
 
-// Names of their folders in a run.
+// Names of the backup folders in a run.
 std::vector<std::string> names_of_former(const RunFolder& run) {
   std::vector<std::string> names;
   std::error_code none;
@@ -32,7 +32,7 @@ std::vector<std::string> names_of_former(const RunFolder& run) {
   return names;
 }
 
-// Of what was begun in a killed training's place, a folder may not be empty.
+// The target may be a non-empty folder that a killed run began; rename cannot replace it.
 void put_back(const fs::path& file, const fs::path& to) {
   std::error_code problem;
   if (fs::is_directory(fs::symlink_status(to, problem))) fs::remove_all(to, problem);
@@ -50,7 +50,8 @@ void Backup::keep_in(const std::string& folder) {
   if (std::find(folders_.begin(), folders_.end(), folder) != folders_.end()) return;
   const fs::path aside = fs::path(folder) / temporary_folder_name(Backup::kName);
   std::error_code problem;
-  fs::create_directory(aside, problem);  // or it is there: two places may be links to one
+  fs::create_directory(aside,
+                       problem);  // an existing one is fine: two places may link to one folder
   if (problem) throw_write_error(aside.string(), problem.value());
   flush_folder_of(aside.string());
   folders_.push_back(folder);
@@ -69,7 +70,7 @@ void Backup::put_aside(const std::vector<std::string>& paths) {
   flush();
 }
 
-// Before anything takes their names, also on a disk of its own behind a link.
+// Flushes before other files take the names, also on other disks behind links.
 void Backup::flush() const {
   for (const std::string& folder : folders_) {
     const fs::path aside = fs::path(folder) / temporary_folder_name(kName);

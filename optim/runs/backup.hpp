@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of a training that another replaces. They are put aside, all or none, before the other's
-// take their names, and removed after: never are some of each under their names. Where one cannot
-// go they come back at once; where the program is killed in between, with the next that opens the
-// run (restore_backup()).
+// Backup of the previous run's files while a new run replaces them. All of them are moved aside, or
+// none, before the new files take their names, and are removed afterwards. So the folder never
+// holds a mixture. If one cannot be moved, all are moved back at once; if the process is killed in
+// between, the next one that opens the run does so (restore_backup()).
 #pragma once
 #include <string>
 #include <utility>
@@ -14,37 +14,37 @@ namespace gflow {
 
 class Backup {
  public:
-  static constexpr const char* kName = ".former";  // of their folders: temporary_folder_name()
+  static constexpr const char* kName = ".former";  // of the backup folders: temporary_folder_name()
 
-  // Of a run whose lock the caller has. Error when its folder cannot be written.
+  // For a run whose lock the caller holds. Error if its folder cannot be written.
   explicit Backup(const RunFolder& run);
   Backup(const Backup&) = delete;
   Backup& operator=(const Backup&) = delete;
-  // Puts back what is aside; removes it once given up. A warning where that fails.
+  // Moves the files back, or removes them after give_up(). Warns if that fails.
   ~Backup();
-  // Whether there are some of this process: it has not put all of them back.
+  // Whether a backup of this process exists: not all of its files are back.
   static bool are_aside(const RunFolder& run);
 
-  // Files or folders of the run. Error when one cannot be moved.
+  // Moves files or folders of the run aside. Error if one cannot be moved.
   void put_aside(const std::vector<std::string>& paths);
-  // The others have their names.
+  // The new files have taken their names: the backup is no longer needed.
   void give_up() { given_up_ = true; }
 
  private:
   void keep_in(const std::string& folder);
   void flush() const;
 
-  std::vector<std::string> folders_;                        // in which something is aside
+  std::vector<std::string> folders_;                        // folders that contain a backup folder
   std::vector<std::pair<std::string, std::string>> moved_;  // from, to
   bool given_up_ = false;
 };
 
-// Where a training was killed while files of the former one were aside, and had not begun (its
-// config.toml is among StagedFiles still), they take their names again, also those that something
-// has taken meanwhile. For whoever opens a run, under its lock, which the caller has. Error when
-// one of them cannot.
+// Undoes an unfinished replacement. If a process was killed while the previous run's files were in
+// a backup and before the new run began (its config.toml is still staged), they get their names
+// back and replace what has taken these meanwhile. Call it on opening a run, with its lock held.
+// Error if a file cannot be moved.
 void restore_backup(const RunFolder& run, const FileLock&);
-// The same unless another process has the lock, which is then to do so itself.
+// The same; does nothing if another process holds the lock, because that process will do it.
 void restore_backup(const RunFolder& run);
 
 }  // namespace gflow

@@ -24,9 +24,10 @@ namespace {
 namespace fs = std::filesystem;
 using OrderedJson = nlohmann::ordered_json;
 
-constexpr int kFormat = 2;  // rises when what the arrays mean changes
+constexpr int kFormat = 2;  // increases when the meaning of the arrays changes
 constexpr const char* kFacts = "facts";
-constexpr double kFarthest = 1e15;  // units: what lies farther no double tells from its neighbours
+constexpr double kFarthest =
+    1e15;  // [scene units] beyond it a double cannot resolve neighbouring positions
 
 OrderedJson json_of(const ModelShape& shape) {
   OrderedJson json{{"motion", names_of(shape.motion)[size_t(shape.motion)]},
@@ -37,7 +38,7 @@ OrderedJson json_of(const ModelShape& shape) {
   return json;
 }
 
-// A number above `lowest` and at most `highest`. Error that names it where it is no such.
+// A number above `lowest` and at most `highest`. Error that names it otherwise.
 double number_in(const OrderedJson& json, const char* name, double lowest, double highest,
                  const std::string& path) {
   const OrderedJson& value = json.at(name);
@@ -58,7 +59,7 @@ ModelShape shape_of(const OrderedJson& json, const std::string& path) {
   MotionShape::fields(shape, [&](const char* field, auto& value, double lowest, double highest) {
     value = std::decay_t<decltype(value)>(number_in(json, field, lowest, highest, path));
   });
-  if (!json.contains("origin")) return shape;  // of an older gflow
+  if (!json.contains("origin")) return shape;  // written by an older gflow
   json.at("origin").get_to(shape.origin);
   for (const double x : shape.origin)
     if (!(std::fabs(x) <= kFarthest))
@@ -78,7 +79,7 @@ OrderedJson json_of(const Checkpoint& checkpoint) {
   return json;
 }
 
-// The JSON text among the arrays. Error when there is none of this format.
+// The JSON text among the arrays. Error if there is none of this format.
 OrderedJson facts_json(const Arrays& arrays, const std::string& path) {
   const auto found = arrays.find(kFacts);
   const auto* text =
@@ -97,7 +98,7 @@ OrderedJson facts_json(const Arrays& arrays, const std::string& path) {
   return json;
 }
 
-// Error unless the arrays, facts aside, are those that the facts list.
+// Error unless the arrays, except facts, are those that the facts list.
 void require_arrays(const OrderedJson& json, const Arrays& arrays, const std::string& path) {
   const OrderedJson& shapes = json.at("arrays");
   for (const auto& [name, shape] : shapes.items())
@@ -190,7 +191,7 @@ int iteration_of_name(const std::string& name) {
   return is_it ? iteration : -1;
 }
 
-// The program itself: whatever was changed, compiler and flags included, it shows here.
+// Checksum of the executable, so that any change of code, compiler or flags shows.
 std::string program_stamp() {
   try {
     const Bytes program = read_file("/proc/self/exe");
@@ -206,7 +207,7 @@ std::string CheckpointFolder::path(int step) const {
 
 std::vector<int> CheckpointFolder::steps() const {
   std::vector<int> steps;
-  std::error_code none;  // a training may remove the folder meanwhile
+  std::error_code none;  // a training process may remove the folder meanwhile
   fs::directory_iterator entry(folder_, none), end;
   for (; !none && entry != end; entry.increment(none))
     if (const int step = step_of_name(entry->path()); step >= 0) steps.push_back(step);
@@ -225,7 +226,7 @@ void CheckpointFolder::write(const Checkpoint& checkpoint) const {
     if (!make_room(full)) throw;
     write_checkpoint(path(step), checkpoint);
   }
-  bool kept_one = false;  // later ones are those that could not be read
+  bool kept_one = false;  // later ones are unreadable
   for (const int other : steps()) {
     if (other == step) continue;
     if (other < step && !kept_one)
@@ -240,7 +241,7 @@ bool CheckpointFolder::make_room(const DiskFull& problem) const {
     try {
       read_checkpoint(path(step));
       return true;
-    } catch (const std::exception&) {  // or there is not enough memory to tell
+    } catch (const std::exception&) {  // or memory does not suffice to read it
       return false;
     }
   };

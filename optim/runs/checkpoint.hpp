@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// A training as it stands after a step, in a file, so that a later process goes on from there with
-// the same bits. Random numbers are functions of seed and step: there is no generator to keep.
+// Checkpoint: the state of a training run after a step, from which a later process continues with
+// bitwise equal results. Random numbers are functions of seed and step, so there is no generator
+// state.
 //
-// The file is a NumPy archive, not compressed: the arrays of Trainer::state and `facts`, a JSON
-// text as bytes, which lists the arrays with their shapes. Every array has a CRC-32.
+// The file is an uncompressed NumPy archive: the arrays of Trainer::state and `facts`, a JSON text
+// as bytes that lists the arrays with their shapes. Every array has a CRC-32.
 #pragma once
 #include <optional>
 #include <string>
@@ -15,15 +16,15 @@
 
 namespace gflow {
 
-// What decides whether training may go on, and whether bit by bit.
+// What decides whether training may continue, and whether bitwise equally.
 struct CheckpointFacts {
-  int step = 0;         // steps made; the next one has this number
-  double seconds = 0;   // of training so far
-  std::string config;   // every setting, as TOML
-  std::string scene;    // fingerprint of what was trained on
-  std::string device;   // with driver and lanes
-  std::string program;  // fingerprint of the program that wrote it
-  // Of the model, but for what only training needs; none in checkpoints of an older gflow.
+  int step = 0;         // steps made, so the number of the next step
+  double seconds = 0;   // training time so far
+  std::string config;   // all settings, as TOML
+  std::string scene;    // fingerprint of the training data
+  std::string device;   // name, driver and lanes
+  std::string program;  // fingerprint of the writing program
+  // Shape of the model; none in checkpoints of older versions of gflow.
   std::optional<ModelShape> shape = {};
 };
 
@@ -32,21 +33,21 @@ struct Checkpoint {
   Arrays arrays;
 };
 
-// The file appears complete or not at all. Error when it cannot be written.
+// The file appears complete or not at all. Error if it cannot be written.
 void write_checkpoint(const std::string& path, const Checkpoint& checkpoint);
-// Error with the reason when it is no checkpoint, damaged, or of another format.
+// Error with the reason if it is not a checkpoint, is damaged, or has another format.
 Checkpoint read_checkpoint(const std::string& path);
 
-// The facts alone, of whatever arrays, without reading those. Error as read_checkpoint.
+// The facts alone, without reading the arrays. Error as read_checkpoint.
 CheckpointFacts read_checkpoint_facts(const std::string& path);
 
-// CRC-32 of some bytes as eight hexadecimal digits.
+// CRC-32 of bytes as eight hexadecimal digits.
 std::string crc32_text(const void* bytes, size_t length);
-// What `facts` say of this device and this program.
+// Entries of CheckpointFacts for this device and this program.
 std::string device_stamp(const DeviceInfo& device);
 std::string program_stamp();
 
-// N of a name iteration_N, and -1 of any other: of a copy called iteration_07, too.
+// N of a name iteration_N, else -1, also for iteration_07.
 int iteration_of_name(const std::string& name);
 
 // The last two checkpoints of a run, FOLDER/iteration_N.npz.
@@ -60,16 +61,16 @@ class CheckpointFolder {
   };
 
   std::string path(int step) const;
-  // Writes one and keeps, beside it, the last before it only. Where the disk is full, make_room()
-  // helps. Error when it cannot be written; then the last of those that were there remains.
+  // Writes a checkpoint and keeps only the last one before it. Calls make_room() if the disk is
+  // full. Error if it cannot be written; then the last earlier one remains.
   void write(const Checkpoint& checkpoint) const;
-  // Before something later than all of them is written where there is no room for it, as `problem`
-  // says: removes all but the last that can be read, which is warned of. Whether any was removed.
+  // Makes room for something later than all checkpoints, after `problem`: removes all but the last
+  // readable one and warns. Returns whether any was removed.
   bool make_room(const DiskFull& problem) const;
-  // The last one that can be read, none when the folder has no checkpoints; warns of those that
-  // cannot. Error when there are some and none can be read.
+  // The last readable checkpoint, or none if the folder has none; warns of unreadable ones. Error
+  // if there are some and none is readable.
   std::optional<Found> latest() const;
-  // Steps of the files, falling.
+  // Steps of the files, descending.
   std::vector<int> steps() const;
 
  private:

@@ -15,8 +15,8 @@
 namespace gflow {
 namespace {
 
-// The settings of a run with some of [metrics] changed; Error for any other. A network that judged
-// the run before does so again unless the settings say otherwise.
+// The settings of a run with some of [metrics] changed; Error for any other. Networks of the
+// previous evaluation are used again unless the settings name others.
 TrainOptions judged_by(const TrainOptions& config, const MetricsOptions& before,
                        const std::vector<std::string>& settings) {
   TrainOptions changed = config;

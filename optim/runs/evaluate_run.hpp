@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How good a model is: on a scene's views, and on its true paths.
+// Evaluation of a run's model: on a scene's views, and on true 3D tracks.
 #pragma once
 #include <string>
 #include <vector>
@@ -9,30 +9,31 @@
 
 namespace gflow {
 
-// The views, and the paths in space where the scene has true ones. What is drawn goes into the
-// folder `pictures` unless that is empty; flow: the folder of what was computed.
+// Evaluates the views, and the 3D tracks if the scene has true ones. Rendered images go into the
+// folder `pictures` unless it is empty; flow: folder of computed flow.
 Evaluation evaluate_views(Queue& queue, Model& model, const TrainOptions& config,
                           const LoadedScene& loaded, const std::vector<Frame>& frames, bool quiet,
                           const std::string& pictures, const std::string& flow);
 
-// What the result will be judged by, once: better told now than at the end.
+// Loads the metric networks once before training, so that errors appear now and not at the end.
 void require_metric_networks(const TrainOptions& config, const Scene& scene,
                              const FrameStore& frames);
 
-// compare.png: the middle one of the views, beside its truth.
+// Writes compare.png: the middle view beside its truth.
 void write_comparison(Queue& queue, Model& model, const TrainOptions& config,
                       const LoadedScene& loaded, const RunFolder& run);
 
-// Of a model of a run, on its scene's test views (or "train", "val").
+// Evaluation of a run's model on its scene's test views (or "train", "val").
 struct RunEvaluation {
   Evaluation evaluation;
-  std::string state;  // RunState::text of the model
-  // Paths of the results; none beside a training, which will write them.
+  std::string state;  // RunState::text of the evaluated model
+  // Paths of the results; none while a training process holds the run, which will write them
+  // itself.
   std::vector<std::string> written;
 };
-// iteration: as for read_run_state. Of another than the latest only the results are written, under
-// names of their own. settings: "metrics.key=value" that are others than the run's; the run keeps
-// its own. Networks that judged results.json judge again where neither says anything.
+// iteration: as for read_run_state; for another than the latest only the results are written, under
+// their own names. settings: "metrics.key=value", which override the run's settings for this call.
+// Networks that evaluated results.json are used again unless `settings` or the run name others.
 RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,
                            int iteration = latest_iteration,
                            const std::vector<std::string>& settings = {});

@@ -11,8 +11,8 @@
 namespace gflow {
 namespace {
 
-// What a training depends on beside the settings, wherever it lies: cameras, times, and pictures by
-// name and size.
+// Fingerprint of the training data, independent of its location: cameras, times, and names and
+// sizes of images.
 std::string scene_stamp(const Scene& scene) {
   std::string stamp =
       fmt::format("{} {} {} {}\n", scene.layout, scene.extent, scene.steps, scene.train.size());
@@ -29,7 +29,7 @@ std::string scene_stamp(const Scene& scene) {
   return crc32_text(stamp.data(), stamp.size());
 }
 
-// Error when going on with these settings would not be the training that was begun.
+// Error if these settings or this scene would continue another training than the one begun.
 void require_same_training(const CheckpointFolder::Found& found, const TrainOptions& config,
                            const std::string& scene, const RunFolder& run) {
   const CheckpointFacts& facts = found.checkpoint.facts;
@@ -57,7 +57,7 @@ void require_same_training(const CheckpointFolder::Found& found, const TrainOpti
                     run.folder(), config.scene.path));
 }
 
-// The result is right on another device or by another build, but for the last bits.
+// On another device or build the result is correct, but not bitwise equal.
 void warn_of_other_bits(const CheckpointFacts& facts, const DeviceInfo& device) {
   const auto other = [](const char* what, const std::string& before, const std::string& now) {
     if (before != now)
@@ -108,7 +108,7 @@ void require_no_training(const RunFolder& run) {
     former = run.read_config();
     last = run.checkpoints().latest();
     ended = run.read_facts();
-  } catch (const Error&) {  // damaged: what is known decides
+  } catch (const Error&) {  // damaged: decide by the rest
   }
   if (run.checkpoints().steps().empty() && run.models().empty())
     throw Error(
@@ -122,7 +122,7 @@ void require_no_training(const RunFolder& run) {
         run.folder(), run.folder()));
   const int all = former.train.iterations;
   const int step = last ? last->checkpoint.facts.step : all;
-  const bool out_of_time = ended.finished && ended.iterations == step;  // train.minutes
+  const bool out_of_time = ended.finished && ended.iterations == step;  // ended by train.minutes
   if (step < all && !out_of_time)
     throw Error(fmt::format(
         "{} holds a training that was stopped at step {} of {}: `{}` goes on with it, --overwrite "

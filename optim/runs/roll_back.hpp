@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A training whose figures stop being numbers goes back to its last checkpoint and learns more
-// slowly from there (numerics 3, "non-finite loss").
+// Roll-back after a divergence: training with non-finite values returns to its last checkpoint and
+// continues with half the learning rates (numerics 3, "non-finite loss").
 #pragma once
 #include <optional>
 
@@ -9,29 +9,28 @@
 
 namespace gflow {
 
-// Whether a training with these figures is worth going on with: its loss and all that it has
-// learned are numbers, since the figures before no more rows than one Gaussian in a thousand (and
-// ten more) had gradients that Adam could not take, and nothing that all share is stuck with them.
-// (A Gaussian that cannot learn is no reason to give up the others.)
+// Whether training may continue with this report: loss and learned values are finite, since
+// `before` at most one Gaussian in a thousand (plus ten) had rejected gradients, and no shared row
+// is stuck. A few Gaussians that cannot learn are no reason to roll back.
 bool is_finite_report(const StepReport& now, const StepReport& before);
 
-// Of figures that are not sound, in words: what it is at that step.
+// Describes the non-finite values of a report at a step.
 std::string what_is_non_finite(const StepReport& figures, int step);
 
 class RollBack {
  public:
-  static constexpr int most = 3;  // times in a row from one checkpoint
+  static constexpr int most = 3;  // consecutive returns to one checkpoint
 
   RollBack(Queue& queue, const RunFolder& run, Trainer& trainer, Checkpointer& checkpoints)
       : queue_(queue), run_(run), trainer_(trainer), checkpoints_(checkpoints) {}
 
-  // Puts the trainer where the last checkpoint was, with half the learning rates it had last; says
-  // so in `notice`. Returns that step. Error when there is none, or after `most` times: then
-  // broken.npz in the run holds the state that the training came to.
+  // Restores the last checkpoint, with half of the latest learning-rate scale, and describes it in
+  // `notice`. Returns the checkpoint's step. Error if there is none, or after `most` times; then
+  // broken.npz in the run contains the diverged state.
   int roll_back(int step, const StepReport& figures, std::string& notice);
 
-  // Saves the state after `step` steps, when the next one failed for want of memory, if it is sound
-  // as far as can be seen without an image: `before` as for is_finite_report().
+  // Saves the state after `step` steps if the next step ran out of memory, and if the values that
+  // need no image are finite: `before` as for is_finite_report().
   void save_if_finite(int step, double seconds, const std::optional<StepReport>& before);
 
  private:

@@ -34,7 +34,7 @@ void write_text(const std::string& path, const std::string& text) {
   write_file_atomically(path, Bytes(text.begin(), text.end()));
 }
 
-// Lines at the end of a file, or a new file of them. On failure nothing of them is left.
+// Appends lines to a file, or begins it anew. Undone on failure.
 void append_lines(const std::string& file, bool anew, const std::string& lines) {
   std::error_code none;
   const uintmax_t before = !anew && fs::exists(file) ? fs::file_size(file, none) : 0;
@@ -48,12 +48,12 @@ void append_lines(const std::string& file, bool anew, const std::string& lines) 
   throw error;
 }
 
-// NaN has no place in JSON.
+// JSON has no NaN.
 OrderedJson number(double value) {
   return std::isfinite(value) ? OrderedJson(value) : OrderedJson(nullptr);
 }
 
-// The names of a line of metrics.jsonl: the columns of metrics.csv.
+// Names in a line of metrics.jsonl: the columns of metrics.csv.
 std::vector<std::string> names_of_line(const OrderedJson& line) {
   std::vector<std::string> names;
   for (const auto& item : line.items()) names.push_back(item.key());
@@ -62,7 +62,7 @@ std::vector<std::string> names_of_line(const OrderedJson& line) {
 std::string csv_row(const std::vector<std::string>& cells) {
   return fmt::format("{}\n", fmt::join(cells, ","));
 }
-// A line as a row under these columns. A cell without a finite value is empty.
+// A line as a CSV row with these columns. Non-finite or missing values are empty cells.
 std::string csv_row(const OrderedJson& line, const std::vector<std::string>& columns) {
   std::vector<std::string> cells;
   for (const std::string& column : columns) {
@@ -71,7 +71,7 @@ std::string csv_row(const OrderedJson& line, const std::vector<std::string>& col
   }
   return csv_row(cells);
 }
-// The columns of a table; none when there is no such file, or it is empty.
+// The columns of a table; none if the file is missing or empty.
 std::vector<std::string> columns_of(const std::string& path) {
   std::ifstream table(path);
   std::string header;
@@ -88,7 +88,7 @@ OrderedJson metrics_of_view(const ViewMetrics& view) {
   return figures;
 }
 
-// For each figure its mean over the views of each time step.
+// Mean of each metric over the views of each time step.
 OrderedJson figures_by_step(const std::vector<ViewMetrics>& views) {
   int steps = 0;
   for (const ViewMetrics& view : views) steps = std::max(steps, view.step + 1);
@@ -105,12 +105,13 @@ OrderedJson figures_by_step(const std::vector<ViewMetrics>& views) {
   return all;
 }
 
-// The network that judged; null: none was given.
+// Path of a network, or null if there is none.
 OrderedJson network(const std::string& path) {
   return path.empty() ? OrderedJson(nullptr) : OrderedJson(path);
 }
 
-// Whether a folder has files that no training, killed at its very start, left behind.
+// Whether a folder contains more than a lock and temporary files, which a training killed at its
+// start leaves.
 bool holds_something(const std::string& folder) {
   std::error_code problem;
   for (const auto& entry : fs::directory_iterator(folder, problem)) {
@@ -120,8 +121,8 @@ bool holds_something(const std::string& folder) {
   return false;
 }
 
-// Sets `config` to the settings of the last checkpoint that can be read, whose path is returned;
-// leaves it as it is and returns "" when there is none.
+// Sets `config` to the settings of the last readable checkpoint and returns its path; leaves it
+// unchanged and returns "" if there is none.
 std::string last_settings(const CheckpointFolder& checkpoints, TrainOptions& config) {
   for (const int step : checkpoints.steps()) {
     const std::string path = checkpoints.path(step);
@@ -131,13 +132,13 @@ std::string last_settings(const CheckpointFolder& checkpoints, TrainOptions& con
       check(kept);
       config = kept;
       return path;
-    } catch (const Error&) {  // who needs the checkpoint itself is told
+    } catch (const Error&) {  // reported when the checkpoint itself is read
     }
   }
   return "";
 }
 
-// Folders of which a training removes all that is in them, whoever put it there.
+// Folders that training empties, whoever wrote the files.
 constexpr const char* kEmptied[] = {"flow", "frames", "test"};
 
 bool is_link(const std::string& folder) {
@@ -145,13 +146,14 @@ bool is_link(const std::string& folder) {
   return fs::is_symlink(folder, none);
 }
 
-// Whether all in it may go: of a folder elsewhere that we have said so in.
+// Whether everything in the folder may be removed: not a link, or a claimed target.
 bool is_only_ours(const std::string& folder) {
   std::error_code none;
   return !is_link(folder) || fs::exists(fs::path(folder) / kOnlyOurs, none);
 }
 
-// What is to go where a folder is to: itself, or, where it is a link to another disk, all in it.
+// Paths to remove for a folder: itself, or the contents of its target if it is a link to a claimed
+// folder.
 std::vector<std::string> all_of(const std::string& folder) {
   if (!is_link(folder)) return {folder};
   std::vector<std::string> paths;
@@ -176,7 +178,7 @@ std::vector<std::string> those_there(std::vector<std::string> paths) {
 void RunFolder::make() const {
   if (folder_.empty()) throw Error("a run folder has an empty name; -o FOLDER gives it one");
   std::error_code problem;
-  // Training replaces what is in a run folder; what is in any other folder is not ours.
+  // Only run folders may be replaced; other folders are not ours.
   if (holds_something(folder_) && !is_made_by_training(folder_))
     throw Error(
         fmt::format("training into {}: it is not empty and no run folder; name a new folder,"
@@ -240,7 +242,7 @@ std::string RunFolder::model_path(int iteration) const {
 
 std::vector<int> RunFolder::models() const {
   std::vector<int> iterations;
-  std::error_code none;  // a training may remove the folder meanwhile
+  std::error_code none;  // a training process may remove the folder meanwhile
   for (const auto& entry : fs::directory_iterator(path("point_cloud"), none)) {
     const int iteration = iteration_of_name(entry.path().filename().string());
     if (iteration >= 0 && fs::exists(entry.path() / "point_cloud.ply"))
@@ -334,14 +336,15 @@ void RunFolder::forget_unfinished_files() const {
     for (fs::directory_iterator entry(folder, problem), end; !problem && entry != end;
          entry.increment(problem)) {
       const std::string name = entry->path().filename().string();
-      const bool is_own = folder == folder_;  // its folders may be links to other disks
+      const bool is_own = folder == folder_;  // its subfolders may be links to other disks
       const bool trains_there = !is_own || is_name_of_training(name);
       if (is_left_behind(name))
         unfinished.push_back(entry->path());
       else if (trains_there && fs::is_directory(is_own ? entry->status() : entry->symlink_status()))
         look_into(entry->path());
     }
-    if (problem && problem != std::errc::no_such_file_or_directory)  // another has removed it
+    if (problem &&
+        problem != std::errc::no_such_file_or_directory)  // another process has removed it
       throw Error(fmt::format("cannot look into {}: {}", folder.string(), problem.message()));
   };
   look_into(folder_);
@@ -409,7 +412,8 @@ void RunFolder::append_metrics(int iteration, double seconds, const StepReport& 
 OrderedJson RunFolder::metrics_of(std::string_view line) {
   constexpr size_t longest = size_t{64} << 10;
   OrderedJson none(OrderedJson::value_t::discarded);
-  // Not left to the parser, which takes microseconds to find reasons: a log may have millions.
+  // Checked before parsing: the parser takes microseconds per error, and a log may have millions of
+  // lines.
   if (line.size() > longest || line.empty() || line.front() != '{') return none;
   OrderedJson parsed = parse_json_within_limits(line);
   const bool is_line =
@@ -420,12 +424,12 @@ OrderedJson RunFolder::metrics_of(std::string_view line) {
 void RunFolder::keep_metrics_before(int iteration) const {
   std::string kept = read_text_or_empty(path("metrics.jsonl")), table;
   std::vector<std::string> columns;
-  size_t end = 0;  // of what is kept
+  size_t end = 0;  // end of the kept text
   int number = 1;
   for (std::string_view rest = kept; !rest.empty(); ++number) {
     const std::string_view text = take_line(rest);
     const OrderedJson line = metrics_of(text);
-    // As the last line of a killed process may be.
+    // The last line of a killed process may be cut off.
     const bool cut_off = rest.empty() && text.substr(0, 1) == "{";
     if (line.is_discarded() && !cut_off)
       warn(
@@ -529,8 +533,8 @@ RunFacts RunFolder::read_facts() const {
     if (facts.iterations >= 0) return facts;
   } catch (const OrderedJson::exception&) {
   } catch (const Error& problem) {
-    // A run that cannot be read now is no run of which nothing is known: it would be missing in a
-    // table, or trained anew.
+    // An unreadable file is not a missing one: the run would be absent from a table, or trained
+    // again.
     if (fs::is_regular_file(path("training.json"))) throw;
     why = problem.what();
   }

@@ -49,12 +49,12 @@ bool is_left_behind(const std::string& filename) {
   std::smatch found;
   std::regex_match(filename, found, pattern);
   const std::string pid = found[1], own = std::to_string(::getpid());
-  // Of this number there was another process before, in a container for one.
+  // An earlier process had this number, for example in a container.
   if (pid == own) return true;
   const auto program_of = [](const std::string& process) {
     std::string name;
     std::getline(std::ifstream("/proc/" + process + "/comm"), name);
-    return name;  // "": there is none
+    return name;  // "" if there is no such process
   };
   const std::string program = program_of(pid);
   return program.empty() || program != program_of(own);

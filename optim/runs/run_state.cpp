@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
-// Where a state lies.
+// File of a state.
 struct Place {
   int iteration;
   bool checkpoint;
@@ -36,8 +36,8 @@ std::vector<Place> places_in(const RunFolder& run) {
   return places;
 }
 
-// What is known of the training up to there: all if it ended or was interrupted there, something
-// where there is a checkpoint.
+// Facts about training up to the iteration: all if it ended or was interrupted there, some if there
+// is a checkpoint.
 RunFacts facts_at(const RunFolder& run, int iteration) {
   const RunFacts last = run.read_facts();
   if (last.iterations == iteration) return last;
@@ -48,7 +48,7 @@ RunFacts facts_at(const RunFolder& run, int iteration) {
     const CheckpointFacts kept = read_checkpoint_facts(run.checkpoints().path(iteration));
     facts.train_seconds = kept.seconds;
     facts.device = kept.device;
-  } catch (const Error&) {  // none, or damaged
+  } catch (const Error&) {  // missing or damaged
   }
   return facts;
 }
@@ -58,7 +58,7 @@ RunState read_place(const RunFolder& run, const Place& place) {
   state.iteration = place.iteration;
   state.checkpoint = place.checkpoint;
   state.path = place.path;
-  std::error_code gone;  // then reading it is the error
+  std::error_code gone;  // on failure, reading the file reports the error
   state.bytes = fs::file_size(place.path, gone);
   if (place.checkpoint) {
     const Checkpoint checkpoint = read_checkpoint(place.path);
@@ -73,8 +73,7 @@ RunState read_place(const RunFolder& run, const Place& place) {
   return state;
 }
 
-// The first of the places that can be read; none when one of them vanished meanwhile: a training
-// has replaced it.
+// The first readable state; none if a file vanished meanwhile because training replaced it.
 std::optional<RunState> first_readable(const RunFolder& run, const std::vector<Place>& places) {
   std::string reason;
   for (const Place& place : places) {
@@ -117,7 +116,7 @@ std::vector<int> iterations_of(const RunFolder& run) {
 }
 
 RunState read_run_state(const RunFolder& run, int iteration) {
-  constexpr int attempts = 10;  // of which each meets another checkpoint
+  constexpr int attempts = 10;  // each meets another checkpoint
   for (int attempt = 0; attempt < attempts; ++attempt) {
     std::vector<Place> places = places_in(run);
     if (places.empty())

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run has come to: the one place that decides which model commands show of it, while it is
-// trained, after it was stopped or killed, and when it is finished.
+// State of a run: the one place that decides which model commands show, while it is trained, after
+// it was stopped or killed, and when it is finished.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -12,29 +12,29 @@ namespace gflow {
 constexpr int latest_iteration = -1;
 
 struct RunState {
-  int iteration = 0;        // training steps behind the model
-  bool checkpoint = false;  // whether it comes from a checkpoint, else from a point cloud
-  std::string path;         // of the file that held it
-  uintmax_t bytes = 0;      // its length; a training may have replaced it by now
+  int iteration = 0;        // training steps of the model
+  bool checkpoint = false;  // from a checkpoint; else from a point cloud
+  std::string path;         // file that the state was read from
+  uintmax_t bytes = 0;      // size of the file, which training may have replaced by now
   HostModel model;
-  TrainOptions config;  // of the run
-  RunFacts facts;       // of `iteration` steps; NaN and "" where nobody knows
+  TrainOptions config;  // settings of the run
+  RunFacts facts;       // after `iteration` steps; NaN and "" if unknown
 
   // "iteration 1200 of 3000, from the checkpoint"
   std::string text() const;
 };
 
-// The shape of the models of a training: as its checkpoint says or, one of an older gflow, its
-// first Gaussians. `path`: the checkpoint's. Error when neither does.
+// The model shape of a training run: from its checkpoint, or for one of an older gflow from its
+// initial Gaussians. `path`: the checkpoint's. Error if neither has it.
 ModelShape kept_shape(const Checkpoint& checkpoint, const std::string& path, const RunFolder& run);
 
-// Iterations that a run has a point cloud or a checkpoint of, rising.
+// Iterations with a point cloud or a checkpoint, ascending.
 std::vector<int> iterations_of(const RunFolder& run);
 
-// The state of the highest iteration, a point cloud before a checkpoint of the same, or that of one
-// iteration. Takes no lock: beside a training that replaces what is read, it is the state before or
-// after. Warns of damaged files where another one can be used. Error when there is no state, or no
-// such iteration, with those there are.
+// Reads the state of the highest iteration, a point cloud before a checkpoint of the same; or of a
+// given iteration. Takes no lock: if training replaces files meanwhile, the result is the state
+// before or after. Warns of damaged files if another one is usable. Error, which lists the existing
+// iterations, if there is no state or no such iteration.
 RunState read_run_state(const RunFolder& run, int iteration = latest_iteration);
 
 }  // namespace gflow

@@ -21,7 +21,7 @@ StagedFiles::StagedFiles(const RunFolder& run)
 }
 
 StagedFiles::~StagedFiles() {
-  if (Backup::are_aside(run_)) return;  // these are known by it
+  if (Backup::are_aside(run_)) return;  // restore_backup() needs the folder
   std::error_code none;
   fs::remove_all(folder_.folder(), none);
 }

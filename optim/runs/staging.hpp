@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of a run that are written before the first of those they replace goes: that there is room
-// for them, and leave to write them, is known while the former run is whole.
+// Staging: new files of a run are written completely before the first old one is removed. So lack
+// of space or permission shows while the previous run is intact.
 #pragma once
 #include "optim/runs/run_folder.hpp"
 
@@ -8,22 +8,21 @@ namespace gflow {
 
 class StagedFiles {
  public:
-  static constexpr const char* kName = ".next";  // of their folder: temporary_folder_name()
+  static constexpr const char* kName = ".next";  // of the staging folder: temporary_folder_name()
 
-  // A folder within the run's, whose lock the caller has. Error when it cannot be made. While its
-  // config.toml is there files of the former training that are aside are to come back
-  // (restore_backup()); after that what a killed process leaves of it goes with
-  // RunFolder::forget_unfinished_files().
+  // Makes a staging folder in the run, whose lock the caller holds. Error if it cannot be made.
+  // While it contains config.toml, a backup of the previous run must be restored
+  // (restore_backup()); after that RunFolder::forget_unfinished_files() removes the rest.
   explicit StagedFiles(const RunFolder& run);
   StagedFiles(const StagedFiles&) = delete;
   StagedFiles& operator=(const StagedFiles&) = delete;
-  ~StagedFiles();  // removes what has not taken its name
+  ~StagedFiles();  // removes files that are still staged
 
-  // Where they are to be written.
+  // Write the new files here.
   const RunFolder& folder() const { return folder_; }
-  // Error when one of them could not take its name in the run: something that is no file has it.
+  // Error if one of them could not take its name because something other than a file has it.
   void require_names() const;
-  // Moves one, or each that is left, to its name in the run. Error when it cannot be.
+  // Moves one file, or all that remain, to their names in the run. Error if that fails.
   void take_name(const std::string& file) const;
   void take_names() const;
 

@@ -22,8 +22,7 @@
 namespace gflow {
 namespace {
 
-// Before a former training is given up for another one: Error where a picture or a file of flow is
-// damaged.
+// Before a previous run is replaced: Error if an image or flow file is damaged.
 void require_whole_files(Preparation& prepared, bool quiet) {
   const std::vector<Frame>& frames = prepared.scene().train;
   const size_t flows = prepared.flows_in_files();
@@ -40,7 +39,7 @@ void require_whole_files(Preparation& prepared, bool quiet) {
   progress.finish();
 }
 
-// Error when the file that training begins with cannot be used, or would be gone by then.
+// Error if init.file cannot be used, or would be removed before it is read.
 void require_first_file(const TrainOptions& config, const RunFolder& run) {
   if (run.would_remove(config.init.file))
     throw Error(fmt::format(
@@ -50,7 +49,7 @@ void require_first_file(const TrainOptions& config, const RunFolder& run) {
   require_init_file(config);
 }
 
-// Error when one of what is trained on, files or folders, lies among what this run replaces.
+// Error if an input file or folder is among what this run replaces.
 void require_elsewhere(const std::set<std::string>& files, const RunFolder& run) {
   for (const std::string& file : files)
     if (run.would_remove(file))
@@ -69,7 +68,7 @@ std::set<std::string> files_of(const Scene& scene) {
   return files;
 }
 
-// The shape of the model that a checkpoint goes on with.
+// The model shape of the settings, with the field's box from the checkpoint.
 ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& scene,
                            const TrainOptions& config, const RunFolder& run) {
   ModelShape shape = model_shape(scene, config);
@@ -80,7 +79,7 @@ ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& sc
   return shape;
 }
 
-// Whether it is over, and there was no room for its last checkpoint beside the model.
+// Whether training is finished and has a model but no checkpoint, for lack of space.
 bool is_over_without_checkpoint(const RunFolder& run, const TrainOptions& config) {
   if (!run.checkpoints().steps().empty() || run.models().empty()) return false;
   const RunFacts ended = run.read_facts();
@@ -88,7 +87,7 @@ bool is_over_without_checkpoint(const RunFolder& run, const TrainOptions& config
          setting_values(run.read_config()) == setting_values(config);
 }
 
-// Whether all that a training ends with is there beside its last checkpoint, and can be read.
+// Whether all final files of a training exist besides its last checkpoint, and are readable.
 bool is_complete(const RunFolder& run, int steps) {
   const RunFacts ended = run.read_facts();
   if (!ended.finished || ended.iterations != steps) return false;
@@ -116,7 +115,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
-  require_elsewhere(files_of(scene), run);  // it may be links
+  require_elsewhere(files_of(scene), run);  // input files may be links
   if (start == Start::resume && is_over_without_checkpoint(run, config)) {
     if (!quiet) print_status("the training in {} is over; its model is judged\n", run.folder());
     if (scene.test.empty()) return {};
@@ -136,21 +135,22 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   std::unique_ptr<Guidance> guidance = finished ? nullptr : guidance_of(config);
   run.make();
   const FileLock lock = run.lock();
-  restore_backup(run, lock);  // another may have been killed since
+  restore_backup(run, lock);  // another process may have been killed since
   run.forget_unfinished_files();
   run.claim_linked_folders();
   std::optional<CheckpointFolder::Found> resumed;
   if (start == Start::resume) resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
   if (!resumed && start != Start::overwrite) require_no_training(run);
   const bool has_steps_left = !resumed || resumed->checkpoint.facts.step < config.train.iterations;
-  if (finished && has_steps_left) guidance = guidance_of(config);  // the last was damaged
+  if (finished && has_steps_left)
+    guidance = guidance_of(config);  // the last checkpoint was damaged
   const bool complete = resumed && !has_steps_left && is_complete(run, config.train.iterations);
   run.remove_stale_caches(cache_stamp(scene, config.scene));
-  for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // broken ones are named now
-  prepared.find_motion_masks();  // a scene may not show what init.from asks for
+  for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // reports broken images now
+  prepared.find_motion_masks();  // may throw if the scene lacks what init.from asks for
 
-  // Nothing is wrong with what goes in. A training that is there, or its results, stays until the
-  // first step of this one is made and sound, which shows that it can be.
+  // The inputs are valid. A previous run or its results stay until the first step of this one
+  // succeeds with finite values.
   const bool goes_on = resumed.has_value();
   const bool replaces = !goes_on && run.holds_training();
   const bool begins_now = !goes_on && !replaces;
@@ -167,9 +167,9 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
     Backup former(run);
     if (!goes_on) former.put_aside(run.training());
     if (changes) former.put_aside(run.results());
-    next.take_name("config.toml");  // from here on the folder is of this training
+    next.take_name("config.toml");  // from here on the folder belongs to this run
     former.give_up();
-    begun = true;  // whatever comes of it
+    begun = true;  // even if the following fails
     next.take_names();
   };
   if (begins_now) begin_run(true);
@@ -199,7 +199,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   if (resumed) {
     trainer.set_state(queue, resumed->checkpoint.arrays, resumed->path);
     former = resumed->checkpoint.facts;
-    resumed.reset();  // its arrays are as large as the model
+    resumed.reset();  // frees its arrays, which are as large as the model
     run.keep_metrics_before(former.step);
   }
   Checkpointer checkpoints(queue, config, scene, run, trainer, model.shape);
@@ -221,9 +221,9 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
     if (begun || goes_on || Backup::are_aside(run)) throw;
     throw Error(fmt::format("{}; {}", problem.what(), left));
   }
-  prepared.flows().prefetch({});  // of steps that an interruption or the clock left out
+  prepared.flows().prefetch({});  // cancel prefetching for steps that are not made
   if (!guard) guard.emplace();
-  if (!begun) begin_run(!goes_on);  // there were no steps to make
+  if (!begun) begin_run(!goes_on);  // no step was left to make
   const RunFacts facts = complete ? run.read_facts() : keep_result(training, steps);
   stop.say(
       fmt::format("interrupted while evaluating; the model is in {}, `gflow eval {}` judges it",
@@ -239,7 +239,8 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
         evaluate_views(queue, model, config, prepared.loaded(), scene.test, quiet, run.path("test"),
                        run.path("flow"));
     write_comparison(queue, model, config, prepared.loaded(), run);
-    run.write_results(evaluation, "test", facts, config, model.parameters.count);  // all is done
+    run.write_results(evaluation, "test", facts, config,
+                      model.parameters.count);  // last: marks the run as finished
     return evaluation;
   } catch (const DiskFull& full) {
     throw DiskFull(fmt::format("{}; the model is in {}, `gflow eval {}` judges it", full.what(),

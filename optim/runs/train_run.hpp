@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The whole job: a scene folder in, a run folder out. Scripts and the command line both call this.
+// Complete training run: from a scene folder to a run folder. Used by scripts and the command line.
 #pragma once
 #include <string>
 #include <vector>
@@ -10,16 +10,16 @@
 
 namespace gflow {
 
-// anew: Error when there is a training in the run folder. overwrite: it is replaced. resume: it is
-// continued from its last checkpoint, or as anew where it had not come to one.
+// anew: Error if the run folder holds a training. overwrite: replaces it. resume: continues from
+// its last checkpoint, or starts anew if there is none.
 enum class Start { anew, overwrite, resume };
 
 // Trains config.scene.path into `run`, writing as it goes; evaluates on the test views at the end.
-// On Ctrl-C the step is finished, checkpoint and model written, and Interrupted thrown; before the
-// first step and while it evaluates, a signal does what it does elsewhere (StopSentence). A
-// training that was stopped, in whichever way, and resumed gives the bits of one that was not.
-// Error when another process writes the folder, and when there is a checkpoint and settings or
-// scene are not its own. extensions: objectives and an observer of the caller's.
+// Ctrl-C finishes the current step, writes checkpoint and model, and throws Interrupted; before the
+// first step and during evaluation, signals act as elsewhere (StopSentence). A run that was stopped
+// in any way and resumed is bitwise equal to an uninterrupted one. Error if another process writes
+// the folder, or if there is a checkpoint with other settings or another scene. extensions:
+// objectives and an observer of the caller.
 Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& run, bool quiet,
                      Start start = Start::anew, const TrainExtensions& extensions = {});
 

@@ -39,7 +39,7 @@ void save_model(Queue& queue, const Model& model, const RunFolder& run, int iter
   write_model(path, model.read(queue));
 }
 
-// A model on the way; that it does not fit on the disk is no reason to stop.
+// Saves an intermediate model; a full disk does not stop training.
 void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int iteration) {
   try {
     save_model(queue, model, run, iteration);
@@ -48,7 +48,7 @@ void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int 
   }
 }
 
-// Nor is a line of the log that does not.
+// Appends a line of the log; a failure does not stop training.
 void try_append_metrics(const RunFolder& run, int step, double seconds, const StepReport& figures) {
   try {
     run.append_metrics(step, seconds, figures);
@@ -57,10 +57,10 @@ void try_append_metrics(const RunFolder& run, int step, double seconds, const St
   }
 }
 
-// Whether the n-th step is the last of a round of `every`; 0: there are none.
+// Whether step n is the last of a round of `every` steps; 0: no rounds.
 bool ends_round(int n, int every) { return every > 0 && n % every == 0; }
 
-// What to throw when the guidance of a step failed; the steps before it are saved.
+// The error to throw if the guidance of a step failed; the steps before it are saved.
 Error without_guidance(const GuidanceFailed& problem, const Training& training, int step) {
   const RunFolder& run = training.run;
   if (step == 0)
@@ -76,15 +76,15 @@ bool is_of_device(const Error& error) {
   return is_out_of_memory(error) || dynamic_cast<const ClError*>(&error);
 }
 
-// That a program does not build is none of the device's doing.
+// A kernel build error is not a failure of the device.
 bool did_not_build(const Error& error) {
   const auto* of_opencl = dynamic_cast<const ClError*>(&error);
   return of_opencl && of_opencl->code == CL_BUILD_PROGRAM_FAILURE;
 }
 
-// The same when the device failed, or a picture or flow could not be read. The step may not have
-// begun to change anything, and a device that only wants memory may still answer: then the steps
-// before it are saved. `before`: the last figures that were looked at.
+// The error to throw if the device failed, or an image or flow could not be read. The step may not
+// have changed anything yet, and a device that ran out of memory may still respond: then the steps
+// before it are saved. `before`: the last report that was checked.
 Error without_step(const Error& problem, const Training& training, int step, RollBack& roll_back,
                    const std::optional<StepReport>& before) {
   const RunFolder& run = training.run;
@@ -102,8 +102,8 @@ Error without_step(const Error& problem, const Training& training, int step, Rol
                            how_to_resume(run, training.config)));
 }
 
-// Runs what writes something of the end; "" or why it could not. Where the disk is full, older
-// checkpoints make room for the model.
+// Writes a part of the result; returns "" or the reason of failure. If the disk is full, older
+// checkpoints make room.
 std::string why_not(const RunFolder& run, const std::function<void()>& write) {
   try {
     try {
@@ -118,7 +118,8 @@ std::string why_not(const RunFolder& run, const std::function<void()>& write) {
   return "";
 }
 
-// What to throw when the end could not be kept in full: `model` and `rest` are why not, or "".
+// The error to throw if the result could not be saved in full; `model` and `rest` are reasons of
+// failure, or "".
 Error not_all_kept(const Training& training, int steps, const std::string& model,
                    const std::string& rest) {
   const RunFolder& run = training.run;
@@ -141,7 +142,7 @@ Error not_all_kept(const Training& training, int steps, const std::string& model
   return Error(fmt::format("{}; {} of {} steps are saved{}", model, last, steps, go_on));
 }
 
-// Steps of the training before, 0 where nothing can tell: no reason to lose this one.
+// Steps of the previous process, 0 if unknown, which is no reason to lose this result.
 int stopped_at(const RunFolder& run) {
   try {
     return run.read_facts().iterations;
@@ -150,7 +151,7 @@ int stopped_at(const RunFolder& run) {
   }
 }
 
-// Follows the steps of a run: log, models and checkpoints on the way, roll-back, interruption.
+// Observes the steps of a run: log, intermediate models and checkpoints, roll-back, interruption.
 class RunObserver : public TrainObserver {
  public:
   RunObserver(Training& training, int from, std::optional<InterruptGuard>& guard, bool quiet,
@@ -187,7 +188,8 @@ class RunObserver : public TrainObserver {
     if (training_.observer) training_.observer->after_step(state);
   }
 
-  // The step under way failed. What to throw, or nothing where it was interrupted before it began.
+  // The current step failed. Rethrows or throws the error to report; returns if the user had
+  // interrupted before it began.
   void on_guidance_failure(const GuidanceFailed& problem) {
     if (is_interrupted()) return;
     progress_.finish();
@@ -214,8 +216,8 @@ class RunObserver : public TrainObserver {
     begun_ = true;
   }
 
-  // Writes what is due after a step. Whatever is kept is checked first: false where the training
-  // has gone back to its last checkpoint instead.
+  // Writes what is due after a step, after checking it. Returns false if training has returned to
+  // its last checkpoint instead.
   bool keep(TrainState& state) {
     const auto& [queue, config, run, model, trainer, checkpoints, watch, observer] = training_;
     const ScheduleOptions& plan = config.train;
@@ -251,8 +253,8 @@ class RunObserver : public TrainObserver {
   bool in_step_ = false;
   Progress progress_;
   RollBack roll_back_;
-  StepReport report_;                 // the last that was read
-  std::optional<StepReport> before_;  // the last that was sound
+  StepReport report_;                 // last report read
+  std::optional<StepReport> before_;  // last finite report
 };
 
 }  // namespace
@@ -283,7 +285,7 @@ RunFacts keep_result(Training& training, int steps) {
                        name_of(training.model.shape.motion),
                        !interrupted()};
   const std::string unsound = non_finite_array(training.trainer.state(training.queue));
-  if (!unsound.empty()) {  // stopped between two looks at it
+  if (!unsound.empty()) {  // stopped between two checks
     training.checkpoints.write_to(run.path("broken.npz"), steps);
     const std::string sentence = fmt::format(
         "training {}: {} contains NaN or Inf after {} steps, which are kept in "
@@ -294,9 +296,9 @@ RunFacts keep_result(Training& training, int steps) {
     if (interrupted()) throw Interrupted(sentence);
     throw Error(sentence);
   }
-  const int stopped = stopped_at(run);  // where it was gone on from
-  // Each is worth having without the other: either of them holds the model. The checkpoint comes
-  // first, as one who is stopped at once in between can go on from it.
+  const int stopped = stopped_at(run);  // step at which the previous process stopped
+  // Each is useful without the other, since both contain the model. The checkpoint is first, so
+  // that a process killed in between can be resumed.
   const std::string no_facts = why_not(run, [&] { run.write_facts(facts); });
   const std::string no_checkpoint =
       why_not(run, [&] { training.checkpoints.write(steps, facts.train_seconds); });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The training loop: its steps with progress, log, models and checkpoints on the way, until the
-// plan, the clock or the user ends them.
+// The training loop of a run: steps with progress, log, models and checkpoints, until the plan, the
+// clock or the user ends it.
 #pragma once
 #include <chrono>
 #include <functional>
@@ -12,7 +12,7 @@
 
 namespace gflow {
 
-// Training time, that of earlier processes included.
+// Training time, including that of earlier processes.
 class Stopwatch {
  public:
   explicit Stopwatch(double before) : before_(before) {}
@@ -26,7 +26,7 @@ class Stopwatch {
   Clock::time_point start_ = Clock::now();
 };
 
-// What a training is made of; all that it refers to outlives it.
+// Parts of a training run; everything that it refers to must outlive it.
 struct Training {
   Queue& queue;
   const TrainOptions& config;
@@ -35,25 +35,25 @@ struct Training {
   Trainer& trainer;
   Checkpointer& checkpoints;
   Stopwatch watch;
-  TrainObserver* observer = nullptr;  // follows each step that is kept; nullptr: nobody does
+  TrainObserver* observer = nullptr;  // called after each step that is kept; nullptr: none
 };
 
-// What the first step of a training is followed by, where there is one: the folder becomes its own.
+// Action after the first step: the run takes over the folder.
 struct FirstStep {
-  std::function<void()> then;  // or none: it is already
-  // The folder holds another training, which stays until the step has figures and these are sound:
-  // the clock does not end this one before, and an error until then says nothing of what is saved.
+  std::function<void()> then;  // empty if it already has
+  // The folder holds a previous run, which stays until a step has finite values. Until then the
+  // time limit is ignored, and errors do not mention saved steps.
   bool replaces = false;
 };
 
 // Makes the steps from number `step` on; returns the number of steps made, earlier ones included.
-// Sets `guard` after the first one, in which kernels may be compiled for long: before it there is
-// nothing to save. Error, which says how many steps are saved, when guidance or device fail, what a
-// step needs cannot be read, or the loss stays no number (RollBack).
+// Sets `guard` after the first one, which may compile kernels for long; before it there is nothing
+// to save. Error, which says how many steps are saved, if guidance or device fail, an input cannot
+// be read, or the loss stays non-finite (RollBack).
 int train_steps(Training& training, int step, std::optional<InterruptGuard>& guard, bool quiet,
                 FirstStep first);
 
-// Writes what it came to after so many steps: the model, facts about the run, a checkpoint.
+// Writes the result after `steps` steps: model, facts about the run, and a checkpoint.
 RunFacts keep_result(Training& training, int steps);
 
 }  // namespace gflow
