@@ -22,9 +22,8 @@ class McmcDensity : public Density {
   explicit McmcDensity(Queue& queue);
 
   void add_gradients(Queue& queue, Parameters& parameters, const DensityRule& rule) override;
-  bool needs_all_posed() const override {
-    return true;
-  }  // noise also moves Gaussians outside the last image
+  // Noise also moves Gaussians outside the last image.
+  bool needs_all_posed() const override { return true; }
   void after_step(Queue& queue, Parameters& parameters, const GaussiansAt& drawn,
                   const DensityRule& rule, const DensityStep& step) override;
   // Rows that move or are moved to start with zero moments and step counts. The number never

@@ -43,8 +43,7 @@ size_t bytes_per_gaussian(const Parameters& parameters, bool remembers) {
 size_t most_gaussians(const DeviceInfo& device, const Parameters& parameters, size_t budget,
                       bool remembers) {
   const uint64_t bytes = budget ? uint64_t(budget) << 20 : device.global_memory / 4 * 3;
-  size_t widest =
-      intersections * 16 * 5 / 4;  // words per Gaussian in the largest array: the partials
+  size_t widest = intersections * 16 * 5 / 4;  // words per Gaussian in one array: the partials
   for_each_own_table(parameters, [&](const Table& table, size_t keys) {
     for (const GroupSpec& spec : table.specs) widest = std::max(widest, keys * spec.width);
   });

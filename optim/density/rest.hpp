@@ -14,10 +14,11 @@
 namespace gflow {
 
 struct RestRule {
-  float most =
-      0.05f;  // largest distance of static Gaussians from their mean pose (kernels/shared/rest.h)
-  float wake =
-      5;  // a static Gaussian wakes when its summed pull exceeds this x expected noise; 0: never
+  // Largest distance of a static Gaussian from its mean pose (kernels/shared/rest.h).
+  float most = 0.05f;
+  // A static Gaussian wakes when its summed pull exceeds this multiple of the expected noise;
+  // 0: never.
+  float wake = 5;
   unsigned trial = 50;  // optimiser steps a Gaussian needs before it may become static
   float duration = 1;   // length of the video [model time]
   int moments = 2;      // times at which poses are compared, evenly from 0 to duration; >= 2

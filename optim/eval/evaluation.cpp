@@ -48,9 +48,8 @@ Reference reference_of(const TargetFlow& teacher, bool truth) {
   r.seen = teacher.confidence;
   const size_t pixels = r.known.size();
   r.moving.resize(pixels);
-  const auto too_large = [](float x) {
-    return std::fabs(x) > TARGET_FLOW_LIMIT;
-  };  // the same limit as in training
+  // The same limit as in training.
+  const auto too_large = [](float x) { return std::fabs(x) > TARGET_FLOW_LIMIT; };
   for (size_t i = 0; i < pixels; ++i) {
     if (too_large(r.planes[i]) || too_large(r.planes[pixels + i])) r.known[i] = 0;
     r.moving[i] = r.known[i] && std::hypot(r.planes[i], r.planes[pixels + i]) > kMoving;

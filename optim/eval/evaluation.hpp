@@ -27,14 +27,12 @@ struct ViewMetrics {
   double ssim_dynamic = kNoFigure;      // mean SSIM at these pixels
   double flow_epe = kNoFigure;          // [px] over pixels with known reference flow
   double flow_epe_dynamic = kNoFigure;  // [px] over pixels whose reference flow exceeds 1 px
-  double fl_all =
-      kNoFigure;  // share of known pixels with an error above 3 px and above 5 %, in [0, 1] (KITTI)
+  double fl_all = kNoFigure;  // share, in [0, 1], of known pixels off by > 3 px and > 5 % (KITTI)
   double teacher_epe_dynamic = kNoFigure;  // [px] error of DIS over the same pixels, if both exist
   double depth_error = kNoFigure;          // relative, if the scene has true depth (metrics.hpp)
-  double flicker =
-      kNoFigure;  // [grey levels] from this view to the next one of its camera track (metrics.hpp)
-  double lpips = kNoFigure;  // distance, if metrics.lpips names a network
-  double clip = kNoFigure;   // similarity in [-1, 1], if metrics.clip names a network
+  double flicker = kNoFigure;  // [grey levels] to the next view of its camera track (metrics.hpp)
+  double lpips = kNoFigure;    // distance, if metrics.lpips names a network
+  double clip = kNoFigure;     // similarity in [-1, 1], if metrics.clip names a network
 };
 
 // The metrics by name, in the order of results.json.

@@ -26,10 +26,9 @@ Tracks read_tracks(const std::string& path, const std::array<double, 3>& origin 
 void mark_seen(Tracks& tracks, const Scene& scene, const FrameStore& frames);
 
 struct TrackError {
-  double mean =
-      0;  // mean distance from the true path, over all points and later steps [scene units]
-  double median = 0;            // median over the points of their mean distance
-  double end = 0;               // mean distance at the last step
+  double mean = 0;    // distance from the true path, over all points and later steps [scene units]
+  double median = 0;  // median over the points of their mean distance
+  double end = 0;     // mean distance at the last step
   std::vector<double> by_step;  // mean over the points at each step, 0 at the first
   // Error of single steps that start at the true position: error of the motion alone, without
   // drift. Mean over all points and steps; motion_by_step: of the step that leads to each time

@@ -88,8 +88,7 @@ Eigen::Vector3d velocity_at(const StepViews& views, const Eigen::Vector3d& point
     rows.emplace_back(j, f);
   }
   if (rows.size() < kLeastCameras) return Eigen::Vector3d::Zero();
-  a += 1e-3 * a.trace() / 3 *
-       Eigen::Matrix3d::Identity();  // regularise: depth is weakly constrained
+  a += 1e-3 * a.trace() / 3 * Eigen::Matrix3d::Identity();  // depth is weakly constrained
   const Eigen::Vector3d v = a.ldlt().solve(b);
   double residual = 0;
   for (const auto& [j, f] : rows) residual += (j * v - f).squaredNorm();

@@ -11,12 +11,10 @@
 namespace gflow {
 namespace {
 
-constexpr int kWidth = 320;  // images are compared at about this width [px]
-constexpr int kTries = 6;    // tested pixels per requested point
-constexpr float kMatch =
-    12;  // largest mean colour difference over the patch of a match [grey levels]
-constexpr float kDistinct =
-    0.5f;  // largest difference of a match, relative to the mean over all depths
+constexpr int kWidth = 320;        // images are compared at about this width [px]
+constexpr int kTries = 6;          // tested pixels per requested point
+constexpr float kMatch = 12;       // largest mean colour difference of a match [grey levels]
+constexpr float kDistinct = 0.5f;  // the same, relative to the mean over all depths
 
 // A camera and its image, both downscaled.
 struct Eye {

@@ -11,10 +11,10 @@
 namespace gflow {
 
 struct LowMotionRule {
-  float share =
-      1;  // least probability that a tile is evaluated, in (0, 1]; 1: all tiles in every step
-  float px = 0.5f;  // tiles of at least this motion are always evaluated [px], > 0; others in
-                    // proportion to it
+  float share = 1;  // least probability of a tile, in (0, 1]; 1: all tiles in every step
+  // Tiles with at least this motion are always evaluated [px]; > 0. Below, the probability is
+  // proportional to the motion.
+  float px = 0.5f;
 };
 
 class FlowTiles {

@@ -11,7 +11,7 @@ namespace gflow {
 namespace {
 
 constexpr size_t kPose = 7;
-constexpr float kLeastLogit = -10;  // of who follows no basis
+constexpr float kLeastLogit = -10;  // of a Gaussian that follows no basis
 
 double squared_distance(const std::vector<float>& xyz, size_t i, size_t j) {
   double sum = 0;
@@ -39,18 +39,18 @@ void place_bases(const MotionShape& shape, HostGroups& groups, size_t first) {
   const size_t n = means.size() / 3, bases = size_t(shape.bases);
   if (n == 0) return;
   if (first >= n) first = 0;
-  // each pivot as far from those before as can be
+  // Farthest-point sampling of the pivots.
   std::vector<size_t> chosen{first};
   std::vector<double> nearest(n, std::numeric_limits<double>::max());
   double spacing = 0;
-  for (size_t b = 1; b <= bases; ++b) {  // one turn more: a single pivot needs a spacing too
+  for (size_t b = 1; b <= bases; ++b) {  // b = bases: spacing of a single pivot
     size_t farthest = first;
     for (size_t i = first; i < n; ++i) {
       nearest[i] = std::min(nearest[i], squared_distance(means, i, chosen.back()));
       if (nearest[i] > nearest[farthest]) farthest = i;
     }
     if (b == bases && bases > 1) break;
-    spacing = nearest[farthest];  // squared, of the last one
+    spacing = nearest[farthest];  // squared, of the last pivot
     if (b < bases) chosen.push_back(farthest);
   }
   spacing = std::max(spacing, 1e-12);

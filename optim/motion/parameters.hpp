@@ -63,7 +63,7 @@ class Table {
     return {active.first, end - std::min(active.first, end)};
   }
 
-  // nullptr when there is no such group.
+  // nullptr if there is no such group.
   const ParameterGroup* find(const std::string& name) const {
     for (size_t i = 0; i < specs.size(); ++i)
       if (specs[i].name == name) return &groups[i];

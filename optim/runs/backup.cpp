@@ -50,8 +50,7 @@ void Backup::keep_in(const std::string& folder) {
   if (std::find(folders_.begin(), folders_.end(), folder) != folders_.end()) return;
   const fs::path aside = fs::path(folder) / temporary_folder_name(Backup::kName);
   std::error_code problem;
-  fs::create_directory(aside,
-                       problem);  // an existing one is fine: two places may link to one folder
+  fs::create_directory(aside, problem);  // may exist: two places may link to one folder
   if (problem) throw_write_error(aside.string(), problem.value());
   flush_folder_of(aside.string());
   folders_.push_back(folder);

@@ -26,8 +26,7 @@ using OrderedJson = nlohmann::ordered_json;
 
 constexpr int kFormat = 2;  // increases when the meaning of the arrays changes
 constexpr const char* kFacts = "facts";
-constexpr double kFarthest =
-    1e15;  // [scene units] beyond it a double cannot resolve neighbouring positions
+constexpr double kFarthest = 1e15;  // [scene units] beyond it a double has no fractions
 
 OrderedJson json_of(const ModelShape& shape) {
   OrderedJson json{{"motion", names_of(shape.motion)[size_t(shape.motion)]},

@@ -138,7 +138,7 @@ std::string last_settings(const CheckpointFolder& checkpoints, TrainOptions& con
   return "";
 }
 
-// Folders that training empties, whoever wrote the files.
+// Folders that training empties, no matter who wrote the files.
 constexpr const char* kEmptied[] = {"flow", "frames", "test"};
 
 bool is_link(const std::string& folder) {
@@ -343,8 +343,8 @@ void RunFolder::forget_unfinished_files() const {
       else if (trains_there && fs::is_directory(is_own ? entry->status() : entry->symlink_status()))
         look_into(entry->path());
     }
-    if (problem &&
-        problem != std::errc::no_such_file_or_directory)  // another process has removed it
+    // A missing folder is fine: another process has removed it.
+    if (problem && problem != std::errc::no_such_file_or_directory)
       throw Error(fmt::format("cannot look into {}: {}", folder.string(), problem.message()));
   };
   look_into(folder_);

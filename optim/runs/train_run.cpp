@@ -142,8 +142,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   if (start == Start::resume) resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
   if (!resumed && start != Start::overwrite) require_no_training(run);
   const bool has_steps_left = !resumed || resumed->checkpoint.facts.step < config.train.iterations;
-  if (finished && has_steps_left)
-    guidance = guidance_of(config);  // the last checkpoint was damaged
+  if (finished && has_steps_left) guidance = guidance_of(config);  // last checkpoint damaged
   const bool complete = resumed && !has_steps_left && is_complete(run, config.train.iterations);
   run.remove_stale_caches(cache_stamp(scene, config.scene));
   for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // reports broken images now
@@ -239,8 +238,8 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
         evaluate_views(queue, model, config, prepared.loaded(), scene.test, quiet, run.path("test"),
                        run.path("flow"));
     write_comparison(queue, model, config, prepared.loaded(), run);
-    run.write_results(evaluation, "test", facts, config,
-                      model.parameters.count);  // last: marks the run as finished
+    // Last, because it marks the run as finished.
+    run.write_results(evaluation, "test", facts, config, model.parameters.count);
     return evaluation;
   } catch (const DiskFull& full) {
     throw DiskFull(fmt::format("{}; the model is in {}, `gflow eval {}` judges it", full.what(),

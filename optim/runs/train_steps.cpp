@@ -95,7 +95,7 @@ Error without_step(const Error& problem, const Training& training, int step, Rol
   const bool may_answer = is_out_of_memory(problem) || !is_of_device(problem);
   if (saved() < step && may_answer && training.trainer.untouched()) try {
       roll_back.save_if_finite(step, training.watch.seconds(), before);
-    } catch (const Error&) {  // what there is to say is why the step failed
+    } catch (const Error&) {  // report why the step failed instead
     }
   if (saved() == 0) return Error(fmt::format("{}; no step is saved", problem.what()));
   return Error(fmt::format("{}; {} of {} steps are saved, {}", problem.what(), saved(), step,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which scene is read, and how (settings scene.*).
+// Scene to read, and how to read it (settings scene.*).
 #pragma once
 #include <array>
 #include <cstdint>
@@ -13,18 +13,18 @@ namespace gflow {
 enum class Background { white, black, random };
 constexpr std::array<const char*, 3> names_of(Background) { return {"white", "black", "random"}; }
 
-// Which mask images count: those meant as transparency, also those that label what moves
-// (Panoptic's seg/), or none.
+// Mask images to use: those meant as transparency; also those that label moving objects (Panoptic's
+// seg/); or none.
 enum class Masks { automatic, all, none };
 constexpr std::array<const char*, 3> names_of(Masks) { return {"auto", "all", "none"}; }
 
-// The grey, 0 to 255, behind pictures where they are shown or judged: random is for training steps
-// only, and white elsewhere.
+// Background grey, 0 to 255, for rendering and evaluation. Background::random affects training
+// steps only and is white here.
 constexpr uint8_t shown_level(Background background) {
   return background == Background::black ? 0 : 255;
 }
 
-// Values that do not concern the layout found are ignored.
+// Settings that do not apply to the layout of the scene are ignored.
 struct SceneOptions {
   std::string path;
   int resolution = 1;

@@ -34,9 +34,8 @@ class Optimizer {
   const Scene& scene_;
   Model& model_;
   Rates rates_;
-  Adam adam_;  // for the Gaussians' table
-  std::unique_ptr<Adam>
-      path_adam_;  // for keys, bases, planes and networks; nullptr if there are none
+  Adam adam_;                        // for the Gaussians' table
+  std::unique_ptr<Adam> path_adam_;  // for keys, bases, planes and networks; nullptr: none
   Population population_;
 };
 
