@@ -30,9 +30,9 @@ struct DensityView {
   const Buffer<float>& v_means2d;        // [n, 2] [1/px]
 };
 
-// The training step just made.
+// The last training step.
 struct DensityStep {
-  int done;             // steps so far
+  int done;             // steps made
   bool refining;        // density control has not stopped yet
   float position_rate;  // learning rate of the means
   uint32_t seed;        // random seed of this step

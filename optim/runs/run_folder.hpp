@@ -41,7 +41,7 @@ class RunFolder {
   // Creates the folder. Error if it cannot be made, or if it contains something and no training
   // made it.
   void make() const;
-  static RunFolder create(const std::string& path);  // both
+  static RunFolder create(const std::string& path);  // RunFolder(path).make()
   // Locks the folder: while the result lives no other process writes it. Error if another one does
   // already.
   FileLock lock() const;

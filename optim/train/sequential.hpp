@@ -10,11 +10,11 @@ namespace gflow {
 // What a training step trains. Without train.sequential one stage, with all times, is the whole
 // training.
 struct Stage {
-  int time_step = -1;                            // the only one trained, or -1: all
+  int time_step = -1;                            // the only time step trained; -1: all
   bool begins = false;                           // the first training step of the stage
   double share = 0;                              // progress of the stage, in [0, 1)
   bool fits() const { return time_step <= 0; }   // the Gaussians themselves are trained
-  bool moves() const { return time_step != 0; }  // their motion is
+  bool moves() const { return time_step != 0; }  // their motion is trained
 };
 
 // Error if train.sequential is set and not possible: it needs a keyframes model with one key per
