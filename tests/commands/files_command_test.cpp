@@ -177,7 +177,7 @@ TEST_F(FilesCommand, AMovingFileGoesOutAndItsMomentsComeIn) {
   EXPECT_EQ(nlohmann::json::parse(gflow({"info", now, "--json"}).out)["motion"], "none");
   expect_refused({"import", moving, "-o", now, "--time", "0.5"}, {"--time 0.5", "0.5 s"});
   expect_refused({"import", now, "-o", folder.file("b.ply"), "--time", "0"}, {"--time", "is ply"});
-  expect_refused({"import", moving, "-o", now, "--time", ""}, {"--time", "no number"});
+  expect_refused({"import", moving, "-o", now, "--time", ""}, {"--time", "not a number"});
   for (const char* fps : {"1e-300", "1e-5", "-1", "2000"}) {
     expect_refused({"export", run(), "-o", moving, "--fps", fps}, {"--fps", "0.01 to 1000"});
     expect_refused({"render", run(), "-o", folder.path() + "/r", "--fps", fps},

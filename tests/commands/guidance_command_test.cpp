@@ -292,11 +292,11 @@ TEST_F(GuidanceCommand, WhatIsMissingIsNamed) {
   refused({"provider=onnx"}, {"guidance.model is empty"});
   refused({"provider=onnx", "model=no/such.onnx"}, {"no/such.onnx"});
   refused({"provider=analytic"}, {"no .png or .jpg"});  // the scene has its own elsewhere
-  refused({"provider=analytic", "pictures=no/such"}, {"\"no/such\" is no folder"});
-  refused({"provider=analytic", "pictures=" + path("views/flow")}, {"no .png or .jpg"});
-  refused({"provider=analytic", "pictures=" + path("views"), "beta_start=0.5"},
+  refused({"provider=analytic", "images=no/such"}, {"\"no/such\" is no folder"});
+  refused({"provider=analytic", "images=" + path("views/flow")}, {"no .png or .jpg"});
+  refused({"provider=analytic", "images=" + path("views"), "beta_start=0.5"},
           {"beta 0.5 to 0.012"});
-  refused({"provider=analytic", "pictures=" + path("views"), "cameras=val"}, {"no val views"});
+  refused({"provider=analytic", "images=" + path("views"), "cameras=val"}, {"no val views"});
   refused({"provider=zero123"}, {"guidance.provider", "none, process, onnx, analytic"});
 }
 

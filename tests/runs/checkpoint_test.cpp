@@ -55,6 +55,7 @@ TEST(Checkpoint, HoldsTheShapeOfItsModel) {
     shape.duration = 1.1f;
     shape.cutoff = kind % 2 ? 0.5f : 0.f;
     shape.hexplane.levels = 3;
+    shape.hexplane.times = 5;
     shape.hexplane.centre = {-0.1f, 1e-7f, 123.456f};
     shape.hexplane.half_size = {0.3f, 1e9f, 2};
     checkpoint.facts.shape = shape;
