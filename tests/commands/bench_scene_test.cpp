@@ -170,7 +170,7 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   EXPECT_EQ(rows["without zero_gradients"]["pairs back"], rows["without zero_gradients"]["pairs in cells"]);
   EXPECT_GE(rows["without saturated"]["pairs in cells"], all["pairs in cells"]);
   EXPECT_EQ(rows["without saturated"]["pairs blended"], all["pairs blended"]);
-  EXPECT_GE(rows["without still"]["posed at t2"], all["posed at t2"]);
+  EXPECT_GE(rows["without static_pose"]["posed at t2"], all["posed at t2"]);
   EXPECT_GT(rows["flow in every step (flow.every=1)"]["tiles with flow"], 0);
   EXPECT_GT(none["tiles with flow"], all["tiles with flow"]);
   const double each = 3 * 9;  // motion.sh_degree 2
