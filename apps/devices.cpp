@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow devices`: what there is, what of it matters, and whether it can be trusted. Each device
-// checks itself; a driver that fails in the middle of it costs its own row only (one that hangs
-// ends the command).
+// `gflow devices`: lists the devices, their relevant properties and the result of the self-check.
+// Each device checks itself: a driver that fails during the check costs its own row only. A device
+// that hangs ends the command.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -21,7 +21,7 @@ namespace {
 struct CheckedDevice {
   DeviceInfo info;
   SelfCheck rows;
-  std::string reason;  // why it is refused; empty if it is usable
+  std::string reason;  // why the device is unusable; empty if it is usable
 };
 
 std::string type_of(const DeviceInfo& info) {
@@ -101,7 +101,7 @@ nlohmann::ordered_json as_json(const CheckedDevice& device) {
           {"reason", device.reason}};
 }
 
-// All devices, or the one that --device asks for.
+// All devices, or the one that --device selects.
 std::vector<DeviceInfo> wanted_devices(const GlobalOptions& options) {
   check_environment();
   try {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow eval`: figures of a run, finished or not, again or for another split.
+// `gflow eval`: evaluates a run again, finished or not, on any split.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow experiment`: many trainings that a file names, and one table of what came of them.
+// `gflow experiment`: runs the trainings that a file names and tabulates their results.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -45,7 +45,7 @@ std::string folder_of(const ExperimentFlags& flags) {
   return folder.string();
 }
 
-// What would be done, and how long it may take.
+// Lists the planned runs and estimates how long they take.
 void print_runs(const Plan& plan, const std::string& folder, int jobs) {
   std::vector<Standing> standings;
   size_t width = 0;
@@ -108,8 +108,8 @@ void write_everything(const Plan& plan, const std::string& folder) {
     print_result("pictures  {}\n", sheet);
 }
 
-// NoUsableDevice where one that trainings would run on is not there or cannot be used: each of them
-// would tell so for itself, behind tables of nothing.
+// NoUsableDevice where a device that a training needs is missing or unusable. Checked once here:
+// otherwise each training would report it, above empty tables.
 void require_devices(const Plan& plan, const std::string& folder, const RunOptions& how) {
   std::set<std::string> wanted(how.devices.begin(), how.devices.end());
   if (wanted.empty())
@@ -149,7 +149,7 @@ void run_experiment(const ExperimentFlags& flags, const GlobalOptions& options) 
   try {
     train_all(plan, folder, how);
   } catch (const RunsFailed&) {
-    write_everything(plan, folder);  // of those that came to their end
+    write_everything(plan, folder);  // with the results of the finished runs
     throw;
   }
   write_everything(plan, folder);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow export`: a model as files that other programs show.
+// `gflow export`: writes a model as files for other programs.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -40,15 +40,15 @@ struct ExportFlags {
   double fps = 0;
 };
 
-// The format of the file that is written: by the ending of its name, which --format may not
-// contradict; a name without one leaves it to --format.
+// The output format: given by the extension of the name, which --format must not contradict.
+// Without an extension --format decides.
 std::string format_of(const ExportFlags& flags) {
   static const std::map<std::string, std::string> endings = {
       {".ply", "ply"}, {".splat", "splat"}, {".splatv", "splatv"}, {".4dgs", "4dgs"}};
   std::string ending = fs::path(flags.output).extension().string();
   for (char& c : ending) c = char(std::tolower(static_cast<unsigned char>(c)));
   const auto meant = endings.find(ending);
-  const bool sequence = flags.format == "ply-sequence";  // a folder may be called anything else
+  const bool sequence = flags.format == "ply-sequence";  // a folder may have any name
   if (meant == endings.end() && !ending.empty() && !sequence)
     throw Error(
         fmt::format("exporting to {}: gflow writes no {} files, but .ply, .splat, .splatv and "
@@ -66,14 +66,14 @@ std::string format_of(const ExportFlags& flags) {
   return meant->second;
 }
 
-// The scene of a run, if it is still there.
+// The scene of a run, if it still exists.
 std::optional<Scene> scene_of(const ModelSource& source) {
   if (!source.run) return std::nullopt;
   if (!fs::exists(source.config.scene.path)) return std::nullopt;
   return load_scene(source.config.scene, source.run->path("frames")).scene;
 }
 
-// Times of a sequence: as asked for, else (or for "all") the steps of the run's scene.
+// Times of a sequence: as requested, else (or for "all") the time steps of the run's scene.
 std::vector<double> sequence_times(const ExportFlags& flags, const std::optional<Scene>& scene) {
   if (!flags.times.empty() && flags.steps > 0)
     throw Error("--times and --steps exclude each other: both say which times are written");
@@ -104,11 +104,11 @@ double single_time(const ExportFlags& flags) {
   return times[0];
 }
 
-// Number k of a sequence, from 0.
+// Name of frame k of a sequence, from 0.
 std::string frame_name(size_t k) { return fmt::format("frame_{:04}.ply", k + 1); }
 
-// A frame of an earlier, longer sequence would be played with this one. Those that this one
-// replaces may be of an export that was stopped.
+// A frame of an earlier, longer sequence would be played with this one. Frames that this sequence
+// replaces are allowed: they may be from an interrupted export.
 void require_no_other_frames(const std::string& folder, size_t frames) {
   if (!fs::exists(folder)) return;
   std::set<std::string> replaced;
@@ -133,7 +133,7 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
   fs::create_directories(folder, problem);
   if (problem) throw Error(fmt::format("making the folder {}: {}", folder, problem.message()));
   const FolderLock lock(folder);
-  require_no_other_frames(folder, times.size());  // nobody else has filled it meanwhile
+  require_no_other_frames(folder, times.size());  // another process may have filled it meanwhile
   InterruptGuard guard;
   Progress progress("export", long(times.size()), quiet);
   for (size_t k = 0; k < times.size(); ++k) {
@@ -154,8 +154,8 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
   print_result("written   {} PLY files in {}\n", times.size(), folder);
 }
 
-// Where a viewer may begin: the cameras of the run, else those beside the file, else some around
-// it.
+// Initial viewpoints of a viewer: the cameras of the run, else those beside the file, else an orbit
+// around the model.
 std::vector<Camera> viewer_cameras(const ModelSource& source) {
   const fs::path beside = source.run ? fs::path(source.run->path("cameras.json"))
                                      : fs::path(source.path).replace_filename("cameras.json");
@@ -172,7 +172,7 @@ void require_no_times(const ExportFlags& flags) {
                             flags.format));
 }
 
-// The camera looks at the place on its axis that is nearest to the middle of the Gaussians.
+// The camera looks at the point on its axis that is nearest to the mean of the Gaussians.
 Viewpoint viewpoint_of(const Camera& camera, const HostModel& model) {
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   const std::vector<float>& means = model.groups.at("means");
@@ -187,7 +187,7 @@ Viewpoint viewpoint_of(const Camera& camera, const HostModel& model) {
           {target.x(), target.y(), target.z()}};
 }
 
-// Where cameras stand; 16 of them, if there are more.
+// Camera positions, at most 16.
 std::vector<std::array<double, 3>> eyes_of(const std::vector<Camera>& cameras) {
   const size_t count = std::min<size_t>(cameras.size(), 16);
   std::vector<std::array<double, 3>> eyes;
@@ -225,7 +225,7 @@ void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
                host.count, pieces.splats.size(), pieces.duration);
 }
 
-// The source's model is empty afterwards, but for its shape, where the device has it.
+// Frees the host copy of the model once the device has it; only its shape remains.
 void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOptions& options) {
   HostModel& host = source.model;
   const bool sequence = flags.format == "ply-sequence";

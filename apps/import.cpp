@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow import`: any splat file as a standard 3DGS PLY.
+// `gflow import`: converts any splat file to a standard 3DGS PLY.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -32,11 +32,11 @@ SplatFormat format_wanted(const ImportFlags& flags) {
   return SplatFormat(std::find(names.begin(), names.end(), flags.format) - names.begin());
 }
 
-// One moment of a file whose Gaussians move; half-way where none is asked for.
+// A file of moving Gaussians at one time; default: half of its duration.
 PlyTable moment_of(const ImportFlags& flags) {
   const MovingSplats scene = read_four_dgs(flags.input);
   const double time = flags.time.value_or(scene.duration / 2);
-  if (!(time == 0 || (time > 0 && time < scene.duration)))  // what stands still may last 0 s
+  if (!(time == 0 || (time > 0 && time < scene.duration)))  // a static file may last 0 s
     throw Error(fmt::format("--time {} lies outside of {}, which lasts from 0 to before {:.6g} s",
                             time, flags.input, scene.duration));
   return splats_at(scene, time);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow info`: what is in a splat file, a run or a scene. Needs no device.
+// `gflow info`: contents of a splat file, a run or a scene. Needs no device.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -28,8 +28,8 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// {"min", "median", "max"}; empty for no values. What they are taken for is done to these three:
-// `shown` rises.
+// {"min", "median", "max"}, empty for no values. `shown` converts these three values only; it must
+// be increasing.
 template <class Value, class Shown>
 Json range_of(std::vector<Value> values, Shown shown) {
   if (values.empty()) return Json::object();
@@ -56,7 +56,7 @@ Json opacities_of(const HostModel& model) {
                   [](float logit) { return opacity_of_logit(logit); });
 }
 
-// Of some columns of log_scales [N, 4].
+// Range of some columns of log_scales [N, 4].
 Json scales_of(const HostModel& model, size_t first, size_t last, double unit) {
   std::vector<float> values;
   values.reserve(model.count * (last - first + 1));
@@ -90,7 +90,8 @@ Json info_of_four_dgs(const std::string& path) {
     scales.insert(scales.end(), s.scales.begin(), s.scales.end());
     shown.push_back(s.end - s.begin);
   }
-  // Of what is there half-way: places at moments outside of a window are not meant to be seen.
+  // Evaluated at half of the duration: positions outside a Gaussian's window are not meant to be
+  // seen.
   const PlyTable now = splats_at(scene, scene.duration / 2);
   for (size_t k = 0; k < 3 && now.rows > 0; ++k) {
     const Json range = range_of(column_values(now, k));
@@ -111,7 +112,7 @@ Json info_of_four_dgs(const std::string& path) {
           {"window_seconds", range_of(shown)}};
 }
 
-// The file at `path`, of `format` and so many bytes, holds the model.
+// Describes the model in the file at `path`.
 Json info_of_model(const HostModel& model, const std::string& path, const std::string& format,
                    uintmax_t bytes) {
   const bool still = is_static_model(model);
@@ -179,7 +180,7 @@ Json info_of_scene(const std::string& path) {
           {"notices", scene.notices}};
 }
 
-// A video is a scene, too.
+// A plain video is a scene as well.
 Json info_of_file(const std::string& path) {
   try {
     splat_format(path);
@@ -217,7 +218,7 @@ std::string text_of(const Json& value) {
   return value.empty() ? "none" : text;
 }
 
-// Units of what is printed; the same keys as in the JSON.
+// Units of the printed values, by their JSON key.
 std::string unit_of(const std::string& key) {
   if (key == "bounds" || key == "scale" || key == "extent") return " [scene units]";
   if (key == "lifetime") return " [lengths of the video]";

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gflow command. Every failure becomes one sentence on stderr and an exit code:
-// 0 done, 1 an error or a wrong command line, 2 no usable device, 3 a bound of `gflow stress`
-// broken, 4 a device that hangs, 128 + signal interrupted.
+// The gflow command. Every failure becomes one sentence on stderr and an exit code: 0 success, 1 an
+// error or a wrong command line, 2 no usable device, 3 `gflow stress` exceeds a bound, 4 the device
+// hangs, 128 + signal interrupted.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -32,15 +32,16 @@ int say(const std::string& sentence, int exit_code) {
   return exit_code;
 }
 
-// code: errno's, of standard output.
+// code: errno of the failed write to standard output.
 int cannot_print(int code) {
-  if (code == EPIPE) return 128 + SIGPIPE;  // who read it has ended, as `head` does: no words
+  if (code == EPIPE)
+    return 128 + SIGPIPE;  // the reader of the pipe has exited, as `head` does: no message
   return say(fmt::format("cannot write to standard output: {}", std::strerror(code)), 1);
 }
 
 bool is_over = false;
 
-// PoCL's LLVM ends the program where it cannot write, with words that name no file.
+// PoCL's LLVM exits the program when it cannot write, with a message that names no file.
 void tell_of_exit() {
   if (is_over) return;
   gflow::remove_unfinished_files();
@@ -50,10 +51,10 @@ void tell_of_exit() {
       1);
 }
 
-// PoCL itself aborts when a kernel that it could not write is not there. Where that is not why, the
-// signal does what it always does, whoever sent it.
+// PoCL aborts when a kernel that it could not write is missing. In all other cases the signal keeps
+// its default effect.
 void tell_of_abort(int) {
-  alarm(10);  // memory that is corrupt may hold a lock
+  alarm(10);  // corrupt memory may hold a lock
   if (gflow::compile_failure_reason().empty()) {
     gflow::remove_unfinished_files();
     say("a library or the OpenCL driver has aborted the program, for the reason it gives above if "
@@ -61,13 +62,13 @@ void tell_of_abort(int) {
         1);
     std::signal(SIGABRT, SIG_DFL);
     std::raise(SIGABRT);
-    return;  // it is blocked in here, and comes then
+    return;  // the signal is blocked inside its handler and is delivered after it
   }
   tell_of_exit();
   std::_Exit(1);
 }
 
-// The options every sub-command has, repeated at the end of each sub-command's --help.
+// The options of every sub-command, repeated at the end of each sub-command's --help.
 std::string global_help(const CLI::App& app) {
   const CLI::Formatter formatter;
   std::string text = "Options of every command:\n";
@@ -111,7 +112,7 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   for (CLI::App* command : app.get_subcommands({})) command->footer(global_help(app));
 }
 
-// The exit code, where nothing is thrown.
+// Returns the exit code if nothing throws.
 int run(int argc, char** argv) {
   CLI::App app("gflow trains moving 3D Gaussian scenes from video on any OpenCL device.", "gflow");
   gflow::GlobalOptions options;
@@ -119,17 +120,17 @@ int run(int argc, char** argv) {
     add_commands(app, options);
     app.parse(argc, argv);
   } catch (const CLI::RuntimeError& end) {
-    return end.get_exit_code();  // a command that has said its say, but found something
+    return end.get_exit_code();  // a command that has printed its own message
   } catch (const CLI::ParseError& problem) {
     if (problem.get_exit_code() != 0) return say(gflow::sentence_for(app, problem), 1);
-    std::ostringstream text;  // std::cout would not tell that it cannot be written
+    std::ostringstream text;  // std::cout would not report a failed write
     app.exit(problem, text, text);
     fmt::print("{}", text.str());  // --help and --version
   }
   return 0;
 }
 
-// The exit code, whatever happens.
+// Returns the exit code in every case.
 int run_in_words(int argc, char** argv) {
   try {
     const int code = run(argc, argv);
@@ -151,7 +152,7 @@ int run_in_words(int argc, char** argv) {
     return say(path.empty() ? problem.what()
                             : fmt::format("cannot use {}: {}", path, problem.code().message()),
                1);
-  } catch (const std::system_error& problem) {  // fmt::print to a full disk, a thread refused
+  } catch (const std::system_error& problem) {  // fmt::print to a full disk; no thread available
     if (std::ferror(stdout)) return cannot_print(problem.code().value());
     if (problem.code() == std::errc::resource_unavailable_try_again)
       return say(
@@ -170,7 +171,9 @@ int run_in_words(int argc, char** argv) {
 int main(int argc, char** argv) {
   gflow::open_standard_streams();
   gflow::set_signals();
-  std::at_quick_exit([] { gflow::remove_unfinished_files(); });  // a device that hangs: Watchdog
+  std::at_quick_exit([] {
+    gflow::remove_unfinished_files();
+  });  // the watchdog calls quick_exit when a device hangs
   std::atexit(tell_of_exit);
   std::signal(SIGABRT, tell_of_abort);
 #ifdef GFLOW_WITH_OPENCV

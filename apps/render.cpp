@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow render`: pictures and videos of a trained model. Where it looks from, in this order: the
-// scene (--scene, or that of the run), cameras.json beside or above the model, an orbit.
+// `gflow render`: images and videos of a trained model. Views come from the first of: the scene
+// (--scene, or that of the run), cameras.json beside or above the model, an orbit.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -36,7 +36,7 @@ struct RenderFlags {
   bool no_compare = false;
 };
 
-// The model, what its run says about it, and the scene when there is one.
+// The model, the facts of its run, and the scene if there is one.
 struct Source : ModelSource {
   std::optional<LoadedScene> loaded;
 };
@@ -70,7 +70,7 @@ Source find_source(const RenderFlags& flags) {
     throw Error(fmt::format("the {} views belong to a scene, and {} is of none: --scene names it",
                             flags.split, flags.model));
   if (wanted || (!path.empty() && fs::exists(path))) {
-    // Frames of videos that training unpacked are used again.
+    // Reuses the video frames that training unpacked.
     const bool unpacked = source.run && source.config.scene.resolution == own_resolution;
     source.loaded = load_scene(source.config.scene, unpacked ? source.run->path("frames") : "",
                                source.model.shape.origin);
@@ -95,7 +95,7 @@ std::vector<Camera> cameras_wanted(const RenderFlags& flags, const std::vector<C
 std::vector<Camera> cameras_of(const std::vector<Frame>& frames,
                                const std::vector<Camera>& cameras) {
   std::vector<Camera> used;
-  std::set<int> seen;  // a camera that moves may come back to a pose
+  std::set<int> seen;  // a moving camera may return to a pose
   for (const Frame& frame : frames)
     if (seen.insert(frame.camera).second) used.push_back(cameras[size_t(frame.camera)]);
   return used;
@@ -133,7 +133,7 @@ std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& sou
   return orbit_views(source.model, parse_times(times), flags.up);
 }
 
-// views: what was drawn; still: whether nothing in the model moves.
+// views: the rendered views; still: whether the model is static.
 void print_written(const RenderReport& report, const std::vector<RenderView>& views, bool still,
                    const std::string& folder) {
   const bool one_time = std::all_of(views.begin(), views.end(), [&](const RenderView& view) {
@@ -155,7 +155,7 @@ void print_written(const RenderReport& report, const std::vector<RenderView>& vi
                  one_time ? ", so more than one of --times" : "");
 }
 
-// Names of the files in a folder, without their endings, and without what a killed process left.
+// Stems of the files in a folder, without temporaries that a killed process left.
 std::set<std::string> stems_in(const fs::path& folder) {
   std::set<std::string> stems;
   std::error_code none;
@@ -165,8 +165,8 @@ std::set<std::string> stems_in(const fs::path& folder) {
   return stems;
 }
 
-// Whether `gflow render` has filled the folder, or was stopped while it began to: there is a view
-// of which all was drawn, or nothing but what is made for the first.
+// Whether `gflow render` has filled the folder or was interrupted while it started: either one view
+// is complete, or the folder contains only the files of the first view.
 bool is_of_render(const fs::path& folder) {
   for (const std::string& view : stems_in(folder / "rgb"))
     if (fs::exists(folder / "rgb" / (view + ".png")) &&
@@ -183,7 +183,7 @@ bool is_of_render(const fs::path& folder) {
   return begun.size() <= 1;
 }
 
-// A picture or a video that is there may have the name of one that is drawn.
+// An existing image or video may have the name of a rendered one.
 void require_no_other_files(const std::string& folder) {
   if (fs::is_directory(folder) && !is_of_render(folder))
     throw Error(fmt::format(
@@ -192,7 +192,7 @@ void require_no_other_files(const std::string& folder) {
         folder));
 }
 
-// The same of a scene, which may have folders of these names.
+// The same for a scene folder, which may contain folders of these names.
 void require_no_scene(const std::string& folder) {
   const std::string layout = fs::is_directory(folder) ? layout_of(folder) : "";
   if (!layout.empty())

@@ -15,8 +15,8 @@
 namespace gflow {
 namespace {
 
-// Those whose name contains the word; advanced ones if `all_levels` or where a word is given. Error
-// that names the nearest where there is none.
+// Settings whose name contains the word. Advanced settings are included if `all_levels` is set or a
+// word is given. Throws an Error that names the nearest setting if none matches.
 std::vector<SettingInWords> settings_named(const std::string& word, bool all_levels) {
   const std::vector<SettingInWords> all = settings_in_words({});
   std::vector<SettingInWords> found;
@@ -25,11 +25,12 @@ std::vector<SettingInWords> settings_named(const std::string& word, bool all_lev
     return shown && s.name.find(word) != std::string::npos;
   });
   if (!found.empty()) return found;
-  const auto apart = [&](const SettingInWords& s) {  // of its whole name, or of what is in it
-    const size_t dot = s.name.find('.');
-    return std::min({edit_distance(s.name, word), edit_distance(s.name.substr(0, dot), word),
-                     edit_distance(s.name.substr(dot + 1), word)});
-  };
+  const auto apart =
+      [&](const SettingInWords& s) {  // distance to the whole name, or to a part of it
+        const size_t dot = s.name.find('.');
+        return std::min({edit_distance(s.name, word), edit_distance(s.name.substr(0, dot), word),
+                         edit_distance(s.name.substr(dot + 1), word)});
+      };
   const auto nearest = std::min_element(
       all.begin(), all.end(), [&](const auto& a, const auto& b) { return apart(a) < apart(b); });
   throw Error(fmt::format("settings {}: no setting has that in its name; the nearest is {}",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow splat`: the raw engine on an .npz file, for scripts.
+// `gflow splat`: runs the engine on the arrays of an .npz file, for scripts.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -22,8 +22,8 @@ std::vector<std::string> words_of(Enum any) {
   return {names.begin(), names.end()};
 }
 
-// Error where a cotangent has a name that nobody knows: without it there would be no gradients, and
-// no word of it. Other arrays, as what an oracle expects, may lie in the file.
+// Throws an Error for a cotangent with an unknown name: it would silently produce no gradients.
+// Other arrays are allowed, such as the expected values of an oracle.
 void require_known_cotangents(const std::string& path) {
   for (const std::string& name : names_in_npz(path))
     if (name.rfind("v_", 0) == 0 && !splat_arrays_known.count(name))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow stress`: the numerics' stress tests on a user's own device.
+// `gflow stress`: numerical stress tests on the user's device.
 #include "apps/stress/stress.hpp"
 
 #include <fmt/format.h>
@@ -33,7 +33,7 @@ struct StressFlags {
   std::string json;
 };
 
-// "T7" of "T7", " t7", "07". Error when it is not a number.
+// "T7" for "T7", " t7" or "07". Throws an Error if it is not a number.
 std::string test_number(const std::string& word) {
   size_t at = std::min(word.find_first_not_of(" \t"), word.size());
   if (at < word.size() && (word[at] == 'T' || word[at] == 't')) ++at;
@@ -44,10 +44,10 @@ std::string test_number(const std::string& word) {
   return "T" + digits.substr(std::min(digits.find_first_not_of('0'), digits.size() - 1));
 }
 
-// The tests meant. Error that lists the numbers there are when one is not known.
+// The selected tests. Throws an Error that lists the valid numbers if one is unknown.
 Tests chosen(const StressFlags& flags) {
   Tests all = all_tests(), wanted;
-  std::vector<std::string> left_out;  // of those that --only names
+  std::vector<std::string> left_out;  // tests of --only that --quick leaves out
   std::vector<std::string> only = flags.only;
   for (std::string& id : only) {
     id = test_number(id);
@@ -55,7 +55,7 @@ Tests chosen(const StressFlags& flags) {
         std::any_of(all.begin(), all.end(), [&](const Test& t) { return t.id == id; });
     if (known) continue;
     std::string ids;
-    for (const Test& t : all)  // some have a second part
+    for (const Test& t : all)  // a number may have two tests
       if (ids.find(t.id + ", ") == std::string::npos) ids += t.id + ", ";
     throw Error(fmt::format(
         "--only {}: there is no such test here; there are {}. T42 to T45 and T47 have commands of "
@@ -78,16 +78,16 @@ const char* verdict(bool good) { return good ? "ok" : "FAILS"; }
 
 struct Outcome {
   size_t passed = 0, failed = 0;
-  std::vector<std::string> failures;  // the lines of the table that said so
+  std::vector<std::string> failures;  // table lines of the failed tests
   nlohmann::ordered_json tests = nlohmann::ordered_json::array();
   nlohmann::ordered_json derivatives = nlohmann::ordered_json::array();
 };
 
-// Of a line of 80 characters, what figure, bound and verdict leave.
+// Width of a condition: what value, bound and verdict leave of a line of 80 characters.
 constexpr size_t kLine = 80, kCondition = 49;
 
-// A text in lines of at most so many characters, broken between words, all but the first of them
-// indented by two more.
+// Wraps a text at word boundaries to lines of `width` characters; continuation lines are indented
+// by two.
 std::vector<std::string> lines_of(const std::string& text, size_t width) {
   std::vector<std::string> lines{""};
   std::istringstream words(text);
@@ -129,7 +129,7 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
   try {
     rows = test.run(queue);
   } catch (const NoRoomForPrograms&) {
-    throw;  // no fault of the device
+    throw;  // not the device's fault
   } catch (const NoTemporaryFolder&) {
     throw;
   } catch (const Error& problem) {

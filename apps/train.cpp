@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow train`: a scene folder in, a run folder out.
+// `gflow train`: trains a scene folder into a run folder.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -31,7 +31,7 @@ struct TrainFlags {
   bool resume = false, overwrite = false, allow_command = false;
 };
 
-// Where the device's time went, longest first.
+// Kernel times, longest first.
 void print_timings(Queue& queue) {
   std::vector<std::pair<std::string, KernelTiming>> rows(queue.timings().begin(),
                                                          queue.timings().end());
@@ -50,7 +50,7 @@ TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
   const std::string command_of_run = config.guidance.command;
   if (!flags.config_file.empty()) apply_file(config, flags.config_file);
   const bool of_run = config.guidance.command == command_of_run;
-  bool by_hand = flags.allow_command;  // said on the command line
+  bool by_hand = flags.allow_command;  // allowed on the command line
   for (const std::string& setting : flags.settings) {
     apply_setting(config, setting);
     by_hand |= setting.rfind("guidance.command", 0) == 0;

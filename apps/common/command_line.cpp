@@ -20,7 +20,7 @@ std::string listing(const std::vector<std::string>& words) {
   return text;
 }
 
-// ", the nearest is b" if there is one that is not far.
+// ", the nearest is b" if a word is close enough, else empty.
 std::string nearest(const std::string& word, const std::vector<std::string>& words) {
   const std::string& best = *std::min_element(
       words.begin(), words.end(), [&](const std::string& a, const std::string& b) {
@@ -29,7 +29,7 @@ std::string nearest(const std::string& word, const std::vector<std::string>& wor
   return 2 * edit_distance(word, best) <= word.size() ? ", the nearest is " + best : "";
 }
 
-// The command that was understood, as far as it was: gflow, gflow train, gflow bench raster.
+// The commands parsed so far: gflow, gflow train, gflow bench raster.
 std::vector<const CLI::App*> understood(const CLI::App& app) {
   std::vector<const CLI::App*> path{&app};
   while (!path.back()->get_subcommands().empty())
@@ -43,7 +43,8 @@ std::string full_name(const std::vector<const CLI::App*>& path) {
   return name;
 }
 
-// --long, or -s where there is no long name; those of all apps, because they fall through.
+// --long, or -s for an option without a long name. Options of parent commands are included because
+// they fall through.
 std::vector<std::string> option_names(const std::vector<const CLI::App*>& path) {
   std::vector<std::string> names;
   for (const CLI::App* app : path)

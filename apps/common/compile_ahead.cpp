@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// In PoCL's folder a file gflow-HASH says that such a rehearsal came to its end, and whoever is at
+// In PoCL's cache folder, a file gflow-HASH marks a finished kernel warm-up. A process that runs
 // one holds the lock of gflow.lock.
 #include "apps/common/compile_ahead.hpp"
 
@@ -28,13 +28,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// That this process may use.
+// Cores that this process may use.
 int cores() {
   cpu_set_t set;
   return ::sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
 }
 
-// By the kernels, the device, and the settings that choose among them or are compiled into them.
+// Depends on the kernels, the device, and the settings that select or parameterise kernels.
 fs::path mark_of(const std::string& device, const TrainOptions& config) {
   uint64_t needs = hash(device);
   for (const auto& [file, text] : kernel_sources()) needs = hash(text, needs);
@@ -44,7 +44,7 @@ fs::path mark_of(const std::string& device, const TrainOptions& config) {
   return pocl_cache_folder() / fmt::format("gflow-{:016x}", needs);
 }
 
-// Leaves no trace in terminals, pipes, locks and handlers of the first.
+// Detaches the child from the parent's terminal, pipes, locks and signal handlers.
 void become_second(pid_t first) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   const int nowhere = ::open("/dev/null", O_RDWR);
@@ -65,14 +65,14 @@ void compile(const std::string& device, const TrainOptions& config, const fs::pa
     Queue queue(found);
     warm_up_kernels(queue, config);
     std::ofstream(mark, std::ios::app);
-  } catch (...) {  // another is at it; or the first process will come to whatever it is
+  } catch (...) {  // another process compiles already, or the parent will meet the same error
   }
 }
 
 }  // namespace
 
 CompileAhead::CompileAhead(const std::string& device, const TrainOptions& config) {
-  const char* kernels = std::getenv("GFLOW_KERNEL_DIR");  // which somebody is changing
+  const char* kernels = std::getenv("GFLOW_KERNEL_DIR");  // kernels under development
   if (!environment_flag("GFLOW_COMPILE_AHEAD", true) || (kernels && *kernels) || cores() < 2)
     return;
   const fs::path mark = mark_of(device, config);

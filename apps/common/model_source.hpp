@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The argument RUN|FILE of commands that show a model, and --iteration, which chooses one of a
-// run's.
+// The argument RUN|FILE of commands that show a model, and the option --iteration, which selects a
+// model of a run.
 #pragma once
 #include <CLI/CLI.hpp>
 #include <optional>
@@ -11,21 +11,21 @@
 namespace gflow {
 
 struct ModelSource {
-  std::string path;  // of the file the model comes from
+  std::string path;  // file that the model is read from
   HostModel model;
   std::string state;             // RunState::text; empty for a file
-  std::optional<RunFolder> run;  // the folder that was named
+  std::optional<RunFolder> run;  // the run folder, if one was given
   TrainOptions config;           // of that run
 };
 
-// Error when there is no such thing, or an iteration is chosen of what is no run.
+// Throws an Error if nothing is there, or if an iteration is selected without a run.
 ModelSource model_source(const std::string& run_or_file, int iteration);
 
 // Adds --iteration, which sets `iteration`.
 void add_iteration(CLI::App& command, int& iteration);
-// Error where one was chosen of a path that is no run.
+// Throws an Error if an iteration was selected but the path is not a run.
 void require_no_iteration(int iteration, const std::string& path);
-// The line that says which state was shown; none for a file.
+// Prints which state of the run was used; nothing for a file.
 void print_state(const std::string& state);
 
 }  // namespace gflow

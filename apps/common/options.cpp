@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one place where a device is chosen for work: it is refused here, before anything is read or
-// written.
+// The only place that selects a device for work. An unusable device is rejected here, before
+// anything is read or written.
 #include "apps/common/options.hpp"
 
 #include <fmt/format.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every sub-command shares: the options that stand before or behind its name, and the way to a
-// checked device.
+// Shared by all sub-commands: the global options, which may precede or follow the sub-command, and
+// access to a checked device.
 #pragma once
 #include <string>
 
@@ -17,16 +17,16 @@ struct GlobalOptions {
   bool quiet = false;  // no progress on stderr
 };
 
-// There is no device, none as asked for, or the one meant cannot be trusted. Exit code 2.
+// No device, none that matches --device, or one that fails its self-check. Exit code 2.
 struct NoUsableDevice : Error {
   using Error::Error;
 };
 
-// The device meant by the options, after the self-check. NoUsableDevice with the reason if it has
-// none or fails.
+// Opens the device that the options select, after the self-check. Throws NoUsableDevice with the
+// reason if there is none or it fails.
 Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options = {});
 
-// Each registers one sub-command with its options and what it runs; options must outlive app.
+// Each registers one sub-command. `options` must outlive `app`.
 void add_bench(CLI::App& app, const GlobalOptions& options);
 void add_devices(CLI::App& app, const GlobalOptions& options);
 void add_splat(CLI::App& app, const GlobalOptions& options);

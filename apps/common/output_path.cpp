@@ -17,9 +17,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The run among whose files the path lies, empty where there is none. itself: also a run's folder.
+// The run folder that contains the path among its own files; empty if none. itself: the path may
+// also be a run folder.
 fs::path run_around(const std::string& path, bool itself) {
-  std::string inner;  // what is next on the way from `folder` to the path
+  std::string inner;  // the path component below `folder`
   for (fs::path folder = fs::weakly_canonical(path); folder.has_relative_path();
        inner = folder.filename().string(), folder = folder.parent_path())
     if ((inner.empty() ? itself : is_name_of_training(inner)) && is_made_by_training(folder))
@@ -44,8 +45,8 @@ void require_no_file_of_run(const std::string& output) {
                     output, run.string()));
 }
 
-// Tried as it will be done, up to the last step: that root may write everywhere does not help where
-// a file stands for a folder, or in /proc.
+// Tries the write itself, up to the last step. Permissions alone do not suffice: root may write
+// anywhere, but not where a file takes the place of a folder, nor in /proc.
 void require_writable(const std::string& option, const std::string& path) {
   if (path.empty()) return;
   require_no_file_of_run(path);

@@ -20,11 +20,11 @@ namespace gflow {
 
 namespace {
 
-struct NotDrawn : Error {  // there is no gnuplot, or it refused
+struct NotDrawn : Error {  // gnuplot is missing or failed
   using Error::Error;
 };
 
-// What gnuplot writes last; it does not tell when a disk was full.
+// Checks the end that gnuplot writes last: it does not report a full disk.
 void require_whole(const std::string& picture, std::string_view end, const std::string& path) {
   const Bytes bytes = read_file(picture);
   std::string text(bytes.begin(), bytes.end());
@@ -39,13 +39,13 @@ std::string name_of_file(const std::string& path) {
   return std::filesystem::path(path).filename().string();
 }
 
-// Runs the script in its folder, its pictures going into these files there. gnuplot ends with this
-// program, however that ends: it would make the files that were just removed.
+// Runs the script in `folder` and writes these two files there. gnuplot is killed when this process
+// ends in any way: otherwise it would recreate files that were just removed.
 void run_gnuplot(const std::string& script, const std::string& folder, const std::string& svg,
                  const std::string& png) {
   const std::string names = fmt::format("svg='{}'; png='{}'", name_of_file(svg), name_of_file(png));
   const pid_t parent = ::getpid(), child = ::fork();
-  if (child == 0) {  // nothing here may allocate or wait for a lock
+  if (child == 0) {  // after fork: no allocation, no locks
     const int nowhere = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
     if (::prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && ::getppid() == parent &&
         ::chdir(folder.c_str()) == 0 && ::dup2(nowhere, STDERR_FILENO) >= 0)
@@ -58,7 +58,7 @@ void run_gnuplot(const std::string& script, const std::string& folder, const std
   if (status != 0) throw NotDrawn("gnuplot could not");
 }
 
-// Of neighbours in a stack: gnuplot has eight and begins again.
+// Colours that stay distinct in a stack: gnuplot has eight and then repeats them.
 std::string twelve_colors() {
   std::string script;
   int number = 0;

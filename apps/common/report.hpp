@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// How figures of an evaluation are shown on the terminal.
+// Prints the metrics of an evaluation to the terminal.
 #pragma once
 #include "optim/eval/evaluation.hpp"
 
 namespace gflow {
 
-// A few lines on stdout; nothing when there were no views.
+// A few lines on stdout; nothing if there are no views.
 void print_report(const Evaluation& evaluation);
 
 }  // namespace gflow

@@ -13,14 +13,15 @@
 namespace gflow {
 namespace {
 
-constexpr const char* kParentVariable = "GFLOW_PARENT";  // the number of a process
+constexpr const char* kParentVariable = "GFLOW_PARENT";  // process id of the parent
 
 }  // namespace
 
 void open_standard_streams() {
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
     if (::fcntl(stream, F_GETFD) >= 0) continue;
-    // The lowest number that is free is this one. What is written to standard output shall fail.
+    // open() returns the lowest free descriptor, which is this stream. Writes to standard output
+    // must fail.
     const int mode = stream == STDERR_FILENO ? O_WRONLY : O_RDONLY;
     if (::open("/dev/null", mode) < 0) return;
   }

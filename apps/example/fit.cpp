@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws a moving Gaussian at two times, compares one image with a grey one, and takes ten Adam
+// Renders a moving Gaussian at two times, compares one image with a grey one, and takes ten Adam
 // steps.
 #include <cstdio>
 
