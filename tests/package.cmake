@@ -1,4 +1,4 @@
-# Installs the build into a folder of its own, builds apps/example against that, and runs it:
+# Installs the build into a new folder, builds apps/example against it, and runs it:
 #   cmake -DBUILD=build/release -DSOURCE=. -P tests/package.cmake
 function(run)
   execute_process(COMMAND ${ARGN} RESULT_VARIABLE code OUTPUT_VARIABLE output ERROR_VARIABLE output)

@@ -1,5 +1,5 @@
-# cmake --install: the program, the headers and libraries for find_package(gflow), the kernels to read
-# or change (GFLOW_KERNEL_DIR). cpack makes a .deb of them.
+# cmake --install: the program, headers and libraries for find_package(gflow), and kernel sources to read
+# or modify (GFLOW_KERNEL_DIR). cpack packages them as a .deb.
 install(TARGETS gflow RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 install(DIRECTORY runtime optim DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/gflow FILES_MATCHING PATTERN "*.hpp")
 install(DIRECTORY kernels/shared DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/gflow
@@ -9,7 +9,7 @@ install(DIRECTORY kernels/ DESTINATION ${CMAKE_INSTALL_DATADIR}/gflow/kernels
 install(DIRECTORY apps/presets DESTINATION ${CMAKE_INSTALL_DATADIR}/gflow)
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
-# Two sets of targets, so that gflow::engine asks for no OpenCV.
+# Two export sets, so that gflow::engine does not require OpenCV.
 set(PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/gflow)
 install(TARGETS gflow_base gflow_runtime gflow_formats gflow_engine EXPORT engine
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
