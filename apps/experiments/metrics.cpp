@@ -88,7 +88,7 @@ Metric metric_named(const std::string& name) {
     Metric part = metric;
     part.name = name;
     part.label = fmt::format("{}, steps {} to {}", metric.label, steps->first, steps->second);
-    if (of_tracks)  // of all points, or of those that are seen
+    if (of_tracks)  // over all points, or over the seen ones
       part.path.back() = of_motion ? "motion_by_step" : "by_step";
     else
       part.path = {"test", "by_step", metric.path[1]};
@@ -110,7 +110,7 @@ double value_of(const Metric& metric, const nlohmann::json& results) {
     node = &(*node)[key];
   }
   if (metric.steps) {
-    // The mean of fewer steps would stand under a heading that promises more.
+    // NaN if steps are missing: the heading promises a mean over all of them.
     if (!node->is_array() || metric.steps->second >= node->size())
       return std::numeric_limits<double>::quiet_NaN();
     double sum = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The figures of a run that a table can have.
+// Metrics of a run that a table can contain.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -15,32 +15,32 @@ struct Metric {
   std::string name;               // in experiment files
   std::string label;              // in tables, with its unit
   std::vector<const char*> path;  // in results.json
-  int digits;                     // behind the point
+  int digits;                     // decimal places
   Better better;
-  double scale = 1;  // of what the file has
-  // Where results.json names the network that judged, null where none was given; nullptr: it needs
-  // none.
+  double scale = 1;  // factor on the value in results.json
+  // Key of results.json that names the network which computed the metric; its value is null if no
+  // network was given. nullptr: the metric needs no network.
   const char* model = nullptr;
-  // Time steps of the video that count, where the path leads to a list of them; else all do.
+  // Time steps to average if the path leads to a list of them; default: all.
   std::optional<std::pair<size_t, size_t>> steps = {};
 };
 
-// FIRST-LAST, whole numbers that do not fall; nothing where the text is none of that.
+// Parses FIRST-LAST, whole numbers with FIRST <= LAST; empty otherwise.
 std::optional<std::pair<size_t, size_t>> step_range(const std::string& text);
 
-// In the order of a table. Figures of the test views, then of the model, then what it cost: those
-// differ from one time to the next.
+// In table order: metrics of the test views, of the model, then costs, which differ between
+// repeated runs.
 const std::vector<Metric>& all_metrics();
 std::vector<std::string> metric_names();
-// NAME or, for figures of views, tracks and motions, NAME@FIRST-LAST: at those time steps of the
-// video, from 0. Error when there is none of that name.
+// NAME or, for metrics of views, tracks and motion, NAME@FIRST-LAST: the mean over these time steps
+// of the video, from 0. Throws an Error for an unknown name.
 Metric metric_named(const std::string& name);
-// Whether two trainings alike have the same.
+// Whether two identical trainings produce the same value.
 bool is_repeatable(const Metric& metric);
 
-// NaN where the file has none, or not all of the steps asked for.
+// NaN if the file has no value, or lacks some of the requested time steps.
 double value_of(const Metric& metric, const nlohmann::json& results);
-// Whether the file says that there is no value because no network was given.
+// Whether the value is missing because no network was given.
 bool lacks_model(const Metric& metric, const nlohmann::json& results);
 
 }  // namespace gflow::experiments

@@ -26,7 +26,7 @@ struct Setting {
   std::string where;       // file and line
 };
 
-// A scene or a choice of an axis.
+// A scene or one choice of an axis.
 struct Choice {
   std::string name;
   std::vector<Setting> settings;
@@ -111,7 +111,7 @@ class Reader {
         fmt::format("{}: '{}' must be a number, a text, true or false", at(node), excerpt(key)));
   }
 
-  // The settings of a table, but for some keys of its own.
+  // The settings of a table, without the table's own keys.
   std::vector<Setting> settings_of(const toml::table& table,
                                    const std::vector<std::string>& others = {},
                                    const std::string& before = "") const {
@@ -233,7 +233,7 @@ class Reader {
     std::vector<std::string> tried;
     for (const fs::path& from : {fs::path(path_).parent_path(), fs::path(scenes_)}) {
       fs::path whole = fs::absolute(from / path).lexically_normal();
-      if (!whole.has_filename()) whole = whole.parent_path();  // it ended with a slash
+      if (!whole.has_filename()) whole = whole.parent_path();  // the path ends with a slash
       if (fs::exists(whole)) return whole;
       if (tried.empty() || tried[0] != whole) tried.push_back(whole.string());
     }
@@ -286,7 +286,8 @@ class Reader {
       for (const toml::node& variant : list(*node, "variant"))
         axes.back().choices.push_back(read_choice(table(variant, "[[variant]]")));
     }
-    std::set<std::string> names{"scene", "seed", "seeds", "run", "figures"};  // of every table
+    std::set<std::string> names{"scene", "seed", "seeds", "run",
+                                "figures"};  // columns of every table
     for (const Metric& metric : all_metrics()) names.insert({metric.name, metric.label});
     for (const Axis& axis : axes)
       if (!names.insert(axis.name).second)
@@ -326,7 +327,7 @@ class Reader {
                     at(*node), any_choice, fmt::join(choices, ", ")));
   }
 
-  // Error where there are more than anyone trains; the axes alone may come to any number.
+  // Limits the number of runs: the product of the axes may be arbitrarily large.
   void expect_few_runs(size_t scenes, size_t seeds, const std::vector<Axis>& axes) const {
     constexpr double most = 10000;
     double runs = double(scenes) * double(seeds);
@@ -338,7 +339,7 @@ class Reader {
                       path_, scenes, seeds, axes.size(), runs, most));
   }
 
-  // The combinations of a scene, the last axis fastest.
+  // The combinations of a scene; the last axis varies fastest.
   void add_rows(Plan& plan, const TrainOptions& base, const Choice& scene,
                 const std::vector<Axis>& axes) const {
     size_t combinations = 1;
@@ -372,7 +373,7 @@ class Reader {
   }
 
   void expect_distinct(const std::vector<PlannedRun>& runs) const {
-    constexpr size_t longest = 200;  // file systems take 255, some behind the name
+    constexpr size_t longest = 200;  // file systems allow 255 bytes, and suffixes follow
     std::set<std::string> ids;
     for (const PlannedRun& run : runs) {
       if (run.id.size() > longest)

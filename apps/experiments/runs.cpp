@@ -39,7 +39,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The first setting in which they differ, as a sentence; empty: none.
+// A sentence about the first setting that differs; empty if none does.
 std::string difference(const TrainOptions& before, const TrainOptions& now) {
   const auto a = setting_values(before), b = setting_values(now);
   for (const auto& [key, value] : b)
@@ -47,7 +47,7 @@ std::string difference(const TrainOptions& before, const TrainOptions& now) {
   return "";
 }
 
-// Whether the settings name a network that the results of a run were not judged by.
+// Whether the settings name a network other than the one that evaluated the run.
 bool wants_other_judges(MetricsOptions wanted, const RunFolder& run) {
   make_paths_absolute(wanted);
   const MetricsOptions judges = run.judged_by();
@@ -55,7 +55,7 @@ bool wants_other_judges(MetricsOptions wanted, const RunFolder& run) {
          (!wanted.clip.empty() && wanted.clip != judges.clip);
 }
 
-// The last whole line of a file; "" where there is none.
+// The last complete line of a file; "" if there is none.
 std::string last_line(const std::string& path) {
   std::ifstream in(path, std::ios::binary | std::ios::ate);
   if (!in) return "";
@@ -68,7 +68,7 @@ std::string last_line(const std::string& path) {
   return tail.substr(tail.rfind('\n') + 1);
 }
 
-// What a training said it ended for: its sentence begins with the program's name.
+// The error message of a training: the last line that begins with the program's name.
 std::string reason(const std::string& log) {
   std::ifstream in(log);
   std::string found, begin = "gflow: ";
@@ -78,16 +78,17 @@ std::string reason(const std::string& log) {
   return found.empty() ? "it said nothing; perhaps the disk is full" : found;
 }
 
-// What its training took, over all its parts.
+// Training time over all parts of an interrupted run.
 double train_seconds(const std::string& results) {
   return member_or(read_json(results), "train_seconds", std::nan(""));
 }
 
-// Computed flow and unpacked video of an earlier run of the scene serve the next one, which looks
-// at their stamp. Hard links will do: such files are replaced, never changed.
+// Reuses computed flow and unpacked frames of an earlier run of the same scene; training checks
+// their stamp. Hard links suffice: these files are replaced, never modified.
 void share_caches(const std::string& from, const std::string& to) {
-  std::error_code none;  // what cannot be shared is made again
-  // First, so that there is never a folder that no training seems to have made; each file is whole.
+  std::error_code none;  // whatever cannot be linked is computed again
+  // The stamp first, so that the folder is always recognised as one of training; each file is
+  // complete.
   fs::create_directories(to, none);
   fs::copy_file(from + "/caches.stamp", to + "/caches.stamp", fs::copy_options::skip_existing,
                 none);
@@ -101,8 +102,8 @@ void share_caches(const std::string& from, const std::string& to) {
     }
 }
 
-// Whether two trainings look at the same pictures at the same steps, so that the flow between those
-// of one is that of the other: its files say which pictures they are of, not which file each is.
+// Whether two trainings use the same images at the same time steps, so that they can share flow.
+// Flow files are named by image, not by content.
 bool same_pictures(const TrainOptions& a, const TrainOptions& b) {
   const auto of_a = setting_values(a), of_b = setting_values(b);
   return std::all_of(of_a.begin(), of_a.end(), [&](const auto& setting) {
@@ -110,20 +111,20 @@ bool same_pictures(const TrainOptions& a, const TrainOptions& b) {
   });
 }
 
-// The last line of the log of a training: its step, and the seconds of training until then.
+// Step and training time [s] in the last line of a training's log.
 std::pair<int, double> steps_made(const std::string& run) {
   const auto line = nlohmann::json::parse(last_line(run + "/metrics.jsonl"), nullptr, false);
   return {member_or(line, "iteration", 0), member_or(line, "seconds", std::nan(""))};
 }
 
-// Whether another process trains there: one that a gflow which was killed has left behind.
+// Whether another process trains there, such as one left behind by a killed gflow.
 bool is_being_trained(const std::string& run) {
   return fs::is_directory(run) && !RunFolder(run).lock_if_free();
 }
 
-// Seconds a step may take where no run tells: measured were 256 x 192 pixels and 30 000 Gaussians
-// with flow, 10 ms on two cores with AVX-512 (PoCL). Another device or motion model may be several
-// times faster or slower. NaN where the scene cannot be read.
+// Estimated seconds per step if no run has measured it: 10 ms for 256 x 192 pixels and 30 000
+// Gaussians with flow on two cores with AVX-512 (PoCL). Other devices or motion models may be
+// several times faster or slower. NaN if the scene cannot be read.
 double guessed_step(const SceneOptions& config) try {
   const Scene scene = read_scene(config.path, config);
   double pixels = 0;
@@ -135,7 +136,7 @@ double guessed_step(const SceneOptions& config) try {
   return std::nan("");
 }
 
-// One training as another process.
+// A training in a child process.
 class Training {
  public:
   Training(const PlannedRun& run, const std::string& folder, const std::string& device,
@@ -156,8 +157,8 @@ class Training {
     posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, files.log.c_str(),
                                      O_WRONLY | O_CREAT | O_TRUNC, 0666);
     posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
-    // A group of its own: a Ctrl-C at the terminal is for this program, which stops its trainings
-    // once. A second signal would end them without saving.
+    // Its own process group: Ctrl-C at the terminal reaches this program only, which stops its
+    // trainings once. A second signal would end them without saving.
     posix_spawnattr_t attributes;
     posix_spawnattr_init(&attributes);
     posix_spawnattr_setpgroup(&attributes, 0);
@@ -169,7 +170,7 @@ class Training {
     if (problem != 0)
       throw Error(fmt::format("cannot start the training {}: {}", run.id, std::strerror(problem)));
   }
-  // Whether it has ended; how, by failed().
+  // Whether the process has ended; failed() reports the result.
   bool ended() {
     if (!ended_) ended_ = waitpid(pid_, &status_, WNOHANG) == pid_;
     return ended_;
@@ -207,7 +208,7 @@ class Pool {
     progress_ = std::make_unique<Progress>("runs", total_steps(plan), options.quiet, steps_done());
   }
 
-  ~Pool() {  // only what an error left running
+  ~Pool() {  // processes left running after an error
     for (auto& [i, job] : running_) job.training.stop();
     for (auto& [i, job] : running_) job.training.wait();
   }
@@ -243,9 +244,10 @@ class Pool {
     return plan_.runs.size() - waiting_.size() - running_.size() - failures_.size() - stopped_;
   }
 
-  // Trainings side by side share the cores: PoCL would take all of them for each and wait for the
-  // slowest thread at every kernel. Two busy cores, n3v-baton: 19 steps/s in one training with two
-  // threads, 60 in two with one thread each. The number of threads changes no bit of a result.
+  // Parallel trainings share the cores. Otherwise PoCL would use all cores for each training and
+  // wait for the slowest thread at every kernel. Two busy cores, n3v-baton: 19 steps/s in one
+  // training with two threads, 60 in two with one thread each. The number of threads does not
+  // change any result.
   static void share_cores(int jobs) {
     const int cores = std::max(1, int(std::thread::hardware_concurrency()));
     if (jobs > 1)
@@ -264,7 +266,7 @@ class Pool {
         return;
       }
       const auto [i, anew] = *next;
-      // The first device that none is on, or the one with fewest.
+      // The device with the fewest trainings.
       std::vector<std::string> devices = options_.devices;
       if (devices.empty()) devices.push_back("");
       const auto taken = [&](const std::string& device) {
@@ -276,10 +278,10 @@ class Pool {
           [&](const std::string& a, const std::string& b) { return taken(a) < taken(b); });
       waiting_.erase(next);
       const std::string run = RunFiles(folder_, plan_.runs[i].id).run;
-      // Before the new settings stand beside it: a training that is stopped early must not leave
-      // the results of the former one under them.
+      // Removed before the new settings are written: a training that is stopped early must not
+      // leave the results of the previous run beside them.
       if (anew) fs::remove_all(run);
-      // Where the clock decides, every run pays for itself.
+      // Under a time limit every run computes its own caches.
       const bool fresh = !fs::exists(run) && plan_.runs[i].config.train.minutes == 0;
       for (size_t other = 0; fresh && other < plan_.runs.size(); ++other)
         if (has_ended_[other] && same_pictures(plan_.runs[other].config, plan_.runs[i].config))
@@ -332,9 +334,9 @@ class Pool {
   std::string folder_;
   RunOptions options_;
   std::unique_ptr<Progress> progress_;
-  std::vector<bool> has_ended_;                   // of each run, well
+  std::vector<bool> has_ended_;                   // of each run: whether it succeeded
   std::vector<int> steps_;                        // of each run
-  std::vector<std::pair<size_t, bool>> waiting_;  // run, and whether it is begun anew; in order
+  std::vector<std::pair<size_t, bool>> waiting_;  // run, and whether it starts over; in order
   std::map<size_t, Job> running_;
   std::vector<size_t> failures_;
   size_t stopped_ = 0;
@@ -361,7 +363,7 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   Standing standing;
   if (!fs::exists(files.settings) || !RunFolder::is_run(files.run)) return standing;
   const RunFacts facts = RunFolder(files.run).read_facts();
-  // One whose results were lost or damaged is judged again, as one that was stopped before.
+  // A run whose results are lost or damaged is evaluated again, like an interrupted one.
   const std::string results = read_report_or_empty(files.run + "/results.json");
   const bool finished = facts.finished && parse_json_within_limits(results).is_object();
   std::tie(standing.steps, standing.seconds) = steps_made(files.run);
@@ -372,7 +374,7 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   standing.status = finished ? Status::finished : Status::stopped;
   TrainOptions before;
   apply_file(before, files.settings);
-  // Going on with a training that is finished judges it anew.
+  // Resuming a finished training evaluates it again.
   if (finished && wants_other_judges(run.config.metrics, RunFolder(files.run)))
     standing.status = Status::stopped;
   before.metrics = run.config.metrics;
@@ -382,7 +384,7 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
 }
 
 TimeLeft time_left(const Plan& plan, const std::vector<Standing>& standings) {
-  // Seconds a step of the runs of a scene, or of all.
+  // Seconds per step over the runs of a scene, or over all.
   const auto pace = [&](const std::string& scene) {
     double seconds = 0, steps = 0;
     for (size_t i = 0; i < plan.runs.size(); ++i)

@@ -20,8 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kCaption = 24;  // [px] high, above each picture
-constexpr int kMargin = 6;    // [px] beside its words
+constexpr int kCaption = 24;  // [px] height, above each image
+constexpr int kMargin = 6;    // [px] beside the caption
 constexpr auto kFont = cv::FONT_HERSHEY_SIMPLEX;
 constexpr double kFontScale = 0.5;
 
@@ -29,7 +29,7 @@ int width_of(const std::string& words) {
   return cv::getTextSize(words, kFont, kFontScale, 1, nullptr).width + 2 * kMargin;
 }
 
-// Black words on white above the picture, and white to the right of it up to `width`.
+// Black caption on white above the image; white to the right of it up to `width`.
 Image captioned(const Image& picture, const std::string& words, int width) {
   cv::Mat sheet(picture.height + kCaption, width, CV_8UC3, cv::Scalar(255, 255, 255));
   const cv::Mat shown(picture.height, picture.width, CV_8UC3,
@@ -45,7 +45,7 @@ Image readable(const std::string& path) {
   return picture.channels == 4 ? over_background(picture, {255, 255, 255}) : picture;
 }
 
-// Pictures below each other, each with its words.
+// Images below each other, each with a caption.
 struct Sheet {
   std::string title;
   std::vector<std::pair<std::string, Image>> rows;
@@ -65,7 +65,7 @@ struct Sheet {
   }
 };
 
-// A row's first training of a scene, if it has drawn its test views.
+// The first training of a row on a scene, if its test views are rendered.
 struct Drawn {
   const PlannedRun* run;
   std::string words, folder;
@@ -91,7 +91,7 @@ std::vector<const Frame*> frames_of(const Film& film, const Scene& scene) {
   return frames;
 }
 
-// The films that there could be of a scene: VIEW@FIRST-LAST, each view at all its steps.
+// The possible films of a scene: VIEW@FIRST-LAST, each view with all its steps.
 std::string films_in_words(const Scene& scene) {
   std::map<std::string, std::pair<int, int>> steps;
   for (const Frame& frame : scene.test) {
@@ -105,7 +105,7 @@ std::string films_in_words(const Scene& scene) {
   return words.empty() ? "no test views" : fmt::format("{}", fmt::join(words, ", "));
 }
 
-// Steps of a view from the left, truth first; no rows where the scene has no such view.
+// Time steps of a view from left to right, truth first; no rows if the scene lacks the view.
 Sheet film_sheet(const Film& film, const std::string& scene, const std::vector<Drawn>& drawn) {
   Sheet sheet{fmt::format("{}, {}: steps {} to {}", scene, film.view, film.first, film.last), {}};
   const TrainOptions& config = drawn[0].run->config;
@@ -119,7 +119,7 @@ Sheet film_sheet(const Film& film, const std::string& scene, const std::vector<D
     std::vector<Image> pictures;
     for (size_t k = 0; k < frames.size(); ++k) {
       const std::string path = fmt::format("{}/test/{}.png", row.folder, frames[k]->name);
-      // White where a row has no such step, or it has another size.
+      // White if the row has no such step, or an image of another size.
       Image picture{truth[k].width, truth[k].height, 3, {}};
       if (fs::exists(path)) picture = readable(path);
       if (picture.pixels.empty() || picture.height != truth[k].height)

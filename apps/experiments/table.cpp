@@ -20,7 +20,7 @@ namespace {
 
 using Words = std::vector<std::string>;
 
-// A scene for each line of means.
+// Scene name of the rows of means.
 const char* const all_scenes = "all scenes";
 
 std::string digits(double value, int behind_the_point) {
@@ -39,7 +39,7 @@ std::string csv_line(const Words& words) {
   return fmt::format("{}\n", fmt::join(quoted, ","));
 }
 
-// What stands in a table instead of a number.
+// Text of a cell without a value.
 const char* const no_model = "no model given";
 
 std::string csv_number(double value) { return std::isnan(value) ? "" : fmt::format("{}", value); }
@@ -57,7 +57,7 @@ std::string markdown_line(const Words& words) {
   return line + "\n";
 }
 
-// A text in a gnuplot script.
+// Quotes a text for a gnuplot script.
 std::string quoted(const std::string& text) {
   std::string safe = "'";
   for (const char c : text) {
@@ -67,7 +67,7 @@ std::string quoted(const std::string& text) {
   return safe + "'";
 }
 
-// A text in a table that gnuplot reads, where a tab parts words and a quotation mark joins them.
+// A text for a table that gnuplot reads, where tabs separate cells and quotation marks join them.
 std::string plain(std::string text) {
   for (char& c : text)
     if (c == '\t' || c == '\n' || c == '"') c = ' ';
@@ -82,7 +82,7 @@ Words scenes_of(const Plan& plan) {
   return scenes;
 }
 
-// Of the k-th of `count` bars, as #RRGGBB: round the circle of hues, every other one darker.
+// Colour of bar k of `count` as #RRGGBB: hues around the circle, every other one darker.
 std::string colour(size_t k, size_t count) {
   const double hue = 6 * double(k) / double(count), value = k % 2 ? 150 : 220;
   const auto level = [&](double at) {  // 1 within 60 degrees of its hue, 0 from 120 on
@@ -92,8 +92,8 @@ std::string colour(size_t k, size_t count) {
   return fmt::format("#{:02x}{:02x}{:02x}", level(0), level(2), level(4));
 }
 
-// Where bars begin: at 0 where less is better; PSNR and SSIM far from 0 would all look alike, so
-// theirs a fifth of their range below the least.
+// Lower end of the bar axis: 0 where lower is better. For PSNR and SSIM a fifth of their range
+// below the minimum, because from 0 all bars would look alike.
 template <class Line>
 double lowest(const std::vector<Line>& lines, Better better) {
   if (better == Better::lower) return 0;
@@ -114,7 +114,7 @@ bool is_baseline(const Plan& plan, const Row& row) {
   return is;
 }
 
-// Whether two rows are of one scene and one choice of each axis that the baseline leaves open.
+// Whether two rows share the scene and the choice of each axis that the baseline leaves open.
 bool are_compared(const Plan& plan, const Row& a, const Row& b) {
   bool are = a.scene == b.scene;
   for (size_t k = 0; k < plan.baseline.size(); ++k)
@@ -150,7 +150,7 @@ Results::Results(const Plan& plan, std::vector<nlohmann::json> results)
     : plan_(plan), results_(std::move(results)) {
   for (const Metric& metric : all_metrics()) {
     const auto& asked = plan.metrics;
-    // A figure that no network was given for is missed in the open.
+    // A metric without a network keeps its column, so that the gap is visible.
     const bool known = std::any_of(results_.begin(), results_.end(), [&](const nlohmann::json& r) {
       return !std::isnan(value_of(metric, r)) || lacks_model(metric, r);
     });
@@ -183,13 +183,13 @@ std::vector<Results::Line> Results::lines_of(const std::vector<Metric>& metrics)
   for (size_t k = 0; k < each; ++k) {
     Line mean{{all_scenes, lines[k].row.choices}, std::vector<Cell>(metrics.size())};
     for (size_t m = 0; m < metrics.size(); ++m) {
-      std::map<int64_t, std::vector<double>> by_seed;  // a value a scene
+      std::map<int64_t, std::vector<double>> by_seed;  // one value per scene
       for (size_t i = 0; i < plan_.runs.size(); ++i) {
         const double value = value_of(metrics[m], results_[i]);
         if (plan_.runs[i].row % each == k && !std::isnan(value))
           by_seed[plan_.runs[i].config.train.seed].push_back(value);
       }
-      // A mean of some scenes only would be compared with one of all.
+      // Only seeds that all scenes have: other means could not be compared.
       for (const auto& [seed, values] : by_seed)
         if (values.size() == scenes) mean.cells[m].values.push_back(Cell{values}.mean());
       for (size_t s = 0; s < scenes; ++s)
@@ -357,7 +357,7 @@ std::vector<Plot> Results::bars() const {
       series.push_back(
           fmt::format("'{}.tsv' using {}:{}:xtic(1) title columnheader({}) lc rgb '{}'", plot.name,
                       2 * k + 2, 2 * k + 3, 2 * k + 2, colour(k, each)));
-    plot.height += int(20 * each);  // for the names
+    plot.height += int(20 * each);  // space for the names
     plot.script = fmt::format(
         "set termoption noenhanced\nset datafile missing '?'\nset style data histograms\n"
         "set style histogram errorbars gap 2 lw 1\nset style fill solid 0.8\n"
