@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Past the checksums of a zip or PNG: what a fuzzer has damaged reaches who reads what is in it.
+// Corrects the checksums of damaged zip archives and PNGs, so that damage reaches the readers of
+// their contents.
 #pragma once
 #include <zlib.h>
 
@@ -8,8 +9,8 @@
 
 namespace gflow::fuzz {
 
-// A zip of stored entries with the checksums that its bytes have: otherwise nothing that is damaged
-// would come past them to what reads the arrays. Other bytes come back as they are.
+// A zip of stored entries with checksums that match its bytes. Otherwise the checksum would reject
+// every damaged array before it is read. Other bytes are returned unchanged.
 inline std::string with_checksums(const uint8_t* bytes, size_t size) {
   std::string zip(reinterpret_cast<const char*>(bytes), size);
   const auto number = [&](size_t at, int length) {
@@ -17,8 +18,8 @@ inline std::string with_checksums(const uint8_t* bytes, size_t size) {
     for (int k = length; k-- > 0;) value = value << 8 | uint8_t(zip[at + size_t(k)]);
     return value;
   };
-  // An entry of the directory: its checksum stands at 16, its length at 24, where it is at 42; the
-  // entry itself: 30 bytes of which 14 to 17 are the checksum, a name, more (lengths at 26, 28).
+  // A directory entry: checksum at 16, length at 24, position of the entry at 42. The entry itself:
+  // 30 bytes with the checksum at 14 to 17, a name, extra data (their lengths at 26 and 28).
   for (size_t at = zip.find("PK\1\2"); at != std::string::npos; at = zip.find("PK\1\2", at + 1)) {
     if (at + 46 > zip.size()) break;
     const size_t length = number(at + 24, 4), entry = number(at + 42, 4);
@@ -32,8 +33,8 @@ inline std::string with_checksums(const uint8_t* bytes, size_t size) {
   return zip;
 }
 
-// The same of a PNG: behind its signature chunks of a length, a name, data and the checksum of name
-// and data.
+// The same for a PNG: its signature is followed by chunks of length, name, data, and the checksum
+// of name and data.
 inline std::string with_png_checksums(const uint8_t* bytes, size_t size) {
   std::string png(reinterpret_cast<const char*>(bytes), size);
   for (size_t at = 8; at + 12 <= png.size();) {

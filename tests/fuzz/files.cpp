@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Arrays, flow, pictures, video and cameras: single files.
+// Single files: arrays, flow, images, video and cameras.
 #include "optim/flow/packed_flow.hpp"
 #include "optim/flow/point_tracks.hpp"
 #include "optim/formats/flo.hpp"
@@ -67,7 +67,8 @@ bool is_gzip(const uint8_t* bytes, size_t size) {
 void flo(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "a.flo", [](const std::string& path) { read_flo(path); });
 }
-Holds held_by_flo(const uint8_t* bytes, size_t size) {  // known by its first bytes, not its name
+Holds held_by_flo(const uint8_t* bytes,
+                  size_t size) {  // recognised by its first bytes, not its name
   return is_gzip(bytes, size) ? Holds::packed : Holds::its_size;
 }
 void flo_seeds(const std::string& to) {
@@ -75,7 +76,7 @@ void flo_seeds(const std::string& to) {
   real_seed(to, "flow_middlebury_rubberwhale/flow_gt.flo");
 }
 
-// Packed here, as of a packed file that is damaged zlib refuses nearly all; and as it is.
+// Reads the bytes packed, because zlib rejects almost all damaged packed files, and as they are.
 void flo_gz(const uint8_t* bytes, size_t size) {
   const Bytes packed = gzip({reinterpret_cast<const char*>(bytes), size});
   as_file(packed.data(), packed.size(), "a.flo.gz", [](const std::string& p) { read_flo(p); });
@@ -105,7 +106,7 @@ void picture_seeds(const std::string& to) {
   seed(to, "rgb", png(5, 4));
   seed(to, "rgba", png(5, 4, 4));
   const std::string jpg = folder() + "/made.jpg";
-  write_png(jpg, pattern(8, 8));  // by its ending a JPEG
+  write_png(jpg, pattern(8, 8));  // a JPEG by its extension
   seed(to, "jpg", contents(jpg));
   for (const char* name : {"progressive", "progressive_grey", "cmyk"})
     seed(to, name, contents(fmt::format("{}/tests/data/pictures/{}.jpg", GFLOW_SOURCE_DIR, name)));
@@ -119,7 +120,7 @@ void picture_seeds(const std::string& to) {
   real_seed(to, "consistent4d_trex/0.png");
 }
 
-// As a video is read: what it says, when its frames are shown, the first of them.
+// Reads a video as gflow does: its information, its frame times, its first frame.
 void video(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "a.mp4", [](const std::string& path) {
     const VideoInfo info = video_info(path);
@@ -161,7 +162,7 @@ void cameras_json_seeds(const std::string& to) {
             "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fx": 10, "fy": 11}])");
 }
 
-// As `--cameras FILE` of a plain video.
+// Cameras of a plain video, as by `--cameras FILE`.
 void given_cameras(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "transforms.json", [](const std::string& path) {
     SceneOptions options;

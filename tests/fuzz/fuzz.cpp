@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// libFuzzer's entry points. GFLOW_FUZZ_TARGET names the reader; `fuzz --seeds FOLDER` writes valid
-// inputs of each into FOLDER/NAME instead, and `fuzz --long MB` gives it files of that size.
+// libFuzzer's entry points. GFLOW_FUZZ_TARGET selects the reader. `fuzz --seeds FOLDER` writes
+// valid inputs of each reader to FOLDER/NAME instead, and `fuzz --long MB` feeds files of that
+// size.
 #include <sanitizer/allocator_interface.h>
 
 #include <atomic>
@@ -25,8 +26,7 @@ const gflow::fuzz::Target& chosen() {
   return *target;
 }
 
-// Memory of the whole process that is allocated now, and the most of it since `most` was set
-// [bytes].
+// Allocated memory of the whole process, and its maximum since `most` was set [bytes].
 std::atomic<long> allocated{0}, most{0};
 
 void count_malloc(const volatile void*, size_t size) {
@@ -80,7 +80,7 @@ extern "C" int LLVMFuzzerInitialize(int* argc, char*** argv) {
     write_seeds((*argv)[2]);
     std::exit(0);
   }
-  chosen().read(nullptr, 0);  // what it makes once is not counted
+  chosen().read(nullptr, 0);  // allocates what is made once, which does not count
   __sanitizer_install_malloc_and_free_hooks(count_malloc, count_free);
   if (word == "--long") {
     read_long_files(std::strtoul((*argv)[2], nullptr, 10) << 20);

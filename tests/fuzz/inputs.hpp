@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the bytes of a fuzzer become files, and files its seeds.
+// Turns fuzzer inputs into files, and files into seeds.
 #pragma once
 #include <unistd.h>
 
@@ -17,7 +17,7 @@ namespace gflow::fuzz {
 
 namespace fs = std::filesystem;
 
-// A folder in memory, for as long as the process lives.
+// A folder in memory for the lifetime of the process.
 inline const std::string& folder() {
   static const struct Folder {
     std::string path = fmt::format("/dev/shm/gflow-fuzz-{}", ::getpid());
@@ -41,12 +41,12 @@ void may_refuse(Read&& read) {
   try {
     read();
   } catch (const Error&) {
-  } catch (const fs::filesystem_error& problem) {  // the program says its path and reason
+  } catch (const fs::filesystem_error& problem) {  // the program reports path and reason
     if (problem.code() != std::errc::filename_too_long) throw;
   }
 }
 
-// The bytes as a file of that name.
+// Calls `read` with the bytes as a file of that name.
 template <class Read>
 void as_file(const uint8_t* bytes, size_t size, const std::string& name, Read&& read) {
   write(name, bytes, size);
@@ -70,8 +70,8 @@ struct File {
 
 using Files = std::vector<File>;
 
-// The file of several that the first byte chooses, and what that holds: its size where it is text
-// or plain numbers.
+// The index of the file that the first byte selects, and how much it can hold: its size if it is
+// text or plain numbers.
 inline size_t chosen_file(const Files& files, const uint8_t* bytes) {
   return bytes[0] % files.size();
 }
@@ -87,7 +87,7 @@ Holds held(const uint8_t* bytes, size_t size) {
   return held_by(files(), bytes, size);
 }
 
-// A scene of these files but for the chosen one: that is the rest of the bytes.
+// A scene of these files; the remaining bytes replace the selected one.
 template <class Read>
 void in_scene(const uint8_t* bytes, size_t size, const std::string& scene, const Files& files,
               Read&& read) {
@@ -113,8 +113,8 @@ inline void seeds_of(const std::string& folder, const Files& files) {
 inline void copy_seed(const std::string& folder, const std::string& path) {
   seed(folder, fs::path(path).filename().string(), contents(path));
 }
-// The beginning, of as many bytes as inputs have, of a file of the shared data where that is there,
-// behind the byte that chooses it among several.
+// The beginning of a file of the shared data, if it exists, up to the size of inputs. `before`
+// precedes it, such as the byte that selects it among several.
 inline void real_seed(const std::string& folder, const std::string& name,
                       const std::string& before = "",
                       const std::function<std::string(const std::string&)>& read = contents) {
@@ -129,7 +129,7 @@ inline std::string capture(const std::string& name) {
   return contents(std::string(GFLOW_SOURCE_DIR) + "/tests/data/captures/" + name);
 }
 
-// A picture of this size as the bytes of a PNG.
+// An image of this size as the bytes of a PNG.
 inline std::string png(int width, int height, int channels = 3) {
   const std::string name = folder() + "/made.png";
   write_png(name, pattern(width, height, channels));

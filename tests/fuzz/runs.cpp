@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What gflow itself writes and is told: settings, experiments, models, checkpoints, a run's folder,
-// reports, compiled kernels; a guidance program's words, networks, arrays of `gflow splat`.
+// Files and input of gflow itself: settings, experiments, models, checkpoints, run folders,
+// reports, compiled kernels; messages of guidance programs, networks, arrays of `gflow splat`.
 #include "apps/experiments/runs.hpp"
 
 #include <cmath>
@@ -34,7 +34,7 @@ void config(const uint8_t* bytes, size_t size) {
 }
 void config_seeds(const std::string& to) { seed(to, "a", to_toml(TrainOptions())); }
 
-// A model of each motion, and what it keeps in a second file: the first byte chooses.
+// A model of each motion model and its second file; the first byte selects.
 constexpr size_t kMotions = 5;
 const Files& model_files(size_t motion) {
   static const std::vector<Files> all = [] {
@@ -79,18 +79,18 @@ void checkpoint_seeds(const std::string& to) {
   seed(to, "a", written("s.npz", [&](const std::string& p) { write_checkpoint(p, some); }));
 }
 
-// Folders of scenes that experiments name; nobody reads what is in them.
+// Scene folders that experiments name; their contents are not read.
 void make_scenes() {
   for (const char* name : {"ball", "cube"}) fs::create_directories(folder() + "/" + name);
 }
 
-// An experiment file and what its scenes and settings name.
+// An experiment file with its scenes and settings.
 void plan(const uint8_t* bytes, size_t size) {
   make_scenes();
   write("base.toml", "train.iterations = 7\n");
   as_file(bytes, size, "plan.toml", [](const std::string& path) {
     const experiments::Plan plan = experiments::read_plan(path, folder());
-    // Of few runs, so that most inputs are of the reader.
+    // A few runs only, so that most time is spent in the reader.
     for (size_t i = 0; i < std::min(plan.runs.size(), size_t{4}); ++i)
       experiments::standing_of(plan.runs[i], folder());
   });
@@ -117,7 +117,7 @@ values = [0, 20]
     if (entry.path().extension() == ".toml") copy_seed(to, entry.path().string());
 }
 
-// What a finished run has left, as an experiment and a training that goes on read it.
+// A finished run, as read by an experiment and a resumed training.
 const experiments::Plan& finished_plan() {
   static const experiments::Plan plan = [] {
     make_scenes();
@@ -163,7 +163,7 @@ void run_folder(const uint8_t* bytes, size_t size) {
 }
 void run_folder_seeds(const std::string& to) { seeds_of(to, run_files()); }
 
-// What a guidance program says: its greeting and an answer.
+// Output of a guidance program: its greeting and an answer.
 void guidance(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "words", [](const std::string& path) {
     ProcessGuidance program("cat " + path, 1, {});
@@ -179,7 +179,7 @@ void guidance_seeds(const std::string& to) {
   seed(to, "error", "{\"version\": 1}\n{\"error\": \"no network\"}\n");
 }
 
-// An earlier report, as `gflow bench --compare` reads it.
+// A previous report, as read by `gflow bench --compare`.
 void bench_report(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "report.json", [](const std::string& path) {
     const bench::Json report = bench::read_report(path, "raster");
@@ -202,7 +202,7 @@ void onnx_seeds(const std::string& to) {
     copy_seed(to, fmt::format("{}/tests/data/{}", GFLOW_SOURCE_DIR, name));
 }
 
-// A file of the cache of compiled kernels. The driver reads what is found sound.
+// A file of the cache of compiled kernels. The driver receives what passes the checks.
 constexpr uint64_t kKey = 7;
 void program_cache(const uint8_t* bytes, size_t size) {
   const std::string_view file(reinterpret_cast<const char*>(bytes), size);
@@ -218,7 +218,7 @@ void program_cache_seeds(const std::string& to) {
   seed(to, "a", file);
 }
 
-// Arrays of `gflow splat`, onto a device.
+// Arrays of `gflow splat`, uploaded to a device.
 const std::string& splat_file() {
   static const std::string file = written("s.npz", [](const std::string& path) {
     const auto array = [](std::vector<size_t> shape, std::vector<float> values) {
@@ -245,7 +245,7 @@ void splat(const uint8_t* bytes, size_t size) {
   const auto read = [](Queue& queue, const std::string& path) {
     splat_scene(queue, read_npz(path, splat_arrays_known), .01f, path);
   };
-  static Queue queue = [&] {  // its kernels are compiled before anything is counted
+  static Queue queue = [&] {  // compiles its kernels before memory is counted
     Queue opened = test_queue();
     write("first.npz", splat_file());
     read(opened, folder() + "/first.npz");

@@ -12,7 +12,7 @@
 namespace gflow::fuzz {
 namespace {
 
-// A model as text, as COLMAP's own are too large for a fuzzer, with the pictures it names.
+// A COLMAP model as text, because the binary files are too large for a fuzzer, with its images.
 const Files& colmap_files() {
   static const Files files{
       {"sparse/0/cameras.txt", "1 SIMPLE_RADIAL 8 6 10 4 3 -0.1\n2 PINHOLE 8 6 10 11 4 3\n"},
@@ -165,7 +165,7 @@ void n3v_seeds(const std::string& to) {
   real_seed(to, "dynerf_flame_steak_5v/poses_bounds.npy", std::string(1, 0));
 }
 
-// With what its folder says of the truth: flow, depth, tracks.
+// With ground truth: flow, depth, tracks.
 const Files& consistent4d_files() {
   static const Files files{
       {"input/0.png", png(8, 6, 4)},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gaussians at one time and all times, as other programs write them.
+// Static and moving Gaussians in the formats of other programs.
 #include <zlib.h>
 
 #include "optim/formats/compressed_ply.hpp"
@@ -76,7 +76,7 @@ std::string gunzipped(const std::string& path) {
   return text;
 }
 
-// Packed here: of a packed file that is damaged zlib refuses nearly all.
+// Packed here, because zlib rejects almost all damaged packed files.
 void spz(const uint8_t* bytes, size_t size) {
   const Bytes packed = gzip({reinterpret_cast<const char*>(bytes), size});
   as_file(packed.data(), packed.size(), "a.spz", [](const std::string& path) { read_spz(path); });
@@ -103,7 +103,7 @@ void four_dgs(const uint8_t* bytes, size_t size) {
 void four_dgs_seeds(const std::string& to) {
   for (const char* name : {"one_gaussian", "two_windows", "chunk_ends_first"})
     copy_seed(to, fmt::format("{}/tests/data/four_dgs/{}.4dgs", GFLOW_SOURCE_DIR, name));
-  MovingSplats equal;  // a stream of one value for all
+  MovingSplats equal;  // a stream with one value for all
   equal.duration = 1;
   equal.splats.resize(20000);
   for (MovingSplat& splat : equal.splats) splat.scales = {1, 1, 1};

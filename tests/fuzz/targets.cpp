@@ -39,7 +39,7 @@ size_t memory_allowed(const Target& target, const uint8_t* bytes, size_t size) {
 
 namespace {
 
-// Its start, after its first bracket, comma or line.
+// The start of the seed, and behind its first bracket, comma or line end.
 std::vector<size_t> places_of_any_length(const std::string& seed) {
   std::vector<size_t> found{0};
   if (const size_t at = seed.find_first_of("[,\n"); at != seed.npos) found.push_back(at + 1);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every reader of files as a function of bytes, for the fuzzer and for the cases it once found
-// (tests/data/fuzz). A reader may refuse with an Error and nothing else.
+// Every file reader as a function of bytes, for the fuzzer and for its past findings
+// (tests/data/fuzz). A reader may reject its input by an Error and in no other way.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -10,16 +10,16 @@
 
 namespace gflow::fuzz {
 
-// How much may be in a file: its size, more as it is compressed, or, in a video, what FFmpeg makes
-// of it.
+// Upper bound of the contents of a file: its size, more because it is compressed, or, for a video,
+// whatever FFmpeg makes of it.
 enum class Holds { its_size, packed, anything };
 
 struct Target {
   const char* name;
   void (*read)(const uint8_t* bytes, size_t size);
-  // Valid inputs to begin from, written as files into a folder.
+  // Writes valid inputs as files into a folder.
   void (*make_seeds)(const std::string& folder);
-  // Of the file that the bytes become: one of those below, or by the file they choose.
+  // For the file that the bytes become; it may depend on the byte that selects it.
   Holds (*holds)(const uint8_t* bytes, size_t size);
 };
 Holds its_size(const uint8_t*, size_t);
@@ -28,17 +28,18 @@ Holds any_video(const uint8_t*, size_t);
 
 const std::vector<Target>& targets();
 
-// What reading these bytes may take [bytes]: twice the file and 64 MB, or of a compressed file
-// twice what it may hold and 64 MB (optim/formats/README.md). No bound for a video: FFmpeg's frames
-// are as large as it says, up to what optim/images/video.cpp allows.
+// Allowed memory for reading these bytes [bytes]: twice the file and 64 MB; for a compressed file
+// twice its possible contents and 64 MB (optim/formats/README.md). No bound for a video: FFmpeg's
+// frames have the size that the video states, up to the limit in optim/images/video.cpp.
 size_t memory_allowed(const Target& target, const uint8_t* bytes, size_t size);
 
-// What 64 kB cannot show: inputs of `size` bytes and a little, which are the seeds in a folder with
-// millions of the same words where something of any length may stand. Calls see(what it is, input).
+// Inputs of slightly more than `size` bytes, for problems that 64 kB cannot show: the seeds of a
+// folder, with one token repeated millions of times where a sequence of any length is allowed.
+// Calls see(description, input).
 using SeeLongFile = std::function<void(const std::string& what, const std::string& input)>;
 void for_long_files(const std::string& seeds, size_t size, const SeeLongFile& see);
 
-// Of these, a file each.
+// The targets of each source file.
 std::vector<Target> splat_targets();
 std::vector<Target> file_targets();
 std::vector<Target> scene_targets();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gflow program run as a user runs it.
+// Runs the gflow program as a user does.
 #pragma once
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -20,12 +20,12 @@ namespace gflow {
 namespace fs = std::filesystem;
 
 struct Outcome {
-  int code = -1;  // 128 + signal when one ended it
+  int code = -1;  // 128 + signal if a signal ended it
   std::string out, err;
 };
 
-// One run of the program; arguments as they are. `first` is what a shell does before it becomes the
-// program, a limit it sets, say; without it there is no shell.
+// One run of the program with these arguments. `first` is a shell command that runs before the
+// program, such as setting a limit; without it no shell is used.
 class Command {
  public:
   explicit Command(std::vector<std::string> arguments, const std::string& first = "") {
@@ -38,17 +38,17 @@ class Command {
     const std::string out = folder_.file("out"), err = folder_.file("err");
     pid_ = fork();
     if (pid_ != 0) return;
-    setpgid(0, 0);                 // so that a signal may be sent to all that it starts
-    std::signal(SIGINT, SIG_DFL);  // shells ignore it in what they start in the background
+    setpgid(0, 0);                 // a signal can be sent to all its children
+    std::signal(SIGINT, SIG_DFL);  // shells ignore it in background processes
     dup2(open(out.c_str(), O_WRONLY | O_CREAT, 0600), STDOUT_FILENO);
     dup2(open(err.c_str(), O_WRONLY | O_CREAT, 0600), STDERR_FILENO);
     execv(argv[0], argv.data());
     _exit(127);
   }
   void send(int signal) const { kill(pid_, signal); }
-  // To the program and all that it started in its group, as a terminal does.
+  // Sends to the program and all processes of its group, as a terminal does.
   void send_to_group(int signal) const { kill(-pid_, signal); }
-  // Waits until the program, no longer this one, has a handler for the signal.
+  // Waits until exec has happened and the program handles the signal.
   void wait_for_handler(int signal) const {
     for (int i = 0; i < 2000; ++i) {
       std::error_code gone;
@@ -62,7 +62,7 @@ class Command {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
   }
-  // What it said on stderr until now.
+  // The output on stderr so far.
   std::string said() const { return contents(folder_.file("err")); }
   Outcome wait() const {
     int status = 0;
@@ -83,7 +83,7 @@ inline Outcome gflow(const std::vector<std::string>& arguments, const std::strin
   return Command(arguments, first).wait();
 }
 
-// One sentence on stderr, as "gflow: ...", with all the parts; exit code 1; nothing on stdout.
+// Expects one sentence on stderr, "gflow: ...", with all the parts; exit code 1; nothing on stdout.
 inline void expect_refused(const std::vector<std::string>& arguments,
                            std::initializer_list<std::string> parts,
                            const std::string& first = "") {
@@ -97,7 +97,7 @@ inline void expect_refused(const std::vector<std::string>& arguments,
     EXPECT_NE(outcome.err.find(part), std::string::npos) << part << " in " << outcome.err;
 }
 
-// Waits until something has come to pass, a minute at most.
+// Waits until the condition holds, at most a minute.
 inline bool wait_until(const std::function<bool()>& come_to_pass) {
   for (int i = 0; i < 60000 && !come_to_pass(); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));

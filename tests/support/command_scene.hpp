@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tests of gflow's commands begin with.
+// Fixtures for tests of gflow's commands.
 #pragma once
 #include "optim/formats/npz.hpp"
 #include "tests/support/command.hpp"
@@ -7,7 +7,7 @@
 
 namespace gflow {
 
-// A scene and, where asked for, a run of three steps on it.
+// A scene and, on request, a run of three steps on it.
 class CommandTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -34,7 +34,7 @@ class CommandTest : public testing::Test {
 inline Array floats(std::vector<size_t> shape, std::vector<float> values) {
   return {std::move(shape), std::move(values)};
 }
-// Two Gaussians before a camera, for `gflow splat`.
+// Two Gaussians in front of a camera, for `gflow splat`.
 inline Arrays small_npz() {
   return {{"means", floats({2, 3}, {0, 0, 2, 0.2f, 0, 3})},
           {"quats", floats({2, 4}, {1, 0, 0, 0, 1, 0, 0, 0})},

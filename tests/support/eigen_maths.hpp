@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// kernels/shared's small vectors as Eigen's, so that Eigen can check them.
+// Converts the small vectors of kernels/shared to Eigen, which serves as reference.
 #pragma once
 #include <Eigen/Dense>
 #include <random>
@@ -31,10 +31,10 @@ inline Eigen::Matrix3d eigen(Mat3 m) {
 inline Mat23 mat23_from(const Eigen::Matrix<double, 2, 3>& e) {
   return make_mat23({e(0, 0), e(0, 1), e(0, 2)}, {e(1, 0), e(1, 1), e(1, 2)});
 }
-// Hamilton's product is Eigen's, whose constructor takes w x y z as we do.
+// Eigen also uses Hamilton's product; its constructor takes w x y z as gflow does.
 inline Eigen::Quaterniond eigen_quat(real4 q) { return {q.x, q.y, q.z, q.w}; }
 
-// Symmetric positive roots by eigenvectors: the way the kernels do not go.
+// Symmetric positive roots by eigenvectors, unlike in the kernels.
 inline Eigen::Matrix2d eigen_sqrt(const Eigen::Matrix2d& s) {
   return Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(s).operatorSqrt();
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sets an environment variable for the life of the object. For tests that run one at a time.
+// Sets an environment variable during its lifetime. Only for tests that run one at a time.
 #pragma once
 #include <cstdlib>
 #include <optional>

@@ -4,7 +4,7 @@
 
 #include <csignal>
 
-// While it lives, files do not grow beyond so many bytes: a write fails as on a full disk.
+// While it exists, files cannot grow beyond `bytes`: writes fail as on a full disk.
 class FileSizeLimit {
  public:
   explicit FileSizeLimit(size_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model of any kind in which everything happens, and its pictures.
+// A model of any kind that uses all its parameters, and its rendered image.
 #pragma once
 #include "optim/model/renderer.hpp"
 #include "tests/support/small_scene.hpp"
 
 namespace gflow {
 
-// 60 Gaussians of all shapes that move, turn, come and go.
+// 60 Gaussians of all shapes that move, rotate, appear and disappear.
 inline HostModel lively_model(MotionModelKind kind) {
   HostModel model;
   model.shape.motion = kind;
@@ -39,7 +39,7 @@ inline HostModel lively_model(MotionModelKind kind) {
   return model;
 }
 
-// Its picture, colours in planes.
+// Its rendered colours in planes.
 inline std::vector<float> drawn(Queue& queue, const HostModel& host, double time,
                                 const Camera& camera) {
   Renderer renderer(queue, {});

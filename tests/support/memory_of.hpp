@@ -4,8 +4,8 @@
 
 #include "runtime/base/usage.hpp"
 
-// What a call takes of memory at once, more than there was [MiB]. 0 where it cannot be told: where
-// the system does not begin a peak anew, and under sanitizers, which keep what was freed.
+// Peak memory of a call above the memory before it [MiB]. 0 where it cannot be measured: where the
+// system cannot reset the peak, and under sanitizers, which keep freed memory.
 inline double memory_of(const std::function<void()>& call) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   call();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every motion model must do, given its forward in double: the device shows the same
-// Gaussians, and its gradients of two times are those of central differences of the double forward.
+// Checks every motion model against its forward pass in double: the device gives the same
+// Gaussians, and its gradients at two times equal central differences.
 #pragma once
 #include <map>
 #include <set>
@@ -19,7 +19,8 @@ using reference::DoubleForward;
 
 class MotionCheck {
  public:
-  // Random parameters for n Gaussians, normal with the deviation `spread`, or that of its group.
+  // Normal random parameters for n Gaussians with standard deviation `spread`, or that of the
+  // group.
   MotionCheck(Queue& queue, const MotionShape& shape, size_t n, DoubleForward forward,
               const std::map<std::string, double>& spreads = {}, double spread = 0.5)
       : queue_(queue),
@@ -36,7 +37,7 @@ class MotionCheck {
         for (size_t k = 0; k < group.values.size(); ++k)
           floats.push_back(float(deviation * random()));
         if (name == "quats")
-          for (size_t i = 0; i < n; ++i) floats[4 * i] += 1;  // not near zero length
+          for (size_t i = 0; i < n; ++i) floats[4 * i] += 1;  // avoids near-zero length
         group.values.write(queue, floats);
         values_[name] = std::vector<double>(floats.begin(), floats.end());
       }
@@ -47,7 +48,7 @@ class MotionCheck {
   Motion& motion() { return *motion_; }
   Named& values() { return values_; }
 
-  // The device at time t against the double forward.
+  // Compares the device at time t with the double forward pass.
   void expect_same_gaussians(double t, Tolerance tolerance) {
     GaussiansAt at;
     const Buffer<cl_uint> all(queue_, std::vector<cl_uint>(n_, 1u), "seen");
@@ -65,9 +66,9 @@ class MotionCheck {
     EXPECT_TRUE(all_close(at.opacities.read(queue_), opacities, tolerance));
   }
 
-  // Gradients of random weights of the Gaussians seen at t1 and t2 (no opacity there), every third
-  // unseen, against differences; twice, so that old gradients do not stay. Relative L2 by group.
-  // Groups in `fixed` are not trained.
+  // Compares gradients of random weights of the Gaussians seen at t1 and t2 (no opacity at t2;
+  // every third Gaussian unseen) with differences, by relative L2 per group. Runs twice to detect
+  // gradients left from the first time. Groups in `fixed` are not trained.
   void expect_same_gradients(double t1, double t2, double bound,
                              const std::set<std::string>& fixed = {}) {
     for (int round = 0; round < 2; ++round) gradients_once(t1, t2, bound, 30 + round, fixed);
@@ -119,7 +120,8 @@ class MotionCheck {
       for (const ParameterGroup& group : table->groups) {
         const std::string& name = group.values.name();
         if (fixed.count(name)) continue;
-        // A parameter of one Gaussian (row k n + i: of Gaussian i) shows in its loss alone.
+        // A parameter of one Gaussian (row k n + i belongs to Gaussian i) affects its own loss
+        // only.
         Named p = values_;
         std::vector<double> expected;
         for (size_t k = 0; k < p[name].size(); ++k) {
@@ -132,7 +134,7 @@ class MotionCheck {
           expected.push_back((loss_at(x + h) - loss_at(x - h)) / (2 * h));
           p[name][k] = x;
         }
-        // a row that was not seen has no gradient
+        // A row that was not seen has no gradient.
         std::vector<float> found = group.grads.read(queue_);
         for (size_t k = 0; k < found.size(); ++k) {
           const size_t row = k / group.width;

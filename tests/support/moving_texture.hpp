@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures between which the flow is known.
+// Images with known flow between them.
 #pragma once
 #include <cmath>
 
 #include "optim/scene/scene.hpp"
 #include "tests/support/scene_files.hpp"
 
-// A smooth texture moved by (dx, dy): the flow between two of them is known everywhere.
+// A smooth texture moved by (dx, dy), so that the flow is known everywhere.
 inline gflow::Image texture(int width, int height, double dx, double dy) {
   gflow::Image image{width, height, 3, {}};
   for (int y = 0; y < height; ++y)
@@ -19,7 +19,7 @@ inline gflow::Image texture(int width, int height, double dx, double dy) {
   return image;
 }
 
-// Steps of one camera, 48 x 40, each moved by (2, -1), with no true flow.
+// Time steps of one camera, 48 x 40, each moved by (2, -1), without true flow.
 inline gflow::Scene textured_scene(const TemporaryFolder& folder, int steps = 3) {
   for (int k = 0; k < steps; ++k)
     gflow::write_png(folder.file(fmt::format("scene/{}.png", k)), texture(48, 40, 2 * k, -k));

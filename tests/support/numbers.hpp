@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers that many tests need.
+// Constants of many tests.
 #pragma once
 #include <cmath>
 #include <limits>
@@ -11,5 +11,5 @@ constexpr float INFINITE = std::numeric_limits<float>::infinity();
 
 inline double sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
 
-// float32: some 100 roundings of values of order 1 to 10.
+// Tolerance of float32: about 100 roundings of values between 1 and 10.
 constexpr Tolerance FLOAT_MATHS{1e-5, 1e-5};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trainings of one small scene, drawn once for all tests of a suite, and their bits.
+// Trainings of one small scene, rendered once per test suite, and their bits.
 #pragma once
 #include "optim/train/trainer.hpp"
 #include "tests/support/small_scene.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PNGs of every kind, byte by byte: no library's writer makes them all.
+// Writes PNGs of every kind by hand, because no library can write them all.
 #pragma once
 #include <zlib.h>
 
@@ -31,19 +31,19 @@ inline std::string deflated(const std::string& bytes) {
 }
 
 struct PngKind {
-  int colour, depth;  // as IHDR has them
+  int colour, depth;  // values of IHDR
   bool interlaced, transparent;
 };
 
-// Samples a pixel, of PNG's kinds of colour.
+// Samples per pixel of PNG's colour types.
 inline int png_samples(int colour) {
   return colour == 2 ? 3 : colour == 4 ? 2 : colour == 6 ? 4 : 1;
 }
 
 constexpr size_t kPngWidth = 13, kPngHeight = 9;
 
-// Unfiltered rows of random bytes, of 0 and 1 where a colour is transparent; of Adam7's seven
-// pictures, where it is interlaced.
+// Unfiltered rows of random bytes, or of 0 and 1 if a colour is transparent. Interlaced images have
+// the seven passes of Adam7.
 inline std::string random_rows(const PngKind& kind, std::mt19937& rng) {
   struct Pass {
     size_t x, y, dx, dy;
@@ -65,7 +65,7 @@ inline std::string random_rows(const PngKind& kind, std::mt19937& rng) {
 inline std::string png_of(const PngKind& kind, const std::string& rows,
                           const std::string& more = "") {
   std::string bytes = "\x89PNG\r\n\x1a\n";
-  const std::string none(2, '\0');  // deflate, its filters
+  const std::string none(2, '\0');  // compression and filter method
   bytes += png_chunk("IHDR", big_endian(kPngWidth) + big_endian(kPngHeight) + char(kind.depth) +
                                  char(kind.colour) + none + char(kind.interlaced));
   bytes += more;
@@ -74,7 +74,7 @@ inline std::string png_of(const PngKind& kind, const std::string& rows,
     for (int i = 0; i < 3 << kind.depth; ++i) palette += char(37 * i);
     bytes += png_chunk("PLTE", palette);
   }
-  if (kind.transparent) {  // entries of the palette; a grey, or a colour, whose samples are 1
+  if (kind.transparent) {  // palette entries, a grey value, or a colour with samples 1
     const std::string one("\0\1", 2);
     bytes += png_chunk("tRNS", kind.colour == 3   ? "\x10\x80"
                                : kind.colour == 0 ? one

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fields of protobuf messages, made by hand.
+// Encodes fields of protobuf messages.
 #pragma once
 #include <string>
 
 namespace gflow {
 
-// A field of bytes, shorter than 128, and one of a number below that.
+// A field of fewer than 128 bytes, or of a number below 128.
 inline std::string field(int number, const std::string& bytes) {
   return std::string{char(number << 3 | 2), char(bytes.size())} + bytes;
 }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Guidance programs in Python, where it is installed.
+// Runs guidance programs in Python if it is installed.
 #pragma once
 #include <cstdlib>
 #include <string>
 
 namespace gflow {
 
-// A Python with numpy, or "" where there is none; the first one of PATH may have no packages.
+// A Python with NumPy, or "" if there is none. The first one in PATH may lack packages.
 inline std::string python_program() {
   static const std::string program = [] {
     for (const std::string name : {"python3", "/usr/bin/python3"})
@@ -16,7 +16,7 @@ inline std::string python_program() {
   return program;
 }
 inline bool has_python() { return !python_program().empty(); }
-// What a command begins with so that the program finds gflow_guidance.py.
+// Command prefix that lets the program import gflow_guidance.py.
 inline std::string python() {
   return "PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" GFLOW_SOURCE_DIR "/apps/guidance " +
          python_program() + " ";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small model of any kind, as files have it.
+// A small model of any kind, as read from a file.
 #pragma once
 #include <map>
 #include <random>
@@ -9,7 +9,7 @@
 
 namespace gflow {
 
-// Random values in [-2, 2), whatever they mean.
+// Random values in [-2, 2), regardless of their meaning.
 inline HostModel random_model(size_t count, int sh_degree,
                               MotionModelKind kind = MotionModelKind::spacetime) {
   std::mt19937 rng(7);
@@ -27,7 +27,7 @@ inline HostModel random_model(size_t count, int sh_degree,
   model.shape.hexplane.levels = 1;
   model.shape.hexplane.hidden = 32;
   model.shape.hexplane.layers = 1;
-  model.shape.hexplane.centre = {-1.7f, 0.f, 0.1f};  // of either sign, and 0
+  model.shape.hexplane.centre = {-1.7f, 0.f, 0.1f};  // both signs and 0
   model.shape.hexplane.half_size = {0.3f, 2.f, 5.f};
   const size_t rest = size_t((sh_degree + 1) * (sh_degree + 1) - 1);
   std::map<std::string, size_t> widths{{"means", 3},         {"means_t", 1},         {"quats", 4},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small files that the reader tests write.
+// Small files for tests of readers.
 #pragma once
 #include <fmt/format.h>
 
@@ -10,7 +10,7 @@
 #include "optim/images/movie.hpp"
 #include "tests/support/temporary_folder.hpp"
 
-// A picture whose pixels depend on position and seed.
+// An image whose pixels depend on position and seed.
 inline gflow::Image pattern(int width, int height, int channels = 3, int seed = 0) {
   gflow::Image image{width, height, channels, {}};
   for (int y = 0; y < height; ++y)
@@ -30,7 +30,7 @@ inline void make_mp4(const std::string& path, const std::vector<gflow::Image>& f
       path, frames.size(), [&](size_t i) { return frames[i]; }, fps);
 }
 
-// The folder of the shared scenes and data; tests look whether it exists.
+// The folder of the shared scenes and data, which may be missing.
 inline std::string shared(const std::string& name) {
   return std::string(GFLOW_SOURCE_DIR) + "/../shared/" + name;
 }

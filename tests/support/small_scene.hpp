@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The small scene and its training, for tests.
+// The small scene of the tests and its training.
 #pragma once
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A folder for the files a test makes, and expectations on error sentences.
+// A temporary folder for the files of a test, and checks of error messages.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include "optim/reference/folder.hpp"
 #include "runtime/base/error.hpp"
 
-// f throws a gflow::Error whose sentence has all of the parts.
+// Expects f to throw a gflow::Error whose message contains all the parts.
 inline void expect_error(const std::function<void()>& f, std::initializer_list<std::string> parts) {
   try {
     f();
