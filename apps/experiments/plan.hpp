@@ -6,10 +6,8 @@
 //   seeds    = [0, 1, 2]                      # default: [0]
 //   config   = "base.toml"                    # settings of every run, from a file
 //   metrics  = ["psnr", "psnr_dynamic"]       # columns of the table; default: all available
-//   baseline = "off"                          # row that others are compared with; with several
-//   axes
-//                                             # one choice per axis, "*": the choice of the row
-//                                             itself
+//   baseline = "off"                          # row to compare with; with several axes one
+//                                             # choice per axis, "*": that of the row itself
 //   films    = ["cam00@9-13"]                 # images of a test view at some steps, side by side
 //   [settings]                                # settings of every run, as in a configuration file
 //   train.iterations = 3000

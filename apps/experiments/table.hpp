@@ -45,7 +45,7 @@ class Results {
  private:
   struct Line {
     Row row;
-    std::vector<Cell> cells;  // one a metric of `metrics_`
+    std::vector<Cell> cells;  // one per metric of `metrics_`
   };
   std::string markdown_of(const std::vector<Metric>& metrics, bool marks) const;
   std::vector<Line> lines_of(const std::vector<Metric>& metrics) const;

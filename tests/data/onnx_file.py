@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ONNX files by hand in protobuf's wire format (onnx.proto3), without packages."""
+"""Writes ONNX files in protobuf's wire format (onnx.proto3), without packages."""
 import struct
 
 
@@ -25,7 +25,7 @@ def tensor(name, sizes, values, kind=1):  # kind 1: float, 7: int64
     return b"".join(number(1, s) for s in sizes) + number(2, kind) + data(8, name) + data(9, packed)
 
 
-def value_info(name, sizes):  # a size that is a word is open
+def value_info(name, sizes):  # a size given as text is open
     one = lambda size: data(2, size) if isinstance(size, str) else number(1, size)
     shape = b"".join(data(1, one(size)) for size in sizes)
     return data(1, name) + data(2, data(1, number(1, 1) + data(2, shape)))

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Preloaded into gflow (LD_PRELOAD): the time of day jumps by up to ten years, forth and back, at every
-// call. The monotonic clock, which no system lets jump, is left alone. The second call makes a file named by
-// CLOCK_REPORT: time has gone back at least once.
+// Preloaded into gflow (LD_PRELOAD): the time of day jumps back or forth by up to ten years at every call.
+// The monotonic clock cannot jump and is unchanged. The second call creates the file CLOCK_REPORT, which shows
+// that time has gone back at least once.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <fcntl.h>

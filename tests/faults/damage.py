@@ -1,4 +1,4 @@
-"""Checkpoints that were damaged on the disk: what is read is what was written, or the one before."""
+"""Damaged checkpoints on disk: gflow reads what was written, or the previous checkpoint."""
 import os
 import random
 import shutil
@@ -11,12 +11,12 @@ FLIPS = 1000
 
 
 def shown(outcome, run):
-    """What `gflow info` shows of a model, but for what it does not say of both."""
+    """The output of `gflow info` for a model, without fields that only one of two models has."""
     return outcome.out.replace(run, "RUN")
 
 
 def stored(path):
-    """Where the arrays of an .npz stand in it: a damaged bit there may not pass unnoticed."""
+    """Byte ranges of the arrays in an .npz: damage there must be detected."""
     spans = []
     with zipfile.ZipFile(path) as archive, open(path, "rb") as file:
         for entry in archive.infolist():
@@ -28,7 +28,7 @@ def stored(path):
 
 
 def damaged(world, damages):
-    """Damages the newest of two checkpoints, each time in another way."""
+    """Damages the newest of two checkpoints in various ways."""
     source = world.path("damage")
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(world.whole, source)
@@ -79,8 +79,8 @@ def cuts(data):
 
 
 def resumed(world):
-    """The newest checkpoint of a training that stopped is damaged: it goes on from the one before, or, where
-    there is none, says so."""
+    """The newest checkpoint of an interrupted training is damaged: it resumes from the previous one, or
+    reports that there is none."""
     results = []
     for name, steps in (("the last of two", (8,)), ("both", (4, 8))):
         run = world.path("damage-resumed")

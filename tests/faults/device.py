@@ -1,13 +1,13 @@
-"""The device: allocations, copies, launches and builds that fail, devices that are lost, that hang, that are
-small. Each allocation, build and wait is taken, of kernels made, arguments, launches and copies the first ones and as
-many more spread over the rest (`--every`: each); the line of a fault says how many of how many.
+"""Device faults: failing allocations, copies, launches and builds; lost, hanging and small devices. Fails each
+allocation, build and wait. Of kernel creations, arguments, launches and copies it fails the first ones and as many
+spread over the rest (`--every`: each). The line of a fault prints how many of how many.
 
-Which exit code is right (the table in apps/README.md, NoUsableDevice in apps/common/options.hpp, main in apps/main.cpp):
-4 where the device hangs; 2 where it fails before or in the check that stands before any work, and then nothing
-was written; 1 where it fails later, also where it is lost. 0 only where gflow can do without: memory that is
-short while density control, rest or order change the Gaussians (trainer.cpp), and a checkpoint on the way that cannot
-be read off the device (Checkpointer::try_write), both of which are said; the cache of compiled programs; and the
-last wait of all, when everything is written and the trainer lets go of its memory (~Trainer)."""
+Expected exit codes (the table in apps/README.md, NoUsableDevice in apps/common/options.hpp, main in apps/main.cpp):
+4 if the device hangs; 2 if it fails before or during the self-check, with nothing written; 1 if it fails later or is
+lost. 0 only where gflow can continue: out of memory while density control, static Gaussians or row order change the
+Gaussians (trainer.cpp), and an intermediate checkpoint that cannot be read from the device
+(Checkpointer::try_write), both with a warning; the cache of compiled programs; and the last wait, when everything
+is written and the trainer frees its memory (~Trainer)."""
 import os
 import re
 import shutil
@@ -29,7 +29,7 @@ OF_MEMORY = (-4, -5, -6, -61)
 
 
 def calls_of_check(world, kinds, cache):
-    """The calls before any work: those of `gflow devices`, which opens and checks a device as each command does."""
+    """The calls before any work: those of `gflow devices`, which opens and checks a device like every command."""
     report = world.path("device-check.report")
     outcome = world.run(["devices", "--device", os.environ["GFLOW_DEVICE"]], {
         "LD_PRELOAD": world.shims["fail_opencl"], "CLFAULT_KINDS": kinds, "CLFAULT_REPORT": report,
@@ -42,8 +42,8 @@ def calls_of_check(world, kinds, cache):
 
 
 def right_codes(outcome, code, failed, calls, check, count):
-    """The exit codes that a fault may have. failed: the calls that failed; calls: all; check: those before work;
-    count: how many there are without a fault."""
+    """The allowed exit codes of a fault. failed: the calls that failed; calls: all; check: those before work;
+    count: number of calls without a fault."""
     number, name = failed[0]
     of_cache = (name in ("clCreateProgramWithBinary", "clGetProgramInfo") or
                 (name == "clBuildProgram" and calls[number - 2][1] == "clCreateProgramWithBinary"))
@@ -64,7 +64,7 @@ def no_checkpoint(outcome):
 
 
 def spread(numbers, first, more):
-    """The first ones, and as many more spread over the rest."""
+    """The first ones, and as many spread over the rest."""
     rest = numbers[first:]
     every = max(1, len(rest) // more) if more else len(rest) + 1
     return numbers[:first] + rest[every - 1::every]
@@ -72,7 +72,7 @@ def spread(numbers, first, more):
 
 def trial(world, tag, kinds, first, last, code, resume, cache="", check=(), count=0):
     """A training, from the start or from step 4, in which the calls first .. last of these kinds fail. cache: of
-    compiled programs, "": none; check: the calls before any work; count: how many there are without a fault."""
+    compiled programs, "": none; check: the calls before any work; count: number of calls without a fault."""
     run, report = world.path("device-" + tag), world.path(f"device-{tag}.report")
     shutil.rmtree(run, ignore_errors=True)
     if resume:
@@ -95,7 +95,7 @@ def trial(world, tag, kinds, first, last, code, resume, cache="", check=(), coun
     codes = right_codes(outcome, code, failed, calls, check, count)
     short = "memory is short" in outcome.err
     if outcome.code == 0 and short:
-        # One sentence about it, and the training is worth what it is: with fewer Gaussians.
+        # Prints one sentence, and the training completes with fewer Gaussians.
         wrong = [] if len(outcome.err.splitlines()) == 1 else [f"more than one sentence: {outcome.err!r}"]
         wrong += [] if NAMES[code] in outcome.err else [f"does not say {NAMES[code]}: {outcome.err!r}"]
         wrong += [] if os.path.exists(run + "/results.json") else ["there are no results"]
@@ -139,7 +139,7 @@ def in_turn(world, name, kinds, codes, first, more, resume, lost=False, cache=""
 
 
 def caches(world):
-    """Programs that cannot be kept, or taken from where they were kept: nothing changes, and nothing is said."""
+    """The program cache cannot be written or read: results are the same, without a message."""
     cold, warm = world.path("kernels-cold"), world.path("kernels")
     outcome = world.train(world.path("device-warm"), {"GFLOW_CACHE_DIR": warm})
     yield complaints(outcome, (0,))
@@ -148,8 +148,8 @@ def caches(world):
 
 
 def smaller(world):
-    """Devices that say they are small: refused before anything is allocated, or training goes on with what
-    fits; never a failure of the device itself."""
+    """Devices that report little memory: rejected before anything is allocated, or training continues with what
+    fits; the device itself never fails."""
     kib = 1 << 10
     small = [("CLFAULT_MEMORY", 0, (2,)), ("CLFAULT_MEMORY", 100 << 20, (2,)),
              ("CLFAULT_LARGEST", 0, (2,)), ("CLFAULT_LARGEST", 64 * kib, (2,)),  # the check needs more
@@ -182,7 +182,7 @@ def small_device(world, variable, size):
 
 
 def larger_than_it_gives(world):
-    """Other commands, whose arrays are as large as their input: refused before the device is asked, and nothing is
+    """Other commands, whose arrays are as large as their input: rejected before the device is asked, with nothing
     written."""
     still, out = world.path("small.ply"), world.path("small")
     world.run(["export", world.whole, "-o", still, "--quiet"])

@@ -1,4 +1,4 @@
-"""The disk: the k-th call that changes a file fails, once or from then on."""
+"""Disk faults: the k-th call that changes a file fails, once or from then on."""
 import errno
 import os
 import re
@@ -11,14 +11,14 @@ from world import broken_checkpoints, checkpoints_of, contents_under, settings
 
 
 def training(world, name, prepare, arguments):
-    """A training that is to be as an undisturbed one, at once or when it is resumed."""
+    """A training that must equal an undisturbed one, directly or after a resume."""
     def check(folder, outcome, before):
         run = folder + "/run"
         wrong = broken_checkpoints(run)
         had = [step for step in (4, 8, 10) if f"run/checkpoints/iteration_{step}.npz" in before]
         if had and not any(step >= had[-1] for step in checkpoints_of(run)):
             wrong.append("the checkpoint there was is gone")
-        # A line of the log for which there was no room is not written later.
+        # A log line that did not fit on the disk is not written later.
         lost = ("metrics.jsonl", "metrics.csv") if any("no metrics of" in line for line in outcome.warnings()) else ()
         wrong += world.differences(run, lost) if outcome.code == 0 else []
         return wrong + world.resumed_as_undisturbed(run, lost)
@@ -26,8 +26,8 @@ def training(world, name, prepare, arguments):
 
 
 def full_at_the_end(world):
-    """From some write of the end on the disk is full until something is removed: the checkpoint before the last
-    makes room, and nothing is lost. (When the last one is there that one is gone already.)"""
+    """The disk is full from some final write on until something is removed: removing the second-last checkpoint
+    frees space, and nothing is lost. (Once the last one is written, the one before it is gone.)"""
     trial = training(world, "train until there is room", lambda folder: None,
                      lambda folder: ["train", world.scene, "-o", folder + "/run", *settings()])
     as_ever = trial.check
@@ -51,7 +51,7 @@ def full_at_the_end(world):
 
 
 def one_output(world, name, arguments, output):
-    """A command that replaces `output`, a file: it is the old one or the new one."""
+    """A command that replaces the file `output`, which must be the old or the new one."""
     def prepare(folder):
         with open(os.path.join(folder, output), "wb") as file:
             file.write(b"the file that was there before")
@@ -65,8 +65,8 @@ def one_output(world, name, arguments, output):
 
 
 def pictures(world):
-    """Rendering: the files that are there are those of an undisturbed rendering; videos may be by another
-    encoder, which is tried where the first cannot begin."""
+    """Rendering: the files that exist equal those of an undisturbed rendering. Videos may use another encoder,
+    which is tried if the first cannot start."""
     command = lambda folder: ["render", world.whole, "-o", folder + "/out", "--quiet"]
 
     def check(folder, outcome, before):
@@ -85,7 +85,7 @@ def stopped_before(world):
 
 
 def replacing(world):
-    """A training in the place of another. Where it fails, all of the former is there, or the folder is its own."""
+    """A training that replaces another. If it fails, either the previous run is complete or the folder is its own."""
     command = lambda folder: ["train", world.scene, "-o", folder + "/run", *settings(), "--set", "train.seed=7",
                               "--overwrite"]
 
@@ -93,7 +93,7 @@ def replacing(world):
         now = contents_under(folder)
         begun = b"seed = 7" in now.get("run/config.toml", b"")
         wrong = []
-        if not begun and "cannot put back" in outcome.err:  # as it says, the next training does so
+        if not begun and "cannot put back" in outcome.err:  # the next training puts them back, as the message announces
             world.run(["train", "-o", folder + "/run", "--resume", "--quiet"])
             now = contents_under(folder)
         changed = [name for name in before if now.get(name) != before[name] and not name.endswith(".lock")]
@@ -108,7 +108,7 @@ def replacing(world):
 
 
 def over_and_over(world):
-    """A finished training that is resumed: whatever fails, its model and all of its results stay."""
+    """A finished training that is resumed: its model and results stay, whatever fails."""
     def prepare(folder):
         shutil.copytree(world.whole, folder + "/run")
         for name in ("results_train.json", "per_view_iteration_4.json"):
@@ -123,7 +123,7 @@ def over_and_over(world):
 
 
 def trials(world):
-    """All commands that write, by name."""
+    """All commands that write files, by name."""
     train = lambda folder: ["train", world.scene, "-o", folder + "/run", *settings()]
     resume = lambda folder: [*train(folder), "--resume"]
     made = [training(world, "train", lambda folder: None, train),
@@ -141,7 +141,7 @@ def trials(world):
 
 
 def in_parts(world):
-    """No call writes or reads as much as it is asked to, as on a slow or nearly full disk."""
+    """Every call writes or reads less than requested, as on a slow or nearly full disk."""
     run, report = world.path("in parts"), world.path("parts.report")
     wrong = as_always(world, "in parts", {"LD_PRELOAD": world.shims["fail_io"], "FAULT_FOLDER": run, "FAULT_PARTS": "1",
                                           "FAULT_REPORT": report}, run)

@@ -1,24 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // Preloaded into gflow (LD_PRELOAD): the k-th call that changes, or reads, a file under one folder
-// fails. Which file a descriptor belongs to is asked of /proc, so that no table can be wrong.
-//   FAULT_FOLDER  only paths under it count (no symbolic link in it)
-//   FAULT_CALL    k, from 1; 0: none fails
-//   FAULT_LAST    the last one that fails (default: k alone; a large number: the disk stays full)
-//   FAULT_ROOM    1: no more fail once a file is removed, temporaries aside: there is room again
-//   FAULT_ERRNO   the number errno is set to
-//   FAULT_KILL    a signal: removals count as well, and in place of failing the k-th call raises it; once the
-//                 program goes on (SIGSTOP, SIGCONT) the call is made
-//   FAULT_REPORT  file that gets a line a call: its number, "failed", "made" or "parted", its name, the path
-//   FAULT_PARTS   1: write, read, sendfile and copy_file_range do half of what they are asked
-//   FAULT_READS   1: the calls that read count, instead of those that change
-//   FAULT_WHO     whose calls count: "first", of the program started but of none that it starts, or
-//                 a program's name; default: of all, each counting for itself
-// Calls: open to write, write, pwrite, writev, fwrite, fopen to write, fclose, close of what was
-// open to write, fsync, rename, ftruncate, truncate, posix_fallocate, sendfile and copy_file_range
-// (which copies of files are made by), link, mkdir. The C library's own calls of write
-// (behind fwrite) do not come by here, hence fwrite. Calls that read: open and fopen to read, read,
-// pread, readv, fread, mmap of what is open to read; not fgets, getc and fscanf. A file
-// that is being written (.part) may be opened to be flushed.
+// fails. The path of a descriptor is read from /proc.
+//   FAULT_FOLDER  only paths under it count (must contain no symbolic link)
+//   FAULT_CALL    k, from 1; 0: no call fails
+//   FAULT_LAST    the last call that fails (default: k; a large number: the disk stays full)
+//   FAULT_ROOM    1: calls succeed again once a file is removed that is not a temporary
+//   FAULT_ERRNO   value of errno
+//   FAULT_KILL    a signal that the k-th call raises instead of failing; the call is made once the program
+//                 continues (SIGSTOP, SIGCONT). Removals count as well
+//   FAULT_REPORT  file that gets a line per call: its number, "failed", "made" or "parted", its name, the path
+//   FAULT_PARTS   1: write, read, sendfile and copy_file_range process half of the bytes
+//   FAULT_READS   1: counts calls that read instead of calls that change
+//   FAULT_WHO     processes that count: "first", the started program without its children, or a program's
+//                 name; default: all, each counting for itself
+// Calls that change: open to write, write, pwrite, writev, fwrite, fopen to write, fclose, close after an
+// open to write, fsync, rename, ftruncate, truncate, posix_fallocate, sendfile and copy_file_range (which
+// copy files), link, mkdir. fwrite is included because the C library's internal calls of write cannot be
+// intercepted. Calls that read: open and fopen to read, read, pread, readv, fread, mmap of a file open to
+// read; not fgets, getc and fscanf. Opening a file that is being written (.part) to flush it does not count.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -74,7 +73,7 @@ static void say(long n, const char *outcome, const char *what, const char *path)
   if (report >= 0 && NEXT(write)(report, line, (size_t)length) < 0) return;
 }
 
-// Whether this call, which changes or reads a file, is to fail; errno is then set.
+// Whether this call must fail; sets errno if so.
 static int counts(const char *what, const char *path) {
   const size_t length = strlen(folder);
   if (!length || !path || strncmp(path, folder, length) != 0 ||
@@ -97,7 +96,7 @@ static int strikes_reading(const char *what, const char *path) {
   return regular && counts(what, path);
 }
 
-// The path of a descriptor that is open to write (or of any, for fsync); NULL: it has none.
+// The path of a descriptor that is open to write (or of any, for fsync); NULL if it has none.
 static const char *path_of(int fd, int any, char *path) {
   char link[64];
   const int before = errno;
@@ -119,7 +118,7 @@ static int strikes_reading_of(const char *what, int fd) {
   return reads && *folder && strikes_reading(what, path_of(fd, 1, path));
 }
 
-// How much of `count` bytes a call writes or reads.
+// How many of `count` bytes a call writes or reads.
 static size_t part_of(const char *what, int fd, size_t count) {
   char path[PATH_MAX];
   const size_t length = strlen(folder);
@@ -155,7 +154,7 @@ FILE *fopen64(const char *path, const char *mode) { return file_opened("fopen64"
 
 size_t fwrite(const void *bytes, size_t size, size_t count, FILE *file) {
   if (file != stdout && file != stderr && strikes_at("fwrite", fileno(file), 0)) {
-    file->_flags |= 0x20;  // what ferror() looks at in the GNU C library
+    file->_flags |= 0x20;  // the error flag of ferror() in the GNU C library
     return 0;
   }
   return NEXT(fwrite)(bytes, size, count, file);
@@ -179,7 +178,7 @@ ssize_t writev(int fd, const struct iovec *parts, int count) {
 }
 int close(int fd) {
   const int failed = strikes_at("close", fd, 0), why = errno;
-  const int result = NEXT(close)(fd);  // as the kernel does: it is closed, whatever it says
+  const int result = NEXT(close)(fd);  // closed even if the call fails, as in the kernel
   if (!failed) return result;
   errno = why;
   return -1;

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// Preloaded into gflow (LD_PRELOAD): the k-th OpenCL call of some kinds fails, or all from the k-th on
-// (a device that is lost), and a device may say that it is smaller than it is.
+// Preloaded into gflow (LD_PRELOAD): the k-th OpenCL call of some kinds fails, or all from the k-th on (a lost
+// device), and a device may report less memory than it has.
 //   CLFAULT_KINDS    kinds that count, e.g. "create" or "launch,copy"; see KINDS below
-//   CLFAULT_CALL     k, from 1; 0: none fails
-//   CLFAULT_LAST     the last one that fails (default: k alone)
-//   CLFAULT_CODE     what it returns, e.g. -4; 1: it never returns
+//   CLFAULT_CALL     k, from 1; 0: no call fails
+//   CLFAULT_LAST     the last call that fails (default: k)
+//   CLFAULT_CODE     its return value, e.g. -4; 1: it never returns
 //   CLFAULT_LARGEST  CL_DEVICE_MAX_MEM_ALLOC_SIZE [bytes]; CLFAULT_MEMORY: CL_DEVICE_GLOBAL_MEM_SIZE
-//   CLFAULT_REPORT   file that gets a line a call that counts: its number, "failed" or "made", its name;
-//                    and at the end, which quick_exit (a device that hangs) and kill do not come to, a
-//                    line "0 left COUNT KIND" for objects that were made and not let go of
+//   CLFAULT_REPORT   file that gets a line per counted call: its number, "failed" or "made", its name. At exit,
+//                    unless by quick_exit (a device that hangs) or kill, a line "0 left COUNT KIND" for
+//                    objects that were not released
 // KINDS: setup (context, queue), build (program of a source, building of any), binary (program of a
 // binary, binaries of a program), kernel, argument, create (buffers), launch, copy (read, write, map,
 // copy, fill), wait (finish, events), flush.
-// A wait that fails has waited: what a device still writes to would otherwise be let go of. A build that
-// fails was tried: a driver asked for the log of what it never built says that there is no such program.
+// A failing wait waits first: otherwise memory would be freed while the device writes to it. A failing build is
+// tried first: otherwise the driver has no build log and reports an invalid program.
 #define _GNU_SOURCE
 #define CL_TARGET_OPENCL_VERSION 120
 #define CL_USE_DEPRECATED_OPENCL_1_2_APIS
@@ -32,7 +32,7 @@ static long first, last;
 static cl_int code;
 static int report = -1;
 
-// How many objects of each kind there are: made and retained, less released.
+// Live objects of each kind: created and retained minus released.
 enum object { CONTEXT, QUEUE, PROGRAM, KERNEL, BUFFER, EVENT, NOTHING };
 static const char *objects[] = {"context", "queue", "program", "kernel", "buffer", "event"};
 static atomic_long alive[NOTHING + 1];
@@ -60,7 +60,7 @@ __attribute__((destructor)) static void end(void) {
   }
 }
 
-// What this call is to return: CL_SUCCESS unless it is to fail.
+// The return value of this call: CL_SUCCESS unless it must fail.
 static cl_int fault(const char *kind, const char *name) {
   if (!strstr(kinds, kind)) return CL_SUCCESS;
   const long n = atomic_fetch_add(&calls, 1) + 1;
@@ -73,8 +73,8 @@ static cl_int fault(const char *kind, const char *name) {
   return failed ? code : CL_SUCCESS;
 }
 
-// A call that returns its code; one that is tried first; one that may make an event; one that makes an
-// object and returns its code by `error`.
+// A call that returns its error code; one that is tried first; one that may create an event; one that creates an
+// object and returns its error code in `error`.
 #define CALL(kind, name, parameters, arguments)    \
   cl_int name parameters {                         \
     const cl_int failed = fault(kind, #name);      \

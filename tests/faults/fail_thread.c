@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Preloaded into gflow (LD_PRELOAD): the system grants no more threads, as a container's limit does.
-//   FAULT_THREAD  k, from 1: the k-th thread of the program, and every later one, is not made
-//   FAULT_REPORT  file that gets a line for each that was not
+// Preloaded into gflow (LD_PRELOAD): threads cannot be created, as under a container's limit.
+//   FAULT_THREAD  k, from 1: creating the k-th thread of the program and all later ones fails
+//   FAULT_REPORT  file that gets a line for each failure
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>

@@ -1,5 +1,5 @@
-"""Commands that are no training, interrupted at any moment: the right exit code, one sentence, results as they
-were or new, and nobody who works on."""
+"""Commands other than training, interrupted at any moment: expects the right exit code, one sentence, old or new
+results, and no process left."""
 import os
 import random
 import shutil
@@ -14,7 +14,7 @@ MOMENTS = 21
 
 
 def working_in(folder):
-    """Processes that name the folder or are in it."""
+    """Processes whose command line contains the folder or that run in it."""
     found = []
     for pid in filter(str.isdigit, os.listdir("/proc")):
         try:

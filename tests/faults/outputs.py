@@ -1,4 +1,4 @@
-"""Commands that write results, but for trainings, and the judgement of what a failing disk leaves of these."""
+"""Commands other than training that write results, and checks of the files that a failing disk leaves."""
 import json
 import os
 import re
@@ -15,12 +15,12 @@ metrics = ["psnr", "minutes"]
 {settings}
 """
 
-# A training that was interrupted has kept a checkpoint of that moment, in place of another.
+# An interrupted training keeps a checkpoint of that moment in place of another.
 EARLIER = re.compile(r"/checkpoints/iteration_[1-9]\.")
 
 
 def is_whole_video(content):
-    """Whether its boxes (length, name, contents) end where the file does, with an index among them."""
+    """Whether the boxes (length, name, contents) end with the file and include an index."""
     at, names = 0, []
     while at + 8 <= len(content):
         length = int.from_bytes(content[at:at + 4], "big")
@@ -32,7 +32,7 @@ def is_whole_video(content):
 
 
 def is_whole(path, new, right):
-    """Whether a file that has times in it, which no two runs have alike, has its end and its lines."""
+    """Whether a file that contains times, which differ between runs, has its last line and all its lines."""
     if path.endswith(".json"):
         return json.loads(new).keys() == json.loads(right).keys()
     if path.endswith(".svg"):
@@ -43,9 +43,9 @@ def is_whole(path, new, right):
 
 
 def replaces(world, name, prepare, arguments, timed=(), who="", old=(), reads=False, free=None, again=True):
-    """A command that writes files, each of which is then the one there was before or the new one; and, with
-    `again`, the same command succeeds afterwards. timed: parts of names of files in which there are times; old:
-    names of files that are replaced; free: part of names of files that need be whole only in the end."""
+    """A command that writes files, each of which must be the old or the new one; with `again`, the same command
+    succeeds afterwards. timed: parts of names of files that contain times; old: names of files that are replaced;
+    free: part of names of files that need to be complete only at the end."""
     def prepare_all(folder):
         prepare(folder)
         for path in old:
@@ -55,13 +55,13 @@ def replaces(world, name, prepare, arguments, timed=(), who="", old=(), reads=Fa
 
     def is_new(path, now, done):
         right = trial.right.get(path)
-        if os.path.basename(path) == ".lock" or EARLIER.search(path):  # it has the number of a process
+        if os.path.basename(path) == ".lock" or EARLIER.search(path):  # contains a process id
             return True
         if free and free in path and not (done and path.endswith((".ply", ".png", ".toml"))):
             return not done or right is not None
         if right is None or now == right:
             return now == right
-        # x264 codes what lies beyond sides that are no multiples of 16 as it finds it: other bytes, the same pictures.
+        # If a side is not a multiple of 16, x264 encodes uninitialised padding: other bytes, the same images.
         if path.endswith(".mp4"):
             return is_whole_video(now)
         try:
@@ -87,14 +87,14 @@ def replaces(world, name, prepare, arguments, timed=(), who="", old=(), reads=Fa
         return wrong
 
     trial = Trial(world, name, prepare_all, arguments, check, reads, who)
-    trial.varies = reads and name == "experiment" or who == "gnuplot"  # looks at its runs until they end; draws times
+    trial.varies = reads and name == "experiment" or who == "gnuplot"  # polls its runs until they end; plots times
     return trial
 
 
 def with_old_results(world):
     def prepare(folder):
         shutil.copytree(world.whole, folder + "/run")
-        for name in ("results.json", "per_view.json"):  # as of another gflow
+        for name in ("results.json", "per_view.json"):  # as written by another version
             path = f"{folder}/run/{name}"
             with open(path, encoding="utf-8") as file:
                 results = json.load(file)
@@ -111,7 +111,7 @@ def write_plan(world, path):
 
 
 def half_an_experiment(world):
-    """One of two trainings is done, and its table is there."""
+    """One of two trainings is finished, and its table exists."""
     base = world.path("half")
 
     def prepare(folder):
@@ -143,7 +143,7 @@ OLD_PLOTS = tuple("plots/raster." + ending for ending in ("tsv", "gnuplot", "svg
 
 
 def others(world):
-    """Commands that write, but for train, render, import and the exports of one file."""
+    """Commands that write files, except train, render, import and exports of a single file."""
     splat = os.path.join(ROOT, "tests/data/oracle/small_paper.npz")
     nothing = lambda folder: None
     return [
@@ -151,7 +151,7 @@ def others(world):
                  ("results.json",)),
         replaces(world, "ply-sequence", nothing,
                  lambda folder: ["export", world.whole, "--format", "ply-sequence", "-o", folder + "/out", "--quiet"],
-                 again=False),  # it takes no folder in which there is something
+                 again=False),  # it rejects a folder that is not empty
         replaces(world, "splat", nothing, lambda folder: ["splat", splat, "-o", folder + "/out.npz", "--quiet"],
                  old=("out.npz",)),
         replaces(world, "stress", nothing,
@@ -164,6 +164,6 @@ def others(world):
 
 
 def gnuplot(world):
-    """What gnuplot, which bench starts, has no room to write."""
+    """The disk is full for gnuplot, which bench starts."""
     return replaces(world, "gnuplot", lambda folder: None, raster, ("out.json", "plots/"), who="gnuplot",
                     old=("out.json", *OLD_PLOTS))

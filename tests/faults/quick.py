@@ -1,4 +1,4 @@
-"""The few cases that run with all tests: one of each kind that has found something, in seconds."""
+"""The few cases that run with all tests in seconds: one of each kind that has found a bug."""
 import device
 import disk
 import stops

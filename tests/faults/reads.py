@@ -1,4 +1,4 @@
-"""The disk: the k-th call that reads a file of a scene, a run or another input fails (EIO)."""
+"""Disk faults: the k-th call that reads a file of a scene, a run or another input fails (EIO)."""
 import os
 import shutil
 
@@ -6,12 +6,12 @@ from outputs import TIMED_OF_EXPERIMENT, experiment, half_an_experiment, replace
 from trial import Trial, every_call
 from world import ROOT, broken_checkpoints, checkpoints_of, settings
 
-# Only these tell where the scene lies.
+# Only these contain the path of the scene.
 PLACES = ("config.toml",)
 
 
 def training(world, name, start):
-    """A training of a scene in the folder, anew or from the checkpoint that `start` puts there."""
+    """A training of a scene in the folder, from the start or from the checkpoint that `start` puts there."""
     def prepare(folder):
         shutil.copytree(world.scene, folder + "/scene")
         start(folder)
@@ -25,12 +25,12 @@ def training(world, name, start):
         return wrong + world.resumed_as_undisturbed(run, PLACES)
     arguments = lambda folder: ["train", folder + "/scene", "-o", folder + "/run", "--resume", *settings()]
     trial = Trial(world, name, prepare, arguments, check, reads=True)
-    trial.varies = True  # frames are read ahead, and again, in the order in which threads come to them
+    trial.varies = True  # threads read frames ahead, and again, in any order
     return trial
 
 
 def copied(*pairs):
-    """Puts files and folders there, under these names."""
+    """Copies files and folders there under these names."""
     def prepare(folder):
         for source, name in pairs:
             (shutil.copytree if os.path.isdir(source) else shutil.copy)(source, os.path.join(folder, name))

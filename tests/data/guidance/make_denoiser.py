@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes denoiser.onnx beside itself: the smallest network with all inputs that gflow gives,
+"""Writes denoiser.onnx beside itself: the smallest network with all inputs that gflow provides,
 
     noise = A (sample, condition) + B (timestep / 1000, pose) + c
 

@@ -1,18 +1,18 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the smallest networks that gflow can judge pictures by beside itself:
+"""Writes the smallest networks for perceptual metrics beside itself:
 
-    lpips.onnx        mean over pixels of L . (relu(P picture) - relu(T truth))^2
-    lpips_6x4.onnx    the same for pictures of 6 x 4 pixels only
-    map.onnx          the same without the mean, so no number but a picture
-    clip.onnx         mean over pixels of relu(E picture + e), four values, of any size
-    clip_16.onnx      the same for pictures of 16 x 16 pixels only
-    oblong.onnx       the same for pictures of 16 x 8
+    lpips.onnx        mean over pixels of L . (relu(P image) - relu(T truth))^2
+    lpips_6x4.onnx    the same for images of 6 x 4 pixels only
+    map.onnx          the same without the mean, so its output is an image
+    clip.onnx         mean over pixels of relu(E image + e), four values, of any size
+    clip_16.onnx      the same for images of 16 x 16 pixels only
+    oblong.onnx       the same for images of 16 x 8
     zero.onnx         the same with E and e zero
-    unknown.onnx      an operation that does not exist
+    unknown.onnx      an unknown operation
 
-P, T, E are 1x1 convolutions. Unlike LPIPS, the two pictures are told apart, so that a test sees
-which is which.
+P, T, E are 1x1 convolutions. Unlike LPIPS, the network is not symmetric, so a test detects swapped
+images.
 """
 import os
 import sys
