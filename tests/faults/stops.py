@@ -1,4 +1,4 @@
-"""Trainings that are killed while they save, interrupted at any moment, two in one folder or side by side."""
+"""Trainings that are killed while saving, interrupted at any moment, or run two at a time."""
 import os
 import random
 import re
@@ -13,7 +13,7 @@ KILLS, SIGNALS, PAIRS, EARLY = 200, 100, 10, 90
 
 
 class Long:
-    """A training of the same scene that is long enough to be stopped many times."""
+    """A training of the same scene, long enough to be stopped many times."""
 
     def __init__(self, world, name, checkpoint_every, iterations=600):
         self.world, self.iterations = world, iterations
@@ -31,7 +31,7 @@ class Long:
         left = self.world.left_in(self.run)
         with open(f"{self.run}/point_cloud/iteration_{self.iterations}/point_cloud.ply", "rb") as file:
             left["model"] = file.read()
-        del left["config.toml"]  # it says how often to save
+        del left["config.toml"]  # differs in how often it saves
         return left
 
     def begin_anew(self):
@@ -41,12 +41,12 @@ class Long:
         return self.world.start([*self.arguments, "--resume"])
 
     def finish(self):
-        """Goes on to the end, and says what is then not as in a training without stops."""
+        """Resumes to the end; returns the differences from an uninterrupted training."""
         outcome = self.world.run([*self.arguments, "--resume"])
         return self.judged(outcome)
 
     def judged(self, outcome):
-        """What is wrong with a training that came to its end; forgets it."""
+        """Errors of a finished training; removes it."""
         wrong = complaints(outcome, (0,)) + [f"{path} was left behind" for path in unfinished_in(self.run)]
         if outcome.code == 0:
             left = self._left()
@@ -57,7 +57,7 @@ class Long:
 
 
 def killed_in_saving(world):
-    """A checkpoint after each step. Every second kill is at any time; the others wait until a file is begun."""
+    """A checkpoint after each step. Every second kill is at a random time; the others wait for a new file."""
     long = Long(world, "kills", checkpoint_every=1)
     random.seed(1)
     kills = struck = 0
@@ -74,7 +74,7 @@ def killed_in_saving(world):
             time.sleep(random.uniform(0, 0.003))
         process.kill()
         outcome = ended(process)
-        if outcome.code == 0:  # it came to its end first
+        if outcome.code == 0:  # it finished first
             yield long.finish()
             continue
         wrong = [] if outcome.code == -signal.SIGKILL else [outcome.last_line()]
@@ -90,7 +90,7 @@ def killed_in_saving(world):
 
 
 class Replaced:
-    """A run folder in which a training, `command`, is killed at a call of it that changes a file."""
+    """A run folder in which the training `command` is killed at one of its calls that change a file."""
 
     def __init__(self, world, name, prepare, command):
         self.world, self.prepare, self.command = world, prepare, command
@@ -98,7 +98,7 @@ class Replaced:
         self.run = self.folder + "/run"
 
     def fault(self, k, number, report):
-        """Environment of a program that gets that signal at its k-th call; 0: it only counts."""
+        """Environment of a program that gets the signal at its k-th call; 0: counts only."""
         if os.path.exists(report):
             os.remove(report)
         return {"LD_PRELOAD": self.world.shims["fail_io"], "FAULT_FOLDER": self.folder, "FAULT_CALL": str(k),
@@ -110,14 +110,14 @@ class Replaced:
         self.prepare(self.run)
 
     def killed_at(self, k):
-        """Where that was, and what is wrong with how it ended."""
+        """The call, and errors in how the program ended."""
         outcome = self.world.run(self.command(self.run), self.fault(k, signal.SIGKILL, self.report))
         failed, _ = failed_calls(self.report)
         where = f"killed at call {k} ({failed[0][1].replace(self.folder, '') if failed else 'none'})"
         return where, [] if outcome.code == -signal.SIGKILL else [outcome.last_line()]
 
     def moves(self):
-        """Calls that move or remove something, of how many of the former's; what is wrong where none is killed."""
+        """Calls that move or remove files, the number of all calls before them; errors without a kill."""
         self.begin()
         outcome = self.world.run(self.command(self.run), self.fault(0, signal.SIGKILL, self.report))
         _, calls = failed_calls(self.report)
@@ -130,13 +130,13 @@ class Replaced:
 
 
 def replace_by_another(run):
-    """Replaces world.whole: all of another seed."""
+    """Replaces world.whole by a training with another seed."""
     return lambda where: ["train", run, "-o", where, *settings(), "--set", "train.seed=7", "--overwrite"]
 
 
 def killed_in_replacing(world):
-    """Killed at each file that takes its name or goes while a training replaces another: the folder is the one's or
-    the other's, whoever looks into it next, and goes on as if nothing had happened."""
+    """Killed at each rename or removal while a training replaces another: for every later command the folder is
+    complete, of the one or the other training, and can be resumed."""
     command, fresh = replace_by_another(world.scene), world.path("fresh")
     world.run(command(fresh))
     right = {False: world.expected, True: world.left_in(fresh)}
@@ -152,7 +152,7 @@ def killed_in_replacing(world):
             begun = "seed = 7" in file.read()
         both.add(begun)
         reader = ([], ["info", run], ["eval", run, "--quiet"])[i % 3]
-        if reader:  # of a training that has begun there may be no model yet
+        if reader:  # a training that has started may have no model yet
             wrong += complaints(world.run(reader), (0, 1) if begun else (0,))
             left = world.left_in(run)
             wrong += [f"{name} is not as in the former training after {reader[0]}" for name in left
@@ -166,7 +166,7 @@ def killed_in_replacing(world):
 
 
 def killed_in_going_on(world):
-    """The same while a training that goes on puts the results of before aside; what is left of it is judged."""
+    """The same while a resumed training sets the previous results aside; checks what is left."""
     def prepare(run):
         shutil.copytree(world.whole, run)
         for name in ("training.json", f"checkpoints/iteration_{checkpoints_of(run)[-1]}.npz"):
@@ -185,8 +185,8 @@ def killed_in_going_on(world):
 
 
 def killed_beside_another(world):
-    """A second training, which may not replace the first, has found the folder whole and waits: the other, which is
-    to replace it, is killed meanwhile."""
+    """A second training that must not replace the first has found the folder complete and waits. Meanwhile the
+    training that replaces it is killed."""
     replaced = Replaced(world, "beside", lambda run: shutil.copytree(world.whole, run),
                         replace_by_another(world.scene))
     numbers, wrong = replaced.moves()
@@ -223,8 +223,8 @@ def handles(pid, number):
 
 
 def signalled(world):
-    """A signal at any moment after the program has begun; each tenth time a second one. Every fifth training
-    is gone on with to its end."""
+    """A signal at any moment after the program has started; each tenth time a second one. Every fifth training
+    is resumed to its end."""
     long = Long(world, "signals", checkpoint_every=100)
     random.seed(2)
     late = 0
@@ -250,8 +250,8 @@ def signalled(world):
 
 
 def early(world):
-    """A signal before the program has its handlers, or while it looks at its command line: it dies of it or says
-    so, and nothing is there that was not, or is half-written."""
+    """A signal before the program has its handlers, or while it parses its command line: it dies of it or reports
+    it, and leaves no new or incomplete file."""
     still, out = world.path("early.splat"), world.path("early")
     world.run(["export", world.whole, "-o", still, "--quiet"])
     random.seed(4)
@@ -274,18 +274,18 @@ def early(world):
         wrong += broken_checkpoints(out + "/run")
         yield [f"{arguments[0]}, {signal.Signals(number).name} {trial + 1}: {what}" for what in wrong]
     yield [f"{late} of {EARLY} signals came too late"] if 2 * late > EARLY else []
-    wrong = world.differences(world.whole)  # what eval was stopped at
+    wrong = world.differences(world.whole)  # written by the interrupted eval
     yield [f"eval: {what}" for what in wrong]
 
 
 def ignored(world):
-    """As under nohup: what is ignored at the start stays so, also when drivers have taken over the signals."""
+    """As under nohup: a signal ignored at the start stays ignored, also when drivers have replaced the handlers."""
     for number in (signal.SIGHUP, signal.SIGINT):
         run = world.path("ignored")
         shutil.rmtree(run, ignore_errors=True)
         process = world.start(["train", world.scene, "-o", run, *settings(), "--set", "train.iterations=200"],
                               ignored=(number,))
-        while process.poll() is None and not checkpoints_of(run):  # under way, with handlers that save
+        while process.poll() is None and not checkpoints_of(run):  # training, with handlers that save
             time.sleep(0.001)
         process.send_signal(number)
         outcome = ended(process)
@@ -294,14 +294,14 @@ def ignored(world):
 
 
 def two_in_one_folder(world):
-    """Whoever comes second is refused, with the number of the first, which is not disturbed."""
+    """The second process is rejected with the process id of the first, which is not affected."""
     results = []
     long = Long(world, "pairs", checkpoint_every=20, iterations=300)
     for trial in range(PAIRS):
         first = long.go_on()
         while first.poll() is None and not checkpoints_of(long.run):
             time.sleep(0.005)
-        first.send_signal(signal.SIGSTOP)  # it must still be at work when the last of the others comes
+        first.send_signal(signal.SIGSTOP)  # it must still run when the last of the others starts
         wrong = []
         for more in ([], ["--resume"], ["--overwrite"]):
             second = world.run([*long.arguments, *more])
@@ -312,7 +312,7 @@ def two_in_one_folder(world):
         outcome = ended(first)
         wrong += complaints(outcome, (0,)) + long.finish()
         results.append([f"pair {trial + 1}: {what}" for what in wrong])
-    for trial in range(PAIRS):  # at the same moment
+    for trial in range(PAIRS):  # simultaneous start
         run = world.path("race")
         shutil.rmtree(run, ignore_errors=True)
         both = [world.start(["train", world.scene, "-o", run, *settings()]) for _ in range(2)]
@@ -324,7 +324,7 @@ def two_in_one_folder(world):
 
 
 def side_by_side(world):
-    """Two trainings of 2000 steps at the same time, in folders of their own: each to the byte as one alone."""
+    """Two trainings of 2000 steps at the same time, in separate folders: each has the bytes of one alone."""
     long = Long(world, "beside", checkpoint_every=500, iterations=2000)
     runs = [world.path("beside-first"), world.path("beside-second")]
     both = [world.start([run if word == long.run else word for word in long.arguments]) for run in runs]

@@ -1,5 +1,4 @@
-"""What surrounds a program: the clock, the locale, names of folders, drivers, the cache of compiled
-kernels."""
+"""The environment of the program: clock, locale, folder names, drivers, the cache of compiled kernels."""
 import errno
 import os
 import random
@@ -13,7 +12,7 @@ from world import complaints, content, ended, failed_calls, settings
 
 
 def as_always(world, name, env, run=None):
-    """A training that must be as the undisturbed one, and resumed from its middle as well."""
+    """A training that must equal the undisturbed one, also when resumed from its middle."""
     run = run or world.path("surrounded")
     shutil.rmtree(run, ignore_errors=True)
     outcome = world.train(run, env)
@@ -41,7 +40,7 @@ def clock(world):
 
 
 def locales(world):
-    """A decimal comma and no UTF-8; where they cannot be made, that is said."""
+    """Locales with a decimal comma and without UTF-8; prints if they cannot be created."""
     folder = world.path("locales")
     os.makedirs(folder)
     results = []
@@ -69,7 +68,7 @@ def odd_paths(world):
         outcome = world.run(["train", scene, "-o", run, *settings()])
         wrong = complaints(outcome, (0,))
         left, expected = world.left_in(run), dict(world.expected)
-        for file in ("config.toml",):  # it names the scene
+        for file in ("config.toml",):  # contains the scene's path
             left.pop(file), expected.pop(file)
         wrong += [f"{file} is not as in a plain folder" for file in left if left[file] != expected[file]]
         resume = ["-o", run, "--resume", "--quiet"]
@@ -110,7 +109,7 @@ def no_driver(world):
 
 
 def no_environment(world):
-    """As a service may start a program: no variable but where compiled kernels are kept, which are none yet."""
+    """An environment as of a service: no variable except the folder of compiled kernels, which is empty."""
     cache = world.path("no-environment")
     done = subprocess.run([world.gflow, "devices"], env={"POCL_CACHE_DIR": cache}, capture_output=True, text=True)
     return [[] if done.returncode == 0 and "usable" in done.stdout else
@@ -118,7 +117,7 @@ def no_environment(world):
 
 
 def damaged_caches(world):
-    """Nothing in the cache of compiled kernels, or wrong with its folder, changes anything, or is said."""
+    """Whatever the cache of compiled kernels contains or its folder is, results are the same, without a message."""
     good, cache = world.path("cache good"), world.path("cache")
     random.seed(3)
     results = [as_always(world, "empty", {"GFLOW_CACHE_DIR": good})]
@@ -151,7 +150,7 @@ def damaged_caches(world):
     results.append(well_sealed(world, cache, good, files))
     shutil.rmtree(cache)
     os.makedirs(cache)
-    for i, file in enumerate(files):  # each under the name of another
+    for i, file in enumerate(files):  # each under another's name
         shutil.copy(os.path.join(good, file), os.path.join(cache, files[i - 1]))
     results.append(as_always(world, "names exchanged", {"GFLOW_CACHE_DIR": cache}))
     for name in ("files that are folders",):
@@ -174,7 +173,7 @@ def damaged_caches(world):
 
 
 def sealed(name, payload):
-    """A file of the cache as gflow writes it (runtime/cl/program_cache.cpp): its checksum begins with its name."""
+    """A cache file as gflow writes it (runtime/cl/program_cache.cpp): the checksum starts with the name."""
     checksum = int(name[:16], 16)
     for byte in payload:
         checksum = (checksum ^ byte) * 1099511628211 % (1 << 64)
@@ -182,7 +181,7 @@ def sealed(name, payload):
 
 
 def well_sealed(world, cache, good, files):
-    """Bytes that are no program, in files that are whole: what the driver is given, and refuses."""
+    """Valid cache files whose contents are not a program: the driver receives and rejects them."""
     shutil.rmtree(cache)
     os.makedirs(cache)
     smallest = min(files, key=lambda file: os.path.getsize(os.path.join(good, file)))
@@ -213,8 +212,8 @@ def two_writers(world, cache, good, files):
 
 
 def full_folder_of_pocl(world):
-    """PoCL's own folder has no room, or the user's quota is used up, from some call on: what LLVM says without the
-    folder, or that PoCL has no device, is not all that is told."""
+    """PoCL's folder is full, or the user's quota is used up, from some call on: gflow reports more than LLVM's
+    message, which does not name the folder, or that PoCL has no device."""
     cache, report = world.path("programs of pocl"), world.path("pocl.report")
 
     def ended_with(first, code):
@@ -241,8 +240,8 @@ def full_folder_of_pocl(world):
 
 
 def no_threads(world):
-    """The system grants no thread from the k-th on: fewer do the same work, or a sentence says it. PoCL aborts where
-    it gets none, which nobody can keep it from."""
+    """No thread can be created from the k-th on: fewer do the same work, or an error reports it. PoCL aborts if it
+    gets none, which gflow cannot prevent."""
     results, run, report = [], world.path("few threads"), world.path("threads.report")
     for k in range(1, 41):
         shutil.rmtree(run, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""A command with one fault of the disk in it: the k-th call that changes a file, or reads one, fails."""
+"""A command with one disk fault: the k-th call that changes or reads a file fails."""
 import errno
 import os
 import re
@@ -10,13 +10,13 @@ from world import complaints, contents_under, failed_calls, unfinished_in
 REASONS = {errno.ENOSPC: "No space left on device", errno.EIO: "Input/output error",
            errno.EROFS: "Read-only file system"}
 FOREVER = 10**9
-# What no training may be stopped by: there may be room later. (A rename to metrics.jsonl is of before its start.)
+# Files whose failed writes must not stop a training. (A rename to metrics.jsonl happens before its start.)
 GOES_ON = re.compile(r"(?!rename ).*/(metrics\.(jsonl|csv)$|\.?iteration_[48]\.)")
 
 
 def worth_failing(calls):
-    """The calls to let fail: all, but of a row of equal fwrites or reads of one file the first, the last and
-    every fortieth."""
+    """The calls to fail: all, except that of consecutive fwrites or reads of one file only the first, the last and
+    every fortieth are used."""
     chosen = []
     for i, (number, what) in enumerate(calls):
         first = i == 0 or calls[i - 1][1] != what
@@ -32,17 +32,17 @@ def tell_if_fewer(numbers, calls):
 
 
 class Trial:
-    """One command with one fault. prepare(folder) makes what is there before; arguments(folder) the command;
-    check(folder, outcome, before) tells what is wrong afterwards. reads: calls that read fail, not those that
-    change; who: FAULT_WHO of fail_io.c. right: what is in the folder where nothing fails."""
+    """One command with one fault. prepare(folder) creates the initial files; arguments(folder) is the command;
+    check(folder, outcome, before) returns the errors afterwards. reads: calls that read fail instead of those
+    that change; who: FAULT_WHO of fail_io.c. right: contents of the folder without a fault."""
 
     def __init__(self, world, name, prepare, arguments, check, reads=False, who=""):
         self.world, self.name, self.reads, self.who = world, name, reads, who
         self.prepare, self.arguments, self.check = prepare, arguments, check
         self.right = {}
-        self.varies = False  # how many calls there are hangs on the clock
-        self.missed = 0  # faults that did not strike, where that is so
-        self.room = False  # what fails does so until a file is removed
+        self.varies = False  # the number of calls depends on the clock
+        self.missed = 0  # faults that did not occur because of that
+        self.room = False  # calls fail until a file is removed
 
     def run(self, first, last, code, tag):
         folder = self.world.path(f"{self.name}-{tag}")
@@ -78,10 +78,10 @@ class Trial:
         return [f"{where}: {what}" for what in wrong]
 
     def needles(self, failed, folder, code):
-        """What the sentence must have in it."""
+        """What the error message must contain."""
         if self.reads:
             return [tuple(os.path.basename(what) for _, what in failed)]
-        # FFmpeg writes videos, gnuplot plots, and they tell nobody why they could not.
+        # FFmpeg writes videos and gnuplot writes plots; neither reports why a write failed.
         words = {".mp4": "FFmpeg did not write all of it", ".svg": "gnuplot has left it unfinished",
                  ".png": "gnuplot has left it unfinished"}
         other = words.get(os.path.splitext(failed[0][1])[1]) if self.who == "gnuplot" or (
@@ -90,7 +90,7 @@ class Trial:
 
 
 def every_call(trial, every):
-    """Lets each call fail alone, and each third one (`every`: each) with all later ones."""
+    """Fails each call alone, and each third one (`every`: each) together with all later ones."""
     outcome, calls, folder = trial.run(0, 0, 0, "clean")
     if outcome.code != 0 or not calls:
         yield [f"without a fault: {outcome.last_line()}, {len(calls)} calls"]
@@ -112,7 +112,7 @@ def every_call(trial, every):
 
 
 def chosen_calls(trial, word, most):
-    """Lets the first calls fail whose file has this word."""
+    """Fails the first calls on files whose name contains the word."""
     outcome, calls, folder = trial.run(0, 0, 0, "clean")
     shutil.rmtree(folder)
     numbers = [n for n, what in calls if word in what][:most]
@@ -122,7 +122,7 @@ def chosen_calls(trial, word, most):
 
 
 def from_some_on(trial, count):
-    """Lets some calls, spread over all, and all later ones fail."""
+    """Fails some calls, spread over all, each together with all later ones."""
     outcome, calls, folder = trial.run(0, 0, 0, "clean")
     shutil.rmtree(folder)
     if outcome.code != 0 or not calls:

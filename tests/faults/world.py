@@ -1,5 +1,5 @@
-"""What all faults are tried on: a small scene, a training of it that nothing disturbed, and the judgement
-of what gflow says and leaves when something does."""
+"""Shared by all faults: a small scene, an undisturbed training of it, and checks of gflow's messages and files
+after a fault."""
 import hashlib
 import json
 import os
@@ -14,16 +14,15 @@ import zipfile
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 
-# Two cameras, three steps, 32 x 24 pixels, ten training steps: about a second, and each thing that a
-# training does to a file or a device at least once: density control, two checkpoints on the way, a third
-# at the end.
+# Two cameras, three time steps, 32 x 24 pixels, ten training steps: takes about a second and uses files and the
+# device in every way at least once: density control, two intermediate checkpoints, a third at the end.
 CHECKPOINTS = (4, 8, 10)
 SETTINGS = ["scene.resolution=8", "scene.max_steps=3", "train.iterations=10", "train.checkpoint_every=4",
             "train.log_every=4", "init.dynamic=100", "density.cap=1000", "density.start=4", "density.every=3"]
 
 
 class Outcome:
-    """How a command ended: code (a signal's is negative, None: it did not end in time), out, err."""
+    """How a command ended: code (negative for a signal, None for a timeout), out, err."""
 
     def __init__(self, code, out, err):
         self.code, self.out, self.err = code, out, err
@@ -37,8 +36,8 @@ class Outcome:
 
 
 def complaints(outcome, codes, needles=()):
-    """What is wrong with how a command ended: its code must be one of `codes`; unless that is 0 it says
-    one sentence, warnings aside, which has one of each of the needles (a word, or a tuple of words)."""
+    """Errors in how a command ended. Its code must be one of `codes`; unless it is 0, stderr contains one sentence
+    besides warnings, with each of the needles (a word, or a tuple of alternatives)."""
     if outcome.code is None:
         return ["it hangs"]
     if outcome.code < 0:
@@ -48,7 +47,7 @@ def complaints(outcome, codes, needles=()):
         wrong.append(outcome.last_line())
     if outcome.code == 0:
         return wrong
-    # A failed build goes on with the compiler's log.
+    # After a failed build the compiler's log follows.
     log = " says:" in outcome.err
     said = [line for line in outcome.err.splitlines() if line and not line.startswith("gflow: warning: ")]
     if not said or not said[0].startswith("gflow: ") or (len(said) > 1 and not log):
@@ -63,7 +62,7 @@ def complaints(outcome, codes, needles=()):
 
 
 def unfinished_in(folder):
-    """Temporaries that were left behind."""
+    """Temporaries left behind."""
     return [os.path.join(where, name) for where, _, names in os.walk(folder) for name in names
             if re.match(r"\..*\.\d+-\d+\.part", name)]
 
@@ -85,7 +84,7 @@ def contents_under(folder):
 class World:
     def __init__(self, gflow, work):
         self.work = work
-        # A program that is built anew meanwhile would be another: checkpoints say which one wrote them.
+        # A copy, because checkpoints name the program that wrote them and a rebuild would change it.
         self.gflow = shutil.copy(gflow, self.path("gflow"))
         self.of_sanitizer = self._of_sanitizer(self.gflow)
         self.scene = os.path.join(work, "scene")
@@ -106,7 +105,7 @@ class World:
         return os.path.join(self.work, name)
 
     def _make_scene(self):
-        """The demonstration's first three cameras."""
+        """The first three cameras of the demo scene."""
         source = os.path.join(ROOT, "apps/demo/scene")
         os.makedirs(self.scene)
         poses = content(os.path.join(source, "poses_bounds.npy"))
@@ -124,7 +123,7 @@ class World:
         return library
 
     def _stopped_training(self):
-        """A run that was killed between its checkpoints of steps 4 and 8."""
+        """A run killed between its checkpoints of steps 4 and 8."""
         run = self.path("stopped")
         for _ in range(50):
             shutil.rmtree(run, ignore_errors=True)
@@ -149,9 +148,8 @@ class World:
 
     @staticmethod
     def _of_sanitizer(gflow):
-        """What a program built with the address sanitizer asks for: its library before all others, no driver but
-        PoCL's, and that leaks count, but for what PoCL's compiler leaves behind. Its exit code is then 23, and
-        never right."""
+        """Environment of a program built with the address sanitizer: its library first, PoCL's driver only, and leak
+        detection except for leaks of PoCL's compiler. The exit code of a report is 23, which is never right."""
         linked = subprocess.run(["ldd", gflow], capture_output=True, text=True).stdout
         libraries = re.findall(r"/\S*/libasan\.so\S*", linked)
         allowed = os.path.join(ROOT, "tests/sanitizers/lsan.supp")
@@ -182,7 +180,7 @@ class World:
         return self.run(["train", self.scene, "-o", run, "--resume", *settings()], env)
 
     def left_in(self, run):
-        """Everything a training leaves by name, but what depends on the clock and on the memory used."""
+        """Files of a training by name, without what depends on the clock or on memory use."""
         left = {}
         names = ["per_view.json", "compare.png", "config.toml", "cameras.json",
                  *(f"test/cam00_000{i}.png" for i in range(3)), "point_cloud/iteration_10/point_cloud.ply"]
@@ -198,7 +196,7 @@ class World:
         return left
 
     def differences(self, run, lost=()):
-        """What a finished training left that is not as the undisturbed one left it, but for files `lost`."""
+        """Differences between a finished training and the undisturbed one, except files in `lost`."""
         left = self.left_in(run)
         wrong = [f"{name} is not as without the fault" for name in self.expected
                  if name not in lost and left[name] != self.expected[name]]
@@ -206,7 +204,7 @@ class World:
         return wrong + broken_checkpoints(run)
 
     def resumed_as_undisturbed(self, run, lost=()):
-        """Goes on without faults, and says what is then wrong."""
+        """Resumes without faults and returns the errors."""
         outcome = self.resume(run)
         return complaints(outcome, (0,)) + (self.differences(run, lost) if outcome.code == 0 else [])
 
@@ -220,7 +218,7 @@ def seconds_of_work(pid):
 
 
 def ended(process):
-    """How it ended. It hangs if it did nothing for a minute, or worked for two."""
+    """How it ended. It hangs if it uses no CPU for a minute, or works for two."""
     done = -1.0
     while True:
         try:
@@ -238,13 +236,13 @@ def settings():
 
 
 def checkpoints_of(run):
-    """Steps of the checkpoints there are."""
+    """Steps of the existing checkpoints."""
     names = os.listdir(run + "/checkpoints") if os.path.isdir(run + "/checkpoints") else []
     return sorted(int(m.group(1)) for m in (re.fullmatch(r"iteration_(\d+)\.npz", name) for name in names) if m)
 
 
 def broken_checkpoints(run):
-    """Checkpoints under their final names that are not whole, by a reader that is not gflow's."""
+    """Incomplete checkpoints under final names, by a reader independent of gflow."""
     wrong = []
     for step in checkpoints_of(run):
         path = World.checkpoint(run, step)
@@ -260,14 +258,14 @@ def broken_checkpoints(run):
 
 
 def failed_calls(report):
-    """The calls that a shim let fail, as (number, name and path), and all."""
+    """The calls that a shim failed, as (number, name and path), and all calls."""
     lines = [line for line in reported(report) if line[1] != "left"]
     calls = [(int(line[0]), " ".join(line[2:])) for line in lines]
     return [call for call, line in zip(calls, lines) if line[1] == "failed"], calls
 
 
 def leaks(report):
-    """The OpenCL objects that were made and never let go of."""
+    """OpenCL objects that were created and not released."""
     return [f"not let go of: {' '.join(line[2:])}" for line in reported(report) if line[1] == "left"]
 
 

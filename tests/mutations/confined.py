@@ -1,4 +1,4 @@
-"""Runs test programs where a mutant can do no harm, and reports what their tests say."""
+"""Runs test programs in a sandbox and reports their results."""
 import os
 import re
 import subprocess
@@ -7,8 +7,8 @@ import time
 
 STRESS = "gflow stress --quick"
 
-# $1: scratch folder; $2: a program in place of $3, or empty; then the command. Read-only file systems but for the
-# scratch folder, its tmp as /tmp, own processes, half of the memory.
+# $1: scratch folder; $2: a program in place of $3, or empty; then the command. File systems are read-only except the
+# scratch folder, whose tmp is /tmp; separate process ids, half of the memory.
 SCRIPT = r"""
 ulimit -c 0; ulimit -Sd $MEMORY_KB; ulimit -Sf 16000000
 scratch=$1; changed=$2; original=$3; shift 3
@@ -34,7 +34,7 @@ class Tests:
         self.confined(["true"], 60, {})
 
     def confined(self, command, limit, environment, gflow=""):
-        """Exit code and output; the code is None if it does not end in time."""
+        """Exit code and output; the code is None after a timeout."""
         words = ["unshare", "--user", "--map-root-user", "--mount", "--pid", "--fork", "--kill-child",
                  "sh", "-c", SCRIPT, "sh", self.scratch, gflow, self.build.path("gflow"), *command]
         try:
@@ -48,7 +48,7 @@ class Tests:
         return done.returncode, done.stdout
 
     def run(self, program, chosen, environment, limit, path="", gflow="", options=()):
-        """path, gflow: what to run in place of the build's."""
+        """path, gflow: run in place of the build's."""
         path = path or self.build.path(program.split()[0])
         words = [*program.split()[1:], "--quiet"] if program == STRESS else [f"--gtest_filter={chosen}", *options]
         return self.confined([path, *words], limit, environment, gflow)

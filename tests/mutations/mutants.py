@@ -1,4 +1,4 @@
-"""The operators: what is changed where in the text of a kernel or of host code.
+"""The mutation operators: what they change in kernels and host code.
 
 They rely on the format of the tree (clang-format): a binary operator has a space on both sides, a pointer has not.
 """
@@ -8,7 +8,7 @@ from collections import namedtuple
 
 Mutant = namedtuple("Mutant", "operator start end new")  # text[start:end] becomes new
 
-# What is not changed: comments, strings, characters, includes and conditions of the preprocessor, static_assert.
+# Never changed: comments, strings, characters, includes and preprocessor conditions, static_assert.
 MASKED = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])\'|'
                     r"^#(?!define)[^\n]*|static_assert\([^;]*;", re.S | re.M)
 SWAPPED = {"+": "-", "-": "+", "*": "/", "/": "*", "+=": "-=", "-=": "+=", "*=": "/=", "/=": "*=",
@@ -16,7 +16,7 @@ SWAPPED = {"+": "-", "-": "+", "*": "/", "/": "*", "+=": "-=", "-=": "+=", "*=":
            "<<": ">>", ">>": "<<", "&": "|", "|": "&", "true": "false", "false": "true",
            "continue;": "break;", "break;": "continue;", "min": "max", "max": "min",
            ".x": ".y", ".y": ".x", ".z": ".x"}
-SAME = "\0"  # in a new text: the old one
+SAME = "\0"  # placeholder for the old text in a new one
 
 
 def swapped(match):
@@ -24,7 +24,7 @@ def swapped(match):
 
 
 def negated(match):
-    """The condition of an if; none where it declares a variable."""
+    """The condition of an if; none if it declares a variable."""
     text, depth, at = match.string, 1, match.end()
     while depth and at < len(text):
         depth += {"(": 1, ")": -1}.get(text[at], 0)
@@ -56,13 +56,13 @@ def dropped(match):
 
 
 def returned(match):
-    """At the start of the body."""
+    """Inserts at the start of the body."""
     return match.end(), match.end(), " return;"
 
 
 ANY, KERNEL, HOST = "any", "kernel", "host"
-PLACE = r"\*?[\w.]+(?:->[\w.]+)*(?:\[[^;=\n]*\])*(?:\.\w+)?"  # what is assigned to; a declaration has a space in it
-LINE = r"(?m)^( +(?:\} )?(?:else )?(?:(?:if|for) \([^{}\n]*\) )?)"  # what stands before a statement
+PLACE = r"\*?[\w.]+(?:->[\w.]+)*(?:\[[^;=\n]*\])*(?:\.\w+)?"  # an assigned expression; a declaration would contain a space
+LINE = r"(?m)^( +(?:\} )?(?:else )?(?:(?:if|for) \([^{}\n]*\) )?)"  # the text before a statement
 # name, where, pattern, function: match -> new text, or (start, end, new text), or None for no mutant
 OPERATORS = [
     ("arithmetic", ANY, r"(?<=[\w)\]}] )[-+*/](?=\s+[\w(-])", swapped),
@@ -91,7 +91,7 @@ def is_kernel(path):
 
 
 def mutants(path, text, seed):
-    """All mutants of a file, shuffled, one operator after the other, so that the first few are of many."""
+    """All mutants of a file, shuffled and interleaved, so that the first few use many operators."""
     code = MASKED.sub(lambda m: re.sub(r"[^\n]", "\"", m[0]), text)
     kinds = []
     for name, where, pattern, change in OPERATORS:

@@ -1,4 +1,4 @@
-"""Compiles and links parts of a build again with a changed file, by the commands of that build (ninja)."""
+"""Recompiles and relinks parts of a build with a changed file, by the commands of that build (ninja)."""
 import json
 import os
 import re
@@ -6,7 +6,7 @@ import shlex
 import subprocess
 import sys
 
-# Besides the test program, what compiles kernels/shared to compare the device with.
+# Besides the test program, these compile kernels/shared as reference for the device.
 HOST_SIDE = {"gflow_runtime", "gflow_stress"}
 
 
@@ -41,7 +41,7 @@ class Build:
         return any(target_of(unit["output"]) == program and "-DGFLOW_BINARY=" in unit["command"] for unit in self.units)
 
     def units_of(self, file, program):
-        """What to compile when the file changes: of a header, in the library of its folder and in the test program."""
+        """What to recompile when the file changes; for a header, the library of its folder and the test program."""
         path = os.path.join(self.root, file)
         if file.endswith(".cpp"):
             return [unit for unit in self.units if f'"{path}"' in unit["text"]]
@@ -55,7 +55,7 @@ class Build:
                 and path in self.ninja("deps", unit["output"]).split()]
 
     def compile(self, unit, file, scratch, result):
-        """Whether it compiles with the copy of the file in scratch in place of the tree's."""
+        """Whether it compiles with the file's copy in scratch in place of the original."""
         source = result + ".cpp"
         with open(source, "w", encoding="utf-8") as out:
             out.write(unit["text"].replace(f'"{self.root}/{file}"', f'"{scratch}/{file}"'))
@@ -69,7 +69,7 @@ class Build:
         return subprocess.run(words, cwd=self.folder, capture_output=True).returncode == 0
 
     def link(self, program, objects, result):
-        """The program with these objects ({what they replace: path}); "" if it has none of them."""
+        """The program linked with these objects ({replaced object: path}); "" if it contains none of them."""
         name = program if program == "gflow" else "tests/" + program
         words = [word for word in shlex.split(self.ninja("commands", name).splitlines()[-1]) if word not in (":", "&&")]
         libraries = {os.path.basename(word) for word in words if word.endswith(".a")}
@@ -80,7 +80,7 @@ class Build:
             if output in words:
                 words[words.index(output)] = objects[output]
             else:
-                words.insert(words.index("-o"), objects[output])  # before the library that has the original
+                words.insert(words.index("-o"), objects[output])  # before the library with the original
         words[words.index("-o") + 1] = result
         subprocess.run(words, cwd=self.folder, check=True, capture_output=True)
         return result

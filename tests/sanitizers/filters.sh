@@ -1,9 +1,9 @@
-# Sourced: which tests are meant. A test that was renamed must not drop out of a list unnoticed.
+# Sourced. Checks test filters, so that a renamed test does not silently drop out of a list.
 
-# require_tests PROGRAM FILTER: fails, with a sentence, where a pattern of the filter is of no test of the program.
+# require_tests PROGRAM FILTER: fails with a message if a pattern of the filter matches no test of the program.
 require_tests() {
   local program=$1 patterns pattern lost=0
-  IFS=: read -ra patterns <<< "${2%%-*}"  # what comes after is left out, and may be of none
+  IFS=: read -ra patterns <<< "${2%%-*}"  # patterns after the '-' exclude tests and may match none
   for pattern in "${patterns[@]}"; do
     [[ $("$program" --gtest_list_tests --gtest_filter="$pattern") == *$'\n  '* ]] && continue
     echo "$program: no test is called $pattern" >&2
