@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Device memory: round trips, ranges, growth, refusals.
+// Device memory: round trips, ranges, growth, rejected calls.
 #include "runtime/cl/buffer.hpp"
 
 #include <gtest/gtest.h>
@@ -115,9 +115,9 @@ TEST(Buffer, MemoryWithoutContentsIsPoisonedOnRequest) {
     EXPECT_EQ(value, 0xad);
 
   Buffer<cl_uint> ids(queue, {1, 2, 3}, "ids");
-  ids.ensure(queue, 3);  // nothing asked for, nothing lost
+  ids.ensure(queue, 3);  // too small to change anything
   EXPECT_EQ(ids.read(queue), (std::vector<cl_uint>{1, 2, 3}));
-  ids.ensure(queue, 2);  // in the memory held
+  ids.ensure(queue, 2);  // fits into the allocated memory
   EXPECT_EQ(ids.read(queue), (std::vector<cl_uint>{poison, poison}));
   ids.ensure(queue, 5);
   EXPECT_EQ(ids.read(queue), std::vector<cl_uint>(5, poison));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Errors read as sentences.
+// Error messages are sentences.
 #include "runtime/cl/cl_error.hpp"
 
 #include <gtest/gtest.h>

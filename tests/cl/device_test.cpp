@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which device is chosen and how a wrong choice is reported.
+// Selection of a device, and messages about a wrong selection.
 #include "runtime/cl/device.hpp"
 
 #include <gtest/gtest.h>
@@ -55,7 +55,7 @@ TEST(Device, IsFoundByIndexAndByPartOfItsNameInAnyCase) {
   EXPECT_EQ(device_info(find_device(shouted)).name, first.name);
 }
 
-// A blank is part of nearly every name.
+// A blank occurs in almost every device name.
 TEST(Device, BlanksAloneAreNoName) {
   for (const char* blank : {" ", " \t "}) {
     const std::string message = message_of([&] { find_device(blank); });
@@ -93,7 +93,8 @@ TEST(Device, GetsLanesOfItsVectorWidthOnCpusAndOneOnGpus) {
 }
 
 TEST(DeviceDeathTest, WithoutADriverTheSentenceSaysWhatToInstall) {
-  GTEST_FLAG_SET(death_test_style, "threadsafe");  // a new process, whose loader sees the setting
+  GTEST_FLAG_SET(death_test_style,
+                 "threadsafe");  // a new process, whose ICD loader reads the variable
   const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");
   const auto list = [] {
     std::cerr << message_of([] { list_devices(); });
@@ -104,7 +105,7 @@ TEST(DeviceDeathTest, WithoutADriverTheSentenceSaysWhatToInstall) {
               "pocl-opencl-icd`$");
 }
 
-// As where a limit of memory keeps the loader from loading it.
+// As when a memory limit prevents the loader from loading the driver.
 TEST(DeviceDeathTest, ADriverThatIsThereAndHasNoDeviceIsNamed) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   const TemporaryFolder folder;
@@ -120,7 +121,8 @@ TEST(DeviceDeathTest, ADriverThatIsThereAndHasNoDeviceIsNamed) {
 
 TEST(DeviceDeathTest, WhereOnesProgramsCannotBeKeptThatIsTheReason) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
-  const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");  // with PoCL it is so, too
+  const Environment no_drivers("OCL_ICD_VENDORS",
+                               "/no/such/folder/");  // the same with PoCL installed
   const Environment no_cache("POCL_CACHE_DIR", "/proc/programs");
   const auto list = [] {
     std::cerr << message_of([] { list_devices(); });
@@ -145,7 +147,7 @@ TEST(DeviceDeathTest, AFolderForProgramsThatCannotBeWrittenIsTheReason) {
   EXPECT_EXIT(list(), testing::ExitedWithCode(3), "POCL_CACHE_DIR is .*/programs, where nothing");
 }
 
-// Where PoCL is not what is missing, its folder is no reason.
+// If PoCL is not what is missing, its folder is not a reason.
 TEST(DeviceDeathTest, AHomeThatCannotBeWrittenIsNotTheOnlyReason) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");

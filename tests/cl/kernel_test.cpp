@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Typed kernels: a declaration that differs from the kernel is refused, launches name themselves.
+// Typed kernels: a declaration that differs from the kernel is rejected; launch errors name the
+// kernel.
 #include "runtime/cl/kernel.hpp"
 
 #include <gtest/gtest.h>
@@ -138,7 +139,7 @@ TEST(Queue, CountsLaunchesWhenProfiling) {
   Kernel<cl_uint, cl_uint, Out<cl_uint>> mark(f.program(), "mark");
   for (int i = 0; i < 5000; ++i) mark(f.queue, Range::groups(1, 1), 1, 1, out);
   const auto timings = f.queue.timings();
-  if (!timings.empty()) {  // empty where the driver reports no times
+  if (!timings.empty()) {  // empty if the driver reports no times
     EXPECT_EQ(timings.at("mark").count, 5000u);
     EXPECT_GE(timings.at("mark").total_ms, 0);
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Building kernel files: includes, defines, the cache on disk, and what a failure says. The kernel
-// files of these tests are written to a folder that GFLOW_KERNEL_DIR names.
+// Building kernel files: includes, defines, the cache on disk, and error messages. The tests write
+// their kernel files to a folder that GFLOW_KERNEL_DIR names.
 #include "runtime/cl/program.hpp"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A folder of kernel files, read instead of the embedded ones, and an empty program cache.
+// A folder of kernel files that replaces the embedded ones, and an empty program cache.
 struct KernelFolder {
   void write(const std::string& file, const std::string& text) const { folder.write(file, text); }
   std::vector<fs::path> cached() const {
@@ -108,7 +108,7 @@ TEST(ProgramCache, AChangedFileIsAnotherProgram) {
   }
 }
 
-// What value.cl gives, built by a queue of its own as by another process.
+// The result of value.cl, built by a new queue as in another process.
 uint32_t build_and_run(int value = 5) {
   Queue queue = test_queue();
   return run_value(queue, Program(queue, "value.cl", {{"VALUE", value}}));
@@ -124,11 +124,11 @@ TEST(ProgramCache, UnsoundFilesAreReplacedSilently) {
       std::ofstream(file, std::ios::binary) << damage;
       EXPECT_EQ(build_and_run(), 5u);
     }
-  for (const auto& file : files) {  // sound but for one byte of the driver's part
+  for (const auto& file : files) {  // valid except for one byte of the driver's part
     std::fstream(file, std::ios::binary | std::ios::in | std::ios::out).seekp(200) << '\x7f';
     EXPECT_EQ(build_and_run(), 5u);
   }
-  EXPECT_EQ(folder.cached().size(), files.size());  // no drafts are left behind
+  EXPECT_EQ(folder.cached().size(), files.size());  // no temporaries are left behind
 }
 
 TEST(ProgramCache, AnotherProgramsFileIsNotTaken) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A device that does not answer ends the program, in one sentence; one that does is let alone.
+// A device that does not answer ends the program with one sentence; a device that answers is
+// unaffected.
 #include "runtime/cl/watchdog.hpp"
 
 #include <gtest/gtest.h>
@@ -19,14 +20,15 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Twenty looks a second at waits of at most one: a machine that stands still for a while costs one.
+// Checks 20 times a second for waits of at most one second: a short stall of the machine costs one
+// check.
 Watchdog quick_dog() { return {"Vendor / Device", 1, milliseconds(50)}; }
 
 TEST(Watchdog, LetsManyShortWaitsAndLongWorkBetweenThemPass) {
   Watchdog dog = quick_dog();
   const auto doze = [] { std::this_thread::sleep_for(milliseconds(100)); };
   for (int i = 0; i < 15; ++i) dog.wait(doze);
-  for (int i = 0; i < 15; ++i) doze();  // work of the program's own
+  for (int i = 0; i < 15; ++i) doze();  // host work
   EXPECT_EQ(dog.wait([] { return 7; }), 7);
 }
 
@@ -52,7 +54,7 @@ TEST(Watchdog, HasATimeThatTheEnvironmentChooses) {
   }
 }
 
-// Every way to wait, on a queue that stands still before an event that never comes.
+// Every way to wait, on a queue that is blocked by an event that never completes.
 TEST(Watchdog, EndsAProgramThatWaitsForADeviceThatHangs) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   const Environment set("GFLOW_DEVICE_TIMEOUT", "1");

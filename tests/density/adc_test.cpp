@@ -14,15 +14,15 @@
 namespace gflow {
 namespace {
 
-// A Gaussian as density control sees it. The video lasts from 0 to 1.
+// A Gaussian's state for density control. The video lasts from 0 to 1.
 struct Made {
   float opacity = 0.5f, scale = 0.1f, lifetime = 0.2f, mean_t = 0.5f;
-  float tilt = 0;      // of its time axis towards x [rad]: it moves at the tangent of this
-  float pull = 0;      // of the image position, by the views' mean [half the image]
+  float tilt = 0;      // of its time axis towards x [rad]; its speed is the tangent of this
+  float pull = 0;      // mean gradient of the image position over views [half the image]
   uint32_t tiles = 1;  // 0: not seen
 };
 
-// Rows whose means, colours and moments tell where they came from: row i has i in all of them.
+// Rows are marked: means, colours and temporal means of row i contain i.
 class AdcField {
  public:
   explicit AdcField(const std::vector<Made>& made)
@@ -63,7 +63,7 @@ class AdcField {
     parameters.rows.steps.write(queue, steps);
   }
 
-  // A view of 20 x 10 pixels: a gradient of pull / 10 per pixel along x.
+  // A view of 20 x 10 pixels with a gradient of pull / 10 per pixel along x.
   void see(float factor = 1, const RowList& rows = {}) {
     std::vector<uint32_t> tiles;
     std::vector<float> v_means2d;
@@ -78,7 +78,7 @@ class AdcField {
   void refine(uint32_t seed = 1) { density.refine(queue, parameters, motion, rule, seed); }
 
   std::vector<float> values(const std::string& name) { return parameters[name].values.read(queue); }
-  // Which old row each new one comes from, and how often.
+  // The old row of each new row, and how often it occurs.
   std::vector<int> sources() {
     std::vector<int> rows;
     const std::vector<float> marks = values("mark");
@@ -95,7 +95,7 @@ class AdcField {
  private:
   std::vector<GroupSpec> all_groups() const {
     std::vector<GroupSpec> groups = motion.groups();
-    groups.push_back({"mark", 1});  // an array that splitting does not know
+    groups.push_back({"mark", 1});  // an array unknown to splitting
     return groups;
   }
   std::vector<Made> made_;
@@ -121,10 +121,10 @@ TEST(Adc, RemovesTheFaintTheHugeAndTheNeverVisible) {
   Made faint, huge, early, late, nearly;
   faint.opacity = 0.004f;
   huge.scale = 11;
-  // A Gaussian is gone where exp(-d^2 / 2 s^2) < 0.05, that is 2.45 standard deviations away.
-  early.mean_t = -0.5f;  // 2.5 of 0.2 before the video
+  // A Gaussian is invisible where exp(-d^2 / 2 s^2) < 0.05: beyond 2.45 standard deviations.
+  early.mean_t = -0.5f;  // 2.5 standard deviations of 0.2 before the video
   late.mean_t = 1.5f;
-  nearly.mean_t = -0.48f;  // 2.4 of them
+  nearly.mean_t = -0.48f;  // 2.4 standard deviations
   AdcField field({faint, Made{}, huge, early, late, nearly, Made{}});
   field.see();
   field.refine();
@@ -180,7 +180,7 @@ TEST(Adc, GivesTheRoomBelowTheCapToTheHardestPulls) {
   std::vector<Made> made;
   for (const float pull : {2.f, 9.f, 3.f, 7.f, 0.f, 5.f}) made.push_back(pulled(pull));
   AdcField field(made);
-  field.rule.cap = 8;  // room for two
+  field.rule.cap = 8;  // space for two
   field.see();
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 1, 2, 3, 3, 4, 5}));
@@ -229,14 +229,14 @@ TEST(Adc, ChildrenOfALargeOneAreSmallerAndLiveAsLong) {
   field.see();
   field.refine();
   ASSERT_EQ(field.parameters.count, 2u);
-  std::vector<double> expected;  // by 1.6, as is usual
+  std::vector<double> expected;  // divided by 1.6, as usual
   for (int child = 0; child < 2; ++child)
     expected.insert(expected.end(),
                     {-std::log(1.6), -std::log(1.6), -std::log(1.6), std::log(50.)});
   EXPECT_TRUE(all_close(field.values("log_scales"), expected, {1e-6, 1e-7}));  // a few roundings
 }
 
-// Speed 1 for a life of 0.2: it crosses 0.4 while it is seen, 40 times its size.
+// Speed 1 with a lifetime of 0.2: it travels 0.4 while visible, 40 times its size.
 Made traveller() {
   Made made = pulled(2, 0.01f);
   made.tilt = std::atan(1.f);
@@ -253,14 +253,14 @@ TEST(Adc, OneThatTravelsFarIsSplitInTimeAlongItsPath) {
   const std::vector<float> t = field.values("means_t"), x = field.values("means"),
                            s = field.values("log_scales"), o = field.values("logit_opacities");
   // |p_t|^2 = (0.2^2 x 2 + 0.01^2) / 2 and the velocity (0.08 - 0.0001) / (0.08 + 0.0001): the
-  // numbers below err by 0.3 % at most.
+  // values below are accurate to 0.3 %.
   EXPECT_NEAR(t[1], 0.5 - 0.1, 1e-3);
   EXPECT_NEAR(t[2], 0.5 + 0.1, 1e-3);
   for (size_t child = 1; child < 3; ++child) {
-    EXPECT_NEAR(x[3 * child] - 1, t[child] - 0.5, 1e-3);  // row 1 began at (1, 1, 1)
+    EXPECT_NEAR(x[3 * child] - 1, t[child] - 0.5, 1e-3);  // row 1 started at (1, 1, 1)
     EXPECT_NEAR(x[3 * child + 1], 1, 1e-6);
     EXPECT_NEAR(s[4 * child + 3], std::log(0.6 * 0.2 * std::sqrt(2.)), 3e-3);
-    EXPECT_EQ(o[child], opacities[1]);  // they follow each other
+    EXPECT_EQ(o[child], opacities[1]);  // the children follow each other in time
   }
 }
 
@@ -284,12 +284,12 @@ TEST(Adc, ChildrenOfASmallOneKeepItsSizeAndOneOfThemItsPlace) {
   for (size_t k = 0; k < 3; ++k) {
     EXPECT_EQ(means[3 + k], 1);
     EXPECT_NE(means[6 + k], 1);
-    EXPECT_NEAR(means[6 + k], 1, 0.6);  // drawn from the parent, six deviations of 0.1
+    EXPECT_NEAR(means[6 + k], 1, 0.6);  // sampled from the parent, within six deviations of 0.1
   }
 }
 
-// Drawn from the parent: over 2 x 400 children the mean is within 5 / sqrt(800) deviations of the
-// parent's, the deviation within 5 / sqrt(1600) of it.
+// Sampled from the parent: over 2 x 400 children the mean is within 5 / sqrt(800) deviations of the
+// parent's, and the deviation within a fraction of 5 / sqrt(1600).
 TEST(Adc, ChildrenOfLargeOnesSpreadAsTheParentDoes) {
   AdcField field(std::vector<Made>(400, pulled(2, 0.8f)));
   field.see();
@@ -306,7 +306,8 @@ TEST(Adc, ChildrenOfLargeOnesSpreadAsTheParentDoes) {
   EXPECT_NEAR(std::sqrt(squares / 800), 1, 5 / std::sqrt(1600.));
 }
 
-// 1 - o = (1 - o')^2: two children at one place show what the parent did. o' of a float logit.
+// 1 - o = (1 - o')^2: two children in one place look like the parent. o' is rounded to a float
+// logit.
 TEST(Adc, TwoChildrenTogetherAreAsOpaqueAsTheParent) {
   for (const float opacity : {0.01f, 0.3f, 0.9f, 0.99f}) {
     Made made = pulled(2);
@@ -366,8 +367,8 @@ TEST(Adc, ResetsOpacitiesAndTheirMeanGradientOnlyWhenDueAndWhereHigher) {
   EXPECT_EQ(reset[0], before[0]);
   EXPECT_NEAR(sigmoid(double(reset[1])), 2 * 0.005, 1e-8);  // rounding of a logit near -5
   const ParameterGroup& opacities = field.parameters["logit_opacities"];
-  EXPECT_EQ(opacities.exp_avg.read(field.queue), (std::vector<float>{0, 0}));     // row 0 had 0
-  EXPECT_EQ(opacities.exp_avg_sq.read(field.queue), (std::vector<float>{0, 1}));  // as before
+  EXPECT_EQ(opacities.exp_avg.read(field.queue), (std::vector<float>{0, 0}));  // row 0 was 0 before
+  EXPECT_EQ(opacities.exp_avg_sq.read(field.queue), (std::vector<float>{0, 1}));  // unchanged
   EXPECT_EQ(field.parameters["means"].exp_avg.read(field.queue)[3], 1);
 }
 
@@ -384,7 +385,7 @@ TEST(Adc, EvidenceSurvivesBeingSavedAndLoaded) {
 TEST(Adc, WithoutMemoryForMoreEverythingStaysAsItWas) {
   AdcField field({pulled(2), pulled(3), pulled(0)});
   field.see();
-  field.queue.info.max_allocation = 4 * 4 * 4;  // log_scales of 4 Gaussians; 5 are wanted
+  field.queue.info.max_allocation = 4 * 4 * 4;  // log_scales of 4 Gaussians; 5 are requested
   try {
     field.refine();
     ADD_FAILURE() << "it fitted";
@@ -394,7 +395,7 @@ TEST(Adc, WithoutMemoryForMoreEverythingStaysAsItWas) {
   EXPECT_EQ(field.parameters.count, 3u);
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 2}));
   field.queue.info.max_allocation = 1 << 20;
-  field.refine();  // the evidence is still there
+  field.refine();  // the accumulated gradients are kept
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 0, 1, 1, 2}));
 }
 

@@ -15,8 +15,8 @@
 namespace gflow {
 namespace {
 
-// Gaussians whose means, colours and moments tell where they came from: row i has i in all of them.
-// The video lasts from 0 to 1.
+// Rows are marked: means, colours and temporal means of row i contain i. The video lasts from 0
+// to 1.
 class McmcField {
  public:
   explicit McmcField(const std::vector<float>& opacities, MotionModelKind kind = {})
@@ -51,7 +51,7 @@ class McmcField {
     for (const float m : values("mark")) rows.push_back(int(m));
     return rows;
   }
-  // How many come from each row.
+  // Number of rows that originate from each row.
   std::vector<int> numbers(size_t n) {
     std::vector<int> counts(n);
     for (const int row : sources()) ++counts[size_t(row)];
@@ -90,7 +90,7 @@ TEST(Mcmc, WhatIsAliveStaysToTheBit) {
 
 TEST(Mcmc, TheFaintTheNeverVisibleAndTheBrokenMoveToTheLive) {
   McmcField field({0.5f, 0.01f, 0.5f, 0.5f, 0.5f});
-  // Gone where exp(-d^2 / 2 s^2) < 0.05, 2.45 deviations away: 0.49.
+  // Invisible where exp(-d^2 / 2 s^2) < 0.05: beyond 2.45 deviations, 0.49.
   field.parameters["means_t"].values.write(field.queue, {0.5f, 0.5f, 1.5f, NAN, -0.48f});
   std::vector<float> log_scales;  // in space and time
   for (int i = 0; i < 5; ++i)
@@ -113,13 +113,14 @@ TEST(Mcmc, ThoseInOnePlaceShowWhatTheOneDid) {
     EXPECT_NEAR(std::pow(1 - sigmoid(double(o)), 3), 0.4, 1e-6);
   const std::vector<float> s = field.values("log_scales");
   for (size_t i = 0; i < 3; ++i) {
-    for (size_t k = 0; k < 3; ++k)  // a float's rounding of 40 terms
+    for (size_t k = 0; k < 3; ++k)  // rounding of 40 float terms
       EXPECT_NEAR(double(s[4 * i + k]), -1 + std::log(shared_scale(l, 3)), 2e-6);
-    EXPECT_EQ(s[4 * i + 3], -1);  // they live as long
+    EXPECT_EQ(s[4 * i + 3], -1);  // the lifetime is unchanged
   }
 }
 
-// Sizes 1, 2 and 1/2, turned by a quarter about z, half a size apart: deviations 1, 1/2 and 1/4.
+// Scales 1, 2 and 1/2, rotated by 90 degrees about z, half a scale apart: deviations 1, 1/2 and
+// 1/4.
 TEST(Mcmc, ThoseInOnePlaceAreMovedApartByTheShapeOfTheOne) {
   const size_t n = 4000;
   std::vector<float> opacities(n, 0.001f), quats, log_scales;
@@ -184,7 +185,8 @@ TEST(Mcmc, GrowsByAShareARoundUpToTheCap) {
   McmcField field(std::vector<float>(100, 0.5f));
   field.rule.growth = 0.05f;
   field.rule.cap = 112;
-  for (const size_t expected : {105u, 111u, 112u, 112u}) {  // rounded up: few grow too
+  for (const size_t expected :
+       {105u, 111u, 112u, 112u}) {  // rounded up, so that small numbers grow too
     field.refine();
     EXPECT_EQ(field.parameters.count, expected);
   }
@@ -193,8 +195,8 @@ TEST(Mcmc, GrowsByAShareARoundUpToTheCap) {
   EXPECT_EQ(field.parameters.count, 112u);
 }
 
-// 20 000 draws of 200 Gaussians in equal parts of the line: each number is the expected one up to
-// the two parts at its ends (2), and the mean over those of one opacity nearly so.
+// 20 000 systematic draws over 200 Gaussians: each count is the expected one up to the two
+// intervals at its ends (2), and the mean over Gaussians of one opacity is almost exact.
 TEST(Mcmc, DrawsInProportionToOpacity) {
   std::vector<float> opacities(20200, 0.001f);
   double sum = 0;
@@ -210,10 +212,11 @@ TEST(Mcmc, DrawsInProportionToOpacity) {
     else
       EXPECT_NEAR(numbers[i], 1 + 20000 * double(opacities[i]) / sum, 2.1) << i;
   }
-  EXPECT_EQ(all, 20200);  // nothing lost
+  EXPECT_EQ(all, 20200);  // no draw is lost
 }
 
-// One draw among 20 equal ones, 400 seeds: 20 each on average, deviation 4.4; five of those.
+// One draw among 20 equal rows, 400 seeds: 20 each on average, deviation 4.4; allows five
+// deviations.
 TEST(Mcmc, FavoursNoRow) {
   std::vector<float> opacities(21, 0.5f), logits, marks;
   opacities[20] = 0.001f;
@@ -248,7 +251,7 @@ TEST(Mcmc, WorksOnNoneOneAndAllDead) {
 TEST(Mcmc, WithoutMemoryForMoreEverythingStaysAsItWas) {
   McmcField field(std::vector<float>(4, 0.5f));
   field.rule.growth = 1;
-  field.queue.info.max_allocation = 4 * 4 * 6;  // log_scales of 6; 8 are wanted
+  field.queue.info.max_allocation = 4 * 4 * 6;  // log_scales of 6; 8 are requested
   try {
     field.refine();
     ADD_FAILURE() << "it fitted";
@@ -263,8 +266,8 @@ TEST(Mcmc, WithoutMemoryForMoreEverythingStaysAsItWas) {
 struct Noised {
   std::vector<float> before, after;
 };
-// n Gaussians of one opacity with the factor diag(1, 2, 0.5), seen but for the first, there at the
-// time drawn last but for the last.
+// n Gaussians of one opacity with the factor diag(1, 2, 0.5). The first one is not seen; the last
+// one does not exist at the rendered time.
 Noised noised(size_t n, float opacity, float noise, uint32_t seed) {
   McmcField field(std::vector<float>(n, opacity));
   field.rule.noise = noise;
@@ -287,8 +290,8 @@ Noised noised(size_t n, float opacity, float noise, uint32_t seed) {
   return result;
 }
 
-// Covariance diag(1, 4, 0.25), noise x rate = 1, gate 1/2 at the least opacity: deviations 0.5, 2
-// and 0.125. Of 20 000 numbers: mean within 5 / sqrt(20000), deviation within 5 / sqrt(40000).
+// Covariance diag(1, 4, 0.25), noise x rate = 1, gate 1/2 at the minimum opacity: deviations 0.5, 2
+// and 0.125. For 20 000 samples: mean within 5 / sqrt(20000), deviation within 5 / sqrt(40000).
 TEST(Mcmc, NoiseHasTheShapeOfTheCovariance) {
   const size_t n = 20002;
   const Noised result = noised(n, 0.02f, 4, 7);
@@ -312,7 +315,7 @@ TEST(Mcmc, NoiseLeavesAloneWhatIsNotThereAndWhatIsOpaque) {
   for (size_t k = 0; k < 3; ++k) {
     EXPECT_EQ(faint.after[k], 0);  // not seen
     EXPECT_NE(faint.after[3 + k], 0);
-    EXPECT_EQ(faint.after[6 + k], 0);  // not there
+    EXPECT_EQ(faint.after[6 + k], 0);  // does not exist at that time
   }
   EXPECT_EQ(opaque.after, opaque.before);
 }
@@ -322,7 +325,7 @@ TEST(Mcmc, NoiseIsAFunctionOfTheSeed) {
   EXPECT_NE(noised(50, 0.02f, 4, 7).after, noised(50, 0.02f, 4, 8).after);
 }
 
-// ---- the price of opacity and size
+// ---- regularisation of opacity and scale
 
 TEST(Mcmc, GradientsAreThoseOfTheMeanOpacityAndSizeForRowsSeen) {
   McmcField field({0.3f, 0.6f, 0.9f});
@@ -347,7 +350,7 @@ TEST(Mcmc, GradientsAreThoseOfTheMeanOpacityAndSizeForRowsSeen) {
   x.insert(x.end(), s.begin(), s.end());
   std::vector<double> expected = numeric_gradient(loss, x);
   for (size_t i = 0; i < expected.size(); ++i)
-    expected[i] = 1 + (i == 2 || i >= 11 ? 0 : expected[i]);  // the third was not seen
+    expected[i] = 1 + (i == 2 || i >= 11 ? 0 : expected[i]);  // the third one is not seen
   std::vector<float> got = p["logit_opacities"].grads.read(field.queue);
   for (const float v : p["log_scales"].grads.read(field.queue)) got.push_back(v);
   EXPECT_TRUE(all_close(got, expected, {1e-6, 1e-7}));

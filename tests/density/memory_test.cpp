@@ -37,7 +37,7 @@ TEST(Memory, TablesWithKeysCountByTheirKeysSharedOnesNot) {
   shared.rows = 1000;
   const size_t plain = bytes_per_gaussian(Parameters(queue, 7, {{"a", 3}}), true);
   EXPECT_EQ(bytes_per_gaussian(Parameters(queue, 7, {{"a", 3}}, {shared}), true), plain);
-  // four arrays of two floats and ten words a row (RowState), old and new
+  // Four arrays of two floats and ten words per row (RowState), old and new.
   EXPECT_EQ(bytes_per_gaussian(Parameters(queue, 7, {{"a", 3}}, {keyed}), true),
             plain + 6u * (2 * 4 + 10) * 4 * 2);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The order of rows in memory: a permutation that keeps what each Gaussian has, puts neighbours in
-// time and space together and depends on nothing but the parameters.
+// The order of rows in memory: a permutation that keeps the data of each Gaussian, places
+// neighbours in time and space together, and depends on the parameters only.
 #include "optim/density/order.hpp"
 
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ TEST(RowOrder, PutsNeighboursInTimeAndSpaceTogether) {
   EXPECT_EQ(std::set<uint32_t>(order.begin(), order.end()).size(), N_ORDER);
   double apart = 0, moments = 0;
   for (size_t j = 0; j < N_ORDER; ++j) {
-    EXPECT_EQ(order[j] % 3 == 0, j < N_ORDER / 3) << j;  // those that last come first
+    EXPECT_EQ(order[j] % 3 == 0, j < N_ORDER / 3) << j;  // Gaussians that last come first
     if (j == 0) continue;
     double square = 0;
     for (size_t axis = 0; axis < 3; ++axis)
@@ -48,9 +48,9 @@ TEST(RowOrder, PutsNeighboursInTimeAndSpaceTogether) {
     if (j > N_ORDER / 3)
       moments += std::fabs(cloud.means_t[order[j]] - cloud.means_t[order[j - 1]]) / N_ORDER;
   }
-  // In a cube with edges of 4, a grid of 1000 points has steps of .4, one of 125 (a sixteenth of
-  // those that do not last) of .8, and a Z curve through points that are no grid steps half as far
-  // again; in no order they are 2.6 apart, and moments 1/3.
+  // In a cube with edges of 4, a grid of 1000 points has steps of 0.4, one of 125 (a sixteenth of
+  // the short-lived ones) of 0.8. A Z curve through random points steps half as far again. In
+  // random order they are 2.6 apart, and temporal means 1/3.
   EXPECT_LT(apart, 1.5 * (0.4 + 2 * 0.8) / 3);
   EXPECT_LT(moments, 0.02);
 }
@@ -64,7 +64,7 @@ TEST(RowOrder, PutsWhatIsNotFiniteLastAndIsNotSpreadByWhatFlewAway) {
   const std::vector<uint32_t> order = cloud.order();
   EXPECT_EQ(std::set<uint32_t>(order.end() - 2, order.end()),
             (std::set<uint32_t>{before[5], before[7]}));
-  size_t same = 0;  // of the others' successors
+  size_t same = 0;  // of the successors of the others
   std::vector<uint32_t> next(N_ORDER);
   for (size_t j = 0; j + 1 < N_ORDER; ++j) next[before[j]] = before[j + 1];
   for (size_t j = 0; j + 1 < N_ORDER; ++j) same += next[order[j]] == order[j + 1];
@@ -117,7 +117,7 @@ TEST(RowOrder, KeepsWhatEachGaussianHasAndThoseThatRestLast) {
   }
   EXPECT_GT(moved, N_ORDER / 2);
   const std::vector<cl_uint> again = order.sort(queue, p, 1).read(queue);
-  for (size_t j = 0; j < N_ORDER; ++j) EXPECT_EQ(again[j], j);  // in order already
+  for (size_t j = 0; j < N_ORDER; ++j) EXPECT_EQ(again[j], j);  // already in order
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How fast Gaussians learn, whatever moves them: (length of the video / time they are seen)^power.
+// Learning rates of Gaussians in every motion model: (length of the video / visible time)^power.
 #include "optim/motion/models.hpp"
 #include "optim/reference/device.hpp"
 #include "tests/support/compare.hpp"
@@ -16,7 +16,8 @@ INSTANTIATE_TEST_SUITE_P(Motion, PaceOf,
                            return std::string(names_of(info.param)[size_t(info.param)]);
                          });
 
-// Seen for 4.9 lives of a video of 10: the fourth of those lives is longer than it.
+// Visible for 4.9 lifetimes in a video of length 10; for the fourth lifetime that exceeds the
+// video.
 TEST_P(PaceOf, FollowsTheLifeUpToTheMost) {
   Queue queue = test_queue();
   MotionShape shape;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The relocation formula against the paper's own double sum, and what it is for.
+// The relocation formula against the double sum of the paper, and its purpose.
 #include "shared/relocation.h"
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@ namespace {
 
 double logit_of(double p) { return std::log(p / (1 - p)); }
 
-// Kheradmand et al. 2024, eq. 9: the factor of the scales, by the sum as printed.
+// Kheradmand et al. 2024, eq. 9: the factor of the scales, by the printed sum.
 double paper_scale(double opacity, int n) {
   const double x = 1 - std::pow(1 - opacity, 1. / n);
   double sum = 0;
@@ -31,7 +31,7 @@ double paper_scale(double opacity, int n) {
 TEST(Relocation, OneAloneStaysAsItIs) {
   for (const double logit : {-8., -1., 0., 3., 12.}) {
     EXPECT_NEAR(shared_opacity_logit(logit, 1), logit, 1e-10);
-    EXPECT_NEAR(shared_scale(logit, 1), 1, 1e-7);  // 0.5641895 is rounded
+    EXPECT_NEAR(shared_scale(logit, 1), 1, 1e-7);  // 0.5641895 is a rounded constant
   }
 }
 
@@ -42,7 +42,7 @@ TEST(Relocation, OpacitiesMultiplyToTheOldOne) {
                   1e-12);
 }
 
-// The sum in double loses digits as 2^n x^n: it is a reference up to about n = 30.
+// The sum loses digits in double as 2^n x^n: a valid reference up to about n = 30.
 TEST(Relocation, SizesFollowThePaper) {
   std::vector<double> ours, paper;
   for (const double opacity : {0.005, 0.1, 0.5, 0.9, 0.99, 0.9999})
@@ -54,7 +54,7 @@ TEST(Relocation, SizesFollowThePaper) {
   EXPECT_LT(ours.back(), 0.8);  // and they do shrink
 }
 
-// For many, by a finer quadrature: the sum is of no use there.
+// For large n, against a finer quadrature, because the sum is too inaccurate.
 TEST(Relocation, HoldsForHundreds) {
   for (const double opacity : {0.1, 0.9, 0.9999}) {
     const double n = 1000, x = sigmoid(shared_opacity_logit(logit_of(opacity), n));

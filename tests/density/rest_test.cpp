@@ -12,7 +12,7 @@ namespace {
 
 constexpr size_t RESTING = 21;
 
-// Every third one moves.
+// Every third Gaussian is dynamic.
 bool moves_in_test(size_t i) { return i % 3 == 0; }
 
 MotionShape resting_shape(MotionModelKind kind) {
@@ -31,8 +31,8 @@ ViewRows all_rows_of(Queue& queue, const Parameters& p) {
   return rows;
 }
 
-// Random Gaussians of which two thirds have no motion, in two copies: one in which all move, those
-// at zero speed, and one in which these rest.
+// Random Gaussians of which two thirds have no motion, in two copies: one in which all are dynamic,
+// some at zero speed, and one in which these are static.
 class TwoCopies {
  public:
   explicit TwoCopies(const MotionShape& shape)
@@ -62,7 +62,7 @@ class TwoCopies {
     order = move(split.parameters(), moves);
   }
 
-  // Into a partition by these flags; returns where each row was.
+  // Partitions the rows by these flags; returns the previous position of each row.
   std::vector<cl_uint> move(Parameters& p, const std::vector<cl_uint>& moves) {
     std::vector<cl_uint> identity(p.count);
     for (size_t i = 0; i < p.count; ++i) identity[i] = cl_uint(i);
@@ -114,7 +114,7 @@ TEST_P(RestOf, GaussiansAtRestAreShownAsThoseThatMoveAtNoSpeed) {
   const Buffer<cl_uint> seen(made.queue, std::vector<cl_uint>(RESTING, 1u), "seen");
   for (const float t : {0.f, 0.7f, 2.f}) {
     GaussiansAt all, split;
-    // Opacities are known where they are drawn, poses of all at a second time.
+    // Opacities are compared at the rendered time, poses of all also at a second time.
     made.all.motion().at(made.queue, made.all.parameters(), t, nullptr, all);
     made.split.motion().at(made.queue, made.split.parameters(), t, nullptr, split);
     made.all.motion().at(made.queue, made.all.parameters(), t, &seen, all);
@@ -128,8 +128,8 @@ TEST_P(RestOf, GaussiansAtRestAreShownAsThoseThatMoveAtNoSpeed) {
   }
 }
 
-// Those of native4d's two quaternions, which are one at rest, add up. Gradients of a basis are sums
-// over Gaussians in an order that differs.
+// native4d has two quaternions, and one for static Gaussians: their gradients add up. Gradients of
+// a basis are sums over Gaussians in different orders.
 TEST_P(RestOf, GradientsAreThoseOfNoSpeed) {
   TwoCopies made(resting_shape(GetParam()));
   Queue& queue = made.queue;
@@ -195,7 +195,7 @@ TEST_P(RestOf, AllButTheMotionOfThoseAtRestSurvivesThereAndBack) {
   TwoCopies made(resting_shape(GetParam()));
   Queue& queue = made.queue;
   Parameters& p = made.split.parameters();
-  // First every other row changes sides or stays, then all move.
+  // First every other row changes between static and dynamic, then all rows become dynamic.
   std::vector<cl_uint> some;
   for (size_t j = 0; j < RESTING; ++j) some.push_back(j % 2);
   const std::vector<cl_uint> there = made.move(p, some);
@@ -240,8 +240,8 @@ TEST_P(RestOf, AllButTheMotionOfThoseAtRestSurvivesThereAndBack) {
   }
 }
 
-// Gaussians of size 0.1, 0.2 and 0.3 in a video of length 1, each there all the time unless its
-// life is told, at one speed along x and one turn about z.
+// Gaussians of scales 0.1, 0.2 and 0.3 in a video of length 1, with constant speed along x and
+// constant rotation about z. They always exist unless `life` is set.
 struct MadeRest {
   float speed = 0, turn = 0;
   float life = 1000;
@@ -280,7 +280,7 @@ class RestSpacetime {
   std::vector<cl_uint> refine() { return rest.refine(queue, p, *motion, rule).read(queue); }
   std::vector<float> values(const char* name) { return p[name].values.read(queue); }
 
-  // A view at t that pulls row i of those at rest, and all the others, by pulls[i] along x.
+  // A view at t with gradients pulls[i] along x for row i; all static rows are seen.
   void see(float t, const std::vector<float>& pulls) {
     std::vector<float> v(3 * pulls.size());
     for (size_t i = 0; i < pulls.size(); ++i) v[3 * i] = pulls[i];
@@ -296,9 +296,9 @@ class RestSpacetime {
   RestRule rule;
 };
 
-// Half the way and half the turn lie on each side of the mean pose, 0.1 standard deviations is the
-// limit: 0.01 along x, and for a turn by a, which moves the ends of axes s and s' by a s and a s',
-// a sqrt((s/s')^2 + (s'/s)^2) = a sqrt(4.25) about z.
+// Half of the path and of the rotation are on each side of the mean pose; the limit is 0.1 standard
+// deviations: 0.01 along x. A rotation by a about z moves the ends of axes s and s' by a s and a
+// s': a sqrt((s/s')^2 + (s'/s)^2) = a sqrt(4.25).
 TEST(Rest, WhoTravelsAndTurnsLittleComesToRest) {
   RestSpacetime made({{0.019f},
                       {0.021f},
@@ -319,12 +319,13 @@ TEST(Rest, WhoRestsIsWhereItWasOnAverage) {
   made.refine();
   const std::vector<float> means = made.values("means"), quats = made.values("quats");
   EXPECT_NEAR(means[0], 0, 1e-6);
-  EXPECT_NEAR(means[3], 1 + 0.2 * 0.01, 1e-6);  // the middle of the video, .2 after its own moment
-  EXPECT_NEAR(quats[4], 2 * std::cos(0.2 * 0.04 / 2), 1e-5);  // as long as it was
+  EXPECT_NEAR(means[3], 1 + 0.2 * 0.01,
+              1e-6);  // the middle of the video, 0.2 after its temporal mean
+  EXPECT_NEAR(quats[4], 2 * std::cos(0.2 * 0.04 / 2), 1e-5);  // the length is unchanged
   EXPECT_NEAR(quats[7], 2 * std::sin(0.2 * 0.04 / 2), 1e-5);
 }
 
-// The bound of kernels/shared/rest.h, at random places around random Gaussians.
+// The bound of kernels/shared/rest.h, at random positions around random Gaussians.
 TEST(Rest, NoPlaceChangesByMoreThanTheBound) {
   Random random(5);
   const auto draw = [&] { return make_real3(random(), random(), random()); };
@@ -346,7 +347,7 @@ TEST(Rest, NoPlaceChangesByMoreThanTheBound) {
     EXPECT_LE(change, 0.74 * d * (1 + d));
     largest = std::max(largest, change / d);
   }
-  EXPECT_GT(largest, 0.4);  // it is no empty bound
+  EXPECT_GT(largest, 0.4);  // the bound is not trivial
 }
 
 TEST(Rest, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
@@ -358,8 +359,9 @@ TEST(Rest, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
     made.p[name].remember(made.queue);
     made.p[name].exp_avg.fill(made.queue, 1.f);
   }
-  // Row 1 is pulled forward after its moment and back before it: a sum sqrt(20) times chance's. Row
-  // 2 in three views of 20 the other way: sqrt(20) 14/20 = 3.1 times. Row 3 not at all.
+  // Row 1 has positive gradients after its temporal mean and negative ones before: sqrt(20) times
+  // the expected noise. Row 2 has the opposite sign in three views of 20: sqrt(20) 14/20 = 3.1
+  // times. Row 3 has none.
   for (int k = 0; k < 20; ++k) {
     const float pull = k % 2 ? -1.f : 1.f;
     made.see(k % 2 ? 0.1f : 0.5f, {1, pull, k < 3 ? -pull : pull, 0});
@@ -371,12 +373,12 @@ TEST(Rest, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
   EXPECT_EQ(made.p["means"].exp_avg.read(made.queue),
             (std::vector<float>{1, 1, 1, 0, 0, 0, 1, 1, 1, 1, 1, 1}));
   EXPECT_EQ(made.p.rows.steps.read(made.queue), (std::vector<cl_uint>{1000, 0, 1000, 1000}));
-  // Evidence is forgotten, and it has a trial now.
+  // The accumulated gradient is reset, and row 1 is dynamic on trial.
   EXPECT_EQ(made.refine(), (std::vector<cl_uint>{0, 1, 2, 3}));
   EXPECT_EQ(made.p.moving, 2u);
 }
 
-// A view tells what flow asks of those at rest within v_means, or beside it.
+// The gradient of flow for static Gaussians is part of v_means, or separate.
 TEST(Rest, FlowPullsTheSameToldInBothWays) {
   const auto pulls = [](float v_mean, float v_mean_t2, bool stood_still) {
     RestSpacetime made(std::vector<MadeRest>(1));
@@ -392,7 +394,7 @@ TEST(Rest, FlowPullsTheSameToldInBothWays) {
     return std::get<std::vector<float>>(arrays.at("rest/pulls").values);
   };
   const std::vector<float> within = pulls(3 - 2, 2, false), beside = pulls(3, 2, true);
-  EXPECT_FLOAT_EQ(within[0], 3 * (0.5f - 0.3f) + 2 * (0.7f - 0.5f));  // its own moment is 0.3
+  EXPECT_FLOAT_EQ(within[0], 3 * (0.5f - 0.3f) + 2 * (0.7f - 0.5f));  // its temporal mean is 0.3
   EXPECT_FLOAT_EQ(beside[0], within[0]);
   EXPECT_FLOAT_EQ(beside[3], within[3]);
 }
@@ -426,7 +428,7 @@ TEST(Rest, EvidenceOfDensityControlGoesWithItsRows) {
   EXPECT_EQ(evidence("density/views"), (std::vector<float>{2, 1, 2}));
 }
 
-// Of rows 0 moving, 1 and 2 at rest, the last one grows.
+// Row 0 is dynamic, rows 1 and 2 are static; the last one grows.
 TEST(Rest, WhatGrowsMoves) {
   RestSpacetime made({{5}, {0}, {0}});
   made.p["logit_opacities"].values.fill(made.queue, 1);
@@ -443,12 +445,13 @@ TEST(Rest, WhatGrowsMoves) {
   ASSERT_EQ(made.p.count, 4u);
   EXPECT_EQ(made.p.moving, 3u);
   const std::vector<float> means = made.values("means");
-  EXPECT_NEAR(means[3], 2, 1e-5);  // the first of two is where the parent was
-  EXPECT_NEAR(means[9], 1, 1e-5);  // at rest still
+  EXPECT_NEAR(means[3], 2, 1e-5);  // the first child is at the position of the parent
+  EXPECT_NEAR(means[9], 1, 1e-5);  // still static
   EXPECT_EQ(made.values("velocities"), (std::vector<float>{5, 0, 0, 0, 0, 0, 0, 0, 0}));
 }
 
-// Row 1 rests and is dead: it goes to one of the others, and whoever shares a place moves.
+// Row 1 is static and dead: it is relocated to another row, and rows that share a place become
+// dynamic.
 TEST(Rest, WhatIsRelocatedMoves) {
   RestSpacetime made({{5}, {0}, {0}});
   made.refine();
@@ -458,7 +461,7 @@ TEST(Rest, WhatIsRelocatedMoves) {
   rule.growth = 0;
   density.refine(made.queue, made.p, *made.motion, rule, 1);
   ASSERT_EQ(made.p.count, 3u);
-  EXPECT_EQ(made.p.moving, 3u);  // 5 at rest no more: place 2 is now that of two
+  EXPECT_EQ(made.p.moving, 3u);  // row 5 is no longer static: place 2 now belongs to two rows
   const std::vector<float> opacities = made.values("logit_opacities");
   EXPECT_EQ(opacities[1], opacities[2]);
 }

@@ -117,7 +117,7 @@ class Replaced:
         return where, [] if outcome.code == -signal.SIGKILL else [outcome.last_line()]
 
     def moves(self):
-        """Calls that move or remove files, the number of all calls before them; errors without a kill."""
+        """Numbers of the calls that rename, remove or create; an error unless the run sets the previous one aside."""
         self.begin()
         outcome = self.world.run(self.command(self.run), self.fault(0, signal.SIGKILL, self.report))
         _, calls = failed_calls(self.report)

@@ -20,7 +20,7 @@ struct Offset {
   double x, y;
 };
 
-// Where a picture's turn by `degrees` about pixel (31, 23) takes pixel (x, y), relative to it.
+// Displacement of pixel (x, y) when an image is rotated by `degrees` about pixel (31, 23).
 Offset turn(double x, double y, double degrees) {
   const double a = degrees * M_PI / 180, dx = x - 31, dy = y - 23;
   return {std::cos(a) * dx - std::sin(a) * dy - dx, std::sin(a) * dx + std::cos(a) * dy - dy};
@@ -37,7 +37,7 @@ FlowField turning(double degrees) {
   return flow;
 }
 
-// A bar, columns from..from+8, moves right by 2.5 px before a background at rest.
+// A bar at columns from..from+8 moves right by 2.5 px in front of a static background.
 std::shared_ptr<TargetFlow> bar(double from) {
   FlowField flow = zero_flow(64, 4);
   std::vector<uint8_t> confidence(64 * 4, 255);
@@ -47,7 +47,7 @@ std::shared_ptr<TargetFlow> bar(double from) {
       const bool covered = x >= from && x < from + 8;
       const bool covered_next = x >= from + 2.5 && x < from + 10.5;
       if (covered) flow.uv[2 * i] = 2.5f;
-      if (!covered && covered_next) confidence[i] = 0;  // the background behind it
+      if (!covered && covered_next) confidence[i] = 0;  // covered by the bar in the next frame
     }
   auto teacher = trusted(flow);
   teacher->confidence = confidence;
@@ -66,11 +66,12 @@ TEST(ChainedFlow, OfATurnIsTheWholeTurn) {
       if (!chain.confidence[i]) continue;
       ++known;
       const Offset f = turn(x, y, 20);
-      // The flow of a turn is linear in the pixel, so interpolation adds nothing to rounding.
+      // The flow of a rotation is linear in the pixel, so interpolation adds no error beyond
+      // rounding.
       EXPECT_NEAR(chain.flow.uv[2 * i], f.x, 1e-4);
       EXPECT_NEAR(chain.flow.uv[2 * i + 1], f.y, 1e-4);
     }
-  EXPECT_GT(known, 64 * 48 / 2);  // the rest leaves the picture
+  EXPECT_GT(known, 64 * 48 / 2);  // the other pixels leave the image
   const size_t corner = 0, middle = 23 * 64 + 31;
   EXPECT_EQ(chain.confidence[corner], 0);
   EXPECT_EQ(chain.confidence[middle], 255);
@@ -81,8 +82,8 @@ TEST(ChainedFlow, IsThatOfOneSurfaceOrOfNone) {
   for (int x = 0; x < 64; ++x) {
     const size_t i = size_t(64 + x);  // in the second row
     const bool on_bar = x >= 8 && x < 16;
-    const bool hidden = x >= 16 && x < 26;  // by the bar, sooner or later
-    // Nothing between the two motions, whatever silhouettes the path comes by.
+    const bool hidden = x >= 16 && x < 26;  // by the bar at some time
+    // Only the two motions occur, whichever silhouettes the path crosses.
     EXPECT_EQ(chain.flow.uv[2 * i], on_bar ? 10 : 0) << x;
     EXPECT_EQ(chain.confidence[i], hidden ? 0 : 255) << x;
   }
@@ -93,12 +94,12 @@ TEST(ChainedFlow, IsNotTrustedWhereTheWayBackLeadsElsewhere) {
              astray = trusted(uniform(64, 1, -2.5f, 0));
   EXPECT_EQ(chained({there, there}, {back, back}).confidence[20], 255);
   EXPECT_EQ(chained({there, there}, {astray, astray}).confidence[20], 0);
-  EXPECT_EQ(chained({there, there}, {back, back}).confidence[62], 0);  // leaves the picture
+  EXPECT_EQ(chained({there, there}, {back, back}).confidence[62], 0);  // leaves the image
 }
 
 TEST(ChainedFlow, LeadsOverTheNeighboursThereAre) {
   const TemporaryFolder folder;
-  const Scene scene = textured_scene(folder);  // three pictures
+  const Scene scene = textured_scene(folder);  // three images
   std::vector<FlowPair> pairs = neighbour_pairs(scene);
   ASSERT_EQ(pairs.size(), 2u);
   const std::vector<FlowPair> apart = distant_pairs(scene, 2);
@@ -153,13 +154,13 @@ TEST(ChainedFlow, IsKeptWhereItIsChecked) {
   const TargetFlow fresh = chained_flows(checked, both)[0]();
   for (int time = 0; time < 2; ++time) {
     const TargetFlow kept = chained_flows(checked, both, counting)[0]();
-    EXPECT_EQ(kept.flow.uv, fresh.flow.uv) << time;  // whole pixels: rounding does nothing
+    EXPECT_EQ(kept.flow.uv, fresh.flow.uv) << time;  // whole pixels, so rounding changes nothing
     EXPECT_EQ(kept.confidence, fresh.confidence) << time;
   }
   EXPECT_EQ(made, 1);
   EXPECT_TRUE(
       std::filesystem::exists(how.folder + "/" + scene.train[0].name + "_over_2_chained.flow"));
-  // Without a way back more is trusted: not that which is kept.
+  // Without the consistency check confidence is higher, so the stored flow must not be used.
   const TargetFlow other = chained_flows(unchecked, there, counting)[0]();
   EXPECT_NE(other.confidence, fresh.confidence);
   EXPECT_EQ(made, 1);

@@ -27,7 +27,7 @@ class EstimatedFlow : public testing::Test {
   }
   FlowStore estimate() { return estimated_flows(scene, pairs, frames, how); }
   std::string file(const std::string& name) const { return how.folder + "/" + name + ".flow"; }
-  // All that anyone sees of the flows.
+  // All visible values of the flows.
   static std::vector<float> all_of(FlowStore& flows) {
     std::vector<float> all;
     for (size_t i = 0; i < flows.size(); ++i) {
@@ -67,7 +67,8 @@ TEST_F(EstimatedFlow, ComesBothWaysForEachPairOfPictures) {
 
 TEST_F(EstimatedFlow, IsKeptAndUsedAgain) {
   estimate();
-  // A marked file shows that it is read, not computed again; one of another size is replaced.
+  // A marked file shows that it is read instead of computed again; a file of another size is
+  // replaced.
   const TargetFlow marked{uniform(48, 40, 7, 7), std::vector<uint8_t>(48 * 40, 255)};
   const TargetFlow small{uniform(4, 4, 7, 7), std::vector<uint8_t>(16, 255)};
   write_file_atomically(file("input_0000"), packed(marked));
@@ -84,7 +85,7 @@ TEST_F(EstimatedFlow, IsTheSameBeforehandAndWhenAskedForKeptOrNot) {
   steps.clear();
   EXPECT_EQ(all_flow(), expected);  // from the disk
   how.folder += "_of_its_own";
-  EXPECT_EQ(all_flow(), expected);  // computed, half of it then kept from the way there
+  EXPECT_EQ(all_flow(), expected);  // computed; half of it was stored by an earlier computation
   how.folder += "_too";
   how.budget = 0;
   FlowStore flows = estimate();
@@ -110,7 +111,7 @@ TEST_F(EstimatedFlow, ADamagedFileIsComputedAgainWithOneSentence) {
   EXPECT_EQ(notices.size(), 1u);
 
   damaged = whole;
-  damaged.resize(whole.size() - 3);  // is seen from outside, and replaced without a word
+  damaged.resize(whole.size() - 3);  // detected and replaced without a message
   write_file_atomically(file("input_0002"), damaged);
   EXPECT_EQ(all_flow(), expected);
   EXPECT_EQ(read_file(file("input_0002")), whole);
@@ -152,7 +153,7 @@ TEST_F(EstimatedFlow, TwoProcessesShareAFolderWithoutRoomForAll) {
     ASSERT_EQ(waitpid(child, &status, 0), child);
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
   }
-  // Each process keeps within the room; what both write at the same moment may come on top of it.
+  // Each process stays within its budget; files that both write at the same moment may exceed it.
   uint64_t bytes = 0;
   for (const auto& entry : fs::directory_iterator(how.folder)) bytes += entry.file_size();
   EXPECT_LE(bytes, how.budget + 2 * one);

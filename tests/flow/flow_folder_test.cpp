@@ -20,7 +20,7 @@ class FlowFolderTest : public testing::Test {
                       [this](const std::string& sentence) { notices.push_back(sentence); });
   }
   std::string file(const std::string& name) const { return path + "/" + name + ".flow"; }
-  // The system's own times are too coarse to tell one use from the next.
+  // Sets the time explicitly: the system's own times are too coarse to order uses.
   void used(const std::string& name, int minutes_ago) const {
     fs::last_write_time(file(name),
                         fs::file_time_type::clock::now() - std::chrono::minutes(minutes_ago));
@@ -57,7 +57,7 @@ TEST_F(FlowFolderTest, DropsWhatWasUnusedForLongest) {
   EXPECT_FALSE(flows.has("b", 8, 8));
   EXPECT_TRUE(flows.has("c", 8, 8));
   EXPECT_TRUE(flows.has("d", 8, 8));
-  flows.keep("d", some_flow(2));  // in place of itself
+  flows.keep("d", some_flow(2));  // replaces itself
   EXPECT_TRUE(flows.has("c", 8, 8));
 }
 
@@ -84,7 +84,7 @@ TEST_F(FlowFolderTest, ADamagedFlowIsNoFlowAndIsNamed) {
   Bytes bytes = read_file(file("a"));
   bytes.back() ^= 1;
   write_file_atomically(file("a"), bytes);
-  EXPECT_TRUE(flows.has("a", 8, 8));  // length and header say so
+  EXPECT_TRUE(flows.has("a", 8, 8));  // checks length and header
   EXPECT_FALSE(flows.read("a", 8, 8));
   ASSERT_EQ(notices.size(), 1u);
   EXPECT_NE(notices[0].find("a.flow is damaged"), std::string::npos) << notices[0];

@@ -15,8 +15,8 @@ TEST(OpticalFlow, FindsAKnownTranslation) {
       error += std::hypot(teacher.flow.uv[2 * i] - 2, teacher.flow.uv[2 * i + 1] + 1);
       EXPECT_EQ(teacher.confidence[i], 255);
     }
-  // DIS is accurate to a few hundredths of a pixel on smooth texture; .1 tells it from any error
-  // of sign or axis.
+  // DIS is accurate to a few hundredths of a pixel on smooth texture; 0.1 detects any error of sign
+  // or axis.
   EXPECT_LT(error / n, 0.1);
 }
 
@@ -27,7 +27,8 @@ TEST(OpticalFlow, WorksOnOnePixel) {
 }
 
 TEST(OpticalFlow, ConsistencyIsHalfAPixelOrFivePercent) {
-  // Backward flow that misses by 0.4 px agrees, by 0.6 px not; at 20 px length 0.9 px still does.
+  // A backward flow that misses by 0.4 px is consistent, one by 0.6 px is not; at 20 px length 0.9
+  // px still is.
   const auto middle = [](float u, float back) {
     return consistency(uniform(64, 1, u, 0), uniform(64, 1, back, 0))[32];
   };
@@ -35,7 +36,7 @@ TEST(OpticalFlow, ConsistencyIsHalfAPixelOrFivePercent) {
   EXPECT_EQ(middle(2, -2.6f), 0);
   EXPECT_EQ(middle(20, -20.9f), 255);
   EXPECT_EQ(middle(20, -21.1f), 0);
-  EXPECT_EQ(middle(40, -40), 0);  // leaves the picture
+  EXPECT_EQ(middle(40, -40), 0);  // leaves the image
 }
 
 TEST(OpticalFlow, ResizingScalesTheVectors) {

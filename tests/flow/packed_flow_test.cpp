@@ -12,7 +12,7 @@ using namespace gflow;
 namespace {
 
 // Smooth in parts and noise up to `longest` elsewhere; every fifth pixel is unknown, every third
-// trusted.
+// one trusted.
 TargetFlow any_flow(int width, int height, float longest) {
   TargetFlow teacher{zero_flow(width, height), {}};
   std::mt19937 random(3);
@@ -43,7 +43,7 @@ TEST(PackedFlow, IsRoundedByAtMostHalfItsUnit) {
     const TargetFlow flow = any_flow(37, 23, longest);
     const TargetFlow back = unpacked(packed(flow), "flow");
     EXPECT_LE(largest_change(flow, back), bound) << longest;
-    // Of 1700 components some lie near the middle between two that can be kept.
+    // Of 1700 components some are near the middle between two representable values.
     if (longest > 1) {
       EXPECT_GT(largest_change(flow, back), 0.9f * bound) << longest;
     }

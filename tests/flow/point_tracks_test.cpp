@@ -12,7 +12,7 @@ namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-// Three pictures, four points.
+// Three frames, four points.
 const std::vector<float> kTracks = {1.5f, 2.5f, 10.2f, 4.9f, 10.4f, 4.4f, 7, 7,     //
                                     3.5f, 2.5f, 11,    5,    10.4f, 6,    8, kNan,  //
                                     5.5f, 1.5f, 12,    5,    10.4f, 8,    9, 9};
@@ -36,18 +36,19 @@ size_t known(const TargetFlow& flow) {
 
 TEST(PointTracks, AreAFlowAtTheirPixels) {
   const TargetFlow flow = flow_of_points(tracks(), 0, 1, 48, 40);
-  EXPECT_EQ(known(flow), 2u);  // two share a pixel; the last is out of sight
+  EXPECT_EQ(known(flow), 2u);  // two points share a pixel; the last one is hidden
   const size_t first = 2 * 48 + 1, shared = 4 * 48 + 10;
   EXPECT_EQ(flow.flow.uv[2 * first], 2);
   EXPECT_EQ(flow.flow.uv[2 * first + 1], 0);
-  // The third lies nearer to (10.5, 4.5) than the second.
+  // The third point is nearer to (10.5, 4.5) than the second.
   EXPECT_EQ(flow.flow.uv[2 * shared], 0);
   EXPECT_NEAR(flow.flow.uv[2 * shared + 1], 1.6, 1e-6);
   EXPECT_EQ(flow.flow.valid[shared], 1);
   EXPECT_EQ(flow.flow.valid[0], 0);
   EXPECT_EQ(flow.emphasis, 16);                                  // 1920 pixels, two points
   EXPECT_EQ(flow_of_points(tracks(), 0, 1, 4, 4).emphasis, 16);  // one of 16 pixels
-  EXPECT_EQ(known(flow_of_points(tracks(), 0, 2, 48, 40)), 2u);  // the first is hidden by then
+  EXPECT_EQ(known(flow_of_points(tracks(), 0, 2, 48, 40)),
+            2u);  // the first point is hidden by then
   const TargetFlow back = flow_of_points(tracks(), 2, 1, 48, 40);
   EXPECT_EQ(back.flow.uv[2 * (5 * 48 + 12)], -1);
 }
@@ -90,14 +91,14 @@ TEST(PointTracks, BelongToTheCamerasOfAScene) {
   EXPECT_FALSE(all.has(3));
   FlowStore far(track_flows(scene, pairs, 2, frames, folder.path() + "/t/input.npz"));
   EXPECT_EQ(far.size(), 2u);
-  // The second and the third share a pixel; over two pictures the first is out of sight.
+  // The second and the third point share a pixel; over two frames the first one is hidden.
   EXPECT_EQ(known(*far.get(0)), 2u);
   write(folder.file("t/input.npz"), false, 2);
   expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/t"); },
                {"input.npz", "2 pictures", "input has 3"});
   expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/u"); },
                {"no tracks of camera input", "u/input.npz"});
-  // Shares of the width instead of pixels, or pixels of larger pictures.
+  // Coordinates as fractions of the width, or in pixels of larger images.
   for (const auto& [factor, words] : {std::pair(0.01f, "but within the first pixel"),
                                       std::pair(1000.f, "pictures of camera input: ")}) {
     std::vector<float> xy = kTracks;
@@ -106,7 +107,7 @@ TEST(PointTracks, BelongToTheCamerasOfAScene) {
     expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/t"); },
                  {"input.npz: no point lies inside", words, "stored, 48x40"});
   }
-  // One camera of several may see none of them; all must not.
+  // One camera of several may see no point, but not all of them.
   write_npz(folder.file("t/input.npz"), {{"tracks", {{3, 4, 2}, std::vector<float>(24, kNan)}}});
   expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/t"); },
                {"no camera has a point in sight"});

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every kind of picture is read as OpenCV reads it, and what libpng and libjpeg say is not written
-// on stderr.
+// Every kind of image is read as by OpenCV, and messages of libpng and libjpeg do not reach stderr.
 #include "optim/images/decoded_image.hpp"
 
 #include <fmt/format.h>
@@ -20,7 +19,7 @@ namespace {
 
 Bytes as_bytes(const std::string& text) { return {text.begin(), text.end()}; }
 
-// What OpenCV reads, red first.
+// The image as read by OpenCV, red first.
 cv::Mat read_by_opencv(const Bytes& file) {
   const cv::Mat blue_first = cv::imdecode(file, cv::IMREAD_UNCHANGED);
   cv::Mat mat;
@@ -48,7 +47,7 @@ TEST(Png, EveryKindIsReadAsOpenCvReadsIt) {
     for (const int depth : of_colour)
       for (const bool interlaced : {false, true})
         for (const bool transparent : {false, true}) {
-          if (transparent && colour >= 4) continue;  // they have alpha
+          if (transparent && colour >= 4) continue;  // these types have alpha
           const PngKind kind{colour, depth, interlaced, transparent};
           SCOPED_TRACE(fmt::format("colour {}, {} bits{}{}", colour, depth,
                                    interlaced ? ", interlaced" : "",
@@ -72,7 +71,7 @@ TEST(Png, WhatNoPixelNeedsIsNotSpokenOf) {
   EXPECT_EQ(found.pixels, decode_png(as_bytes(png_of(kind, rows))).pixels);
 }
 
-// libpng would write "libpng warning: IDAT: Too much image data" each time.
+// libpng would print "libpng warning: IDAT: Too much image data" each time.
 TEST(Png, OneWithTooManyPixelsIsUsedAndNamedOnce) {
   const TemporaryFolder folder;
   std::mt19937 rng(9);
@@ -99,7 +98,7 @@ TEST(Png, OnesWithTooFewPixelsAreRefusedWithTheReason) {
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
-// Random blocks, so that neither smoothing nor subsampled colours are without effect.
+// Random blocks, so that smoothing and chroma subsampling have an effect.
 Bytes jpeg_of(int type, bool progressive) {
   cv::Mat blocks(9, 14, type), noise;
   cv::theRNG().state = 11;
@@ -120,7 +119,7 @@ TEST(Jpeg, EveryKindIsReadAsOpenCvReadsIt) {
     }
 }
 
-// 81 megapixels are 232 MiB, 463 with the coefficients of colours for every four pixels.
+// 81 megapixels take 232 MiB, or 463 with the coefficients of subsampled colours.
 TEST(Jpeg, ProgressiveOnesTakeMoreMemoryAndMustBeLonger) {
   for (const bool progressive : {false, true}) {
     Bytes jpeg = jpeg_of(CV_8UC3, progressive);
@@ -135,12 +134,12 @@ TEST(Jpeg, ProgressiveOnesTakeMoreMemoryAndMustBeLonger) {
   }
 }
 
-// They are seen where the end is looked for: in progressive ones.
+// Only progressive JPEGs detect them, because gflow looks for the end marker there.
 TEST(Jpeg, BytesThatMeanNothingAreNoDamage) {
   for (const bool progressive : {false, true}) {
     const Bytes jpeg = jpeg_of(CV_8UC3, progressive);
     Bytes longer = jpeg;
-    longer.insert(longer.end() - 2, 5, 0);  // before the marker of the end
+    longer.insert(longer.end() - 2, 5, 0);  // before the end marker
     testing::internal::CaptureStderr();
     const DecodedImage found = decode_jpeg(longer);
     EXPECT_EQ(testing::internal::GetCapturedStderr(), "");

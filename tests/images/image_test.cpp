@@ -37,7 +37,7 @@ const char* const kitti_png =
     "89504e470d0a1a0a0000000d49484452000000020000000110020000002bd0349e00000011494441"
     "5478da636870a86f606064000300124a01c15536afc50000000049454e44ae426082";  // (u, v) = (1, -2)
                                                                              // valid; second not
-// ImageMagick's, 16x8 pixels of cyan, magenta, yellow and black: red on the left, blue on the
+// By ImageMagick: 16x8 pixels of cyan, magenta, yellow and black, red on the left, blue on the
 // right.
 const char* const cmyk_jpeg =
     "ffd8ffee000e41646f626500640000000002ffdb0043000302020302020303030304030304050805"
@@ -105,7 +105,7 @@ TEST(Image, ShrinkingTakesTheMean) {
 }
 
 TEST(Image, ShrinkingDoesNotMixInHiddenColors) {
-  // Green hides behind alpha 0.
+  // The hidden green has alpha 0.
   const Image image{2, 1, 4, {200, 0, 0, 255, 0, 255, 0, 0}};
   EXPECT_EQ(resized(image, 1, 1).pixels, (std::vector<uint8_t>{200, 0, 0, 128}));
 }
@@ -154,7 +154,7 @@ TEST(Image, WhatIsNoPictureIsRefused) {
   expect_error([&] { read_image(folder.write("h.png", huge)); }, {"h.png", "possible are 1 to"});
   make_png(folder, "b.png");
   std::string bomb = contents(folder.file("b.png"));
-  bomb[18] = bomb[22] = 0x30;  // 12288 pixels and some a side
+  bomb[18] = bomb[22] = 0x30;  // slightly more than 12288 pixels per side
   expect_error([&] { read_image(folder.write("b.png", bomb)); },
                {"b.png", "a checksum of its PNG is wrong"});
   const auto* bytes = reinterpret_cast<const uint8_t*>(bomb.data());
@@ -178,7 +178,7 @@ TEST(Image, GreyIsReadWithoutASecondCopyInColour) {
   const TemporaryFolder folder;
   const std::string path = folder.file("g.png");
   write_png(path, Image{4096, 4096, 1, std::vector<uint8_t>(size_t{4096} * 4096, 7)});
-  // 16 MiB as stored and 48 MiB of RGB; 48 MiB more with a copy.
+  // 16 MiB as stored and 48 MiB of RGB; a copy would add 48 MiB.
   EXPECT_LT(memory_of([&] { EXPECT_EQ(read_image(path).pixels.back(), 7); }), 80);
 }
 
@@ -196,8 +196,8 @@ TEST(Image, JpegsOfFourInksBecomeRgb) {
       EXPECT_NEAR(image.pixels[size_t(3 * (16 * 4 + x) + c)], c == (x < 8 ? 0 : 2) ? 255 : 0, 3);
 }
 
-// As COLMAP and nerfstudio, whose intrinsics and poses are of the pixels as stored: what a camera
-// notes of how it was held turns nothing.
+// As in COLMAP and nerfstudio, whose intrinsics and poses refer to the stored pixels: the
+// orientation tag is ignored.
 TEST(Image, JpegsAreReadAsStoredHoweverTheCameraWasHeld) {
   const TemporaryFolder folder;
   std::vector<uint8_t> coded;
@@ -224,7 +224,7 @@ TEST(Image, JpegsAreReadAsStoredHoweverTheCameraWasHeld) {
 
 TEST(Image, TruncatedJpegsAreRefused) {
   const std::string path = shared("data/dynerf_flame_steak_5v/images/1.jpg");
-  if (!std::filesystem::exists(path)) return;  // this program writes no JPEG to test with
+  if (!std::filesystem::exists(path)) return;  // this build cannot write JPEGs
   const TemporaryFolder folder;
   const ImageHeader header = read_image_header(path);
   EXPECT_EQ(header.width, 2704);
@@ -245,7 +245,7 @@ TEST(Image, JpegsThatLackPixelsAreRefused) {
     EXPECT_EQ(read_image(folder.write("a.jpg", whole)).width, 64);
     const std::string half = folder.write("half.jpg", whole.substr(0, whole.size() / 2) + end);
     expect_error([&] { read_image(half); }, {"half.jpg", "damaged", "premature end"});
-    // Some cameras write more than they need.
+    // Some cameras append padding.
     std::string longer = whole;
     longer.insert(whole.size() - 2, 5, '\0');
     testing::internal::CaptureStderr();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pieces are right when they look like the model, also from a .4dgs file, and are few.
+// Linear pieces must render like the model, also when read from a .4dgs file, and must be few.
 #include "optim/model/linear_pieces.hpp"
 
 #include "optim/loss/metrics.hpp"
@@ -11,7 +11,7 @@ namespace {
 
 constexpr PieceRule kTenASecond{21, 10};
 
-// How like the pictures of two scenes are at a moment [dB].
+// PSNR between the rendered images of two scenes at one time [dB].
 double likeness(Queue& queue, const HostModel& host, const MovingSplats& pieces, double step) {
   const TemporaryFolder folder;
   const Camera camera = orbit_views(host, {0}, "-y")[0].camera;
@@ -40,10 +40,11 @@ TEST_P(EveryCutModel, LooksLikeItselfAlsoFromAFile) {
   for (const double step : {0.0, 6.0, 13.0, 20.0}) {
     EXPECT_GT(likeness(queue, host, fine, step), 75) << step;
     EXPECT_GT(likeness(queue, host, pieces, step), 42) << step;
-    EXPECT_GT(likeness(queue, host, back, step), 38) << step;  // 8-bit harmonics
+    EXPECT_GT(likeness(queue, host, back, step), 38) << step;  // 8-bit SH coefficients
   }
-  EXPECT_GT(likeness(queue, host, pieces, 7.5), 38);   // shapes stay as they were at 7
-  EXPECT_GT(likeness(queue, host, pieces, 20.9), 20);  // the last step is shown as long as others
+  EXPECT_GT(likeness(queue, host, pieces, 7.5), 38);  // shapes stay as they were at 7
+  EXPECT_GT(likeness(queue, host, pieces, 20.9),
+            20);  // the last step is shown as long as the others
 }
 INSTANTIATE_TEST_SUITE_P(All, EveryCutModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
@@ -62,12 +63,12 @@ TEST(LinearPieces, StraightPathsAreOnePieceEach) {
   const MovingSplats pieces = linear_pieces(queue, model, rule);
   std::vector<int> of(host.count, 0);
   for (const MovingSplat& s : pieces.splats) EXPECT_EQ(++of[s.sh_row], 1);
-  // Its own moment and life are those of the model: 2 of its units are 2 s here.
+  // Its temporal mean and lifetime are those of the model: 2 model time units are 2 s here.
   EXPECT_NEAR(pieces.splats[0].mean_t, double(host.groups.at("means_t")[pieces.splats[0].sh_row]),
               1e-6);
 }
 
-// Of a Gaussian of size 0.1 that is there for ever.
+// Pieces of a Gaussian of size 0.1 that always exists.
 MovingSplats pieces_of(Queue& queue, float speed, float half_acceleration, float turn) {
   HostModel host;
   host.shape.sh_degree = 0;
@@ -89,7 +90,7 @@ TEST(LinearPieces, ArePutWhereAPathBendsOrTurns) {
   EXPECT_EQ(even.splats[0].end, even.duration);
   EXPECT_NEAR(even.splats[0].velocity[0], 3, 1e-5);
   EXPECT_NEAR(even.splats[0].mean[0], 1 - 0.5 * 3, 1e-5);
-  // c tau^2 from chords that are off by e on both sides: sqrt(8 e / 2 c) s each, here 0.16.
+  // A chord may deviate from c tau^2 by e on either side: pieces of sqrt(8 e / 2 c) s, here 0.16.
   const MovingSplats bent = pieces_of(queue, 0, 1, 0);
   EXPECT_GE(bent.splats.size(), 4u);
   EXPECT_LE(bent.splats.size(), 10u);
@@ -100,7 +101,7 @@ TEST(LinearPieces, ArePutWhereAPathBendsOrTurns) {
       const double size = 0.1 * std::exp(0.5 / 3), tau = t - 0.5;
       EXPECT_NEAR(s.mean[1] + s.velocity[1] * (t - s.mean_t), 2 + tau * tau, 0.051 * size) << t;
     }
-  // Turning goes on to the end, more than 5 % of the shape a step: a piece a step.
+  // The rotation changes the shape by more than 5 % per step until the end: one piece per step.
   EXPECT_EQ(pieces_of(queue, 0, 0, 5).splats.size(), 21u);
 }
 
@@ -110,7 +111,7 @@ TEST(LinearPieces, AreNotMadeOfWhatIsNeverSeen) {
   host.shape.sh_degree = 0;
   for (int i = 0; i < 3; ++i) append_gaussian(host, {1, 2, 3}, 0.1f, {0.2f, 0.4f, 0.6f}, 0);
   for (size_t i = 0; i < 3; ++i) host.groups["log_scales"][4 * i + 3] = std::log(0.1f);
-  host.groups["means_t"] = {-0.3f, 0.5f, 1.3f};  // seen for 0.245 before and after
+  host.groups["means_t"] = {-0.3f, 0.5f, 1.3f};  // visible for 0.245 before and after
   Model model(queue, host);
   const MovingSplats pieces = linear_pieces(queue, model, {11, 10});
   ASSERT_EQ(pieces.splats.size(), 1u);

@@ -14,7 +14,7 @@
 namespace gflow {
 namespace {
 
-// A standard 3DGS PLY of two Gaussians with degree 1.
+// A standard 3DGS PLY of two Gaussians with SH degree 1.
 PlyTable static_table() {
   PlyTable table;
   table.rows = 2;
@@ -57,7 +57,7 @@ TEST_P(EverySphericalHarmonicsDegree, ComesBackFromAFileBitByBit) {
   EXPECT_EQ(back.groups, model.groups);
 }
 
-// The file with its header line "comment KEY ..." replaced, or without it.
+// The file with its header line "comment KEY ..." replaced or removed.
 std::string with_comment(std::string bytes, const std::string& key, const std::string& instead) {
   const size_t at = bytes.find("comment " + key + " ");
   EXPECT_NE(at, std::string::npos) << key;
@@ -74,8 +74,8 @@ TEST(Model, OfAFileKeepsACutoffOfZero) {
   EXPECT_EQ(read_model(path).shape.cutoff, 0.f);
 }
 
-// The rows of the file (14 floats of 4 bytes) are let go of before those that it does not have
-// (11 floats of 26) are made.
+// The rows of the file (14 floats of 4 bytes) are freed before the groups that the file lacks (11
+// of 26 floats) are created.
 TEST(Model, OfAStillFileTakesNoMoreMemoryThanRowsAndModel) {
   constexpr size_t n = 500000;
   const float place_and_scale[6] = {0, 0, 3, 1, 1, 1};
@@ -118,7 +118,7 @@ TEST(Model, RefusesDamagedCommentsOfItsOwnFiles) {
   expect_damaged(MotionModelKind::keyframes, "key_scales", "key_scales 2", "at most 1");
 }
 
-// Files of the first models with keys had no comment key_scales.
+// Files of the first keyframe models had no comment key_scales.
 TEST(Model, ReadsKeysWithoutTheirScales) {
   const TemporaryFolder folder;
   HostModel model = random_model(5, 0, MotionModelKind::keyframes);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A slice is right when it looks like the model at its time, also from a file.
+// A slice must render like the model at its time, also when read from a file.
 #include "optim/model/slice.hpp"
 
 #include <Eigen/Dense>
@@ -31,7 +31,7 @@ TEST(Slice, FactorsComeBackFromTheirParts) {
   }
 }
 
-// Such a Gaussian is not drawn, and no file could hold it.
+// Such a Gaussian is not rendered, and no file could represent it.
 TEST(Slice, LeavesOutScalesThatNoFloatHolds) {
   Queue queue = test_queue();
   HostModel host = lively_model(MotionModelKind::spacetime);
@@ -41,7 +41,7 @@ TEST(Slice, LeavesOutScalesThatNoFloatHolds) {
   }();
   for (float* scale = &host.groups["log_scales"][0]; scale < &host.groups["log_scales"][12];
        scale += 4)
-    *scale = 89;  // of the first three
+    *scale = 89;  // one of the first three
   Model model(queue, host);
   const SplatTable sliced = slice(queue, model, 0.4);
   EXPECT_LT(sliced.table.rows, whole);
@@ -61,7 +61,7 @@ TEST_P(EverySlicedModel, LooksFromAFileLikeTheModelAtItsTime) {
   for (const double time : {0.0, 0.4, 1.0}) {
     const SplatTable sliced = slice(queue, model, time);
     EXPECT_GT(sliced.table.rows, 5u);
-    EXPECT_LT(sliced.table.rows, host.count);  // some are not there
+    EXPECT_LT(sliced.table.rows, host.count);  // some do not exist at that time
     write_ply(folder.file("slice.ply"), sliced.table);
     const HostModel back = read_model(folder.file("slice.ply"));
     EXPECT_TRUE(is_static_model(back));
@@ -69,7 +69,7 @@ TEST_P(EverySlicedModel, LooksFromAFileLikeTheModelAtItsTime) {
     const std::vector<float> got = drawn(queue, back, 0, camera);
     EXPECT_GT(psnr(Picture::from_planes(camera.width, camera.height, got),
                    Picture::from_planes(camera.width, camera.height, expected)),
-              80);  // float32; a logit less at opacities of nearly 1
+              80);  // float32; less precise for a logit of an opacity near 1
     EXPECT_NE(expected, before);
     before = expected;
   }

@@ -38,14 +38,14 @@ TEST(OnnxInputs, AreInTheOrderOfTheFileAndSizesLeftOpenAreZero) {
   EXPECT_EQ(inputs[0].sizes, (std::vector<int64_t>{1, 3, 0, 0}));
 }
 
-// A network of one input with as many sizes, all left open.
+// A network with one input of `count` dimensions, all of open size.
 std::string network_of_sizes(size_t count) {
   std::string shape;
   for (size_t i = 0; i < count; ++i) shape += field(1, "");
   return field(7, field(11, field(1, "x") + field(2, field(1, field(2, shape)))));
 }
 
-// As older files have it.
+// Older files list weights as inputs.
 TEST(OnnxInputs, WeightsAmongTheInputsAreNone) {
   const TemporaryFolder folder;
   const auto input = [](const std::string& name) { return field(11, field(1, name)); };
@@ -56,7 +56,7 @@ TEST(OnnxInputs, WeightsAmongTheInputsAreNone) {
   EXPECT_EQ(inputs[0].name, "x");
 }
 
-// Two bytes of a file each, and eight and more where they are kept.
+// Each dimension takes two bytes of the file, but eight or more in memory.
 TEST(OnnxInputs, HaveFewSizes) {
   const TemporaryFolder folder;
   const std::string most = folder.write("16.onnx", network_of_sizes(16));

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kFloat = 1, kUint8 = 2, kInt64 = 7, kFloat16 = 10, kDouble = 11;
 
-// A tensor of 2 x 3 numbers, and how they are kept.
+// A tensor of 2 x 3 values, stored as `kept`.
 std::string tensor(int data_type, const std::string& kept) {
   return field(1, 2) + field(1, 3) + field(2, data_type) + field(8, "w") + kept;
 }
@@ -53,10 +53,10 @@ TEST(OnnxTensors, HoldAsManyNumbersOfTheirTypeAsTheirSizesSay) {
   expect_sound(weights(tensor(kDouble, doubles(6))));
   expect_refused(weights(tensor(kFloat, floats(5))), "and has 5");
   expect_refused(weights(tensor(kInt64, whole(7))), "and has 7");
-  // Those of another type are not looked at, and raw ones not if there are any of its own.
+  // Values of another type are ignored, and raw data is ignored if there are typed values.
   expect_refused(weights(tensor(kFloat, whole(6))), "and has 0");
   expect_refused(weights(tensor(kFloat, floats(1) + raw(24))), "and has 1");
-  // Of the wrong width they are no floats.
+  // A wrong wire type makes them no floats.
   expect_refused(weights(tensor(kFloat, floats(4) + std::string{char(4 << 3 | 1)} + "xxxxxxxx")),
                  "and has 4");
 }
@@ -69,7 +69,7 @@ TEST(OnnxTensors, InAttributesOfNodesAreLookedAtToo) {
   const auto graph_with = [&](const std::string& inner) { return field(6, field(5, inner)); };
   expect_sound(attribute(graph_with(sound)));
   expect_refused(attribute(graph_with(short_one)), "tensor 'w'");
-  // Two would be put together: sizes of both, numbers of the last.
+  // Two tensors in one field would be merged: dimensions of both, values of the last.
   const std::string one = field(1, 1) + field(2, kFloat) + raw(4);
   EXPECT_THROW(require_sound_tensors(attribute(field(5, one) + field(5, one)), "a.onnx"),
                DamagedMessage);
@@ -108,7 +108,7 @@ TEST(OnnxTensors, OfGraphsWithinGraphsEndSomewhere) {
   EXPECT_THROW(require_sound_tensors(long_field(7, deep), "a.onnx"), DamagedMessage);
 }
 
-// Files that ended the program, in OpenCV 4.6. Another one may read them.
+// Files that crash OpenCV 4.6. Other versions may read them.
 TEST(Networks, ThatOpenCvDiesOfAreRefused) {
   for (const char* name : {"crashes_opencv.onnx", "divides_by_zero.onnx"}) {
     const std::string path = GFLOW_SOURCE_DIR "/tests/data/networks/" + std::string(name);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The small networks compute what stands in tests/data/networks/make_networks.py.
+// The small networks compute the formulas in tests/data/networks/make_networks.py.
 #include "optim/networks/perceptual.hpp"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ std::string network(const std::string& name) {
   return GFLOW_SOURCE_DIR "/tests/data/networks/" + name;
 }
 
-// Whether this is a build with OpenCV's dnn module; one without says what it lacks.
+// Whether OpenCV's dnn module is available; otherwise the error says what is missing.
 bool with_dnn() {
   try {
     const Network any(network("lpips.onnx"));
@@ -36,7 +36,7 @@ class Judges : public testing::Test {
 using LpipsNetwork = Judges;
 using ClipNetwork = Judges;
 
-// Some picture; another one for another seed.
+// A deterministic image that depends on the seed.
 ColourPlanes some_picture(int width, int height, int seed) {
   ColourPlanes picture{width, height, {}};
   for (int i = 0; i < 3 * width * height; ++i)
@@ -66,7 +66,7 @@ double expected_distance(const ColourPlanes& picture, const ColourPlanes& truth)
 
 TEST_F(LpipsNetwork, IsGivenPictureAndTruthFromMinusOneToOne) {
   Lpips any(network("lpips.onnx"), "metrics.lpips");
-  // of open size, so that each call may have another
+  // Of open size, so that each call may have another size.
   for (const auto& [width, height] : {std::pair{6, 4}, {9, 7}, {6, 4}}) {
     const ColourPlanes a = some_picture(width, height, 1), b = some_picture(width, height, 2);
     EXPECT_NEAR(any.distance(a, b), expected_distance(a, b), 1e-5);
@@ -177,7 +177,7 @@ TEST(ClipInput, OfItsOwnSizeIsOnlyNormalised) {
 }
 
 TEST(ClipInput, TakesTheMiddleOfAWidePicture) {
-  // 12 x 4: dark, and bright in the four columns of the middle
+  // 12 x 4: dark, with four bright columns in the middle.
   ColourPlanes picture{12, 4, {}};
   for (int i = 0; i < 3 * 48; ++i) picture.values.push_back(i % 12 / 4 == 1 ? 1.f : 0.f);
   for (const float value : clip_input(picture, 4)) EXPECT_GT(value, 1.5);

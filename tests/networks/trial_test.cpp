@@ -36,7 +36,7 @@ TEST(Trial, NothingItDoesOrSaysIsLeft) {
   EXPECT_EQ(value, 1);
 }
 
-// Which remove the unfinished files of this process.
+// These handlers remove the unfinished files of this process.
 TEST(Trial, DoesNotCallTheHandlersOfThisProcess) {
   const TemporaryFolder folder;
   static std::string path;

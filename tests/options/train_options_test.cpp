@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Settings: what a file and --set change, what is refused and in which words, and that printing
-// loses nothing.
+// Settings: changes by a file and --set, rejected values and their messages, and lossless printing.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -19,7 +18,7 @@ namespace {
 
 using testing::TempDir;
 
-// A file that goes away with the test.
+// A file that is removed with the object.
 class TemporaryFile {
  public:
   explicit TemporaryFile(const std::string& text) { std::ofstream(path) << text; }
@@ -57,14 +56,14 @@ TEST(ApplySetting, TakesNumbersAsPeopleWriteThem) {
   EXPECT_EQ(config.flow.weight, 2.f);
 }
 
-// As in a file: TOML has none of these.
+// As in a file: TOML has no hexadecimal fractions.
 TEST(ApplySetting, TakesNoHexadecimalFractions) {
   for (const std::string text : {"0x1p-2", "0x.8", "0X1P3"})
     EXPECT_CONTAINS(message_of_setting("flow.weight=" + text),
                     "flow.weight = " + text + " is not allowed; it must be a decimal number");
   EXPECT_CONTAINS(message_of_file("[flow]\nweight = 0x1p-2\n"), "line 2");
   TrainOptions config;
-  apply_setting(config, "flow.weight=0x10");  // TOML's whole numbers may be
+  apply_setting(config, "flow.weight=0x10");  // TOML allows hexadecimal integers
   EXPECT_EQ(config.flow.weight, 16.f);
 }
 
@@ -84,12 +83,12 @@ TEST(Config, AFileChangesWhatItNamesAndNothingElse) {
   TrainOptions config;
   apply_file(config, file.path);
   EXPECT_EQ(config.train.iterations, 77);
-  EXPECT_EQ(config.flow.weight, 1.0f);  // a whole number is a number
+  EXPECT_EQ(config.flow.weight, 1.0f);  // an integer is a number
   EXPECT_EQ(config.flow.transport, Transport::ot);
   EXPECT_EQ(config.train.batch, TrainOptions().train.batch);
 }
 
-// toml++ takes a folder for an empty file.
+// toml++ reads a folder as an empty file.
 TEST(Config, AFolderOrADeviceIsNoFile) {
   TrainOptions config;
   for (const std::string path : {"/tmp", "/dev/zero"})
@@ -103,7 +102,7 @@ TEST(Config, EveryPresetPassesTheCheck) {
     apply_file(config, file.path().string());
     EXPECT_NO_THROW(check(config)) << file.path();
     const std::string name = file.path().filename().string();
-    if (name.rfind("gaussianflow-", 0) == 0) {  // ours where the paper says nothing
+    if (name.rfind("gaussianflow-", 0) == 0) {  // values that the paper does not state
       EXPECT_GT(config.guidance.views, 1);
     } else if (name != "mcmc.toml") {
       EXPECT_EQ(config.motion.model, choice_of(MotionModelKind::hexplane)) << file.path();
@@ -119,7 +118,7 @@ TEST(Config, EveryPresetPassesTheCheck) {
 TEST(Config, PrintedInFullAndReadBackItIsTheSame) {
   TrainOptions config;
   config.scene.background = Background::black;
-  config.train.seed = 1999999999;  // no float holds it
+  config.train.seed = 1999999999;  // not representable as float
   config.train.device = "quote \" backslash \\ tab \t";
   config.lr.means_final = 1.1754944e-38f;
   config.lr.sh = 1.0f / 3;
@@ -150,7 +149,7 @@ TEST(Config, EveryLineOfTheFileHasAComment) {
 }
 
 TEST(Config, NoSettingIsNamedTwice) {
-  // TOML refuses a key given twice, so reading the print back is the check.
+  // TOML rejects duplicate keys, so parsing the printed text is the check.
   EXPECT_EQ(message_of_file(to_toml(TrainOptions())), "no error");
 }
 
@@ -206,7 +205,7 @@ bool is_text(const SettingInWords& setting) { return setting.value.front() == '"
 bool is_number(const SettingInWords& setting) {
   return !is_text(setting) && setting.value != "true" && setting.value != "false";
 }
-// section.key as a file has it.
+// A setting section.key as text of a file.
 std::string in_a_file(const std::string& name, const std::string& value) {
   const size_t dot = name.find('.');
   return fmt::format("[{}]\n{} = {}\n", name.substr(0, dot), name.substr(dot + 1), value);
@@ -229,7 +228,7 @@ TEST(Config, NanAndInfinityAreRefusedEverywhere) {
   EXPECT_GE(numbers, 100u) << "those of no kind above were not tried";
 }
 
-// Also where a program sets it.
+// Also if a program sets it.
 TEST(Config, NanAndInfinityAreFoundInEverySetting) {
   TrainOptions config;
   size_t numbers = 0;
@@ -250,8 +249,8 @@ TEST(Config, NanAndInfinityAreFoundInEverySetting) {
   EXPECT_GE(numbers, 50u);
 }
 
-// Of no setting may a number be taken for another: it is kept to the last digit of its kind, or
-// refused by name with what is allowed.
+// A setting never changes a number silently: it keeps the number in the precision of its type, or
+// rejects it with its name and the allowed values.
 TEST(Config, ANumberIsKeptOrRefusedByName) {
   for (const SettingInWords& setting : settings_in_words(TrainOptions())) {
     if (!is_number(setting)) continue;
@@ -338,7 +337,7 @@ TEST(Config, WhatIsRefusedIsShownInOneShortLine) {
   EXPECT_LT(message_of_setting("motion.model=" + std::string(65536, 'x')).size(), 400u);
 }
 
-// A path need not be UTF-8, and TOML must.
+// A path may be invalid UTF-8, but TOML must be valid.
 TEST(Config, EveryPathIsReadAgain) {
   for (const char* path : {"caf\xc3\xa9 \xe7\x94\xbb \xf0\x9f\x8e\xac \xed\x9f\xbf", "plain"}) {
     TrainOptions config;
