@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tile lists against a plain sort on the host, slots against counting, boxes and cell masks against
-// the pixels that a splat really touches.
+// Tile lists against a plain sort on the host, slots against counts, boxes and cell masks against
+// the pixels that a splat touches.
 #include <gtest/gtest.h>
 
 #include "optim/reference/device_scene.hpp"
@@ -8,7 +8,7 @@
 namespace gflow {
 namespace {
 
-// What binning made of a scene, read back.
+// The results of binning a scene, read back.
 struct Binned {
   PosedScene scene;
   cl_uint tiles_x, tiles_y;
@@ -77,8 +77,8 @@ TEST_P(BinLists, ListsEachTilesSplatsByDepthAndThenByIndex) {
   EXPECT_EQ(b.tile_offsets.back(), b.ids.size());
 }
 
-// Of other kinds of scenes: the lists of both ways are the same, also where some splats cover every
-// tile, where there is one tile, and where nothing is in sight.
+// Other kinds of scenes: both methods give the same lists, also if some splats cover every tile, if
+// there is one tile, and if nothing is visible.
 TEST(Bin, CountsAndSortsTheSameLists) {
   for (const auto& [width, height, cover] :
        {std::tuple{700, 300, 150.}, {16, 16, 5.}, {333, 1, 3.}, {40, 30, 0.}}) {
@@ -110,8 +110,8 @@ TEST_P(BinLists, GivesEveryIntersectionASlotOfItsGaussian) {
   EXPECT_EQ(used, std::vector<int>(used.size(), 1));
 }
 
-// Full-screen splats by the thousand: counted in 64 bits, and refused before anything is made for
-// them. The second total is 5 in 32 bits.
+// Thousands of full-screen splats: counted in 64 bits, and rejected before anything is allocated.
+// The second total is 5 in 32 bits.
 TEST_P(BinLists, RefusesIntersectionsPastTwoToThe31BeforeItAllocates) {
   Queue queue = test_queue(GetParam());
   for (const auto& [each, splats] :
@@ -141,7 +141,7 @@ class BinLanes : public testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Lanes, BinLanes, testing::Values(16, 8, 4, 1),
                          testing::PrintToStringParamName());
 
-// Needles of every direction among round ones.
+// Needles of every direction among round splats.
 TEST_P(BinLanes, BoxesAndCellMasksMissNoPixelAndSkipMost) {
   Queue queue = test_queue(GetParam());
   SceneSpec spec;
@@ -170,7 +170,7 @@ TEST_P(BinLanes, BoxesAndCellMasksMissNoPixelAndSkipMost) {
     }
   EXPECT_GT(touched_pixels, 10000u);
   EXPECT_EQ(missed, 0u);
-  // an ideal mask holds every touched pixel's cell and no other: compare with that
+  // An ideal mask contains exactly the cells of the touched pixels: the reference for these bounds.
   size_t cells = 0;
   for (const auto& [key, mask] : masks) cells += size_t(__builtin_popcount(mask));
   EXPECT_LT(cells, 16 * masks.size() / 2);

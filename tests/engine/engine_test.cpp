@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What must hold for the engine whatever its inner workings: losses add, switches cost nothing,
-// what does not move has no flow, what moves has the right one, each path carries its gradient, and
-// a broken Gaussian harms no other.
+// Properties of the engine that do not depend on its implementation: losses add, switches change
+// nothing, a Gaussian without motion has no flow, one with motion has the right one, each path
+// carries its gradient, and a broken Gaussian does not affect others.
 #include "optim/engine/engine.hpp"
 
 #include <gtest/gtest.h>
@@ -32,8 +32,8 @@ bool all_finite(const std::vector<float>& a) {
   return true;
 }
 
-// The image gradient of one pixel at a time gives each pixel's own pull; absgrad adds up their
-// lengths in one go, and changes no other gradient.
+// The image gradient of one pixel at a time gives each pixel's contribution; absgrad sums their
+// lengths in one pass and changes no other gradient.
 TEST(Engine, AbsgradIsTheSumOfTheLengthsOfAllPixelsPulls) {
   Queue queue = test_queue();
   SceneSpec spec;
@@ -71,8 +71,8 @@ TEST(Engine, AbsgradIsTheSumOfTheLengthsOfAllPixelsPulls) {
   EXPECT_LT(relative_l2(got, expected), 1e-5);  // rounding of sums of 133 positive terms
 }
 
-// Rows that stand still in a view are as if they had the same pose twice, but need none at t2: what
-// flow asks of them at both times is 0 in sum, and only their place at t2 is told it by itself.
+// A row marked as unmoved in a view behaves as with equal poses at both times, but needs no pose at
+// t2. The flow gradients of its two poses sum to 0; only the mean at t2 gets a separate gradient.
 TEST(Engine, WhatStandsStillNeedsNoSecondPose) {
   constexpr size_t moving = 30;
   for (Transport transport : TRANSPORTS) {
@@ -108,13 +108,14 @@ TEST(Engine, WhatStandsStillNeedsNoSecondPose) {
         EXPECT_GT(relative_l2(still(a.at(name)), sum), 1e-3);
       }
     }
-    if (transport == Transport::translate) {  // else the place changes H as well
+    if (transport == Transport::translate) {  // otherwise the position changes H as well
       EXPECT_LT(relative_l2(b.at("means_t2"), a.at("means_t2")), 1e-6);
     }
   }
 }
 
-// A tile of movers alone has their flow, one of what stands still none; where both are, both count.
+// A tile of moving Gaussians alone has their flow, a tile of unmoved ones has none; in a mixed tile
+// both count.
 TEST(Engine, TilesOfMoversAloneHaveTheirFlow) {
   for (const int lanes : {0, 1}) {
     Queue queue = test_queue(lanes);
@@ -123,7 +124,7 @@ TEST(Engine, TilesOfMoversAloneHaveTheirFlow) {
     s.shot.camera = s.shot.camera_t2 = test_camera(45, 30);
     for (auto& [name, values] : s.p) values.clear();
     add_gaussian(s, {-.9, -.4, 3}, {.1, .1, .1}, .8, {.05, .02, 0});  // moves
-    add_gaussian(s, {.1, .1, 3}, {.1, .1, .1}, .8, {.05, .02, 0});    // moves, beside the third
+    add_gaussian(s, {.1, .1, 3}, {.1, .1, .1}, .8, {.05, .02, 0});    // moves, next to the third
     add_gaussian(s, {.1, .2, 3}, {.1, .1, .1}, .8, {0, 0, 0});
     add_gaussian(s, {.9, .4, 3}, {.1, .1, .1}, .8, {0, 0, 0});
     DeviceScene twice(queue, s), once(queue, s);
@@ -133,12 +134,12 @@ TEST(Engine, TilesOfMoversAloneHaveTheirFlow) {
     EXPECT_LT(relative_l2(flow, expected), 1e-6) << lanes;
     const reference::Planes v = random_cotangents(s, 1);
     std::vector<float> a = once.backward(v).at("means_t2"), b = twice.backward(v).at("means_t2");
-    a.resize(6), b.resize(6);  // of the movers
+    a.resize(6), b.resize(6);  // the moving ones
     EXPECT_LT(relative_l2(a, b), 1e-6) << lanes;
   }
 }
 
-// Where nothing that is listed moves, no tile has flow (its kernel would go through all of them).
+// If no listed Gaussian moves, no tile has flow (its kernel would process all of them).
 TEST(Engine, NoTileHasFlowWhereAllStandStill) {
   Queue queue = test_queue();
   PosedScene s = random_scene({});
@@ -151,7 +152,7 @@ TEST(Engine, NoTileHasFlowWhereAllStandStill) {
   for (const cl_uchar tile : still.engine.tiles_with_flow()->read(queue)) ASSERT_EQ(tile, 0);
 }
 
-// What is left out has no part in any pixel: images and gradients have the same bits with it.
+// Skipped work affects no pixel: images and gradients are bitwise equal with and without it.
 TEST(Engine, SkipsChangeNoBit) {
   Queue queue = test_queue();
   PosedScene s = small_scene();
@@ -190,7 +191,7 @@ TEST(Engine, GradientOfTwoLossesIsTheSumOfBoth) {  // T37
     std::vector<double> expected;
     for (size_t i = 0; i < values.size(); ++i)
       expected.push_back(double(a.at(name)[i]) + double(b.at(name)[i]));
-    // float32 rounds three sums of some hundred terms
+    // float32 rounds three sums of several hundred terms.
     EXPECT_LT(relative_l2(values, expected), 1e-6) << name;
     EXPECT_GT(norm(values), 0) << name;
   }
@@ -225,7 +226,7 @@ TEST(Engine, WhatDoesNotMoveHasExactlyNoFlowAndAFiniteGradient) {  // T9
 }
 
 // A flat splat parallel to the image keeps its shape when it moves sideways: every pixel under it
-// moves by f dx / z, whatever the transport.
+// moves by f dx / z with every transport.
 TEST(Engine, FlowOfAPureTranslationIsTheProjectedDisplacement) {
   Queue queue = test_queue();
   for (Transport transport : TRANSPORTS) {
@@ -239,7 +240,7 @@ TEST(Engine, FlowOfAPureTranslationIsTheProjectedDisplacement) {
     for (size_t i = 0; i < s.pixels(); ++i) {
       if (images.at("alpha")[i] == 0) continue;
       ++drawn;
-      // 1e-5 px: the means are pixel coordinates of some 20 px in float32
+      // 1e-5 px: means are pixel coordinates of about 20 px in float32.
       EXPECT_NEAR(images.at("flow")[i], 40 * .25 / 4, 1e-5);
       EXPECT_NEAR(images.at("flow")[s.pixels() + i], 44 * .125 / 4, 1e-5);
     }
@@ -247,7 +248,7 @@ TEST(Engine, FlowOfAPureTranslationIsTheProjectedDisplacement) {
   }
 }
 
-// A camera that moves against a still world: the same, from camera_t2.
+// A moving camera and a static world: the same flow, by camera_t2.
 TEST(Engine, FlowFollowsTheSecondCamera) {
   Queue queue = test_queue();
   PosedScene s = random_scene({0, 40, 30});
@@ -292,13 +293,13 @@ TEST(Engine, DetachedFlowMatchesTheReference) {
     EXPECT_LE(relative_l2(actual.at(name), values), 2e-5) << name;
 }
 
-// With one Gaussian the weights cancel from the flow: what is left at t1 is rounding.
+// With one Gaussian the weights cancel from the flow: the gradient at t1 is rounding only.
 TEST(Engine, DetachedFlowOfOneGaussianLeavesItAloneAtTheFirstTime) {
   Queue queue = test_queue();
   PosedScene s = random_scene({0, 40, 30});
   s.shot.settings.detach_t1 = true;
   add_gaussian(s, {.1, -.2, 4}, {.5, .3, .2}, .8, {.25, .125, 0});
-  s.shot.settings.transport = Transport::translate;  // the same flow at all its pixels
+  s.shot.settings.transport = Transport::translate;  // gives the same flow at all its pixels
   DeviceScene device(queue, s);
   device.forward();
   const FloatArrays g = device.backward(only(random_cotangents(s, 6), "flow"));
@@ -308,7 +309,7 @@ TEST(Engine, DetachedFlowOfOneGaussianLeavesItAloneAtTheFirstTime) {
   EXPECT_LT(norm(g.at("scales")), 1e-6);
 }
 
-// Density control must not split what only moves wrongly.
+// Density control must not split a Gaussian whose only error is its motion.
 TEST(Engine, TheFlowsOwnPullMovesAGaussianButIsNoPullOfThePictures) {
   Queue queue = test_queue();
   PosedScene s = random_scene({0, 40, 30});
@@ -325,8 +326,8 @@ TEST(Engine, GaussiansThatAreNotSeenHaveExactlyNoGradient) {
   Queue queue = test_queue();
   PosedScene s = small_scene();
   const size_t n = s.count();
-  add_gaussian(s, {0, 0, -2}, {.1, .1, .1}, .9);    // behind
-  add_gaussian(s, {0, 0, .001}, {.1, .1, .1}, .9);  // before the near plane
+  add_gaussian(s, {0, 0, -2}, {.1, .1, .1}, .9);    // behind the camera
+  add_gaussian(s, {0, 0, .001}, {.1, .1, .1}, .9);  // nearer than the near plane
   add_gaussian(s, {0, 0, 3}, {.1, .1, .1}, .003);   // too faint
   add_gaussian(s, {50, 0, 3}, {.1, .1, .1}, .9);    // beside the image
   DeviceScene device(queue, s);
@@ -351,7 +352,7 @@ TEST(Engine, WhatPassesBehindTheSecondCameraHasNoFlow) {
   EXPECT_TRUE(all_finite(g.at("means")));
 }
 
-// T24: wide Gaussians whose centres lie beyond the margin, where J is held.
+// T24: wide Gaussians with centres beyond the margin, where J is clamped.
 TEST(Engine, GradientBesideTheImageMatchesTheReference) {
   Queue queue = test_queue();
   PosedScene s = random_scene({0, 48, 32});
@@ -371,7 +372,7 @@ TEST(Engine, GradientBesideTheImageMatchesTheReference) {
   const FloatArrays actual = device.backward(v);
   for (const auto& [name, values] :
        reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, r, v)))
-    EXPECT_LE(relative_l2(actual.at(name), values), 3e-5) << name;  // the figure is 1e-4
+    EXPECT_LE(relative_l2(actual.at(name), values), 3e-5) << name;  // the requested bound is 1e-4
 }
 
 }  // namespace

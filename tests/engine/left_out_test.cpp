@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What splatting leaves out is not looked at (Skips::saturated, Skips::asking). The result is the
-// same bit by bit with and without, so what is left out is made a splat that nobody can look at
-// unnoticed: its colour is NaN.
+// Rasterisation does not read what it skips (Skips::saturated, Skips::asking). Results are bitwise
+// equal with and without skips, so the skipped splats get the colour NaN, which shows whether they
+// are read.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -12,7 +12,7 @@
 namespace gflow {
 namespace {
 
-// A tile or two, drawn step by step, so that splats can be changed in between.
+// A tile or two, rendered step by step, so that splats can be changed in between.
 class Tile {
  public:
   Tile(Queue& queue, const PosedScene& s)
@@ -45,7 +45,7 @@ class Tile {
     masks = tiles.masks.read(queue);
   }
 
-  // Whether any value of the picture, or of the moments of its splats, is not a number.
+  // Whether the image or the moments of its splats contain NaN.
   bool forward_meets_nan() {
     splatting_.forward(queue_, {0, 0, 0}, splats_, tiles, images);
     return any_nan(images.rgb);
@@ -106,7 +106,7 @@ PosedScene one_tile(size_t n, double cover, double opaque, StopRule stop) {
   return s;
 }
 
-// Behind what lets nothing through lies half of a tile's list.
+// Half of a tile's list is behind opaque splats.
 TEST_P(LeftOut, SplatsBehindAFullTile) {
   for (const StopRule stop : {StopRule::include, StopRule::exclude})
     for (const bool saturated : {true, false}) {
@@ -122,7 +122,7 @@ TEST_P(LeftOut, SplatsBehindAFullTile) {
     }
 }
 
-// One cell of 4x4 pixels asks: who lies outside of it is not looked at on the way back.
+// One cell of 4x4 pixels has gradients: the backward pass does not read splats outside of it.
 TEST_P(LeftOut, CellsThatAskForNothing) {
   for (const bool asking : {true, false}) {
     PosedScene s = one_tile(200, 15, 0, StopRule::include);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The engine against scenes rendered and differentiated by an independent program in float64 (dense
-// PyTorch, autograd): file in, file out as `gflow splat` does it, for every lane width. Two cases
-// lie in tests/data/oracle; more are used where the project's shared folder is beside it.
+// PyTorch, autograd), from file to file as by `gflow splat`, for every lane width. Two cases are in
+// tests/data/oracle; more are used if the project's shared folder exists.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -12,7 +12,7 @@
 namespace gflow {
 namespace {
 
-// A case's file and what its name says of it.
+// A case's file and the options in its name.
 struct OracleCase {
   std::string path, name;
   SplatOptions options;
@@ -79,20 +79,20 @@ void expect_case(const OracleCase& c, int lanes) {
     EXPECT_LE(relative_l2(output.at(key).as_float(), expected.as_double()), bound) << key;
     ++compared;
   }
-  // 5 parameters by 4 losses, and by flow those at t2, of which `translate` has only the means
+  // 5 parameters times 4 losses, and for flow the parameters at t2; `translate` has only the means
+  // there.
   EXPECT_EQ(compared, transport == Transport::translate ? 21u : 23u);
 }
 
 TEST(Oracle, AgreesForEveryLaneWidth) {
   for (const OracleCase& c : cases()) {
     expect_case(c, 16);
-    if (c.options.settings.stop == StopRule::exclude)
-      continue;  // programs of their own: splat_test
+    if (c.options.settings.stop == StopRule::exclude) continue;  // splat_test covers these programs
     for (int lanes : {8, 4, 1}) expect_case(c, lanes);
   }
 }
 
-// The reference of the other tests, by the same judge.
+// Checks the reference of the other tests by the same criteria.
 TEST(Oracle, AgreesWithTheDoubleReference) {
   const std::string path = GFLOW_SOURCE_DIR "/tests/data/oracle/small_paper.npz";
   const Arrays input = read_npz(path);
@@ -118,7 +118,7 @@ TEST(Oracle, AgreesWithTheDoubleReference) {
     p[name] = input.at(name).as_double();
   const reference::Gaussians g = reference::posed(p);
   const reference::Rendering r = reference::render(shot, g);
-  // its constants are float32 (0.3f and the field margin): 1e-8 relative
+  // Its constants are float32 (0.3f and the field margin): 1e-8 relative.
   EXPECT_LE(largest_error_of({input.at("alpha").shape, r.images.alpha}, input.at("alpha"),
                              input.at("mask")),
             1e-6);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rows that a view may show (Motion::look): all that the camera draws is there, to the last bit
-// of its pose, and most of the others are not; and the way back finds the parameters of each.
+// Culling of rows by view (Motion::look): all Gaussians that the camera renders are kept, with
+// bitwise equal poses; most others are culled; and the backward pass finds the parameters of each.
 #include <algorithm>
 #include <numeric>
 #include <random>
@@ -14,7 +14,7 @@
 namespace gflow {
 namespace {
 
-// The models that look at the camera; lanes: 0 what suits the device, 1 as on GPUs.
+// The models that cull by camera; lanes: 0 the device's own, 1 as on GPUs.
 class Outside : public testing::TestWithParam<std::tuple<MotionModelKind, int>> {};
 INSTANTIATE_TEST_SUITE_P(
     Motion, Outside,
@@ -26,7 +26,7 @@ INSTANTIATE_TEST_SUITE_P(
       return fmt::format("{}_{}", names_of(kind)[size_t(kind)], std::get<1>(info.param));
     });
 
-// Values up to so much of a group: needles, large and small ones, that cross the view.
+// Maximum absolute value of a group: needles, large and small Gaussians that cross the view.
 float most_of(const GroupSpec& spec) {
   if (spec.quantity == Quantity::opacity) return 6;
   if (spec.quantity == Quantity::scale) return 2.5f;
@@ -36,7 +36,7 @@ float most_of(const GroupSpec& spec) {
 
 constexpr size_t N_OUTSIDE = 4000, SOME_MOVE = 3015;  // within a group of lanes
 
-// The first has no place.
+// The first Gaussian has no finite position.
 void fill_randomly(Queue& queue, Parameters& p) {
   std::mt19937 rng(8);
   const auto random = [&] { return 2 * float(rng()) / 4294967296.f - 1; };
@@ -48,7 +48,7 @@ void fill_randomly(Queue& queue, Parameters& p) {
         values.push_back(most_of(spec) * random() -
                          (spec.name == "log_scales" && i % 4 < 3 ? 2 : 0));
       if (spec.name == "means") values[0] = NAN;
-      // Quaternions whose length no square holds, and those that are no direction.
+      // Quaternions whose squared length overflows or underflows, and zero quaternions.
       if (spec.quantity == Quantity::rotation && spec.width == 4 && table == &p)
         for (size_t i = 0; i < N_OUTSIDE; ++i)
           for (size_t k = 0; k < 4; ++k)
@@ -77,7 +77,7 @@ TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
 
   PinholeCamera camera = test_camera(64, 48);
   camera.near_plane = .05f;
-  PinholeCamera part = camera;  // a part of a larger picture
+  PinholeCamera part = camera;  // a part of a larger image
   part.left = 30;
   part.top = 10;
   part.full_width = 120;
@@ -129,7 +129,7 @@ TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
       }
 }
 
-// What rows of random v are at the entries of a view.
+// The rows of v at the entries of a view.
 std::vector<float> at_entries(const std::vector<float>& v, const std::vector<cl_uint>& rows) {
   const size_t width = v.size() / N_OUTSIDE;
   std::vector<float> out;
@@ -138,8 +138,8 @@ std::vector<float> at_entries(const std::vector<float>& v, const std::vector<cl_
   return out;
 }
 
-// Gradients through the entries of a view are those through all rows: each at its own parameters.
-// Sums over Gaussians (the motions that `bases` share) may differ in their rounding.
+// Gradients through the entries of a view equal those through all rows, each at its own parameters.
+// Sums over Gaussians (the shared motions of `bases`) may round differently.
 TEST_P(Outside, TheWayBackFindsTheRowsOfItsEntries) {
   Queue queue = test_queue(std::get<1>(GetParam()));
   const auto motion = make_motion(queue, shape_of(std::get<0>(GetParam())));
@@ -161,7 +161,7 @@ TEST_P(Outside, TheWayBackFindsTheRowsOfItsEntries) {
   for (std::vector<float>* v : {&v_means, &v_factors, &v_opacities})
     for (float& x : *v) x = 2 * float(rng()) / 4294967296.f - 1;
   const auto gradients = [&](const std::vector<cl_uint>& entries, const RowList& list) {
-    std::vector<cl_uint> touched;  // every third listed row is not drawn; no other row is
+    std::vector<cl_uint> touched;  // every third listed row is not rendered; no other row is
     for (const cl_uint row : entries)
       touched.push_back(row % 3 != 1 && std::binary_search(rows.begin(), rows.end(), row));
     const auto upload = [&](const std::vector<float>& v) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nothing that the engine promises is left unwritten, and nothing else is written: with memory that
-// is poisoned (Queue::poisons) both show. Pictures of several sizes, so that memory is used again.
+// The engine writes all its promised outputs and nothing else: poisoned memory (Queue::poisons)
+// reveals both. Uses images of several sizes, so that memory is reused.
 #include <gtest/gtest.h>
 
 #include "optim/reference/device_scene.hpp"
@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-// How many elements hold what was never written, or, of floats, what was made of it.
+// Number of elements that were never written or, for floats, are computed from such elements.
 size_t unwritten(const std::vector<float>& values) {
   return size_t(std::count_if(values.begin(), values.end(), [](float x) { return x != x; }));
 }
@@ -27,8 +27,8 @@ class Poison : public testing::TestWithParam<int> {
 INSTANTIATE_TEST_SUITE_P(Lanes, Poison, testing::Values(16, 8, 4, 1),
                          testing::PrintToStringParamName());
 
-// Some of what lies in the scene is not seen. Behind an opaque front every tile is finished long
-// before the end of its list.
+// Some Gaussians are not seen. Behind an opaque front every tile saturates long before the end of
+// its list.
 PosedScene scene_of(size_t n, int width, int height, bool opaque_front) {
   SceneSpec spec;
   spec.n = n;
@@ -43,7 +43,7 @@ PosedScene scene_of(size_t n, int width, int height, bool opaque_front) {
   return s;
 }
 
-// Rows of what is seen have all their values; the others none.
+// Rows of seen Gaussians have all values; other rows have none.
 void expect_rows(const Buffer<float>& buffer, Queue& queue, size_t width,
                  const std::vector<cl_uint>& tiles_touched) {
   const std::vector<float> values = buffer.read(queue);

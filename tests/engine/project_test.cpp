@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The projection of one Gaussian against Eigen's matrices and against points pushed through the
-// camera; its derivative against central differences, inside the image and where J is held at the
-// margin; who is culled.
+// The projection of one Gaussian against Eigen and against points projected by the camera; its
+// derivative against central differences, inside the image and where J is clamped at the margin;
+// culling.
 #include <gtest/gtest.h>
 
 #include "optim/reference/device_scene.hpp"
@@ -35,7 +35,7 @@ TEST(Project, MeanIsWhereThePointIsSeen) {
   }
 }
 
-// M = J W L: the image's derivative along each column of L, taken by differences.
+// M = J W L: the derivative of the pixel along each column of L, by differences.
 TEST(Project, FactorIsTheDerivativeOfThePixelByThePoint) {
   Random random(2);
   const PinholeCamera c = camera();
@@ -70,7 +70,7 @@ TEST(Project, WhiteningIsTheTriangularRootOfTheInverseCovariance) {
     }
 }
 
-// T5: the determinant of a needle of 1e4 x .01 px, against the exact product of its parts.
+// T5: the determinant of a needle of 1e4 x .01 px against the exact product of its axes.
 TEST(Project, DeterminantOfANeedleKeepsItsDigits) {
   const double a = 1e4, b = .01, h = double(DILATION), angle = .3;
   const Mat23 m = make_mat23({a * std::cos(angle), -b * std::sin(angle), 0},
@@ -83,7 +83,8 @@ std::vector<double> flat(real3 mean, Mat3 l) {
           l.r2.x, l.r2.y, l.r2.z, l.r3.x, l.r3.y, l.r3.z};
 }
 
-// T24: at 0.9 of the width the axes are held; the factor 2 of the free ones would be wrong there.
+// T24: at 0.9 of the width the axes are clamped; the factor 2 of unclamped ones would be wrong
+// there.
 TEST(Project, GradientEqualsCentralDifferencesInsideAndAtTheMargin) {
   Random random(4);
   const PinholeCamera c = camera();
@@ -121,7 +122,7 @@ TEST(Project, GradientOfTheCovarianceEqualsCentralDifferences) {
                         {1e-7, 1e-8}));
 }
 
-// ---- on the device: who is drawn
+// ---- on the device: culling
 
 // tiles_touched of Gaussians of 0.1 units at camera coordinates, with an identity camera.
 std::vector<cl_uint> touched_at(Queue& queue, const std::vector<real3>& positions,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Quaternions against Eigen, their derivatives against central differences, their hazards.
+// Quaternions against Eigen, their derivatives against central differences, and edge cases.
 #include "shared/quat.h"
 
 #include <gtest/gtest.h>

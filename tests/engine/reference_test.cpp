@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The reference itself: its hand-written gradient against central differences of its own images, by
-// every parameter, with the contributors held fixed. All else in the engine is measured by it.
+// The reference itself: its hand-written gradients against central differences of its own images,
+// for every parameter, with fixed contributors. The engine's tests rely on it.
 #include <gtest/gtest.h>
 
 #include "optim/reference/scenes.hpp"
@@ -15,8 +15,8 @@ using reference::Named;
 using reference::Planes;
 using reference::Rendering;
 
-// Every gradient in `actual` equals the central difference of `loss` to 1e-6 of the largest of its
-// class (steps of 1e-6: rounding leaves 1e-10 of the loss, curvature less).
+// Every gradient in `actual` equals the central difference of `loss` to 1e-6 of the maximum of its
+// class (steps of 1e-6: rounding is 1e-10 of the loss, curvature less).
 void expect_gradient(Named p, const Named& actual,
                      const std::function<double(const Named&)>& loss) {
   for (const auto& [name, gradient] : actual) {
@@ -32,8 +32,8 @@ void expect_gradient(Named p, const Named& actual,
   }
 }
 
-// Small, deep and opaque, so that the cut at 0.99 and the stop are both met, and wide, so that some
-// projections are held at the field-of-view margin.
+// Small, deep and opaque, so that the cut at 0.99 and the stop both occur, and wide, so that some
+// projections are clamped at the field-of-view margin.
 PosedScene hard_scene() {
   SceneSpec spec;
   spec.n = 12;
@@ -68,7 +68,7 @@ TEST_P(ReferenceGradient, EqualsCentralDifferences) {
   const Planes v = random_cotangents(s, 5);
   Named actual =
       reference::posed_vjp(s.p, reference::render_vjp(s.shot, reference::posed(s.p), r, v));
-  if (s.shot.settings.transport == Transport::translate) {  // shapes at t2 have no say
+  if (s.shot.settings.transport == Transport::translate) {  // shapes at t2 have no effect
     EXPECT_EQ(largest(actual["quats_t2"]), 0);
     EXPECT_EQ(largest(actual["scales_t2"]), 0);
     actual.erase("quats_t2");
@@ -125,7 +125,7 @@ TEST(Reference, DetachedFlowLeavesOnlyItsWeightsAtTheFirstTime) {
   const Planes v = only(random_cotangents(s, 5), "flow");
   s.shot.settings.detach_t1 = true;
   const Named actual = reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, r, v));
-  // the same loss with each Gaussian's flow field held as it is: only the weights depend on p
+  // The same loss with each Gaussian's flow field fixed: only the weights depend on p.
   const auto loss = [&](const Named& p) {
     Rendering moved = reference::render(s.shot, reference::posed(p), &r.contributors);
     for (size_t i = 0; i < moved.seen.size(); ++i) {
@@ -149,7 +149,7 @@ TEST(Reference, DetachedFlowLeavesOnlyItsWeightsAtTheFirstTime) {
   }
 }
 
-// One round Gaussian in the middle of a pixel, worked out by hand.
+// One round Gaussian at the centre of a pixel, computed by hand.
 TEST(Reference, DrawsOneGaussianAsItsFormulaSays) {
   PosedScene s;
   s.shot.camera = s.shot.camera_t2 = test_camera(3, 1);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The kernels against the double reference, images and gradients, for every lane width: scenes of
-// odd sizes, none, one, none visible, ties in depth, one splat over all tiles, hundreds of layers.
+// odd sizes, with no splat, one, no visible one, ties in depth, one splat over all tiles, hundreds
+// of layers.
 #include <gtest/gtest.h>
 
 #include "optim/reference/device_scene.hpp"
@@ -11,9 +12,9 @@ namespace {
 
 using reference::Rendering;
 
-// How far float32 may be off. Images: alpha is exact to 1e-6 (exponent up to 8, polynomial 2e-7)
-// and a pixel sums weights that add to 1. Flow is in px, its error grows with the splats' size.
-// Gradients: relative L2 of a class, for the worst-conditioned one.
+// Error bounds of float32. Images: alpha is accurate to 1e-6 (exponent up to 8, polynomial 2e-7),
+// and a pixel sums weights that add up to 1. Flow is in px; its error grows with the size of the
+// splats. Gradients: relative L2 of the worst-conditioned class.
 struct Bounds {
   double image = 5e-6, flow = 1e-4, gradient = 1e-5;
 };
@@ -32,7 +33,7 @@ void expect_images(const PosedScene& s, const FloatArrays& actual, const Renderi
   EXPECT_LT(largest_error(actual.at("flow"), e.flow, doubtful), bounds.flow);
 }
 
-// Draws and differentiates s on the device and in double.
+// Renders and differentiates s on the device and in double.
 void expect_reference(Queue& queue, const PosedScene& s, Bounds bounds = {}) {
   const reference::Gaussians g = reference::posed(s.p);
   const Rendering expected = reference::render(s.shot, g);
@@ -46,8 +47,8 @@ void expect_reference(Queue& queue, const PosedScene& s, Bounds bounds = {}) {
     const reference::Named v_expected =
         reference::posed_vjp(s.p, reference::render_vjp(s.shot, g, expected, v));
     const FloatArrays v_actual = device.backward(v);
-    // 3e-8: where exactly nothing is expected (the flow of one splat does not depend on its
-    // opacity)
+    // 3e-8: for gradients that are exactly 0 (the flow of one splat does not depend on its
+    // opacity).
     for (const auto& [name, values] : v_expected)
       EXPECT_LE(distance(v_actual.at(name), values), bounds.gradient * norm(values) + 3e-8)
           << image << " by " << name << ", " << norm(values);
@@ -78,7 +79,7 @@ TEST_P(Splat, MatchesTheReferenceOnImagesOfOddSizes) {
   const int sizes[][2] = {{1, 1}, {17, 15}, {33, 1}, {2, 37}};
   for (const auto [width, height] : sizes) {
     SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height));
-    // in so few pixels rounding does not average out
+    // So few pixels do not average out rounding.
     expect_reference(queue, scene_of(60, width, height), {5e-6, 1e-4, 1e-4});
   }
 }
@@ -87,7 +88,7 @@ TEST_P(Splat, MatchesTheReferenceOnAWideImage) {  // T38: width and height must 
   expect_reference(queue, narrow() ? scene_of(150, 96, 29) : scene_of(400, 320, 96));
 }
 
-// The other stop rule and the paper's K. Programs are slow to compile: the widest and the
+// The other stop rule and the K of the paper. Programs compile slowly: only the widest and the
 // narrowest.
 class SplatModes : public Splat {};
 INSTANTIATE_TEST_SUITE_P(Lanes, SplatModes, testing::Values(16, 1),
@@ -101,12 +102,12 @@ TEST_P(SplatModes, StopBeforeTheSaturatingSplatAndMakeFlowOfTheFirstContributors
   s.shot.settings.stop = StopRule::exclude;
   s.shot.settings.top_k = 3;
   s.shot.settings.transport = Transport::paper;
-  // opaque layers: alpha/(1 - alpha), up to 99, multiplies the rounding of what is behind
+  // Opaque layers: alpha/(1 - alpha), up to 99, multiplies the rounding of splats behind.
   expect_reference(queue, s, {5e-6, 1e-4, 1e-4});
 }
 
-// Cells of a picture that ask for nothing, whole tiles among them, are left out of the way back;
-// and flow where nothing moves or none is asked for: with the same result, but for the sign of a 0.
+// The backward pass skips cells without gradients, whole tiles among them, and flow where nothing
+// moves or has a gradient, with the same result except for the sign of zeros.
 TEST_P(SplatModes, LeavesOutWhatAsksForNothing) {
   PosedScene s = scene_of(narrow() ? 100 : 300, 75, 52);
   reference::Planes v = random_cotangents(s, 5);
@@ -138,8 +139,8 @@ TEST_P(SplatModes, LeavesOutWhatAsksForNothing) {
   }
 }
 
-// Flow of some tiles alone (View::flow_tiles): the same bits there and of all else, none elsewhere;
-// who touches no such tile needs no pose at t2.
+// Flow of some tiles only (View::flow_tiles): the same bits there and in everything else, no flow
+// elsewhere. A Gaussian that touches no such tile needs no pose at t2.
 TEST_P(SplatModes, HasTheFlowOfTheTilesThatAreAskedOf) {
   const int tiles_x = 5, tiles_y = 4;
   std::vector<float> tiles(size_t(tiles_x * tiles_y), 0.f);
@@ -163,7 +164,7 @@ TEST_P(SplatModes, HasTheFlowOfTheTilesThatAreAskedOf) {
     reference::Planes v = random_cotangents(s, 5);
     for (size_t i = 0; i < s.pixels(); ++i)
       if (!asked(i)) v.flow[i] = v.flow[i + s.pixels()] = 0;
-    PosedScene whole = s;  // by the kernel with flow alone
+    PosedScene whole = s;  // rendered by the kernel for flow alone
     whole.shot.settings.skip.flow = false;
     DeviceScene all(queue, whole), some(queue, s);
     some.ask_flow_of(tiles);
@@ -226,10 +227,10 @@ TEST_P(Splat, DrawsOneGaussian) {
   expect_reference(queue, s);
 }
 
-// At one depth the index decides. The colours differ, so a wrong order shows at once.
+// At equal depth the index decides. The colours differ, so a wrong order is visible.
 TEST_P(Splat, BreaksTiesInDepthByIndex) {
   PosedScene s = scene_of(0, 24, 18);
-  s.shot.camera = s.shot.camera_t2 = test_camera(24, 18);  // not turned: z is exact
+  s.shot.camera = s.shot.camera_t2 = test_camera(24, 18);  // unrotated: z is exact
   std::mt19937 rng(2);
   for (int i = 0; i < 40; ++i) {
     const double x = double(rng() % 100) / 100 - .5, y = double(rng() % 100) / 150 - .33;
@@ -242,7 +243,7 @@ TEST_P(Splat, BreaksTiesInDepthByIndex) {
 TEST_P(Splat, DrawsOneSplatOverAllTiles) {  // T22
   PosedScene s = scene_of(60, 70, 50);
   add_gaussian(s, {0, 0, 6}, {6, 5, 1}, .9, {.1, 0, 0});
-  // the big splat's moments sum 3500 pixels of random sign: more cancels
+  // The moments of the large splat sum 3500 pixels of random sign, which cancel more.
   expect_reference(queue, s, {5e-6, 1e-4, 3e-5});
 }
 
@@ -256,23 +257,23 @@ TEST_P(Splat, BlendsHundredsOfLayers) {  // T16: faint ones over an opaque one
     for (int c = 0; c < 3; ++c) s.p["colors"][3 * i + c] = double(float(rng() % 100) / 100);
   }
   add_gaussian(s, {0, 0, 6}, {4, 4, 1}, 1);
-  // 300 multiplications of T: 300 x 6e-8; splats of 5 px with gentle slopes: differences cancel
+  // 300 multiplications of T: 300 x 6e-8; for splats of 5 px with small slopes differences cancel.
   expect_reference(queue, s, {2e-5, 1e-4, 5e-5});
 }
 
-// Where one part of a tile is opaque the others go on: what lies behind shows there.
+// If one part of a tile is opaque, the others continue: splats behind are visible there.
 TEST_P(Splat, AnOpaquePartDoesNotCloseItsTile) {
   PosedScene s = scene_of(0, 16, 16);
   s.shot.camera = s.shot.camera_t2 = test_camera(16, 16);
   std::mt19937 rng(5);
   for (int i = 0; i < 80; ++i) {  // the first 40 in the upper left corner
     const double x = i < 40 ? -.8 : .3, jitter = .05 * (double(rng() % 100) / 100 - .5);
-    const double size = i < 40 ? .3 : .1;  // the first cover some pixels whole
+    const double size = i < 40 ? .3 : .1;  // the first ones cover some pixels completely
     add_gaussian(s, {x + jitter, x - jitter, 2 + .02 * i}, {size, size, size}, i < 40 ? .9 : .1,
                  {jitter, .02, 0});
     for (int c = 0; c < 3; ++c) s.p["colors"][3 * i + c] = double(float(rng() % 100) / 100);
   }
-  // opaque layers: alpha/(1 - alpha) multiplies the rounding of what is behind
+  // Opaque layers: alpha/(1 - alpha) multiplies the rounding of splats behind.
   expect_reference(queue, s, {5e-6, 1e-4, 1e-4});
 }
 
@@ -283,8 +284,8 @@ TEST_P(Splat, DrawsAFewSplatsInAFullHdImage) {
     const double x = double(rng() % 1000) / 1000 - .5, y = .5 * (double(rng() % 1000) / 1000 - .5);
     add_gaussian(s, {3 * x, 3 * y, 3. + .125 * i}, {.02, .004, .01}, .9, {.01, .005, .02});
   }
-  // pixel coordinates of 1e3 have 6e-5 px of rounding; across a splat 2 px wide that is 3e-5 of z,
-  // 1e-4 of the exponent's slope there
+  // Pixel coordinates of 1e3 are rounded by 6e-5 px; for a splat 2 px wide that is 3e-5 of z, and
+  // 1e-4 of the slope of the exponent there.
   const Bounds bounds{2e-4, 1e-3, 2e-3};
   const Rendering expected = reference::render(s.shot, reference::posed(s.p));
   DeviceScene device(queue, s);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The four transports against Eigen's eigenvectors and their own definitions, at equal eigenvalues
-// and for needles; derivatives against central differences; H on the device when little moves.
+// The four transports against Eigen's eigenvectors and their definitions, at equal eigenvalues and
+// for needles; derivatives against central differences; H on the device for small motion.
 #include "shared/transport.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ const int MODES[] = {TRANSPORT_PAPER, TRANSPORT_OT, TRANSPORT_MATERIAL, TRANSPOR
 Mat23 random_factor(Random& random, double size) {
   return make_mat23(random.three() * size, random.three() * size);
 }
-// A splat of a x b px, turned by `angle`.
+// A splat of a x b px, rotated by `angle`.
 Mat23 ellipse(double a, double b, double angle) {
   Eigen::Matrix<double, 2, 3> m;
   m << a * std::cos(angle), -b * std::sin(angle), .1, a * std::sin(angle), b * std::cos(angle), 0;
@@ -56,8 +56,8 @@ TEST(Transport, EveryMapIsItsDefinition) {
 }
 
 TEST(Transport, MapsOfNeedlesAreTheirDefinition) {
-  // 300 x .3 px: kappa 1e5, where eigenvectors in double still give 1e-10; not so for the Monge
-  // map, whose B1 S2 B1 has kappa 1e10, and which is checked by what it must do instead
+  // 300 x .3 px: kappa 1e5, where eigenvectors in double are accurate to 1e-10. Not for the Monge
+  // map, whose B1 S2 B1 has kappa 1e10: it is checked by its defining property.
   for (double turn : {0., .01, 1.}) {
     const Mat23 m1 = ellipse(300, .3, .4), m2 = ellipse(290, .35, .4 + turn);
     const Matrix2d t = map_of(TRANSPORT_OT, m1, m2), s2 = covariance(m2);
@@ -166,7 +166,7 @@ TEST(Transport, GradientOfNeedlesEqualsCentralDifferences) {
   for (int mode : MODES) expect_gradient(mode, ellipse(60, .3, .4), ellipse(55, .4, .6), 1e-5);
 }
 
-// Where eigenvectors are not defined: both covariances a multiple of the identity.
+// Eigenvectors are undefined here: both covariances are multiples of the identity.
 TEST(Transport, GradientAtEqualEigenvaluesEqualsCentralDifferences) {
   Eigen::Matrix<double, 2, 3> round;
   round << 2, 0, 0, 0, 2, 0;
@@ -180,10 +180,10 @@ Mat23 as_floats(Mat23 m) {
   return {row(m.r1), row(m.r2)};
 }
 
-// T7, T10: on the device H is as right as floats allow even for a needle that hardly moves, where
-// A - I formed late would have lost every digit: rounding M once, at both times, changes H
-// by 1.5e-5 here, and on its way from quaternions and scales M is rounded some thirty times (6e-5
-// to 9e-5 with PoCL, 1.1e-4 on an H100).
+// T7, T10: on the device H is as accurate as floats allow, even for a needle that hardly moves,
+// where computing A - I late would lose every digit. Rounding M once at both times changes H
+// by 1.5e-5 here. M is rounded about thirty times on its way from quaternions and scales (6e-5 to
+// 9e-5 with PoCL, 1.1e-4 on an H100).
 TEST(Transport, DeviceFormsHOfNeedlesThatHardlyMove) {
   Queue queue = test_queue();
   for (Transport mode : {Transport::paper, Transport::ot, Transport::material}) {

@@ -15,7 +15,7 @@ Scene make_scene(const TemporaryFolder& folder, int channels = 4, int frames = 3
   return read_scene(folder.path());
 }
 
-// A scene whose only camera is a video of four flat pictures.
+// A scene whose only camera is a video of four uniform images.
 Scene video_scene(const TemporaryFolder& folder) {
   std::vector<Image> frames;
   for (int k = 0; k < 4; ++k)
@@ -74,7 +74,7 @@ TEST(FrameStore, ASmallCacheStillGivesEveryPictureToEveryThread) {
   const TemporaryFolder folder;
   const Scene scene = make_scene(folder, 3, 6);
   FrameStoreOptions options;
-  options.cache_bytes = 200;  // one picture has 144 bytes
+  options.cache_bytes = 200;  // one image has 144 bytes
   FrameStore store(scene, options);
   std::vector<std::thread> threads;
   for (int t = 0; t < 3; ++t)
@@ -113,16 +113,16 @@ TEST(FrameStore, VideoFramesAreUnpackedOnce) {
   FrameStore store(scene, options);
   const auto frame = store.rgb(scene.train[2]);
   EXPECT_EQ(frame->width, 8);
-  EXPECT_NEAR(frame->pixels[0], 120, 8);  // flat grey survives the codec within a few levels
+  EXPECT_NEAR(frame->pixels[0], 120, 8);  // the codec changes uniform grey by a few levels only
   const std::string first = folder.path() + "/frames/cam00/00000.png";
   EXPECT_TRUE(std::filesystem::exists(first));
-  // A changed file shows that the video is not decoded again.
+  // A modified file shows that the video is not decoded again.
   write_png(first, pattern(8, 6));
   EXPECT_EQ(store.rgb(scene.train[0])->pixels, pattern(8, 6).pixels);
   EXPECT_NEAR(store.rgb(scene.train[3])->pixels[0], 170, 8);
 }
 
-// The video has it still.
+// The video still contains them.
 TEST(FrameStore, VideoFramesThatAreDamagedAreUnpackedAgain) {
   const TemporaryFolder folder;
   const Scene scene = video_scene(folder);
@@ -147,7 +147,7 @@ TEST(FrameStore, VideoFramesThatAreDamagedAreUnpackedAgain) {
   }
 }
 
-// A camera's name is that of a file somebody else wrote.
+// The camera name comes from an untrusted file.
 TEST(FrameStore, VideoFramesLieInTheFolderWhateverTheCameraIsCalled) {
   const TemporaryFolder folder;
   Scene scene = video_scene(folder);

@@ -23,11 +23,11 @@ Camera camera_without_lens() {
   return camera;
 }
 
-// Brightness of the plane z = 1 at (x, y): slow waves, so that interpolation errs by little.
+// Brightness of the plane z = 1 at (x, y): slow waves keep the interpolation error small.
 double scenery(double x, double y) { return 127 + 60 * std::sin(9 * x) + 60 * std::cos(8 * y + x); }
 
-// What the camera would store of it through its lens: for each stored pixel the ray is found by
-// fixed-point iteration, which uses the formulas in the other direction than the code under test.
+// What the camera records of it through its lens. Finds the ray of each stored pixel by fixed-point
+// iteration, which uses the formulas in the opposite direction to the code under test.
 Image stored_picture(const Camera& camera) {
   const Lens& lens = camera.lens;
   Image image{camera.width, camera.height, 3, {}};
@@ -41,7 +41,7 @@ Image stored_picture(const Camera& camera) {
   return image;
 }
 
-// Largest difference from what a pinhole camera sees of the scenery [grey levels].
+// Maximum difference from the view of a pinhole camera [grey levels].
 double worst_error(const Image& image, const Camera& camera) {
   double worst = 0;
   for (int j = 0; j < image.height; ++j)
@@ -84,7 +84,7 @@ TEST(Lens, UndistortedPicturesAreThoseOfAPinholeCamera) {
                           Case{Lens::Kind::radial, {.15, -.02, .001, .002, 0, 0, 0, 0}},
                           Case{Lens::Kind::fisheye, {-.03, .01, 0, 0}}}) {
     const Camera camera = pinhole_of_lens(camera_without_lens(), one.kind, one.k, "cam");
-    // 60 levels x (9 / 120)^2 / 8 of linear interpolation and two roundings by half a level: 1.1
+    // 60 levels x (9 / 120)^2 / 8 of linear interpolation and two roundings of half a level: 1.1.
     EXPECT_LT(worst_error(undistorted(stored_picture(camera), camera), camera), 1.2)
         << int(one.kind) << " " << one.k[0];
   }
@@ -94,8 +94,8 @@ TEST(Lens, BarrelKeepsTheFocalLengthAndPincushionLosesTheRim) {
   const Camera barrel = pinhole_of_lens(camera_without_lens(), Lens::Kind::radial, {-.1}, "cam");
   EXPECT_EQ(barrel.fx, 120);
   const Camera pincushion = pinhole_of_lens(camera_without_lens(), Lens::Kind::radial, {.1}, "cam");
-  // The farthest corner, (-82.5 / 120, 62.5 / 126), would lie 7 % outside: r^2 = 0.72. Zoomed by s:
-  // x = 0.6875 / s, (1 + .1 r^2 / s^2) / s <= 83 / 82.5 gives s = 1.06 or so, in steps of 1 %.
+  // The farthest corner, (-82.5 / 120, 62.5 / 126), would be 7 % outside: r^2 = 0.72. Zoomed by s:
+  // x = 0.6875 / s, and (1 + .1 r^2 / s^2) / s <= 83 / 82.5 gives s of about 1.06, in steps of 1 %.
   EXPECT_GT(pincushion.fx, 1.04 * 120);
   EXPECT_LT(pincushion.fx, 1.08 * 120);
   EXPECT_NEAR(pincushion.fy / pincushion.fx, 126. / 120, 1e-12);
@@ -103,7 +103,8 @@ TEST(Lens, BarrelKeepsTheFocalLengthAndPincushionLosesTheRim) {
 }
 
 TEST(Lens, PolynomialsThatTurnBackAreNotFollowedThere) {
-  // r (1 - r^2) turns back at r = 0.577, within the picture (corner at 0.85): mirrored content.
+  // r (1 - r^2) decreases beyond r = 0.577, inside the image (corner at 0.85): its content is
+  // mirrored.
   const Camera camera = pinhole_of_lens(camera_without_lens(), Lens::Kind::radial, {-1}, "cam");
   const double corner = std::hypot(82.5 / camera.fx, 62.5 / camera.fy);
   EXPECT_LT(corner, 0.5774);
@@ -132,6 +133,6 @@ TEST(Lens, ThePicturesOfAStoreAreUndistortedAndThenReduced) {
   const Camera& camera = store.camera(frame);
   EXPECT_EQ(camera.lens.kind, Lens::Kind::none);
   EXPECT_EQ(camera.width, 80);
-  // A pixel is now the mean of four: 60 levels x (9 / 60)^2 / 12 more.
+  // A pixel is now the mean of four: adds 60 levels x (9 / 60)^2 / 12.
   EXPECT_LT(worst_error(*store.rgb(frame), camera), 1.6);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The readers on real scenes and on scenes with known truth, where these lie beside the repository.
-// A clone without them runs the made scenes of the other tests only.
+// The readers on real scenes and on scenes with ground truth, if these exist beside the repository.
+// A clone without them runs only the synthetic scenes of the other tests.
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -22,7 +22,7 @@ namespace {
 
 bool there(const std::string& path) { return std::filesystem::exists(path); }
 
-// Largest distance between the projections of points by two cameras [px].
+// Maximum distance between the projections of points by two cameras [px].
 double worst_gap(const Camera& a, const Camera& b, const PointCloud& points) {
   double worst = 0;
   for (size_t i = 0; i < points.size(); ++i) {
@@ -33,9 +33,9 @@ double worst_gap(const Camera& a, const Camera& b, const PointCloud& points) {
   return worst;
 }
 
-// Lower quartile of |flow at the pixel - motion of the projected track| over the tracks that land
-// on trusted pixels [px]; a quarter of the tracks at least is on the side that is seen. Tests
-// camera axes, pixel centres, and the sign and pairing of the flow at once.
+// Lower quartile of |flow at the pixel - motion of the projected track| over the tracks on
+// confident pixels [px]. At least a quarter of the tracks is on the visible side. Checks camera
+// axes, pixel centres, and sign and pairing of the flow at once.
 struct TrackGap {
   double quartile = 0;
   size_t tracks = 0;
@@ -88,8 +88,8 @@ TEST(SharedScenes, LlffColmapAndTransformsGiveTheSameCameras) {
   const Scene blender = read_blender(folder, {});
   ASSERT_EQ(model.images.size(), 9u);
   EXPECT_EQ(blender.cameras.size(), 9u);
-  // The matrices are rounded to float32: 6e-8 x 231 px of focal length, magnified for points that
-  // are seen far to the side.
+  // The matrices are rounded to float32: 6e-8 x 231 px of focal length, magnified for points far
+  // off the axis.
   for (size_t i = 0; i < 9; ++i)
     EXPECT_LT(worst_gap(scene.cameras[i], model.images[i].camera, scene.points), 1e-4);
   for (const Frame& frame : blender.train) {
@@ -120,7 +120,7 @@ TEST(SharedScenes, TracksMoveAsTheTrueFlowSays) {
       const TrackGap gap = track_gap(read_npy(folder + "/tracks3d.npy"), frame.step, frame.step + 1,
                                      camera, read_true_flow(frame, camera.width, camera.height));
       EXPECT_GT(gap.tracks, 256u) << name;  // of 512
-      // A track lies anywhere in its pixel, the flow is that of the centre.
+      // A track is anywhere in its pixel; the flow is that of the centre.
       EXPECT_LT(gap.quartile, 0.2) << name << " " << frame.name;
     }
   }
@@ -141,7 +141,8 @@ TEST(SharedScenes, TrueFlowChainedFollowsTheTracks) {
     const TrackGap gap = track_gap(read_npy(folder + "/tracks3d.npy"), frame.step, later.step,
                                    scene.cameras[size_t(frame.camera)], chain);
     EXPECT_GT(gap.tracks, 256u) << name;
-    // As above: a track .4 px beside the centre goes around it while the baton turns by 80 degrees.
+    // As above: a track 0.4 px beside the centre rotates around it while the baton turns by 80
+    // degrees.
     EXPECT_LT(gap.quartile, 0.5) << name;
   }
 }
@@ -164,7 +165,8 @@ TEST(SharedScenes, DisChainedReachesWhatItDoesNotInOneLeap) {
   };
   const TrackGap chain = gap(chained(there, back)),
                  leap = gap(estimate_target_flow(*rgb(2), *rgb(6)));
-  // Measured: 107 tracks, 1.15 px; in one leap, after 80 degrees of turn, 4 tracks and 21 px.
+  // Measured: 107 tracks, 1.15 px. With one flow over the whole span, after 80 degrees: 4 tracks
+  // and 21 px.
   EXPECT_GT(chain.tracks, 80u);
   EXPECT_LT(chain.quartile, 1.5);
   EXPECT_GT(leap.quartile, 5);
@@ -215,8 +217,9 @@ TEST(SharedScenes, TheRealPlenopticPhotographsAreAStaticScene) {
   EXPECT_EQ(scene.train.size(), 4u);
   EXPECT_EQ(scene.cameras[0].width, 676);
   EXPECT_GT(scene.points.size(), 100u);
-  // COLMAP's world is another than that of poses_bounds.npy: points were moved. Its own cameras and
-  // points, for pictures undistorted to another size, must agree up to some pixels in most places.
+  // COLMAP's world differs from that of poses_bounds.npy, so the points were transformed. COLMAP's
+  // own cameras and points, for images undistorted to another size, must agree within some pixels
+  // in most places.
   const ColmapModel model = read_colmap_model(folder + "/sparse/0");
   for (size_t i = 0; i < 5; ++i) {
     const Camera colmap = reduced(model.images[i].camera, 4);
@@ -248,7 +251,7 @@ TEST(SharedScenes, VideosShowWhatThePicturesShow) {
     double sum = 0;
     for (size_t i = 0; i < a->pixels.size(); ++i)
       sum += std::pow(double(a->pixels[i]) - double(b->pixels[i]), 2);
-    // Stated with the scene: at least 46.69 dB; OpenCV's colour conversion costs some.
+    // Documented with the scene: at least 46.69 dB; OpenCV's colour conversion costs some.
     EXPECT_GT(10 * std::log10(255. * 255. * double(a->pixels.size()) / sum), 40) << "step " << k;
   }
 }
@@ -261,12 +264,12 @@ TEST(SharedScenes, DisReachesItsKnownErrorOnTheSphere) {
   double sum = 0;
   const std::vector<size_t> steps = {0, 3, 6, 9, 12, 15, 18};
   for (size_t k : steps) {
-    const Frame& frame = scene.train[k];  // of cam01
+    const Frame& frame = scene.train[k];  // a frame of cam01
     const TargetFlow teacher =
         estimate_target_flow(*store.rgb(frame), *store.rgb(scene.train[k + 1]));
     sum += moving_error(teacher.flow, read_true_flow(frame, 256, 192).flow);
   }
-  // Measured independently with OpenCV from Python: 0.20 px.
+  // Measured independently with OpenCV in Python: 0.20 px.
   EXPECT_NEAR(sum / double(steps.size()), 0.20, 0.03);
 }
 
@@ -283,13 +286,13 @@ TEST(SharedScenes, RealFlowFilesAreRead) {
       valid += flow.valid[i];
       length += std::hypot(flow.uv[2 * i], flow.uv[2 * i + 1]);
     }
-    // Stated with the data: 16.2 % valid, mean 51 px.
+    // Documented with the data: 16.2 % valid, mean 51 px.
     EXPECT_NEAR(valid / double(flow.valid.size()), 0.162, 0.0005) << path;
     EXPECT_NEAR(length / valid, 51, 0.5) << path;
   }
 }
 
-// What tracks_of_truth.py says of points is the scene's true flow where they are.
+// The tracks of tracks_of_truth.py equal the scene's true flow at their pixels.
 TEST(SharedScenes, TracksOfTruthAgreeWithTheTrueFlow) {
   const std::string folder = shared("scenes/n3v-sphere");
   if (!there(folder) || !has_python()) return;
@@ -315,5 +318,5 @@ TEST(SharedScenes, TracksOfTruthAgreeWithTheTrueFlow) {
         ASSERT_NEAR(told.flow.uv[2 * i + axis], truth.flow.uv[2 * i + axis], 0.25);
     }
   }
-  EXPECT_GT(known, 18u * 128u / 4);  // the side that is seen, one point a pixel
+  EXPECT_GT(known, 18u * 128u / 4);  // the visible side, one point per pixel
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// first_step, stride and max_steps, which hold for every layout.
+// first_step, stride and max_steps, which apply to every layout.
 #include "optim/scene/scene.hpp"
 #include "tests/support/scene_files.hpp"
 
@@ -7,7 +7,7 @@ using namespace gflow;
 
 namespace {
 
-// Nine steps of one camera with true flow, and of one test camera.
+// Nine time steps of one camera with true flow, and of one test camera.
 void make_steps(const TemporaryFolder& folder) {
   for (const char* view : {"input", "eval_1"})
     for (int k = 0; k < 9; ++k) {
@@ -43,7 +43,7 @@ TEST(Steps, ARangeBecomesAVideoOfItsOwn) {
   EXPECT_NEAR(scene.train[3].flow_time, 1, 1e-12);
   EXPECT_EQ(scene.train[4].flow_path, "");  // it leads out of the range
   EXPECT_EQ(scene.fps, 24);
-  EXPECT_EQ(scene.tracks_path, "");  // tracks are of all steps
+  EXPECT_EQ(scene.tracks_path, "");  // tracks cover all time steps
 }
 
 TEST(Steps, AStrideForgetsFlowThatLeadsToAStepLeftOut) {
@@ -54,7 +54,7 @@ TEST(Steps, AStrideForgetsFlowThatLeadsToAStepLeftOut) {
   EXPECT_EQ(std::filesystem::path(scene.train[2].path).filename(), "7.png");
   EXPECT_NEAR(scene.train[1].time, 0.5, 1e-12);
   EXPECT_EQ(scene.train[0].flow_path, "");
-  EXPECT_NE(scene.test[0].flow_path, "");  // a view is judged by where its own flow leads
+  EXPECT_NE(scene.test[0].flow_path, "");  // a view is evaluated by its own flow, wherever it leads
   EXPECT_NEAR(scene.test[0].flow_time, 1 / 6., 1e-12);
   EXPECT_EQ(scene.fps, 8);
   EXPECT_EQ(neighbour_pairs(scene).size(), 2u);

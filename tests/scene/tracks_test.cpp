@@ -11,15 +11,15 @@ using namespace gflow;
 
 namespace {
 
-// Camera-to-world in OpenGL axes at (x, 0, 4), turned by `degrees` about the upright axis; unturned
-// it looks along -z at the origin.
+// Camera-to-world in OpenGL axes at (x, 0, 4), rotated by `degrees` about the vertical axis;
+// unrotated it looks along -z at the origin.
 std::string pose_at(double degrees, double x = 0) {
   const double c = std::cos(degrees * M_PI / 180), s = std::sin(degrees * M_PI / 180);
   return fmt::format("[[{0},0,{1},{2}],[0,1,0,0],[{3},0,{0},4],[0,0,0,1]]", c, s, x, -s);
 }
 
-// A D-NeRF folder with one picture of 20 x 16 pixels a time, taken from these poses in turn. The
-// field of view is 53 degrees: the focal length is the width.
+// A D-NeRF folder with one image of 20 x 16 pixels per time step, from these poses in turn. The
+// field of view is 53 degrees, so the focal length equals the width.
 void make_tracks(const TemporaryFolder& folder, const std::vector<std::string>& poses) {
   std::string frames;
   for (size_t i = 0; i < poses.size(); ++i) {
@@ -36,7 +36,7 @@ Scene scene_from(const std::vector<std::string>& poses) {
   return read_scene(folder.path());
 }
 
-// The pairs as "from>to" in steps.
+// The pairs as "from>to" in time steps.
 std::string pairs_of(const Scene& scene) {
   std::string text;
   for (const FlowPair& pair : neighbour_pairs(scene)) {
@@ -56,18 +56,18 @@ TEST(Tracks, ACameraThatPansIsOne) {
 }
 
 TEST(Tracks, ACameraThatWalksSidewaysIsOne) {
-  // 0.25 of the way to the scene, seen twice as near: 20 x 0.15 / 2 = 1.5 of 4 px
+  // 0.25 of the way to the scene, at half the depth: 20 x 0.15 / 2 = 1.5 of 4 px.
   const Scene scene = scene_from({pose_at(0, 0), pose_at(0, 0.15), pose_at(0, 0.3)});
   EXPECT_EQ(pairs_of(scene), "0>1 1>2 ");
 }
 
 TEST(Tracks, ACameraThatTeleportsIsMany) {
   EXPECT_EQ(pairs_of(scene_from({pose_at(0), pose_at(40), pose_at(-40), pose_at(20)})), "");
-  // sideways: 20 x 1 / 2 = 10 px of 20
+  // Sideways: 20 x 1 / 2 = 10 px of 20.
   EXPECT_EQ(pairs_of(scene_from({pose_at(0, 0), pose_at(0, 1), pose_at(0, 2)})), "");
 }
 
-// Both look at the origin, which is in the middle of both pictures: what lies before it is not.
+// Both look at the origin, which is in the middle of both images; points in front of it are not.
 TEST(Tracks, TwoSidesOfOneObjectAreNotNear) {
   const Scene scene = scene_from({pose_at(-20, -1.456), pose_at(20, 1.456)});
   for (const Camera& camera : scene.cameras) EXPECT_NEAR(camera.project({0, 0, 0}).x(), 10, 0.01);
@@ -77,7 +77,7 @@ TEST(Tracks, TwoSidesOfOneObjectAreNotNear) {
 TEST(Tracks, ViewsThatMeetByChanceMakeNoVideo) {
   EXPECT_EQ(pairs_of(scene_from(
                 {pose_at(0), pose_at(40), pose_at(41), pose_at(-40), pose_at(0), pose_at(20)})),
-            "0>4 ");  // equal poses are one camera, as ever
+            "0>4 ");  // equal poses are one camera
 }
 
 TEST(Tracks, AnotherBeginsAtACut) {
@@ -96,10 +96,11 @@ TEST(Tracks, ScenePointsSayHowFarAwayThingsAre) {
   make_tracks(folder, poses);
   EXPECT_EQ(pairs_of(read_scene(folder.path())), "");
   write_point_cloud(folder.file("points3D.ply"), {{0, 0, -96}, {9, 9, 9}});
-  EXPECT_EQ(pairs_of(read_scene(folder.path())), "0>1 1>2 ");  // 100 ahead: 20 x 1 / 50 = 0.4 px
+  EXPECT_EQ(pairs_of(read_scene(folder.path())),
+            "0>1 1>2 ");  // 100 units ahead: 20 x 1 / 50 = 0.4 px
 }
 
-// True flow is that seen by a camera at rest; an estimate compares the pictures.
+// True flow is that of a static camera; estimated flow compares the images.
 TEST(Tracks, TrueFlowOfAMovingCameraIsAPairOfItsOwn) {
   const TemporaryFolder folder;
   make_tracks(folder, {pose_at(-2), pose_at(0), pose_at(2)});

@@ -21,7 +21,7 @@ TEST(TrueDepth, IsThatOfTheFileOrItsNearestSample) {
   for (int i = 0; i < 24; ++i) values.push_back(float(i));
   write_npy(path, {{4, 6}, values});
   EXPECT_EQ(read_true_depth(with_depth(path), 6, 4), values);
-  // The centre of a pixel twice as large lies between four of them; the last of these is taken.
+  // The centre of a pixel twice as large is between four pixels; the last of these is used.
   EXPECT_EQ(read_true_depth(with_depth(path), 3, 2), (std::vector<float>{7, 9, 11, 19, 21, 23}));
 }
 
