@@ -35,7 +35,7 @@ Binned binned(Queue& queue, const PosedScene& s) {
           tiles.isect_slots.read(queue)};
 }
 
-// Half of the Gaussians share a depth with another one; 2000 of them make several chunks.
+// Half of the Gaussians share a depth with another one; 2000 Gaussians make several chunks.
 PosedScene scene_with_ties() {
   SceneSpec spec;
   spec.n = 1000;

@@ -53,8 +53,8 @@ double largest_error_of(const Array& actual, const Array& expected, const Array&
   return worst;
 }
 
-// The bounds the engine is held to: images 5e-6 of their range, flow in px; gradients relative L2,
-// looser for the maps with square roots and for needles, whose conditioning is that much worse.
+// Bounds of the engine: images 5e-6 of their range, flow in px; gradients relative L2, larger for
+// transports with square roots and for needles, which are conditioned worse.
 void expect_case(const OracleCase& c, int lanes) {
   SCOPED_TRACE(c.name + ", lanes " + std::to_string(lanes));
   Queue queue = test_queue(lanes);

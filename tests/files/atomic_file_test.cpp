@@ -10,7 +10,7 @@
 
 using namespace gflow;
 
-// The temporary name beside it must not be longer than names may be.
+// The temporary name beside it must not exceed the maximum length.
 TEST(AtomicFile, ANameAsLongAsNamesMayBeIsWritten) {
   const TemporaryFolder folder;
   const std::string name = folder.path() + "/" + std::string(251, 'q') + ".ply";
@@ -55,7 +55,7 @@ TEST(AtomicFile, AFailedWriterLeavesTheOldFileAndNoTemporary) {
 TEST(AtomicFile, AFullDiskIsAnErrorThatLeavesTheOldFile) {
   const TemporaryFolder folder;
   const std::string path = folder.write("a.txt", "old");
-  // A limit on file size stands for a full disk: write() fails after a part was written.
+  // A file size limit acts like a full disk: write() fails after a partial write.
   {
     const FileSizeLimit limit(1000);
     expect_error([&] { write_file_atomically(path, Bytes(5000)); },
@@ -111,7 +111,7 @@ TEST(AtomicFile, MissingFilesFoldersAndLongFilesAreRefused) {
   expect_error([&] { read_file(path, 99); }, {"100 bytes", "at most 99"});
 }
 
-// A pipe without a writer would be waited for without end.
+// Opening a pipe without a writer would block forever.
 TEST(AtomicFile, WhatIsNoFileIsNotOpened) {
   const TemporaryFolder folder;
   ASSERT_EQ(::mkfifo(folder.file("pipe").c_str(), 0600), 0);

@@ -13,10 +13,10 @@
 using namespace gflow;
 
 namespace {
-bool no_locks = false;  // as on a network file system without them
+bool no_locks = false;  // as on a network file system without locks
 }
 
-// In place of the C library's.
+// Replaces the function of the C library.
 extern "C" int flock(int file, int operation) {
   if (!no_locks) return int(syscall(SYS_flock, file, operation));
   errno = ENOLCK;
@@ -72,8 +72,7 @@ TEST(FileLock, WhereNoFileCanBeMadeTheReasonIsSaid) {
                {"/none/lock", "No such file"});
 }
 
-// A run that somebody else made may have one, which leads to a file that is dear to whoever judges
-// it.
+// An untrusted run may contain a link to a valuable file of the user.
 TEST(FileLock, WritesIntoNoFileThatALinkLeadsTo) {
   const TemporaryFolder folder;
   folder.write("dear", "precious");

@@ -23,13 +23,13 @@ TEST(FileName, OfAnythingIsOneNameInTheFolder) {
   EXPECT_EQ(as_file_name(std::string(100, 'x')), std::string(100, 'x'));
   std::string umlauts;
   for (int i = 0; i < 101; ++i) umlauts += "\u00fc";
-  expect_hashed(umlauts, umlauts.substr(0, 200));  // whole letters
+  expect_hashed(umlauts, umlauts.substr(0, 200));  // complete characters
   std::string hiragana;
   for (int i = 0; i < 67; ++i) hiragana += "\u3042";
-  expect_hashed(hiragana, hiragana.substr(0, 198));  // of three bytes; 200 at most
+  expect_hashed(hiragana, hiragana.substr(0, 198));  // characters of three bytes; at most 200
 }
 
-// Else two cameras would share the pictures that are unpacked of their videos.
+// Otherwise two cameras would share unpacked video frames.
 TEST(FileName, WhatDiffersBehindTheCutOrInControlsDiffers) {
   const std::string long_name(100, 'x');
   EXPECT_NE(as_file_name(long_name + "1"), as_file_name(long_name + "2"));

@@ -31,7 +31,7 @@ TEST(FilePieces, GivesTheBytesOfTheFileInWhateverSteps) {
       const size_t most = random() % longest + 1;
       const size_t expected = std::min(most, bytes.size() - file.place());
       ASSERT_EQ(file.ahead(most), bytes.substr(file.place(), expected)) << file.place();
-      file.step(random() % (expected + 1));  // less than was looked at
+      file.step(random() % (expected + 1));  // less than was inspected
       if (longest == 1) file.step(std::min<size_t>(file.left(), random() % 50));
     }
     EXPECT_EQ(file.place(), bytes.size());

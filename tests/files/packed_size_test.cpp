@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Short files that say they hold gigabytes are refused before memory is taken for them.
+// Short files that claim gigabytes are rejected before memory is allocated for them.
 #include "runtime/files/packed_size.hpp"
 
 #include <cstring>
@@ -29,7 +29,7 @@ TEST(PackedSize, AFlowOfASizeThatNoPictureHas) {
   for (int k = 0; k < 2; ++k) flow.append(reinterpret_cast<const char*>(&side), 4);
   write_file_atomically(folder.file("a.flo.gz"), gzip(flow + std::string(3 << 20, '\0')));
   expect_error([&] { read_flo(folder.file("a.flo.gz")); }, {"a.flo.gz", "unpack to 6866 MB"});
-  // Nothing moves in it: packed a thousand times.
+  // Without motion: compresses a thousandfold.
   write_flo(folder.file("still.flo.gz"), zero_flow(1920, 1080));
   EXPECT_EQ(read_flo(folder.file("still.flo.gz")).uv.size(), 2u * 1920 * 1080);
 }
@@ -40,6 +40,6 @@ TEST(PackedSize, ArraysOfZerosTogether) {
   write_npz(folder.file("a.npz"), {{"a", zeros}, {"b", zeros}, {"c", zeros}});
   expect_error([&] { read_npz(folder.file("a.npz")); }, {"a.npz", "unpack to 90 MB"});
   EXPECT_EQ(read_npz(folder.file("a.npz"), {"a", "c"}).at("c").size(), zeros.size());
-  // Who knows what they are, as a model's tables by its PLY, says how much.
+  // A caller that knows the contents, such as a model's tables by its PLY, states the limit.
   EXPECT_EQ(read_npz(folder.file("a.npz"), {}, 100u << 20).size(), 3u);
 }

@@ -74,13 +74,13 @@ TEST(Flo, RefusesWrongTagSizeAndLength) {
 }
 
 TEST(Flo, ColorsFollowTheMiddleburyWheel) {
-  EXPECT_EQ(color_of(0, 0, 1), (std::vector<int>{255, 255, 255}));  // rest is white
+  EXPECT_EQ(color_of(0, 0, 1), (std::vector<int>{255, 255, 255}));  // no motion is white
   EXPECT_EQ(color_of(1, 0, 1), (std::vector<int>{255, 0, 0}));      // right: first hue, red
   // Down, a quarter turn, lies at hue 13.5 of 55, between RY 13 (221) and RY 14 (238): yellowish.
   EXPECT_EQ(color_of(0, 1, 1)[0], 255);
   EXPECT_NEAR(color_of(0, 1, 1)[1], 229, 2);
   EXPECT_EQ(color_of(0, 1, 1)[2], 0);
-  // Half the length is half the saturation; beyond the longest is darkened by 3/4.
+  // Half the length has half the saturation; beyond the maximum colours are darkened by 3/4.
   EXPECT_NEAR(color_of(.5f, 0, 1)[1], 127, 1);
   EXPECT_EQ(color_of(2, 0, 1), (std::vector<int>{191, 0, 0}));
 }
@@ -105,7 +105,7 @@ TEST(Flo, ReadsTheRealRubberWhalePairWhenItIsThere) {
       EXPECT_EQ(flow.height, 388);
       double valid = 0;
       for (uint8_t v : flow.valid) valid += v;
-      // Stated with the data: 98.4 % of the flow is known.
+      // Documented with the data: 98.4 % of the flow is known.
       EXPECT_NEAR(valid / double(flow.valid.size()), 0.984, 0.0005);
     }
   RecordProperty("files", int(found));

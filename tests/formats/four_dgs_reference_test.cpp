@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of the format's own program (tests/data/four_dgs) hold for gflow what they hold for it.
+// Files of the format's own program (tests/data/four_dgs) have the same contents for gflow.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -25,7 +25,7 @@ double distance(const SplatRow& row, const nlohmann::json& splat) {
   return d;
 }
 
-// Both sides are floats of about unit size, reckoned differently; logits and logs lose a digit.
+// Both sides are floats near 1, computed differently; logits and logarithms lose a digit.
 constexpr double kRounding = 2e-6, kThroughLogit = 2e-5;
 
 void expect_same(const SplatRow& row, const nlohmann::json& splat) {
@@ -77,7 +77,7 @@ TEST(FourDgsReference, TheSmallestConformanceFile) {
   const MovingSplat& s = scene.splats[0];
   const auto expect_near = [](const auto& found, std::initializer_list<double> expected) {
     auto value = found.begin();
-    for (const double e : expected) EXPECT_NEAR(*value++, e, 6e-7);  // it has six digits
+    for (const double e : expected) EXPECT_NEAR(*value++, e, 6e-7);  // the JSON has six digits
   };
   expect_near(s.mean, {-0.761085, -0.435832, -0.903013});
   expect_near(s.velocity, {0.031539, -0.079118, 0.063349});

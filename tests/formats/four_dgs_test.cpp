@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The reader is held against a file that is packed here by hand from the specification; the writer
-// against the reader, and its index against the places it names.
+// The reader is tested by a file packed here by hand from the specification; the writer by the
+// reader, and its index by the positions it names.
 #include "optim/formats/four_dgs.hpp"
 
 #include <zlib.h>
@@ -42,7 +42,7 @@ std::string zipped(const std::string& bytes) {
            reinterpret_cast<const Bytef*>(bytes.data()), bytes.size());
   return out.substr(0, size);
 }
-// `planes`: the symbols as they are before compression.
+// `planes`: the symbols before compression.
 std::string stream(int id, int width, int mode, int channels, int count,
                    const std::string& planes) {
   std::string head;
@@ -54,22 +54,23 @@ std::string bytes_of(const std::vector<int>& values) {
   return std::string(values.begin(), values.end());
 }
 
-// Changes one part of the hand-made file.
+// Modifies one part of the hand-made file.
 struct HandMade {
   std::string model = "gaussian-birth", scheme = "uniform-v1", chunk_codec;
   int stream_codec = 0, window = 1;
   bool with_life = true;
   uint64_t count = 2;
 
-  // Two Gaussians: one that fades and moves, one that never fades and turns by 90 degrees around z.
+  // Two Gaussians: one that fades and moves, one that never fades and is rotated by 90 degrees
+  // about z.
   std::string bytes() const {
     std::string streams =
         stream(0, 2, 0, 3, 2,
                // bins 1000 -2 3 | 5 6 -70: zigzag 2000 3 6 | 10 12 139
                bytes_of({2000 & 255, 3, 6, 10, 12, 139, 2000 >> 8, 0, 0, 0, 0, 0}));
-    streams += stream(1, 1, 1, 3, 2, bytes_of({1, 3, 5, 2, 2, 2}));     // -1 -2 -3, then + 1 each
-    streams += stream(77, 3, 9, 1, 1, "later");                         // of a later version
-    streams += stream(2, 1, 0, 1, 2, bytes_of({6, 4}));                 // w, z are left out
+    streams += stream(1, 1, 1, 3, 2, bytes_of({1, 3, 5, 2, 2, 2}));  // -1 -2 -3, then + 1 each
+    streams += stream(77, 3, 9, 1, 1, "later");                      // of a later version
+    streams += stream(2, 1, 0, 1, 2, bytes_of({6, 4}));  // w, z are the omitted components
     streams += stream(3, 1, 0, 3, 2, bytes_of({0, 0, 0, 0, 0, 140}));   // 0 0 0 | x y w = 0 0 70
     streams += stream(4, 1, 2, 3, 2, bytes_of({8, 3, 6}));              // g 4, r - g -2, b - g 3
     streams += stream(5, 1, 0, 1, 2, bytes_of({10, 18}));               // 5 9
@@ -230,7 +231,7 @@ TEST(FourDgs, ComesBackToThePrecisionOfItsGrid) {
     for (size_t k = 0; k < 3; ++k) {
       EXPECT_NEAR(a->color[k], b.color[k], 1.01 / 1020);
       for (double t = a->begin; t <= a->end; t += 0.05) {
-        if (std::fabs(t - a->mean_t) > 2.45 * a->life) continue;  // not seen
+        if (std::fabs(t - a->mean_t) > 2.45 * a->life) continue;  // not visible
         EXPECT_NEAR(a->mean[k] + a->velocity[k] * (t - a->mean_t),
                     b.mean[k] + b.velocity[k] * (t - b.mean_t), 0.02 * 0.06);  // sizes: 0.05
       }
@@ -241,7 +242,8 @@ TEST(FourDgs, ComesBackToThePrecisionOfItsGrid) {
   EXPECT_EQ(std::count(found.begin(), found.end(), true), 200);
 }
 
-// Harmonics are bytes of 1/32 and colours end at 1: what cameras see is kept all the same.
+// SH coefficients have steps of 1/32 and colours are clamped at 1, but the view-dependent colours
+// at the cameras are kept.
 TEST(FourDgs, ColoursSeenFromTheEyesAreKept) {
   const TemporaryFolder folder;
   MovingSplats scene = some_scene(40, 2);
@@ -250,7 +252,7 @@ TEST(FourDgs, ColoursSeenFromTheEyesAreKept) {
     s.color[0] = 1.2;
     s.velocity = {};
   }
-  const auto off = [&](const MovingSplats& written) {  // root mean square
+  const auto off = [&](const MovingSplats& written) {  // root mean square error
     write_four_dgs(folder.file("a.4dgs"), written);
     const MovingSplats back = read_four_dgs(folder.file("a.4dgs"));
     double sum = 0;
@@ -259,7 +261,7 @@ TEST(FourDgs, ColoursSeenFromTheEyesAreKept) {
         return std::fabs(s.scales[0] / b.scales[0] - 1) + std::fabs(s.scales[1] / b.scales[1] - 1) <
                0.01;
       });
-      for (double x = -0.9; x < 0.6; x += 0.3) {  // between the eyes
+      for (double x = -0.9; x < 0.6; x += 0.3) {  // between the camera positions
         const real3 d = make_real3(a->mean[0] - x, a->mean[1], a->mean[2] + 15);
         const ShBasis basis = sh_basis(2, d * (1 / std::sqrt(dot(d, d))));
         for (size_t c = 0; c < 3; ++c) {
@@ -293,7 +295,7 @@ TEST(FourDgs, WhatTheFormatCannotHoldIsCutOff) {
   EXPECT_EQ(back.sh_rest[1], -4);
 }
 
-// As a player does: from the end of the file to the index, and from there to what a moment needs.
+// As in a player: from the end of the file to the index, and from there to the records of a time.
 TEST(FourDgs, TheIndexNamesWholeRecords) {
   const TemporaryFolder folder;
   const MovingSplats scene = some_scene(300, 2);
@@ -371,7 +373,7 @@ TEST(FourDgs, DamageIsRefusedOrHarmless) {
     }
     put(at, good[at]);
   }
-  EXPECT_GT(refused, good.size() / 2);  // compressed parts have checksums, as the index does
+  EXPECT_GT(refused, good.size() / 2);  // compressed parts and the index have checksums
 }
 
 TEST(FourDgs, SaysWhatItCannotRead) {
@@ -402,14 +404,14 @@ TEST(FourDgs, SaysWhatItCannotRead) {
   expect(file, {"a.4dgs", "3 Gaussians", "has 2"});
   file.count = uint64_t{1} << 60;
   expect(file, {"a.4dgs", "1152921504606846976 Gaussians"});
-  // Streams of one value for all would fit so many into a kilobyte.
+  // Streams with one value for all Gaussians would make a kilobyte claim this many.
   file.count = uint64_t{1} << 22;
   expect(file, {"a.4dgs", "would unpack to"});
   std::string bytes = HandMade().bytes();
   bytes[5] = '2';
   expect_error([&] { read_four_dgs(folder.write("b.4dgs", bytes)); }, {"b.4dgs", "version '2'"});
   expect_error([&] { read_four_dgs(folder.write("c.4dgs", "ply\nformat")); }, {"c.4dgs", "begin"});
-  // Commands that take a model say what can be done with it.
+  // Commands that take a model suggest the conversion.
   expect_error([&] { read_splats(folder.write("d.4dgs", HandMade().bytes())); },
                {"d.4dgs", "gflow import", "--time"});
 }
@@ -436,7 +438,7 @@ TEST(FourDgs, WritesNothingOfWhatItCannotHold) {
   expect(scene, {"a.4dgs", "duration"});
 }
 
-// Players that keep windows as floats compare them with the intervals of chunks.
+// Players that store windows as floats compare them with the intervals of chunks.
 TEST(FourDgs, TimesAreTheSameAsFloats) {
   const TemporaryFolder folder;
   MovingSplats scene = some_scene(20, 0);
@@ -500,7 +502,7 @@ TEST(FourDgs, ReadingTakesTheMemoryOfTheGaussiansOnce) {
   scene = {};
   constexpr double mib = 1 << 20;
   const double splats = n * sizeof(MovingSplat) / mib;
-  // Beside them the file, and the symbols of one of its eight chunks: 22 a Gaussian, and as many
+  // In addition the file, and the symbols of one of its eight chunks: 22 per Gaussian and as many
   // values, of 4 bytes each.
   const double chunk = n / 8 * 2 * 22 * 4 / mib, file = double(fs::file_size(path)) / mib;
   EXPECT_LT(memory_of([&] { EXPECT_EQ(read_four_dgs(path).splats.size(), n); }),

@@ -9,7 +9,7 @@ using namespace gflow;
 
 namespace {
 
-// A .npy file put together by the published format, version 1.0.
+// A .npy file built by the published format, version 1.0.
 std::string npy(const std::string& dictionary, const std::string& values, char version = 1) {
   std::string bytes = "\x93NUMPY";
   bytes += version;
@@ -61,7 +61,7 @@ TEST(Npy, WhatIsWrittenIsReadAgain) {
   const Array back = read_npy(path);
   EXPECT_EQ(back.shape, array.shape);
   EXPECT_EQ(back.values, array.values);
-  // The format asks for values at a multiple of 64 bytes.
+  // The format requires values at a multiple of 64 bytes.
   EXPECT_EQ((contents(path).size() - 12) % 64, 0u);
 }
 
@@ -80,7 +80,7 @@ TEST(Npy, RefusesWhatItDoesNotRead) {
   expect_error([&] { parse("no array at all"); }, {"x.npy", ".npy file"});
 }
 
-// Headers that a regular expression overflowed the stack with.
+// A regular expression overflowed the stack on such headers.
 TEST(Npy, BlanksAndLettersOfAnyNumberAreNoObstacle) {
   const std::string four(4, '\0'), blanks(60000, ' ');
   const std::string order = ", 'fortran_order': False, 'shape': (1,)}";

@@ -29,7 +29,7 @@ TEST(Npz, WhatIsWrittenIsReadAgain) {
   EXPECT_EQ(folder.count(), 1u);
 }
 
-// A signal that ends the program has the temporary removed; of others nobody would know.
+// A signal handler removes the temporary; other files would be left behind.
 TEST(Npz, NoFileIsMadeButTheTemporary) {
   const TemporaryFolder folder;
   const Descriptor made(inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
@@ -124,11 +124,11 @@ TEST(Npz, DamagedContentsAreRefused) {
   expect_error([&] { read_npz(folder.file("bad.npz")); }, {"'abc'", "bad.npz"});
 }
 
-// What the fuzzer relies on: with the checksums of what is there, the damage is read.
+// The fuzzer relies on this: with corrected checksums, damaged values are read.
 TEST(Npz, DamageIsReadWhenTheChecksumsAreThoseOfIt) {
   const TemporaryFolder folder;
   const std::string path = folder.file("a.npz");
-  // Large values: the bytes of small ones also occur in the headers of the archive.
+  // Large values, because the bytes of small ones also occur in the headers of the archive.
   const int32_t first = 80000008, second = 90000009;
   const Arrays arrays = {{"a", {{2}, std::vector<int32_t>{7, first}}},
                          {"b", {{1}, std::vector<int32_t>{second}}}};

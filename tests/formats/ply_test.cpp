@@ -91,7 +91,7 @@ TEST(Ply, RefusesTruncatedFiles) {
     EXPECT_THROW(read_ply(path), Error) << n << " bytes";
   }
   const std::string text = ascii_cloud;
-  folder.write("text.ply", text.substr(0, text.find("2e1")));  // within the second vertex
+  folder.write("text.ply", text.substr(0, text.find("2e1")));  // inside the second vertex
   expect_error([&] { read_ply(folder.file("text.ply")); }, {"text.ply", "truncated"});
 }
 
@@ -111,7 +111,7 @@ TEST(Ply, RefusesWhatGoesOnBehindItsLastRow) {
   expect_error([&] { read_point_cloud(folder.file("longer.ply")); },
                {"longer.ply", "6 bytes behind its last row"});
 
-  // Not what an editor leaves there, nor elements that nobody asks for.
+  // Trailing blanks of an editor and unknown elements are ignored.
   EXPECT_EQ(read_point_cloud(folder.write("blank.ply", text + "\n \r\n\n")).size(), 1u);
   std::string mesh = contents(folder.file("a.ply"));
   mesh.insert(mesh.find("end_header"), "element face 1\nproperty list uchar int vertex_indices\n");
@@ -184,7 +184,8 @@ TEST(Ply, TakesDamagedTextForNoOtherNumbers) {
   expect_error([&] { read("1-2\n3 4\n"); }, {"a.ply", "'1-2' in line 7 is not a number"});
   expect_error([&] { read("1 2\n3 1.2.3\n"); }, {"'1.2.3' in line 8"});
   expect_error([&] { read("0x10 2\n3 4\n"); }, {"'0x10' in line 7"});
-  expect_error([&] { read(std::string("1 2\n3\0004\n", 8)); }, {"'3\\04' in line 8 is not a number"});
+  expect_error([&] { read(std::string("1 2\n3\0004\n", 8)); },
+               {"'3\\04' in line 8 is not a number"});
   expect_error([&] { read("1 2 3\n4 5\n"); }, {"line 7 has more values"});
   expect_error([&] { read("1\n2 3\n4 5\n"); }, {"line 7 has fewer values"});
   expect_error([&] { read("1 2\n3 1e400\n"); }, {"'1e400' in line 8 is nearer to 0 or farther"});
@@ -246,7 +247,7 @@ TEST(Ply, NoNumberGoesOnForThousandsOfDigits) {
   expect_error([&] { read(5000); }, {"'00000000000000000000' in line 6 is not a number"});
 }
 
-// Read whole, the texts took six times their size.
+// Read as a whole, text files took six times their size.
 TEST(Ply, ReadingTakesTheMemoryOfWhatIsMadeOfIt) {
   const TemporaryFolder folder;
   std::string text =
@@ -262,8 +263,8 @@ TEST(Ply, ReadingTakesTheMemoryOfWhatIsMadeOfIt) {
   EXPECT_LT(memory_of([&] { EXPECT_EQ(read_ply(path).rows, 4000000u); }), 24 * mib + 8);
 }
 
-// Two characters a number, the shortest there is, and positions that are doubles: with those kept
-// beside the table it was six times the file.
+// The shortest numbers have two characters, and positions are doubles: keeping both beside the
+// table took six times the file.
 TEST(Ply, ReadingShortNumbersTakesTwiceTheFile) {
   const TemporaryFolder folder;
   constexpr size_t n = 5000000;
@@ -288,7 +289,7 @@ TEST(Ply, ReadingShortNumbersTakesTwiceTheFile) {
   EXPECT_EQ(table.values[3 * 3 + 2], 1.f);
 }
 
-// Not the bytes of all of it beside the table.
+// Does not build the whole file in memory beside the table.
 TEST(Ply, WritingTakesNoMemoryOfItsOwn) {
   const TemporaryFolder folder;
   PlyTable table{{"x", "y", "z"}, 3000000, std::vector<float>(9000000, 1.5f), {}};

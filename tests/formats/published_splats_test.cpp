@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Round trips of models that other programs wrote, where these lie beside the repository. What
-// splat_formats_test.cpp and ply_test.cpp make has the same layouts and is always tested.
+// Round trips of models from other programs, if these exist beside the repository. The synthetic
+// files of splat_formats_test.cpp and ply_test.cpp have the same layouts and are always tested.
 #include <algorithm>
 #include <filesystem>
 
@@ -46,8 +46,8 @@ TEST_P(PublishedSplats, ComeBackFromAPlyBitByBit) {
   EXPECT_TRUE(again.values == table_.values);
 }
 
-// Bytes for colours and opacities: places and sizes are floats there, colours end at 0 and 1. The
-// file is sorted, so sums stand for the Gaussians.
+// Colours and opacities are bytes, and colours end at 0 and 1; positions and scales are floats. The
+// file is sorted, so sums are compared instead of Gaussians.
 TEST_P(PublishedSplats, ComeBackFromASplatUpToItsBytes) {
   const std::string file = folder_.file("again.splat");
   write_dot_splat(file, table_);

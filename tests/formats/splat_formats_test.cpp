@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of other programs are packed here from known Gaussians, by the formats' descriptions; what
-// is read must be these to half a step of the format.
+// Files of other programs are packed here from known Gaussians by the formats' descriptions;
+// reading must return these within half a quantisation step.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -108,7 +108,7 @@ TEST(DotSplat, ComesBackToThePrecisionOfItsBytesLargestFirst) {
                           opacity_of_logit(*row.logit_opacity);
     EXPECT_LT(weight, before * 1.02);  // opacities are rounded
     before = weight;
-    for (size_t j = 0; j < 50; ++j) {  // its original, by position, takes its place
+    for (size_t j = 0; j < 50; ++j) {  // replaced by its original, found by position
       const SplatRow original = table.row(j);
       if (original.mean[0] != row.mean[0] || j == i) continue;
       for (size_t c = 0; c < table.table.names.size(); ++c)
@@ -127,7 +127,7 @@ TEST(DotSplat, WrittenAgainIsTheSameFile) {
   expect_near(a, read_dot_splat(folder.file("b.splat")), kDotSplat);
 }
 
-// 32 bytes by hand: a half-transparent red Gaussian of scales 1, e, 1, turned by 90 degrees around
+// 32 bytes by hand: a half-transparent red Gaussian of scales 1, e, 1, rotated by 90 degrees about
 // z.
 TEST(DotSplat, BytesMeanWhatTheFormatSays) {
   const TemporaryFolder folder;
@@ -145,7 +145,7 @@ TEST(DotSplat, BytesMeanWhatTheFormatSays) {
   EXPECT_EQ(row.quat[1], 0);
 }
 
-// A Gaussian is 32 bytes in the file and 14 floats in memory: nothing beside these.
+// A Gaussian takes 32 bytes in the file and 14 floats in memory, and nothing else is allocated.
 TEST(DotSplat, ReadingTakesTheMemoryOfWhatIsMadeOfIt) {
   const TemporaryFolder folder;
   constexpr size_t n = 1000000;
@@ -154,7 +154,7 @@ TEST(DotSplat, ReadingTakesTheMemoryOfWhatIsMadeOfIt) {
             double(n) * 56 / (1 << 20) + 8);
 }
 
-// What is written of a Gaussian, and its place in the order; not a copy of the table as well.
+// Allocates the output and the sort order, but no copy of the table.
 TEST(DotSplat, WritingTakesTheMemoryOfTheFileAndItsOrder) {
   const TemporaryFolder folder;
   constexpr size_t n = 1000000;
@@ -211,7 +211,7 @@ uint32_t pack_11_10_11(const double* at) {
   return unorm(at[0], 11) << 21 | unorm(at[1], 10) << 11 | unorm(at[2], 11);
 }
 
-// 2 bits for the largest component, 10 for each other in their order.
+// 2 bits for the index of the largest component, 10 for each other in order.
 uint32_t pack_quat(const float* quat) {
   size_t largest = 0;
   for (size_t k = 1; k < 4; ++k)
@@ -279,7 +279,7 @@ struct CompressedPly {
   }
 };
 
-// Half a step: 8.25/1023 in y; 7.25/1023; sqrt 2/1023 and what the largest component amplifies.
+// Half a step: 8.25/1023 in y; 7.25/1023; sqrt 2/1023, amplified for the largest component.
 const Tolerance kCompressed{4.2e-3, 3.7e-3, 2.5e-3, 4e-3, 2e-3, 4.1 / 256};
 
 TEST(CompressedPly, IsReadToThePrecisionOfItsBits) {
@@ -313,8 +313,8 @@ TEST(CompressedPly, RefusesWhatDoesNotFitTogether) {
     std::string other = bytes;
     const std::string property = "uint packed_scale";
     other.replace(other.find(property), 4, type);
-    other.resize(
-        size_t(long(other.size()) + (size - 4) * long(table.table.rows)));  // as long as it says
+    other.resize(size_t(long(other.size()) +
+                        (size - 4) * long(table.table.rows)));  // as long as the header states
     expect_error([&] { read_splats(folder.write("d.ply", other)); },
                  {"d.ply", "'packed_scale' is no uint"});
   }
@@ -358,7 +358,7 @@ struct Spz {
     const int degree = sh_degree_of(table.rest);
     for (const int value : {degree, 12, 0, 0}) append(out, uint8_t(value));
     for (size_t i = 0; i < n; ++i)
-      for (size_t k = 0; k < 3; ++k) {  // y and z point the other way
+      for (size_t k = 0; k < 3; ++k) {  // y and z are flipped
         const int32_t fixed = int32_t(std::lround(table.row(i).mean[k] * (k ? -4096.f : 4096.f)));
         out.append(reinterpret_cast<const char*>(&fixed), 3);
       }
@@ -379,7 +379,7 @@ struct Spz {
     return out;
   }
 
-  // Of a coefficient, seen from the turned side: how many factors y and z its polynomial has.
+  // Sign of a coefficient after the flip: its polynomial's number of factors y and z.
   static float sign(size_t c) {
     const int factors[15] = {1, 1, 0, 1, 2, 0, 1, 0, 1, 2, 1, 1, 0, 1, 0};
     return factors[c] % 2 ? -1.f : 1.f;
@@ -411,7 +411,8 @@ TEST(Spz, IsReadToThePrecisionOfItsBytesAndTurned) {
     for (const int degree : {0, 1, 2, 3}) {
       SplatTable table = random_splats(40, degree);
       const std::string bytes = Spz{version}.bytes(table);
-      // where w is small, version 2 finds it from the others to the root of their step only
+      // Where w is small, version 2 derives it from the others only to the square root of their
+      // step.
       const Tolerance tolerance{1.3e-4, 0.032, version == 2 ? 0.07 : 2e-3, 4e-3, 2e-3, 4.1e-3};
       expect_near(table, read_splats(folder.write("a.spz", bytes)), tolerance);
       write_file_atomically(folder.file("b.spz"), gzip(bytes));
@@ -442,19 +443,19 @@ TEST(Spz, RefusesOtherVersionsAndTruncatedOnes) {
         read_splats(folder.write("h.spz", std::string(packed.begin(), packed.end()) + "abc"));
       },
       {"h.spz", "3 bytes follow the end of its gzip stream"});
-  // A million Gaussians of nothing but zeros: a thousandth of the memory it would fill.
+  // A million Gaussians of zeros, compressed to a thousandth of their memory.
   std::string bomb = bytes.substr(0, 16) + std::string(20000000, '\0');
   const uint32_t million = 1000000;
   std::memcpy(&bomb[8], &million, sizeof million);
   write_file_atomically(folder.file("e.spz"), gzip(bomb));
   expect_error([&] { read_splats(folder.file("e.spz")); }, {"e.spz", "would unpack to"});
-  const uint32_t thousand = 1000;  // of them are no bomb
+  const uint32_t thousand = 1000;  // this many are accepted
   std::memcpy(&bomb[8], &thousand, sizeof thousand);
   write_file_atomically(folder.file("f.spz"), gzip(bomb.substr(0, 100000)));
   EXPECT_EQ(read_splats(folder.file("f.spz")).rows, thousand);
 }
 
-// --- whichever
+// --- any format
 
 TEST(SplatFormats, AreKnownByTheirFirstBytes) {
   const TemporaryFolder folder;

@@ -16,7 +16,7 @@
 namespace gflow {
 namespace {
 
-// Mean of the three smallest distances to other points, by looking at all of them.
+// Mean of the three smallest distances to other points, by brute force.
 std::vector<double> by_brute_force(const std::vector<float>& xyz) {
   const size_t n = xyz.size() / 3;
   std::vector<double> result;
@@ -54,7 +54,7 @@ TEST(NeighbourDistance, IsTheMeanOfTheThreeNearest) {
 TEST(NeighbourDistance, OfPointsThatCoincideIsTheSmallestThereIs) {
   std::vector<float> xyz;
   for (int i = 0; i < 4; ++i) xyz.insert(xyz.end(), {1, 1, 1});
-  xyz.insert(xyz.end(), {1, 1, 3});  // 2 away from its three nearest
+  xyz.insert(xyz.end(), {1, 1, 3});  // 2 from its three nearest points
   for (const float d : neighbour_distance(xyz)) EXPECT_EQ(d, 2);
 }
 
@@ -110,8 +110,8 @@ TEST(InitialModel, PutsRandomPointsOnTheObjectWherePicturesHaveAlpha) {
   TrainOptions config = small_config(scene, 10);
   config.init.from = InitFrom::visual_hull;
   config.init.count = 100;
-  // The blob is there from x = -0.3 to 0.3 only for a part of the video: a point that most pictures
-  // see on it lies near the middle. Its Gaussians reach 0.25 + 3 sigma of 0.1 from it.
+  // The blob is between x = -0.3 and 0.3 for part of the video only: a point on it that most images
+  // see is near the middle. Its Gaussians extend 0.25 + 3 sigma of 0.1 from it.
   Loaded loaded(config);
   ASSERT_TRUE(loaded.loaded.scene.has_alpha);
   const HostModel model = loaded.model(config);
@@ -141,7 +141,7 @@ TEST(InitialModel, OfAVisualHullNeedsAlpha) {
   expect_error([&] { loaded.model(config); }, {"visual-hull", "alpha"});
 }
 
-// A static splat of degree 2 with unlike values in every column.
+// A static splat of SH degree 2 with distinct values in every column.
 PlyTable static_splat(size_t count) {
   SplatTable table(count, 2);
   for (size_t i = 0; i < table.table.values.size(); ++i)
@@ -218,7 +218,7 @@ TEST(InitialModel, NeedsPointsWhenTheyAreAskedFor) {
   expect_error([&] { loaded.model(config); }, {"init.from", "points3D.ply"});
 }
 
-// The blob moves along x by blob_path; each seed stands where three cameras see it change.
+// The blob moves along x by blob_path; each seed is where three cameras see a change.
 TEST(InitialModel, StaysWithinTheCapAndTheMemorySeedsIncluded) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -230,7 +230,7 @@ TEST(InitialModel, StaysWithinTheCapAndTheMemorySeedsIncluded) {
   size_t short_lived = 0;
   for (size_t i = 0; i < few.count; ++i)
     short_lived += std::exp(few.groups.at("log_scales")[4 * i + 3]) < few.shape.duration;
-  EXPECT_EQ(short_lived, 20u);  // points keep half of the room
+  EXPECT_EQ(short_lived, 20u);  // points keep half of the space
   config.density.cap = 100000;
   config.init.dynamic = 3000;
   const auto begun = [&](int memory) {
@@ -267,7 +267,7 @@ TEST(InitialModel, SeedsWhatMovesWithItsVelocity) {
   EXPECT_GT(moving, (model.count - scene.truth.count) / 4);
 }
 
-// What set_velocity says of a Gaussian at rest carries it by v from t to t + 1.
+// A static Gaussian with set_velocity(v) moves by v from t to t + 1.
 class EveryMotionModel : public testing::TestWithParam<MotionModelKind> {};
 
 TEST_P(EveryMotionModel, IsGivenAVelocityOnTheHostAndMovesByItOnTheDevice) {

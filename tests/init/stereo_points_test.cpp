@@ -10,9 +10,9 @@
 namespace gflow {
 namespace {
 
-constexpr double kWall = 1;  // its z; cameras stand at z = -3
+constexpr double kWall = 1;  // its z; cameras are at z = -3
 
-// Four cameras before a painted wall, one moment, no points.
+// Four cameras in front of a painted wall, one time step, no points.
 class PaintedWall {
  public:
   PaintedWall() {
@@ -60,7 +60,7 @@ class PaintedWall {
   TemporaryFolder folder_;
 };
 
-// A pixel is one part in 30 of the depth here; half of one, and its neighbour.
+// A pixel is one part in 30 of the depth here; allows half a pixel.
 double share_on_wall(const PointCloud& points) {
   size_t near = 0;
   for (size_t i = 0; i < points.size(); ++i)
@@ -77,7 +77,8 @@ TEST(StereoPoints, LieWhereTheCamerasAgree) {
   EXPECT_EQ(points.size(), 200u);
   EXPECT_EQ(points.rgb.size(), points.xyz.size());
   EXPECT_GT(share_on_wall(points), 0.9);
-  wall.loaded.scene.near = wall.loaded.scene.far = 0;  // then from where the cameras look
+  wall.loaded.scene.near = wall.loaded.scene.far =
+      0;  // then the depth range comes from the cameras' viewing directions
   EXPECT_GT(share_on_wall(wall.found()), 0.9);
 }
 
@@ -107,7 +108,7 @@ TEST(StereoPoints, AreRefusedWhereTooFewAgree) {
   Queue queue = test_queue();
   PaintedWall wall;
   wall.config.init.from = InitFrom::stereo;
-  wall.config.init.count = 20;  // fewer than may be called a scene
+  wall.config.init.count = 20;  // fewer than the minimum for a scene
   Preparation prepared(wall.config, "");
   expect_error([&] { prepared.first_model(queue); }, {"stereo", "20 points", "random"});
 }

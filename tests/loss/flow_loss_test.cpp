@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The flow loss: the robust norm at its hazards, the reference against central differences, the
-// kernel against the reference, and masked pixels bitwise 0.
+// The flow loss: edge cases of the robust norm, the reference against central differences, the
+// kernel against the reference, and masked pixels exactly 0.
 #include "optim/loss/flow_loss.hpp"
 
 #include <cmath>
@@ -21,7 +21,7 @@ struct FlowCase {
   int width, height;
   std::vector<float> flow, alpha, teacher;
   std::vector<cl_uchar> confidence;
-  std::vector<float> tile_weights = {};  // none: all tiles weigh 1
+  std::vector<float> tile_weights = {};  // empty: all tiles have weight 1
 };
 
 FlowCase random_case(int width, int height) {
@@ -41,7 +41,7 @@ FlowCase random_case(int width, int height) {
   return c;
 }
 
-// All pixels weigh fully: flow and teacher [2, n] in one row.
+// All pixels have full weight: flow and target flow [2, n] in one row.
 FlowCase row_of(std::vector<float> flow, std::vector<float> teacher) {
   const size_t n = flow.size() / 2;
   return {int(n),
@@ -120,7 +120,7 @@ TEST_P(FlowLossLanes, MatchTheReferenceAtEverySize) {
     }
 }
 
-// Tiles weigh what they were given: nothing, once or several times; the error is a mean by it.
+// Tiles have weights, 0 or several times 1; the error is a weighted mean.
 TEST_P(FlowLossLanes, WeighsEachTile) {
   const int sizes[][2] = {{1, 1}, {17, 15}, {35, 50}, {320, 96}};
   for (const auto& [width, height] : sizes) {
@@ -181,12 +181,12 @@ TEST(FlowLoss, IsBitwiseZeroWhereThereIsNoWeight) {
   c.confidence[0] = 0;
   c.alpha[4] = 0;
   c.confidence[5] = 0;
-  c.flow[5] = NOT_A_NUMBER;  // a fault elsewhere must not come back through a masked pixel
+  c.flow[5] = NOT_A_NUMBER;  // must not spread through a masked pixel
   const FlowResult actual = run(c, 1, 0.1f);
   const std::vector<float> zero(2 * n, 0.f);
   EXPECT_EQ(std::memcmp(actual.v_flow.data(), zero.data(), 2 * n * sizeof(float)), 0);
   EXPECT_EQ(actual.value.loss, 0);
-  EXPECT_EQ(actual.value.confident_pixels, 1u);  // nothing is drawn at pixel 4
+  EXPECT_EQ(actual.value.confident_pixels, 1u);  // nothing is rendered at pixel 4
   EXPECT_EQ(confident_pixels(c.teacher, c.confidence), 1u);
 }
 

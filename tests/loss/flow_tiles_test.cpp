@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which tiles the flow is asked of: the moving ones always, calm ones as often as they should be,
-// so that the mean over many steps is the loss of all tiles.
+// Selection of tiles for the flow loss: moving tiles always, low-motion tiles with their
+// probability, so that the mean over many steps is the loss of all tiles.
 #include "optim/loss/flow_tiles.hpp"
 
 #include <gtest/gtest.h>
@@ -44,12 +44,12 @@ TEST_P(FlowTilesLanes, AsksOfEachAsOftenAsItShould) {
   Queue queue = test_queue(GetParam());
   Asked asked;
   asked.set(69, 0, 3, -4);             // tile 4, in its last column
-  asked.set(17, 34, 0.3f, 0.4f, 128);  // tile 11, in its last row: .5 px, half believed
-  asked.set(40, 20, 0, 50, 0);         // tile 7: not believed
-  asked.set(0, 0, NOT_A_NUMBER, 0);    // tile 0: no flow at all
+  asked.set(17, 34, 0.3f, 0.4f, 128);  // tile 11, in its last row: 0.5 px, half confidence
+  asked.set(40, 20, 0, 50, 0);         // tile 7: no confidence
+  asked.set(0, 0, NOT_A_NUMBER, 0);    // tile 0: NaN
   asked.set(1, 0, 2e5f, 0);
   for (int y = 16; y < 32; ++y)
-    for (int x = 16; x < 32; ++x) asked.set(x, y, 2, 2, 0);  // tile 6: nothing is known
+    for (int x = 16; x < 32; ++x) asked.set(x, y, 2, 2, 0);  // tile 6: no confidence anywhere
   const LowMotionRule rule{0.125f, 1};
   const int draws = 4000;
   std::vector<double> share(kTiles, 0.125);
@@ -64,7 +64,7 @@ TEST_P(FlowTilesLanes, AsksOfEachAsOftenAsItShould) {
       ++count[t];
       EXPECT_NEAR(double(weights[t]) * share[t], 1, 1e-6) << t;
       sum[t] += double(weights[t]);
-      // Those of one share come together, and with them all that move more.
+      // Tiles with one probability are selected together, along with all tiles that move more.
       for (size_t other = 0; other < kTiles; ++other) {
         if (share[other] >= share[t]) {
           EXPECT_GT(weights[other], 0) << i << ": " << t << " without " << other;
@@ -73,7 +73,7 @@ TEST_P(FlowTilesLanes, AsksOfEachAsOftenAsItShould) {
     }
   }
   for (size_t t = 0; t < kTiles; ++t) {
-    // Of a share p: standard deviation sqrt(p (1 - p) / draws), .0052 for 1/8; five of them.
+    // For a probability p: standard deviation sqrt(p (1 - p) / draws), .0052 for 1/8; allows five.
     const double deviation = std::sqrt(share[t] * (1 - share[t]) / draws);
     EXPECT_NEAR(double(count[t]) / draws, share[t], 5 * deviation + 1e-12) << t;
     if (share[t] > 0) {
@@ -93,7 +93,7 @@ TEST(FlowTiles, AllWidthsChooseTheSame) {
   for (const auto& weights : all) EXPECT_EQ(weights, all[0]);
 }
 
-// The gradient of the loss over all tiles is the mean of those over the tiles chosen.
+// The gradient of the loss over all tiles is the mean of the gradients over the selected tiles.
 TEST(FlowTiles, TheLossIsRightInTheMean) {
   Queue queue = test_queue();
   Asked asked;
@@ -118,8 +118,8 @@ TEST(FlowTiles, TheLossIsRightInTheMean) {
     const auto one = sum_of(&tiles.choose(queue, i, kWidth, kHeight, teacher, confidence));
     for (size_t k = 0; k < 3; ++k) mean[k] += one[k] / draws;
   }
-  // All tiles at a quarter at once: a deviation of sqrt(3) = 1.7 a draw, .027 of the mean; four of
-  // them.
+  // All tiles at once with probability 1/4: a deviation of sqrt(3) = 1.7 per draw, .027 of the
+  // mean; allows four.
   for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(mean[k] / all[k], 1, 0.11) << k;
 }
 

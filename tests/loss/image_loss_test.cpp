@@ -21,7 +21,7 @@ struct PictureCase {
   std::vector<cl_uchar> truth;  // [H, W, 3]
 };
 
-// A truth with smooth shades, texture and flat white, and a picture that errs by `error`.
+// A truth with smooth shades, texture and flat white, and an image that differs by up to `error`.
 PictureCase random_case(int width, int height, float error, unsigned seed = 1) {
   std::mt19937 rng(seed);
   std::uniform_real_distribution<float> uniform(-1, 1);
@@ -106,7 +106,7 @@ TEST_P(ImageLossLanes, MatchTheReferenceAtEverySize) {
             reference::image_loss(width, height, in_double(c.rgb), c.truth, double(ssim_weight));
         const PictureResult actual = run(GetParam(), c, ssim_weight);
         // A variance is a windowed square minus the square of a mean: both are up to 1 in flat
-        // white and rounded to 6e-8 a few times, against a sum of variances + C2 of 1e-3 and more.
+        // white and rounded to 6e-8 a few times, against a sum of variances + C2 of at least 1e-3.
         // The worst of these cases has 7.5e-6, most have 1e-6.
         EXPECT_LE(relative_l2(actual.v_rgb, expected.v_rgb), 1e-5) << at;
         EXPECT_NEAR(actual.value.l1, expected.l1, 1e-6) << at;
@@ -115,7 +115,7 @@ TEST_P(ImageLossLanes, MatchTheReferenceAtEverySize) {
       }
 }
 
-// Colours that were decoded before they came (skip.compact off): as the bytes, bit for bit.
+// Colours decoded in advance (skip.compact off) give the same bits as their bytes.
 TEST_P(ImageLossLanes, TakeDecodedColoursAsTheirBytes) {
   const PictureCase c = random_case(37, 21, 0.1f);
   Queue queue = test_queue(GetParam());
@@ -156,7 +156,7 @@ TEST_P(ImageLossLanes, GiveTheSameBitsTwiceAndWhenTheSizeChangedBetween) {
 }
 
 TEST(ImageLoss, IsZeroWithItsGradientWhereAllBytesAreMet) {
-  // every byte value, decoded by a true division, differs from the kernel's decoding by exactly 0
+  // Every byte value, decoded by an exact division, equals the kernel's decoding exactly.
   PictureCase c{16, 16, std::vector<float>(3 * 256), std::vector<cl_uchar>(3 * 256)};
   for (size_t i = 0; i < 256; ++i)
     for (size_t k = 0; k < 3; ++k) {

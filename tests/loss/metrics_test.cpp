@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Metrics against numbers found by hand or by numpy, never against our own kernels.
+// Metrics against values computed by hand or by NumPy, never by gflow's kernels.
 #include "optim/loss/metrics.hpp"
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 namespace gflow {
 namespace {
 
-// The two pictures of the numpy script below.
+// The two images of the NumPy script below.
 Picture wavy(int y_step, int c_step) {
   std::vector<uint8_t> bytes;
   for (int y = 0; y < 13; ++y)
@@ -43,12 +43,12 @@ constexpr double NUMPY_SSIM = 0.8664152735513486;
 constexpr double NUMPY_PSNR = 15.401106607966708;
 
 TEST(Ssim, IsWhatNumpyGivesInFloat64) {
-  // the same sums in another order: some hundred roundings of 1e-16
+  // The same sums in another order: about a hundred roundings of 1e-16.
   EXPECT_NEAR(ssim(wavy(11, 5), wavy(12, 9)), NUMPY_SSIM, 1e-12);
 }
 
-// Where the window lies within the picture it does not matter what is outside, and
-// structural_similarity of scikit-image 0.19.3 takes its mean there:
+// Where the window is inside the image, pixels outside do not matter, and structural_similarity of
+// scikit-image 0.19.3 averages over those positions:
 // structural_similarity(a, b, channel_axis=2, gaussian_weights=True, sigma=1.5,
 //                       use_sample_covariance=False, data_range=1.0)
 TEST(Ssim, WithinThePictureIsThatOfScikitImage) {
@@ -111,7 +111,7 @@ TEST(Picture, TakesBytesInterleaved) {
 }
 
 TEST(FlowMetrics, AreTheHandMadeOnes) {
-  // errors (3, 4) = 5 px at rest; 4 px of 100 px = 4 %; 0; the last has no truth
+  // Errors: (3, 4) = 5 px, static; 4 px of 100 px = 4 %; 0; the last pixel has no truth.
   const std::vector<float> truth = {0, 100, 7, std::numeric_limits<float>::quiet_NaN(), 0, 0, 7, 0};
   const std::vector<float> flow = {3, 104, 7, 1000, 4, 0, 7, 1000};
   const FlowMetrics all = flow_metrics(flow, truth);
@@ -131,7 +131,7 @@ TEST(FlowMetrics, OfNoPixelAreNotANumber) {
 constexpr float NAN_F = std::numeric_limits<float>::quiet_NaN();
 
 TEST(DepthError, IsTheHandMadeOne) {
-  // 2 of 2; 5 of 4; 3.75 of 5; nothing drawn; two without a surface
+  // Depths: 2 of 2; 5 of 4; 3.75 of 5; nothing rendered; two without a surface.
   const std::vector<float> truth = {2, 4, 5, 3, 0, NAN_F};
   const std::vector<float> depth = {1, 5, 3, 0.009f, 7, 7};
   const std::vector<float> alpha = {0.5f, 1, 0.8f, 0.003f, 1, 1};
@@ -144,7 +144,7 @@ TEST(DepthError, OfNoSurfaceIsNotANumber) {
 
 TEST(DepthError, RefusesOtherSizes) { EXPECT_THROW(depth_error({1}, {1, 1}, {1, 1}), Error); }
 
-// Planes of 3 x 2 pixels, the same value in each but for those named.
+// Planes of 3 x 2 pixels with one value everywhere except the listed elements.
 std::vector<float> planes(float all, const std::vector<std::pair<size_t, float>>& others = {}) {
   std::vector<float> values(3 * 6, all);
   for (const auto& [i, value] : others) values[i] = value;
@@ -162,18 +162,18 @@ TEST(Flicker, IsNothingWhereTheErrorStays) {
 }
 
 TEST(Flicker, IsTheMeanChangeOfTheErrorInGreyLevels) {
-  // one of 18 values changes by -0.5, one by 0.25
+  // One of 18 values changes by -0.5, one by 0.25.
   const std::vector<float> next = planes(0.25f, {{4, -0.25f}, {17, 0.5f}});
   EXPECT_NEAR(flicker(planes(0.25f), next, 3, 2, std::vector<float>(12, 0.f)), 255 * 0.75 / 18,
               1e-12);
-  // the first of them alone in its pixel, the fifth
+  // Only the first of them is in its pixel, the fifth.
   EXPECT_NEAR(flicker(planes(0.25f), next, 3, 2, std::vector<float>(12, 0.f), {0, 0, 0, 0, 255, 0}),
               255 * 0.5 / 3, 1e-12);
 }
 
 TEST(Flicker, FollowsTheFlow) {
-  // A spot of the error goes from pixel (0, 0) to half way between (1, 1) and (2, 1): a sharp one
-  // in the first picture, and one of half its strength in both pixels of the next.
+  // The error moves from pixel (0, 0) to half way between (1, 1) and (2, 1): a sharp spot in the
+  // first image, half its strength in both pixels of the next.
   const std::vector<float> error = planes(0, {{0, 0.5f}, {6, 0.5f}, {12, 0.5f}});
   std::vector<float> next = planes(0);
   for (size_t c = 0; c < 3; ++c) next[6 * c + 4] = next[6 * c + 5] = 0.5f;
@@ -184,7 +184,7 @@ TEST(Flicker, FollowsTheFlow) {
   EXPECT_NEAR(flicker(error, next, 3, 2, flow, spot), 0, 1e-12);
   flow[6] = 0.75f;  // a quarter of the row above, which is 0
   EXPECT_NEAR(flicker(error, next, 3, 2, flow, spot), 255 * 0.125, 1e-12);
-  // A quarter of the way from a pixel to the one right of it.
+  // A quarter of the distance from a pixel to its right neighbour.
   flow[0] = 0.25f;
   flow[6] = 0;
   EXPECT_NEAR(flicker(planes(0), planes(0, {{1, 0.5f}}), 3, 2, flow, spot), 255 * 0.125 / 3, 1e-12);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The motion loss: what costs nothing, the gradient against central differences, the device against
-// the same in double, needles and broken Gaussians, the same bits twice; and who are neighbours.
+// The motion loss: motions of zero loss, the gradient against central differences, the device
+// against double, needles and broken Gaussians, repeatability; and the choice of neighbours.
 #include "optim/loss/motion_loss.hpp"
 
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@ namespace {
 constexpr size_t MOVERS = 40;
 constexpr double kExtent = 3;
 
-// Gaussians at three moments, in double: means [N, 3] and factors [N, 3, 3].
+// Gaussians at three times, in double: means [N, 3] and factors [N, 3, 3].
 struct Moments {
   std::vector<double> means0, means1, means2, factors1, factors2;
 };
@@ -60,7 +60,7 @@ Moments random_moments() {
   return m;
 }
 
-// The second moment is the first, moved and turned as one body.
+// The pose at the second time is a rigid motion of the first.
 Moments rigid_moments() {
   Random random(4);
   Moments m = random_moments();
@@ -75,7 +75,8 @@ Moments rigid_moments() {
   return m;
 }
 
-// Three pairs a Gaussian, each listed with both; distances are those at t1 unless `stretch`.
+// Three pairs per Gaussian, each listed for both; distances are those at t1 unless `stretch` is
+// set.
 NeighbourPairs ring(const Moments& m, double stretch = 1) {
   NeighbourPairs pairs;
   pairs.offsets = {0};
@@ -111,7 +112,7 @@ MotionLossWeights all_terms() {
 
 double rho(double square, double knee) { return std::sqrt(square + knee * knee) - knee; }
 
-// The loss as its header says it, by Eigen.
+// The loss as defined in its header, by Eigen.
 double plain_loss(const MotionLossWeights& w, const NeighbourPairs& pairs, const Moments& m) {
   const double knee = 1e-3 * double(w.extent), extent = double(w.extent);
   std::vector<Eigen::Matrix3d> turns;
@@ -233,7 +234,7 @@ TEST(MotionLoss, OfAllTermsIsTheSum) {
   }
 }
 
-// One of a pair from 24 numbers: its means and factors at t1 and t2.
+// One Gaussian of a pair from 24 numbers: its means and factors at t1 and t2.
 struct FromNumbers {
   explicit FromNumbers(const double* x) {
     const auto rows = [](const double* a) {
@@ -246,7 +247,7 @@ struct FromNumbers {
   PairMember mover;
 };
 
-// The kernel's own text in double, for any factors: the differences are exact to 1e-6.
+// The kernel's source in double, for any factors: differences are accurate to 1e-6.
 TEST(MotionLoss, OfOnePairHasTheGradientOfItsDifferences) {
   Random random(8);
   const MotionLossRule rule{0.7f, 0.4f, 0.6f, 0.5f, 0, 0.05f};
@@ -265,14 +266,14 @@ TEST(MotionLoss, OfOnePairHasTheGradientOfItsDifferences) {
   for (int round = 0; round < 20; ++round) {
     std::vector<double> x(48);
     for (double& value : x) value = random();
-    for (const size_t first : {6, 15, 30, 39})  // a diagonal: columns far from one plane
+    for (const size_t first : {6, 15, 30, 39})  // diagonals keep the columns far from one plane
       for (const size_t k : {0, 4, 8}) x[first + k] += 2;
     const PairMember v = share(x, 0).gradient;
     const TurnGradient g = turn_vjp(FromNumbers(x.data()).turn, v.turn);
     std::vector<double> found = {v.mean1.x, v.mean1.y, v.mean1.z, v.mean2.x, v.mean2.y, v.mean2.z};
     for (const Mat3& factor : {g.factor1, g.factor2}) put(found, eigen(factor));
     std::vector<double> expected = numeric_gradient(loss, x, 1e-5);
-    expected.resize(24);  // those by the first
+    expected.resize(24);  // gradients of the first Gaussian
     EXPECT_TRUE(all_close(found, expected, {1e-6, 1e-8}));
   }
 }
@@ -281,7 +282,7 @@ TEST(MotionLoss, OfARigidMotionOfEverythingIsNothing) {
   Queue queue = test_queue();
   const Moments m = rigid_moments();
   MotionLossWeights w = all_terms();
-  w.velocity = w.acceleration = 0;  // those do see a turn
+  w.velocity = w.acceleration = 0;  // these depend on rotation
   const MotionResult found = run(queue, w, ring(m), m);
   EXPECT_LT(found.value.total(), 1e-8);
   for (const auto& gradient : found.gradients) EXPECT_LT(norm(gradient), 1e-4);
@@ -326,8 +327,8 @@ TEST(MotionLoss, OfATurnDoesNotDependOnScales) {
   }
 }
 
-// Needles, flat and vanished ones and numbers that are none: finite gradients, and those of the
-// others are as if the broken one had no pairs.
+// Needles, flat and vanished Gaussians and non-finite values: gradients are finite, and those of
+// the others are as if the broken Gaussian had no pairs.
 TEST(MotionLoss, OfBrokenGaussiansHarmsNoOther) {
   Queue queue = test_queue();
   const double nan = std::numeric_limits<double>::quiet_NaN(), huge = 1e30;
@@ -353,7 +354,7 @@ TEST(MotionLoss, OfBrokenGaussiansHarmsNoOther) {
     for (const float g : gradient) EXPECT_TRUE(std::isfinite(g));
   EXPECT_TRUE(std::isfinite(found.value.total()));
   MotionResult whole = run(queue, all_terms(), pairs, m);
-  for (const size_t i : {size_t(0), size_t(20), size_t(30)})  // no neighbours of 12
+  for (const size_t i : {size_t(0), size_t(20), size_t(30)})  // not neighbours of 12
     for (size_t k = 0; k < 3; ++k)
       EXPECT_EQ(found.gradients[1][3 * i + k], whole.gradients[1][3 * i + k]);
 }
@@ -381,7 +382,7 @@ TEST(MotionLoss, RefusesNeighboursOfOthers) {
   EXPECT_THROW(MotionLoss(queue, w), Error);
 }
 
-// Random Gaussians that live at two times, far from each other, and one that is never there.
+// Random Gaussians that exist at two times, far from each other, and one that never exists.
 struct Lives {
   explicit Lives(Queue& queue) : motion(queue, 0.05f), p(queue, MOVERS, motion.groups()) {
     Random random(21);
@@ -419,7 +420,7 @@ TEST(NeighbourPairs, AreTheNearestAmongThoseThereAtTheSameTime) {
       sum += std::pow(double(lives.xyz[3 * i + c]) - double(lives.xyz[3 * j + c]), 2);
     return std::sqrt(sum);
   };
-  // whether fewer than `count` others are nearer to i than j
+  // Whether fewer than `count` others are nearer to i than j.
   const auto chosen = [&](size_t i, size_t j) {
     size_t nearer = 0;
     for (size_t k = 0; k < MOVERS; ++k)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam against its formula in double, closed forms, the rule that unseen rows keep every bit, and
-// steps for some rows against steps for all.
-// Parameter: lanes 0 (one work-item per row on CPUs) and 1 (one per scalar).
+// Adam against its formula in double, closed forms, bitwise unchanged unseen rows, and steps for
+// some rows against steps for all. Parameter: lanes 0 (one work-item per row on CPUs) and 1 (one
+// per scalar).
 #include "runtime/primitives/adam.hpp"
 
 #include <gtest/gtest.h>
@@ -59,7 +59,7 @@ INSTANTIATE_TEST_SUITE_P(Lanes, AdamTest, testing::Values(0, 1));
 TEST_P(AdamTest, FirstStepIsTheLearningRateAgainstTheGradient) {
   AdamFixture f(GetParam(), 1, 3);
   f.step({5, -1e-3f, 0}, {0.5f, 1e-15f});
-  // m c1 / sqrt(v c2^2) is sign(g) up to some 6 roundings of 6e-8
+  // m c1 / sqrt(v c2^2) is sign(g) up to about 6 roundings of 6e-8.
   EXPECT_TRUE(
       all_close(f.group.values.read(f.queue), std::vector<double>{-.5, .5, 0}, {4e-7, 1e-30}));
 }
@@ -68,13 +68,13 @@ TEST_P(AdamTest, ConstantGradientMovesByTheLearningRateEveryStep) {
   AdamFixture f(GetParam(), 1, 1);
   const int steps = 2000;
   for (int t = 0; t < steps; ++t) f.step({0.25f}, {0.125f, 1e-15f});
-  // m and v, bias corrected, are exactly g and g^2 at every step: x = -steps lr. Each step errs by
-  // at most some 100 roundings accumulated in v.
+  // m and v, bias corrected, are exactly g and g^2 at every step: x = -steps lr. The error of each
+  // step is at most some 100 roundings accumulated in v.
   EXPECT_NEAR(f.group.values.read(f.queue)[0], -250, 250 * 1e-5);
 }
 
-// Who is seen in step t, from 1: each row in its own rhythm, some from the first step on, one
-// never.
+// Rows seen in step t, from 1: each row has its own rhythm, some from the first step on, one is
+// never seen.
 std::vector<cl_uint> seen_in(unsigned t, size_t rows) {
   std::vector<cl_uint> seen(rows);
   for (size_t row = 0; row + 1 < rows; ++row)
@@ -109,13 +109,13 @@ TEST_P(AdamTest, FollowsTheReferenceInDoubleWithRowsSeenNowAndThen) {
     }
     std::vector<double> expected;
     for (const AdamState& s : reference) expected.push_back(s.value);
-    // 50 steps of .01, each good to about 20 roundings, where m nearly cancels too
+    // 50 steps of .01, each accurate to about 20 roundings; m nearly cancels as well.
     EXPECT_TRUE(all_close(f.group.values.read(f.queue), expected, {1e-5, 1e-6})) << beta1;
   }
 }
 
-// With beta1 = 0 what a row misses is made up for: nothing is lost by leaving it out. Steps for all
-// begin with a row's first gradient, as in training (Parameters::count_as_seen).
+// With beta1 = 0, missed steps are made up for exactly. Steps for all rows start with a row's first
+// gradient, as in training (Parameters::count_as_seen).
 TEST_P(AdamTest, LeavingOutStepsWithoutAGradientChangesNothing) {
   const size_t rows = 100, width = 7, n = rows * width;
   AdamConfig config;
@@ -138,8 +138,8 @@ TEST_P(AdamTest, LeavingOutStepsWithoutAGradientChangesNothing) {
   }
   const auto found = some.group.values.read(some.queue),
              expected = all.group.values.read(all.queue);
-  // A decay of k steps at once is good to a rounding, one by one to k: of 300 steps of .01 to 3
-  // each.
+  // A decay of k steps at once is accurate to one rounding, step by step to k: 300 steps of .01
+  // with up to 3 each.
   EXPECT_TRUE(all_close(found, std::vector<double>(expected.begin(), expected.end()), {0, 3e-5}));
   EXPECT_EQ(found.back(), 0);  // the last row never had a gradient
   EXPECT_GT(std::fabs(found[0]), 1e-3);
@@ -165,8 +165,8 @@ TEST_P(AdamTest, ItIsThereFromTheFirstStepThatRemembersOn) {
   EXPECT_EQ(f.group.exp_avg.read(f.queue), expected);
 }
 
-// Keys and planes: steps that a row missed never were, so its second moment is that of a row that
-// was seen in each.
+// Keys and planes: missed steps are ignored, so the second moment equals that of a row seen in
+// every step.
 TEST_P(AdamTest, WhatMakesUpForNothingGoesOnWhereItStopped) {
   AdamConfig config;
   config.makes_up = false;
@@ -175,13 +175,13 @@ TEST_P(AdamTest, WhatMakesUpForNothingGoesOnWhereItStopped) {
     f.state.seen.write(f.queue, {1u, cl_uint(t % 3 == 0)});
     f.step({0.5f, 0.5f}, {0.125f, 1e-15f});
   }
-  // A constant gradient moves by the rate in each step of a row's own.
+  // A constant gradient moves a row by the learning rate in each of its own steps.
   const std::vector<double> expected{-30 * 0.125, -10 * 0.125};
   EXPECT_TRUE(all_close(f.group.values.read(f.queue), expected, {1e-5, 0}));
   EXPECT_EQ(f.state.steps.read(f.queue), (std::vector<cl_uint>{30, 10}));
 }
 
-// A row that was away for longer than the table is long has forgotten what it knew.
+// A row that is absent for longer than the table's length has forgotten its moments.
 TEST_P(AdamTest, AfterALongAbsenceOnlyTheNewGradientCounts) {
   AdamFixture f(GetParam(), 1, 1);
   f.step({100}, {0, 1e-15f});
@@ -189,7 +189,7 @@ TEST_P(AdamTest, AfterALongAbsenceOnlyTheNewGradientCounts) {
   f.step({1}, {1, 0});
   EXPECT_EQ(f.state.steps.read(f.queue)[0], 100002u);
   EXPECT_EQ(f.state.last.read(f.queue)[0], 100002u);
-  // m = .1, v = .001, and nothing to correct
+  // m = .1, v = .001, without correction.
   EXPECT_NEAR(f.group.values.read(f.queue)[0], -0.1 / std::sqrt(0.001), 1e-4);
 }
 
@@ -254,7 +254,7 @@ TEST_P(AdamTest, RowWithABadGradientInOneGroupIsSkippedInAll) {
   EXPECT_EQ(f.state.steps.read(f.queue), (std::vector<cl_uint>{0, 1, 0, 0}));
   const auto values = other.values.read(f.queue);
   EXPECT_EQ(values[0], 0);
-  EXPECT_NEAR(values[1], -1, 1e-6);  // the first step is the learning rate
+  EXPECT_NEAR(values[1], -1, 1e-6);  // the first step equals the learning rate
   EXPECT_EQ(values[2], 0);
   EXPECT_EQ(values[3], 0);
 }
@@ -265,7 +265,7 @@ TEST_P(AdamTest, TreatsOnlyTheRowsInUse) {
   f.adam.advance(f.queue, f.state, 1);
   f.adam.step(f.queue, f.group, f.state, 1, {1, 1e-15f});
   const auto values = f.group.values.read(f.queue);
-  EXPECT_NEAR(values[1], -1, 1e-6);  // the first step is the learning rate
+  EXPECT_NEAR(values[1], -1, 1e-6);  // the first step equals the learning rate
   EXPECT_EQ(values[2], 0);
   EXPECT_THROW(f.adam.step(f.queue, f.group, f.state, 4, {1, 1e-15f}), Error);
 }
@@ -278,7 +278,7 @@ TEST_P(AdamTest, RowsInUseMayBeginAnywhere) {
   f.adam.refuse(f.queue, f.group, f.state, middle);
   f.adam.advance(f.queue, f.state, middle);
   f.adam.step(f.queue, f.group, f.state, middle, {1, 1e-15f});
-  const std::vector<double> expected{0, 0, -3, -3, 0, 0, -5, -5, 0, 0};  // row 2 is refused
+  const std::vector<double> expected{0, 0, -3, -3, 0, 0, -5, -5, 0, 0};  // row 2 is rejected
   EXPECT_TRUE(all_close(f.group.values.read(f.queue), expected, {4e-7, 1e-30}));
   EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{0, 0, 2, 0, 0}));
 }

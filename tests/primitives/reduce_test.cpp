@@ -40,7 +40,7 @@ TEST(Reduce, SumsAMillionFloatsToTheirSumInDouble) {
   Queue queue = test_queue();
   const auto data = random_floats(1000003);
   const double expected = std::accumulate(data.begin(), data.end(), 0.0);
-  // 20 float additions in a row of positive numbers: at most 20 x 6e-8 relative
+  // 20 sequential float additions of positive numbers: at most 20 x 6e-8 relative.
   EXPECT_NEAR(Reduce(queue).sum(queue, Buffer<float>(queue, data, "floats")), expected,
               1.2e-6 * expected);
 }

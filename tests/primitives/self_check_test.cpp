@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The self-check passes on a sound device and can fail.
+// The self-check passes on a correct device and can fail.
 #include "runtime/primitives/self_check.hpp"
 
 #include <gtest/gtest.h>

@@ -9,7 +9,7 @@ using namespace gflow;
 
 namespace {
 
-// Camera-to-world in OpenGL axes: at (1, 2, 3), unturned, so it looks along world -z.
+// Camera-to-world in OpenGL axes: at (1, 2, 3), unrotated, so it looks along world -z.
 const char* const pose = "[[1,0,0,1],[0,1,0,2],[0,0,1,3],[0,0,0,1]]";
 const char* const other_pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,3],[0,0,0,1]]";
 
@@ -23,7 +23,7 @@ std::string transforms(const std::string& frames, const std::string& top) {
   return fmt::format(R"({{{}, "frames": [{}]}})", top, frames);
 }
 
-// Writes transforms_train.json with these frames, and pictures train/a.png, b.png, c.png, 8x6.
+// Writes transforms_train.json with these frames, and images train/a.png, b.png, c.png, 8x6.
 void make_blender(const TemporaryFolder& folder, const std::string& frames,
                   const std::string& top = R"("camera_angle_x": 1.5707963267948966)") {
   for (const char* name : {"a", "b", "c"}) make_png(folder, fmt::format("train/{}.png", name));
@@ -49,7 +49,7 @@ TEST(Blender, OpenGlPosesBecomeViewMatrices) {
   EXPECT_NEAR(pixel.y(), 3 - 4 / 2., 1e-9);
 }
 
-// The last column is where it stands, whichever way it is turned.
+// The last column is the position, whatever the rotation.
 TEST(Blender, ATurnedCameraStandsWhereItsPoseSays) {
   const TemporaryFolder folder;
   make_blender(folder,
@@ -95,7 +95,7 @@ TEST(Blender, TrueFlowMakesAPairWithoutANextFrame) {
   EXPECT_FALSE(first.flow_mask_path.empty());
 }
 
-// A test view without one would be compared with the beginning.
+// A test view without a time would be compared with time 0.
 TEST(Blender, TimesAreInAllFilesOrNone) {
   const TemporaryFolder folder;
   const std::string top = R"("camera_angle_x": 1.0)";
@@ -119,7 +119,7 @@ TEST(Blender, IntrinsicsOfAFrameWinAndFollowThePictureSize) {
   make_blender(folder, frame("train/a", "", pose, R"(, "fl_x": 20, "fl_y": 22, "cx": 9, "cy": 5)"),
                R"("fl_x": 1, "w": 16, "h": 12)");
   const Camera camera = read_scene(folder.path()).cameras[0];
-  EXPECT_EQ(camera.width, 8);  // half of what the file says
+  EXPECT_EQ(camera.width, 8);  // half of the size in the file
   EXPECT_NEAR(camera.fx, 10, 1e-12);
   EXPECT_NEAR(camera.fy, 11, 1e-12);
   EXPECT_NEAR(camera.cx, 4.5, 1e-12);
@@ -154,7 +154,7 @@ TEST(Blender, FilesThatContradictThemselvesAreRefused) {
                {"last row", "transform_matrix", "0 0 0 2", "0 0 0 1"});
   expect_error([&] { with(a("[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1],[0,0,0,1]]")); },
                {"transform_matrix", "not 3 rows of 4"});
-  // Whatever the others have.
+  // Regardless of the other files.
   make_blender(folder, frame("train/a", "0", pose), R"("camera_angle_x": 1.0)");
   std::filesystem::copy_file(folder.file("transforms_train.json"),
                              folder.path() + "/transforms_test.json");
@@ -201,8 +201,8 @@ TEST(Blender, WhatIsNoJsonIsRefused) {
     expect_error([&] { read_scene(folder.path()); }, {"nested more than 100 deep"});
   }
   folder.write("transforms_train.json", R"({"frames": "\")" + std::string(200, '[') + R"("})");
-  expect_error([&] { read_scene(folder.path()); }, {"'frames'"});  // a text
-  // Long lists take time by their length: 300 000 entries were five minutes by its square.
+  expect_error([&] { read_scene(folder.path()); }, {"'frames'"});  // a string
+  // Reading a long list must be linear: 300 000 entries took five minutes when it was quadratic.
   std::string many = R"({"camera_angle_x": 1, "frames": [{})";
   for (int i = 0; i < 300000; ++i) many += ",{}";
   folder.write("transforms_train.json", many + "]}");
@@ -210,7 +210,7 @@ TEST(Blender, WhatIsNoJsonIsRefused) {
   for (int i = 0; i < 3; ++i) many += many.substr(many.find(",{}"));
   folder.write("transforms_train.json", many + "]}");
   expect_error([&] { read_scene(folder.path()); }, {"values, at most 800000"});
-  // Blanks before what is wrong would be quoted, eight letters each.
+  // Blanks before a syntax error would be quoted with eight characters each.
   folder.write("transforms_train.json", std::string(3 << 20, '\n') + "x");
   EXPECT_LT(memory_of([&] { EXPECT_THROW(read_scene(folder.path()), Error); }), 64);
   expect_error([&] { read_scene(folder.path()); }, {"3145728 blanks in a row"});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What was written down about real captures (tests/data/captures) is read by its own conventions:
-// points are seen where they were observed, cameras look at what they recorded.
+// Excerpts of real captures (tests/data/captures) are read by their own conventions: points appear
+// where they were observed, and cameras look at their subject.
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -22,7 +22,7 @@ void copy_capture(const std::string& name, const TemporaryFolder& folder) {
                         folder.path(), std::filesystem::copy_options::recursive);
 }
 
-// Where a camera's picture, as it is stored, shows a point of the world [px].
+// Pixel of the stored image where a camera sees a world point [px].
 Eigen::Vector2d stored_pixel(const Camera& camera, const Eigen::Vector3d& world) {
   if (camera.lens.kind == Lens::Kind::none) return camera.project(world);
   const Eigen::Vector3d p =
@@ -35,7 +35,7 @@ double depth(const Camera& camera, const Eigen::Vector3d& world) {
   return camera.viewmat.row(2).dot(world.homogeneous());
 }
 
-// The point nearest to the cameras' optical axes, in the sense of least squares.
+// The point nearest to the optical axes of the cameras, in the least-squares sense.
 Eigen::Vector3d optical_axes_intersection(const std::vector<Camera>& cameras) {
   Eigen::Matrix3d across = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -65,7 +65,7 @@ struct Observation {
   Eigen::Vector3d point;
 };
 
-// Every second line of images.txt holds x, y and the number of a point, three by three.
+// Every second line of images.txt contains triples of x, y and a point number.
 std::vector<Observation> colmap_observations(const TemporaryFolder& folder) {
   std::map<long, Eigen::Vector3d> points;
   std::ifstream points_file(folder.file("sparse/0/points3D.txt"));
@@ -107,12 +107,12 @@ TEST(Captures, ColmapSeesItsPointsWhereItObservedThem) {
     });
     ASSERT_NE(frame, scene.train.end());
     Camera camera = scene.cameras[size_t(frame->camera)];
-    const Eigen::Vector2d pixel = one.pixel / 10;  // of a picture of a tenth of the size
+    const Eigen::Vector2d pixel = one.pixel / 10;  // in an image of a tenth of the size
     squares += (stored_pixel(camera, one.point) - pixel).squaredNorm();
     camera.lens.k = {};
     squares_without_lens += (stored_pixel(camera, one.point) - pixel).squaredNorm();
   }
-  // These points' errors in points3D.txt have a root mean square of 1.4 px over all pictures.
+  // The points of points3D.txt have a root mean square error of 1.4 px over all images.
   EXPECT_LT(10 * std::sqrt(squares / 14), 2.0);
   EXPECT_GT(10 * std::sqrt(squares_without_lens / 14), 3.0);
 }
@@ -132,7 +132,7 @@ TEST(Captures, PanopticCamerasLookAtTheStage) {
     EXPECT_NEAR(depth(camera, stage), 2.75, 0.05) << camera.name;  // the dome's radius
     EXPECT_EQ(camera.width, 64);
   }
-  EXPECT_EQ(neighbour_pairs(scene).size(), 4u);  // two times of every camera
+  EXPECT_EQ(neighbour_pairs(scene).size(), 4u);  // two times per camera
 }
 
 TEST(Captures, NerfiesCamerasStandAndLookAsTheyDid) {
@@ -146,14 +146,14 @@ TEST(Captures, NerfiesCamerasStandAndLookAsTheyDid) {
   ASSERT_EQ(scene.test.size(), 1u);
   ASSERT_EQ(scene.cameras.size(), 3u);
   for (const Camera& camera : scene.cameras) {
-    // The middle of the scene is before every camera, between scene.json's near and far.
+    // The middle of the scene is in front of every camera, between scene.json's near and far.
     EXPECT_GT(depth(camera, {0, 0, 0}), 0.0031) << camera.name;
     EXPECT_LT(depth(camera, {0, 0, 0}), 0.947) << camera.name;
     EXPECT_EQ(camera.lens.k, (std::array<double, 8>{0.09550585597753525, -0.23209302127361298,
                                                     0.002494150074198842, 0.03005794994533062}));
     EXPECT_NEAR(camera.lens.fx, 716.3578491210938 / 2, 1e-9);
   }
-  // A hand moves little between pictures: 0.1 of the stored units and 2 degrees.
+  // A hand-held camera moves little between images: 0.1 of the stored units and 2 degrees.
   const Camera& a = scene.cameras[size_t(scene.train[0].camera)];
   const Camera& b = scene.cameras[size_t(scene.train[1].camera)];
   EXPECT_LT((a.position() - b.position()).norm(), 0.1 * 0.0448);
@@ -188,8 +188,8 @@ TEST(Captures, AHyperNerfCameraHasOblongPixelsItsLensAndItsTurn) {
   folder.write("scene.json", R"({"scale": 1, "center": [0, 0, 0]})");
   const Scene scene = read_scene(folder.path());
   ASSERT_EQ(scene.cameras.size(), 1u);
-  // It was turned towards what it films, the middle of its coordinates; its inverse looks past it
-  // by 53 degrees. (The telephones above were held too straight to tell.)
+  // This camera was rotated towards its subject at the origin; the inverse rotation misses it by 53
+  // degrees. (The phones above were held too straight to distinguish the two.)
   expect_all_look_at(scene.cameras, {0, 0, 0});
   const Camera& camera = scene.cameras[0];
   EXPECT_NEAR(camera.lens.fx * 16, 2691.1703975975283, 1e-9);

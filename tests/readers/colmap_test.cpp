@@ -17,7 +17,7 @@ std::string raw(T value) {
   return bytes;
 }
 
-// A model of two pictures and one point, by COLMAP's documentation of the formats.
+// A model of two images and one point, by COLMAP's documentation of the formats.
 void make_text(const TemporaryFolder& folder) {
   folder.write("sparse/0/cameras.txt", "# comment\n7 SIMPLE_PINHOLE 8 6 10 4 3\n");
   folder.write("sparse/0/images.txt",
@@ -52,7 +52,7 @@ void expect_the_model(const ColmapModel& model) {
   const Camera& a = model.images[0].camera;
   EXPECT_EQ(a.fy, 10);
   EXPECT_EQ(a.cx, 4);
-  Eigen::Matrix4d expected;  // half a turn about z, translation 1 2 3
+  Eigen::Matrix4d expected;  // a rotation by 180 degrees about z, translation 1 2 3
   expected << -1, 0, 0, 1, 0, -1, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1;
   EXPECT_TRUE(a.viewmat.isApprox(expected, 1e-12));
   EXPECT_EQ(model.images[1].camera.viewmat(2, 3), 5);
@@ -195,7 +195,7 @@ TEST(Colmap, PointsFartherThanAFloatIsAreRefusedAndTracksMayBeLong) {
   }
 }
 
-// Not read as the 0 that they begin with.
+// They must not be read as their leading 0.
 TEST(Colmap, HexadecimalNumbersAreRefused) {
   const TemporaryFolder folder;
   make_text(folder);
@@ -275,7 +275,7 @@ TEST(Colmap, MorePicturesThanASceneHasAreRefused) {
   expect_error(read, {"cameras.bin", "more than 100000 cameras"});
 }
 
-// Read whole, a text took up to sixteen times its size.
+// Read as a whole, a text file took up to sixteen times its size.
 TEST(Colmap, ReadingPointsTakesTheMemoryOfWhatIsMadeOfThem) {
   const TemporaryFolder folder;
   std::string text;
@@ -385,7 +385,7 @@ TEST(Colmap, AFolderOfPicturesIsAStaticScene) {
   expect_error([&] { read_scene(folder.path()); }, {"sparse/0", "a.png twice"});
 }
 
-// Files are called after it.
+// Output files are named after it.
 TEST(Colmap, APictureInAFolderHasANameWithout) {
   const TemporaryFolder folder;
   make_text(folder);
@@ -396,7 +396,7 @@ TEST(Colmap, APictureInAFolderHasANameWithout) {
   make_png(folder, "images/sub/b.png");
   const Scene scene = read_scene(folder.path());
   EXPECT_EQ(scene.train.at(0).name, "sub_b");
-  EXPECT_EQ(scene.test.at(0).name.size(), 100u + 17);  // cut, with a hash
+  EXPECT_EQ(scene.test.at(0).name.size(), 100u + 17);  // truncated, with a hash
 }
 
 TEST(Scene, WithoutAPathSaysWhichSettingIsEmpty) {

@@ -11,7 +11,8 @@ TEST(Consistent4d, NumberedPicturesAreOneStaticCameraThatLooksAtTheOrigin) {
   EXPECT_EQ(scene.layout, "consistent4d");
   EXPECT_TRUE(scene.has_alpha);
   ASSERT_EQ(scene.train.size(), 12u);
-  EXPECT_EQ(std::filesystem::path(scene.train[10].path).filename(), "10.png");  // not after 1.png
+  EXPECT_EQ(std::filesystem::path(scene.train[10].path).filename(),
+            "10.png");  // natural order: not after 1.png
   EXPECT_NEAR(scene.train[1].time, 1 / 11., 1e-12);
   EXPECT_EQ(scene.test.size(), 12u);
   EXPECT_EQ(neighbour_pairs(scene).size(), 11u);
@@ -60,15 +61,15 @@ TEST(Consistent4d, UnequalViewsAndImpossibleCamerasAreRefused) {
 
 TEST(Consistent4d, PlainPicturesNamedByAWordAndANumberAreAVideoToo) {
   const TemporaryFolder folder;
-  for (int k : {2, 10, 1})  // ffmpeg's names; JPEG by its first bytes, not its name
+  for (int k : {2, 10, 1})  // names as by ffmpeg; a JPEG by its first bytes, not its name
     make_png(folder, fmt::format("frame_{}.jpg", k), 8, 6, 3);
-  make_png(folder, "cover.png", 4, 4, 3);  // has no number
+  make_png(folder, "cover.png", 4, 4, 3);  // a name without a number
   const Scene scene = read_scene(folder.path());
   EXPECT_EQ(scene.layout, "consistent4d");
   EXPECT_FALSE(scene.has_alpha);
   ASSERT_EQ(scene.train.size(), 3u);
   EXPECT_EQ(std::filesystem::path(scene.train[2].path).filename(), "frame_10.jpg");
-  make_png(folder, "other_1.png", 8, 6, 3);  // which of the two is the video?
+  make_png(folder, "other_1.png", 8, 6, 3);  // two candidate sequences are ambiguous
   expect_error([&] { read_scene(folder.path()); }, {"no scene gflow knows"});
 }
 
@@ -79,7 +80,7 @@ TEST(Consistent4d, PicturesLeftOutLeaveAGapInTime) {
   EXPECT_EQ(scene.steps, 3);
   EXPECT_EQ(scene.train[1].step, 1);
   EXPECT_EQ(scene.train[1].time, 0.25);
-  make_png(folder, "frame_4.jpg");  // one number twice says nothing about time
+  make_png(folder, "frame_4.jpg");  // a duplicate number gives no order in time
   EXPECT_NEAR(read_scene(folder.path()).train[1].time, 1 / 3., 1e-12);
 }
 
@@ -131,9 +132,9 @@ TEST(Consistent4d, FirstViewsAreTrainedOnWhereTheyAreGiven) {
   EXPECT_EQ(scene.train[3].name, "eval_0_0000");
   EXPECT_EQ(scene.train[4].name, "eval_1_0000");
   EXPECT_EQ(scene.train[4].time, 0);
-  ASSERT_EQ(scene.test.size(), 4u);  // judged on what was not shown
+  ASSERT_EQ(scene.test.size(), 4u);  // evaluated on frames that training did not use
   EXPECT_EQ(scene.test[0].name, "eval_0_0001");
-  EXPECT_EQ(neighbour_pairs(scene).size(), 2u);  // those of the input view alone
+  EXPECT_EQ(neighbour_pairs(scene).size(), 2u);  // pairs of the input view only
   for (int k = 0; k < 2; ++k) std::filesystem::remove_all(folder.file(fmt::format("eval_{}", k)));
   expect_error([&] { read_scene(folder.path(), options); }, {"scene.first_views", "eval_0"});
 }

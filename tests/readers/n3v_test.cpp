@@ -24,7 +24,7 @@ void make_poses(const TemporaryFolder& folder, size_t cameras) {
   write_npy(folder.file("poses_bounds.npy"), {{cameras, 17}, values});
 }
 
-// Three cameras with pictures of two steps.
+// Three cameras with images of two time steps.
 void make_n3v(const TemporaryFolder& folder) {
   for (int c = 0; c < 3; ++c)
     for (int k = 0; k < 2; ++k)
@@ -81,7 +81,7 @@ TEST(N3v, VideosServeWhereThereAreNoPictures) {
   const std::vector<Image> frames(3, pattern(8, 6));
   make_mp4(folder.file("cam00.mp4"), frames, 20);
   make_mp4(folder.file("cam01.mp4"), frames, 20);
-  make_png(folder, "cam00/images/0000.png");  // pictures are preferred: one step in common
+  make_png(folder, "cam00/images/0000.png");  // images take precedence: one common step
   make_poses(folder, 2);
   Scene scene = read_scene(folder.path());
   EXPECT_EQ(scene.steps, 1);

@@ -9,8 +9,7 @@ using namespace gflow;
 
 namespace {
 
-// Stands at (1, 2, 3 + k) and looks along +x of the world: rows are the camera's right, down and
-// forward axes.
+// At (1, 2, 3 + k), looking along world +x: rows are the camera's right, down and forward axes.
 std::string camera(int k, const std::string& more = "") {
   return fmt::format(
       R"({{"orientation": [[0, -1, 0], [0, 0, -1], [1, 0, 0]], "position": [1, 2, {}],
@@ -19,7 +18,7 @@ std::string camera(int k, const std::string& more = "") {
       3 + k, more);
 }
 
-// Four pictures 8x6 in rgb/2x, two of them for the test, times 4, 5, 6, 8.
+// Four images 8x6 in rgb/2x, two of them for the test, times 4, 5, 6, 8.
 void make_nerfies(const TemporaryFolder& folder) {
   for (int k = 0; k < 4; ++k) {
     make_png(folder, fmt::format("rgb/2x/{:06}.png", k));
@@ -57,7 +56,7 @@ TEST(Nerfies, CamerasAreMovedAndScaledIntoTheScene) {
   EXPECT_NEAR(pixel.y(), 2.5 - 11 / 2., 1e-12);
 }
 
-// Files are called after it.
+// Output files are named after it.
 TEST(Nerfies, AnIdWithFoldersIsANameWithout) {
   const TemporaryFolder folder;
   make_nerfies(folder);

@@ -50,7 +50,7 @@ TEST(Nerfstudio, EveryNthPictureByNameIsForTheTest) {
   // In the order of the file's cameras.
   EXPECT_EQ(names_of(scene.train), (std::vector<std::string>{"images_frame_10", "images_frame_2"}));
   const Camera& camera = scene.cameras[size_t(scene.train[0].camera)];
-  EXPECT_EQ(camera.width, 8);  // half of what the file says
+  EXPECT_EQ(camera.width, 8);  // half of the size in the file
   EXPECT_NEAR(camera.fx, 10, 1e-12);
   EXPECT_NEAR(camera.fy, 11, 1e-12);
   EXPECT_NEAR(camera.cx, 4.5, 1e-12);
@@ -59,7 +59,7 @@ TEST(Nerfstudio, EveryNthPictureByNameIsForTheTest) {
   EXPECT_TRUE(neighbour_pairs(scene).empty());
 }
 
-// Pictures and flow are written to files that are called after them.
+// Images and flow are written to files named after them.
 TEST(Nerfstudio, NamesOfDeepFoldersAreNoLongerThanThoseOfFiles) {
   const TemporaryFolder folder;
   const std::string deep = fmt::format("{0}/{0}/{0}/", std::string(90, 'd'));
@@ -123,7 +123,7 @@ TEST(Nerfstudio, DistortionIsTheFramesOwnOrThatOfAll) {
   EXPECT_EQ(scene.cameras[0].lens.kind, Lens::Kind::radial);
   EXPECT_EQ(scene.cameras[0].lens.k, (std::array<double, 8>{-.1, .02, .003, .004}));
   EXPECT_EQ(scene.cameras[1].lens.k[0], -.2);
-  EXPECT_EQ(scene.cameras[0].lens.fx, 10);  // at the picture's size
+  EXPECT_EQ(scene.cameras[0].lens.fx, 10);  // at the size of the image
   make_nerfstudio(
       folder, frame(1),
       std::string(intrinsics) +
@@ -156,7 +156,7 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   const std::string and_more = std::string(intrinsics) + ", ";
   expect_error([&] { with(frame(99)); }, {"transforms.json", "frame_99.png", "there is no"});
   expect_error([&] { with(""); }, {"transforms.json has no frames"});
-  const std::string text(size_t{3} << 20, 'x');  // the parser has it several times
+  const std::string text(size_t{3} << 20, 'x');  // the parser stores it several times
   expect_error([&] { with(frame(1), and_more + "\"a\": \"" + text + "\""); },
                {"transforms.json", "a text of 3145728 bytes"});
   expect_error([&] { with(frame(1), and_more + "\"" + text); }, {"transforms.json", "a text of"});

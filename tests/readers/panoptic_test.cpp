@@ -12,10 +12,10 @@ namespace {
 
 const char* const k = "[[10, 0, 4.5], [0, 11, 3.5], [0, 0, 1]]";
 
-// World-to-camera: camera c stands at (-c, 0, -5), unturned.
+// World-to-camera: camera c is at (-c, 0, -5), unrotated.
 std::string w2c(int c) { return fmt::format("[[1,0,0,{}],[0,1,0,0],[0,0,1,5],[0,0,0,1]]", c); }
 
-// For each time t and camera c the text of it(t, c), as nested lists.
+// The text it(t, c) for each time t and camera c, as nested lists.
 template <class It>
 std::string by_time(int times, const std::vector<int>& cameras, It it) {
   std::vector<std::string> rows;

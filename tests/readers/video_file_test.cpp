@@ -16,7 +16,7 @@ namespace {
 
 constexpr int width = 32, height = 24;
 
-// `count` flat pictures, frame k grey 40 + 30 k, in a container by the name's extension.
+// `count` uniform images, frame k grey 40 + 30 k, in a container selected by the extension.
 std::string make_video(const TemporaryFolder& folder, const std::string& name, int count,
                        const char* code = "MJPG", double fps = 10) {
   const std::string path = folder.file(name);
@@ -55,8 +55,8 @@ TEST(VideoFile, ATruncatedOneIsTold) {
       << half.notices[0];
 }
 
-// Decoders go on past what is damaged, and say so. MPEG-4 frames of a moving pattern with bytes in
-// the middle of the file overwritten.
+// Decoders continue after damage and report it. MPEG-4 frames of a moving pattern with bytes in the
+// middle of the file overwritten.
 TEST(VideoFile, ADamagedOneIsTold) {
   capture_decoder_errors();
   const TemporaryFolder folder;
@@ -84,18 +84,18 @@ TEST(VideoFile, ADamagedOneIsTold) {
   EXPECT_EQ(said.rfind("gflow: warning: video " + damaged + " is damaged: its decoder says '", 0),
             0u)
       << said;
-  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;  // once, not in each frame
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;  // once, not per frame
   EXPECT_EQ(said_of(path), "");
 }
 
-// Whoever opens too many files, or may not read one, has no damaged video.
+// Too many open files, or an unreadable file, must not be reported as damage.
 TEST(VideoFile, TooManyOpenFilesAreNoDamage) {
   const TemporaryFolder folder;
   const std::string path = make_video(folder, "a.mkv", 3);
   EXPECT_EQ(video_info(path).frames, 3);
   rlimit before;
   ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
-  const int next = ::dup(0);  // the next descriptor is the first that is too many
+  const int next = ::dup(0);  // no further descriptor can be opened
   ::close(next);
   const rlimit none{rlim_t(next), before.rlim_max};
   ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
@@ -109,7 +109,7 @@ TEST(VideoFile, TooManyOpenFilesAreNoDamage) {
   EXPECT_EQ(said, "cannot read video " + path + ": Too many open files");
 }
 
-// The most address space so far [kB].
+// Peak address space so far [kB].
 long most_addresses() {
   std::ifstream status("/proc/self/status");
   long most = 0;
@@ -118,11 +118,11 @@ long most_addresses() {
   return most;
 }
 
-// Its header states tables of 1.7 GB, for which FFmpeg would take memory before it reads them.
+// The header states tables of 1.7 GB, which FFmpeg would allocate before reading them.
 TEST(VideoFile, TakesNoMemoryForWhatAHeaderStates) {
   const std::string file =
       std::string(GFLOW_SOURCE_DIR) + "/tests/data/fuzz/video/tables_of_1.7_GB.mp4";
-  EXPECT_EXIT(  // in a process of its own, which begins with no more than it has
+  EXPECT_EXIT(  // in a new process, with a fresh peak
       {
         const long before = most_addresses();
         expect_error([&] { video_info(file); }, {"cannot read video"});
@@ -132,7 +132,7 @@ TEST(VideoFile, TakesNoMemoryForWhatAHeaderStates) {
       testing::ExitedWithCode(0), "");
 }
 
-// Or a downloaded file would make gflow open any other.
+// Otherwise a downloaded file could make gflow open any other file.
 TEST(VideoFile, APlaylistIsNoVideo) {
   const TemporaryFolder folder;
   const std::string video = make_video(folder, "a.avi", 3);
@@ -182,7 +182,7 @@ TEST(VideoFile, FramesAreCountedWhereTheHeaderLies) {
   set(bytes.find("avih") + 8 + 16);  // dwTotalFrames
   set(bytes.find("strh") + 8 + 32);  // dwLength of the stream
   std::ofstream(path, std::ios::binary) << bytes;
-  EXPECT_EQ(video_info(path).frames, 100);  // the lie is believed there
+  EXPECT_EQ(video_info(path).frames, 100);  // the false number is reported here
   EXPECT_EQ(frame_times(path).size(), 4u);
   EXPECT_EQ(read_scene(path).steps, 4);
 }
