@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Signals: the first raises a flag, the second ends the program, and nothing stays behind.
+// Signals: the first sets a flag, the second ends the program, and no state remains.
 #include "runtime/base/interrupt.hpp"
 
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@ namespace {
 
 class Interrupt : public testing::TestWithParam<int> {
  protected:
-  // The tests may run under nohup, which ignores some.
+  // The tests may run under nohup, which ignores some signals.
   void SetUp() override { former_ = std::signal(GetParam(), SIG_DFL); }
   void TearDown() override { std::signal(GetParam(), former_); }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The progress line: its words, and what gives way when the terminal is narrow.
+// The progress line: its text, and its parts that are dropped in a narrow terminal.
 #include "runtime/base/progress.hpp"
 
 #include <fcntl.h>
@@ -72,7 +72,7 @@ TEST(Progress, WhereSpaceIsShortTermsGoFirstThenTheBar) {
   EXPECT_EQ(progress_line({"train", 0, 1500, 3000, {}}, 1, 2), "");
 }
 
-// What a progress of one step writes to a terminal of this kind.
+// Output of a one-step progress on a terminal of this kind.
 std::string written_to_terminal(const char* kind) {
   const int terminal = ::posix_openpt(O_RDWR | O_NOCTTY);
   EXPECT_TRUE(terminal >= 0 && ::grantpt(terminal) == 0 && ::unlockpt(terminal) == 0);

@@ -32,7 +32,7 @@ TEST(UnfinishedFile, IsRemovedBySignalHandlersOnlyWhileItIsWritten) {
   EXPECT_FALSE(std::filesystem::exists(begun));
 }
 
-// By another thread, which had named it.
+// Created by another thread that had already registered its name.
 TEST(UnfinishedFile, ThatIsMadeAMomentLaterIsRemovedToo) {
   const TemporaryFolder folder;
   const std::string late = folder.path() + "/late";
@@ -44,12 +44,12 @@ TEST(UnfinishedFile, ThatIsMadeAMomentLaterIsRemovedToo) {
           named = true;
           std::this_thread::sleep_for(std::chrono::milliseconds(4));
           folder.write("late", "");
-          const UnfinishedFile none(folder.path() + "/none");  // no other is begun
+          const UnfinishedFile none(folder.path() + "/none");  // no other file is started
           folder.write("none", "");
         });
         while (!named) std::this_thread::yield();
         remove_unfinished_files();
-        usleep(20000);  // a program takes a while to end
+        usleep(20000);  // the program takes a while to end
         _exit(3);
       },
       testing::ExitedWithCode(3), "");
@@ -72,9 +72,9 @@ TEST(UnfinishedFile, OfAReplacedFileIsItsTemporary) {
   EXPECT_EQ(folder.count(), 1u);
 }
 
-// Also between two calls of the system: a temporary was once there a moment before it was noted.
+// Also between two system calls: a temporary once existed a moment before it was registered.
 TEST(UnfinishedFile, NoneIsLeftWheneverASignalComes) {
-  // In memory, where it can be: no signal finds it waiting for a disk, which is most of the time.
+  // In memory if possible: most of the time the process would otherwise wait for the disk.
   std::optional<Environment> memory;
   if (access("/dev/shm", W_OK) == 0) memory.emplace("TMPDIR", "/dev/shm");
   const TemporaryFolder folder;

@@ -16,8 +16,8 @@ Evaluation judged(Queue& queue, const SmallScene& scene, const HostModel& host) 
   return evaluate(queue, model, config, loaded, loaded.scene.test, {});
 }
 
-// Against its own pictures a model errs by their rounding to 8 bits: uniform within half a step,
-// variance 1 / (12 x 255^2), that is 58.9 dB; and SSIM by less than 1e-3.
+// Against its own images a model errs by their rounding to 8 bits: uniform within half a step,
+// variance 1 / (12 x 255^2), that is 58.9 dB; SSIM differs by less than 1e-3.
 TEST(Evaluate, FindsNoErrorInTheModelThatDrewThePictures) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -29,7 +29,7 @@ TEST(Evaluate, FindsNoErrorInTheModelThatDrewThePictures) {
     EXPECT_NEAR(view.psnr, 58.9, 1) << view.name;
     EXPECT_GT(view.ssim, 0.999) << view.name;
   }
-  // its own flow in the settings of the configuration, which are those it was drawn with
+  // Its own flow under the settings of the configuration, which produced the images.
   EXPECT_LT(evaluation.mean.flow_epe, 1e-5);
   EXPECT_LT(evaluation.mean.flow_epe_dynamic, 1e-5);
   EXPECT_NEAR(evaluation.mean.psnr_dynamic, 58.9, 1);
@@ -39,15 +39,16 @@ TEST(Evaluate, HasNoFlowFiguresWhereNoFlowLeads) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   const Evaluation evaluation = judged(queue, scene, scene.truth);
-  const ViewMetrics& last = evaluation.views.back();  // nothing follows the last step
+  const ViewMetrics& last = evaluation.views.back();  // the last step has no next frame
   EXPECT_TRUE(std::isnan(last.flow_epe));
   EXPECT_TRUE(std::isnan(last.flow_epe_dynamic));
   EXPECT_TRUE(std::isnan(last.psnr_dynamic));
-  EXPECT_TRUE(std::isfinite(evaluation.mean.flow_epe));  // the mean is over those that have it
+  EXPECT_TRUE(
+      std::isfinite(evaluation.mean.flow_epe));  // the mean over the views that have a value
 }
 
-// What a model at rest gets wrong is the whole flow: its error is the mean length of the truth,
-// over the pixels that move by more than 1 px.
+// The flow error of a static model is the mean length of the true flow, over the pixels that move
+// by more than 1 px.
 TEST(Evaluate, DynamicPixelsAreThoseWhoseTrueFlowExceedsOnePixel) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -66,14 +67,14 @@ TEST(Evaluate, DynamicPixelsAreThoseWhoseTrueFlowExceedsOnePixel) {
       if (length > 1) moving += length, ++pixels;
     }
     ASSERT_GT(pixels, 20u);
-    // the model's own flow is 0 to a rounding; sums of 2000 terms in double
+    // The model's own flow is 0 up to rounding; sums of 2000 terms in double.
     EXPECT_NEAR(evaluation.views[k].flow_epe, all / double(truth.valid.size()), 1e-5);
     EXPECT_NEAR(evaluation.views[k].flow_epe_dynamic, moving / double(pixels), 1e-5);
     EXPECT_LT(evaluation.views[k].psnr_dynamic, evaluation.views[k].psnr);
   }
 }
 
-// As the loss does, it leaves out what no flow can be.
+// Like the loss, the evaluation ignores impossible flow.
 TEST(Evaluate, FlowOfAHundredThousandPixelsIsNoTruth) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -89,7 +90,7 @@ TEST(Evaluate, FlowOfAHundredThousandPixelsIsNoTruth) {
     EXPECT_NEAR(after.views[k].flow_epe, before.views[k].flow_epe, 1e-4);
 }
 
-// A model whose moving Gaussians have other colours; what it draws is read again, in 8 bits.
+// A model whose moving Gaussians have other colours; its rendered images are read again, in 8 bits.
 TEST(Evaluate, SsimOfWhatMovesIsTheMeanOverThesePixels) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -117,7 +118,7 @@ TEST(Evaluate, SsimOfWhatMovesIsTheMeanOverThesePixels) {
   EXPECT_LT(view.ssim_dynamic, view.ssim - 0.05);
 }
 
-// The error of a model at rest is the truth's length, which is always more than 5 % of it.
+// The error of a static model is the length of the truth, which is always more than 5 % of it.
 TEST(Evaluate, FlAllIsTheShareOfPixelsOffByMoreThanThree) {
   Queue queue = test_queue();
   const SmallScene scene(queue, false, 96, 80);
@@ -137,7 +138,7 @@ TEST(Evaluate, FlAllIsTheShareOfPixelsOffByMoreThanThree) {
   EXPECT_EQ(judged(queue, scene, scene.truth).mean.fl_all, 0);
 }
 
-// True depth of one view, a fifth less than what the model that drew the pictures has there.
+// True depth of one view, a fifth less than the depth of the model that rendered the images.
 TEST(Evaluate, ComparesDepthWhereThereIsATruth) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -161,8 +162,8 @@ TEST(Evaluate, ComparesDepthWhereThereIsATruth) {
   expect_error([&] { judged(queue, scene, scene.truth); }, {"0001.npy"});
 }
 
-// The model is right; one of the five pictures is brightened by 20 of 255. So the error changes on
-// the way to it and from it, elsewhere by the rounding of both pictures only.
+// The model is exact; one of five images is brightened by 20 of 255. So the error changes from and
+// to this image, elsewhere only by the rounding of both images.
 TEST(Evaluate, FlickerIsTheChangeOfTheErrorOnTheWayToTheNextView) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -186,7 +187,7 @@ TEST(Evaluate, UsesDisWhereTheSceneHasNoTrueFlow) {
   const Evaluation evaluation = judged(queue, scene, scene.truth);
   EXPECT_EQ(evaluation.flow_reference, "dis");
   EXPECT_TRUE(std::isfinite(evaluation.mean.flow_epe));
-  EXPECT_TRUE(std::isnan(evaluation.mean.teacher_epe_dynamic));  // it would be its own judge
+  EXPECT_TRUE(std::isnan(evaluation.mean.teacher_epe_dynamic));  // it would be compared with itself
   EXPECT_LT(evaluation.mean.flicker, 1);
 }
 
@@ -213,7 +214,7 @@ TEST(Evaluate, AsksTheNetworksThatAreGiven) {
   const Evaluation evaluation = evaluate(queue, model, config, loaded, loaded.scene.test, {});
   EXPECT_EQ(evaluation.lpips_model, config.metrics.lpips);
   for (const ViewMetrics& view : evaluation.views) {
-    EXPECT_GT(view.lpips, 0);  // this network tells the two apart
+    EXPECT_GT(view.lpips, 0);  // this network is not symmetric
     EXPECT_NEAR(view.clip, 1, 1e-4);
   }
   EXPECT_EQ(evaluation.mean.psnr, without.mean.psnr);
@@ -222,8 +223,8 @@ TEST(Evaluate, AsksTheNetworksThatAreGiven) {
                {"metrics.lpips", "6x4", "48x40"});
 }
 
-// The training views of a scene with transparent pictures, under names as the test views of a plain
-// video have them; their flow may be kept in a folder.
+// The training views of a scene with transparent images, named like the test views of a plain
+// video; their flow may be stored in a folder.
 struct KeptFlow {
   explicit KeptFlow(Queue& queue) : scene(queue, true), config(small_config(scene, 1)) {
     std::filesystem::remove_all(scene.path() + "/flow");
@@ -251,7 +252,7 @@ TEST(Evaluate, FindsTheSameWithFlowThatTrainingKeptAsWithout) {
   Queue queue = test_queue();
   KeptFlow kept(queue);
   const Evaluation without = kept.judged(queue);
-  EXPECT_EQ(kept.folder.count(), 0u);  // it keeps nothing itself
+  EXPECT_EQ(kept.folder.count(), 0u);  // the evaluation stores nothing itself
   kept.keep();
   const Evaluation with = kept.judged(queue);
   EXPECT_EQ(with.flow_reference, "dis");

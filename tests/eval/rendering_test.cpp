@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// --- pictures
+// --- images
 
 TEST(Pictures, ColourIsInterleavedCutAndRounded) {
   const Image image = picture_of_rgb(2, 1, {0, 1, 0.5f, -1, 2, 0.25f});  // planes r, g, b
@@ -33,8 +33,8 @@ TEST(Pictures, DepthCountsHoldTheDepthToHalfAUnit) {
     const std::vector<float> depth{0, most, most / 3, most / 1e7f};
     const DepthCounts counted = count_depth(depth);
     EXPECT_EQ(counted.counts[0], 0);
-    EXPECT_EQ(counted.counts[3], 1);          // there, though too near to count
-    EXPECT_GT(counted.counts[1], 65535 / 3);  // steps of 1, 2, 5 waste no more
+    EXPECT_EQ(counted.counts[3], 1);          // present, though too near to count
+    EXPECT_GT(counted.counts[1], 65535 / 3);  // units of 1, 2, 5 use at least a third of the range
     for (size_t i = 0; i < 3; ++i)
       EXPECT_NEAR(counted.counts[i] * counted.unit, depth[i], 0.501 * counted.unit);
   }
@@ -159,7 +159,7 @@ TEST(Views, OfACameraHaveThePicturesOfItsFrames) {
   const std::vector<RenderView> views = camera_views({camera}, {0, 0.3, 0.75}, &made.loaded.scene);
   ASSERT_EQ(views.size(), 3u);
   EXPECT_EQ(views[0].truth->name, "cam02_0000");
-  EXPECT_EQ(views[1].truth, nullptr);  // between two steps
+  EXPECT_EQ(views[1].truth, nullptr);  // between two time steps
   EXPECT_EQ(views[2].truth->name, "cam02_0003");
   EXPECT_DOUBLE_EQ(views[0].time_t2, 0.3);
   EXPECT_LT(views[2].time_t2, 0);
@@ -186,7 +186,7 @@ TEST(Views, CamerasWithFewFramesShareAMovie) {
   ASSERT_EQ(views.size(), 3u);
   for (const RenderView& view : views) {
     EXPECT_EQ(view.movie, "train");
-    EXPECT_DOUBLE_EQ(view.time_t2, 0.75);  // one step on
+    EXPECT_DOUBLE_EQ(view.time_t2, 0.75);  // the next time step
   }
 }
 
@@ -235,7 +235,7 @@ TEST(Views, AnOrbitSeesEveryGaussianUpright) {
       const Camera& c = view.camera;
       const Eigen::Matrix3d r = c.viewmat.topLeftCorner<3, 3>();
       EXPECT_NEAR(r.determinant(), 1, 1e-12);
-      EXPECT_LT((r * axis).y(), -0.9);  // up in the picture is towards smaller y
+      EXPECT_LT((r * axis).y(), -0.9);  // up in the image is towards smaller y
       EXPECT_NEAR((r * axis).x(), 0, 1e-12);
       for (size_t i = 0; i < model.count; ++i) {
         const float* m = &model.groups.at("means")[3 * i];
@@ -248,7 +248,7 @@ TEST(Views, AnOrbitSeesEveryGaussianUpright) {
   expect_error([&] { orbit_views(model, {0}, "up"); }, {"'up'", "-y"});
 }
 
-// --- drawing
+// --- rendering
 
 TEST(RenderViews, WritesEveryKindOfPictureAndTheVideos) {
   Made made;
@@ -283,7 +283,7 @@ TEST(RenderViews, OfTheModelThatDrewTheSceneAreTheScene) {
     EXPECT_EQ(read_flo(folder.path() + "/flow/" + frame.name + ".flo").uv,
               read_flo(frame.flow_path).uv);
   }
-  // truth | render | error | flow | reference flow
+  // Columns: truth, render, error, flow, reference flow.
   const Image row = read_image(folder.path() + "/compare/cam00_0001.png");
   ASSERT_EQ(row.width, 5 * 48);
   for (int y = 0; y < row.height; ++y)
@@ -309,11 +309,11 @@ TEST(RenderViews, DepthIsTheSameInPngAndArray) {
   const Array depth = read_npy(base + ".npy");
   EXPECT_EQ(depth.shape, (std::vector<size_t>{40, 48}));
   const std::vector<float> values = depth.as_float();
-  // Between the nearest of the blob and the wall's far corner, from a camera 3 units away.
+  // Between the nearest Gaussian of the blob and the wall's far corner, from a camera 3 units away.
   for (const float d : values) EXPECT_TRUE(d > 2.4f && d < 4.8f) << d;
   const double unit = nlohmann::json::parse(contents(base + ".json")).at("unit");
   EXPECT_EQ(unit, 1e-4);                                 // 4.x units in 16 bits
-  EXPECT_FALSE(fs::exists(folder.path() + "/compare"));  // no pictures to compare with
+  EXPECT_FALSE(fs::exists(folder.path() + "/compare"));  // no images to compare with
 }
 
 TEST(RenderViews, StopsAfterAWholeViewWhenProgressThrows) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The file is read here as the viewer's shader reads it, and compared with the model on the device.
+// The test reads the file like the viewer's shader and compares it with the model on the device.
 #include "optim/eval/splatv.hpp"
 
 #include <cstring>
@@ -34,7 +34,7 @@ struct SplatvFile {
     words.resize((bytes.size() - 8 - head[1]) / 4);
     std::memcpy(words.data(), bytes.data() + 8 + head[1], 4 * words.size());
   }
-  // Half float number k of a Gaussian, two in each word.
+  // Half float k of a Gaussian, two per word.
   double half(size_t i, size_t word, int high) const {
     return of_half(words[16 * i + word] >> 16 * high & 0xffff);
   }
@@ -116,7 +116,8 @@ TEST(Splatv, SaysItsTextureAndItsCameras) {
   EXPECT_EQ(file.words.size(), 4096u * 4);
   EXPECT_EQ(chunk["cameras"].size(), 1u);
   EXPECT_EQ(chunk["cameras"][0]["fx"], orbit_views(host, {0}, "-y")[0].camera.fx);
-  for (size_t i = host.count; i < 1024; ++i) EXPECT_EQ(file.words[16 * i + 7], 0u);  // not seen
+  for (size_t i = host.count; i < 1024; ++i)
+    EXPECT_EQ(file.words[16 * i + 7], 0u);  // invisible padding
 }
 
 TEST(Splatv, ShowsNothingOfAGaussianWhoseSizeOverflows) {
@@ -124,7 +125,7 @@ TEST(Splatv, ShowsNothingOfAGaussianWhoseSizeOverflows) {
   HostModel host = moving_model();
   host.groups["logit_opacities"].assign(host.count, 3.f);
   for (size_t axis = 0; axis < 3; ++axis) host.groups["log_scales"][4 * axis + axis] = 89;
-  host.groups["log_scales"][4 * 3] = 88;  // e^88 is a float, and more than half floats hold
+  host.groups["log_scales"][4 * 3] = 88;  // e^88 is a float, but exceeds half floats
   write_splatv(folder.file("a.splatv"), host, {});
   const SplatvFile file(contents(folder.file("a.splatv")));
   for (size_t i = 0; i < host.count; ++i)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Points carried through space by Gaussians whose motion is known.
+// Points moved through space by Gaussians with known motion.
 #include "optim/eval/track_error.hpp"
 
 #include "optim/formats/flo.hpp"
@@ -11,7 +11,7 @@
 namespace gflow {
 namespace {
 
-// A ball of Gaussians at the origin that moves by v in each unit of time, and a still one far off.
+// A ball of Gaussians at the origin that moves by v per unit of time, and a static one far away.
 HostModel moving_ball(const std::array<double, 3>& v, float turn, float life) {
   HostModel host;
   append_gaussian(host, {0, 0, 0}, 0.2f, {0.5f, 0.5f, 0.5f}, 0);
@@ -52,7 +52,7 @@ TEST(TrackError, IsNoneOnTheTruePathsAndThePathsLengthWhereNothingMoves) {
   EXPECT_NEAR(all.median, far, 1e-5);
   EXPECT_NEAR(all.end, 0.8 * 2 / 3, 1e-5);
   EXPECT_LT(none.motion, 1e-5);
-  EXPECT_NEAR(all.motion, 0.2 * 2 / 3, 1e-5);  // each step alone
+  EXPECT_NEAR(all.motion, 0.2 * 2 / 3, 1e-5);  // per step
   EXPECT_NEAR(all.motion_by_step[4], 0.2 * 2 / 3, 1e-5);
   ASSERT_EQ(all.by_step.size(), steps);
   for (size_t k = 0; k < steps; ++k) EXPECT_NEAR(all.by_step[k], 0.2 * double(k) * 2 / 3, 1e-5);
@@ -72,7 +72,7 @@ TEST(TrackError, ATurningGaussianTakesItsPointsAround) {
 
 TEST(TrackError, APointThatNothingCarriesIsLostAndStays) {
   Queue queue = test_queue();
-  Model model(queue, moving_ball({.4, 0, 0}, 0, .05f));  // gone after the first step
+  Model model(queue, moving_ball({.4, 0, 0}, 0, .05f));  // invisible after the first step
   Tracks tracks{5, 1, {}, {}};
   for (int k = 0; k < 5; ++k) tracks.xyz.insert(tracks.xyz.end(), {.2f * float(k), 0, 0});
   const TrackError error = track_error(queue, model, tracks);
@@ -80,9 +80,9 @@ TEST(TrackError, APointThatNothingCarriesIsLostAndStays) {
   EXPECT_NEAR(error.end, 0.6, 1e-5);
 }
 
-// One camera at z = -2 whose flow is that of a wall at z = 0, a pixel to the right a step. The
-// first point moves with the wall, the second behind it otherwise, the third leaves the picture,
-// the fourth joins the wall.
+// One camera at z = -2 whose flow is that of a wall at z = 0, one pixel to the right per step. The
+// first point moves with the wall, the second moves otherwise behind it, the third leaves the
+// image, the fourth joins the wall.
 TEST(TrackError, WhatTrainingSawIsToldApart) {
   Queue queue = test_queue();
   const TemporaryFolder folder;
@@ -126,7 +126,7 @@ TEST(TrackError, WhatTrainingSawIsToldApart) {
     EXPECT_NEAR(error.seen->by_step[step], .25 * double(step), 1e-6);
     EXPECT_NEAR(error.seen->motion_by_step[step], .25, 1e-6);
   }
-  scene.train[1].flow_path.clear();  // one that nobody knows
+  scene.train[1].flow_path.clear();  // a view without known flow
   mark_seen(tracks, scene, frames);
   EXPECT_TRUE(tracks.seen.empty());
   EXPECT_FALSE(track_error(queue, still, tracks).seen);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Guidance in training: what reaches the model, whether it helps, and that a provider that fails
-// costs nothing but its step.
+// Guidance in training: its effect on the model, whether it helps, and that a failing provider
+// costs only its step.
 #include "optim/objectives/guidance_objective.hpp"
 
 #include "optim/eval/evaluation.hpp"
@@ -12,7 +12,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A scene with pictures and flow of its held-out camera as known views.
+// A scene with images and flow of its held-out camera as known views.
 struct Made {
   Made() {
     fs::copy(scene.path() + "/cam00/images", views.path() + "/cam00");
@@ -45,7 +45,7 @@ class GuideTest : public testing::Test {
     return std::make_unique<AnalyticGuidance>(views(), double(config.guidance.variance),
                                               NoiseSchedule::scaled_linear(), SdsRule{});
   }
-  // Of the held-out camera after training.
+  // Metrics of the held-out camera after training.
   ViewMetrics trained(const TrainOptions& config, Guidance* guidance) {
     SmallTraining training(queue(), config, guidance);
     training.steps(queue(), config.train.iterations);
@@ -59,7 +59,7 @@ class GuideTest : public testing::Test {
 };
 Made* GuideTest::made_ = nullptr;
 
-// Answers as a function wants, and keeps what it was asked.
+// Answers by a function and records the requests.
 class Asked : public Guidance {
  public:
   using Answering = std::function<GuidanceAnswer(const GuidanceRequest&, const GuidanceView&)>;
@@ -129,7 +129,7 @@ TEST_F(GuideTest, AsksInTheStepsAndAboutTheViewsThatAreSet) {
   EXPECT_GT(most - least, 30);
 }
 
-// The gradients of three views, of which two are drawn anew, against those of each alone.
+// The gradient of three views, two of them rendered again, against those of each alone.
 TEST_F(GuideTest, TheGradientIsThatOfTheMeanOverViews) {
   const auto gradient = [](const GuidanceRequest&, const GuidanceView& view) {
     GuidanceAnswer answer;
@@ -182,7 +182,7 @@ TEST_F(GuideTest, TheGradientIsThatOfTheMeanOverViews) {
   for (size_t i = 0; i < apart.size(); ++i) EXPECT_NEAR(together[i], apart[i], 1e-5 * largest) << i;
 }
 
-// With nothing else than guidance: colours that nobody gave the model come from the known pictures.
+// Guidance alone: the model learns its colours from the known images only.
 TEST_F(GuideTest, AnalyticGuidanceAloneTrainsTowardsTheKnownPictures) {
   constexpr int steps = 150;
   TrainOptions set = config(steps);

@@ -7,7 +7,7 @@
 namespace gflow {
 namespace {
 
-// eval_0 has steps 0 to 2, eval_1 none; one picture may be any view's.
+// eval_0 has steps 0 to 2, eval_1 none; a single image applies to any view.
 class KnownViewsTest : public testing::Test {
  protected:
   KnownViewsTest() {
@@ -58,7 +58,7 @@ TEST_F(KnownViewsTest, AFlowIsGivenWhereThereIsOne) {
   ASSERT_TRUE(flow);
   EXPECT_EQ(flow->flow.uv[2], 3);
   EXPECT_FALSE(views.flow(request, request.views[1]));
-  request.next_frame = 4;  // a step is left out: the file's flow leads elsewhere
+  request.next_frame = 4;  // skips a step, so the flow of the file leads elsewhere
   EXPECT_FALSE(views.flow(request, request.views[0]));
   request.frame = 1, request.next_frame = 2;
   EXPECT_FALSE(views.flow(request, request.views[0]));

@@ -12,7 +12,7 @@ namespace {
 
 const std::string network = GFLOW_SOURCE_DIR "/tests/data/guidance/denoiser.onnx";
 
-// The denoiser, or nothing in a build without OpenCV's dnn module.
+// The denoiser, or null in a build without OpenCV's dnn module.
 std::unique_ptr<OnnxDenoiser> denoiser() {
   try {
     return std::make_unique<OnnxDenoiser>(network);
@@ -23,7 +23,7 @@ std::unique_ptr<OnnxDenoiser> denoiser() {
   }
 }
 
-// What the network computes stands in make_denoiser.py.
+// make_denoiser.py defines what the network computes.
 TEST(OnnxDenoiser, IsGivenPictureTimestepConditionAndPose) {
   const auto net = denoiser();
   if (!net) GTEST_SKIP() << "built without OpenCV's dnn module";

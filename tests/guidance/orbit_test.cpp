@@ -16,7 +16,7 @@ Camera at(double azimuth, double elevation) {
   return static_camera("c", azimuth, options, 40, 30);
 }
 
-// static_camera places cameras by a formula of its own.
+// static_camera computes camera positions by an independent formula.
 TEST(Orbit, AMovedCameraIsTheOnePlacedThere) {
   for (const auto& [azimuth, elevation] : {std::pair{-75.0, 0.0}, {105.0, 20.0}, {180.0, -30.0}}) {
     const Camera moved_there = moved({}, at(10, 15), azimuth, elevation);

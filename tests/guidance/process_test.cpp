@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The protocol with programs of every sort: shells that keep it or break it, and Python.
+// The protocol with several programs: shells that follow or violate it, and Python.
 #include "optim/guidance/process.hpp"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,8 @@ std::string answering(const std::string& line) {
   return "read hello; echo '{\"version\": 1}'; while read request; do echo '" + line + "'; done";
 }
 
-// Whether it does within two seconds. It is not our child: whoever adopts it reaps it.
+// Whether the process ends within two seconds. It is not a child of the test, so another process
+// reaps it.
 bool comes_to_an_end(int process) {
   for (int i = 0; i < 2000; ++i) {
     std::ifstream stat("/proc/" + std::to_string(process) + "/stat");
@@ -51,7 +52,7 @@ TEST(Process, AShellScriptMayAnswer) {
     const auto answers = guidance.guide(some_request(2, 4, 3));
     ASSERT_EQ(answers.size(), 2u);
     EXPECT_EQ(answers[0].weight, 0.5f);
-    EXPECT_EQ(answers[0].gradient, std::vector<float>(36, 0.f));  // it wrote nothing there
+    EXPECT_EQ(answers[0].gradient, std::vector<float>(36, 0.f));  // the program wrote nothing there
     EXPECT_TRUE(answers[1].gradient.empty());
   }
 }
@@ -104,7 +105,7 @@ TEST(Process, ItsOwnErrorIsPassedOn) {
                  {"gave up: " + std::string(500, 'x') + "..."});
 }
 
-// All that it started goes with it, even where it ignores that its input ended.
+// Its child processes end with it, even if they ignore the end of their input.
 TEST(Process, IsEndedWithAllItStarted) {
   const TemporaryFolder folder;
   const std::string pids = folder.file("pids");
@@ -120,7 +121,7 @@ TEST(Process, IsEndedWithAllItStarted) {
   EXPECT_TRUE(comes_to_an_end(sleeping));
 }
 
-// It has ended, and a child of its own holds its output.
+// The program has ended, but a child of it keeps its output open.
 TEST(Process, IsEndedWithWhatItLeftBehind) {
   const TemporaryFolder folder;
   const std::string file = folder.file("pid");
@@ -133,7 +134,7 @@ TEST(Process, IsEndedWithWhatItLeftBehind) {
   EXPECT_TRUE(comes_to_an_end(sleeping));
 }
 
-// The name of the memory is in the request.
+// The request contains the name of the shared memory.
 TEST(Process, MayNotCutTheMemoryItShares) {
   const std::string cut =
       "read hello; echo '{\"version\": 1}'; while read request; do "
@@ -155,10 +156,10 @@ TEST(Process, LeavesNoSharedMemoryBehind) {
   if (!std::filesystem::exists("/dev/shm")) GTEST_SKIP() << "no /dev/shm to look into";
   ProcessGuidance guidance(answering("{\"views\": [{}]}"), 5, {});
   guidance.guide(some_request(1, 4, 3));
-  EXPECT_EQ(count(), 0u);  // as if we were killed now
+  EXPECT_EQ(count(), 0u);  // as if the test were killed now
 }
 
-// Everything that is asked comes through, and everything that is answered.
+// Every field of the request and of the answer is transferred.
 TEST(Process, PythonSeesTheRequestAndAnswers) {
   if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
   const TemporaryFolder folder;
@@ -220,7 +221,7 @@ serve(guide)
 )");
   const auto expect = [&](const GuidanceRequest& request,
                           std::initializer_list<std::string> words) {
-    ProcessGuidance guidance(python() + program, 60, {});  // it ends with its error
+    ProcessGuidance guidance(python() + program, 60, {});  // the program ends with an error
     expect_error([&] { guidance.guide(request); }, words);
   };
   expect(some_request(1, 5, 4), {"[3,3,5]", "[3,4,5]"});
@@ -235,7 +236,7 @@ TEST(Process, TheExamplesRefuseWhatTheyCannotUse) {
   expect_failure(python() + folder + "example_target.py", {"folder with pictures"}, 60);
   expect_failure(python() + folder + "example_target.py no/such/folder",
                  {"there is no folder no/such/folder"}, 60);
-  // Whichever is missing here: packages, or the weights.
+  // Either the packages or the weights are missing.
   expect_failure(python() + folder + "example_zero123.py no/such/weights", {"gave up"}, 60);
 }
 

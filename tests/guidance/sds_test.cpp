@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Score distillation against what is known in closed form.
+// Score distillation against closed forms.
 #include "optim/guidance/sds.hpp"
 
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 namespace gflow {
 namespace {
 
-// Pictures that are distributed as a mixture of Gaussians, in [-1, 1].
+// A denoiser for images distributed as a mixture of Gaussians, in [-1, 1].
 class Mixture : public Denoiser {
  public:
   Mixture(std::vector<std::vector<float>> means, double variance)
@@ -31,7 +31,7 @@ std::vector<float> minus(std::vector<float> values) {
   return values;
 }
 
-// The end of Stable Diffusion's schedule is 0.00466; that of DDPM 4.0e-5 (both published).
+// The last value of Stable Diffusion's schedule is 0.00466, that of DDPM 4.0e-5 (both published).
 TEST(NoiseSchedule, HasThePublishedValues) {
   const NoiseSchedule latent = NoiseSchedule::scaled_linear(), ddpm = NoiseSchedule::linear();
   ASSERT_EQ(latent.timesteps(), 1000);
@@ -80,7 +80,8 @@ TEST(GaussianNoise, IsStandardNormalAndItsOwnForEachSeedAndView) {
     square += double(a[i]) * a[i] / double(n);
     product += double(a[i]) * b[i] / double(n);
   }
-  const double deviation = 1 / std::sqrt(double(n));  // of each of the three; sqrt(2) of the second
+  const double deviation =
+      1 / std::sqrt(double(n));  // of each of the three; sqrt(2) times for the second
   EXPECT_NEAR(mean, 0, 4 * deviation);
   EXPECT_NEAR(square, 1, 6 * deviation);
   EXPECT_NEAR(product, 0, 4 * deviation);
@@ -154,9 +155,9 @@ std::vector<std::pair<double, double>> normal_quadrature() {
   return nodes;
 }
 
-// With several Gaussians the gradient is not linear any more. Its mean over the noise, by
-// quadrature on a picture of one pixel, is w sigma / sqrt(a) times the derivative of
-// E[-log p(z)], which is differenced here from the mixture's density alone.
+// With several Gaussians the gradient is not linear. Its mean over the noise, by quadrature on an
+// image of one pixel, is w sigma / sqrt(a) times the derivative of E[-log p(z)], computed here by
+// differences of the mixture's density alone.
 TEST(Sds, MeanGradientIsTheDerivativeOfTheDistanceToAMixture) {
   const std::vector<std::vector<float>> means{{0.5f, -0.2f, 0.1f}, {-0.4f, 0.3f, 0.6f}};
   const double variance = 0.1;
@@ -173,7 +174,7 @@ TEST(Sds, MeanGradientIsTheDerivativeOfTheDistanceToAMixture) {
   for (const int t : {300, 700}) {
     const double a = schedule.alphas_cumprod[size_t(t)], sigma = std::sqrt(1 - a);
     const double s = a * variance + 1 - a;
-    const auto distance = [&](const std::vector<double>& y) {  // E[-log p(z)] but for a constant
+    const auto distance = [&](const std::vector<double>& y) {  // E[-log p(z)] up to a constant
       double sum = 0;
       over_noise([&](const std::vector<double>& e, double weight) {
         double p = 0;
@@ -202,7 +203,7 @@ TEST(Sds, MeanGradientIsTheDerivativeOfTheDistanceToAMixture) {
       down[c] -= h;
       const double slope = (distance(up) - distance(down)) / (2 * h);
       EXPECT_NEAR(mean[c], 2 * (1 - a) * sigma / std::sqrt(a) * slope, 1e-4) << t << " " << c;
-      EXPECT_GT(std::fabs(mean[c]), 1e-3);  // or nothing would be tested
+      EXPECT_GT(std::fabs(mean[c]), 1e-3);  // otherwise the test is trivial
     }
   }
 }

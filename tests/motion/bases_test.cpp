@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shared rigid motions: what one weight of 1 means, the device against double and differences.
+// Shared rigid motions: the effect of a single weight of 1, and the device against double and
+// differences.
 #include "optim/motion/bases.hpp"
 
 #include <gtest/gtest.h>
@@ -70,7 +71,7 @@ TEST(Bases, OneFullWeightIsThatRigidMotion) {
   }
 }
 
-// Keys, bases, and lanes: 0 for those of the device, 1 for GPUs.
+// Keys, bases, and lanes: 0 the device's own, 1 as on GPUs.
 class BasesOfSomeSizes : public testing::TestWithParam<std::tuple<int, int, int>> {};
 INSTANTIATE_TEST_SUITE_P(Motion, BasesOfSomeSizes,
                          testing::Values(std::tuple{1, 1, 0}, std::tuple{5, 1, 0},
@@ -98,7 +99,7 @@ TEST(Bases, PivotsLieFarApartAmongWhatMovesAndGaussiansFollowThoseNear) {
   place_bases(shape, groups, 1);
   EXPECT_EQ(groups["pivots"], (std::vector<float>{0, 0, 0, 5.1f, 0, 0}));
   const auto logit = [&](size_t i, size_t b) { return groups["basis_logits"][2 * i + b]; };
-  EXPECT_LT(std::max(logit(0, 0), logit(0, 1)), -5);  // rests
+  EXPECT_LT(std::max(logit(0, 0), logit(0, 1)), -5);  // static
   EXPECT_GT(logit(2, 0), 1);
   EXPECT_LT(logit(2, 1), 0);
   EXPECT_GT(logit(3, 1), 1);

@@ -19,7 +19,7 @@ const double PI = 3.14159265358979323846;
 
 real3 unit(real3 v) { return v * (1 / std::sqrt(dot(v, v))); }
 
-// Real Y_lm with the Condon-Shortley phase, order m = -l .. l, as 3DGS files have them.
+// Real Y_lm with the Condon-Shortley phase, order m = -l .. l, as in 3DGS files.
 double harmonic(int l, int m, real3 d) {
   const int a = std::abs(m);
   double factorials = 1;  // (l - a)! / (l + a)!
@@ -43,7 +43,7 @@ TEST(Sh, BasisIsTheRealSphericalHarmonics) {
 }
 
 TEST(Sh, BasisIsOrthonormalOnTheSphere) {
-  // midpoints in phi are exact to order 31; Simpson in z for polynomials of degree 6: 1e-8
+  // Midpoints in phi are exact up to order 31; Simpson in z for polynomials of degree 6: 1e-8.
   double products[16][16] = {};
   const int rows = 400, columns = 32;
   for (int r = 0; r <= rows; ++r)
@@ -92,8 +92,8 @@ TEST(Sh, GradientByThePointEqualsCentralDifferences) {
 
 constexpr size_t N_SH = 29;
 
-// lanes 0: what suits the device; 1: the kernels of GPUs, whose loops are written out to degree 3,
-// whatever is stored: what they do not pass writes into the next Gaussian's row.
+// lanes 0: the device's own; 1: the kernels of GPUs. Their loops are unrolled to degree 3 for any
+// stored degree: without their guards they would write into the next Gaussian's row.
 class ShLanes : public testing::TestWithParam<std::tuple<int, int>> {
  public:
   const int lanes = std::get<0>(GetParam()), stored = std::get<1>(GetParam());
@@ -136,7 +136,7 @@ TEST_P(ShLanes, DeviceColoursAndGradientsAreTheDoubleOnes) {
     const Buffer<cl_uint> all(queue, std::vector<cl_uint>(N_SH, 1u), "seen");
     color.forward(queue, parameters, color.bands(degree, skip), camera, gaussians, all, colors);
 
-    // v_means starts at 2, gradients of rows seen before at 1, of others at 7: those are set
+    // v_means starts at 2, gradients of seen rows at 1, of others at 7: the kernel sets the latter.
     GaussianGradients g;
     g.ensure(queue, N_SH);
     g.v_colors.write(queue, to_float(v["colors"]));
@@ -159,14 +159,14 @@ TEST_P(ShLanes, DeviceColoursAndGradientsAreTheDoubleOnes) {
       for (double x : {c.x, c.y, c.z}) expected_colors.push_back(x);
       const double start = seen[i] ? 1 : touched[i] ? 0 : 7;
       for (size_t k = 0; k < 3; ++k) expected["sh0"][3 * i + k] = start;
-      const double rest_start = !seen[i] && degree == 0 && skip ? 7 : start;  // left alone
+      const double rest_start = !seen[i] && degree == 0 && skip ? 7 : start;  // left unchanged
       for (size_t k = 0; k < rest; ++k) expected["sh_rest"][rest * i + k] = rest_start;
       if (touched[i])
         reference::add_row3(expected_means, i,
                             reference::sh_color_vjp(p, i, degree, mean, centre,
                                                     reference::row3(v["colors"], i), expected));
     }
-    // 16 products of order 1 in float32
+    // 16 products of order 1 in float32.
     const Tolerance tolerance{2e-6, 2e-6};
     EXPECT_TRUE(all_close(colors.read(queue), expected_colors, tolerance));
     EXPECT_TRUE(all_close(parameters["sh0"].grads.read(queue), expected["sh0"], tolerance));

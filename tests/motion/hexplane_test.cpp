@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The field of the hexplane model: device against plain loops in double and their differences.
+// The field of hexplane: the device against plain loops in double and their differences.
 #include "optim/motion/hexplane.hpp"
 
 #include <gtest/gtest.h>
@@ -20,11 +20,11 @@ MotionShape small_shape(int levels = 2, int layers = 2, int times = 3) {
   shape.hexplane.resolution = 3;
   shape.hexplane.hidden = 32;
   shape.hexplane.centre = {0.1f, -0.2f, 0.f};
-  shape.hexplane.half_size = {1.f, 1.5f, 0.75f};  // some Gaussians lie outside
+  shape.hexplane.half_size = {1.f, 1.5f, 0.75f};  // some Gaussians are outside
   return shape;
 }
 
-// Planes away from 0: the features are products of six.
+// Planes away from 0, because features are products of six.
 void spread_planes(Queue& queue, MotionCheck& check) {
   std::vector<double>& planes = check.values().at("planes");
   for (double& x : planes) x = double(float(1 + x));
@@ -62,7 +62,7 @@ TEST_P(HexplaneOfSomeShapes, TheDoubleDerivativeIsThatOfCentralDifferences) {
   Random random(23);
   Named p;
   HostGroups groups;
-  set_static(shape, groups, 1);  // for their sizes
+  set_static(shape, groups, 1);  // sets the sizes of the groups
   for (const auto& [name, middle] : {std::pair{"planes", 1.0}, std::pair{"network", 0.0}})
     for (size_t k = 0; k < groups[name].size(); ++k) p[name].push_back(middle + 0.2 * random());
   for (const double t : {0.4, 1.3}) {
@@ -120,7 +120,7 @@ TEST(Hexplane, ASizeChangesAtMostTwentyFold) {
   for (const float x : at.factors.read(queue)) EXPECT_LT(std::fabs(x), 20.1f);
 }
 
-// Blocks and chunks in which nothing, one or everything counts, and more than one of each.
+// Blocks and chunks in which no Gaussian, one or all are seen, and more than one of each.
 TEST(Hexplane, GradientsOfManyGaussiansAreTheSumOfThoseOfFew) {
   Queue queue = test_queue();
   const MotionShape shape = small_shape();
@@ -168,7 +168,7 @@ TEST(Hexplane, ANewModelRestsAndOneWeightOfTheLastLayerMovesIt) {
     return reference::hexplane_shift(shape.hexplane, 2, p, {0.2, 0.1, -0.3}, 0.4).mean;
   };
   EXPECT_EQ(shift().y, 0);
-  p["network"].back() = 9;  // a column that is not used
+  p["network"].back() = 9;  // an unused column
   EXPECT_EQ(shift().y, 0);
   p["network"][p["network"].size() - HEXPLANE_OUTPUTS + 1] = 2;  // the bias of y
   EXPECT_EQ(shift().y, 3);
@@ -201,7 +201,7 @@ TEST_P(HexplaneRule, GradientEqualsCentralDifferences) {
         return reference::plane_cost(shape.hexplane, GetParam(), x);
       },
       values);
-  // set where nothing was seen before, added where something was
+  // Set if nothing was seen before, added otherwise.
   check.motion().regularize(queue, p, GetParam());
   std::vector<float> found = p["planes"].grads.read(queue);
   const std::vector<cl_uint> seen = p.more[0].rows.seen.read(queue);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Paths through keys: what the cubic keeps, the shifted Gaussian's derivative, the device.
+// Paths through keys: which motions the cubic reproduces, the derivative of the moved Gaussian, the
+// device.
 #include "optim/motion/keyframes.hpp"
 
 #include <gtest/gtest.h>
@@ -47,7 +48,7 @@ TEST(Keys, AStraightPathStaysStraightAndAParabolaBetweenInnerKeys) {
         EXPECT_NEAR(path(parabola, t), t * t, 1e-5);
       }
     }
-    EXPECT_EQ(path(line, -1), line.front());  // held outside of the video
+    EXPECT_EQ(path(line, -1), line.front());  // constant outside of the video
     EXPECT_EQ(path(line, 5), line.back());
   }
 }
@@ -85,7 +86,7 @@ TEST(Shifted, GradientEqualsCentralDifferences) {
 
 // ---- on the device
 
-// Number of keys, whether sizes have them, too, and lanes: 0 for those of the device, 1 for GPUs.
+// Number of keys, whether scales have keys, and lanes: 0 the device's own, 1 as on GPUs.
 class KeyframesOfSomeKeys : public testing::TestWithParam<std::tuple<int, bool, int>> {};
 INSTANTIATE_TEST_SUITE_P(Motion, KeyframesOfSomeKeys,
                          testing::Combine(testing::Values(1, 2, 3, 7), testing::Bool(),
@@ -124,7 +125,7 @@ TEST(Keyframes, OnAKeyOnlyItsRowsAreSeenAndActive) {
   EXPECT_EQ(p.more[0].rows.seen.read(queue), std::vector<cl_uint>(15, 0u));
 }
 
-// A key that time comes to goes on in a straight line from the two before it, or from the first.
+// A new key extrapolates linearly from the two before it, or copies the first.
 TEST(Keyframes, AKeyBeginsWhereThePathWasHeading) {
   Queue queue = test_queue();
   MotionShape shape;
@@ -159,7 +160,7 @@ TEST(Keyframes, ChildrenKeepTheirParentsPathThroughDensityControl) {
   Parameters& p = check.parameters();
   const Named before = check.values();
   p["log_scales"].values.fill(queue, -2);
-  p["logit_opacities"].values.write(queue, {1, 1, -20, 1});  // the third goes
+  p["logit_opacities"].values.write(queue, {1, 1, -20, 1});  // the third one is removed
   p["means_t"].values.fill(queue, 0.5f);
   AdcDensity density(queue);
   DensityRule rule = quiet_rule();
@@ -179,7 +180,7 @@ TEST(Keyframes, ChildrenKeepTheirParentsPathThroughDensityControl) {
       for (size_t c = 0; c < 3; ++c)
         EXPECT_EQ(shifts[(k * n + i) * 3 + c],
                   float(before.at("key_shifts")[(k * 4 + source[i]) * 3 + c]));
-  // Two children at one place show what the parent did: 1 - o = (1 - o')^2.
+  // Two children in one place look like the parent: 1 - o = (1 - o')^2.
   const auto shown = [](float logit) { return 1 / (1 + std::exp(-double(logit))); };
   const std::vector<float> logits = p["logit_opacities"].values.read(queue);
   EXPECT_EQ(logits[0], 1);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The cut of a 4D Gaussian against the conditional distribution Eigen gives for its 4x4 covariance;
-// derivative against central differences; the device against the double formulas.
+// The slice of a 4D Gaussian against the conditional distribution that Eigen computes from its 4x4
+// covariance; its derivative against central differences; the device against the double formulas.
 #include "optim/motion/native4d.hpp"
 
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ Native4d random_native4d(Random& random) {
   return g;
 }
 
-// R of R v = ql v conj(qr), v = (x, y, z, t) read as t + xi + yj + zk, a column an axis.
+// R of R v = ql v conj(qr), v = (x, y, z, t) read as t + xi + yj + zk, one column per axis.
 Eigen::Matrix4d rotation4(const Native4d& g) {
   const Eigen::Quaterniond ql = eigen_quat(g.quat).normalized();
   const Eigen::Quaterniond qr = eigen_quat(g.quat_r).normalized();
@@ -171,7 +171,7 @@ TEST(Native4d, DeviceGradientOfTwoTimesIsTheSumForWhatWasSeenAndUntouchedElsewhe
   Native4dMotion motion(queue, .05f);
   Native4dModel m = random_model(queue, motion);
   Random random(6);
-  reference::Named v;  // gradients by the Gaussians at two times
+  reference::Named v;  // gradients of the Gaussians at two times
   std::vector<cl_uint> touched;
   for (size_t i = 0; i < N_NATIVE4D; ++i) {
     for (int k = 0; k < 3; ++k) append(v, "mean1", {random()}), append(v, "mean2", {random()});
@@ -204,7 +204,7 @@ TEST(Native4d, DeviceGradientOfTwoTimesIsTheSumForWhatWasSeenAndUntouchedElsewhe
     const size_t width = values.size() / N_NATIVE4D;
     for (size_t i = 0; i < N_NATIVE4D; ++i)
       if (!touched[i]) std::fill_n(values.begin() + i * width, width, 7.0);
-    // 1/|p_t|^4 of the shortest times multiplies the rounding, so the norm is what is compared
+    // 1/|p_t|^4 of the shortest lifetimes multiplies the rounding, so the test compares norms.
     EXPECT_LT(relative_l2(m.p[name].grads.read(queue), values), 1e-5) << name;
   }
   const std::vector<cl_uint> seen = m.p.rows.seen.read(queue);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Gaussian on its path: against the 4D Gaussian it equals when it moves straight, its derivative
-// against central differences, the device against the double formulas, and what a split leaves.
+// A moving Gaussian: against the equivalent 4D Gaussian for linear motion, its derivative against
+// central differences, the device against the double formulas, and the result of a split.
 #include "optim/motion/spacetime.hpp"
 
 #include <gtest/gtest.h>
@@ -63,8 +63,8 @@ TEST(Spacetime, TheVelocityIsTheDerivativeOfThePathAndTheTurnKeepsTheShape) {
   EXPECT_LT((eigen(spacetime_velocity(g, .4)) - expected).norm(), 1e-9);
   const Eigen::Matrix3d a = eigen(spacetime_at(g, g.mean_t).factor);
   const Eigen::Matrix3d b = eigen(spacetime_at(g, t).factor);
-  EXPECT_LT((a.transpose() * a - b.transpose() * b).norm(), 1e-12);  // the same axes' lengths
-  EXPECT_GT((a - b).norm(), 1e-2);                                   // turned
+  EXPECT_LT((a.transpose() * a - b.transpose() * b).norm(), 1e-12);  // equal lengths of the axes
+  EXPECT_GT((a - b).norm(), 1e-2);                                   // rotated
 }
 
 TEST(Spacetime, GradientEqualsCentralDifferences) {
@@ -98,7 +98,7 @@ SpacetimeModel random_model(Queue& queue, const SpacetimeMotion& motion) {
   Random random(5);
   for (size_t i = 0; i < N_SPACETIME; ++i) {
     m.rows.push_back(random_spacetime(random));
-    // as the device holds them
+    // As stored on the device.
     std::vector<double> x = reference::flat(m.rows.back());
     for (double& value : x) value = float(value);
     m.rows.back() = reference::spacetime_from(x);
@@ -138,7 +138,7 @@ TEST(Spacetime, DeviceGradientOfTwoTimesIsTheSumForWhatWasSeenAndUntouchedElsewh
   SpacetimeMotion motion(queue, .05f);
   SpacetimeModel m = random_model(queue, motion);
   Random random(6);
-  reference::Named v;  // gradients by the Gaussians at two times
+  reference::Named v;  // gradients of the Gaussians at two times
   std::vector<cl_uint> touched;
   for (size_t i = 0; i < N_SPACETIME; ++i) {
     for (int k = 0; k < 3; ++k) append(v, "mean1", {random()}), append(v, "mean2", {random()});

@@ -12,7 +12,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A run that is to be replaced.
+// A run to be replaced.
 class BackupTest : public testing::Test {
  protected:
   BackupTest() : run_(folder_.path()) {
@@ -26,9 +26,10 @@ class BackupTest : public testing::Test {
     EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(Backup::kName))));
     EXPECT_FALSE(fs::exists(run_.path("point_cloud/" + temporary_folder_name(Backup::kName))));
   }
-  // As one that is killed in it leaves the folder, before the next training has begun or after.
+  // The folder as left by a process killed while replacing, before or after the next training has
+  // started.
   void kill_in_replacing(bool begun) const {
-    const std::string pid = "1";  // of no gflow
+    const std::string pid = "1";  // not a running gflow
     std::vector<std::string> all = run_.training(), results = run_.results();
     all.insert(all.end(), results.begin(), results.end());
     for (const std::string& path : all) {
@@ -36,7 +37,7 @@ class BackupTest : public testing::Test {
       fs::create_directory(aside);
       fs::rename(from, aside / from.filename());
     }
-    // Which takes its name first.
+    // The file that is renamed first.
     if (!begun) folder_.write(".next." + pid + "-0.part/config.toml", "next");
     folder_.write(".next." + pid + "-0.part/cameras.json", "next");
   }
@@ -79,7 +80,7 @@ TEST_F(BackupTest, ComeBackUnlessTheyAreGivenUp) {
 }
 
 TEST_F(BackupTest, ComeBackWhereOneOfThemCannotGo) {
-  // Something that is no file of its own has the name there.
+  // An unrelated folder has the same name.
   const std::string models = run_.path("point_cloud/" + temporary_folder_name(Backup::kName));
   folder_.write("point_cloud/" + fs::path(models).filename().string() + "/iteration_5/x", "");
   {
@@ -92,7 +93,7 @@ TEST_F(BackupTest, ComeBackWhereOneOfThemCannotGo) {
   EXPECT_TRUE(fs::exists(run_.path("checkpoints/iteration_5.npz")));
 }
 
-// As on a disk that takes no more: the next that opens the folder does it.
+// As on a full disk: the next process that opens the folder restores them.
 TEST_F(BackupTest, ThatCannotComeBackAreNotLost) {
   {
     const StagedFiles next(run_);
@@ -101,7 +102,7 @@ TEST_F(BackupTest, ThatCannotComeBackAreNotLost) {
     former.put_aside(run_.training());
     former.put_aside(run_.results());
     EXPECT_TRUE(Backup::are_aside(run_));
-    // In the way.
+    // Obstacles.
     for (const char* name : {"point_cloud/iteration_5/x", "test/b.png", "input.ply/x"})
       folder_.write(name, "");
     testing::internal::CaptureStderr();
@@ -118,7 +119,7 @@ TEST_F(BackupTest, ThatCannotComeBackAreNotLost) {
   EXPECT_FALSE(fs::exists(run_.path(temporary_folder_name(StagedFiles::kName))));
 }
 
-// On another disk, where the links stay.
+// Symbolic links to another disk, which must stay.
 TEST_F(BackupTest, MayLieBehindLinks) {
   const TemporaryFolder scratch;
   fs::rename(run_.path("checkpoints"), scratch.path() + "/kept");
@@ -142,7 +143,7 @@ TEST_F(BackupTest, MayLieBehindLinks) {
   EXPECT_EQ(scratch.count(), 1u);
 }
 
-// A process is killed before the next training has its settings there, or after.
+// A process is killed before or after the next training has written its settings.
 TEST_F(BackupTest, ComeBackWhereTheNextTrainingHadNotBegun) {
   for (const bool begun : {false, true}) {
     kill_in_replacing(begun);
@@ -165,7 +166,7 @@ TEST_F(BackupTest, ComeBackBeforeARunIsOpened) {
   EXPECT_EQ(folder_.count(), names_.size() + 2) << "nothing but these, notes and .lock";
 }
 
-// Who has it is to put them back: it may be about to begin.
+// The owner of the lock must restore them: it may be about to start.
 TEST_F(BackupTest, ComeBackUnderTheLockAlone) {
   kill_in_replacing(false);
   {

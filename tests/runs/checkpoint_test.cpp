@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The file itself: nothing but what was written is ever read from it.
+// Checkpoint files: reading returns exactly what was written, or fails.
 #include "optim/runs/checkpoint.hpp"
 
 #include <cmath>
@@ -44,7 +44,7 @@ TEST(Checkpoint, WhatIsWrittenIsReadAgain) {
 TEST(Checkpoint, HoldsTheShapeOfItsModel) {
   const TemporaryFolder folder;
   Checkpoint checkpoint = some_checkpoint(20);
-  EXPECT_FALSE(checkpoint.facts.shape);  // of an older gflow
+  EXPECT_FALSE(checkpoint.facts.shape);  // written by an older gflow
   for (size_t kind = 0; kind < names_of(MotionModelKind{}).size(); ++kind) {
     ModelShape shape;
     shape.motion = MotionModelKind(kind);
@@ -107,8 +107,8 @@ TEST(Checkpoint, APathThatIsNotUtf8IsNoObstacle) {
   EXPECT_EQ(read_checkpoint(folder.file("a.npz")).facts.step, 1);
 }
 
-// A bit of the few bytes that say nothing (times and versions of the archive) may change, nothing
-// else: what is read is what was written, or there is a reason.
+// Only bits without meaning (times and versions of the archive) may change. Otherwise reading
+// returns what was written or gives a reason.
 TEST(Checkpoint, EveryByteThatChangesIsNoticedOrMeansNothing) {
   const TemporaryFolder folder;
   const Checkpoint written = some_checkpoint(20);
@@ -139,7 +139,7 @@ TEST(Checkpoint, CutOffAnywhereItIsRefused) {
   }
 }
 
-// Another archive in its place, or one of a format to come.
+// Another archive in its place, or a future format.
 TEST(Checkpoint, OtherArchivesAndFormatsAreRefusedWithTheReason) {
   const TemporaryFolder folder;
   const std::string path = folder.file("a.npz");
@@ -199,13 +199,13 @@ TEST(CheckpointFolder, TakesTheOneBeforeADamagedOneAndSaysSo) {
   EXPECT_EQ(found->checkpoint.facts.step, 10);
   EXPECT_EQ(said.rfind("gflow: warning: ", 0), 0u) << said;
   EXPECT_NE(said.find("iteration_20.npz"), std::string::npos) << said;
-  // The next one is kept with the sound one, not with the damaged one.
+  // The next checkpoint is kept together with the valid one, not with the damaged one.
   checkpoints.write(some_checkpoint(15));
   EXPECT_TRUE(std::filesystem::exists(checkpoints.path(10)));
   EXPECT_FALSE(std::filesystem::exists(checkpoints.path(20)));
 }
 
-// Whoever writes the right checksums, a training does not go on from what none leaves.
+// Valid checksums do not suffice: a training rejects states that no training writes.
 TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
   const TemporaryFolder folder;
   const CheckpointFolder checkpoints(folder.path());
@@ -236,7 +236,7 @@ TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
     last.arrays[name] = {{2}, std::vector<float>{1, value}};
     EXPECT_EQ(taken(last, std::string("'") + name + "'"), 10) << value;
   }
-  Checkpoint wraps = some_checkpoint(20);  // at the next step
+  Checkpoint wraps = some_checkpoint(20);  // overflows at the next step
   wraps.arrays["gaussians/rows/steps"] = {{2}, std::vector<uint32_t>{1, 4294967295u}};
   EXPECT_EQ(taken(wraps, "'gaussians/rows/steps'"), 10);
   Checkpoint far = some_checkpoint(20);
@@ -244,7 +244,7 @@ TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
   EXPECT_EQ(taken(far, "'table1/rows/now'"), 10);
   far.arrays["table1/rows/now"] = {{1}, std::vector<uint32_t>{21}};  // the training is at 20
   EXPECT_EQ(taken(far, "'table1/rows/now'"), 10);
-  Checkpoint to_come = some_checkpoint(20);  // a row's last step, while the table is at 7
+  Checkpoint to_come = some_checkpoint(20);  // a row's last step is beyond the table's step 7
   to_come.arrays["gaussians/rows/now"] = {{1}, std::vector<uint32_t>{7}};
   to_come.arrays["gaussians/rows/last"] = {{2}, std::vector<uint32_t>{7, 8}};
   EXPECT_EQ(taken(to_come, "'gaussians/rows/last' or 'gaussians/rows/now'"), 10);
@@ -266,7 +266,7 @@ TEST(CheckpointFolder, WithNoneThatCanBeReadIsAnError) {
   testing::internal::GetCapturedStderr();
 }
 
-// What is removed is never the last that can be read.
+// The last readable checkpoint is never removed.
 TEST(CheckpointFolder, MakesRoomByTheOnesBeforeTheLast) {
   const TemporaryFolder folder;
   const CheckpointFolder checkpoints(folder.path());

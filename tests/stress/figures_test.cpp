@@ -11,7 +11,7 @@
 namespace gflow::stress {
 namespace {
 
-// A figure is made of many errors: none may hide one that is not a number, wherever that stands.
+// A result aggregates many errors: a non-finite one must fail it at any position.
 TEST(Figures, AValueThatIsNoNumberFailsWhereverItStands) {
   const double nan = std::nan("");
   for (size_t at = 0; at < 3; ++at) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The quick stress tests (apps/stress), one case each: what `gflow stress --quick` shows as a
+// The quick stress tests (apps/stress), one test case each; `gflow stress --quick` prints them as a
 // table.
 #include "apps/stress/stress.hpp"
 
@@ -40,8 +40,8 @@ INSTANTIATE_TEST_SUITE_P(Numerics, Stress, testing::ValuesIn(quick_tests()),
                            return name;
                          });
 
-// Names of the kernels that compute gradients: they end with _bwd, or write to something called v_,
-// or pulls (what gradients by velocities would be).
+// Names of the kernels that compute gradients: they end with _bwd, or write to a parameter named v_
+// or pulls (accumulated gradients by velocities).
 std::set<std::string> gradient_kernels() {
   std::set<std::string> names;
   const std::regex head(R"(kernel void (\w+)\(([^)]*)\))");
@@ -57,7 +57,7 @@ std::set<std::string> gradient_kernels() {
   return names;
 }
 
-// With the lanes that suit the device, and as GPUs have it: some kernels are for these alone.
+// With the device's own lanes and as on GPUs, because some kernels exist for one of them only.
 TEST(Derivatives, EveryDerivativeIsThatOfItsFunction) {
   std::set<std::string> missing = gradient_kernels();
   EXPECT_GT(missing.size(), 20u);
@@ -72,7 +72,7 @@ TEST(Derivatives, EveryDerivativeIsThatOfItsFunction) {
                                      << d.against_differences << " to differences";
     for (const auto& [name, timing] : queue.timings()) missing.erase(name);
   }
-  missing.erase("replay_bwd");  // T18: it counts, and differentiates nothing
+  missing.erase("replay_bwd");  // T18: counts only, differentiates nothing
   for (const std::string& name : missing)
     ADD_FAILURE() << "no row of the table of derivatives runs kernel " << name;
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes a scene as large as the published recordings, for measuring memory, disk and time:
+// Generates a scene as large as the published recordings, to measure memory, disk and time:
 //   large_scene FOLDER [CAMERAS [STEPS [WIDTH HEIGHT]]]        default: 20 300 1352 1014
-// N3V layout: a textured wall, and before it a textured board that travels and turns in its plane,
-// seen by cameras on an arc, as JPEG with the noise of a sensor. About 0.4 MB a picture.
+// N3V layout: a textured wall, and in front of it a textured board that moves and rotates in its
+// plane, seen by cameras on an arc, as JPEG with sensor noise. About 0.4 MB per image.
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
@@ -44,7 +44,7 @@ View view_of(int camera, int cameras, int width) {
   return view;
 }
 
-// Coarse and fine speckles, so that flow is found at every scale.
+// Coarse and fine speckles, so that flow is well defined at every scale.
 cv::Mat texture(uint64_t seed) {
   cv::RNG random(seed);
   cv::Mat sum(texture_side, texture_side, CV_32FC3, cv::Scalar::all(128));
@@ -58,8 +58,8 @@ cv::Mat texture(uint64_t seed) {
   return sum;
 }
 
-// From pixels of a square texture in the plane z, turned by `angle` about its centre (x, y), to
-// pixels of the picture: K [R | t] restricted to the plane.
+// Maps pixels of a square texture in the plane z, rotated by `angle` about its centre (x, y), to
+// pixels of the image: K [R | t] restricted to the plane.
 cv::Mat plane_to_picture(const View& view, int width, int height, double side, double x, double y,
                          double z, double angle) {
   const double s = side / texture_side, c = s * std::cos(angle), d = s * std::sin(angle);
@@ -76,7 +76,7 @@ cv::Mat plane_to_picture(const View& view, int width, int height, double side, d
   return result;
 }
 
-// Where the board is at share t of the video.
+// The position of the board at fraction t of the video.
 Eigen::Vector3d board_at(double t) {
   return {0.9 * std::sin(6 * t), 0.5 * std::sin(9 * t), board_z};
 }

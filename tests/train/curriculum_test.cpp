@@ -39,11 +39,11 @@ TEST(Curriculum, WidensFromTheFirstViewsToAll) {
     for (size_t turn = 0; turn < 240; ++turn) seen.insert(curriculum.view_at(n, step, 3, turn));
     EXPECT_GE(*seen.rbegin(), furthest);
     furthest = *seen.rbegin();
-    EXPECT_EQ(seen.size(), furthest + 1) << step;  // all up to there
+    EXPECT_EQ(seen.size(), furthest + 1) << step;  // all frames up to there
     EXPECT_EQ(furthest, step <= 100 ? 11u : step == 350 ? 35u : furthest) << step;
   }
   EXPECT_EQ(furthest, n - 1);
-  EXPECT_LT(curriculum.view_at(5, 0, 3, 7), 5u);  // fewer views than it begins with
+  EXPECT_LT(curriculum.view_at(5, 0, 3, 7), 5u);  // fewer views than the curriculum starts with
 }
 
 TEST(Curriculum, BeginsWhereMostPicturesAre) {
@@ -56,7 +56,7 @@ TEST(Curriculum, BeginsWhereMostPicturesAre) {
   EXPECT_EQ(moment_to_begin(frames), 0.5);  // one camera
   Frame first;
   frames.push_back(first);
-  EXPECT_EQ(moment_to_begin(frames), 0);  // and another view of the first moment
+  EXPECT_EQ(moment_to_begin(frames), 0);  // another view of the first time step
   std::vector<Frame> even;
   for (int k = 0; k < 4; ++k)
     for (int camera = 0; camera < 2; ++camera) {
@@ -76,7 +76,7 @@ TEST(Curriculum, RatesFallOnceItIsDone) {
   TrainOptions brief = some_config();
   brief.train.iterations = 200;
   EXPECT_FALSE(Curriculum::of(brief, true).warming(40));
-  TrainOptions endless = some_config();  // the training ends before it is done
+  TrainOptions endless = some_config();  // the training ends before the curriculum
   endless.hexplane.curriculum = 1;
   EXPECT_EQ(Curriculum::of(endless, true).share_after(999), 0);
 }
@@ -103,8 +103,8 @@ TEST(Shuffled, IsAFunctionOfSeedAndIndex) {
   EXPECT_NE(round_of(20, 5, 3), round_of(20, 6, 3));
 }
 
-// Over 2000 rounds each of 5 items comes first 400 times on average, with a deviation of 18;
-// five of those are allowed.
+// In 2000 rounds each of 5 items is first 400 times on average, with a deviation of 18; allows five
+// deviations.
 TEST(Shuffled, FavoursNoItem) {
   std::vector<int> first(5);
   for (size_t round = 0; round < 2000; ++round) ++first[shuffled(5, 1, 5 * round)];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flow over several pictures and paths of points as teachers of a training.
+// Flow over several frames and point tracks as target flow of a training.
 #include "optim/eval/evaluation.hpp"
 #include "optim/formats/npz.hpp"
 #include "optim/train/preparation.hpp"
@@ -10,7 +10,7 @@ namespace {
 
 class FarFlow : public ::testing::Test {
  protected:
-  // Trained as `gflow train` does, without a run folder; flow is never computed.
+  // A training as by `gflow train`, without a run folder; flow is never computed.
   struct Trained {
     Trained(Queue& queue, const TrainOptions& c, int steps)
         : config(c),
@@ -33,10 +33,10 @@ class FarFlow : public ::testing::Test {
     TrainOptions config = small_config(scene_, 600);
     config.density.enabled = false;
     config.flow.span = reach;
-    config.flow.every = 1;  // what is compared here is which flow
+    config.flow.every = 1;  // the tests compare target flows, not their frequency
     return config;
   }
-  // Flow error where the blob moves, in the view held out [px].
+  // Flow error in the motion mask of the held-out view [px].
   double flow_error(const TrainOptions& config) {
     Trained trained(queue_, config, config.train.iterations);
     const LoadedScene& loaded = trained.prepared.loaded();
@@ -47,7 +47,7 @@ class FarFlow : public ::testing::Test {
     Trained trained(queue_, config, 20);
     return trained.trainer.state(queue_).at("gaussians/velocities").values;
   }
-  // FOLDER/<camera>.npz with the paths of the blob's Gaussians as each camera sees them.
+  // Writes FOLDER/<camera>.npz with the tracks of the blob's Gaussians as each camera sees them.
   std::string write_tracks(const TemporaryFolder& folder) const {
     constexpr size_t points = 14, steps = SmallScene::steps;
     for (int c = 0; c < SmallScene::cameras; ++c) {
@@ -84,7 +84,7 @@ TEST_F(FarFlow, NeighboursOnlyIsTheDefaultAndOfOneReachTheShareMeansNothing) {
 TEST_F(FarFlow, TeachesTheMotionByItself) {
   TrainOptions none = config(1), far = config(0);
   none.flow.weight = 0;
-  far.flow.long_share = 1;  // over 2 and 4 pictures, never between neighbours
+  far.flow.long_share = 1;  // over 2 and 4 frames, never between neighbours
   none.train.iterations = far.train.iterations = 1000;
   EXPECT_LT(flow_error(far), 0.5 * flow_error(none));
 }
@@ -97,7 +97,8 @@ TEST_F(FarFlow, PathsOfPointsTeachTheMotion) {
   tracks.flow.tracks = write_tracks(folder);
   const double without = flow_error(none);
   EXPECT_LT(flow_error(tracks), 0.5 * without);
-  tracks.flow.source = FlowSource::files;  // between neighbours; and the tracks further
+  tracks.flow.source =
+      FlowSource::files;  // flow files between neighbours, tracks over longer spans
   tracks.flow.long_span = gflow::FarFlow::tracks;
   EXPECT_LT(flow_error(tracks), 0.5 * without);
 }

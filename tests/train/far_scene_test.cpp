@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene a million metres from the zero of its world, as surveys have them: it is read, trained,
-// drawn and exported as the same scene at zero is.
+// A scene a million metres from the origin of its world, as in surveys: it is read, trained,
+// rendered and exported like the same scene at the origin.
 #include "apps/stress/training/far_scene.hpp"
 
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ TEST_F(FarSceneTest, IsReadRelativeToAPlaceInItsMidst) {
   for (size_t c = 0; c < here.cameras.size(); ++c)
     for (size_t i = 0; i < here.points.size(); ++i) {
       const auto seen = [&](const Scene& scene) {
-        // as the device has it
+        // As the device stores it.
         const Eigen::Vector3f p =
             Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]).cast<float>();
         return scene.cameras[c].project(p.cast<double>());
@@ -47,7 +47,7 @@ TEST_F(FarSceneTest, IsReadRelativeToAPlaceInItsMidst) {
     }
 }
 
-// Without points its cameras alone say where it lies.
+// Without points only the cameras give its location.
 TEST_F(FarSceneTest, WithoutPointsItIsReadAndTrainedAsNearby) {
   const FarScene bare(near, {0, 0, 0}, false), far_bare(near, kAway, false);
   config.scene.path = bare.path();
@@ -67,7 +67,8 @@ TEST_F(FarSceneTest, WithoutPointsItIsReadAndTrainedAsNearby) {
   SmallTraining nearby(queue, config), afar(queue, far_config);
   nearby.steps(queue, 30);
   afar.steps(queue, 30);
-  // The same random points but for their last bits, and what 30 steps make of these.
+  // The same random points except for their last bits, and the effect of 30 training steps on
+  // these.
   EXPECT_NEAR(afar.trainer.report(queue).value("psnr"), nearby.trainer.report(queue).value("psnr"),
               0.1);
 }
@@ -91,7 +92,7 @@ TEST_F(FarSceneTest, IsTrainedDrawnAndExportedInItsWorld) {
   EXPECT_EQ(kept.shape.origin, origin);
   EXPECT_EQ(kept.groups.at("means"), b);
 
-  // For other programs, in the world of the scene, to 1e-9 of its coordinates (numerics T28).
+  // For other programs: in world coordinates, to 1e-9 of their size (numerics T28).
   const PlyTable slice_now = slice(queue, there.model, 0.5).table;
   write_ply(folder.file("now.ply"), slice_now);
   const PointCloud now = read_point_cloud(folder.file("now.ply"));
@@ -103,7 +104,7 @@ TEST_F(FarSceneTest, IsTrainedDrawnAndExportedInItsWorld) {
                   1e-9 * std::fabs(origin[axis]));
   }
 
-  // And such a file is where a training may begin.
+  // A training may start from such a file.
   far_config.init.from = InitFrom::file;
   far_config.init.file = folder.file("now.ply");
   const std::vector<float> first =
@@ -115,7 +116,7 @@ TEST_F(FarSceneTest, IsTrainedDrawnAndExportedInItsWorld) {
   }
 }
 
-// A model of one place drawn with cameras of a scene that chose another.
+// A model with one origin, rendered with cameras of a scene that chose another.
 TEST_F(FarSceneTest, TakesThePlaceOfTheModelItIsLookedAtWith) {
   const std::array<double, 3> given = {kAway[0] + 3, kAway[1] - 1, kAway[2]};
   const Scene scene = load_scene(far_config.scene, "", given).scene;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When flow counts in a training, and what the log says of it.
+// When the flow loss is active in training, and what the log contains about it.
 #include <cmath>
 
 #include "tests/support/on_one_scene.hpp"
@@ -31,19 +31,19 @@ TEST_F(FlowInTraining, FlowOfPositiveWeightChangesTheModel) {
 TEST_F(FlowInTraining, CalmTilesCountInSomeSteps) {
   TrainOptions config = small_config(scene(), 40);
   config.flow.low_motion = 0.2f;
-  config.flow.low_motion_px = 100;  // all are calm
+  config.flow.low_motion_px = 100;  // all tiles are low-motion
   const auto some = bits_after(queue(), config, 40);
   expect_equal_bits(some, bits_after(queue(), config, 40));
   config.flow.low_motion = 1;
   EXPECT_NE(some.at("gaussians/quats"), bits_after(queue(), config, 40).at("gaussians/quats"));
 }
 
-// Of a model that does not learn: the loss of some tiles is that of all, in the mean over steps.
+// For a model that does not learn, the mean loss over sampled tiles equals that over all tiles.
 TEST_F(FlowInTraining, TheLossOfSomeTilesIsThatOfAllInTheMean) {
   constexpr int kSteps = 900;
   constexpr double kShare = 0.3;
   TrainOptions config = small_config(scene(), kSteps);
-  config.flow.low_motion_px = 1e6f;  // all are calm
+  config.flow.low_motion_px = 1e6f;  // all tiles are low-motion
   config.flow.every = 1;
   int asked = 0;
   const auto mean_loss = [&](float calm) {
@@ -55,7 +55,7 @@ TEST_F(FlowInTraining, TheLossOfSomeTilesIsThatOfAllInTheMean) {
     for (int i = 0; i < kSteps; ++i) {
       training.steps(queue(), 1);
       const double loss = training.trainer.report(queue()).value("flow_loss");
-      if (!(loss > 0)) continue;  // the step has no flow; NaN: no tile was asked
+      if (!(loss > 0)) continue;  // the step has no flow; NaN: no tile was sampled
       sum += loss;
       ++asked;
     }
@@ -65,7 +65,7 @@ TEST_F(FlowInTraining, TheLossOfSomeTilesIsThatOfAllInTheMean) {
   const double with_flow = asked;
   const double some = mean_loss(float(kShare));
   // Deviations: sqrt(.3 .7 / 900) = .015 of the share, sqrt(.7 / .3 / 900) = .051 of the mean;
-  // four.
+  // allows four.
   EXPECT_NEAR(asked / with_flow, kShare, 0.07);
   EXPECT_NEAR(some / all, 1, 0.23);
 }
@@ -84,8 +84,8 @@ TEST_F(FlowInTraining, CountsInEverySecondStepOfStiffPathsAndInEachOfOthers) {
   }
 }
 
-// A training that does not learn, so that its figures differ by what is shown alone: n steps apart,
-// with n times the weight, the loss that is told is that of the weight.
+// A training that does not learn, so that only the logged values differ: with flow every n steps
+// and n times the weight, the logged loss is that of the weight.
 TEST_F(FlowInTraining, TheLossThatIsToldIsByTheWeight) {
   TrainOptions config = small_config(scene(), 40);
   config.flow.low_motion = 1;
@@ -112,7 +112,7 @@ TEST_F(FlowInTraining, AStepWithoutShowsThatOfTheStepBeforeAlsoWhenResumed) {
   config.flow.every = 4;
   SmallTraining training(queue(), config), other(queue(), config);
   training.steps(queue(), 20);
-  for (int done = 20; done < 28; ++done) {  // with flow and without
+  for (int done = 20; done < 28; ++done) {  // steps with and without flow
     const Arrays state = training.trainer.state(queue());
     training.steps(queue(), 1);
     const StepReport figures = training.trainer.report(queue());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where computed flow comes from changes nothing of a training.
+// The source of computed flow does not affect training.
 #include "tests/support/command.hpp"
 #include "tests/support/small_scene.hpp"
 
@@ -11,8 +11,7 @@ class FlowOnDemand : public testing::Test {
   FlowOnDemand() : queue(test_queue()), scene(queue), config(small_config(scene, 40)) {
     config.flow.source = FlowSource::dis;
   }
-  // The model's bits, and how many computed flows with `word` in their names lie on the disk
-  // afterwards.
+  // The model's bits, and the number of stored flows whose names contain `word`.
   std::pair<std::string, size_t> train(const std::string& name, const std::string& store,
                                        const std::string& word = "") {
     const std::string run = folder.path() + "/" + name;
@@ -36,26 +35,27 @@ class FlowOnDemand : public testing::Test {
 
 TEST_F(FlowOnDemand, ATrainingIsTheSameWithFlowComputedBeforehandOrWhenNeededKeptOrNot) {
   const auto [expected, all] = train("beforehand", "1");
-  EXPECT_EQ(all, 24u);  // three cameras, four pairs of steps, both ways
+  EXPECT_EQ(all, 24u);  // three cameras, four pairs of steps, both directions
   const auto [unkept, none] = train("unkept", "0");
   EXPECT_EQ(none, 0u);
   EXPECT_TRUE(unkept == expected);
-  const std::string some_room = "1e-5";  // 10.7 kB, less than the byte a pixel that all might need
+  const std::string some_room =
+      "1e-5";  // 10.7 kB, less than the byte per pixel that all might need
   const auto [cold, some] = train("kept", some_room);
   EXPECT_GT(some, 0u);
   EXPECT_LT(some, all);
   EXPECT_TRUE(cold == expected);
-  EXPECT_TRUE(train("kept", some_room).first == expected);  // from what was kept
+  EXPECT_TRUE(train("kept", some_room).first == expected);  // from the store
 }
 
 TEST_F(FlowOnDemand, ATrainingIsTheSameWithChainsKeptOrNot) {
   config.flow.span = 4;
   const auto [expected, kept] = train("kept", "1", "_chained");
-  EXPECT_GT(kept, 5u);  // of 24: three cameras, four pairs over 2 and 4 pictures, both ways
+  EXPECT_GT(kept, 5u);  // of 24: three cameras, four pairs over 2 and 4 frames, both directions
   const auto [unkept, none] = train("unkept", "0", "_chained");
   EXPECT_EQ(none, 0u);
   EXPECT_TRUE(unkept == expected);
-  EXPECT_TRUE(train("kept", "1").first == expected);  // from what was kept
+  EXPECT_TRUE(train("kept", "1").first == expected);  // from the store
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Learning rates against what the settings say, worked out by hand.
+// Learning rates against the settings, computed by hand.
 #include "optim/train/learning_rates.hpp"
 
 #include <gtest/gtest.h>
@@ -36,7 +36,7 @@ class RatesTest : public testing::Test {
 
 TEST_F(RatesTest, ThatOfPlacesFallsByEqualRatiosAndIsInExtentsOfTheScene) {
   EXPECT_FLOAT_EQ(rates.position(0), 0.25f);
-  EXPECT_FLOAT_EQ(rates.position(50), 0.025f);  // half way from .1 to .001: a tenth
+  EXPECT_FLOAT_EQ(rates.position(50), 0.025f);  // half way from 1 to .01 of .1: a tenth
   EXPECT_NEAR(rates.position(99), 0.0025, 0.00015);
   EXPECT_FLOAT_EQ(rate(Quantity::position, 50), 0.025f);
 }

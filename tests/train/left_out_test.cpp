@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training leaves out what its settings say, counted on the device: skip.culled, skip.static_pose,
-// skip.bands, skip.compact. That nothing else changes: trainer_test.cpp, bench_scene_test.cpp.
+// Training skips the work that its settings allow, counted on the device: skip.culled,
+// skip.static_pose, skip.bands, skip.compact. trainer_test.cpp and bench_scene_test.cpp check that
+// nothing else changes.
 #include <gtest/gtest.h>
 
 #include "optim/objectives/image_objective.hpp"
@@ -21,7 +22,8 @@ TEST_F(LeftOutOfTraining, TheShapesOfThoseOutsideThePicture) {
   const auto posed_and_drawn = [&](bool skip) {
     config.skip.culled = skip;
     SmallTraining training(queue, config);
-    training.model.parameters["means"].values.fill_range(queue, 0, 3 * 20, 30.f);  // far aside
+    training.model.parameters["means"].values.fill_range(queue, 0, 3 * 20,
+                                                         30.f);  // far outside the view
     std::array<size_t, 2> counts{};
     for (int step = 0; step < 10; ++step) {
       training.steps(queue, 1);
@@ -38,7 +40,7 @@ TEST_F(LeftOutOfTraining, TheShapesOfThoseOutsideThePicture) {
   EXPECT_GE(some[0], some[1]);
 }
 
-// Every second Gaussian lives for a while.
+// Every second Gaussian has a short lifetime.
 void shorten_lives(Queue& queue, Parameters& p) {
   std::vector<float> scales = p["log_scales"].values.read(queue);
   std::vector<float> moments = p["means_t"].values.read(queue);
@@ -50,8 +52,9 @@ void shorten_lives(Queue& queue, Parameters& p) {
   p["means_t"].values.write(queue, moments);
 }
 
-// Whoever is not listed for a view has no say in it, and what the view says of the others goes to
-// their own rows: parameters, optimiser, density control and those at rest, through several rounds.
+// A Gaussian that is not listed for a view does not affect it, and gradients of listed ones reach
+// their own rows: parameters, optimiser, density control and static Gaussians, through several
+// rounds.
 TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
   const size_t there = scene.truth.count;
   const auto kinds = {MotionModelKind::spacetime, MotionModelKind::native4d,
@@ -59,7 +62,7 @@ TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
   for (const bool rests : {false, true})
     for (const MotionModelKind kind : kinds) {
       TrainOptions config = small_config(scene, 200);
-      config.density.enabled = !rests;  // which moves what has begun to rest
+      config.density.enabled = !rests;  // which moves Gaussians that became static
       config.motion.model = choice_of(kind);
       config.motion.static_threshold = 1;
       config.motion.static_every = 60;
@@ -91,7 +94,7 @@ TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
     }
 }
 
-// A motion loss knows Gaussians by their rows, and compares also those that the view does not show.
+// A motion loss identifies Gaussians by row and also compares those that the view does not show.
 TEST_F(LeftOutOfTraining, NoRowsWhereAMotionLossComparesThem) {
   TrainOptions config = small_config(scene, 40);
   config.loss.rigidity = config.loss.velocity = 0.1f;
@@ -132,7 +135,7 @@ TEST_F(LeftOutOfTraining, TheSecondTimeOfThoseAtRest) {
   }
 }
 
-// What is not a number there is not looked at while only the colour from everywhere is in use.
+// NaN in higher SH bands is not read while only degree 0 is in use.
 TEST_F(LeftOutOfTraining, BandsOfColourThatAreNotInUseYet) {
   TrainOptions config = small_config(scene, 20);
   const auto drawn = [&](bool skip, bool broken) {

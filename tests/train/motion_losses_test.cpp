@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rigidity, rotation, isometry, velocity and acceleration as a trainer has them: beside the other
-// losses, through density control and a state that is kept.
+// Rigidity, rotation, isometry, velocity and acceleration in the trainer: together with the other
+// losses, through density control and a saved state.
 #include <cmath>
 
 #include "optim/train/trainer.hpp"
@@ -12,7 +12,7 @@ namespace {
 
 class MotionLossesInTraining : public OnOneScene {};
 
-// Weights are of means over all Gaussians, and here they are few.
+// Weights refer to means over all Gaussians, and these are few.
 TrainOptions with_motion_losses(TrainOptions config) {
   config.loss.rigidity = 0.01f;
   config.loss.rotation = 1e-4f;
@@ -47,7 +47,7 @@ TEST_F(MotionLossesInTraining, OfAKeptStateGoOnBitByBit) {
 TEST_F(MotionLossesInTraining, OfWeightZeroChangeNoBitAndOthersDo) {
   TrainOptions config = small_config(scene(), 30);
   const auto without = bits_after(queue(), config, 30);
-  config.loss.neighbours = 3;  // asked for by nobody
+  config.loss.neighbours = 3;  // without an effect
   config.loss.motion_every = 2;
   expect_equal_bits(without, bits_after(queue(), config, 30));
   for (float LossOptions::*weight :
@@ -60,7 +60,7 @@ TEST_F(MotionLossesInTraining, OfWeightZeroChangeNoBitAndOthersDo) {
   }
 }
 
-// With flow and without: then the second moment is made for these losses alone.
+// With and without flow: without it, the second time is evaluated for these losses alone.
 TEST_F(MotionLossesInTraining, TeachEveryMotionModel) {
   for (size_t kind = 0; kind < names_of(MotionModelKind{}).size(); ++kind)
     for (const bool flow : {true, false}) {
@@ -78,7 +78,7 @@ TEST_F(MotionLossesInTraining, TeachEveryMotionModel) {
     }
 }
 
-// The blob goes as one. What each of its Gaussians learns from its own pixels does not.
+// The blob moves as one body; the gradients of each of its Gaussians alone do not show that.
 TEST_F(MotionLossesInTraining, OfRigidityMakeNeighboursMoveTogether) {
   TrainOptions config = small_config(scene(), 400);
   config.density.enabled = false;

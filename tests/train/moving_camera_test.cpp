@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera that turns before a wall at rest: all flow is the camera's.
+// A camera that rotates in front of a static wall: all flow is the camera's.
 #include <fmt/format.h>
 
 #include "optim/eval/evaluation.hpp"
@@ -21,9 +21,9 @@ HostModel wall() {
   return model;
 }
 
-// It turns by `degrees` from picture to picture, and never faces the wall squarely: its Gaussians
-// would change their order, and its look, there. Written as a Blender folder, the same pictures for
-// training and for the test.
+// It rotates by `degrees` per frame and never faces the wall squarely: the depth order of the
+// Gaussians, and so the image, would change there. Written as a Blender folder with the same images
+// for training and test.
 class PanScene {
  public:
   PanScene(Queue& queue, double degrees) : truth(wall()) {
@@ -77,7 +77,7 @@ class PanScene {
   TemporaryFolder folder_;
 };
 
-// Where a turned camera sees what this one sees at a pixel: no depth matters.
+// Displacement of a pixel when the camera rotates: independent of depth.
 TargetFlow flow_by_turning(const Camera& from, const Camera& to) {
   TargetFlow teacher{zero_flow(from.width, from.height), {}};
   teacher.confidence.assign(teacher.flow.valid.size(), 255);
@@ -115,11 +115,11 @@ TEST(MovingCamera, TrainingSeesTheFlowOfTheCamera) {
   Model model(queue, made.truth);
   Trainer trainer({queue, made.config, scene, *made.loaded.frames, pairs, flows, model},
                   std::vector<Rect>(scene.train.size()));
-  for (int step = 0; step < 2 * steps; ++step) {  // every frame twice
+  for (int step = 0; step < 2 * steps; ++step) {  // each frame twice
     trainer.step(queue, made.config.flow.start + step);
     const double epe = trainer.report(queue).value("flow_epe");
     EXPECT_GT(epe, 0);
-    // Gaussians of 3 px move as affine maps: 3 standard deviations off by (9 / 53)^2 of 1.9 px
+    // Gaussians of 3 px move as affine maps: 3 standard deviations differ by (9 / 53)^2 of 1.9 px.
     EXPECT_LT(epe, 0.06);
   }
 }
@@ -132,7 +132,8 @@ TEST(MovingCamera, EvaluationComparesTheFlowOfBothCameras) {
       evaluate(queue, model, made.config, made.loaded, made.loaded.scene.test, {});
   EXPECT_EQ(evaluation.flow_reference, "dis");
   for (size_t k = 0; k + 1 < steps; ++k)
-    EXPECT_LT(evaluation.views[k].flow_epe, 0.1) << k;  // DIS's error; a camera at rest has 1.8
+    EXPECT_LT(evaluation.views[k].flow_epe, 0.1)
+        << k;  // DIS's error; a static camera would give 1.8
   EXPECT_TRUE(std::isnan(evaluation.views[steps - 1].flow_epe));
 }
 
@@ -149,7 +150,7 @@ TEST(MovingCamera, ViewsLookFromTheNextPicturesCamera) {
     EXPECT_EQ(views[k].camera_t2.viewmat, views[k + 1].camera.viewmat);
     EXPECT_NE(views[k].camera_t2.viewmat, views[k].camera.viewmat);
   }
-  // but a true flow is that of a camera at rest
+  // True flow is that of a static camera.
   scene.test[1].flow_path = "true.flo";
   scene.test[1].flow_time = scene.test[2].time;
   views = split_views(scene, scene.test, cameras, "test");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training puts the rows in order at its first step and after each round of density control.
+// Training sorts the rows at its first step and after each round of density control.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -34,7 +34,7 @@ TEST(RowOrderInTraining, IsThatOfTimeAndPlaceFromTheFirstStepOn) {
   const SmallScene scene(queue);
   TrainOptions config = small_config(scene, 40);
   config.density.enabled = false;
-  // Next to nothing is learned: where a Gaussian is tells which it was.
+  // Almost no learning, so that the position of a Gaussian identifies it.
   config.lr.means = config.lr.means_final = config.lr.mean_t = config.lr.scales = 1e-12f;
   SmallTraining training(queue, config);
   const Rows before = rows_of(queue, training.model.parameters);
@@ -51,7 +51,7 @@ TEST(RowOrderInTraining, IsMadeAnewAfterDensityControl) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   SmallTraining training(queue, small_config(scene, 500));
-  training.steps(queue, 100);  // the first round, which removes those that nobody needs
+  training.steps(queue, 100);  // the first round, which removes superfluous Gaussians
   const size_t count = training.model.parameters.count;
   training.steps(queue, 50);
   ASSERT_GT(training.model.parameters.count, count);

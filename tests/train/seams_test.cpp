@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The trainer's seams as a stranger uses them: an objective of one's own, an observer, and train()
-// on a scene in memory. Nothing of gflow is touched for any of them.
+// The trainer's extension points as external code uses them: a custom objective, an observer, and
+// train() on a scene in memory. None of them needs a change of gflow.
 #include <gtest/gtest.h>
 
 #include "optim/runs/train_run.hpp"
@@ -38,7 +38,7 @@ MakeObjective darkness(float weight) {
   return [weight](const TrainInputs&) { return std::make_unique<Darkness>(weight); };
 }
 
-// Counts the steps it sees, and stops a training after `most`.
+// Counts the training steps and stops after `most`.
 class Counter : public TrainObserver {
  public:
   explicit Counter(int most = 1000000) : most_(most) {}
@@ -57,7 +57,7 @@ class Counter : public TrainObserver {
   int most_;
 };
 
-// A scene whose images are in memory, and no file is behind them.
+// A scene with images in memory and without files.
 Scene scene_in_memory(const TrainOptions& config) {
   LoadedScene loaded = load_scene(config.scene, "");
   Scene scene;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training one time step after the other.
+// Training one time step after another.
 #include "optim/train/sequential.hpp"
 
 #include "tests/support/small_scene.hpp"
@@ -39,7 +39,7 @@ TEST(Sequence, TheFirstTimeStepGetsItsShareAndTheOthersEqualParts) {
   }
   EXPECT_EQ(counts, (std::vector<int>{40, 20, 20, 20}));
   EXPECT_EQ(begins, (std::vector<int>{1, 1, 1, 1}));
-  EXPECT_EQ(stage_at(config, 1, 99).time_step, 0);  // photographs of one moment
+  EXPECT_EQ(stage_at(config, 1, 99).time_step, 0);  // images of one time step
 }
 
 class SequenceTest : public testing::Test {
@@ -84,7 +84,8 @@ TEST_F(SequenceTest, LaterTimeStepsOnlyMoveWhatTheFirstFittedAndStartWithItsVelo
   for (size_t i = 0; i < 3 * n; ++i) EXPECT_EQ(started[6 * n + i], 2 * started[3 * n + i]);
 }
 
-// A model of the first moment is wrong later where things move; keys that follow are not.
+// A model of the first time step is wrong later where things move; keys that follow the motion are
+// not.
 TEST_F(SequenceTest, FollowsTheMotion) {
   const auto judged = [&](int iterations) {
     SmallTraining training(queue_, config(1500));

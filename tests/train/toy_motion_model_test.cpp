@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A motion model from outside: one class, one descriptor, one registration. It is trained, saved,
-// read and drawn as any other.
+// An external motion model: one class, one descriptor, one registration. It is trained, saved, read
+// and rendered like any other.
 #include "optim/model/model.hpp"
 #include "optim/motion/spacetime.hpp"
 #include "optim/train/train.hpp"
@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-// Gaussians as at the middle of the video, whatever the time.
+// The Gaussians at the middle of the video, at every time.
 class Frozen : public SpacetimeMotion {
  public:
   Frozen(Queue& queue, const MotionShape& shape)
@@ -35,7 +35,7 @@ class Frozen : public SpacetimeMotion {
   float middle_;
 };
 
-// The descriptor of spacetime under another name. Registered once for all tests.
+// The descriptor of spacetime under another name, registered once for all tests.
 MotionModelKind frozen() {
   static const MotionModel model = [] {
     MotionModel m = spacetime_model();
@@ -59,7 +59,7 @@ TEST_F(ToyMotionModel, IsTrainedByItsName) {
   HostModel model = train(queue(), read_scene(options.scene.path, options.scene), options).model;
   EXPECT_EQ(model.shape.motion, kind);
 
-  // It looks the same at all times.
+  // It renders the same image at all times.
   Model on_device(queue(), model);
   Renderer renderer(queue(), {});
   const auto drawn = [&](double time) {
@@ -71,7 +71,7 @@ TEST_F(ToyMotionModel, IsTrainedByItsName) {
   };
   EXPECT_EQ(drawn(0), drawn(1));
 
-  // Files name it.
+  // Files contain its name.
   const TemporaryFolder folder;
   write_model(folder.file("frozen.ply"), model);
   const HostModel back = read_model(folder.file("frozen.ply"));

@@ -81,8 +81,8 @@ TEST_F(TrainerTest, GoesOnWithTheGaussiansItHasWhenMemoryRunsOut) {
   SmallTraining training(small, small_config(scene(), 300));
   training.steps(small, 99);
   const size_t before = training.model.parameters.count;
-  // As if someone else had taken the memory: what is allocated stays, new arrays fail, however few
-  // rows stay.
+  // As if another process used the memory: allocated arrays stay, but new arrays fail, however few
+  // rows remain.
   const uint64_t all = std::exchange(small.info.max_allocation, 64);
   training.steps(small, 1);  // a round of density control
   small.info.max_allocation = all;
@@ -99,7 +99,8 @@ TEST_F(TrainerTest, TwoRunsInBatchesOfTwoGiveTheSameBits) {
   expect_equal_bits(bits_after(queue(), config, 200), bits_after(queue(), config, 200));
 }
 
-// Rounds of density control at 100, 150 ...: step 130 has evidence for the next one.
+// Rounds of density control at 100, 150 ...: at step 130 gradients are accumulated for the next
+// round.
 TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
   for (const MotionModelKind kind :
        {MotionModelKind::spacetime, MotionModelKind::native4d, MotionModelKind::keyframes,
@@ -113,20 +114,21 @@ TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
     const Arrays state = training.trainer.state(queue());
     training.steps(queue(), 90);
     SmallTraining other(queue(), config);
-    other.steps(queue(), 7);  // whatever it was before
+    other.steps(queue(), 7);  // any other state
     other.go_on(queue(), state, 130);
     other.steps(queue(), 90);
     expect_equal_bits(training.bits(queue()), other.bits(queue()));
   }
 }
 
-// Rounds at 60, 120 and 180: step 130 has evidence for the next one. Density control from 150 on.
+// Rounds at 60, 120 and 180: at step 130 gradients are accumulated for the next one. Density
+// control from 150 on.
 TEST_F(TrainerTest, GoesOnWithThoseThatRestWithTheSameBits) {
   for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
                                      MotionModelKind::keyframes, MotionModelKind::bases}) {
     TrainOptions config = small_config(scene(), 260);
     config.motion.model = choice_of(kind);
-    config.motion.static_threshold = 4;  // it has learnt little yet
+    config.motion.static_threshold = 4;  // it has learnt little so far
     config.motion.static_every = 60;
     config.motion.wake_threshold = 2;
     config.density.start = 140;
@@ -139,7 +141,7 @@ TEST_F(TrainerTest, GoesOnWithThoseThatRestWithTheSameBits) {
     const Arrays state = training.trainer.state(queue());
     training.steps(queue(), 90);
     SmallTraining other(queue(), config);
-    other.steps(queue(), 70);  // whatever it was before
+    other.steps(queue(), 70);  // any other state
     other.go_on(queue(), state, 130);
     other.steps(queue(), 90);
     expect_equal_bits(training.bits(queue()), other.bits(queue()));
@@ -157,7 +159,7 @@ TEST_F(TrainerTest, WhereNobodyRestsNoBitChanges) {
   expect_equal_bits(before, after);
 }
 
-// The wall rests, the blob does not, and what is learnt is as good.
+// The wall becomes static, the blob does not, and the result is as good.
 TEST_F(TrainerTest, TheWallRestsAndTheBlobMoves) {
   TrainOptions config = small_config(scene(), 400);
   config.density.enabled = false;
@@ -169,7 +171,7 @@ TEST_F(TrainerTest, TheWallRestsAndTheBlobMoves) {
   EXPECT_GE(p.moving, 14u);
   EXPECT_LT(p.moving, p.count / 2);
   EXPECT_EQ(training.trainer.report(queue()).moving, p.moving);
-  // A file holds everyone's motion.
+  // A file contains the motion of all Gaussians.
   const HostModel host = training.model.read(queue());
   EXPECT_EQ(host.groups.at("velocities").size(), 3 * p.count);
   Model again(queue(), host);
@@ -218,7 +220,8 @@ TEST_F(TrainerTest, AStateOfAnotherModelIsRefusedAndChangesNothing) {
   expect_equal_bits(before, training.bits(queue()));
 }
 
-// Half of the moments, where no mean gradient is kept; and what is kept is gone on from.
+// For half of the moments, which keep no mean gradient; a saved state continues from what it
+// contains.
 TEST_F(TrainerTest, TheMeanGradientIsSavedWhereItIsKept) {
   const auto kept = [&](TrainOptions config) {
     SmallTraining training(queue(), config);
@@ -245,7 +248,7 @@ TEST_F(TrainerTest, TheMeanGradientIsSavedWhereItIsKept) {
 
 TEST_F(TrainerTest, WorkThatIsLeftOutChangesNoBit) {
   TrainOptions config = small_config(scene(), 60);
-  config.density.enabled = false;  // it counts tiles, of which loose boxes have more
+  config.density.enabled = false;  // it counts tiles, of which looser boxes have more
   config.motion.sh_interval = 25;
   const auto shipped = bits_after(queue(), config, 60);
   config.skip.masks = config.skip.saturated = config.skip.bands = config.skip.compact = false;
@@ -257,16 +260,17 @@ TEST_F(TrainerTest, UnseenGaussiansMakeNoStep) {
   config.density.enabled = false;
   SmallTraining training(queue(), config);
   Buffer<float>& means = training.model.parameters["means"].values;
-  means.fill_range(queue(), 0, 3, 1e6f);  // the first is far away
+  means.fill_range(queue(), 0, 3, 1e6f);  // the first one is far away
   training.steps(queue(), 40);
   const std::vector<cl_uint> steps = training.model.parameters.rows.steps.read(queue());
-  EXPECT_EQ(std::count(steps.begin(), steps.end(), 0u), 1);  // wherever its row went
+  EXPECT_EQ(std::count(steps.begin(), steps.end(), 0u), 1);  // wherever its row is now
   EXPECT_GT(std::count(steps.begin(), steps.end(), 40u), 10);
 }
 
-// Steps that a Gaussian makes up for when it is seen again, or makes with a gradient of 0. Their
-// roundings stay roundings (3e-7) unless one decides whether a splat still reaches a pixel: then
-// trainings part as far (1e-3) as those that start 1e-8 units apart. So of five starts most agree.
+// A Gaussian makes up for missed steps when it is seen again, or makes them with a gradient of 0.
+// The rounding differences stay small (3e-7) unless one decides whether a splat reaches a pixel:
+// then trainings diverge as far (1e-3) as from starting points 1e-8 units apart. So most of five
+// starts must agree.
 TEST_F(TrainerTest, UnseenGaussiansEndWhereStepsForAllWouldTakeThem) {
   TrainOptions config = small_config(scene(), 60);
   config.density.enabled = false;
@@ -279,14 +283,15 @@ TEST_F(TrainerTest, UnseenGaussiansEndWhereStepsForAllWouldTakeThem) {
     for (float& x : places) x += shift;
     means.write(queue(), places);
     Buffer<float>& scales = training.model.parameters["log_scales"].values;
-    for (size_t i = 0; i < training.model.parameters.count; i += 2)  // a step of the video each
+    for (size_t i = 0; i < training.model.parameters.count;
+         i += 2)  // one time step of the video each
       scales.fill_range(queue(), 4 * i + 3, 1, std::log(0.1f));
     training.steps(queue(), 60);
     const RowState& rows = training.model.parameters.rows;
     const std::vector<cl_uint> last = rows.last.read(queue()), steps = rows.steps.read(queue());
     for (size_t i = 0; i < last.size(); ++i) {
       if (skip) missed += last[i] < 60;
-      const cl_uint wanted = steps[i] > 0 ? 60 : 0;  // whoever began moves on
+      const cl_uint wanted = steps[i] > 0 ? 60 : 0;  // a row that has started continues to move
       EXPECT_TRUE(skip || last[i] == wanted) << i;
     }
     return training.model.read(queue()).groups;
@@ -318,9 +323,9 @@ Evaluation judged(Queue& queue, const TrainOptions& config) {
   return evaluate(queue, training.model, config, training.loaded, training.loaded.scene.test, {});
 }
 
-// Measured: 11.5 dB and 2.2 px before, 25.2 dB and 0.18 px after. The bounds
-// lie about half way (in the logarithm): a wrong gradient falls short of them, another machine's
-// rounding does not. Flow must halve the error, as on the scenes gflow is judged by.
+// Measured: 11.5 dB and 2.2 px before, 25.2 dB and 0.18 px after. The bounds are about half way (in
+// the logarithm): a wrong gradient misses them, the rounding of another machine does not. Flow must
+// halve the error, as on the scenes of the evaluation.
 TEST_F(TrainerTest, LearnsTheSceneAndItsMotion) {
   TrainOptions config = small_config(scene(), 1200);
   config.density.enabled = false;
@@ -348,8 +353,8 @@ TEST_F(TrainerTest, LearnsWithTheOtherMotionModelToo) {
   EXPECT_LT(with.flow_epe_dynamic, 0.3);
 }
 
-// The picture and the Gaussians must lie on the same colour: 26.4 dB after these steps, and 9.3
-// dB where the Gaussians get the colour of the next step.
+// The image and the Gaussians must have the same background colour: 26.4 dB after these steps,
+// and 9.3 dB if the Gaussians get the colour of the next step.
 TEST_F(TrainerTest, ARandomBackgroundIsBehindPictureAndGaussiansAlike) {
   const SmallScene transparent(queue(), true);
   TrainOptions config = small_config(transparent, 200);

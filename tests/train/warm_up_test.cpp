@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rehearsal has compiled what a training step needs, and nothing else; and the process that it
-// runs in changes nothing of the training but when it begins.
+// The kernel warm-up compiles the kernels of a training step and no others. Running it in another
+// process changes only the time when training starts.
 #include "optim/train/warm_up.hpp"
 
 #include <sched.h>
@@ -83,26 +83,26 @@ class CompilingAhead : public OnOneScene {
   std::string path(const std::string& name) const { return folder_.path() + "/" + name; }
   std::string cache() const { return path("cache"); }
   std::vector<std::string> train(const std::string& run, const std::string& iterations = "1") {
-    // Without flow and test views there is half as much to compile.
+    // Half as much to compile without flow and test views.
     return {"train",   scene().path(),    "-o",
             path(run), "--iterations",    iterations,
             "--quiet", "--set",           "flow.enabled=false",
             "--set",   "scene.holdout=-1"};
   }
-  // Rehearsals that came to their end.
+  // Finished warm-ups.
   size_t marks() const {
     size_t count = 0;
     for (const auto& entry : fs::directory_iterator(cache()))
       count += entry.path().filename().string().rfind("gflow-", 0) == 0;
     return count;
   }
-  // Whether there was a second process that wanted PoCL's folder, since the last time.
+  // Whether a second process has used PoCL's folder, since the last call for was_begun_since().
   bool was_begun() const { return fs::exists(lock()); }
   bool was_begun_since() const { return fs::remove(lock()); }
   std::string lock() const { return cache() + "/gflow.lock"; }
-  // Starts a training and stops it, so that its second process alone comes to its end. The training
-  // is long: that of one step may be over on a busy machine before the second process, which is
-  // nicer, begins.
+  // Starts a training and stops it, so that only its second process finishes. The training is long:
+  // a training of one step may end on a busy machine before the second process, which has lower
+  // priority, starts.
   void rehearse_alone(const std::vector<std::string>& more = {}) {
     const size_t before = marks();
     std::vector<std::string> arguments = train("stopped", "100000");
@@ -127,7 +127,7 @@ class CompilingAhead : public OnOneScene {
 TEST_F(CompilingAhead, HappensOnceAndChangesNoBit) {
   EXPECT_EQ(gflow(train("first")).code, 0);
   EXPECT_TRUE(was_begun_since());
-  if (marks() == 0) rehearse_alone();  // the training was faster
+  if (marks() == 0) rehearse_alone();  // the training finished first
   EXPECT_EQ(gflow(train("second")).code, 0);
   EXPECT_FALSE(was_begun_since());
   EXPECT_EQ(marks(), 1u);
@@ -146,14 +146,14 @@ TEST_F(CompilingAhead, IsDoneAnewForSettingsThatAreCompiled) {
   rehearse_alone({"--set", "skip.boxes=false"});
 }
 
-// However the first process ends, the second one does, too, and says of nothing that it is done.
+// The second process ends with the first, however that ends, and leaves no mark of completion.
 TEST_F(CompilingAhead, EndsWithTheTraining) {
   for (const int signal : {SIGTERM, SIGKILL}) {
     const Command command(train("run"));
     ASSERT_TRUE(wait_until([&] { return was_begun(); }));
     command.send(signal);
     EXPECT_EQ(command.wait().code, 128 + signal);
-    // It held the lock; the process is gone when that is free.
+    // It held the lock; the process has exited when the lock is free.
     EXPECT_TRUE(wait_until([&] {
       try {
         const FileLock free(cache() + "/gflow.lock", "the lock");
