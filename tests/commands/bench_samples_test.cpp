@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `gflow bench` makes of what it measured, and who is on the front.
+// Statistics of `gflow bench` over its measurements, and the Pareto front.
 #include "apps/bench/front.hpp"
 #include "apps/bench/samples.hpp"
 #include "gtest/gtest.h"
@@ -7,7 +7,7 @@
 namespace gflow {
 namespace {
 
-// 3 % of time and of an error are nothing.
+// Differences of 3 % in time or error are ignored.
 TEST(Bench, TheFrontHasWhoNobodyIsBetterThan) {
   using Costs = std::vector<bench::TimeAndErrors>;
   const auto front = [](const Costs& all) { return bench::pareto_front(all); };
@@ -37,7 +37,7 @@ TEST(Bench, EveryWayComesFirstAsOftenAsEveryOther) {
   EXPECT_EQ(bench::order_of(5, 3), bench::order_of(5, 3));
 }
 
-// A machine twice as slow in a repeat is so for both: their ratio is 2 in each.
+// A slow machine slows both in one repeat: their ratio is 2 in each repeat.
 TEST(Bench, ARatioIsThatOfEachRepeat) {
   const bench::Spread same = bench::ratio_of({2, 20, 4, 6}, {1, 10, 2, 3});
   EXPECT_EQ(same.low, 2);
@@ -48,15 +48,15 @@ TEST(Bench, ARatioIsThatOfEachRepeat) {
   EXPECT_EQ(apart.high, 2.5);
 }
 
-// A machine that gave one core instead of two took twice as long: no more was done. However long
-// it did nothing between kernels, the parts add up to the whole.
+// A machine that provided one core instead of two took twice as long for the same work. Whatever
+// the idle time between kernels, the parts add up to the whole.
 TEST(Bench, CpuTimeOfAStageDoesNotDependOnHowManyCoresWereFree) {
   const bench::Samples all{10, 20}, cpu{20, 20};
   EXPECT_EQ(bench::cpu_of({3, 6}, all, cpu), (bench::Samples{6, 6}));
   EXPECT_EQ(bench::cpu_of({7, 14}, all, cpu), (bench::Samples{14, 14}));
 }
 
-// Quartiles of 1 + 9, 5 + 5 and 9 + 1; sums of quartiles would be from 6 to 14.
+// Quartiles of the sums 1 + 9, 5 + 5 and 9 + 1; sums of quartiles would range from 6 to 14.
 TEST(Bench, QuartilesOfAStageAreThoseOfItsKernelsTogether) {
   const bench::KernelSamples kernels{{"a", {1, 5, 9}}, {"b", {9, 5, 1}}, {"c", {1, 1, 1}}};
   const bench::Spread sum = bench::spread_of(bench::sum_of(kernels, {"a", "b", "none"}));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow bench` on scenes: step, skip, and pareto's trainings. No time is judged.
+// `gflow bench` on scenes: step, skip, and the trainings of pareto. Times are not tested.
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -11,7 +11,7 @@
 namespace gflow {
 namespace {
 
-// Of as many steps as fit into the time of the shipped ones.
+// Each trains as many steps as fit into the time of the default.
 TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -33,7 +33,7 @@ TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
   EXPECT_NE(contents(folder.file("a.md")).find("## In training"), std::string::npos);
   EXPECT_TRUE(fs::exists(folder.file("plots/pareto_trained.tsv")));
 
-  // A single step each: what the choice is is all that they differ by.
+  // One step each, so that they differ by the choice alone.
   const Outcome one =
       small_pareto({"--knob", "alpha >=", "--knob", "saturated tiles", "--scene", scene.path(),
                     "--steps", "1", "--seeds", "1", "--json", folder.file("b.json"), "--quiet"});
@@ -41,14 +41,14 @@ TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
   const Json single = report_in(folder.file("b.json"))["rows"];
   const Json& first = single["shipped, trained"]["PSNR [dB]"];
   const Json& exact = single["saturated tiles walked on, trained"];
-  if (exact["steps"] == 1) {  // 2 where it took half the time
+  if (exact["steps"] == 1) {  // 2 if it took half the time
     EXPECT_EQ(exact["PSNR [dB]"], first);
   }
   for (const char* other : {"alpha >= 1/64, trained", "alpha >= 1/2048, trained"})
     EXPECT_NE(single[other]["PSNR [dB]"], first) << other;
   Json old = report_in(folder.file("b.json"));
   EXPECT_EQ(old["trained"]["steps"], 1);
-  // Pictures and flow of trainings are compared, too: by more than a fifth of a dB, a tenth.
+  // Images and flow of trainings are compared, too: by more than a fifth of a dB, a tenth.
   for (Json& row : old["rows"])
     for (Json& figure : row)
       if (figure.is_object()) figure["high"] = 1e6;
@@ -68,7 +68,8 @@ TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
   const Outcome missing = small_pareto({"--knob", "lanes", "--scene", folder.file("nowhere")});
   EXPECT_EQ(missing.code, 1);
   EXPECT_EQ(missing.out, "");
-  EXPECT_EQ(missing.err.find("1 of"), std::string::npos) << missing.err;  // told before all else
+  EXPECT_EQ(missing.err.find("1 of"), std::string::npos)
+      << missing.err;  // reported before all else
   expect_refused({"bench", "pareto", "--scene", scene.path(), "--set", "flow.top_k=1"},
                  {"--set flow.top_k=1", "--knob"});
 }
@@ -105,7 +106,8 @@ TEST(Bench, StepTellsEachKindAndItsKernels) {
   EXPECT_TRUE(rows.contains("with flow: flow_loss"));
 }
 
-// Else one had more steps with flow, or of whole pictures, or with a motion loss, than the next.
+// Otherwise blocks would differ in the number of steps with flow, of whole images, or with a motion
+// loss.
 TEST(Bench, BlocksHoldTheSameKindsOfStep) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
@@ -115,7 +117,8 @@ TEST(Bench, BlocksHoldTheSameKindsOfStep) {
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.err.find("--block 10 becomes 12"), std::string::npos) << outcome.err;
   EXPECT_NE(outcome.out.find("times are of 12 steps together"), std::string::npos);
-  // As shipped, five steps of parts and one of whole pictures, and flow in every step.
+  // With default settings: five steps of image parts and one of whole images, and flow in every
+  // step.
   const Outcome same = gflow({"bench", "step", scene.path(), "--warm", "1", "--block", "6",
                               "--repeats", "1", "--set", "motion.model=keyframes"});
   ASSERT_EQ(same.code, 0) << same.err;
@@ -137,7 +140,7 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   EXPECT_EQ(bars.find("kind\tCPU [ms]\tlower quartile\tupper quartile\nall skips\t"), 0u) << bars;
   EXPECT_TRUE(fs::exists(folder.file("plots/skip.gnuplot")));
   const Json &all = rows["all skips"], &none = rows["no skip at all"];
-  const Json& inexact = rows["no exact skip"];  // as much is asked for, in the same way
+  const Json& inexact = rows["no exact skip"];  // requests the same work in the same way
   EXPECT_EQ(all["model differs by"], 0);
   EXPECT_NE(outcome.out.find("with flow in every step both, no skip at all takes "),
             std::string::npos);
@@ -175,7 +178,7 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   EXPECT_GT(none["tiles with flow"], all["tiles with flow"]);
   const double each = 3 * 9;  // motion.sh_degree 2
   EXPECT_FLOAT_EQ(rows["without bands"]["colour values"].get<float>(),
-                  each * all["drawn"].get<float>());  // means over steps, summed in turn
+                  each * all["drawn"].get<float>());  // means over steps, then summed
   EXPECT_LT(all["colour values"], rows["without bands"]["colour values"]);
   EXPECT_GT(rows["without compact"]["bytes [1e6]"], all["bytes [1e6]"]);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow bench`: what it counts is right and what it writes can be compared. No time is judged.
+// `gflow bench`: its counts are right and its reports can be compared. Times are not tested.
 #include <cmath>
 
 #include "optim/formats/npz.hpp"
@@ -33,7 +33,7 @@ TEST(Bench, RasterTellsEveryStageAndCountsTheWork) {
   EXPECT_GT(all["wall [ms]"]["median"].get<double>(), 0);
   if (const Json& raster = all["bin to gather, of that [ms]"]; !raster.is_null()) {  // on CPUs
     EXPECT_GT(raster["median"].get<double>(), 0);
-    double of_stages = 0;  // half the CPU time of each; of one repeat, so about
+    double of_stages = 0;  // half the CPU time of each, in one repeat, so only about
     for (const char* stage : {"bin", "mask", "transport", "splat", "backward", "gather"})
       of_stages +=
           0.5 *
@@ -44,7 +44,7 @@ TEST(Bench, RasterTellsEveryStageAndCountsTheWork) {
   const double blended = all["blended a pixel"];
   EXPECT_GE(listed, masked);
   EXPECT_GE(masked, blended);
-  EXPECT_NEAR(blended, 48, 10);  // what the scene is made for
+  EXPECT_NEAR(blended, 48, 10);  // the target of the scene
   const std::string shares = contents(folder.file("plots/raster.tsv"));
   EXPECT_EQ(shares.find("scene\tlook\tmotion\tproject\tbin\t"), 0u) << shares;
   EXPECT_NE(shares.find("\n40x24, 300\t"), std::string::npos) << shares;
@@ -84,7 +84,7 @@ TEST(Bench, ParetoTellsTimeAndErrorOfAChoiceAndDrawsThem) {
   ASSERT_EQ(rows.size(), 5u);
   const Json &shipped = rows["shipped"], &coarse = rows["alpha >= 1/64"],
              &fine = rows["alpha >= 1/2048"];
-  // As defined: float against double. Without cut-offs: the fainter what counts, the nearer.
+  // As defined: float against double. Without cut-offs: more accurate with smaller thresholds.
   EXPECT_LT(shipped["colour"], 1e-6);
   EXPECT_LT(shipped["gradients"], 1e-4);
   for (const char* error : {"colour, all", "flow, all [px]", "gradients, all"}) {
@@ -92,7 +92,7 @@ TEST(Bench, ParetoTellsTimeAndErrorOfAChoiceAndDrawsThem) {
     EXPECT_GT(shipped[error], fine[error]) << error;
   }
   EXPECT_GT(fine["colour"], shipped["colour"]);
-  // Nobody else is as exact as defined: whatever the times, they are a choice.
+  // No other row is as accurate as defined, so it is on the front whatever the times are.
   EXPECT_EQ(shipped["on the front"], 1);
   EXPECT_EQ(shipped["CPU, of shipped"]["high"], 1);
   EXPECT_GT(fine["CPU, of shipped"]["high"], 0);
@@ -135,7 +135,7 @@ TEST(Bench, BoxesThatCutSplatsOffAreLessExactAndSkipsAreNot) {
   EXPECT_GT(rows["boxes of at most 2.0 sigma"]["colour"],
             rows["boxes of at most 3.0 sigma"]["colour"]);
 
-  // And an error that grows is told as a time is.
+  // A larger error is reported like a longer time.
   for (Json& row : rows)
     for (Json& figure : row)
       if (figure.is_object()) figure["high"] = 1e6;
@@ -162,7 +162,8 @@ TEST(Bench, ScalingTellsHowCostGrowsAndPredicts) {
                                  file, "--gpu-tflops", "10"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = report_in(file)["rows"];
-  // As many pairs a pixel whatever their number; frames that are not drawn have none.
+  // The pairs per pixel do not depend on the number of Gaussians or pixels; unrendered frames have
+  // none.
   const auto pairs = [&](const char* row) { return rows[row]["blended pairs"].get<double>(); };
   EXPECT_NEAR(pairs("Gaussians: 3000") / pairs("Gaussians: 1000"), 1, 0.2);
   EXPECT_NEAR(pairs("pixels: 262144") / pairs("pixels: 65536"), 4, 0.8);
@@ -176,7 +177,7 @@ TEST(Bench, ScalingTellsHowCostGrowsAndPredicts) {
             std::max(predicted["compute, at the share of peak reached here [ms]"].get<double>(),
                      predicted["memory, at peak [ms]"].get<double>()));
   EXPECT_TRUE(rows["time with frames"].contains("of the last two"));
-  // The scene does not depend on how many were tried beside it.
+  // The scene does not depend on the sizes measured beside it.
   const Outcome fewer = gflow({"bench", "scaling", "--most", "1000", "--repeats", "1", "--json",
                                file, "--plots", folder.file("plots")});
   ASSERT_EQ(fewer.code, 0) << fewer.err;
@@ -205,7 +206,7 @@ Outcome small_raster(std::vector<std::string> more) {
   return gflow(raster(more));
 }
 
-// Of two values the median is the middle, with as much below as above.
+// The median of two values is their mean, with as much below as above.
 TEST(Bench, QuartilesLieBetweenRanksAndWhatNobodyCountedIsNotZero) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");
@@ -219,7 +220,7 @@ TEST(Bench, QuartilesLieBetweenRanksAndWhatNobodyCountedIsNotZero) {
   EXPECT_NEAR(median, (low + high) / 2, 1e-9 * high);
   EXPECT_GT(rows["16x16, 20: splat"]["of the FMA peak [%]"], 0);
   EXPECT_TRUE(rows["16x16, 20: bin"]["of the FMA peak [%]"].is_null());
-  // An intersection's index, half a splat and the mask.
+  // The index of an intersection, half a splat and the mask.
   const Json& mask = rows["16x16, 20: mask"];
   const double bytes = 1e-2 * mask["of the copy peak [%]"].get<double>() * 1e6 *
                        mask["device [ms]"]["median"].get<double>() *
@@ -228,7 +229,7 @@ TEST(Bench, QuartilesLieBetweenRanksAndWhatNobodyCountedIsNotZero) {
   for (const char* stage : {"motion", "project", "bin", "transport", "splat", "backward", "gather",
                             "project back", "motion back", "Adam"})
     EXPECT_GT(rows[std::string("16x16, 20: ") + stage]["of the copy peak [%]"], 0) << stage;
-  // Peaks that changed while it was measured are told.
+  // Changed peaks during the measurement are reported.
   bool changed = false;
   for (const char* peak : {"peak_gflops", "peak_copy_gbs"}) {
     const double before = report[peak], after = report[std::string(peak) + "_after"];
@@ -319,8 +320,7 @@ TEST(Bench, AnEarlierReportIsComparedByRatio) {
   EXPECT_EQ(slower.code, 3);
   EXPECT_NE(slower.out.find("worse than in"), std::string::npos) << slower.out;
   EXPECT_EQ(slower.err, "");
-  // CPU time is judged where there is one, which parts do not have on a GPU, and parts of 5 % and
-  // more.
+  // CPU time is compared if it exists (parts on a GPU have none), and only parts of at least 5 %.
   EXPECT_NE(slower.out.find(", twice: 16x16, 20, CPU [ms]"), std::string::npos) << slower.out;
   const std::string twice = slower.out.substr(slower.out.find(", twice: "));
   EXPECT_EQ(twice.find("wall [ms]"), std::string::npos) << twice;
@@ -329,7 +329,7 @@ TEST(Bench, AnEarlierReportIsComparedByRatio) {
   for (const char* said : {"wall [ms]", "motion, device [ms]"})
     EXPECT_NE(slower.out.find(said), std::string::npos) << said;
   EXPECT_NE(slower.out.find(" not judged\n"), std::string::npos) << slower.out;
-  Json report = report_in(file);  // slower by its best, but once it had been as slow
+  Json report = report_in(file);  // slower by its best, but one earlier repeat was as slow
   const std::string row = report["rows"].items().begin().key();
   for (Json& one : report["rows"])
     for (Json& figure : one)

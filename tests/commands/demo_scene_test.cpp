@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scene that ships with gflow is whole: what apps/demo/run needs can be read from it.
+// The shipped scene is complete: everything that apps/demo/run needs can be read from it.
 #include <gtest/gtest.h>
 
 #include "optim/options/train_options.hpp"
@@ -17,7 +17,7 @@ TEST(DemoScene, HasNineCamerasAndTwentyStepsOfWhichOneCameraIsForTheTest) {
   EXPECT_EQ(scene.steps, 20);
   EXPECT_EQ(scene.train.size(), 8u * 20);
   EXPECT_EQ(scene.test.size(), 20u);
-  EXPECT_EQ(scene.points.size(), 6933u);  // "n_points" of the scene's making
+  EXPECT_EQ(scene.points.size(), 6933u);  // "n_points" in the scene's metadata
 }
 
 TEST(DemoScene, TheTestCameraHasItsTrueFlowExceptAtTheLastStep) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow devices` and `gflow stress`: what they say of a device, and of one that does not hold.
+// `gflow devices` and `gflow stress`: their reports about correct and faulty devices.
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <regex>
@@ -22,7 +22,7 @@ size_t lines_with(const std::string& text, const std::string& part) {
   return count;
 }
 
-// Long texts go on in the next line.
+// Joins wrapped lines.
 std::string in_one_line(const std::string& text) {
   return std::regex_replace(text, std::regex("\\s+"), " ");
 }
@@ -41,7 +41,7 @@ TEST(DevicesCommand, TellsOfEachDeviceWhatItIsAndHowItCheckedItself) {
     EXPECT_EQ(one["index"], devices[i].index);
     EXPECT_EQ(one["name"], devices[i].name);
     EXPECT_EQ(one["lanes"], devices[i].lanes);
-    // The memory of a virtual machine may grow from one process to the next.
+    // The memory of a virtual machine may grow between processes.
     const auto [least, most] =
         std::minmax<uint64_t>({devices[i].global_memory, later[i]["memory_bytes"]});
     EXPECT_GE(one["memory_bytes"], least);
@@ -49,7 +49,7 @@ TEST(DevicesCommand, TellsOfEachDeviceWhatItIsAndHowItCheckedItself) {
     EXPECT_EQ(one["usable"], one["reason"] == "") << one["reason"];
     EXPECT_NE(table.out.find(devices[i].name), std::string::npos);
   }
-  // The tests run on the first one, which is usable then.
+  // The tests run on the first device, so it must be usable.
   EXPECT_GE(told[0]["self_check"].size(), 7u);
   for (const json& row : told[0]["self_check"]) {
     EXPECT_TRUE(row["passed"]) << row;
@@ -73,7 +73,7 @@ TEST(DevicesCommand, ShowsTheOneAskedForAndRefusesOneThereIsNot) {
   EXPECT_NE(none.err.find("0: " + list_devices()[0].full_name()), std::string::npos) << none.err;
 }
 
-// The kernels of this program's source, one line of a file changed: an arithmetic that is wrong.
+// The kernels of the source tree with one changed line that makes the arithmetic wrong.
 class ChangedKernels {
  public:
   ChangedKernels(const std::string& file, const std::string& from, const std::string& to) {
@@ -85,7 +85,7 @@ class ChangedKernels {
     if (at != std::string::npos) text.replace(at, from.size(), to);
     std::ofstream(path) << text;
   }
-  // What a shell does first.
+  // Shell command that sets the environment.
   std::string environment() const { return "export GFLOW_KERNEL_DIR='" + folder_.path() + "'"; }
 
  private:
@@ -105,7 +105,7 @@ TEST(DevicesCommand, ADeviceWhoseArithmeticIsWrongIsRefusedForAnyWork) {
   EXPECT_NE(work.err.find("float32 sqrt, error in ulp"), std::string::npos) << work.err;
 }
 
-// PoCL says of the first that the program does not build; of the second its LLVM ends gflow.
+// For the first size PoCL reports a failed build; for the second its LLVM ends gflow.
 TEST(DevicesCommand, AKernelThatCannotBeKeptIsNoFaultOfTheDevice) {
   if (!is_pocl(list_devices()[0])) GTEST_SKIP() << "PoCL alone keeps its programs in a folder";
   for (const char* kib : {"40", "200"}) {
@@ -132,7 +132,7 @@ TEST(DevicesCommand, NoTemporaryFolderIsNoFaultOfTheDevice) {
       << outcome.err;
 }
 
-// No device is to blame for these.
+// These errors are not the device's fault.
 TEST(DevicesCommand, AVariableThatIsNoAnswerIsAnError) {
   for (const char* set : {"GFLOW_POISON_BUFFERS=yes", "GFLOW_SYNC=2", "GFLOW_KERNEL_DIR=/nowhere",
                           "GFLOW_DEVICE_TIMEOUT=soon"})
@@ -172,7 +172,7 @@ TEST(StressCommand, WritesTheFiguresThatItPrints) {
   EXPECT_EQ(gflow({"--quiet", "stress", "--only", "5"}).err, "");
 }
 
-// As wide as a terminal is by default, whatever a condition says.
+// The default width of a terminal, however long a condition is.
 TEST(StressCommand, NoLineIsLongerThan80Characters) {
   for (const std::vector<std::string>& what :
        {std::vector<std::string>{"--only", "12,18,21,40", "--quick"}, {"--derivatives"}}) {
@@ -181,7 +181,7 @@ TEST(StressCommand, NoLineIsLongerThan80Characters) {
     std::istringstream lines(gflow(arguments).out);
     size_t count = 0;
     std::string line;
-    std::getline(lines, line);  // the name of the device
+    std::getline(lines, line);  // skips the name of the device
     for (; std::getline(lines, line); ++count) EXPECT_LE(line.size(), 80u) << line;
     EXPECT_GT(count, 20u);
   }
@@ -199,7 +199,7 @@ TEST(StressCommand, ABoundThatIsNotKeptIsExitCodeThree) {
   EXPECT_EQ(lines_with(outcome.out, "  FAILS\n"), 2 * failed) << "once more at the end";
 }
 
-// T35 has a quick part, which runs, and another.
+// T35 has a quick part, which runs, and a slow one.
 TEST(StressCommand, TellsWhatQuickLeavesOut) {
   const Outcome outcome = gflow({"--quiet", "stress", "--only", "5,35", "--quick"});
   EXPECT_EQ(outcome.code, 0) << outcome.out;
@@ -218,7 +218,7 @@ TEST(StressCommand, RefusesWhatItDoesNotKnow) {
   EXPECT_NE(gflow({"stress", "--only", "5", "--derivatives"}).code, 0);
 }
 
-// A loop of a shell around it must end, too.
+// A shell loop around it must end as well.
 TEST(StressCommand, InterruptedInItsLastTestItSaysSo) {
   const Command command({"stress", "--only", "T22"});
   for (int i = 0; i < 6000 && command.said().find("T22 ") == std::string::npos; ++i)
@@ -235,7 +235,7 @@ TEST(StressCommand, InterruptedItKeepsTheFiguresThatItHas) {
   const std::string path = folder.file("figures.json");
   const Command command({"stress", "--json", path});
   for (int i = 0; i < 6000 && command.said().find("T2 ") == std::string::npos; ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));  // the first test has ended
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));  // until the first test has ended
   command.send(SIGINT);
   const Outcome outcome = command.wait();
   EXPECT_EQ(outcome.code, 130);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow experiment`: what a file names is trained once, whatever stops it, and the tables hold
-// what the runs came to.
+// `gflow experiment`: each run of a file is trained once, whatever interrupts it, and the tables
+// contain the results.
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -14,7 +14,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Number of steps, and a model to begin with that is not there.
+// Number of steps, and an initial model that does not exist.
 const char* const no_first_file = "5\ninit.from = \"file\"\ninit.file = \"/no/such.ply\"";
 
 class Experiment : public testing::Test {
@@ -25,7 +25,7 @@ class Experiment : public testing::Test {
   }
   static void TearDownTestSuite() { delete scene_; }
 
-  // A file of two choices and two seeds on the small scene, called "small".
+  // An experiment file with two choices and two seeds on the small scene, called "small".
   std::string file(const std::string& more = "", const std::string& steps = "4") const {
     return folder_.write("a.toml", fmt::format(R"(title = "A test, of choices"
 scenes = [{{ path = "{}", name = "small" }}]
@@ -47,7 +47,7 @@ choices = [{{ name = "off", flow.enabled = false }}, {{ name = "on" }}]
     return gflow(more);
   }
   std::string run(const std::string& id) const { return out("/runs/" + id); }
-  // Flow that both have, though it was computed once.
+  // Number of flow files that both runs share.
   int flow_files_shared(const std::string& id, const std::string& other) const {
     int shared = 0;
     for (const auto& entry : fs::recursive_directory_iterator(run(id) + "/flow")) {
@@ -100,7 +100,7 @@ TEST_F(Experiment, TrainsWhatTheFileNamesAndTabulatesIt) {
   EXPECT_NE(contents(out("/plots/curve_small_steps.tsv")).find("off"), std::string::npos);
   const Image sheet = read_image(out("/pictures/small.png"));
   const Image one = read_image(run("small-on-seed0") + "/compare.png");
-  // White to the right of the caption: none of its words is cut off.
+  // White to the right of the caption: no word is cut off.
   for (int y = 0; y < 24; ++y)
     EXPECT_EQ(sheet.pixels[3 * (size_t(y) * size_t(sheet.width) + size_t(sheet.width) - 1)], 255);
   EXPECT_GE(sheet.width, one.width);
@@ -124,7 +124,7 @@ TEST_F(Experiment, FiguresOfSomeStepsOfTheVideo) {
 }
 
 TEST_F(Experiment, PicturesOfAViewAtSomeSteps) {
-  for (const char* film : {"cam99@0-1", "cam00@5-9"}) {  // told before anything is trained
+  for (const char* film : {"cam99@0-1", "cam00@5-9"}) {  // rejected before anything is trained
     const Outcome refused =
         experiment(file(fmt::format("films = [\"cam00@0-1\", \"{}\"]\n", film)));
     EXPECT_EQ(refused.code, 1);
@@ -140,9 +140,9 @@ TEST_F(Experiment, PicturesOfAViewAtSomeSteps) {
   const Image one = read_image(run("small-on-seed0") + "/test/cam00_0002.png");
   const int compared = read_image(run("small-on-seed0") + "/compare.png").height;
   const int words = (read_image(out("/pictures/small.png")).height - 2 * compared) / 3;
-  EXPECT_GE(sheet.width, 3 * one.width);                // steps 1, 2, 3, and room for the words
+  EXPECT_GE(sheet.width, 3 * one.width);                // steps 1, 2, 3, and space for the captions
   EXPECT_EQ(sheet.height, 3 * one.height + 4 * words);  // truth and two rows
-  // The middle of the last row.
+  // The middle image of the last row.
   for (const int x : {0, one.width / 2, one.width - 1})
     EXPECT_EQ(sheet.pixels[3 * (size_t(sheet.height - 1) * sheet.width + one.width + x)],
               one.pixels[3 * (size_t(one.height - 1) * one.width + x)]);
@@ -156,7 +156,7 @@ TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
   ASSERT_EQ(experiment(toml).code, 0);
   EXPECT_EQ(fs::last_write_time(run("small-on-seed0") + "/results.json"), trained);
   EXPECT_EQ(contents(out("/table.csv")), table);
-  // From the beginning, two at a time; one of them was lost, one stopped before its results.
+  // Starts over, two at a time; one run was lost, one stopped before its results.
   EXPECT_GT(flow_files_shared("small-on-seed3", "small-on-seed0"), 0);
   fs::remove_all(run("small-off-seed0"));
   std::ofstream(run("small-on-seed3") + "/results.json") << "{ damaged";
@@ -166,8 +166,8 @@ TEST_F(Experiment, DoesNothingTwiceAndTheSameTableAgain) {
   EXPECT_EQ(contents(out("/table.csv")), table);
 }
 
-// Signs that mean something in tables and plots, a baseline for each row of a group, and rows that
-// have fewer steps than a film shows.
+// Characters with a meaning in tables and plots, a baseline for each row of a group, and rows with
+// fewer steps than a film shows.
 TEST_F(Experiment, OddNamesBaselinesOfAGroupAndShorterRows) {
   const Outcome outcome = experiment(folder_.write(
       "odd.toml", fmt::format("scenes = [{{ path = '{}', name = \"o'clock\" }}]\n"
@@ -180,7 +180,7 @@ TEST_F(Experiment, OddNamesBaselinesOfAGroupAndShorterRows) {
                               "{{ name = 'three', scene.max_steps = 3 }}]\n",
                               scene_->path())));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_EQ(outcome.err, "");  // gnuplot took the names
+  EXPECT_EQ(outcome.err, "");  // gnuplot accepted the names
   std::string markdown = contents(out("/table.md"));
   markdown.erase(0, markdown.find("| scene"));
   EXPECT_NE(markdown.find("| scene | ssim \\| weight | steps used | PSNR [dB] |"),
@@ -189,7 +189,7 @@ TEST_F(Experiment, OddNamesBaselinesOfAGroupAndShorterRows) {
   EXPECT_NE(markdown.find("| o'clock | 0.2 | it's \\| all | "), std::string::npos) << markdown;
   const Json rows = read(out("/table.json"))["rows"];
   const auto psnr = [&](size_t row) { return rows[row]["figures"]["psnr"]["mean"].get<double>(); };
-  for (const size_t base : {0, 2})  // each third row against the one above, of its own weight
+  for (const size_t base : {0, 2})  // every third row against the one above with its own weight
     EXPECT_NE(markdown.find(fmt::format("({:+.2f})", psnr(base + 1) - psnr(base))),
               std::string::npos)
         << markdown;
@@ -200,12 +200,12 @@ TEST_F(Experiment, OddNamesBaselinesOfAGroupAndShorterRows) {
   const auto last_row = [](const Image& picture, int x) {
     return picture.pixels[3 * (size_t(picture.height - 1) * size_t(picture.width) + size_t(x))];
   };
-  for (const int x : {0, one.width - 1})  // the last training has steps 1 and 2, then nothing
+  for (const int x : {0, one.width - 1})  // the last training has steps 1 and 2, then white
     EXPECT_EQ(last_row(film, one.width + x), last_row(one, x));
   for (int x = 2 * one.width; x < film.width; ++x) EXPECT_EQ(last_row(film, x), 255) << x;
 }
 
-// The cell of a table's row (from 0) in the column called `name`.
+// The cell in row `row` (from 0) and the column called `name`.
 std::string cell_of(const std::string& markdown, const std::string& name, size_t row) {
   const auto cells = [](const std::string& line) {
     std::vector<std::string> words;
@@ -234,12 +234,12 @@ TEST_F(Experiment, ANetworkThatIsNotGivenIsNotPassedOver) {
       EXPECT_EQ(cell_of(markdown, name, row), "no model given") << markdown;
   EXPECT_NE(cell_of(markdown, "flicker [grey levels]", 1), "no column") << markdown;
   EXPECT_NE(cell_of(markdown, "Fl-all [%]", 1), "no column") << markdown;
-  EXPECT_EQ(cell_of(markdown, "depth error [%]", 1), "no column");  // the scene has none
+  EXPECT_EQ(cell_of(markdown, "depth error [%]", 1), "no column");  // the scene has no true depth
   EXPECT_NE(csv.find(",no model given,"), std::string::npos) << csv;
   EXPECT_NE(contents(out("/runs.csv")).find(",no model given,"), std::string::npos);
   EXPECT_FALSE(fs::exists(out("/plots/lpips.tsv")));
 
-  // Given later, it judges what is trained already.
+  // A network given later evaluates the finished runs.
   const std::string log = contents(run("small-on-seed0") + "/metrics.jsonl");
   const std::string with =
       file("", "4\nmetrics.lpips = \"" GFLOW_SOURCE_DIR "/tests/data/networks/lpips.onnx\"");
@@ -256,7 +256,7 @@ TEST_F(Experiment, ANetworkThatIsNotGivenIsNotPassedOver) {
   EXPECT_EQ(cell_of(contents(out("/table.md")), "CLIP", 0), "no model given");
   EXPECT_NE(experiment(with, {"--dry-run"}).out.find("4 runs, 4 of them finished"),
             std::string::npos);
-  // Who no longer names it keeps the figures.
+  // Without the setting, the existing metrics are kept.
   EXPECT_NE(experiment(plain, {"--dry-run"}).out.find("4 runs, 4 of them finished"),
             std::string::npos);
 }
@@ -298,12 +298,12 @@ TEST_F(Experiment, ASignalStopsItAndTheSameCommandGoesOn) {
   const std::string plan = experiment(toml, {"--dry-run"}).out;
   EXPECT_NE(plan.find("stopped after "), std::string::npos) << plan;
   EXPECT_NE(plan.find("4 runs, 0 of them finished"), std::string::npos) << plan;
-  // The trainings saw one signal, and saved.
+  // The trainings received one signal and saved.
   const std::string log = contents(out("/runs/small-off-seed0.log"));
   EXPECT_NE(log.find("interrupted after "), std::string::npos) << log;
 }
 
-// However it ends: nobody is left who waits for them.
+// However it ends, because nothing would wait for its trainings.
 TEST_F(Experiment, ItsTrainingsEndWithIt) {
   const std::string toml = file("", "1000000");
   Command command({"experiment", toml, "-o", out(), "--quiet"});
@@ -316,7 +316,7 @@ TEST_F(Experiment, ItsTrainingsEndWithIt) {
   })) << contents(log);
 }
 
-// Flow over two steps is not that over one, though the pictures have the same names.
+// Flow over two steps differs from flow over one, though the images have the same names.
 TEST_F(Experiment, FlowIsSharedBetweenRunsOfTheSamePicturesOnly) {
   const std::string toml = folder_.write(
       "strides.toml", fmt::format("scenes = [{{ path = '{}', name = 'small' }}]\n"
@@ -331,7 +331,8 @@ TEST_F(Experiment, FlowIsSharedBetweenRunsOfTheSamePicturesOnly) {
   EXPECT_GT(flow_files_shared("small-2-0.2-seed0", "small-2-0.1-seed0"), 0);
 }
 
-// A gflow that was killed leaves its training behind: it is waited for, not taken for a failure.
+// A killed gflow leaves its training behind: the next one waits for it and does not count it as
+// failed.
 TEST_F(Experiment, WhatAnotherProcessTrainsIsWaitedFor) {
   const std::string toml = file("", "40");  // a second each
   {
@@ -364,8 +365,8 @@ TEST_F(Experiment, ADeviceThatIsNotThereIsToldBeforeAnythingIsTrained) {
   expect_no_device({}, "export GFLOW_DEVICE=999", "no OpenCL device 999");
 }
 
-// Trainings side by side have fewer cores each: that must change no bit of any motion model. So
-// many Gaussians that sums over them are cut.
+// Parallel trainings have fewer cores each, which must not change any bit of any motion model. Uses
+// enough Gaussians for sums over them to be split.
 TEST_F(Experiment, TheNumberOfCoresChangesNoBit) {
   for (const char* motion : {"spacetime", "native4d", "keyframes", "bases", "hexplane"}) {
     const auto model = [&](const std::string& cores) {
@@ -396,9 +397,9 @@ TEST_F(Experiment, OtherSettingsAreNotMixedIn) {
             std::string::npos)
       << refused.err;
   EXPECT_EQ(read(run("small-off-seed0") + "/results.json")["iterations"], 4);
-  // A training that is to be done again and comes to nothing leaves no results of the former one.
+  // A training that is repeated and fails leaves no results of the previous run.
   EXPECT_EQ(experiment(file("", no_first_file), {"--redo"}).code, 1);
-  file("", "5");  // as it was
+  file("", "5");  // unchanged
   EXPECT_NE(experiment(changed, {"--dry-run"}).out.find("4 runs, 0 of them finished"),
             std::string::npos);
   const Outcome redone = experiment(changed, {"--redo"});
@@ -442,7 +443,7 @@ TEST_F(Experiment, ARunThatFailsLeavesTheOthers) {
   EXPECT_EQ(none.code, 1);
   EXPECT_NE(none.err.find("4 of 4 runs failed"), std::string::npos) << none.err;
   EXPECT_NE(none.err.find("no/such.ply"), std::string::npos) << none.err;
-  // One cannot be made because a file is in its place.
+  // One run cannot be created because a file is in its place.
   fs::remove_all(out());
   fs::create_directories(out("/runs"));
   std::ofstream(run("small-off-seed0")) << "in the way";
@@ -452,8 +453,7 @@ TEST_F(Experiment, ARunThatFailsLeavesTheOthers) {
   EXPECT_NE(contents(out("/table.md")).find("3 of 4 runs"), std::string::npos);
 }
 
-// Their scenes are stood in for by the small one, whose views are called otherwise than their
-// films.
+// The small scene stands in for their scenes; its views have other names than in their films.
 TEST_F(Experiment, TheShippedFilesAreRead) {
   for (const char* scene :
        {"n3v-baton", "n3v-sphere", "c4d-hammer", "c4d-fox", "dnerf-knight", "consistent4d_trex"})

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files in and out as a user writes and reads them: export, import, info, splat.
+// Reading and writing files as a user does: export, import, info, splat.
 #include <nlohmann/json.hpp>
 
 #include "optim/formats/splat_table.hpp"
@@ -36,7 +36,7 @@ TEST_F(FilesCommand, ExportWritesOneTimeThatInfoAndImportAndTrainRead) {
   EXPECT_EQ(first["gaussians"], still["gaussians"]);
 }
 
-// What positions are relative to: the file in gflow's words, the result in doubles.
+// The origin of positions: as a comment in gflow's file, in doubles in the result.
 TEST_F(FilesCommand, ImportKeepsThePlaceInTheWorld) {
   const TemporaryFolder folder;
   const std::string ply = folder.file("now.ply"), out = folder.path() + "/out.ply";
@@ -58,7 +58,7 @@ TEST_F(FilesCommand, ImportKeepsThePlaceInTheWorld) {
   expect_refused({"import", with_origin("nan 0 0"), "-o", out}, {"far.ply", "origin nan"});
 }
 
-// Two at a time would mix their pictures.
+// Two processes at a time would mix their images.
 TEST_F(FilesCommand, OneProcessWritesAFolder) {
   const TemporaryFolder folder;
   const FolderLock lock(folder.path());
@@ -123,7 +123,7 @@ TEST_F(FilesCommand, ExportWritesASequenceOfTheStepsOfTheScene) {
   expect_refused({"export", run(), "--format", "ply-sequence", "-o", folder.file("a")},
                  {"frames 1 to 5", "notes.txt"});
   fs::remove(folder.file("a/notes.txt"));
-  // As after a disk that was full.
+  // As after a full disk.
   fs::remove(folder.file("a/frame_0005.ply"));
   EXPECT_EQ(
       gflow({"export", run(), "--format", "ply-sequence", "-o", folder.file("a"), "--quiet"}).code,
@@ -289,7 +289,7 @@ TEST_F(FilesCommand, NothingIsWrittenOverTheFilesOfARun) {
           {"bench", "pareto", "--markdown", path}})
       expect_refused(command, {path, "what a training writes into"});
   EXPECT_TRUE(all() == before);
-  // Beside them there is room.
+  // Other files may be put beside them.
   const std::string own = run() + "/still.splat";
   EXPECT_EQ(gflow({"export", run(), "-o", own}).code, 0);
   EXPECT_EQ(gflow({"export", run(), "-o", own}).code, 0);
@@ -434,8 +434,7 @@ TEST_F(FilesCommand, SplatRefusesArchivesThatAreBroken) {
   write_npz(folder.file("large.npz"), input);
   expect_refused({"splat", folder.file("large.npz"), "-o", out},
                  {"large.npz", "take 98301.0 MiB in all, thrice ", " has "});
-  // Half of the memory for the images themselves, 24 bytes a pixel: not with what they are copied
-  // to.
+  // Half of the memory for the images, 24 bytes per pixel: no space for their copies.
   const double side = std::floor(std::sqrt(double(test_queue().info.global_memory) / 48));
   input["size"] = Array{{2}, std::vector<double>{side, side}};
   write_npz(folder.file("large.npz"), input);

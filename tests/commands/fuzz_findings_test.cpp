@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tests/fuzz/run once found, tests/data/fuzz/TARGET/*, is read or refused; so is each seed,
-// whole and cut short.
+// Past findings of tests/fuzz/run in tests/data/fuzz/TARGET are read or rejected; so is each seed,
+// complete and truncated.
 #include <fmt/format.h>
 
 #include "tests/fuzz/targets.hpp"
@@ -48,7 +48,7 @@ bool waits_for_a_process(const fuzz::Target& target) {
   return target.name == std::string("guidance");
 }
 
-// Files of 4 MB; `tests/fuzz/run` has longer ones, of which the 64 MB are less.
+// Files of 4 MB. `tests/fuzz/run` uses larger ones, for which the fixed 64 MB matter less.
 TEST(FuzzFindings, LongFilesTakeTheMemoryTheyMay) {
   constexpr size_t size = 4 << 20;
   double most = 0;
@@ -56,7 +56,7 @@ TEST(FuzzFindings, LongFilesTakeTheMemoryTheyMay) {
     if (waits_for_a_process(target)) continue;
     const TemporaryFolder folder;
     target.make_seeds(folder.path());
-    target.read(nullptr, 0);  // what it makes once is not counted
+    target.read(nullptr, 0);  // allocates what is made once, which does not count
     fuzz::for_long_files(
         folder.path(), size, [&](const std::string& what, const std::string& input) {
           const auto* bytes = reinterpret_cast<const uint8_t*>(input.data());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow train` with guidance by a program, from the settings to the files: trained, broken off,
-// gone on with, refused.
+// `gflow train` with guidance by a program, from settings to files: trained, interrupted, resumed,
+// rejected.
 #include "tests/support/command.hpp"
 #include "tests/support/python.hpp"
 #include "tests/support/small_scene.hpp"
@@ -8,8 +8,8 @@
 namespace gflow {
 namespace {
 
-// A scene with pictures and flow of its held-out camera as known views, and a program that pulls
-// towards them; it dies in step 30 while there is no file `healthy`.
+// A scene with images and flow of its held-out camera as known views, and a program that pulls
+// towards them. The program dies in step 30 unless the file `healthy` exists.
 class GuidanceCommand : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -89,7 +89,7 @@ TEST_F(GuidanceCommand, AProgramThatDiesCostsNothingButTheTime) {
   EXPECT_NE(line.find("\"guidance\":0."), std::string::npos) << line;
 }
 
-// Nothing that stands in a file is run unless the user says so.
+// A command from a file runs only if the user allows it.
 TEST_F(GuidanceCommand, AProgramThatAFileNamesIsNotStartedUnasked) {
   const std::string ran = path("ran"), command = "touch " + ran + "; exit 3";
   std::vector<std::string> of_config = train("unasked", command);
@@ -98,7 +98,7 @@ TEST_F(GuidanceCommand, AProgramThatAFileNamesIsNotStartedUnasked) {
                  {"config.toml would start a program", "touch " + ran, "--allow-command"});
   EXPECT_FALSE(fs::exists(path("unasked")));
 
-  // A run of somebody else, with its settings and with those in a checkpoint alone.
+  // An untrusted run, with the command in its settings and in a checkpoint alone.
   ASSERT_EQ(
       gflow({"train", scene_->path(), "-o", path("theirs"), "--iterations", "2", "--quiet"}).code,
       0);
@@ -127,7 +127,7 @@ TEST_F(GuidanceCommand, AProgramThatAFileNamesIsNotStartedUnasked) {
   EXPECT_FALSE(fs::exists(path("plan")));
   EXPECT_FALSE(fs::exists(ran));
 
-  // Who names it, or allows it, gets it.
+  // A command named or allowed on the command line runs.
   std::vector<std::string> named = of_config;
   named.insert(named.end(), {"--set", "guidance.command=" + command});
   expect_refused(named, {"ended with exit code 3"});
@@ -137,7 +137,7 @@ TEST_F(GuidanceCommand, AProgramThatAFileNamesIsNotStartedUnasked) {
   EXPECT_TRUE(fs::remove(ran));
 }
 
-// What cannot make its first step replaces nothing.
+// A training that fails before its first step replaces nothing.
 TEST_F(GuidanceCommand, AFormerTrainingStaysUntilTheFirstStepOfAnother) {
   ASSERT_EQ(
       gflow({"train", scene_->path(), "-o", path("former"), "--iterations", "2", "--quiet"}).code,
@@ -183,7 +183,7 @@ serve(guide)
   training.send(SIGINT);
   const Outcome outcome = training.wait();
   EXPECT_EQ(outcome.code, 130) << outcome.err;
-  // Waiting for the answer would have been one step more.
+  // Waiting for the answer would have taken one more step.
   EXPECT_NE(outcome.err.find("interrupted after 12 of 60 steps"), std::string::npos) << outcome.err;
 
   folder_->write("quick", "");
@@ -206,7 +206,7 @@ TEST_F(GuidanceCommand, AFinishedRunAsksNobody) {
 }
 
 TEST_F(GuidanceCommand, AProgramThatDoesNotGreetLeavesNoRunBehind) {
-  // The shell has a word of its own on stderr.
+  // The shell prints its own message on stderr.
   const Outcome outcome = gflow(train("kept", "no-such-program"));
   EXPECT_EQ(outcome.code, 1);
   EXPECT_NE(outcome.err.find("`no-such-program` ended with exit code 127"), std::string::npos)
@@ -216,7 +216,7 @@ TEST_F(GuidanceCommand, AProgramThatDoesNotGreetLeavesNoRunBehind) {
   expect_refused(train("kept", "cat"), {"{\"protocol\":\"gflow-guidance\"", "version"});
 }
 
-// The example's pictures and flow in the size of the views: here those of half the width.
+// The example resizes its images and flow to the size of the views: here half the width.
 TEST_F(GuidanceCommand, TheExampleFitsItsPicturesToTheViews) {
   if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
   const std::string program = folder_->write("fits.py", R"(
@@ -254,7 +254,7 @@ else:
       << contents(path("fits.err"));
 }
 
-// The script as a user calls it; what it makes is judged elsewhere.
+// Runs the script as a user does; other tests check its results.
 TEST_F(GuidanceCommand, TwoStagesGoFromThePicturesToAMovingScene) {
   const std::string script = std::string(GFLOW_SOURCE_DIR) + "/apps/guidance/two_stages";
   const auto run = [&](const std::string& scene) {
@@ -272,7 +272,7 @@ TEST_F(GuidanceCommand, TwoStagesGoFromThePicturesToAMovingScene) {
   const std::string model = path("stages") + "/dynamic/point_cloud/iteration_30/point_cloud.ply";
   const std::string made = contents(model);
   EXPECT_FALSE(made.empty());
-  // Goes on where it was: nothing is left to do.
+  // Resumes with nothing left to do.
   ASSERT_EQ(run(scene_->path()), 0) << contents(path("stages.err"));
   EXPECT_TRUE(contents(model) == made);
 }

@@ -13,7 +13,7 @@ TEST_F(RenderCommand, RenderDoesNotMixItsFilesWithThoseOfARun) {
   expect_refused({"render", run(), "-o", run() + "/"}, {"files of a run"});
   const auto before = fs::last_write_time(scene().path());
   expect_refused({"render", run(), "-o", scene().path()}, {"there lies a scene (n3v)"});
-  EXPECT_EQ(fs::last_write_time(scene().path()), before);  // nothing new in it
+  EXPECT_EQ(fs::last_write_time(scene().path()), before);  // nothing new is written there
   expect_refused({"render", run(), "-o", run() + "/flow/new"}, {"files of a run"});
   expect_refused({"render", model(), "-o", run() + "/point_cloud/../test"}, {"files of a run"});
   EXPECT_FALSE(fs::exists(run() + "/rgb"));
@@ -29,7 +29,7 @@ TEST_F(RenderCommand, RenderLeavesAFolderOfOthersAlone) {
   expect_refused(render, {folder.path(), "not empty", "new folder"});
   EXPECT_EQ(contents(video), "a film of my own");
   EXPECT_EQ(folder.count(), 1u);
-  fs::create_directory(folder.path() + "/rgb");  // pictures, too
+  fs::create_directory(folder.path() + "/rgb");  // may contain images as well
   expect_refused(render, {"not empty"});
   const TemporaryFolder data;  // such as a scanner's
   for (const char* kind : {"/rgb", "/alpha", "/depth"}) fs::create_directory(data.path() + kind);
@@ -73,7 +73,7 @@ TEST_F(RenderCommand, RenderDrawsACameraAtTheTimesAskedFor) {
   const TemporaryFolder out;
   const std::vector<std::string> render{"render", model(),   "-o",    out.path(),     "--camera",
                                         "cam02",  "--times", "0:1:3", "--no-compare", "--quiet"};
-  for (int once : {1, 2}) {  // again: over what it wrote
+  for (int once : {1, 2}) {  // the second time it overwrites its own files
     const Outcome outcome = gflow(render);
     EXPECT_EQ(outcome.code, 0) << once << outcome.err;
   }
@@ -117,7 +117,7 @@ TEST_F(RenderCommand, RenderSaysWhatIsMissing) {
   EXPECT_FALSE(fs::exists(out));
 }
 
-// Where frames of videos would go.
+// Frames of videos would be unpacked there.
 TEST_F(RenderCommand, NoTemporaryFolderIsToldWithTheVariable) {
   const TemporaryFolder folder;
   fs::copy_file(model(), folder.file("bare.ply"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gflow program as a user runs it: train and eval, what every command says and how it exits.
+// The gflow program as a user runs it: train and eval, messages and exit codes of every command.
 #include <sys/stat.h>
 
 #include <nlohmann/json.hpp>
@@ -69,7 +69,7 @@ TEST_F(CommandTest, TrainSaysWhatItFound) {
   EXPECT_NE(still.err.find(" at random places\n"), std::string::npos) << still.err;
 }
 
-// The same pictures, numbered: one camera, and no others to test with.
+// The same images, numbered: one camera without others for a test.
 TEST_F(CommandTest, TestViewsThatWereTrainedOnAreMarked) {
   const TemporaryFolder folder;
   fs::copy(scene().path() + "/cam01/images", folder.path() + "/pictures");
@@ -130,7 +130,7 @@ TEST_F(CommandTest, EvalOfAnEarlierIterationLeavesTheResultsOfTheLatest) {
   EXPECT_EQ(gflow({"eval", run, "--iteration", "2", "--split", "train", "--quiet"}).code, 0);
   EXPECT_TRUE(fs::exists(run + "/results_train_iteration_2.json"));
   fs::remove(run + "/results.json");
-  EXPECT_EQ(gflow({"eval", run, "--iteration", "3", "--quiet"}).code, 0);  // the latest
+  EXPECT_EQ(gflow({"eval", run, "--iteration", "3", "--quiet"}).code, 0);  // the latest state
   EXPECT_EQ(contents(run + "/results.json"), before.at("results.json"));
 }
 
@@ -159,7 +159,7 @@ TEST_F(CommandTest, EvalJudgesByTheNetworksItIsGiven) {
   const TemporaryFolder folder;
   const std::string copy = folder.file("run");
   fs::copy(run(), copy, fs::copy_options::recursive);
-  // the first by a path that is relative to here
+  // The first path is relative to the current folder.
   const Outcome outcome = gflow({"eval", copy, "--quiet", "--set",
                                  "metrics.lpips=" + fs::relative(networks + "lpips.onnx").string(),
                                  "--set", "metrics.clip=" + networks + "clip.onnx"});
@@ -175,7 +175,7 @@ TEST_F(CommandTest, EvalJudgesByTheNetworksItIsGiven) {
   EXPECT_TRUE(views["cam00_0000"]["lpips"].is_number());
   EXPECT_EQ(contents(copy + "/config.toml"), contents(run() + "/config.toml"));
 
-  // Who says nothing keeps the figures; who says none has none.
+  // Without the setting the metrics stay; an empty setting removes them.
   const auto judged = [&](std::vector<std::string> more) {
     more.insert(more.begin(), {"eval", copy, "--quiet"});
     EXPECT_EQ(gflow(more).code, 0);
@@ -191,7 +191,7 @@ TEST_F(CommandTest, EvalJudgesByTheNetworksItIsGiven) {
                  {"metrics.clip", "lpips.onnx", "2 inputs"});
   expect_refused({"eval", copy, "--set", "flow.enabled=false"},
                  {"flow.enabled=false", "only those of [metrics]"});
-  // Nor does a training begin that could not be judged.
+  // A training that could not be evaluated does not start.
   const std::string other = folder.file("other");
   expect_refused({"train", scene().path(), "-o", other, "--iterations", "3", "--quiet", "--set",
                   "metrics.lpips=" + networks + "lpips_6x4.onnx"},
@@ -205,7 +205,7 @@ TEST_F(CommandTest, ADamagedVideoIsOneSentenceOfOursAlone) {
   const std::string cut = folder.write("cut.mp4", whole.substr(0, whole.size() / 2));
   const std::string out = folder.path() + "/run";
   expect_refused({"train", cut, "-o", out}, {"cut.mp4"});
-  // Who wants to know more is told.
+  // FFmpeg's log level shows its messages.
   const Outcome told = gflow({"train", cut, "-o", out}, "export OPENCV_FFMPEG_LOGLEVEL=24");
   EXPECT_NE((told.out + told.err).find("moov"), std::string::npos) << told.err;
 }
@@ -227,7 +227,7 @@ TEST_F(CommandTest, TrainSaysWhatIsWrongWithTheSceneOrTheSettings) {
   expect_refused({"train", scene().path(), "-o", out, "--init", "file"}, {"init.file names none"});
   expect_refused({"train", scene().path(), "-o", out, "--init", "visual-hull"}, {"no alpha"});
   fs::copy(scene().path(), folder.path() + "/tracked", fs::copy_options::recursive);
-  folder.write("tracked/tracks3d.npy", "no tracks");  // compared with at the end only
+  folder.write("tracked/tracks3d.npy", "no tracks");  // read only in the final evaluation
   expect_refused({"train", folder.path() + "/tracked", "-o", out}, {"tracks3d.npy"});
   EXPECT_FALSE(fs::exists(out));
   folder.write("file", "");
@@ -329,7 +329,7 @@ TEST_F(CommandTest, HelpIsThereForEveryCommand) {
   }
 }
 
-// Without it there would be no gradients, and no word of it.
+// An unknown name would silently produce no gradients.
 TEST_F(CommandTest, ACotangentOfAnUnknownNameIsRefused) {
   const TemporaryFolder folder;
   Arrays input = small_npz();
@@ -340,7 +340,7 @@ TEST_F(CommandTest, ACotangentOfAnUnknownNameIsRefused) {
   EXPECT_EQ(folder.count(), 1u);
 }
 
-// A library does so, or a person: it ends, and says something.
+// A library or a user may abort the program: it ends with a message.
 TEST(Abort, EndsTheProgramWithASentence) {
   const Command stress({"stress", "--only", "T40"});
   for (int i = 0; i < 6000 && stress.said().empty(); ++i)
@@ -363,8 +363,7 @@ TEST_F(CommandTest, AFileThatCannotBeWrittenIsOneSentenceAndLeavesNothing) {
   const auto train = [](const std::string& folder) -> std::vector<std::string> {
     return {"train", scene().path(), "-o", folder, "--iterations", "1", "--quiet"};
   };
-  // First without the limit, so that all kernels are in a cache, wherever this machine keeps its
-  // own.
+  // First without the limit, so that all kernels are in a cache, wherever the default cache is.
   const std::string cache = "export GFLOW_CACHE_DIR='" + folder.file("cache") + "'";
   const std::string limited = cache + "; ulimit -f 2";  // 1 or 2 KiB
   ASSERT_EQ(gflow(splat, cache).code, 0);
@@ -391,18 +390,19 @@ TEST_F(CommandTest, AFullStandardOutputIsNoSuccess) {
     }
 }
 
-// Who reads the output may end at any time, as `head` does.
+// The reader of a pipe may exit at any time, as `head` does.
 TEST_F(CommandTest, NobodyWhoReadsIsNoReasonForWords) {
   const TemporaryFolder folder;
   const std::string pipe = folder.file("pipe");
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
-  // A shell opens both ends and closes that which reads.
+  // A shell opens both ends and closes the reading one.
   const Outcome outcome = gflow({"settings"}, "exec 3<>'" + pipe + "' 1>'" + pipe + "' 3<&-");
   EXPECT_EQ(outcome.code, 128 + SIGPIPE);
   EXPECT_EQ(outcome.err, "");
 }
 
-// Notices and progress go nowhere then; least of all into a file that got the number of stderr.
+// Notices and progress are discarded; they must not end up in a file that reuses the descriptor of
+// stderr.
 TEST_F(CommandTest, WithoutStandardStreamsATrainingIsTheSame) {
   const TemporaryFolder folder;
   const auto trained = [&](const std::string& name, const std::string& first) {
@@ -444,7 +444,7 @@ TEST_F(CommandTest, CtrlCDuringTrainingLeavesTheModelOfTheStepsMade) {
   const std::string out = folder.path() + "/run";
   const Command command({"train", scene().path(), "-o", out, "--iterations", "100000000", "--set",
                          "train.log_every=1", "--quiet"});
-  // The log's first line shows that steps are being made.
+  // The first line of the log shows that training has started.
   for (int i = 0; i < 1200 && !fs::exists(out + "/metrics.jsonl"); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   command.send(SIGINT);
@@ -457,7 +457,7 @@ TEST_F(CommandTest, CtrlCDuringTrainingLeavesTheModelOfTheStepsMade) {
   EXPECT_FALSE(fs::exists(out + "/results.json"));
 }
 
-// Of an empty list the parser takes what comes next.
+// For an empty list the parser takes the next argument.
 TEST(CommandLine, ListsAndOptionsGivenTwiceAreToldInOneSentence) {
   expect_refused({"stress", "--only", ",", "--json", "x"},
                  {"--only: '--json' is an option", "an entry of the list"});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trainings that are stopped in every way and go on. tests/kill_and_resume does the same at random
-// moments.
+// Trainings that are stopped in every way and resumed. tests/kill_and_resume does the same at
+// random moments.
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -10,7 +10,7 @@
 namespace gflow {
 namespace {
 
-// A scene and an uninterrupted run, without checkpoints on the way.
+// A scene and an uninterrupted run, without intermediate checkpoints.
 class Resume : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -41,7 +41,7 @@ class Resume : public testing::Test {
   }
   static std::string checkpoint(int step) { return RunFolder(run("run")).checkpoints().path(step); }
 
-  // A run that was ended by this signal right after its checkpoint of this step.
+  // A run that this signal ends right after its checkpoint of this step.
   static Outcome stopped_after(int step, int signal) {
     const Command command(train("run"));
     EXPECT_TRUE(wait_until([&] { return fs::exists(checkpoint(step)); }));
@@ -52,7 +52,7 @@ class Resume : public testing::Test {
     const RunFolder folder(run(name));
     return folder.model_path(folder.models().at(0));
   }
-  // What a run leaves but for times.
+  // The files of a run, except times.
   static std::vector<std::string> left_in(const std::string& name) {
     std::vector<std::string> left{contents(latest_model(name)),
                                   contents(run(name) + "/per_view.json")};
@@ -79,7 +79,7 @@ class Resume : public testing::Test {
     TrainOptions config = small_config(*scene_, 240);
     config.train.log_every = 10;
     config.train.checkpoint_every = 20;
-    config.loss.velocity = 0.01f;  // not in every step
+    config.loss.velocity = 0.01f;  // not active in every step
     folder_->write("config.toml", to_toml(config));
   }
   static TemporaryFolder* folder_;
@@ -94,7 +94,7 @@ TEST_F(Resume, CheckpointsChangeNoBitOfTheTraining) {
 
 TEST_F(Resume, AKilledTrainingGoesOnAsIfNothingHadHappened) {
   EXPECT_EQ(stopped_after(40, SIGKILL).code, 128 + SIGKILL);
-  // As if it had been within a line of the log, and within its next checkpoint.
+  // As if it was killed within a log line and within its next checkpoint.
   std::ofstream(run("run") + "/metrics.jsonl", std::ios::app) << "{\"iteration\":5";
   std::ofstream(run("run") + "/checkpoints/.iteration_60.77-0.part.npz") << "PK";
   const Outcome outcome = gflow(resume());
@@ -118,7 +118,7 @@ TEST_F(Resume, ATrainingKilledBeforeItsFirstCheckpointStartsAgain) {
   EXPECT_TRUE(wait_until([&] { return fs::exists(run("run") + "/config.toml"); }));
   command.send(SIGKILL);
   command.wait();
-  fs::remove_all(run("run") + "/checkpoints");  // it may have been quick
+  fs::remove_all(run("run") + "/checkpoints");  // one may exist already
   EXPECT_EQ(gflow(resume()).code, 0);
   expect_as_uninterrupted();
 }
@@ -145,7 +145,7 @@ TEST_F(Resume, AFinishedTrainingIsEvaluatedAgainAndNothingElse) {
   expect_as_uninterrupted();
 }
 
-// As where a disk was full at the end: a job that is started over and over must come to an end.
+// As after a full disk at the end: a job that is restarted repeatedly must terminate.
 TEST_F(Resume, AModelThatHadNoRoomForItsCheckpointIsJudged) {
   ASSERT_EQ(gflow(train("run")).code, 0);
   const std::string results = run("run") + "/results.json", before = contents(results);
@@ -192,7 +192,7 @@ TEST_F(Resume, OtherNetworksMayJudgeTheResult) {
   EXPECT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(contents(run("run") + "/per_view.json").find("\"clip\": 0."), std::string::npos);
   EXPECT_TRUE(contents(latest_model("run")) == contents(latest_model("whole")));
-  EXPECT_EQ(gflow(resume({"--set", "metrics.clip="})).code, 0);  // and none
+  EXPECT_EQ(gflow(resume({"--set", "metrics.clip="})).code, 0);  // removes the network
   expect_as_uninterrupted();
 }
 
@@ -218,7 +218,8 @@ TEST_F(Resume, ASecondProcessIsRefused) {
   EXPECT_EQ(command.wait().code, 130);
 }
 
-// Figures of a run that another process trains are shown and not written; all else is read only.
+// For a run that another process trains, metrics are printed but not written; everything else is
+// read-only.
 TEST_F(Resume, ATrainingIsInspectedWhileItRuns) {
   const Command command(train("run", {"--iterations", "100000000"}));
   EXPECT_TRUE(wait_until([&] { return fs::exists(checkpoint(20)); }));
@@ -255,7 +256,7 @@ TEST_F(Resume, AKilledTrainingIsJudgedAndGoesOnAllTheSame) {
   EXPECT_GT(results["train_seconds"], 0);
   EXPECT_EQ(results["num_gaussians"], info["gaussians"]);
   EXPECT_TRUE(results["peak_memory_mib"].is_null());
-  // Results are no sign that the training came to its end.
+  // Results do not show that the training was finished.
   expect_refused(train("run"), {"was stopped at step " + std::to_string(step)});
   EXPECT_EQ(gflow(resume()).code, 0);
   expect_as_uninterrupted();
@@ -277,7 +278,7 @@ TEST_F(Resume, PointCloudsOnTheWayAreKeptAndShown) {
   for (const char* command : {"render", "export"})
     expect_refused({command, run("run"), "-o", run("out.ply"), "--iteration", "7"},
                    {"iteration 7", "100, 200, 220, 240"});
-  // A new training forgets them: they are of another one.
+  // A new training removes them, because they belong to another run.
   ASSERT_EQ(gflow(train("run", {"--iterations", "1", "--overwrite"})).code, 0);
   EXPECT_EQ(RunFolder(run("run")).models(), std::vector<int>{1});
 }
@@ -311,8 +312,8 @@ TEST_F(Resume, TheCheckpointKnowsTheSettingsWhereTheirFileIsDamaged) {
   expect_as_uninterrupted();
 }
 
-// Pictures so large that flow and evaluation take their time, and as many steps as there are pairs:
-// with fewer, flow is computed when it is needed.
+// Images large enough for flow and evaluation to take time, and as many training steps as flow
+// pairs: with fewer, flow would be computed on demand.
 class SlowTraining : public Resume {
  protected:
   static void SetUpTestSuite() {
@@ -324,7 +325,7 @@ class SlowTraining : public Resume {
     delete large_;
     Resume::TearDownTestSuite();
   }
-  // Trains on it and ends that by the signal once `file` of the run is there.
+  // Trains on it and sends the signal once `file` of the run exists.
   static Outcome stopped_at(const std::string& file, int signal) {
     const Command command({"train", large_->path(), "-o", run("run"), "--quiet", "--iterations",
                            "12", "--set", "init.dynamic=0"});
@@ -411,7 +412,7 @@ TEST_F(Resume, AWrongInputLeavesTheFormerRunAsItWas) {
   EXPECT_TRUE(fs::exists(checkpoint(240)) && fs::exists(run("run") + "/results.json"));
 }
 
-// Of frames/ and test/ nothing would be left to train on.
+// Replacing frames/ and test/ would remove the scene.
 TEST_F(Resume, ASceneAmongWhatARunReplacesIsLeftAlone) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
   const std::string test = run("run") + "/test", frames = run("run") + "/frames/cam01";
@@ -434,7 +435,7 @@ TEST_F(Resume, ASceneAmongWhatARunReplacesIsLeftAlone) {
   EXPECT_TRUE(contents(test + "/cam00_0000.png") == before);
 }
 
-// What the first training put there goes with the second.
+// The second training replaces the files that the first one put there.
 TEST_F(Resume, AnEmptyFolderBehindALinkIsTakenForGood) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
   fs::remove_all(run("run") + "/test");
@@ -447,7 +448,7 @@ TEST_F(Resume, AnEmptyFolderBehindALinkIsTakenForGood) {
   }
 }
 
-// As where checkpoints and models were removed for their room.
+// As if checkpoints and models were removed to save space.
 TEST_F(Resume, ResultsAloneAreNotReplacedUnasked) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
   for (const char* name : {"checkpoints", "point_cloud"}) fs::remove_all(run("run") + "/" + name);
@@ -455,7 +456,7 @@ TEST_F(Resume, ResultsAloneAreNotReplacedUnasked) {
   expect_refused(train("run", {"--iterations", "2"}),
                  {run("run") + " holds results of a training", "--overwrite"});
   EXPECT_TRUE(contents(results) == before);
-  // Nor asked, before the first step.
+  // Nor on request, before the first step.
   fs::remove(run("run") + "/cameras.json");
   fs::create_directory(run("run") + "/cameras.json");
   expect_refused(train("run", {"--iterations", "2", "--overwrite"}),
@@ -466,7 +467,8 @@ TEST_F(Resume, ResultsAloneAreNotReplacedUnasked) {
   EXPECT_NE(contents(results), before);
 }
 
-// Its time is over before the first step, which would leave a model of no step in its place.
+// Its time is over before the first step, which would replace the previous run by a model of no
+// step.
 TEST_F(Resume, AFormerRunIsNotGivenUpForNoStep) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "2"})).code, 0);
   const std::vector<std::string> no_time{"--iterations", "3", "--overwrite", "--set",
@@ -475,7 +477,7 @@ TEST_F(Resume, AFormerRunIsNotGivenUpForNoStep) {
   EXPECT_EQ(RunFolder(run("run")).models(), std::vector<int>{1});
 }
 
-// The first step is made, and what it begins with cannot be written.
+// The first step succeeds, but the initial files cannot be written.
 TEST_F(Resume, AFormerRunStaysWhereTheNextCannotBegin) {
   for (const char* name : {"cameras.json", "config.toml"}) {
     fs::remove_all(run("run"));
@@ -491,7 +493,7 @@ TEST_F(Resume, AFormerRunStaysWhereTheNextCannotBegin) {
   }
 }
 
-// As on a disk that goes away: what was made until then is saved.
+// As on a failing disk: the steps made so far are saved.
 TEST_F(Resume, AFlowThatCannotBeReadLosesNoStep) {
   const std::string flow = run("flow"), one = flow + "/" + flow_of_one_;
   const std::string whole = contents(scene_->path() + "/flow/" + flow_of_one_);
@@ -507,7 +509,7 @@ TEST_F(Resume, AFlowThatCannotBeReadLosesNoStep) {
   std::ofstream(one, std::ios::binary) << whole;
   EXPECT_EQ(gflow(resume()).code, 0);
   expect_as_uninterrupted();
-  // A training that is there is not given up for such flow.
+  // Damaged flow must not replace an existing training.
   fs::resize_file(one, whole.size() - 3);
   arguments.push_back("--overwrite");
   expect_refused(arguments, {flow_of_one_});
@@ -536,7 +538,7 @@ TEST_F(Resume, CheckpointsOnADiskThatIsAwayAreNotDoneWithout) {
   EXPECT_EQ(gflow({"info", run("run")}).code, 0);
 }
 
-// As does a job that is started over and over.
+// Like a job that is restarted repeatedly.
 TEST_F(Resume, AFinishedTrainingKeepsItsResults) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "2"})).code, 0);
   ASSERT_EQ(gflow({"eval", run("run"), "--split", "train", "--quiet"}).code, 0);
@@ -550,13 +552,13 @@ TEST_F(Resume, AFinishedTrainingKeepsItsResults) {
   EXPECT_EQ(gflow(train("run", {"--iterations", "2", "--resume"})).code, 0);
   for (const auto& [name, bytes] : before)
     EXPECT_TRUE(contents(run("run") + "/" + name) == bytes) << name;
-  // A model that is damaged is written anew.
+  // A damaged model is written again.
   fs::resize_file(run("run") + "/" + model, 5000);
   EXPECT_EQ(gflow(train("run", {"--iterations", "2", "--resume"})).code, 0);
   EXPECT_TRUE(contents(run("run") + "/" + model) == before[model]);
 }
 
-// --resume judges it where it is known to be finished.
+// --resume evaluates it if it is known to be finished.
 TEST_F(Resume, AModelWithoutItsCheckpointIsNeitherReplacedNorGoneOnWith) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
   fs::remove_all(run("run") + "/checkpoints");
@@ -566,7 +568,7 @@ TEST_F(Resume, AModelWithoutItsCheckpointIsNeitherReplacedNorGoneOnWith) {
   expect_refused(train("run", {"--iterations", "1", "--resume"}), needles);
 }
 
-// A mistyped -o, or the same command once more.
+// A mistyped -o, or the same command again.
 TEST_F(Resume, AFinishedTrainingIsReplacedOnRequestOnly) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
   std::vector<std::string> again = train("run", {"--iterations", "2"});
@@ -577,7 +579,7 @@ TEST_F(Resume, AFinishedTrainingIsReplacedOnRequestOnly) {
   EXPECT_TRUE(fs::exists(checkpoint(2)));
 }
 
-// Its planes lie in a box that the first Gaussians were put in.
+// Its planes are inside a box around the initial Gaussians.
 TEST_F(Resume, AHexplaneTrainingNeedsItsCheckpointOnly) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "40", "--set", "motion.model=hexplane"})).code, 0);
   const std::vector<std::string> whole = left_in("run");
@@ -591,13 +593,13 @@ TEST_F(Resume, AHexplaneTrainingNeedsItsCheckpointOnly) {
   EXPECT_TRUE(left_in("run") == whole);
 }
 
-// The checkpoints do not fit, the rest does: training goes on, and only the last one is an error.
+// Only checkpoints exceed the disk: training continues, and only the last one is an error.
 TEST_F(Resume, AFullDiskStopsNoTraining) {
   const std::string cache = "export GFLOW_CACHE_DIR='" + run("cache") + "'";
   const std::vector<std::string> fixed{"--set", "density.enabled=false", "--set",
                                        "train.checkpoint_every=100", "--overwrite"};
   ASSERT_EQ(gflow(train("run", fixed), cache).code, 0);
-  // A shell counts in blocks of 512 or of 1024 bytes.
+  // Shells count blocks of 512 or of 1024 bytes.
   const uintmax_t blocks = std::max(fs::file_size(run("run") + "/input.ply"),
                                     fs::file_size(run("run") + "/config.toml")) /
                                512 +

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A training that breaks goes back and learns more slowly, or ends and says why.
+// A training that diverges rolls back and learns more slowly, or ends with a reason.
 #include "optim/runs/roll_back.hpp"
 
 #include <cmath>
@@ -31,8 +31,7 @@ TEST(RollBack, ATrainingIsSoundWhoseLossIsANumberAndThatRefusesFew) {
   EXPECT_TRUE(is_finite_report(now, before));
   now.stuck = 1;
   EXPECT_FALSE(is_finite_report(now, before));
-  EXPECT_NE(what_is_non_finite(now, 9).find("1 shared rows of parameters"),
-            std::string::npos);
+  EXPECT_NE(what_is_non_finite(now, 9).find("1 shared rows of parameters"), std::string::npos);
 }
 
 TEST(RollBack, RefusedRowsOfEveryTableCountAndThoseThatAllShareMayNotStayStuck) {
@@ -69,7 +68,7 @@ class Broken : public testing::Test {
                     training.model.shape),
         roll_back(queue, run, training.trainer, checkpoints) {}
 
-  // As after an overflow: colours beyond what a sum over a picture can hold.
+  // As after an overflow: colours too large for a sum over an image.
   void break_colours() {
     ParameterGroup& sh0 = training.model.parameters["sh0"];
     sh0.values.fill(queue, 3e37f);
@@ -100,7 +99,7 @@ TEST_F(Broken, GoesBackToTheCheckpointWithHalfTheRates) {
   EXPECT_EQ(now.erase("caution"), 1u);
   EXPECT_EQ(now, kept);
 
-  // A checkpoint from here on remembers it; the rates are truly halved.
+  // Later checkpoints contain the learning-rate scale; the rates are halved.
   const std::vector<float> means = training.model.parameters["means"].values.read(queue);
   const Arrays slow = training.trainer.state(queue);
   const auto step_from = [&](const Arrays& state) {
@@ -118,7 +117,7 @@ TEST_F(Broken, GoesBackToTheCheckpointWithHalfTheRates) {
   const double full = step_from(whole);
   EXPECT_EQ(training.trainer.rate_scale(), 1.f);
   ASSERT_GT(full, 0);
-  EXPECT_NEAR(half / full, 0.5, 1e-3);  // positions are rounded to 1e-7 of them
+  EXPECT_NEAR(half / full, 0.5, 1e-3);  // positions are rounded to 1e-7 of their size
   EXPECT_TRUE(is_finite_report(training.trainer.report(queue), {}));
 }
 
@@ -129,8 +128,7 @@ TEST_F(Broken, IsNotSavedWhereMemoryEnds) {
   training.steps(queue, 1);
   roll_back.save_if_finite(21, 0, before);
   EXPECT_TRUE(run.checkpoints().steps().empty());
-  // With nothing to compare with, as when a training has just gone on, what was refused is of
-  // before.
+  // Without a previous report, as right after a resume, rejected gradients date from before.
   roll_back.save_if_finite(21, 0, {});
   EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{21});
 }
@@ -153,7 +151,7 @@ TEST_F(Broken, EndsAfterThreeReturnsAndKeepsTheStateItCameTo) {
   EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{0});
 }
 
-// The loss does not tell: what is so far away is not drawn.
+// The loss does not show it, because a Gaussian so far away is not rendered.
 TEST_F(Broken, ValuesThatAreNoNumbersAreNamedAndNotSaved) {
   training.steps(queue, 20);
   const StepReport before = training.trainer.report(queue);
@@ -184,7 +182,7 @@ TEST(BrokenRun, EndsWhereParametersAreNoNumbersThoughTheLossIs) {
     EXPECT_TRUE(RunFolder(run).models().empty()) << more;
     fs::remove_all(run);
   }
-  // Ended by the clock, between two looks at it.
+  // Ended by the time limit between two checks of the model.
   const Outcome outcome =
       gflow({"train", scene.path(), "-o", run, "--quiet", "--iterations", "1000000", "--set",
              "lr.scales=3e38", "--set", "train.minutes=0.02", "--set", "train.log_every=1000000",

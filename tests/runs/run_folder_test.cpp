@@ -51,16 +51,16 @@ TEST(RunFolder, IsNotMadeOfAFolderThatHoldsSomethingElse) {
   const RunFolder run = RunFolder::create(folder.path() + "/run");
   run.remove_stale_caches("a scene");
   run.write_config({});
-  EXPECT_NO_THROW(RunFolder::create(folder.path() + "/run"));  // to be trained anew
+  EXPECT_NO_THROW(RunFolder::create(folder.path() + "/run"));  // can be trained from the start
 }
 
-// Somebody has removed what is called caches.
+// The stamp of the caches was removed.
 TEST(RunFolder, WithoutItsStampIsARunStill) {
   const TemporaryFolder folder;
   std::filesystem::create_directory(folder.path() + "/checkpoints");
   std::filesystem::create_directory(folder.path() + "/point_cloud");
   for (const char* name : {"config.toml", "cameras.json", "video.mp4"}) folder.write(name, "");
-  // They may be a user's own, for --config and --cameras.
+  // They may be a user's own files, for --config and --cameras.
   expect_error([&] { RunFolder::create(folder.path()); }, {"not empty"});
   for (const char* trained : {"/checkpoints/iteration_5.npz", "/point_cloud/iteration_5"}) {
     std::filesystem::create_directory(folder.path() + trained);
@@ -85,7 +85,7 @@ TEST(RunFolder, OfATrainingKilledAtItsVeryStartIsUsedAgain) {
 TEST(RunFolder, KeepsMetricsOfTheStepsBeforeACheckpoint) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  EXPECT_NO_THROW(run.keep_metrics_before(10));  // none yet
+  EXPECT_NO_THROW(run.keep_metrics_before(10));  // no log so far
   for (const int iteration : {0, 10}) run.append_metrics(iteration, 1, {});
   const std::string expected = contents(run.path("metrics.jsonl"));
   for (const int iteration : {20, 30}) run.append_metrics(iteration, 1, {});
@@ -103,7 +103,7 @@ TEST(RunFolder, KeepsMetricsOfTheStepsBeforeACheckpoint) {
   }
 }
 
-// A value of two bytes takes up to 80 of memory: one line once took sixty times its size.
+// A value of two bytes takes up to 80 bytes of memory: one line once took sixty times its size.
 TEST(RunFolder, MetricsThatNobodyWritesEndTheLogInLittleMemory) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
@@ -141,7 +141,7 @@ TEST(RunFolder, TheTableOfMetricsIsMendedFromTheirLines) {
     EXPECT_EQ(contents(run.path("metrics.jsonl")), lines);
   }
   std::filesystem::remove(run.path("metrics.jsonl"));
-  run.keep_metrics_before(20);  // nothing to mend it from
+  run.keep_metrics_before(20);  // nothing to repair it from
   EXPECT_FALSE(std::filesystem::exists(run.path("metrics.csv")));
   run.append_metrics(20, 1, figures);
   EXPECT_EQ(contents(run.path("metrics.csv")).rfind("iteration,", 0), 0u);
@@ -167,7 +167,7 @@ TEST(RunFolder, KnowsWhateverIsOfAnEarlierTraining) {
   EXPECT_TRUE(std::filesystem::exists(run.path("point_cloud/notes.txt")));
 }
 
-// A disk that is not mounted, a folder of another user.
+// A disk that is not mounted, or a folder of another user.
 TEST(RunFolder, IsNotTakenForEmptyWhereItsFoldersAreAway) {
   const TemporaryFolder folder;
   const RunFolder run(folder.path());
@@ -187,7 +187,7 @@ TEST(RunFolder, IsNotTakenForEmptyWhereItsFoldersAreAway) {
   }
 }
 
-// They may lie on a disk with more room.
+// Links may lead to a disk with more space.
 TEST(RunFolder, ForgetsStaleCachesAndNotTheLinksToThem) {
   const TemporaryFolder folder, scratch;
   const RunFolder run = RunFolder::create(folder.path());
@@ -205,7 +205,7 @@ TEST(RunFolder, ForgetsStaleCachesAndNotTheLinksToThem) {
   EXPECT_EQ(scratch.count(), 2u);
 }
 
-// Whoever made the folder may be somebody else.
+// The folder may come from an untrusted source.
 TEST(RunFolder, WhatALinkLeadsToIsEmptiedOnlyIfAllOfItIsOurs) {
   for (const char* name : {"flow", "frames", "test"}) {
     const TemporaryFolder folder, documents;
@@ -249,7 +249,7 @@ TEST(RunFolder, HoldsATrainingWhereAnythingOfOneIsWorthKeeping) {
   }
 }
 
-// As does `gflow render`, into a folder of its own there.
+// `gflow render` may be writing into its own folder there.
 TEST(RunFolder, LeavesWhatOthersAreWriting) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
@@ -326,7 +326,7 @@ TEST(RunFolder, ConfigurationComesBack) {
   EXPECT_EQ(to_toml(run.read_config()), to_toml(config));
 }
 
-// A disk that was full; as settings it would be those of every default.
+// As after a full disk; an empty file would silently mean default settings.
 TEST(RunFolder, AnEmptyConfigurationIsRefused) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
@@ -347,7 +347,7 @@ TEST(RunFolder, ModelsAreInTheOrderOfTheirIterationsNotOfTheirNames) {
   EXPECT_EQ(run.models(), (std::vector<int>{10000, 900, 3}));
 }
 
-// Else a copy that somebody made would be read where the model that its number says is not.
+// Otherwise a copy would be read in place of the model that its number names.
 TEST(RunFolder, CopiesUnderOtherNamesAreNoModels) {
   const TemporaryFolder folder;
   for (const char* name : {"iteration_61", "iteration_0061", "iteration_ 8", "iteration_-5",
@@ -370,7 +370,7 @@ TEST(RunFolder, ForgetsModelsOfAnEarlierTraining) {
     std::ofstream(run.model_path(iteration)) << "ply";
   }
   run.remove_model(200);
-  run.remove_model(300);  // there is none
+  run.remove_model(300);  // does not exist
   EXPECT_EQ(run.models(), std::vector<int>{100});
   EXPECT_EQ(folder.count(), 1u);
 }
@@ -429,7 +429,7 @@ TEST(RunFolder, ResultsHaveTheKeysThatScriptsRead) {
         "trained_on", "lpips_model", "clip_model"})
     EXPECT_TRUE(results["test"].contains(key)) << key;
   EXPECT_EQ(results["test"]["psnr"], 31.5);
-  EXPECT_TRUE(results["test"]["flow_epe"].is_null());  // not NaN, which is no JSON
+  EXPECT_TRUE(results["test"]["flow_epe"].is_null());  // not NaN, which is invalid in JSON
   for (const char* key : {"fl_all", "depth_error", "lpips", "lpips_model", "clip_model"})
     EXPECT_TRUE(results["test"][key].is_null()) << key;
   EXPECT_EQ(results["test"]["views"], 1);
@@ -468,7 +468,7 @@ TEST(RunFolder, PerViewFiguresStandUnderTheNamesOfTheViews) {
 TEST(RunFolder, FactsOfTheTrainingComeBack) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  EXPECT_EQ(run.read_facts().iterations, 0);  // none yet
+  EXPECT_EQ(run.read_facts().iterations, 0);  // nothing written so far
   run.write_facts({30, 1.5, 300, "some device", "bases"});
   EXPECT_EQ(run.read_facts().iterations, 30);
   EXPECT_EQ(run.read_facts().train_seconds, 1.5);
@@ -492,7 +492,7 @@ TEST(RunFolder, DamagedFactsAreAsNoFacts) {
   }
   std::filesystem::remove(folder.path() + "/training.json");
   std::filesystem::create_directory(folder.path() + "/training.json");
-  EXPECT_EQ(run.read_facts().iterations, 0);  // the model is there all the same
+  EXPECT_EQ(run.read_facts().iterations, 0);  // the model still exists
 }
 
 // They would take more memory than the run.
@@ -514,7 +514,7 @@ TEST(RunFolder, ReportsAndStampsThatGoOnForLongAreDamaged) {
   EXPECT_LT(used, 8) << "they are not even read [MB]";
 }
 
-// A run of which nothing is known would be missing in a table, or trained anew.
+// A run without known facts would be missing in a table, or trained again.
 TEST(RunFolder, FactsThatCannotBeReadAreAnError) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
@@ -546,13 +546,13 @@ TEST(RunFolder, MetricsAreOneObjectALineAndStartAgainWithATraining) {
   ASSERT_EQ(rows.size(), 4u);
   EXPECT_EQ(rows[0].rfind("iteration,seconds,loss,", 0), 0u);
   EXPECT_EQ(rows[3].rfind("200,1.0,0.0,", 0), 0u);
-  EXPECT_NE(rows[3].find(",,20.0,"), std::string::npos);  // a figure that is none is left empty
+  EXPECT_NE(rows[3].find(",,20.0,"), std::string::npos);  // a missing value is an empty cell
   EXPECT_EQ(std::count(rows[0].begin(), rows[0].end(), ','),
             std::count(rows[3].begin(), rows[3].end(), ','));
   EXPECT_FALSE(lines[2].contains("rigidity"));
 }
 
-// As after an update of gflow: the columns of a table stay, whatever the order of later terms.
+// As after an update of gflow: the columns of a table stay, whatever the order of new terms.
 TEST(RunFolder, ATableOfMetricsKeepsItsColumns) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which state of a run is shown, and that reading it needs neither a device nor a lock.
+// Selection of the shown state of a run, which needs neither a device nor a lock.
 #include "optim/runs/run_state.hpp"
 
 #include <atomic>
@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What a checkpoint holds of a model; the first `moving` Gaussians move.
+// The contents of a model's checkpoint; the first `moving` Gaussians are dynamic.
 Arrays state_of(Queue& queue, Model& model, size_t moving) {
   const Parameters& all = model.parameters;
   Parameters some(queue, all.count, all.specs, all.more_specs, moving);
@@ -62,7 +62,7 @@ INSTANTIATE_TEST_SUITE_P(Models, StateOfCheckpoint,
                                          MotionModelKind::hexplane),
                          [](const auto& info) { return names_of(info.param)[size_t(info.param)]; });
 
-// A run of 3000 steps with whatever a test puts there.
+// A run of 3000 steps with the files that a test adds.
 class RunStateTest : public testing::Test {
  protected:
   RunStateTest() : run(folder.path()), lively(lively_model(MotionModelKind::spacetime)) {
@@ -180,7 +180,7 @@ TEST_F(RunStateTest, SettingsComeFromTheCheckpointWhereTheirFileIsGoneOrDamaged)
   EXPECT_EQ(read(), "");
   folder.write("config.toml", whole.substr(0, whole.find("iterations") + 6));
   EXPECT_NE(read().find("iteration_1200.npz"), std::string::npos);
-  folder.write("config.toml", whole.substr(0, whole.find("[train]")));  // cut off, but TOML
+  folder.write("config.toml", whole.substr(0, whole.find("[train]")));  // truncated, but valid TOML
   EXPECT_EQ(read(), "");
   fs::remove(file);
   EXPECT_NE(read().find("config.toml"), std::string::npos);

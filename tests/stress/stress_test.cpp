@@ -41,7 +41,7 @@ INSTANTIATE_TEST_SUITE_P(Numerics, Stress, testing::ValuesIn(quick_tests()),
                          });
 
 // Names of the kernels that compute gradients: they end with _bwd, or write to a parameter named v_
-// or pulls (accumulated gradients by velocities).
+// or pulls (the gradients that velocities would have).
 std::set<std::string> gradient_kernels() {
   std::set<std::string> names;
   const std::regex head(R"(kernel void (\w+)\(([^)]*)\))");

@@ -36,7 +36,7 @@ class RatesTest : public testing::Test {
 
 TEST_F(RatesTest, ThatOfPlacesFallsByEqualRatiosAndIsInExtentsOfTheScene) {
   EXPECT_FLOAT_EQ(rates.position(0), 0.25f);
-  EXPECT_FLOAT_EQ(rates.position(50), 0.025f);  // half way from 1 to .01 of .1: a tenth
+  EXPECT_FLOAT_EQ(rates.position(50), 0.025f);  // geometric mean of start and end
   EXPECT_NEAR(rates.position(99), 0.0025, 0.00015);
   EXPECT_FLOAT_EQ(rate(Quantity::position, 50), 0.025f);
 }

@@ -28,8 +28,8 @@ std::set<std::string> kernels_of(Queue& queue) {
   return names;
 }
 
-// Of scanning, sorting, binning (of CPUs and of GPUs), choices of tiles and density control: short
-// ones, left to the training.
+// Kernels of scanning, sorting, binning (on CPUs and GPUs), selection of tiles and density control:
+// compiled quickly, so left to the training.
 bool is_left_out(const std::string& kernel) {
   const std::set<std::string> some = {
       "seen_count", "seen_write",     "tile_count",      "tile_columns", "tile_scatter",
