@@ -34,8 +34,7 @@ int say(const std::string& sentence, int exit_code) {
 
 // code: errno of the failed write to standard output.
 int cannot_print(int code) {
-  if (code == EPIPE)
-    return 128 + SIGPIPE;  // the reader of the pipe has exited, as `head` does: no message
+  if (code == EPIPE) return 128 + SIGPIPE;  // the reader exited, as `head` does: no message
   return say(fmt::format("cannot write to standard output: {}", std::strerror(code)), 1);
 }
 
@@ -171,9 +170,7 @@ int run_in_words(int argc, char** argv) {
 int main(int argc, char** argv) {
   gflow::open_standard_streams();
   gflow::set_signals();
-  std::at_quick_exit([] {
-    gflow::remove_unfinished_files();
-  });  // the watchdog calls quick_exit when a device hangs
+  std::at_quick_exit([] { gflow::remove_unfinished_files(); });  // a device hangs: Watchdog
   std::atexit(tell_of_exit);
   std::signal(SIGABRT, tell_of_abort);
 #ifdef GFLOW_WITH_OPENCV

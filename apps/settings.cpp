@@ -25,12 +25,11 @@ std::vector<SettingInWords> settings_named(const std::string& word, bool all_lev
     return shown && s.name.find(word) != std::string::npos;
   });
   if (!found.empty()) return found;
-  const auto apart =
-      [&](const SettingInWords& s) {  // distance to the whole name, or to a part of it
-        const size_t dot = s.name.find('.');
-        return std::min({edit_distance(s.name, word), edit_distance(s.name.substr(0, dot), word),
-                         edit_distance(s.name.substr(dot + 1), word)});
-      };
+  const auto apart = [&](const SettingInWords& s) {  // to the whole name or a part of it
+    const size_t dot = s.name.find('.');
+    return std::min({edit_distance(s.name, word), edit_distance(s.name.substr(0, dot), word),
+                     edit_distance(s.name.substr(dot + 1), word)});
+  };
   const auto nearest = std::min_element(
       all.begin(), all.end(), [&](const auto& a, const auto& b) { return apart(a) < apart(b); });
   throw Error(fmt::format("settings {}: no setting has that in its name; the nearest is {}",

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The trainings of an experiment: FOLDER/runs/ID is a run folder as `gflow train` makes it, ID.toml
-// its settings, ID.log what it said.
+// The trainings of an experiment: FOLDER/runs/ID is a run folder of `gflow train`, ID.toml its
+// settings, ID.log its output.
 #pragma once
 #include <string>
 #include <vector>
@@ -15,46 +15,47 @@ struct RunFiles {
   std::string run, settings, log;
 };
 
-// Error where the folder has files that tables and pictures would be written over, and no settings
-// of a training, which an experiment writes before them: they are somebody else's.
+// Throws an Error if the folder contains files that tables and images would overwrite, but no
+// training settings, which an experiment writes first: then the files are not those of an
+// experiment.
 void require_no_other_tables(const std::string& folder);
 
 enum class Status { missing, stopped, finished, other_settings };
 
 struct Standing {
   Status status = Status::missing;
-  int steps = 0;           // made
-  double seconds = 0;      // they took; NaN where nothing says
-  std::string difference;  // other_settings: the first setting that is another, and its values
+  int steps = 0;           // finished steps
+  double seconds = 0;      // training time of these steps; NaN if unknown
+  std::string difference;  // other_settings: the first different setting and its values
 };
 
 Standing standing_of(const PlannedRun& run, const std::string& folder);
 
-// Likely seconds that are left of each run, from the steps that were made, of the same scene where
-// there are any. Where there are none at all, by the size of the pictures: `guessed`.
+// Estimated time left of each run, from the measured steps, of the same scene if possible. Without
+// any, from the image size: `guessed`.
 struct TimeLeft {
-  std::vector<double> left;  // NaN: not known
+  std::vector<double> left;  // NaN: unknown
   bool guessed = false;
 };
 TimeLeft time_left(const Plan& plan, const std::vector<Standing>& standings);
 
 struct RunOptions {
-  int jobs = 1;                      // trainings at a time
-  std::vector<std::string> devices;  // which they take in turn; empty: the default one
+  int jobs = 1;                      // parallel trainings
+  std::vector<std::string> devices;  // used in turn; empty: the default device
   bool quiet = false;
-  bool redo = false;           // runs with other settings are begun anew
-  bool allow_command = false;  // programs that guidance.command names are started
+  bool redo = false;           // restarts runs with other settings
+  bool allow_command = false;  // allows programs that guidance.command names
 };
 
-// Some runs did not come to their end.
+// Some runs failed.
 struct RunsFailed : Error {
   using Error::Error;
 };
 
-// Trains what is missing, as other processes. A run that fails is told and the others go on;
-// RunsFailed at the end names it. What another process is training already is waited for. Error
-// before anything is done when there is a run with other settings and not redo. On a signal all are
-// stopped, which saves them: Interrupted.
+// Trains the missing runs in child processes. A failed run is reported and the others continue;
+// RunsFailed at the end names it. Waits for runs that another process trains. Throws an Error first
+// if a run has other settings and `redo` is off. On a signal all trainings stop and save:
+// Interrupted.
 void train_all(const Plan& plan, const std::string& folder, const RunOptions& options);
 
 }  // namespace gflow::experiments

@@ -94,7 +94,7 @@ TEST(Device, GetsLanesOfItsVectorWidthOnCpusAndOneOnGpus) {
 
 TEST(DeviceDeathTest, WithoutADriverTheSentenceSaysWhatToInstall) {
   GTEST_FLAG_SET(death_test_style,
-                 "threadsafe");  // a new process, whose ICD loader reads the variable
+                 "threadsafe");  // a new process reads the variable
   const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");
   const auto list = [] {
     std::cerr << message_of([] { list_devices(); });
@@ -122,7 +122,7 @@ TEST(DeviceDeathTest, ADriverThatIsThereAndHasNoDeviceIsNamed) {
 TEST(DeviceDeathTest, WhereOnesProgramsCannotBeKeptThatIsTheReason) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   const Environment no_drivers("OCL_ICD_VENDORS",
-                               "/no/such/folder/");  // the same with PoCL installed
+                               "/no/such/folder/");  // also with PoCL
   const Environment no_cache("POCL_CACHE_DIR", "/proc/programs");
   const auto list = [] {
     std::cerr << message_of([] { list_devices(); });

@@ -68,8 +68,7 @@ TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
   const Outcome missing = small_pareto({"--knob", "lanes", "--scene", folder.file("nowhere")});
   EXPECT_EQ(missing.code, 1);
   EXPECT_EQ(missing.out, "");
-  EXPECT_EQ(missing.err.find("1 of"), std::string::npos)
-      << missing.err;  // reported before all else
+  EXPECT_EQ(missing.err.find("1 of"), std::string::npos) << missing.err;  // reported first
   expect_refused({"bench", "pareto", "--scene", scene.path(), "--set", "flow.top_k=1"},
                  {"--set flow.top_k=1", "--knob"});
 }

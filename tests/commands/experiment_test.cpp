@@ -189,7 +189,7 @@ TEST_F(Experiment, OddNamesBaselinesOfAGroupAndShorterRows) {
   EXPECT_NE(markdown.find("| o'clock | 0.2 | it's \\| all | "), std::string::npos) << markdown;
   const Json rows = read(out("/table.json"))["rows"];
   const auto psnr = [&](size_t row) { return rows[row]["figures"]["psnr"]["mean"].get<double>(); };
-  for (const size_t base : {0, 2})  // every third row against the one above with its own weight
+  for (const size_t base : {0, 2})  // each row against the one above, of the same weight
     EXPECT_NE(markdown.find(fmt::format("({:+.2f})", psnr(base + 1) - psnr(base))),
               std::string::npos)
         << markdown;

@@ -185,8 +185,7 @@ TEST(Mcmc, GrowsByAShareARoundUpToTheCap) {
   McmcField field(std::vector<float>(100, 0.5f));
   field.rule.growth = 0.05f;
   field.rule.cap = 112;
-  for (const size_t expected :
-       {105u, 111u, 112u, 112u}) {  // rounded up, so that small numbers grow too
+  for (const size_t expected : {105u, 111u, 112u, 112u}) {  // rounded up: small ones grow too
     field.refine();
     EXPECT_EQ(field.parameters.count, expected);
   }

@@ -43,8 +43,7 @@ TEST(Evaluate, HasNoFlowFiguresWhereNoFlowLeads) {
   EXPECT_TRUE(std::isnan(last.flow_epe));
   EXPECT_TRUE(std::isnan(last.flow_epe_dynamic));
   EXPECT_TRUE(std::isnan(last.psnr_dynamic));
-  EXPECT_TRUE(
-      std::isfinite(evaluation.mean.flow_epe));  // the mean over the views that have a value
+  EXPECT_TRUE(std::isfinite(evaluation.mean.flow_epe));  // mean of the views with a value
 }
 
 // The flow error of a static model is the mean length of the true flow, over the pixels that move

@@ -116,8 +116,7 @@ TEST(Splatv, SaysItsTextureAndItsCameras) {
   EXPECT_EQ(file.words.size(), 4096u * 4);
   EXPECT_EQ(chunk["cameras"].size(), 1u);
   EXPECT_EQ(chunk["cameras"][0]["fx"], orbit_views(host, {0}, "-y")[0].camera.fx);
-  for (size_t i = host.count; i < 1024; ++i)
-    EXPECT_EQ(file.words[16 * i + 7], 0u);  // invisible padding
+  for (size_t i = host.count; i < 1024; ++i) EXPECT_EQ(file.words[16 * i + 7], 0u);  // padding
 }
 
 TEST(Splatv, ShowsNothingOfAGaussianWhoseSizeOverflows) {

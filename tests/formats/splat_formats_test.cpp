@@ -313,8 +313,8 @@ TEST(CompressedPly, RefusesWhatDoesNotFitTogether) {
     std::string other = bytes;
     const std::string property = "uint packed_scale";
     other.replace(other.find(property), 4, type);
-    other.resize(size_t(long(other.size()) +
-                        (size - 4) * long(table.table.rows)));  // as long as the header states
+    other.resize(
+        size_t(long(other.size()) + (size - 4) * long(table.table.rows)));  // the stated length
     expect_error([&] { read_splats(folder.write("d.ply", other)); },
                  {"d.ply", "'packed_scale' is no uint"});
   }

@@ -80,8 +80,7 @@ TEST(GaussianNoise, IsStandardNormalAndItsOwnForEachSeedAndView) {
     square += double(a[i]) * a[i] / double(n);
     product += double(a[i]) * b[i] / double(n);
   }
-  const double deviation =
-      1 / std::sqrt(double(n));  // of each of the three; sqrt(2) times for the second
+  const double deviation = 1 / std::sqrt(double(n));  // of each; sqrt(2) times for the second
   EXPECT_NEAR(mean, 0, 4 * deviation);
   EXPECT_NEAR(square, 1, 6 * deviation);
   EXPECT_NEAR(product, 0, 4 * deviation);

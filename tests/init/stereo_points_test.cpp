@@ -77,8 +77,7 @@ TEST(StereoPoints, LieWhereTheCamerasAgree) {
   EXPECT_EQ(points.size(), 200u);
   EXPECT_EQ(points.rgb.size(), points.xyz.size());
   EXPECT_GT(share_on_wall(points), 0.9);
-  wall.loaded.scene.near = wall.loaded.scene.far =
-      0;  // then the depth range comes from the cameras' viewing directions
+  wall.loaded.scene.near = wall.loaded.scene.far = 0;  // depth range from the camera axes
   EXPECT_GT(share_on_wall(wall.found()), 0.9);
 }
 

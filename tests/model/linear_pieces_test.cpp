@@ -44,7 +44,7 @@ TEST_P(EveryCutModel, LooksLikeItselfAlsoFromAFile) {
   }
   EXPECT_GT(likeness(queue, host, pieces, 7.5), 38);  // shapes stay as they were at 7
   EXPECT_GT(likeness(queue, host, pieces, 20.9),
-            20);  // the last step is shown as long as the others
+            20);  // the last step is as long as others
 }
 INSTANTIATE_TEST_SUITE_P(All, EveryCutModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,

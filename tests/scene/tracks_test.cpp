@@ -97,7 +97,7 @@ TEST(Tracks, ScenePointsSayHowFarAwayThingsAre) {
   EXPECT_EQ(pairs_of(read_scene(folder.path())), "");
   write_point_cloud(folder.file("points3D.ply"), {{0, 0, -96}, {9, 9, 9}});
   EXPECT_EQ(pairs_of(read_scene(folder.path())),
-            "0>1 1>2 ");  // 100 units ahead: 20 x 1 / 50 = 0.4 px
+            "0>1 1>2 ");  // 100 away: 20 x 1 / 50 = 0.4 px
 }
 
 // True flow is that of a static camera; estimated flow compares the images.

@@ -97,8 +97,7 @@ TEST_F(FarFlow, PathsOfPointsTeachTheMotion) {
   tracks.flow.tracks = write_tracks(folder);
   const double without = flow_error(none);
   EXPECT_LT(flow_error(tracks), 0.5 * without);
-  tracks.flow.source =
-      FlowSource::files;  // flow files between neighbours, tracks over longer spans
+  tracks.flow.source = FlowSource::files;  // between neighbours; tracks over longer spans
   tracks.flow.long_span = gflow::FarFlow::tracks;
   EXPECT_LT(flow_error(tracks), 0.5 * without);
 }

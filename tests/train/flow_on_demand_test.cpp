@@ -39,8 +39,7 @@ TEST_F(FlowOnDemand, ATrainingIsTheSameWithFlowComputedBeforehandOrWhenNeededKep
   const auto [unkept, none] = train("unkept", "0");
   EXPECT_EQ(none, 0u);
   EXPECT_TRUE(unkept == expected);
-  const std::string some_room =
-      "1e-5";  // 10.7 kB, less than the byte per pixel that all might need
+  const std::string some_room = "1e-5";  // 10.7 kB: less than a byte per pixel of all
   const auto [cold, some] = train("kept", some_room);
   EXPECT_GT(some, 0u);
   EXPECT_LT(some, all);

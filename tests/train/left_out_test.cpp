@@ -23,7 +23,7 @@ TEST_F(LeftOutOfTraining, TheShapesOfThoseOutsideThePicture) {
     config.skip.culled = skip;
     SmallTraining training(queue, config);
     training.model.parameters["means"].values.fill_range(queue, 0, 3 * 20,
-                                                         30.f);  // far outside the view
+                                                         30.f);  // far away
     std::array<size_t, 2> counts{};
     for (int step = 0; step < 10; ++step) {
       training.steps(queue, 1);

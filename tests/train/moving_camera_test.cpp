@@ -132,8 +132,7 @@ TEST(MovingCamera, EvaluationComparesTheFlowOfBothCameras) {
       evaluate(queue, model, made.config, made.loaded, made.loaded.scene.test, {});
   EXPECT_EQ(evaluation.flow_reference, "dis");
   for (size_t k = 0; k + 1 < steps; ++k)
-    EXPECT_LT(evaluation.views[k].flow_epe, 0.1)
-        << k;  // DIS's error; a static camera would give 1.8
+    EXPECT_LT(evaluation.views[k].flow_epe, 0.1) << k;  // DIS's error; a static camera has 1.8
   EXPECT_TRUE(std::isnan(evaluation.views[steps - 1].flow_epe));
 }
 

@@ -283,8 +283,7 @@ TEST_F(TrainerTest, UnseenGaussiansEndWhereStepsForAllWouldTakeThem) {
     for (float& x : places) x += shift;
     means.write(queue(), places);
     Buffer<float>& scales = training.model.parameters["log_scales"].values;
-    for (size_t i = 0; i < training.model.parameters.count;
-         i += 2)  // one time step of the video each
+    for (size_t i = 0; i < training.model.parameters.count; i += 2)  // one time step each
       scales.fill_range(queue(), 4 * i + 3, 1, std::log(0.1f));
     training.steps(queue(), 60);
     const RowState& rows = training.model.parameters.rows;
