@@ -93,8 +93,7 @@ TEST(Device, GetsLanesOfItsVectorWidthOnCpusAndOneOnGpus) {
 }
 
 TEST(DeviceDeathTest, WithoutADriverTheSentenceSaysWhatToInstall) {
-  GTEST_FLAG_SET(death_test_style,
-                 "threadsafe");  // a new process reads the variable
+  GTEST_FLAG_SET(death_test_style, "threadsafe");  // a new process
   const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");
   const auto list = [] {
     std::cerr << message_of([] { list_devices(); });
@@ -121,8 +120,7 @@ TEST(DeviceDeathTest, ADriverThatIsThereAndHasNoDeviceIsNamed) {
 
 TEST(DeviceDeathTest, WhereOnesProgramsCannotBeKeptThatIsTheReason) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
-  const Environment no_drivers("OCL_ICD_VENDORS",
-                               "/no/such/folder/");  // also with PoCL
+  const Environment no_drivers("OCL_ICD_VENDORS", "/no/such/folder/");  // even with PoCL
   const Environment no_cache("POCL_CACHE_DIR", "/proc/programs");
   const auto list = [] {
     std::cerr << message_of([] { list_devices(); });

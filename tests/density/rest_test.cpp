@@ -319,8 +319,7 @@ TEST(Rest, WhoRestsIsWhereItWasOnAverage) {
   made.refine();
   const std::vector<float> means = made.values("means"), quats = made.values("quats");
   EXPECT_NEAR(means[0], 0, 1e-6);
-  EXPECT_NEAR(means[3], 1 + 0.2 * 0.01,
-              1e-6);  // mid-video, 0.2 after its temporal mean
+  EXPECT_NEAR(means[3], 1 + 0.2 * 0.01, 1e-6);                // 0.2 after its temporal mean
   EXPECT_NEAR(quats[4], 2 * std::cos(0.2 * 0.04 / 2), 1e-5);  // the length is unchanged
   EXPECT_NEAR(quats[7], 2 * std::sin(0.2 * 0.04 / 2), 1e-5);
 }

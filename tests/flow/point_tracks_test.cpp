@@ -47,8 +47,7 @@ TEST(PointTracks, AreAFlowAtTheirPixels) {
   EXPECT_EQ(flow.flow.valid[0], 0);
   EXPECT_EQ(flow.emphasis, 16);                                  // 1920 pixels, two points
   EXPECT_EQ(flow_of_points(tracks(), 0, 1, 4, 4).emphasis, 16);  // one of 16 pixels
-  EXPECT_EQ(known(flow_of_points(tracks(), 0, 2, 48, 40)),
-            2u);  // the first is hidden by then
+  EXPECT_EQ(known(flow_of_points(tracks(), 0, 2, 48, 40)), 2u);  // the first is hidden then
   const TargetFlow back = flow_of_points(tracks(), 2, 1, 48, 40);
   EXPECT_EQ(back.flow.uv[2 * (5 * 48 + 12)], -1);
 }

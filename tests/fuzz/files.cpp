@@ -67,8 +67,7 @@ bool is_gzip(const uint8_t* bytes, size_t size) {
 void flo(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "a.flo", [](const std::string& path) { read_flo(path); });
 }
-Holds held_by_flo(const uint8_t* bytes,
-                  size_t size) {  // by its first bytes, not its name
+Holds held_by_flo(const uint8_t* bytes, size_t size) {  // by its first bytes
   return is_gzip(bytes, size) ? Holds::packed : Holds::its_size;
 }
 void flo_seeds(const std::string& to) {

@@ -42,9 +42,8 @@ TEST_P(EveryCutModel, LooksLikeItselfAlsoFromAFile) {
     EXPECT_GT(likeness(queue, host, pieces, step), 42) << step;
     EXPECT_GT(likeness(queue, host, back, step), 38) << step;  // 8-bit SH coefficients
   }
-  EXPECT_GT(likeness(queue, host, pieces, 7.5), 38);  // shapes stay as they were at 7
-  EXPECT_GT(likeness(queue, host, pieces, 20.9),
-            20);  // the last step is as long as others
+  EXPECT_GT(likeness(queue, host, pieces, 7.5), 38);   // shapes stay as they were at 7
+  EXPECT_GT(likeness(queue, host, pieces, 20.9), 20);  // the last step is as long
 }
 INSTANTIATE_TEST_SUITE_P(All, EveryCutModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,

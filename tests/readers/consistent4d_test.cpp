@@ -11,8 +11,7 @@ TEST(Consistent4d, NumberedPicturesAreOneStaticCameraThatLooksAtTheOrigin) {
   EXPECT_EQ(scene.layout, "consistent4d");
   EXPECT_TRUE(scene.has_alpha);
   ASSERT_EQ(scene.train.size(), 12u);
-  EXPECT_EQ(std::filesystem::path(scene.train[10].path).filename(),
-            "10.png");  // natural order
+  EXPECT_EQ(std::filesystem::path(scene.train[10].path).filename(), "10.png");  // not after 1.png
   EXPECT_NEAR(scene.train[1].time, 1 / 11., 1e-12);
   EXPECT_EQ(scene.test.size(), 12u);
   EXPECT_EQ(neighbour_pairs(scene).size(), 11u);

@@ -96,8 +96,7 @@ TEST(Tracks, ScenePointsSayHowFarAwayThingsAre) {
   make_tracks(folder, poses);
   EXPECT_EQ(pairs_of(read_scene(folder.path())), "");
   write_point_cloud(folder.file("points3D.ply"), {{0, 0, -96}, {9, 9, 9}});
-  EXPECT_EQ(pairs_of(read_scene(folder.path())),
-            "0>1 1>2 ");  // 100 away: 20 x 1 / 50 = 0.4 px
+  EXPECT_EQ(pairs_of(read_scene(folder.path())), "0>1 1>2 ");  // 20 x 1 / 50 = 0.4 px
 }
 
 // True flow is that of a static camera; estimated flow compares the images.

@@ -22,8 +22,7 @@ TEST_F(LeftOutOfTraining, TheShapesOfThoseOutsideThePicture) {
   const auto posed_and_drawn = [&](bool skip) {
     config.skip.culled = skip;
     SmallTraining training(queue, config);
-    training.model.parameters["means"].values.fill_range(queue, 0, 3 * 20,
-                                                         30.f);  // far away
+    training.model.parameters["means"].values.fill_range(queue, 0, 3 * 20, 30.f);  // far
     std::array<size_t, 2> counts{};
     for (int step = 0; step < 10; ++step) {
       training.steps(queue, 1);
