@@ -68,9 +68,11 @@ def resume_case(model, options, steps):
     def make(program, folder, old):
         command = ["train", DEMO, "-o", folder, "--quiet", *options]
         training = subprocess.Popen([program, *map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        while training.poll() is None and not (folder / f"checkpoints/iteration_{steps // 2}.npz").exists():
-            time.sleep(0.002)
-        training.terminate()
+        try:
+            while training.poll() is None and not (folder / f"checkpoints/iteration_{steps // 2}.npz").exists():
+                time.sleep(0.002)
+        finally:
+            training.terminate()
         if training.wait() != 143:
             raise RuntimeError("training ended before it was stopped")
         gflow(program, *command, "--resume")

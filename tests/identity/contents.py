@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-# Names that NEW has changed since OLD: of JSON keys, CSV columns, arrays, files and folders. "new name": "old name"
+# Names that NEW has changed since OLD, of JSON keys, CSV columns, arrays, files and folders: {"new": "old"}.
 RENAMED = {"refused": "rejected"}
 # JSON keys and CSV columns that measure time or memory, and the array of a checkpoint with its settings and version.
 VARYING = {"seconds", "train_seconds", "peak_memory_mib", "facts"}
@@ -107,9 +107,7 @@ def difference_of_folders(old, new):
     before, now = files_in(old), files_in(new)
     if not before:
         return "OLD wrote nothing"
-    found = [f"{name}: new" for name in now if name not in before]
-    for name, path in before.items():
-        how = difference_of_files(path, now[name]) if name in now else "missing"
-        if how:
-            found.append(f"{name}: {how}")
+    hows = {name: difference_of_files(path, now[name]) if name in now else "missing" for name, path in before.items()}
+    hows.update((name, "new") for name in now if name not in before)
+    found = [f"{name}: {how}" for name, how in hows.items() if how]
     return f"{len(found)} of {len(before)} files differ; {found[0]}" if found else ""
