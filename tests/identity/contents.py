@@ -5,7 +5,7 @@ import json
 import numpy as np
 
 # Names that NEW has changed since OLD, of JSON keys, CSV columns, arrays, files and folders: {"new": "old"}.
-RENAMED = {"refused": "rejected"}
+RENAMED = {"rejected": "refused"}
 # JSON keys and CSV columns that measure time or memory, and the array of a checkpoint with its settings and version.
 VARYING = {"seconds", "train_seconds", "peak_memory_mib", "facts"}
 # Files that contain only settings, times or versions.
