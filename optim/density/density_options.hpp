@@ -35,55 +35,50 @@ struct DensityOptions {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("enabled", self.enabled, "add, move and remove Gaussians");
-    field("strategy", self.strategy,
-          "adc: clone, split and prune by gradients; mcmc: move the faintest to where others are, "
-          "with noise");
+    field(
+        "strategy", self.strategy,
+        "adc: clone, split and prune by gradients; mcmc: move the faintest to others, with noise");
     field("start", self.start, "first step", at_least(0));
     field("stop_fraction", self.stop_fraction, "last step, as a share of train.iterations",
           between(0, 1));
     field("every", self.every, "steps between two rounds", at_least(1));
-    field("cap", self.cap, "most Gaussians", at_least(1));
+    field("cap", self.cap, "maximum number of Gaussians", at_least(1));
     field("memory", self.memory,
-          "Gaussians stop growing in number before they need more [MiB]; 0: three quarters of the "
-          "device's memory",
+          "memory limit for adding Gaussians [MiB]; 0: three quarters of the device's memory",
           at_least(0));
-    field("prune_opacity", self.prune_opacity, "fainter Gaussians are removed (mcmc: moved)",
-          above_up_to(0, 0.99f));
+    field("prune_opacity", self.prune_opacity,
+          "opacity below which Gaussians are removed (mcmc: moved)", above_up_to(0, 0.99f));
     field("grad_threshold", self.grad_threshold,
-          "adc: grow where the mean gradient of the image position exceeds this "
-          "[1 / half the image]",
+          "adc: grow where the mean image-space gradient exceeds this [1 / half the image]",
           at_least(0));
     field("absgrad", self.absgrad,
-          advanced("adc: add up each pixel's gradient without its direction, so that pixels do not "
-                   "cancel; "
-                   "wants a higher grad_threshold"));
+          advanced("adc: sum absolute gradients over pixels, so that they do not cancel; needs a "
+                   "higher grad_threshold"));
     field("split_scale", self.split_scale,
-          advanced("adc: larger Gaussians split, smaller ones clone [x scene extent]"), above(0));
+          advanced("adc: split larger Gaussians, clone smaller ones [x scene extent]"), above(0));
     field("split_travel", self.split_travel,
-          advanced("adc: a Gaussian that moves further than this splits in time [x its size]"),
-          above(0));
+          advanced("adc: split in time Gaussians that travel further [x their size]"), above(0));
     field("min_lifetime", self.min_lifetime,
-          advanced("adc: shortest temporal scale a split makes [time steps]"), above(0));
+          advanced("adc: shortest lifetime after a split [time steps]"), above(0));
     field("prune_scale", self.prune_scale,
-          advanced("adc: larger Gaussians are removed [x scene extent]"), above(0));
-    field(
-        "opacity_reset_every", self.opacity_reset_every,
-        advanced(
-            "adc: steps between two times that no opacity may exceed 2 x prune_opacity; 0: never"),
-        at_least(0));
-    field("growth", self.growth, advanced("mcmc: share of their number that is added in a round"),
+          advanced("adc: remove larger Gaussians [x scene extent]"), above(0));
+    field("opacity_reset_every", self.opacity_reset_every,
+          advanced("adc: steps between two resets of all opacities to at most 2 x prune_opacity; "
+                   "0: never"),
           at_least(0));
+    field("growth", self.growth, advanced("mcmc: share of Gaussians added per round"), at_least(0));
     field("spread", self.spread,
-          advanced("mcmc: how far those that come to one place are moved apart [x its size]"),
+          advanced("mcmc: separation of Gaussians moved to the same place [x their size]"),
           at_least(0));
     field("noise", self.noise,
-          advanced("mcmc: of the positions that a step sees [x their learning rate x covariance, "
-                   "in extents]"),
+          advanced("mcmc: noise on the positions seen in a step [x their learning rate x "
+                   "covariance, in extents]"),
           at_least(0));
     field("opacity_weight", self.opacity_weight,
-          advanced("mcmc: of the mean opacity beside the image loss"), at_least(0));
+          advanced("mcmc: weight of the mean opacity relative to the image loss"), at_least(0));
     field("scale_weight", self.scale_weight,
-          advanced("mcmc: of the mean size beside the image loss [1 / scene extent]"), at_least(0));
+          advanced("mcmc: weight of the mean size relative to the image loss [1 / scene extent]"),
+          at_least(0));
   }
 };
 

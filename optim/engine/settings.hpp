@@ -51,28 +51,25 @@ struct Skips {
     field(
         "boxes", self.boxes,
         advanced(
-            "tiles outside the box in which a splat can be seen; off: a square around its circle"));
-    field("masks", self.masks, advanced("cells of 4x4 pixels in which it cannot"));
-    field("saturated", self.saturated, advanced("what lies behind where a whole tile is opaque"));
+            "tiles outside the bounding box of a splat; off: outside a square around its circle"));
+    field("masks", self.masks, advanced("cells of 4x4 pixels outside the ellipse of a splat"));
+    field("saturated", self.saturated,
+          advanced("Gaussians behind a tile whose pixels are all saturated"));
     field("zero_gradients", self.zero_gradients,
-          advanced("gradients of cells of pixels that are exactly right"));
+          advanced("backward pass in cells of pixels without gradients"));
     field("culled", self.culled,
-          advanced("Gaussians of other moments and those that the camera cannot see, before "
-                   "anything is made "
-                   "of them"));
+          advanced("Gaussians absent at the time or outside the image, before they are posed"));
     field("static_pose", self.static_pose,
-          advanced("the second time of Gaussians at rest before a camera at rest"));
+          advanced("second pose of static Gaussians seen by a static camera"));
     field("flow", self.flow,
-          advanced("flow in tiles where all is at rest, its gradients in tiles that ask for none"));
+          advanced("flow in tiles without motion, and its gradients in tiles without flow loss"));
     field("bands", self.bands,
-          advanced("bands of the spherical harmonics that are not in use yet"));
-    field(
-        "compact", self.compact,
-        advanced(
-            "three quarters of the bytes of a picture on the device, decoded there; off: floats"));
+          advanced("bands of the spherical harmonics above the degree in use"));
+    field("compact", self.compact,
+          advanced("three quarters of an image's memory on the device: bytes, decoded there; off: "
+                   "floats"));
     field("unseen", self.unseen,
-          advanced(
-              "optimiser steps of Gaussians that no picture of the step shows, made up for later"));
+          advanced("optimiser steps of Gaussians that no image of the step shows, applied later"));
   }
 };
 

@@ -15,8 +15,8 @@ struct MetricsOptions {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("lpips", self.lpips,
-          "LPIPS network that judges views, .onnx; empty: none; apps/metrics/README.md");
-    field("clip", self.clip, "image encoder of CLIP that judges views, .onnx; empty: none");
+          "LPIPS network for evaluation, .onnx; empty: none; apps/metrics/README.md");
+    field("clip", self.clip, "CLIP image encoder for evaluation, .onnx; empty: none");
   }
 };
 

@@ -43,67 +43,60 @@ struct FlowOptions {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("enabled", self.enabled, "supervise the motion with optical flow");
-    field("weight", self.weight, "of the flow loss beside the image loss (the paper: 0.5)",
+    field("enabled", self.enabled, "supervise motion with optical flow");
+    field("weight", self.weight, "weight of the flow loss relative to the image loss (paper: 0.5)",
           at_least(0));
     field("source", self.source,
-          "dis: computed from the pictures; files: read from the folder; tracks: of points only");
+          "dis: computed from the images; files: read from flow.folder; tracks: point tracks");
     field("folder", self.folder,
-          "flow files <camera>/<step>.flo, .flo.gz, .png, .npy, or <picture>.flo ...; empty: the "
-          "scene's own true flow");
-    field(
-        "pairs", self.pairs,
-        "which pictures are compared: track, neighbours from one camera, at rest or moving; time, "
-        "each and the next in time, whoever took it (source files)");
+          "flow files <camera>/<step>.flo, .flo.gz, .png, .npy, or <image>.flo ...; empty: the "
+          "scene's true flow");
+    field("pairs", self.pairs,
+          "track: compare each frame with the next of its camera track; time: with the next in "
+          "time, from any camera (source files)");
     field("span", self.span,
-          "longest flow [pictures]: 1, between neighbours; 8, also over 2, 4 and 8; 0: up to the "
-          "whole track",
+          "longest span [frames]: 1: neighbours; 8: also 2, 4 and 8; 0: up to the whole track",
           at_least(0));
-    field(
-        "long_span", self.long_span,
-        "flow over several pictures: chain, of that between neighbours; direct, computed; tracks");
+    field("long_span", self.long_span,
+          "flow over several frames: chain: chained from neighbours; direct: computed; tracks: "
+          "point tracks");
     field("long_share", self.long_share,
-          advanced("share of the steps with flow that compare pictures further apart"),
-          between(0, 1));
+          advanced("share of the steps with flow that use a span above 1"), between(0, 1));
     field("tracks", self.tracks,
-          "paths of points: a folder with <camera>.npz, or the one file; optim/flow/README.md");
-    field("transport", self.transport, "how a pixel moves with a Gaussian");
+          "point tracks: a folder with <camera>.npz, or one file; optim/flow/README.md");
+    field("transport", self.transport,
+          "formula by which a pixel moves with a Gaussian; optim/loss/README.md");
     field("top_k", self.top_k,
-          advanced("Gaussians that count for the flow of a pixel, in depth order; 0: all"),
+          advanced("Gaussians per pixel that contribute to flow, in depth order; 0: all"),
           at_least(0));
-    field("stop", self.stop,
-          advanced("whether the Gaussian that makes a pixel opaque still counts"));
+    field("stop", self.stop, advanced("whether the Gaussian that saturates a pixel contributes"));
     field("detach_t1", self.detach_t1,
-          advanced("let the flow loss move the Gaussians at the later time only"));
+          advanced("no gradient of the flow loss to the Gaussians at the earlier time"));
     field("detach_weights", self.detach_weights,
-          advanced("let the flow loss change how Gaussians move, not what they cover"));
+          advanced("no gradient of the flow loss to the blending weights"));
     field("robust_px", self.robust_px,
           advanced("knee of the robust norm: quadratic below, linear above [px]"), above(0));
-    field(
-        "every", self.every,
-        advanced(
-            "the flow loss counts in every n-th step only, n times as much; 0: 2 for spacetime and "
-            "native4d, else 1"),
-        at_least(0));
+    field("every", self.every,
+          advanced("apply the flow loss in every n-th step, with weight n; 0: 2 for spacetime and "
+                   "native4d, else 1"),
+          at_least(0));
     field("low_motion", self.low_motion,
-          advanced("probability with which a tile of 16x16 pixels where the flow to learn is 0 "
-                   "counts in a "
-                   "step, then 1/probability times as much; 1: all tiles in every step; 0: 0.1 for "
-                   "spacetime "
-                   "and native4d, else 1"),
+          advanced(
+              "probability of sampling a 16x16 tile with zero target flow in a step, weighted by "
+              "its inverse; 1: all tiles in every step; 0: 0.1 for spacetime and native4d, else 1"),
           between(0, 1));
     field("low_motion_px", self.low_motion_px,
-          advanced("flow (times its confidence) from which a tile counts in every step; below, the "
-                   "probability is in proportion, at least flow.low_motion [px]"),
+          advanced("target flow (times its confidence) from which a tile is sampled in every step; "
+                   "below, the probability is proportional to it, at least flow.low_motion [px]"),
           above(0));
     field("start", self.start, "first step with the flow loss", at_least(0));
-    field("max_gap", self.max_gap,
-          advanced("frames further apart than this are not compared [time steps]"), at_least(1));
-    field("confidence", self.confidence, "drop flow that fails the forward-backward check");
-    field("backward", self.backward, "also compare with the frame before (source dis)");
+    field("max_gap", self.max_gap, advanced("largest gap between compared frames [time steps]"),
+          at_least(1));
+    field("confidence", self.confidence, "ignore flow that fails the forward-backward check");
+    field("backward", self.backward, "also compare with the previous frame (source dis)");
     field("store", self.store,
-          "room on disk for computed flow [GiB]; where all would fit, at a byte a pixel, it is "
-          "computed beforehand, else when needed, and what was unused for longest is dropped",
+          "disk space for computed flow [GiB]; if all is expected to fit, at one byte per pixel, "
+          "it is computed before training, else on demand, and the least recently used is dropped",
           at_least(0));
   }
 };

@@ -51,55 +51,60 @@ struct GuidanceOptions {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("provider", self.provider,
-          "who judges views nobody filmed: process, a program (command); onnx, a denoiser (model); "
-          "analytic, pictures of a folder (pictures)");
-    field("command", self.command, "process: what the shell starts; apps/guidance/README.md");
-    field("model", self.model, "onnx: the network's file; optim/guidance/README.md");
+          "supervision of novel views: process: a program (command); onnx: a denoiser (model); "
+          "analytic: images of a folder (images)");
+    field("command", self.command, "process: shell command; apps/guidance/README.md");
+    field("model", self.model, "onnx: network file; optim/guidance/README.md");
     field("images", self.images,
-          "analytic: a folder CAMERA/ for each known view, flow/CAMERA/, or pictures of any view; "
+          "analytic: a folder with CAMERA/ per known view, flow/CAMERA/, or images of any view; "
           "empty: the scene's");
-    field("timeout", self.timeout, "process: longest wait for its start and each answer [s]",
+    field("timeout", self.timeout, "process: longest wait for the start and for each answer [s]",
           above_up_to(0, 1e6f));
     field("weight", self.weight,
-          "of the mean over the pixels of what it says, beside the image loss", at_least(0));
-    field("flow", self.flow, "weight of the flow it wants these views to show; 0: not asked for",
+          "weight of the provider's loss, a mean over pixels, relative to the image loss",
           at_least(0));
-    field("every", self.every, "steps between two with guidance", at_least(1));
+    field("flow", self.flow,
+          "weight of the flow that the provider requests for these views; 0: not requested",
+          at_least(0));
+    field("every", self.every, "training steps per step with guidance", at_least(1));
     field("start", self.start, "first step with guidance", at_least(0));
-    field("stop", self.stop, "first step without it again; 0: up to the end", at_least(0));
-    field("views", self.views, "views in such a step; the weights are for their mean",
+    field("stop", self.stop, "first step without guidance again; 0: until the end", at_least(0));
+    field("views", self.views, "views per step with guidance; the weights apply to their mean",
           between(1, 64));
     field("cameras", self.cameras,
-          "orbit: the training camera turned about what it looks at; test, val: those of that "
-          "split, to try a provider that knows them");
-    field("azimuth", self.azimuth, "orbit: drawn evenly, at most so far to either side [degrees]",
-          between(0, 180));
-    field("elevation", self.elevation, "orbit: drawn evenly, at most so far up or down [degrees]",
-          between(0, 90));
+          "orbit: the training camera rotated about its subject; test, val: cameras of that split, "
+          "to test a provider that knows them");
+    field("azimuth", self.azimuth,
+          "orbit: largest rotation to either side, drawn uniformly [degrees]", between(0, 180));
+    field("elevation", self.elevation,
+          "orbit: largest rotation up or down, drawn uniformly [degrees]", between(0, 90));
     field("up", self.up,
-          "orbit: what it turns about; auto: z where the layout says so (Consistent4D, video, "
-          "D-NeRF, Blender), else cameras, their mean");
+          "orbit: rotation axis; auto: z where the layout defines it (Consistent4D, video, D-NeRF, "
+          "Blender), else cameras; cameras: their mean");
     field("size", self.size,
-          "side of its square pictures, into which the training camera's fits [px]; 0: as those of "
-          "the training",
+          "side of the square images, which contain the training camera's image [px]; 0: as in "
+          "training",
           between(0, 4096));
     field("scale", self.scale,
-          advanced("onnx, analytic: s of noise = without + s (with - without the condition)"),
+          advanced("onnx, analytic: s in noise = unconditional + s (conditional - unconditional)"),
           at_least(0));
-    field("t_min", self.t_min, advanced("least noise that is added [share of the timesteps]"),
+    field("t_min", self.t_min, advanced("lowest noise level [share of the timesteps]"),
           between(0, 1));
-    field("t_max", self.t_max, advanced("most, at the first step with guidance; it falls evenly"),
+    field("t_max", self.t_max,
+          advanced("highest noise level at the first step with guidance; decreases linearly"),
           between(0, 1));
-    field("t_max_final", self.t_max_final, advanced("to this, at the last"), between(0, 1));
+    field("t_max_final", self.t_max_final, advanced("highest noise level at the last step"),
+          between(0, 1));
     field("variance", self.variance,
-          advanced("analytic: of a known picture's values, which go from -1 to 1"), at_least(0));
-    field("schedule", self.schedule,
-          advanced("onnx, analytic: how the noise grows with the timestep"));
-    field("timesteps", self.timesteps, advanced("onnx, analytic: how many there are"),
+          advanced("analytic: variance of the values of a known image, which are -1 to 1"),
+          at_least(0));
+    field("schedule", self.schedule, advanced("onnx, analytic: noise schedule over the timesteps"));
+    field("timesteps", self.timesteps, advanced("onnx, analytic: number of timesteps"),
           between(2, 100000));
-    field("beta_start", self.beta_start, advanced("onnx, analytic: variance added at the first"),
-          above_up_to(0, 0.999f));
-    field("beta_end", self.beta_end, advanced("onnx, analytic: at the last, no less"),
+    field("beta_start", self.beta_start,
+          advanced("onnx, analytic: variance added at the first timestep"), above_up_to(0, 0.999f));
+    field("beta_end", self.beta_end,
+          advanced("onnx, analytic: variance added at the last timestep, at least beta_start"),
           above_up_to(0, 0.999f));
   }
 };

@@ -31,24 +31,23 @@ struct InitOptions {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("from", self.from,
-          "first Gaussians: the scene's points; stereo: points on whose colours several cameras "
-          "agree; "
-          "random ones in a box; visual-hull: random ones on the object, by the pictures' alpha; "
-          "those "
-          "of a file; auto: file, points, visual-hull, stereo, random, the first that there is");
-    field(
-        "file", self.file,
-        "splat that stands still, in the scene's coordinates: .ply, compressed .ply, .splat, .spz");
-    field("count", self.count, "random or stereo points", at_least(1));
-    field("opacity", self.opacity, "first opacity", above_up_to(0, 0.99f));
+          "points: the scene's points; stereo: points where the colours of several cameras agree; "
+          "random: random points in a box; visual-hull: random points on the object, by the "
+          "images' alpha; file: Gaussians of init.file; auto: the first available of file, points, "
+          "visual-hull, stereo, random");
+    field("file", self.file,
+          "static splat in the scene's coordinates: .ply, compressed .ply, .splat, .spz");
+    field("count", self.count, "number of random or stereo points", at_least(1));
+    field("opacity", self.opacity, "initial opacity", above_up_to(0, 0.99f));
     field("box", self.box, advanced("side of the box of random points [x scene extent]"), above(0));
     field("dynamic", self.dynamic,
-          "short-lived Gaussians where three or more fixed cameras see something move; 0: none",
+          "number of short-lived Gaussians where three or more static cameras see motion; 0: none",
           at_least(0));
     field("dynamic_lifetime", self.dynamic_lifetime,
-          advanced("their standard deviation in time [time steps]"), above(0));
-    field("lifetime", self.lifetime, advanced("standard deviation in time [lengths of the video]"),
+          advanced("lifetime of the short-lived Gaussians, a standard deviation [time steps]"),
           above(0));
+    field("lifetime", self.lifetime,
+          advanced("lifetime, a standard deviation [lengths of the video]"), above(0));
   }
 };
 

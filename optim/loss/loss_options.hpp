@@ -21,26 +21,24 @@ struct LossOptions {
   static void fields(Self& self, Field&& field) {
     field("ssim", self.ssim, "share of 1 - SSIM in the image loss; the rest is L1", between(0, 1));
     field("rigidity", self.rigidity,
-          "weight: neighbours move as the turn of each says; 0: off, as the next four",
+          "weight: neighbours move as their rotations predict; 0: off, also for the next four",
           at_least(0));
-    field("rotation", self.rotation, "weight: neighbours turn alike", at_least(0));
+    field("rotation", self.rotation, "weight: neighbours rotate alike", at_least(0));
     field("isometry", self.isometry, "weight: neighbours keep their distance", at_least(0));
     field("velocity", self.velocity, "weight: neighbours move alike", at_least(0));
     field("acceleration", self.acceleration, "weight: paths do not bend", at_least(0));
-    field("neighbours", self.neighbours, advanced("nearest Gaussians that each is a neighbour of"),
+    field("neighbours", self.neighbours, advanced("nearest Gaussians used as neighbours of each"),
           between(1, 100));
     field("neighbour_falloff", self.neighbour_falloff,
-          advanced("neighbours at distance d count exp(-this (d / median of the distances)^2)"),
+          advanced("weight of a neighbour at distance d: exp(-this (d / median distance)^2)"),
           at_least(0));
     field(
         "neighbours_every", self.neighbours_every,
-        advanced(
-            "steps between two searches for neighbours; also after each round of density control"),
+        advanced("steps between two neighbour searches; also after each round of density control"),
         at_least(1));
     field("motion_every", self.motion_every,
-          advanced("the weights above count in every n-th step only, n times as much (6: with "
-                   "train.focus = "
-                   "5 those on whole pictures)"),
+          advanced("apply the weights above, except ssim, in every n-th step, multiplied by n (6: "
+                   "with train.focus = 5 the steps on whole images)"),
           at_least(1));
   }
 };

@@ -10,7 +10,7 @@ struct ViewOptions {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("near", self.near, "Gaussians closer to the camera are skipped [scene units]", above(0));
+    field("near", self.near, "skip Gaussians closer to the camera [scene units]", above(0));
   }
 };
 

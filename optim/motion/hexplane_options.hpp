@@ -24,38 +24,37 @@ struct HexplaneOptions {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("levels", self.levels, advanced("sets of planes, each twice as fine in space"),
+    field("levels", self.levels, advanced("levels of planes, each twice as fine in space"),
           between(1, 4));
-    field("channels", self.channels, advanced("features of a level"), one_of({16, 32, 64}));
+    field("channels", self.channels, advanced("features per level"), one_of({16, 32, 64}));
     field("resolution", self.resolution, "cells along x, y and z at the first level",
           between(2, 1024));
-    field("times", self.times, advanced("rows of the planes in time; 0: one for two time steps"),
+    field("times", self.times, advanced("rows of the time planes; 0: one per two time steps"),
           between(0, 10000));
-    field("hidden", self.hidden, advanced("neurons of a hidden layer"), one_of({32, 64, 128, 256}));
-    field("layers", self.layers, advanced("hidden layers"), between(1, 4));
-    field("slack", self.slack, advanced("room around the first Gaussians [x their extent]"),
+    field("hidden", self.hidden, advanced("neurons per hidden layer"), one_of({32, 64, 128, 256}));
+    field("layers", self.layers, advanced("number of hidden layers"), between(1, 4));
+    field("slack", self.slack, advanced("margin around the first Gaussians [x their extent]"),
           at_least(0));
     field("warmup", self.warmup,
-          advanced("first steps, in which nothing learns to move; at most a fifth of all"),
-          at_least(0));
+          advanced("warm-up: first steps, without motion; at most a fifth of all"), at_least(0));
     field("curriculum", self.curriculum,
-          "share of the training in which the views widen from the middle of the video to all of "
+          "share of the training during which frames widen from the middle of the video to all of "
           "it; 0: all at once",
           between(0, 1));
     field("opacity", self.opacity,
-          advanced("learning rate instead of lr.opacity: what lasts must not fade before it has "
-                   "learnt where "
-                   "to be"),
+          advanced("learning rate instead of lr.opacity, so that lasting Gaussians do not fade "
+                   "before their position is learnt"),
           at_least(0));
-    field("turn", self.turn, advanced("learn how Gaussians turn"));
-    field("resize", self.resize, advanced("learn how Gaussians change their size"));
+    field("turn", self.turn, advanced("learn rotations over time"));
+    field("resize", self.resize, advanced("learn changes of size over time"));
     field("plane_tv", self.plane_tv,
-          advanced("weight of the squared differences between neighbours on planes of space"),
+          advanced("weight of the squared differences between neighbours on space planes"),
           at_least(0));
     field("time_smoothness", self.time_smoothness,
-          advanced("weight of the squared second differences of planes in time"), at_least(0));
+          advanced("weight of the squared second differences of time planes"), at_least(0));
     field("l1_time", self.l1_time,
-          advanced("weight of how far planes of time are from 1, that is, from rest"), at_least(0));
+          advanced("weight of the distance of time planes from 1, which means no motion"),
+          at_least(0));
   }
 };
 

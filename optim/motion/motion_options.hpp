@@ -32,34 +32,33 @@ struct MotionOptions {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("model", self.model,
-          "how the Gaussians move: spacetime (curved paths, turning), native4d (4D Gaussians), "
-          "keyframes (free paths through keys), bases (a few rigid motions shared by all), "
-          "hexplane (one pose and a field that shifts it); auto: hexplane where one camera at a "
-          "time sees the scene, else spacetime");
-    field("keys", self.keys, "keyframes, bases: moments that hold the paths; 0: one a time step",
+    field(
+        "model", self.model,
+        "spacetime: curved paths and rotation; native4d: 4D Gaussians; keyframes: free paths "
+        "through keys; bases: a few rigid motions shared by all; hexplane: one pose and a field "
+        "that shifts it; auto: hexplane where one camera at a time sees the scene, else spacetime");
+    field("keys", self.keys, "keyframes, bases: number of keys in time; 0: one per time step",
           between(0, 10000));
-    field("key_scales", self.key_scales, "keyframes: sizes change along the keys, too");
-    field("bases", self.bases, "bases: rigid motions", between(1, 32));
+    field("key_scales", self.key_scales, "keyframes: scales have keys, too");
+    field("bases", self.bases, "bases: number of rigid motions", between(1, 32));
     field("duration", self.duration,
-          advanced("length of the video in the model's time [x scene extent]: a speed of 1 crosses "
-                   "so much"),
+          advanced("length of the video in model time [x scene extent]: a speed of 1 covers this "
+                   "distance"),
           above(0));
     field("sh_degree", self.sh_degree, "highest degree of the spherical harmonics", between(0, 3));
-    field("sh_interval", self.sh_interval, advanced("steps between two rises of the degree in use"),
-          at_least(1));
-    field("cutoff", self.cutoff, advanced("a Gaussian whose temporal opacity is lower is skipped"),
+    field("sh_interval", self.sh_interval,
+          advanced("steps between two increases of the degree in use"), at_least(1));
+    field("cutoff", self.cutoff, advanced("skip Gaussians with a lower temporal opacity"),
           between(0, 0.5f));
     field("static_threshold", self.static_threshold,
-          "a Gaussian that moves and turns by less than this loses the parameters of its motion "
-          "[its own size]; 0: all keep them",
+          "Gaussians that move and rotate less become static and lose their motion parameters "
+          "[their own size]; 0: all stay dynamic",
           at_least(0));
     field("static_every", self.static_every,
-          advanced("steps between two rounds that decide who rests"), at_least(1));
+          advanced("steps between two selections of static Gaussians"), at_least(1));
     field("wake_threshold", self.wake_threshold,
-          advanced("who rests moves again when what pulls at it adds up to so many times what "
-                   "chance would; "
-                   "0: only by growing"),
+          advanced("a static Gaussian becomes dynamic when its accumulated gradient exceeds this "
+                   "multiple of the expected noise; 0: only when density control duplicates it"),
           at_least(0));
   }
 };

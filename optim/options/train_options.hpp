@@ -42,21 +42,20 @@ struct TrainOptions {
   // Calls section(name, part, help) for each section of the file.
   template <class Self, class Section>
   static void sections(Self& self, Section&& section) {
-    section("scene", self.scene, "what is read");
-    section("train", self.train, "how long, on what");
-    section("motion", self.motion, "the Gaussians in time");
-    section("hexplane", self.hexplane, "the field of motion.model = hexplane");
-    section("init", self.init, "the first Gaussians");
-    section("loss", self.loss, "pictures, and motion among neighbours");
+    section("scene", self.scene, "scene and how to read it");
+    section("train", self.train, "schedule");
+    section("motion", self.motion, "motion of the Gaussians");
+    section("hexplane", self.hexplane, "field of motion.model = hexplane");
+    section("init", self.init, "first Gaussians");
+    section("loss", self.loss, "image loss and regularisers of motion");
     section("flow", self.flow, "optical flow");
-    section("guidance", self.guidance, "views nobody filmed");
+    section("guidance", self.guidance, "supervision of novel views");
     section("lr", self.lr, "learning rates");
-    section("adam", self.adam, "the optimiser");
-    section("density", self.density, "how many Gaussians, where");
-    section("render", self.render, "the image");
-    section("metrics", self.metrics, "networks that judge the result; free to change");
-    section("skip", self.skip,
-            "work that is left out (to measure what it saves: gflow bench skip)");
+    section("adam", self.adam, "optimiser");
+    section("density", self.density, "number and placement of Gaussians");
+    section("render", self.render, "rendering");
+    section("metrics", self.metrics, "networks for evaluation; may be changed at any time");
+    section("skip", self.skip, "work to skip (savings: gflow bench skip)");
   }
 };
 // Engine settings of a configuration.

@@ -29,32 +29,31 @@ struct ScheduleOptions {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("iterations", self.iterations, "training steps", at_least(1));
-    field("batch", self.batch, "views in one step", between(1, 256));
+    field("batch", self.batch, "views per step", between(1, 256));
     field("focus", self.focus,
-          "steps on the parts of pictures where things change (fixed cameras) or are (alpha), for "
-          "each step on whole pictures",
+          "steps on the focus region (motion mask of a static camera, or visible object by alpha) "
+          "per step on whole images",
           at_least(0));
     field("sequential", self.sequential,
-          "one time step after the other, as Dynamic 3D Gaussians: the first fits the scene, each "
-          "next only moves it (motion.model keyframes, motion.keys 0)");
+          "fit one time step after the other, as Dynamic 3D Gaussians: the first fits the scene, "
+          "each next only moves it (motion.model keyframes, motion.keys 0)");
     field("first_share", self.first_share,
-          advanced("sequential: share of the iterations that the first time step gets"),
-          between(0, 1));
-    field("seed", self.seed, "of every random choice", between(0, float(kGreatestSeed)));
+          advanced("sequential: share of train.iterations for the first time step"), between(0, 1));
+    field("seed", self.seed, "seed of all random choices", between(0, float(kGreatestSeed)));
     field("minutes", self.minutes,
-          "stop after this much training time [minutes], not repeatably; 0: no limit", at_least(0));
-    field("log_every", self.log_every, "steps between two lines of the log", at_least(1));
+          "stop after this training time, not repeatably [minutes]; 0: no limit", at_least(0));
+    field("log_every", self.log_every, "steps between two log lines", at_least(1));
     field(
         "checkpoint_every", self.checkpoint_every,
-        "steps between two checkpoints, from which --resume goes on; 0: only when training ends or "
-        "is interrupted",
+        "steps between two checkpoints for --resume; 0: only when training ends or is interrupted",
         at_least(0));
     field("save_every", self.save_every,
           "steps between two point clouds, point_cloud/iteration_N; 0: only when training ends or "
           "is interrupted",
           at_least(0));
     field("device", self.device,
-          "OpenCL device by index or part of its name; empty: GFLOW_DEVICE, then any");
+          "OpenCL device by index or part of its name; empty: GFLOW_DEVICE, else the first GPU, "
+          "else the first device");
   }
 };
 struct LearningRateOptions {
@@ -79,41 +78,40 @@ struct LearningRateOptions {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("means", self.means, "at the first step [x scene extent]", at_least(0));
+    field("means", self.means, "position at the first step [x scene extent]", at_least(0));
     field("means_final", self.means_final,
-          advanced("at the last step, reached exponentially [x scene extent]"), above(0));
-    field("mean_t", self.mean_t, advanced("position in time"), at_least(0));
+          advanced("position at the last step, reached exponentially [x scene extent]"), above(0));
+    field("mean_t", self.mean_t, advanced("temporal mean"), at_least(0));
     field("sh", self.sh, "colour, degree 0", at_least(0));
-    field("sh_rest_divisor", self.sh_rest_divisor,
-          advanced("degrees above 0 learn this much slower"), at_least(1));
-    field("opacity", self.opacity, "before the sigmoid", at_least(0));
-    field("scales", self.scales, "logarithm of the size in space and time", at_least(0));
-    field("quats", self.quats, "rotation (native4d: both quaternions), at the first step",
+    field("sh_rest_divisor", self.sh_rest_divisor, advanced("divisor of lr.sh for degrees above 0"),
+          at_least(1));
+    field("opacity", self.opacity, "opacity, before the sigmoid", at_least(0));
+    field("scales", self.scales, "logarithm of the scales in space and time", at_least(0));
+    field("quats", self.quats, "rotation at the first step (native4d: both quaternions)",
           at_least(0));
-    field("quats_final", self.quats_final, advanced("at the last step, reached exponentially"),
-          above(0));
-    field("weights", self.weights,
-          advanced("how much a Gaussian follows each basis, before the softmax"), at_least(0));
+    field("quats_final", self.quats_final,
+          advanced("rotation at the last step, reached exponentially"), above(0));
+    field("weights", self.weights, advanced("blending weights of the bases, before the softmax"),
+          at_least(0));
     field("motion", self.motion,
-          "velocities, accelerations and turns: at the ends of its life a Gaussian moves so many "
-          "times what it does in its middle",
+          "velocities, accelerations and rotations: motion per step at the ends of a lifetime [x "
+          "that in its middle]",
           at_least(0));
-    field("planes", self.planes, advanced("hexplane's planes, at the first step"), at_least(0));
-    field("planes_final", self.planes_final, advanced("at the last step, reached exponentially"),
-          above(0));
-    field("network", self.network, advanced("hexplane's network, at the first step"), at_least(0));
-    field("network_final", self.network_final, advanced("at the last step, reached exponentially"),
-          above(0));
+    field("planes", self.planes, advanced("hexplane planes at the first step"), at_least(0));
+    field("planes_final", self.planes_final,
+          advanced("hexplane planes at the last step, reached exponentially"), above(0));
+    field("network", self.network, advanced("hexplane network at the first step"), at_least(0));
+    field("network_final", self.network_final,
+          advanced("hexplane network at the last step, reached exponentially"), above(0));
     field("fade", self.fade,
-          advanced("rates without one for the last step fall over the second half, exponentially, "
-                   "to this [x "
+          advanced("rates without a final rate decay exponentially to this over the second half [x "
                    "that before]"),
           above_up_to(0, 1));
     field("pace", self.pace,
-          advanced("rates grow with (length of the video / time a Gaussian is seen) to this power; "
-                   "0: not"),
+          advanced("rates grow with (length of the video / time a Gaussian is visible) to this "
+                   "power; 0: off"),
           between(0, 1));
-    field("pace_most", self.pace_most, advanced("but at most so many times"),
+    field("pace_most", self.pace_most, advanced("largest factor of lr.pace"),
           between(1, PaceRule::kMost));
   }
 };
@@ -139,22 +137,23 @@ struct AdamOptions {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("beta1", self.beta1,
-          advanced("memory of the mean gradient; above 0, what no picture shows rests in place of "
-                   "gliding on"),
+          advanced("decay of the mean gradient; above 0, parameters that no image shows stay in "
+                   "place instead of drifting on"),
           between(0, 0.9994f));
     field("beta1_paths", self.beta1_paths,
-          advanced("the same of keys, bases, planes and networks, of which a step that shows none "
-                   "never was"),
+          advanced("the same for keys, bases, planes and networks; steps that do not show them are "
+                   "ignored"),
           between(0, 0.9994f));
-    field("beta2", self.beta2, advanced("memory of its square"), between(0, 0.9994f));
-    field("eps_means", self.eps_means, advanced("in space and time"), at_least(kLeastEpsilon));
+    field("beta2", self.beta2, advanced("decay of the mean squared gradient"), between(0, 0.9994f));
+    field("eps_means", self.eps_means, advanced("means in space and time"),
+          at_least(kLeastEpsilon));
     field("eps_sh", self.eps_sh, advanced("colour"), at_least(kLeastEpsilon));
     field("eps_opacity", self.eps_opacity, advanced("opacity"), at_least(kLeastEpsilon));
-    field("eps_scales", self.eps_scales, advanced("in space and time"), at_least(kLeastEpsilon));
-    field("eps_quats", self.eps_quats, advanced("rotation"), at_least(kLeastEpsilon));
-    field("eps_planes", self.eps_planes, advanced("planes of hexplane"), at_least(kLeastEpsilon));
-    field("eps_network", self.eps_network, advanced("network of hexplane"),
+    field("eps_scales", self.eps_scales, advanced("scales in space and time"),
           at_least(kLeastEpsilon));
+    field("eps_quats", self.eps_quats, advanced("rotation"), at_least(kLeastEpsilon));
+    field("eps_planes", self.eps_planes, advanced("hexplane planes"), at_least(kLeastEpsilon));
+    field("eps_network", self.eps_network, advanced("hexplane network"), at_least(kLeastEpsilon));
   }
 };
 

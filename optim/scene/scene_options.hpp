@@ -47,40 +47,40 @@ struct SceneOptions {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("path", self.path, "folder of the scene; `gflow train SCENE` sets it");
-    field("resolution", self.resolution, "divides the width and height of the pictures",
+    field("resolution", self.resolution, "divisor of the image width and height",
           one_of({1, 2, 4, 8}));
-    field("background", self.background,
-          "behind pictures with transparency; random: a new colour in each training step, white "
-          "elsewhere");
-    field("holdout", self.holdout, "camera kept for the test, by number; -1: none (N3V)",
-          at_least(-1));
+    field(
+        "background", self.background,
+        "background of transparent images; random: a new colour in each training step, else white");
+    field("holdout", self.holdout, "number of the test camera; -1: none (N3V)", at_least(-1));
     field("images", self.images,
-          "folder with one picture a camera (N3V, COLMAP), or of rgb/ (nerfies); empty: found by "
+          "folder with one image per camera (N3V, COLMAP), or in rgb/ (nerfies); empty: found by "
           "name");
     field("masks", self.masks,
-          "mask pictures as transparency; auto: mask_path (nerfstudio), masks/ (COLMAP); all: also "
+          "mask images as transparency; auto: mask_path (nerfstudio), masks/ (COLMAP); all: also "
           "seg/ (Panoptic)");
     field("cameras", self.cameras,
-          "file of the camera that filmed, or of one camera a picture: cameras.json or "
-          "transforms.json; empty: one at rest, by the three settings below (Consistent4D, video)");
-    field("camera", self.camera, "the one of several in that file, by name");
-    field("fps", self.fps, "pictures a second; 0: as the video says, else 24",
+          "file with the camera, or with one camera per image: cameras.json or transforms.json; "
+          "empty: a static camera by scene.elevation, radius and fovy (Consistent4D, video)");
+    field("camera", self.camera, "name of the camera in that file, if it has several");
+    field("fps", self.fps, "frames per second; 0: as in the video, else 24",
           zero_or_between(float(slowest_fps), float(fastest_fps)));
     field("elevation", self.elevation,
-          "of the camera above the horizon [degrees] (Consistent4D, video)", between(-90, 90));
+          "elevation of the camera above the horizon [degrees] (Consistent4D, video)",
+          between(-90, 90));
     field("radius", self.radius,
-          "distance of the camera from the origin, or of a given one from what it films [scene "
+          "distance of the camera from the origin, or of a given camera from its subject [scene "
           "units] (Consistent4D, video)",
           above(0));
     field("fovy", self.fovy, "vertical field of view [degrees] (Consistent4D, video)",
           between(1, 170));
     field("first_views", self.first_views,
-          "train on the first picture of each view that is for the test, too (Consistent4D)");
+          "also train on the first image of each test view (Consistent4D)");
     field("test_every", self.test_every,
-          "every n-th picture is for the test; 0: none (COLMAP, nerfstudio)", at_least(0));
-    field("first_step", self.first_step, "first time step that is used, from 0", at_least(0));
-    field("stride", self.stride, "of the time steps from there, use every n-th", at_least(1));
-    field("max_steps", self.max_steps, "use at most so many time steps; 0: all", at_least(0));
+          "every n-th image is a test image; 0: none (COLMAP, nerfstudio)", at_least(0));
+    field("first_step", self.first_step, "first time step to use, from 0", at_least(0));
+    field("stride", self.stride, "use every n-th time step from first_step", at_least(1));
+    field("max_steps", self.max_steps, "maximum number of time steps; 0: all", at_least(0));
   }
 };
 
