@@ -142,7 +142,7 @@ void run(const GlobalOptions& options, bool json) {
 
 void add_devices(CLI::App& app, const GlobalOptions& options) {
   CLI::App* command = app.add_subcommand(
-      "devices", "List the OpenCL devices with what matters about them and a self-check of each");
+      "devices", "List the OpenCL devices with their properties and a self-check of each");
   auto json = std::make_shared<bool>(false);
   command->add_flag("--json", *json, "Print JSON instead of a table");
   command->callback([&options, json] { run(options, *json); });

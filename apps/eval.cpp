@@ -60,9 +60,8 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
       "eval",
-      "Judge a model of a run, finished or not; writes results.json and per_view.json "
-      "(..._iteration_N.json of one that is not the latest), but not while the run is being "
-      "trained");
+      "Evaluate a model of a run, finished or not; writes results.json and per_view.json "
+      "(..._iteration_N.json if not the latest), except while the run is being trained");
   command->add_option("RUN", flags->run, "Run folder of `gflow train`")
       ->check(path_given())
       ->required()
@@ -72,8 +71,8 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
   add_iteration(*command, flags->iteration);
   command
       ->add_option("--set", flags->settings,
-                   "A network to judge by, e.g. --set metrics.lpips=alex.onnx or metrics.clip=...; "
-                   "may be repeated. No other setting can be changed here")
+                   "Network for evaluation, e.g. --set metrics.lpips=alex.onnx or "
+                   "metrics.clip=...; may be repeated. No other setting can be changed here")
       ->type_name("SECTION.KEY=VALUE")
       ->expected(1)
       ->default_str("")

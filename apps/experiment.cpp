@@ -160,33 +160,32 @@ void run_experiment(const ExperimentFlags& flags, const GlobalOptions& options) 
 void add_experiment(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<ExperimentFlags>();
   CLI::App* command = app.add_subcommand(
-      "experiment", "Run the trainings a file names; tables, plots and pictures of them");
-  command->add_option("FILE", flags->file, "What is trained: scenes, settings, choices, seeds")
+      "experiment", "Run the trainings of a file; writes tables, plots and images");
+  command->add_option("FILE", flags->file, "Experiment: scenes, settings, choices, seeds")
       ->check(path_given())
       ->required()
       ->type_name("FILE.toml");
   command
       ->add_option("-o,--output", flags->folder,
-                   "Folder of runs and tables; default: the file's name, here")
+                   "Folder of runs and tables; default: the file's name, in the current folder")
       ->check(path_given())
       ->type_name("FOLDER")
       ->default_str("");
-  command->add_option("--scenes", flags->scenes, "Where scenes are that do not lie beside the file")
+  command->add_option("--scenes", flags->scenes, "Folder of scenes that are not beside the file")
       ->type_name("FOLDER");
-  command->add_option("--jobs", flags->jobs, "Trainings at a time; 0: one a device")
+  command->add_option("--jobs", flags->jobs, "Trainings at a time; 0: one per device")
       ->check(number_in(0, 256));
   command
       ->add_option("--devices", flags->devices,
-                   "Devices that trainings take in turn, as for --device, with commas between")
+                   "Devices for the trainings, in turn, as for --device, separated by commas")
       ->delimiter(',')
       ->check(list_entry())
       ->type_name("INDEX|NAME,...")
       ->default_str("");
-  command->add_flag("--dry-run", flags->dry_run, "Tell what would be trained, and train nothing");
-  command->add_flag("--redo", flags->redo,
-                    "Train anew what was trained with settings that the file no longer has");
+  command->add_flag("--dry-run", flags->dry_run, "Print what would be trained, without training");
+  command->add_flag("--redo", flags->redo, "Retrain runs whose settings differ from the file");
   command->add_flag("--allow-command", flags->allow_command,
-                    "Start the programs that guidance.command names in the file");
+                    "Start the programs given by guidance.command in the file");
   command->callback([flags, &options] { run_experiment(*flags, options); });
 }
 

@@ -282,37 +282,36 @@ void run_export(ExportFlags flags, const GlobalOptions& options) {
 
 void add_export(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<ExportFlags>();
-  CLI::App* command =
-      app.add_subcommand("export", "Write a model as files that other programs show");
+  CLI::App* command = app.add_subcommand("export", "Write a model as files for other viewers");
   command->add_option("RUN|FILE", flags->model, "Run folder of `gflow train`, or any splat file")
       ->check(path_given())
       ->required()
       ->type_name("PATH");
-  command->add_option("-o,--output", flags->output, "File that is written; ply-sequence: folder")
+  command->add_option("-o,--output", flags->output, "Output file; ply-sequence: output folder")
       ->check(path_given())
       ->required()
       ->type_name("PATH");
   command
-      ->add_option("--format", flags->format,
-                   "Where the output has no ending that says it, .ply, .splat, .splatv or .4dgs. "
-                   "ply: one time, for every 3DGS viewer; ply-sequence: a PLY a step, which "
-                   "SuperSplat plays; splat: one time, without view-dependent colour; "
-                   "splatv: all times of a spacetime or native4d model for splaTV and gsplat.js; "
-                   "4dgs: all times of any model, for players of 4dgs.dev")
+      ->add_option(
+          "--format", flags->format,
+          "Default: by the ending of the output, .ply, .splat, .splatv or .4dgs. ply: one time, "
+          "for every 3DGS viewer; ply-sequence: one PLY per step, for SuperSplat; splat: one time, "
+          "without view-dependent colour; splatv: all times of a spacetime or native4d model, for "
+          "splaTV and gsplat.js; 4dgs: all times of any model, for players of 4dgs.dev")
       ->check(choice_of({"ply", "ply-sequence", "splat", "splatv", "4dgs"}));
   command
       ->add_option("--times", flags->times,
                    "ply, splat: the time, 0 to 1; empty: 0.5. ply-sequence: 0:1:40 (40 times from "
-                   "0 to 1), a list 0,0.5,1 or all, which is what it does without --times: the "
-                   "steps of the run's scene")
+                   "0 to 1), a list 0,0.5,1, or all (default): the time steps of the run's scene")
       ->type_name("TIMES");
   command
-      ->add_option("--steps", flags->steps,
-                   "ply-sequence, 4dgs: so many times from 0 to 1; 0: the steps of the run's scene")
+      ->add_option(
+          "--steps", flags->steps,
+          "ply-sequence, 4dgs: number of times from 0 to 1; 0: the time steps of the run's scene")
       ->check(number_in(0, 100000));
   command
       ->add_option("--fps", flags->fps,
-                   "4dgs: steps a second; 0: as the run's scene has them, else 24")
+                   "4dgs: time steps per second; 0: as in the run's scene, else 24")
       ->check(zero_or_in(slowest_fps, fastest_fps));
   add_iteration(*command, flags->iteration);
   command->callback([flags, &options] { run_export(*flags, options); });

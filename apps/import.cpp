@@ -83,14 +83,14 @@ void run_import(const ImportFlags& flags) {
 void add_import(CLI::App& app, const GlobalOptions&) {
   auto flags = std::make_shared<ImportFlags>();
   CLI::App* command =
-      app.add_subcommand("import", "Turn a splat file of another program into a standard PLY");
+      app.add_subcommand("import", "Convert a splat file of another program to a standard PLY");
   command
       ->add_option("FILE", flags->input,
                    "3DGS PLY, compressed PLY (SuperSplat), .splat, .spz or .4dgs")
       ->check(path_given())
       ->required()
       ->type_name("PATH");
-  command->add_option("-o,--output", flags->output, "PLY that is written")
+  command->add_option("-o,--output", flags->output, "Output PLY")
       ->check(path_given())
       ->required()
       ->type_name("FILE.ply");
@@ -98,12 +98,10 @@ void add_import(CLI::App& app, const GlobalOptions&) {
   for (const char* name : names_of(SplatFormat{})) formats.push_back(name);
   command
       ->add_option("--format", flags->format,
-                   "What FILE is: auto (by its first bytes, .splat by its name), ply, "
+                   "Format of FILE: auto (by its first bytes, .splat by its name), ply, "
                    "compressed-ply, splat, spz or 4dgs")
       ->check(choice_of(formats));
-  command
-      ->add_option("--time", flags->time,
-                   "4dgs: the moment that is taken, in seconds; default: half-way")
+  command->add_option("--time", flags->time, "4dgs: time to import, in seconds; default: half-way")
       ->check(number_in(0, 1e15))
       ->type_name("SECONDS");
   command->callback([flags] { run_import(*flags); });

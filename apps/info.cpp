@@ -250,14 +250,14 @@ void add_info(CLI::App& app, const GlobalOptions&) {
   };
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand("info",
-                                         "Say what is in a splat file, a run or a scene (of "
-                                         "pictures by their first bytes: training reads the rest)");
+                                         "Print the contents of a splat file, a run or a scene "
+                                         "(reads only the first bytes of images)");
   command->add_option("PATH", flags->path, "Splat file, run folder or scene folder")
       ->check(path_given())
       ->required()
       ->type_name("PATH");
   add_iteration(*command, flags->iteration);
-  command->add_flag("--json", flags->json, "As JSON");
+  command->add_flag("--json", flags->json, "Print JSON");
   command->callback([flags] {
     const Json info = info_of(flags->path, flags->iteration);
     if (flags->json)

@@ -84,12 +84,10 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
                                    GFLOW_VERSION, commit.empty() ? "" : " (" + commit + ")",
                                    GFLOW_OPENCV, GFLOW_NETWORKS));
   app.option_defaults()->always_capture_default();
-  app.add_option(
-         "--device", options.device,
-         "OpenCL device: its index in `gflow devices` or a part of its name; empty: train.device "
-         "of the settings (`gflow train` alone), else the variable GFLOW_DEVICE, else the first "
-         "GPU, "
-         "else the first device")
+  app.add_option("--device", options.device,
+                 "OpenCL device: its index in `gflow devices` or part of its name; empty: setting "
+                 "train.device (`gflow train` only), else the variable GFLOW_DEVICE, else the "
+                 "first GPU, else the first device")
       ->type_name("INDEX|NAME");
   app.add_flag("--quiet", options.quiet, "No progress on stderr");
   app.require_subcommand(1);

@@ -247,56 +247,55 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
 
 void add_render(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<RenderFlags>();
-  CLI::App* command = app.add_subcommand(
-      "render",
-      "Draw a trained model: colour, alpha, depth, flow, comparison with the truth, and videos");
+  CLI::App* command = app.add_subcommand("render",
+                                         "Render a trained model: colour, alpha, depth, flow, "
+                                         "comparison with the ground truth, and videos");
   command->add_option("RUN|FILE", flags->model, "Run folder of `gflow train`, or any splat file")
       ->check(path_given())
       ->required()
       ->type_name("PATH");
-  command->add_option("-o,--output", flags->output, "Folder that is written")
+  command->add_option("-o,--output", flags->output, "Output folder")
       ->check(path_given())
       ->required()
       ->type_name("FOLDER");
   command
       ->add_option("--split", flags->split,
-                   "Views: test, train or val; without --camera and where there is a scene: test")
+                   "Views: test, train or val; default: test, if there is a scene and no --camera")
       ->check(choice_of({"test", "train", "val"}));
   command
-      ->add_option("--camera", flags->camera,
-                   "One camera of the scene, by name, at --times; empty: those of the split, else "
-                   "all")
+      ->add_option(
+          "--camera", flags->camera,
+          "One camera of the scene, by name, at --times; empty: those of the split, else all")
       ->type_name("NAME");
   command
       ->add_option("--times", flags->times,
-                   "0:1:40 (40 times from 0 to 1), a list 0,0.5,1, or all steps of the scene; "
-                   "empty: the views of the split, all steps of a camera, else 0:1:40. Flow leads "
-                   "to the next time, that of a single one to the scene's next step")
+                   "0:1:40 (40 times from 0 to 1), a list 0,0.5,1, or all time steps of the scene; "
+                   "empty: the views of the split, all time steps of a camera, else 0:1:40. Flow "
+                   "is to the next time; for a single time, to the scene's next time step")
       ->type_name("TIMES");
   command
-      ->add_option("--scene", flags->scene,
-                   "Scene folder, for a PLY alone or a moved scene; empty: as in the run")
+      ->add_option(
+          "--scene", flags->scene,
+          "Scene folder, for a splat file without a run or a moved scene; empty: as in the run")
       ->type_name("FOLDER");
   command
       ->add_option("-r,--resolution", flags->resolution,
-                   "Divides width and height: 1, 2, 4 or 8; 0: as in the run, else 1")
+                   "Divisor of width and height: 1, 2, 4 or 8; 0: as in the run, else 1")
       ->check(choice_of({"0", "1", "2", "4", "8"}));
   command->add_option("--background", flags->background, "white or black; empty: as in the run")
       ->check(choice_of({"white", "black"}));
   command
       ->add_option("--fps", flags->fps,
-                   "Frames a second of the videos; 0: as the scene says, else 24")
+                   "Frames per second of the videos; 0: as in the scene, else 24")
       ->check(zero_or_in(slowest_fps, fastest_fps));
   command
-      ->add_option(
-          "--up", flags->up,
-          "Axis that points up in the orbit shown where there are no cameras: x, y, z, -x, "
-          "-y or -z, written --up=-y")
+      ->add_option("--up", flags->up,
+                   "Up axis of the orbit that is rendered without cameras: x, y, z, -x, -y or -z, "
+                   "e.g. --up=-y")
       ->check(choice_of({"x", "y", "z", "-x", "-y", "-z"}))
       ->type_name("AXIS");
   add_iteration(*command, flags->iteration);
-  command->add_flag("--no-compare", flags->no_compare,
-                    "No pictures beside the scene's own, where it has them");
+  command->add_flag("--no-compare", flags->no_compare, "No comparison images with the scene's own");
   command->callback([flags, &options] { run_render(*flags, options); });
 }
 

@@ -51,11 +51,11 @@ void add_settings(CLI::App& app, const GlobalOptions&) {
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
       "settings", "List the settings of training: default, meaning, unit, allowed values");
-  command->add_option("WORD", flags->word, "Only those with this in their name, e.g. flow. or rate")
+  command
+      ->add_option("WORD", flags->word, "Only settings with this in their name, e.g. flow. or rate")
       ->type_name("WORD");
-  command->add_flag("--all", flags->all,
-                    "Advanced settings, too (those with WORD are always shown)");
-  command->add_flag("--json", flags->json, "As JSON");
+  command->add_flag("--all", flags->all, "Include advanced settings (always included with WORD)");
+  command->add_flag("--json", flags->json, "Print JSON");
   command->callback([flags] {
     nlohmann::ordered_json all = nlohmann::ordered_json::object();
     for (const SettingInWords& s : settings_named(flags->word, flags->all))

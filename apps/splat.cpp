@@ -43,7 +43,7 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
   };
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
-      "splat", "Draw Gaussians from an .npz file: images, flow, and gradients for each v_* in it");
+      "splat", "Render Gaussians of an .npz file: images, flow, and gradients for each v_* in it");
   command
       ->add_option("IN", flags->input,
                    "means quats scales opacities colors, viewmat K size [background], and for "
@@ -53,10 +53,9 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
       ->required()
       ->type_name("FILE.npz");
   command
-      ->add_option(
-          "-o,--output", flags->output,
-          "The .npz that is written: rgb alpha depth flow, g_* for each v_*, and in broken "
-          "the numbers of Gaussians with values that are not finite")
+      ->add_option("-o,--output", flags->output,
+                   "Output .npz: rgb alpha depth flow, g_* for each v_*, and broken, the indices "
+                   "of Gaussians with non-finite values")
       ->check(path_given())
       ->required()
       ->type_name("FILE.npz");
@@ -70,17 +69,17 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
       ->check(choice_of(words_of(StopRule{})));
   command
       ->add_option("--top-k", flags->splat.settings.top_k,
-                   "Gaussians that make a pixel's flow, in depth order; 0: all")
+                   "Gaussians per pixel that contribute to flow, in depth order; 0: all")
       ->check(number_in(0, 1000000));
   command->add_flag("--detach-t1", flags->splat.settings.detach_t1,
                     "No flow gradient to the geometry at t1");
   command
       ->add_option("--near", flags->splat.near_plane,
-                   "Gaussians nearer than this are not drawn [scene units]")
+                   "Skip Gaussians closer to the camera [scene units]")
       ->check(number_in(0, 1e9));
   command
       ->add_option("--lanes", flags->lanes,
-                   "Pixels a work-item: 16, 8, 4, or 1 as on GPUs; 0: what suits the device")
+                   "Pixels per work-item: 16, 8, 4, or 1 as on GPUs; 0: chosen for the device")
       ->check(choice_of({"0", "1", "4", "8", "16"}));
   command->callback([flags, &options] {
     flags->splat.settings.transport = value_named<Transport>(flags->transport);

@@ -216,17 +216,18 @@ void run(const StressFlags& flags, const GlobalOptions& options) {
 void add_stress(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<StressFlags>();
   CLI::App* command = app.add_subcommand(
-      "stress", "Test the numerics on this device; exit code 3 when a bound is not kept");
-  auto* all = command->add_flag("--all", "Every test (default)");
-  command->add_flag("--quick", flags->quick, "Without the longest; about a minute")->excludes(all);
+      "stress", "Test the numerics on this device; exit code 3 if a bound is exceeded");
+  auto* all = command->add_flag("--all", "All tests (default)");
+  command->add_flag("--quick", flags->quick, "Skip the longest tests; about a minute")
+      ->excludes(all);
   auto* only =
-      command->add_option("--only", flags->only, "Only tests of these numbers, e.g. T7,T12")
+      command->add_option("--only", flags->only, "Only tests with these numbers, e.g. T7,T12")
           ->delimiter(',')
           ->check(list_entry())
           ->type_name("NUMBERS");
   command->add_flag("--derivatives", flags->derivatives, "Only the table of derivatives")
       ->excludes(only);
-  command->add_option("--json", flags->json, "Write the figures here")
+  command->add_option("--json", flags->json, "Write the results to this file")
       ->check(path_given())
       ->type_name("FILE");
   command->callback([flags, &options] { run(*flags, options); });

@@ -118,15 +118,14 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
 void add_train(CLI::App& app, const GlobalOptions& options) {
   auto flags = std::make_shared<TrainFlags>();
   CLI::App* command = app.add_subcommand(
-      "train", "Train a scene: cameras and video in, a moving splat and its evaluation out");
+      "train", "Train a moving splat from the cameras and images of a scene, and evaluate it");
   command
       ->add_option("SCENE", flags->scene,
                    "Folder of the scene (N3V, Panoptic, nerfies, Consistent4D, D-NeRF/Blender, "
-                   "nerfstudio, COLMAP, numbered pictures), or a video file; with --resume "
-                   "it may be left out")
+                   "nerfstudio, COLMAP, numbered images), or a video file; optional with --resume")
       ->check(path_given())
       ->type_name("PATH");
-  command->add_option("-o,--output", flags->run, "Run folder that is written")
+  command->add_option("-o,--output", flags->run, "Output run folder")
       ->check(path_given())
       ->required()
       ->type_name("FOLDER");
@@ -135,8 +134,8 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->type_name("FILE.toml");
   command
       ->add_option("--set", flags->settings,
-                   "One setting, e.g. --set flow.weight=0.2; may be repeated. All settings with "
-                   "their meaning are in the config.toml of any run")
+                   "One setting, e.g. --set flow.weight=0.2; may be repeated. The config.toml of "
+                   "any run documents all settings")
       ->type_name("SECTION.KEY=VALUE")
       ->expected(1)
       ->default_str("")
@@ -144,14 +143,13 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option(
           "--init", flags->init,
-          "First Gaussians: auto, points, stereo, random, visual-hull or file (init.from), "
-          "or a splat file that stands still: .ply, compressed .ply, .splat, .spz "
-          "(init.file)")
+          "First Gaussians: auto, points, stereo, random, visual-hull or file (init.from), or a "
+          "static splat file: .ply, compressed .ply, .splat, .spz (init.file)")
       ->type_name("FILE|WORD");
   command
       ->add_option("--cameras", flags->cameras,
-                   "Camera of a video or of numbered pictures, or one a picture: cameras.json or "
-                   "transforms.json (scene.cameras)")
+                   "Camera of a video or of numbered images, or one camera per image: cameras.json "
+                   "or transforms.json (scene.cameras)")
       ->type_name("FILE");
   const TrainOptions defaults;
   constexpr double most = std::numeric_limits<int>::max();
@@ -160,28 +158,27 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->default_str(std::to_string(defaults.train.iterations));
   command
       ->add_option("-r,--resolution", flags->resolution,
-                   "Divides width and height of the pictures: 1, 2, 4 or 8 (scene.resolution)")
+                   "Divisor of the image width and height: 1, 2, 4 or 8 (scene.resolution)")
       ->default_str(std::to_string(defaults.scene.resolution));
-  command->add_option("--seed", flags->seed, "Of every random choice (train.seed)")
+  command->add_option("--seed", flags->seed, "Seed of all random choices (train.seed)")
       ->check(number_in(0, double(kGreatestSeed)))
       ->default_str(std::to_string(defaults.train.seed));
   command
       ->add_option("--save-every", flags->save_every,
-                   "Write a point cloud after every so many steps, too (train.save_every); 0: only "
-                   "the last")
+                   "Steps between two point clouds (train.save_every); 0: only the last")
       ->check(number_in(0, most))
       ->default_str(std::to_string(defaults.train.save_every));
   command->add_flag("--resume", flags->resume,
-                    "Go on with the run in the output folder from its last checkpoint, with its "
-                    "settings; starts it where there is none");
+                    "Continue the run in the output folder from its last checkpoint, with its "
+                    "settings; start it if there is none");
   command
       ->add_flag("--overwrite", flags->overwrite,
-                 "Begin anew where the output folder holds a training, finished or stopped")
+                 "Start again if the output folder contains a run, finished or stopped")
       ->excludes("--resume");
   command->add_flag("--allow-command", flags->allow_command,
-                    "Start the program that guidance.command names in a file: in --config, or in "
-                    "the run that is resumed");
-  command->add_flag("--profile", flags->profile, "Print the time each kernel took");
+                    "Start the program given by guidance.command in a file: in --config, or in the "
+                    "run that is resumed");
+  command->add_flag("--profile", flags->profile, "Print the time of each kernel");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });
 }
 

@@ -36,19 +36,18 @@ void check_outputs(const BenchOptions& options) {
 }  // namespace
 
 void add_common(CLI::App& bench, BenchOptions& options) {
-  bench.add_option("--repeats", options.repeats, "Measured runs; medians are told")
+  bench.add_option("--repeats", options.repeats, "Measured runs; medians are reported")
       ->check(number_in(1, 1000));
-  bench.add_option("--json", options.json, "Write what was measured here")
+  bench.add_option("--json", options.json, "Write the measurements to this file")
       ->check(path_given())
       ->type_name("FILE");
-  bench.add_option("--plots", options.plots, "Draw it, into this folder (gnuplot)")
+  bench.add_option("--plots", options.plots, "Write plots into this folder (gnuplot)")
       ->check(path_given())
       ->type_name("DIR");
   bench
-      .add_option(
-          "--compare", options.compare,
-          "Show ratios to an earlier --json FILE; what is above 1.1 beyond the quartiles, CPU "
-          "time where there is one, is measured once more and then makes the exit code 3")
+      .add_option("--compare", options.compare,
+                  "Print ratios to an earlier --json FILE; if one is above 1.1 beyond the "
+                  "quartiles (of CPU time, if available), measure again; exit code 3 if it remains")
       ->type_name("FILE")
       ->check(CLI::Validator(
           [name = bench.get_name()](const std::string& path) -> std::string {
@@ -106,7 +105,7 @@ void deliver(const BenchOptions& options, const std::function<Result()>& measure
 }  // namespace bench
 
 void add_bench(CLI::App& app, const GlobalOptions& options) {
-  CLI::App* bench = app.add_subcommand("bench", "Measure what gflow costs on this device");
+  CLI::App* bench = app.add_subcommand("bench", "Measure the cost of gflow on this device");
   bench->require_subcommand(1);
   bench::add_raster(*bench, options);
   bench::add_pareto(*bench, options);

@@ -399,18 +399,17 @@ Result run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
 void add_pareto(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<ParetoOptions>();
   CLI::App* pareto = bench.add_subcommand(
-      "pareto", "Run time against error, for every choice about the image, flow and gradients");
-  pareto->add_option("--pixels", flags->pixels, "Size of the image that is timed")
-      ->type_name("WxH");
-  pareto->add_option("--gaussians", flags->gaussians, "How many are in it")
+      "pareto", "Run time against error, for every choice of image, flow and gradients");
+  pareto->add_option("--pixels", flags->pixels, "Size of the timed image")->type_name("WxH");
+  pareto->add_option("--gaussians", flags->gaussians, "Gaussians in the timed image")
       ->check(number_in(1, 20000000));
   pareto
       ->add_option("--check-pixels", flags->check_pixels,
-                   "Size of the image that is compared with double")
+                   "Size of the image compared with double precision")
       ->type_name("WxH");
-  pareto->add_option("--check-gaussians", flags->check_gaussians, "How many are in that")
+  pareto->add_option("--check-gaussians", flags->check_gaussians, "Gaussians in the compared image")
       ->check(number_in(1, 100000));
-  pareto->add_option("--knob", flags->knobs, "Try this one only, e.g. top_k; may be repeated")
+  pareto->add_option("--knob", flags->knobs, "Try only this choice, e.g. top_k; may be repeated")
       ->type_name("NAME")
       ->expected(1)
       ->default_str("")
@@ -419,20 +418,19 @@ void add_pareto(CLI::App& bench, const GlobalOptions& options) {
   TrainingOptions& training = flags->training;
   pareto
       ->add_option("--scene", training.scene,
-                   "Also train this scene with each choice, for as long as --steps take as "
-                   "shipped, and judge what becomes of it")
+                   "Also train this scene with each choice, for the time of --steps with default "
+                   "settings, and evaluate the result")
       ->type_name("PATH");
-  pareto->add_option("--steps", training.steps, "Of the shipped settings")
+  pareto->add_option("--steps", training.steps, "Training steps with default settings")
       ->check(number_in(1, 1000000));
-  pareto->add_option("--seeds", training.seeds, "Trainings of each choice")
-      ->check(number_in(1, 100));
-  pareto->add_option("--set", training.settings, "A setting of these trainings; may be repeated")
+  pareto->add_option("--seeds", training.seeds, "Trainings per choice")->check(number_in(1, 100));
+  pareto->add_option("--set", training.settings, "Setting of these trainings; may be repeated")
       ->type_name("SECTION.KEY=VALUE")
       ->expected(1)
       ->default_str("")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
 #endif
-  pareto->add_option("--markdown", flags->common.markdown, "Write the table here")
+  pareto->add_option("--markdown", flags->common.markdown, "Write the table to this file")
       ->check(path_given())
       ->type_name("FILE.md");
   add_common(*pareto, flags->common);

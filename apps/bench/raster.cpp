@@ -181,35 +181,34 @@ void add_raster(CLI::App& bench, const GlobalOptions& options) {
   CLI::Option* const file =
       raster
           ->add_option("SCENE", flags->file,
-                       "Gaussians as for `gflow splat`; left out: random ones, about 48 in a pixel")
+                       "Gaussians as for `gflow splat`; default: random ones, about 48 per pixel")
           ->check(path_given())
           ->type_name("FILE.npz");
   // Options of random scenes only.
   CLI::Option* const random[] = {
-      raster
-          ->add_option("--pixels", flags->sizes,
-                       "Sizes of the image: one, or as many as of --gaussians")
+      raster->add_option("--pixels", flags->sizes, "Image sizes: one, or as many as --gaussians")
           ->delimiter(',')
           ->check(list_entry())
           ->type_name("WxH,..."),
       raster
-          ->add_option("--gaussians", flags->gaussians,
-                       "How many: one number, or one for each size")
+          ->add_option("--gaussians", flags->gaussians, "Number of Gaussians: one, or one per size")
           ->delimiter(',')
           ->check(list_entry())
           ->check(number_in(1, 20000000))
           ->type_name("N,..."),
       raster
           ->add_option("--frames", flags->frames,
-                       "Frames, each with so many of its own; the middle one is drawn")
+                       "Frames, each with this number of Gaussians; the middle one is rendered")
           ->check(number_in(1, 1000)),
-      raster->add_flag("--grid", flags->grid, "Each size with each number")};
+      raster->add_flag("--grid", flags->grid, "Combine each size with each number of Gaussians")};
   for (CLI::Option* option : random) file->excludes(option);
-  raster->add_option("--lanes", flags->lanes, "Pixels a work-item: 16, 8, 4, 1; 0: the device's")
+  raster
+      ->add_option("--lanes", flags->lanes,
+                   "Pixels per work-item: 16, 8, 4, 1; 0: chosen for the device")
       ->check(choice_of({"0", "1", "4", "8", "16"}));
   raster->add_flag("--no-flow", flags->no_flow, "No flow image");
-  raster->add_flag("--depth", flags->depth, "Expected depth as well");
-  raster->add_flag("--kernels", flags->kernels, "Show the kernels of each stage");
+  raster->add_flag("--depth", flags->depth, "Also render expected depth");
+  raster->add_flag("--kernels", flags->kernels, "Print the kernels of each stage");
   add_common(*raster, flags->common);
   raster->callback([flags, &options] {
     if (flags->file.empty()) cases_of(*flags);  // checks the cases before anything is measured

@@ -207,14 +207,16 @@ void add_scaling(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<ScalingOptions>();
   flags->common.repeats = 5;
   CLI::App* scaling = bench.add_subcommand(
-      "scaling", "Cost against Gaussians, pixels, frames and cores, and what a GPU would take");
-  scaling->add_option("--most", flags->most, "Most Gaussians tried")
+      "scaling", "Cost against Gaussians, pixels, frames and cores, and a prediction for a GPU");
+  scaling->add_option("--most", flags->most, "Maximum number of Gaussians")
       ->check(number_in(1000, 20000000));
   scaling
       ->add_option("--gpu-tflops", flags->gpu_tflops,
-                   "Of the GPU that is predicted: 1e12 operations/s, an FMA being two")
+                   "Speed of the predicted GPU: 1e12 operations/s, an FMA counts as two")
       ->check(number_in(0.01, 1e6));
-  scaling->add_option("--gpu-gbs", flags->gpu_gbs, "And its memory: 1e9 bytes/s")
+  scaling
+      ->add_option("--gpu-gbs", flags->gpu_gbs,
+                   "Memory bandwidth of the predicted GPU: 1e9 bytes/s")
       ->check(number_in(0.1, 1e6));
   add_common(*scaling, flags->common);
   scaling->callback(

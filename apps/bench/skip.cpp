@@ -122,9 +122,8 @@ void add_skip(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<StepOptions>();
   CLI::App* skip = bench.add_subcommand(
       "skip",
-      "Training steps on a scene without each of the settings skip.*, "
-      "motion.cutoff, flow.low_motion and flow.every; at last with none of the "
-      "exact ones (skip.*), and with none at all");
+      "Training steps on a scene without each of the settings skip.*, motion.cutoff, "
+      "flow.low_motion and flow.every; then without the exact ones (skip.*), and without all");
   add_step_options(*skip, *flags);
   skip->callback(
       [flags, &options] { deliver(flags->common, [&] { return run_skip(*flags, options); }); });

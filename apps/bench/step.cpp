@@ -84,8 +84,8 @@ void add_step(CLI::App& bench, const GlobalOptions& options) {
   auto flags = std::make_shared<StepOptions>();
   CLI::App* step =
       bench.add_subcommand("step",
-                           "Training steps on a scene: pictures alone, with flow, in "
-                           "every step, of calm tiles too, both, with each regulariser");
+                           "Training steps on a scene: images only, with flow, flow in every step, "
+                           "flow of low-motion tiles too, both, with each regulariser");
   add_step_options(*step, *flags);
   step->callback(
       [flags, &options] { deliver(flags->common, [&] { return run_step(*flags, options); }); });

@@ -244,17 +244,17 @@ void add_step_options(CLI::App& bench, StepOptions& options) {
       ->check(path_given())
       ->required()
       ->type_name("PATH");
-  bench.add_option("--set", options.settings, "A setting of training; may be repeated")
+  bench.add_option("--set", options.settings, "Training setting; may be repeated")
       ->type_name("SECTION.KEY=VALUE")
       ->expected(1)
       ->default_str("")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  bench.add_option("--warm", options.warm, "Steps of training before anything is measured")
+  bench.add_option("--warm", options.warm, "Training steps before the measurement")
       ->check(number_in(1, 1000000));
   bench
       .add_option("--block", options.block,
-                  "Steps that are timed together, about: as many of whole pictures and parts, with "
-                  "flow and with motion losses in each")
+                  "Approximate steps timed together; each block has the same mix of whole images, "
+                  "parts, flow and motion losses")
       ->check(number_in(1, 100000));
   add_common(bench, options.common);
 }
