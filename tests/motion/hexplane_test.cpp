@@ -176,7 +176,7 @@ TEST(Hexplane, ANewModelRestsAndOneWeightOfTheLastLayerMovesIt) {
   EXPECT_FALSE(is_static(shape, groups));
 }
 
-HexplaneOptions planes(float plane_tv, float time_smoothness, float l1_time) {
+HexplaneOptions plane_weights(float plane_tv, float time_smoothness, float l1_time) {
   HexplaneOptions options;
   options.plane_tv = plane_tv;
   options.time_smoothness = time_smoothness;
@@ -186,8 +186,9 @@ HexplaneOptions planes(float plane_tv, float time_smoothness, float l1_time) {
 
 class HexplaneRule : public testing::TestWithParam<HexplaneOptions> {};
 INSTANTIATE_TEST_SUITE_P(Motion, HexplaneRule,
-                         testing::Values(planes(0.7f, 0, 0), planes(0, 0.6f, 0), planes(0, 0, 0.5f),
-                                         planes(0.1f, 0.2f, 0.3f)));
+                         testing::Values(plane_weights(0.7f, 0, 0), plane_weights(0, 0.6f, 0),
+                                         plane_weights(0, 0, 0.5f),
+                                         plane_weights(0.1f, 0.2f, 0.3f)));
 
 TEST_P(HexplaneRule, GradientEqualsCentralDifferences) {
   Queue queue = test_queue();
@@ -228,8 +229,8 @@ TEST(Hexplane, ThePlanesOfARestingModelCostNothingInTimeAndAShapeThatIsNoneIsRef
   HostGroups groups;
   set_static(shape, groups, 1);
   const std::vector<double> planes(groups["planes"].begin(), groups["planes"].end());
-  EXPECT_EQ(reference::plane_cost(shape.hexplane, {0, 1, 1}, planes), 0);
-  EXPECT_GT(reference::plane_cost(shape.hexplane, {1, 0, 0}, planes), 0);
+  EXPECT_EQ(reference::plane_cost(shape.hexplane, plane_weights(0, 1, 1), planes), 0);
+  EXPECT_GT(reference::plane_cost(shape.hexplane, plane_weights(1, 0, 0), planes), 0);
 }
 
 TEST(Hexplane, TheBoxHoldsAllButAFewPointsAndItsSlack) {
