@@ -66,7 +66,9 @@ std::string csv_row(const std::vector<std::string>& cells) {
 std::string csv_row(const OrderedJson& line, const std::vector<std::string>& columns) {
   std::vector<std::string> cells;
   for (const std::string& column : columns) {
-    const auto value = line.find(column);
+    auto value = line.find(column);
+    // The former name, which the table of a run that was begun with it keeps.
+    if (value == line.end() && column == "refused") value = line.find("rejected");
     cells.push_back(value == line.end() || value->is_null() ? "" : value->dump());
   }
   return csv_row(cells);

@@ -566,6 +566,11 @@ TEST(RunFolder, ATableOfMetricsKeepsItsColumns) {
   EXPECT_NE(table.find(",10.0,20.0,"), std::string::npos) << table;
   run.keep_metrics_before(20);
   EXPECT_EQ(contents(run.path("metrics.csv")), table);
+
+  std::ofstream(run.path("metrics.csv")) << "iteration,refused\n";
+  report.rejected = 7;
+  run.append_metrics(20, 1, report);
+  EXPECT_EQ(contents(run.path("metrics.csv")), "iteration,refused\n20,7\n");
 }
 
 TEST(RunFolder, MetricsHaveAColumnForEachTerm) {
