@@ -39,7 +39,7 @@ class KeyframesMotion : public Motion {
 
  private:
   MotionShape shape_;
-  std::string scales_;  // group bound as key_scales; a placeholder if there is none
+  std::string scales_;  // group bound as key_scales; key_shifts if the model has none
   Program program_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, KeyWeights, In<cl_uint>, In<cl_uint>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
