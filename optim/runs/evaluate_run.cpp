@@ -7,7 +7,7 @@
 
 #include "optim/eval/metric_networks.hpp"
 #include "optim/eval/rendering.hpp"
-#include "optim/runs/backup.hpp"
+#include "optim/runs/replacement.hpp"
 #include "optim/scene/true_depth.hpp"
 #include "runtime/base/interrupt.hpp"
 #include "runtime/base/progress.hpp"
@@ -84,7 +84,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
                            int iteration, const std::vector<std::string>& settings) {
   const StopSentence stop("interrupted while evaluating; nothing was lost");
   const auto lock = run.lock_if_free();
-  if (lock) restore_backup(run, *lock);
+  if (lock) complete_beginning(run, *lock);
   const RunState state = read_run_state(run, iteration);
   const TrainOptions config = judged_by(state.config, run.judged_by(), settings);
   LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);

@@ -5,7 +5,6 @@
 
 #include <filesystem>
 
-#include "runtime/base/output.hpp"
 #include "runtime/base/warning.hpp"
 
 namespace gflow {
@@ -72,24 +71,11 @@ void warn_of_other_bits(const CheckpointFacts& facts, const DeviceInfo& device) 
 
 }  // namespace
 
-std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
-                                                            const TrainOptions& config,
-                                                            const Scene& scene,
-                                                            const RunFolder& run, bool quiet) {
-  auto found = run.checkpoints().latest();
-  if (found) {
-    require_same_training(*found, config, scene_stamp(scene), run);
-    warn_of_other_bits(found->checkpoint.facts, queue.info);
-  }
-  if (!quiet)
-    print_status("{}\n",
-                 found ? fmt::format("going on from {}", found->path)
-                       : fmt::format("{} has no checkpoint: training starts at the first step",
-                                     run.folder()));
-  return found;
+void require_resumable(const CheckpointFolder::Found& found, const Queue& queue,
+                       const TrainOptions& config, const Scene& scene, const RunFolder& run) {
+  require_same_training(found, config, scene_stamp(scene), run);
+  warn_of_other_bits(found.checkpoint.facts, queue.info);
 }
-
-namespace {
 
 std::string resuming_command(const RunFolder& run, const TrainOptions& config) {
   const bool starts_program = config.guidance.provider == GuidanceProvider::process;
@@ -97,44 +83,8 @@ std::string resuming_command(const RunFolder& run, const TrainOptions& config) {
                      starts_program ? " --allow-command" : "");
 }
 
-}  // namespace
-
-void require_no_training(const RunFolder& run) {
-  if (!run.holds_training()) return;
-  TrainOptions former;
-  RunFacts ended;
-  std::optional<CheckpointFolder::Found> last;
-  try {
-    former = run.read_config();
-    last = run.checkpoints().latest();
-    ended = run.read_facts();
-  } catch (const Error&) {  // damaged: decide by the rest
-  }
-  if (run.checkpoints().steps().empty() && run.models().empty())
-    throw Error(
-        fmt::format("{} holds results of a training, and neither its model nor a checkpoint: name "
-                    "another folder, or replace them with --overwrite",
-                    run.folder()));
-  if (run.checkpoints().steps().empty())
-    throw Error(fmt::format(
-        "{} holds a model, which `gflow eval {}` judges, and no checkpoint to go on from: "
-        "name another folder, or replace it with --overwrite",
-        run.folder(), run.folder()));
-  const int all = former.train.iterations;
-  const int step = last ? last->checkpoint.facts.step : all;
-  const bool out_of_time = ended.finished && ended.iterations == step;  // ended by train.minutes
-  if (step < all && !out_of_time)
-    throw Error(fmt::format(
-        "{} holds a training that was stopped at step {} of {}: `{}` goes on with it, --overwrite "
-        "begins anew",
-        run.folder(), step, all, resuming_command(run, former)));
-  throw Error(fmt::format(
-      "{} holds a finished training{}: name another folder, or replace it with --overwrite",
-      run.folder(), former.scene.path.empty() ? "" : " of " + former.scene.path));
-}
-
 std::string how_to_resume(const RunFolder& run, const TrainOptions& config) {
-  return fmt::format("`{}` goes on from there", resuming_command(run, config));
+  return fmt::format("`{}` continues from there", resuming_command(run, config));
 }
 
 Checkpointer::Checkpointer(Queue& queue, const TrainOptions& config, const Scene& scene,

@@ -5,20 +5,15 @@
 
 namespace gflow {
 
-// The checkpoint to continue from; none if the run has no checkpoint yet, which is printed unless
-// quiet. Warns if the result will not be bitwise equal to that of an uninterrupted run. Error if
-// there are checkpoints and none is readable, or if a setting that affects the result, the cameras
-// or the images differ from those of the run.
-std::optional<CheckpointFolder::Found> checkpoint_to_resume(const Queue& queue,
-                                                            const TrainOptions& config,
-                                                            const Scene& scene,
-                                                            const RunFolder& run, bool quiet);
+// Error if a setting that affects the result, the cameras or the images differ from those that the
+// checkpoint was written with. Warns if the result will not be bitwise equal to that of an
+// uninterrupted run.
+void require_resumable(const CheckpointFolder::Found& found, const Queue& queue,
+                       const TrainOptions& config, const Scene& scene, const RunFolder& run);
 
-// Error if the folder holds a training run, finished or stopped early.
-void require_no_training(const RunFolder& run);
-
-// Text for messages: "`gflow train -o RUN --resume` goes on from there", with the option that a run
-// needs if it starts a program.
+// The command that resumes a run, with the option that it needs if it starts a program.
+std::string resuming_command(const RunFolder& run, const TrainOptions& config);
+// Text for messages: "`gflow train -o RUN --resume` continues from there".
 std::string how_to_resume(const RunFolder& run, const TrainOptions& config);
 
 // Writes the checkpoints of one training run; all references must outlive it.

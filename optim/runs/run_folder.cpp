@@ -15,7 +15,7 @@
 #include <set>
 #include <sstream>
 
-#include "optim/runs/backup.hpp"
+#include "optim/runs/replacement.hpp"
 #include "optim/runs/run_names.hpp"
 #include "optim/scene/cameras_json.hpp"
 #include "runtime/base/warning.hpp"
@@ -140,32 +140,6 @@ std::string last_settings(const CheckpointFolder& checkpoints, TrainOptions& con
   return "";
 }
 
-// Folders that training empties, no matter who wrote the files.
-constexpr const char* kEmptied[] = {"flow", "frames", "test"};
-
-bool is_link(const std::string& folder) {
-  std::error_code none;
-  return fs::is_symlink(folder, none);
-}
-
-// Whether everything in the folder may be removed: not a link, or a claimed target.
-bool is_only_ours(const std::string& folder) {
-  std::error_code none;
-  return !is_link(folder) || fs::exists(fs::path(folder) / kOnlyOurs, none);
-}
-
-// Paths to remove for a folder: itself, or the contents of its target if it is a link to a claimed
-// folder.
-std::vector<std::string> all_of(const std::string& folder) {
-  if (!is_link(folder)) return {folder};
-  std::vector<std::string> paths;
-  if (!is_only_ours(folder)) return paths;
-  std::error_code none;
-  for (const auto& entry : fs::directory_iterator(folder, none))
-    if (entry.path().filename() != kOnlyOurs) paths.push_back(entry.path());
-  return paths;
-}
-
 std::vector<std::string> those_there(std::vector<std::string> paths) {
   const auto is_missing = [](const std::string& path) {
     std::error_code none;
@@ -213,7 +187,8 @@ std::unique_ptr<FileLock> RunFolder::lock_if_free() const {
 
 bool RunFolder::is_run(const std::string& path) {
   const RunFolder run(path);
-  return fs::exists(run.path("config.toml")) || !run.checkpoints().steps().empty();
+  return fs::exists(run.path("config.toml")) || is_beginning(run) ||
+         !run.checkpoints().steps().empty();
 }
 
 void RunFolder::require_no_beginning(const std::string& path) {
@@ -230,10 +205,9 @@ RunFolder RunFolder::open(const std::string& path) {
                     path, path));
   const RunFolder run(path);
   try {
-    restore_backup(run);
+    complete_beginning(run);
   } catch (const Error& problem) {
-    warn(fmt::format("{} is not whole, a training that was to replace it was killed: {}", path,
-                     problem.what()));
+    warn(problem.what());
   }
   return run;
 }
@@ -254,6 +228,15 @@ std::vector<int> RunFolder::models() const {
   return iterations;
 }
 
+void RunFolder::write_model(int iteration, const HostModel& model) const {
+  const std::string folder = fs::path(model_path(iteration)).parent_path().string();
+  std::error_code problem;
+  fs::create_directories(folder, problem);
+  if (problem) throw Error(fmt::format("cannot make {}: {}", folder, problem.message()));
+  flush_folder_of(folder);
+  gflow::write_model(model_path(iteration), model);
+}
+
 void RunFolder::remove_model(int iteration) const {
   fs::remove_all(fs::path(model_path(iteration)).parent_path());
 }
@@ -264,33 +247,13 @@ void RunFolder::require_its_folders() const {
     std::error_code problem, none;
     fs::directory_iterator(folder, problem);
     if (!problem || !fs::exists(fs::symlink_status(folder, none))) continue;
-    if (is_link(folder) && !fs::exists(folder, none))
+    if (fs::is_symlink(folder, none) && !fs::exists(folder, none))
       throw Error(
           fmt::format("training into {}: {} is a link to {}, which is not there; bring that back, "
                       "or remove the link to do without",
                       folder_, folder, fs::read_symlink(folder, none).string()));
     throw Error(fmt::format("training into {}: cannot look into {}: {}", folder_, folder,
                             problem.message()));
-  }
-  for (const char* name : kEmptied) {
-    const std::string folder = path(name);
-    std::error_code none;
-    if (is_only_ours(folder) || fs::is_empty(folder, none)) continue;
-    const std::string target = fs::canonical(folder, none).string();
-    throw Error(
-        fmt::format("training into {}: {} is a link to {}, and a training removes all that is in "
-                    "it; let it lead to an empty folder, or, if all of that may go, put an empty "
-                    "file {}/{} there",
-                    folder_, folder, target, target, kOnlyOurs));
-  }
-}
-
-void RunFolder::claim_linked_folders() const {
-  for (const char* name : kEmptied) {
-    const std::string folder = path(name);
-    if (is_link(folder) && !is_only_ours(folder) && fs::is_empty(folder))
-      write_text(folder + "/" + kOnlyOurs,
-                 "All that is in this folder is gflow's, and goes with a training.\n");
   }
 }
 
@@ -318,12 +281,15 @@ bool RunFolder::would_remove(const std::string& file) const {
 }
 
 std::vector<std::string> RunFolder::results() const {
-  std::vector<std::string> paths = all_of(path("test"));
-  paths.push_back(path("compare.png"));
+  std::vector<std::string> paths{path("test"), path("compare.png")};
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(folder_, none))
     if (is_name_of_results(entry.path().filename().string())) paths.push_back(entry.path());
   return those_there(std::move(paths));
+}
+
+void RunFolder::remove_results() const {
+  for (const std::string& path : results()) fs::remove_all(path);
 }
 
 bool RunFolder::holds_training() const {
@@ -359,8 +325,7 @@ void RunFolder::forget_unfinished_files() const {
 
 void RunFolder::remove_stale_caches(const std::string& stamp) const {
   if (has_caches_of(stamp)) return;
-  for (const char* folder : {"flow", "frames"})
-    for (const std::string& file : all_of(path(folder))) fs::remove_all(file);
+  for (const char* folder : {"flow", "frames"}) fs::remove_all(path(folder));
   write_text(path(kRunStamp), stamp);
 }
 

@@ -34,7 +34,8 @@ class RunFolder {
   static bool is_run(const std::string& path);
   // Throws FileIsLocked while another process trains there and has not written its settings yet.
   static void require_no_beginning(const std::string& path);
-  // Opens an existing run and restores a backup that a killed process left; warns if that fails.
+  // Opens an existing run and completes its beginning if the process was killed; warns if that
+  // fails.
   // Error if there is no run.
   static RunFolder open(const std::string& path);
 
@@ -55,31 +56,28 @@ class RunFolder {
   // Iterations with a point_cloud/iteration_N, descending. Which model of a run is shown:
   // optim/runs/run_state.hpp.
   std::vector<int> models() const;
+  // Writes the model of an iteration. Error if it cannot.
+  void write_model(int iteration, const HostModel& model) const;
   // Removes the model of an iteration, if there is one.
   void remove_model(int iteration) const;
   // Checks the run's subfolders before training. Error if one cannot be read, or is a broken link:
-  // it would seem empty, or could not be written. Error if flow, frames or test, which training
-  // empties, is a link to a folder that is neither empty nor claimed by gflow.
+  // it would seem empty, or could not be written.
   void require_its_folders() const;
-  // Claims the empty folders that these are linked to by a file kOnlyOurs: everything in them is
-  // gflow's from now on. Contents of other folders are never removed.
-  void claim_linked_folders() const;
   // Paths of the previous run's files for resuming or showing it: checkpoints, models, metrics,
   // input.ply, training.json. training.json is first, because it marks a finished run.
   std::vector<std::string> training() const;
   // Whether training here may remove or replace this file or folder, as part of the run, its
   // results or its caches; links are followed. False for "".
   bool would_remove(const std::string& file) const;
-  // Paths of results and per-view metrics of all splits and iterations, compare.png and test/; of a
-  // linked test/ its contents, if it is claimed.
+  // Paths of results and per-view metrics of all splits and iterations, compare.png and test/.
   std::vector<std::string> results() const;
+  void remove_results() const;
   // Whether the folder holds output of a training: a checkpoint, a model, training.json or results.
   bool holds_training() const;
   // Removes unfinished files of killed processes in the places where training writes. Other
   // commands may be writing elsewhere in the folder meanwhile.
   void forget_unfinished_files() const;
-  // Removes cached flow and video frames unless they have the same stamp. Keeps links, and the
-  // contents of linked folders that are not claimed.
+  // Removes cached flow and video frames unless they have the same stamp; of a link only itself.
   void remove_stale_caches(const std::string& stamp) const;
   // Whether the caches have this stamp.
   bool has_caches_of(const std::string& stamp) const;

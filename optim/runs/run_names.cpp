@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 bool is_made_by_training(const fs::path& folder) {
   std::error_code none;
-  if (fs::exists(folder / kRunStamp, none)) return true;
+  if (fs::exists(folder / kRunStamp, none) || fs::exists(folder / kRunBegun, none)) return true;
   if (!fs::exists(folder / "config.toml", none)) return false;
   for (const char* trained : {"checkpoints", "point_cloud"})
     for (const auto& entry : fs::directory_iterator(folder / trained, none))

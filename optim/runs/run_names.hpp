@@ -9,8 +9,8 @@ namespace gflow {
 
 inline constexpr const char* kRunStamp = "caches.stamp";  // present in every run folder
 inline constexpr const char* kRunLock = ".lock";
-// Marks a linked folder (flow, frames or test of a run) as claimed: everything in it is gflow's.
-inline constexpr const char* kOnlyOurs = ".gflow";
+// The first files of a run that has begun, until they are in their places (replacement.hpp).
+inline constexpr const char* kRunBegun = ".begun";
 
 // Whether training made the folder: it has the stamp, or, if that was removed with the caches,
 // settings and a training result. Settings or cameras alone may be anybody's.

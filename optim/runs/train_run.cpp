@@ -3,24 +3,50 @@
 
 #include <fmt/format.h>
 
-#include <functional>
-#include <set>
+#include <filesystem>
 
 #include "optim/images/image_header.hpp"
 #include "optim/init/init.hpp"
-#include "optim/runs/backup.hpp"
 #include "optim/runs/evaluate_run.hpp"
-#include "optim/runs/staging.hpp"
+#include "optim/runs/replacement.hpp"
 #include "optim/runs/train_steps.hpp"
 #include "optim/train/guidance_provider.hpp"
 #include "optim/train/preparation.hpp"
 #include "optim/train/summary.hpp"
 #include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
+#include "runtime/base/usage.hpp"
 #include "runtime/files/atomic_file.hpp"
 
 namespace gflow {
 namespace {
+
+// What all ways of carrying out a plan need.
+struct RunParts {
+  Queue& queue;
+  const TrainOptions& config;
+  const RunFolder& run;
+  Preparation& prepared;
+  Guidance* guidance;
+  const TrainExtensions& extensions;
+  StopSentence& stop;
+  bool quiet;
+
+  const Scene& scene() const { return prepared.scene(); }
+};
+
+// Error if an input file or folder is among those that training removes or replaces.
+void require_inputs_elsewhere(const TrainOptions& config, const RunFolder& run) {
+  for (const std::string& input :
+       {config.scene.path, config.scene.cameras, config.flow.folder, config.flow.tracks,
+        config.init.file, config.guidance.images, config.guidance.model, config.metrics.lpips,
+        config.metrics.clip})
+    if (run.would_remove(input))
+      throw Error(
+          fmt::format("training on {0}: a training into {1} removes or replaces it; name another "
+                      "output folder, or copy {0} out of {1}",
+                      input, run.folder()));
+}
 
 // Before a previous run is replaced: Error if an image or flow file is damaged.
 void require_whole_files(Preparation& prepared, bool quiet) {
@@ -39,35 +65,6 @@ void require_whole_files(Preparation& prepared, bool quiet) {
   progress.finish();
 }
 
-// Error if init.file cannot be used, or would be removed before it is read.
-void require_first_file(const TrainOptions& config, const RunFolder& run) {
-  if (run.would_remove(config.init.file))
-    throw Error(fmt::format(
-        "init.file {} belongs to the run in {}, which this training would replace: name another "
-        "output folder, or copy the file out of it",
-        config.init.file, run.folder()));
-  require_init_file(config);
-}
-
-// Error if an input file or folder is among what this run replaces.
-void require_elsewhere(const std::set<std::string>& files, const RunFolder& run) {
-  for (const std::string& file : files)
-    if (run.would_remove(file))
-      throw Error(fmt::format(
-          "training on {}: it lies among what a training into {} removes or replaces: name another "
-          "output folder, or copy that out of there",
-          file, run.folder()));
-}
-
-std::set<std::string> files_of(const Scene& scene) {
-  std::set<std::string> files{scene.tracks_path};
-  for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
-    for (const Frame& frame : *split)
-      files.insert(
-          {frame.path, frame.mask_path, frame.flow_path, frame.flow_mask_path, frame.depth_path});
-  return files;
-}
-
 // The model shape of the settings, with the field's box from the checkpoint.
 ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& scene,
                            const TrainOptions& config, const RunFolder& run) {
@@ -79,24 +76,151 @@ ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& sc
   return shape;
 }
 
-// Whether training is finished and has a model but no checkpoint, for lack of space.
-bool is_over_without_checkpoint(const RunFolder& run, const TrainOptions& config) {
-  if (!run.checkpoints().steps().empty() || run.models().empty()) return false;
-  const RunFacts ended = run.read_facts();
-  return ended.finished && ended.iterations == run.models()[0] &&
-         setting_values(run.read_config()) == setting_values(config);
+void write_first_files(const RunFolder& files, const RunParts& parts) {
+  files.write_config(parts.config);
+  files.write_cameras(parts.scene());
 }
 
-// Whether all final files of a training exist besides its last checkpoint, and are readable.
-bool is_complete(const RunFolder& run, int steps) {
-  const RunFacts ended = run.read_facts();
-  if (!ended.finished || ended.iterations != steps) return false;
+// Computes what the first step needs besides a model. left: what remains if it is interrupted.
+void prepare(RunParts& parts, const std::string& left) {
+  const auto& [queue, config, run, prepared, guidance, extensions, stop, quiet] = parts;
+  stop.say("interrupted while preparing the training; " + left);
+  warn_of_idle_settings(prepared.scene(), config);
+  if (!quiet) print_status("{}", in_words(prepared.scene(), prepared.frames().cameras()));
+  if (prepared.lacks_flow()) stop.say("interrupted while computing optical flow; " + left);
+  prepared.compute_flow(run.path("flow"), quiet);
+  stop.say("interrupted before the first training step; " + left);
+}
+
+HostModel first_model(RunParts& parts) {
+  const HostModel first = parts.prepared.first_model(parts.queue);
+  if (!parts.quiet)
+    print_status("{}", first_gaussians_in_words(first, parts.scene(), parts.config.init,
+                                                parts.prepared.began_with_stereo()));
+  return first;
+}
+
+std::string interrupted_while_evaluating(const RunFolder& run, int iteration) {
+  return fmt::format(
+      "interrupted while evaluating; the model is in {}, `gflow eval {}` evaluates it",
+      run.model_path(iteration), run.folder());
+}
+
+Evaluation evaluate_result(RunParts& parts, Model& model, const RunFacts& facts) {
+  const auto& [queue, config, run, prepared, guidance, extensions, stop, quiet] = parts;
+  if (prepared.scene().test.empty()) return {};
   try {
-    read_model(run.model_path(steps));
-    return true;
-  } catch (const Error&) {
-    return false;
+    const Evaluation evaluation =
+        evaluate_views(queue, model, config, prepared.loaded(), prepared.scene().test, quiet,
+                       run.path("test"), run.path("flow"));
+    write_comparison(queue, model, config, prepared.loaded(), run);
+    // Last, because it marks the run as finished.
+    run.write_results(evaluation, "test", facts, config, model.parameters.count);
+    return evaluation;
+  } catch (const DiskFull& full) {
+    throw DiskFull(fmt::format("{}; the model is in {}, `gflow eval {}` evaluates it", full.what(),
+                               run.model_path(facts.iterations), run.folder()));
   }
+}
+
+// Makes the steps after the checkpoint, or all of them, then saves and evaluates the result.
+Evaluation train_and_evaluate(RunParts& parts, Model& model,
+                              std::optional<CheckpointFolder::Found> checkpoint,
+                              const FirstStep& at_first) {
+  const auto& [queue, config, run, prepared, guidance, extensions, stop, quiet] = parts;
+  if (!quiet) print_status("motion model: {}\n", name_of(model.shape.motion));
+  Trainer trainer = prepared.trainer(queue, model, guidance, extensions.objectives);
+  CheckpointFacts before;
+  if (checkpoint) {
+    trainer.set_state(queue, checkpoint->checkpoint.arrays, checkpoint->path);
+    before = checkpoint->checkpoint.facts;
+    checkpoint.reset();  // frees its arrays, which are as large as the model
+    run.keep_metrics_before(before.step);
+  }
+  Checkpointer checkpoints(queue, config, prepared.scene(), run, trainer, model.shape);
+  Training training{queue,
+                    config,
+                    run,
+                    model,
+                    trainer,
+                    checkpoints,
+                    Stopwatch(before.seconds),
+                    extensions.observer};
+  std::optional<InterruptGuard> guard;
+  const int steps = train_steps(training, before.step, guard, quiet, at_first);
+  prepared.flows().prefetch({});  // cancel prefetching for steps that are not made
+  if (!guard) guard.emplace();
+  const RunFacts facts = keep_result(training, steps);
+  stop.say(interrupted_while_evaluating(run, steps));
+  guard.reset();
+  if (interrupted())
+    throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}, {}", steps,
+                                  config.train.iterations, run.model_path(steps),
+                                  how_to_resume(run, config)));
+  return evaluate_result(parts, model, facts);
+}
+
+Evaluation train_fresh(RunParts& parts) {
+  begin_run(parts.run, [&](const RunFolder& files) { write_first_files(files, parts); });
+  prepare(parts, how_to_resume(parts.run, parts.config));
+  HostModel first = first_model(parts);
+  write_model(parts.run.path("input.ply"), first);
+  Model model(parts.queue, first);
+  first = {};
+  return train_and_evaluate(parts, model, std::nullopt, {});
+}
+
+// The previous run stays until the first step of this one succeeds with finite values.
+Evaluation train_replacing(RunParts& parts) {
+  const std::string unchanged = "the previous run is unchanged";
+  require_whole_files(parts.prepared, parts.quiet);
+  prepare(parts, unchanged);
+  HostModel first = first_model(parts);
+  Model model(parts.queue, first);
+  bool begun = false;
+  const auto begin = [&] {
+    begin_run(parts.run, [&](const RunFolder& files) {
+      write_first_files(files, parts);
+      write_model(files.path("input.ply"), first);
+    });
+    first = {};
+    begun = true;
+  };
+  try {
+    return train_and_evaluate(parts, model, std::nullopt, {begin, true});
+  } catch (const Error& problem) {
+    if (begun || is_beginning(parts.run)) throw;
+    throw Error(fmt::format("{}; {}", problem.what(), unchanged));
+  }
+}
+
+Evaluation train_on(RunParts& parts, CheckpointFolder::Found checkpoint) {
+  prepare(parts, how_to_resume(parts.run, parts.config));
+  Model model(parts.queue, shape_to_resume(checkpoint, parts.scene(), parts.config, parts.run), 0);
+  const auto renew = [&] {
+    write_first_files(parts.run, parts);
+    parts.run.remove_results();  // those of fewer steps
+  };
+  return train_and_evaluate(parts, model, std::move(checkpoint), {renew, false});
+}
+
+// A process that was killed or had no space at its end may have saved the last checkpoint only.
+Evaluation only_evaluate(RunParts& parts) {
+  const RunFolder& run = parts.run;
+  const RunState state = read_run_state(run);
+  RunFacts facts = run.read_facts();
+  if (state.checkpoint) run.write_model(state.iteration, state.model);
+  if (!facts.finished || facts.iterations != state.iteration) {
+    remove_model_of_stop(run, parts.config, facts.iterations, state.iteration);
+    facts = state.facts;
+    facts.peak_memory_mib = peak_memory_mib();
+    facts.finished = true;
+    run.write_facts(facts);
+  }
+  write_first_files(run, parts);  // some settings may be others than before
+  Model model(parts.queue, state.model, Purpose::showing);
+  parts.stop.say(interrupted_while_evaluating(run, state.iteration));
+  return evaluate_result(parts, model, facts);
 }
 
 }  // namespace
@@ -105,146 +229,39 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
                      Start start, const TrainExtensions& extensions) {
   check(config);
   run.require_its_folders();
-  restore_backup(run);
-  const bool begins = start != Start::resume || run.checkpoints().steps().empty();
-  require_elsewhere(
-      {config.scene.path, config.scene.cameras, config.flow.folder, config.flow.tracks,
-       config.guidance.images, config.guidance.model, config.metrics.lpips, config.metrics.clip},
-      run);
-  if (begins) require_first_file(config, run);
+  std::unique_ptr<FileLock> lock;
+  const auto take_folder = [&] {
+    run.make();
+    lock.reset(new FileLock(run.lock()));
+    complete_beginning(run, *lock);
+    run.forget_unfinished_files();
+  };
+  // A new folder is made only after the inputs have been checked.
+  if (std::filesystem::exists(run.folder())) take_folder();
+  RunPlan plan = plan_run(run, config, start);
+  require_inputs_elsewhere(config, run);
+  if (plan.starts_anew()) require_init_file(config);
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
-  require_elsewhere(files_of(scene), run);  // input files may be links
-  if (start == Start::resume && is_over_without_checkpoint(run, config)) {
-    if (!quiet) print_status("the training in {} is over; its model is judged\n", run.folder());
-    if (scene.test.empty()) return {};
-    const RunEvaluation judged = evaluate_run(queue, run, "test", quiet, latest_iteration, {});
-    if (judged.written.empty())
-      throw Error(
-          fmt::format("judging the model in {}: another gflow works in that folder, so no results "
-                      "are written; start this again when it is done",
-                      run.folder()));
-    return judged.evaluation;
-  }
-  if (begins) require_first_points(scene, config.init);
+  if (plan.checkpoint) require_resumable(*plan.checkpoint, queue, config, scene, run);
+  if (plan.starts_anew()) require_first_points(scene, config.init);
   require_metric_networks(config, scene, prepared.frames());
-  const std::vector<int> saved = run.checkpoints().steps();
-  const bool finished =
-      start == Start::resume && !saved.empty() && saved[0] >= config.train.iterations;
-  std::unique_ptr<Guidance> guidance = finished ? nullptr : guidance_of(config);
-  run.make();
-  const FileLock lock = run.lock();
-  restore_backup(run, lock);  // another process may have been killed since
-  run.forget_unfinished_files();
-  run.claim_linked_folders();
-  std::optional<CheckpointFolder::Found> resumed;
-  if (start == Start::resume) resumed = checkpoint_to_resume(queue, config, scene, run, quiet);
-  if (!resumed && start != Start::overwrite) require_no_training(run);
-  const bool has_steps_left = !resumed || resumed->checkpoint.facts.step < config.train.iterations;
-  if (finished && has_steps_left) guidance = guidance_of(config);  // last checkpoint damaged
-  const bool complete = resumed && !has_steps_left && is_complete(run, config.train.iterations);
+  const std::unique_ptr<Guidance> guidance =
+      plan.kind == RunPlan::only_evaluate ? nullptr : guidance_of(config);
+  if (!lock) {
+    take_folder();
+    require_no_training(run);  // another process may have had the same idea
+  }
   run.remove_stale_caches(cache_stamp(scene, config.scene));
-  for (const Frame& frame : scene.test) prepared.frames().rgb(frame);  // reports broken images now
-  prepared.find_motion_masks();  // may throw if the scene lacks what init.from asks for
-
-  // The inputs are valid. A previous run or its results stay until the first step of this one
-  // succeeds with finite values.
-  const bool goes_on = resumed.has_value();
-  const bool replaces = !goes_on && run.holds_training();
-  const bool begins_now = !goes_on && !replaces;
-  if (replaces) require_whole_files(prepared, quiet);
-  std::optional<HostModel> first;
-  bool begun = false;
-  const auto begin_run = [&](bool changes) {
-    const StagedFiles next(run);
-    next.folder().write_config(config);
-    next.folder().write_cameras(scene);
-    if (first) write_model(next.folder().path("input.ply"), *first);
-    first.reset();
-    next.require_names();
-    Backup former(run);
-    if (!goes_on) former.put_aside(run.training());
-    if (changes) former.put_aside(run.results());
-    next.take_name("config.toml");  // from here on the folder belongs to this run
-    former.give_up();
-    begun = true;  // even if the following fails
-    next.take_names();
-  };
-  if (begins_now) begin_run(true);
-  const std::string left =
-      replaces ? "the former training is as it was" : how_to_resume(run, config);
-  stop.say("interrupted while preparing the training; " + left);
-  warn_of_idle_settings(scene, config);
-  if (!quiet) print_status("{}", in_words(scene, prepared.frames().cameras()));
-  if (prepared.lacks_flow()) stop.say("interrupted while computing optical flow; " + left);
-  prepared.compute_flow(run.path("flow"), quiet);
-
-  stop.say("interrupted before the first training step; " + left);
-  const auto first_model = [&] {
-    first = prepared.first_model(queue);
-    if (begins_now) write_model(run.path("input.ply"), *first);
-    if (!quiet)
-      print_status(
-          "{}", first_gaussians_in_words(*first, scene, config.init, prepared.began_with_stereo()));
-    return Model(queue, *first);
-  };
-  Model model =
-      resumed ? Model(queue, shape_to_resume(*resumed, scene, config, run), 0) : first_model();
-  if (begins_now) first.reset();
-  if (!quiet) print_status("motion model: {}\n", name_of(model.shape.motion));
-  Trainer trainer = prepared.trainer(queue, model, guidance.get(), extensions.objectives);
-  CheckpointFacts former;
-  if (resumed) {
-    trainer.set_state(queue, resumed->checkpoint.arrays, resumed->path);
-    former = resumed->checkpoint.facts;
-    resumed.reset();  // frees its arrays, which are as large as the model
-    run.keep_metrics_before(former.step);
-  }
-  Checkpointer checkpoints(queue, config, scene, run, trainer, model.shape);
-  Training training{queue,
-                    config,
-                    run,
-                    model,
-                    trainer,
-                    checkpoints,
-                    Stopwatch(former.seconds),
-                    extensions.observer};
-  std::optional<InterruptGuard> guard;
-  int steps = 0;
-  try {
-    FirstStep at_first;
-    if (!begun) at_first = {[&] { begin_run(true); }, replaces};
-    steps = train_steps(training, former.step, guard, quiet, at_first);
-  } catch (const Error& problem) {
-    if (begun || goes_on || Backup::are_aside(run)) throw;
-    throw Error(fmt::format("{}; {}", problem.what(), left));
-  }
-  prepared.flows().prefetch({});  // cancel prefetching for steps that are not made
-  if (!guard) guard.emplace();
-  if (!begun) begin_run(!goes_on);  // no step was left to make
-  const RunFacts facts = complete ? run.read_facts() : keep_result(training, steps);
-  stop.say(
-      fmt::format("interrupted while evaluating; the model is in {}, `gflow eval {}` judges it",
-                  run.model_path(steps), run.folder()));
-  guard.reset();
-  if (interrupted())
-    throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}, {}", steps,
-                                  config.train.iterations, run.model_path(steps),
-                                  how_to_resume(run, config)));
-  if (scene.test.empty()) return {};
-  try {
-    const Evaluation evaluation =
-        evaluate_views(queue, model, config, prepared.loaded(), scene.test, quiet, run.path("test"),
-                       run.path("flow"));
-    write_comparison(queue, model, config, prepared.loaded(), run);
-    // Last, because it marks the run as finished.
-    run.write_results(evaluation, "test", facts, config, model.parameters.count);
-    return evaluation;
-  } catch (const DiskFull& full) {
-    throw DiskFull(fmt::format("{}; the model is in {}, `gflow eval {}` judges it", full.what(),
-                               run.model_path(steps), run.folder()));
-  }
+  if (!quiet && start == Start::resume) print_status("{}\n", in_words(plan, run));
+  RunParts parts{queue, config, run, prepared, guidance.get(), extensions, stop, quiet};
+  if (plan.kind == RunPlan::only_evaluate) return only_evaluate(parts);
+  // The remaining inputs, before anything of a previous run is touched.
+  for (const Frame& frame : scene.test) prepared.frames().rgb(frame);
+  prepared.find_motion_masks();  // Error if the scene lacks what init.from asks for
+  if (plan.kind == RunPlan::resume) return train_on(parts, *std::move(plan.checkpoint));
+  return plan.kind == RunPlan::replace ? train_replacing(parts) : train_fresh(parts);
 }
 
 }  // namespace gflow

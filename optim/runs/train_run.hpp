@@ -4,15 +4,12 @@
 #include <string>
 #include <vector>
 
+#include "optim/runs/run_plan.hpp"
 #include "optim/runs/run_state.hpp"
 #include "optim/scene/loaded_scene.hpp"
 #include "optim/train/train_loop.hpp"
 
 namespace gflow {
-
-// anew: Error if the run folder holds a training. overwrite: replaces it. resume: continues from
-// its last checkpoint, or starts anew if there is none.
-enum class Start { anew, overwrite, resume };
 
 // Trains config.scene.path into `run`, writing as it goes; evaluates on the test views at the end.
 // Ctrl-C finishes the current step, writes checkpoint and model, and throws Interrupted; before the

@@ -29,20 +29,10 @@ std::vector<ProgressTerm> terms_of(const StepReport& report) {
   return terms;
 }
 
-void save_model(Queue& queue, const Model& model, const RunFolder& run, int iteration) {
-  const std::string path = run.model_path(iteration);
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  std::error_code problem;
-  std::filesystem::create_directories(folder, problem);
-  if (problem) throw Error(fmt::format("cannot make {}: {}", folder.string(), problem.message()));
-  flush_folder_of(folder.string());
-  write_model(path, model.read(queue));
-}
-
 // Saves an intermediate model; a full disk does not stop training.
 void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int iteration) {
   try {
-    save_model(queue, model, run, iteration);
+    run.write_model(iteration, model.read(queue));
   } catch (const Error& problem) {
     warn(fmt::format("no point cloud of step {}: {}; training goes on", iteration, problem.what()));
   }
@@ -276,6 +266,11 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
   return step;
 }
 
+void remove_model_of_stop(const RunFolder& run, const TrainOptions& config, int stopped,
+                          int steps) {
+  if (stopped != steps && !ends_round(stopped, config.train.save_every)) run.remove_model(stopped);
+}
+
 RunFacts keep_result(Training& training, int steps) {
   const RunFolder& run = training.run;
   const RunFacts facts{steps,
@@ -303,10 +298,8 @@ RunFacts keep_result(Training& training, int steps) {
   const std::string no_checkpoint =
       why_not(run, [&] { training.checkpoints.write(steps, facts.train_seconds); });
   const std::string no_model =
-      why_not(run, [&] { save_model(training.queue, training.model, run, steps); });
-  if (no_model.empty() && stopped != steps &&
-      !ends_round(stopped, training.config.train.save_every))
-    run.remove_model(stopped);
+      why_not(run, [&] { run.write_model(steps, training.model.read(training.queue)); });
+  if (no_model.empty()) remove_model_of_stop(run, training.config, stopped, steps);
   const std::string no_rest = no_checkpoint.empty() ? no_facts : no_checkpoint;
   if (no_model.empty() && no_rest.empty()) return facts;
   throw not_all_kept(training, steps, no_model, no_rest);

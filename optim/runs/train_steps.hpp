@@ -38,9 +38,9 @@ struct Training {
   TrainObserver* observer = nullptr;  // called after each step that is kept; nullptr: none
 };
 
-// Action after the first step: the run takes over the folder.
+// Action after the first step of this process: the run takes over the folder.
 struct FirstStep {
-  std::function<void()> then;  // empty if it already has
+  std::function<void()> then;  // may be empty
   // The folder holds a previous run, which stays until a step has finite values. Until then the
   // time limit is ignored, and errors do not mention saved steps.
   bool replaces = false;
@@ -52,6 +52,10 @@ struct FirstStep {
 // be read, or the loss stays non-finite (RollBack).
 int train_steps(Training& training, int step, std::optional<InterruptGuard>& guard, bool quiet,
                 FirstStep first);
+
+// Removes the model of the step at which an earlier process was stopped, unless train.save_every
+// asks for it; `steps` were made since.
+void remove_model_of_stop(const RunFolder& run, const TrainOptions& config, int stopped, int steps);
 
 // Writes the result after `steps` steps: model, facts about the run, and a checkpoint.
 RunFacts keep_result(Training& training, int steps);

@@ -154,7 +154,7 @@ TEST_F(GuidanceCommand, AFormerTrainingStaysUntilTheFirstStepOfAnother) {
   another.push_back("--overwrite");
   const Outcome outcome = gflow(another);
   EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("ended with exit code 0; the former training is as it was"),
+  EXPECT_NE(outcome.err.find("ended with exit code 0; the previous run is unchanged"),
             std::string::npos)
       << outcome.err;
   EXPECT_TRUE(left() == before);

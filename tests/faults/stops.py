@@ -117,16 +117,22 @@ class Replaced:
         return where, [] if outcome.code == -signal.SIGKILL else [outcome.last_line()]
 
     def moves(self):
-        """Numbers of the calls that rename, remove or create; an error unless the run sets the previous one aside."""
+        """Numbers of the calls that rename, remove or create; an error unless files of the previous run go."""
         self.begin()
         outcome = self.world.run(self.command(self.run), self.fault(0, signal.SIGKILL, self.report))
         _, calls = failed_calls(self.report)
         numbers = [k for k, what in calls if re.match("rename|unlink|remove|mkdir", what)]
-        former = len([what for k, what in calls if k in numbers and ".former" in what])
-        return numbers, [] if outcome.code == 0 and former > 4 else [f"{outcome.last_line()}, {former} of the former"]
+        gone = len([what for k, what in calls if what.startswith(("unlink", "remove")) and ".part" not in what])
+        return numbers, [] if outcome.code == 0 and gone > 4 else [f"{outcome.last_line()}, {gone} files removed"]
 
     def left_behind(self):
         return [f"{path} was left behind" for path in contents_under(self.run) if ".part" in path]
+
+
+def has_begun(run):
+    """Whether the folder is the next training's: from the rename to .begun on (optim/runs/replacement.hpp)."""
+    with open(run + "/config.toml", encoding="utf-8") as file:
+        return os.path.exists(run + "/.begun/config.toml") or "seed = 7" in file.read()
 
 
 def replace_by_another(run):
@@ -148,18 +154,17 @@ def killed_in_replacing(world):
         replaced.begin()
         where, wrong = replaced.killed_at(k)
         run = replaced.run
-        with open(run + "/config.toml", encoding="utf-8") as file:
-            begun = "seed = 7" in file.read()
+        begun = has_begun(run)
         both.add(begun)
         reader = ([], ["info", run], ["eval", run, "--quiet"])[i % 3]
         if reader:  # a training that has started may have no model yet
             wrong += complaints(world.run(reader), (0, 1) if begun else (0,))
             left = world.left_in(run)
-            wrong += [f"{name} is not as in the former training after {reader[0]}" for name in left
+            wrong += [f"{name} is not as in the previous training after {reader[0]}" for name in left
                       if not begun and left[name] != right[False][name]]
         wrong += complaints(world.run(["train", "-o", run, "--resume", "--quiet"]), (0,))
         left = world.left_in(run)
-        wrong += [f"{name} is not as in the {'next' if begun else 'former'} training" for name in left
+        wrong += [f"{name} is not as in the {'next' if begun else 'previous'} training" for name in left
                   if left[name] != right[begun][name]]
         yield [f"{where}: {what}" for what in wrong + replaced.left_behind()]
     yield [] if len(both) == 2 else ["all kills were before the next had begun, or after"]
@@ -199,8 +204,7 @@ def killed_beside_another(world):
             time.sleep(0.001)
         where, wrong = replaced.killed_at(k)
         waiting.send_signal(signal.SIGCONT)
-        with open(replaced.run + "/config.toml", encoding="utf-8") as file:
-            begun = "seed = 7" in file.read()
+        begun = has_begun(replaced.run)
         outcome = ended(waiting)
         if not begun:
             wrong += complaints(outcome, (1,), ["holds a finished training"]) + world.differences(replaced.run)

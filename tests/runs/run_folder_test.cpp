@@ -187,54 +187,17 @@ TEST(RunFolder, IsNotTakenForEmptyWhereItsFoldersAreAway) {
   }
 }
 
-// Links may lead to a disk with more space.
-TEST(RunFolder, ForgetsStaleCachesAndNotTheLinksToThem) {
-  const TemporaryFolder folder, scratch;
-  const RunFolder run = RunFolder::create(folder.path());
-  scratch.write("pair.flo", "");
-  scratch.write(kOnlyOurs, "");
-  folder.write("frames/0.png", "");
-  std::filesystem::create_directory_symlink(scratch.path(), run.path("flow"));
-  run.remove_stale_caches("a");
-  EXPECT_TRUE(std::filesystem::is_symlink(run.path("flow")));
-  EXPECT_EQ(scratch.count(), 1u);
-  EXPECT_TRUE(std::filesystem::exists(scratch.file(kOnlyOurs)));
-  EXPECT_FALSE(std::filesystem::exists(run.path("frames")));
-  scratch.write("pair.flo", "");
-  run.remove_stale_caches("a");
-  EXPECT_EQ(scratch.count(), 2u);
-}
-
 // The folder may come from an untrusted source.
-TEST(RunFolder, WhatALinkLeadsToIsEmptiedOnlyIfAllOfItIsOurs) {
-  for (const char* name : {"flow", "frames", "test"}) {
-    const TemporaryFolder folder, documents;
-    const RunFolder run = RunFolder::create(folder.path());
-    std::filesystem::create_directory_symlink(documents.path(), run.path(name));
-    EXPECT_NO_THROW(run.require_its_folders());
-    documents.write("thesis.txt", "");
-    documents.write("notes/day.txt", "");
-    expect_error(
-        [&] { run.require_its_folders(); },
-        {run.path(name) + " is a link to " + documents.path(), documents.path() + "/" + kOnlyOurs});
-    run.claim_linked_folders();
-    run.remove_stale_caches("a");
-    EXPECT_TRUE(run.results().empty());
-    EXPECT_EQ(documents.count(), 2u) << name;
-    documents.write(kOnlyOurs, "");
-    EXPECT_NO_THROW(run.require_its_folders());
-  }
-}
-
-TEST(RunFolder, AnEmptyFolderThatALinkLeadsToIsClaimedForAllThatComes) {
-  const TemporaryFolder folder, scratch;
+TEST(RunFolder, ForgetsALinkToStaleCachesAndNotWhatItLeadsTo) {
+  const TemporaryFolder folder, documents;
   const RunFolder run = RunFolder::create(folder.path());
-  std::filesystem::create_directory_symlink(scratch.path(), run.path("test"));
-  run.claim_linked_folders();
-  EXPECT_TRUE(std::filesystem::exists(scratch.file(kOnlyOurs)));
-  scratch.write("a.png", "");
-  EXPECT_NO_THROW(run.require_its_folders());
-  EXPECT_EQ(run.results(), std::vector<std::string>{run.path("test") + "/a.png"});
+  documents.write("thesis.txt", "");
+  folder.write("frames/0.png", "");
+  std::filesystem::create_directory_symlink(documents.path(), run.path("flow"));
+  run.remove_stale_caches("a");
+  EXPECT_FALSE(std::filesystem::is_symlink(run.path("flow")));
+  EXPECT_FALSE(std::filesystem::exists(run.path("frames")));
+  EXPECT_EQ(documents.count(), 1u);
 }
 
 TEST(RunFolder, HoldsATrainingWhereAnythingOfOneIsWorthKeeping) {
