@@ -25,10 +25,6 @@ std::vector<Choice> all_choices(int lanes) {
   for (const auto& [name, log2] :
        {std::pair{"1/64", "-6.f"}, {"1/128", "-7.f"}, {"1/512", "-9.f"}, {"1/2048", "-11.f"}})
     add("alpha >=", name).defines = {{"ALPHA_MIN_LOG2", log2}};
-  for (const auto& [name, degree] :
-       {std::pair{"degree 3", "3"}, {"degree 4", "4"}, {"built in", "0"}, {"native", "1"}})
-    add("exp2", name).defines = {{"EXP2_DEGREE", degree}};
-  add("moments kept in", "16 bits").defines = {{"MOMENT_BITS", "16"}};
   add("boxes", "loose").skip.boxes = false;
   for (const std::string sigmas : {"3.0", "2.5", "2.0"})
     add("boxes", "of at most " + sigmas + " sigma").defines = {{"BOX_SIGMAS", sigmas + "f"}};

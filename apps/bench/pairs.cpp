@@ -41,7 +41,8 @@ class Walk {
   Walk(Queue& queue, const Engine& engine, const EngineSettings& settings)
       : queue_(queue),
         engine_(engine),
-        program_(queue, "count_pairs.cl", {{"EXCLUDE", int(settings.stop == StopRule::exclude)}}),
+        program_(queue, "checks/count_pairs.cl",
+                 {{"EXCLUDE", int(settings.stop == StopRule::exclude)}}),
         count_(program_, "count_pairs"),
         width_(size_t(engine.images().width)),
         height_(size_t(engine.images().height)) {
@@ -109,7 +110,7 @@ Pairs count_pairs(Queue& queue, const Engine& engine, const EngineSettings& sett
   walk(whole, all);
   Pairs pairs;
   pairs.listed = sum(walk.listed.read(queue));
-  // splat.cl checks for saturation periodically; splat_bwd.cl starts where the last pixel
+  // splat_fwd checks for saturation periodically; splat_bwd starts where the last pixel
   // saturated.
   const std::vector<cl_uint> there =
       stops ? walk.stops(whole, all, queue.lanes == 1 ? 64 : 32) : whole;

@@ -33,9 +33,6 @@ struct ParetoOptions {
 #endif
 };
 
-constexpr char kNativeIsBuiltIn[] =
-    "exp2 native is the same as built in on this device: their errors are equal";
-
 struct Measured {
   Choice choice;
   Cost cost, beside;  // beside: the default settings in the same repeats
@@ -123,17 +120,6 @@ std::vector<bool> front_of(const std::vector<Measured>& all) {
   return pareto_front(costs);
 }
 
-// Whether exp2 and native_exp2 are the same on this device, so that "exp2 native" is no choice.
-bool native_is_built_in(const std::vector<Measured>& all) {
-  const auto errors_of = [&](const std::string& name) {
-    const auto found = std::find_if(all.begin(), all.end(),
-                                    [&](const Measured& m) { return m.choice.name == name; });
-    return found == all.end() ? std::vector<double>() : all_errors(found->found);
-  };
-  const std::vector<double> native = errors_of("exp2 native");
-  return !native.empty() && native == errors_of("exp2 built in");
-}
-
 // Six plots of error over time: without cut-offs above, as defined below. Choices on the front are
 // blue, the default settings red. A line connects the labelled choices that no other one on the
 // front beats in time and this error.
@@ -212,13 +198,12 @@ std::string markdown_of(const Queue& queue, const ParetoOptions& o,
       "shipped settings ({:.1f} ms) in the same repeat: the median of {} and its quartiles. Errors "
       "at {} and {} against the shipped definition in double: with its cut-offs, and without any. "
       "**On the front**: nothing else here is as fast, to 3 %, and as exact, to 3 %, in each of "
-      "the six errors, and in one of them better (3 % of time, 10 % of an error).{}\n\n"
+      "the six errors, and in one of them better (3 % of time, 10 % of an error).\n\n"
       "| choice | CPU time, of shipped | colour, as defined | flow [px] | gradients | "
       "colour, without cut-offs | flow [px] | gradients | front |\n"
       "|---|---|---|---|---|---|---|---|---|\n",
       queue.info.full_name(), o.pixels, o.gaussians, spread_of(all[0].cost.cpu_ms).median,
-      o.common.repeats, o.check_pixels, o.check_gaussians,
-      native_is_built_in(all) ? fmt::format(" {}.", kNativeIsBuiltIn) : "");
+      o.common.repeats, o.check_pixels, o.check_gaussians);
   for (size_t i = 0; i < all.size(); ++i) {
     const Measured& m = all[i];
     const Spread time = m.of_shipped();
@@ -378,7 +363,6 @@ Result run_pareto(const ParetoOptions& o, const GlobalOptions& options) {
                  error("gradients, all", b.gradients),
                  single("on the front", front[i])}});
   }
-  if (native_is_built_in(all)) report.note(kNativeIsBuiltIn);
   std::vector<Plot> plots{plot_of(all, front)};
   std::string markdown = markdown_of(*home.queue, o, all, front);
 #ifdef GFLOW_WITH_OPENCV

@@ -31,7 +31,7 @@ double least_seconds(Queue& queue, const std::function<void()>& work) {
 }  // namespace
 
 Peak measure_peak(Queue& queue) {
-  Program program(queue, "peak.cl");
+  Program program(queue, "checks/peak.cl");
   Kernel<cl_int, cl_float, cl_float, Out<float>> fma(program, "peak_fma");
   Kernel<In<float>, Out<float>> copy(program, "peak_copy");
   // A CPU runs one work-item per core; a GPU needs very many short ones.

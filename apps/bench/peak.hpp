@@ -10,7 +10,7 @@ struct Peak {
   double copy_gbs = 0;  // bytes read and written by a copy [1e9 bytes/s]
 };
 
-// The best of nine runs each of the kernels in kernels/peak.cl, by wall time.
+// The best of nine runs each of the kernels in kernels/checks/peak.cl, by wall time.
 Peak measure_peak(Queue& queue);
 
 }  // namespace gflow::bench

@@ -137,7 +137,7 @@ class GoingOn {
     t.intersections += share * double(engine.tiles().intersections);
     const double pixels = double(engine.images().width) * double(engine.images().height);
     t.pixels += share * pixels;
-    t.picture = config_.skip.compact ? 3 : 3 * sizeof(float);
+    t.picture = 3;
   }
 
   Queue& queue_;

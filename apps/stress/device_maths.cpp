@@ -5,7 +5,7 @@ namespace gflow::stress {
 
 DeviceMaths::DeviceMaths(Queue& queue)
     : queue_(queue),
-      program_(queue, "stress.cl"),
+      program_(queue, "checks/stress.cl"),
       roots_(program_, "stress_roots"),
       whiten_(program_, "stress_whiten"),
       transport_(program_, "stress_transport"),

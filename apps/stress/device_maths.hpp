@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// kernels/stress.cl as functions: arrays of cases in, arrays of results out.
+// kernels/checks/stress.cl as functions: arrays of cases in, arrays of results out.
 #pragma once
 #include <string>
 #include <vector>

@@ -7,7 +7,7 @@
 #include "apps/stress/stress.hpp"
 #include "optim/engine/posed.hpp"
 #include "optim/motion/models.hpp"
-#include "shared/life.h"
+#include "shared/motion/life.h"
 #include "shared/quat.h"
 
 namespace gflow::stress {

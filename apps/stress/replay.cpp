@@ -8,12 +8,12 @@
 namespace gflow::stress {
 namespace {
 
-// kernels/stress_replay.cl walks the lists of an image as splat.cl and splat_bwd.cl do.
+// kernels/checks/stress_replay.cl walks the lists of an image as splat_fwd and splat_bwd do.
 class Replay {
  public:
   explicit Replay(Queue& queue)
       : queue_(queue),
-        program_(queue, "stress_replay.cl"),
+        program_(queue, "checks/stress_replay.cl"),
         forward_(program_, "replay_fwd"),
         backward_(program_, "replay_bwd") {}
 

@@ -64,38 +64,17 @@ typedef LANE_JOIN(int, LANES) lane_int;
 // 2^x for -126 <= x <= 126. Below, the result is meaningless and must be masked by the caller, as
 // pixel maths masks everything under ALPHA_MIN. Minimax polynomial on [-.5, .5], of degree 5 with
 // relative error 2e-7. Rounds by adding 1.5 * 2^23, after which the lowest bits are round(x). Both
-// are faster than exp2(), native_exp2() and conversions on PoCL. EXP2_DEGREE is for `gflow bench
-// pareto`: 3 and 4 have relative errors of 7.5e-5 and 2.6e-6, 0 is exp2(), 1 native_exp2().
-#ifndef EXP2_DEGREE
-#define EXP2_DEGREE 5
-#endif
-#if EXP2_DEGREE == 0
-static inline lane lane_exp2(lane x) { return exp2(x); }
-#elif EXP2_DEGREE == 1
-static inline lane lane_exp2(lane x) { return native_exp2(x); }
-#else
+// are faster than exp2(), native_exp2() and conversions on PoCL.
 static inline lane lane_exp2(lane x) {
   const lane magic = TO_LANE(12582912.f), rounded = x + magic;
   const lane f = x - (rounded - magic);
-#if EXP2_DEGREE == 3
-  lane p = fma(TO_LANE(0.0551716691f), f, TO_LANE(0.242611122f));
-  p = fma(p, f, TO_LANE(0.693260985f));
-  p = fma(p, f, TO_LANE(0.999928074f));
-#elif EXP2_DEGREE == 4
-  lane p = fma(TO_LANE(0.00957010191f), f, TO_LANE(0.0559178603f));
-  p = fma(p, f, TO_LANE(0.240247448f));
-  p = fma(p, f, TO_LANE(0.693121815f));
-  p = fma(p, f, TO_LANE(0.999999261f));
-#else
   lane p = fma(TO_LANE(0.00132764722f), f, TO_LANE(0.00967554162f));
   p = fma(p, f, TO_LANE(0.0555071328f));
   p = fma(p, f, TO_LANE(0.240221197f));
   p = fma(p, f, TO_LANE(0.693146967f));
   p = fma(p, f, TO_LANE(1.00000007f));
-#endif
   return LANE_AS_FLOAT(LANE_AS_INT(p) + (LANE_AS_INT(rounded) << 23));
 }
-#endif
 
 #if LANES == 1
 static inline int lane_any(lane_int a) { return a; }

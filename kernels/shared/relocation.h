@@ -10,7 +10,7 @@
 // whose integrand is positive, so nothing cancels for any n.
 #ifndef GFLOW_RELOCATION_H
 #define GFLOW_RELOCATION_H
-#include "shared/life.h"
+#include "shared/motion/life.h"
 
 // The scale o / S, given the logit of o: 1 for n = 1, less for more. Trapezoidal rule of step 1/8
 // up to |u| = 5, where the integrand is below n 1e-11: relative error below 1e-6 for n up to 1000.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Density strategy "adc" (adaptive density control, Kerbl et al. 2023). Gaussians with large
 // gradients are split or cloned; faint, huge and never visible ones are removed. At the cap the
-// largest gradients go first. Kernels: kernels/adc.cl.
+// largest gradients go first. Kernels: kernels/density/adc.cl.
 #pragma once
 #include "optim/density/density.hpp"
 #include "optim/density/rows.hpp"

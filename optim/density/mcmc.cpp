@@ -8,7 +8,7 @@
 namespace gflow {
 
 McmcDensity::McmcDensity(Queue& queue)
-    : program_(queue, "mcmc.cl"),
+    : program_(queue, "density/mcmc.cl"),
       mcmc_weigh_(program_, "mcmc_weigh"),
       mcmc_draw_(program_, "mcmc_draw"),
       mcmc_sources_(program_, "mcmc_sources"),

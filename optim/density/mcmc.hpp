@@ -3,7 +3,7 @@
 // Carlo"): training as sampling, without gradient thresholds. Dead Gaussians move to live ones
 // drawn by opacity. The number grows by a share per round up to the cap. Noise on the means lets
 // faint Gaussians explore. Opacity and size have a small cost, so that unneeded Gaussians die.
-// Kernels: kernels/mcmc.cl.
+// Kernels: kernels/density/mcmc.cl.
 //
 // Differences from the authors' program: relocation and growth draw together, once per round, by
 // stratified sampling over the opacities. Copies of one Gaussian are moved apart by half its size,

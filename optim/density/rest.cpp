@@ -4,7 +4,7 @@
 namespace gflow {
 
 Rest::Rest(Queue& queue)
-    : program_(queue, "rest.cl"),
+    : program_(queue, "density/rest.cl"),
       rest_add_(program_, "rest_add"),
       rest_pose_(program_, "rest_pose"),
       rest_travel_(program_, "rest_travel"),

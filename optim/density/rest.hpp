@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The static/dynamic split. Gaussians that need no motion lose their motion parameters and the
 // optimiser state of these, and get them back when gradients pull them into motion. For every
-// motion model whose Gaussians have their own motion. Kernels: kernels/rest.cl.
+// motion model whose Gaussians have their own motion. Kernels: kernels/density/rest.cl.
 //
 // Gaussians become dynamic at initialisation, by density control (RowMover), or by the pulls
 // accumulated here. A round makes those static that, after a trial of some steps, stay near their

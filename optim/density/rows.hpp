@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Moves, drops and copies rows of Gaussians in every table. Kernels: kernels/rows.cl.
+// Moves, drops and copies rows of Gaussians in every table. Kernels: kernels/density/rows.cl.
 #pragma once
 #include "optim/motion/parameters.hpp"
 #include "runtime/primitives/scan.hpp"

@@ -9,7 +9,7 @@ namespace gflow {
 class Posed {
  public:
   explicit Posed(Queue& queue)
-      : program_(queue, "posed.cl"),
+      : program_(queue, "engine/posed.cl"),
         posed_fwd_(program_, "posed_fwd"),
         posed_bwd_(program_, "posed_bwd") {}
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The program of kernels/raster.cl for these settings, shared by projection and splatting.
+// The program of kernels/engine/raster.cl for these settings, shared by projection and splatting.
 #pragma once
 #include "optim/engine/settings.hpp"
 #include "runtime/cl/program.hpp"
@@ -7,7 +7,7 @@
 namespace gflow {
 
 inline Program raster_program(Queue& queue, const EngineSettings& settings, Channels channels) {
-  return {queue, "raster.cl",
+  return {queue, "engine/raster.cl",
           with_more(Defines{{"FLOW", int(channels.flow)},
                             {"DEPTH", int(channels.depth)},
                             {"TRANSPORT", int(settings.transport)},

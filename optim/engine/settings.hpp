@@ -27,23 +27,22 @@ constexpr std::array<const char*, 4> names_of(Transport) {
 }
 constexpr std::array<const char*, 2> names_of(StopRule) { return {"include", "exclude"}; }
 
-// Work that can be skipped. `boxes`, `masks`, `saturated`, `asking`, `flow`, `bands` and `compact`
+// Work that can be skipped. `boxes`, `masks`, `saturated`, `zero_gradients`, `flow` and `bands`
 // change no bit of an image or gradient (except the sign of a 0), but without `boxes` more
-// Gaussians count as visible. `outside` changes none either, except the last bits of what `bases`
-// share. `still` changes the last bits of gradients, because sums that are 0 are not formed.
+// Gaussians count as visible. `culled` changes none either, except the last bits of what `bases`
+// share. `static_pose` changes the last bits of gradients, because sums that are 0 are not formed.
 // `unseen` changes the last bits of Adam steps; a Gaussian catches up when it is visible again
 // (shared/adam.h), but with adam.beta1 > 0 the moves by its mean gradient in between are lost.
 struct Skips {
   bool boxes = true;  // tiles outside the bounding box of the ellipse alpha >= 1/255 (project.cl)
   bool masks = true;  // 4x4 cells of a tile outside that ellipse (cell_mask.cl)
-  bool saturated = true;       // rest of a tile's list once all its pixels are saturated (splat.cl)
-  bool zero_gradients = true;  // backward pass in cells where every gradient is 0 (splat_bwd.cl)
+  bool saturated = true;  // rest of a tile's list once all its pixels are saturated (splat_fwd)
+  bool zero_gradients = true;  // backward pass in cells where every gradient is 0 (splat_bwd)
   bool culled = true;       // rows absent at this time or outside the image (motion/view_rows.hpp),
                             // except in steps with a motion loss or mcmc, which pose all rows
   bool static_pose = true;  // t2 of static Gaussians seen by a static camera (View::moving)
   bool flow = true;         // flow in tiles where nothing moves; its gradients where v_flow is 0
   bool bands = true;        // SH bands, and their Adam steps, above the degree in use (sh.cl)
-  bool compact = true;      // three quarters of an image's memory on the device: bytes, not floats
   bool unseen = true;       // Adam steps of Gaussians that no image of the step shows
 
   template <class Self, class Field>
@@ -65,9 +64,6 @@ struct Skips {
           advanced("flow in tiles without motion, and its gradients in tiles without flow loss"));
     field("bands", self.bands,
           advanced("bands of the spherical harmonics above the degree in use"));
-    field("compact", self.compact,
-          advanced("three quarters of an image's memory on the device: bytes, decoded there; off: "
-                   "floats"));
     field("unseen", self.unseen,
           advanced("optimiser steps of Gaussians that no image of the step shows, applied later"));
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lists of splats per tile, from all splats in depth order. Two methods with the same result:
-// counting by chunks (kernels/bin.cl), or sorting by tile (kernels/tile_sort.cl).
+// counting by chunks (kernels/engine/bin.cl), or sorting by tile (kernels/engine/tile_sort.cl).
 #pragma once
 #include <memory>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Launches kernels/flow_loss.cl.
+// Launches kernels/loss/flow_loss.cl.
 #include "optim/loss/flow_loss.hpp"
 
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Launches kernels/flow_tiles.cl.
+// Launches kernels/loss/flow_tiles.cl.
 #include "optim/loss/flow_tiles.hpp"
 
 #include <cmath>

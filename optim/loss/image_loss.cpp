@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Launches kernels/image_loss.cl. The borders of the planes are filled only when the size changes;
-// the kernels write only inside.
+// Launches kernels/loss/image_loss.cl. The borders of the planes are filled only when the size
+// changes; the kernels write only inside.
 #include "optim/loss/image_loss.hpp"
 
 #include "shared/work.h"
@@ -23,7 +23,6 @@ ImageLoss::ImageLoss(Queue& queue, float ssim_weight)
       strip_rows_(LOSS_STRIP(queue.lanes)),
       program_(queue, "common.cl"),
       image_loss_prepare_(program_, "image_loss_prepare"),
-      image_loss_prepare_floats_(program_, "image_loss_prepare_floats"),
       ssim_fwd_(program_, "ssim_fwd"),
       image_loss_bwd_(program_, "image_loss_bwd"),
       l1_bwd_(program_, "l1_bwd"),
@@ -64,17 +63,6 @@ void ImageLoss::resize(Queue& queue, int width, int height) {
 
 void ImageLoss::run(Queue& queue, int width, int height, const Buffer<float>& rgb,
                     const Buffer<cl_uchar>& truth, Buffer<float>& v_rgb, float weight) {
-  run(queue, width, height, rgb, image_loss_prepare_, truth, v_rgb, weight);
-}
-
-void ImageLoss::run(Queue& queue, int width, int height, const Buffer<float>& rgb,
-                    const Buffer<float>& truth, Buffer<float>& v_rgb, float weight) {
-  run(queue, width, height, rgb, image_loss_prepare_floats_, truth, v_rgb, weight);
-}
-
-template <class Prepare, class Truth>
-void ImageLoss::run(Queue& queue, int width, int height, const Buffer<float>& rgb, Prepare& prepare,
-                    const Truth& truth, Buffer<float>& v_rgb, float weight) {
   resize(queue, width, height);
   const size_t values = size_t(3) * width * height;
   if (rgb.size() < values || truth.size() < values || v_rgb.size() < values)
@@ -87,7 +75,7 @@ void ImageLoss::run(Queue& queue, int width, int height, const Buffer<float>& rg
   const float ssim_scale = float(-double(weight) * double(ssim_weight_) / double(values));
   const Range strips = Range::over(strips_, lanes_ == 1 ? 64 : 1);
 
-  prepare(queue, Range::grid(width, height, 64, 1), size_, rgb, truth, s_, d_);
+  image_loss_prepare_(queue, Range::grid(width, height, 64, 1), size_, rgb, truth, s_, d_);
   if (ssim_weight_ > 0) {
     ssim_fwd_(queue, strips, size_, s_, d_, by_mean_, by_ss_, by_dd_, ssim_sum_);
     image_loss_bwd_(queue, strips, size_, l1_scale, ssim_scale, s_, d_, by_mean_, by_ss_, by_dd_,

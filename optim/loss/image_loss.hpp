@@ -27,24 +27,17 @@ class ImageLoss {
   // multiplies the gradient, not value(): the share of the image if only a part of it is given.
   void run(Queue& queue, int width, int height, const Buffer<float>& rgb,
            const Buffer<cl_uchar>& truth, Buffer<float>& v_rgb, float weight = 1);
-  // The same with truth as bytes / 255; the results are bitwise equal.
-  void run(Queue& queue, int width, int height, const Buffer<float>& rgb,
-           const Buffer<float>& truth, Buffer<float>& v_rgb, float weight = 1);
 
   // The loss of the last run(). Waits. Error before the first.
   ImageLossValue value(Queue& queue);
 
  private:
   void resize(Queue& queue, int width, int height);
-  template <class Prepare, class Truth>
-  void run(Queue& queue, int width, int height, const Buffer<float>& rgb, Prepare& prepare,
-           const Truth& truth, Buffer<float>& v_rgb, float weight);
 
   float ssim_weight_;
   int lanes_, strip_rows_;
   Program program_;
   Kernel<ImageLossSize, In<float>, In<cl_uchar>, Out<float>, Out<float>> image_loss_prepare_;
-  Kernel<ImageLossSize, In<float>, In<float>, Out<float>, Out<float>> image_loss_prepare_floats_;
   Kernel<ImageLossSize, In<float>, In<float>, Out<float>, Out<float>, Out<float>, Out<float>>
       ssim_fwd_;
   Kernel<ImageLossSize, cl_float, cl_float, In<float>, In<float>, In<float>, In<float>, In<float>,

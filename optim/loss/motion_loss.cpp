@@ -23,7 +23,7 @@ float median(std::vector<float> values) {
 
 MotionLoss::MotionLoss(Queue& queue, const MotionLossWeights& weights)
     : weights_(weights),
-      program_(queue, "motion_loss.cl"),
+      program_(queue, "loss/motion_loss.cl"),
       motion_turns_(program_, "motion_rotations"),
       motion_pairs_(program_, "motion_pairs"),
       motion_bends_(program_, "motion_acceleration"),

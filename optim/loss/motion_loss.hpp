@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Regularisers of motion: neighbours stay rigid, rotate alike, keep their distance and move alike;
-// paths bend little. Formulas: kernels/shared/motion_loss.h. They use only the poses that a motion
-// model gives at two or three times, so they work for every model. They act on the Gaussians that a
-// view touches, occluded ones included: those that the step changes anyway.
+// paths bend little. Formulas: kernels/shared/motion/motion_loss.h. They use only the poses that a
+// motion model gives at two or three times, so they work for every model. They act on the Gaussians
+// that a view touches, occluded ones included: those that the step changes anyway.
 #pragma once
 #include "optim/engine/gaussians.hpp"
 #include "optim/loss/loss_options.hpp"
 #include "optim/loss/neighbours.hpp"
 #include "runtime/primitives/reduce.hpp"
-#include "shared/motion_loss.h"
+#include "shared/motion/motion_loss.h"
 
 GFLOW_KERNEL_STRUCT(MotionLossRule);
 

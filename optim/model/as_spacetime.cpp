@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "optim/model/slice.hpp"
-#include "shared/native4d.h"
+#include "shared/motion/native4d.h"
 
 namespace gflow {
 namespace {

@@ -7,8 +7,8 @@ namespace gflow {
 
 // Returns a spacetime model unchanged. In a native4d model each Gaussian becomes one through the
 // same mean with the velocity and shape of its slice and the same lifetime
-// (kernels/shared/native4d.h). Error, which begins with `what`, for other motion models: their
-// paths cannot be expressed.
+// (kernels/shared/motion/native4d.h). Error, which begins with `what`, for other motion models:
+// their paths cannot be expressed.
 HostModel as_spacetime(HostModel model, const std::string& what);
 
 }  // namespace gflow

@@ -9,7 +9,7 @@
 
 #include "optim/formats/splat_table.hpp"
 #include "optim/model/slice.hpp"
-#include "shared/native4d.h"
+#include "shared/motion/native4d.h"
 
 namespace gflow {
 namespace {

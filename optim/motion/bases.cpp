@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "runtime/cl/chunks.hpp"
-#include "shared/bases.h"
+#include "shared/motion/bases.h"
 
 namespace gflow {
 namespace {
@@ -65,7 +65,7 @@ void place_bases(const MotionShape& shape, HostGroups& groups, size_t first) {
 
 BasesMotion::BasesMotion(Queue& queue, const MotionShape& shape)
     : shape_(shape),
-      program_(queue, "bases.cl"),
+      program_(queue, "motion/bases.cl"),
       bases_pose_(program_, "bases_pose"),
       bases_fwd_(program_, "bases_fwd"),
       bases_look_(program_, "bases_cull"),

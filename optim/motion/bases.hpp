@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Motion model "bases": each Gaussian follows a weighted blend of a few rigid motions that all
-// share (kernels/shared/bases.h). The motions are stored at keys: basis_shifts [K, B, 3] and
+// share (kernels/shared/motion/bases.h). The motions are stored at keys: basis_shifts [K, B, 3] and
 // basis_turns [K, B, 4] (added to the identity quaternion); 0 is no motion. pivots [B, 3] are not
 // trained. 13 + B floats per Gaussian. Suits scenes of few rigid objects, above all if one camera
 // at a time sees each.

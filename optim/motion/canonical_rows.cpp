@@ -12,7 +12,7 @@ std::vector<GroupSpec> canonical_groups() {
 }
 
 CanonicalRows::CanonicalRows(Queue& queue)
-    : program_(queue, "still.cl"),
+    : program_(queue, "motion/still.cl"),
       still_split_(program_, "still_split"),
       still_pace_(program_, "static_rate_scale") {}
 

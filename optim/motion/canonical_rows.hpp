@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shared by all models in which a Gaussian has a canonical pose that is shifted over time
-// (kernels/shared/shifted.h): parameter groups, pace and split.
+// (kernels/shared/motion/shifted.h): parameter groups, pace and split.
 #pragma once
 #include "optim/motion/motion.hpp"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Colour by spherical harmonics (kernels/sh.cl). Groups: sh0 [N,3] and sh_rest [N,(d+1)^2 - 1, 3]
-// for the highest degree d.
+// Colour by spherical harmonics (kernels/motion/sh.cl). Groups: sh0 [N,3] and sh_rest [N,(d+1)^2 -
+// 1, 3] for the highest degree d.
 #pragma once
 #include "optim/engine/gaussians.hpp"
 #include "optim/motion/view_rows.hpp"

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "optim/motion/spacetime.hpp"
+#include "shared/motion/spacetime.h"
 #include "shared/random.h"
-#include "shared/spacetime.h"
 
 namespace gflow {
 namespace {

@@ -7,7 +7,8 @@
 namespace gflow {
 
 // Relative L2 error of spacetime_bwd, the backward pass of the default model, over 64 random
-// Gaussians; bound 1e-4 (device check T35). The host runs kernels/shared/spacetime.h in double.
+// Gaussians; bound 1e-4 (device check T35). The host runs kernels/shared/motion/spacetime.h in
+// double.
 SelfCheckRow gradient_check(Queue& queue);
 
 // The self_check() of runtime/ and the row above: what a device must pass before it is used.

@@ -126,7 +126,7 @@ HexplaneMotion::HexplaneMotion(Queue& queue, const MotionShape& shape)
       lanes_(size_t(queue.lanes)),
       weights_(all_weights(shape_)),
       cells_(hexplane_level_start(uint(shape_.resolution), 1, shape_.levels)),
-      program_(queue, "hexplane.cl", defines(shape_)),
+      program_(queue, "motion/hexplane.cl", defines(shape_)),
       hexplane_cut_(program_, "hexplane_slice"),
       hexplane_fwd_(program_, "hexplane_fwd"),
       hexplane_transpose_(program_, "hexplane_transpose"),

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Motion model "hexplane": all Gaussians have one canonical pose, and a field shifts, rotates and
 // resizes them over time. The field is a set of feature planes over x y z t and a small network
-// (kernels/shared/hexplane.h; HexPlane, Cao & Johnson 2023; 4DGaussians, Wu et al. 2024;
+// (kernels/shared/motion/hexplane.h; HexPlane, Cao & Johnson 2023; 4DGaussians, Wu et al. 2024;
 // DreamGaussian4D, Ren et al. 2023). 13 floats per Gaussian, independent of the length of the
 // video; planes and network are shared.
 #pragma once
 #include "optim/motion/canonical_rows.hpp"
 #include "optim/motion/models.hpp"
-#include "shared/hexplane.h"
+#include "shared/motion/hexplane.h"
 
 GFLOW_KERNEL_STRUCT(HexplaneGrid);
 

@@ -17,7 +17,7 @@ std::vector<TableSpec> keyframes_tables(const MotionShape& shape) {
 KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
     : shape_(shape),
       scales_(shape.key_scales ? "key_scales" : "key_shifts"),
-      program_(queue, "keyframes.cl", {{"SCALES", shape.key_scales}}),
+      program_(queue, "motion/keyframes.cl", {{"SCALES", shape.key_scales}}),
       keyframes_fwd_(program_, "keyframes_fwd"),
       keyframes_look_(program_, "keyframes_cull"),
       keyframes_bwd_(program_, "keyframes_bwd"),

@@ -2,10 +2,10 @@
 // Motion model "keyframes": free paths stored at keys. A Gaussian has a canonical pose, means and
 // quats, and is shifted from it by the cubic through key_shifts [K, N, 3], key_turns [K, N, 4]
 // (added to the quaternion) and, with shape.key_scales, key_scales [K, N, 3] (added to the
-// log_scales) (kernels/shared/shifted.h, keys.hpp). With one key per frame this is the per-frame
-// model of Dynamic 3D Gaussians (Luiten et al. 2024), plus a canonical pose that all frames train.
-// 13 floats per Gaussian and 7 per key (10 with key_scales); a view touches at most four keys per
-// time.
+// log_scales) (kernels/shared/motion/shifted.h, keys.hpp). With one key per frame this is the
+// per-frame model of Dynamic 3D Gaussians (Luiten et al. 2024), plus a canonical pose that all
+// frames train. 13 floats per Gaussian and 7 per key (10 with key_scales); a view touches at most
+// four keys per time.
 #pragma once
 #include "optim/motion/canonical_rows.hpp"
 #include "optim/motion/keys.hpp"

@@ -2,7 +2,7 @@
 // Paths stored at keys, equally spaced over the video, with smooth interpolation between them.
 #pragma once
 #include "optim/motion/motion.hpp"
-#include "shared/keys.h"
+#include "shared/motion/keys.h"
 
 GFLOW_KERNEL_STRUCT(KeyWeights);
 

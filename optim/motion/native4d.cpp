@@ -7,7 +7,7 @@ namespace gflow {
 
 Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
     : cutoff_(cutoff),
-      program_(queue, "native4d.cl"),
+      program_(queue, "motion/native4d.cl"),
       native4d_fwd_(program_, "native4d_fwd"),
       native4d_look_(program_, "native4d_cull"),
       native4d_bwd_(program_, "native4d_bwd"),
@@ -73,7 +73,7 @@ void Native4dMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& c
 namespace {
 
 // The two unit quaternions (w x y z) of a 4D rotation that gives a Gaussian with spatial scale s
-// and temporal scale s_t the velocity v (kernels/shared/native4d.h).
+// and temporal scale s_t the velocity v (kernels/shared/motion/native4d.h).
 struct QuatPair {
   std::array<float, 4> left, right;
 };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Motion model "native4d": 4D Gaussians, sliced at a time (RT-4DGS; formulas:
-// kernels/shared/native4d.h). Groups: means [N,3], means_t [N,1], quats and quats_r [N,4],
+// kernels/shared/motion/native4d.h). Groups: means [N,3], means_t [N,1], quats and quats_r [N,4],
 // log_scales [N,4] (x y z t), logit_opacities [N,1]. Each Gaussian moves along a straight line; its
 // shape is constant.
 #pragma once

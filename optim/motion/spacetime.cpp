@@ -7,7 +7,7 @@ namespace gflow {
 
 SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
     : sigmas_(window_sigmas(cutoff)),
-      program_(queue, "spacetime.cl"),
+      program_(queue, "motion/spacetime.cl"),
       spacetime_fwd_(program_, "spacetime_fwd"),
       spacetime_look_(program_, "spacetime_cull"),
       spacetime_bwd_(program_, "spacetime_bwd"),

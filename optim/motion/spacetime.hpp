@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Motion model "spacetime", the default: Gaussians on curved paths that rotate over their lifetime
-// (formulas: kernels/shared/spacetime.h). Groups: means [N,3], means_t [N,1], velocities and
+// (formulas: kernels/shared/motion/spacetime.h). Groups: means [N,3], means_t [N,1], velocities and
 // half_accelerations [N,3], quats and turns [N,4], log_scales [N,4] (x y z t), logit_opacities
 // [N,1]; 23 floats per Gaussian.
 //

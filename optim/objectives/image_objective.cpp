@@ -10,8 +10,8 @@
 
 namespace gflow {
 
-ImageObjective::ImageObjective(Queue& queue, FrameStore& frames, float ssim, bool compact)
-    : frames_(frames), loss_(queue, ssim), compact_(compact) {}
+ImageObjective::ImageObjective(Queue& queue, FrameStore& frames, float ssim)
+    : frames_(frames), loss_(queue, ssim) {}
 
 // The frame store composites images on its own background; the step may use another one.
 void ImageObjective::read_truth(const ViewContext& view) {
@@ -32,17 +32,9 @@ void ImageObjective::add_gradients(Queue& queue, const ViewContext& view, const 
   read_truth(view);
   const Rect& part = view.sample.part;
   const Buffer<float>& rgb = renderer.images().rgb;
-  if (compact_) {
-    truth_.ensure(queue, truth_bytes_.size());
-    truth_.write_async(queue, truth_bytes_);
-    return loss_.run(queue, part.width, part.height, rgb, truth_, v.v_rgb, view.share);
-  }
-  truth_floats_.resize(truth_bytes_.size());
-  std::transform(truth_bytes_.begin(), truth_bytes_.end(), truth_floats_.begin(),
-                 [](cl_uchar byte) { return float(byte) / 255; });  // rounded as the kernel does
-  truth_as_floats_.ensure(queue, truth_floats_.size());
-  truth_as_floats_.write_async(queue, truth_floats_);
-  loss_.run(queue, part.width, part.height, rgb, truth_as_floats_, v.v_rgb, view.share);
+  truth_.ensure(queue, truth_bytes_.size());
+  truth_.write_async(queue, truth_bytes_);
+  loss_.run(queue, part.width, part.height, rgb, truth_, v.v_rgb, view.share);
 }
 
 void ImageObjective::report(Queue& queue, const Renderer& renderer, LossReport& report) {

@@ -204,16 +204,22 @@ constexpr std::pair<std::string_view, std::string_view> kRenamed[] = {
     {"skip.outside", "skip.culled"},
 };
 
+// Settings of earlier versions that have no effect any more.
+constexpr std::string_view kRemoved[] = {"skip.compact"};
+
+void note_once(const std::string& name, const std::string& sentence) {
+  static std::set<std::string> noted;
+  if (noted.insert(name).second) warn(sentence);
+}
+
 // Current section and key of a setting; prints a notice once per renamed setting.
 std::pair<std::string, std::string> present_name(const std::string& section,
                                                  const std::string& key) {
   const std::string name = section + "." + key;
   for (const auto& [former, present] : kRenamed) {
     if (name != former) continue;
-    static std::set<std::string> noted;
-    if (noted.insert(name).second)
-      warn(fmt::format("the setting {} is called {} now; the former name still works", name,
-                       present));
+    note_once(name, fmt::format("the setting {} is called {} now; the former name still works",
+                                name, present));
     const size_t dot = present.find('.');
     return {std::string(present.substr(0, dot)), std::string(present.substr(dot + 1))};
   }
@@ -225,6 +231,9 @@ void assign_setting(TrainOptions& config, const std::string& given_section,
   const std::pair<std::string, std::string> present = present_name(given_section, given_key);
   const std::string &section = present.first, &key = present.second;
   in.name = section.empty() ? key : section + "." + key;
+  if (std::find(std::begin(kRemoved), std::end(kRemoved), in.name) != std::end(kRemoved))
+    return note_once(in.name,
+                     fmt::format("the setting {} no longer exists and is ignored", in.name));
   bool known = false;
   for_each_setting(config, [&](const std::string& its_section, const std::string& its_key,
                                auto& member, const Help&, const auto&... range) {

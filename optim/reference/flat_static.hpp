@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A static Gaussian and its shift as one list of 13 + 10 numbers.
 #pragma once
-#include "shared/shifted.h"
+#include "shared/motion/shifted.h"
 
 namespace gflow::reference {
 

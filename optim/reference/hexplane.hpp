@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hexplane field in double, written from its formulas (shared/hexplane.h): planes, features,
-// network, shift, and their derivatives; and the regularisation of the planes.
+// The hexplane field in double, written from its formulas (shared/motion/hexplane.h): planes,
+// features, network, shift, and their derivatives; and the regularisation of the planes.
 #pragma once
 #include "optim/motion/hexplane_shape.hpp"
 #include "optim/reference/parameters.hpp"
-#include "shared/hexplane.h"
-#include "shared/shifted.h"
+#include "shared/motion/hexplane.h"
+#include "shared/motion/shifted.h"
 
 namespace gflow::reference {
 

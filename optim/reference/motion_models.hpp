@@ -7,7 +7,7 @@
 #include "optim/motion/models.hpp"
 #include "optim/reference/hexplane.hpp"
 #include "optim/reference/spacetime.hpp"
-#include "shared/bases.h"
+#include "shared/motion/bases.h"
 
 namespace gflow::reference {
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "optim/reference/render.hpp"
-#include "shared/native4d.h"
+#include "shared/motion/native4d.h"
 #include "shared/sh.h"
 
 namespace gflow::reference {

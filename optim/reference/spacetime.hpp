@@ -3,7 +3,7 @@
 // optim/motion/spacetime.hpp.
 #pragma once
 #include "optim/reference/parameters.hpp"
-#include "shared/spacetime.h"
+#include "shared/motion/spacetime.h"
 
 namespace gflow::reference {
 

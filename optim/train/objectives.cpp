@@ -10,8 +10,7 @@ namespace gflow {
 namespace {
 
 std::unique_ptr<Objective> image(const TrainInputs& in) {
-  return std::make_unique<ImageObjective>(in.queue, in.frames, in.options.loss.ssim,
-                                          in.options.skip.compact);
+  return std::make_unique<ImageObjective>(in.queue, in.frames, in.options.loss.ssim);
 }
 
 std::unique_ptr<Objective> flow(const TrainInputs& in) {

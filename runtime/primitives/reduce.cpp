@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// First stage on the device (kernels/reduce.cl), second here, in order.
+// First stage on the device (kernels/primitives/reduce.cl), second here, in order.
 #include "runtime/primitives/reduce.hpp"
 
 #include <numeric>
@@ -7,7 +7,7 @@
 namespace gflow {
 namespace {
 
-// Blocks of 256 elements: BLOCK of kernels/reduce.cl.
+// Blocks of 256 elements: BLOCK of kernels/primitives/reduce.cl.
 size_t blocks_of(size_t size, size_t first, size_t count, const std::string& name) {
   if (first > size || count > size - first || size >= size_t(1) << 32)
     throw Error(fmt::format("summing {} elements from element {} of {}, which has {}", count, first,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Three launches; see kernels/scan.cl.
+// Three launches; see kernels/primitives/scan.cl.
 #include "runtime/primitives/scan.hpp"
 
 #include "runtime/cl/chunks.hpp"

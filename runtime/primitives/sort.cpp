@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One count, prefix sum and scatter per digit; see kernels/sort.cl.
+// One count, prefix sum and scatter per digit; see kernels/primitives/sort.cl.
 #include "runtime/primitives/sort.hpp"
 
 #include "runtime/cl/chunks.hpp"

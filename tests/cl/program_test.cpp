@@ -63,7 +63,7 @@ TEST(ExpandIncludes, ReplacesEachIncludeOnceAndMarksLines) {
 }
 
 TEST(Program, FindsItsEmbeddedFilesWithoutAFolder) {
-  EXPECT_NE(expand_includes("adam.cl").find("adam_update"), std::string::npos);
+  EXPECT_NE(expand_includes("primitives/adam.cl").find("adam_update"), std::string::npos);
 }
 
 TEST(Program, MissingFileIsNamed) {

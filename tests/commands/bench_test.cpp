@@ -104,23 +104,6 @@ TEST(Bench, ParetoTellsTimeAndErrorOfAChoiceAndDrawsThem) {
             std::string::npos);
 }
 
-TEST(Bench, ParetoSaysWhereTheNativeExponentialIsTheBuiltInOne) {
-  const TemporaryFolder folder;
-  const Outcome outcome = small_pareto(
-      {"--knob", "exp2", "--json", folder.file("a.json"), "--markdown", folder.file("a.md")});
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const Json rows = report_in(folder.file("a.json"))["rows"];
-  bool same = true;
-  for (const char* error :
-       {"colour", "flow [px]", "gradients", "colour, all", "flow, all [px]", "gradients, all"})
-    same = same && rows["exp2 native"][error] == rows["exp2 built in"][error];
-  const auto says = [](const std::string& text) {
-    return text.find("native is the same as built in") != std::string::npos;
-  };
-  EXPECT_EQ(says(outcome.out), same);
-  EXPECT_EQ(says(contents(folder.file("a.md"))), same);
-}
-
 TEST(Bench, BoxesThatCutSplatsOffAreLessExactAndSkipsAreNot) {
   const TemporaryFolder folder;
   const std::string file = folder.file("a.json");

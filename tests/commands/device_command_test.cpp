@@ -93,7 +93,7 @@ class ChangedKernels {
 };
 
 TEST(DevicesCommand, ADeviceWhoseArithmeticIsWrongIsRefusedForAnyWork) {
-  const ChangedKernels kernels("selfcheck.cl", "sqrt(positives[i]);",
+  const ChangedKernels kernels("checks/selfcheck.cl", "sqrt(positives[i]);",
                                "sqrt(positives[i]) * 1.00001f;");
   const Outcome outcome = gflow({"devices"}, kernels.environment());
   EXPECT_EQ(outcome.code, 2);
@@ -190,7 +190,7 @@ TEST(StressCommand, NoLineIsLongerThan80Characters) {
 TEST(StressCommand, ABoundThatIsNotKeptIsExitCodeThree) {
   const TemporaryFolder folder;
   const std::string path = folder.file("figures.json");
-  const ChangedKernels kernels("stress.cl", "dets[i] = w.det;", "dets[i] = w.det * 1.001f;");
+  const ChangedKernels kernels("checks/stress.cl", "dets[i] = w.det;", "dets[i] = w.det * 1.001f;");
   const Outcome outcome =
       gflow({"--quiet", "stress", "--only", "T5", "--json", path}, kernels.environment());
   EXPECT_EQ(outcome.code, 3) << outcome.err;

@@ -115,21 +115,6 @@ TEST_P(ImageLossLanes, MatchTheReferenceAtEverySize) {
       }
 }
 
-// Colours decoded in advance (skip.compact off) give the same bits as their bytes.
-TEST_P(ImageLossLanes, TakeDecodedColoursAsTheirBytes) {
-  const PictureCase c = random_case(37, 21, 0.1f);
-  Queue queue = test_queue(GetParam());
-  ImageLoss loss(queue, 0.2f);
-  const PictureResult bytes = run(queue, loss, c);
-  std::vector<float> decoded;
-  for (const cl_uchar value : c.truth) decoded.push_back(float(value) / 255.f);
-  const Buffer<float> rgb(queue, c.rgb, "rgb"), truth(queue, decoded, "truth");
-  Buffer<float> v_rgb(queue, c.rgb.size(), "v_rgb");
-  loss.run(queue, c.width, c.height, rgb, truth, v_rgb);
-  EXPECT_EQ(v_rgb.read(queue), bytes.v_rgb);
-  EXPECT_EQ(loss.value(queue).total, bytes.value.total);
-}
-
 TEST_P(ImageLossLanes, WithoutSsimGiveTheSignOfTheDifference) {
   const PictureCase c = random_case(37, 21, 0.1f);
   const PictureResult actual = run(GetParam(), c, 0);

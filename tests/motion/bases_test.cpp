@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "shared/bases.h"
+#include "shared/motion/bases.h"
 #include "tests/support/motion_check.hpp"
 
 namespace gflow {

@@ -4,7 +4,7 @@
 #include <Eigen/Dense>
 #include <random>
 
-#include "shared/native4d.h"
+#include "shared/motion/native4d.h"
 #include "shared/transport.h"
 
 namespace gflow {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Training skips the work that its settings allow, counted on the device: skip.culled,
-// skip.static_pose, skip.bands, skip.compact. trainer_test.cpp and bench_scene_test.cpp check that
+// skip.static_pose, skip.bands. trainer_test.cpp and bench_scene_test.cpp check that
 // nothing else changes.
 #include <gtest/gtest.h>
 
@@ -147,28 +147,6 @@ TEST_F(LeftOutOfTraining, BandsOfColourThatAreNotInUseYet) {
   };
   EXPECT_EQ(drawn(true, true), drawn(true, false));
   EXPECT_NE(drawn(false, true), drawn(false, false));
-}
-
-TEST_F(LeftOutOfTraining, ThreeQuartersOfThePicturesBytes) {
-  const TrainOptions config = small_config(scene, 20);
-  SmallTraining training(queue, config);
-  training.steps(queue, 1);
-  const Renderer& renderer = training.trainer.renderer();
-  const int width = renderer.images().width, height = renderer.images().height;
-  ViewContext view;
-  view.background = training.loaded.frames->background();
-  view.sample = {&training.loaded.scene.train[0], -1, {0, 0, width, height}};
-  view.width = training.loaded.frames->camera(*view.sample.frame).width;
-  const auto bytes = [&](bool compact) {
-    ImageObjective objective(queue, *training.loaded.frames, 0.2f, compact);
-    ImageGradients v;
-    v.v_rgb.ensure(queue, size_t(3 * width * height));
-    objective.add_gradients(queue, view, renderer, v);
-    queue.finish();
-    return double(objective.image_bytes()) / (width * height);
-  };
-  EXPECT_EQ(bytes(true), 3);
-  EXPECT_EQ(bytes(false), 12);
 }
 
 }  // namespace

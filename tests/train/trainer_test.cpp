@@ -251,7 +251,7 @@ TEST_F(TrainerTest, WorkThatIsLeftOutChangesNoBit) {
   config.density.enabled = false;  // it counts tiles, of which looser boxes have more
   config.motion.sh_interval = 25;
   const auto shipped = bits_after(queue(), config, 60);
-  config.skip.masks = config.skip.saturated = config.skip.bands = config.skip.compact = false;
+  config.skip.masks = config.skip.saturated = config.skip.bands = false;
   expect_equal_bits(shipped, bits_after(queue(), config, 60));
 }
 

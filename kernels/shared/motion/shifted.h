@@ -4,7 +4,7 @@
 //   opacity   sigmoid(logit) exp(-(t - mean_t)^2 / (2 scale_t^2))
 #ifndef GFLOW_SHIFTED_H
 #define GFLOW_SHIFTED_H
-#include "shared/life.h"
+#include "shared/motion/life.h"
 #include "shared/quat.h"
 
 // The canonical parameters.

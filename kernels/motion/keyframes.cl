@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The keyframes motion model on the device: Gaussians on paths through keys, and the gradient.
 // Windows, first and second time, and outputs are as in native4d.cl. One work-item per Gaussian.
-#include "shared/keys.h"
-#include "shared/lookout.h"
-#include "shared/canonical_rows.h"
+#include "shared/motion/keys.h"
+#include "shared/motion/lookout.h"
+#include "shared/motion/canonical_rows.h"
 #include "shared/unrolled.h"
 
 #ifndef SCALES  // whether sizes have keys; only for the syntax check, the host always defines it

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Replays the lists of a drawn image for `gflow stress`, front to back as in splat.cl and back to
-// front as in splat_bwd.cl. Forward stores each pixel's transmittance, the entry until which it was
+// front as in splat_bwd. Forward stores each pixel's transmittance, the entry until which it was
 // open, and how many splats contributed. Backward starts from the first two and stores the
 // transmittance in front of all splats and its own count. LANES > 1: one work-item per tile; LANES
 // == 1: a group of 256 per tile, one work-item per pixel.

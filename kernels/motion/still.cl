@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Density control and learning rates of models that shift canonical Gaussians, one work-item each.
 #include "shared/random.h"
-#include "shared/canonical_rows.h"
+#include "shared/motion/canonical_rows.h"
 
 // Makes the two children of a Gaussian (child 1 and 2; rows with 0 are unchanged), which keep its
 // path. If it is larger than split_scale, both are drawn from it and 1.6 times smaller; else child

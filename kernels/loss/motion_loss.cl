@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The motion loss between neighbours at two times (formulas: shared/motion_loss.h), among the
+// The motion loss between neighbours at two times (formulas: shared/motion/motion_loss.h), among the
 // Gaussians visible in a view. A work-item sums the gradient of one Gaussian over its pairs, in
 // order: no two work-items add to the same element, so the result is bitwise repeatable. A pair is
 // in the lists of both Gaussians and computed twice: cheaper than storing its gradient.
 #include "shared/arrays.h"
-#include "shared/motion_loss.h"
+#include "shared/motion/motion_loss.h"
 
 // Rotations from t2 back to t1 of the visible Gaussians.
 kernel void motion_rotations(const uint n, global const uint* restrict seen,

@@ -27,20 +27,7 @@ static inline float decode(uchar byte) {
   return fma(fma(-255.0f, q, b), inverse, q);
 }
 
-// s = x + y - 1 and d = x - y (shared/loss.h) of a pixel whose ground truth is y.
-static inline void prepare(int x, int y, ImageLossSize size, global const float* rgb, float3 truth,
-                           global float* s, global float* d) {
-  const int pixel = y * size.width + x;
-  const int to = (y + SSIM_RADIUS) * size.stride + BORDER_X + x;
-  const float of[3] = {truth.x, truth.y, truth.z};
-  for (int c = 0; c < 3; ++c) {
-    const float a = rgb[c * size.width * size.height + pixel], b = of[c];
-    s[c * size.plane + to] = a + b + SSIM_OUTSIDE;
-    d[c * size.plane + to] = a - b;
-  }
-}
-
-// One work-item per pixel, on a grid.
+// s = x + y - 1 and d = x - y (shared/loss.h). One work-item per pixel, on a grid.
 kernel void image_loss_prepare(const ImageLossSize size,
                                global const float* restrict rgb,    // [3, H, W] x
                                global const uchar* restrict truth,  // [H, W, 3] y, 8 bits
@@ -48,19 +35,13 @@ kernel void image_loss_prepare(const ImageLossSize size,
                                global float* restrict d) {          // [3, plane]
   const int x = get_global_id(0), y = get_global_id(1);
   if (x >= size.width || y >= size.height) return;
-  global const uchar* of = truth + 3 * (y * size.width + x);
-  prepare(x, y, size, rgb, (float3)(decode(of[0]), decode(of[1]), decode(of[2])), s, d);
-}
-
-// The same for ground truth in floats (skip.compact off).
-kernel void image_loss_prepare_floats(const ImageLossSize size,
-                                      global const float* restrict rgb,    // [3, H, W] x
-                                      global const float* restrict truth,  // [H, W, 3] y
-                                      global float* restrict s,            // [3, plane]
-                                      global float* restrict d) {          // [3, plane]
-  const int x = get_global_id(0), y = get_global_id(1);
-  if (x >= size.width || y >= size.height) return;
-  prepare(x, y, size, rgb, vload3(y * size.width + x, truth), s, d);
+  const int pixel = y * size.width + x;
+  const int to = (y + SSIM_RADIUS) * size.stride + BORDER_X + x;
+  for (int c = 0; c < 3; ++c) {
+    const float a = rgb[c * size.width * size.height + pixel], b = decode(truth[3 * pixel + c]);
+    s[c * size.plane + to] = a + b + SSIM_OUTSIDE;
+    d[c * size.plane + to] = a - b;
+  }
 }
 
 // The pixels of one work-item.

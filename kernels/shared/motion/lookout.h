@@ -91,7 +91,7 @@ static inline lane lookout_column(global const float* restrict values, uint firs
 #endif
 }
 
-// What culling reads of Gaussians with temporal opacity as in shared/life.h and one scale per axis.
+// What culling reads of Gaussians with temporal opacity as in shared/motion/life.h and one scale per axis.
 // lookout_time loads the times; the other members are needed only if one of the rows is inside its
 // time window. Rows are in the order of time (optim/density/order.hpp), so most groups of a long
 // video need no more.

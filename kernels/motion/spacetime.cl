@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The spacetime motion model on the device (formulas: shared/spacetime.h): Gaussians on their paths
+// The spacetime motion model on the device (formulas: shared/motion/spacetime.h): Gaussians on their paths
 // at time t, and the gradient. Windows, first and second time, and outputs are as in native4d.cl.
 // One work-item per Gaussian.
 #include "shared/arrays.h"
-#include "shared/lookout.h"
+#include "shared/motion/lookout.h"
 #include "shared/random.h"
-#include "shared/spacetime.h"
+#include "shared/motion/spacetime.h"
 #include "shared/view_rows.h"
 
 #define SPACETIME_IN                                                                            \

@@ -8,7 +8,7 @@
 // by slice and velocity: a step that changes the motion does not change the shape.
 #ifndef GFLOW_SPACETIME_H
 #define GFLOW_SPACETIME_H
-#include "shared/life.h"
+#include "shared/motion/life.h"
 #include "shared/quat.h"
 
 // One Gaussian's parameters, as optimised.

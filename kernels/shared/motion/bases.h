@@ -8,7 +8,7 @@
 // A single weight of 1 gives exactly that rigid motion.
 #ifndef GFLOW_BASES_H
 #define GFLOW_BASES_H
-#include "shared/shifted.h"
+#include "shared/motion/shifted.h"
 
 #define MAX_BASES 32
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Counts the (pixel, splat) pairs that splat.cl and splat_bwd.cl process, for `gflow bench`. One
+// Counts the (pixel, splat) pairs that splat_fwd and splat_bwd process, for `gflow bench`. One
 // work-item per pixel.
 #undef LANES  // the device's
 #define LANES 1

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Density control "adc": which Gaussians are removed, kept or split in two. Uses sorts and prefix
 // sums only: bitwise repeatable. One work-item per Gaussian.
-#include "shared/life.h"
+#include "shared/motion/life.h"
 #include "shared/view_rows.h"
 
 // After a view: adds up the norms of the loss gradients w.r.t. the splats' positions, in units of

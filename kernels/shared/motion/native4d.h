@@ -10,7 +10,7 @@
 //   opacity   sigmoid(logit) exp(-(t - mu_t)^2 / (2 |p_t|^2))
 #ifndef GFLOW_NATIVE4D_H
 #define GFLOW_NATIVE4D_H
-#include "shared/life.h"
+#include "shared/motion/life.h"
 #include "shared/quat.h"
 
 // One Gaussian's parameters, as optimised.

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The native4d motion model on the device (formulas: shared/native4d.h): 4D Gaussians sliced at
+// The native4d motion model on the device (formulas: shared/motion/native4d.h): 4D Gaussians sliced at
 // time t, and the gradient. The time window is applied before projection: a Gaussian whose temporal
 // weight is at most `cutoff` gets opacity 0 and no further work. One work-item per Gaussian.
 #include "shared/arrays.h"
-#include "shared/lookout.h"
-#include "shared/native4d.h"
+#include "shared/motion/lookout.h"
+#include "shared/motion/native4d.h"
 #include "shared/random.h"
 #include "shared/view_rows.h"
 

@@ -3,7 +3,7 @@
 #ifndef GFLOW_STILL_ROWS_H
 #define GFLOW_STILL_ROWS_H
 #include "shared/arrays.h"
-#include "shared/shifted.h"
+#include "shared/motion/shifted.h"
 #include "shared/view_rows.h"
 
 #define STILL_IN                                                                   \

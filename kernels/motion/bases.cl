@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bases motion model on the device (formulas: shared/bases.h): the poses of the bases at a
+// The bases motion model on the device (formulas: shared/motion/bases.h): the poses of the bases at a
 // time, Gaussians that follow them, and the gradient. Windows, first and second time are as in
 // native4d.cl. Gradients of the poses are summed over chunks of Gaussians, then over chunks in
 // order: bitwise repeatable.
-#include "shared/bases.h"
-#include "shared/keys.h"
-#include "shared/lookout.h"
-#include "shared/canonical_rows.h"
+#include "shared/motion/bases.h"
+#include "shared/motion/keys.h"
+#include "shared/motion/lookout.h"
+#include "shared/motion/canonical_rows.h"
 #include "shared/unrolled.h"
 
 #define POSE 7  // floats per pose: unit quaternion, shift

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// The hexplane motion model on the device (formulas and layouts: shared/motion/hexplane.h). CPUs process a
+// block of Gaussians at once, so that each weight read serves all of them, with LANES channels or
+// neurons per vector; GPUs process one Gaussian per work-item. Forward keeps no activations:
+// backward recomputes them. Sums over Gaussians are made per chunk, each into memory of its own,
+// then over the chunks in order: bitwise repeatable, without atomics.
+#include "motion/hexplane_network.cl"
+#include "shared/motion/canonical_rows.h"
+
+static inline Shift shift_of(const float* o, HexplaneGrid grid) {
+  Shift d;
+  d.mean = make_real3(grid.half_size[0] * o[0], grid.half_size[1] * o[1], grid.half_size[2] * o[2]);
+  d.quat = TURN ? make_real4(o[3], o[4], o[5], o[6]) : make_real4(0.f, 0.f, 0.f, 0.f);
+  d.log_scales = RESIZE ? make_real3(log_scale_change(o[7]), log_scale_change(o[8]), log_scale_change(o[9]))
+                        : make_real3(0.f, 0.f, 0.f);
+  return d;
+}
+static inline void shift_of_vjp(Shift d, Still v, HexplaneGrid grid, float* v_o) {
+  v_o[0] = grid.half_size[0] * v.mean.x;
+  v_o[1] = grid.half_size[1] * v.mean.y;
+  v_o[2] = grid.half_size[2] * v.mean.z;
+  v_o[3] = TURN ? v.quat.x : 0.f;
+  v_o[4] = TURN ? v.quat.y : 0.f;
+  v_o[5] = TURN ? v.quat.z : 0.f;
+  v_o[6] = TURN ? v.quat.w : 0.f;
+  v_o[7] = RESIZE ? v.log_scales.x * log_scale_change_slope(d.log_scales.x) : 0.f;
+  v_o[8] = RESIZE ? v.log_scales.y * log_scale_change_slope(d.log_scales.y) : 0.f;
+  v_o[9] = RESIZE ? v.log_scales.z * log_scale_change_slope(d.log_scales.z) : 0.f;
+}
+
+// One work-item per `per_item` Gaussians. Windows, first and second time as in native4d.cl.
+kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const float sigmas,
+                         const int first, const HexplaneGrid grid,
+                         global const uint* restrict tiles_touched,  // [N] read if not first
+                         STILL_IN, global const float* restrict planes,
+                         global const float* restrict lines, global const float* restrict network,
+                         global float* restrict means_at,        // [N, 3]
+                         global float* restrict factors_at,      // [N, 3, 3]
+                         global float* restrict opacities_at) {  // [N]
+  const uint begin = get_global_id(0) * per_item, end = min(n, begin + per_item);
+  Activations a;
+  uint rows[BLOCK];
+  int count = 0;
+  for (uint i = begin; i < end; ++i) {
+    if (still_in_window(i, i, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
+      rows[count++] = i;
+    if (count == 0 || (count < BLOCK && i + 1 < end)) continue;
+    network_fwd(rows, count, grid, means, planes, lines, network, &a);
+    for (int b = 0; b < count; ++b)
+      store_shifted(
+          rows[b],
+          shifted_at(load_still(rows[b], STILL_ROWS), shift_of(a.outputs + b * OUTPUTS, grid), t),
+          means_at, factors_at, opacities_at);
+    count = 0;
+  }
+}
+
+// Gradients of the canonical parameters (except those through the features), of the features, and
+// of the network: CPUs sum the latter in v_networks, GPUs store its factors in `kept`. One
+// work-item per chunk of `length` Gaussians.
+kernel void hexplane_bwd(const uint n, const uint length, const float t, const int first,
+                         const HexplaneGrid grid, STILL_IN, global const float* restrict planes,
+                         global const float* restrict lines, global const float* restrict network,
+                         global const float* restrict transposed,
+                         global const uint* restrict tiles_touched,
+                         global const float* restrict v_means_at,      // [N, 3]
+                         global const float* restrict v_factors_at,    // [N, 3, 3]
+                         global const float* restrict v_opacities_at,  // [N] read if first
+                         global uint* restrict seen, V_STILL_OUT,
+                         global float* restrict v_features,  // [N, FEATURES] of visible rows
+                         global float* restrict v_networks,  // [chunks, WEIGHTS]; CPU
+                         global float* restrict kept) {      // [N, KEPT]; GPU
+  const uint chunk = get_global_id(0), begin = chunk * length, end = min(n, begin + length);
+  Activations a;
+  float v_out[BLOCK * OUTPUTS], v_in[BLOCK * HIDDEN], v_next[BLOCK * HIDDEN];
+  float v_x[BLOCK * FEATURES];
+  uint rows[BLOCK];
+  int count = 0;
+#if LANES > 1
+  global float* v_network = v_networks + (size_t)chunk * WEIGHTS;
+  for (uint w = 0; w < WEIGHTS; w += LANES) ROW_STORE(TO_LANE(0.f), v_network + w);
+#endif
+  for (uint i = begin; i < end; ++i) {
+    if (tiles_touched[i] != 0) rows[count++] = i;
+    if (count == 0 || (count < BLOCK && i + 1 < end)) continue;
+    network_fwd(rows, count, grid, means, planes, lines, network, &a);
+    for (int k = 0; k < BLOCK * OUTPUTS; ++k) v_out[k] = 0.f;
+    for (int b = 0; b < count; ++b) {
+      const uint row = rows[b];
+      const Shift d = shift_of(a.outputs + b * OUTPUTS, grid);
+      const Still v = shifted_vjp(load_still(row, STILL_ROWS), d, t, load3(v_means_at, row),
+                                  load_mat3(v_factors_at, row), first ? v_opacities_at[row] : 0.f);
+      const int fresh = first && !seen[row];
+      if (fresh) seen[row] = 1;
+      put_still(row, v, fresh, V_STILL_ROWS);
+      shift_of_vjp(d, v, grid, v_out + b * OUTPUTS);
+      // A broken Gaussian keeps its non-finite gradient, but must not affect the shared network.
+      float sum = 0.f;
+      for (int k = 0; k < OUTPUTS; ++k) sum += v_out[b * OUTPUTS + k];
+      if (!is_finite_real(sum))
+        for (int k = 0; k < OUTPUTS; ++k) v_out[b * OUTPUTS + k] = 0.f;
+    }
+#if LANES == 1
+    global float* keep = kept + (size_t)rows[0] * KEPT;
+    for (int k = 0; k < FEATURES; ++k) keep[k] = a.features[k];
+    for (int k = 0; k < LAYERS * HIDDEN; ++k) keep[FEATURES + k] = a.hidden[k / HIDDEN][k % HIDDEN];
+    keep += KEPT_INPUTS;
+    for (int k = 0; k < OUTPUTS; ++k) keep[LAYERS * HIDDEN + k] = v_out[k];
+#else
+    layer_bwd_weights(a.hidden[LAYERS - 1], HIDDEN, v_out, OUTPUTS,
+                      v_network + LAYER_START(LAYERS));
+#endif
+    layer_fwd(v_out, OUTPUTS, transposed + LAYER_START(LAYERS), HIDDEN, 0, v_in);
+    for (int layer = LAYERS - 1; layer >= 0; --layer) {
+      const float* out = a.hidden[layer];
+      for (int k = 0; k < BLOCK * HIDDEN; k += LANES)
+        ROW_STORE(LANE_SELECT(TO_LANE(0.f), ROW_LOAD(v_in + k), ROW_LOAD(out + k) > TO_LANE(0.f)),
+                  v_in + k);
+#if LANES == 1
+      for (int k = 0; k < HIDDEN; ++k) keep[layer * HIDDEN + k] = v_in[k];
+#endif
+      if (layer == 0) break;
+#if LANES > 1
+      layer_bwd_weights(a.hidden[layer - 1], HIDDEN, v_in, HIDDEN, v_network + LAYER_START(layer));
+#endif
+      layer_fwd(v_in, HIDDEN, transposed + LAYER_START(layer), HIDDEN, 0, v_next);
+      for (int k = 0; k < BLOCK * HIDDEN; k += LANES) ROW_STORE(ROW_LOAD(v_next + k), v_in + k);
+    }
+#if LANES > 1
+    layer_bwd_weights(a.features, FEATURES, v_in, HIDDEN, v_network);
+#endif
+    layer_fwd(v_in, HIDDEN, transposed, FEATURES, 0, v_x);
+    for (int b = 0; b < count; ++b)
+      for (int k = 0; k < FEATURES; k += LANES)
+        ROW_STORE(ROW_LOAD(v_x + b * FEATURES + k), v_features + (size_t)rows[b] * FEATURES + k);
+    count = 0;
+  }
+}
