@@ -61,8 +61,8 @@ class Column {
 Column packed(const PlyElement& element, const std::string& name, const std::string& path) {
   const Column column(element, name, path);
   if (!element.is_32_bit[size_t(element.property(name))])
-    refuse_compressed(path,
-                      fmt::format("its property '{}' is no uint, whose bits are expected", name));
+    refuse_compressed(
+        path, fmt::format("its property '{}' is not a uint, the type of packed values", name));
   return column;
 }
 
@@ -119,14 +119,12 @@ float unpack_sh(double byte) {
 int degree_of(const PlyElement* sh, size_t gaussians, const std::string& path) {
   if (!sh) return 0;
   if (sh->rows != gaussians)
-    refuse_compressed(
-        path, fmt::format("it has spherical harmonics of {} of {} Gaussians", sh->rows, gaussians));
+    refuse_compressed(path, fmt::format("it has spherical harmonics for {} of {} Gaussians",
+                                        sh->rows, gaussians));
   const int degree = sh_degree_of(sh->properties.size());
   if (degree < 0)
-    refuse_compressed(
-        path, fmt::format("its element 'sh' has {} properties, spherical harmonics have 9, 24 or"
-                          " 45",
-                          sh->properties.size()));
+    refuse_compressed(path, fmt::format("its element 'sh' has {} properties, expected 9, 24 or 45",
+                                        sh->properties.size()));
   return degree;
 }
 
@@ -143,7 +141,7 @@ PlyTable read_compressed_ply(const std::string& path) {
   const PlyElement* sh = find(elements, "sh");
   const size_t needed = (vertices.rows + kChunk - 1) / kChunk;
   if (chunks.rows != needed)
-    refuse_compressed(path, fmt::format("its {} Gaussians take {} chunks of {}, it has {}",
+    refuse_compressed(path, fmt::format("its {} Gaussians need {} chunks of {}, but it has {}",
                                         vertices.rows, needed, kChunk, chunks.rows));
   const Column position = packed(vertices, "packed_position", path);
   const Column scale = packed(vertices, "packed_scale", path);

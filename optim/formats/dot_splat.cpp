@@ -30,9 +30,8 @@ void read_log_scales(const uint8_t* bytes, size_t i, const std::string& path, fl
   std::memcpy(scales, bytes, sizeof scales);
   for (size_t k = 0; k < 3; ++k) {
     if (!(scales[k] >= 0) || !std::isfinite(scales[k]))
-      throw Error(
-          fmt::format("cannot read {}: Gaussian {} has the scale {}; is this a .splat file?", path,
-                      i, scales[k]));
+      throw Error(fmt::format("cannot read {}: Gaussian {} has scale {}; is this a .splat file?",
+                              path, i, scales[k]));
     log_scales[k] = std::log(std::max(scales[k], std::numeric_limits<float>::min()));
   }
 }
@@ -82,14 +81,14 @@ PlyTable read_dot_splat(FilePieces& file) {
   const size_t size = file.left();
   if (size == 0 || size % kSize)
     throw Error(
-        fmt::format("cannot read {}: a .splat file has {} bytes for each Gaussian, and {} "
-                    "are no multiple of that; it is truncated or something else",
+        fmt::format("cannot read {}: a .splat file has {} bytes per Gaussian, and {} is not a "
+                    "multiple of that; it is truncated or not a .splat file",
                     path, kSize, size));
   SplatTable table(size / kSize, 0, Normals::none);
   for (size_t i = 0; i < table.table.rows; ++i, file.step(kSize)) {
     const std::string_view bytes = file.ahead(kSize);
     if (bytes.size() < kSize)
-      throw Error(fmt::format("cannot read {}: it became shorter while it was read", path));
+      throw Error(fmt::format("cannot read {}: it was truncated while being read", path));
     const auto* at = reinterpret_cast<const uint8_t*>(bytes.data());
     const SplatRow row = table.row(i);
     std::memcpy(row.mean, at, 3 * sizeof(float));

@@ -92,18 +92,18 @@ FlowField read_flo(const std::string& path) {
   int width = 0, height = 0;
   const auto length_of = [&](const Bytes& bytes) {
     if (bytes.size() < 12 || value_at<float>(bytes, 0) != tag)
-      throw Error(fmt::format("cannot read flow {}: it does not begin like a .flo file", path));
+      throw Error(fmt::format("cannot read flow {}: it is not a .flo file", path));
     width = value_at<int32_t>(bytes, 4);
     height = value_at<int32_t>(bytes, 8);
     if (width < 1 || height < 1 || width > largest_side || height > largest_side)
-      throw Error(fmt::format("cannot read flow {}: its size {}x{} is not that of a picture", path,
-                              width, height));
+      throw Error(fmt::format("cannot read flow {}: its size is {}x{}, expected sides of 1 to {}",
+                              path, width, height, largest_side));
     return 12 + 8 * size_t(width) * size_t(height);
   };
   const Bytes bytes = read_file_or_gzip(path, length_of);
   const size_t n = (length_of(bytes) - 12) / 8;
   if (bytes.size() != 12 + 8 * n)
-    throw Error(fmt::format("cannot read flow {}: it has {} bytes, its size {}x{} needs {}", path,
+    throw Error(fmt::format("cannot read flow {}: it has {} bytes, but size {}x{} needs {}", path,
                             bytes.size(), width, height, 12 + 8 * n));
   FlowField flow = zero_flow(width, height);
   std::memcpy(flow.uv.data(), bytes.data() + 12, 8 * n);

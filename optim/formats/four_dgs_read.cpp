@@ -78,7 +78,7 @@ std::string inflated(const Reader& in, std::string_view bytes, uint64_t size) {
                   reinterpret_cast<const Bytef*>(bytes.data()), &used) != Z_OK ||
       got != size)
     in.refuse(
-        fmt::format("it is damaged: a compressed part does not unfold to its {} bytes", size));
+        fmt::format("it is damaged: a compressed part does not decompress to its {} bytes", size));
   out.resize(size);
   return out;
 }
@@ -109,13 +109,13 @@ std::optional<Stream> read_stream(Reader& in, uint32_t count, Wanted&& wanted) {
   if (channels == 0) return std::nullopt;
   const auto name = fmt::format("its stream {} ", stream.id);
   if (codec == kZstd)
-    in.refuse(name + "is compressed by zstd; gflow reads deflate, the format's default");
+    in.refuse(name + "is compressed with zstd, but gflow only reads deflate, the format's default");
   if (codec != kDeflate) in.refuse(fmt::format("{}has unknown codec {}", name, codec));
   if ((width != 1 && width != 2 && width != 4) || mode > constant || elements != count ||
       stream.channels != channels)
-    in.refuse(fmt::format(
-        "{}is damaged: {} x {} symbols of {} bytes, mode {}, where its chunk has {} x {}", name,
-        elements, stream.channels, width, mode, count, channels));
+    in.refuse(
+        fmt::format("{}is damaged: {} x {} symbols of {} bytes, mode {}, but its chunk has {} x {}",
+                    name, elements, stream.channels, width, mode, count, channels));
   stream.is_constant = mode == constant;
   const size_t symbols = (stream.is_constant ? 1 : size_t(count)) * channels;
   if (count == 0) return stream;
@@ -162,10 +162,10 @@ class FileReader {
     const std::string_view magic = in_.take(kMagic.size(), "its magic");
     const char version = magic[kVersionByte];
     if (magic.substr(0, kVersionByte) != kMagic.substr(0, kVersionByte))
-      in_.refuse("it does not begin as .4dgs files do");
+      in_.refuse("it is not a .4dgs file");
     if (version != kMagic[kVersionByte])
-      in_.refuse(fmt::format("it is .4dgs version '{}', gflow reads version 1", version));
-    if (magic != kMagic) in_.refuse("it is damaged: its line ends were changed");
+      in_.refuse(fmt::format("it is .4dgs version '{}', but gflow only reads version 1", version));
+    if (magic != kMagic) in_.refuse("it is damaged: its line endings were converted");
   }
 
   void read_header(Reader& in) {
@@ -178,19 +178,20 @@ class FileReader {
     scene_.cutoff = in.finite("its cutoff");
     const std::string model = in.text("its header");
     if (model != kModel)
-      in.refuse(fmt::format("its temporal model is '{}', gflow reads '{}'", model, kModel));
+      in.refuse(
+          fmt::format("its temporal model is '{}', but gflow only reads '{}'", model, kModel));
     for (int k = 0; k < 6; ++k) in.get<double>("its header");  // bounding box
     scene_.sh_degree = in.get<uint8_t>("its header");
     if (scene_.sh_degree > 3)
-      in.refuse(fmt::format("its spherical harmonics have degree {}, gflow reads 0 to 3",
+      in.refuse(fmt::format("its spherical harmonics have degree {}, but gflow only reads 0 to 3",
                             scene_.sh_degree));
     if (!(scene_.cutoff > 0 && scene_.cutoff <= 1) ||
         !(scene_.duration >= 0 && scene_.duration < kLargest))
       in.refuse(
           fmt::format("it is damaged: cutoff {}, duration {} s", scene_.cutoff, scene_.duration));
     if (declared_ > kMostSplats)
-      in.refuse(
-          fmt::format("it says it has {} Gaussians, gflow reads up to {}", declared_, kMostSplats));
+      in.refuse(fmt::format("its header states {} Gaussians, but gflow reads at most {}", declared_,
+                            kMostSplats));
     const auto bands = uint64_t(scene_.sh_degree) + 1;
     const uint64_t rest = 3 * (bands * bands - 1);
     in.require_plausible(declared_ * (kSplatBytes + 4 * rest));
@@ -208,11 +209,12 @@ class FileReader {
     expect_first(in, !grid_, "quantization");
     const std::string scheme = in.text("its quantization");
     if (scheme != kScheme)
-      in.refuse(fmt::format("its quantization is '{}', gflow reads '{}'", scheme, kScheme));
+      in.refuse(
+          fmt::format("its quantization is '{}', but gflow only reads '{}'", scheme, kScheme));
     grid_.emplace();
     Grid::fields(*grid_, [&](double& value) { value = in.finite("its quantization"); });
     if (!(grid_->time > 0))
-      in.refuse(fmt::format("it is damaged: its step of time is {}", grid_->time));
+      in.refuse(fmt::format("it is damaged: its time step is {}", grid_->time));
   }
 
   void read_windows(Reader& in) {
@@ -224,7 +226,7 @@ class FileReader {
       const double begin = in.get<double>("a window");
       windows_.push_back({begin, in.get<double>("a window")});
       if (std::isnan(begin) || std::isnan(windows_.back()[1]))
-        in.refuse("it is damaged: a window of time is not a number");
+        in.refuse("it is damaged: a time window is NaN");
     }
   }
 
@@ -233,8 +235,7 @@ class FileReader {
     has_chunks_ = true;
     if (!grid_) in.refuse("it is damaged: Gaussians come before its quantization");
     const auto begin = in.get<double>("a chunk"), end = in.get<double>("a chunk");
-    if (std::isnan(begin) || std::isnan(end))
-      in.refuse("it is damaged: a chunk's interval is not a number");
+    if (std::isnan(begin) || std::isnan(end)) in.refuse("it is damaged: a chunk's interval is NaN");
     in.get<uint32_t>("a chunk");  // level
     const auto count = in.get<uint32_t>("a chunk");
     const std::string compression = in.text("a chunk");
@@ -244,7 +245,8 @@ class FileReader {
     if (compression == "deflate")
       streams = unfolded = inflated(in, streams, size);
     else if (!compression.empty())
-      in.refuse(fmt::format("a chunk is compressed by '{}', gflow reads 'deflate'", compression));
+      in.refuse(fmt::format("a chunk is compressed with '{}', but gflow only reads 'deflate'",
+                            compression));
     if (streams.size() != size)
       in.refuse(fmt::format("it is damaged: a chunk of {} bytes has {}", size, streams.size()));
     if (count > declared_ - scene_.splats.size())
@@ -302,7 +304,8 @@ class FileReader {
     s.opacity = std::clamp(*bins(opacity) * grid_->opacity, 0.0, 1.0);
     const int32_t largest = *bins(rotation_index);
     if (largest < 0 || largest > 3)
-      in.refuse(fmt::format("it is damaged: component {} of a quaternion", largest));
+      in.refuse(fmt::format(
+          "it is damaged: a quaternion's largest component is {}, expected 0 to 3", largest));
     double left = 1;  // the square of the largest component
     std::array<double, 4> xyzw{};
     for (size_t k = 0, from = 0; k < 4; ++k) {
@@ -320,15 +323,16 @@ class FileReader {
     for (size_t k = 0; k < 3; ++k)
       good = good && sound(s.mean[k]) && sound(s.velocity[k]) && sound(s.color[k]) &&
              std::isfinite(s.scales[k]) && s.scales[k] > 0;
-    if (!good) in.refuse("it is damaged: a Gaussian has a value without sense");
+    if (!good) in.refuse("it is damaged: a Gaussian has an invalid value");
   }
 
   // A record with one SH band of the preceding chunk.
   void read_band(Reader& in) {
     const auto band = in.get<uint8_t>("spherical harmonics");
     if (band != bands_ + 1 || band > scene_.sh_degree)
-      in.refuse(fmt::format("it is damaged: band {} of spherical harmonics of degree {} after {}",
-                            band, scene_.sh_degree, bands_));
+      in.refuse(
+          fmt::format("it is damaged: band {} of spherical harmonics of degree {} follows band {}",
+                      band, scene_.sh_degree, bands_));
     bands_ = band;
     const size_t count = scene_.splats.size() - first_, size = band_size(band);
     // The stream's id repeats the opcode and is ignored.
@@ -340,7 +344,8 @@ class FileReader {
       for (size_t k = 0; k < 3 * size; ++k) {
         const int32_t byte = stream->row(i)[k];
         if (byte < 0 || byte > 255)
-          in.refuse(fmt::format("it is damaged: a spherical harmonic is {}, not a byte", byte));
+          in.refuse(
+              fmt::format("it is damaged: a spherical harmonic is {}, expected 0 to 255", byte));
         scene_.sh_rest[(3 * (first_ + i) + k / size) * rest + band_first(band) + k % size] =
             float(kShLowest + byte * kShStep);
       }
@@ -349,8 +354,9 @@ class FileReader {
   // A chunk must have all SH bands of its degree.
   void finish_chunk() {
     if (scene_.splats.size() > first_ && bands_ != scene_.sh_degree)
-      in_.refuse(fmt::format("it is damaged: a chunk has {} bands of spherical harmonics, not {}",
-                             bands_, scene_.sh_degree));
+      in_.refuse(
+          fmt::format("it is damaged: a chunk has {} bands of spherical harmonics, expected {}",
+                      bands_, scene_.sh_degree));
     bands_ = 0;
   }
 
@@ -360,15 +366,15 @@ class FileReader {
     in.get<uint64_t>("its footer");
     const auto crc = in.get<uint32_t>("its footer");
     if (in_.take(kMagic.size(), "its end") != kMagic || in_.size() > 0)
-      in_.refuse("it is damaged: it does not end as .4dgs files do");
-    if (summary > at) in_.refuse("it is damaged: its index lies behind its end");
+      in_.refuse("it is damaged: it does not end like a .4dgs file");
+    if (summary > at) in_.refuse("it is damaged: its index is beyond its end");
     if (crc != 0 && summary != 0 &&
         crc !=
             crc32(0, reinterpret_cast<const Bytef*>(bytes_.data()) + summary, uInt(at - summary)))
       in_.refuse("it is damaged: the checksum of its index is wrong");
     if (scene_.splats.size() != declared_)
-      in_.refuse(fmt::format("it is damaged: its header says {} Gaussians, it has {}", declared_,
-                             scene_.splats.size()));
+      in_.refuse(fmt::format("it is damaged: its header states {} Gaussians, but it has {}",
+                             declared_, scene_.splats.size()));
   }
 
   std::string_view bytes_;

@@ -72,7 +72,7 @@ std::string deflated(const std::string& bytes) {
   std::string out(size, '\0');
   if (compress2(reinterpret_cast<Bytef*>(out.data()), &size,
                 reinterpret_cast<const Bytef*>(bytes.data()), bytes.size(), 6) != Z_OK)
-    throw Error("compressing a .4dgs file: out of memory");
+    throw Error("cannot compress a .4dgs file: out of memory");
   out.resize(size);
   return out;
 }
@@ -152,8 +152,8 @@ Grid grid_for(const MovingSplats& scene) {
 
 [[noreturn]] void too_far(size_t i) {
   throw Error(
-      fmt::format("Gaussian {} is too far away, too fast, too large or not finite: the grid of a "
-                  ".4dgs file, which follows the Gaussians' sizes, does not reach it",
+      fmt::format("Gaussian {} is too far away, too fast, too large or not finite: it is outside "
+                  "of the .4dgs grid, whose range depends on the sizes of the Gaussians",
                   i));
 }
 
@@ -408,8 +408,8 @@ Content quantization_of(const Grid& grid, double color_off, double sh_off) {
 void write_four_dgs(const std::string& path, const MovingSplats& scene) {
   if (!(scene.duration > 0) || !(scene.cutoff > 0 && scene.cutoff <= 1))
     throw Error(
-        fmt::format("writing {}: a .4dgs file needs a duration above 0 and a cutoff in "
-                    "(0, 1], here they are {} and {}",
+        fmt::format("cannot write {}: a .4dgs file needs a duration above 0 and a cutoff in "
+                    "(0, 1], but they are {} and {}",
                     path, scene.duration, scene.cutoff));
   const Grid grid = grid_for(scene);
   std::map<Window, int32_t> index_of;

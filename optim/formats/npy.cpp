@@ -62,31 +62,32 @@ std::vector<size_t> parse_shape(std::string_view text, const std::string& name) 
 
 NpyHeader parse_header(const uint8_t* bytes, size_t length, const std::string& name) {
   if (length < 10 || std::memcmp(bytes, magic, 6) != 0)
-    throw_array_error(name, "it does not begin like a .npy file");
+    throw_array_error(name, "it is not a .npy file");
   const int version = bytes[6];
   if (version < 1 || version > 3)
-    throw_array_error(name, fmt::format("it has format version {}, known are 1 to 3", version));
+    throw_array_error(name, fmt::format("it has format version {}, expected 1 to 3", version));
   const size_t start = version == 1 ? 10 : 12;
   if (length < start) throw_array_error(name, "it is truncated within its header");
   size_t text_length = bytes[8] | size_t(bytes[9]) << 8;
   if (version > 1) text_length |= size_t(bytes[10]) << 16 | size_t(bytes[11]) << 24;
   constexpr size_t longest_header = 65536;  // NumPy writes a few hundred bytes
   if (text_length > longest_header)
-    throw_array_error(name, "its header is longer than any of an array");
+    throw_array_error(name, fmt::format("its header is longer than {} bytes", longest_header));
   if (length - start < text_length) throw_array_error(name, "it is truncated within its header");
   const std::string_view text(reinterpret_cast<const char*>(bytes + start), text_length);
 
-  if (text.find("descr") == text.npos) throw_array_error(name, "its header describes no array");
+  if (text.find("descr") == text.npos) throw_array_error(name, "its header has no 'descr'");
   const std::string_view descr = between('\'', value_of(text, "descr"), '\'');
   if (descr.empty() || descr.size() > 20)
-    throw_array_error(name, "it holds records or objects, expected is one number type such as f4");
+    throw_array_error(name,
+                      "it contains records or objects, expected a single number type such as f4");
   const std::string_view order = value_of(text, "fortran_order"), shape = value_of(text, "shape");
   const std::string_view extents = between('(', shape, ')');
   const bool fortran = order.substr(0, 4) == "True";
   if ((!fortran && order.substr(0, 5) != "False") || shape.substr(0, 1) != "(" ||
       shape.find(')') == shape.npos || extents.size() > 200 ||
       extents.find_first_not_of("0123456789, ") != extents.npos)
-    throw_array_error(name, "its header does not give order and shape (whole numbers from 0 on)");
+    throw_array_error(name, "its header has no valid 'fortran_order' and 'shape'");
   return {std::string(descr), fortran, parse_shape(extents, name), start + text_length};
 }
 
@@ -107,7 +108,7 @@ template <class T>
 Array take(const NpyHeader& header, const uint8_t* bytes, size_t length, const std::string& name) {
   const size_t n = count(header.shape, name);
   if (length - header.length != n * sizeof(T))
-    throw_array_error(name, fmt::format("it has {} bytes of values, its shape ({}) of {} needs {}",
+    throw_array_error(name, fmt::format("it has {} bytes of values, but shape ({}) of {} needs {}",
                                         length - header.length, fmt::join(header.shape, ", "),
                                         header.descr, n * sizeof(T)));
   std::vector<T> values(n);
@@ -130,10 +131,10 @@ auto by_type(const NpyHeader& header, const std::string& name, Take&& take) {
   if (d == "<i4") return take(int32_t{});
   if (d == "<u4") return take(uint32_t{});
   if (d == "<i8") return take(int64_t{});
-  throw_array_error(name,
-                    fmt::format("its elements are {}, known are f4 f8 i1 i2 i4 i8 u1 u2 u4 b1, "
-                                "little-endian",
-                                d));
+  throw_array_error(
+      name,
+      fmt::format("its elements are {}, expected f4 f8 i1 i2 i4 i8 u1 u2 u4 or b1, little-endian",
+                  d));
 }
 
 template <class T>
@@ -192,7 +193,7 @@ Bytes npy_bytes(const Array& array) {
       [&](const auto& values) {
         using T = typename std::decay_t<decltype(values)>::value_type;
         if (count(array.shape, "to write") != values.size())
-          throw Error(fmt::format("cannot write array: shape {} does not have {} values",
+          throw Error(fmt::format("cannot write array: shape {} does not match {} values",
                                   array.shape_text(), values.size()));
         std::string text = fmt::format("{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}",
                                        descr_of<T>(), array.shape_text());

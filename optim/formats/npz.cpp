@@ -59,15 +59,15 @@ Archive open_archive(const std::string& path) {
   // libzip reports these two cases as "Operation not supported" and "Not a zip archive".
   std::error_code unknown;
   if (std::filesystem::is_directory(path, unknown))
-    why = "it is a folder, expected is an .npz file";
+    why = "it is a folder, expected an .npz file";
   else if (std::filesystem::is_other(path, unknown))  // such as a pipe
     why = "it is not a file";
   else if (lacks_directory(code))
-    why = begins_as_archive(path) ? "it is cut off or damaged: the list of its arrays, with which "
-                                    "it would end, is missing"
-                                  : "it is no .npz file (a zip archive of arrays)";
+    why = begins_as_archive(path)
+              ? "it is truncated or damaged: the zip directory at its end is missing"
+              : "it is not an .npz file (a zip archive of arrays)";
   else if (begins_as_archive(path))
-    why = fmt::format("it is damaged, or cannot be read ({})", why);
+    why = fmt::format("it is damaged or unreadable ({})", why);
   throw Error(fmt::format("cannot read {}: {}", path, why));
 }
 

@@ -46,8 +46,8 @@ const std::vector<T>& exact_values(const Arrays& arrays, std::string_view name,
   const Array& array = array_named(arrays, name, path);
   const auto* values = std::get_if<std::vector<T>>(&array.values);
   if (!values || array.shape != shape)
-    throw Error(fmt::format("{}: array '{}' is {}{}, expected is ({})", path, name,
-                            array.shape_text(), values ? "" : " of another number type",
+    throw Error(fmt::format("{}: array '{}' has shape {}{}, expected ({})", path, name,
+                            array.shape_text(), values ? "" : " and another number type",
                             fmt::join(shape, ", ")));
   return *values;
 }

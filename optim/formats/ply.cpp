@@ -162,8 +162,8 @@ std::vector<PlyElement> read_ply_elements(const std::string& path) {
 void write_ply(const std::string& path, const PlyTable& table) {
   const size_t columns = table.names.size();
   if (columns == 0 || table.values.size() != table.rows * columns)
-    throw Error(fmt::format("cannot write {}: {} rows of {} properties are not {} values", path,
-                            table.rows, columns, table.values.size()));
+    throw Error(fmt::format("cannot write {}: {} rows of {} properties do not match {} values",
+                            path, table.rows, columns, table.values.size()));
   write_ply(path, table, [&](size_t i, float* values) {
     std::copy_n(table.values.data() + i * columns, columns, values);
   });
@@ -224,9 +224,8 @@ PointCloud read_point_cloud(const std::string& path) {
       const double place = values[position[i]];
       if (!(std::fabs(place) <= farthest_point))
         throw_ply_error(path,
-                        fmt::format("the position of vertex {} is not finite, or farther off than "
-                                    "{:g}",
-                                    v, farthest_point));
+                        fmt::format("vertex {} has a coordinate that is NaN, Inf or beyond {:g}", v,
+                                    farthest_point));
       if (kept) points.xyz.push_back(exact ? place : double(float(place)));
     }
     for (size_t i = 0; i < 3 && colored && kept; ++i)
@@ -239,7 +238,7 @@ PointCloud read_point_cloud(const std::string& path) {
 void write_point_cloud(const std::string& path, const PointCloud& points) {
   const bool colored = !points.rgb.empty();
   if (points.xyz.size() % 3 || (colored && points.rgb.size() != points.xyz.size()))
-    throw Error(fmt::format("cannot write {}: {} coordinates do not fit {} colour values", path,
+    throw Error(fmt::format("cannot write {}: {} coordinates do not match {} colour values", path,
                             points.xyz.size(), points.rgb.size()));
   std::string bytes = fmt::format(
       "ply\nformat binary_little_endian 1.0\nelement vertex {}\n"

@@ -47,8 +47,8 @@ std::array<double, 3> origin_of(const PlyTable& table, const std::string& path) 
   if (!said || said->size() != 3 ||
       !std::all_of(said->begin(), said->end(), [](double x) { return std::fabs(x) <= farthest; }))
     throw Error(
-        fmt::format("reading {}: its comment 'origin {}' is damaged: expected are three "
-                    "numbers of at most {:g}",
+        fmt::format("cannot read {}: its comment 'origin {}' is damaged; expected three numbers of "
+                    "at most {:g}",
                     path, excerpt(*text), farthest));
   for (size_t axis = 0; axis < 3; ++axis) origin[axis] += (*said)[axis];
   return origin;

@@ -50,7 +50,7 @@ PlyType parse_type(const std::string& word, const std::string& path) {
       {"float64", PlyType::f64}};
   const auto found = types.find(word);
   if (found == types.end())
-    throw_ply_error(path, fmt::format("'{}' is no property type", excerpt(word)));
+    throw_ply_error(path, fmt::format("'{}' is not a property type", excerpt(word)));
   return found->second;
 }
 
@@ -78,13 +78,13 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
   if (keyword == "format") {
     words >> word;
     if (word != "ascii" && word != "binary_little_endian")
-      throw_ply_error(path,
-                      fmt::format("its format is '{}', known are ascii and binary_little_endian",
-                                  excerpt(word)));
+      throw_ply_error(
+          path,
+          fmt::format("its format is '{}', expected ascii or binary_little_endian", excerpt(word)));
     std::string version;
     if (!(words >> version) || version != "1.0" || !(words >> std::ws).eof())
       throw_ply_error(path,
-                      fmt::format("its '{}' should end with its version, 1.0", excerpt(line)));
+                      fmt::format("its line '{}' must end with the version 1.0", excerpt(line)));
     if (has_format) throw_ply_error(path, "its header has two lines 'format'");
     header.ascii = word == "ascii";
     has_format = true;
@@ -93,7 +93,8 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
     long long rows = -1;
     words >> element.name >> rows;
     if (!words || rows < 0 || !(words >> std::ws).eof())
-      throw_ply_error(path, fmt::format("'{}' has no number of rows", excerpt(line)));
+      throw_ply_error(path,
+                      fmt::format("its line '{}' has no valid number of rows", excerpt(line)));
     element.rows = size_t(rows);
     header.elements.push_back(element);
   } else if (keyword == "property") {
@@ -159,9 +160,8 @@ void PlyRows::require_rows(const PlyElementHeader& element) const {
   size_t stride = 0;
   for (const PlyProperty& property : element.properties) {
     if (property.is_list)
-      throw_ply_error(file_.path(),
-                      fmt::format("property '{}' of {} is a list, expected are numbers",
-                                  excerpt(property.name), excerpt(element.name)));
+      throw_ply_error(file_.path(), fmt::format("property '{}' of {} is a list, expected a number",
+                                                excerpt(property.name), excerpt(element.name)));
     stride += header_.ascii ? 2 : size_of(property.type);
   }
   if (!stride)
@@ -185,7 +185,7 @@ void PlyRows::skip(const PlyElementHeader& element) {
     for (const PlyProperty& property : element.properties) {
       const double n = property.is_list ? next(property.length_type) : 1;
       if (!(n >= 0))
-        throw_ply_error(file_.path(), fmt::format("a list of {} is {} long", element.name, n));
+        throw_ply_error(file_.path(), fmt::format("a list of {} has length {}", element.name, n));
       for (double i = 0; i < n; ++i) next(property.type);
     }
     end_row();
@@ -241,8 +241,7 @@ double PlyRows::next_word() {
   const bool whole = result.ptr == end ? text.size() == file_.left() : is_blank(*result.ptr);
   if (result.ec == std::errc::invalid_argument || !whole)  // "0-1" is not two numbers
     refuse_word(text, "is not a number");
-  if (result.ec != std::errc())
-    refuse_word(text, "is nearer to 0 or farther from it than a number can be");
+  if (result.ec != std::errc()) refuse_word(text, "is outside of the range of doubles");
   file_.step(size_t(result.ptr - text.data()));
   return value;
 }
@@ -304,10 +303,10 @@ void PlyRows::require_end() {
     const auto more = std::find_if_not(text.begin(), text.end(), is_blank);
     file_.step(size_t(more - text.begin()));
     if (more != text.end())
-      throw_ply_error(file_.path(),
-                      fmt::format("it goes on for {} bytes behind its last row: its header "
-                                  "has too few rows or properties",
-                                  file_.left()));
+      throw_ply_error(
+          file_.path(),
+          fmt::format("{} bytes follow its last row: its header states too few rows or properties",
+                      file_.left()));
     if (text.empty()) return;
   }
 }

@@ -29,8 +29,8 @@ void append_numbered(std::vector<std::string>& names, const std::string& stem, s
 PlyTable finite(PlyTable table, const std::string& path) {
   for (size_t i = 0; i < table.values.size(); ++i)
     if (!std::isfinite(table.values[i]))
-      throw Error(fmt::format("reading {}: Gaussian {} has a value that is not finite ({})", path,
-                              i / table.names.size(), table.names[i % table.names.size()]));
+      throw Error(fmt::format("cannot read {}: Gaussian {} has a value that is NaN or Inf ({})",
+                              path, i / table.names.size(), table.names[i % table.names.size()]));
   return table;
 }
 
@@ -69,14 +69,12 @@ int sh_degree_of(const PlyTable& table, const std::string& path) {
       std::count_if(table.names.begin(), table.names.end(),
                     [](const std::string& name) { return name.rfind("f_rest_", 0) == 0; });
   if (size_t(named) != columns)
-    throw Error(fmt::format("reading {}: its {} f_rest columns are not f_rest_0 to f_rest_{}", path,
-                            named, named - 1));
+    throw Error(fmt::format("cannot read {}: its {} f_rest columns are not f_rest_0 to f_rest_{}",
+                            path, named, named - 1));
   const int degree = sh_degree_of(columns);
   if (degree < 0)
-    throw Error(
-        fmt::format("reading {}: it has {} f_rest columns; spherical harmonics have 0, 9, "
-                    "24 or 45",
-                    path, columns));
+    throw Error(fmt::format("cannot read {}: it has {} f_rest columns, expected 0, 9, 24 or 45",
+                            path, columns));
   return degree;
 }
 
@@ -84,7 +82,8 @@ void require_property(const std::vector<std::string>& names, const std::string& 
                       const std::string& path) {
   if (std::find(names.begin(), names.end(), name) == names.end())
     throw Error(fmt::format(
-        "reading {}: property '{}' is missing, this is no PLY of trained Gaussians", path, name));
+        "cannot read {}: property '{}' is missing; it is not a PLY of trained Gaussians", path,
+        name));
 }
 
 namespace {
@@ -134,7 +133,7 @@ SplatFormat splat_format(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   char start[6] = {};
   file.read(start, 5);
-  if (file.gcount() < 3) throw Error("cannot read " + path + ": it has less than three bytes");
+  if (file.gcount() < 3) throw Error("cannot read " + path + ": it has fewer than three bytes");
   if (is_four_dgs(start)) return SplatFormat::four_dgs;
   const std::string first(start, 3);
   if (first == "ply")
@@ -145,8 +144,8 @@ SplatFormat splat_format(const std::string& path) {
   for (char& c : extension) c = char(std::tolower(c));
   if (extension == ".splat") return SplatFormat::splat;
   throw Error(
-      fmt::format("cannot read {} as a splat: gflow reads .ply, compressed .ply, .splat, "
-                  ".spz (versions 2 and 3) and .4dgs",
+      fmt::format("cannot read {}: unknown splat format; gflow reads .ply, compressed .ply, "
+                  ".splat, .spz (versions 2 and 3) and .4dgs",
                   path));
 }
 
@@ -161,8 +160,8 @@ PlyTable read_splats(const std::string& path, SplatFormat format) {
   if (format == SplatFormat::spz) return finite(read_spz(path), path);
   if (format == SplatFormat::four_dgs)
     throw Error(
-        fmt::format("{} is a .4dgs file, whose Gaussians move in a way of their own; `gflow import "
-                    "{} --time SECONDS -o now.ply` makes a PLY of one of its moments",
+        fmt::format("{} is a .4dgs file of moving Gaussians; `gflow import {} --time SECONDS -o "
+                    "now.ply` writes a PLY of one time",
                     path, path));
   return finite(read_dot_splat(path), path);
 }

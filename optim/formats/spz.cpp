@@ -76,17 +76,18 @@ SpzHeader read_header(const Bytes& bytes, const std::string& path) {
   if (bytes.size() < sizeof header) throw_spz_error(path, "it is truncated: it has no header");
   std::memcpy(&header, bytes.data(), sizeof header);
   if (header.magic != kMagic)
-    throw_spz_error(path, "it does not begin with 'NGSP', as .spz files do");
+    throw_spz_error(path, "it is not an .spz file: it does not start with 'NGSP'");
   if (header.version != 2 && header.version != 3)
-    throw_spz_error(path,
-                    fmt::format("it is .spz version {}, gflow reads 2 and 3", header.version));
+    throw_spz_error(
+        path, fmt::format("it is .spz version {}, but gflow only reads 2 and 3", header.version));
   if (header.sh_degree > 3)
-    throw_spz_error(path, fmt::format("its spherical harmonics have degree {}, gflow reads 0 to 3",
-                                      header.sh_degree));
+    throw_spz_error(
+        path, fmt::format("its spherical harmonics have degree {}, but gflow only reads 0 to 3",
+                          header.sh_degree));
   constexpr int most_bits = 24;  // of a position in all
   if (header.fraction_bits > most_bits)
     throw_spz_error(path,
-                    fmt::format("its positions have {} bits behind the point, they have {} in all",
+                    fmt::format("its positions have {} fractional bits, but only {} bits in total",
                                 header.fraction_bits, most_bits));
   return header;
 }

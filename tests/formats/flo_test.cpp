@@ -66,7 +66,7 @@ TEST(Flo, WhatIsWrittenIsReadAgainAlsoGzipped) {
 TEST(Flo, RefusesWrongTagSizeAndLength) {
   const TemporaryFolder folder;
   const auto read = [&](const std::string& bytes) { read_flo(folder.write("a.flo", bytes)); };
-  expect_error([&] { read("PIEX" + flo(1, 1, {0, 0}).substr(4)); }, {"a.flo", "begin"});
+  expect_error([&] { read("PIEX" + flo(1, 1, {0, 0}).substr(4)); }, {"a.flo", "not a .flo file"});
   expect_error([&] { read("PIEH"); }, {"a.flo"});
   expect_error([&] { read(flo(-1, 1, {0, 0})); }, {"-1x1"});
   expect_error([&] { read(flo(30000, 30000, {0, 0})); }, {"30000x30000", "20 bytes"});

@@ -410,7 +410,8 @@ TEST(FourDgs, SaysWhatItCannotRead) {
   std::string bytes = HandMade().bytes();
   bytes[5] = '2';
   expect_error([&] { read_four_dgs(folder.write("b.4dgs", bytes)); }, {"b.4dgs", "version '2'"});
-  expect_error([&] { read_four_dgs(folder.write("c.4dgs", "ply\nformat")); }, {"c.4dgs", "begin"});
+  expect_error([&] { read_four_dgs(folder.write("c.4dgs", "ply\nformat")); },
+               {"c.4dgs", "not a .4dgs file"});
   // Commands that take a model suggest the conversion.
   expect_error([&] { read_splats(folder.write("d.4dgs", HandMade().bytes())); },
                {"d.4dgs", "gflow import", "--time"});

@@ -75,7 +75,7 @@ TEST(Npy, RefusesWhatItDoesNotRead) {
   expect_error([&] { parse(npy(dictionary(">f4", "(1,)"), four)); }, {">f4", "little-endian"});
   expect_error([&] { parse(npy(dictionary("<c8", "(1,)"), four)); }, {"<c8"});
   expect_error([&] { parse(npy("{'descr': [('a', '<f4')]}", four)); }, {"records"});
-  expect_error([&] { parse(npy("", four)); }, {"x.npy", "describes no array"});
+  expect_error([&] { parse(npy("", four)); }, {"x.npy", "no 'descr'"});
   expect_error([&] { parse(npy(dictionary("<f4", "(1,)"), four, 9)); }, {"version 9"});
   expect_error([&] { parse("no array at all"); }, {"x.npy", ".npy file"});
 }
@@ -91,9 +91,11 @@ TEST(Npy, BlanksAndLettersOfAnyNumberAreNoObstacle) {
                {"records"});
   for (const std::string& shape :
        std::vector<std::string>{"(1", "1,)", "(1, x)", "(" + blanks + ")"})
-    expect_error([&] { parse(npy(dictionary("<f4", shape), four)); }, {"order and shape"});
+    expect_error([&] { parse(npy(dictionary("<f4", shape), four)); },
+                 {"'fortran_order' and 'shape'"});
   for (const char* other : {"Truly", "0", ""})
-    expect_error([&] { parse(npy(dictionary("<f4", "(1,)", other), four)); }, {"order and shape"});
+    expect_error([&] { parse(npy(dictionary("<f4", "(1,)", other), four)); },
+                 {"'fortran_order' and 'shape'"});
 }
 
 TEST(Npy, RefusesALengthThatIsNotTheShapes) {

@@ -92,11 +92,11 @@ TEST(Npz, MissingAndTruncatedArchivesAreRefused) {
   write_npz(path, {{"a", {{300}, std::vector<int32_t>(300, 1)}}});
   const std::string whole = contents(path);
   folder.write("cut.npz", whole.substr(0, whole.size() / 2));
-  expect_error([&] { read_npz(folder.file("cut.npz")); }, {"cut.npz", "cut off or damaged"});
+  expect_error([&] { read_npz(folder.file("cut.npz")); }, {"cut.npz", "truncated or damaged"});
   folder.write("text.npz", "means");
-  expect_error([&] { read_npz(folder.file("text.npz")); }, {"text.npz", "is no .npz file"});
+  expect_error([&] { read_npz(folder.file("text.npz")); }, {"text.npz", "is not an .npz file"});
   folder.write("empty.npz", "");
-  expect_error([&] { read_npz(folder.file("empty.npz")); }, {"empty.npz", "is no .npz file"});
+  expect_error([&] { read_npz(folder.file("empty.npz")); }, {"empty.npz", "is not an .npz file"});
   expect_error([&] { read_npz(folder.path()); }, {folder.path(), "is a folder"});
   ASSERT_EQ(::mkfifo(folder.file("pipe.npz").c_str(), 0600), 0);
   expect_error([&] { read_npz(folder.file("pipe.npz")); }, {"pipe.npz", "is not a file"});

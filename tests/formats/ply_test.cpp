@@ -101,15 +101,15 @@ TEST(Ply, RefusesWhatGoesOnBehindItsLastRow) {
   std::string bytes = contents(folder.file("a.ply"));
   bytes.replace(bytes.find("vertex 2"), 8, "vertex 1");
   const std::string path = folder.write("fewer.ply", bytes);
-  expect_error([&] { read_ply(path); }, {"fewer.ply", "15 bytes behind its last row"});
-  expect_error([&] { read_point_cloud(path); }, {"fewer.ply", "15 bytes behind its last row"});
-  expect_error([&] { read_ply_elements(path); }, {"fewer.ply", "15 bytes behind its last row"});
+  expect_error([&] { read_ply(path); }, {"fewer.ply", "15 bytes follow its last row"});
+  expect_error([&] { read_point_cloud(path); }, {"fewer.ply", "15 bytes follow its last row"});
+  expect_error([&] { read_ply_elements(path); }, {"fewer.ply", "15 bytes follow its last row"});
   const std::string text =
       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
       "property float z\nend_header\n1 2 3\n";
   folder.write("longer.ply", text + "\n4 5 6\n");
   expect_error([&] { read_point_cloud(folder.file("longer.ply")); },
-               {"longer.ply", "6 bytes behind its last row"});
+               {"longer.ply", "6 bytes follow its last row"});
 
   // Trailing blanks of an editor and unknown elements are ignored.
   EXPECT_EQ(read_point_cloud(folder.write("blank.ply", text + "\n \r\n\n")).size(), 1u);
@@ -129,7 +129,7 @@ TEST(Ply, RefusesCountsThatCannotBeInTheFile) {
     for (const char* count : {"4000000000", "9000000000000000000"})
       expect_error([&] { read_ply(with(format, count)); }, {"a.ply", "truncated"});
   for (const char* rows : {"-1", "0x10", "1.5", "1 9", "1e3"})
-    expect_error([&] { read_ply(with("ascii", rows)); }, {"number of rows"});
+    expect_error([&] { read_ply(with("ascii", rows)); }, {"no valid number of rows"});
   expect_error([&] { read_ply(with("binary_big_endian", "1")); }, {"binary_big_endian"});
   expect_error([&] { read_ply(with("ascii 1.0\nformat binary_little_endian", "1")); },
                {"two lines 'format'"});
@@ -188,7 +188,8 @@ TEST(Ply, TakesDamagedTextForNoOtherNumbers) {
                {"'3\\04' in line 8 is not a number"});
   expect_error([&] { read("1 2 3\n4 5\n"); }, {"line 7 has more values"});
   expect_error([&] { read("1\n2 3\n4 5\n"); }, {"line 7 has fewer values"});
-  expect_error([&] { read("1 2\n3 1e400\n"); }, {"'1e400' in line 8 is nearer to 0 or farther"});
+  expect_error([&] { read("1 2\n3 1e400\n"); },
+               {"'1e400' in line 8 is outside of the range of doubles"});
   expect_error([&] { read("1 2\n3 +-4\n"); }, {"'+-4' in line 8 is not a number"});
 }
 
@@ -200,7 +201,7 @@ TEST(Ply, RefusesPositionsThatAreNotFinite) {
                                       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
                                       "property float y\nproperty float z\nend_header\n0 nan 1\n"));
       },
-      {"vertex 0", "not finite"});
+      {"vertex 0", "NaN, Inf"});
   expect_error(
       [&] {
         read_point_cloud(
@@ -208,7 +209,7 @@ TEST(Ply, RefusesPositionsThatAreNotFinite) {
                          "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
                          "property float y\nproperty float z\nend_header\n0 1e19 1\n"));
       },
-      {"vertex 0", "farther off than 1e+18"});
+      {"vertex 0", "beyond 1e+18"});
 }
 
 TEST(Ply, RowsMayLieAcrossThePiecesOfAFile) {

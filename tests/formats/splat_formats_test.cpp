@@ -185,7 +185,7 @@ TEST(DotSplat, RefusesWhatIsNoSuchFile) {
   bytes.replace(0, 4, "\xff\xff\xff\xff");
   bytes[19] = 0x3f;
   expect_error([&] { read_splats(folder.write("c.splat", bytes + std::string(8, '\x40'))); },
-               {"c.splat", "Gaussian 0", "not finite"});
+               {"c.splat", "Gaussian 0", "NaN or Inf"});
 }
 
 TEST(DotSplat, RefusesAFileThatBecomesShorterWhileItIsRead) {
@@ -197,7 +197,7 @@ TEST(DotSplat, RefusesAFileThatBecomesShorterWhileItIsRead) {
     FilePieces file(path);
     std::filesystem::resize_file(path, left);
     SCOPED_TRACE(left);
-    expect_error([&] { read_dot_splat(file); }, {"b.splat", "became shorter while it was read"});
+    expect_error([&] { read_dot_splat(file); }, {"b.splat", "truncated while being read"});
   }
 }
 
@@ -316,7 +316,7 @@ TEST(CompressedPly, RefusesWhatDoesNotFitTogether) {
     other.resize(
         size_t(long(other.size()) + (size - 4) * long(table.table.rows)));  // the stated length
     expect_error([&] { read_splats(folder.write("d.ply", other)); },
-                 {"d.ply", "'packed_scale' is no uint"});
+                 {"d.ply", "'packed_scale' is not a uint"});
   }
   expect_error([&] { read_splats(folder.write("c.ply", bytes.substr(0, bytes.size() - 20))); },
                {"c.ply", "truncated", "300 rows of sh"});
@@ -342,7 +342,7 @@ TEST(CompressedPly, RefusesARangeThatIsNotFinite) {
   const size_t first = bytes.find("end_header\n") + 11;
   bytes.replace(first, 4, "\xff\xff\xff\xff");
   expect_error([&] { read_splats(folder.write("a.ply", bytes)); },
-               {"a.ply", "Gaussian 0", "not finite"});
+               {"a.ply", "Gaussian 0", "NaN or Inf"});
 }
 
 // --- .spz
@@ -436,7 +436,7 @@ TEST(Spz, RefusesOtherVersionsAndTruncatedOnes) {
   std::string shifted = bytes;
   shifted[13] = 25;
   expect_error([&] { read_splats(folder.write("g.spz", shifted)); },
-               {"g.spz", "25 bits behind the point", "24 in all"});
+               {"g.spz", "25 fractional bits", "24 bits in total"});
   const Bytes packed = gzip(bytes);
   expect_error(
       [&] {
