@@ -84,11 +84,10 @@ class Estimator {
       for (const FlowPair& way : {pair, reverse(pair)})
         if (!has(way)) bytes += likely_bytes(camera_of(way));
     require_free_space(folder_.path(), uint64_t(bytes),
-                       fmt::format("optical flow of {} pairs of pictures", work.size()),
-                       "give it less (flow.store, in GiB), so that it is computed when needed; or "
-                       "train smaller pictures (-r 2), fewer of them (scene.stride, "
-                       "scene.max_steps), without flow (flow.enabled = false), or into a folder on "
-                       "another disk");
+                       fmt::format("optical flow of {} image pairs", work.size()),
+                       "reduce flow.store [GiB] to compute flow on demand, use smaller images "
+                       "(-r 2) or fewer of them (scene.stride, scene.max_steps), disable flow "
+                       "(flow.enabled = false), or write to another disk");
   }
 
   static double likely_bytes(const Camera& camera) {
@@ -132,10 +131,8 @@ class Estimator {
       for (const auto& [name, bytes] : flows) folder_.keep(name, *bytes);
     } catch (const Error& problem) {
       if (!was_full_.exchange(true) && notice_)
-        notice_(
-            fmt::format("optical flow that cannot be kept is computed again when it is needed: "
-                        "{}",
-                        problem.what()));
+        notice_(fmt::format("optical flow cannot be stored and will be recomputed when needed: {}",
+                            problem.what()));
     }
   }
 

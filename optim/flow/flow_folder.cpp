@@ -46,7 +46,7 @@ FlowFolder::FlowFolder(const std::string& folder, uint64_t budget, Notice notice
     : folder_(folder), budget_(budget), notice_(std::move(notice)) {
   std::error_code failed;
   fs::create_directories(folder, failed);
-  if (failed) throw Error(fmt::format("cannot make folder {}: {}", folder, failed.message()));
+  if (failed) throw Error(fmt::format("cannot create folder {}: {}", folder, failed.message()));
 }
 
 std::string FlowFolder::file_of(const std::string& name) const {
@@ -68,7 +68,7 @@ std::optional<TargetFlow> FlowFolder::read(const std::string& name, int width, i
     return teacher;
   } catch (const Error& problem) {
     if (fs::exists(path, failed) && notice_)  // else another process removed it
-      notice_(fmt::format("{}; this flow is computed again", problem.what()));
+      notice_(fmt::format("{}; computing this flow again", problem.what()));
     return {};
   }
 }

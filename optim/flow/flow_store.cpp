@@ -35,8 +35,8 @@ std::vector<uint8_t> where_valid(const FlowField& flow) {
 std::vector<uint8_t> read_mask(const std::string& path, const FlowField& flow, int threshold) {
   const Image mask = read_grey(path);
   if (mask.width != flow.width || mask.height != flow.height)
-    throw Error(fmt::format("mask {} is {}x{}, its flow is {}x{}", path, mask.width, mask.height,
-                            flow.width, flow.height));
+    throw Error(fmt::format("mask {} is {}x{}, but its flow is {}x{}", path, mask.width,
+                            mask.height, flow.width, flow.height));
   std::vector<uint8_t> confidence = where_valid(flow);
   for (size_t i = 0; i < confidence.size(); ++i)
     if (mask.pixels[i] < threshold) confidence[i] = 0;
@@ -47,8 +47,8 @@ std::vector<uint8_t> read_mask(const std::string& path, const FlowField& flow, i
 TargetFlow fitted(const TargetFlow& teacher, int width, int height, const std::string& path) {
   const double sx = double(width) / teacher.flow.width, sy = double(height) / teacher.flow.height;
   if (!(sx / sy > 0.98 && sx / sy < 1.02))
-    throw Error(fmt::format("flow {} is {}x{}, its picture is {}x{}", path, teacher.flow.width,
-                            teacher.flow.height, width, height));
+    throw Error(fmt::format("flow {} is {}x{}, but its image is {}x{}: the aspect ratios differ",
+                            path, teacher.flow.width, teacher.flow.height, width, height));
   return resized(teacher, width, height);
 }
 
@@ -57,8 +57,8 @@ FlowField flow_from_npy(const std::string& path) {
   const auto& shape = array.shape;
   if (shape.size() != 3 || shape[2] != 2 || shape[0] < 1 || shape[1] < 1 || shape[0] > 32768 ||
       shape[1] > 32768)
-    throw Error(fmt::format("flow {} has shape {}, expected is (height, width, 2)", path,
-                            array.shape_text()));
+    throw Error(
+        fmt::format("flow {} has shape {}, expected (height, width, 2)", path, array.shape_text()));
   FlowField flow = zero_flow(int(shape[1]), int(shape[0]));
   flow.uv = array.as_float();
   for (size_t i = 0; i < flow.valid.size(); ++i) {
@@ -166,8 +166,7 @@ size_t FlowStore::prefetch_count() const { return 2 * state_->options.threads; }
 bool FlowStore::is_precomputed() const { return state_->options.is_precomputed; }
 
 TargetFlow read_true_flow(const Frame& frame, int width, int height) {
-  if (frame.flow_path.empty())
-    throw Error(fmt::format("frame {} comes without a true flow", frame.name));
+  if (frame.flow_path.empty()) throw Error(fmt::format("frame {} has no true flow", frame.name));
   TargetFlow teacher{read_flo(frame.flow_path), {}};
   teacher.confidence = frame.flow_mask_path.empty()
                            ? where_valid(teacher.flow)

@@ -42,8 +42,10 @@ cv::Ptr<cv::DISOpticalFlow> finest_dis() {
 void check_pair(const Image& a, const Image& b) {
   const bool rgb = a.channels == 3 && b.channels == 3;
   if (!rgb || a.width != b.width || a.height != b.height || a.width < 1 || a.height < 1)
-    throw Error(fmt::format("cannot estimate flow from {}x{} pixels of {} channels to {}x{} of {}",
-                            a.width, a.height, a.channels, b.width, b.height, b.channels));
+    throw Error(
+        fmt::format("cannot estimate flow from a {}x{} image with {} channels to a {}x{} image "
+                    "with {}: both must be RGB and of equal size",
+                    a.width, a.height, a.channels, b.width, b.height, b.channels));
 }
 
 // Bilinear sample of a flow at pixel indices (x, y); false outside of the image or if one of the

@@ -87,7 +87,7 @@ uint16_t sign_first(uint16_t coded) {
 Bytes deflated(const Bytes& bytes) {
   z_stream stream{};
   if (deflateInit2(&stream, 1, Z_DEFLATED, MAX_WBITS, 9, Z_RLE) != Z_OK)
-    throw Error("cannot compress flow: zlib did not start");
+    throw Error("cannot compress flow: zlib failed to initialise");
   const std::unique_ptr<z_stream, int (*)(z_stream*)> guard(&stream, deflateEnd);
   Bytes result(sizeof(Header) + deflateBound(&stream, uLong(bytes.size())));
   stream.next_in = const_cast<Bytef*>(bytes.data());
@@ -105,7 +105,7 @@ Bytes deflated(const Bytes& bytes) {
 Bytes packed(const TargetFlow& teacher) {
   const FlowField& flow = teacher.flow;
   if (uint32_t(flow.width) > longest_side || uint32_t(flow.height) > longest_side)
-    throw Error(fmt::format("a flow of {}x{} cannot be kept, at most {} pixels a side can",
+    throw Error(fmt::format("cannot store a flow of {}x{} pixels: the longest side supported is {}",
                             flow.width, flow.height, longest_side));
   const Parts parts(flow.valid.size());
   const uint32_t units = units_for(flow);
@@ -148,7 +148,7 @@ TargetFlow unpacked(const Bytes& bytes, const std::string& name) {
   Header header;
   if (bytes.size() < sizeof(Header)) throw damaged("it ends within its header");
   std::memcpy(&header, bytes.data(), sizeof(Header));
-  if (std::memcmp(header.tag, tag, sizeof(tag)) != 0) throw damaged("it is no packed flow");
+  if (std::memcmp(header.tag, tag, sizeof(tag)) != 0) throw damaged("it is not a packed flow");
   if (header.length != bytes.size() - sizeof(Header)) throw damaged("its length is wrong");
   const uint8_t* stream = bytes.data() + sizeof(Header);
   if (crc_of(header, stream) != header.crc) throw damaged("its checksum is wrong");
@@ -158,15 +158,15 @@ TargetFlow unpacked(const Bytes& bytes, const std::string& name) {
   const bool sized = header.width > 0 && header.width <= longest_side && header.height > 0 &&
                      header.height <= longest_side;
   if (!sized || Parts(size_t(header.width) * header.height).end > most_expanded * header.length)
-    throw damaged("it does not expand to a flow of its size");
-  if (header.units == 0 || header.units > finest) throw damaged("its unit is none");
+    throw damaged("it does not decompress to a flow of its size");
+  if (header.units == 0 || header.units > finest) throw damaged("its unit is invalid");
   const int width = int(header.width), height = int(header.height);
   TargetFlow teacher{zero_flow(width, height), {}};
   const Parts parts(teacher.flow.valid.size());
   Bytes expanded(parts.end);
   uLongf length = uLongf(expanded.size());
   if (uncompress(expanded.data(), &length, stream, header.length) != Z_OK || length != parts.end)
-    throw damaged("it does not expand to a flow of its size");
+    throw damaged("it does not decompress to a flow of its size");
   teacher.confidence.resize(parts.pixels);
   std::vector<uint16_t> plane(parts.pixels);
   const float unit = 1 / float(header.units);

@@ -41,22 +41,20 @@ PointTracks read_point_tracks(const std::string& path) {
   const Arrays arrays = read_npz(path, {"tracks", "visibility"});
   if (!arrays.count("tracks"))
     throw Error(fmt::format(
-        "{} has no array 'tracks': expected is one of (pictures, points, 2), x, y in pixels",
-        path));
+        "{} has no array 'tracks': expected shape (frames, points, 2), x and y in pixels", path));
   const Array& xy = arrays.at("tracks");
   if (xy.shape.size() != 3 || xy.shape[0] < 1 || xy.shape[1] < 1 || xy.shape[2] != 2)
-    throw Error(
-        fmt::format("{}: array 'tracks' has shape {}, expected is (pictures, points, 2), pixels",
-                    path, xy.shape_text()));
+    throw Error(fmt::format(
+        "{}: array 'tracks' has shape {}, expected (frames, points, 2), x and y in pixels", path,
+        xy.shape_text()));
   PointTracks tracks{xy.shape[0], xy.shape[1], xy.as_float(), {}};
   tracks.seen.assign(tracks.pictures * tracks.points, 1);
   if (arrays.count("visibility")) {
     const Array& visibility = arrays.at("visibility");
     if (visibility.shape != std::vector<size_t>{tracks.pictures, tracks.points})
       throw Error(
-          fmt::format("{}: array 'visibility' has shape {}, expected is ({}, {}) as for "
-                      "'tracks'",
-                      path, visibility.shape_text(), tracks.pictures, tracks.points));
+          fmt::format("{}: array 'visibility' has shape {}, expected ({}, {}) as in 'tracks'", path,
+                      visibility.shape_text(), tracks.pictures, tracks.points));
     const std::vector<float> values = visibility.as_float();
     for (size_t i = 0; i < values.size(); ++i) tracks.seen[i] = values[i] > 0.5f;
   }
@@ -109,10 +107,10 @@ size_t require_inside(const PointTracks& tracks, const Camera& stored, const std
   }
   if (in_sight == 0 || inside > in_first) return in_sight;
   throw Error(
-      fmt::format("{}: no point lies inside the pictures of camera {}{}: 'tracks' must be x, y in "
-                  "pixels of the pictures as they are stored, {}x{}",
-                  path, stored.name, in_first ? " but within the first pixel" : "", stored.width,
-                  stored.height));
+      fmt::format("{}: no point is inside the images of camera {}{}: 'tracks' must be x and y in "
+                  "pixels of the stored images, {}x{}",
+                  path, stored.name, in_first ? ", except within the first pixel" : "",
+                  stored.width, stored.height));
 }
 
 }  // namespace
@@ -123,10 +121,10 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
   const std::map<int, Film> films = films_of(scene);
   const bool is_file = fs::is_regular_file(folder);
   if (is_file && films.size() > 1)
-    throw Error(fmt::format(
-        "flow.tracks names the file {}, but {} cameras filmed scene {}: name a folder with CAMERA"
-        ".npz for each",
-        folder, films.size(), scene.name));
+    throw Error(
+        fmt::format("flow.tracks is the file {}, but {} cameras recorded scene {}: expected a "
+                    "folder with one CAMERA.npz per camera",
+                    folder, films.size(), scene.name));
   std::map<int, std::shared_ptr<const PointTracks>> tracks_of;  // by track
   size_t in_sight = 0;
   std::vector<FlowStore::Loader> loaders;
@@ -147,13 +145,13 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
         throw Error(fmt::format("flow.tracks: there are no tracks of camera {}: looked for {}",
                                 stored.name, path));
       if (stored.lens.kind != Lens::Kind::none)
-        throw Error(fmt::format(
-            "flow.tracks: the pictures of camera {} have a lens, which is taken out of them, but "
-            "not of the tracks in {}: give pictures and tracks without one",
-            stored.name, path));
+        throw Error(
+            fmt::format("flow.tracks: the images of camera {} are undistorted on loading, but the "
+                        "tracks in {} are not: use images and tracks without lens distortion",
+                        stored.name, path));
       tracks = std::make_shared<const PointTracks>(read_point_tracks(path));
       if (int(tracks->pictures) != film.count)
-        throw Error(fmt::format("{} follows points through {} pictures, camera {} has {}", path,
+        throw Error(fmt::format("{} has tracks over {} frames, but camera {} has {}", path,
                                 tracks->pictures, stored.name, film.count));
       in_sight += require_inside(*tracks, stored, path);
     }
@@ -166,8 +164,8 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
   }
   if (!tracks_of.empty() && in_sight == 0)
     throw Error(
-        fmt::format("{}: no camera has a point in sight: 'tracks' has no finite numbers, or "
-                    "'visibility' none above .5",
+        fmt::format("{}: no camera has a visible point: 'tracks' has no finite values, or "
+                    "'visibility' none above 0.5",
                     folder));
   return loaders;
 }

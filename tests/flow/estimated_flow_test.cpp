@@ -124,7 +124,7 @@ TEST_F(EstimatedFlow, ADiskThatIsFullStopsNothingWhenItIsAskedFor) {
   const FileSizeLimit limit(50);
   EXPECT_EQ(all_flow(), expected);
   ASSERT_EQ(notices.size(), 1u);
-  EXPECT_NE(notices[0].find("computed again when it is needed"), std::string::npos);
+  EXPECT_NE(notices[0].find("recomputed when needed"), std::string::npos);
   how.beforehand = true;
   expect_error([&] { estimate(); }, {"input_000", ".flow"});
 }

@@ -42,7 +42,7 @@ TEST(FlowStore, TrueFlowTrustsTheMask) {
   write_png(folder.file("flow/input/0000_mask.png"), {3, 1, 1, {255, 128, 0}});
   FlowStore unequal = true_flows(scene, neighbour_pairs(scene), frames);
   expect_error([&] { unequal.get(0); }, {"0000_mask.png", "3x1", "4x1"});
-  expect_error([&] { read_true_flow(scene.train[1], 4, 1); }, {"input_0001", "without"});
+  expect_error([&] { read_true_flow(scene.train[1], 4, 1); }, {"input_0001", "no true flow"});
 }
 
 TEST(FlowStore, WhatIsPrefetchedIsLoadedOnceAndFailuresAreReportedByGet) {

@@ -71,10 +71,10 @@ TEST(PointTracks, AreReadFromAnArchive) {
                {"other.npz", "'visibility' has shape (3, 4)", "(2, 4)"});
   write_npz(folder.file("flat.npz"), {{"tracks", {{3, 8}, kTracks}}});
   expect_error([&] { read_point_tracks(folder.file("flat.npz")); },
-               {"flat.npz", "(3, 8)", "(pictures, points, 2)"});
+               {"flat.npz", "(3, 8)", "(frames, points, 2)"});
   write_npz(folder.file("none.npz"), {{"paths", {{3, 8}, kTracks}}});
   expect_error([&] { read_point_tracks(folder.file("none.npz")); },
-               {"none.npz has no array 'tracks'", "(pictures, points, 2)"});
+               {"none.npz has no array 'tracks'", "(frames, points, 2)"});
 }
 
 TEST(PointTracks, BelongToTheCamerasOfAScene) {
@@ -94,20 +94,20 @@ TEST(PointTracks, BelongToTheCamerasOfAScene) {
   EXPECT_EQ(known(*far.get(0)), 2u);
   write(folder.file("t/input.npz"), false, 2);
   expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/t"); },
-               {"input.npz", "2 pictures", "input has 3"});
+               {"input.npz", "2 frames", "input has 3"});
   expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/u"); },
                {"no tracks of camera input", "u/input.npz"});
   // Coordinates as fractions of the width, or in pixels of larger images.
-  for (const auto& [factor, words] : {std::pair(0.01f, "but within the first pixel"),
-                                      std::pair(1000.f, "pictures of camera input: ")}) {
+  for (const auto& [factor, words] : {std::pair(0.01f, "except within the first pixel"),
+                                      std::pair(1000.f, "images of camera input: ")}) {
     std::vector<float> xy = kTracks;
     for (float& value : xy) value *= factor;
     write_npz(folder.file("t/input.npz"), {{"tracks", {{3, 4, 2}, xy}}});
     expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/t"); },
-                 {"input.npz: no point lies inside", words, "stored, 48x40"});
+                 {"input.npz: no point is inside", words, "stored images, 48x40"});
   }
   // One camera of several may see no point, but not all of them.
   write_npz(folder.file("t/input.npz"), {{"tracks", {{3, 4, 2}, std::vector<float>(24, kNan)}}});
   expect_error([&] { track_flows(scene, pairs, 0, frames, folder.path() + "/t"); },
-               {"no camera has a point in sight"});
+               {"no camera has a visible point"});
 }
