@@ -46,7 +46,7 @@ void check_pixels(const Image& image, const std::string& doing) {
   const size_t n = size_t(image.width) * size_t(image.height) * size_t(image.channels);
   const bool channels = image.channels == 1 || image.channels == 3 || image.channels == 4;
   if (image.width < 1 || image.height < 1 || !channels || image.pixels.size() != n)
-    throw Error(fmt::format("cannot {}: {}x{} pixels of {} channels are not {} bytes", doing,
+    throw Error(fmt::format("cannot {}: {}x{} pixels with {} channels do not match {} bytes", doing,
                             image.width, image.height, image.channels, image.pixels.size()));
 }
 
@@ -55,12 +55,12 @@ DecodedImage decode(const Bytes& bytes, const std::string& path) {
   DecodedImage picture = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
   const std::string& why = picture.complaint;
   if (picture.pixels.empty())
-    throw Error(fmt::format("cannot read picture {}: it is damaged ({})", path, why));
+    throw Error(fmt::format("cannot read image {}: it is damaged ({})", path, why));
   static std::mutex mutex;
   static std::set<std::string> told;  // an image may be decoded many times
   const std::lock_guard<std::mutex> lock(mutex);
   if (!why.empty() && told.insert(path).second)
-    warn(fmt::format("picture {} may be damaged ({}); it is used all the same", path, why));
+    warn(fmt::format("image {} may be damaged ({}); using it anyway", path, why));
   return picture;
 }
 
@@ -151,7 +151,7 @@ Image over_background(Image image, std::array<uint8_t, 3> background) {
 }
 
 Image resized(const Image& image, int width, int height) {
-  check_pixels(image, "resize a picture");
+  check_pixels(image, "resize an image");
   if (width == image.width && height == image.height) return image;
   const bool shrinks = width <= image.width && height <= image.height;
   const int filter = shrinks ? cv::INTER_AREA : cv::INTER_LINEAR;
@@ -161,7 +161,7 @@ Image resized(const Image& image, int width, int height) {
 }
 
 Image remapped(const Image& image, int width, int height, const std::vector<float>& from) {
-  check_pixels(image, "resample a picture");
+  check_pixels(image, "resample an image");
   // OpenCV's pixel centres are at integers.
   const cv::Mat map =
       cv::Mat(height, width, CV_32FC2, const_cast<float*>(from.data())) - cv::Scalar(0.5, 0.5);
@@ -182,8 +182,8 @@ void write_png(const std::string& path, const Image& image) {
 void write_png16(const std::string& path, int width, int height,
                  const std::vector<uint16_t>& values) {
   if (width < 1 || height < 1 || values.size() != size_t(width) * size_t(height))
-    throw Error(fmt::format("cannot write {}: {}x{} pixels are not {} values", path, width, height,
-                            values.size()));
+    throw Error(fmt::format("cannot write {}: {}x{} pixels do not match {} values", path, width,
+                            height, values.size()));
   write_mat(path, cv::Mat(height, width, CV_16UC1, const_cast<uint16_t*>(values.data())));
 }
 

@@ -33,7 +33,7 @@ class FileSource : public Source {
   explicit FileSource(const std::string& path) {
     require_file(path);
     file_.open(path, std::ios::binary);
-    if (!file_) throw Error(fmt::format("cannot read picture {}: {}", path, std::strerror(errno)));
+    if (!file_) throw Error(fmt::format("cannot read image {}: {}", path, std::strerror(errno)));
   }
   bool read(size_t position, uint8_t* to, size_t n) override {
     file_.clear();
@@ -59,7 +59,7 @@ class MemorySource : public Source {
 };
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
-  throw Error(fmt::format("cannot read picture {}: {}", path, why));
+  throw Error(fmt::format("cannot read image {}: {}", path, why));
 }
 
 uint32_t big_endian(const uint8_t* b, int n) {
@@ -162,8 +162,8 @@ Parsed parse(Source& source, const std::string& path) {
     refuse(path, "it is neither PNG nor JPEG");
   const ImageHeader& h = parsed.header;
   if (h.width < 1 || h.height < 1 || h.width > largest_side || h.height > largest_side)
-    refuse(path, fmt::format("it says it is {}x{}, possible are 1 to {}", h.width, h.height,
-                             largest_side));
+    refuse(path, fmt::format("its header states {}x{}, expected sides of 1 to {}", h.width,
+                             h.height, largest_side));
   return parsed;
 }
 
@@ -176,7 +176,7 @@ bool has_whole_chunks(const Bytes& bytes, const std::string& path) {
     const uint8_t* const named = bytes.data() + at + 4;  // type and data are checked
     const bool counts = (named[0] & 0x20) == 0;
     if (counts && crc32(0, named, uInt(length + 4)) != big_endian(named + 4 + length, 4))
-      refuse(path, "it is damaged: a checksum of its PNG is wrong");
+      refuse(path, "it is damaged: a PNG checksum is wrong");
     if (std::memcmp(named, "IEND", 4) == 0) return true;
     at += 12 + length;
   }

@@ -74,8 +74,8 @@ void write_movie(const std::string& path, size_t count, const std::function<Imag
                  double fps) {
   if (count == 0) throw Error(fmt::format("cannot write video {}: there are no frames", path));
   if (!(float(fps) >= float(slowest_fps) && fps <= fastest_fps))  // settings are floats
-    throw Error(fmt::format("cannot write video {}: {} frames a second, possible are {} to {}",
-                            path, fps, slowest_fps, fastest_fps));
+    throw Error(fmt::format("cannot write video {}: {} frames per second, expected {} to {}", path,
+                            fps, slowest_fps, fastest_fps));
   Image image = frame(0);
   const int width = image.width, height = image.height;
   const cv::Size size(width + width % 2, height + height % 2);
@@ -85,7 +85,8 @@ void write_movie(const std::string& path, size_t count, const std::function<Imag
       if (i > 0) image = frame(i);
       if (image.channels != 3 || image.width != width || image.height != height ||
           image.pixels.size() != 3 * size_t(width) * size_t(height))
-        throw Error(fmt::format("cannot write video {}: its frames must be RGB of one size", path));
+        throw Error(
+            fmt::format("cannot write video {}: its frames must be RGB and of equal size", path));
       writer.write(encodable(image, size));
     }
     writer.release();

@@ -79,9 +79,8 @@ class Turn {
     static std::set<std::string> reported;
     const std::string complaint = take_decoder_error();
     if (complaint.empty() || last().empty() || !reported.insert(last()).second) return;
-    warn(
-        fmt::format("video {} is damaged: its decoder says '{}'; what its frames show may be wrong",
-                    last(), complaint));
+    warn(fmt::format("video {} is damaged: its decoder reports '{}'; its frames may be wrong",
+                     last(), complaint));
   }
   std::lock_guard<std::mutex> lock_;
 };
@@ -109,8 +108,8 @@ cv::VideoCapture open_video(const std::string& path) {
   if (const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); file.get() < 0)
     throw Error(fmt::format("cannot read video {}: {}", path, std::strerror(errno)));
   throw Error(
-      fmt::format("cannot read video {}: it is truncated, OpenCV cannot decode it, or there is "
-                  "not enough memory or threads to",
+      fmt::format("cannot read video {}: it is truncated, OpenCV cannot decode it, or memory or "
+                  "threads ran out",
                   path));
 }
 
@@ -158,7 +157,7 @@ std::vector<double> frame_times(const std::string& path, int limit) {
     times.push_back(stamp);
   }
   if (times.empty())
-    throw Error(fmt::format("cannot read video {}: no frame of it can be decoded", path));
+    throw Error(fmt::format("cannot read video {}: no frame can be decoded", path));
   if (!rising)
     for (size_t k = 0; k < times.size(); ++k) times[k] = double(k) / info.fps;
   return times;

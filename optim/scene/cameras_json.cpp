@@ -13,7 +13,7 @@ namespace gflow {
 namespace {
 
 Camera camera_of(const Json& object, const std::string& where) {
-  if (!object.is_object()) throw Error(where + " is no object");
+  if (!object.is_object()) throw Error(where + " is not a JSON object");
   Camera camera;
   if (object.contains("img_name")) camera.name = text(object["img_name"], "img_name of " + where);
   const double width = needed_number(object, "width", where);
@@ -23,8 +23,8 @@ Camera camera_of(const Json& object, const std::string& where) {
   if (!(width >= 1 && height >= 1 && width <= largest_side && height <= largest_side &&
         camera.fx > 0 && camera.fy > 0))
     throw Error(
-        fmt::format("{} has the size {}x{} and the focal lengths {}, {}: sides of 1 to "
-                    "{} and lengths above 0 are possible",
+        fmt::format("{} has size {}x{} and focal lengths {}, {}: sides must be 1 to {} pixels and "
+                    "focal lengths positive",
                     where, width, height, camera.fx, camera.fy, largest_side));
   camera.width = int(width);
   camera.height = int(height);
@@ -41,7 +41,8 @@ Camera camera_of(const Json& object, const std::string& where) {
 
 std::vector<Camera> read_cameras_json(const std::string& path, int resolution) {
   const Json json = read_json(path);
-  if (!json.is_array() || json.empty()) throw Error(fmt::format("{} is no list of cameras", path));
+  if (!json.is_array() || json.empty())
+    throw Error(fmt::format("cannot read cameras from {}: expected a non-empty JSON list", path));
   std::vector<Camera> cameras;
   for (const Json& object : json)
     cameras.push_back(reduced(
@@ -78,7 +79,7 @@ Camera camera_named(const std::vector<Camera>& cameras, const std::string& name)
     if (i < 20) names += (i ? ", " : "") + cameras[i].name;
   }
   if (cameras.size() > 20) names += fmt::format(" and {} more", cameras.size() - 20);
-  throw Error(fmt::format("there is no camera '{}'; there are {}", name, names));
+  throw Error(fmt::format("there is no camera '{}'; available cameras: {}", name, names));
 }
 
 }  // namespace gflow

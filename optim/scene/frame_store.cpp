@@ -73,8 +73,8 @@ struct Unpacked {
 
 void check_size(int width, int height, const Camera& camera, const std::string& path) {
   if (width != camera.width || height != camera.height)
-    throw Error(fmt::format("picture {} is {}x{}, the others of camera {} are {}x{}", path, width,
-                            height, camera.name, camera.width, camera.height));
+    throw Error(fmt::format("image {} is {}x{}, but the other images of camera {} are {}x{}", path,
+                            width, height, camera.name, camera.width, camera.height));
 }
 
 }  // namespace
@@ -131,10 +131,10 @@ struct FrameStore::State {
     std::error_code failed;
     fs::create_directories(folder, failed);
     if (failed)
-      throw Error(fmt::format("cannot make folder {}: {}", folder.string(), failed.message()));
+      throw Error(fmt::format("cannot create folder {}: {}", folder.string(), failed.message()));
     // A damaged file counts as missing: its frame can be unpacked again.
     const auto damaged = [](const Error& problem) {
-      warn(fmt::format("{}; this frame is unpacked again", problem.what()));
+      warn(fmt::format("{}; decoding this frame from the video again", problem.what()));
     };
     const auto is_there = [&](int k) {
       try {
@@ -203,7 +203,7 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
     : state_(std::make_unique<State>(options)) {
   if (options.resolution < 1)
     throw Error(
-        fmt::format("the resolution divisor is {}, expected is 1 or more", options.resolution));
+        fmt::format("the resolution divisor is {}, expected 1 or more", options.resolution));
   limit_opencv_to_one_thread();
   state_->full = scene.cameras;
   for (const Camera& camera : scene.cameras) {

@@ -27,7 +27,7 @@ Json read_json(const std::string& path) {
   try {
     return Json::parse(bytes.begin(), bytes.end());
   } catch (const Json::exception& cause) {
-    throw Error(fmt::format("cannot read {}: it is no JSON ({})", path, reason_of(cause)));
+    throw Error(fmt::format("cannot read {}: it is not valid JSON ({})", path, reason_of(cause)));
   }
 }
 
@@ -41,7 +41,7 @@ std::optional<double> number(const Json& object, const std::string& key, const s
   if (!object.contains(key)) return std::nullopt;
   const Json& value = object[key];
   if (!is_finite_number(value))
-    throw Error(fmt::format("'{}' of {} is no finite number", key, where));
+    throw Error(fmt::format("'{}' of {} is not a finite number", key, where));
   return value.get<double>();
 }
 
@@ -51,15 +51,15 @@ double needed_number(const Json& object, const std::string& key, const std::stri
 }
 
 std::string text(const Json& value, const std::string& what) {
-  if (!value.is_string()) throw Error(what + " is no text");
+  if (!value.is_string()) throw Error(what + " is not a string");
   const auto words = value.get<std::string>();
   if (words.find_first_of(std::string("\n\r\0", 3)) != std::string::npos)
-    throw Error(what + " is no text of one line");
+    throw Error(what + " is not a single-line string");
   return words;
 }
 
 std::vector<std::string> texts(const Json& value, const std::string& what) {
-  if (!value.is_array()) throw Error(what + " is no list");
+  if (!value.is_array()) throw Error(what + " is not a list");
   std::vector<std::string> list;
   for (const Json& one : value) list.push_back(text(one, "an entry of " + what));
   return list;
@@ -71,13 +71,13 @@ std::vector<double> numbers(const Json& value, size_t count, const std::string& 
     for (const Json& one : value)
       if (is_finite_number(one)) list.push_back(one.get<double>());
   if (!value.is_array() || list.size() != count || value.size() != count)
-    throw Error(fmt::format("{} is not {} finite numbers", what, count));
+    throw Error(fmt::format("{} is not a list of {} finite numbers", what, count));
   return list;
 }
 
 Eigen::MatrixXd matrix(const Json& value, int rows, int columns, const std::string& what) {
   const auto bad = [&] {
-    throw Error(fmt::format("{} is not {} rows of {} finite numbers", what, rows, columns));
+    throw Error(fmt::format("{} is not a {}x{} matrix of finite numbers", what, rows, columns));
   };
   if (!value.is_array() || int(value.size()) != rows) bad();
   Eigen::MatrixXd result(rows, columns);
@@ -96,8 +96,8 @@ Eigen::MatrixXd pose_rows(const Json& value, const std::string& what) {
   const bool has_last = value.is_array() && value.size() == 4;
   const Eigen::MatrixXd pose = matrix(value, has_last ? 4 : 3, 4, what);
   if (has_last && !(pose.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).isZero(1e-5))
-    throw Error(fmt::format("the last row of {} is {} {} {} {}, that of a pose is 0 0 0 1", what,
-                            pose(3, 0), pose(3, 1), pose(3, 2), pose(3, 3)));
+    throw Error(fmt::format("the last row of {} is {} {} {} {}, expected 0 0 0 1", what, pose(3, 0),
+                            pose(3, 1), pose(3, 2), pose(3, 3)));
   return pose.topRows(3);
 }
 

@@ -71,7 +71,7 @@ Camera pinhole_of_lens(Camera camera, Lens::Kind kind, const std::array<double, 
                        const std::string& what) {
   for (const double value : k)
     if (!std::isfinite(value))
-      throw Error(fmt::format("{} has a distortion that is not finite", what));
+      throw Error(fmt::format("{} has a distortion coefficient that is NaN or Inf", what));
   if (kind == Lens::Kind::none || (kind == Lens::Kind::radial && k == std::array<double, 8>{}))
     return camera;
   camera.lens = {kind, k, camera.fx, camera.fy, camera.cx, camera.cy};
@@ -82,8 +82,8 @@ Camera pinhole_of_lens(Camera camera, Lens::Kind kind, const std::array<double, 
     if (all_have_sources(camera)) return camera;
   }
   throw Error(fmt::format(
-      "{} has a distortion that no pinhole picture can be made from without losing three quarters "
-      "of its width: coefficients {:.4g}",
+      "{} has too much lens distortion: undistorting its images would lose three quarters of their "
+      "width (coefficients {:.4g})",
       what, fmt::join(k.begin(), k.begin() + (kind == Lens::Kind::fisheye ? 4 : 8), ", ")));
 }
 

@@ -47,22 +47,21 @@ Scene read_recognised(const std::string& path, const SceneOptions& options) {
   for (const Layout& layout : layouts)
     if (layout.is(path)) return layout.read(path, options);
   throw Error(fmt::format(
-      "{} is no scene gflow knows: looked for poses_bounds.npy (N3V), train_meta.json (Panoptic), "
-      "dataset.json and metadata.json (nerfies), input/ (Consistent4D), transforms_train.json "
-      "(Blender, D-NeRF), transforms.json (nerfstudio), sparse/0/ (COLMAP) and numbered pictures "
-      "0.png, 1.png, ...; a video file may be given itself",
+      "{} has no known scene layout: looked for poses_bounds.npy (N3V), train_meta.json "
+      "(Panoptic), dataset.json and metadata.json (nerfies), input/ (Consistent4D), "
+      "transforms_train.json (Blender, D-NeRF), transforms.json (nerfstudio), sparse/0/ (COLMAP) "
+      "and numbered images 0.png, 1.png, ...; for a video, give the path of the file",
       path));
 }
 
 void check(const SceneOptions& options) {
   if (options.first_step < 0)
-    throw Error(
-        fmt::format("the first step to use is {}, expected is 0 or more", options.first_step));
+    throw Error(fmt::format("scene.first_step is {}, expected 0 or more", options.first_step));
   if (options.stride < 1)
     throw Error(
-        fmt::format("every {}-th step is to be used, expected is 1 (all) or more", options.stride));
+        fmt::format("scene.stride is {}, expected 1 (all time steps) or more", options.stride));
   if (options.max_steps < 0)
-    throw Error(fmt::format("the number of steps to use is {}, expected is 0 (all) or more",
+    throw Error(fmt::format("scene.max_steps is {}, expected 0 (all time steps) or more",
                             options.max_steps));
 }
 
@@ -70,8 +69,9 @@ void check(const SceneOptions& options) {
 void select_steps(Scene& scene, const SceneOptions& options) {
   const int first = options.first_step, stride = options.stride;
   if (first >= scene.steps)
-    throw Error(fmt::format("the first step to use is {}, but scene {} has {} (from 0)", first,
-                            scene.folder, scene.steps));
+    throw Error(
+        fmt::format("scene.first_step is {}, but scene {} has {} time steps (counted from 0)",
+                    first, scene.folder, scene.steps));
   const int left = (scene.steps - 1 - first) / stride + 1;
   const int count = options.max_steps > 0 ? std::min(options.max_steps, left) : left;
   if (count == scene.steps) return;
@@ -131,7 +131,7 @@ void check(const Scene& scene) {
     return focal >= side / most && focal <= side * most;
   };
   if (scene.train.empty())
-    throw Error(fmt::format("scene {} has no training pictures: all of its {} are for the test{}",
+    throw Error(fmt::format("scene {} has no training images: all {} are test images{}",
                             scene.folder, scene.test.size(),
                             scene.layout == "colmap" ? " (scene.test_every)" : ""));
   for (const Camera& camera : scene.cameras) {
@@ -140,17 +140,16 @@ void check(const Scene& scene) {
                     within(camera.fy, side) && std::fabs(camera.cx) <= most * side &&
                     std::fabs(camera.cy) <= most * side;
     if (!ok)
-      throw Error(fmt::format(
-          "camera {} of {} has size {}x{}, focal lengths {} and {} and centre ({}, {}): sizes are "
-          "above 0, focal lengths a millionth to a million times the longer side, the centre no "
-          "further off",
-          camera.name, scene.folder, camera.width, camera.height, camera.fx, camera.fy, camera.cx,
-          camera.cy));
+      throw Error(
+          fmt::format("camera {} of {} has size {}x{}, focal lengths {} and {} and principal point "
+                      "({}, {}): sides must be positive, focal lengths 1e-6 to 1e6 times the "
+                      "longer side, and the principal point within 1e6 times that side",
+                      camera.name, scene.folder, camera.width, camera.height, camera.fx, camera.fy,
+                      camera.cx, camera.cy));
     const double away = camera.viewmat.topRightCorner<3, 1>().stableNorm();
     if (!(camera.viewmat.allFinite() && away <= farthest))
-      throw Error(
-          fmt::format("camera {} of {} stands {:g} from the origin: at most {:g} are possible",
-                      camera.name, scene.folder, away, farthest));
+      throw Error(fmt::format("camera {} of {} is {:g} from the origin, expected at most {:g}",
+                              camera.name, scene.folder, away, farthest));
   }
 }
 
@@ -246,7 +245,7 @@ void complete_scene(Scene& scene, const SceneOptions& options,
 Scene read_scene(const std::string& path, const SceneOptions& options,
                  const std::optional<std::array<double, 3>>& origin) {
   if (path.empty())
-    throw Error("cannot read the scene: scene.path is empty, expected is its folder or video");
+    throw Error("cannot read the scene: scene.path is empty, expected a scene folder or a video");
   if (!fs::exists(path))
     throw Error(fmt::format("cannot read scene {}: there is no such folder or video", path));
   check(options);
@@ -317,10 +316,10 @@ std::vector<FlowPair> pairs_in_time(const Scene& scene) {
   std::map<double, int> by_time;
   for (size_t i = 0; i < scene.train.size(); ++i)
     if (!by_time.emplace(scene.train[i].time, int(i)).second)
-      throw Error(fmt::format(
-          "flow.pairs is \"time\", which needs one picture at a time, but scene {} has {} and "
-          "another at time {}",
-          scene.name, scene.train[i].name, scene.train[i].time));
+      throw Error(
+          fmt::format("flow.pairs is \"time\", which needs one frame per time, but scene {} has {} "
+                      "and another frame at time {}",
+                      scene.name, scene.train[i].name, scene.train[i].time));
   std::vector<FlowPair> pairs;
   for (auto at = by_time.begin(); at != by_time.end() && std::next(at) != by_time.end(); ++at)
     pairs.push_back({at->second, std::next(at)->second});

@@ -214,7 +214,7 @@ TEST_F(CommandTest, TrainSaysWhatIsWrongWithTheSceneOrTheSettings) {
   const TemporaryFolder folder;
   const std::string out = folder.path() + "/run";
   expect_refused({"train", folder.path() + "/none", "-o", out}, {"/none", "no such folder"});
-  expect_refused({"train", folder.path(), "-o", out}, {"no scene gflow knows"});
+  expect_refused({"train", folder.path(), "-o", out}, {"no known scene layout"});
   expect_refused({"train", scene().path(), "-o", out, "--set", "flow.wieght=1"},
                  {"flow.wieght", "flow.weight"});
   expect_refused({"train", scene().path(), "-o", out, "--set", "flow.weight=-1"},

@@ -82,8 +82,8 @@ TEST(Png, OneWithTooManyPixelsIsUsedAndNamedOnce) {
   testing::internal::CaptureStderr();
   for (int i = 0; i < 2; ++i) EXPECT_EQ(read_image(path).pixels, expected.pixels);
   const std::string said = testing::internal::GetCapturedStderr();
-  EXPECT_EQ(said, fmt::format("gflow: warning: picture {} may be damaged (IDAT: Too much image "
-                              "data); it is used all the same\n",
+  EXPECT_EQ(said, fmt::format("gflow: warning: image {} may be damaged (IDAT: Too much image "
+                              "data); using it anyway\n",
                               path));
 }
 

@@ -151,12 +151,13 @@ TEST(Image, WhatIsNoPictureIsRefused) {
   expect_error([&] { read_image(folder.write("a.png", "text")); }, {"a.png", "neither"});
   std::string huge = from_hex(grey16_png);
   huge[16] = 0x7f;  // first byte of the width
-  expect_error([&] { read_image(folder.write("h.png", huge)); }, {"h.png", "possible are 1 to"});
+  expect_error([&] { read_image(folder.write("h.png", huge)); },
+               {"h.png", "expected sides of 1 to"});
   make_png(folder, "b.png");
   std::string bomb = contents(folder.file("b.png"));
   bomb[18] = bomb[22] = 0x30;  // slightly more than 12288 pixels per side
   expect_error([&] { read_image(folder.write("b.png", bomb)); },
-               {"b.png", "a checksum of its PNG is wrong"});
+               {"b.png", "a PNG checksum is wrong"});
   const auto* bytes = reinterpret_cast<const uint8_t*>(bomb.data());
   bomb = fuzz::with_png_checksums(bytes, bomb.size());
   expect_error([&] { read_image(folder.write("b.png", bomb)); }, {"b.png", "would unpack to"});
@@ -287,6 +288,6 @@ TEST(Video, WhatIsNoVideoIsRefused) {
       [&] {
         make_mp4(folder.file("b.mp4"), {pattern(4, 4), pattern(6, 4)}, 10);
       },
-      {"one size"});
+      {"equal size"});
   EXPECT_FALSE(std::filesystem::exists(folder.file("b.mp4")));
 }

@@ -141,19 +141,20 @@ TEST(Blender, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(frame("train/../../a", "0", pose)); }, {"relative path"});
   expect_error([&] { with(frame("/etc/a", "0", pose)); }, {"'/etc/a'", "relative path"});
   expect_error([&] { with(frame("train/a", "1.5", pose)); }, {"'time'", "1.5", "0 to 1"});
-  expect_error([&] { with(frame("train/a", "\"x\"", pose)); }, {"'time'", "no finite number"});
+  expect_error([&] { with(frame("train/a", "\"x\"", pose)); }, {"'time'", "not a finite number"});
   expect_error([&] { with(frame("train/a", "0.5", pose) + ", " + frame("train/b", "", pose)); },
-               {"frame 1 of", "has no 'time' and frame 0 has one"});
+               {"frame 1 of", "has no 'time', but frame 0 has one"});
   expect_error([&] { with(a("[[1,0,0,null],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); },
                {"transform_matrix", "frame 0"});
   expect_error([&] { with(a("[[1,0,0,1e999],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); },
                {"transforms_train.json", "1e999"});
-  expect_error([&] { with(a("[[1,0],[0,1]]")); }, {"transform_matrix", "rows of 4 finite numbers"});
-  expect_error([&] { with(a("[[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); }, {"no rotation"});
+  expect_error([&] { with(a("[[1,0],[0,1]]")); },
+               {"transform_matrix", "3x4 matrix of finite numbers"});
+  expect_error([&] { with(a("[[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); }, {"not a rotation"});
   expect_error([&] { with(a("[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,2]]")); },
                {"last row", "transform_matrix", "0 0 0 2", "0 0 0 1"});
   expect_error([&] { with(a("[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1],[0,0,0,1]]")); },
-               {"transform_matrix", "not 3 rows of 4"});
+               {"transform_matrix", "not a 3x4 matrix"});
   // Regardless of the other files.
   make_blender(folder, frame("train/a", "0", pose), R"("camera_angle_x": 1.0)");
   std::filesystem::copy_file(folder.file("transforms_train.json"),
@@ -166,18 +167,20 @@ TEST(Blender, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(a(pose), R"("fl_x": 9, "w": 8, "h": 8)"); }, {"8x6", "8x8"});
   for (const char* number : {"1e-300", "1e300"})
     expect_error([&] { with(a(pose), fmt::format(R"("fl_x": {})", number)); },
-                 {"camera", "a millionth to a million times"});
-  expect_error([&] { with(a(pose), R"("fl_x": 9, "cx": 1e30)"); }, {"the centre no further off"});
+                 {"camera", "focal lengths 1e-6 to 1e6 times"});
+  expect_error([&] { with(a(pose), R"("fl_x": 9, "cx": 1e30)"); },
+               {"the principal point within 1e6 times"});
   expect_error([&] { with(a("[[1,0,0,1e300],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")); },
                {"camera", "1e+300 from the origin"});
-  expect_error([&] { with(frame("train/a\\ngflow: done", "0", pose)); }, {"no text of one line"});
-  expect_error([&] { with(frame("train/a\\u0000b", "0", pose)); }, {"no text of one line"});
+  expect_error([&] { with(frame("train/a\\ngflow: done", "0", pose)); },
+               {"not a single-line string"});
+  expect_error([&] { with(frame("train/a\\u0000b", "0", pose)); }, {"not a single-line string"});
 }
 
 TEST(Blender, WhatIsNoJsonIsRefused) {
   const TemporaryFolder folder;
   folder.write("transforms_train.json", R"({"frames": [)");
-  expect_error([&] { read_scene(folder.path()); }, {"transforms_train.json", "no JSON"});
+  expect_error([&] { read_scene(folder.path()); }, {"transforms_train.json", "not valid JSON"});
   folder.write("transforms_train.json", std::string("{\"frames\": []}\0garbage", 23));
   expect_error([&] { read_scene(folder.path()); }, {"transforms_train.json", "byte 14 is zero"});
   folder.write("transforms_train.json", "{\"x\": -" + std::string(size_t{1} << 20, '1') + "e400}");
@@ -190,7 +193,7 @@ TEST(Blender, WhatIsNoJsonIsRefused) {
   folder.write("transforms_train.json", R"([1, 2])");
   expect_error([&] { read_scene(folder.path()); }, {"'frames'"});
   folder.write("transforms_train.json", R"({"camera_angle_x": NaN, "frames": []})");
-  expect_error([&] { read_scene(folder.path()); }, {"no JSON"});
+  expect_error([&] { read_scene(folder.path()); }, {"not valid JSON"});
   const auto nested = [](size_t depth) {
     return R"({"frames": )" + std::string(depth, '[') + std::string(depth, ']') + "}";
   };

@@ -172,7 +172,7 @@ TEST(Colmap, APictureInPlaceOfObservationsIsToldNotSteppedOver) {
                              "1 0 0 0 2 1 2 3 7 d e f.png"}) {
     folder.write("sparse/0/images.txt", std::string("2 1 0 0 0 0 0 5 7 b.png\n") + second + "\n");
     expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
-                 {"images.txt", "after that of picture b.png", "takes two lines"});
+                 {"images.txt", "line after image b.png", "needs two lines"});
   }
 }
 
@@ -185,9 +185,9 @@ TEST(Colmap, PointsFartherThanAFloatIsAreRefusedAndTracksMayBeLong) {
   expect_the_model(read_colmap_model(folder.file("sparse/0")));
   folder.write("sparse/0/points3D.txt", "1 0.5 1e300 2 10 20 30 0.1 2 0\n");
   expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
-               {"point 0 of", "points3D.txt", "not finite"});
+               {"point 0 of", "points3D.txt", "NaN, Inf"});
   folder.write("sparse/0/points3D.txt", "1 0.5 1e19 2 10 20 30 0.1 2 0\n");
-  expect_error([&] { read_colmap_model(folder.file("sparse/0")); }, {"farther off than 1e+18"});
+  expect_error([&] { read_colmap_model(folder.file("sparse/0")); }, {"beyond 1e+18"});
   for (const char* colour : {"256 20 30", "10 -9 30"}) {
     folder.write("sparse/0/points3D.txt", fmt::format("1 0.5 1 2 {} 0.1 2 0\n", colour));
     expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
@@ -199,16 +199,17 @@ TEST(Colmap, PointsFartherThanAFloatIsAreRefusedAndTracksMayBeLong) {
 TEST(Colmap, HexadecimalNumbersAreRefused) {
   const TemporaryFolder folder;
   make_text(folder);
-  for (const char* point : {"1 0x1p3 -1 2 10 20 30 0.1", "1 0.5 -1 2 10 20 0x1p3 0.1"}) {
+  for (const auto& [point, what] : {std::pair("1 0x1p3 -1 2 10 20 30 0.1", "coordinate"),
+                                    std::pair("1 0.5 -1 2 10 20 0x1p3 0.1", "colour component")}) {
     folder.write("sparse/0/points3D.txt", "# one\n" + std::string(point) + " 2 0\n");
-    expect_error(
-        [&] { read_colmap_points(folder.file("sparse/0")); },
-        {"line 2 of", "points3D.txt has '0x1p3' where one of its", "POINT3D_ID X Y Z R G B"});
+    expect_error([&] { read_colmap_points(folder.file("sparse/0")); },
+                 {"line 2 of", fmt::format("points3D.txt has '0x1p3' as a {}", what),
+                  "POINT3D_ID X Y Z R G B"});
   }
   for (const char* camera : {"7 SIMPLE_PINHOLE 8 6 0x3 4 3", "7 SIMPLE_PINHOLE 8 6 10 4 0x3"}) {
     folder.write("sparse/0/cameras.txt", std::string(camera) + "\n");
     expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
-                 {"line 1 of", "cameras.txt has '0x3' where", "a finite number"});
+                 {"line 1 of", "cameras.txt has '0x3' as", "a finite number"});
   }
 }
 
@@ -219,11 +220,13 @@ TEST(Colmap, AWordThatIsNoNumberIsNamedWithItsLine) {
   for (const char* word : {"1.5", "2800000000000000", "x", "1e1"}) {
     folder.write("sparse/0/points3D.txt",
                  fmt::format("# a\n\n1 0 0 0 1 2 3 0\n2 0 0 0 1 {} 3 0\n", word));
-    expect_error(points, {"line 4 of", fmt::format("'{}'", word), "its colour", "a whole number"});
+    expect_error(points,
+                 {"line 4 of", fmt::format("'{}'", word), "a colour component", "an integer"});
   }
   for (const char* word : {"nan", "inf", "1e400", "1,5", "-"}) {
     folder.write("sparse/0/points3D.txt", fmt::format("1 0 {} 0 1 2 3 0\n", word));
-    expect_error(points, {"line 1 of", fmt::format("'{}'", word), "its place", "a finite number"});
+    expect_error(points,
+                 {"line 1 of", fmt::format("'{}'", word), "a coordinate", "a finite number"});
   }
   for (const char* tiny : {"-1e-400", "1E-400"}) {
     folder.write("sparse/0/points3D.txt", fmt::format("1 0 {} 0 1 2 3 0\r\n", tiny));
@@ -236,14 +239,14 @@ TEST(Colmap, WhatIsThereTwiceOrTooMuchIsRefused) {
   make_text(folder);
   const auto read = [&] { read_colmap_model(folder.file("sparse/0")); };
   folder.write("sparse/0/images.txt", "1 1 0 0 0 0 0 0 7 a.png\n\n1 1 0 0 0 0 0 0 7 b.png\n\n");
-  expect_error(read, {"images.txt has the picture 1 twice"});
+  expect_error(read, {"images.txt has image 1 twice"});
   for (const char* none : {"", "# nothing\n"}) {
     folder.write("sparse/0/images.txt", none);
-    expect_error(read, {"images.txt names no picture"});
+    expect_error(read, {"images.txt has no images"});
   }
   for (const char* q : {"0 0 0 0", "1e-200 0 0 0", "1e200 1e200 0 0"}) {
     folder.write("sparse/0/images.txt", fmt::format("1 {} 0 0 0 7 a.png\n\n", q));
-    expect_error(read, {"quaternion of picture a.png", "has the length", "expected is 1"});
+    expect_error(read, {"quaternion of image a.png", "has length", "expected 1"});
   }
   for (const char* name : {"cameras", "images", "points3D"}) {
     make_binary(folder);
@@ -263,14 +266,14 @@ TEST(Colmap, MorePicturesThanASceneHasAreRefused) {
   }
   folder.write("sparse/0/images.txt", images);
   const auto read = [&] { read_colmap_model(folder.file("sparse/0")); };
-  expect_error(read, {"images.txt", "more than 100000 pictures"});
+  expect_error(read, {"images.txt", "more than 100000 images"});
   folder.write("sparse/0/cameras.txt", cameras);
   expect_error(read, {"cameras.txt", "more than 100000 cameras"});
 
   make_binary(folder);
   const std::string many = raw(uint64_t(100001)) + std::string(100001 * 64, '\0');
   folder.write("sparse/0/images.bin", many);
-  expect_error(read, {"images.bin", "more than 100000 pictures"});
+  expect_error(read, {"images.bin", "more than 100000 images"});
   folder.write("sparse/0/cameras.bin", many);
   expect_error(read, {"cameras.bin", "more than 100000 cameras"});
 }
@@ -328,9 +331,9 @@ TEST(Colmap, ModelsThatContradictThemselvesAreRefused) {
   expect_error(read, {"a.png", "length 0"});
   const std::string first = "1 1 0 0 0 0 0 0 7 a.png\n", second = "2 1 0 0 0 0 0 0 7 b.png\n";
   folder.write("sparse/0/images.txt", first + "\n\n\n" + second + "\n");
-  expect_error(read, {"images.txt", "picture 2", "empty line"});
+  expect_error(read, {"images.txt", "image 2", "empty line"});
   folder.write("sparse/0/images.txt", "1 1 0 0\n");
-  expect_error(read, {"line 1 of", "images.txt ends before one of the quaternion", "IMAGE_ID QW"});
+  expect_error(read, {"line 1 of", "images.txt ends before a quaternion component", "IMAGE_ID QW"});
   make_text(folder);
   folder.write("sparse/0/cameras.txt",
                "7 SIMPLE_PINHOLE 8 6 10 4 3\n7 SIMPLE_PINHOLE 8 6 20 4 3\n");
@@ -400,7 +403,7 @@ TEST(Colmap, APictureInAFolderHasANameWithout) {
 }
 
 TEST(Scene, WithoutAPathSaysWhichSettingIsEmpty) {
-  expect_error([] { read_scene(""); }, {"scene.path is empty", "folder or video"});
+  expect_error([] { read_scene(""); }, {"scene.path is empty", "folder or a video"});
 }
 
 TEST(Scene, AnUnknownLayoutSaysWhatWasLookedFor) {

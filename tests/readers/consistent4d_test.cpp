@@ -46,16 +46,16 @@ TEST(Consistent4d, UnequalViewsAndImpossibleCamerasAreRefused) {
   make_png(folder, "input/0.png", 8, 8, 4);
   make_png(folder, "input/1.png", 8, 8, 4);
   make_png(folder, "eval_2/0.png", 8, 8, 4);
-  expect_error([&] { read_scene(folder.path()); }, {"eval_2", "1 pictures", "2"});
+  expect_error([&] { read_scene(folder.path()); }, {"eval_2", "1 images", "2"});
   SceneOptions options;
   options.elevation = 90;
-  expect_error([&] { read_scene(folder.path(), options); }, {"elevation", "90"});
+  expect_error([&] { read_scene(folder.path(), options); }, {"scene.elevation is 90"});
   options.elevation = 0;
   options.radius = 0;
-  expect_error([&] { read_scene(folder.path(), options); }, {"distance"});
+  expect_error([&] { read_scene(folder.path(), options); }, {"scene.radius"});
   options.radius = 1;
   options.fovy = 180;
-  expect_error([&] { read_scene(folder.path(), options); }, {"field of view"});
+  expect_error([&] { read_scene(folder.path(), options); }, {"scene.fovy"});
 }
 
 TEST(Consistent4d, PlainPicturesNamedByAWordAndANumberAreAVideoToo) {
@@ -69,7 +69,7 @@ TEST(Consistent4d, PlainPicturesNamedByAWordAndANumberAreAVideoToo) {
   ASSERT_EQ(scene.train.size(), 3u);
   EXPECT_EQ(std::filesystem::path(scene.train[2].path).filename(), "frame_10.jpg");
   make_png(folder, "other_1.png", 8, 6, 3);  // two candidate sequences are ambiguous
-  expect_error([&] { read_scene(folder.path()); }, {"no scene gflow knows"});
+  expect_error([&] { read_scene(folder.path()); }, {"no known scene layout"});
 }
 
 TEST(Consistent4d, PicturesLeftOutLeaveAGapInTime) {
@@ -116,7 +116,7 @@ TEST(Consistent4d, TransformsWinOverNumberedPicturesInTheFolderItself) {
   const TemporaryFolder folder;
   make_png(folder, "0.png", 8, 8, 4);
   folder.write("transforms_train.json", "is read");
-  expect_error([&] { read_scene(folder.path()); }, {"transforms_train.json", "no JSON"});
+  expect_error([&] { read_scene(folder.path()); }, {"transforms_train.json", "not valid JSON"});
 }
 
 TEST(Consistent4d, FirstViewsAreTrainedOnWhereTheyAreGiven) {

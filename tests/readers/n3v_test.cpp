@@ -63,7 +63,7 @@ TEST(N3v, HoldsOutTheFirstCameraOrTheOneAskedFor) {
   options.holdout = -1;
   EXPECT_TRUE(read_scene(folder.path(), options).test.empty());
   options.holdout = 3;
-  expect_error([&] { read_scene(folder.path(), options); }, {"camera 3", "0 to 2"});
+  expect_error([&] { read_scene(folder.path(), options); }, {"scene.holdout is 3", "0 to 2"});
 }
 
 TEST(N3v, IntrinsicsFollowThePictureSize) {
@@ -114,7 +114,7 @@ TEST(N3v, OnePictureACameraIsAStaticSceneOfTheSmallestSize) {
   options.images = "images";
   EXPECT_EQ(read_scene(folder.path(), options).cameras[0].width, 16);
   options.images = "images_8";
-  expect_error([&] { read_scene(folder.path(), options); }, {"no pictures", "images_8"});
+  expect_error([&] { read_scene(folder.path(), options); }, {"no images", "images_8"});
 }
 
 TEST(N3v, TrueFlowAndDepthAreFound) {
@@ -146,7 +146,7 @@ TEST(N3v, ScenesThatContradictThemselvesAreRefused) {
     for (double value : row(i)) values.push_back(value);
   values[17 + 3] = std::nan("");
   write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
-  expect_error(read, {"row 1", "poses_bounds.npy", "not finite"});
+  expect_error(read, {"row 1", "poses_bounds.npy", "NaN or Inf"});
   values[17 + 3] = 0;
   values[17 + 14] = -10;
   write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
@@ -155,7 +155,7 @@ TEST(N3v, ScenesThatContradictThemselvesAreRefused) {
   for (const auto& [near, far] : {std::pair(-1., 5.), {1., HUGE_VAL}, {5., 5.}, {0., 5.}}) {
     values[17 + 15] = near, values[17 + 16] = far;
     write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
-    expect_error(read, {"row 1", "poses_bounds.npy", "depths"});
+    expect_error(read, {"row 1", "poses_bounds.npy", "depth bounds"});
   }
   values[17 + 15] = values[17 + 16] = 0;
   write_npy(folder.file("poses_bounds.npy"), {{3, 17}, values});
@@ -177,7 +177,7 @@ TEST(N3v, StepsThatOneCameraLacksAreToldAndLeftOut) {
   EXPECT_EQ(scene.steps, 2);
   ASSERT_EQ(scene.notices.size(), 1u);
   EXPECT_EQ(scene.notices[0],
-            "2 of 3 time steps are used, those that all cameras have: cam01 has no more");
+            "using only the 2 of 3 time steps that all cameras have: cam01 has no more");
 }
 
 TEST(N3v, CamerasWithoutACommonFrameAreRefused) {

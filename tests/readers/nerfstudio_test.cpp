@@ -161,12 +161,12 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
                {"transforms.json", "a text of 3145728 bytes"});
   expect_error([&] { with(frame(1), and_more + "\"" + text); }, {"transforms.json", "a text of"});
   expect_error([&] { with(frame(1) + ", " + frame(2) + ", " + frame(1)); },
-               {"frame 2 of", "frame_1.png of frame 0 again"});
-  expect_error([&] { with(frame(1, R"(, "mask_path": "m.png")")); }, {"mask 'm.png'", "no"});
-  expect_error([&] { with(frame(1, R"(, "mask_path": 3)")); }, {"'mask_path'", "no text"});
+               {"frame 2 of", "frame_1.png, which is already that of frame 0"});
+  expect_error([&] { with(frame(1, R"(, "mask_path": "m.png")")); }, {"mask 'm.png'", "no file"});
+  expect_error([&] { with(frame(1, R"(, "mask_path": 3)")); }, {"'mask_path'", "not a string"});
   expect_error([&] { with(frame(1), and_more + R"("camera_model": "EQUIRECTANGULAR")"); },
                {"'EQUIRECTANGULAR'", "OPENCV_FISHEYE"});
-  expect_error([&] { with(frame(1), and_more + R"("k1": "x")"); }, {"'k1'", "no finite number"});
+  expect_error([&] { with(frame(1), and_more + R"("k1": "x")"); }, {"'k1'", "not a finite number"});
   expect_error([&] { with(frame(1), and_more + R"("k6": 1e9)"); },
                {"frame 0 of", "coefficients 0, 0, 0, 0, 0, 0, 0, 1e+09"});
   expect_error([&] { with(frame(1), and_more + R"("ply_file_path": "../p.ply")"); },
@@ -176,11 +176,11 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
       {"ppp...'", "at most 1024 bytes"});
   expect_error([&] { with(frame(1), R"("fl_x": 9, "w": 8, "h": 8)"); }, {"8x6", "8x8"});
   expect_error([&] { with(frame(1), R"("fl_x": 9, "w": -8, "h": 8)"); }, {"size -8x8"});
-  expect_error([&] { with(frame(1), R"("fl_x": 9, "w": 8.5, "h": 6)"); }, {"8.5x6", "whole"});
+  expect_error([&] { with(frame(1), R"("fl_x": 9, "w": 8.5, "h": 6)"); }, {"8.5x6", "integers"});
   expect_error([&] { with(frame(1), and_more + R"("train_filenames": 5)"); },
-               {"'train_filenames'", "no list"});
+               {"'train_filenames'", "not a list"});
   expect_error([&] { with(frame(1), and_more + R"("train_filenames": ["images/frame_2.png"])"); },
-               {"none of the 1 pictures in 'train_filenames'", "one of its 1 frames"});
+               {"none of the 1 images in 'train_filenames'", "one of its 1 frames"});
   expect_error(
       [&] {
         with(joined({frame(1), frame(2)}),
@@ -192,7 +192,7 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   options.test_every = 1;
   with(frame(1));
   expect_error([&] { read_scene(folder.path(), options); },
-               {"no pictures for training", "all of its 1 frames", "scene.test_every = 1"});
+               {"no training images", "all 1 frames", "scene.test_every = 1"});
   folder.write("transforms.json", R"({"frames": [{"file_)");
-  expect_error([&] { read_scene(folder.path()); }, {"transforms.json", "no JSON"});
+  expect_error([&] { read_scene(folder.path()); }, {"transforms.json", "not valid JSON"});
 }

@@ -51,7 +51,7 @@ TEST(VideoFile, ATruncatedOneIsTold) {
   const Scene half = read_scene(folder.write("half.mkv", whole.substr(0, whole.size() / 2)));
   EXPECT_LT(half.steps, 30);
   ASSERT_EQ(half.notices.size(), 1u);
-  EXPECT_NE(half.notices[0].find("of the 40 frames that video"), std::string::npos)
+  EXPECT_NE(half.notices[0].find("of the 40 frames stated in video"), std::string::npos)
       << half.notices[0];
 }
 
@@ -81,8 +81,8 @@ TEST(VideoFile, ADamagedOneIsTold) {
   EXPECT_EQ(said_of(path), "");
   for (size_t i = bytes.size() / 3; i < bytes.size() / 2; i += 50) bytes[i] ^= 0x55;
   const std::string damaged = folder.write("b.avi", bytes), said = said_of(damaged);
-  EXPECT_EQ(said.rfind("gflow: warning: video " + damaged + " is damaged: its decoder says '", 0),
-            0u)
+  EXPECT_EQ(
+      said.rfind("gflow: warning: video " + damaged + " is damaged: its decoder reports '", 0), 0u)
       << said;
   EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;  // once, not per frame
   EXPECT_EQ(said_of(path), "");
@@ -228,7 +228,7 @@ TEST(VideoFile, AGivenCameraFilmsIt) {
   options.camera = "middle";
   expect_error([&] { read_scene(path, options); }, {"'middle'", "left.png, right"});
   options.camera = "";
-  expect_error([&] { read_scene(path, options); }, {"2 cameras", "3 pictures", "scene.camera"});
+  expect_error([&] { read_scene(path, options); }, {"2 cameras", "3 images", "scene.camera"});
 }
 
 TEST(VideoFile, GivenPosesMoveTheCamera) {
@@ -254,7 +254,7 @@ TEST(VideoFile, GivenPosesMoveTheCamera) {
   EXPECT_EQ(read_scene(folder.file("a.avi"), options).train.size(), 2u);
   options.max_steps = 0;
   expect_error([&] { read_scene(make_video(folder, "b.avi", 2), options); },
-               {"3 cameras", "b.avi has 2 pictures"});
+               {"3 cameras", "b.avi has 2 images"});
   options.cameras = folder.write("none.json", R"({"frames":[]})");
   expect_error([&] { read_scene(folder.file("a.avi"), options); }, {"none.json", "no frames"});
   options.cameras = folder.file("missing.json");
@@ -276,5 +276,5 @@ TEST(VideoFile, WhatIsNoVideoOrTooShortIsRefused) {
   const std::string path = make_video(folder, "c.mkv", 5);
   SceneOptions options;
   options.first_step = 5;
-  expect_error([&] { read_scene(path, options); }, {"first step", "5", "c.mkv"});
+  expect_error([&] { read_scene(path, options); }, {"scene.first_step is 5", "c.mkv"});
 }

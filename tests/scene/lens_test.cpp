@@ -114,8 +114,8 @@ TEST(Lens, ImpossibleCoefficientsAreRefused) {
   const auto lens = [](double k1) {
     pinhole_of_lens(camera_without_lens(), Lens::Kind::radial, {k1}, "the camera of a.png");
   };
-  expect_error([&] { lens(NAN); }, {"the camera of a.png", "not finite"});
-  expect_error([&] { lens(-1000); }, {"the camera of a.png", "no pinhole picture", "-1000"});
+  expect_error([&] { lens(NAN); }, {"the camera of a.png", "NaN or Inf"});
+  expect_error([&] { lens(-1000); }, {"the camera of a.png", "too much lens distortion", "-1000"});
 }
 
 TEST(Lens, ThePicturesOfAStoreAreUndistortedAndThenReduced) {

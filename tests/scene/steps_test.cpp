@@ -71,8 +71,8 @@ TEST(Steps, AllStepsAreLeftAsTheyAre) {
 TEST(Steps, RangesThatAreNotThereAreRefused) {
   const TemporaryFolder folder;
   make_steps(folder);
-  expect_error([&] { read(folder, 9, 1, 0); }, {"first step", "9", folder.path()});
-  expect_error([&] { read(folder, -1, 1, 0); }, {"first step", "-1"});
-  expect_error([&] { read(folder, 0, 0, 0); }, {"0-th step"});
-  expect_error([&] { read(folder, 0, 1, -1); }, {"number of steps", "-1"});
+  expect_error([&] { read(folder, 9, 1, 0); }, {"scene.first_step is 9", folder.path()});
+  expect_error([&] { read(folder, -1, 1, 0); }, {"scene.first_step is -1"});
+  expect_error([&] { read(folder, 0, 0, 0); }, {"scene.stride is 0"});
+  expect_error([&] { read(folder, 0, 1, -1); }, {"scene.max_steps is -1"});
 }

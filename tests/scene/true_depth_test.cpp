@@ -33,7 +33,7 @@ TEST(TrueDepth, OfAnotherShapeIsRefused) {
   expect_error([&] { read_true_depth(with_depth(path), 6, 6); }, {path, "6x4", "6x6"});
   expect_error([&] { read_true_depth(with_depth(flat), 6, 4); },
                {flat, "(24,)", "(height, width)"});
-  expect_error([&] { read_true_depth(with_depth(""), 6, 4); }, {"cam00_0000", "without"});
+  expect_error([&] { read_true_depth(with_depth(""), 6, 4); }, {"cam00_0000", "no true depth"});
   expect_error([&] { read_true_depth(with_depth("no/such.npy"), 6, 4); }, {"no/such.npy"});
 }
 

@@ -36,8 +36,8 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& spli
   if (!timed) timed = has_times(file);
   if (!file.json["frames"].empty() && has_times(file) != *timed)
     throw Error(
-        fmt::format("frame 0 of {} has {} 'time' and those of {} have {}: it takes all or "
-                    "none",
+        fmt::format("frame 0 of {} has {} 'time', but the frames of {} have {}: either all frames "
+                    "must have 'time' or none",
                     path, *timed ? "no" : "a", path_of(folder, "train"), *timed ? "one" : "none"));
   return read_frames(folder, file, options, scene);
 }

@@ -42,11 +42,11 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
   for (size_t i = 0; i < model.images.size(); ++i) {
     const ColmapImage& image = model.images[i];
     if (!names.insert(image.name).second)
-      throw Error(fmt::format("{} names the picture {} twice", sparse, image.name));
+      throw Error(fmt::format("{} lists image {} twice", sparse, image.name));
     Frame frame;
     frame.path = path_inside(pictures, image.name, sparse);
     if (!fs::is_regular_file(frame.path))
-      throw Error(fmt::format("{} names the picture {}, but there is no {}", sparse, image.name,
+      throw Error(fmt::format("{} lists image {}, but there is no file {}", sparse, image.name,
                               frame.path));
     const ImageHeader header = read_image_header(frame.path);
     scene.has_alpha |= header.has_alpha;

@@ -38,7 +38,8 @@ class ColmapBinary {
     while (const char c = next<char>()) {
       name += c;
       if (name.size() > 4096)
-        throw Error(fmt::format("{} has a picture whose name does not end", file_.path()));
+        throw Error(
+            fmt::format("{} is damaged: it has an image name without an end", file_.path()));
     }
     return name;
   }
@@ -116,14 +117,13 @@ class ColmapText {
                       text.substr(exponent, 1) == "-";  // underflow is read as 0
     const bool fits = read.ec == std::errc() || (read.ec == std::errc::result_out_of_range && tiny);
     if (!fits || read.ptr != text.data() + text.size() || !std::isfinite(double(value)))
-      refuse(fmt::format("has '{}' where {} should be, {}", excerpt(std::string(text)), what,
-                         std::is_floating_point_v<Number> ? "a finite number" : "a whole number"));
+      refuse(fmt::format("has '{}' as {}, which must be {}", excerpt(std::string(text)), what,
+                         std::is_floating_point_v<Number> ? "a finite number" : "an integer"));
     return value;
   }
-  // Throws "line 7 of cameras.txt WHY; expected is ENTRY".
+  // Throws "line 7 of cameras.txt WHY; expected ENTRY".
   [[noreturn]] void refuse(const std::string& why) const {
-    throw Error(
-        fmt::format("line {} of {} {}; expected is {}", number_, file_.path(), why, entry_));
+    throw Error(fmt::format("line {} of {} {}; expected {}", number_, file_.path(), why, entry_));
   }
 
  private:

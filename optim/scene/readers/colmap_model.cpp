@@ -41,7 +41,7 @@ constexpr size_t most_entries = 100000;
 
 void require_modest(size_t entries, const char* what, const std::string& path) {
   if (entries > most_entries)
-    throw Error(fmt::format("cannot read {}: it has more than {} {}, no scene has as many", path,
+    throw Error(fmt::format("cannot read {}: it has more than {} {}, the limit for a scene", path,
                             most_entries, what));
 }
 
@@ -57,10 +57,10 @@ void skip_observations(ColmapText& file, const std::string& path, const std::str
     sound = read.ec != std::errc::invalid_argument && read.ptr == word.data() + word.size();
   }
   if (file.is_whole() && (!sound || numbers % 3 != 0))
-    throw Error(fmt::format(
-        "cannot read {}: the line after that of picture {} is not x, y and point number of what "
-        "was seen in it; each picture takes two lines, the second of which may be empty",
-        path, excerpt(picture)));
+    throw Error(
+        fmt::format("cannot read {}: the line after image {} is not a list of observations X Y "
+                    "POINT3D_ID; each image needs two lines, of which the second may be empty",
+                    path, excerpt(picture)));
 }
 
 // COLMAP's camera models. Parameters are one or two focal lengths, the principal point, then
@@ -89,8 +89,8 @@ const CameraModel& model_named(const std::string& name, const std::string& path)
     names += names.empty() ? model.name : std::string(", ") + model.name;
   }
   throw Error(
-      fmt::format("{} has a camera of model {}, known are {}; undistort the pictures with colmap "
-                  "image_undistorter",
+      fmt::format("{} has a camera of model {}, but gflow only reads {}; undistort the images with "
+                  "colmap image_undistorter",
                   path, excerpt(name), names));
 }
 
@@ -98,7 +98,7 @@ const CameraModel& model_named(const std::string& name, const std::string& path)
 Camera make_camera(const CameraModel& model, double width, double height,
                    const std::vector<double>& p, const std::string& path) {
   if (width < 1 || height < 1 || width > 1 << 20 || height > 1 << 20)
-    throw Error(fmt::format("{} has a camera of {}x{} pixels, possible are sides of 1 to {}", path,
+    throw Error(fmt::format("{} has a camera of {}x{} pixels, expected sides of 1 to {}", path,
                             width, height, 1 << 20));
   Camera camera;
   camera.width = int(width);
@@ -118,7 +118,7 @@ using Cameras = std::map<uint32_t, Camera>;
 
 void add_camera(Cameras& cameras, uint32_t id, const Camera& camera, const std::string& path) {
   if (!cameras.emplace(id, camera).second)
-    throw Error(fmt::format("{} has the camera {} twice, each may be there once", path, id));
+    throw Error(fmt::format("{} has camera {} twice; camera ids must be unique", path, id));
 }
 
 Cameras cameras_bin(const std::string& path) {
@@ -147,7 +147,7 @@ Cameras cameras_txt(const std::string& path) {
   ColmapText file(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS");
   while (file.next_line()) {
     if (file.line().empty()) continue;
-    const auto id = file.number<uint32_t>("the camera's number");
+    const auto id = file.number<uint32_t>("the camera id");
     const std::string name(file.word());
     const auto width = file.number<int64_t>("the width"),
                height = file.number<int64_t>("the height");
@@ -170,15 +170,14 @@ ColmapImage make_image(const std::string& name, const double q[4], const double 
                        uint32_t camera_id, const Cameras& cameras, const std::string& path) {
   const auto found = cameras.find(camera_id);
   if (found == cameras.end())
-    throw Error(fmt::format("{} gives picture {} the camera {}, which is not in the model", path,
+    throw Error(fmt::format("{} assigns image {} to camera {}, which is not in the model", path,
                             excerpt(name), camera_id));
   const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
   if (!std::isfinite(q[0] + q[1] + q[2] + q[3] + t[0] + t[1] + t[2]))
-    throw Error(fmt::format("the pose of picture {} in {} is not finite", excerpt(name), path));
+    throw Error(fmt::format("the pose of image {} in {} contains NaN or Inf", excerpt(name), path));
   if (!(length > 1e-6 && length < 1e6))
-    throw Error(
-        fmt::format("the quaternion of picture {} in {} has the length {:.3g}, expected is 1",
-                    excerpt(name), path, length));
+    throw Error(fmt::format("the quaternion of image {} in {} has length {:.3g}, expected 1",
+                            excerpt(name), path, length));
   ColmapImage image{name, found->second};
   image.camera.name = name;
   image.camera.viewmat.topLeftCorner<3, 3>() =
@@ -189,14 +188,14 @@ ColmapImage make_image(const std::string& name, const double q[4], const double 
 
 void require_new(std::set<uint32_t>& known, uint32_t id, const std::string& path) {
   if (!known.insert(id).second)
-    throw Error(fmt::format("{} has the picture {} twice, each may be there once", path, id));
+    throw Error(fmt::format("{} has image {} twice; image ids must be unique", path, id));
 }
 
 std::vector<ColmapImage> images_bin(const std::string& path, const Cameras& cameras) {
   ColmapBinary file(path);
   std::vector<ColmapImage> images;
   const uint64_t count = file.next_count(64);
-  require_modest(count, "pictures", path);
+  require_modest(count, "images", path);
   std::set<uint32_t> known;
   for (uint64_t n = count; n > 0; --n) {
     require_new(known, file.next<uint32_t>(), path);
@@ -220,21 +219,21 @@ std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& came
     if (file.line().empty()) {
       while (file.next_line())
         if (!file.line().empty())
-          throw Error(fmt::format(
-              "cannot read {}: where picture {} should be is an empty line; each takes two lines, "
-              "the second of which may be empty",
-              path, images.size() + 1));
+          throw Error(
+              fmt::format("cannot read {}: found an empty line instead of image {}; each image "
+                          "needs two lines, of which the second may be empty",
+                          path, images.size() + 1));
       break;
     }
-    require_new(known, file.number<uint32_t>("the picture's number"), path);
+    require_new(known, file.number<uint32_t>("the image id"), path);
     double q[4], t[3];
-    for (double& value : q) value = file.number<double>("one of the quaternion");
-    for (double& value : t) value = file.number<double>("one of the translation");
-    const auto camera_id = file.number<uint32_t>("the camera's number");
+    for (double& value : q) value = file.number<double>("a quaternion component");
+    for (double& value : t) value = file.number<double>("a translation component");
+    const auto camera_id = file.number<uint32_t>("the camera id");
     const std::string name = file.rest();
-    if (name.empty()) file.refuse("ends before the picture's name");
+    if (name.empty()) file.refuse("ends before the image name");
     images.push_back(make_image(name, q, t, camera_id, cameras, path));
-    require_modest(images.size(), "pictures", path);
+    require_modest(images.size(), "images", path);
     skip_observations(file, path, name);
   }
   return images;
@@ -244,10 +243,10 @@ void append_point(PointCloud& points, const double xyz[3], const int rgb[3],
                   const std::string& path) {
   for (int i = 0; i < 3; ++i) {
     if (!(std::fabs(xyz[i]) <= farthest_point))
-      throw Error(fmt::format("point {} of {} is not finite, or farther off than {:g}",
+      throw Error(fmt::format("point {} of {} has a coordinate that is NaN, Inf or beyond {:g}",
                               points.size(), path, farthest_point));
     if (rgb[i] < 0 || rgb[i] > 255)
-      throw Error(fmt::format("point {} of {} has the colour {} {} {}, expected are 0 to 255",
+      throw Error(fmt::format("point {} of {} has colour {} {} {}, expected values of 0 to 255",
                               points.size(), path, rgb[0], rgb[1], rgb[2]));
     points.xyz.push_back(xyz[i]);
     points.rgb.push_back(uint8_t(rgb[i]));
@@ -293,11 +292,11 @@ PointCloud points_txt(const std::string& path) {
   ColmapText file(path, "POINT3D_ID X Y Z R G B ERROR TRACK");
   while (file.next_line()) {
     if (file.line().empty()) continue;
-    file.number<uint64_t>("the point's number");
+    file.number<uint64_t>("the point id");
     double xyz[3];
     int rgb[3];
-    for (double& value : xyz) value = file.number<double>("one of its place");
-    for (int& value : rgb) value = file.number<int>("one of its colour");
+    for (double& value : xyz) value = file.number<double>("a coordinate");
+    for (int& value : rgb) value = file.number<int>("a colour component");
     append_point(points, xyz, rgb, path);
   }
   return points;
@@ -332,7 +331,7 @@ ColmapModel read_colmap_model(const std::string& folder) {
   ColmapModel model;
   model.images =
       is_binary(images_path) ? images_bin(images_path, cameras) : images_txt(images_path, cameras);
-  if (model.images.empty()) throw Error(fmt::format("{} names no picture", images_path));
+  if (model.images.empty()) throw Error(fmt::format("{} has no images", images_path));
   std::sort(model.images.begin(), model.images.end(),
             [](const auto& a, const auto& b) { return natural_less(a.name, b.name); });
   model.points = read_colmap_points(folder);

@@ -125,17 +125,17 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
     const std::vector<Frame> frames =
         read_view(folder, pictures, view, azimuths[k], options, scene);
     if (frames.size() != size_t(scene.steps))
-      throw Error(fmt::format("{} has {} pictures, the input view has {}", pictures, frames.size(),
-                              scene.steps));
+      throw Error(fmt::format("{} has {} images, but the input view has {}", pictures,
+                              frames.size(), scene.steps));
     const size_t shown = options.first_views ? 1 : 0;
     scene.train.insert(scene.train.end(), frames.begin(), frames.begin() + long(shown));
     scene.test.insert(scene.test.end(), frames.begin() + long(shown), frames.end());
   }
   if (options.first_views && scene.train.size() == size_t(scene.steps))
-    throw Error(fmt::format(
-        "scene.first_views asks for the first pictures of other views, but scene {} has no eval_0 "
-        "to eval_3",
-        folder));
+    throw Error(
+        fmt::format("scene.first_views needs the first images of other views, but scene {} has "
+                    "none in eval_0 to eval_3",
+                    folder));
   if (scene.test.empty()) {
     scene.test = scene.train;
     for (Frame& frame : scene.test) frame.name = "test_" + frame.name;

@@ -41,8 +41,8 @@ std::vector<Camera> cameras_of_view(const SceneOptions& options, size_t pictures
   const bool enough = options.max_steps > 0 && cameras.size() > pictures;
   if (cameras.size() != pictures && !enough)
     throw Error(
-        fmt::format("{} has {} cameras, {} has {} pictures: expected is one camera, one a "
-                    "picture, or the name of one (scene.camera)",
+        fmt::format("{} has {} cameras, but the view of {} has {} images: expected one camera, one "
+                    "per image, or the name of one in scene.camera",
                     options.cameras, cameras.size(), source, pictures));
   std::stable_sort(cameras.begin(), cameras.end(),
                    [](const Camera& a, const Camera& b) { return natural_less(a.name, b.name); });

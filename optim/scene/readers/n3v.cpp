@@ -116,7 +116,7 @@ Camera camera_of(const double* row, size_t i, const Footage& footage, const std:
   for (int r = 0; r < 3; ++r) rotation.row(r) << at(r, 1), at(r, 0), -at(r, 2);
   const std::string what = fmt::format("row {} of {}", i, path);
   for (int k = 0; k < 15; ++k)
-    if (!std::isfinite(row[k])) throw Error(what + " holds a number that is not finite");
+    if (!std::isfinite(row[k])) throw Error(what + " contains NaN or Inf");
   const double height = at(0, 4), width = at(1, 4), focal = at(2, 4);
   if (!(height >= 1 && height < 1e6 && width >= 1 && width < 1e6 && focal > 0))
     throw Error(fmt::format("{} has height {}, width {} and focal length {}: all must be positive",
@@ -140,10 +140,9 @@ std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Fo
   const std::string path = join(folder, "poses_bounds.npy");
   const Array poses = read_npy(path);
   if (poses.shape.size() != 2 || poses.shape[1] != 17)
-    throw Error(
-        fmt::format("{} has shape {}, expected is (cameras, 17)", path, poses.shape_text()));
+    throw Error(fmt::format("{} has shape {}, expected (cameras, 17)", path, poses.shape_text()));
   if (poses.shape[0] != footage.size())
-    throw Error(fmt::format("{} has {} cameras, but the folder has pictures or videos of {}", path,
+    throw Error(fmt::format("{} has {} cameras, but the folder has images or videos of {}", path,
                             poses.shape[0], footage.size()));
   const std::vector<double> values = poses.as_double();
   std::vector<Camera> cameras;
@@ -153,10 +152,9 @@ std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Fo
     const double near = values[17 * i + 15], far = values[17 * i + 16];
     if (near == 0 && far == 0) return cameras;  // unknown
     if (!(near > 0 && far > near && std::isfinite(far)))
-      throw Error(
-          fmt::format("row {} of {} has the depths {} and {}: expected are a nearest above "
-                      "0 and a farther one, or 0 and 0 where they are not known",
-                      i, path, near, far));
+      throw Error(fmt::format(
+          "row {} of {} has depth bounds {} and {}: expected 0 < near < far, or 0 and 0 if unknown",
+          i, path, near, far));
     scene.near = i ? std::min(scene.near, near) : near;
     scene.far = std::max(scene.far, far);
   }
@@ -187,9 +185,10 @@ std::vector<std::string> common_steps(const std::vector<Footage>& footage,
   else if (shortest >= 0 && steps.size() > size_t(shortest))
     steps.resize(size_t(shortest));
   if (steps.empty())
-    throw Error(fmt::format(
-        "the cameras of {} have no frame in common: pictures of one time step must have one name",
-        folder));
+    throw Error(
+        fmt::format("the cameras of {} have no frame in common: images of one time step must have "
+                    "the same name",
+                    folder));
   return steps;
 }
 
@@ -203,11 +202,11 @@ std::vector<std::string> unused_steps(const std::vector<Footage>& footage, size_
     if (own == used) shortest.push_back(one.name);
   }
   if (most == used) return {};
-  const std::string why = shortest.empty() ? "no more have pictures of one name"
+  const std::string why = shortest.empty() ? "the names of the other images differ"
                                            : fmt::format("{} {} no more", fmt::join(shortest, ", "),
                                                          shortest.size() > 1 ? "have" : "has");
-  return {fmt::format("{} of {} time steps are used, those that all cameras have: {}", used, most,
-                      why)};
+  return {
+      fmt::format("using only the {} of {} time steps that all cameras have: {}", used, most, why)};
 }
 
 std::vector<Frame> frames_of(const std::string& folder, int camera, const Footage& footage,
@@ -253,12 +252,12 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
   if (footage.empty()) footage = still_footage(folder, options);
   if (footage.empty())
     throw Error(fmt::format(
-        "{} has poses_bounds.npy but no pictures: looked for camNN/{}/, camNN.mp4 and {}/", folder,
+        "{} has poses_bounds.npy but no images: looked for camNN/{}/, camNN.mp4 and {}/", folder,
         options.images.empty() ? "images" : options.images,
         options.images.empty() ? "images" : options.images));
   const int n = int(footage.size());
   if (options.holdout < -1 || options.holdout >= n)
-    throw Error(fmt::format("camera {} is to be held out, {} has cameras 0 to {} (-1 for none)",
+    throw Error(fmt::format("scene.holdout is {}, but {} has cameras 0 to {} (-1: no test camera)",
                             options.holdout, folder, n - 1));
   Scene scene;
   scene.layout = "n3v";

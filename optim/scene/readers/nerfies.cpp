@@ -34,8 +34,7 @@ World read_world(const std::string& path) {
   World world;
   world.scale = needed_number(json, "scale", path);
   if (!(world.scale > 0))
-    throw Error(
-        fmt::format("'scale' of {} is {}, expected is a positive number", path, world.scale));
+    throw Error(fmt::format("'scale' of {} is {}, expected a positive number", path, world.scale));
   const std::vector<double> center =
       numbers(member(json, "center", path), 3, "'center' of " + path);
   world.center = Eigen::Map<const Eigen::Vector3d>(center.data());
@@ -47,13 +46,13 @@ std::string picture_folder(const std::string& folder, const SceneOptions& option
   const std::string rgb = join(folder, "rgb");
   if (!options.images.empty()) {
     if (!fs::is_directory(join(rgb, options.images)))
-      throw Error(fmt::format("there is no folder {} for the pictures of {}",
+      throw Error(fmt::format("there is no folder {} for the images of {}",
                               join(rgb, options.images), folder));
     return join(rgb, options.images);
   }
   for (const std::string& name : list_folders(rgb))  // natural order: 1x, 2x, ..., 16x
     if (name.back() == 'x' && !list_images(join(rgb, name)).empty()) return join(rgb, name);
-  throw Error(fmt::format("{} has no pictures: looked for {}/1x, 2x, ...", folder, rgb));
+  throw Error(fmt::format("{} has no images: looked for {}/1x, 2x, ...", folder, rgb));
 }
 
 Camera read_camera(const std::string& path, const World& world, const std::string& picture,
@@ -69,7 +68,7 @@ Camera read_camera(const std::string& path, const World& world, const std::strin
   camera.fy = camera.fx * number(json, "pixel_aspect_ratio", path).value_or(1);
   camera.cx = centre[0], camera.cy = centre[1];
   if (std::fabs(number(json, "skew", path).value_or(0)) > 1e-6 * camera.fx)
-    throw Error(fmt::format("'skew' of {} is not 0, and pixels askew are not supported", path));
+    throw Error(fmt::format("'skew' of {} is not 0; cameras with skew are not supported", path));
   const Eigen::Matrix3d orientation =
       matrix(member(json, "orientation", path), 3, 3, "'orientation' of " + path);
   const std::vector<double> position = list("position", 3);
@@ -105,15 +104,15 @@ PointCloud read_points(const std::string& folder, const World& world) {
   if (!fs::exists(path)) return {};
   const Array array = read_npy(path);
   if (array.shape.size() != 2 || array.shape[1] != 3)
-    throw Error(fmt::format("{} has shape {}, expected is (points, 3)", path, array.shape_text()));
+    throw Error(fmt::format("{} has shape {}, expected (points, 3)", path, array.shape_text()));
   const std::vector<double> values = array.as_double();
   PointCloud points;
   for (size_t i = 0; i < values.size(); ++i) {
     const double place = world.scale * (values[i] - world.center[long(i % 3)]);
     if (!(std::fabs(place) <= farthest_point))
       throw Error(
-          fmt::format("point {} of {}, moved and scaled into the scene, is not finite, or farther "
-                      "off than {:g}",
+          fmt::format("point {} of {}, moved and scaled into the scene, has a coordinate that is "
+                      "NaN, Inf or beyond {:g}",
                       i / 3, path, farthest_point));
     points.xyz.push_back(place);
   }
@@ -143,14 +142,14 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
     for (const std::string& id :
          texts(member(dataset, key, dataset_path), fmt::format("'{}' of {}", key, dataset_path))) {
       if (const auto [owner, is_first] = owners.emplace(id, key); !is_first)
-        throw Error(
-            fmt::format("{} has the picture '{}' in '{}' and in '{}'; it may be in one, once",
-                        dataset_path, excerpt(id), owner->second, key));
+        throw Error(fmt::format(
+            "{} lists image '{}' in '{}' and in '{}'; each image may be listed only once",
+            dataset_path, excerpt(id), owner->second, key));
       Frame frame;
       const std::string base = path_inside(pictures, id, dataset_path);
       frame.path = first_existing("", {base + ".png", base + ".jpg"});
       if (frame.path.empty())
-        throw Error(fmt::format("{} names the picture '{}', but there is no {}.png (nor .jpg)",
+        throw Error(fmt::format("{} lists image '{}', but there is no {}.png (nor .jpg)",
                                 dataset_path, id, base));
       frame.time = time_id(metadata, id, metadata_path);
       frame.name = id;
@@ -166,7 +165,8 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
   read_split("train_ids", scene.train);
   if (dataset.contains("val_ids")) read_split("val_ids", scene.test);
   if (scene.train.empty())
-    throw Error(fmt::format("'train_ids' of {} is empty: no pictures to train on", dataset_path));
+    throw Error(
+        fmt::format("'train_ids' of {} is empty: there are no training images", dataset_path));
 
   double first = scene.train[0].time, last = first;
   for (const auto* split : {&scene.train, &scene.test})

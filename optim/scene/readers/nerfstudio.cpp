@@ -44,12 +44,13 @@ void split_frames(const std::string& folder, const Transforms& file, int test_ev
     list.pictures = listed(folder, file, list.key);
     for (const std::string& picture : list.pictures)
       if (const auto [owner, is_first] = owners.emplace(picture, list.key); !is_first)
-        throw Error(fmt::format("{} has {} in '{}' and in '{}'; it may be in one", file.path,
-                                picture, owner->second, list.key));
+        throw Error(
+            fmt::format("{} lists {} in '{}' and in '{}'; each image may be in only one list",
+                        file.path, picture, owner->second, list.key));
     for (const Frame& frame : frames)
       if (list.pictures.count(frame.path)) list.split.push_back(frame);
     if (!list.pictures.empty() && list.split.empty())
-      throw Error(fmt::format("none of the {} pictures in '{}' of {} is one of its {} frames",
+      throw Error(fmt::format("none of the {} images in '{}' of {} is one of its {} frames",
                               list.pictures.size(), list.key, file.path, frames.size()));
   }
   if (!owners.empty()) {
@@ -86,8 +87,8 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
   split_frames(folder, file, options.test_every, frames, scene);
   if (scene.train.empty())
     throw Error(
-        fmt::format("{} leaves no pictures for training: all of its {} frames are for the test, by "
-                    "its lists or by scene.test_every = {}",
+        fmt::format("{} has no training images: all {} frames are test images, by its lists or by "
+                    "scene.test_every = {}",
                     file.path, frames.size(), options.test_every));
   const std::vector<double> times = distinct_times(scene.train);
   scene.steps = int(times.size());

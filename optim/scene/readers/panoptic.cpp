@@ -35,7 +35,7 @@ MetaFile read_meta(const std::string& path) {
   file.width = needed_number(file.json, "w", path);
   file.height = needed_number(file.json, "h", path);
   const Json& names = member(file.json, "fn", path);
-  if (!names.is_array()) throw Error(fmt::format("'fn' of {} is no list of times", path));
+  if (!names.is_array()) throw Error(fmt::format("'fn' of {} is not a list of times", path));
   file.times = names.size();
   for (size_t t = 0; t < file.times; ++t)
     if (!names[t].is_array())
@@ -44,10 +44,11 @@ MetaFile read_meta(const std::string& path) {
     const Json& list = member(file.json, key, path);
     if (!list.is_array() || list.size() != file.times)
       throw Error(
-          fmt::format("'{}' of {} is no list of {} times as 'fn' is", key, path, file.times));
+          fmt::format("'{}' of {} is not a list of {} times like 'fn'", key, path, file.times));
     for (size_t t = 0; t < file.times; ++t)
       if (!list[t].is_array() || list[t].size() != names[t].size())
-        throw Error(fmt::format("'{}' of {} has other cameras than 'fn' at time {}", key, path, t));
+        throw Error(fmt::format("'{}' of {} has another number of cameras than 'fn' at time {}",
+                                key, path, t));
   }
   return file;
 }
@@ -61,8 +62,9 @@ Camera camera_of(const MetaFile& file, size_t t, size_t c, const std::string& pi
   const Eigen::MatrixXd w2c = pose_rows(file.json["w2c"][t][c], what("w2c"));
   const double skew = 1e-6 * std::fabs(k(0, 0));  // [px per unit of y]
   if (std::fabs(k(0, 1)) > skew || k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1)
-    throw Error(fmt::format("{} is no matrix fx 0 cx, 0 fy cy, 0 0 1: gflow's cameras have no skew",
-                            what("k")));
+    throw Error(fmt::format(
+        "{} is not of the form [fx 0 cx; 0 fy cy; 0 0 1]: cameras with skew are not supported",
+        what("k")));
   Camera camera;
   set_size(camera, file.width, file.height, file.path);
   camera.fx = k(0, 0), camera.fy = k(1, 1), camera.cx = k(0, 2), camera.cy = k(1, 2);
@@ -76,8 +78,7 @@ std::string file_in(const std::string& folder, const char* sub, const std::strin
                     const MetaFile& meta) {
   const std::string path = path_inside((fs::path(folder) / sub).string(), name, meta.path);
   if (!fs::is_regular_file(path))
-    throw Error(
-        fmt::format("{} names the picture '{}', but there is no {}", meta.path, name, path));
+    throw Error(fmt::format("{} lists image '{}', but there is no file {}", meta.path, name, path));
   return path;
 }
 
@@ -86,7 +87,7 @@ int camera_number(const Json& value, const std::string& what) {
   constexpr int most = 1000000;
   const double id = value.is_number_integer() ? value.get<double>() : -1;
   if (!(id >= 0 && id <= most))
-    throw Error(fmt::format("{} is no whole number from 0 to {}", what, most));
+    throw Error(fmt::format("{} is not an integer from 0 to {}", what, most));
   return int(id);
 }
 
@@ -102,10 +103,12 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
       const std::string name = text(meta.json["fn"][t][c], "'fn' of " + what);
       const int id = camera_number(meta.json["cam_id"][t][c], "'cam_id' of " + what);
       if (!cameras.insert(id).second)
-        throw Error(fmt::format("'cam_id' of {} is {}, as of another at this time", what, id));
+        throw Error(
+            fmt::format("'cam_id' of {} is {}, which another camera has at this time", what, id));
       const auto [owner, is_first] = owners.emplace(fs::path(name).lexically_normal(), what);
       if (!is_first)
-        throw Error(fmt::format("{} has the picture '{}', as has {}", what, name, owner->second));
+        throw Error(fmt::format("{} has image '{}', which is already that of {}", what, name,
+                                owner->second));
       Frame frame;
       frame.path = file_in(folder, "ims", name, meta);
       if (options.masks == Masks::all)
@@ -134,7 +137,7 @@ PointCloud read_points(const std::string& folder) {
   const Array& data = array_named(arrays, "data", path);
   if (data.shape.size() != 2 || data.shape[1] < 6)
     throw Error(
-        fmt::format("'data' of {} has shape {}, expected is (points, 7)", path, data.shape_text()));
+        fmt::format("'data' of {} has shape {}, expected (points, 7)", path, data.shape_text()));
   const size_t count = data.shape[0], columns = data.shape[1];
   PointCloud points;
   points.xyz.reserve(3 * count);
@@ -142,7 +145,7 @@ PointCloud read_points(const std::string& folder) {
   const auto add = [&](size_t i, const auto* row) {
     for (int c = 0; c < 6; ++c)
       if (!(std::fabs(row[c]) <= farthest_point))
-        throw Error(fmt::format("point {} of {} has a value that is not finite or beyond {:g}", i,
+        throw Error(fmt::format("point {} of {} has a value that is NaN, Inf or beyond {:g}", i,
                                 path, farthest_point));
     points.xyz.insert(points.xyz.end(), {double(row[0]), double(row[1]), double(row[2])});
     for (int c = 3; c < 6; ++c)
@@ -154,7 +157,7 @@ PointCloud read_points(const std::string& folder) {
   else if (const auto* doubles = std::get_if<std::vector<double>>(&data.values))
     for (size_t i = 0; i < count; ++i) add(i, &(*doubles)[i * columns]);
   else
-    throw Error(fmt::format("'data' of {} has whole numbers, expected are floats", path));
+    throw Error(fmt::format("'data' of {} contains integers, expected floats", path));
   return points;
 }
 
@@ -170,14 +173,13 @@ Scene read_panoptic(const std::string& folder, const SceneOptions& options) {
   scene.layout = "panoptic";
   scene.fps = panoptic_fps;
   scene.train = read_split(folder, meta("train_meta.json"), options, scene);
-  if (scene.train.empty())
-    throw Error(fmt::format("{} names no pictures", meta("train_meta.json")));
+  if (scene.train.empty()) throw Error(fmt::format("{} has no images", meta("train_meta.json")));
   scene.steps = scene.train.back().step + 1;
   if (fs::exists(meta("test_meta.json")))
     scene.test = read_split(folder, meta("test_meta.json"), options, scene);
   for (const Frame& frame : scene.test)
     if (frame.step >= scene.steps)
-      throw Error(fmt::format("{} has more than the {} times of {}", meta("test_meta.json"),
+      throw Error(fmt::format("{} has more times than the {} of {}", meta("test_meta.json"),
                               scene.steps, meta("train_meta.json")));
   scene.points = read_points(folder);
   return scene;

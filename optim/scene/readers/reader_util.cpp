@@ -84,15 +84,15 @@ std::string path_inside(const std::string& folder, const std::string& relative,
   const auto is_control = [](unsigned char c) { return c < 0x20 || c == 0x7f; };
   if (relative.size() > longest || std::any_of(relative.begin(), relative.end(), is_control))
     throw Error(
-        fmt::format("{} names the file '{}': expected is a relative path in one line, at most {} "
-                    "bytes long",
+        fmt::format("{} names the file '{}': expected a relative path without control characters, "
+                    "at most {} bytes long",
                     source, excerpt(relative), longest));
   const fs::path path = fs::path(relative).lexically_normal();
-  if (relative.empty()) throw Error(fmt::format("{} names a file, but the name is empty", source));
+  if (relative.empty()) throw Error(fmt::format("{} contains an empty file name", source));
   if (path.is_absolute() || *path.begin() == "..")
     throw Error(
-        fmt::format("{} names the file '{}', which leads out of the scene folder; expected is a "
-                    "relative path that stays in it",
+        fmt::format("{} names the file '{}', which is outside of the scene folder; expected a "
+                    "relative path inside it",
                     source, excerpt(relative)));
   return (fs::path(folder) / path).string();
 }
@@ -114,12 +114,13 @@ std::string stem(const std::string& path) { return fs::path(path).stem().string(
 Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& position,
                                   const std::string& what) {
   if (!rotation.allFinite() || !position.allFinite())
-    throw Error(fmt::format("{} holds a number that is not finite", what));
+    throw Error(fmt::format("{} contains NaN or Inf", what));
   const double error =
       (rotation.transpose() * rotation - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(error < 1e-3) || !(rotation.determinant() > 0))
     throw Error(fmt::format(
-        "{} has no rotation in its 3x3 part: columns must be orthonormal and right-handed", what));
+        "the 3x3 part of {} is not a rotation: its columns must be orthonormal and right-handed",
+        what));
   const Eigen::Matrix3d exact = Eigen::Quaterniond(rotation).normalized().toRotationMatrix();
   Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();
   viewmat.topLeftCorner<3, 3>() = exact.transpose();
@@ -130,9 +131,8 @@ Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::
 void set_size(Camera& camera, double width, double height, const std::string& where) {
   for (const double side : {width, height})
     if (!(side >= 1 && side < 1e6 && side == std::floor(side)))
-      throw Error(
-          fmt::format("{} states the size {}x{}, possible are sides of 1 to 999999 whole pixels",
-                      where, width, height));
+      throw Error(fmt::format("{} gives the image size {}x{}, expected integers from 1 to 999999",
+                              where, width, height));
   camera.width = int(width);
   camera.height = int(height);
 }
@@ -141,8 +141,9 @@ Camera fitted_to(Camera camera, int width, int height, const std::string& source
                  const std::string& picture) {
   const double sx = double(width) / camera.width, sy = double(height) / camera.height;
   if (!(std::fabs(sx / sy - 1) < 0.02))
-    throw Error(fmt::format("picture {} is {}x{}, but {} gives its camera the size {}x{}", picture,
-                            width, height, source, camera.width, camera.height));
+    throw Error(fmt::format(
+        "image {} is {}x{}, but {} gives its camera the size {}x{}: the aspect ratios differ",
+        picture, width, height, source, camera.width, camera.height));
   camera.width = width;
   camera.height = height;
   for (double* x : {&camera.fx, &camera.cx, &camera.lens.fx, &camera.lens.cx}) *x *= sx;

@@ -14,14 +14,12 @@ namespace {
 
 void check_orbit(const SceneOptions& options) {
   if (!(std::fabs(options.elevation) < 89.9))
-    throw Error(fmt::format("the camera's elevation is {} degrees, possible is -89.9 to 89.9",
-                            options.elevation));
-  if (!(options.radius > 0) || !std::isfinite(options.radius))
     throw Error(
-        fmt::format("the camera's distance is {}, expected is a positive number", options.radius));
+        fmt::format("scene.elevation is {} degrees, expected -89.9 to 89.9", options.elevation));
+  if (!(options.radius > 0) || !std::isfinite(options.radius))
+    throw Error(fmt::format("scene.radius is {}, expected a positive number", options.radius));
   if (!(options.fovy > 0 && options.fovy < 180))
-    throw Error(fmt::format("the camera's field of view is {} degrees, possible is 0 to 180",
-                            options.fovy));
+    throw Error(fmt::format("scene.fovy is {} degrees, expected 0 to 180", options.fovy));
 }
 
 }  // namespace

@@ -41,9 +41,8 @@ std::string picture_of(const std::string& folder, const Transforms& file, const 
   for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG"})
     if (fs::is_regular_file(base + extension)) return base + extension;
   if (fs::is_directory(base))
-    throw Error(
-        fmt::format("{} names the picture '{}', but {} is a folder", file.path, relative, base));
-  throw Error(fmt::format("{} names the picture '{}', but there is no {} (nor .png, .jpg)",
+    throw Error(fmt::format("{} lists image '{}', but {} is a folder", file.path, relative, base));
+  throw Error(fmt::format("{} lists image '{}', but there is no file {} (nor with .png or .jpg)",
                           file.path, relative, base));
 }
 
@@ -55,7 +54,7 @@ std::string mask_of(const std::string& folder, const Transforms& file, const Jso
   const std::string path = path_inside(folder, relative, file.path);
   if (!fs::is_regular_file(path))
     throw Error(
-        fmt::format("{} names the mask '{}', but there is no {}", file.path, relative, path));
+        fmt::format("{} lists mask '{}', but there is no file {}", file.path, relative, path));
   return path;
 }
 
@@ -74,9 +73,8 @@ Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera
     return pinhole_of_lens(camera, Lens::Kind::radial,
                            {k("k1"), k("k2"), k("p1"), k("p2"), k("k3"), k("k4"), k("k5"), k("k6")},
                            what);
-  throw Error(
-      fmt::format("{} has the camera_model '{}', known are PINHOLE, OPENCV and OPENCV_FISHEYE",
-                  where, excerpt(model)));
+  throw Error(fmt::format("{} has camera_model '{}', expected PINHOLE, OPENCV or OPENCV_FISHEYE",
+                          where, excerpt(model)));
 }
 
 Camera camera_of(const Transforms& file, const Json& frame, const std::string& where,
@@ -91,8 +89,8 @@ Camera camera_of(const Transforms& file, const Json& frame, const std::string& w
   if (!fl_x && !angle_x)
     throw Error(fmt::format("{} has neither 'camera_angle_x' nor 'fl_x'", where));
   if (!fl_x && !(*angle_x > 0 && *angle_x < M_PI))
-    throw Error(fmt::format("'camera_angle_x' of {} is {}, expected is an angle within (0, pi)",
-                            where, *angle_x));
+    throw Error(
+        fmt::format("'camera_angle_x' of {} is {}, expected an angle in (0, pi)", where, *angle_x));
   camera.fx = fl_x ? *fl_x : 0.5 * camera.width / std::tan(0.5 * *angle_x);
   camera.fy = fl_y ? *fl_y : camera.fx;
   camera.cx = inherited(file, frame, "cx", where).value_or(0.5 * camera.width);
@@ -103,7 +101,7 @@ Camera camera_of(const Transforms& file, const Json& frame, const std::string& w
 }
 
 void require_object(const Json& entry, const std::string& where) {
-  if (!entry.is_object()) throw Error(where + " is no object");
+  if (!entry.is_object()) throw Error(where + " is not a JSON object");
 }
 
 // train/r_000 -> train_r_000
@@ -135,16 +133,17 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
     const auto [before, is_new] =
         known.emplace(fs::path(frame.path).lexically_normal().string(), frames.size());
     if (!is_new)
-      throw Error(fmt::format("{} has the picture {} of frame {} again; each may be there once",
-                              where, frame.path, before->second));
+      throw Error(fmt::format("{} has image {}, which is already that of frame {}", where,
+                              frame.path, before->second));
     if (options.masks != Masks::none) frame.mask_path = mask_of(folder, file, entry, where);
     const auto time = number(entry, "time", where);
     if (time.has_value() != file.json["frames"][0].contains("time"))
-      throw Error(fmt::format("{} has {} 'time' and frame 0 has {}: it takes all or none", where,
-                              time ? "a" : "no", time ? "none" : "one"));
+      throw Error(fmt::format(
+          "{} has {} 'time', but frame 0 has {}: either all frames must have 'time' or none", where,
+          time ? "a" : "no", time ? "none" : "one"));
     frame.time = time.value_or(0);
     if (frame.time < 0 || frame.time > 1)
-      throw Error(fmt::format("'time' of {} is {}, expected is 0 to 1", where, frame.time));
+      throw Error(fmt::format("'time' of {} is {}, expected 0 to 1", where, frame.time));
     const ImageHeader header = read_image_header(frame.path);
     scene.has_alpha |= header.has_alpha || !frame.mask_path.empty();
     Camera camera = camera_of(file, entry, where, frame.path, header.width, header.height);
