@@ -70,7 +70,7 @@ Enum value_named(const std::string& name) {
   const auto names = names_of(Enum{});
   const auto found = std::find(names.begin(), names.end(), name);
   if (found == names.end())
-    throw Error(fmt::format("there is no '{}', only {}", name, fmt::join(names, ", ")));
+    throw Error(fmt::format("unknown value '{}'; choose one of {}", name, fmt::join(names, ", ")));
   return Enum(found - names.begin());
 }
 

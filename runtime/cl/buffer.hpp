@@ -139,8 +139,8 @@ class Buffer {
     const uint64_t have = queue.info.max_allocation;
     if (size > have / sizeof(T))
       throw OutOfMemory(
-          fmt::format("allocating {} needs {} elements of {} bytes, {:.1f} MiB in one piece,"
-                      " and {} gives at most {:.1f} MiB",
+          fmt::format("allocating {}: {} elements of {} bytes need {:.1f} MiB in one buffer, but "
+                      "{} allows at most {:.1f} MiB",
                       name_, size, sizeof(T), double(size) * sizeof(T) / (1 << 20),
                       queue.info.full_name(), double(have) / (1 << 20)));
     size_ = size;
@@ -176,8 +176,8 @@ class Buffer {
   }
   void check(bool fits, const char* doing, size_t first, size_t count) const {
     if (!fits)
-      throw Error(fmt::format("{} {}: {} elements from element {} do not fit it", doing, describe(),
-                              count, first));
+      throw Error(fmt::format("{} {}: {} elements from element {} are out of range", doing,
+                              describe(), count, first));
   }
   std::string describe() const {
     return fmt::format("{} [{} x {} bytes]", name_, size_, sizeof(T));

@@ -10,10 +10,9 @@ namespace gflow {
 
 Chunks chunks_for(const Queue& queue, size_t size, size_t least) {
   if (size >= size_t(1) << 31)
-    throw Error(
-        fmt::format("an array of {} elements is too long: at most 2^31 - 1 fit one sort or "
-                    "prefix sum",
-                    size));
+    throw Error(fmt::format(
+        "an array of {} elements is too long for a sort or prefix sum; the maximum is 2^31 - 1",
+        size));
   // CPU: 4 per core, so that a core taken by another process does not hold up the others.
   const size_t most = queue.lanes == 1 ? 1024 : std::min<size_t>(4 * queue.info.compute_units, 256);
   const size_t count = std::clamp<size_t>(size / least, 1, most);

@@ -10,7 +10,7 @@ std::string sentence(const std::string& doing, const cl::Error& cause) {
                      std::to_string(cause.err()) + ")";
   if (const auto* build = dynamic_cast<const cl::BuildError*>(&cause))
     for (const auto& [device, log] : build->getBuildLog())
-      text += "\n" + device.getInfo<CL_DEVICE_NAME>() + " says:\n" + log;
+      text += "\nbuild log of " + device.getInfo<CL_DEVICE_NAME>() + ":\n" + log;
   return text;
 }
 

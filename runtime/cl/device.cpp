@@ -36,19 +36,19 @@ std::string no_device_message() {
   std::string why = pocl_cache_problem(0);
   if (why.empty() && cache && *cache && !std::filesystem::is_directory(cache, problem))
     return fmt::format(  // as root, e.g. in /proc
-        "no OpenCL device found: POCL_CACHE_DIR is {}, where no folder could be made: unset it, or "
-        "name one that can be written",
+        "no OpenCL device found: cannot create the folder {} given by POCL_CACHE_DIR; unset the "
+        "variable or set it to a writable folder",
         cache);
   if (why.empty()) why = compile_failure_reason();
   if (const std::string drivers = drivers_named(); why.empty() && !drivers.empty())
     return fmt::format(
-        "no OpenCL device found: {}; if a driver that is there ({}) should have one, a limit of "
-        "memory or open files (ulimit -v, -n) may keep it out",
+        "no OpenCL device found: {}; if an installed driver ({}) should provide one, a limit on "
+        "memory or open files (ulimit -v, -n) may prevent it",
         install, drivers);
   if (why.empty()) return "no OpenCL device found: " + install;
   return cache && *cache
              ? "no OpenCL device found: " + why
-             : fmt::format("no OpenCL device found: {}; if it is there: {}", install, why);
+             : fmt::format("no OpenCL device found: {}; if one is installed: {}", install, why);
 }
 
 // Restores the program's signal handlers. PoCL's LLVM replaces them when its platform is first
@@ -126,7 +126,7 @@ std::string megabytes(uint64_t bytes) { return fmt::format("{} MiB", bytes >> 20
 }  // namespace
 
 DeviceInfo device_info(const cl::Device& device, int index) {
-  return cl_call("asking an OpenCL device for its properties", [&] {
+  return cl_call("querying the properties of an OpenCL device", [&] {
     DeviceInfo info;
     info.index = index;
     info.platform = cl::Platform(device.getInfo<CL_DEVICE_PLATFORM>()).getInfo<CL_PLATFORM_NAME>();
@@ -167,10 +167,9 @@ cl::Device find_device(const std::string& wanted_or_empty) {
   std::string wanted = wanted_or_empty;
   if (const char* named = std::getenv("GFLOW_DEVICE"); wanted.empty() && named) wanted = named;
   if (!wanted.empty() && wanted.find_first_not_of(" \t") == wanted.npos)  // would match any name
-    throw Error(fmt::format(
-        "the OpenCL device is named by blanks alone; it takes its number or a part of its name, "
-        "and there are:{}",
-        listing(infos)));
+    throw Error(
+        fmt::format("the OpenCL device must be an index or part of a name, not blank; available:{}",
+                    listing(infos)));
   if (wanted.empty()) {
     const auto gpu =
         std::find_if(infos.begin(), infos.end(), [](const DeviceInfo& d) { return d.is_gpu; });
@@ -179,12 +178,12 @@ cl::Device find_device(const std::string& wanted_or_empty) {
   if (is_index(wanted)) {
     const size_t index = std::stoul(wanted);
     if (index < devices.size()) return devices[index];
-    throw Error(fmt::format("there is no OpenCL device {}; there are:{}", wanted, listing(infos)));
+    throw Error(fmt::format("there is no OpenCL device {}; available:{}", wanted, listing(infos)));
   }
   for (const auto& info : infos)
     if (lower(info.full_name()).find(lower(wanted)) != std::string::npos)
       return devices[size_t(info.index)];
-  throw Error(fmt::format("no OpenCL device matches '{}'; there are:{}", wanted, listing(infos)));
+  throw Error(fmt::format("no OpenCL device matches '{}'; available:{}", wanted, listing(infos)));
 }
 
 void require_usable(const DeviceInfo& info, int lanes) {
@@ -198,8 +197,8 @@ void require_usable(const DeviceInfo& info, int lanes) {
     refuse(fmt::format("it has {} of memory, at least {} are needed", megabytes(info.global_memory),
                        megabytes(least_memory)));
   if (info.max_work_group < least_group)
-    refuse(fmt::format("its work-groups hold {} work-items, {} are needed", info.max_work_group,
-                       least_group));
+    refuse(fmt::format("its work-groups have at most {} work-items, {} are needed",
+                       info.max_work_group, least_group));
   if (lanes != 1) return;  // vector kernels need no local memory
   if (info.local_memory < least_local)
     refuse(fmt::format("it has {} bytes of local memory, {} are needed", info.local_memory,

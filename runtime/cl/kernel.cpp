@@ -33,7 +33,7 @@ void check_signature(const cl::Kernel& kernel, const std::string& name,
     } catch (const cl::Error& cause) {
       // A platform may keep no names, e.g. for a program loaded from its binary.
       if (cause.err() == CL_KERNEL_ARG_INFO_NOT_AVAILABLE) return;
-      throw ClError("asking for the arguments of kernel " + name, cause);
+      throw ClError("querying the arguments of kernel " + name, cause);
     }
     if (device != host[i])
       throw Error(fmt::format(

@@ -20,13 +20,12 @@ std::string value_of(const char* name) {
   return value ? value : "";
 }
 
-constexpr char kAdvice[] = "set POCL_CACHE_DIR to a folder that can be written and has room";
+constexpr char kAdvice[] = "set POCL_CACHE_DIR to a writable folder with free space";
 
 // "POCL_CACHE_DIR is FOLDER", or the same without the variable.
 std::string name_of_folder() {
   const std::string folder = fs::absolute(pocl_cache_folder()).string();
-  return (value_of("POCL_CACHE_DIR").empty() ? "PoCL keeps its programs in "
-                                             : "POCL_CACHE_DIR is ") +
+  return (value_of("POCL_CACHE_DIR").empty() ? "PoCL's cache folder is " : "POCL_CACHE_DIR is ") +
          folder;
 }
 
@@ -62,16 +61,17 @@ std::string pocl_cache_problem(uint64_t needed) {
   const fs::path there = nearest_existing_parent();
   std::error_code problem;
   if (!fs::is_directory(there, problem) || access(there.c_str(), W_OK | X_OK) != 0)
-    return fmt::format("{}, where nothing can be written: {}", name_of_folder(), kAdvice);
+    return fmt::format("{}, which is not writable: {}", name_of_folder(), kAdvice);
   const fs::space_info space = fs::space(there, problem);
   if (!problem && space.available < needed)
-    return fmt::format("{}, where {} MiB are left, and compiling takes {}: make room, or {}",
-                       name_of_folder(), space.available >> 20, needed >> 20, kAdvice);
+    return fmt::format(
+        "{}, which has only {} MiB free, but compiling needs {} MiB: free some space, or {}",
+        name_of_folder(), space.available >> 20, needed >> 20, kAdvice);
   // Free space does not show a quota. (A limit on file sizes does not affect existing programs.)
   if (const int why = file_creation_error(needed, there); why == ENOSPC || why == EDQUOT)
     return fmt::format(
-        "{}, where the {} MiB that compiling takes are not to be had ({}): make "
-        "room, or {}",
+        "{}, where the {} MiB needed for compiling cannot be allocated ({}): free some space, or "
+        "{}",
         name_of_folder(), needed >> 20, std::strerror(why), kAdvice);
   return "";
 }
@@ -82,8 +82,8 @@ std::string compile_failure_reason() {
   const int why = file_creation_error(largest, nearest_existing_parent());
   if (!why) return "";
   return fmt::format(
-      "{}, where no file can have the MiB that compiling takes ({}): lift the limit (ulimit -f), "
-      "or {}",
+      "{}, where a file of 1 MiB, needed for compiling, cannot be created ({}): raise the limit "
+      "(ulimit -f), or {}",
       name_of_folder(), std::strerror(why), kAdvice);
 }
 

@@ -34,14 +34,14 @@ Queue::Queue(const cl::Device& device, const QueueOptions& options)
       profile_(options.profile),
       poison_(environment_flag("GFLOW_POISON_BUFFERS", debug_build)),
       finish_each_launch_(environment_flag("GFLOW_SYNC", false)) {
-  wait("making a queue on " + info.full_name(), [&] {
+  wait("creating a queue on " + info.full_name(), [&] {
     context = cl::Context(device);
     handle = cl::CommandQueue(context, device, profile_ ? CL_QUEUE_PROFILING_ENABLE : 0);
   });
 }
 
 void Queue::flush() {
-  cl_call("handing work to " + info.full_name(), [&] { handle.flush(); });
+  cl_call("flushing the queue of " + info.full_name(), [&] { handle.flush(); });
 }
 
 void Queue::launched(const std::string& kernel, const cl::Event& event) {

@@ -34,8 +34,8 @@ Watchdog::~Watchdog() {
 void Watchdog::watch() {
   // On a terminal, first erases a progress line that may be there.
   const std::string sentence = fmt::format(
-      "{}gflow: waiting for {}: nothing came back for {} s, so it hangs, or needs longer than "
-      "GFLOW_DEVICE_TIMEOUT={} (seconds; 0: any) allows; what was saved before is whole\n",
+      "{}gflow: waiting for {}: no response for {} s; it hangs, or needs more than "
+      "GFLOW_DEVICE_TIMEOUT={} seconds (0: no limit); files saved earlier are intact\n",
       erase_line_sequence(), device_, seconds_, seconds_);
   unsigned last = 0;
   std::unique_lock lock(mutex_);
@@ -59,7 +59,7 @@ int device_timeout() {
   if (problem != std::errc() || rest != end || seconds < 0)
     throw Error(
         fmt::format("the variable GFLOW_DEVICE_TIMEOUT is '{}'; it must be a whole number of "
-                    "seconds, the longest that a device may take to answer (0: any)",
+                    "seconds to wait for the device (0: no limit)",
                     text));
   return seconds;
 }

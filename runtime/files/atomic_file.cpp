@@ -115,7 +115,7 @@ Bytes read_file(const std::string& path, size_t limit) {
   if (file.get() < 0 || ::fstat(file.get(), &info) != 0)
     throw Error(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
   if (size_t(info.st_size) > limit)
-    throw Error(fmt::format("cannot read {}: it has {} bytes, at most {} are expected here", path,
+    throw Error(fmt::format("cannot read {}: its {} bytes exceed the limit of {} bytes", path,
                             info.st_size, limit));
   Bytes bytes(size_t(info.st_size));
   size_t done = 0;
@@ -135,8 +135,8 @@ void require_announced(const Bytes& so_far, const LengthOf& length_of, size_t& a
   if (announced == 0) announced = std::min(length_of(so_far), largest_file);
   if (so_far.size() > announced)
     throw Error(
-        fmt::format("cannot read {}: it goes on after the {} bytes that its header announces", what,
-                    announced));
+        fmt::format("cannot read {}: data continues after the {} bytes announced by its header",
+                    what, announced));
 }
 
 Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
@@ -145,7 +145,7 @@ Bytes read_file_or_gzip(const std::string& path, const LengthOf& length_of) {
 
   z_stream stream{};
   if (inflateInit2(&stream, 16 + MAX_WBITS) != Z_OK)
-    throw Error(fmt::format("cannot expand {}: zlib did not start", path));
+    throw Error(fmt::format("cannot decompress {}: zlib failed to initialise", path));
   const std::unique_ptr<z_stream, int (*)(z_stream*)> guard(&stream, inflateEnd);
   const LengthOf plausible_length = [&](const Bytes& beginning) {
     const size_t length = length_of(beginning);
@@ -196,7 +196,7 @@ void replace_file(const std::string& path,
 
 void require_replaceable(const std::string& path) {
   if (std::filesystem::exists(path) && !std::filesystem::is_regular_file(path))
-    throw Error(fmt::format("writing {}: there is something of that name that is no file", path));
+    throw Error(fmt::format("cannot write {}: it exists and is not a regular file", path));
 }
 
 void rename_over(const std::string& finished, const std::string& path) {
@@ -251,7 +251,7 @@ void require_free_space(const std::string& folder, uint64_t bytes, const std::st
   std::error_code failed;
   const std::filesystem::space_info space = std::filesystem::space(folder, failed);
   if (failed || bytes <= space.available) return;
-  throw Error(fmt::format("{} would take {:.1f} GB in folder {}, where {:.1f} GB are free: {}",
+  throw Error(fmt::format("{} would need {:.1f} GB in folder {}, which has only {:.1f} GB free: {}",
                           what, 1e-9 * double(bytes), folder, 1e-9 * double(space.available),
                           instead));
 }
@@ -260,7 +260,7 @@ Bytes gzip(std::string_view bytes) {
   z_stream stream{};
   if (deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, 16 + MAX_WBITS, 8,
                    Z_DEFAULT_STRATEGY) != Z_OK)
-    throw Error("cannot compress: zlib did not start");
+    throw Error("cannot compress: zlib failed to initialise");
   const std::unique_ptr<z_stream, int (*)(z_stream*)> guard(&stream, deflateEnd);
   Bytes packed(deflateBound(&stream, uLong(bytes.size())));
   stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));

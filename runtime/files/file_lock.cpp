@@ -21,9 +21,8 @@ void lock_or_close(int file, const std::string& what, std::string (*who)(int)) {
   if (::flock(file, LOCK_EX | LOCK_NB) == 0) return;
   if (errno != EWOULDBLOCK)
     return warn(
-        fmt::format("{} cannot be locked ({}): nothing keeps another program from writing "
-                    "there at the same time",
-                    what, std::strerror(errno)));
+        fmt::format("cannot lock {} ({}): another program could write there at the same time", what,
+                    std::strerror(errno)));
   const std::string holder = who(file);
   ::close(file);
   throw FileIsLocked(
@@ -43,12 +42,12 @@ FileLock::FileLock(const std::string& path, const std::string& what)
     : file_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666)) {
   // Through a link the process number would be written into another file.
   if (file_ < 0 && errno == ELOOP)
-    throw Error(fmt::format("cannot lock {}: it is a link to another file; remove it", path));
+    throw Error(fmt::format("cannot lock {}: it is a symbolic link; remove it", path));
   if (file_ < 0) throw Error(fmt::format("cannot write {}: {}", path, std::strerror(errno)));
   struct stat info;
   if (::fstat(file_, &info) != 0 || !S_ISREG(info.st_mode)) {
     ::close(file_);
-    throw Error(fmt::format("cannot lock {}: it is no file of its own; remove it", path));
+    throw Error(fmt::format("cannot lock {}: it is not a regular file; remove it", path));
   }
   lock_or_close(file_, what, holder);
   // The process number is only for messages, so a full disk is no reason to stop.

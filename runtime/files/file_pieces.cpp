@@ -26,7 +26,7 @@ FilePieces::FilePieces(const std::string& path)
     throw Error(fmt::format("cannot read {}: {}", path, std::strerror(errno)));
   size_ = size_t(info.st_size);
   if (size_ > largest_file)
-    throw Error(fmt::format("cannot read {}: it has {} bytes, at most {} are expected here", path,
+    throw Error(fmt::format("cannot read {}: its {} bytes exceed the limit of {} bytes", path,
                             size_, largest_file));
 }
 

@@ -50,20 +50,21 @@ void require_json_limits(const void* text, size_t size, const std::string& path)
   }
   // The parser takes a zero byte for the end, whatever follows.
   if (const void* zero = size > 0 ? std::memchr(text, 0, size) : nullptr)
-    throw Error(fmt::format("cannot read {}: it is no JSON text, byte {} is zero", path,
+    throw Error(fmt::format("cannot read {}: it is not valid JSON (byte {} is zero)", path,
                             static_cast<const char*>(zero) - json));
   if (in_text) longest = std::max(longest, size - begin);  // it is not terminated
   if (deepest > deepest_json)
-    throw Error(
-        fmt::format("cannot read {}: its lists are nested more than {} deep", path, deepest_json));
+    throw Error(fmt::format("cannot read {}: its JSON is nested more than {} levels deep", path,
+                            deepest_json));
   if (longest > longest_text)
-    throw Error(fmt::format("cannot read {}: it has a text of {} bytes, at most {} are expected",
+    throw Error(fmt::format("cannot read {}: it has a string of {} bytes; at most {} are allowed",
                             path, longest, longest_text));
   if (most > most_blanks)
-    throw Error(fmt::format("cannot read {}: it has {} blanks in a row, at most {} are expected",
-                            path, most, most_blanks));
+    throw Error(fmt::format(
+        "cannot read {}: it has {} consecutive whitespace characters; at most {} are allowed", path,
+        most, most_blanks));
   if (values > most_values)
-    throw Error(fmt::format("cannot read {}: it has {} values, at most {} are expected", path,
+    throw Error(fmt::format("cannot read {}: it has {} values; at most {} are allowed", path,
                             values, most_values));
 }
 

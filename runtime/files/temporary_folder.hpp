@@ -25,13 +25,12 @@ inline std::string make_temporary_folder(const std::string& purpose) {
   for (const char* variable : {"TMPDIR", "TMP", "TEMP", "TEMPDIR"})  // as the standard library does
     if (const char* value = std::getenv(variable); value && *value && named.empty()) {
       parent = value;
-      named = fmt::format(", which {} names", variable);
+      named = fmt::format(" (from {})", variable);
     }
   std::string path = fmt::format("{}/gflow-{}-XXXXXX", parent, purpose);
   if (!mkdtemp(path.data()))
     throw NoTemporaryFolder(
-        fmt::format("no temporary folder can be made in {}{}: {}; set TMPDIR to a folder that can "
-                    "be written to",
+        fmt::format("cannot create a temporary folder in {}{}: {}; set TMPDIR to a writable folder",
                     parent, named, std::strerror(errno)));
   return path;
 }

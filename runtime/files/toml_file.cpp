@@ -17,8 +17,8 @@ namespace {
 void require_few_dots(std::string_view text, const std::string& path) {
   constexpr long most = 5000;
   if (const long dots = std::count(text.begin(), text.end(), '.'); dots > most)
-    throw Error(
-        fmt::format("cannot read {}: it has {} dots, settings have at most {}", path, dots, most));
+    throw Error(fmt::format("cannot read {}: it has {} dots; at most {} are allowed in settings",
+                            path, dots, most));
 }
 
 }  // namespace

@@ -46,8 +46,8 @@ void check_rows(const ParameterGroup& group, const RowState& state, const RowRan
       values <= group.exp_avg_sq.size() && end <= state.seen.size() && end <= state.steps.size() &&
       end <= state.last.size() && end <= state.refused.size())
     return;
-  throw Error(fmt::format("Adam was asked for {} rows of {} values in {}, whose arrays are shorter",
-                          end, group.width, group.values.name()));
+  throw Error(fmt::format("Adam: {} rows of {} values in {} exceed the length of its arrays", end,
+                          group.width, group.values.name()));
 }
 
 // Work-items for so many rows on a CPU.

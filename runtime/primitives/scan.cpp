@@ -33,7 +33,7 @@ uint64_t Scan::total(Queue& queue) const { return total_.read(queue)[0]; }
 void Scan::fetch_total(Queue& queue) {
   fetched_ = std::make_unique<Fetched>(queue);
   fetched_->event = total_.read_async(queue, fetched_->value);
-  cl_call("starting the queue", [&] { queue.handle.flush(); });
+  cl_call("flushing the queue", [&] { queue.handle.flush(); });
 }
 
 uint64_t Scan::fetched_total() {

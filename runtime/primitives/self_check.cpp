@@ -83,7 +83,7 @@ void check_maths(Queue& queue, const Program& program, SelfCheck& rows) {
   rows.push_back(self_check_row(
       "float32 division, error in ulp",
       worst_ulp(q.read(queue), [&](size_t i) { return double(positives[i]) / divisors[i]; }), 2.5));
-  rows.push_back(self_check_row("determinants of needles by minors, relative",
+  rows.push_back(self_check_row("determinants of thin splats, relative",
                                 worst_determinant(determinants.read(queue), factors), 5e-7));
 }
 

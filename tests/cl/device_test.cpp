@@ -59,14 +59,14 @@ TEST(Device, IsFoundByIndexAndByPartOfItsNameInAnyCase) {
 TEST(Device, BlanksAloneAreNoName) {
   for (const char* blank : {" ", " \t "}) {
     const std::string message = message_of([&] { find_device(blank); });
-    EXPECT_NE(message.find("blanks alone"), std::string::npos) << message;
+    EXPECT_NE(message.find("not blank"), std::string::npos) << message;
     EXPECT_NE(message.find(list_devices()[0].name), std::string::npos) << message;
   }
 }
 
 TEST(Device, WrongNameIsAnsweredWithTheNamesThereAre) {
   const std::string message = message_of([] { find_device("no such device"); });
-  EXPECT_NE(message.find("no OpenCL device matches 'no such device'; there are: 0: "),
+  EXPECT_NE(message.find("no OpenCL device matches 'no such device'; available: 0: "),
             std::string::npos)
       << message;
   EXPECT_NE(message.find(list_devices()[0].name), std::string::npos) << message;
@@ -74,7 +74,7 @@ TEST(Device, WrongNameIsAnsweredWithTheNamesThereAre) {
 
 TEST(Device, IndexOutOfRangeIsAnsweredWithTheNamesThereAre) {
   const std::string message = message_of([] { find_device("999"); });
-  EXPECT_EQ(message.rfind("there is no OpenCL device 999; there are:", 0), 0u) << message;
+  EXPECT_EQ(message.rfind("there is no OpenCL device 999; available:", 0), 0u) << message;
 }
 
 TEST(Device, GetsLanesOfItsVectorWidthOnCpusAndOneOnGpus) {
@@ -142,7 +142,8 @@ TEST(DeviceDeathTest, AFolderForProgramsThatCannotBeWrittenIsTheReason) {
     std::cerr << message_of([] { list_devices(); });
     std::exit(3);
   };
-  EXPECT_EXIT(list(), testing::ExitedWithCode(3), "POCL_CACHE_DIR is .*/programs, where nothing");
+  EXPECT_EXIT(list(), testing::ExitedWithCode(3),
+              "POCL_CACHE_DIR is .*/programs, which is not writable");
 }
 
 // If PoCL is not what is missing, its folder is not a reason.
@@ -156,7 +157,7 @@ TEST(DeviceDeathTest, AHomeThatCannotBeWrittenIsNotTheOnlyReason) {
     std::exit(3);
   };
   EXPECT_EXIT(list(), testing::ExitedWithCode(3),
-              "install a driver, .*; if it is there: PoCL keeps its programs in /dev/null/pocl");
+              "install a driver, .*; if one is installed: PoCL's cache folder is /dev/null/pocl");
 }
 
 TEST(PoclCache, TheFolderIsTheUsersAndItsRoomIsKnown) {
@@ -164,17 +165,20 @@ TEST(PoclCache, TheFolderIsTheUsersAndItsRoomIsKnown) {
   const Environment own("POCL_CACHE_DIR", folder.path());
   constexpr uint64_t endless = uint64_t{1} << 62;
   EXPECT_EQ(pocl_cache_problem(0), "");
-  EXPECT_NE(pocl_cache_problem(endless).find("POCL_CACHE_DIR is " + folder.path() + ", where"),
-            std::string::npos);
+  EXPECT_NE(
+      pocl_cache_problem(endless).find("POCL_CACHE_DIR is " + folder.path() + ", which has only"),
+      std::string::npos);
   const Environment none("POCL_CACHE_DIR", "");
   const Environment all("XDG_CACHE_HOME", folder.path());
   EXPECT_EQ(pocl_cache_problem(0), "");
-  EXPECT_NE(pocl_cache_problem(endless).find("in " + folder.path() + "/pocl/kcache, where"),
+  EXPECT_NE(pocl_cache_problem(endless).find("cache folder is " + folder.path() +
+                                             "/pocl/kcache, which has"),
             std::string::npos);
   const Environment no_all("XDG_CACHE_HOME", "");
   const Environment home("HOME", "/proc/nothing");
-  EXPECT_NE(pocl_cache_problem(endless).find("in /proc/nothing/.cache/pocl/kcache, where"),
-            std::string::npos);
+  EXPECT_NE(
+      pocl_cache_problem(endless).find("cache folder is /proc/nothing/.cache/pocl/kcache, which"),
+      std::string::npos);
 }
 
 TEST(Device, TooSmallOneIsRefusedWithTheReason) {
@@ -203,12 +207,13 @@ TEST(Device, OneOfSmallWorkGroupsIsRefused) {
   info.max_work_group = 128;
   EXPECT_NO_THROW(require_usable(info, 8));
   EXPECT_EQ(message_of([&] { require_usable(info, 1); }),
-            "the OpenCL device P / D cannot be used: its work-groups hold 128 work-items, 256 are "
-            "needed");
+            "the OpenCL device P / D cannot be used: its work-groups have at most 128 work-items, "
+            "256 are needed");
   info.max_work_group = 32;
-  EXPECT_EQ(message_of([&] { require_usable(info, 8); }),
-            "the OpenCL device P / D cannot be used: its work-groups hold 32 work-items, 64 are "
-            "needed");
+  EXPECT_EQ(
+      message_of([&] { require_usable(info, 8); }),
+      "the OpenCL device P / D cannot be used: its work-groups have at most 32 work-items, 64 are "
+      "needed");
 }
 
 }  // namespace

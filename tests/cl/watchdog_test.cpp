@@ -88,7 +88,7 @@ TEST(Watchdog, EndsAProgramThatWaitsForADeviceThatHangs) {
           wait(hung);
         },
         ::testing::ExitedWithCode(Watchdog::hang_exit_code),
-        "gflow: waiting for .*: nothing came back for 1 s.*GFLOW_DEVICE_TIMEOUT=1");
+        "gflow: waiting for .*: no response for 1 s.*GFLOW_DEVICE_TIMEOUT=1");
   }
 }
 

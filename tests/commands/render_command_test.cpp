@@ -121,12 +121,11 @@ TEST_F(RenderCommand, RenderSaysWhatIsMissing) {
 TEST_F(RenderCommand, NoTemporaryFolderIsToldWithTheVariable) {
   const TemporaryFolder folder;
   fs::copy_file(model(), folder.file("bare.ply"));
-  expect_refused(
-      {"render", folder.file("bare.ply"), "--scene", GFLOW_SOURCE_DIR "/apps/demo/scene", "-o",
-       folder.path() + "/out"},
-      {"no temporary folder can be made in " + folder.path() + "/none, which TMPDIR names",
-       "set TMPDIR"},
-      "export TMPDIR=" + folder.path() + "/none");
+  expect_refused({"render", folder.file("bare.ply"), "--scene", GFLOW_SOURCE_DIR "/apps/demo/scene",
+                  "-o", folder.path() + "/out"},
+                 {"cannot create a temporary folder in " + folder.path() + "/none (from TMPDIR)",
+                  "set TMPDIR"},
+                 "export TMPDIR=" + folder.path() + "/none");
   EXPECT_FALSE(fs::exists(folder.path() + "/out"));
 }
 

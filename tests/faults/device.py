@@ -21,7 +21,7 @@ NAMES = {-2: "CL_DEVICE_NOT_AVAILABLE", -4: "CL_MEM_OBJECT_ALLOCATION_FAILURE", 
          -6: "CL_OUT_OF_HOST_MEMORY", -11: "CL_BUILD_PROGRAM_FAILURE", -36: "CL_INVALID_COMMAND_QUEUE",
          -42: "CL_INVALID_BINARY", -61: "CL_INVALID_BUFFER_SIZE"}
 HANGS, HANG_SECONDS, HANG_CODE = 1, 5, 4
-NAMES[HANGS] = f"nothing came back for {HANG_SECONDS} s"
+NAMES[HANGS] = f"no response for {HANG_SECONDS} s"
 FOREVER = 10**9
 ALL = "setup,build,binary,kernel,argument,create,launch,copy,wait,flush"
 # is_out_of_memory() in runtime/base/error.cpp.
@@ -101,7 +101,7 @@ def trial(world, tag, kinds, first, last, code, resume, cache="", check=(), coun
         wrong += [] if os.path.exists(run + "/results.json") else ["there are no results"]
         wrong += [] if 0 in codes else [f"it goes on without what it cannot do without: {outcome.err!r}"]
     else:
-        wrong = complaints(outcome, codes, [NAMES[code]] if "says:" not in outcome.err else [])
+        wrong = complaints(outcome, codes, [NAMES[code]] if "build log of " not in outcome.err else [])
         wrong += world.differences(run) if outcome.code == 0 else []
         wrong += [f"it succeeds and says {outcome.err!r}"] if (
             outcome.code == 0 and outcome.err and not no_checkpoint(outcome)) else []
@@ -160,7 +160,7 @@ def smaller(world):
         run = world.path("device-small")
         shutil.rmtree(run, ignore_errors=True)
         outcome = world.train(run, small_device(world, variable, size))
-        needle = "at least 256 MiB" if variable == "CLFAULT_MEMORY" else "gives at most"
+        needle = "at least 256 MiB" if variable == "CLFAULT_MEMORY" else "allows at most"
         wrong = complaints(outcome, codes, [needle])
         if outcome.code == 0:
             wrong += world.differences(run) + ([f"says {outcome.err!r}"] if outcome.err else [])
@@ -189,7 +189,7 @@ def larger_than_it_gives(world):
     for arguments in (["render", world.whole, "-o", out], ["render", still, "-o", out],
                       ["eval", world.whole, "--quiet"]):
         outcome = world.run(arguments, small_device(world, "CLFAULT_LARGEST", 4 << 10))
-        wrong = complaints(outcome, (1, 2), ["gives at most"]) + world.differences(world.whole)
+        wrong = complaints(outcome, (1, 2), ["allows at most"]) + world.differences(world.whole)
         wrong += ["pictures were written"] if contents_under(out) else []
         yield [f"{arguments[0]} {os.path.basename(arguments[1])}: {what}" for what in wrong]
 

@@ -48,7 +48,7 @@ def complaints(outcome, codes, needles=()):
     if outcome.code == 0:
         return wrong
     # After a failed build the compiler's log follows.
-    log = " says:" in outcome.err
+    log = "\nbuild log of " in outcome.err
     said = [line for line in outcome.err.splitlines() if line and not line.startswith("gflow: warning: ")]
     if not said or not said[0].startswith("gflow: ") or (len(said) > 1 and not log):
         wrong.append(f"not one sentence: {outcome.err.strip()!r}")

@@ -108,7 +108,7 @@ TEST(AtomicFile, MissingFilesFoldersAndLongFilesAreRefused) {
   expect_error([&] { read_file(folder.path() + "/none"); }, {"none", "No such file"});
   expect_error([&] { read_file(folder.path()); }, {"not a file"});
   const std::string path = folder.write("long", std::string(100, 'x'));
-  expect_error([&] { read_file(path, 99); }, {"100 bytes", "at most 99"});
+  expect_error([&] { read_file(path, 99); }, {"100 bytes", "limit of 99 bytes"});
 }
 
 // Opening a pipe without a writer would block forever.
@@ -132,7 +132,7 @@ TEST(AtomicFile, GzipIsExpandedByContent) {
   const Bytes back = read_file_or_gzip(path, whole);
   EXPECT_TRUE(std::equal(text.begin(), text.end(), back.begin(), back.end()));
   expect_error([&] { read_file_or_gzip(path, [](const Bytes&) { return size_t(499999); }); },
-               {"goes on after the 499999 bytes"});
+               {"data continues after the 499999 bytes"});
 }
 
 // A few kB that expand to much more than their header announces.
@@ -142,7 +142,7 @@ TEST(AtomicFile, GzipIsExpandedNoFurtherThanItsHeaderAnnounces) {
   const std::string bomb = std::string(four.begin(), four.end()) + std::string(1 << 25, '\0');
   write_file_atomically(folder.file("a.npy"), gzip(bomb));
   expect_error([&] { read_npy(folder.file("a.npy")); },
-               {"a.npy", fmt::format("goes on after the {} bytes", four.size())});
+               {"a.npy", fmt::format("data continues after the {} bytes", four.size())});
 }
 
 TEST(AtomicFile, TruncatedAndDamagedGzipIsRefused) {
@@ -166,6 +166,6 @@ TEST(RequireFreeSpace, RefusesWhatNoDiskHolds) {
       [&] {
         require_free_space(folder.path(), uint64_t{1} << 62, "optical flow", "train without it");
       },
-      {"optical flow would take 4611686018.4 GB", folder.path(), "train without it"});
+      {"optical flow would need 4611686018.4 GB", folder.path(), "train without it"});
   EXPECT_NO_THROW(require_free_space(folder.file("missing"), 1, "a byte", "nothing"));
 }

@@ -28,7 +28,7 @@ TEST(PackedSize, AFlowOfASizeThatNoPictureHas) {
   std::string flow("PIEH");
   for (int k = 0; k < 2; ++k) flow.append(reinterpret_cast<const char*>(&side), 4);
   write_file_atomically(folder.file("a.flo.gz"), gzip(flow + std::string(3 << 20, '\0')));
-  expect_error([&] { read_flo(folder.file("a.flo.gz")); }, {"a.flo.gz", "unpack to 6866 MB"});
+  expect_error([&] { read_flo(folder.file("a.flo.gz")); }, {"a.flo.gz", "decompress to 6866 MB"});
   // Without motion: compresses a thousandfold.
   write_flo(folder.file("still.flo.gz"), zero_flow(1920, 1080));
   EXPECT_EQ(read_flo(folder.file("still.flo.gz")).uv.size(), 2u * 1920 * 1080);
@@ -38,7 +38,7 @@ TEST(PackedSize, ArraysOfZerosTogether) {
   const TemporaryFolder folder;
   const Array zeros{{size_t{30} << 20}, std::vector<uint8_t>(size_t{30} << 20)};
   write_npz(folder.file("a.npz"), {{"a", zeros}, {"b", zeros}, {"c", zeros}});
-  expect_error([&] { read_npz(folder.file("a.npz")); }, {"a.npz", "unpack to 90 MB"});
+  expect_error([&] { read_npz(folder.file("a.npz")); }, {"a.npz", "decompress to 90 MB"});
   EXPECT_EQ(read_npz(folder.file("a.npz"), {"a", "c"}).at("c").size(), zeros.size());
   // A caller that knows the contents, such as a model's tables by its PLY, states the limit.
   EXPECT_EQ(read_npz(folder.file("a.npz"), {}, 100u << 20).size(), 3u);

@@ -20,7 +20,7 @@ TEST(MakeTemporaryFolder, LiesWhereTheVariableSaysOrIsToldWithIt) {
   }
   const Environment nowhere("TMPDIR", folder.path() + "/none");
   expect_error([] { make_temporary_folder("test"); },
-               {folder.path() + "/none, which TMPDIR names", "No such file", "set TMPDIR to"});
+               {folder.path() + "/none (from TMPDIR)", "No such file", "set TMPDIR to"});
 }
 
 TEST(ScratchFolder, IsGoneAtTheEndAndWhenTheProgramEndsAtOnce) {

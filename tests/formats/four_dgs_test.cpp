@@ -406,7 +406,7 @@ TEST(FourDgs, SaysWhatItCannotRead) {
   expect(file, {"a.4dgs", "1152921504606846976 Gaussians"});
   // Streams with one value for all Gaussians would make a kilobyte claim this many.
   file.count = uint64_t{1} << 22;
-  expect(file, {"a.4dgs", "would unpack to"});
+  expect(file, {"a.4dgs", "would decompress to"});
   std::string bytes = HandMade().bytes();
   bytes[5] = '2';
   expect_error([&] { read_four_dgs(folder.write("b.4dgs", bytes)); }, {"b.4dgs", "version '2'"});

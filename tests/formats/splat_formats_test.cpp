@@ -448,7 +448,7 @@ TEST(Spz, RefusesOtherVersionsAndTruncatedOnes) {
   const uint32_t million = 1000000;
   std::memcpy(&bomb[8], &million, sizeof million);
   write_file_atomically(folder.file("e.spz"), gzip(bomb));
-  expect_error([&] { read_splats(folder.file("e.spz")); }, {"e.spz", "would unpack to"});
+  expect_error([&] { read_splats(folder.file("e.spz")); }, {"e.spz", "would decompress to"});
   const uint32_t thousand = 1000;  // this many are accepted
   std::memcpy(&bomb[8], &thousand, sizeof thousand);
   write_file_atomically(folder.file("f.spz"), gzip(bomb.substr(0, 100000)));

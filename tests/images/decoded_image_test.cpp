@@ -128,7 +128,7 @@ TEST(Jpeg, ProgressiveOnesTakeMoreMemoryAndMustBeLonger) {
     ASSERT_NE(at, jpeg.end());
     for (const int i : {5, 7}) std::copy_n("\x23\x28", 2, at + i);  // 9000 x 9000
     if (progressive)
-      expect_error([&] { check_image_bytes(jpeg, "a.jpg"); }, {"a.jpg", "would unpack to 463"});
+      expect_error([&] { check_image_bytes(jpeg, "a.jpg"); }, {"a.jpg", "would decompress to 463"});
     else
       EXPECT_EQ(check_image_bytes(jpeg, "a.jpg").width, 9000);
   }

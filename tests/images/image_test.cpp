@@ -132,7 +132,7 @@ TEST(Image, KittiFlowIsNotUnpackedBeyondWhatFlowPacks) {
       contents(GFLOW_SOURCE_DIR "/tests/data/fuzz/kitti_flow/flow_of_62_megapixels");
   const auto* bytes = reinterpret_cast<const uint8_t*>(found.data());
   const std::string path = folder.write("f.png", fuzz::with_png_checksums(bytes, found.size()));
-  expect_error([&] { read_kitti_flow(path); }, {"f.png", "would unpack to"});
+  expect_error([&] { read_kitti_flow(path); }, {"f.png", "would decompress to"});
 }
 
 TEST(Image, TruncatedPngsAreRefusedAtEveryLength) {
@@ -160,7 +160,7 @@ TEST(Image, WhatIsNoPictureIsRefused) {
                {"b.png", "a PNG checksum is wrong"});
   const auto* bytes = reinterpret_cast<const uint8_t*>(bomb.data());
   bomb = fuzz::with_png_checksums(bytes, bomb.size());
-  expect_error([&] { read_image(folder.write("b.png", bomb)); }, {"b.png", "would unpack to"});
+  expect_error([&] { read_image(folder.write("b.png", bomb)); }, {"b.png", "would decompress to"});
 }
 
 TEST(Image, GreyCountsAsTheThreeChannelsThatItBecomes) {
@@ -171,8 +171,8 @@ TEST(Image, GreyCountsAsTheThreeChannelsThatItBecomes) {
   const auto* bytes = reinterpret_cast<const uint8_t*>(bomb.data());
   bomb = fuzz::with_png_checksums(bytes, bomb.size());
   const std::string path = folder.write("b.png", bomb);
-  expect_error([&] { read_image(path); }, {"b.png", "would unpack to"});
-  expect_error([&] { read_grey(path); }, {"b.png", "would unpack to"});
+  expect_error([&] { read_image(path); }, {"b.png", "would decompress to"});
+  expect_error([&] { read_grey(path); }, {"b.png", "would decompress to"});
 }
 
 TEST(Image, GreyIsReadWithoutASecondCopyInColour) {

@@ -201,7 +201,7 @@ TEST(Blender, WhatIsNoJsonIsRefused) {
   expect_error([&] { read_scene(folder.path()); }, {"frame"});
   for (const size_t depth : {100, 1000000}) {
     folder.write("transforms_train.json", nested(depth));
-    expect_error([&] { read_scene(folder.path()); }, {"nested more than 100 deep"});
+    expect_error([&] { read_scene(folder.path()); }, {"nested more than 100 levels deep"});
   }
   folder.write("transforms_train.json", R"({"frames": "\")" + std::string(200, '[') + R"("})");
   expect_error([&] { read_scene(folder.path()); }, {"'frames'"});  // a string
@@ -212,9 +212,9 @@ TEST(Blender, WhatIsNoJsonIsRefused) {
   expect_error([&] { read_scene(folder.path()); }, {"file_path"});
   for (int i = 0; i < 3; ++i) many += many.substr(many.find(",{}"));
   folder.write("transforms_train.json", many + "]}");
-  expect_error([&] { read_scene(folder.path()); }, {"values, at most 800000"});
+  expect_error([&] { read_scene(folder.path()); }, {"values; at most 800000"});
   // Blanks before a syntax error would be quoted with eight characters each.
   folder.write("transforms_train.json", std::string(3 << 20, '\n') + "x");
   EXPECT_LT(memory_of([&] { EXPECT_THROW(read_scene(folder.path()), Error); }), 64);
-  expect_error([&] { read_scene(folder.path()); }, {"3145728 blanks in a row"});
+  expect_error([&] { read_scene(folder.path()); }, {"3145728 consecutive whitespace characters"});
 }

@@ -158,8 +158,8 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(""); }, {"transforms.json has no frames"});
   const std::string text(size_t{3} << 20, 'x');  // the parser stores it several times
   expect_error([&] { with(frame(1), and_more + "\"a\": \"" + text + "\""); },
-               {"transforms.json", "a text of 3145728 bytes"});
-  expect_error([&] { with(frame(1), and_more + "\"" + text); }, {"transforms.json", "a text of"});
+               {"transforms.json", "a string of 3145728 bytes"});
+  expect_error([&] { with(frame(1), and_more + "\"" + text); }, {"transforms.json", "a string of"});
   expect_error([&] { with(frame(1) + ", " + frame(2) + ", " + frame(1)); },
                {"frame 2 of", "frame_1.png, which is already that of frame 0"});
   expect_error([&] { with(frame(1, R"(, "mask_path": "m.png")")); }, {"mask 'm.png'", "no file"});
