@@ -68,7 +68,7 @@ def tracks_of(scene, name, camera, paths):
 
 def main():
     if len(sys.argv) != 3:
-        sys.exit("tracks_of_truth.py wants two arguments, a scene and a folder to write to")
+        sys.exit("tracks_of_truth.py needs two arguments: a scene and an output folder")
     scene, out = sys.argv[1:]
     for needed in ("tracks3d.npy", "transforms_train.json"):
         if not os.path.isfile(os.path.join(scene, needed)):
@@ -78,7 +78,7 @@ def main():
     for name, camera in cameras_of(scene).items():
         places, seen = tracks_of(scene, name, camera, paths)
         np.savez_compressed(os.path.join(out, name), tracks=places.astype("f4"), visibility=seen)
-        print(f"{out}/{name}.npz: {paths.shape[1]} points, {seen.mean():.0%} in sight")
+        print(f"{out}/{name}.npz: {paths.shape[1]} points, {seen.mean():.0%} visible")
 
 
 if __name__ == "__main__":

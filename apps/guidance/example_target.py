@@ -23,7 +23,7 @@ def require_shape(what, planes, view):
     if not 0.98 < width * view.camera.height / (height * view.camera.width) < 1.02:
         raise ValueError(
             f"the {what} of {view.camera.name} is {width}x{height}, the view"
-            f" {view.camera.width}x{view.camera.height}: they must have the same shape"
+            f" {view.camera.width}x{view.camera.height}: they must have the same aspect ratio"
         )
 
 
@@ -48,7 +48,7 @@ class Target:
         if not camera.name or path is None:
             return None
         rgb = self.once((path, tuple(background)), lambda key: read_rgb(key[0], background))
-        require_shape("picture", rgb, view)
+        require_shape("image", rgb, view)
         return resized(rgb, camera.height, camera.width)
 
     def flow(self, view, frame):
@@ -82,7 +82,7 @@ class Target:
 
 if __name__ == "__main__":
     if len(sys.argv) != 2:
-        fail("example_target.py wants one argument, a folder with pictures")
+        fail("example_target.py needs one argument: a folder of images")
     if not os.path.isdir(sys.argv[1]):
         fail(f"example_target.py: there is no folder {sys.argv[1]}")
     serve(Target(sys.argv[1]).guide)

@@ -48,7 +48,7 @@ def parts_folder(model, download):
         return snapshot_download(model, local_files_only=not download)
     except Exception as problem:
         fail(
-            f"no weights of {model}: it is no folder, and "
+            f"cannot find the weights of {model}: it is not a folder, and "
             + ("downloading it failed" if download else "not in huggingface_hub's cache; "
                "--download fetches it")
             + f" ({type(problem).__name__})"
@@ -151,7 +151,7 @@ class Zero123:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Zero123 as a guidance program of gflow")
     parser.add_argument("model")
-    parser.add_argument("--scale", type=float, default=5, help="of classifier-free guidance")
+    parser.add_argument("--scale", type=float, default=5, help="scale of classifier-free guidance")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--resolution", type=int, default=256)
     parser.add_argument("--download", action="store_true")

@@ -21,7 +21,7 @@ from typing import List, Optional
 try:
     import numpy as np
 except ImportError:  # told as fail() does, before there is anything to serve
-    print(json.dumps({"error": f"{sys.executable} has no numpy: install it, or name another Python"}))
+    print(json.dumps({"error": f"{sys.executable} has no numpy: install it or use another Python"}))
     sys.exit(1)
 
 VERSION = 1  # of the protocol
@@ -174,7 +174,7 @@ def _as_bytes(confidence):
 def _told(answer, places, memory):
     for name in ("weight", "flow_weight"):
         if not np.isfinite(getattr(answer, name)):  # JSON has no such numbers
-            raise ValueError(f"the {name} of an answer is {getattr(answer, name)}")
+            raise ValueError(f"the {name} of an answer is {getattr(answer, name)}; it must be finite")
     told = {"weight": float(answer.weight), "flow_weight": float(answer.flow_weight)}
     if answer.gradient is not None:
         told["gradient"] = memory.write(places["gradient"], answer.gradient)
@@ -209,7 +209,7 @@ def serve(guide):
             memory.use(message["memory"]["name"], message["memory"]["bytes"])
             answers = guide(_request(message, memory))
             if len(answers) != len(message["views"]):
-                raise ValueError(f"{len(answers)} answers to {len(message['views'])} views")
+                raise ValueError(f"{len(answers)} answers for {len(message['views'])} views")
             views = [_told(a, v, memory) for a, v in zip(answers, message["views"])]
         except Exception as problem:  # gflow must be told, whatever it is
             _say({"error": f"{type(problem).__name__}: {problem}"})

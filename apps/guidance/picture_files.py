@@ -48,7 +48,7 @@ def read_png(path):
     with open(path, "rb") as file:
         data = file.read()
     if data[:8] != b"\x89PNG\r\n\x1a\n":
-        raise ValueError(f"{path} is no PNG")
+        raise ValueError(f"{path} is not a PNG file")
     at, packed, size = 8, b"", None
     while at + 8 <= len(data):
         length, kind = struct.unpack(">I4s", data[at : at + 8])
@@ -60,7 +60,7 @@ def read_png(path):
         at += 12 + length
     channels = {0: 1, 2: 3, 4: 2, 6: 4}.get(size[3]) if size else None
     if channels is None or size[2] != 8 or size[6] != 0:
-        raise ValueError(f"{path}: only 8-bit grey, RGB and RGBA without interlacing are read")
+        raise ValueError(f"{path}: only 8-bit grey, RGB and RGBA without interlacing are supported")
     width, height = size[0], size[1]
     rows = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(height, 1 + width * channels)
     return _unfiltered(rows, height, width, channels).reshape(height, width, channels)
@@ -83,7 +83,7 @@ def read_flo(path):
     with (gzip.open if path.endswith(".gz") else open)(path, "rb") as file:
         data = file.read()
     if data[:4] != b"PIEH":
-        raise ValueError(f"{path} is no .flo file")
+        raise ValueError(f"{path} is not a .flo file")
     width, height = struct.unpack("<ii", data[4:12])
     flow = np.frombuffer(data, "<f4", 2 * width * height, 12).reshape(height, width, 2)
     known = (np.abs(flow) < 1e9).all(2)

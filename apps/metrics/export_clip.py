@@ -104,7 +104,7 @@ class Encoder(torch.nn.Module):
         super().__init__()
         config, vision = model.config, model.vision_model
         if config.hidden_act != "quick_gelu":
-            sys.exit(f"export_clip.py knows quick_gelu only, this model has {config.hidden_act}")
+            sys.exit(f"export_clip.py supports quick_gelu only; this model uses {config.hidden_act}")
         embeddings = vision.embeddings
         self.patches = embeddings.patch_embedding
         self.width, self.count = config.hidden_size, (config.image_size // config.patch_size) ** 2
@@ -142,7 +142,7 @@ def by_opencv(path, picture):
 
 def main():
     parser = argparse.ArgumentParser(description="CLIP's image encoder as an ONNX file for gflow")
-    parser.add_argument("output", help="file that is written, .onnx")
+    parser.add_argument("output", help="output file, .onnx")
     parser.add_argument("--model", default="openai/clip-vit-base-patch32", help="name or folder")
     arguments = parser.parse_args()
     model = transformers.CLIPVisionModelWithProjection.from_pretrained(arguments.model).eval()
@@ -153,12 +153,12 @@ def main():
         theirs = model(pixel_values=picture).image_embeds.reshape(-1)
         far = float((encoder(picture).reshape(-1) - theirs).norm() / theirs.norm())
         if far > 1e-4:
-            sys.exit(f"what would be written is off by {far:.1e} of the embedding: nothing was written")
+            sys.exit(f"the relative error of the export would be {far:.1e}: nothing was written")
         torch.onnx.export(encoder, picture, arguments.output, input_names=["picture"],
                           output_names=["embedding"], opset_version=11)
     opencv = by_opencv(arguments.output, picture)
-    print(f"{arguments.output}: off by {far:.1e} of the embedding here, by OpenCV "
-          + ("not tried (no cv2)" if opencv is None
+    print(f"{arguments.output}: relative error {far:.1e} here, in OpenCV "
+          + ("not tested (no cv2)" if opencv is None
              else f"{float((opencv - theirs).norm() / theirs.norm()):.1e}"))
 
 

@@ -74,9 +74,9 @@ def by_opencv(path, a, b):
 
 def main():
     parser = argparse.ArgumentParser(description="LPIPS as an ONNX file for gflow")
-    parser.add_argument("output", help="file that is written, .onnx")
+    parser.add_argument("output", help="output file, .onnx")
     parser.add_argument("--net", choices=["alex", "vgg", "squeeze"], default="alex")
-    parser.add_argument("--size", help="WIDTHxHEIGHT of the pictures; without it any")
+    parser.add_argument("--size", help="WIDTHxHEIGHT of the images; default: any size")
     arguments = parser.parse_args()
     width, height = (int(v) for v in (arguments.size or "96x64").split("x"))
     model = lpips.LPIPS(net=arguments.net).eval()
@@ -85,14 +85,14 @@ def main():
     with torch.no_grad():
         theirs, ours = float(model(a, b)), float(distance(a, b))
         if abs(theirs - ours) > 1e-4 * max(1, abs(theirs)):
-            sys.exit(f"lpips finds {theirs}, what would be written {ours}: nothing was written")
+            sys.exit(f"lpips computes {theirs}, the export would compute {ours}: nothing was written")
         open_sizes = None if arguments.size else {
             name: {2: "height", 3: "width"} for name in ("picture", "truth")}
         torch.onnx.export(distance, (a, b), arguments.output, input_names=["picture", "truth"],
                           output_names=["distance"], dynamic_axes=open_sizes, opset_version=11)
     opencv = by_opencv(arguments.output, a, b)
-    print(f"{arguments.output}: {theirs:.6f} by lpips, {ours:.6f} here, by OpenCV "
-          + ("not tried (no cv2)" if opencv is None else f"{opencv:.6f}"))
+    print(f"{arguments.output}: {theirs:.6f} by lpips, {ours:.6f} here, in OpenCV "
+          + ("not tested (no cv2)" if opencv is None else f"{opencv:.6f}"))
 
 
 if __name__ == "__main__":

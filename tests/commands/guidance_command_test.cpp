@@ -243,7 +243,7 @@ assert abs(target.picture(view(18, 15), 1, white).mean() - whole.mean()) < 1e-3
 try:
     target.picture(view(width, height // 2), 1, white)
 except ValueError as problem:
-    assert "the same shape" in str(problem)
+    assert "the same aspect ratio" in str(problem)
 else:
     raise AssertionError("another shape was taken")
 )");

@@ -225,15 +225,15 @@ serve(guide)
     expect_error([&] { guidance.guide(request); }, words);
   };
   expect(some_request(1, 5, 4), {"[3,3,5]", "[3,4,5]"});
-  expect(some_request(1, 6, 4), {"the weight of an answer is nan"});
-  expect(some_request(2, 7, 4), {"1 answers to 2 views"});
+  expect(some_request(1, 6, 4), {"the weight of an answer is nan; it must be finite"});
+  expect(some_request(2, 7, 4), {"1 answers for 2 views"});
   expect(some_request(1, 4, 4), {"ValueError: the object is gone"});
 }
 
 TEST(Process, TheExamplesRefuseWhatTheyCannotUse) {
   if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
   const std::string folder = GFLOW_SOURCE_DIR "/apps/guidance/";
-  expect_failure(python() + folder + "example_target.py", {"folder with pictures"}, 60);
+  expect_failure(python() + folder + "example_target.py", {"a folder of images"}, 60);
   expect_failure(python() + folder + "example_target.py no/such/folder",
                  {"there is no folder no/such/folder"}, 60);
   // Either the packages or the weights are missing.
