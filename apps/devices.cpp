@@ -35,7 +35,7 @@ std::string bytes_text(uint64_t bytes) {
 }
 
 std::string verdict(const CheckedDevice& device) {
-  return device.reason.empty() ? "usable" : "refused: " + device.reason;
+  return device.reason.empty() ? "usable" : "unusable: " + device.reason;
 }
 
 CheckedDevice checked(const DeviceInfo& info) {
@@ -67,7 +67,7 @@ void print_table(const CheckedDevice& device) {
   line("fp64", info.fp64 ? "yes" : "no (not needed)");
   line("lanes chosen",
        fmt::format("{} {}", info.lanes,
-                   info.lanes == 1 ? "(one pixel a work-item)" : "pixels a work-item"));
+                   info.lanes == 1 ? "(one pixel per work-item)" : "pixels per work-item"));
   line("largest work-group", std::to_string(info.max_work_group));
   line("driver", info.driver);
   line("OpenCL", info.version);
@@ -133,7 +133,7 @@ void run(const GlobalOptions& options, bool json) {
   if (any_usable) return;
   std::fflush(stdout);
   throw NoUsableDevice(devices.size() == 1
-                           ? fmt::format("device {} ({}) is refused: {}", devices[0].info.index,
+                           ? fmt::format("device {} ({}) is unusable: {}", devices[0].info.index,
                                          devices[0].info.name, devices[0].reason)
                            : "none of the devices above is usable");
 }

@@ -30,8 +30,7 @@ void print_report(const Evaluation& evaluation) {
       print_result("{:<22} {:8.4f}\n", name, value);
   };
   print_result("{} views{}, flow compared with: {}\n", evaluation.views.size(),
-               evaluation.trained_on ? ", all of which were trained on" : "",
-               evaluation.flow_reference);
+               evaluation.trained_on ? ", all used for training" : "", evaluation.flow_reference);
   line("PSNR", m.psnr, "dB");
   line("PSNR, moving pixels", m.psnr_dynamic, "dB");
   line("SSIM", m.ssim, "");
@@ -40,14 +39,14 @@ void print_report(const Evaluation& evaluation) {
   of_network("CLIP", m.clip, evaluation.clip_model, "metrics.clip");
   line("flow error", m.flow_epe, "px");
   line("flow error, moving", m.flow_epe_dynamic, "px");
-  line("  teacher there", m.teacher_epe_dynamic, "px");
+  line("  of the target flow", m.teacher_epe_dynamic, "px");
   line("Fl-all", 100 * m.fl_all, "%");
   line("depth error", 100 * m.depth_error, "%");
   line("flicker", m.flicker, "grey levels");
   if (!evaluation.tracks) return;
   line("3D tracks, error", evaluation.tracks->mean, "scene units");
   if (const auto& seen = evaluation.tracks->seen)
-    line("  where training saw", seen->mean, "scene units");
+    line("  seen in training", seen->mean, "scene units");
   line("  if nothing moved", evaluation.tracks->still, "scene units");
 }
 

@@ -39,8 +39,8 @@ std::string folder_of(const ExperimentFlags& flags) {
   std::error_code none;
   if (std::filesystem::equivalent(folder, flags.file, none))
     throw Error(
-        fmt::format("{}: by default the folder of runs and tables is called as the file without "
-                    "its ending, which would be the file itself; -o names another",
+        fmt::format("{}: the default output folder, the file's name without extension, is the file "
+                    "itself; give a folder with -o",
                     flags.file));
   return folder.string();
 }
@@ -58,15 +58,14 @@ void print_runs(const Plan& plan, const std::string& folder, int jobs) {
   double all = 0, longest = 0;
   for (size_t i = 0; i < plan.runs.size(); ++i) {
     const Standing& s = standings[i];
-    std::string state = "not begun";
+    std::string state = "not started";
     if (s.status == Status::finished)
       state = fmt::format("finished in {}", duration_text(s.seconds));
     if (s.status == Status::stopped) state = fmt::format("stopped after {} steps", s.steps);
-    if (s.status == Status::other_settings) state = "other settings: " + s.difference;
+    if (s.status == Status::other_settings) state = "settings changed: " + s.difference;
     if (s.status != Status::finished)
-      state += fmt::format(", {} left", std::isnan(left[i])
-                                            ? "nobody knows how much is"
-                                            : fmt::format("{} {}", about, duration_text(left[i])));
+      state += std::isnan(left[i]) ? ", time left unknown"
+                                   : fmt::format(", {} {} left", about, duration_text(left[i]));
     print_result("{:<{}}  {:>7} steps  {}\n", plan.runs[i].id, width,
                  plan.runs[i].config.train.iterations, state);
     all += left[i];
@@ -78,12 +77,12 @@ void print_runs(const Plan& plan, const std::string& folder, int jobs) {
   print_result(
       "{} runs, {} of them finished; {}\n", plan.runs.size(), finished,
       std::isnan(all)
-          ? "how long the others take is known when one of them is"
+          ? "the time left is unknown until a run has made steps"
           : fmt::format("{} {} left{}{}", about, duration_text(std::max(all / jobs, longest)),
                         jobs > 1 ? fmt::format(" with {} at a time", jobs) : "",
-                        guessed
-                            ? ", guessed from steps and pixels, training alone: no run has begun"
-                            : ""));
+                        guessed ? ", guessed from step count and image size, without evaluation: "
+                                  "no run has started"
+                                : ""));
 }
 
 void write_text(const std::string& path, const std::string& text) {
@@ -105,7 +104,7 @@ void write_everything(const Plan& plan, const std::string& folder) {
   if (!plots.empty())
     print_result("plots     {}\n", plots.compare(0, 3, "run") == 0 ? plots : folder + "/plots");
   for (const std::string& sheet : write_contact_sheets(plan, folder))
-    print_result("pictures  {}\n", sheet);
+    print_result("images    {}\n", sheet);
 }
 
 // NoUsableDevice where a device that a training needs is missing or unusable. Checked once here:

@@ -51,18 +51,19 @@ std::string format_of(const ExportFlags& flags) {
   const bool sequence = flags.format == "ply-sequence";  // a folder may have any name
   if (meant == endings.end() && !ending.empty() && !sequence)
     throw Error(
-        fmt::format("exporting to {}: gflow writes no {} files, but .ply, .splat, .splatv and "
-                    ".4dgs, and with --format ply-sequence a folder of .ply",
+        fmt::format("exporting to {}: gflow cannot write {} files; supported are .ply, .splat, "
+                    ".splatv, .4dgs and, with --format ply-sequence, a folder of .ply files",
                     flags.output, ending));
   if (meant == endings.end() && flags.format.empty())
     throw Error(
-        fmt::format("exporting to {}: nothing says in which format; end the name in .ply, .splat, "
-                    ".splatv or .4dgs, or give --format",
+        fmt::format("exporting to {}: the format is unknown; end the name in .ply, .splat, .splatv "
+                    "or .4dgs, or give --format",
                     flags.output));
   if (meant == endings.end()) return flags.format;
   if (!flags.format.empty() && flags.format != meant->second)
-    throw Error(fmt::format("exporting to {}: its ending says {}, --format says {}; change one",
-                            flags.output, meant->second, flags.format));
+    throw Error(
+        fmt::format("exporting to {}: its extension means {}, but --format is {}; change one",
+                    flags.output, meant->second, flags.format));
   return meant->second;
 }
 
@@ -76,31 +77,32 @@ std::optional<Scene> scene_of(const ModelSource& source) {
 // Times of a sequence: as requested, else (or for "all") the time steps of the run's scene.
 std::vector<double> sequence_times(const ExportFlags& flags, const std::optional<Scene>& scene) {
   if (!flags.times.empty() && flags.steps > 0)
-    throw Error("--times and --steps exclude each other: both say which times are written");
+    throw Error("--times and --steps exclude each other: both select the times");
   if (!flags.times.empty() && flags.times != "all") return parse_times(flags.times);
   if (flags.steps > 0) return parse_times(fmt::format("0:1:{}", flags.steps));
   if (scene) return step_times(*scene);
-  throw Error(fmt::format("how many steps {} has is not known without its scene: {} says it",
-                          flags.model, flags.format == "4dgs" ? "--steps" : "--steps or --times"));
+  throw Error(
+      fmt::format("exporting {}: the number of time steps is unknown without its scene; give {}",
+                  flags.model, flags.format == "4dgs" ? "--steps" : "--steps or --times"));
 }
 
 double single_time(const ExportFlags& flags) {
   if (flags.steps > 0)
     throw Error(
-        fmt::format("--format {} shows one time, which --times gives; --steps is for "
+        fmt::format("--format {} writes a single time, selected with --times; --steps is for "
                     "ply-sequence and 4dgs",
                     flags.format));
   if (flags.times.empty()) return 0.5;
   if (flags.times == "all")
-    throw Error(fmt::format(
-        "--format {} shows one time, --times all means every step; ply-sequence shows several",
-        flags.format));
+    throw Error(
+        fmt::format("--format {} writes a single time, but --times all selects every time step; "
+                    "use ply-sequence for several",
+                    flags.format));
   const std::vector<double> times = parse_times(flags.times);
   if (times.size() > 1)
-    throw Error(
-        fmt::format("--format {} shows one time, --times {} gives {}; ply-sequence shows "
-                    "several",
-                    flags.format, flags.times, times.size()));
+    throw Error(fmt::format(
+        "--format {} writes a single time, but --times {} selects {}; use ply-sequence for several",
+        flags.format, flags.times, times.size()));
   return times[0];
 }
 
@@ -113,7 +115,7 @@ void require_no_other_frames(const std::string& folder, size_t frames) {
   if (!fs::exists(folder)) return;
   std::set<std::string> replaced;
   for (size_t k = 0; k < frames; ++k) replaced.insert(frame_name(k));
-  std::string other = fs::is_directory(folder) ? "" : "no folder";
+  std::string other = fs::is_directory(folder) ? "" : "not a folder";
   std::error_code problem;
   for (const auto& entry : fs::directory_iterator(folder, problem)) {
     const std::string name = entry.path().filename().string();
@@ -122,8 +124,8 @@ void require_no_other_frames(const std::string& folder, size_t frames) {
   if (problem && other.empty()) other = problem.message();
   if (!other.empty())
     throw Error(
-        fmt::format("exporting into {}: it is there and holds more than frames 1 to {} of a "
-                    "sequence ({}); name a new folder",
+        fmt::format("exporting into {}: it exists and is not just frames 1 to {} of a sequence "
+                    "({}); choose a new folder",
                     folder, frames, other));
 }
 
@@ -131,7 +133,8 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
                      const std::string& folder, bool quiet) {
   std::error_code problem;
   fs::create_directories(folder, problem);
-  if (problem) throw Error(fmt::format("making the folder {}: {}", folder, problem.message()));
+  if (problem)
+    throw Error(fmt::format("cannot create the folder {}: {}", folder, problem.message()));
   const FolderLock lock(folder);
   require_no_other_frames(folder, times.size());  // another process may have filled it meanwhile
   InterruptGuard guard;
@@ -168,8 +171,8 @@ std::vector<Camera> viewer_cameras(const ModelSource& source) {
 
 void require_no_times(const ExportFlags& flags) {
   if ((!flags.times.empty() && flags.times != "all") || flags.steps > 0)
-    throw Error(fmt::format("--format {} holds all times; --times and --steps are for the others",
-                            flags.format));
+    throw Error(fmt::format(
+        "--format {} contains all times; --times and --steps are for other formats", flags.format));
 }
 
 // The camera looks at the point on its axis that is nearest to the mean of the Gaussians.
@@ -201,7 +204,7 @@ std::vector<std::array<double, 3>> eyes_of(const std::vector<Camera>& cameras) {
 void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
                      const GlobalOptions& options) {
   if (!flags.times.empty() && flags.times != "all")
-    throw Error("--format 4dgs holds all times; --steps says how often its paths are looked at");
+    throw Error("--format 4dgs contains all times; --steps sets how many times are sampled");
   const std::optional<Scene> scene = scene_of(source);
   PieceRule rule;
   rule.steps = int(sequence_times(flags, scene).size());
@@ -221,7 +224,7 @@ void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
   pieces.viewpoint = viewpoint_of(cameras[0], host);
   pieces.eyes = eyes_of(cameras);
   write_four_dgs(flags.output, pieces);
-  print_result("written   {}, {} Gaussians in {} straight pieces, {:.4g} s\n", flags.output,
+  print_result("written   {}, {} Gaussians in {} linear pieces, {:.4g} s\n", flags.output,
                host.count, pieces.splats.size(), pieces.duration);
 }
 
@@ -252,8 +255,8 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
   const size_t rows = now.head().rows;
   if (rows == 0)
     throw Error(
-        fmt::format("exporting {}: none of its {} Gaussians can be seen at time {}, and a "
-                    "file without any is of no use; --times names another",
+        fmt::format("exporting {}: none of its {} Gaussians is visible at time {}; choose another "
+                    "time with --times",
                     flags.model, host.count, times[0]));
   if (flags.format == "ply") write_ply(flags.output, now.head(), row);
   if (flags.format == "splat") write_dot_splat(flags.output, rows, now.sh_degree(), row);
@@ -273,8 +276,8 @@ void run_export(ExportFlags flags, const GlobalOptions& options) {
   const auto& [x, y, z] = source.model.shape.origin;
   const bool restored = flags.format == "ply" || flags.format == "ply-sequence";
   if (!restored && (x != 0 || y != 0 || z != 0))
-    print_result("relative to ({}, {}, {}) of the scene's world, which floats cannot hold\n", x, y,
-                 z);
+    print_result("relative to ({}, {}, {}) in world coordinates, which exceed float precision\n", x,
+                 y, z);
   print_state(source.state);
 }
 

@@ -37,8 +37,9 @@ PlyTable moment_of(const ImportFlags& flags) {
   const MovingSplats scene = read_four_dgs(flags.input);
   const double time = flags.time.value_or(scene.duration / 2);
   if (!(time == 0 || (time > 0 && time < scene.duration)))  // a static file may last 0 s
-    throw Error(fmt::format("--time {} lies outside of {}, which lasts from 0 to before {:.6g} s",
-                            time, flags.input, scene.duration));
+    throw Error(
+        fmt::format("--time {} is outside {}; it must be at least 0 s and less than {:.6g} s", time,
+                    flags.input, scene.duration));
   return splats_at(scene, time);
 }
 
@@ -47,31 +48,31 @@ void run_import(const ImportFlags& flags) {
   for (char& c : ending) c = char(std::tolower(static_cast<unsigned char>(c)));
   if (ending != ".ply")
     throw Error(
-        fmt::format("importing to {}: a PLY is written; end the name in .ply", flags.output));
+        fmt::format("importing to {}: the output is a PLY; end its name in .ply", flags.output));
   require_other_file(flags.output, flags.input);
   require_no_file_of_run(flags.output);
   const SplatFormat format = format_wanted(flags);
   if (flags.time && format != SplatFormat::four_dgs)
-    throw Error(fmt::format("--time is for .4dgs files, whose Gaussians move; {} is {}",
-                            flags.input, names_of(format)[size_t(format)]));
+    throw Error(fmt::format("--time is only for .4dgs files; {} is {}", flags.input,
+                            names_of(format)[size_t(format)]));
   PlyTable table =
       format == SplatFormat::four_dgs ? moment_of(flags) : read_splats(flags.input, format);
   table.origin = origin_of(table, flags.input);
   if (table.column("scale_t") >= 0)
     throw Error(
-        fmt::format("{} is a moving model of gflow; `gflow export --format ply --times T` "
-                    "makes a PLY of one of its times",
+        fmt::format("importing {}: it is a dynamic model of gflow; `gflow export --format ply "
+                    "--times T` writes a PLY of one time",
                     flags.input));
   const StandardRows standard(table, flags.input);
-  if (table.rows == 0) throw Error(fmt::format("importing {}: it holds no Gaussians", flags.input));
+  if (table.rows == 0)
+    throw Error(fmt::format("importing {}: it contains no Gaussians", flags.input));
   const auto copy_finite = [&](size_t i, float* values) {
     standard.copy(i, values);
     for (size_t c = 0; c < standard.head().names.size(); ++c)
       if (!std::isfinite(values[c]))
-        throw Error(
-            fmt::format("{}: Gaussian {} has a value that is not finite ({}), which no viewer "
-                        "can draw",
-                        flags.input, i, standard.head().names[c]));
+        throw Error(fmt::format(
+            "importing {}: Gaussian {} has a non-finite value ({}), which viewers cannot render",
+            flags.input, i, standard.head().names[c]));
   };
   write_ply(flags.output, standard.head(), copy_finite);
   print_result("read      {}, {}\nwritten   {}, {} Gaussians\n", flags.input,

@@ -191,7 +191,8 @@ Json info_of_file(const std::string& path) {
     try {
       video_info(path);
     } catch (const Error& no_video) {
-      throw Error(fmt::format("{}; nor is it a video: {}", no_splat.what(), no_video.what()));
+      throw Error(
+          fmt::format("{}; it is not a video either: {}", no_splat.what(), no_video.what()));
     }
     return info_of_scene(path);
   }

@@ -45,9 +45,7 @@ void tell_of_exit() {
   if (is_over) return;
   gflow::remove_unfinished_files();
   const std::string why = gflow::compile_failure_reason();
-  say("a library ended the program, for the reason it gives above" +
-          (why.empty() ? "" : "; " + why),
-      1);
+  say("a library ended the program; see its message above" + (why.empty() ? "" : "; " + why), 1);
 }
 
 // PoCL aborts when a kernel that it could not write is missing. In all other cases the signal keeps
@@ -56,8 +54,8 @@ void tell_of_abort(int) {
   alarm(10);  // corrupt memory may hold a lock
   if (gflow::compile_failure_reason().empty()) {
     gflow::remove_unfinished_files();
-    say("a library or the OpenCL driver has aborted the program, for the reason it gives above if "
-        "it gives one; what was saved before is whole",
+    say("a library or the OpenCL driver aborted the program; see its message above, if any; files "
+        "saved earlier are intact",
         1);
     std::signal(SIGABRT, SIG_DFL);
     std::raise(SIGABRT);
@@ -140,9 +138,8 @@ int run_in_words(int argc, char** argv) {
     return say(problem.what(), 1);
   } catch (const std::bad_alloc&) {
     return say(
-        "there is not enough memory for this; a higher scene.resolution, a lower density.cap or, "
-        "of "
-        "a motion model, fewer keys or smaller planes need less",
+        "out of memory; to use less, raise scene.resolution, lower density.cap, or give the motion "
+        "model fewer keys or smaller planes",
         1);
   } catch (const std::filesystem::filesystem_error& problem) {
     const std::string path = problem.path1().string();
@@ -152,14 +149,13 @@ int run_in_words(int argc, char** argv) {
   } catch (const std::system_error& problem) {  // fmt::print to a full disk; no thread available
     if (std::ferror(stdout)) return cannot_print(problem.code().value());
     if (problem.code() == std::errc::resource_unavailable_try_again)
-      return say(
-          fmt::format("the system starts no more threads ({}): a limit of them (ulimit -u, or that "
-                      "of a container) is too low",
-                      problem.what()),
-          1);
+      return say(fmt::format("cannot start a thread ({}): the limit on threads (ulimit -u, or that "
+                             "of the container) is too low",
+                             problem.what()),
+                 1);
     return say(problem.what(), 1);
   } catch (const std::exception& problem) {
-    return say(fmt::format("an error nobody foresaw: {}", problem.what()), 1);
+    return say(fmt::format("internal error: {}", problem.what()), 1);
   }
 }
 

@@ -51,7 +51,7 @@ std::string found_above(const std::string& model, const std::string& name) {
 
 Source find_source(const RenderFlags& flags) {
   if (!fs::is_directory(flags.model) && !fs::is_regular_file(flags.model))
-    throw Error("there is no run folder and no splat file " + flags.model);
+    throw Error("no such run folder or splat file: " + flags.model);
   Source source{model_source(flags.model, flags.iteration), {}};
   const std::string config = found_above(source.path, "config.toml");
   if (!source.run && !config.empty()) {
@@ -67,8 +67,8 @@ Source find_source(const RenderFlags& flags) {
   if (!flags.scene.empty()) path = flags.scene;
   const bool wanted = !flags.scene.empty() || !flags.split.empty();
   if (path.empty() && wanted)
-    throw Error(fmt::format("the {} views belong to a scene, and {} is of none: --scene names it",
-                            flags.split, flags.model));
+    throw Error(fmt::format("--split {}: {} has no scene; give one with --scene", flags.split,
+                            flags.model));
   if (wanted || (!path.empty() && fs::exists(path))) {
     // Reuses the video frames that training unpacked.
     const bool unpacked = source.run && source.config.scene.resolution == own_resolution;
@@ -80,7 +80,7 @@ Source find_source(const RenderFlags& flags) {
 
 std::vector<double> times_wanted(const RenderFlags& flags, const Scene* scene, bool still) {
   if (flags.times == "all" && !scene)
-    throw Error("--times all means the steps of a scene: --scene names it");
+    throw Error("--times all selects the time steps of a scene; give one with --scene");
   if (scene && (flags.times.empty() || flags.times == "all")) return step_times(*scene);
   if (flags.times.empty()) return parse_times(still ? "0" : "0:1:40");
   return parse_times(flags.times);
@@ -120,16 +120,14 @@ std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& sou
         cameras_wanted(flags, read_cameras_json(json, source.config.scene.resolution)),
         times_wanted(flags, nullptr, still), nullptr);
   if (!flags.camera.empty())
-    throw Error(
-        fmt::format("camera {} is not known: there is no cameras.json beside {}, and no "
-                    "scene (--scene)",
-                    flags.camera, source.path));
+    throw Error(fmt::format(
+        "--camera {}: there is no cameras.json beside {} and no scene; give one with --scene",
+        flags.camera, source.path));
   const std::string times = flags.times.empty() ? "0:1:40" : flags.times;
   if (source.model.count == 0)
-    throw Error(
-        fmt::format("drawing {}: it holds no Gaussians to look at, and there is no cameras.json "
-                    "beside it",
-                    source.path));
+    throw Error(fmt::format(
+        "rendering {}: it contains no Gaussians, and there is no cameras.json beside it",
+        source.path));
   return orbit_views(source.model, parse_times(times), flags.up);
 }
 
@@ -139,20 +137,21 @@ void print_written(const RenderReport& report, const std::vector<RenderView>& vi
   const bool one_time = std::all_of(views.begin(), views.end(), [&](const RenderView& view) {
     return view.time == views[0].time;
   });
-  print_result("pictures  {} views in {}/rgb, alpha, depth\n", report.views, folder);
+  print_result("images    {} views in {}/rgb, alpha, depth\n", report.views, folder);
   if (report.flows)
     print_result("flow      {} views in {}/flow\n", report.flows, folder);
   else if (still)
-    print_result("flow      none: nothing in the model moves\n");
+    print_result("flow      none: the model is static\n");
   else if (one_time)
-    print_result("flow      none: no step of a scene follows the one time {}\n", views[0].time);
+    print_result("flow      none: no time step of a scene follows the single time {}\n",
+                 views[0].time);
   if (report.compared)
     print_result("compared  {} views in {}/compare: truth, render, error x 4{}\n", report.compared,
                  folder, report.flows ? ", flow, reference flow" : "");
   for (const std::string& movie : report.movies) print_result("video     {}\n", movie);
   if (report.movies.empty())
-    print_result("video     none: it takes two pictures of one size{}\n",
-                 one_time ? ", so more than one of --times" : "");
+    print_result("video     none: it needs at least two images of equal size{}\n",
+                 one_time ? ", so more than one time in --times" : "");
 }
 
 // Stems of the files in a folder, without temporaries that a killed process left.
@@ -186,23 +185,24 @@ bool is_of_render(const fs::path& folder) {
 // An existing image or video may have the name of a rendered one.
 void require_no_other_files(const std::string& folder) {
   if (fs::is_directory(folder) && !is_of_render(folder))
-    throw Error(fmt::format(
-        "drawing into {}: it is not empty, and nothing that gflow render has drawn is in it; name "
-        "a new folder, or one that it has filled before",
-        folder));
+    throw Error(
+        fmt::format("rendering into {}: it is not empty and not the output of an earlier gflow "
+                    "render; choose a new folder or such an output",
+                    folder));
 }
 
 // The same for a scene folder, which may contain folders of these names.
 void require_no_scene(const std::string& folder) {
   const std::string layout = fs::is_directory(folder) ? layout_of(folder) : "";
   if (!layout.empty())
-    throw Error(fmt::format("drawing into {}: there lies a scene ({}); name a folder of its own",
+    throw Error(fmt::format("rendering into {}: it contains a scene ({}); choose another folder",
                             folder, layout));
 }
 
 void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   if (!flags.split.empty() && !flags.camera.empty())
-    throw Error("--split and --camera exclude each other: a camera is shown at all of its times");
+    throw Error(
+        "--split and --camera exclude each other: --camera renders one camera at all its times");
   require_no_folder_of_run(flags.output);
   require_no_scene(flags.output);
   require_no_other_files(flags.output);
@@ -226,7 +226,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   std::error_code problem;
   fs::create_directories(flags.output, problem);
   if (problem)
-    throw Error(fmt::format("making the folder {}: {}", flags.output, problem.message()));
+    throw Error(fmt::format("cannot create the folder {}: {}", flags.output, problem.message()));
   const FolderLock lock(flags.output);
   InterruptGuard guard;
   Progress progress("render", long(views.size()), options.quiet);

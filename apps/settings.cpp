@@ -32,7 +32,7 @@ std::vector<SettingInWords> settings_named(const std::string& word, bool all_lev
   };
   const auto nearest = std::min_element(
       all.begin(), all.end(), [&](const auto& a, const auto& b) { return apart(a) < apart(b); });
-  throw Error(fmt::format("settings {}: no setting has that in its name; the nearest is {}",
+  throw Error(fmt::format("settings {}: no setting has this in its name; the nearest is {}",
                           excerpt(word), nearest->name));
 }
 

@@ -28,8 +28,8 @@ void require_known_cotangents(const std::string& path) {
   for (const std::string& name : names_in_npz(path))
     if (name.rfind("v_", 0) == 0 && !splat_arrays_known.count(name))
       throw Error(
-          fmt::format("reading {}: array '{}' is no cotangent that gflow knows: these are v_rgb, "
-                      "v_alpha, v_depth and v_flow",
+          fmt::format("reading {}: array '{}' is not a known cotangent; known are v_rgb, v_alpha, "
+                      "v_depth and v_flow",
                       path, name));
 }
 
@@ -94,19 +94,18 @@ void add_splat(CLI::App& app, const GlobalOptions& options) {
     const Arrays output = splat_arrays(queue, input, flags->splat, flags->input);
     const std::vector<int> broken = output.at("broken").as_int();
     if (!broken.empty())
-      warn(fmt::format(
-          "{} of the Gaussians in {} have values that are not finite and are not drawn, "
-          "or not moved: the first is number {} (from 0), all stand in 'broken'",
-          broken.size(), flags->input, broken[0]));
+      warn(
+          fmt::format("{} of the Gaussians in {} have non-finite values and are not rendered, or "
+                      "have no flow; the first has index {}, 'broken' lists all",
+                      broken.size(), flags->input, broken[0]));
     for (const auto& [key, array] : output) {
       const std::vector<float> values = array.as_float();
       const auto lost = std::count_if(values.begin(), values.end(),
                                       [](float value) { return !std::isfinite(value); });
       if (lost > 0)
-        warn(
-            fmt::format("{} of the {} values of '{}' are not finite: numbers in {} are too large "
-                        "for floats",
-                        lost, values.size(), key, flags->input));
+        warn(fmt::format(
+            "{} of the {} values of '{}' are NaN or Inf: values in {} are too large for float",
+            lost, values.size(), key, flags->input));
     }
     write_npz(flags->output, output);
   });

@@ -63,8 +63,8 @@ TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
     throw CLI::RequiredError("SCENE");
   else if (config.scene.path.empty())
     throw Error(
-        fmt::format("resuming {}: it has no config.toml that names the scene; give it: "
-                    "gflow train SCENE -o {} --resume",
+        fmt::format("resuming {}: it has no config.toml with the path of the scene; run gflow "
+                    "train SCENE -o {} --resume",
                     flags.run, flags.run));
   const auto words = names_of(InitFrom{});
   const auto word = std::find(words.begin(), words.end(), flags.init);
@@ -72,7 +72,7 @@ TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
     config.init.from = InitFrom(word - words.begin());
   } else if (!flags.init.empty()) {
     if (!std::filesystem::exists(flags.init))
-      throw Error(fmt::format("--init {}: there is no such file, and the words are {}", flags.init,
+      throw Error(fmt::format("--init {}: no such file; give a file or one of {}", flags.init,
                               fmt::join(words, ", ")));
     config.init.from = InitFrom::file;
     config.init.file = std::filesystem::absolute(flags.init).lexically_normal().string();
@@ -80,8 +80,8 @@ TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
   const std::string layout = flags.cameras.empty() ? "" : layout_of(config.scene.path);
   if (!layout.empty() && !takes_cameras(layout))
     throw Error(
-        fmt::format("--cameras {}: {} has cameras of its own ({}), so that these would be ignored; "
-                    "the option is for a video or numbered pictures",
+        fmt::format("--cameras {}: {} has its own cameras ({}), so these would be ignored; the "
+                    "option is for a video or numbered images",
                     flags.cameras, config.scene.path, layout));
   if (!flags.cameras.empty())
     config.scene.cameras = std::filesystem::absolute(flags.cameras).lexically_normal().string();

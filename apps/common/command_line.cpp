@@ -75,7 +75,8 @@ CLI::Validator choice_of(std::vector<std::string> words) {
   return CLI::Validator(
       [words = std::move(words)](std::string& value) {
         const bool known = std::find(words.begin(), words.end(), value) != words.end();
-        return known ? "" : fmt::format("'{}' is not known: choose {}", value, listing(words));
+        return known ? ""
+                     : fmt::format("'{}' is not a valid choice: choose {}", value, listing(words));
       },
       "");
 }
@@ -96,22 +97,21 @@ CLI::Validator zero_or_in(double low, double high) {
         const auto value = decimal_number(text);
         const bool fits = value && (*value == 0 || (*value >= low && *value <= high));
         return fits ? ""
-                    : fmt::format("'{}' is not 0 and no number from {} to {}", text, low, high);
+                    : fmt::format("'{}' is neither 0 nor a number from {} to {}", text, low, high);
       },
       "");
 }
 
 CLI::Validator path_given() {
   return CLI::Validator(
-      [](std::string& path) { return path.empty() ? "the path is empty; name one" : ""; }, "");
+      [](std::string& path) { return path.empty() ? "the path is empty; give one" : ""; }, "");
 }
 
 CLI::Validator list_entry() {
   return CLI::Validator(
       [](std::string& entry) {
         const bool option = entry.size() > 1 && entry[0] == '-' && !std::isdigit(uint8_t(entry[1]));
-        return option ? fmt::format("'{}' is an option, expected is an entry of the list", entry)
-                      : "";
+        return option ? fmt::format("'{}' is an option, but a list entry is expected", entry) : "";
       },
       "");
 }
@@ -128,7 +128,7 @@ std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
     return unknown_command(path, word == extras.end() ? "" : *word, commands);
   const std::string name = full_name(path);
   if (dynamic_cast<const CLI::ConversionError*>(&problem))
-    return fmt::format("{}: that is not a number the option can take (see `{} --help`)",
+    return fmt::format("{}: not a number that this option accepts (see `{} --help`)",
                        without_prefix(problem.what(), "Could not convert: "), name);
   if (dynamic_cast<const CLI::ArgumentMismatch*>(&problem)) {
     const std::string said = problem.what(), option = said.substr(0, said.find(':'));
@@ -137,7 +137,7 @@ std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
   }
   if (extras.empty()) return fmt::format("{} (see `{} --help`)", problem.what(), name);
   if (!is_option(extras[0]))
-    return fmt::format("`{}` does not know what to do with '{}'", name, extras[0]);
+    return fmt::format("`{}` got an unexpected argument '{}'", name, extras[0]);
   const std::string option = extras[0].substr(0, extras[0].find('='));
   return fmt::format("`{}` has no option {}{} (see `{} --help`)", name, option,
                      nearest(option, option_names(path)), name);

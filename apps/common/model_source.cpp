@@ -23,8 +23,8 @@ ModelSource model_source(const std::string& run_or_file, int iteration) {
 void add_iteration(CLI::App& command, int& iteration) {
   command
       .add_option("--iteration", iteration,
-                  "Of a run, this iteration, of which it has a point_cloud/iteration_N or a "
-                  "checkpoint; without it the latest")
+                  "Iteration of a run that has a point_cloud/iteration_N or a checkpoint; default: "
+                  "the latest")
       ->type_name("N")
       ->default_str("")
       ->check(number_in(0, 2147483647));
@@ -32,8 +32,8 @@ void add_iteration(CLI::App& command, int& iteration) {
 
 void require_no_iteration(int iteration, const std::string& path) {
   if (iteration != latest_iteration)
-    throw Error(fmt::format("--iteration {} chooses among those of a run folder, and {} is none",
-                            iteration, path));
+    throw Error(fmt::format(
+        "--iteration {} selects an iteration of a run folder, but {} is not one", iteration, path));
 }
 
 void print_state(const std::string& state) {

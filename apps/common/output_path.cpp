@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 
@@ -33,16 +32,15 @@ fs::path run_around(const std::string& path, bool itself) {
 void require_other_file(const std::string& output, const std::string& input) {
   std::error_code missing;
   if (fs::equivalent(output, input, missing))
-    throw Error(fmt::format("writing {}: that is the file it is made from; name another", output));
+    throw Error(fmt::format("writing {}: it is also the input file; choose another name", output));
 }
 
 void require_no_file_of_run(const std::string& output) {
   const fs::path run = run_around(output, false);
   if (!run.empty())
-    throw Error(
-        fmt::format("writing {}: that is among what a training writes into {}; name another "
-                    "file",
-                    output, run.string()));
+    throw Error(fmt::format(
+        "writing {}: this path is reserved for the files of the run {}; choose another file",
+        output, run.string()));
 }
 
 // Tries the write itself, up to the last step. Permissions alone do not suffice: root may write
@@ -53,13 +51,12 @@ void require_writable(const std::string& option, const std::string& path) {
   struct Tried {};
   try {
     replace_file(path, [&](const std::string& temporary) {
-      if (!(std::ofstream(temporary) << ' ' << std::flush)) throw Error(std::strerror(errno));
+      if (!(std::ofstream(temporary) << ' ' << std::flush)) throw_write_error(path, errno);
       throw Tried{};
     });
   } catch (const Tried&) {
   } catch (const Error& problem) {
-    throw Error(
-        fmt::format("{} {}: no file can be written there: {}", option, path, problem.what()));
+    throw Error(fmt::format("{}: {}", option, problem.what()));
   }
 }
 
@@ -67,8 +64,7 @@ void require_no_folder_of_run(const std::string& output) {
   const fs::path run = run_around(output, true);
   if (!run.empty())
     throw Error(
-        fmt::format("writing into {}: there lie the files of a run; name a folder of its "
-                    "own, {} say",
+        fmt::format("writing into {}: it belongs to a run; choose another folder, for example {}",
                     output, (run / "pictures").string()));
 }
 

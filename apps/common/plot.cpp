@@ -32,7 +32,7 @@ void require_whole(const std::string& picture, std::string_view end, const std::
   if (text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0)
     return;
   require_room(picture, path);
-  throw Error(fmt::format("cannot write {}: gnuplot has left it unfinished", path));
+  throw Error(fmt::format("cannot write {}: gnuplot left it incomplete", path));
 }
 
 std::string name_of_file(const std::string& path) {
@@ -75,7 +75,7 @@ std::string draw(const Plot& plot, const std::string& folder) {
   std::filesystem::create_directories(folder, problem);
   if (problem)
     throw Error(
-        fmt::format("drawing into {}: cannot make that folder: {}", folder, problem.message()));
+        fmt::format("plotting into {}: cannot create the folder: {}", folder, problem.message()));
   const auto path = [&](const char* ending) {
     return (std::filesystem::path(folder) / (plot.name + ending)).string();
   };
@@ -100,8 +100,10 @@ std::string draw(const Plot& plot, const std::string& folder) {
       });
     });
   } catch (const NotDrawn&) {
-    return fmt::format("run `gnuplot {}.gnuplot` in {} (gnuplot, Debian's gnuplot-nox, could not)",
-                       plot.name, folder);
+    return fmt::format(
+        "run `gnuplot {}.gnuplot` in {} (gnuplot is not installed or failed; Debian package: "
+        "gnuplot-nox)",
+        plot.name, folder);
   }
   return path(".svg");
 }

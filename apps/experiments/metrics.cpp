@@ -28,7 +28,7 @@ const std::vector<Metric>& all_metrics() {
        3,
        Better::lower},
       {"teacher_epe_dynamic",
-       "teacher there [px]",
+       "target flow error [px]",
        {"test", "teacher_epe_dynamic"},
        3,
        Better::neither},
@@ -80,11 +80,10 @@ Metric metric_named(const std::string& name) {
     const bool of_tracks = of_motion || whole.rfind("track_error", 0) == 0;
     const bool of_views = metric.path.size() == 2 && std::string(metric.path[0]) == "test";
     if (!of_tracks && !of_views)
-      throw Error("metric '" + excerpt(whole) + "' has no value for each step");
+      throw Error("metric '" + excerpt(whole) + "' has no values per time step");
     const auto steps = step_range(name.substr(at + 1));
     if (!steps)
-      throw Error("metric '" + excerpt(name) +
-                  "': expected is NAME@FIRST-LAST, for example psnr@10-12");
+      throw Error("metric '" + excerpt(name) + "' must be NAME@FIRST-LAST, for example psnr@10-12");
     Metric part = metric;
     part.name = name;
     part.label = fmt::format("{}, steps {} to {}", metric.label, steps->first, steps->second);
@@ -95,7 +94,7 @@ Metric metric_named(const std::string& name) {
     part.steps = steps;
     return part;
   }
-  throw Error(fmt::format("there is no metric '{}'; known are {}", excerpt(name),
+  throw Error(fmt::format("unknown metric '{}'; known are {}", excerpt(name),
                           fmt::join(metric_names(), ", ")));
 }
 

@@ -78,13 +78,13 @@ class Reader {
   void expect_keys(const toml::table& table, const std::vector<std::string>& known) const {
     for (const auto& [key, node] : table)
       if (std::find(known.begin(), known.end(), key.str()) == known.end())
-        throw Error(fmt::format("{}: there is no '{}' here; known are {}", at(node),
+        throw Error(fmt::format("{}: unknown key '{}'; known are {}", at(node),
                                 excerpt(std::string(key.str())), fmt::join(known, ", ")));
   }
 
   std::string text(const toml::node& node, const std::string& name) const {
     if (const auto value = node.value<std::string>(); value && !value->empty()) return *value;
-    throw Error(fmt::format("{}: '{}' must be a text", at(node), name));
+    throw Error(fmt::format("{}: '{}' must be a non-empty string", at(node), name));
   }
   std::string text_or(const toml::table& table, const char* key, const std::string& other) const {
     const toml::node* node = table.get(key);
@@ -94,7 +94,7 @@ class Reader {
   const toml::array& list(const toml::node& node, std::string_view name) const {
     const toml::array* list = node.as_array();
     if (list && !list->empty()) return *list;
-    throw Error(fmt::format("{}: '{}' must be a list that is not empty", at(node), name));
+    throw Error(fmt::format("{}: '{}' must be a non-empty list", at(node), name));
   }
 
   const toml::table& table(const toml::node& node, std::string_view name) const {
@@ -108,7 +108,7 @@ class Reader {
     if (const auto* value = node.as_integer()) return fmt::format("{}", value->get());
     if (const auto* value = node.as_floating_point()) return fmt::format("{}", value->get());
     throw Error(
-        fmt::format("{}: '{}' must be a number, a text, true or false", at(node), excerpt(key)));
+        fmt::format("{}: '{}' must be a number, a string, true or false", at(node), excerpt(key)));
   }
 
   // The settings of a table, without the table's own keys.
@@ -125,7 +125,7 @@ class Reader {
       } else {
         const std::string whole = before + name;
         if (whole == "train.seed" || whole == "scene.path")
-          throw Error(fmt::format("{}: '{}' is no setting of an experiment: the list '{}' says it",
+          throw Error(fmt::format("{}: '{}' cannot be set in an experiment; use the list '{}'",
                                   at(node), whole, whole == "train.seed" ? "seeds" : "scenes"));
         settings.push_back({whole, value_text(node, whole), at(node)});
       }
@@ -140,7 +140,8 @@ class Reader {
     for (const toml::node& name : list(*node, "metrics")) {
       names.push_back(text(name, "metrics"));
       if (std::count(names.begin(), names.end(), names.back()) > 1)
-        throw Error(fmt::format("{}: metric '{}' is named twice", at(name), excerpt(names.back())));
+        throw Error(
+            fmt::format("{}: metric '{}' is listed twice", at(name), excerpt(names.back())));
       try {
         metric_named(names.back());
       } catch (const Error& problem) {
@@ -160,9 +161,8 @@ class Reader {
       const auto steps =
           mark == std::string::npos ? std::nullopt : step_range(words.substr(mark + 1));
       if (!steps || mark == 0)
-        throw Error(
-            fmt::format("{}: film '{}': expected is VIEW@FIRST-LAST, for example cam00@9-13",
-                        at(entry), excerpt(words)));
+        throw Error(fmt::format("{}: film '{}' must be VIEW@FIRST-LAST, for example cam00@9-13",
+                                at(entry), excerpt(words)));
       films.push_back({words.substr(0, mark), steps->first, steps->second});
     }
     return films;
@@ -196,7 +196,7 @@ class Reader {
       const auto* number = seed.as_integer();
       if (!number || number->get() < 0 || number->get() > kGreatestSeed)
         throw Error(
-            fmt::format("{}: seeds are whole numbers from 0 to {}", at(seed), kGreatestSeed));
+            fmt::format("{}: seeds must be whole numbers from 0 to {}", at(seed), kGreatestSeed));
       seeds.push_back(number->get());
     }
     return seeds;
@@ -204,7 +204,7 @@ class Reader {
 
   std::vector<Choice> read_scenes() const {
     const toml::node* node = file_.get("scenes");
-    if (!node) throw Error(fmt::format("{}: there is no list 'scenes'", path_));
+    if (!node) throw Error(fmt::format("{}: the list 'scenes' is missing", path_));
     std::vector<Choice> scenes;
     for (const toml::node& entry : list(*node, "scenes")) {
       Choice scene;
@@ -237,10 +237,9 @@ class Reader {
       if (fs::exists(whole)) return whole;
       if (tried.empty() || tried[0] != whole) tried.push_back(whole.string());
     }
-    throw Error(
-        fmt::format("{}: there is no scene '{}': looked for {}; --scenes names the folder "
-                    "they are in",
-                    where, excerpt(path), fmt::join(tried, " and ")));
+    throw Error(fmt::format(
+        "{}: scene '{}' not found: looked for {}; give the folder of the scenes with --scenes",
+        where, excerpt(path), fmt::join(tried, " and ")));
   }
 
   Axis read_axis(const toml::table& fields) const {
@@ -262,7 +261,7 @@ class Reader {
     expect_keys(fields, {"name", "choices"});
     const toml::node* choices = fields.get("choices");
     if (!choices || !fields.get("name"))
-      throw Error(fmt::format("{}: an axis has 'name' and 'choices', or 'setting' and 'values'",
+      throw Error(fmt::format("{}: an axis needs 'name' and 'choices', or 'setting' and 'values'",
                               at(fields)));
     axis.name = text(*fields.get("name"), "name");
     for (const toml::node& choice : list(*choices, "choices"))
@@ -272,7 +271,7 @@ class Reader {
 
   Choice read_choice(const toml::table& fields) const {
     const toml::node* name = fields.get("name");
-    if (!name) throw Error(fmt::format("{}: what is chosen from needs a 'name'", at(fields)));
+    if (!name) throw Error(fmt::format("{}: a choice or variant needs a 'name'", at(fields)));
     return {text(*name, "name"), settings_of(fields, {"name"})};
   }
 
@@ -290,8 +289,8 @@ class Reader {
     for (const Metric& metric : all_metrics()) names.insert({metric.name, metric.label});
     for (const Axis& axis : axes)
       if (!names.insert(axis.name).second)
-        throw Error(fmt::format("{}: two columns would be called '{}'; give the axis another name",
-                                path_, excerpt(axis.name)));
+        throw Error(fmt::format("{}: two columns would be named '{}'; rename the axis", path_,
+                                excerpt(axis.name)));
     return axes;
   }
 
@@ -299,7 +298,7 @@ class Reader {
     const toml::node* node = file_.get("baseline");
     if (!node) return {};
     if (axes.empty())
-      throw Error(fmt::format("{}: 'baseline' names a choice of each axis, and there is no axis",
+      throw Error(fmt::format("{}: 'baseline' selects a choice of each axis, but there is no axis",
                               at(*node)));
     std::vector<std::string> words;
     if (const toml::array* several = node->as_array())
@@ -321,8 +320,8 @@ class Reader {
       choices.push_back(fmt::format("{} of {}", fmt::join(names, " | "), axis.name));
     }
     throw Error(
-        fmt::format("{}: 'baseline' must name a choice of each axis, or \"{}\" for a row's own, in "
-                    "their order: {}",
+        fmt::format("{}: 'baseline' must have one choice of each axis in order, or \"{}\" for the "
+                    "row's own: {}",
                     at(*node), any_choice, fmt::join(choices, ", ")));
   }
 
@@ -333,8 +332,8 @@ class Reader {
     for (const Axis& axis : axes) runs *= double(axis.choices.size());
     if (runs > most)
       throw Error(
-          fmt::format("{}: {} scenes, {} seeds and every combination of the choices of {} axes are "
-                      "{:.4g} runs, at most {} are done: take out choices, or make several files",
+          fmt::format("{}: {} scenes, {} seeds and all combinations of {} axes make {:.4g} runs; "
+                      "at most {} are allowed: remove choices or split the file",
                       path_, scenes, seeds, axes.size(), runs, most));
   }
 
@@ -362,7 +361,7 @@ class Reader {
         check(config);
         for (const std::string& network : {config.metrics.lpips, config.metrics.clip})
           if (!network.empty() && !fs::exists(network))
-            throw Error(fmt::format("{}: there is no network '{}' to judge by", path_,
+            throw Error(fmt::format("{}: there is no network '{}' for evaluation", path_,
                                     excerpt(network, 200)));
         plan.runs.push_back(
             {file_name(fmt::format("{}-seed{}", id, seed)), plan.rows.size(), config});
@@ -377,14 +376,13 @@ class Reader {
     for (const PlannedRun& run : runs) {
       if (run.id.size() > longest)
         throw Error(
-            fmt::format("{}: the folder of a run would be called {}, which is {} letters long, at "
-                        "most {} are possible: give scenes and choices shorter names",
+            fmt::format("{}: the name of the run folder {} has {} characters; at most {} are "
+                        "allowed: shorten the names of scenes and choices",
                         path_, excerpt(run.id), run.id.size(), longest));
       if (!ids.insert(run.id).second)
-        throw Error(
-            fmt::format("{}: two runs are called {}: give scenes and choices other names, "
-                        "and each seed once",
-                        path_, run.id));
+        throw Error(fmt::format(
+            "{}: two runs would be named {}: rename scenes or choices, and list each seed once",
+            path_, run.id));
     }
   }
 

@@ -75,7 +75,7 @@ std::string reason(const std::string& log) {
   for (std::string line; std::getline(in, line);)
     if (line.rfind(begin, 0) == 0) found = line.substr(begin.size());
   if (found.empty()) found = last_line(log);
-  return found.empty() ? "it said nothing; perhaps the disk is full" : found;
+  return found.empty() ? "it printed nothing; the disk may be full" : found;
 }
 
 // Training time over all parts of an interrupted run.
@@ -198,8 +198,8 @@ class Pool {
       const bool other = standing.status == Status::other_settings;
       if (other && !options.redo)
         throw Error(
-            fmt::format("the experiment has changed since {} was trained: {}; --redo trains "
-                        "such runs anew, another -o leaves them alone",
+            fmt::format("the experiment has changed since {} was trained: {}; retrain such runs "
+                        "with --redo, or keep them by choosing another folder with -o",
                         RunFiles(folder, plan.runs[i].id).run, standing.difference));
       if (other) steps_[i] = 0;
       has_ended_.push_back(standing.status == Status::finished);
@@ -224,10 +224,11 @@ class Pool {
     }
     progress_->finish();
     if (interrupted())
-      throw Interrupted(fmt::format("stopped with {} of {} runs finished; the same command goes on",
-                                    finished(), plan_.runs.size()));
+      throw Interrupted(
+          fmt::format("stopped with {} of {} runs finished; run the same command again to continue",
+                      finished(), plan_.runs.size()));
     if (failures_.empty()) return;
-    throw RunsFailed(fmt::format("{} of {} runs failed, {} says why for the first: {}",
+    throw RunsFailed(fmt::format("{} of {} runs failed; the first error, from {}: {}",
                                  failures_.size(), plan_.runs.size(),
                                  RunFiles(folder_, plan_.runs[failures_[0]].id).log,
                                  reason(RunFiles(folder_, plan_.runs[failures_[0]].id).log)));
@@ -261,8 +262,9 @@ class Pool {
       });
       if (next == waiting_.end()) {
         if (running_.empty() && !std::exchange(told_to_wait_, true))
-          progress_->say(fmt::format("gflow: another process trains {}: waiting for its end",
-                                     plan_.runs[waiting_[0].first].id));
+          progress_->say(
+              fmt::format("gflow: another process is training {}: waiting for it to finish",
+                          plan_.runs[waiting_[0].first].id));
         return;
       }
       const auto [i, anew] = *next;
@@ -353,8 +355,8 @@ void require_no_other_tables(const std::string& folder) {
        {"table.md", "table.csv", "table.json", "costs.md", "runs.csv", "plots", "pictures"})
     if (fs::exists(folder + "/" + name))
       throw Error(
-          fmt::format("an experiment in {0} would write over {0}/{1}, and no experiment was there "
-                      "before; name a new folder, or one of an earlier experiment",
+          fmt::format("writing an experiment into {0}: it would overwrite {0}/{1}, which is not "
+                      "from an experiment; choose a new folder or that of an earlier experiment",
                       folder, name));
 }
 

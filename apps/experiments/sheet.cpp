@@ -149,7 +149,7 @@ void require_films(const Plan& plan) {
       there.push_back(fmt::format("{} has {}", name, films_in_words(scene)));
     }
     if (there.size() == scenes.size())
-      throw Error(fmt::format("{}: no scene has pictures for film {}@{}-{}: {}", plan.path,
+      throw Error(fmt::format("{}: no scene has test views for film {}@{}-{}: {}", plan.path,
                               film.view, film.first, film.last, fmt::join(there, "; ")));
   }
 }

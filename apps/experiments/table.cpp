@@ -252,9 +252,10 @@ std::string Results::markdown() const {
       "# {}\n\n{} of {} runs{}. Means{}.{}\n\n{}", plan_.title, finished, plan_.runs.size(),
       devices.empty() ? "" : fmt::format(", on {}", fmt::join(devices, " and ")),
       plan_.runs.size() > plan_.rows.size() ? " ± standard deviation over seeds" : " of one seed",
-      seen.empty() ? ""
-                   : fmt::format(" The test views of {} were trained on: they are no new views.",
-                                 fmt::join(seen, ", ")),
+      seen.empty()
+          ? ""
+          : fmt::format(" The test views of {} were used for training: they are not novel views.",
+                        fmt::join(seen, ", ")),
       markdown_of(metrics_, true));
 }
 
@@ -401,7 +402,7 @@ std::vector<Plot> Results::curves(const std::string& folder) const {
       if (block == 0) continue;
       plot.script = fmt::format(
           "set termoption noenhanced\nset title {}\nset xlabel '{}'\n"
-          "set ylabel 'PSNR of the training pictures [dB]'\nplot {}",
+          "set ylabel 'PSNR of the training images [dB]'\nplot {}",
           quoted(scene), by_time ? "seconds of training" : "steps", lines);
       plots.push_back(plot);
     }

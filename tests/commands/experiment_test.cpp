@@ -129,7 +129,7 @@ TEST_F(Experiment, PicturesOfAViewAtSomeSteps) {
         experiment(file(fmt::format("films = [\"cam00@0-1\", \"{}\"]\n", film)));
     EXPECT_EQ(refused.code, 1);
     EXPECT_NE(refused.err.find(fmt::format(
-                  "a.toml: no scene has pictures for film {}: small has cam00@0-4", film)),
+                  "a.toml: no scene has test views for film {}: small has cam00@0-4", film)),
               std::string::npos)
         << refused.err;
     EXPECT_FALSE(fs::exists(out()));
@@ -292,8 +292,9 @@ TEST_F(Experiment, ASignalStopsItAndTheSameCommandGoesOn) {
   command.send_to_group(SIGINT);  // as Ctrl-C does
   const Outcome stopped = command.wait();
   EXPECT_EQ(stopped.code, 130);
-  EXPECT_NE(stopped.err.find("stopped with 0 of 4 runs finished; the same command goes on"),
-            std::string::npos)
+  EXPECT_NE(
+      stopped.err.find("stopped with 0 of 4 runs finished; run the same command again to continue"),
+      std::string::npos)
       << stopped.err;
   const std::string plan = experiment(toml, {"--dry-run"}).out;
   EXPECT_NE(plan.find("stopped after "), std::string::npos) << plan;
@@ -393,7 +394,7 @@ TEST_F(Experiment, OtherSettingsAreNotMixedIn) {
   const Outcome refused = experiment(changed);
   EXPECT_EQ(refused.code, 1);
   EXPECT_NE(refused.err.find("small-off-seed0 was trained: train.iterations was 4, now it is 5; "
-                             "--redo"),
+                             "retrain such runs with --redo"),
             std::string::npos)
       << refused.err;
   EXPECT_EQ(read(run("small-off-seed0") + "/results.json")["iterations"], 4);
@@ -415,7 +416,7 @@ TEST_F(Experiment, TablesThatNoExperimentHasWrittenAreLeftAlone) {
     for (const std::vector<std::string>& more : {std::vector<std::string>{}, {"--dry-run"}}) {
       const Outcome outcome = experiment(toml, more);
       EXPECT_EQ(outcome.code, 1) << name;
-      EXPECT_NE(outcome.err.find("no experiment was there before"), std::string::npos)
+      EXPECT_NE(outcome.err.find("which is not from an experiment"), std::string::npos)
           << outcome.err;
     }
     EXPECT_EQ(contents(mine), "my own");
@@ -431,9 +432,10 @@ TEST_F(Experiment, TheFileIsNotItsFolder) {
   for (const std::string name : {"plan", ".toml"}) {
     fs::copy_file(toml, folder_.file(name));
     for (const char* option : {"--quiet", "--dry-run"})
-      expect_refused({"experiment", name, option},
-                     {name + ": by default", "the file itself; -o names another"},
-                     "cd '" + folder_.path() + "'");
+      expect_refused(
+          {"experiment", name, option},
+          {name + ": the default output folder", "the file itself; give a folder with -o"},
+          "cd '" + folder_.path() + "'");
   }
 }
 
@@ -465,7 +467,7 @@ TEST_F(Experiment, TheShippedFilesAreRead) {
     const Outcome outcome =
         experiment(entry.path().string(), {"--dry-run", "--scenes", folder_.path()});
     if (contents(entry.path().string()).find("\nfilms = ") != std::string::npos)
-      EXPECT_NE(outcome.err.find("no scene has pictures for film"), std::string::npos)
+      EXPECT_NE(outcome.err.find("no scene has test views for film"), std::string::npos)
           << outcome.err;
     else
       EXPECT_EQ(outcome.code, 0) << entry.path() << outcome.err;
@@ -482,15 +484,15 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
     EXPECT_FALSE(fs::exists(out()));
   };
   const std::string scenes = fmt::format("scenes = [\"{}\"]\n", scene_->path());
-  expect("", {"a.toml", "no list 'scenes'"});
+  expect("", {"a.toml", "the list 'scenes' is missing"});
   expect("scenes = [", {"a.toml, line 1"});
-  expect("scenes = [\"nowhere\"]", {"a.toml, line 1", "no scene 'nowhere'", "--scenes"});
+  expect("scenes = [\"nowhere\"]", {"a.toml, line 1", "scene 'nowhere' not found", "--scenes"});
   expect(scenes + "seed = [1]", {"line 2", "'seed'", "seeds"});
-  expect(scenes + "seeds = [-1]", {"line 2", "seeds are whole numbers"});
-  expect(scenes + "metrics = [\"psnr\", \"psnr\"]", {"'psnr' is named twice"});
+  expect(scenes + "seeds = [-1]", {"line 2", "seeds must be whole numbers"});
+  expect(scenes + "metrics = [\"psnr\", \"psnr\"]", {"'psnr' is listed twice"});
   expect(scenes + "baseline = \"off\"", {"line 2", "there is no axis"});
   expect(scenes + "baseline = \"*\"\n[[axis]]\nname = \"a\"\nchoices = [{ name = \"b\" }]",
-         {"line 2", "'baseline' must name a choice"});
+         {"line 2", "'baseline' must have one choice of each axis"});
   expect(scenes + "seeds = [99999999999]", {"line 2", "0 to 2000000000"});
   expect(scenes + "[settings]\ntrain.seed = 7", {"'train.seed'", "the list 'seeds'"});
   expect(scenes + "[settings]\nscene.path = \"/b\"", {"'scene.path'", "the list 'scenes'"});
@@ -498,12 +500,12 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect(scenes + "films = [\"cam00\"]", {"line 2", "VIEW@FIRST-LAST"});
   for (const char* name : {"figures", "psnr"})
     expect(scenes + "[[axis]]\nname = \"" + name + "\"\nchoices = [{ name = \"a\" }]",
-           {"two columns would be called '" + std::string(name)});
-  expect(scenes + "metrics = [\"pnsr\"]", {"line 2", "no metric 'pnsr'", "psnr_dynamic"});
+           {"two columns would be named '" + std::string(name)});
+  expect(scenes + "metrics = [\"pnsr\"]", {"line 2", "unknown metric 'pnsr'", "psnr_dynamic"});
   expect(scenes + "metrics = [\"psnr@3-1\"]", {"line 2", "psnr@3-1", "NAME@FIRST-LAST"});
   expect(scenes + "metrics = [\"psnr@2\"]", {"line 2", "NAME@FIRST-LAST"});
   expect(scenes + "metrics = [\"minutes@1-2\"]",
-         {"line 2", "'minutes' has no value for each step"});
+         {"line 2", "'minutes' has no values per time step"});
   expect(scenes + "[settings]\ntrain.iteration = 3", {"line 3", "train.iteration", "iterations"});
   expect(scenes + "[settings]\ntrain.iterations = 0",
          {"a.toml, line 3: train.iterations = 0 is not allowed", "at least 1"});
@@ -518,7 +520,7 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect(scenes + "[[variant]]\nflow.weight = 0.1", {"line 2", "needs a 'name'"});
   expect(scenes + "[[variant]]\nname = \"a\"\n[[variant]]\nname = \"a\"", {"two runs", "a-seed0"});
   expect(scenes + "[[variant]]\nname = \"" + std::string(300, 'a') + "\"",
-         {"aaa...", "at most 200", "shorter names"});
+         {"aaa...", "at most 200", "shorten the names"});
   expect(scenes + "baseline = \"b\"\n[[variant]]\nname = \"a\"", {"line 2", "'baseline'"});
   expect(scenes + "[[axis]]\nname = \"scene\"\nchoices = [{ name = \"a\" }]", {"two columns"});
 }

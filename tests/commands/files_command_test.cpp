@@ -104,11 +104,12 @@ TEST_F(FilesCommand, ExportTakesTheFormatFromTheEnding) {
     expect_refused(arguments, parts);
     EXPECT_FALSE(fs::exists(folder.path() + "/" + name)) << name;
   };
-  refused("x.spz", {}, {"x.spz", "no .spz files", ".splatv"});
-  refused("x.foo", {"--format", "ply"}, {"x.foo", "no .foo files"});
-  refused("x", {}, {"nothing says in which format", "--format"});
-  refused("x.splat", {"--format", "ply"}, {"ending says splat", "--format says ply"});
-  refused("x.ply", {"--format", "ply-sequence"}, {"ending says ply", "ply-sequence"});
+  refused("x.spz", {}, {"x.spz", "cannot write .spz files", ".splatv"});
+  refused("x.foo", {"--format", "ply"}, {"x.foo", "cannot write .foo files"});
+  refused("x", {}, {"the format is unknown", "--format"});
+  refused("x.splat", {"--format", "ply"}, {"extension means splat", "--format is ply;"});
+  refused("x.ply", {"--format", "ply-sequence"},
+          {"extension means ply", "--format is ply-sequence"});
 }
 
 TEST_F(FilesCommand, ExportWritesASequenceOfTheStepsOfTheScene) {
@@ -148,7 +149,7 @@ TEST_F(FilesCommand, ExportTakesAllTimesOfTheSceneAsRenderDoes) {
     EXPECT_EQ(exported(format, {"--format", format, "--times", "all"}).code, 0) << format;
   EXPECT_EQ(folder.count(), 5u + 2);
   expect_refused({"export", run(), "-o", folder.path() + "/a.ply", "--times", "all"},
-                 {"one time", "every step", "ply-sequence"});
+                 {"a single time", "every time step", "ply-sequence"});
   expect_refused(
       {"export", model(), "-o", folder.path() + "/a", "--format", "ply-sequence", "--times", "all"},
       {"--steps or --times"});
@@ -189,20 +190,20 @@ TEST_F(FilesCommand, AMovingFileGoesOutAndItsMomentsComeIn) {
   expect_refused({"render", moving, "-o", folder.file("r")}, {"a.4dgs", "gflow import"});
   expect_refused({"export", run(), "--format", "4dgs", "-o", moving, "--times", "0,1"},
                  {"all times", "--steps"});
-  expect_refused({"export", model(), "--format", "4dgs", "-o", moving}, {"--steps says it"});
+  expect_refused({"export", model(), "--format", "4dgs", "-o", moving}, {"; give --steps\n"});
 }
 
 TEST_F(FilesCommand, FilesInAndOutSayWhatIsWrong) {
   const TemporaryFolder folder;
   const std::string out = folder.file("out.ply");
-  expect_refused({"export", run(), "-o", out, "--times", "0,1"}, {"--format ply", "one time"});
+  expect_refused({"export", run(), "-o", out, "--times", "0,1"}, {"--format ply", "a single time"});
   expect_refused({"export", run(), "-o", out, "--steps", "3"}, {"--steps", "ply-sequence"});
   expect_refused({"export", run(), "-o", folder.path() + "/a.splatv", "--times", "0"},
                  {"all times"});
   expect_refused({"export", model(), "-o", folder.path() + "/a", "--format", "ply-sequence"},
                  {"--steps or --times"});
   expect_refused({"export", folder.file("none.ply"), "-o", out}, {"none.ply", "No such file"});
-  expect_refused({"import", model(), "-o", out}, {"moving model", "gflow export"});
+  expect_refused({"import", model(), "-o", out}, {"dynamic model", "gflow export"});
   expect_refused({"import", folder.write("a.splat", "what?"), "-o", out}, {"a.splat", "32 bytes"});
   expect_refused({"info", folder.write("b.xyz", "what?")}, {"b.xyz", ".spz"});
   expect_refused({"train", scene().path(), "-o", folder.file("run"), "--init", model()},
@@ -235,7 +236,7 @@ TEST_F(FilesCommand, AFileWithoutGaussiansIsNeitherDrawnNorExported) {
   const std::string none = folder.file("none.ply");
   write_ply(none, SplatTable(0, 0).table);
   expect_refused({"render", none, "-o", out.file("drawn")},
-                 {none, "holds no Gaussians", "cameras.json"});
+                 {none, "contains no Gaussians", "cameras.json"});
   for (const char* name : {"out.ply", "out.splat"})
     expect_refused({"export", none, "-o", out.file(name)}, {none, "none of its 0 Gaussians"});
   EXPECT_EQ(out.count(), 0u);
@@ -245,7 +246,7 @@ TEST_F(FilesCommand, AFileWithoutGaussiansIsNotImported) {
   const TemporaryFolder folder;
   write_ply(folder.file("none.ply"), SplatTable(0, 0).table);
   expect_refused({"import", folder.file("none.ply"), "-o", folder.file("out.ply")},
-                 {"none.ply", "holds no Gaussians"});
+                 {"none.ply", "contains no Gaussians"});
   EXPECT_FALSE(fs::exists(folder.file("out.ply")));
 }
 
@@ -256,10 +257,10 @@ TEST_F(FilesCommand, NothingIsWrittenOverWhatItIsMadeFrom) {
   write_npz(npz, small_npz());
   fs::create_symlink("a.ply", folder.file("link.ply"));
   const std::string before = contents(ply), archive = contents(npz);
-  expect_refused({"export", ply, "-o", ply}, {"a.ply", "made from"});
-  expect_refused({"export", ply, "-o", folder.file("link.ply")}, {"link.ply", "made from"});
-  expect_refused({"import", ply, "-o", folder.path() + "/./a.ply"}, {"made from"});
-  expect_refused({"splat", npz, "-o", npz}, {"in.npz", "made from"});
+  expect_refused({"export", ply, "-o", ply}, {"a.ply", "the input file"});
+  expect_refused({"export", ply, "-o", folder.file("link.ply")}, {"link.ply", "the input file"});
+  expect_refused({"import", ply, "-o", folder.path() + "/./a.ply"}, {"the input file"});
+  expect_refused({"splat", npz, "-o", npz}, {"in.npz", "the input file"});
   EXPECT_TRUE(contents(ply) == before);
   EXPECT_TRUE(contents(npz) == archive);
 }
@@ -275,19 +276,19 @@ TEST_F(FilesCommand, NothingIsWrittenOverTheFilesOfARun) {
            contents(run() + "/config.toml");
   };
   const std::string before = all();
-  expect_refused({"export", run(), "-o", model()}, {"what a training writes into", run()});
+  expect_refused({"export", run(), "-o", model()}, {"reserved for the files of the run", run()});
   expect_refused({"export", run(), "-o", run() + "/input.ply"}, {"input.ply"});
   expect_refused({"export", run(), "-o", run() + "/checkpoints", "--format", "ply-sequence"},
-                 {"files of a run"});
+                 {"it belongs to a run"});
   expect_refused({"import", still, "-o", run() + "/point_cloud/other.ply"}, {"other.ply"});
-  expect_refused({"import", still, "-o", checkpoint}, {"end the name in .ply"});
-  expect_refused({"splat", npz, "-o", checkpoint}, {"what a training writes into"});
+  expect_refused({"import", still, "-o", checkpoint}, {"end its name in .ply"});
+  expect_refused({"splat", npz, "-o", checkpoint}, {"reserved for the files of the run"});
   for (const std::string& path : {checkpoint, run() + "/config.toml"})
     for (const std::vector<std::string>& command :
          {std::vector<std::string>{"stress", "--only", "5", "--json", path},
           {"bench", "raster", "--pixels", "16x16", "--gaussians", "20", "--json", path},
           {"bench", "pareto", "--markdown", path}})
-      expect_refused(command, {path, "what a training writes into"});
+      expect_refused(command, {path, "reserved for the files of the run"});
   EXPECT_TRUE(all() == before);
   // Other files may be put beside them.
   const std::string own = run() + "/still.splat";
@@ -345,7 +346,7 @@ TEST_F(FilesCommand, SplatNamesGaussiansThatAreBroken) {
   const Outcome outcome = gflow({"splat", folder.file("in.npz"), "-o", folder.file("out.npz")});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.err.find("1 of the Gaussians"), std::string::npos) << outcome.err;
-  EXPECT_NE(outcome.err.find("the first is number 1"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("the first has index 1"), std::string::npos) << outcome.err;
   const Arrays output = read_npz(folder.file("out.npz"));
   EXPECT_EQ(output.at("broken").as_int(), std::vector<int32_t>{1});
   for (const float value : output.at("rgb").as_float()) EXPECT_TRUE(std::isfinite(value));
@@ -359,7 +360,7 @@ TEST_F(FilesCommand, SplatTellsWhatIsTooLargeForFloats) {
   write_npz(folder.file("in.npz"), input);
   const Outcome outcome = gflow({"splat", folder.file("in.npz"), "-o", folder.file("out.npz")});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_NE(outcome.err.find("are not finite: numbers in "), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("are NaN or Inf: values in "), std::string::npos) << outcome.err;
 }
 
 TEST_F(FilesCommand, SplatRefusesArchivesThatAreBroken) {

@@ -9,13 +9,14 @@ namespace {
 class RenderCommand : public CommandTest {};
 
 TEST_F(RenderCommand, RenderDoesNotMixItsFilesWithThoseOfARun) {
-  expect_refused({"render", run(), "-o", run()}, {"files of a run", run() + "/pictures"});
-  expect_refused({"render", run(), "-o", run() + "/"}, {"files of a run"});
+  expect_refused({"render", run(), "-o", run()}, {"it belongs to a run", run() + "/pictures"});
+  expect_refused({"render", run(), "-o", run() + "/"}, {"it belongs to a run"});
   const auto before = fs::last_write_time(scene().path());
-  expect_refused({"render", run(), "-o", scene().path()}, {"there lies a scene (n3v)"});
+  expect_refused({"render", run(), "-o", scene().path()}, {"it contains a scene (n3v)"});
   EXPECT_EQ(fs::last_write_time(scene().path()), before);  // nothing new is written there
-  expect_refused({"render", run(), "-o", run() + "/flow/new"}, {"files of a run"});
-  expect_refused({"render", model(), "-o", run() + "/point_cloud/../test"}, {"files of a run"});
+  expect_refused({"render", run(), "-o", run() + "/flow/new"}, {"it belongs to a run"});
+  expect_refused({"render", model(), "-o", run() + "/point_cloud/../test"},
+                 {"it belongs to a run"});
   EXPECT_FALSE(fs::exists(run() + "/rgb"));
   const Outcome outcome = gflow({"render", run(), "-o", run() + "/pictures", "--quiet"});
   EXPECT_EQ(outcome.code, 0) << outcome.err;

@@ -112,7 +112,7 @@ def no_environment(world):
     """An environment as of a service: no variable except the folder of compiled kernels, which is empty."""
     cache = world.path("no-environment")
     done = subprocess.run([world.gflow, "devices"], env={"POCL_CACHE_DIR": cache}, capture_output=True, text=True)
-    return [[] if done.returncode == 0 and "usable" in done.stdout else
+    return [[] if done.returncode == 0 and "   usable\n" in done.stdout else
             [f"exit code {done.returncode}: {done.stdout}{done.stderr}"]]
 
 

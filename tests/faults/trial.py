@@ -82,8 +82,8 @@ class Trial:
         if self.reads:
             return [tuple(os.path.basename(what) for _, what in failed)]
         # FFmpeg writes videos and gnuplot writes plots; neither reports why a write failed.
-        words = {".mp4": "FFmpeg did not write all of it", ".svg": "gnuplot has left it unfinished",
-                 ".png": "gnuplot has left it unfinished"}
+        words = {".mp4": "FFmpeg did not write all of it", ".svg": "gnuplot left it incomplete",
+                 ".png": "gnuplot left it incomplete"}
         other = words.get(os.path.splitext(failed[0][1])[1]) if self.who == "gnuplot" or (
             failed[0][1].endswith(".mp4")) else None
         return [(REASONS[code], other) if other else REASONS[code], folder]
