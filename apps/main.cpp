@@ -104,6 +104,7 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   gflow::add_bench(app, options);
   gflow::add_stress(app, options);
   gflow::add_devices(app, options);
+  gflow::add_completion(app, options);
   for (CLI::App* command : app.get_subcommands({})) command->footer(global_help(app));
 }
 

@@ -27,3 +27,21 @@ run(${prefix}/bin/gflow info ${BUILD}/package/model.ply)
 if(NOT output MATCHES "spacetime")
   message(FATAL_ERROR "the example's model is not described:\n${output}")
 endif()
+
+# Completion in the installed script: a command, an option of it, a setting.
+file(WRITE ${BUILD}/package/complete.sh [[
+compopt() { :; }
+source "$1"
+try() { COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _gflow; echo "${COMPREPLY[@]}"; }
+try gflow tr
+try gflow train scene --overw
+try gflow bench sk
+try gflow train scene --set motion.mod
+]])
+run(bash ${BUILD}/package/complete.sh ${prefix}/share/bash-completion/completions/gflow)
+if(NOT output STREQUAL "train\n--overwrite\nskip\nmotion.model=\n")
+  message(FATAL_ERROR "completion gives:\n${output}")
+endif()
+if(EXISTS ${BUILD}/man/gflow.1 AND NOT EXISTS ${prefix}/share/man/man1/gflow-train.1)
+  message(FATAL_ERROR "the man page of gflow train is not installed")
+endif()

@@ -28,6 +28,7 @@ Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options
 
 // Each registers one sub-command. `options` must outlive `app`.
 void add_bench(CLI::App& app, const GlobalOptions& options);
+void add_completion(CLI::App& app, const GlobalOptions& options);
 void add_devices(CLI::App& app, const GlobalOptions& options);
 void add_splat(CLI::App& app, const GlobalOptions& options);
 void add_stress(CLI::App& app, const GlobalOptions& options);

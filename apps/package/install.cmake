@@ -7,6 +7,11 @@ install(DIRECTORY kernels/shared DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/gflow
 install(DIRECTORY kernels/ DESTINATION ${CMAKE_INSTALL_DATADIR}/gflow/kernels
         FILES_MATCHING PATTERN "*.cl" PATTERN "*.h")
 install(DIRECTORY apps/presets DESTINATION ${CMAKE_INSTALL_DATADIR}/gflow)
+install(FILES ${CMAKE_BINARY_DIR}/completions/gflow DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
+install(FILES ${CMAKE_BINARY_DIR}/completions/_gflow DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions)
+if(HELP2MAN)
+  install(DIRECTORY ${CMAKE_BINARY_DIR}/man/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+endif()
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
 # Two export sets, so that gflow::engine does not require OpenCV.
