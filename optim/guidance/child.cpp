@@ -35,10 +35,9 @@ std::string in_seconds(Milliseconds time) { return fmt::format("{:g}", time.coun
 std::string ending(int status) {
   if (WIFEXITED(status)) {
     const int code = WEXITSTATUS(status);
-    return fmt::format("ended with exit code {}{}", code,
-                       code == 127 ? " (there is no such program)" : "");
+    return fmt::format("exited with code {}{}", code, code == 127 ? " (command not found)" : "");
   }
-  return fmt::format("was ended by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));
+  return fmt::format("was killed by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));
 }
 
 struct SpawnSettings {
@@ -164,13 +163,13 @@ std::string Child::receive(Milliseconds time_out) {
       return line;
     }
     if (received_.size() > longest)
-      throw GuidanceFailed(fmt::format(
-          "the guidance program `{}` wrote {} bytes without a line break to standard output, which "
-          "is for its answers",
-          command_, received_.size()));
+      throw GuidanceFailed(
+          fmt::format("the guidance program `{}` wrote {} bytes without a line break to standard "
+                      "output, which is reserved for its answers",
+                      command_, received_.size()));
     if (interrupted())
       throw GuidanceFailed(
-          fmt::format("interrupted while the guidance program `{}` was asked", command_));
+          fmt::format("interrupted while waiting for the guidance program `{}`", command_));
     // Short waits, because a signal may be delivered to another thread.
     pollfd ready{out_, POLLIN, 0};
     int n = poll(&ready, 1, std::min(left_until(end), 100));

@@ -21,10 +21,10 @@ constexpr size_t kCacheBytes = size_t{256} << 20;
 KnownViews::KnownViews(const std::string& folder)
     : folder_(folder), images_(kCacheBytes), flows_(kCacheBytes) {
   if (!fs::is_directory(folder))
-    throw Error(fmt::format(
-        "guidance.images = \"{}\" is no folder; it must be one with pictures, or with a folder "
-        "of pictures for each camera",
-        folder));
+    throw Error(
+        fmt::format("guidance.images = \"{}\" is not a folder; it must be a folder of images, or "
+                    "of one folder of images per camera",
+                    folder));
   const auto pictures_in = [](const fs::path& place) {
     std::vector<std::string> paths;
     for (const std::string& name : list_images(place.string()))
@@ -38,7 +38,8 @@ KnownViews::KnownViews(const std::string& folder)
   }
   if (of_any_.empty() && of_cameras_.empty())
     throw Error(fmt::format(
-        "guidance.images = \"{}\" has no .png or .jpg, neither itself nor in its folders", folder));
+        "guidance.images = \"{}\" has no .png or .jpg, neither directly nor in its subfolders",
+        folder));
 }
 
 std::vector<float> KnownViews::planes(const std::string& path, const GuidanceRequest& request,
@@ -49,10 +50,9 @@ std::vector<float> KnownViews::planes(const std::string& path, const GuidanceReq
       [](const Image& image) { return image.pixels.size(); });
   constexpr double rounding = 0.02;  // of odd sizes
   if (std::fabs(double(whole->width) * height / (double(whole->height) * width) - 1) > rounding)
-    throw GuidanceFailed(
-        fmt::format("picture {} has {}x{} pixels, the view {}x{}: they must have "
-                    "the same shape",
-                    path, whole->width, whole->height, width, height));
+    throw GuidanceFailed(fmt::format(
+        "image {} has {}x{} pixels, but the view has {}x{}: they must have the same aspect ratio",
+        path, whole->width, whole->height, width, height));
   const Image picture =
       whole->width == width && whole->height == height ? *whole : resized(*whole, width, height);
   const size_t pixels = size_t(width) * size_t(height), channels = size_t(picture.channels);
@@ -80,7 +80,7 @@ std::vector<std::vector<float>> KnownViews::pictures(const GuidanceRequest& requ
       if (k < steps.size()) paths.push_back(steps[k]);
   }
   if (paths.empty())
-    throw GuidanceFailed(fmt::format("guidance.images = \"{}\" has no picture of time step {}{}",
+    throw GuidanceFailed(fmt::format("guidance.images = \"{}\" has no image of time step {}{}",
                                      folder_, k,
                                      its == of_cameras_.end() ? "" : " by camera " + its->first));
   std::vector<std::vector<float>> pictures;

@@ -47,8 +47,9 @@ OnnxDenoiser::OnnxDenoiser(const std::string& path) : network_(path) {
   for (const NetworkInput& input : network_.inputs()) {
     const std::string& name = input.name;
     if (name != "sample" && name != "timestep" && name != "condition" && name != "pose")
-      throw Error(fmt::format("{} has an input '{}'; gflow gives sample, timestep, condition, pose",
-                              path, name));
+      throw Error(fmt::format(
+          "{} has an unknown input '{}'; known inputs: sample, timestep, condition, pose", path,
+          name));
     if (name == "sample") sample_ = input.sizes;
   }
   if (sample_.size() != 4)
@@ -59,7 +60,7 @@ std::vector<float> OnnxDenoiser::noise(const NoisyView& view, bool condition) {
   const int width = view.view.camera.width, height = view.view.camera.height;
   if ((sample_[2] != 0 && sample_[2] != height) || (sample_[3] != 0 && sample_[3] != width))
     throw GuidanceFailed(
-        fmt::format("the network {} takes pictures of {}x{} pixels, the view has {}x{}: set "
+        fmt::format("the network {} takes images of {}x{} pixels, but the view has {}x{}: set "
                     "guidance.size = {}",
                     network_.path(), sample_[3], sample_[2], width, height, sample_[3]));
   const std::vector<int> size{1, 3, height, width};

@@ -78,19 +78,19 @@ Json parsed(const std::string& line, const std::string& provider) {
   if (!answer.is_object()) {
     constexpr size_t shown = 60;
     const std::string start = line.size() > shown ? line.substr(0, shown) + "..." : line;
-    throw GuidanceFailed(fmt::format(
-        "{} answered '{}', which is no JSON object; standard output is for answers, its own words "
-        "belong on standard error",
-        provider, Json(start).dump(-1, ' ', true, Json::error_handler_t::replace)));
+    throw GuidanceFailed(
+        fmt::format("{} answered '{}', which is not a JSON object; standard output is reserved for "
+                    "answers, log to standard error",
+                    provider, Json(start).dump(-1, ' ', true, Json::error_handler_t::replace)));
   }
   if (answer.contains("error")) {
     const Json& reason = answer["error"];
     const std::string said = reason.is_string() ? reason.get<std::string>() : reason.dump();
     constexpr size_t most = 500;  // bytes of it that are shown
     throw GuidanceFailed(said.empty()
-                             ? fmt::format("{} gave up and did not say why", provider)
-                             : fmt::format("{} gave up: {}{}", provider, said.substr(0, most),
-                                           said.size() > most ? "..." : ""));
+                             ? fmt::format("{} reported an error without a message", provider)
+                             : fmt::format("{} reported an error: {}{}", provider,
+                                           said.substr(0, most), said.size() > most ? "..." : ""));
   }
   return answer;
 }
@@ -103,16 +103,16 @@ bool wrote(const Json& view, const char* what, const Place& place, const std::st
   if (*shape == Json(place.shape)) return true;
   if (place.shape.empty())
     throw GuidanceFailed(
-        fmt::format("{} answered with a {}, for which it was not asked", provider, what));
-  throw GuidanceFailed(fmt::format("{} answered with a {} of shape {}, it must be {}", provider,
-                                   what, shape->dump(), Json(place.shape).dump()));
+        fmt::format("{} answered with a {} that was not requested", provider, what));
+  throw GuidanceFailed(fmt::format("{} answered with a {} of shape {}, expected {}", provider, what,
+                                   shape->dump(), Json(place.shape).dump()));
 }
 
 float weight_in(const Json& view, const char* what, const std::string& provider) {
   const auto weight = view.find(what);
   if (weight == view.end()) return 1;
   if (!weight->is_number())
-    throw GuidanceFailed(fmt::format("{} answered with a {} of {}, it must be a number", provider,
+    throw GuidanceFailed(fmt::format("{} answered with a {} of {}, expected a number", provider,
                                      what, weight->dump()));
   return weight->get<float>();
 }
@@ -143,7 +143,7 @@ ProcessGuidance::ProcessGuidance(const std::string& command, double time_out, co
   const bool echo = greeting.contains("protocol");  // ours: it does not know the protocol
   if (echo || !greeting.contains("version") || greeting["version"] != version)
     throw GuidanceFailed(fmt::format(
-        "{} greeted with {}, expected is {{\"version\": {}}}: it is not made for this gflow",
+        "{} greeted with {}, expected {{\"version\": {}}}: it is not compatible with this gflow",
         name(), greeting.dump(-1, ' ', true, Json::error_handler_t::replace), version));
 }
 
@@ -218,9 +218,8 @@ std::vector<GuidanceAnswer> ProcessGuidance::guide(const GuidanceRequest& reques
     const Json& view = answer["views"][i];
     if (!view.is_object())
       throw GuidanceFailed(
-          fmt::format("{} answered step {} with {} for view {}, expected is an "
-                      "object",
-                      name(), request.step, view.dump(), i));
+          fmt::format("{} answered step {} with {} for view {}, expected an object", name(),
+                      request.step, view.dump(), i));
     answers.push_back(answer_of(view, places[i], *memory_, name()));
   }
   return answers;

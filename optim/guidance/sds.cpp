@@ -17,8 +17,8 @@ template <class Beta>
 NoiseSchedule schedule_of(int timesteps, double beta_start, double beta_end, Beta&& beta) {
   if (timesteps < 2 || !(beta_start > 0 && beta_start <= beta_end && beta_end < 1))
     throw Error(
-        fmt::format("a noise schedule of {} timesteps from beta {} to {} is none: it needs 2 "
-                    "timesteps at least and 0 < first <= last < 1",
+        fmt::format("invalid noise schedule of {} timesteps from beta {} to {}: it needs at least "
+                    "2 timesteps and 0 < first <= last < 1",
                     timesteps, beta_start, beta_end));
   NoiseSchedule schedule;
   double left = 1;
@@ -71,7 +71,7 @@ std::vector<float> guided_noise(Denoiser& denoiser, const NoisyView& view, doubl
   const auto asked = [&](bool condition) {
     std::vector<float> noise = denoiser.noise(view, condition);
     if (noise.size() != view.z.size())
-      throw GuidanceFailed(fmt::format("{} gave {} values of noise for a picture of {}",
+      throw GuidanceFailed(fmt::format("{} returned {} values of noise for an image of {}",
                                        denoiser.name(), noise.size(), view.z.size()));
     return noise;
   };

@@ -48,8 +48,7 @@ void SharedMemory::require_whole() const {
   struct stat now {};
   if (fstat(file_, &now) == 0 && size_t(now.st_size) >= bytes_) return;
   throw GuidanceFailed(fmt::format(
-      "the guidance program has cut the memory that it shares to {} of {} bytes; it must leave its "
-      "size alone",
+      "the guidance program truncated the shared memory to {} of {} bytes; it must not resize it",
       now.st_size, bytes_));
 }
 

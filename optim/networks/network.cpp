@@ -77,10 +77,9 @@ Network::Network(const std::string& path) : path_(path), inputs_(onnx_input_list
   // OpenCV does not validate everything in a file: it divides by sizes of 0 and reads out of
   // bounds. Fuzzing with damaged files crashed only loading, never running.
   if (const std::string end = crash_signal_of(load); !end.empty())
-    throw Error(
-        fmt::format("the network {} cannot be used: OpenCV dies of it ({}); it is damaged, or made "
-                    "for something else",
-                    path, end));
+    throw Error(fmt::format(
+        "the network {} cannot be used: OpenCV crashes on it ({}); it is damaged or unsupported",
+        path, end));
   with_their_words(load, [&](const std::string& words) {
     return Error(fmt::format("OpenCV cannot run the network {}: {}", path, words));
   });
@@ -105,8 +104,8 @@ struct Network::State {};
 
 Network::Network(const std::string& path) : path_(path) {
   throw Error(
-      fmt::format("the network {} needs OpenCV's dnn module, without which this gflow was "
-                  "built: install libopencv-dnn-dev and build again",
+      fmt::format("the network {} needs OpenCV's dnn module, but this gflow was built without it: "
+                  "install libopencv-dnn-dev and rebuild",
                   path));
 }
 std::vector<float> Network::run(const std::vector<NetworkValues>&) { return {}; }

@@ -59,9 +59,9 @@ std::vector<NetworkInput> onnx_input_list(const std::string& path) {
                        [&](const NetworkInput& input) { return names.count(input.name) == 0; }),
         inputs.end());
   } catch (const DamagedMessage&) {
-    throw Error(fmt::format("{} is no ONNX model, or it is damaged", path));
+    throw Error(fmt::format("{} is not an ONNX model, or it is damaged", path));
   }
-  if (inputs.empty()) throw Error(fmt::format("{} is no ONNX model with inputs", path));
+  if (inputs.empty()) throw Error(fmt::format("{} is not an ONNX model with inputs", path));
   return inputs;
 }
 

@@ -120,11 +120,11 @@ Tensor read_tensor(std::string_view message) {
 
 void check_tensor(std::string_view message, const std::string& path) {
   const Tensor tensor = read_tensor(message);
-  const std::string name = fmt::format("its tensor '{}'", excerpt(std::string(tensor.name)));
+  const std::string name = fmt::format("tensor '{}'", excerpt(std::string(tensor.name)));
   if (tensor.is_elsewhere)
     throw Error(
-        fmt::format("{} cannot be used: {} has its numbers in another file, which is not read; save"
-                    " the network with all in one file",
+        fmt::format("{} cannot be used: {} has its data in another file, which is not supported; "
+                    "save the network as a single file",
                     path, name));
   const Storage storage = storage_of(tensor.data_type);
   if (storage.field == 0) return;
@@ -133,7 +133,7 @@ void check_tensor(std::string_view message, const std::string& path) {
   const bool is_whole = of_its_own > 0 ? of_its_own == tensor.elements
                                        : tensor.raw.size() == tensor.elements * storage.size;
   if (!is_whole)
-    throw Error(fmt::format("{} is damaged: {} says that it has {} numbers, and has {}", path, name,
+    throw Error(fmt::format("{} is damaged: {} should have {} values, but has {}", path, name,
                             tensor.elements,
                             of_its_own > 0 ? of_its_own : tensor.raw.size() / storage.size));
 }

@@ -20,17 +20,16 @@ constexpr int64_t kLongest = 32768;  // [px]; longest side of an image
 void require_pictures(const Network& network, size_t count, const std::string& setting,
                       const char* what) {
   if (network.inputs().size() != count)
-    throw Error(fmt::format("{} = \"{}\": the network has {} inputs, {} has {}", setting,
+    throw Error(fmt::format("{} = \"{}\": the network has {} inputs, but {} has {}", setting,
                             network.path(), network.inputs().size(), what, count));
   for (const NetworkInput& input : network.inputs()) {
     const auto& s = input.sizes;
     const bool fits = s.size() == 4 && (s[0] == 1 || s[0] == 0) && (s[1] == 3 || s[1] == 0) &&
                       s[2] >= 0 && s[3] >= 0 && s[2] <= kLongest && s[3] <= kLongest;
     if (!fits)
-      throw Error(
-          fmt::format("{} = \"{}\": its input '{}' has the shape [{}] (0: open), a picture is "
-                      "[1, 3, height, width]",
-                      setting, network.path(), input.name, fmt::join(s, ", ")));
+      throw Error(fmt::format(
+          "{} = \"{}\": its input '{}' has shape [{}] (0: dynamic), expected [1, 3, height, width]",
+          setting, network.path(), input.name, fmt::join(s, ", ")));
   }
 }
 
@@ -114,8 +113,8 @@ void Lpips::require_size(int width, int height) const {
     const int64_t h = input.sizes[2], w = input.sizes[3];
     if ((h != 0 && h != height) || (w != 0 && w != width))
       throw Error(
-          fmt::format("{} = \"{}\": the network takes pictures of {}x{} pixels, the views have "
-                      "{}x{}: export it for that size, or with open height and width",
+          fmt::format("{} = \"{}\": the network takes images of {}x{} pixels, but the views have "
+                      "{}x{}: export it for that size, or with dynamic height and width",
                       setting_, network_.path(), w, h, width, height));
   }
 }
@@ -126,22 +125,22 @@ double Lpips::distance(const ColourPlanes& picture, const ColourPlanes& truth) {
   const std::vector<float> out =
       run(network_, {minus_one_to_one(picture), minus_one_to_one(truth)}, setting_);
   if (out.size() != 1)
-    throw Error(fmt::format("{} = \"{}\": the network gives {} numbers, a distance is one",
+    throw Error(fmt::format("{} = \"{}\": the network returns {} values, expected one distance",
                             setting_, network_.path(), out.size()));
   if (!std::isfinite(out[0]))
-    throw Error(fmt::format("{} = \"{}\": the network gives a distance that is not finite",
+    throw Error(fmt::format("{} = \"{}\": the network returns a distance that is NaN or Inf",
                             setting_, network_.path()));
   return double(out[0]);
 }
 
 Clip::Clip(const std::string& path, const std::string& setting)
     : network_(path), setting_(setting) {
-  require_pictures(network_, 1, setting, "an image encoder of CLIP");
+  require_pictures(network_, 1, setting, "a CLIP image encoder");
   const int64_t height = network_.inputs()[0].sizes[2], width = network_.inputs()[0].sizes[3];
   if (height != width)
     throw Error(
-        fmt::format("{} = \"{}\": the network takes pictures of {}x{} pixels, an image encoder "
-                    "of CLIP takes squares",
+        fmt::format("{} = \"{}\": the network takes images of {}x{} pixels, but a CLIP image "
+                    "encoder takes square images",
                     setting, path, width, height));
   if (width != 0) side_ = int(width);
 }
@@ -161,8 +160,8 @@ double Clip::similarity(const ColourPlanes& picture, const ColourPlanes& truth) 
   const double cosine = dot / std::sqrt(aa * bb);
   if (a.size() != b.size() || !std::isfinite(cosine))
     throw Error(
-        fmt::format("{} = \"{}\": the network gives embeddings that cannot be compared: they are "
-                    "0, not finite, or differ in their number of values",
+        fmt::format("{} = \"{}\": the network returns embeddings that cannot be compared: they are "
+                    "zero, contain NaN or Inf, or differ in length",
                     setting_, network_.path()));
   return cosine;
 }

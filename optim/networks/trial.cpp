@@ -70,7 +70,7 @@ std::string crash_signal_of(const std::function<void()>& work) {
   while (::waitpid(copy, &status, 0) < 0)
     if (errno != EINTR) return "";
   if (WIFEXITED(status))  // sanitizers exit with a code instead of a signal
-    return WEXITSTATUS(status) == 0 ? "" : "an error that its sanitizer found";
+    return WEXITSTATUS(status) == 0 ? "" : "an error reported by its sanitizer";
   const int signal = WTERMSIG(status);
   const bool interrupted = signal == SIGINT || signal == SIGTERM || signal == SIGHUP;
   return interrupted ? "" : ::strsignal(signal);

@@ -95,8 +95,7 @@ void assign(const Incoming& in, std::string& member) {
   member = value ? *value : *in.text;
   if (!is_file_address(member)) return;
   const auto path = path_of_address(member);
-  if (!path)
-    in.refuse("a file:// address, where %XX stands for a byte and %25 for a per cent sign");
+  if (!path) in.refuse("a file:// URL, where %XX is a byte and %25 a percent sign");
   member = *path;
 }
 
@@ -218,8 +217,8 @@ std::pair<std::string, std::string> present_name(const std::string& section,
   const std::string name = section + "." + key;
   for (const auto& [former, present] : kRenamed) {
     if (name != former) continue;
-    note_once(name, fmt::format("the setting {} is called {} now; the former name still works",
-                                name, present));
+    note_once(name, fmt::format("the setting {} was renamed to {}; the old name still works", name,
+                                present));
     const size_t dot = present.find('.');
     return {std::string(present.substr(0, dot)), std::string(present.substr(dot + 1))};
   }
@@ -244,8 +243,7 @@ void assign_setting(TrainOptions& config, const std::string& given_section,
   TrainOptions::sections(config, [&](const char* its_name, auto&, const char*) {
     if (section.empty() && key == its_name)
       throw Error(
-          fmt::format("{}: '{}' is a section: its settings stand below [{}], or are named "
-                      "{}.SETTING",
+          fmt::format("{}: '{}' is a section: write its settings below [{}], or as {}.SETTING",
                       in.where, key, key, key));
   });
   if (!known)
@@ -285,7 +283,7 @@ void apply_toml(TrainOptions& config, const std::string& path, Parse&& parse) {
     // toml++ reports this for 1e999.
     if (why.find("floating-point") != why.npos &&
         why.find("could not be interpreted as a value") != why.npos)
-      why = fmt::format("the number {} is farther from 0 than a number can be",
+      why = fmt::format("the number {} is out of range",
                         why.substr(why.find('\''), why.rfind('\'') + 1 - why.find('\'')));
     throw Error(fmt::format("reading the configuration {}{}: {}", path,
                             at.line ? fmt::format(", line {}", at.line) : "", excerpt(why, 200)));
@@ -353,7 +351,7 @@ void apply_setting(TrainOptions& config, const std::string& assignment) {
   require_both(!section.empty() && !key.empty());
   const toml::table table = value_table(text);
   if (table.size() != 1)
-    throw Error(where + ": it has more than one setting; each goes with a --set of its own");
+    throw Error(where + ": it has more than one setting; use one --set for each");
   assign_setting(config, section, key, {where, "", table.get("value"), text});
 }
 

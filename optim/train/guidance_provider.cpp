@@ -45,7 +45,7 @@ std::unique_ptr<Guidance> guidance_of(const TrainOptions& train) {
           config.images.empty() ? train.scene.path : config.images, double(config.variance),
           schedule_of(config), rule);
   }
-  throw Error("a guidance provider without a name");
+  throw Error("unknown guidance provider");
 }
 
 void require_no_program(const TrainOptions& config, const std::string& where) {
@@ -53,8 +53,7 @@ void require_no_program(const TrainOptions& config, const std::string& where) {
     return;
   const std::string& command = config.guidance.command;
   throw Error(
-      fmt::format("{} would start a program, guidance.command = {}: add --allow-command if that is "
-                  "what you want",
+      fmt::format("{} starts a program, guidance.command = {}: add --allow-command to permit it",
                   where, command.substr(0, command.find('\n'))));
 }
 

@@ -72,7 +72,7 @@ TEST_F(GuidanceCommand, AProgramThatDiesCostsNothingButTheTime) {
   EXPECT_EQ(broken.code, 1) << broken.err;
   EXPECT_EQ(std::count(broken.err.begin(), broken.err.end(), '\n'), 1) << broken.err;
   for (const std::string& part :
-       {std::string("ended with exit code 5"), std::string("30 steps are saved"),
+       {std::string("exited with code 5"), std::string("30 steps are saved"),
         "`gflow train -o " + path("broken") + " --resume --allow-command`"})
     EXPECT_NE(broken.err.find(part), std::string::npos) << broken.err;
 
@@ -94,8 +94,7 @@ TEST_F(GuidanceCommand, AProgramThatAFileNamesIsNotStartedUnasked) {
   const std::string ran = path("ran"), command = "touch " + ran + "; exit 3";
   std::vector<std::string> of_config = train("unasked", command);
   of_config.pop_back();
-  expect_refused(of_config,
-                 {"config.toml would start a program", "touch " + ran, "--allow-command"});
+  expect_refused(of_config, {"config.toml starts a program", "touch " + ran, "--allow-command"});
   EXPECT_FALSE(fs::exists(path("unasked")));
 
   // An untrusted run, with the command in its settings and in a checkpoint alone.
@@ -112,28 +111,28 @@ TEST_F(GuidanceCommand, AProgramThatAFileNamesIsNotStartedUnasked) {
   theirs.checkpoints().write(checkpoint);
   theirs.write_config(config);
   const std::vector<std::string> resume{"train", "-o", path("theirs"), "--resume", "--quiet"};
-  expect_refused(resume, {path("theirs") + " would start a program", "--allow-command"});
+  expect_refused(resume, {path("theirs") + " starts a program", "--allow-command"});
   fs::remove(path("theirs") + "/config.toml");
   const Outcome from_checkpoint = gflow(resume);
   EXPECT_EQ(from_checkpoint.code, 1);
-  EXPECT_NE(from_checkpoint.err.find("would start a program"), std::string::npos);
+  EXPECT_NE(from_checkpoint.err.find("starts a program"), std::string::npos);
 
   folder_->write("plan.toml", "scenes = [\"" + scene_->path() +
                                   "\"]\n[settings]\nguidance.provider = \"process\"\n"
                                   "guidance.command = \"" +
                                   command + "\"\n");
   expect_refused({"experiment", path("plan.toml"), "-o", path("plan")},
-                 {"plan.toml: training", "would start a program", "--allow-command"});
+                 {"plan.toml: training", "starts a program", "--allow-command"});
   EXPECT_FALSE(fs::exists(path("plan")));
   EXPECT_FALSE(fs::exists(ran));
 
   // A command named or allowed on the command line runs.
   std::vector<std::string> named = of_config;
   named.insert(named.end(), {"--set", "guidance.command=" + command});
-  expect_refused(named, {"ended with exit code 3"});
+  expect_refused(named, {"exited with code 3"});
   EXPECT_TRUE(fs::remove(ran));
   of_config.push_back("--allow-command");
-  expect_refused(of_config, {"ended with exit code 3"});
+  expect_refused(of_config, {"exited with code 3"});
   EXPECT_TRUE(fs::remove(ran));
 }
 
@@ -154,7 +153,7 @@ TEST_F(GuidanceCommand, AFormerTrainingStaysUntilTheFirstStepOfAnother) {
   another.push_back("--overwrite");
   const Outcome outcome = gflow(another);
   EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("ended with exit code 0; the previous run is unchanged"),
+  EXPECT_NE(outcome.err.find("exited with code 0; the previous run is unchanged"),
             std::string::npos)
       << outcome.err;
   EXPECT_TRUE(left() == before);
@@ -209,10 +208,10 @@ TEST_F(GuidanceCommand, AProgramThatDoesNotGreetLeavesNoRunBehind) {
   // The shell prints its own message on stderr.
   const Outcome outcome = gflow(train("kept", "no-such-program"));
   EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("`no-such-program` ended with exit code 127"), std::string::npos)
+  EXPECT_NE(outcome.err.find("`no-such-program` exited with code 127"), std::string::npos)
       << outcome.err;
   EXPECT_FALSE(fs::exists(path("kept")));
-  expect_refused(train("kept", "exit 3"), {"`exit 3`", "exit code 3"});
+  expect_refused(train("kept", "exit 3"), {"`exit 3`", "exited with code 3"});
   expect_refused(train("kept", "cat"), {"{\"protocol\":\"gflow-guidance\"", "version"});
 }
 
@@ -292,7 +291,7 @@ TEST_F(GuidanceCommand, WhatIsMissingIsNamed) {
   refused({"provider=onnx"}, {"guidance.model is empty"});
   refused({"provider=onnx", "model=no/such.onnx"}, {"no/such.onnx"});
   refused({"provider=analytic"}, {"no .png or .jpg"});  // the scene has its own elsewhere
-  refused({"provider=analytic", "images=no/such"}, {"\"no/such\" is no folder"});
+  refused({"provider=analytic", "images=no/such"}, {"\"no/such\" is not a folder"});
   refused({"provider=analytic", "images=" + path("views/flow")}, {"no .png or .jpg"});
   refused({"provider=analytic", "images=" + path("views"), "beta_start=0.5"},
           {"beta 0.5 to 0.012"});

@@ -275,7 +275,7 @@ TEST_F(GuideTest, AnswersThatDoNotFitAreNamed) {
   infinite.gradient.assign(3 * 48 * 40, std::nanf(""));
   weight.weight = -1;
   refused(small, {"the test", "step 0", "gradient of 5 values", "3 x 40 x 48 = 5760"});
-  refused(infinite, {"not finite"});
+  refused(infinite, {"NaN or Inf"});
   refused(weight, {"weights -1", "at least 0"});
 }
 

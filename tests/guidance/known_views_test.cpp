@@ -37,7 +37,8 @@ TEST_F(KnownViewsTest, PicturesTakeTheSizeOfTheViewAndRefuseAnotherShape) {
   const KnownViews views(folder_.path());
   const GuidanceRequest large = some_request(1, 8, 8), wide = some_request(1, 8, 4);
   EXPECT_EQ(views.pictures(large, large.views[0], true)[0].size(), 3u * 64);
-  expect_error([&] { views.pictures(wide, wide.views[0], true); }, {"4x4", "8x4", "same shape"});
+  expect_error([&] { views.pictures(wide, wide.views[0], true); },
+               {"4x4", "8x4", "same aspect ratio"});
 }
 
 TEST_F(KnownViewsTest, TransparencyShowsTheBackground) {

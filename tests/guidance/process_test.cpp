@@ -58,14 +58,16 @@ TEST(Process, AShellScriptMayAnswer) {
 }
 
 TEST(Process, AProgramThatDoesNotStartOrDiesIsNamedWithItsEnd) {
-  expect_failure("no-such-program", {"`no-such-program`", "exit code 127", "no such program"});
-  expect_failure("exit 3", {"`exit 3`", "ended with exit code 3"});
-  expect_failure("read hello; echo '{\"version\": 1}'; read request; exit 4", {"exit code 4"});
+  expect_failure("no-such-program",
+                 {"`no-such-program`", "exited with code 127", "command not found"});
+  expect_failure("exit 3", {"`exit 3`", "exited with code 3"});
+  expect_failure("read hello; echo '{\"version\": 1}'; read request; exit 4",
+                 {"exited with code 4"});
   expect_failure("read hello; echo '{\"version\": 1}'; kill -SEGV $$", {"signal 11"});
 }
 
 TEST(Process, AProgramMaySayWhyItGivesUpBeforeItIsSpokenTo) {
-  expect_failure("echo '{\"error\": \"no weights here\"}'", {"gave up: no weights here"});
+  expect_failure("echo '{\"error\": \"no weights here\"}'", {"reported an error: no weights here"});
 }
 
 TEST(Process, ASilentProgramIsGivenUpInTime) {
@@ -77,7 +79,7 @@ TEST(Process, ASilentProgramIsGivenUpInTime) {
 }
 
 TEST(Process, GarbageIsShown) {
-  expect_failure("echo hello world; cat", {"hello world", "no JSON object", "standard error"});
+  expect_failure("echo hello world; cat", {"hello world", "not a JSON object", "standard error"});
   expect_failure("echo '[1]'; cat", {"[1]"});
   expect_failure("head -c 3000000 /dev/zero; cat", {"without a line break"});
   expect_failure("echo '{\"version\": 2}'; cat", {"{\"version\":2}", "{\"version\": 1}"});
@@ -93,16 +95,18 @@ TEST(Process, WrongSizesAndWeightsAreRefused) {
   expect_failure(answering("{\"views\": [{\"flow\": [2, 3, 5]}]}"),
                  {"flow of shape [2,3,5]", "[2,3,4]"}, 5, true);
   expect_failure(answering("{\"views\": [{\"gradient\": true}]}"), {"shape true"});
-  expect_failure(answering("{\"views\": [{\"flow\": [2, 3, 4]}]}"), {"a flow", "not asked"});
-  expect_failure(answering("{\"views\": [{\"weight\": \"much\"}]}"), {"\"much\"", "a number"});
+  expect_failure(answering("{\"views\": [{\"flow\": [2, 3, 4]}]}"),
+                 {"a flow that was not requested"});
+  expect_failure(answering("{\"views\": [{\"weight\": \"much\"}]}"),
+                 {"\"much\"", "expected a number"});
   expect_failure(answering("{\"views\": [{\"weight\": -1}]}"), {"-1", "at least 0"});
 }
 
 TEST(Process, ItsOwnErrorIsPassedOn) {
-  expect_failure(answering("{\"error\": \"out of memory\"}"), {"gave up: out of memory"});
-  expect_failure(answering("{\"error\": \"\"}"), {"gave up and did not say why"});
+  expect_failure(answering("{\"error\": \"out of memory\"}"), {"reported an error: out of memory"});
+  expect_failure(answering("{\"error\": \"\"}"), {"reported an error without a message"});
   expect_failure(answering("{\"error\": \"" + std::string(600, 'x') + "\"}"),
-                 {"gave up: " + std::string(500, 'x') + "..."});
+                 {"reported an error: " + std::string(500, 'x') + "..."});
 }
 
 // Its child processes end with it, even if they ignore the end of their input.
@@ -127,7 +131,7 @@ TEST(Process, IsEndedWithWhatItLeftBehind) {
   const std::string file = folder.file("pid");
   const auto start = Clock::now();
   expect_failure("sleep 600 & echo $! > " + file + "; read hello; echo '{\"version\": 1}'; exit 0",
-                 {"ended with exit code 0"}, 60);
+                 {"exited with code 0"}, 60);
   EXPECT_LT(Clock::now() - start, std::chrono::seconds(30));
   int sleeping = 0;
   ASSERT_TRUE(std::ifstream(file) >> sleeping);
@@ -142,7 +146,7 @@ TEST(Process, MayNotCutTheMemoryItShares) {
       "truncate -s 0 /dev/shm/gflow-guidance${name%%\\\"*}; echo '{\"views\": [{\"gradient\": "
       "[3, 3, 4]}]}'; done";
   if (!std::filesystem::exists("/dev/shm")) GTEST_SKIP() << "no /dev/shm to look into";
-  expect_failure(cut, {"has cut the memory that it shares to 0 of", "leave its size alone"});
+  expect_failure(cut, {"truncated the shared memory to 0 of", "must not resize it"});
 }
 
 TEST(Process, LeavesNoSharedMemoryBehind) {
@@ -237,7 +241,8 @@ TEST(Process, TheExamplesRefuseWhatTheyCannotUse) {
   expect_failure(python() + folder + "example_target.py no/such/folder",
                  {"there is no folder no/such/folder"}, 60);
   // Either the packages or the weights are missing.
-  expect_failure(python() + folder + "example_zero123.py no/such/weights", {"gave up"}, 60);
+  expect_failure(python() + folder + "example_zero123.py no/such/weights", {"reported an error"},
+                 60);
 }
 
 }  // namespace

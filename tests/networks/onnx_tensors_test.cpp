@@ -36,9 +36,9 @@ TEST(OnnxTensors, HoldAsManyBytesAsTheirSizesSay) {
     const size_t whole = size_t(6 * size);
     expect_sound(weights(tensor(type, raw(whole))));
     for (const size_t bytes : {size_t{0}, whole - 1, whole + 1})
-      expect_refused(weights(tensor(type, raw(bytes))), "tensor 'w' says that it has 6 numbers");
+      expect_refused(weights(tensor(type, raw(bytes))), "tensor 'w' should have 6 values");
   }
-  expect_refused(weights(tensor(kFloat, "")), "6 numbers, and has 0");
+  expect_refused(weights(tensor(kFloat, "")), "6 values, but has 0");
 }
 
 TEST(OnnxTensors, HoldAsManyNumbersOfTheirTypeAsTheirSizesSay) {
@@ -51,14 +51,14 @@ TEST(OnnxTensors, HoldAsManyNumbersOfTheirTypeAsTheirSizesSay) {
   expect_sound(weights(tensor(kInt64, whole(6))));
   expect_sound(weights(tensor(kInt64, whole(5) + field(7, 9))));
   expect_sound(weights(tensor(kDouble, doubles(6))));
-  expect_refused(weights(tensor(kFloat, floats(5))), "and has 5");
-  expect_refused(weights(tensor(kInt64, whole(7))), "and has 7");
+  expect_refused(weights(tensor(kFloat, floats(5))), "but has 5");
+  expect_refused(weights(tensor(kInt64, whole(7))), "but has 7");
   // Values of another type are ignored, and raw data is ignored if there are typed values.
-  expect_refused(weights(tensor(kFloat, whole(6))), "and has 0");
-  expect_refused(weights(tensor(kFloat, floats(1) + raw(24))), "and has 1");
+  expect_refused(weights(tensor(kFloat, whole(6))), "but has 0");
+  expect_refused(weights(tensor(kFloat, floats(1) + raw(24))), "but has 1");
   // A wrong wire type makes them no floats.
   expect_refused(weights(tensor(kFloat, floats(4) + std::string{char(4 << 3 | 1)} + "xxxxxxxx")),
-                 "and has 4");
+                 "but has 4");
 }
 
 TEST(OnnxTensors, InAttributesOfNodesAreLookedAtToo) {

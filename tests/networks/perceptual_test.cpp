@@ -81,7 +81,7 @@ TEST_F(LpipsNetwork, SaysWhichSizeItTakes) {
   EXPECT_NEAR(fixed.distance(a, b), expected_distance(a, b), 1e-5);
   EXPECT_NO_THROW(fixed.require_size(6, 4));
   expect_error([&] { fixed.require_size(6, 5); },
-               {"metrics.lpips", "lpips_6x4.onnx", "6x4", "6x5", "open height and width"});
+               {"metrics.lpips", "lpips_6x4.onnx", "6x4", "6x5", "dynamic height and width"});
 }
 
 TEST_F(LpipsNetwork, RefusesWhatIsNone) {
@@ -93,7 +93,7 @@ TEST_F(LpipsNetwork, RefusesWhatIsNone) {
       {"4 inputs"});
   Lpips map(network("map.onnx"), "metrics.lpips");
   expect_error([&] { map.distance(some_picture(6, 4, 1), some_picture(6, 4, 2)); },
-               {"map.onnx", "24 numbers"});
+               {"map.onnx", "24 values"});
   const TemporaryFolder folder;
   const std::string half =
       folder.write("half.onnx", contents(network("lpips.onnx")).substr(0, 300));
@@ -136,7 +136,7 @@ TEST_F(ClipNetwork, GivesTheCosineOfTwoEmbeddings) {
 TEST_F(ClipNetwork, RefusesWhatIsNone) {
   expect_error([] { Clip(network("lpips.onnx"), "metrics.clip"); },
                {"metrics.clip", "lpips.onnx", "2 inputs", "has 1"});
-  expect_error([] { Clip(network("oblong.onnx"), "metrics.clip"); }, {"16x8", "squares"});
+  expect_error([] { Clip(network("oblong.onnx"), "metrics.clip"); }, {"16x8", "square images"});
   Clip zero(network("zero.onnx"), "metrics.clip");
   expect_error([&] { zero.similarity(some_picture(9, 9, 1), some_picture(9, 9, 2)); },
                {"zero.onnx", "cannot be compared"});
