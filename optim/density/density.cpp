@@ -13,7 +13,7 @@ std::unique_ptr<Density> make_density(Queue& queue, DensityKind kind) {
     case DensityKind::mcmc:
       return std::make_unique<McmcDensity>(queue);
   }
-  throw Error("a density strategy without a name");
+  throw Error("unknown density strategy");
 }
 
 }  // namespace gflow

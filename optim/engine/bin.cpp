@@ -50,8 +50,8 @@ void Bin::build(Queue& queue, int width, int height, const Splats& splats, Tiles
   const uint64_t total = scan_.fetched_total();
   if (total >= (uint64_t(1) << 31))
     throw Error(
-        fmt::format("binning {} splats into {} tiles gives {} intersections, more than 2^31:"
-                    " render a smaller picture or fewer, smaller Gaussians",
+        fmt::format("binning {} splats into {} tiles gives {} intersections, more than 2^31: "
+                    "render a smaller image or fewer, smaller Gaussians",
                     seen, count, total));
   keys_.ensure(queue, seen);
   order_.ensure(queue, seen);

@@ -15,7 +15,7 @@ using Shape = std::vector<size_t>;
 
 [[noreturn]] void refuse_shape(const Array& array, const std::string& key, const std::string& name,
                                const std::string& expected) {
-  throw Error(fmt::format("reading {}: array '{}' has the shape {}, it should be {}", name, key,
+  throw Error(fmt::format("reading {}: array '{}' has shape {}, expected {}", name, key,
                           array.shape_text(), expected));
 }
 
@@ -40,13 +40,13 @@ std::vector<float> floats_up_to(float most, const char* expected, const Arrays& 
   std::vector<float> values = floats(input, key, shape, name);
   for (size_t i = 0; i < values.size(); ++i)
     if (std::isfinite(values[i]) && !(values[i] >= 0 && values[i] <= most))
-      throw Error(fmt::format("reading {}: array '{}' has {} for Gaussian {}, expected are {}",
-                              name, key, values[i], i * shape[0] / values.size(), expected));
+      throw Error(fmt::format("reading {}: array '{}' has {} for Gaussian {}, expected {}", name,
+                              key, values[i], i * shape[0] / values.size(), expected));
   return values;
 }
 std::vector<float> scales_of(const Arrays& input, const std::string& key, size_t n,
                              const std::string& name) {
-  return floats_up_to(HUGE_VALF, "lengths from 0 on, not logarithms", input, key, {n, 3}, name);
+  return floats_up_to(HUGE_VALF, "lengths of at least 0, not logarithms", input, key, {n, 3}, name);
 }
 
 // A viewmat: rotation and translation.
@@ -54,8 +54,7 @@ std::vector<float> pose_of(const Arrays& input, const std::string& key, const st
   const std::vector<float> m = floats(input, key, {4, 4}, name);
   for (const float x : m)
     if (!std::isfinite(x))
-      throw Error(
-          fmt::format("reading {}: camera pose '{}' has a value that is not finite", name, key));
+      throw Error(fmt::format("reading {}: camera pose '{}' contains NaN or Inf", name, key));
   constexpr float tolerance = 1e-3f;  // poses are written with few digits
   bool turns = m[12] == 0 && m[13] == 0 && m[14] == 0 && m[15] == 1;
   for (int a = 0; a < 3; ++a)
@@ -69,8 +68,8 @@ std::vector<float> pose_of(const Arrays& input, const std::string& key, const st
                             m[2] * (m[4] * m[9] - m[5] * m[8]);  // < 0: a reflection
   if (!(turns && determinant > 0))
     throw Error(
-        fmt::format("reading {}: camera pose '{}' should be a rotation and a translation, "
-                    "world to camera, above a row 0 0 0 1",
+        fmt::format("reading {}: camera pose '{}' should be a world-to-camera rotation and "
+                    "translation with last row 0 0 0 1",
                     name, key));
   return m;
 }
@@ -136,7 +135,7 @@ void require_finite(const std::vector<float>& values, const std::string& key,
                     const std::string& name) {
   for (const float x : values)
     if (!std::isfinite(x))
-      throw Error(fmt::format("reading {}: array '{}' has a value that is not finite", name, key));
+      throw Error(fmt::format("reading {}: array '{}' contains NaN or Inf", name, key));
 }
 
 // Error if the device cannot hold the images and their cotangents. On a CPU the same memory also
@@ -153,15 +152,15 @@ void require_room_for_images(const DeviceInfo& device, size_t pixels, const Arra
   const auto mib = [](uint64_t bytes) { return double(bytes) / (1 << 20); };
   constexpr uint64_t copies = 3;
   if (all > device.global_memory / copies)
-    throw Error(fmt::format(
-        "reading {}: images of as many pixels as array 'size' says take {:.1f} MiB in all, thrice "
-        "that until they are written, and {} has {:.1f} MiB",
-        name, mib(all), device.full_name(), mib(device.global_memory)));
+    throw Error(
+        fmt::format("reading {}: images of the size in array 'size' need {:.1f} MiB, three times "
+                    "that until they are written, but {} has {:.1f} MiB",
+                    name, mib(all), device.full_name(), mib(device.global_memory)));
   if (largest > device.max_allocation)
-    throw Error(fmt::format(
-        "reading {}: a picture of as many pixels as array 'size' says takes {:.1f} MiB, and {} "
-        "gives at most {:.1f} MiB in one piece",
-        name, mib(largest), device.full_name(), mib(device.max_allocation)));
+    throw Error(
+        fmt::format("reading {}: an image of the size in array 'size' needs {:.1f} MiB, but {} "
+                    "allocates at most {:.1f} MiB at once",
+                    name, mib(largest), device.full_name(), mib(device.max_allocation)));
 }
 
 }  // namespace
@@ -181,7 +180,7 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
   for (const double side : sides)
     if (!(side >= 1 && side <= 65535 && side == std::floor(side)))
       throw Error(fmt::format(
-          "reading {}: array 'size' says {} x {} pixels, each should be a whole number, 1 to 65535",
+          "reading {}: array 'size' is {} x {} pixels, each should be a whole number, 1 to 65535",
           name, sides[0], sides[1]));
   const int width = int(sides[0]), height = int(sides[1]);
   require_room_for_images(queue.info, size_t(width) * size_t(height), input, name);
@@ -221,8 +220,7 @@ SplatScene splat_scene(Queue& queue, const Arrays& input, float near_plane,
     throw Error("reading " + name +
                 ": K should hold two focal lengths above 0 and a finite centre");
   if (K[1] != 0 || K[3] != 0 || K[6] != 0 || K[7] != 0 || K[8] != 1)
-    throw Error("reading " + name +
-                ": K should be fx 0 cx, 0 fy cy, 0 0 1: pixels askew are not supported");
+    throw Error("reading " + name + ": K should be fx 0 cx, 0 fy cy, 0 0 1: skew is not supported");
   s.view = {camera_of(viewmat, K, width, height, near_plane),
             camera_of(viewmat2, K, width, height, near_plane)};
   return s;

@@ -34,8 +34,8 @@ void FlowLoss::run(Queue& queue, float weight, int width, int height, const Buff
   if (flow.size() < 2 * pixels || teacher.size() < 2 * pixels || v_flow.size() < 2 * pixels ||
       alpha.size() < pixels || confidence.size() < pixels)
     throw Error(fmt::format(
-        "flow loss of {} x {} pixels: {} has {} values, {} {}, {} {}, {} {},"
-        " {} {}; flows need two a pixel, alpha and confidence one",
+        "flow loss of {} x {} pixels: {} has {} values, {} {}, {} {}, {} {}, {} {}; flows need two "
+        "per pixel, alpha and confidence one",
         width, height, flow.name(), flow.size(), teacher.name(), teacher.size(), v_flow.name(),
         v_flow.size(), alpha.name(), alpha.size(), confidence.name(), confidence.size()));
   const size_t tiles = ((size_t(width) + TILE - 1) / TILE) * ((size_t(height) + TILE - 1) / TILE);
@@ -53,7 +53,7 @@ void FlowLoss::run(Queue& queue, float weight, int width, int height, const Buff
 }
 
 FlowLossValue FlowLoss::value(Queue& queue) {
-  if (pixels_ == 0) throw Error("flow loss: its value was asked for before its first run");
+  if (pixels_ == 0) throw Error("flow loss: its value was read before its first run");
   FlowLossValue value;
   value.loss = reduce_.sum(queue, terms_, 0, pixels_);
   value.confident_pixels = reduce_.sum(queue, terms_, 2 * pixels_, pixels_);
@@ -66,10 +66,9 @@ size_t confident_pixels(const std::vector<float>& teacher,
                         const std::vector<cl_uchar>& confidence) {
   const size_t pixels = confidence.size();
   if (teacher.size() != 2 * pixels)
-    throw Error(
-        fmt::format("counting confident pixels: {} flow values for {} pixels, there must be"
-                    " two a pixel",
-                    teacher.size(), pixels));
+    throw Error(fmt::format(
+        "counting confident pixels: {} flow values for {} pixels, expected two per pixel",
+        teacher.size(), pixels));
   size_t count = 0;
   for (size_t i = 0; i < pixels; ++i)
     count += confidence[i] != 0 && std::fabs(teacher[i]) <= TARGET_FLOW_LIMIT &&

@@ -14,12 +14,12 @@ namespace {
 LowMotionRule checked(const LowMotionRule& rule) {
   if (!(rule.share > 0 && rule.share <= 1))
     throw Error(
-        fmt::format("choosing tiles for the flow: the share of calm ones is {}, it must be"
-                    " above 0 and at most 1",
+        fmt::format("choosing flow tiles: the share of low-motion tiles is {}, it must be above 0 "
+                    "and at most 1",
                     rule.share));
   if (!(rule.px > 0 && std::isfinite(rule.px)))
-    throw Error(fmt::format("choosing tiles for the flow: calm is below {} px, it must be above 0",
-                            rule.px));
+    throw Error(fmt::format(
+        "choosing flow tiles: the low-motion threshold is {} px, it must be above 0", rule.px));
   return rule;
 }
 
@@ -34,8 +34,8 @@ const Buffer<float>& FlowTiles::choose(Queue& queue, uint32_t seed, int width, i
   const size_t pixels = size_t(width) * size_t(height);
   if (teacher.size() < 2 * pixels || confidence.size() < pixels)
     throw Error(fmt::format(
-        "choosing tiles for the flow of {} x {} pixels: {} has {} values, {} {};"
-        " two and one a pixel are needed",
+        "choosing flow tiles of {} x {} pixels: {} has {} values, {} {}; expected two and one per "
+        "pixel",
         width, height, teacher.name(), teacher.size(), confidence.name(), confidence.size()));
   const size_t tiles = ((size_t(width) + TILE - 1) / TILE) * ((size_t(height) + TILE - 1) / TILE);
   weights_.ensure(queue, tiles);

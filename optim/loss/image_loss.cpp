@@ -11,7 +11,7 @@ namespace {
 float checked_weight(float ssim_weight) {
   if (!(ssim_weight >= 0 && ssim_weight <= 1))
     throw Error(
-        fmt::format("image loss: the weight of SSIM is {}, it must lie in [0, 1]", ssim_weight));
+        fmt::format("image loss: the SSIM weight is {}, it must be in [0, 1]", ssim_weight));
   return ssim_weight;
 }
 
@@ -41,8 +41,8 @@ void ImageLoss::resize(Queue& queue, int width, int height) {
   const size_t plane = stride * (size_t(height) + 2 * SSIM_RADIUS);
   if (width < 1 || height < 1 || 3 * plane > size_t(std::numeric_limits<cl_int>::max()))
     throw Error(
-        fmt::format("image loss: pictures of {} x {} pixels; both sides must be at least 1"
-                    " and the area below about 700 million",
+        fmt::format("image loss: images of {} x {} pixels; both sides must be at least 1 and the "
+                    "area below about 700 million",
                     width, height));
   size_ = {0, 0, 0, 0};  // in case an allocation throws
   d_.ensure(queue, 3 * plane);
@@ -86,7 +86,7 @@ void ImageLoss::run(Queue& queue, int width, int height, const Buffer<float>& rg
 }
 
 ImageLossValue ImageLoss::value(Queue& queue) {
-  if (size_.width == 0) throw Error("image loss: its value was asked for before its first run");
+  if (size_.width == 0) throw Error("image loss: its value was read before its first run");
   const double values = 3.0 * size_.width * size_.height;
   ImageLossValue value;
   value.l1 = reduce_.sum(queue, l1_sum_) / values;

@@ -20,14 +20,14 @@ constexpr double NOT_A_NUMBER = std::numeric_limits<double>::quiet_NaN();
 
 void check_values(size_t have, int width, int height) {
   if (width < 1 || height < 1 || have != size_t(3) * width * height)
-    throw Error(fmt::format("picture of {} x {} pixels: {} values given, there must be 3 a pixel",
-                            width, height, have));
+    throw Error(fmt::format("image of {} x {} pixels: {} values given, expected 3 per pixel", width,
+                            height, have));
 }
 
 void check_pair(const Picture& a, const Picture& b) {
   if (a.width != b.width || a.height != b.height)
-    throw Error(fmt::format("comparing a picture of {} x {} pixels with one of {} x {}", a.width,
-                            a.height, b.width, b.height));
+    throw Error(fmt::format("cannot compare an image of {} x {} pixels with one of {} x {}",
+                            a.width, a.height, b.width, b.height));
 }
 
 void check_mask(const std::vector<uint8_t>& mask, size_t pixels) {
@@ -153,8 +153,8 @@ double ssim(const Picture& picture, const Picture& truth, const std::vector<uint
 FlowMetrics flow_metrics(const std::vector<float>& flow, const std::vector<float>& truth,
                          const std::vector<uint8_t>& mask) {
   if (flow.size() != truth.size() || truth.size() % 2)
-    throw Error(
-        fmt::format("comparing a flow of {} values with one of {}", flow.size(), truth.size()));
+    throw Error(fmt::format("cannot compare a flow of {} values with one of {}", flow.size(),
+                            truth.size()));
   const size_t pixels = truth.size() / 2;
   check_mask(mask, pixels);
   FlowMetrics metrics;
@@ -176,7 +176,7 @@ FlowMetrics flow_metrics(const std::vector<float>& flow, const std::vector<float
 double depth_error(const std::vector<float>& depth, const std::vector<float>& alpha,
                    const std::vector<float>& truth) {
   if (depth.size() != truth.size() || alpha.size() != truth.size())
-    throw Error(fmt::format("comparing a depth of {} pixels, alpha of {}, with one of {}",
+    throw Error(fmt::format("cannot compare a depth of {} pixels, with alpha of {}, with one of {}",
                             depth.size(), alpha.size(), truth.size()));
   double sum = 0;
   size_t count = 0;
@@ -203,7 +203,8 @@ double flicker(const std::vector<float>& error, const std::vector<float>& next_e
   check_values(next_error.size(), width, height);
   const size_t pixels = size_t(width) * height;
   if (flow.size() != 2 * pixels)
-    throw Error(fmt::format("following a flow of {} values in {} pixels", flow.size(), pixels));
+    throw Error(fmt::format("flicker: a flow of {} values for {} pixels, expected two per pixel",
+                            flow.size(), pixels));
   check_mask(mask, pixels);
   double sum = 0;
   size_t count = 0;

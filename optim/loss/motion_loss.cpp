@@ -60,7 +60,7 @@ void MotionLoss::run(Queue& queue, const Buffer<cl_uint>& seen, const GaussiansA
   ran_bends_ = at_t0 && weights_.acceleration > 0;
   if (ran_pairs_) {
     if (pairs_.offsets.size() != n + 1)
-      throw Error(fmt::format("motion loss of {} Gaussians: the neighbours are those of {}", n,
+      throw Error(fmt::format("motion loss of {} Gaussians: the neighbour lists are for {}", n,
                               pairs_.offsets.empty() ? 0 : pairs_.offsets.size() - 1));
     const float a_pair = 1 / float(std::max<size_t>(pairs_.others.size() / 2, 1));
     const float a_length = a_pair / extent;

@@ -126,7 +126,7 @@ NeighbourPairs load_neighbours(const Arrays& arrays, size_t count, const std::st
                                 [&](cl_uint other) { return other < count; });
   if (!fits)
     throw Error(
-        fmt::format("{}: the arrays neighbours/... are no pairs of {} Gaussians", path, count));
+        fmt::format("{}: the arrays neighbours/... are not pairs of {} Gaussians", path, count));
   return pairs;
 }
 

@@ -34,8 +34,9 @@ Native4d row_of(const HostGroups& g, size_t i) {
 HostModel as_spacetime(HostModel model, const std::string& what) {
   if (model.shape.motion == MotionModelKind::spacetime) return model;
   if (model.shape.motion != MotionModelKind::native4d)
-    throw Error(fmt::format("{}, this model is {}; 4dgs and ply-sequence show every model", what,
-                            name_of(model.shape.motion)));
+    throw Error(
+        fmt::format("{}, but this model is {}; formats 4dgs and ply-sequence support every model",
+                    what, name_of(model.shape.motion)));
   const HostGroups old = model.groups;
   HostGroups& g = model.groups;
   g.erase("quats_r");

@@ -199,8 +199,8 @@ MovingSplats linear_pieces(Queue& queue, Model& model, const PieceRule& rule,
                            const std::function<void()>& after_step) {
   if (rule.steps < 1 || !(rule.fps > 0))
     throw Error(
-        fmt::format("cutting paths into pieces needs at least 1 step and more than 0 of "
-                    "them a second, not {} and {}",
+        fmt::format("splitting paths into pieces needs at least 1 step and more than 0 steps per "
+                    "second, not {} and {}",
                     rule.steps, rule.fps));
   PathCutter cutter(model.read(queue), rule);
   // All Gaussians, inside their time window or not: a piece begins before its Gaussian is visible.

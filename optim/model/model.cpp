@@ -84,11 +84,10 @@ void read_comment(const PlyTable& table, const std::string& key, Number& member,
   const bool whole = std::is_integral_v<Number>;
   const bool from_0 = lowest < 0 && lowest > -1e-300;  // `lowest` is just below 0, so 0 is valid
   if (!(value > lowest && value <= highest) || (whole && value != std::floor(value)))
-    throw Error(
-        fmt::format("reading {}: its comment '{} {}' is damaged: expected is a {}number "
-                    "{} {:g}, at most {:g}",
-                    path, key, excerpt(*text), whole ? "whole " : "",
-                    from_0 ? "of at least" : "above", from_0 ? 0 : lowest, highest));
+    throw Error(fmt::format(
+        "reading {}: its comment '{} {}' is damaged: expected a {}number {} {:g}, at most {:g}",
+        path, key, excerpt(*text), whole ? "whole " : "", from_0 ? "of at least" : "above",
+        from_0 ? 0 : lowest, highest));
   member = Number(value);
 }
 
@@ -100,8 +99,7 @@ MotionModelKind kind_of(const PlyTable& table, const std::string& path) {
     const auto found = std::find(names.begin(), names.end(), *word);
     if (found != names.end()) return MotionModelKind(found - names.begin());
     throw Error(
-        fmt::format("reading {}: its comment 'gflow {}' names no motion model; known are "
-                    "{}",
+        fmt::format("reading {}: unknown motion model in its comment 'gflow {}'; known models: {}",
                     path, excerpt(*word), fmt::join(names, ", ")));
   }
   return table.column("rot_r_0") >= 0 ? MotionModelKind::native4d : MotionModelKind::spacetime;
@@ -120,10 +118,9 @@ void read_tables(const std::string& path, HostModel& model) {
   const std::vector<TableSpec> tables = motion_tables(model.shape);
   if (tables.empty()) return;
   if (!std::filesystem::exists(path))
-    throw Error(
-        fmt::format("the motion of this {} model lies in {}, which is not there: it belongs "
-                    "beside the PLY",
-                    names_of(model.shape.motion)[size_t(model.shape.motion)], path));
+    throw Error(fmt::format(
+        "the motion of this {} model is in {}, which does not exist: it must be next to the PLY",
+        names_of(model.shape.motion)[size_t(model.shape.motion)], path));
   size_t expected_bytes = always_plausible;  // initial values are equal and compress well
   for (const TableSpec& table : tables)
     for (const GroupSpec& group : table.groups)
@@ -134,8 +131,8 @@ void read_tables(const std::string& path, HostModel& model) {
       const Array& array = array_named(arrays, group.name, path);
       const std::vector<size_t> expected{table.count(model.count), group.width};
       if (array.shape != expected)
-        throw Error(fmt::format("reading {}: {} has shape {}, its model needs ({}, {})", path,
-                                group.name, array.shape_text(), expected[0], expected[1]));
+        throw Error(fmt::format("reading {}: {} has shape {}, expected ({}, {})", path, group.name,
+                                array.shape_text(), expected[0], expected[1]));
       model.groups[group.name] = array.as_float();
     }
 }
@@ -260,9 +257,9 @@ void warn_of_scales(const HostModel& model, const std::string& path) {
     too_large += !std::isfinite(std::exp(std::max({s[0], s[1], s[2]})));
   }
   if (too_large > 0)
-    warn(fmt::format(
-        "{} of the Gaussians in {} have scales that no float can hold and are not drawn", too_large,
-        path));
+    warn(
+        fmt::format("{} of the Gaussians in {} have scales too large for a float and are not drawn",
+                    too_large, path));
 }
 
 }  // namespace
@@ -319,8 +316,8 @@ HostModel read_model(const std::string& path) {
   for (const auto& [name, values] : model.groups)
     for (size_t i = 0; i < values.size(); ++i)
       if (!std::isfinite(values[i]))
-        throw Error(fmt::format("reading {}: Gaussian {} has a value in {} that is not finite",
-                                path, model.count ? i * model.count / values.size() : 0, name));
+        throw Error(fmt::format("reading {}: Gaussian {} has NaN or Inf in {}", path,
+                                model.count ? i * model.count / values.size() : 0, name));
   warn_of_scales(model, path);
   return model;
 }

@@ -30,11 +30,11 @@ const HexplaneShape& checked(const HexplaneShape& s) {
   };
   const auto check = [](bool right, const char* what, auto value, const char* allowed) {
     if (!right)
-      throw Error(fmt::format("a hexplane model has {} {}; it must be {}", what, value, allowed));
+      throw Error(fmt::format("hexplane model: {} must be {}, not {}", what, allowed, value));
   };
   check(s.levels >= 1 && s.levels <= 4, "levels", s.levels, "1 to 4");
   check(s.resolution >= 2 && s.resolution <= 1024, "resolution", s.resolution, "2 to 1024");
-  check(s.times >= 1 && s.times <= 10000, "rows in time", s.times, "1 to 10000");
+  check(s.times >= 1 && s.times <= 10000, "time rows", s.times, "1 to 10000");
   check(among(s.channels, {16, 32, 64}), "channels", s.channels, "16, 32 or 64");
   check(among(s.hidden, {32, 64, 128, 256}), "hidden neurons", s.hidden, "32, 64, 128 or 256");
   check(s.layers >= 1 && s.layers <= 4, "hidden layers", s.layers, "1 to 4");

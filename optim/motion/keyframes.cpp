@@ -76,7 +76,7 @@ void KeyframesMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule
 
 void KeyframesMotion::start_key(Queue& queue, Parameters& p, int key) {
   if (key < 1 || key >= shape_.keys)
-    throw Error(fmt::format("key {} of {} cannot be started", key, shape_.keys));
+    throw Error(fmt::format("cannot start key {} of {}", key, shape_.keys));
   for (ParameterGroup& group : p.more[0].groups)
     keyframes_start_(queue, Range::over(p.moving * group.width), cl_uint(p.moving),
                      cl_uint(group.width), cl_uint(key), group.values);

@@ -32,7 +32,7 @@ const MotionModel& motion_model_of(MotionModelKind kind) {
 MotionModelKind register_motion_model(const MotionModel& model) {
   for (const MotionModel* other : models())
     if (std::string(other->name) == model.name)
-      throw Error(fmt::format("there is a motion model called {} already", model.name));
+      throw Error(fmt::format("a motion model named {} is already registered", model.name));
   models().push_back(&model);
   return MotionModelKind(models().size() - 1);
 }

@@ -73,7 +73,7 @@ class Motion {
   // Before a key is trained alone: extrapolates it from the keys before it at constant velocity.
   // Error for models without keys per Gaussian.
   virtual void start_key(Queue&, Parameters&, int /*key*/) {
-    throw Error("this motion model has no keys of each Gaussian to start: use keyframes");
+    throw Error("this motion model has no keys per Gaussian: use keyframes");
   }
 
   // Makes two different Gaussians of two equal rows. child [N]: 1 or 2 for such rows, 0 for the

@@ -49,8 +49,7 @@ size_t count_of(const Arrays& arrays, const std::string& path) {
 size_t moving_of(const Arrays& arrays, size_t count, const std::string& path) {
   const uint32_t moving = exact_values<uint32_t>(arrays, moving_name, {1}, path)[0];
   if (moving > count)
-    throw Error(
-        fmt::format("{} is damaged: it says that {} of {} Gaussians move", path, moving, count));
+    throw Error(fmt::format("{} is damaged: {} of {} Gaussians are dynamic", path, moving, count));
   return moving;
 }
 

@@ -3,8 +3,8 @@
 
 #include <cstring>
 
-#include "optim/formats/ply.hpp"
 #include "optim/eval/views.hpp"
+#include "optim/formats/ply.hpp"
 #include "optim/options/train_options.hpp"
 #include "optim/reference/device.hpp"
 #include "tests/support/memory_of.hpp"
@@ -111,7 +111,8 @@ TEST(Model, RefusesDamagedCommentsOfItsOwnFiles) {
                                "duration 1 s", "duration 1 2", "duration  "})
     expect_damaged(spacetime, "duration", duration, "above 0, at most 1e+30");
   expect_damaged(spacetime, "duration", "", "'duration' is missing");
-  expect_damaged(spacetime, "gflow", "gflow spacetimes", "no motion model; known are spacetime");
+  expect_damaged(spacetime, "gflow", "gflow spacetimes",
+                 "'gflow spacetimes'; known models: spacetime");
   for (const char* origin : {"origin 1e400 0 0", "origin nan 0 0", "origin 1 2", "origin 1 2 3 4"})
     expect_damaged(spacetime, "origin", origin, "three numbers");
   expect_damaged(MotionModelKind::keyframes, "keys", "keys 2.5", "whole number above 0");
@@ -267,7 +268,7 @@ TEST(Model, RefusesValuesThatAreNotFinite) {
     set(table, 1, "scale_1", value);
     write_ply(folder.file("broken.ply"), table);
     expect_error([&] { read_model(folder.file("broken.ply")); },
-                 {"broken.ply", "Gaussian 1", "not finite"});
+                 {"broken.ply", "Gaussian 1", "NaN or Inf"});
   }
 }
 
