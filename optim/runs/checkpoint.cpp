@@ -42,7 +42,7 @@ double number_in(const OrderedJson& json, const char* name, double lowest, doubl
                  const std::string& path) {
   const OrderedJson& value = json.at(name);
   if (!value.is_number() || !(value.get<double>() > lowest && value.get<double>() <= highest))
-    throw Error(fmt::format("{} is damaged: it says that '{}' is {}", path, name, value.dump()));
+    throw Error(fmt::format("{} is damaged: '{}' is {}", path, name, value.dump()));
   return value;
 }
 
@@ -50,8 +50,8 @@ ModelShape shape_of(const OrderedJson& json, const std::string& path) {
   const auto names = names_of(MotionModelKind{});
   const auto name = std::find(names.begin(), names.end(), json.at("motion").get<std::string>());
   if (name == names.end())
-    throw Error(fmt::format("{} is of a motion model that is not known here, {}; there are {}",
-                            path, json.at("motion").dump(), fmt::join(names, ", ")));
+    throw Error(fmt::format("{} has an unknown motion model, {}; known models: {}", path,
+                            json.at("motion").dump(), fmt::join(names, ", ")));
   ModelShape shape;
   shape.motion = MotionModelKind(name - names.begin());
   shape.sh_degree = int(number_in(json, "sh_degree", -1, 3, path));
@@ -62,8 +62,7 @@ ModelShape shape_of(const OrderedJson& json, const std::string& path) {
   json.at("origin").get_to(shape.origin);
   for (const double x : shape.origin)
     if (!(std::fabs(x) <= kFarthest))
-      throw Error(fmt::format("{} is damaged: it says that its origin is {}", path,
-                              json.at("origin").dump()));
+      throw Error(fmt::format("{} is damaged: its origin is {}", path, json.at("origin").dump()));
   return shape;
 }
 
@@ -83,16 +82,16 @@ OrderedJson facts_json(const Arrays& arrays, const std::string& path) {
   const auto found = arrays.find(kFacts);
   const auto* text =
       found == arrays.end() ? nullptr : std::get_if<std::vector<uint8_t>>(&found->second.values);
-  if (!text) throw Error(path + " is no checkpoint: it does not say what it holds ('facts')");
+  if (!text) throw Error(path + " is not a checkpoint: it has no byte array 'facts'");
   require_json_limits(text->data(), text->size(), path);
   const OrderedJson json = OrderedJson::parse(text->begin(), text->end());
   const OrderedJson& format = json.at("format");
   if (!format.is_number_integer())
-    throw Error(fmt::format("{} is no checkpoint: its format is {}", path, format.dump()));
+    throw Error(fmt::format("{} is not a checkpoint: its format is {}", path, format.dump()));
   if (format != kFormat)
     throw Error(
-        fmt::format("{} has checkpoint format {} and this gflow reads format {}: go on with the "
-                    "gflow that wrote it",
+        fmt::format("{} has checkpoint format {}, but this gflow reads format {}: continue with "
+                    "the gflow that wrote it",
                     path, format.dump(), kFormat));
   return json;
 }
@@ -102,10 +101,10 @@ void require_arrays(const OrderedJson& json, const Arrays& arrays, const std::st
   const OrderedJson& shapes = json.at("arrays");
   for (const auto& [name, shape] : shapes.items())
     if (array_named(arrays, name, path).shape != shape.get<std::vector<size_t>>())
-      throw Error(fmt::format("{} is damaged: array '{}' has not the shape it was written with",
-                              path, name));
+      throw Error(fmt::format(
+          "{} is damaged: array '{}' has a different shape than when it was written", path, name));
   if (shapes.size() != arrays.size())
-    throw Error(fmt::format("{} is damaged: it has {} arrays and was written with {}", path,
+    throw Error(fmt::format("{} is damaged: it has {} arrays, but was written with {}", path,
                             arrays.size(), shapes.size()));
 }
 
@@ -120,7 +119,7 @@ CheckpointFacts facts_of(const OrderedJson& json, const std::string& path) {
   const int named = step_of_name(path);
   if (!step.is_number_integer() || step < 0 || step > std::numeric_limits<int>::max() ||
       (named >= 0 && step != named))
-    throw Error(fmt::format("{} is damaged: it says that it is of step {}", path, step.dump()));
+    throw Error(fmt::format("{} is damaged: its step is {}", path, step.dump()));
   facts.step = step;
   facts.seconds = json.at("seconds");
   facts.config = json.at("config");
@@ -158,11 +157,10 @@ Checkpoint read_checkpoint(const std::string& path) {
         non_finite_array(checkpoint.arrays, uint32_t(checkpoint.facts.step));
     if (!unsound.empty())
       throw Error(fmt::format(
-          "{} cannot be gone on from: in array '{}' are values that no training leaves, not finite "
-          "or outside of what it can hold",
+          "cannot resume from {}: array '{}' contains values that are NaN, Inf or out of range",
           path, unsound));
   } catch (const OrderedJson::exception& problem) {
-    throw Error(fmt::format("{} is no checkpoint: {}", path, reason_of(problem)));
+    throw Error(fmt::format("{} is not a checkpoint: {}", path, reason_of(problem)));
   }
   return checkpoint;
 }
@@ -171,7 +169,7 @@ CheckpointFacts read_checkpoint_facts(const std::string& path) {
   try {
     return facts_of(facts_json(read_npz(path, {kFacts}), path), path);
   } catch (const OrderedJson::exception& problem) {
-    throw Error(fmt::format("{} is no checkpoint: {}", path, reason_of(problem)));
+    throw Error(fmt::format("{} is not a checkpoint: {}", path, reason_of(problem)));
   }
 }
 
@@ -217,7 +215,7 @@ std::vector<int> CheckpointFolder::steps() const {
 void CheckpointFolder::write(const Checkpoint& checkpoint) const {
   std::error_code problem;
   fs::create_directories(folder_, problem);
-  if (problem) throw Error(fmt::format("cannot make {}: {}", folder_, problem.message()));
+  if (problem) throw Error(fmt::format("cannot create {}: {}", folder_, problem.message()));
   const int step = checkpoint.facts.step;
   try {
     write_checkpoint(path(step), checkpoint);
@@ -255,7 +253,7 @@ bool CheckpointFolder::make_room(const DiskFull& problem) const {
   for (const int step : older)
     if (fs::remove(path(step), failed)) removed.push_back(step);
   if (removed.empty()) return false;
-  warn(fmt::format("{}; older checkpoints make room (step {}), that of step {} stays",
+  warn(fmt::format("{}; deleted older checkpoints to free space (step {}), kept that of step {}",
                    problem.what(), fmt::join(removed, ", "), last));
   return true;
 }
@@ -263,7 +261,7 @@ bool CheckpointFolder::make_room(const DiskFull& problem) const {
 std::optional<CheckpointFolder::Found> CheckpointFolder::latest() const {
   std::string reason;
   for (const int step : steps()) {
-    if (!reason.empty()) warn(reason + "; the checkpoint before it is tried");
+    if (!reason.empty()) warn(reason + "; trying the previous checkpoint");
     try {
       return Found{path(step), read_checkpoint(path(step))};
     } catch (const Error& problem) {
@@ -271,10 +269,9 @@ std::optional<CheckpointFolder::Found> CheckpointFolder::latest() const {
     }
   }
   if (reason.empty()) return std::nullopt;
-  throw Error(
-      fmt::format("no checkpoint in {} can be used: {}; --overwrite in place of --resume begins "
-                  "anew",
-                  folder_, reason));
+  throw Error(fmt::format(
+      "no usable checkpoint in {}: {}; to start over, use --overwrite instead of --resume", folder_,
+      reason));
 }
 
 }  // namespace gflow

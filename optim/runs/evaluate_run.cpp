@@ -31,8 +31,8 @@ TrainOptions judged_by(const TrainOptions& config, const MetricsOptions& before,
     rest.metrics = config.metrics;
     if (setting_values(rest) != setting_values(config))
       throw Error(
-          fmt::format("--set {}: a run is judged with the settings it was trained with; only "
-                      "those of [metrics] may be others",
+          fmt::format("--set {}: a run is evaluated with the settings it was trained with; only "
+                      "[metrics] settings can be changed",
                       setting));
   }
   if (!settings.empty()) make_paths_absolute(changed.metrics);

@@ -65,8 +65,8 @@ void remove_previous_files(const RunFolder& run) {
     fs::remove_all(file, problem);
     if (problem)
       throw Error(
-          fmt::format("cannot remove {} of the previous run, which a new one replaces: {}; once it "
-                      "can be removed, `gflow train -o {} --resume` starts the new one",
+          fmt::format("cannot remove {} of the previous run: {}; once it can be removed, `gflow "
+                      "train -o {} --resume` starts the new run",
                       file, problem.message(), run.folder()));
   }
 }

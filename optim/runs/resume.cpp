@@ -43,16 +43,14 @@ void require_same_training(const CheckpointFolder::Found& found, const TrainOpti
     now.erase(free);
   for (const auto& [name, value] : now)
     if (value != before.at(name))
-      throw Error(
-          fmt::format("resuming {}: it was begun with {} = {}, not {}, which would have changed "
-                      "what is trained already; leave the setting as it was, or begin anew "
-                      "with --overwrite in place of --resume",
-                      run.folder(), name, before.at(name), value));
+      throw Error(fmt::format(
+          "resuming {}: it was started with {} = {}, not {}, which affects the steps already "
+          "trained; keep the setting, or start over with --overwrite instead of --resume",
+          run.folder(), name, before.at(name), value));
   if (scene != facts.scene)
     throw Error(
-        fmt::format("resuming {}: cameras or pictures of {} are not those it was begun with; "
-                    "give it the scene as it was, or begin anew with --overwrite in place of "
-                    "--resume",
+        fmt::format("resuming {}: cameras or images of {} have changed since it was started; "
+                    "restore the scene, or start over with --overwrite instead of --resume",
                     run.folder(), config.scene.path));
 }
 
@@ -61,8 +59,8 @@ void warn_of_other_bits(const CheckpointFacts& facts, const DeviceInfo& device) 
   const auto other = [](const char* what, const std::string& before, const std::string& now) {
     if (before != now)
       warn(
-          fmt::format("the checkpoint was written {} {}, this is {}: the result will not be bit "
-                      "by bit that of a training without a stop",
+          fmt::format("the checkpoint was written {} {}, this is {}: the result will not be "
+                      "bit-identical to an uninterrupted training",
                       what, before, now));
   };
   other("on", facts.device, device_stamp(device));
@@ -112,7 +110,8 @@ void Checkpointer::try_write(int step, double seconds) {
   try {
     write(step, seconds);
   } catch (const Error& problem) {
-    warn(fmt::format("no checkpoint of step {}: {}; training goes on", step, problem.what()));
+    warn(fmt::format("checkpoint of step {} not saved: {}; training continues", step,
+                     problem.what()));
   }
 }
 

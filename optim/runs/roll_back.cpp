@@ -39,11 +39,11 @@ int RollBack::roll_back(int step, const StepReport& figures, std::string& notice
     checkpoints_.write_to(path, step);
     throw Error(fmt::format(
         "training {}: {}, {}; a learning rate (lr.*), a weight or another setting in its "
-        "config.toml is too large; the state it came to is kept in {}",
+        "config.toml is too large; its last state is in {}",
         run_.folder(), what,
-        last ? fmt::format("as after each of {} returns to step {} with half the learning rates",
+        last ? fmt::format("as after each of {} rollbacks to step {} with halved learning rates",
                            most, from)
-             : "and there is no checkpoint to go back to",
+             : "and there is no checkpoint to return to",
         path));
   }
   const float scale = trainer_.rate_scale() / 2;
@@ -51,7 +51,7 @@ int RollBack::roll_back(int step, const StepReport& figures, std::string& notice
   trainer_.set_rate_scale(scale);
   run_.keep_metrics_before(from);
   notice =
-      fmt::format("{}: back to step {}, learning rates times {} from there", what, from, scale);
+      fmt::format("{}: rolled back to step {}, learning rates scaled by {}", what, from, scale);
   return from;
 }
 

@@ -152,21 +152,21 @@ std::vector<std::string> those_there(std::vector<std::string> paths) {
 }  // namespace
 
 void RunFolder::make() const {
-  if (folder_.empty()) throw Error("a run folder has an empty name; -o FOLDER gives it one");
+  if (folder_.empty()) throw Error("the name of the run folder is empty: set it with -o FOLDER");
   std::error_code problem;
   // Only run folders may be replaced; other folders are not ours.
   if (holds_something(folder_) && !is_made_by_training(folder_))
     throw Error(
-        fmt::format("training into {}: it is not empty and no run folder; name a new folder,"
-                    " or an earlier run to train it anew",
+        fmt::format("training into {}: it is not empty and not a run folder; name a new folder, or "
+                    "a previous run to replace",
                     folder_));
   if (fs::is_symlink(folder_, problem) && !fs::exists(folder_, problem))
-    throw Error(fmt::format(
-        "making the run folder {}: it is a link to {}, which is not there; make that folder, or "
-        "name another",
-        folder_, fs::read_symlink(folder_).string()));
+    throw Error(
+        fmt::format("creating run folder {}: it is a link to {}, which does not exist; create that "
+                    "folder, or name another",
+                    folder_, fs::read_symlink(folder_).string()));
   fs::create_directories(folder_, problem);
-  if (problem) throw Error(fmt::format("making the run folder {}: {}", folder_, problem.message()));
+  if (problem) throw Error(fmt::format("creating run folder {}: {}", folder_, problem.message()));
 }
 
 RunFolder RunFolder::create(const std::string& path) {
@@ -199,10 +199,9 @@ void RunFolder::require_no_beginning(const std::string& path) {
 RunFolder RunFolder::open(const std::string& path) {
   require_no_beginning(path);
   if (!is_run(path))
-    throw Error(
-        fmt::format("{} is no run folder: it has no config.toml, which `gflow train -o {}`"
-                    " writes",
-                    path, path));
+    throw Error(fmt::format(
+        "{} is not a run folder: it has no config.toml, which `gflow train -o {}` writes", path,
+        path));
   const RunFolder run(path);
   try {
     complete_beginning(run);
@@ -232,7 +231,7 @@ void RunFolder::write_model(int iteration, const HostModel& model) const {
   const std::string folder = fs::path(model_path(iteration)).parent_path().string();
   std::error_code problem;
   fs::create_directories(folder, problem);
-  if (problem) throw Error(fmt::format("cannot make {}: {}", folder, problem.message()));
+  if (problem) throw Error(fmt::format("cannot create {}: {}", folder, problem.message()));
   flush_folder_of(folder);
   gflow::write_model(model_path(iteration), model);
 }
@@ -249,11 +248,11 @@ void RunFolder::require_its_folders() const {
     if (!problem || !fs::exists(fs::symlink_status(folder, none))) continue;
     if (fs::is_symlink(folder, none) && !fs::exists(folder, none))
       throw Error(
-          fmt::format("training into {}: {} is a link to {}, which is not there; bring that back, "
-                      "or remove the link to do without",
+          fmt::format("training into {}: {} is a link to {}, which does not exist; restore it, or "
+                      "remove the link",
                       folder_, folder, fs::read_symlink(folder, none).string()));
-    throw Error(fmt::format("training into {}: cannot look into {}: {}", folder_, folder,
-                            problem.message()));
+    throw Error(
+        fmt::format("training into {}: cannot list {}: {}", folder_, folder, problem.message()));
   }
 }
 
@@ -313,7 +312,7 @@ void RunFolder::forget_unfinished_files() const {
     }
     // A missing folder is fine: another process has removed it.
     if (problem && problem != std::errc::no_such_file_or_directory)
-      throw Error(fmt::format("cannot look into {}: {}", folder.string(), problem.message()));
+      throw Error(fmt::format("cannot list {}: {}", folder.string(), problem.message()));
   };
   look_into(folder_);
   for (const fs::path& file : unfinished) {
@@ -343,16 +342,15 @@ TrainOptions RunFolder::read_config() const {
   try {
     TrainOptions config = kept;
     if (fs::is_regular_file(path("config.toml")) && fs::file_size(path("config.toml")) == 0)
-      throw Error(
-          fmt::format("reading the configuration {}: it is empty, and a training writes all "
-                      "of its settings there",
-                      path("config.toml")));
+      throw Error(fmt::format(
+          "reading the configuration {}: it is empty, but should contain all settings of the run",
+          path("config.toml")));
     apply_file(config, path("config.toml"));
     check(config);
     return config;
   } catch (const Error& problem) {
     if (checkpoint.empty()) throw;
-    warn(fmt::format("{}; the settings kept in {} are used", problem.what(), checkpoint));
+    warn(fmt::format("{}; using the settings saved in {}", problem.what(), checkpoint));
     return kept;
   }
 }
@@ -399,10 +397,9 @@ void RunFolder::keep_metrics_before(int iteration) const {
     // The last line of a killed process may be cut off.
     const bool cut_off = rest.empty() && text.substr(0, 1) == "{";
     if (line.is_discarded() && !cut_off)
-      warn(
-          fmt::format("{}: line {} is none that `gflow train` writes: it and all that follows are "
-                      "not kept",
-                      path("metrics.jsonl"), number));
+      warn(fmt::format(
+          "{}: line {} was not written by `gflow train`: it and all following lines are dropped",
+          path("metrics.jsonl"), number));
     if (line.is_discarded() || line["iteration"] >= iteration) break;
     if (end == 0) columns = names_of_line(line), table = csv_row(columns);
     table += csv_row(line, columns);
@@ -485,7 +482,7 @@ void RunFolder::write_facts(const RunFacts& facts) const {
 
 RunFacts RunFolder::read_facts() const {
   RunFacts facts;
-  std::string why = path("training.json") + " is not the JSON that `gflow train` writes";
+  std::string why = path("training.json") + " is damaged or was not written by `gflow train`";
   try {
     const std::string text = read_report_or_empty(path("training.json"));
     if (text.empty() && !fs::exists(path("training.json"))) return facts;
@@ -506,7 +503,7 @@ RunFacts RunFolder::read_facts() const {
     why = problem.what();
   }
   static std::set<std::string> told;
-  if (told.insert(folder_).second) warn(why + ": what the run took is not known");
+  if (told.insert(folder_).second) warn(why + ": time and memory of the run are unknown");
   return {};
 }
 

@@ -38,7 +38,7 @@ RunPlan plan_run(const RunFolder& run, const TrainOptions& config, Start start) 
 
 std::string in_words(const RunPlan& plan, const RunFolder& run) {
   if (plan.kind == RunPlan::only_evaluate)
-    return fmt::format("the training in {} is finished: its model is evaluated", run.folder());
+    return fmt::format("the training in {} is finished: evaluating its model", run.folder());
   return plan.checkpoint
              ? fmt::format("continuing from {}", plan.checkpoint->path)
              : fmt::format("{} has no checkpoint: training starts at the first step", run.folder());
@@ -57,22 +57,22 @@ void require_no_training(const RunFolder& run) {
   }
   if (run.checkpoints().steps().empty() && run.models().empty())
     throw Error(
-        fmt::format("{} holds results of a training, and neither its model nor a checkpoint: name "
+        fmt::format("{} holds results of a training, but neither a model nor a checkpoint: name "
                     "another folder, or replace them with --overwrite",
                     run.folder()));
   if (run.checkpoints().steps().empty())
-    throw Error(fmt::format(
-        "{} holds a model, which `gflow eval {}` judges, and no checkpoint to go on from: "
-        "name another folder, or replace it with --overwrite",
-        run.folder(), run.folder()));
+    throw Error(
+        fmt::format("{} holds a model, but no checkpoint to continue from: evaluate it with `gflow "
+                    "eval {}`, name another folder, or replace it with --overwrite",
+                    run.folder(), run.folder()));
   const int all = former.train.iterations;
   const int step = last ? last->checkpoint.facts.step : all;
   const bool out_of_time = ended.finished && ended.iterations == step;  // ended by train.minutes
   if (step < all && !out_of_time)
-    throw Error(fmt::format(
-        "{} holds a training that was stopped at step {} of {}: `{}` goes on with it, --overwrite "
-        "begins anew",
-        run.folder(), step, all, resuming_command(run, former)));
+    throw Error(
+        fmt::format("{} holds a training that was stopped at step {} of {}: `{}` continues it, "
+                    "--overwrite starts over",
+                    run.folder(), step, all, resuming_command(run, former)));
   throw Error(fmt::format(
       "{} holds a finished training{}: name another folder, or replace it with --overwrite",
       run.folder(), former.scene.path.empty() ? "" : " of " + former.scene.path));

@@ -77,7 +77,7 @@ RunState read_place(const RunFolder& run, const Place& place) {
 std::optional<RunState> first_readable(const RunFolder& run, const std::vector<Place>& places) {
   std::string reason;
   for (const Place& place : places) {
-    if (!reason.empty()) warn(fmt::format("{}; {} is read instead", reason, place.path));
+    if (!reason.empty()) warn(fmt::format("{}; reading {} instead", reason, place.path));
     try {
       return read_place(run, place);
     } catch (const Error& problem) {
@@ -96,8 +96,8 @@ ModelShape kept_shape(const Checkpoint& checkpoint, const std::string& path, con
     return read_model(run.path("input.ply")).shape;
   } catch (const Error& problem) {
     throw Error(
-        fmt::format("{} is of an older gflow and its model can be read only beside the first "
-                    "Gaussians: {}",
+        fmt::format("{} was written by an older gflow and cannot be read without the initial "
+                    "Gaussians of the run: {}",
                     path, problem.what()));
   }
 }
@@ -120,15 +120,15 @@ RunState read_run_state(const RunFolder& run, int iteration) {
   for (int attempt = 0; attempt < attempts; ++attempt) {
     std::vector<Place> places = places_in(run);
     if (places.empty())
-      throw Error(fmt::format(
-          "run folder {} has no model yet: training writes the first one with its first checkpoint "
-          "(train.checkpoint_every), the first of train.save_every, or at its end",
-          run.folder()));
+      throw Error(
+          fmt::format("run folder {} has no model yet: training saves the first one after "
+                      "train.checkpoint_every or train.save_every steps, or at its end",
+                      run.folder()));
     if (iteration != latest_iteration) {
       const auto other = [&](const Place& place) { return place.iteration != iteration; };
       places.erase(std::remove_if(places.begin(), places.end(), other), places.end());
       if (places.empty())
-        throw Error(fmt::format("run folder {} has nothing of iteration {}; there are {}",
+        throw Error(fmt::format("run folder {} has no model of iteration {}; available: {}",
                                 run.folder(), iteration, fmt::join(iterations_of(run), ", ")));
     }
     if (std::optional<RunState> state = first_readable(run, places)) {
@@ -136,7 +136,8 @@ RunState read_run_state(const RunFolder& run, int iteration) {
       return *std::move(state);
     }
   }
-  throw Error(fmt::format("the models of run folder {} vanish while they are read", run.folder()));
+  throw Error(
+      fmt::format("the models of run folder {} are removed while being read", run.folder()));
 }
 
 }  // namespace gflow

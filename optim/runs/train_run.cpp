@@ -43,7 +43,7 @@ void require_inputs_elsewhere(const TrainOptions& config, const RunFolder& run) 
         config.metrics.clip})
     if (run.would_remove(input))
       throw Error(
-          fmt::format("training on {0}: a training into {1} removes or replaces it; name another "
+          fmt::format("training on {0}: training into {1} would remove or replace it; name another "
                       "output folder, or copy {0} out of {1}",
                       input, run.folder()));
 }
@@ -52,7 +52,7 @@ void require_inputs_elsewhere(const TrainOptions& config, const RunFolder& run) 
 void require_whole_files(Preparation& prepared, bool quiet) {
   const std::vector<Frame>& frames = prepared.scene().train;
   const size_t flows = prepared.flows_in_files();
-  Progress progress("look ", long(frames.size() + flows), quiet);
+  Progress progress("check", long(frames.size() + flows), quiet);
   for (const Frame& frame : frames) {
     if (frame.video_frame < 0) check_image_bytes(read_file(frame.path), frame.path);
     if (!frame.mask_path.empty()) check_image_bytes(read_file(frame.mask_path), frame.mask_path);

@@ -24,7 +24,7 @@ std::vector<ProgressTerm> terms_of(const StepReport& report) {
     if (!term.progress.empty()) terms.push_back({"", term.progress});
   terms.push_back({"", fmt::format("{} Gaussians", report.gaussians)});
   if (report.moving < report.gaussians)
-    terms.push_back({"", fmt::format("{} move", report.moving)});
+    terms.push_back({"", fmt::format("{} dynamic", report.moving)});
   if (report.rejected) terms.push_back({"rejected", std::to_string(report.rejected)});
   return terms;
 }
@@ -34,7 +34,8 @@ void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int 
   try {
     run.write_model(iteration, model.read(queue));
   } catch (const Error& problem) {
-    warn(fmt::format("no point cloud of step {}: {}; training goes on", iteration, problem.what()));
+    warn(fmt::format("point cloud of step {} not saved: {}; training continues", iteration,
+                     problem.what()));
   }
 }
 
@@ -43,7 +44,7 @@ void try_append_metrics(const RunFolder& run, int step, double seconds, const St
   try {
     run.append_metrics(step, seconds, figures);
   } catch (const Error& problem) {
-    warn(fmt::format("no metrics of step {}: {}; training goes on", step, problem.what()));
+    warn(fmt::format("metrics of step {} not saved: {}; training continues", step, problem.what()));
   }
 }
 
@@ -117,9 +118,9 @@ Error not_all_kept(const Training& training, int steps, const std::string& model
   const int last = saved.empty() ? 0 : saved[0];
   std::string go_on;
   if (last > 0)
-    go_on = "; once that is mended, " + how_to_resume(run, training.config);
+    go_on = "; once that is fixed, " + how_to_resume(run, training.config);
   else if (model.empty() && steps == training.config.train.iterations)
-    go_on = fmt::format("; once that is mended, `gflow eval {}` judges it", run.folder());
+    go_on = fmt::format("; once that is fixed, `gflow eval {}` evaluates it", run.folder());
   if (model.empty())
     return Error(
         fmt::format("{}; the model is in {}, {}{}", rest, run.model_path(steps),
@@ -127,7 +128,7 @@ Error not_all_kept(const Training& training, int steps, const std::string& model
                              : "there is no checkpoint",
                     go_on));
   if (last == steps)
-    return Error(fmt::format("{}; all {} steps are kept in {}{}", model, steps,
+    return Error(fmt::format("{}; all {} steps are saved in {}{}", model, steps,
                              run.checkpoints().path(last), go_on));
   return Error(fmt::format("{}; {} of {} steps are saved{}", model, last, steps, go_on));
 }
@@ -283,8 +284,7 @@ RunFacts keep_result(Training& training, int steps) {
   if (!unsound.empty()) {  // stopped between two checks
     training.checkpoints.write_to(run.path("broken.npz"), steps);
     const std::string sentence = fmt::format(
-        "training {}: {} contains NaN or Inf after {} steps, which are kept in "
-        "broken.npz; {}",
+        "training {}: {} contains NaN or Inf after {} steps; its last state is in broken.npz; {}",
         run.folder(), unsound, steps,
         run.checkpoints().steps().empty() ? "no step is saved"
                                           : how_to_resume(run, training.config));

@@ -159,7 +159,7 @@ TEST_F(FilesCommand, AnIterationIsChosenOfARunOnly) {
   expect_refused({"info", model(), "--iteration", "3"}, {"--iteration 3", "run folder"});
   expect_refused({"info", scene().path(), "--iteration", "3"}, {"--iteration 3", "run folder"});
   expect_refused({"render", model(), "-o", "/nowhere/out", "--iteration", "3"}, {"--iteration 3"});
-  expect_refused({"eval", run(), "--iteration", "4"}, {"iteration 4", "there are 3"});
+  expect_refused({"eval", run(), "--iteration", "4"}, {"iteration 4", "available: 3"});
   expect_refused({"eval", run(), "--iteration", "x"}, {"--iteration", "'x'"});
 }
 

@@ -189,7 +189,7 @@ TEST_F(CommandTest, EvalJudgesByTheNetworksItIsGiven) {
   expect_refused({"eval", copy, "--set", "metrics.clip=" + networks + "lpips.onnx"},
                  {"metrics.clip", "lpips.onnx", "2 inputs"});
   expect_refused({"eval", copy, "--set", "flow.enabled=false"},
-                 {"flow.enabled=false", "only those of [metrics]"});
+                 {"flow.enabled=false", "only [metrics] settings can be changed"});
   // A training that could not be evaluated does not start.
   const std::string other = folder.file("other");
   expect_refused({"train", scene().path(), "-o", other, "--iterations", "3", "--quiet", "--set",

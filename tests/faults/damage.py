@@ -94,7 +94,7 @@ def resumed(world):
             wrong = complaints(outcome, (0,)) + world.differences(run)
             wrong += [] if len(outcome.warnings()) == 1 else [f"warnings: {outcome.err!r}"]
         else:
-            wrong = complaints(outcome, (1,), ["can be used", world.checkpoint(run, 4), "--overwrite"])
+            wrong = complaints(outcome, (1,), ["no usable checkpoint", world.checkpoint(run, 4), "--overwrite"])
         results.append([f"{name}: {what}" for what in wrong])
     return results
 

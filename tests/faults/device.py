@@ -60,7 +60,7 @@ def right_codes(outcome, code, failed, calls, check, count):
 
 
 def no_checkpoint(outcome):
-    return re.fullmatch(r"gflow: warning: no checkpoint of step \d+: .*; training goes on\n", outcome.err)
+    return re.fullmatch(r"gflow: warning: checkpoint of step \d+ not saved: .*; training continues\n", outcome.err)
 
 
 def spread(numbers, first, more):

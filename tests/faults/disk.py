@@ -19,7 +19,7 @@ def training(world, name, prepare, arguments):
         if had and not any(step >= had[-1] for step in checkpoints_of(run)):
             wrong.append("the checkpoint there was is gone")
         # A log line that did not fit on the disk is not written later.
-        lost = ("metrics.jsonl", "metrics.csv") if any("no metrics of" in line for line in outcome.warnings()) else ()
+        lost = ("metrics.jsonl", "metrics.csv") if any("metrics of step" in line for line in outcome.warnings()) else ()
         wrong += world.differences(run, lost) if outcome.code == 0 else []
         return wrong + world.resumed_as_undisturbed(run, lost)
     return Trial(world, name, prepare, arguments, check)
@@ -34,7 +34,7 @@ def full_at_the_end(world):
 
     def check(folder, outcome, before):
         wrong = [] if outcome.code == 0 else [outcome.last_line()]
-        if "older checkpoints make room (step 4), that of step 8 stays" not in outcome.err:
+        if "deleted older checkpoints to free space (step 4), kept that of step 8" not in outcome.err:
             wrong.append(f"it does not say what made room: {outcome.err.strip()!r}")
         return wrong + as_ever(folder, outcome, before)
     trial.check, trial.room = check, True

@@ -78,7 +78,7 @@ TEST(Checkpoint, ShapesThatNoModelHasAreRefused) {
     checkpoint.facts.shape = ModelShape();
     spoil(*checkpoint.facts.shape);
     write_checkpoint(path, checkpoint);
-    expect_error([&] { read_checkpoint(path); }, {path, "damaged: it says that", name});
+    expect_error([&] { read_checkpoint(path); }, {path, "is damaged: ", name});
     expect_error([&] { read_checkpoint_facts(path); }, {path, name});
   };
   refused("'duration'", [](ModelShape& s) { s.duration = 0; });
@@ -94,7 +94,7 @@ TEST(Checkpoint, OfAnotherStepThanItsNameSaysIsRefused) {
   const TemporaryFolder folder;
   const std::string path = folder.file("iteration_30.npz");
   write_checkpoint(path, some_checkpoint(20));
-  expect_error([&] { read_checkpoint(path); }, {"iteration_30.npz is damaged", "of step 20"});
+  expect_error([&] { read_checkpoint(path); }, {"iteration_30.npz is damaged", "its step is 20"});
   write_checkpoint(path, some_checkpoint(30));
   EXPECT_EQ(read_checkpoint(path).facts.step, 30);
 }
@@ -147,11 +147,11 @@ TEST(Checkpoint, OtherArchivesAndFormatsAreRefusedWithTheReason) {
     write_npz(path, {{"facts", {{text.size()}, std::vector<uint8_t>(text.begin(), text.end())}}});
   };
   write_npz(path, {{"means", {{1}, std::vector<float>{1}}}});
-  expect_error([&] { read_checkpoint(path); }, {"a.npz", "no checkpoint"});
+  expect_error([&] { read_checkpoint(path); }, {"a.npz", "not a checkpoint"});
   with_facts("{");
-  expect_error([&] { read_checkpoint(path); }, {"a.npz", "no checkpoint"});
+  expect_error([&] { read_checkpoint(path); }, {"a.npz", "not a checkpoint"});
   with_facts("{\"format\": \"new\"}");
-  expect_error([&] { read_checkpoint(path); }, {"a.npz", "no checkpoint"});
+  expect_error([&] { read_checkpoint(path); }, {"a.npz", "not a checkpoint"});
   for (const char* format : {"1", "3"}) {
     with_facts("{\"format\": " + std::string(format) + "}");
     expect_error([&] { read_checkpoint(path); },
@@ -163,7 +163,7 @@ TEST(Checkpoint, OtherArchivesAndFormatsAreRefusedWithTheReason) {
   expect_error([&] { read_checkpoint(path); }, {"a.npz", "nested more than 100"});
   for (const char* step : {"1099511627776", "-1", "0.5", "\"7\""}) {  // 2^40 is 0 to 32 bits
     with_facts("{\"format\": 2, \"arrays\": {}, \"step\": " + std::string(step) + "}");
-    const std::string said = std::string("damaged: it says that it is of step ") + step;
+    const std::string said = std::string("damaged: its step is ") + step;
     expect_error([&] { read_checkpoint(path); }, {"a.npz", said});
     expect_error([&] { read_checkpoint_facts(path); }, {"a.npz", said});
   }
@@ -172,7 +172,8 @@ TEST(Checkpoint, OtherArchivesAndFormatsAreRefusedWithTheReason) {
   const std::string facts = "{\"format\": 2, \"arrays\": {\"means\": [3]}}";
   write_npz(path, {{"facts", {{facts.size()}, std::vector<uint8_t>(facts.begin(), facts.end())}},
                    {"means", {{2}, std::vector<float>{1, 2}}}});
-  expect_error([&] { read_checkpoint(path); }, {"'means'", "not the shape it was written with"});
+  expect_error([&] { read_checkpoint(path); },
+               {"'means'", "a different shape than when it was written"});
 }
 
 TEST(CheckpointFolder, KeepsTheLastTwo) {
@@ -248,7 +249,7 @@ TEST(CheckpointFolder, TakesTheOneBeforeAnUnsoundOne) {
   to_come.arrays["gaussians/rows/now"] = {{1}, std::vector<uint32_t>{7}};
   to_come.arrays["gaussians/rows/last"] = {{2}, std::vector<uint32_t>{7, 8}};
   EXPECT_EQ(taken(to_come, "'gaussians/rows/last' or 'gaussians/rows/now'"), 10);
-  for (const int step : {-5, 10, 30}) EXPECT_EQ(taken(some_checkpoint(step), "of step"), 10);
+  for (const int step : {-5, 10, 30}) EXPECT_EQ(taken(some_checkpoint(step), "its step is"), 10);
   Checkpoint without_settings = some_checkpoint(20);
   without_settings.facts.config = "[train\nseed = 3\n";
   EXPECT_EQ(taken(without_settings, "iteration_20.npz is damaged: reading the configuration its"),
@@ -262,7 +263,7 @@ TEST(CheckpointFolder, WithNoneThatCanBeReadIsAnError) {
   for (const int step : {10, 20}) folder.write("iteration_" + std::to_string(step) + ".npz", "PK");
   testing::internal::CaptureStderr();
   expect_error([&] { checkpoints.latest(); },
-               {"no checkpoint in", "iteration_10.npz", "--overwrite"});
+               {"no usable checkpoint in", "iteration_10.npz", "--overwrite"});
   testing::internal::GetCapturedStderr();
 }
 
@@ -284,7 +285,7 @@ TEST(CheckpointFolder, MakesRoomByTheOnesBeforeTheLast) {
   checkpoints.write(some_checkpoint(20));
   EXPECT_TRUE(makes_room());
   EXPECT_EQ(checkpoints.steps(), std::vector<int>{20});
-  for (const char* part : {"No space left", "step 10", "step 20 stays"})
+  for (const char* part : {"No space left", "step 10", "kept that of step 20"})
     EXPECT_NE(said.find(part), std::string::npos) << part << " in " << said;
   folder.write("iteration_30.npz", "damaged");
   EXPECT_TRUE(makes_room());

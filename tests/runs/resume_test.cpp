@@ -202,7 +202,7 @@ TEST_F(Resume, ASceneMayMoveButNotChange) {
   fs::copy(scene_->path(), moved, fs::copy_options::recursive);
   std::ofstream(moved + "/cam01/images/0001.png", std::ios::app) << "more";
   expect_refused({"train", moved, "-o", run("run"), "--resume", "--quiet"},
-                 {moved, "cameras or pictures"});
+                 {moved, "cameras or images"});
   fs::copy(scene_->path(), moved,
            fs::copy_options::recursive | fs::copy_options::overwrite_existing);
   EXPECT_EQ(gflow({"train", moved, "-o", run("run"), "--resume", "--quiet"}).code, 0);
@@ -306,7 +306,7 @@ TEST_F(Resume, TheCheckpointKnowsTheSettingsWhereTheirFileIsDamaged) {
     const std::string said = command.wait().err;
     EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
     EXPECT_NE(said.find("config.toml"), std::string::npos) << said;
-    EXPECT_NE(said.find("the settings kept in"), std::string::npos) << said;
+    EXPECT_NE(said.find("using the settings saved in"), std::string::npos) << said;
   }
   EXPECT_EQ(gflow(resume()).code, 0);
   expect_as_uninterrupted();
@@ -400,7 +400,8 @@ TEST_F(Resume, AWrongInputLeavesTheFormerRunAsItWas) {
                     {"train.sequential", "motion.model"});
   expect_left_alone({"--init", "visual-hull"}, {"init.from", "no alpha"});
   for (const std::string& first : {latest_model("run"), run("run") + "/input.ply"})
-    expect_left_alone({"--init", first}, {"training on " + first, "removes or replaces it", "copy"});
+    expect_left_alone({"--init", first},
+                      {"training on " + first, "would remove or replace it", "copy"});
 
   const std::string damaged = run("damaged"), picture = damaged + "/cam01/images/0001.png";
   fs::copy(scene_->path(), damaged, fs::copy_options::recursive);
@@ -505,7 +506,8 @@ TEST_F(Resume, FlowOfTheUserInTheRunIsNotRemoved) {
   fs::create_directories(kept);
   fs::copy(scene_->path() + "/flow", kept, fs::copy_options::recursive);
   std::ofstream(run("run") + "/caches.stamp") << "of a run";
-  expect_refused(train("run", {"--set", "flow.folder=" + kept}), {kept, "removes or replaces it"});
+  expect_refused(train("run", {"--set", "flow.folder=" + kept}),
+                 {kept, "would remove or replace it"});
   EXPECT_TRUE(fs::exists(kept + "/" + flow_of_one_));
 }
 
@@ -592,7 +594,7 @@ TEST_F(Resume, AFullDiskStopsNoTraining) {
   const Outcome outcome =
       gflow(train("run", fixed), cache + "; ulimit -f " + std::to_string(blocks));
   EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("warning: no checkpoint of step 200"), std::string::npos)
+  EXPECT_NE(outcome.err.find("warning: checkpoint of step 200 not saved"), std::string::npos)
       << outcome.err;
   EXPECT_NE(outcome.err.find("iteration_240.npz: "), std::string::npos) << outcome.err;
   EXPECT_EQ(latest_model("run"), RunFolder(run("run")).model_path(240));

@@ -93,7 +93,7 @@ TEST_F(Broken, GoesBackToTheCheckpointWithHalfTheRates) {
   const StepReport figures = training.trainer.report(queue);
   ASSERT_FALSE(is_finite_report(figures, {}));
   EXPECT_EQ(roll_back.roll_back(21, figures, notice), 20);
-  EXPECT_NE(notice.find("back to step 20"), std::string::npos) << notice;
+  EXPECT_NE(notice.find("rolled back to step 20"), std::string::npos) << notice;
   EXPECT_EQ(training.trainer.rate_scale(), 0.5f);
   auto now = training.bits(queue);
   EXPECT_EQ(now.erase("caution"), 1u);
@@ -146,7 +146,7 @@ TEST_F(Broken, EndsAfterThreeReturnsAndKeepsTheStateItCameTo) {
   for (int k = 0; k < RollBack::most; ++k) EXPECT_EQ(roll_back.roll_back(9, figures, notice), 0);
   EXPECT_EQ(training.trainer.rate_scale(), 0.125f);
   expect_error([&] { roll_back.roll_back(9, figures, notice); },
-               {"the loss is NaN at step 9", "3 returns to step 0", "lr.", "broken.npz"});
+               {"the loss is NaN at step 9", "3 rollbacks to step 0", "lr.", "broken.npz"});
   EXPECT_EQ(read_checkpoint(run.path("broken.npz")).facts.step, 9);
   EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{0});
 }
@@ -188,7 +188,8 @@ TEST(BrokenRun, EndsWhereParametersAreNoNumbersThoughTheLossIs) {
              "lr.scales=3e38", "--set", "train.minutes=0.02", "--set", "train.log_every=1000000",
              "--set", "train.checkpoint_every=0"});
   EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.err.find("which are kept in broken.npz; no step is saved"), std::string::npos)
+  EXPECT_NE(outcome.err.find("its last state is in broken.npz; no step is saved"),
+            std::string::npos)
       << outcome.err;
   EXPECT_TRUE(fs::exists(run + "/broken.npz"));
   EXPECT_TRUE(RunFolder(run).models().empty());

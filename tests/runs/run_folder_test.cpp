@@ -98,7 +98,8 @@ TEST(RunFolder, KeepsMetricsOfTheStepsBeforeACheckpoint) {
     std::ofstream(run.path("metrics.jsonl"), std::ios::app) << last;
     testing::internal::CaptureStderr();
     run.keep_metrics_before(1000);
-    EXPECT_NE(testing::internal::GetCapturedStderr().find("line 3 is none"), std::string::npos);
+    EXPECT_NE(testing::internal::GetCapturedStderr().find("line 3 was not written by"),
+              std::string::npos);
     EXPECT_EQ(contents(run.path("metrics.jsonl")), expected);
   }
 }
@@ -120,7 +121,7 @@ TEST(RunFolder, MetricsThatNobodyWritesEndTheLogInLittleMemory) {
     testing::internal::CaptureStderr();
     EXPECT_LT(memory_of([&] { run.keep_metrics_before(10); }),
               2 * double(line.size()) / double(mb) + 64);
-    EXPECT_NE(testing::internal::GetCapturedStderr().find(log + ": line 2 is none"),
+    EXPECT_NE(testing::internal::GetCapturedStderr().find(log + ": line 2 was not written by"),
               std::string::npos);
     EXPECT_EQ(contents(log), whole);
   }
@@ -174,10 +175,10 @@ TEST(RunFolder, IsNotTakenForEmptyWhereItsFoldersAreAway) {
   EXPECT_NO_THROW(run.require_its_folders());
   std::filesystem::create_directory_symlink("/no/such/disk", run.path("checkpoints"));
   expect_error([&] { run.require_its_folders(); },
-               {"checkpoints is a link to /no/such/disk, which is not there"});
+               {"checkpoints is a link to /no/such/disk, which does not exist"});
   std::filesystem::remove(run.path("checkpoints"));
   folder.write("point_cloud", "a file");
-  expect_error([&] { run.require_its_folders(); }, {"cannot look into", "point_cloud"});
+  expect_error([&] { run.require_its_folders(); }, {"cannot list", "point_cloud"});
   std::filesystem::remove(run.path("point_cloud"));
   for (const char* name : {"flow", "frames", "test"}) {
     std::filesystem::create_directory_symlink("/no/such/disk", run.path(name));
