@@ -86,7 +86,7 @@ float flow_length_above(const FlowField& flow, double share) {
 
 Image error_picture(const Image& a, const Image& b, int gain) {
   if (a.width != b.width || a.height != b.height || a.channels != b.channels)
-    throw Error(fmt::format("cannot compare a picture of {}x{} with one of {}x{}", a.width,
+    throw Error(fmt::format("cannot compare an image of {}x{} pixels with one of {}x{}", a.width,
                             a.height, b.width, b.height));
   Image error{a.width, a.height, a.channels, std::vector<uint8_t>(a.pixels.size())};
   for (size_t i = 0; i < a.pixels.size(); ++i)
@@ -98,7 +98,7 @@ Image side_by_side(const std::vector<Image>& pictures) {
   Image row;
   for (const Image& picture : pictures) {
     if (picture.channels != 3 || (row.height && picture.height != row.height))
-      throw Error("pictures side by side must be RGB of one height");
+      throw Error("images side by side must be RGB and of equal height");
     row.width += picture.width;
     row.height = picture.height;
   }

@@ -76,7 +76,7 @@ class Painter {
 void make_folder(const std::string& path) {
   std::error_code problem;
   fs::create_directories(path, problem);
-  if (problem) throw Error(fmt::format("making the folder {}: {}", path, problem.message()));
+  if (problem) throw Error(fmt::format("creating folder {}: {}", path, problem.message()));
 }
 
 void write_view(const std::string& folder, const std::string& name, const Drawn& drawn,
@@ -155,7 +155,7 @@ void write_movies(const std::vector<RenderView>& views, const std::string& folde
 
 Image comparison_picture(Queue& queue, Model& model, const RenderView& view, FrameStore& frames,
                          const RenderOptions& options) {
-  if (!view.truth) throw Error("view " + view.name + " has no picture to be compared with");
+  if (!view.truth) throw Error("view " + view.name + " has no image to compare with");
   Painter painter(queue, model, options);
   // Scale colours by the reference, so that it looks the same beside every model.
   const bool with_flow = view.time_t2 >= 0;

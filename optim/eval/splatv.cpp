@@ -126,7 +126,7 @@ void append(std::string& bytes, uint32_t word) {
 void write_splatv(const std::string& path, const HostModel& any,
                   const std::vector<Camera>& cameras) {
   const HostModel model =
-      as_spacetime(any, "a .splatv file holds the paths of motion models spacetime and native4d");
+      as_spacetime(any, "a .splatv file supports only the motion models spacetime and native4d");
   const size_t rows = std::max<size_t>(1, (model.count + kAcross - 1) / kAcross);
   std::vector<uint32_t> texture(rows * kTexels * 4, 0);
   for (size_t i = 0; i < model.count; ++i) put(model, i, &texture[kWords * i]);

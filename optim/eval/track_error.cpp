@@ -102,13 +102,13 @@ bool sees(const Camera& camera, const TargetFlow& truth, const Eigen::Vector3f& 
 Tracks read_tracks(const std::string& path, const std::array<double, 3>& origin) {
   const Array array = read_npy(path);
   if (array.shape.size() != 3 || array.shape[0] < 2 || array.shape[1] < 1 || array.shape[2] != 3)
-    throw Error(fmt::format("tracks {} have shape {}, expected is (steps, points, 3)", path,
+    throw Error(fmt::format("reading tracks {}: the shape is {}, expected (steps, points, 3)", path,
                             array.shape_text()));
   Tracks tracks{array.shape[0], array.shape[1], {}, {}};
   const std::vector<double> world = array.as_double();
   for (size_t i = 0; i < world.size(); ++i) {
     if (!std::isfinite(world[i]))
-      throw Error("tracks " + path + " hold a value that is not finite");
+      throw Error("reading tracks " + path + ": they contain NaN or Inf");
     tracks.xyz.push_back(float(world[i] - origin[i % 3]));
   }
   return tracks;

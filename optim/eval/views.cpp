@@ -76,7 +76,7 @@ Eigen::Vector3d axis_named(const std::string& name) {
   const bool minus = name.size() == 2 && name[0] == '-';
   const std::string letter = minus ? name.substr(1) : name;
   if (letter != "x" && letter != "y" && letter != "z")
-    throw Error("there is no axis '" + name + "': choose x, y, z, -x, -y or -z");
+    throw Error("unknown axis '" + name + "': choose x, y, z, -x, -y or -z");
   return Eigen::Vector3d::Unit(letter[0] - 'x') * (minus ? -1 : 1);
 }
 
@@ -111,8 +111,8 @@ std::vector<double> parse_times(const std::string& text) {
       std::all_of(times.begin(), times.end(), [](double t) { return t >= 0 && t <= 1; });
   if (times.empty() || !fine)
     throw Error(
-        fmt::format("--times {}: times lie in 0 to 1 and are written as 0:1:40 (40 times "
-                    "from 0 to 1; a million at most) or as a list 0,0.25,1",
+        fmt::format("--times {}: expected times from 0 to 1, as 0:1:40 (40 times from 0 to 1; at "
+                    "most a million) or as a list 0,0.25,1",
                     text));
   return times;
 }
@@ -189,7 +189,7 @@ std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
 
 std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<double>& times,
                                     const std::string& up) {
-  if (model.count == 0) throw Error("a model without Gaussians has nothing to look at");
+  if (model.count == 0) throw Error("the model has no Gaussians to orbit around");
   const Eigen::Vector3d axis = axis_named(up);
   Eigen::Vector3d low, high;
   for (long k = 0; k < 3; ++k) {

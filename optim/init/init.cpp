@@ -156,8 +156,8 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
   }
   if (points.size() == 0)
     throw Error(
-        fmt::format("no random point of scene {} lies on the object in nine of ten "
-                    "pictures: check its cameras and masks, or give it points3D.ply",
+        fmt::format("no random point of scene {} is on the object in nine of ten images: check its "
+                    "cameras and masks, or add points3D.ply",
                     scene.name));
   return points;
 }
@@ -229,7 +229,7 @@ Seeds at_most(const Seeds& all, size_t most) {
 
 HostModel read_init_file(const TrainOptions& config) {
   const std::string& path = config.init.file;
-  if (path.empty()) throw Error("init.from is \"file\", but init.file names none");
+  if (path.empty()) throw Error("init.from is \"file\", but init.file is empty");
   const HostModel file = [&] {
     try {
       return read_model(path);
@@ -239,8 +239,8 @@ HostModel read_init_file(const TrainOptions& config) {
   }();
   if (!is_static_model(file))
     throw Error(
-        fmt::format("init.file {} moves, first Gaussians stand still: `gflow export --format "
-                    "ply --times T` makes a PLY of one of its times",
+        fmt::format("init.file {} has motion, but initial Gaussians must be static: export one "
+                    "time with `gflow export --format ply --times T`",
                     path));
   if (file.count == 0) throw Error("init.file " + path + " has no Gaussians");
   if (file.count > size_t(config.density.cap))
@@ -323,10 +323,10 @@ void require_init_file(const TrainOptions& config) {
 void require_first_points(const Scene& scene, const InitOptions& init) {
   if (init.from == InitFrom::points && scene.points.size() == 0)
     throw Error("init.from is \"points\", but scene " + scene.name +
-                " has none (points3D.ply or sparse/0/points3D.bin)");
+                " has no points (points3D.ply or sparse/0/points3D.bin)");
   if (init.from == InitFrom::visual_hull && !scene.has_alpha)
-    throw Error("init.from is \"visual-hull\", but the pictures of scene " + scene.name +
-                " have no alpha that shows the object");
+    throw Error("init.from is \"visual-hull\", but the images of scene " + scene.name +
+                " have no alpha or masks that show the object");
 }
 
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,

@@ -54,7 +54,7 @@ AdamRate Rates::planned(Quantity quantity, int step) const {
     case Quantity::weight:
       return {fade * lr.weights, eps.eps_quats};
   }
-  throw Error("a parameter without a learning rate");
+  throw Error("this parameter has no learning rate");
 }
 
 AdamRate Rates::of(const GroupSpec& spec, int step) const {

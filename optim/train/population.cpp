@@ -108,16 +108,16 @@ bool Population::refine(Queue& queue, uint32_t seed) {
   if (rest_) rest_->forget();
   if (rule.cap < density_rule_.cap && p.count >= size_t(rule.cap))
     memory_is_short(
-        fmt::format("density.memory = {} MiB{} holds {} Gaussians, fewer than density.cap",
+        fmt::format("density.memory = {} MiB{} fits {} Gaussians, fewer than density.cap",
                     budget ? budget : size_t(queue.info.global_memory / 4 * 3 >> 20),
-                    budget ? "" : " (three quarters of the device's)", memory_holds_));
+                    budget ? "" : " (three quarters of the device memory)", memory_holds_));
   return true;
 }
 
 void Population::memory_is_short(const std::string& sentence) {
   if (memory_was_short_) return;
   memory_was_short_ = true;
-  notice_ = fmt::format("memory is short, training goes on with {} Gaussians: {}",
+  notice_ = fmt::format("memory limit reached, training continues with {} Gaussians: {}",
                         model_.parameters.count, sentence);
 }
 

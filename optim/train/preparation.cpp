@@ -24,8 +24,8 @@ std::vector<FlowPair> close_pairs(const Scene& scene, const FlowOptions& flow) {
   const bool by_track = flow.pairs == FlowPairs::track;
   if (!by_track && flow.source != FlowSource::files)
     throw Error(
-        "flow.pairs = \"time\" compares pictures of different cameras, whose flow is not "
-        "estimated: set flow.source = \"files\" and flow.folder");
+        "flow.pairs = \"time\" compares images of different cameras, for which flow is not "
+        "computed: set flow.source = \"files\" and flow.folder");
   std::vector<FlowPair> close;
   for (const FlowPair& pair : by_track ? neighbour_pairs(scene) : pairs_in_time(scene))
     if (pair.next < 0 ||
@@ -70,15 +70,13 @@ void require_sources(const FlowOptions& flow) {
       flow.source == FlowSource::tracks || (flow.span != 1 && flow.long_span == FarFlow::tracks);
   if (!flow.enabled) return;
   if (flow.span != 1 && flow.pairs == FlowPairs::time)
-    throw Error(
-        "flow.span above 1 follows the pictures of one camera: it needs flow.pairs = \"track\"");
+    throw Error("flow.span above 1 follows the images of one camera: set flow.pairs = \"track\"");
   if (by_tracks && flow.tracks.empty())
-    throw Error("flow of points is asked for, but flow.tracks names no file or folder of them");
+    throw Error("flow.tracks is empty: flow from point tracks needs a file or folder of tracks");
   if (flow.span != 1 && flow.long_span == FarFlow::direct && flow.source != FlowSource::dis)
     throw Error(
-        fmt::format("flow.long_span = \"direct\" is computed from the pictures, flow.source = "
-                    "\"{}\" is not: choose "
-                    "\"chain\" or \"tracks\"",
+        fmt::format("flow.long_span = \"direct\" computes flow from images, but flow.source is "
+                    "\"{}\": choose \"chain\" or \"tracks\"",
                     name_of(flow.source)));
 }
 
@@ -96,10 +94,10 @@ std::optional<FlowStore> flows_at_hand(const TrainOptions& config, const LoadedS
   bool any = false;
   for (size_t i = 0; i < pairs.size(); ++i) any |= flows.has(i);
   if (!any)
-    throw Error(fmt::format(
-        "flow.source is \"files\", but scene {} has no true flow that leads from a training "
-        "picture to one it is compared with: name the files' folder in flow.folder",
-        loaded.scene.name));
+    throw Error(
+        fmt::format("flow.source is \"files\", but scene {} has no ground-truth flow between "
+                    "training images that are compared: set flow.folder to a folder of flow files",
+                    loaded.scene.name));
   return flows;
 }
 
@@ -119,8 +117,7 @@ FlowStore computed_flows(const TrainOptions& config, const LoadedScene& loaded,
       compared <= views && likely_flow_bytes(loaded.scene, pairs, *loaded.frames) <= how.budget;
   if (!how.beforehand && !quiet)
     print_status(
-        "optical flow of {} pairs of pictures is computed when it is needed and kept within "
-        "{} GiB in {}\n",
+        "optical flow of {} image pairs is computed on demand and cached, up to {} GiB, in {}\n",
         compared, config.flow.store, how.folder);
   Progress progress("flow ", long(compared), quiet || !how.beforehand || compared == 0);
   how.progress = progress_callback(progress);
@@ -177,11 +174,11 @@ HostModel Preparation::first_model(Queue& queue) {
                                       config_.adam.beta1 > 0);
   TrainOptions config = config_;
   if (holds < size_t(config.density.cap)) {
-    warn(fmt::format(
-        "memory is short: density.memory, and the {:.1f} MiB that {} gives in one piece, "
-        "hold {} Gaussians, fewer than density.cap = {}; there will be no more",
-        double(queue.info.max_allocation) / (1 << 20), queue.info.full_name(), holds,
-        config.density.cap));
+    warn(
+        fmt::format("density.memory and the largest allocation ({:.1f} MiB on {}) fit only {} "
+                    "Gaussians: density.cap = {} will not be reached",
+                    double(queue.info.max_allocation) / (1 << 20), queue.info.full_name(), holds,
+                    config.density.cap));
     config.density.cap = std::max(int(holds), 1);
   }
   return initial_model(scene(), frames(), parts_, static_cameras_, neighbours_, *flows_, config);
@@ -196,8 +193,8 @@ PointCloud Preparation::points_from_stereo() {
   if (began_with_stereo_) return points;
   if (config_.init.from == InitFrom::stereo)
     throw Error(
-        fmt::format("init.from is \"stereo\", but the cameras of scene {} show only {} "
-                    "points that two of them agree on: choose random",
+        fmt::format("init.from is \"stereo\", but scene {} has only {} points that look alike in "
+                    "two cameras: choose random",
                     scene().name, points.size()));
   return {};
 }

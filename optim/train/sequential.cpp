@@ -12,15 +12,15 @@ void require_sequence(const TrainOptions& config, const Scene& scene, const Moti
   const int steps = std::max(scene.steps, 1);
   if (shape.motion != MotionModelKind::keyframes || shape.keys != steps)
     throw Error(
-        "train.sequential moves the Gaussians key by key: it needs motion.model = "
-        "\"keyframes\" and motion.keys = 0 (a key a time step)");
+        "train.sequential requires motion.model = \"keyframes\" and motion.keys = 0 (one key per "
+        "time step)");
   std::vector<bool> seen(size_t(steps), false);
   for (const Frame& frame : scene.train) seen[size_t(frame.step)] = true;
   const auto unseen = std::find(seen.begin(), seen.end(), false);
   if (unseen != seen.end())
     throw Error(
-        fmt::format("train.sequential trains one time step after the other, but scene {} has no "
-                    "training picture of time step {} (from 0)",
+        fmt::format("train.sequential requires a training image for every time step, but scene {} "
+                    "has none for time step {} (from 0)",
                     scene.name, unseen - seen.begin()));
 }
 

@@ -36,9 +36,9 @@ std::string place_of(const HostModel& model, const Scene& scene, const InitOptio
                      bool stereo) {
   if (init.begins_from_file()) return "from " + init.file;
   if (lies_on_points(model, scene))
-    return stereo ? "at points several cameras agree on" : "at points of the scene";
+    return stereo ? "at points matched between cameras" : "at the scene's points";
   const bool hull = scene.has_alpha && init.from != InitFrom::random;
-  return hull ? "in the visual hull" : "at random places";
+  return hull ? "in the visual hull" : "at random positions";
 }
 
 std::string progress_callback(size_t count, const char* one, const char* several) {
@@ -50,19 +50,17 @@ std::string progress_callback(size_t count, const char* one, const char* several
 std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
   std::set<std::pair<int, int>> sizes;
   for (const Camera& camera : cameras) sizes.insert({camera.width, camera.height});
-  std::string text = fmt::format(
-      "scene: {}, {}, {}; pictures: {} for training, {} for the test, {} for validation, {}{}x{}\n",
-      scene.layout, progress_callback(scene.cameras.size(), "camera", "cameras"),
-      progress_callback(size_t(scene.steps), "time step", "time steps"), scene.train.size(),
-      scene.test.size(), scene.val.size(), sizes.size() > 1 ? "up to " : "", sizes.rbegin()->first,
-      sizes.rbegin()->second);
+  std::string text =
+      fmt::format("scene: {}, {}, {}; images: {} training, {} test, {} validation, {}{}x{}\n",
+                  scene.layout, progress_callback(scene.cameras.size(), "camera", "cameras"),
+                  progress_callback(size_t(scene.steps), "time step", "time steps"),
+                  scene.train.size(), scene.test.size(), scene.val.size(),
+                  sizes.size() > 1 ? "up to " : "", sizes.rbegin()->first, sizes.rbegin()->second);
   const auto& [x, y, z] = scene.origin;
   if (x != 0 || y != 0 || z != 0)
     text += fmt::format("coordinates: relative to ({}, {}, {}) of the scene's world\n", x, y, z);
   if (!scene.test.empty() && are_training_images(scene, scene.test))
-    text +=
-        "test views: there are none but the training views; their figures do not tell how the "
-        "scene looks from elsewhere\n";
+    text += "test views: same as the training views; their metrics do not measure novel views\n";
   return text;
 }
 
@@ -70,54 +68,54 @@ std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
                                      const InitOptions& init, bool stereo) {
   const size_t short_lived = count_short_lived(model);
   const std::string more =
-      short_lived ? fmt::format(", and {} short-lived where something moves", short_lived) : "";
-  return fmt::format("first Gaussians: {} {}{}\n", model.count - short_lived,
+      short_lived ? fmt::format(", and {} short-lived ones where there is motion", short_lived)
+                  : "";
+  return fmt::format("initial Gaussians: {} {}{}\n", model.count - short_lived,
                      place_of(model, scene, init, stereo), more);
 }
 
 void warn_of_idle_settings(const Scene& scene, const TrainOptions& config) {
   if (!config.scene.cameras.empty() && !takes_cameras(scene.layout))
-    warn(fmt::format("scene.cameras = \"{}\" does nothing: scene {} has cameras of its own ({})",
+    warn(fmt::format("scene.cameras = \"{}\" has no effect: scene {} has its own cameras ({})",
                      config.scene.cameras, scene.name, scene.layout));
   const MotionModelKind model = motion_model(scene, config.motion);
   const MotionModel& traits = motion_model_of(model);
   const char* const name = names_of(model)[size_t(model)];
   if (config.motion.keys > 0 && !traits.has_keys)
-    warn(fmt::format("motion.keys = {} does nothing with the motion model {}, which has none",
+    warn(fmt::format("motion.keys = {} has no effect: motion model {} has no keys",
                      config.motion.keys, name));
   if (config.motion.key_scales && !traits.has_key_scales)
-    warn(fmt::format("motion.key_scales does nothing with the motion model {}, only with keyframes",
+    warn(fmt::format("motion.key_scales has no effect with motion model {}, only with keyframes",
                      name));
   if (config.motion.static_threshold > 0 && traits.is_permanent)
-    warn(fmt::format(
-        "motion.static_threshold = {} does nothing with the motion model hexplane, whose Gaussians "
-        "have no motion of their own to lose",
-        config.motion.static_threshold));
+    warn(
+        fmt::format("motion.static_threshold = {} has no effect: motion model hexplane has no "
+                    "motion parameters per Gaussian",
+                    config.motion.static_threshold));
   else if (config.motion.static_threshold > 0 && config.train.sequential)
     warn(
-        fmt::format("motion.static_threshold = {} does nothing with train.sequential: before the "
-                    "last moment is "
-                    "trained nobody knows who rests",
+        fmt::format("motion.static_threshold = {} has no effect with train.sequential: static "
+                    "Gaussians are unknown until the last time step is trained",
                     config.motion.static_threshold));
   const FlowOptions& flow = config.flow;
   const bool asks_tracks =
       flow.source == FlowSource::tracks || (flow.long_span == FarFlow::tracks && flow.span != 1);
   if (!flow.tracks.empty() && !asks_tracks)
-    warn(fmt::format(
-        "flow.tracks = \"{}\" does nothing: set flow.source = \"tracks\", or flow.long_span = "
-        "\"tracks\" with a flow.span",
-        flow.tracks));
+    warn(
+        fmt::format("flow.tracks = \"{}\" has no effect: set flow.source = \"tracks\", or "
+                    "flow.long_span = \"tracks\" and flow.span other than 1",
+                    flow.tracks));
   const GuidanceOptions& guidance = config.guidance;
   for (const auto& [setting, value] : {std::pair{"command", &guidance.command},
                                        {"model", &guidance.model},
-                                       {"pictures", &guidance.images}})
+                                       {"images", &guidance.images}})
     if (!guidance.enabled() && !value->empty())
-      warn(fmt::format("guidance.{} = \"{}\" does nothing: guidance.provider is none", setting,
+      warn(fmt::format("guidance.{} = \"{}\" has no effect: guidance.provider is none", setting,
                        *value));
   if (!config.density.enabled && !config.init.begins_from_file())
     warn(
-        "density.enabled = false keeps the number of the first Gaussians, and no --init FILE gives "
-        "them: training adds none where the scene wants more");
+        "density.enabled = false without --init FILE: training keeps the initial number of "
+        "Gaussians and adds none where the scene needs more");
 }
 
 }  // namespace gflow

@@ -207,7 +207,7 @@ TEST_F(FilesCommand, FilesInAndOutSayWhatIsWrong) {
   expect_refused({"import", folder.write("a.splat", "what?"), "-o", out}, {"a.splat", "32 bytes"});
   expect_refused({"info", folder.write("b.xyz", "what?")}, {"b.xyz", ".spz"});
   expect_refused({"train", scene().path(), "-o", folder.file("run"), "--init", model()},
-                 {"moves", "gflow export"});
+                 {"has motion", "gflow export"});
   EXPECT_FALSE(fs::exists(out));
 }
 

@@ -186,7 +186,7 @@ TEST(InitialModel, RefusesAFileThatCannotBeginAScene) {
   TrainOptions config = small_config(scene, 10);
   config.init.from = InitFrom::file;
   Loaded loaded(config);
-  expect_error([&] { loaded.model(config); }, {"init.from", "init.file names none"});
+  expect_error([&] { loaded.model(config); }, {"init.from", "init.file is empty"});
   const std::string path = config.init.file = scene.folder().file("first.ply");
   expect_error([&] { loaded.model(config); }, {"init.file", "first.ply", "No such file"});
   write_ply(path, static_splat(7));
@@ -196,7 +196,7 @@ TEST(InitialModel, RefusesAFileThatCannotBeginAScene) {
   HostModel moving = read_model(path);
   moving.groups["velocities"][4] = 1;
   write_model(path, moving);
-  expect_error([&] { loaded.model(config); }, {"first.ply", "moves", "gflow export"});
+  expect_error([&] { loaded.model(config); }, {"first.ply", "has motion", "gflow export"});
 }
 
 TEST(InitialModel, OfOneTimeStepIsStaticForEver) {

@@ -107,7 +107,7 @@ TEST_F(SequenceTest, EachTimeStepNeedsATrainingPicture) {
   const auto of_step_2 = [](const Frame& frame) { return frame.step == 2; };
   scene.train.erase(std::remove_if(scene.train.begin(), scene.train.end(), of_step_2),
                     scene.train.end());
-  expect_error(require, {"train.sequential", "no training picture of time step 2"});
+  expect_error(require, {"train.sequential", "has none for time step 2"});
   asked.train.sequential = false;
   EXPECT_NO_THROW(require());
 }
