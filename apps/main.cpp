@@ -41,7 +41,7 @@ int cannot_print(int code) {
 bool is_over = false;
 
 // PoCL's LLVM exits the program when it cannot write, with a message that names no file.
-void tell_of_exit() {
+void report_exit() {
   if (is_over) return;
   gflow::remove_unfinished_files();
   const std::string why = gflow::compile_failure_reason();
@@ -50,7 +50,7 @@ void tell_of_exit() {
 
 // PoCL aborts when a kernel that it could not write is missing. In all other cases the signal keeps
 // its default effect.
-void tell_of_abort(int) {
+void report_abort(int) {
   alarm(10);  // corrupt memory may hold a lock
   if (gflow::compile_failure_reason().empty()) {
     gflow::remove_unfinished_files();
@@ -61,7 +61,7 @@ void tell_of_abort(int) {
     std::raise(SIGABRT);
     return;  // the signal is blocked inside its handler and is delivered after it
   }
-  tell_of_exit();
+  report_exit();
   std::_Exit(1);
 }
 
@@ -166,8 +166,8 @@ int main(int argc, char** argv) {
   gflow::open_standard_streams();
   gflow::set_signals();
   std::at_quick_exit([] { gflow::remove_unfinished_files(); });  // a device hangs: Watchdog
-  std::atexit(tell_of_exit);
-  std::signal(SIGABRT, tell_of_abort);
+  std::atexit(report_exit);
+  std::signal(SIGABRT, report_abort);
 #ifdef GFLOW_WITH_OPENCV
   gflow::capture_decoder_errors();
 #endif

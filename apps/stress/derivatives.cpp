@@ -9,7 +9,7 @@
 #include "apps/stress/splats.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/density/mcmc.hpp"
-#include "optim/density/rest.hpp"
+#include "optim/density/static_detection.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
 #include "optim/motion/color.hpp"
@@ -295,11 +295,11 @@ Derivative flow_loss_row(Queue& queue) {
   constexpr int width = 19, height = 11;
   constexpr size_t pixels = size_t(width) * height;
   Random random(48);
-  Floats flow, teacher, alpha;
+  Floats flow, target_flow, alpha;
   std::vector<cl_uchar> confidence;
   for (size_t i = 0; i < 2 * pixels; ++i) {
     flow.push_back(float(3 * random.normal()));
-    teacher.push_back(float(3 * random.normal()));
+    target_flow.push_back(float(3 * random.normal()));
   }
   std::vector<double> trust;
   for (size_t i = 0; i < pixels; ++i) {
@@ -309,14 +309,15 @@ Derivative flow_loss_row(Queue& queue) {
   }
   const std::vector<double> x(flow.begin(), flow.end());
   const auto value = [&](const std::vector<double>& y) {
-    return reference::flow_loss(y, {alpha.begin(), alpha.end()}, {teacher.begin(), teacher.end()},
-                                trust, double(.3f), double(.5f));
+    return reference::flow_loss(y, {alpha.begin(), alpha.end()},
+                                {target_flow.begin(), target_flow.end()}, trust, double(.3f),
+                                double(.5f));
   };
   const std::vector<double> expected = value(x).v_flow;
   FlowLoss loss(queue, .5f);
   Buffer<float> v(queue, 2 * pixels, "v_flow");
   loss.run(queue, .3f, width, height, Buffer<float>(queue, flow, "flow"),
-           Buffer<float>(queue, alpha, "alpha"), Buffer<float>(queue, teacher, "teacher"),
+           Buffer<float>(queue, alpha, "alpha"), Buffer<float>(queue, target_flow, "teacher"),
            Buffer<cl_uchar>(queue, confidence, "confidence"), v);
   return {
       "flow_loss",
@@ -393,7 +394,7 @@ Derivative pull_row(Queue& queue) {
   rows.take_all(p);
   Floats found;
   for (const bool stood_still : {false, true}) {
-    Rest rest(queue);
+    StaticDetection rest(queue);
     rest.see(queue, p, rows, seen, t, v_means, &t2, v_means_t2, stood_still);
     Arrays state;
     rest.save_state(queue, p, state);
@@ -427,7 +428,7 @@ Derivative pull_row(Queue& queue) {
       expected.push_back(double(v[k]) * (double(t) - double(means_t[k / 3])) +
                          double(v2[k]) * since(k, stood_still));
   const std::vector<double> at(6 * n, 0.1);
-  return {"rest_pull",
+  return {"static_pull",
           "velocities of those at rest",
           relative_error(found, expected),
           relative_error(expected, slopes(cost, at, 1e-3)),

@@ -172,11 +172,12 @@ double shifted_text() {  // keyframes: the path is linear in its keys
   return text_error(
       23,
       [](const std::vector<double>& x) {
-        return reference::still_and_shift(shifted_vjp(
-            reference::still_from(x), reference::shift_from(x), kTime, kMean, kFactor, kOpacity));
+        return reference::canonical_and_shift(shifted_vjp(reference::canonical_from(x),
+                                                          reference::shift_from(x), kTime, kMean,
+                                                          kFactor, kOpacity));
       },
       [](const std::vector<double>& x) {
-        const Shifted o = shifted_at(reference::still_from(x), reference::shift_from(x), kTime);
+        const Shifted o = shifted_at(reference::canonical_from(x), reference::shift_from(x), kTime);
         return asked(o.mean, o.factor, o.life);
       });
 }

@@ -18,11 +18,11 @@ struct Found {
 
 // One pixel with a flow error of (r, 0); weight 1.
 Found at(Queue& queue, FlowLoss& loss, float r) {
-  const Buffer<float> flow(queue, {r, 0.f}, "flow"), teacher(queue, {0.f, 0.f}, "teacher");
+  const Buffer<float> flow(queue, {r, 0.f}, "flow"), target_flow(queue, {0.f, 0.f}, "teacher");
   const Buffer<float> alpha(queue, {1.f}, "alpha");
   const Buffer<cl_uchar> confidence(queue, {cl_uchar(255)}, "confidence");
   Buffer<float> v(queue, 2, "v_flow");
-  loss.run(queue, 1, 1, 1, flow, alpha, teacher, confidence, v);
+  loss.run(queue, 1, 1, 1, flow, alpha, target_flow, confidence, v);
   return {v.read(queue), loss.value(queue).loss};
 }
 

@@ -144,7 +144,7 @@ Rows long_runs(Queue& queue) {  // T31
 Rows bad_gradients(Queue& queue) {  // T32
   Rows out;
   constexpr size_t rows = 50, n = 3 * rows, culprit = 7;
-  const auto run = [&](float poison, std::vector<cl_uint>* refused) {
+  const auto run = [&](float poison, std::vector<cl_uint>* rejected) {
     Trained trained(queue, rows);
     Random random(32);
     for (int t = 0; t < 20; ++t) {
@@ -153,22 +153,22 @@ Rows bad_gradients(Queue& queue) {  // T32
       if (t >= 10) g[3 * culprit + size_t(t) % 3] = poison;
       trained.step(g, {.01f, 1e-8f});
     }
-    if (refused) *refused = trained.state.refused.read(queue);
+    if (rejected) *rejected = trained.state.rejected.read(queue);
     return trained.values();
   };
   const std::vector<float> clean = run(.5f, nullptr);
   const float nan = std::nanf(""), inf = HUGE_VALF;
   for (const auto& [name, poison] :
        {std::pair{"NaN", nan}, {"inf", inf}, {"-inf", -inf}, {"3e19", 3e19f}}) {
-    std::vector<cl_uint> refused;
-    std::vector<float> found = run(poison, &refused);
+    std::vector<cl_uint> rejected;
+    std::vector<float> found = run(poison, &rejected);
     const double broken = count_not_finite(found);
     for (size_t k = 0; k < 3; ++k) found[3 * culprit + k] = clean[3 * culprit + k];
     out.push_back({fmt::format("{}: values of others that changed", name),
                    double(different_bits(found, clean)), 0});
     out.push_back({fmt::format("{}: values not finite", name), broken, 0});
     double wrong = 0;
-    for (size_t i = 0; i < rows; ++i) wrong += (refused[i] > 0) != (i == culprit);
+    for (size_t i = 0; i < rows; ++i) wrong += (rejected[i] > 0) != (i == culprit);
     out.push_back({fmt::format("{}: rows wrongly named as refused, or not", name), wrong, 0});
   }
   return out;

@@ -211,13 +211,13 @@ Harm camera(Queue& queue, bool both) {
 
 // Poison in one pixel of the target flow. Gradients of other pixels must not change, its own must
 // be finite, and an unusable vector must not count as confident.
-Row broken_teacher(Queue& queue) {
+Row broken_target_flow(Queue& queue) {
   constexpr int width = 19, height = 3;
   constexpr size_t pixels = size_t(width) * height, culprit = width + 4;
   Random random(70);
-  std::vector<float> flow, teacher;
+  std::vector<float> flow, target_flow;
   for (size_t i = 0; i < 2 * pixels; ++i)
-    flow.push_back(float(random.normal())), teacher.push_back(float(random.normal()));
+    flow.push_back(float(random.normal())), target_flow.push_back(float(random.normal()));
   const Buffer<float> alpha(queue, std::vector<float>(pixels, .5f), "alpha");
   const Buffer<float> drawn(queue, flow, "flow");
   const Buffer<cl_uchar> confidence(queue, std::vector<cl_uchar>(pixels, cl_uchar(255)), "trust");
@@ -228,11 +228,11 @@ Row broken_teacher(Queue& queue) {
              confidence, v);
     return v.read(queue);
   };
-  const std::vector<float> clean = gradient(teacher);
+  const std::vector<float> clean = gradient(target_flow);
   double harm = 0, cases = 0;
   for (const size_t axis : {culprit, pixels + culprit})
     for (const float poison : poisons()) {
-      std::vector<float> asked = teacher;
+      std::vector<float> asked = target_flow;
       asked[axis] = poison;
       const std::vector<float> found = gradient(asked);
       harm += count_not_finite(found);
@@ -276,7 +276,7 @@ Rows poison(Queue& queue) {
         {fmt::format("{}, {:.0f} cases: not finite", both ? "cameras" : "camera at t2", h.cases),
          h.not_finite, 0});
   }
-  rows.push_back(broken_teacher(queue));
+  rows.push_back(broken_target_flow(queue));
   return rows;
 }
 

@@ -12,9 +12,8 @@ static inline void cell_blend(PixelSums* sums, Splat s, CellFootprint at, int en
 
 kernel void splat_fwd(const int width, const int height, const int shared,
                       global const uchar* restrict with_flow,  // [tiles] read if shared
-                      const float background_r,
-                      const float background_g, const float background_b,
-                      global const float* restrict splats,      // [N, 16]
+                      const float background_r, const float background_g, const float background_b,
+                      global const float* restrict splats,       // [N, 16]
                       global const uint* restrict tile_offsets,  // [tiles + 1]
                       global const uint* restrict isect_ids,     // [M]
                       global const ushort* restrict masks,       // [M]
@@ -128,22 +127,20 @@ static inline float16 moments_sums(Moments m) {
 #elif LANES == 4
   return (float16)(lane_sum(m.q), lane_sum(m.qz1), lane_sum(m.qz2), lane_sum(m.qz11),
                    lane_sum(m.qz12), lane_sum(m.qz22), lane_sum(m.wr), lane_sum(m.wg),
-                   lane_sum(m.wb), lane_sum(m.wd), lane_sum(m.fx), lane_sum(m.fy),
-                   lane_sum(m.fx1), lane_sum(m.fx2), lane_sum(m.fy1), lane_sum(m.fy2));
+                   lane_sum(m.wb), lane_sum(m.wd), lane_sum(m.fx), lane_sum(m.fy), lane_sum(m.fx1),
+                   lane_sum(m.fx2), lane_sum(m.fy1), lane_sum(m.fy2));
 #endif
 }
 
 kernel void splat_bwd(const int width, const int height, const int shared,
-                      global const float* restrict splats,
-                      global const uint* restrict tile_offsets,
+                      global const float* restrict splats, global const uint* restrict tile_offsets,
                       global const uint* restrict isect_ids,
                       global const uint* restrict isect_slots,  // [M]
                       global const ushort* restrict masks, const float background_r,
                       const float background_g, const float background_b,
                       global const float* restrict alpha, global const float* restrict flow,
                       global const float* restrict flow_weight,
-                      global const float* restrict transmittance,
-                      global const int* restrict ends,
+                      global const float* restrict transmittance, global const int* restrict ends,
                       global const float* restrict v_rgb, global const float* restrict v_alpha,
                       global const float* restrict v_depth, global const float* restrict v_flow,
                       global float* restrict partials) {  // [M, 16]
@@ -152,7 +149,7 @@ kernel void splat_bwd(const int width, const int height, const int shared,
   const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
   const uint first = tile_offsets[tile], end = tile_offsets[tile + 1];
   const float3 background = (float3)(background_r, background_g, background_b);
-  uint asking = 0;                            // cells with gradients, one bit each
+  uint with_gradient = 0;                         // cells with gradients, one bit each
   int stop = SATURATED ? 0 : (int)(end - first);  // entries until all pixels are saturated
   if (shared) {
     lane_int any = 0;
@@ -169,24 +166,23 @@ kernel void splat_bwd(const int width, const int height, const int shared,
   for (int i = 0; i < TILE_PARTS; ++i) {
     const int cell = i / CELL_PARTS, x = x0 + (cell & 3) * CELL;
     const int y = y0 + (cell >> 2) * CELL + i % CELL_PARTS * LANE_ROWS;
-    state[i] = grads_start(x, y, width, height, background, alpha, flow, flow_weight,
-                           transmittance, ends, v_rgb, v_alpha, v_depth, v_flow);
-    if (ASKING && !lane_any(asks(state[i]))) continue;
-    asking |= 1u << cell;
+    state[i] = grads_start(x, y, width, height, background, alpha, flow, flow_weight, transmittance,
+                           ends, v_rgb, v_alpha, v_depth, v_flow);
+    if (ASKING && !lane_any(has_gradient(state[i]))) continue;
+    with_gradient |= 1u << cell;
     full = max(full, state[i].end);
   }
   if (SATURATED) stop = lane_max_int(full);
-  if (!asking) stop = 0;
+  if (!with_gradient) stop = 0;
   uint k = first + stop;
-  for (uint out = k; out < end; ++out)
-    vstore16((float16)(0.f), isect_slots[out], partials);
+  for (uint out = k; out < end; ++out) vstore16((float16)(0.f), isect_slots[out], partials);
   while (k > first) {
     --k;
     const uint soon = max(k, first + 8) - 8;
     READ_SOON(splats + 16 * (size_t)isect_ids[soon]);
     WRITE_SOON(partials + MOMENTS * (size_t)isect_slots[soon]);
     Moments m = moments_zero();
-    uint mask = masks[k] & asking;
+    uint mask = masks[k] & with_gradient;
     if (mask) {
       const Splat s = splat_load(splats, isect_ids[k]);
       const TileFrame f = tile_frame(s, x0, y0);

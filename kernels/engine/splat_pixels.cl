@@ -12,9 +12,8 @@
 
 kernel void splat_fwd(const int width, const int height, const int shared,
                       global const uchar* restrict with_flow,  // [tiles] read if shared
-                      const float background_r,
-                      const float background_g, const float background_b,
-                      global const float* restrict splats,      // [N, 16]
+                      const float background_r, const float background_g, const float background_b,
+                      global const float* restrict splats,       // [N, 16]
                       global const uint* restrict tile_offsets,  // [tiles + 1]
                       global const uint* restrict isect_ids,     // [M]
                       global const ushort* restrict masks,       // [M]
@@ -100,16 +99,14 @@ static inline PixelGrads grads_none(void) {
 }
 
 kernel void splat_bwd(const int width, const int height, const int shared,
-                      global const float* restrict splats,
-                      global const uint* restrict tile_offsets,
+                      global const float* restrict splats, global const uint* restrict tile_offsets,
                       global const uint* restrict isect_ids,
                       global const uint* restrict isect_slots,  // [M]
                       global const ushort* restrict masks, const float background_r,
                       const float background_g, const float background_b,
                       global const float* restrict alpha, global const float* restrict flow,
                       global const float* restrict flow_weight,
-                      global const float* restrict transmittance,
-                      global const int* restrict ends,
+                      global const float* restrict transmittance, global const int* restrict ends,
                       global const float* restrict v_rgb, global const float* restrict v_alpha,
                       global const float* restrict v_depth, global const float* restrict v_flow,
                       global float* restrict partials) {  // [M, 16]
@@ -118,12 +115,12 @@ kernel void splat_bwd(const int width, const int height, const int shared,
   const int x0 = tile % tiles_x * TILE, y0 = tile / tiles_x * TILE;
   const uint first = tile_offsets[tile], end = tile_offsets[tile + 1];
   const float3 background = (float3)(background_r, background_g, background_b);
-  uint asking = 0;                            // cells with gradients, one bit each
+  uint with_gradient = 0;                         // cells with gradients, one bit each
   int stop = SATURATED ? 0 : (int)(end - first);  // entries until all pixels are saturated
   // Moments of a row of four pixels are summed in registers; those of a tile's 64 rows in local
   // memory, BATCH_BWD splats between two barriers, in a fixed order.
   local float row_moments[BATCH_BWD][TILE_ROWS * ROW_STRIDE];
-  local uchar asking_cells[16];
+  local uchar gradient_cells[16];
   local int row_ends[TILE_ROWS], has_flow_gradient;
   const int l = get_local_id(0), cell = l >> 2;
   const int x = x0 + (cell & 3) * CELL, y = y0 + (cell >> 2) * CELL + (l & 3);
@@ -139,31 +136,31 @@ kernel void splat_bwd(const int width, const int height, const int shared,
     barrier(CLK_LOCAL_MEM_FENCE);
     if (has_flow_gradient != FLOW) return;
   }
-  if (l < 16) asking_cells[l] = !ASKING;
+  if (l < 16) gradient_cells[l] = !ASKING;
   barrier(CLK_LOCAL_MEM_FENCE);
   int row_end = 0;
   for (int i = 0; i < CELL; ++i) {
     const int inside = x + i < width && y < height;
-    state[i] = inside ? grads_start((size_t)y * width + x + i, width, height, background, alpha,
-                                    flow, flow_weight, transmittance, ends, v_rgb, v_alpha,
-                                    v_depth, v_flow)
-                      : grads_none();
-    if (ASKING && asks(state[i])) asking_cells[cell] = 1;
+    state[i] = inside
+                   ? grads_start((size_t)y * width + x + i, width, height, background, alpha, flow,
+                                 flow_weight, transmittance, ends, v_rgb, v_alpha, v_depth, v_flow)
+                   : grads_none();
+    if (ASKING && has_gradient(state[i])) gradient_cells[cell] = 1;
     row_end = max(row_end, state[i].end);
   }
   row_ends[l] = row_end;
   barrier(CLK_LOCAL_MEM_FENCE);
-  for (int c = 0; c < 16; ++c) asking |= (uint)asking_cells[c] << c;
+  for (int c = 0; c < 16; ++c) with_gradient |= (uint)gradient_cells[c] << c;
   for (int row = 0; row < TILE_ROWS; ++row)
-    if (asking >> (row >> 2) & 1) stop = max(stop, row_ends[row]);
-  if (!asking) stop = 0;
+    if (with_gradient >> (row >> 2) & 1) stop = max(stop, row_ends[row]);
+  if (!with_gradient) stop = 0;
   for (size_t i = (size_t)(first + stop) * MOMENTS + l; i < (size_t)end * MOMENTS; i += TILE_ROWS)
     partials[(size_t)isect_slots[i / MOMENTS] * MOMENTS + i % MOMENTS] = 0.f;
   for (uint start = first + stop; start > first;) {
     const uint count = min((uint)BATCH_BWD, start - first);
     start -= count;
     for (uint b = count; b-- > 0;) {
-      if (!((masks[start + b] & asking) >> cell & 1)) continue;
+      if (!((masks[start + b] & with_gradient) >> cell & 1)) continue;
       const Splat s = splat_load(splats, isect_ids[start + b]);
       Moments m = moments_zero();
       for (int i = 0; i < CELL; ++i) {
@@ -181,7 +178,7 @@ kernel void splat_bwd(const int width, const int height, const int shared,
       local const float* in = row_moments[b] + sum_of % MOMENTS;
       float sum = 0.f;
       for (int c = 0; c < 16; ++c)
-        if ((masks[k] & asking) >> c & 1)
+        if ((masks[k] & with_gradient) >> c & 1)
           for (int row = 0; row < CELL; ++row) sum += in[(c * CELL + row) * ROW_STRIDE];
       partials[(size_t)isect_slots[k] * MOMENTS + sum_of % MOMENTS] = sum;
     }

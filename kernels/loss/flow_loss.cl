@@ -12,11 +12,11 @@
 kernel void flow_loss(const uint width, const uint height, const float scale, const float knee,
                       const int sampled,                          // 0: every tile weighs 1
                       global const float* restrict tile_weights,  // [tiles] flow_tiles.cl
-                      global const float* restrict flow,        // [2, H, W] px
-                      global const float* restrict alpha,       // [H, W]
-                      global const float* restrict teacher,     // [2, H, W] target flow [px]
-                      global const uchar* restrict confidence,  // [H, W] 255 = full
-                      global float* restrict v_flow,            // [2, H, W]
+                      global const float* restrict flow,          // [2, H, W] px
+                      global const float* restrict alpha,         // [H, W]
+                      global const float* restrict target_flow,   // [2, H, W] target flow [px]
+                      global const uchar* restrict confidence,    // [H, W] 255 = full
+                      global float* restrict v_flow,              // [2, H, W]
                       // [3, H, W] loss; tile weight times end-point error; tile weight
                       global float* restrict terms) {
   const uint runs = (width + LANES - 1) / LANES, pixels = width * height;
@@ -27,14 +27,14 @@ kernel void flow_loss(const uint width, const uint height, const float scale, co
   const uint tile = y0 / TILE * ((width + TILE - 1) / TILE) + x0 / TILE;
   const float asked = sampled ? tile_weights[tile] : 1.0f;
   const lane zero = TO_LANE(0.0f);
-  const lane teacher_x = row_load(teacher + i, count);
-  const lane teacher_y = row_load(teacher + pixels + i, count);
-  const lane x = row_load(flow + i, count) - teacher_x;
-  const lane y = row_load(flow + pixels + i, count) - teacher_y;
+  const lane target_x = row_load(target_flow + i, count);
+  const lane target_y = row_load(target_flow + pixels + i, count);
+  const lane x = row_load(flow + i, count) - target_x;
+  const lane y = row_load(flow + pixels + i, count) - target_y;
   const lane trust = row_load_bytes(confidence + i, count) * (1.0f / 255.0f);
   const lane weight = asked * scale * trust * row_load(alpha + i, count);
-  const lane_int counted = (asked * trust > zero) & (fabs(teacher_x) <= TO_LANE(TARGET_FLOW_LIMIT)) &
-                           (fabs(teacher_y) <= TO_LANE(TARGET_FLOW_LIMIT));  // NaN fails
+  const lane_int counted = (asked * trust > zero) & (fabs(target_x) <= TO_LANE(TARGET_FLOW_LIMIT)) &
+                           (fabs(target_y) <= TO_LANE(TARGET_FLOW_LIMIT));  // NaN fails
   const lane_int weighted = counted & (weight > zero);
 
   const RobustNormGradient v = robust_norm_vjp(x, y, knee, weight);

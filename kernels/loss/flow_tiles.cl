@@ -9,10 +9,10 @@
 #include "shared/loss.h"
 
 kernel void flow_tiles(const uint width, const uint height, const float calm, const float calm_px,
-                       const float draw,                         // uniform in (0, 1)
-                       global const float* restrict teacher,     // [2, H, W] target flow [px]
-                       global const uchar* restrict confidence,  // [H, W] 255 = full
-                       global float* restrict tile_weights) {    // [tiles] 0: not sampled
+                       const float draw,                          // uniform in (0, 1)
+                       global const float* restrict target_flow,  // [2, H, W] target flow [px]
+                       global const uchar* restrict confidence,   // [H, W] 255 = full
+                       global float* restrict tile_weights) {     // [tiles] 0: not sampled
   const uint tiles_x = (width + TILE - 1) / TILE, tiles_y = (height + TILE - 1) / TILE;
   const uint tile = get_global_id(0), pixels = width * height;
   if (tile >= tiles_x * tiles_y) return;
@@ -27,7 +27,8 @@ kernel void flow_tiles(const uint width, const uint height, const float calm, co
     for (uint column = left; column < right; column += LANES) {
       const uint i = row * width + column;
       const int count = right - column;
-      const lane x = row_load(teacher + i, count), y = row_load(teacher + pixels + i, count);
+      const lane x = row_load(target_flow + i, count),
+                 y = row_load(target_flow + pixels + i, count);
       const lane trust = row_load_bytes(confidence + i, count) * (1.0f / 255.0f);
       const lane_int counts = (trust > TO_LANE(0.0f)) & (fabs(x) <= TO_LANE(TARGET_FLOW_LIMIT)) &
                               (fabs(y) <= TO_LANE(TARGET_FLOW_LIMIT));  // NaN fails

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bases motion model on the device (formulas: shared/motion/bases.h): the poses of the bases at a
-// time, Gaussians that follow them, and the gradient. Windows, first and second time are as in
+// The bases motion model on the device (formulas: shared/motion/bases.h): the poses of the bases at
+// a time, Gaussians that follow them, and the gradient. Windows, first and second time are as in
 // native4d.cl. Gradients of the poses are summed over chunks of Gaussians, then over chunks in
 // order: bitwise repeatable.
 #include "shared/motion/bases.h"
-#include "shared/motion/keys.h"
-#include "shared/motion/lookout.h"
 #include "shared/motion/canonical_rows.h"
+#include "shared/motion/culling.h"
+#include "shared/motion/keys.h"
 #include "shared/unrolled.h"
 
 #define POSE 7  // floats per pose: unit quaternion, shift
@@ -46,8 +46,9 @@ static inline BasisPose load_pose(int b, global const float* poses, global const
 }
 
 // Applies the bases to Gaussian i, one of the M dynamic ones. `weights` gets its blend weights.
-static inline Still follow(uint i, Still g, int bases, global const float* basis_logits,
-                           global const float* poses, global const float* pivots, float* weights) {
+static inline Canonical follow(uint i, Canonical g, int bases, global const float* basis_logits,
+                               global const float* poses, global const float* pivots,
+                               float* weights) {
   float logits[MAX_BASES];
   for (int b = 0; b < bases; ++b) logits[b] = basis_logits[i * bases + b];
   basis_weights(bases, logits, weights);
@@ -70,81 +71,82 @@ static inline Shift no_shift(void) {
 
 kernel void bases_fwd(const uint n, const uint moving, const int bases, const float t,
                       const float sigmas, const int first, global const uint* restrict rows,
-                      global const uint* restrict tiles_touched,            // [n] read if not first
-                      STILL_IN, global const float* restrict basis_logits,  // [M, B]
-                      global const float* restrict poses,                   // [B, POSE]
-                      global const float* restrict pivots,                  // [B, 3]
-                      global float* restrict means_at,                      // [n, 3]
-                      global float* restrict factors_at,                    // [n, 3, 3]
-                      global float* restrict opacities_at) {                // [n]
+                      global const uint* restrict tiles_touched,  // [n] read if not first
+                      CANONICAL_IN, global const float* restrict basis_logits,  // [M, B]
+                      global const float* restrict poses,                       // [B, POSE]
+                      global const float* restrict pivots,                      // [B, 3]
+                      global float* restrict means_at,                          // [n, 3]
+                      global float* restrict factors_at,                        // [n, 3, 3]
+                      global float* restrict opacities_at) {                    // [n]
   const uint k = get_global_id(0);
   if (k >= n) return;
   const uint i = view_row(k, rows);
-  if (!still_in_window(i, k, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
+  if (!canonical_in_window(i, k, t, sigmas, first, tiles_touched, means_t, log_scales,
+                           opacities_at))
     return;
   float weights[MAX_BASES];
-  Still g = load_still(i, STILL_ROWS);
+  Canonical g = load_canonical(i, CANONICAL_ROWS);
   if (i < moving) g = follow(i, g, bases, basis_logits, poses, pivots, weights);
   store_shifted(k, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
 }
 
 // Culls rows that a camera cannot see at time t, as spacetime_cull (spacetime.cl). The means are
-// moved for LANES Gaussians at once, too, since that is most of the work. lookout_exp() is off by
+// moved for LANES Gaussians at once, too, since that is most of the work. cull_exp() is off by
 // 1e-6 for logits within 10; PoCL would take a vector exp() apart into scalars.
 kernel void bases_cull(const uint n, const uint moving, const int bases, const float t,
-                       const float sigmas, const PinholeCamera camera, STILL_IN,
+                       const float sigmas, const PinholeCamera camera, CANONICAL_IN,
                        global const float* restrict basis_logits,
                        global const float* restrict poses, global const float* restrict pivots,
                        global uint* restrict marks,     // [ceil(N / LANES)]
                        global uint* restrict counts) {  // [ceil(N / LANES)] their bits
   const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  CullInputs lookout;
+  CullInputs culling;
   LaneInts shown;
-  shown.all = lookout_time(&lookout, first, n, t, sigmas, means_t, log_scales);
+  shown.all = cull_time(&culling, first, n, t, sigmas, means_t, log_scales);
   if (!lane_any(shown.all)) {
-    lookout_mark(group, n, shown, marks, counts);
+    cull_mark(group, n, shown, marks, counts);
     return;
   }
-  lookout_clear(&lookout);
+  cull_clear(&culling);
   LaneFloats logits[MAX_BASES];
   for (int b = 0; b < bases; ++b) logits[b].all = TO_LANE(-1e30f);  // static ones: weight 0
   for (uint i = first, r = 0; i < n && r < LANES; ++i, ++r) {
-    lookout_put(&lookout, r, load3(means, i), vload4(i, log_scales), logit_opacities[i]);
+    cull_put(&culling, r, load3(means, i), vload4(i, log_scales), logit_opacities[i]);
     if (i >= moving) continue;
     for (int b = 0; b < bases; ++b) logits[b].row[r] = basis_logits[i * bases + b];
   }
   lane most = TO_LANE(0.f), x = most, y = most, z = most;  // the shift, times `sum`
   for (int b = 0; b < bases; ++b) most = fmax(most, logits[b].all);
-  lane sum = lookout_exp(-most);
-  const lane mx = lookout.x.all, my = lookout.y.all, mz = lookout.z.all;
+  lane sum = cull_exp(-most);
+  const lane mx = culling.x.all, my = culling.y.all, mz = culling.z.all;
   for (int b = 0; b < bases; ++b) {
     const BasisPose p = load_pose(b, poses, pivots);
     const Mat3 r = quat_to_rotmat(p.quat);
-    const lane weight = lookout_exp(logits[b].all - most);
+    const lane weight = cull_exp(logits[b].all - most);
     const lane ax = mx - p.pivot.x, ay = my - p.pivot.y, az = mz - p.pivot.z;
     sum += weight;
     x += weight * (r.r1.x * ax + r.r1.y * ay + r.r1.z * az + p.pivot.x + p.shift.x - mx);
     y += weight * (r.r2.x * ax + r.r2.y * ay + r.r2.z * az + p.pivot.y + p.shift.y - my);
     z += weight * (r.r3.x * ax + r.r3.y * ay + r.r3.z * az + p.pivot.z + p.shift.z - mz);
   }
-  lookout.x.all += x / sum;
-  lookout.y.all += y / sum;
-  lookout.z.all += z / sum;
-  shown.all &= cull_visible(lookout, camera);
-  lookout_mark(group, n, shown, marks, counts);
+  culling.x.all += x / sum;
+  culling.y.all += y / sum;
+  culling.z.all += z / sum;
+  shown.all &= cull_visible(culling, camera);
+  cull_mark(group, n, shown, marks, counts);
 }
 
 // One work-item per chunk of `length` entries of the view.
 kernel void bases_bwd(const uint n, const uint moving, const uint length, const int bases,
-                      const float t, const int first, global const uint* restrict rows, STILL_IN,
-                      global const float* restrict basis_logits, global const float* restrict poses,
-                      global const float* restrict pivots,
+                      const float t, const int first, global const uint* restrict rows,
+                      CANONICAL_IN, global const float* restrict basis_logits,
+                      global const float* restrict poses, global const float* restrict pivots,
                       global const uint* restrict tiles_touched,    // [n]
                       global const float* restrict v_means_at,      // [n, 3]
                       global const float* restrict v_factors_at,    // [n, 3, 3]
                       global const float* restrict v_opacities_at,  // [n] read if first
-                      global uint* restrict seen, V_STILL_OUT,
+                      global uint* restrict seen, V_CANONICAL_OUT,
                       global float* restrict v_basis_logits,  // [M, B]
                       global float* restrict partials) {      // [chunks, B, POSE]
   const uint chunk = get_global_id(0), begin = chunk * length, end = min(n, begin + length);
@@ -155,15 +157,15 @@ kernel void bases_bwd(const uint n, const uint moving, const uint length, const 
     if (tiles_touched[entry] == 0) continue;
     const uint i = view_row(entry, rows);
     float weights[MAX_BASES], v_weights[MAX_BASES];
-    const Still rest = load_still(i, STILL_ROWS);
-    const Still g =
+    const Canonical rest = load_canonical(i, CANONICAL_ROWS);
+    const Canonical g =
         i < moving ? follow(i, rest, bases, basis_logits, poses, pivots, weights) : rest;
-    Still v = shifted_vjp(g, no_shift(), t, load3(v_means_at, entry),
-                          load_mat3(v_factors_at, entry), first ? v_opacities_at[entry] : 0.f);
+    Canonical v = shifted_vjp(g, no_shift(), t, load3(v_means_at, entry),
+                              load_mat3(v_factors_at, entry), first ? v_opacities_at[entry] : 0.f);
     const int fresh = first && !seen[i];
     if (fresh) seen[i] = 1;
     if (i >= moving) {
-      put_still(i, v, fresh, V_STILL_ROWS);
+      put_canonical(i, v, fresh, V_CANONICAL_ROWS);
       continue;
     }
     // g.quat = blend * rest.quat
@@ -188,7 +190,7 @@ kernel void bases_bwd(const uint n, const uint moving, const uint length, const 
       sum[4] += v_p.shift.x, sum[5] += v_p.shift.y, sum[6] += v_p.shift.z;
     }
     v.quat = quat_mul(quat_conj(blend), v_quat);
-    put_still(i, v, fresh, V_STILL_ROWS);
+    put_canonical(i, v, fresh, V_CANONICAL_ROWS);
     for (int b = 0; b < bases; ++b) {
       const float v_logit = weights[b] * (v_weights[b] - mean_v);
       global float* o = v_basis_logits + i * bases + b;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hexplane motion model on the device (formulas and layouts: shared/motion/hexplane.h). CPUs process a
-// block of Gaussians at once, so that each weight read serves all of them, with LANES channels or
-// neurons per vector; GPUs process one Gaussian per work-item. Forward keeps no activations:
-// backward recomputes them. Sums over Gaussians are made per chunk, each into memory of its own,
-// then over the chunks in order: bitwise repeatable, without atomics.
+// The hexplane motion model on the device (formulas and layouts: shared/motion/hexplane.h). CPUs
+// process a block of Gaussians at once, so that each weight read serves all of them, with LANES
+// channels or neurons per vector; GPUs process one Gaussian per work-item. Forward keeps no
+// activations: backward recomputes them. Sums over Gaussians are made per chunk, each into memory
+// of its own, then over the chunks in order: bitwise repeatable, without atomics.
 #include "motion/hexplane_network.cl"
 #include "shared/motion/canonical_rows.h"
 
@@ -11,11 +11,12 @@ static inline Shift shift_of(const float* o, HexplaneGrid grid) {
   Shift d;
   d.mean = make_real3(grid.half_size[0] * o[0], grid.half_size[1] * o[1], grid.half_size[2] * o[2]);
   d.quat = TURN ? make_real4(o[3], o[4], o[5], o[6]) : make_real4(0.f, 0.f, 0.f, 0.f);
-  d.log_scales = RESIZE ? make_real3(log_scale_change(o[7]), log_scale_change(o[8]), log_scale_change(o[9]))
-                        : make_real3(0.f, 0.f, 0.f);
+  d.log_scales =
+      RESIZE ? make_real3(log_scale_change(o[7]), log_scale_change(o[8]), log_scale_change(o[9]))
+             : make_real3(0.f, 0.f, 0.f);
   return d;
 }
-static inline void shift_of_vjp(Shift d, Still v, HexplaneGrid grid, float* v_o) {
+static inline void shift_of_vjp(Shift d, Canonical v, HexplaneGrid grid, float* v_o) {
   v_o[0] = grid.half_size[0] * v.mean.x;
   v_o[1] = grid.half_size[1] * v.mean.y;
   v_o[2] = grid.half_size[2] * v.mean.z;
@@ -32,7 +33,7 @@ static inline void shift_of_vjp(Shift d, Still v, HexplaneGrid grid, float* v_o)
 kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const float sigmas,
                          const int first, const HexplaneGrid grid,
                          global const uint* restrict tiles_touched,  // [N] read if not first
-                         STILL_IN, global const float* restrict planes,
+                         CANONICAL_IN, global const float* restrict planes,
                          global const float* restrict lines, global const float* restrict network,
                          global float* restrict means_at,        // [N, 3]
                          global float* restrict factors_at,      // [N, 3, 3]
@@ -42,15 +43,16 @@ kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const
   uint rows[BLOCK];
   int count = 0;
   for (uint i = begin; i < end; ++i) {
-    if (still_in_window(i, i, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
+    if (canonical_in_window(i, i, t, sigmas, first, tiles_touched, means_t, log_scales,
+                            opacities_at))
       rows[count++] = i;
     if (count == 0 || (count < BLOCK && i + 1 < end)) continue;
     network_fwd(rows, count, grid, means, planes, lines, network, &a);
     for (int b = 0; b < count; ++b)
-      store_shifted(
-          rows[b],
-          shifted_at(load_still(rows[b], STILL_ROWS), shift_of(a.outputs + b * OUTPUTS, grid), t),
-          means_at, factors_at, opacities_at);
+      store_shifted(rows[b],
+                    shifted_at(load_canonical(rows[b], CANONICAL_ROWS),
+                               shift_of(a.outputs + b * OUTPUTS, grid), t),
+                    means_at, factors_at, opacities_at);
     count = 0;
   }
 }
@@ -59,14 +61,14 @@ kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const
 // of the network: CPUs sum the latter in v_networks, GPUs store its factors in `kept`. One
 // work-item per chunk of `length` Gaussians.
 kernel void hexplane_bwd(const uint n, const uint length, const float t, const int first,
-                         const HexplaneGrid grid, STILL_IN, global const float* restrict planes,
+                         const HexplaneGrid grid, CANONICAL_IN, global const float* restrict planes,
                          global const float* restrict lines, global const float* restrict network,
                          global const float* restrict transposed,
                          global const uint* restrict tiles_touched,
                          global const float* restrict v_means_at,      // [N, 3]
                          global const float* restrict v_factors_at,    // [N, 3, 3]
                          global const float* restrict v_opacities_at,  // [N] read if first
-                         global uint* restrict seen, V_STILL_OUT,
+                         global uint* restrict seen, V_CANONICAL_OUT,
                          global float* restrict v_features,  // [N, FEATURES] of visible rows
                          global float* restrict v_networks,  // [chunks, WEIGHTS]; CPU
                          global float* restrict kept) {      // [N, KEPT]; GPU
@@ -88,11 +90,12 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
     for (int b = 0; b < count; ++b) {
       const uint row = rows[b];
       const Shift d = shift_of(a.outputs + b * OUTPUTS, grid);
-      const Still v = shifted_vjp(load_still(row, STILL_ROWS), d, t, load3(v_means_at, row),
-                                  load_mat3(v_factors_at, row), first ? v_opacities_at[row] : 0.f);
+      const Canonical v =
+          shifted_vjp(load_canonical(row, CANONICAL_ROWS), d, t, load3(v_means_at, row),
+                      load_mat3(v_factors_at, row), first ? v_opacities_at[row] : 0.f);
       const int fresh = first && !seen[row];
       if (fresh) seen[row] = 1;
-      put_still(row, v, fresh, V_STILL_ROWS);
+      put_canonical(row, v, fresh, V_CANONICAL_ROWS);
       shift_of_vjp(d, v, grid, v_out + b * OUTPUTS);
       // A broken Gaussian keeps its non-finite gradient, but must not affect the shared network.
       float sum = 0.f;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The keyframes motion model on the device: Gaussians on paths through keys, and the gradient.
 // Windows, first and second time, and outputs are as in native4d.cl. One work-item per Gaussian.
-#include "shared/motion/keys.h"
-#include "shared/motion/lookout.h"
 #include "shared/motion/canonical_rows.h"
+#include "shared/motion/culling.h"
+#include "shared/motion/keys.h"
 #include "shared/unrolled.h"
 
 #ifndef SCALES  // whether sizes have keys; only for the syntax check, the host always defines it
@@ -30,8 +30,8 @@ static inline Shift shift_at(uint moving, uint i, KeyWeights keys, global const 
 kernel void keyframes_fwd(const uint n, const uint moving, const float t, const float sigmas,
                           const int first, const KeyWeights keys, global const uint* restrict rows,
                           global const uint* restrict tiles_touched,  // [n] read if not first
-                          STILL_IN, global const float* restrict key_shifts,  // [K, M, 3]
-                          global const float* restrict key_turns,             // [K, M, 4]
+                          CANONICAL_IN, global const float* restrict key_shifts,  // [K, M, 3]
+                          global const float* restrict key_turns,                 // [K, M, 4]
                           global const float* restrict key_scales,  // [K, M, 3] read if SCALES
                           global float* restrict means_at,          // [n, 3]
                           global float* restrict factors_at,        // [n, 3, 3]
@@ -39,15 +39,17 @@ kernel void keyframes_fwd(const uint n, const uint moving, const float t, const 
   const uint k = get_global_id(0);
   if (k >= n) return;
   const uint i = view_row(k, rows);
-  if (!still_in_window(i, k, t, sigmas, first, tiles_touched, means_t, log_scales, opacities_at))
+  if (!canonical_in_window(i, k, t, sigmas, first, tiles_touched, means_t, log_scales,
+                           opacities_at))
     return;
   const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
-  store_shifted(k, shifted_at(load_still(i, STILL_ROWS), d, t), means_at, factors_at, opacities_at);
+  store_shifted(k, shifted_at(load_canonical(i, CANONICAL_ROWS), d, t), means_at, factors_at,
+                opacities_at);
 }
 
 // Culls rows that a camera cannot see at time t, as spacetime_cull (spacetime.cl).
 kernel void keyframes_cull(const uint n, const uint moving, const float t, const float sigmas,
-                           const PinholeCamera camera, const KeyWeights keys, STILL_IN,
+                           const PinholeCamera camera, const KeyWeights keys, CANONICAL_IN,
                            global const float* restrict key_shifts,
                            global const float* restrict key_turns,
                            global const float* restrict key_scales,
@@ -55,24 +57,24 @@ kernel void keyframes_cull(const uint n, const uint moving, const float t, const
                            global uint* restrict counts) {  // [ceil(N / LANES)] their bits
   const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  CullInputs lookout;
+  CullInputs culling;
   LaneInts shown;
-  shown.all = lookout_time(&lookout, first, n, t, sigmas, means_t, log_scales);
+  shown.all = cull_time(&culling, first, n, t, sigmas, means_t, log_scales);
   if (lane_any(shown.all)) {
-    lookout_clear(&lookout);
+    cull_clear(&culling);
     for (uint i = first, r = 0; i < n && r < LANES; ++i, ++r) {
       const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
       const float4 log_scales_at = vload4(i, log_scales) + (float4)(d.log_scales, 0.f);
-      lookout_put(&lookout, r, load3(means, i) + d.mean, log_scales_at, logit_opacities[i]);
+      cull_put(&culling, r, load3(means, i) + d.mean, log_scales_at, logit_opacities[i]);
     }
-    shown.all &= cull_visible(lookout, camera);
+    shown.all &= cull_visible(culling, camera);
   }
-  lookout_mark(group, n, shown, marks, counts);
+  cull_mark(group, n, shown, marks, counts);
 }
 
 // The first time that touches a key in a training step sets its gradient, a later one adds to it.
 kernel void keyframes_bwd(const uint n, const uint moving, const float t, const int first,
-                          const KeyWeights keys, global const uint* restrict rows, STILL_IN,
+                          const KeyWeights keys, global const uint* restrict rows, CANONICAL_IN,
                           global const float* restrict key_shifts,
                           global const float* restrict key_turns,
                           global const float* restrict key_scales,
@@ -80,7 +82,7 @@ kernel void keyframes_bwd(const uint n, const uint moving, const float t, const 
                           global const float* restrict v_means_at,      // [n, 3]
                           global const float* restrict v_factors_at,    // [n, 3, 3]
                           global const float* restrict v_opacities_at,  // [n] read if first
-                          global uint* restrict seen, V_STILL_OUT,
+                          global uint* restrict seen, V_CANONICAL_OUT,
                           global uint* restrict keys_seen,  // [K, M]
                           global float* restrict v_key_shifts, global float* restrict v_key_turns,
                           global float* restrict v_key_scales) {  // written if SCALES
@@ -88,11 +90,12 @@ kernel void keyframes_bwd(const uint n, const uint moving, const float t, const 
   if (entry >= n || tiles_touched[entry] == 0) return;
   const uint i = view_row(entry, rows);
   const Shift d = shift_at(moving, i, keys, key_shifts, key_turns, key_scales);
-  const Still v = shifted_vjp(load_still(i, STILL_ROWS), d, t, load3(v_means_at, entry),
-                              load_mat3(v_factors_at, entry), first ? v_opacities_at[entry] : 0.f);
+  const Canonical v =
+      shifted_vjp(load_canonical(i, CANONICAL_ROWS), d, t, load3(v_means_at, entry),
+                  load_mat3(v_factors_at, entry), first ? v_opacities_at[entry] : 0.f);
   const int fresh = first && !seen[i];
   if (fresh) seen[i] = 1;
-  put_still(i, v, fresh, V_STILL_ROWS);
+  put_canonical(i, v, fresh, V_CANONICAL_ROWS);
   if (i >= moving) return;
   FOR_UNROLLED(k, 0, KEYS_AT_ONCE, keys.count) {
     const float w = keys.weight[k];

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The native4d motion model on the device (formulas: shared/motion/native4d.h): 4D Gaussians sliced at
-// time t, and the gradient. The time window is applied before projection: a Gaussian whose temporal
-// weight is at most `cutoff` gets opacity 0 and no further work. One work-item per Gaussian.
+// The native4d motion model on the device (formulas: shared/motion/native4d.h): 4D Gaussians sliced
+// at time t, and the gradient. The time window is applied before projection: a Gaussian whose
+// temporal weight is at most `cutoff` gets opacity 0 and no further work. One work-item per
+// Gaussian.
 #include "shared/arrays.h"
-#include "shared/motion/lookout.h"
+#include "shared/motion/culling.h"
 #include "shared/motion/native4d.h"
 #include "shared/random.h"
 #include "shared/view_rows.h"
@@ -65,10 +66,9 @@ static inline LaneQuat lane_quat(lane t, lane x, lane y, lane z) {
   return q;
 }
 static inline LaneQuat lane_quat_mul(LaneQuat a, LaneQuat b) {
-  return lane_quat(a.t * b.t - a.x * b.x - a.y * b.y - a.z * b.z,
-                   a.t * b.x + a.x * b.t + a.y * b.z - a.z * b.y,
-                   a.t * b.y - a.x * b.z + a.y * b.t + a.z * b.x,
-                   a.t * b.z + a.x * b.y - a.y * b.x + a.z * b.t);
+  return lane_quat(
+      a.t * b.t - a.x * b.x - a.y * b.y - a.z * b.z, a.t * b.x + a.x * b.t + a.y * b.z - a.z * b.y,
+      a.t * b.y - a.x * b.z + a.y * b.t + a.z * b.x, a.t * b.z + a.x * b.y - a.y * b.x + a.z * b.t);
 }
 static inline LaneQuat lane_quat_scale(LaneQuat q, lane s) {
   return lane_quat(q.t * s, q.x * s, q.y * s, q.z * s);
@@ -95,14 +95,14 @@ kernel void native4d_cull(const uint n, const uint moving, const float t, const 
   const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
   // The temporal standard deviation is at most the longest scale, whatever the rotation.
-  const lane since = t - lookout_column(means_t, first, n, 1, 0);
-  lane log_longest = lookout_column(log_scales, first, n, 4, 0);
+  const lane since = t - cull_column(means_t, first, n, 1, 0);
+  lane log_longest = cull_column(log_scales, first, n, 4, 0);
   for (uint axis = 1; axis < 4; ++axis)
-    log_longest = fmax(log_longest, lookout_column(log_scales, first, n, 4, axis));
+    log_longest = fmax(log_longest, cull_column(log_scales, first, n, 4, axis));
   LaneInts shown;
   shown.all = cull_in_time_window(since, log_longest, sqrt(-2.f * log(cutoff)));
   if (!lane_any(shown.all)) {
-    lookout_mark(group, n, shown, marks, counts);
+    cull_mark(group, n, shown, marks, counts);
     return;
   }
   // mean 0 to 2, t - mean_t 3, ql 4 to 7, qr 8 to 11, log scales 12 to 15, logit 16
@@ -128,9 +128,9 @@ kernel void native4d_cull(const uint n, const uint moving, const float t, const 
   const LaneQuat back = lane_quat_scale(qr_conj, 1.f / sqrt(r2));
   const LaneQuat axes[4] = {lane_quat(-l.x, l.t, l.z, -l.y), lane_quat(-l.y, -l.z, l.t, l.x),
                             lane_quat(-l.z, l.y, -l.x, l.t), l};  // ql e_k
-  LaneQuat p[4];  // the columns of P
+  LaneQuat p[4];                                                  // the columns of P
   for (int k = 0; k < 4; ++k)
-    p[k] = lane_quat_scale(lane_quat_mul(axes[k], back), lookout_exp(in[12 + k].all));
+    p[k] = lane_quat_scale(lane_quat_mul(axes[k], back), cull_exp(in[12 + k].all));
   lane tt = TO_LANE(0.f), xt = tt, yt = tt, zt = tt, all = tt, size = tt;  // sums over the columns
   for (int k = 0; k < 4; ++k) {
     tt += p[k].t * p[k].t;
@@ -144,13 +144,13 @@ kernel void native4d_cull(const uint n, const uint moving, const float t, const 
     const lane x = p[k].x - vx * p[k].t, y = p[k].y - vy * p[k].t, z = p[k].z - vz * p[k].t;
     size += x * x + y * y + z * z;
   }
-  const lane dt = in[3].all, there = lookout_exp(-0.5f * dt * dt / tt);
-  const lane opacity = there / (TO_LANE(1.f) + lookout_exp(-in[16].all));
+  const lane dt = in[3].all, there = cull_exp(-0.5f * dt * dt / tt);
+  const lane opacity = there / (TO_LANE(1.f) + cull_exp(-in[16].all));
   shown.all = !(there <= TO_LANE(0.999f * cutoff)) &
               may_be_seen(camera, fma(vx, dt, in[0].all), fma(vy, dt, in[1].all),
                           fma(vz, dt, in[2].all), sqrt(size) + 1e-6f * sqrt(all), opacity);
   shown.all |= !(lane_quat_sound(l2) & lane_quat_sound(r2));
-  lookout_mark(group, n, shown, marks, counts);
+  cull_mark(group, n, shown, marks, counts);
 }
 
 // Gradients of the Gaussians visible in this view; other rows are unchanged. The call for t1 (first
@@ -159,8 +159,8 @@ kernel void native4d_cull(const uint n, const uint moving, const float t, const 
 // opacities.
 kernel void native4d_bwd(const uint n, const uint moving, const float t, const int first,
                          global const uint* restrict rows, global const float* restrict means,
-                         global const float* restrict means_t,
-                         global const float* restrict quats, global const float* restrict quats_r,
+                         global const float* restrict means_t, global const float* restrict quats,
+                         global const float* restrict quats_r,
                          global const float* restrict log_scales,
                          global const float* restrict logit_opacities,
                          global const uint* restrict tiles_touched,    // [n]
@@ -234,8 +234,9 @@ kernel void native4d_split(const uint n, const uint moving, const uint seed,
   if (large || child[i] == 2) {
     const real2 n1 = random_normal2(seed, 0u, i), n2 = random_normal2(seed, 2u, i);
     const real3 draw = make_real3(n1.x, n1.y, n2.x);
-    store3(means, i, g.mean + make_real3(dot(o.factor.r1, draw), dot(o.factor.r2, draw),
-                                         dot(o.factor.r3, draw)));
+    store3(means, i,
+           g.mean +
+               make_real3(dot(o.factor.r1, draw), dot(o.factor.r2, draw), dot(o.factor.r3, draw)));
   }
   if (large) {
     const real less = 0.470003629f;  // log 1.6
@@ -245,10 +246,11 @@ kernel void native4d_split(const uint n, const uint moving, const uint seed,
 }
 
 // Learning-rate scale of each Gaussian (lifetime_rate_scale).
-kernel void native4d_rate_scale(const uint n, const float duration, const float power, const float most,
-                          global const float* restrict log_scales,  // [N, 4]
-                          global float* restrict pace) {            // [N]
+kernel void native4d_rate_scale(const uint n, const float duration, const float power,
+                                const float most,
+                                global const float* restrict log_scales,  // [N, 4]
+                                global float* restrict rate_scale) {      // [N]
   const uint i = get_global_id(0);
   if (i >= n) return;
-  pace[i] = lifetime_rate_scale(exp(log_scales[4 * i + 3]), duration, power, most);
+  rate_scale[i] = lifetime_rate_scale(exp(log_scales[4 * i + 3]), duration, power, most);
 }

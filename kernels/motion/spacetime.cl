@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The spacetime motion model on the device (formulas: shared/motion/spacetime.h): Gaussians on their paths
-// at time t, and the gradient. Windows, first and second time, and outputs are as in native4d.cl.
-// One work-item per Gaussian.
+// The spacetime motion model on the device (formulas: shared/motion/spacetime.h): Gaussians on
+// their paths at time t, and the gradient. Windows, first and second time, and outputs are as in
+// native4d.cl. One work-item per Gaussian.
 #include "shared/arrays.h"
-#include "shared/motion/lookout.h"
-#include "shared/random.h"
+#include "shared/motion/culling.h"
 #include "shared/motion/spacetime.h"
+#include "shared/random.h"
 #include "shared/view_rows.h"
 
 #define SPACETIME_IN                                                                            \
@@ -66,20 +66,20 @@ kernel void spacetime_cull(const uint n, const uint moving, const float t, const
                            global uint* restrict counts) {  // [ceil(N / LANES)] their bits
   const uint group = get_global_id(0), first = group * LANES;
   if (first >= n) return;
-  CullInputs lookout;
+  CullInputs culling;
   LaneInts shown;
-  shown.all = lookout_time(&lookout, first, n, t, sigmas, means_t, log_scales);
+  shown.all = cull_time(&culling, first, n, t, sigmas, means_t, log_scales);
   if (lane_any(shown.all)) {
-    lookout_clear(&lookout);
+    cull_clear(&culling);
     for (uint i = first, r = 0; i < n && r < LANES; ++i, ++r) {
-      const float dt = lookout.dt.row[r];
+      const float dt = culling.dt.row[r];
       float3 mean = load3(means, i);
       if (i < moving) mean += (load3(velocities, i) + load3(half_accelerations, i) * dt) * dt;
-      lookout_put(&lookout, r, mean, vload4(i, log_scales), logit_opacities[i]);
+      cull_put(&culling, r, mean, vload4(i, log_scales), logit_opacities[i]);
     }
-    shown.all &= cull_visible(lookout, camera);
+    shown.all &= cull_visible(culling, camera);
   }
-  lookout_mark(group, n, shown, marks, counts);
+  cull_mark(group, n, shown, marks, counts);
 }
 
 // Gradients of the Gaussians visible in this view; other rows are unchanged. The call for t1 (first
@@ -173,17 +173,17 @@ kernel void spacetime_split(const uint n, const uint moving, const uint seed,
   logit_opacities[i] = half_opacity_logit(g.logit_opacity);
 }
 
-// Learning-rate scales. pace: as native4d_rate_scale. reach: the time in which its motion matters, its
-// temporal standard deviation, clamped to at least a time step of the video (a flow leads that far)
-// and at most all of it.
+// Learning-rate scales. rate_scale: as native4d_rate_scale. rate_divisor: the time in which its
+// motion matters, its temporal standard deviation, clamped to at least a time step of the video (a
+// flow leads that far) and at most all of it.
 kernel void spacetime_rate_scale(const uint n, const float duration, const float time_step,
-                           const float power, const float most,
-                           global const float* restrict log_scales,  // [N, 4]
-                           global float* restrict pace,              // [N]
-                           global float* restrict reach) {           // [N]
+                                 const float power, const float most,
+                                 global const float* restrict log_scales,  // [N, 4]
+                                 global float* restrict rate_scale,        // [N]
+                                 global float* restrict rate_divisor) {    // [N]
   const uint i = get_global_id(0);
   if (i >= n) return;
   const float life = exp(log_scales[4 * i + 3]);
-  pace[i] = lifetime_rate_scale(life, duration, power, most);
-  reach[i] = clamp(life, time_step, duration);
+  rate_scale[i] = lifetime_rate_scale(life, duration, power, most);
+  rate_divisor[i] = clamp(life, time_step, duration);
 }

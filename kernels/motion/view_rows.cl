@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a motion model's marks, one bit per row and LANES rows per mark (shared/motion/lookout.h), to the
-// ascending list of the rows that a view may show (shared/view_rows.h). One work-item per mark, no
-// atomics.
+// From a motion model's marks, one bit per row and LANES rows per mark (shared/motion/culling.h),
+// to the ascending list of the rows that a view may show (shared/view_rows.h). One work-item per
+// mark, no atomics.
 #include "shared/lane.h"
 
 // found: the number of listed rows, and of those below `moving`, which are dynamic.

@@ -11,22 +11,22 @@
 #include "shared/work.h"
 
 // Rejects a row with a gradient that Adam cannot use: all groups skip it.
-static inline void refuse_row(size_t row, uint width, global const float* grads, global uint* seen,
-                              global uint* refused) {
+static inline void reject_row(size_t row, uint width, global const float* grads, global uint* seen,
+                              global uint* rejected) {
   if (seen[row] == 0) return;
   int accepted = 1;
   for (uint k = 0; k < width; ++k) accepted &= is_usable_gradient(grads[row * width + k]);
   if (accepted) return;
   seen[row] = 0;
-  refused[row] = min(max(refused[row], 1u) + 1, 0x7fffffffu);
+  rejected[row] = min(max(rejected[row], 1u) + 1, 0x7fffffffu);
 }
 
 kernel void adam_refuse(const uint first, const uint rows, const uint width,
                         global const float* restrict grads,  // [rows, width]
                         global uint* restrict seen,          // [rows] becomes 0 if rejected
-                        global uint* restrict refused) {     // [rows] RowState::refused
+                        global uint* restrict rejected) {    // [rows] RowState::rejected
 #if LANES == 1
-  if (get_global_id(0) < rows) refuse_row(first + get_global_id(0), width, grads, seen, refused);
+  if (get_global_id(0) < rows) reject_row(first + get_global_id(0), width, grads, seen, rejected);
 #else
   const size_t begin = (size_t)get_global_id(0) * ADAM_SPAN;
   if (begin >= rows) return;
@@ -45,19 +45,19 @@ kernel void adam_refuse(const uint first, const uint rows, const uint width,
   for (; i < count; ++i) rest |= !is_usable_gradient(g[i]);
   if (!rest && !lane_any(bad)) return;
   for (size_t row = first + begin; row < first + min(begin + ADAM_SPAN, (size_t)rows); ++row)
-    refuse_row(row, width, grads, seen, refused);
+    reject_row(row, width, grads, seen, rejected);
 #endif
 }
 
-// Advances a seen row to its step number `now` and returns its AdamRow, correction1 times pace.
-// Steps count from a row's first gradient on, since it has no moments to decay before. Without
-// makes_up, missed steps do not count. For unseen rows correction2 is -1.
+// Advances a seen row to its step number `now` and returns its AdamRow, correction1 times
+// rate_scale. Steps count from a row's first gradient on, since it has no moments to decay before.
+// Without makes_up, missed steps do not count. For unseen rows correction2 is -1.
 static inline float4 advance_row(size_t row, uint now, int makes_up, uint table_size,
                                  global const float* table, global const uint* seen,
-                                 global const float* pace, global uint* steps, global uint* last,
-                                 global uint* refused) {
+                                 global const float* rate_scale, global uint* steps,
+                                 global uint* last, global uint* rejected) {
   if (seen[row] == 0) return (float4)(0.f, -1.f, 0.f, 0.f);
-  refused[row] = min(refused[row], 1u);
+  rejected[row] = min(rejected[row], 1u);
   const uint before = steps[row];
   const uint missed = before == 0 || !makes_up ? 0 : now - last[row] - 1;
   // Beyond the table everything is as at its end; the counter must not wrap.
@@ -66,7 +66,7 @@ static inline float4 advance_row(size_t row, uint now, int makes_up, uint table_
   float4 rate;
   rate.xy = vload4(min(steps[row], table_size - 1), table).xy;
   rate.zw = vload4(min(missed, table_size - 1), table).zw;
-  rate.x *= pace[row];
+  rate.x *= rate_scale[row];
   return rate;
 }
 
@@ -76,17 +76,18 @@ kernel void adam_advance(const uint first, const uint rows, const uint now, cons
                          const uint table_size,
                          global const float* restrict table,  // [table_size, 4] AdamRow by steps
                          global const uint* restrict seen,    // [rows]
-                         global const float* restrict pace,   // [rows] learning-rate scale
-                         global uint* restrict steps,         // [rows]
-                         global uint* restrict last,          // [rows] number of its last step
-                         global uint* restrict refused,       // [rows] at most 1 again if seen
-                         global float* restrict rates,        // [rows, 4]
-                         global uchar* restrict idle) {       // [spans] 1: no row is seen
+                         global const float* restrict rate_scale,  // [rows] learning-rate scale
+                         global uint* restrict steps,              // [rows]
+                         global uint* restrict last,               // [rows] number of its last step
+                         global uint* restrict rejected,           // [rows] at most 1 again if seen
+                         global float* restrict rates,             // [rows, 4]
+                         global uchar* restrict idle) {            // [spans] 1: no row is seen
 #if LANES == 1
   const size_t row = first + get_global_id(0);
   if (row >= (size_t)first + rows) return;
-  vstore4(advance_row(row, now, makes_up, table_size, table, seen, pace, steps, last, refused), row,
-          rates);
+  vstore4(
+      advance_row(row, now, makes_up, table_size, table, seen, rate_scale, steps, last, rejected),
+      row, rates);
 #else
   const size_t begin = first + (size_t)get_global_id(0) * ADAM_SPAN, all = (size_t)first + rows;
   if (begin >= all) return;
@@ -96,8 +97,9 @@ kernel void adam_advance(const uint first, const uint rows, const uint now, cons
   idle[get_global_id(0)] = any_seen == 0;
   if (!any_seen) return;
   for (size_t row = begin; row < end; ++row)
-    vstore4(advance_row(row, now, makes_up, table_size, table, seen, pace, steps, last, refused),
-            row, rates);
+    vstore4(
+        advance_row(row, now, makes_up, table_size, table, seen, rate_scale, steps, last, rejected),
+        row, rates);
 #endif
 }
 
@@ -141,18 +143,18 @@ static inline void update_lanes(size_t i, AdamStep step, LaneRow c, ADAM_ARRAYS)
 #endif
 
 // One work-item per scalar, or per ADAM_SPAN rows. exp_avg may be null if beta1 is 0.
-kernel void adam_step(const uint first, const uint rows, const uint width, const AdamStep step,
-                      const int per_time,
-                      global const float* restrict rates,  // [rows, 4] from adam_advance
-                      global const uchar* restrict idle,   // [spans] from adam_advance
-                      global const float* restrict reach,  // [rows] rate divisor, per_time times
-                      ADAM_ARRAYS) {                       // [rows, width]
+kernel void adam_step(
+    const uint first, const uint rows, const uint width, const AdamStep step, const int per_time,
+    global const float* restrict rates,         // [rows, 4] from adam_advance
+    global const uchar* restrict idle,          // [spans] from adam_advance
+    global const float* restrict rate_divisor,  // [rows] rate divisor, per_time times
+    ADAM_ARRAYS) {                              // [rows, width]
 #if LANES == 1
   const size_t i = (size_t)first * width + get_global_id(0), row = i / width;
   if (row >= first + rows) return;
   float4 c = vload4(row, rates);
   if (c.y < 0.f) return;
-  for (int k = 0; k < per_time; ++k) c.x /= reach[row];
+  for (int k = 0; k < per_time; ++k) c.x /= rate_divisor[row];
   update_one(i, step, c, ADAM_ARRAYS_AT);
 #else
   const size_t begin = first + (size_t)get_global_id(0) * ADAM_SPAN, all = first + rows;
@@ -162,7 +164,7 @@ kernel void adam_step(const uint first, const uint rows, const uint width, const
   float4 c[ADAM_SPAN];
   for (uint r = 0; r < count; ++r) {
     c[r] = vload4(begin + r, rates);
-    for (int k = 0; k < per_time; ++k) c[r].x /= reach[begin + r];
+    for (int k = 0; k < per_time; ++k) c[r].x /= rate_divisor[begin + r];
   }
   if (width < LANES && count == ADAM_SPAN) {
     // The rows' floats one after the other: whole vectors, each float with the factors of its row.

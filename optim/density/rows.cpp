@@ -37,13 +37,13 @@ void RowMover::gather(Queue& queue, const Parameters& p, size_t keys, const Buff
   counts(from.rows.steps, to.rows.steps);
   counts(from.rows.last, to.rows.last);
   to.rows.now = from.rows.now;
-  counts(from.rows.refused, to.rows.refused);
+  counts(from.rows.rejected, to.rows.rejected);
   const auto factors = [&](const Buffer<float>& old, Buffer<float>& fresh) {
     rows_gather_(queue, Range::over(to.count), k, n, old_n, 1u, 0, 1.f, 0, source, child, old, old,
                  fresh);
   };
-  factors(from.rows.pace, to.rows.pace);
-  factors(from.rows.reach, to.rows.reach);
+  factors(from.rows.rate_scale, to.rows.rate_scale);
+  factors(from.rows.rate_divisor, to.rows.rate_divisor);
 }
 
 void RowMover::move(Queue& queue, Parameters& p, size_t count, Buffer<cl_uint>& source,

@@ -40,12 +40,12 @@ std::vector<float> planes_of(const FlowField& flow) {
   return planes;
 }
 
-Reference reference_of(const TargetFlow& teacher, bool truth) {
+Reference reference_of(const TargetFlow& target_flow, bool truth) {
   Reference r;
   r.true_flow = truth;
-  r.planes = planes_of(teacher.flow);
-  r.known = truth ? teacher.flow.valid : teacher.confidence;
-  r.seen = teacher.confidence;
+  r.planes = planes_of(target_flow.flow);
+  r.known = truth ? target_flow.flow.valid : target_flow.confidence;
+  r.seen = target_flow.confidence;
   const size_t pixels = r.known.size();
   r.moving.resize(pixels);
   // The same limit as in training.
@@ -122,7 +122,7 @@ class Evaluator {
     const Picture picture = Picture::from_planes(camera.width, camera.height, planes);
     if (!folder_.empty())
       write_png(folder_ + "/" + frame.name + ".png",
-                picture_of_rgb(camera.width, camera.height, planes));
+                image_of_rgb(camera.width, camera.height, planes));
 
     ViewMetrics view;
     view.name = frame.name;
@@ -167,7 +167,7 @@ class Evaluator {
       return reference;
     }
     if (!next_[i] || !with_dis(i)) return {};
-    Reference reference = reference_of(dis_.teacher(frame, *next_[i]), false);
+    Reference reference = reference_of(dis_.target_flow(frame, *next_[i]), false);
     reference.time = next_[i]->time;
     reference.next = next_[i];
     if (result_.flow_reference == "none") result_.flow_reference = "dis";

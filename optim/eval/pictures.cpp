@@ -24,7 +24,7 @@ double round_unit(double value) {
 
 }  // namespace
 
-Image picture_of_rgb(int width, int height, const std::vector<float>& planes) {
+Image image_of_rgb(int width, int height, const std::vector<float>& planes) {
   Image image{width, height, 3, std::vector<uint8_t>(planes.size())};
   const size_t pixels = planes.size() / 3;
   for (size_t i = 0; i < pixels; ++i)
@@ -32,7 +32,7 @@ Image picture_of_rgb(int width, int height, const std::vector<float>& planes) {
   return image;
 }
 
-Image picture_of_alpha(int width, int height, const std::vector<float>& plane) {
+Image image_of_alpha(int width, int height, const std::vector<float>& plane) {
   Image image{width, height, 1, std::vector<uint8_t>(plane.size())};
   std::transform(plane.begin(), plane.end(), image.pixels.begin(), byte_of);
   return image;
@@ -69,7 +69,7 @@ FlowField flow_of_planes(int width, int height, const std::vector<float>& planes
   return flow;
 }
 
-Image picture_of_flow(const FlowField& flow, float longest) {
+Image image_of_flow(const FlowField& flow, float longest) {
   FlowImage picture = color_wheel(flow, longest);
   return {picture.width, picture.height, 3, std::move(picture.rgb)};
 }
@@ -84,7 +84,7 @@ float flow_length_above(const FlowField& flow, double share) {
   return lengths[at];
 }
 
-Image error_picture(const Image& a, const Image& b, int gain) {
+Image error_image(const Image& a, const Image& b, int gain) {
   if (a.width != b.width || a.height != b.height || a.channels != b.channels)
     throw Error(fmt::format("cannot compare an image of {}x{} pixels with one of {}x{}", a.width,
                             a.height, b.width, b.height));

@@ -9,9 +9,9 @@
 namespace gflow {
 
 // [3, H, W] in [0, 1] as RGB; values outside are clamped.
-Image picture_of_rgb(int width, int height, const std::vector<float>& planes);
+Image image_of_rgb(int width, int height, const std::vector<float>& planes);
 // [H, W] in [0, 1] as grey.
-Image picture_of_alpha(int width, int height, const std::vector<float>& plane);
+Image image_of_alpha(int width, int height, const std::vector<float>& plane);
 
 // Expected depth of a ray, sum(w z) / sum(w), along the camera's z axis [scene units]; 0 where
 // alpha is 0.
@@ -30,12 +30,12 @@ DepthCounts count_depth(const std::vector<float>& depth);
 FlowField flow_of_planes(int width, int height, const std::vector<float>& planes,
                          const std::vector<float>& alpha);
 // The Middlebury colour code; flows of `longest` [px] have full saturation.
-Image picture_of_flow(const FlowField& flow, float longest);
+Image image_of_flow(const FlowField& flow, float longest);
 // Length that all but the share `share` of valid flow vectors stay below [px]; 0 if none is valid.
 float flow_length_above(const FlowField& flow, double share);
 
 // |a - b| x gain, clamped to 255. Error if sizes differ.
-Image error_picture(const Image& a, const Image& b, int gain);
+Image error_image(const Image& a, const Image& b, int gain);
 // Images side by side, from the left. Error if heights differ.
 Image side_by_side(const std::vector<Image>& pictures);
 

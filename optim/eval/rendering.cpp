@@ -45,7 +45,7 @@ class Painter {
     Drawn drawn;
     drawn.width = images.width;
     drawn.height = images.height;
-    drawn.rgb = picture_of_rgb(images.width, images.height, images.rgb.read(queue_));
+    drawn.rgb = image_of_rgb(images.width, images.height, images.rgb.read(queue_));
     drawn.alpha = images.alpha.read(queue_);
     drawn.depth = expected_depth(images.depth.read(queue_), drawn.alpha);
     if (shot.flow)
@@ -85,7 +85,7 @@ void write_view(const std::string& folder, const std::string& name, const Drawn&
     return fmt::format("{}/{}/{}{}", folder, kind, name, extension);
   };
   write_png(path("rgb", ".png"), drawn.rgb);
-  write_png(path("alpha", ".png"), picture_of_alpha(drawn.width, drawn.height, drawn.alpha));
+  write_png(path("alpha", ".png"), image_of_alpha(drawn.width, drawn.height, drawn.alpha));
   const DepthCounts depth = count_depth(drawn.depth);
   write_png16(path("depth", ".png"), drawn.width, drawn.height, depth.counts);
   const nlohmann::ordered_json scale{{"unit", depth.unit}, {"empty", 0}};
@@ -93,7 +93,7 @@ void write_view(const std::string& folder, const std::string& name, const Drawn&
   write_npy(path("depth", ".npy"), {{size_t(drawn.height), size_t(drawn.width)}, drawn.depth});
   if (drawn.flow.valid.empty()) return;
   write_flo(path("flow", ".flo"), drawn.flow);
-  write_png(path("flow", ".png"), picture_of_flow(drawn.flow, flow_scale));
+  write_png(path("flow", ".png"), image_of_flow(drawn.flow, flow_scale));
 }
 
 // The scene's flow from this view to time_t2: true if known, else estimated.
@@ -102,9 +102,10 @@ FlowField reference_flow(const RenderView& view, FrameStore& frames) {
       !view.truth->flow_path.empty() && std::abs(view.truth->flow_time - view.time_t2) < 1e-6;
   if (truth) return read_true_flow(*view.truth, view.camera.width, view.camera.height).flow;
   if (!view.truth_t2) return {};
-  TargetFlow teacher = estimate_target_flow(*frames.rgb(*view.truth), *frames.rgb(*view.truth_t2));
-  teacher.flow.valid = teacher.confidence;
-  return teacher.flow;
+  TargetFlow target_flow =
+      estimate_target_flow(*frames.rgb(*view.truth), *frames.rgb(*view.truth_t2));
+  target_flow.flow.valid = target_flow.confidence;
+  return target_flow.flow;
 }
 
 // Panels that this view lacks stay black, so that all frames of a video have one layout.
@@ -113,11 +114,11 @@ Image comparison(const RenderView& view, FrameStore& frames, const Drawn& drawn,
   const Image black{drawn.width, drawn.height, 3,
                     std::vector<uint8_t>(3 * size_t(drawn.width) * size_t(drawn.height))};
   const Image truth = *frames.rgb(*view.truth);
-  std::vector<Image> panels{truth, drawn.rgb, error_picture(truth, drawn.rgb, error_gain)};
+  std::vector<Image> panels{truth, drawn.rgb, error_image(truth, drawn.rgb, error_gain)};
   if (with_flow) {
     FlowField reference = view.time_t2 >= 0 ? reference_flow(view, frames) : FlowField{};
-    panels.push_back(drawn.flow.valid.empty() ? black : picture_of_flow(drawn.flow, flow_scale));
-    panels.push_back(reference.valid.empty() ? black : picture_of_flow(reference, flow_scale));
+    panels.push_back(drawn.flow.valid.empty() ? black : image_of_flow(drawn.flow, flow_scale));
+    panels.push_back(reference.valid.empty() ? black : image_of_flow(reference, flow_scale));
   }
   return side_by_side(panels);
 }
@@ -153,8 +154,8 @@ void write_movies(const std::vector<RenderView>& views, const std::string& folde
 
 }  // namespace
 
-Image comparison_picture(Queue& queue, Model& model, const RenderView& view, FrameStore& frames,
-                         const RenderOptions& options) {
+Image comparison_image(Queue& queue, Model& model, const RenderView& view, FrameStore& frames,
+                       const RenderOptions& options) {
   if (!view.truth) throw Error("view " + view.name + " has no image to compare with");
   Painter painter(queue, model, options);
   // Scale colours by the reference, so that it looks the same beside every model.

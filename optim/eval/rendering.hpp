@@ -24,8 +24,8 @@ struct RenderOptions {
 
 // One view beside its truth: truth | render | error x 4, and flow | reference flow if there is one.
 // Error if the view has no truth.
-Image comparison_picture(Queue& queue, Model& model, const RenderView& view, FrameStore& frames,
-                         const RenderOptions& options);
+Image comparison_image(Queue& queue, Model& model, const RenderView& view, FrameStore& frames,
+                       const RenderOptions& options);
 
 // Counts of what was written, and the paths of the videos, which begin with the folder.
 struct RenderReport {

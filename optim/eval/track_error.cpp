@@ -125,9 +125,9 @@ void mark_seen(Tracks& tracks, const Scene& scene, const FrameStore& frames) {
     if (frame.flow_path.empty() || std::fabs(frame.flow_time - next_time) > 1e-6) return;
     filmed[step] = 1;
     const Camera& camera = frames.camera(frame);
-    const TargetFlow teacher = read_true_flow(frame, camera.width, camera.height);
+    const TargetFlow target_flow = read_true_flow(frame, camera.width, camera.height);
     for (size_t k = 0; k < tracks.points; ++k)
-      if (sees(camera, teacher, point_at(tracks, step, k), point_at(tracks, step + 1, k)))
+      if (sees(camera, target_flow, point_at(tracks, step, k), point_at(tracks, step + 1, k)))
         seen[step * tracks.points + k] = 1;
   }
   if (std::find(filmed.begin(), filmed.end(), 0) == filmed.end()) tracks.seen = seen;

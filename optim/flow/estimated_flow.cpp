@@ -248,7 +248,7 @@ std::optional<TargetFlow> FlowBetween::kept(const Frame& from, const Frame& to) 
   return folder_->read(name->second, camera.width, camera.height);
 }
 
-TargetFlow FlowBetween::teacher(const Frame& from, const Frame& to) const {
+TargetFlow FlowBetween::target_flow(const Frame& from, const Frame& to) const {
   if (auto flow = kept(from, to)) return *std::move(flow);
   return unpacked(packed(estimate_target_flow(frames_.rgb_over(from, mid_grey),
                                               frames_.rgb_over(to, mid_grey))),

@@ -40,7 +40,7 @@ class FlowBetween {
   // this.
   FlowBetween(const Scene& scene, FrameStore& frames, const std::string& folder, Notice notice);
 
-  TargetFlow teacher(const Frame& from, const Frame& to) const;
+  TargetFlow target_flow(const Frame& from, const Frame& to) const;
   // The flow without confidence, which takes half the time to compute.
   FlowField vectors(const Frame& from, const Frame& to) const;
 

@@ -62,10 +62,10 @@ std::optional<TargetFlow> FlowFolder::read(const std::string& name, int width, i
   std::error_code failed;
   if (!fs::exists(path, failed)) return {};
   try {
-    TargetFlow teacher = unpacked(read_file(path), path);
-    if (teacher.flow.width != width || teacher.flow.height != height) return {};
+    TargetFlow target_flow = unpacked(read_file(path), path);
+    if (target_flow.flow.width != width || target_flow.flow.height != height) return {};
     fs::last_write_time(path, fs::file_time_type::clock::now(), failed);
-    return teacher;
+    return target_flow;
   } catch (const Error& problem) {
     if (fs::exists(path, failed) && notice_)  // else another process removed it
       notice_(fmt::format("{}; computing this flow again", problem.what()));

@@ -44,12 +44,13 @@ std::vector<uint8_t> read_mask(const std::string& path, const FlowField& flow, i
 }
 
 // Resizes a flow to the frame's resolution. Error if its aspect ratio differs from the camera's.
-TargetFlow fitted(const TargetFlow& teacher, int width, int height, const std::string& path) {
-  const double sx = double(width) / teacher.flow.width, sy = double(height) / teacher.flow.height;
+TargetFlow fitted(const TargetFlow& target_flow, int width, int height, const std::string& path) {
+  const double sx = double(width) / target_flow.flow.width,
+               sy = double(height) / target_flow.flow.height;
   if (!(sx / sy > 0.98 && sx / sy < 1.02))
     throw Error(fmt::format("flow {} is {}x{}, but its image is {}x{}: the aspect ratios differ",
-                            path, teacher.flow.width, teacher.flow.height, width, height));
-  return resized(teacher, width, height);
+                            path, target_flow.flow.width, target_flow.flow.height, width, height));
+  return resized(target_flow, width, height);
 }
 
 FlowField flow_from_npy(const std::string& path) {
@@ -102,8 +103,8 @@ struct FlowStore::State {
   }
 
   std::shared_ptr<const TargetFlow> get(size_t pair) {
-    return cache.get(pair, loaders[pair], [](const TargetFlow& teacher) {
-      return teacher.flow.uv.size() * sizeof(float) + 2 * teacher.confidence.size();
+    return cache.get(pair, loaders[pair], [](const TargetFlow& target_flow) {
+      return target_flow.flow.uv.size() * sizeof(float) + 2 * target_flow.confidence.size();
     });
   }
 
@@ -167,11 +168,11 @@ bool FlowStore::is_precomputed() const { return state_->options.is_precomputed; 
 
 TargetFlow read_true_flow(const Frame& frame, int width, int height) {
   if (frame.flow_path.empty()) throw Error(fmt::format("frame {} has no true flow", frame.name));
-  TargetFlow teacher{read_flo(frame.flow_path), {}};
-  teacher.confidence = frame.flow_mask_path.empty()
-                           ? where_valid(teacher.flow)
-                           : read_mask(frame.flow_mask_path, teacher.flow, 255);
-  return fitted(teacher, width, height, frame.flow_path);
+  TargetFlow target_flow{read_flo(frame.flow_path), {}};
+  target_flow.confidence = frame.flow_mask_path.empty()
+                               ? where_valid(target_flow.flow)
+                               : read_mask(frame.flow_mask_path, target_flow.flow, 255);
+  return fitted(target_flow, width, height, frame.flow_path);
 }
 
 FlowStore extended(std::shared_ptr<FlowStore> first, std::vector<FlowStore::Loader> more) {
@@ -229,10 +230,10 @@ FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pai
     const std::string& base = path.compare(0, step.size(), step) == 0 ? step : picture;
     const std::string mask = first_existing("", {base + "_mask.png"});
     loaders.emplace_back([=] {
-      TargetFlow teacher{read_any_flow(path), {}};
-      teacher.confidence =
-          mask.empty() ? where_valid(teacher.flow) : read_mask(mask, teacher.flow, 128);
-      return fitted(teacher, camera.width, camera.height, path);
+      TargetFlow target_flow{read_any_flow(path), {}};
+      target_flow.confidence =
+          mask.empty() ? where_valid(target_flow.flow) : read_mask(mask, target_flow.flow, 128);
+      return fitted(target_flow, camera.width, camera.height, path);
     });
   }
   return FlowStore(std::move(loaders));

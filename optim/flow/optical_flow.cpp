@@ -115,9 +115,9 @@ TargetFlow estimate_target_flow(const Image& a, const Image& b) {
   return estimate_target_flows(a, b).first;
 }
 
-TargetFlow resized(const TargetFlow& teacher, int width, int height) {
-  const FlowField& from = teacher.flow;
-  if (from.width == width && from.height == height) return teacher;
+TargetFlow resized(const TargetFlow& target_flow, int width, int height) {
+  const FlowField& from = target_flow.flow;
+  if (from.width == width && from.height == height) return target_flow;
   TargetFlow result{zero_flow(width, height), {}};
   result.confidence.resize(result.flow.valid.size());
   const float sx = float(width) / float(from.width), sy = float(height) / float(from.height);
@@ -130,7 +130,7 @@ TargetFlow resized(const TargetFlow& teacher, int width, int height) {
       result.flow.uv[2 * i] = from.uv[2 * j] * sx;
       result.flow.uv[2 * i + 1] = from.uv[2 * j + 1] * sy;
       result.flow.valid[i] = from.valid[j];
-      result.confidence[i] = teacher.confidence[j];
+      result.confidence[i] = target_flow.confidence[j];
     }
   return result;
 }

@@ -33,6 +33,6 @@ TargetFlow estimate_target_flow(const Image& a, const Image& b);
 
 // A flow resampled to another size, with scaled vectors. Uses the nearest sample, because averaging
 // across a silhouette gives a motion of no surface.
-TargetFlow resized(const TargetFlow& teacher, int width, int height);
+TargetFlow resized(const TargetFlow& target_flow, int width, int height);
 
 }  // namespace gflow

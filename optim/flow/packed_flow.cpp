@@ -102,8 +102,8 @@ Bytes deflated(const Bytes& bytes) {
 
 }  // namespace
 
-Bytes packed(const TargetFlow& teacher) {
-  const FlowField& flow = teacher.flow;
+Bytes packed(const TargetFlow& target_flow) {
+  const FlowField& flow = target_flow.flow;
   if (uint32_t(flow.width) > longest_side || uint32_t(flow.height) > longest_side)
     throw Error(fmt::format("cannot store a flow of {}x{} pixels: the longest side supported is {}",
                             flow.width, flow.height, longest_side));
@@ -118,7 +118,7 @@ Bytes packed(const TargetFlow& teacher) {
     planes[parts.pixels + i] = uint16_t(std::lrint(v * float(units)));
     const uint8_t bit = uint8_t(1u << (i % 8));
     bytes[parts.valid + i / 8] |= bit;
-    if (teacher.confidence[i] > 127) bytes[parts.trusted + i / 8] |= bit;
+    if (target_flow.confidence[i] > 127) bytes[parts.trusted + i / 8] |= bit;
   }
   size_t i = 0;
   for (const uint16_t* plane : {planes.data(), planes.data() + parts.pixels})
@@ -161,13 +161,13 @@ TargetFlow unpacked(const Bytes& bytes, const std::string& name) {
     throw damaged("it does not decompress to a flow of its size");
   if (header.units == 0 || header.units > finest) throw damaged("its unit is invalid");
   const int width = int(header.width), height = int(header.height);
-  TargetFlow teacher{zero_flow(width, height), {}};
-  const Parts parts(teacher.flow.valid.size());
+  TargetFlow target_flow{zero_flow(width, height), {}};
+  const Parts parts(target_flow.flow.valid.size());
   Bytes expanded(parts.end);
   uLongf length = uLongf(expanded.size());
   if (uncompress(expanded.data(), &length, stream, header.length) != Z_OK || length != parts.end)
     throw damaged("it does not decompress to a flow of its size");
-  teacher.confidence.resize(parts.pixels);
+  target_flow.confidence.resize(parts.pixels);
   std::vector<uint16_t> plane(parts.pixels);
   const float unit = 1 / float(header.units);
   for (size_t c = 0; c < 2; ++c) {
@@ -178,14 +178,14 @@ TargetFlow unpacked(const Bytes& bytes, const std::string& name) {
       for (int x = 0; x < width; ++x, ++i) {
         const uint16_t coded = uint16_t(low[i] | high[i] << 8);
         plane[i] = uint16_t(predicted(plane.data(), width, x, y) + sign_first(coded));
-        teacher.flow.uv[2 * i + c] = float(int16_t(plane[i])) * unit;
+        target_flow.flow.uv[2 * i + c] = float(int16_t(plane[i])) * unit;
       }
   }
   for (size_t i = 0; i < parts.pixels; ++i) {
-    teacher.flow.valid[i] = expanded[parts.valid + i / 8] >> (i % 8) & 1;
-    teacher.confidence[i] = expanded[parts.trusted + i / 8] >> (i % 8) & 1 ? 255 : 0;
+    target_flow.flow.valid[i] = expanded[parts.valid + i / 8] >> (i % 8) & 1;
+    target_flow.confidence[i] = expanded[parts.trusted + i / 8] >> (i % 8) & 1 ? 255 : 0;
   }
-  return teacher;
+  return target_flow;
 }
 
 bool holds_packed_flow(const std::string& path, int width, int height) {

@@ -16,7 +16,7 @@ inline constexpr double packed_flow_bytes_per_pixel = 1;
 // Rounds each component to the nearest 1/64 px, an error of at most 1/128 px. If any component
 // exceeds 511 px, all use 1/32 px, above 1023 px 1/16 px, and so on. Vectors beyond 32767 px become
 // invalid. Confidence is stored as one bit: above 127.
-Bytes packed(const TargetFlow& teacher);
+Bytes packed(const TargetFlow& target_flow);
 
 // The rounded flow. Error, starting with `name`, if the bytes are not exactly a result of packed().
 TargetFlow unpacked(const Bytes& bytes, const std::string& name);

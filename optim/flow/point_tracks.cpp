@@ -48,13 +48,13 @@ PointTracks read_point_tracks(const std::string& path) {
         "{}: array 'tracks' has shape {}, expected (frames, points, 2), x and y in pixels", path,
         xy.shape_text()));
   PointTracks tracks{xy.shape[0], xy.shape[1], xy.as_float(), {}};
-  tracks.seen.assign(tracks.pictures * tracks.points, 1);
+  tracks.seen.assign(tracks.frames * tracks.points, 1);
   if (arrays.count("visibility")) {
     const Array& visibility = arrays.at("visibility");
-    if (visibility.shape != std::vector<size_t>{tracks.pictures, tracks.points})
+    if (visibility.shape != std::vector<size_t>{tracks.frames, tracks.points})
       throw Error(
           fmt::format("{}: array 'visibility' has shape {}, expected ({}, {}) as in 'tracks'", path,
-                      visibility.shape_text(), tracks.pictures, tracks.points));
+                      visibility.shape_text(), tracks.frames, tracks.points));
     const std::vector<float> values = visibility.as_float();
     for (size_t i = 0; i < values.size(); ++i) tracks.seen[i] = values[i] > 0.5f;
   }
@@ -66,10 +66,10 @@ PointTracks read_point_tracks(const std::string& path) {
 
 TargetFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, int width, int height,
                           float sx, float sy) {
-  TargetFlow teacher{zero_flow(width, height), {}};
-  const size_t pixels = teacher.flow.valid.size();
-  std::fill(teacher.flow.valid.begin(), teacher.flow.valid.end(), uint8_t{0});
-  teacher.confidence.resize(pixels);
+  TargetFlow target_flow{zero_flow(width, height), {}};
+  const size_t pixels = target_flow.flow.valid.size();
+  std::fill(target_flow.flow.valid.begin(), target_flow.flow.valid.end(), uint8_t{0});
+  target_flow.confidence.resize(pixels);
   std::map<size_t, float> from_centre;  // distance of the chosen point, by pixel
   for (size_t k = 0; k < tracks.points; ++k) {
     const size_t a = from * tracks.points + k, b = to * tracks.points + k;
@@ -82,14 +82,14 @@ TargetFlow flow_of_points(const PointTracks& tracks, size_t from, size_t to, int
     const auto [nearest, is_first] = from_centre.try_emplace(i, distance);
     if (!is_first && nearest->second <= distance) continue;
     nearest->second = distance;
-    teacher.flow.valid[i] = 1;
-    teacher.confidence[i] = 255;
-    teacher.flow.uv[2 * i] = sx * tracks.xy[2 * b] - x;
-    teacher.flow.uv[2 * i + 1] = sy * tracks.xy[2 * b + 1] - y;
+    target_flow.flow.valid[i] = 1;
+    target_flow.confidence[i] = 255;
+    target_flow.flow.uv[2 * i] = sx * tracks.xy[2 * b] - x;
+    target_flow.flow.uv[2 * i + 1] = sy * tracks.xy[2 * b + 1] - y;
   }
   const double known = double(std::max<size_t>(from_centre.size(), 1));
-  teacher.emphasis = float(std::min(double(pixels) / known, most_of_area));
-  return teacher;
+  target_flow.emphasis = float(std::min(double(pixels) / known, most_of_area));
+  return target_flow;
 }
 
 namespace {
@@ -150,9 +150,9 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
                         "tracks in {} are not: use images and tracks without lens distortion",
                         stored.name, path));
       tracks = std::make_shared<const PointTracks>(read_point_tracks(path));
-      if (int(tracks->pictures) != film.count)
+      if (int(tracks->frames) != film.count)
         throw Error(fmt::format("{} has tracks over {} frames, but camera {} has {}", path,
-                                tracks->pictures, stored.name, film.count));
+                                tracks->frames, stored.name, film.count));
       in_sight += require_inside(*tracks, stored, path);
     }
     loaders.emplace_back([=, tracks = tracks] {

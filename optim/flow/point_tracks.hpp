@@ -12,13 +12,13 @@ namespace gflow {
 
 // Positions of points in each frame of one track.
 struct PointTracks {
-  size_t pictures = 0, points = 0;
-  std::vector<float> xy;      // [pictures, points, 2] in pixels, centres at .5
-  std::vector<uint8_t> seen;  // [pictures, points]; 1 if the point is visible
+  size_t frames = 0, points = 0;
+  std::vector<float> xy;      // [frames, points, 2] in pixels, centres at .5
+  std::vector<uint8_t> seen;  // [frames, points]; 1 if the point is visible
 };
 
-// Reads an .npz with `tracks` [pictures, points, 2], in pixels of the stored images, first pixel
-// centre at (.5, .5), and optionally `visibility` [pictures, points], above .5 if visible.
+// Reads an .npz with `tracks` [frames, points, 2], in pixels of the stored images, first pixel
+// centre at (.5, .5), and optionally `visibility` [frames, points], above .5 if visible.
 // Non-finite positions are not visible. Error if there are no such arrays.
 PointTracks read_point_tracks(const std::string& path);
 

@@ -13,7 +13,7 @@ constexpr size_t kMedianOf = 25;  // images in the median
 constexpr size_t kNoise = 8;      // fewer changed pixels than this are noise
 
 // Median over time, per channel and pixel.
-std::vector<uint8_t> median_picture(const std::vector<std::shared_ptr<const Image>>& pictures) {
+std::vector<uint8_t> median_image(const std::vector<std::shared_ptr<const Image>>& pictures) {
   std::vector<uint8_t> median(pictures[0]->pixels.size()), values(pictures.size());
   for (size_t i = 0; i < median.size(); ++i) {
     for (size_t k = 0; k < pictures.size(); ++k) values[k] = pictures[k]->pixels[i];
@@ -84,7 +84,7 @@ std::vector<StaticCamera> static_cameras_of(const Scene& scene, FrameStore& stor
     const size_t stride = (frames.size() + kMedianOf - 1) / kMedianOf;
     std::vector<std::shared_ptr<const Image>> pictures;
     for (size_t i = 0; i < frames.size(); i += stride) pictures.push_back(store.rgb(*frames[i]));
-    static_cameras.push_back({store.camera(*frames[0]), frames, median_picture(pictures)});
+    static_cameras.push_back({store.camera(*frames[0]), frames, median_image(pictures)});
   }
   return static_cameras;
 }

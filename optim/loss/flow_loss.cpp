@@ -27,17 +27,18 @@ FlowLoss::FlowLoss(Queue& queue, float robust_px)
       terms_("flow loss terms") {}
 
 void FlowLoss::run(Queue& queue, float weight, int width, int height, const Buffer<float>& flow,
-                   const Buffer<float>& alpha, const Buffer<float>& teacher,
+                   const Buffer<float>& alpha, const Buffer<float>& target_flow,
                    const Buffer<cl_uchar>& confidence, Buffer<float>& v_flow,
                    const Buffer<float>* tile_weights) {
   const size_t pixels = size_t(width) * height;
-  if (flow.size() < 2 * pixels || teacher.size() < 2 * pixels || v_flow.size() < 2 * pixels ||
+  if (flow.size() < 2 * pixels || target_flow.size() < 2 * pixels || v_flow.size() < 2 * pixels ||
       alpha.size() < pixels || confidence.size() < pixels)
     throw Error(fmt::format(
         "flow loss of {} x {} pixels: {} has {} values, {} {}, {} {}, {} {}, {} {}; flows need two "
         "per pixel, alpha and confidence one",
-        width, height, flow.name(), flow.size(), teacher.name(), teacher.size(), v_flow.name(),
-        v_flow.size(), alpha.name(), alpha.size(), confidence.name(), confidence.size()));
+        width, height, flow.name(), flow.size(), target_flow.name(), target_flow.size(),
+        v_flow.name(), v_flow.size(), alpha.name(), alpha.size(), confidence.name(),
+        confidence.size()));
   const size_t tiles = ((size_t(width) + TILE - 1) / TILE) * ((size_t(height) + TILE - 1) / TILE);
   if (tile_weights && tile_weights->size() < tiles)
     throw Error(fmt::format("flow loss of {} x {} pixels: {} has {} values for {} tiles", width,
@@ -47,8 +48,8 @@ void FlowLoss::run(Queue& queue, float weight, int width, int height, const Buff
   const size_t runs = (size_t(width) + lanes_ - 1) / lanes_;  // runs of LANES pixels in a row
   flow_loss_(queue, Range::over(runs * size_t(height), 64), cl_uint(width), cl_uint(height),
              weight / float(pixels), robust_px_, int(tile_weights != nullptr),
-             tile_weights ? *tile_weights : no_weights_, flow, alpha, teacher, confidence, v_flow,
-             terms_);
+             tile_weights ? *tile_weights : no_weights_, flow, alpha, target_flow, confidence,
+             v_flow, terms_);
   pixels_ = pixels;
 }
 
@@ -62,17 +63,17 @@ FlowLossValue FlowLoss::value(Queue& queue) {
   return value;
 }
 
-size_t confident_pixels(const std::vector<float>& teacher,
+size_t confident_pixels(const std::vector<float>& target_flow,
                         const std::vector<cl_uchar>& confidence) {
   const size_t pixels = confidence.size();
-  if (teacher.size() != 2 * pixels)
+  if (target_flow.size() != 2 * pixels)
     throw Error(fmt::format(
         "counting confident pixels: {} flow values for {} pixels, expected two per pixel",
-        teacher.size(), pixels));
+        target_flow.size(), pixels));
   size_t count = 0;
   for (size_t i = 0; i < pixels; ++i)
-    count += confidence[i] != 0 && std::fabs(teacher[i]) <= TARGET_FLOW_LIMIT &&
-             std::fabs(teacher[pixels + i]) <= TARGET_FLOW_LIMIT;
+    count += confidence[i] != 0 && std::fabs(target_flow[i]) <= TARGET_FLOW_LIMIT &&
+             std::fabs(target_flow[pixels + i]) <= TARGET_FLOW_LIMIT;
   return count;
 }
 

@@ -19,11 +19,11 @@ class FlowLoss {
   // robust_px: the knee, > 0 [px].
   FlowLoss(Queue& queue, float robust_px);
 
-  // Sets v_flow [2, H, W] = dL/d flow. flow and teacher, the target flow, [2, H, W] [px]; alpha [H,
-  // W]; confidence [H, W] with 255 = 1. Target flow that is non-finite or above 1e5 px has no
+  // Sets v_flow [2, H, W] = dL/d flow. flow and target flow, the target flow, [2, H, W] [px]; alpha
+  // [H, W]; confidence [H, W] with 255 = 1. Target flow that is non-finite or above 1e5 px has no
   // weight. tile_weights [tiles] of 16 x 16 pixels, row by row; nullptr: all 1.
   void run(Queue& queue, float weight, int width, int height, const Buffer<float>& flow,
-           const Buffer<float>& alpha, const Buffer<float>& teacher,
+           const Buffer<float>& alpha, const Buffer<float>& target_flow,
            const Buffer<cl_uchar>& confidence, Buffer<float>& v_flow,
            const Buffer<float>* tile_weights = nullptr);
 
@@ -44,7 +44,8 @@ class FlowLoss {
 };
 
 // Number of pixels of a target flow that can have weight; at 0 the flow pass may be skipped.
-// teacher [2, H, W], confidence [H, W].
-size_t confident_pixels(const std::vector<float>& teacher, const std::vector<cl_uchar>& confidence);
+// target flow [2, H, W], confidence [H, W].
+size_t confident_pixels(const std::vector<float>& target_flow,
+                        const std::vector<cl_uchar>& confidence);
 
 }  // namespace gflow

@@ -71,7 +71,7 @@ BasesMotion::BasesMotion(Queue& queue, const MotionShape& shape)
       bases_look_(program_, "bases_cull"),
       bases_bwd_(program_, "bases_bwd"),
       bases_gather_(program_, "bases_gather"),
-      still_rows_(queue) {
+      canonical_rows_(queue) {
   if (shape.keys < 1 || shape.bases < 1 || shape.bases > MAX_BASES)
     throw Error(fmt::format("a bases model needs at least one key and 1 to {} bases, not {} and {}",
                             MAX_BASES, shape.keys, shape.bases));
@@ -138,14 +138,14 @@ void BasesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   path.active = path.active.joined({size_t(keys.first) * bases, size_t(keys.count) * bases});
 }
 
-void BasesMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
-  still_rows_.set_pace(queue, p, rule);
-  p.more[0].rows.pace.fill(queue, key_pace(shape_.keys, rule));
+void BasesMotion::set_rate_scales(Queue& queue, Parameters& p, const PaceRule& rule) {
+  canonical_rows_.set_rate_scales(queue, p, rule);
+  p.more[0].rows.rate_scale.fill(queue, key_rate_scale(shape_.keys, rule));
 }
 
 void BasesMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
                         const SplitRule& rule, uint32_t seed) {
-  still_rows_.split(queue, p, child, rule, seed);
+  canonical_rows_.split(queue, p, child, rule, seed);
 }
 
 const MotionModel& bases_model() {

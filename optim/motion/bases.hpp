@@ -37,7 +37,7 @@ class BasesMotion : public Motion {
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
                 const RowList& rows = {}) override;
-  void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
+  void set_rate_scales(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;
 
@@ -63,7 +63,7 @@ class BasesMotion : public Motion {
       bases_bwd_;
   Kernel<cl_uint, cl_int, KeyWeights, In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>>
       bases_gather_;
-  CanonicalRows still_rows_;
+  CanonicalRows canonical_rows_;
   Buffer<float> poses_{"basis poses"};        // [B, 7]
   Buffer<float> partials_{"basis partials"};  // [chunks, B, 7]
 };

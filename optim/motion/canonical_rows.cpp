@@ -12,20 +12,20 @@ std::vector<GroupSpec> canonical_groups() {
 }
 
 CanonicalRows::CanonicalRows(Queue& queue)
-    : program_(queue, "motion/still.cl"),
-      still_split_(program_, "still_split"),
-      still_pace_(program_, "static_rate_scale") {}
+    : program_(queue, "motion/canonical_rows.cl"),
+      canonical_split_(program_, "canonical_split"),
+      canonical_pace_(program_, "static_rate_scale") {}
 
-void CanonicalRows::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
-  still_pace_(queue, Range::over(p.count), cl_uint(p.count), rule.duration, rule.power, rule.most,
-              p["log_scales"].values, p.rows.pace);
+void CanonicalRows::set_rate_scales(Queue& queue, Parameters& p, const PaceRule& rule) {
+  canonical_pace_(queue, Range::over(p.count), cl_uint(p.count), rule.duration, rule.power,
+                  rule.most, p["log_scales"].values, p.rows.rate_scale);
 }
 
 void CanonicalRows::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
                           const SplitRule& rule, uint32_t seed) {
-  still_split_(queue, Range::over(p.count), cl_uint(p.count), seed, rule.split_scale, child,
-               p["means"].values, p["quats"].values, p["log_scales"].values,
-               p["logit_opacities"].values);
+  canonical_split_(queue, Range::over(p.count), cl_uint(p.count), seed, rule.split_scale, child,
+                   p["means"].values, p["quats"].values, p["log_scales"].values,
+                   p["logit_opacities"].values);
 }
 
 }  // namespace gflow

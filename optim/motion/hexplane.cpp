@@ -137,7 +137,7 @@ HexplaneMotion::HexplaneMotion(Queue& queue, const MotionShape& shape)
       hexplane_sum_planes_(program_, "hexplane_sum_planes"),
       hexplane_sum_network_(program_, "hexplane_sum_network"),
       hexplane_regularize_(program_, "hexplane_regularize"),
-      still_rows_(queue) {}
+      canonical_rows_(queue) {}
 
 HexplaneMotion::TimePlace HexplaneMotion::cut(Queue& queue, const Parameters& p, float t) {
   const double place = std::clamp(double(t) / duration_, 0.0, 1.0) * (shape_.times - 1);
@@ -218,13 +218,13 @@ void HexplaneMotion::regularize(Queue& queue, Parameters& p, const HexplaneOptio
   planes.active = {0, planes.count};
 }
 
-void HexplaneMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
-  still_rows_.set_pace(queue, p, rule);
+void HexplaneMotion::set_rate_scales(Queue& queue, Parameters& p, const PaceRule& rule) {
+  canonical_rows_.set_rate_scales(queue, p, rule);
 }
 
 void HexplaneMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
                            const SplitRule& rule, uint32_t seed) {
-  still_rows_.split(queue, p, child, rule, seed);
+  canonical_rows_.split(queue, p, child, rule, seed);
 }
 
 const MotionModel& hexplane_model() {

@@ -45,7 +45,7 @@ class HexplaneMotion : public Motion {
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
                 const RowList& rows = {}) override;
   void regularize(Queue& queue, Parameters& parameters, const HexplaneOptions& rule) override;
-  void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
+  void set_rate_scales(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;
 
@@ -84,7 +84,7 @@ class HexplaneMotion : public Motion {
   Kernel<cl_uint, In<float>, Out<cl_uint>, Out<float>> hexplane_sum_network_;
   Kernel<HexplaneGrid, cl_float, cl_float, cl_float, In<float>, Out<cl_uint>, Out<float>>
       hexplane_regularize_;
-  CanonicalRows still_rows_;
+  CanonicalRows canonical_rows_;
   Buffer<float> lines_{"hexplane lines"}, transposed_{"hexplane transposed"};
   Buffer<float> v_features_{"v_features"}, v_places_{"v_places"}, kept_{"hexplane kept"};
   Buffer<float> v_networks_{"v_networks"}, v_cuts_{"v_slices"};

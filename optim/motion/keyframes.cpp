@@ -22,7 +22,7 @@ KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
       keyframes_look_(program_, "keyframes_cull"),
       keyframes_bwd_(program_, "keyframes_bwd"),
       keyframes_start_(program_, "keyframes_start"),
-      still_rows_(queue) {
+      canonical_rows_(queue) {
   if (shape.keys < 1) throw Error("a keyframes model needs at least one key");
 }
 
@@ -69,9 +69,9 @@ void KeyframesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   table.active = table.active.joined(touched);
 }
 
-void KeyframesMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
-  still_rows_.set_pace(queue, p, rule);
-  p.more[0].rows.pace.fill(queue, key_pace(shape_.keys, rule));
+void KeyframesMotion::set_rate_scales(Queue& queue, Parameters& p, const PaceRule& rule) {
+  canonical_rows_.set_rate_scales(queue, p, rule);
+  p.more[0].rows.rate_scale.fill(queue, key_rate_scale(shape_.keys, rule));
 }
 
 void KeyframesMotion::start_key(Queue& queue, Parameters& p, int key) {
@@ -84,7 +84,7 @@ void KeyframesMotion::start_key(Queue& queue, Parameters& p, int key) {
 
 void KeyframesMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
                             const SplitRule& rule, uint32_t seed) {
-  still_rows_.split(queue, p, child, rule, seed);
+  canonical_rows_.split(queue, p, child, rule, seed);
 }
 
 const MotionModel& keyframes_model() {

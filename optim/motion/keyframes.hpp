@@ -32,7 +32,7 @@ class KeyframesMotion : public Motion {
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
                 const RowList& rows = {}) override;
-  void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
+  void set_rate_scales(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void start_key(Queue& queue, Parameters& parameters, int key) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;
@@ -55,7 +55,7 @@ class KeyframesMotion : public Motion {
          Out<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>>
       keyframes_bwd_;
   Kernel<cl_uint, cl_uint, cl_uint, Out<float>> keyframes_start_;
-  CanonicalRows still_rows_;
+  CanonicalRows canonical_rows_;
 };
 
 }  // namespace gflow

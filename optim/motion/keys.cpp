@@ -35,7 +35,7 @@ KeyWeights key_weights(double t, double duration, int keys) {
   return result;
 }
 
-float key_pace(int keys, const PaceRule& rule) {
+float key_rate_scale(int keys, const PaceRule& rule) {
   return std::min(std::pow(std::max(0.5f * float(keys), 1.f), rule.power), rule.most);
 }
 

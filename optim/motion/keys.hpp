@@ -15,6 +15,6 @@ KeyWeights key_weights(double t, double duration, int keys);
 
 // Pace of a key, (keys / 2)^rule.power in [1, rule.most]: only the two intervals next to a key
 // train it.
-float key_pace(int keys, const PaceRule& rule);
+float key_rate_scale(int keys, const PaceRule& rule);
 
 }  // namespace gflow

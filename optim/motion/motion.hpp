@@ -67,8 +67,8 @@ class Motion {
   // After all backward() of a training step: adds the gradients of the regularisers of the model.
   virtual void regularize(Queue&, Parameters&, const HexplaneOptions&) {}
 
-  // Sets parameters.rows.pace and reach, which scale Adam's learning rates per row.
-  virtual void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) = 0;
+  // Sets parameters.rows.rate_scale and rate_divisor, which scale Adam's learning rates per row.
+  virtual void set_rate_scales(Queue& queue, Parameters& parameters, const PaceRule& rule) = 0;
 
   // Before a key is trained alone: extrapolates it from the keys before it at constant velocity.
   // Error for models without keys per Gaussian.

@@ -57,9 +57,9 @@ void Native4dMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                 p["logit_opacities"].grads);
 }
 
-void Native4dMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
+void Native4dMotion::set_rate_scales(Queue& queue, Parameters& p, const PaceRule& rule) {
   native4d_pace_(queue, Range::over(p.count), cl_uint(p.count), rule.duration, rule.power,
-                 rule.most, p["log_scales"].values, p.rows.pace);
+                 rule.most, p["log_scales"].values, p.rows.rate_scale);
 }
 
 void Native4dMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,

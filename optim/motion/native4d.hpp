@@ -27,7 +27,7 @@ class Native4dMotion : public Motion {
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
                 const RowList& rows = {}) override;
-  void set_pace(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
+  void set_rate_scales(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;
 

@@ -37,9 +37,9 @@ void for_each_buffer(P& parameters, Visit&& visit) {
     const std::vector<size_t> shape{table.count};
     visit(name + "rows/steps", table.rows.steps, shape);
     visit(name + "rows/last", table.rows.last, shape);
-    visit(name + "rows/refused", table.rows.refused, shape);
-    visit(name + "rows/pace", table.rows.pace, shape);
-    visit(name + "rows/reach", table.rows.reach, shape);
+    visit(name + "rows/refused", table.rows.rejected, shape);
+    visit(name + "rows/pace", table.rows.rate_scale, shape);
+    visit(name + "rows/reach", table.rows.rate_divisor, shape);
   }
 }
 
@@ -61,9 +61,9 @@ std::string now_beside(const std::string& last) {
   return last.substr(0, last.rfind(last_name) + 1) + now_name;
 }
 
-// Whether training can produce the values: all finite; reach > 0, because rates are divided by it;
-// second moments, pace and counts of density control >= 0; pace <= PaceRule::kMost. Step counts
-// must leave room for one more step.
+// Whether training can produce the values: all finite; rate_divisor > 0, because rates are divided
+// by it; second moments, rate_scale and counts of density control >= 0; rate_scale <=
+// PaceRule::kMost. Step counts must leave room for one more step.
 bool is_finite_report(const std::string& name, const std::vector<float>& values) {
   const bool divides = ends_with(name, "/rows/reach"), paces = ends_with(name, "/rows/pace");
   const bool counts = name.rfind("density/", 0) == 0;  // pulls and views since the last round

@@ -60,9 +60,10 @@ void SpacetimeMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                  p["turns"].grads, p["log_scales"].grads, p["logit_opacities"].grads);
 }
 
-void SpacetimeMotion::set_pace(Queue& queue, Parameters& p, const PaceRule& rule) {
+void SpacetimeMotion::set_rate_scales(Queue& queue, Parameters& p, const PaceRule& rule) {
   spacetime_pace_(queue, Range::over(p.count), cl_uint(p.count), rule.duration, rule.time_step,
-                  rule.power, rule.most, p["log_scales"].values, p.rows.pace, p.rows.reach);
+                  rule.power, rule.most, p["log_scales"].values, p.rows.rate_scale,
+                  p.rows.rate_divisor);
 }
 
 void SpacetimeMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,

@@ -82,19 +82,19 @@ struct FlowLossResult {
   std::vector<double> v_flow;  // [2, H, W]
 };
 
-// flow, teacher [2, H, W]; alpha, confidence [H, W]. confidence in [0, 1] includes the weight of
-// the pixel's tile.
+// flow, target flow [2, H, W]; alpha, confidence [H, W]. confidence in [0, 1] includes the weight
+// of the pixel's tile.
 inline FlowLossResult flow_loss(const std::vector<double>& flow, const std::vector<double>& alpha,
-                                const std::vector<double>& teacher,
+                                const std::vector<double>& target_flow,
                                 const std::vector<double>& confidence, double weight, double knee) {
   const size_t pixels = alpha.size();
   FlowLossResult out;
   out.v_flow.assign(2 * pixels, 0.0);
   for (size_t i = 0; i < pixels; ++i) {
-    if (!(std::fabs(teacher[i]) <= TARGET_FLOW_LIMIT) ||
-        !(std::fabs(teacher[pixels + i]) <= TARGET_FLOW_LIMIT))
+    if (!(std::fabs(target_flow[i]) <= TARGET_FLOW_LIMIT) ||
+        !(std::fabs(target_flow[pixels + i]) <= TARGET_FLOW_LIMIT))
       continue;
-    const double x = flow[i] - teacher[i], y = flow[pixels + i] - teacher[pixels + i];
+    const double x = flow[i] - target_flow[i], y = flow[pixels + i] - target_flow[pixels + i];
     const double w = weight / double(pixels) * confidence[i] * alpha[i];
     out.loss += w * robust_norm(x, y, knee);
     const RobustNormGradient v = robust_norm_vjp(x, y, knee, w);

@@ -13,8 +13,8 @@ namespace gflow::reference {
 
 using DoubleForward = std::function<Shifted(const Named&, size_t i, double t)>;
 
-inline Still still_row(const Named& p, size_t i) {
-  Still g;
+inline Canonical canonical_row(const Named& p, size_t i) {
+  Canonical g;
   g.mean = row3(p.at("means"), i);
   g.mean_t = p.at("means_t")[i];
   g.quat = row4(p.at("quats"), i);
@@ -24,7 +24,7 @@ inline Still still_row(const Named& p, size_t i) {
 }
 
 inline Spacetime spacetime_row(const Named& p, size_t i) {
-  const Still s = still_row(p, i);
+  const Canonical s = canonical_row(p, i);
   return {s.mean,
           s.mean_t,
           row3(p.at("velocities"), i),
@@ -46,7 +46,7 @@ inline Shifted keyframes_at(const MotionShape& shape, const Named& p, size_t i, 
     d.quat = d.quat + row4(p.at("key_turns"), row) * w;
     if (shape.key_scales) d.log_scales = d.log_scales + row3(p.at("key_scales"), row) * w;
   }
-  return shifted_at(still_row(p, i), d, t);
+  return shifted_at(canonical_row(p, i), d, t);
 }
 
 inline BasisPose basis_pose_at(const MotionShape& shape, const Named& p, int b, double t) {
@@ -63,7 +63,7 @@ inline BasisPose basis_pose_at(const MotionShape& shape, const Named& p, int b, 
 }
 
 inline Shifted bases_at(const MotionShape& shape, const Named& p, size_t i, double t) {
-  const Still rest = still_row(p, i);
+  const Canonical rest = canonical_row(p, i);
   double weights[MAX_BASES];
   basis_weights(shape.bases, &p.at("basis_logits")[i * size_t(shape.bases)], weights);
   real3 shift{0, 0, 0};
@@ -77,7 +77,7 @@ inline Shifted bases_at(const MotionShape& shape, const Named& p, size_t i, doub
 }
 
 inline Shifted hexplane_at(const MotionShape& shape, const Named& p, size_t i, double t) {
-  const Still g = still_row(p, i);
+  const Canonical g = canonical_row(p, i);
   return shifted_at(g, hexplane_shift(shape.hexplane, double(shape.duration), p, g.mean, t), t);
 }
 

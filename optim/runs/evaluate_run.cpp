@@ -77,7 +77,7 @@ void write_comparison(Queue& queue, Model& model, const TrainOptions& config,
   options.near = config.render.near;
   if (config.scene.background == Background::black) options.background = {0, 0, 0};
   write_png(run.path("compare.png"),
-            comparison_picture(queue, model, views[views.size() / 2], *loaded.frames, options));
+            comparison_image(queue, model, views[views.size() / 2], *loaded.frames, options));
 }
 
 RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string& split, bool quiet,

@@ -6,7 +6,7 @@
 namespace gflow {
 namespace {
 
-constexpr int kStepsToPace = 100;  // steps between two updates of the pace
+constexpr int kStepsToRateScales = 100;  // steps between two updates of the rate_scale
 
 std::unique_ptr<Adam> path_adam_for(Queue& queue, const AdamOptions& adam,
                                     const Parameters& parameters) {
@@ -43,9 +43,10 @@ bool Optimizer::step(Queue& queue, const Renderer& renderer, const Stage& stage,
 void Optimizer::update(Queue& queue, const Stage& stage, int step, bool warming, int sh_degree) {
   const LearningRateOptions& lr = options_.lr;
   Parameters& p = model_.parameters;
-  if (step % kStepsToPace == 0) {  // Gaussians are added, and their lifetimes change
+  if (step % kStepsToRateScales == 0) {  // Gaussians are added, and their lifetimes change
     const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
-    model_.motion->set_pace(queue, p, {model_.shape.duration, time_step, lr.pace, lr.pace_most});
+    model_.motion->set_rate_scales(queue, p,
+                                   {model_.shape.duration, time_step, lr.pace, lr.pace_most});
   }
   model_.motion->regularize(queue, p, options_.hexplane);
   if (stage.time_step > 0) {  // train one key only; flow leads to the one before

@@ -16,11 +16,11 @@ constexpr int kRestMoments = 60;  // largest number of times at which a round co
 
 // nullptr if the split is off, Gaussians have no motion of their own, or keys are trained one by
 // one: then later motion is unknown.
-std::unique_ptr<Rest> rest_for(Queue& queue, const TrainOptions& config, const Scene& scene,
-                               const Parameters& parameters) {
+std::unique_ptr<StaticDetection> rest_for(Queue& queue, const TrainOptions& config,
+                                          const Scene& scene, const Parameters& parameters) {
   if (config.motion.static_threshold == 0 || scene.steps < 2 || config.train.sequential)
     return nullptr;
-  return parameters.can_rest() ? std::make_unique<Rest>(queue) : nullptr;
+  return parameters.can_rest() ? std::make_unique<StaticDetection>(queue) : nullptr;
 }
 
 DensityRule density_rule(const DensityOptions& options, const Scene& scene,
@@ -128,7 +128,7 @@ bool Population::settling(int done) const {
 }
 
 bool Population::settle(Queue& queue) {
-  RestRule rule;
+  StaticRule rule;
   rule.most = config_.motion.static_threshold;
   rule.wake = config_.motion.wake_threshold;
   rule.duration = model_.shape.duration;

@@ -9,7 +9,7 @@
 
 #include "optim/density/density.hpp"
 #include "optim/density/order.hpp"
-#include "optim/density/rest.hpp"
+#include "optim/density/static_detection.hpp"
 #include "optim/model/renderer.hpp"
 #include "optim/train/sequential.hpp"
 
@@ -54,7 +54,7 @@ class Population {
   std::unique_ptr<Density> density_;  // nullptr: the number is constant
   DensityRule density_rule_;
   RowOrder order_;
-  std::unique_ptr<Rest> rest_;                                // nullptr: all are dynamic
+  std::unique_ptr<StaticDetection> rest_;                     // nullptr: all are dynamic
   size_t memory_holds_ = std::numeric_limits<size_t>::max();  // limit on the number of Gaussians
   bool memory_was_short_ = false;
   std::string notice_;

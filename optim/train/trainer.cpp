@@ -110,9 +110,9 @@ StepReport Trainer::counts(Queue& queue) {
   const Parameters& p = in_.model.parameters;
   counts.gaussians = p.count;
   counts.moving = p.moving;
-  counts.rejected = reduce_.count_nonzero(queue, p.rows.refused);
+  counts.rejected = reduce_.count_nonzero(queue, p.rows.rejected);
   for (size_t t = 0; t < p.more.size(); ++t) {
-    const Buffer<cl_uint>& rejected = p.more[t].rows.refused;
+    const Buffer<cl_uint>& rejected = p.more[t].rows.rejected;
     counts.rejected += reduce_.count_nonzero(queue, rejected);
     if (p.more_specs[t].rows > 0) counts.stuck += reduce_.count_above(queue, rejected, ten_steps);
   }

@@ -94,7 +94,7 @@ void roll_back(Queue& queue, Model& model, WarmUpImage& p) {
                        seen, g);
   model.motion->backward(queue, parameters, 0, true, seen, g.v_means, g.v_factors, g.v_opacities);
   model.motion->regularize(queue, parameters, every_term);
-  model.motion->set_pace(queue, parameters, {1, 1, 1, 1});
+  model.motion->set_rate_scales(queue, parameters, {1, 1, 1, 1});
   queue.finish();
 }
 

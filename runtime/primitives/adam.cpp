@@ -44,7 +44,7 @@ void check_rows(const ParameterGroup& group, const RowState& state, const RowRan
   const size_t end = rows.first + rows.count, values = end * group.width;
   if (values <= group.values.size() && values <= group.grads.size() &&
       values <= group.exp_avg_sq.size() && end <= state.seen.size() && end <= state.steps.size() &&
-      end <= state.last.size() && end <= state.refused.size())
+      end <= state.last.size() && end <= state.rejected.size())
     return;
   throw Error(fmt::format("Adam: {} rows of {} values in {} exceed the length of its arrays", end,
                           group.width, group.values.name()));
@@ -78,11 +78,11 @@ RowState::RowState(Queue& queue, size_t rows)
     : seen(no_rows(queue, rows, "seen")),
       steps(no_rows(queue, rows, "steps")),
       last(no_rows(queue, rows, "last")),
-      refused(no_rows(queue, rows, "refused")),
-      pace(queue, rows, "pace"),
-      reach(queue, rows, "reach") {
-  pace.fill(queue, 1.f);
-  reach.fill(queue, 1.f);
+      rejected(no_rows(queue, rows, "refused")),
+      rate_scale(queue, rows, "pace"),
+      rate_divisor(queue, rows, "reach") {
+  rate_scale.fill(queue, 1.f);
+  rate_divisor.fill(queue, 1.f);
 }
 
 Adam::Adam(Queue& queue, const AdamConfig& config)
@@ -97,7 +97,7 @@ Adam::Adam(Queue& queue, const AdamConfig& config)
 void Adam::refuse(Queue& queue, const ParameterGroup& group, RowState& state, RowRange rows) {
   check_rows(group, state, rows);
   adam_refuse_(queue, Range::over(gpu_ ? rows.count : spans(rows.count)), cl_uint(rows.first),
-               cl_uint(rows.count), cl_uint(group.width), group.grads, state.seen, state.refused);
+               cl_uint(rows.count), cl_uint(group.width), group.grads, state.seen, state.rejected);
 }
 
 void Adam::advance(Queue& queue, RowState& state, RowRange rows) {
@@ -106,8 +106,8 @@ void Adam::advance(Queue& queue, RowState& state, RowRange rows) {
   ++state.now;
   adam_advance_(queue, Range::over(gpu_ ? rows.count : spans(rows.count)), cl_uint(rows.first),
                 cl_uint(rows.count), state.now, cl_int(config_.makes_up), cl_uint(table_size),
-                table_, state.seen, state.pace, state.steps, state.last, state.refused, state.rates,
-                state.idle);
+                table_, state.seen, state.rate_scale, state.steps, state.last, state.rejected,
+                state.rates, state.idle);
 }
 
 void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, RowRange rows,
@@ -117,7 +117,7 @@ void Adam::step(Queue& queue, ParameterGroup& group, const RowState& state, RowR
   const AdamStep step{config_.beta1, config_.beta2, rate.lr, rate.epsilon};
   adam_step_(queue, Range::over(gpu_ ? rows.count * group.width : spans(rows.count)),
              cl_uint(rows.first), cl_uint(rows.count), cl_uint(group.width), step, rate.per_time,
-             state.rates, state.idle, state.reach, group.grads, group.values, group.exp_avg,
+             state.rates, state.idle, state.rate_divisor, group.grads, group.values, group.exp_avg,
              group.exp_avg_sq);
 }
 

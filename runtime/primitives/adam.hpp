@@ -25,7 +25,7 @@ struct AdamConfig {
 struct AdamRate {
   float lr;          // step length in units of the parameter
   float epsilon;     // gradients well below it do not move the parameter
-  int per_time = 0;  // the row's rate is lr * pace / reach^per_time
+  int per_time = 0;  // the row's rate is lr * rate_scale / rate_divisor^per_time
 };
 
 // Rows first, first + 1, ...; a number alone means that many rows from 0 on.
@@ -62,9 +62,9 @@ struct RowState {
   Buffer<cl_uint> steps;  // from its first gradient to its last step, with missed ones
   Buffer<cl_uint> last;   // number of its last step, if steps > 0
   // 0: all gradients finite; 1: some rejected; k + 1: last k rejected.
-  Buffer<cl_uint> refused;
-  Buffer<float> pace;             // learning-rate scale; 1 unless changed
-  Buffer<float> reach;            // divides the rates of groups per time; 1 unless changed
+  Buffer<cl_uint> rejected;
+  Buffer<float> rate_scale;       // learning-rate scale; 1 unless changed
+  Buffer<float> rate_divisor;     // divides the rates of groups per time; 1 unless changed
   Buffer<float> rates{"rates"};   // [rows, 4] AdamRow of the current step, by advance()
   Buffer<cl_uchar> idle{"idle"};  // CPUs: [spans of rows] 1: no row is seen (shared/work.h)
   cl_uint now = 0;                // steps made so far, by any row

@@ -33,11 +33,12 @@ TEST_P(PaceOf, FollowsTheLifeUpToTheMost) {
   for (size_t i = 0; i < 4; ++i) log_scales[4 * i + 3] = float(std::log(lives[i]));
   p["log_scales"].values.write(queue, log_scales);
   for (const float power : {1.f, .5f}) {
-    motion->set_pace(queue, p, {10, .5f, power, 8});
+    motion->set_rate_scales(queue, p, {10, .5f, power, 8});
     std::vector<double> expected;
     for (const double life : lives)
       expected.push_back(std::clamp(std::pow(10 / (4.9 * life), double(power)), 1., 8.));
-    EXPECT_TRUE(all_close(p.rows.pace.read(queue), expected, {2e-6, 0}));  // pow on the device
+    EXPECT_TRUE(
+        all_close(p.rows.rate_scale.read(queue), expected, {2e-6, 0}));  // pow on the device
   }
 }
 

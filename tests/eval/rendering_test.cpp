@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 // --- images
 
 TEST(Pictures, ColourIsInterleavedCutAndRounded) {
-  const Image image = picture_of_rgb(2, 1, {0, 1, 0.5f, -1, 2, 0.25f});  // planes r, g, b
+  const Image image = image_of_rgb(2, 1, {0, 1, 0.5f, -1, 2, 0.25f});  // planes r, g, b
   EXPECT_EQ(image.channels, 3);
   EXPECT_EQ(image.pixels, (std::vector<uint8_t>{0, 128, 255, 255, 0, 64}));
 }
@@ -57,8 +57,8 @@ TEST(Pictures, FlowLengthLeavesOutTheLongest) {
 
 TEST(Pictures, ErrorIsEnlargedAndCut) {
   const Image a{2, 1, 1, {10, 200}}, b{2, 1, 1, {13, 100}};
-  EXPECT_EQ(error_picture(a, b, 4).pixels, (std::vector<uint8_t>{12, 255}));
-  expect_error([&] { error_picture(a, Image{1, 1, 1, {0}}, 4); }, {"2x1", "1x1"});
+  EXPECT_EQ(error_image(a, b, 4).pixels, (std::vector<uint8_t>{12, 255}));
+  expect_error([&] { error_image(a, Image{1, 1, 1, {0}}, 4); }, {"2x1", "1x1"});
 }
 
 TEST(Pictures, StandSideBySideRowByRow) {

@@ -10,10 +10,10 @@ using namespace gflow;
 namespace {
 
 std::shared_ptr<TargetFlow> trusted(FlowField flow) {
-  auto teacher = std::make_shared<TargetFlow>();
-  teacher->confidence.assign(flow.valid.size(), 255);
-  teacher->flow = std::move(flow);
-  return teacher;
+  auto target_flow = std::make_shared<TargetFlow>();
+  target_flow->confidence.assign(flow.valid.size(), 255);
+  target_flow->flow = std::move(flow);
+  return target_flow;
 }
 
 struct Offset {
@@ -49,9 +49,9 @@ std::shared_ptr<TargetFlow> bar(double from) {
       if (covered) flow.uv[2 * i] = 2.5f;
       if (!covered && covered_next) confidence[i] = 0;  // covered by the bar in the next frame
     }
-  auto teacher = trusted(flow);
-  teacher->confidence = confidence;
-  return teacher;
+  auto target_flow = trusted(flow);
+  target_flow->confidence = confidence;
+  return target_flow;
 }
 
 }  // namespace

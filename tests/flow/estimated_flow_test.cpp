@@ -31,9 +31,9 @@ class EstimatedFlow : public testing::Test {
   static std::vector<float> all_of(FlowStore& flows) {
     std::vector<float> all;
     for (size_t i = 0; i < flows.size(); ++i) {
-      const auto teacher = flows.get(i);
-      all.insert(all.end(), teacher->flow.uv.begin(), teacher->flow.uv.end());
-      all.insert(all.end(), teacher->confidence.begin(), teacher->confidence.end());
+      const auto target_flow = flows.get(i);
+      all.insert(all.end(), target_flow->flow.uv.begin(), target_flow->flow.uv.end());
+      all.insert(all.end(), target_flow->confidence.begin(), target_flow->confidence.end());
     }
     return all;
   }

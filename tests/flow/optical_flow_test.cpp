@@ -6,14 +6,15 @@
 using namespace gflow;
 
 TEST(OpticalFlow, FindsAKnownTranslation) {
-  const TargetFlow teacher = estimate_target_flow(texture(64, 48, 0, 0), texture(64, 48, 2, -1));
+  const TargetFlow target_flow =
+      estimate_target_flow(texture(64, 48, 0, 0), texture(64, 48, 2, -1));
   double error = 0;
   int n = 0;
   for (int y = 8; y < 40; ++y)
     for (int x = 8; x < 56; ++x, ++n) {
       const size_t i = size_t(y * 64 + x);
-      error += std::hypot(teacher.flow.uv[2 * i] - 2, teacher.flow.uv[2 * i + 1] + 1);
-      EXPECT_EQ(teacher.confidence[i], 255);
+      error += std::hypot(target_flow.flow.uv[2 * i] - 2, target_flow.flow.uv[2 * i + 1] + 1);
+      EXPECT_EQ(target_flow.confidence[i], 255);
     }
   // DIS is accurate to a few hundredths of a pixel on smooth texture; 0.1 detects any error of sign
   // or axis.
@@ -40,13 +41,13 @@ TEST(OpticalFlow, ConsistencyIsHalfAPixelOrFivePercent) {
 }
 
 TEST(OpticalFlow, ResizingScalesTheVectors) {
-  TargetFlow teacher{uniform(8, 4, 4, 2), std::vector<uint8_t>(32, 255)};
-  const TargetFlow half = resized(teacher, 4, 2);
+  TargetFlow target_flow{uniform(8, 4, 4, 2), std::vector<uint8_t>(32, 255)};
+  const TargetFlow half = resized(target_flow, 4, 2);
   EXPECT_EQ(half.flow.width, 4);
   EXPECT_EQ(half.flow.uv[0], 2);
   EXPECT_EQ(half.flow.uv[1], 1);
   EXPECT_EQ(half.confidence.size(), 8u);
-  const TargetFlow narrow = resized(teacher, 4, 4);
+  const TargetFlow narrow = resized(target_flow, 4, 4);
   EXPECT_EQ(narrow.flow.uv[0], 2);
   EXPECT_EQ(narrow.flow.uv[1], 2);
 }

@@ -14,17 +14,17 @@ namespace {
 // Smooth in parts and noise up to `longest` elsewhere; every fifth pixel is unknown, every third
 // one trusted.
 TargetFlow any_flow(int width, int height, float longest) {
-  TargetFlow teacher{zero_flow(width, height), {}};
+  TargetFlow target_flow{zero_flow(width, height), {}};
   std::mt19937 random(3);
   std::uniform_real_distribution<float> noise(-longest, longest);
-  for (size_t i = 0; i < teacher.flow.valid.size(); ++i) {
-    teacher.flow.valid[i] = i % 5 != 4;
-    teacher.confidence.push_back(i % 3 == 0 && teacher.flow.valid[i] ? 255 : 0);
-    if (!teacher.flow.valid[i]) continue;
-    teacher.flow.uv[2 * i] = i % 7 ? noise(random) : 0.3f;
-    teacher.flow.uv[2 * i + 1] = i % 2 ? noise(random) : -longest;
+  for (size_t i = 0; i < target_flow.flow.valid.size(); ++i) {
+    target_flow.flow.valid[i] = i % 5 != 4;
+    target_flow.confidence.push_back(i % 3 == 0 && target_flow.flow.valid[i] ? 255 : 0);
+    if (!target_flow.flow.valid[i]) continue;
+    target_flow.flow.uv[2 * i] = i % 7 ? noise(random) : 0.3f;
+    target_flow.flow.uv[2 * i + 1] = i % 2 ? noise(random) : -longest;
   }
-  return teacher;
+  return target_flow;
 }
 
 double largest_change(const TargetFlow& a, const TargetFlow& b) {

@@ -61,7 +61,7 @@ TEST(PointTracks, AreReadFromAnArchive) {
   const TemporaryFolder folder;
   write(folder.file("all.npz"), false);
   const PointTracks all = read_point_tracks(folder.file("all.npz"));
-  EXPECT_EQ(all.pictures, 3u);
+  EXPECT_EQ(all.frames, 3u);
   EXPECT_EQ(all.points, 4u);
   EXPECT_EQ(all.seen, (std::vector<uint8_t>{1, 1, 1, 1, 1, 1, 1, 0, 1, 1, 1, 1}));
   write(folder.file("some.npz"), true);

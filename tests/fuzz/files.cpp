@@ -42,7 +42,7 @@ void npz_seeds(const std::string& to) {
 void point_tracks(const uint8_t* bytes, size_t size) {
   as_zip(bytes, size, "t.npz", [](const std::string& path) {
     const PointTracks tracks = read_point_tracks(path);
-    flow_of_points(tracks, 0, tracks.pictures - 1, 8, 6);
+    flow_of_points(tracks, 0, tracks.frames - 1, 8, 6);
   });
 }
 void point_tracks_seeds(const std::string& to) {
@@ -142,13 +142,13 @@ void packed_flow(const uint8_t* bytes, size_t size) {
   may_refuse([&] { unpacked(Bytes(bytes, bytes + size), "the input"); });
 }
 void packed_flow_seeds(const std::string& to) {
-  TargetFlow teacher;
-  teacher.flow.width = 4, teacher.flow.height = 3;
+  TargetFlow target_flow;
+  target_flow.flow.width = 4, target_flow.flow.height = 3;
   for (int i = 0; i < 12; ++i) {
-    teacher.flow.uv.push_back(float(i) / 4), teacher.flow.uv.push_back(-1);
-    teacher.flow.valid.push_back(1), teacher.confidence.push_back(uint8_t(20 * i));
+    target_flow.flow.uv.push_back(float(i) / 4), target_flow.flow.uv.push_back(-1);
+    target_flow.flow.valid.push_back(1), target_flow.confidence.push_back(uint8_t(20 * i));
   }
-  const Bytes bytes = packed(teacher);
+  const Bytes bytes = packed(target_flow);
   seed(to, "a", std::string(bytes.begin(), bytes.end()));
 }
 

@@ -19,7 +19,7 @@ namespace {
 
 struct FlowCase {
   int width, height;
-  std::vector<float> flow, alpha, teacher;
+  std::vector<float> flow, alpha, target_flow;
   std::vector<cl_uchar> confidence;
   std::vector<float> tile_weights = {};  // empty: all tiles have weight 1
 };
@@ -35,20 +35,20 @@ FlowCase random_case(int width, int height) {
              std::vector<float>(2 * pixels),
              std::vector<cl_uchar>(pixels)};
   for (float& f : c.flow) f = 3 * normal(rng);
-  for (float& f : c.teacher) f = 3 * normal(rng);
+  for (float& f : c.target_flow) f = 3 * normal(rng);
   for (float& a : c.alpha) a = std::min(1.f, std::fabs(normal(rng)));
   for (cl_uchar& m : c.confidence) m = cl_uchar(rng() % 4 ? rng() % 256 : 0);
   return c;
 }
 
 // All pixels have full weight: flow and target flow [2, n] in one row.
-FlowCase row_of(std::vector<float> flow, std::vector<float> teacher) {
+FlowCase row_of(std::vector<float> flow, std::vector<float> target_flow) {
   const size_t n = flow.size() / 2;
   return {int(n),
           1,
           std::move(flow),
           std::vector<float>(n, 1.f),
-          std::move(teacher),
+          std::move(target_flow),
           std::vector<cl_uchar>(n, 255)};
 }
 
@@ -61,12 +61,12 @@ FlowResult run(const FlowCase& c, float weight, float robust_px, int lanes = 0) 
   Queue queue = test_queue(lanes);
   FlowLoss loss(queue, robust_px);
   const Buffer<float> flow(queue, c.flow, "flow"), alpha(queue, c.alpha, "alpha");
-  const Buffer<float> teacher(queue, c.teacher, "teacher");
+  const Buffer<float> target_flow(queue, c.target_flow, "teacher");
   const Buffer<cl_uchar> confidence(queue, c.confidence, "confidence");
   Buffer<float> v_flow(queue, c.flow.size(), "v_flow");
   v_flow.fill(queue, 7);  // must be overwritten
   const Buffer<float> tile_weights(queue, c.tile_weights, "tile weights");
-  loss.run(queue, weight, c.width, c.height, flow, alpha, teacher, confidence, v_flow,
+  loss.run(queue, weight, c.width, c.height, flow, alpha, target_flow, confidence, v_flow,
            c.tile_weights.empty() ? nullptr : &tile_weights);
   return {v_flow.read(queue), loss.value(queue)};
 }
@@ -80,7 +80,8 @@ reference::FlowLossResult expected(const FlowCase& c, double weight, double knee
       confidence[i] *= double(c.tile_weights[i / width / TILE * tiles_x + i % width / TILE]);
   }
   return reference::flow_loss({c.flow.begin(), c.flow.end()}, {c.alpha.begin(), c.alpha.end()},
-                              {c.teacher.begin(), c.teacher.end()}, confidence, weight, knee);
+                              {c.target_flow.begin(), c.target_flow.end()}, confidence, weight,
+                              knee);
 }
 
 TEST(RobustNorm, IsTheFormulaWhereThatIsSafe) {
@@ -95,7 +96,7 @@ TEST(FlowLossReference, GradientIsTheCentralDifference) {
   for (double& m : confidence) m /= 255;
   const auto f = [&](const std::vector<double>& x) {
     return reference::flow_loss(x, {c.alpha.begin(), c.alpha.end()},
-                                {c.teacher.begin(), c.teacher.end()}, confidence, 0.5, 0.1)
+                                {c.target_flow.begin(), c.target_flow.end()}, confidence, 0.5, 0.1)
         .loss;
   };
   // differences: rounding 1e-16 / 1e-6 = 1e-10 absolute, against gradients of 1e-2
@@ -116,7 +117,7 @@ TEST_P(FlowLossLanes, MatchTheReferenceAtEverySize) {
       // about 10 roundings of 6e-8 each
       EXPECT_TRUE(all_close(actual.v_flow, want.v_flow, {1e-6, 1e-12}));
       EXPECT_NEAR(actual.value.loss, want.loss, 1e-6 * want.loss);
-      EXPECT_EQ(actual.value.confident_pixels, confident_pixels(c.teacher, c.confidence));
+      EXPECT_EQ(actual.value.confident_pixels, confident_pixels(c.target_flow, c.confidence));
     }
 }
 
@@ -138,8 +139,8 @@ TEST_P(FlowLossLanes, WeighsEachTile) {
       const double s = double(c.tile_weights[i / w / 16 * tiles_x + i % w / 16]);
       if (c.confidence[i] == 0) continue;
       counted += s;
-      errors += s * std::hypot(double(c.flow[i] - c.teacher[i]),
-                               double(c.flow[pixels + i] - c.teacher[pixels + i]));
+      errors += s * std::hypot(double(c.flow[i] - c.target_flow[i]),
+                               double(c.flow[pixels + i] - c.target_flow[pixels + i]));
     }
     EXPECT_EQ(actual.value.confident_pixels, counted);
     EXPECT_NEAR(actual.value.epe, counted > 0 ? errors / counted : 0, 1e-5);
@@ -173,11 +174,11 @@ TEST(FlowLoss, OfOnePixelIsTheHandMadeOne) {
 }
 
 TEST(FlowLoss, IsBitwiseZeroWhereThereIsNoWeight) {
-  std::vector<float> teacher = {1, NOT_A_NUMBER, INFINITE, -2e5f, 1, 1, 1, 1, 1};
-  const size_t n = teacher.size();
+  std::vector<float> target_flow = {1, NOT_A_NUMBER, INFINITE, -2e5f, 1, 1, 1, 1, 1};
+  const size_t n = target_flow.size();
   for (const float y : {1.f, 1.f, 1.f, 1.f, 1.f, 1.f, NOT_A_NUMBER, INFINITE, -2e5f})
-    teacher.push_back(y);
-  FlowCase c = row_of(std::vector<float>(2 * n, -5.f), teacher);
+    target_flow.push_back(y);
+  FlowCase c = row_of(std::vector<float>(2 * n, -5.f), target_flow);
   c.confidence[0] = 0;
   c.alpha[4] = 0;
   c.confidence[5] = 0;
@@ -187,7 +188,7 @@ TEST(FlowLoss, IsBitwiseZeroWhereThereIsNoWeight) {
   EXPECT_EQ(std::memcmp(actual.v_flow.data(), zero.data(), 2 * n * sizeof(float)), 0);
   EXPECT_EQ(actual.value.loss, 0);
   EXPECT_EQ(actual.value.confident_pixels, 1u);  // nothing is rendered at pixel 4
-  EXPECT_EQ(confident_pixels(c.teacher, c.confidence), 1u);
+  EXPECT_EQ(confident_pixels(c.target_flow, c.confidence), 1u);
 }
 
 TEST(FlowLoss, WithoutConfidentPixelsHasNoError) {
@@ -196,7 +197,7 @@ TEST(FlowLoss, WithoutConfidentPixelsHasNoError) {
   const FlowResult actual = run(c, 1, 0.1f);
   EXPECT_EQ(actual.value.loss, 0);
   EXPECT_EQ(actual.value.epe, 0);
-  EXPECT_EQ(confident_pixels(c.teacher, c.confidence), 0u);
+  EXPECT_EQ(confident_pixels(c.target_flow, c.confidence), 0u);
 }
 
 TEST(FlowLoss, GivesTheSameBitsTwice) {

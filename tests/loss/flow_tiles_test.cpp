@@ -19,12 +19,12 @@ constexpr int kWidth = 70, kHeight = 35;  // 5 x 3 tiles, the last of each narro
 constexpr size_t kPixels = size_t(kWidth) * kHeight, kTiles = 15;
 
 struct Asked {
-  std::vector<float> teacher = std::vector<float>(2 * kPixels, 0.f);
+  std::vector<float> target_flow = std::vector<float>(2 * kPixels, 0.f);
   std::vector<cl_uchar> confidence = std::vector<cl_uchar>(kPixels, 255);
   void set(int x, int y, float u, float v, cl_uchar trust = 255) {
     const size_t at = size_t(y) * kWidth + size_t(x);
-    teacher[at] = u;
-    teacher[kPixels + at] = v;
+    target_flow[at] = u;
+    target_flow[kPixels + at] = v;
     confidence[at] = trust;
   }
 };
@@ -32,9 +32,9 @@ struct Asked {
 std::vector<float> chosen(Queue& queue, const LowMotionRule& rule, const Asked& asked,
                           uint32_t seed) {
   FlowTiles tiles(queue, rule);
-  const Buffer<float> teacher(queue, asked.teacher, "teacher");
+  const Buffer<float> target_flow(queue, asked.target_flow, "teacher");
   const Buffer<cl_uchar> confidence(queue, asked.confidence, "confidence");
-  return tiles.choose(queue, seed, kWidth, kHeight, teacher, confidence).read(queue);
+  return tiles.choose(queue, seed, kWidth, kHeight, target_flow, confidence).read(queue);
 }
 
 class FlowTilesLanes : public testing::TestWithParam<int> {};
@@ -100,13 +100,13 @@ TEST(FlowTiles, TheLossIsRightInTheMean) {
   for (int x = 0; x < kWidth; ++x) asked.set(x, 3, 0.01f * float(x), 0.1f);
   FlowTiles tiles(queue, {0.25f, 0.5f});
   FlowLoss loss(queue, 0.5f);
-  const Buffer<float> teacher(queue, asked.teacher, "teacher");
+  const Buffer<float> target_flow(queue, asked.target_flow, "teacher");
   const Buffer<cl_uchar> confidence(queue, asked.confidence, "confidence");
   const Buffer<float> flow(queue, std::vector<float>(2 * kPixels, 0.2f), "flow");
   const Buffer<float> alpha(queue, std::vector<float>(kPixels, 0.9f), "alpha");
   Buffer<float> v_flow(queue, 2 * kPixels, "v_flow");
   const auto sum_of = [&](const Buffer<float>* weights) {
-    loss.run(queue, 1, kWidth, kHeight, flow, alpha, teacher, confidence, v_flow, weights);
+    loss.run(queue, 1, kWidth, kHeight, flow, alpha, target_flow, confidence, v_flow, weights);
     double sum = 0;
     for (const float v : v_flow.read(queue)) sum += double(v);
     return std::array<double, 3>{loss.value(queue).loss, sum, loss.value(queue).epe};
@@ -115,7 +115,7 @@ TEST(FlowTiles, TheLossIsRightInTheMean) {
   std::array<double, 3> mean{};
   const int draws = 4000;
   for (uint32_t i = 0; i < draws; ++i) {
-    const auto one = sum_of(&tiles.choose(queue, i, kWidth, kHeight, teacher, confidence));
+    const auto one = sum_of(&tiles.choose(queue, i, kWidth, kHeight, target_flow, confidence));
     for (size_t k = 0; k < 3; ++k) mean[k] += one[k] / draws;
   }
   // All tiles at once with probability 1/4: a deviation of sqrt(3) = 1.7 per draw, .027 of the
@@ -130,9 +130,9 @@ TEST(FlowTiles, RefusesWhatItCannotUse) {
         LowMotionRule{1, 0}, LowMotionRule{1, NOT_A_NUMBER}})
     EXPECT_THROW(FlowTiles(queue, rule), Error);
   FlowTiles tiles(queue, {});
-  const Buffer<float> teacher(queue, 7, "teacher");
+  const Buffer<float> target_flow(queue, 7, "teacher");
   const Buffer<cl_uchar> confidence(queue, 4, "confidence");
-  EXPECT_THROW(tiles.choose(queue, 1, 2, 2, teacher, confidence), Error);
+  EXPECT_THROW(tiles.choose(queue, 1, 2, 2, target_flow, confidence), Error);
 }
 
 }  // namespace

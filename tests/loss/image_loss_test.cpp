@@ -15,17 +15,17 @@
 namespace gflow {
 namespace {
 
-struct PictureCase {
+struct ImageCase {
   int width, height;
   std::vector<float> rgb;       // [3, H, W]
   std::vector<cl_uchar> truth;  // [H, W, 3]
 };
 
 // A truth with smooth shades, texture and flat white, and an image that differs by up to `error`.
-PictureCase random_case(int width, int height, float error, unsigned seed = 1) {
+ImageCase random_case(int width, int height, float error, unsigned seed = 1) {
   std::mt19937 rng(seed);
   std::uniform_real_distribution<float> uniform(-1, 1);
-  PictureCase c{width, height, std::vector<float>(size_t(3) * width * height), {}};
+  ImageCase c{width, height, std::vector<float>(size_t(3) * width * height), {}};
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
       for (int k = 0; k < 3; ++k) {
@@ -43,12 +43,12 @@ std::vector<double> in_double(const std::vector<float>& values) {
   return {values.begin(), values.end()};
 }
 
-struct PictureResult {
+struct ImageResult {
   std::vector<float> v_rgb;
   ImageLossValue value;
 };
 
-PictureResult run(Queue& queue, ImageLoss& loss, const PictureCase& c) {
+ImageResult run(Queue& queue, ImageLoss& loss, const ImageCase& c) {
   const Buffer<float> rgb(queue, c.rgb, "rgb");
   const Buffer<cl_uchar> truth(queue, c.truth, "truth");
   Buffer<float> v_rgb(queue, c.rgb.size(), "v_rgb");
@@ -57,14 +57,14 @@ PictureResult run(Queue& queue, ImageLoss& loss, const PictureCase& c) {
   return {v_rgb.read(queue), loss.value(queue)};
 }
 
-PictureResult run(int lanes, const PictureCase& c, float ssim_weight) {
+ImageResult run(int lanes, const ImageCase& c, float ssim_weight) {
   Queue queue = test_queue(lanes);
   ImageLoss loss(queue, ssim_weight);
   return run(queue, loss, c);
 }
 
 TEST(ImageLossReference, GradientIsTheCentralDifference) {
-  const PictureCase c = random_case(14, 9, 0.2f);
+  const ImageCase c = random_case(14, 9, 0.2f);
   const std::vector<double> x = in_double(c.rgb);
   for (const double ssim_weight : {0.0, 0.2, 1.0}) {
     const auto f = [&](const std::vector<double>& rgb) {
@@ -84,7 +84,7 @@ TEST(ImageLossReference, GradientIsTheCentralDifference) {
 }
 
 TEST(ImageLossReference, HasTheSsimOfTheTextbook) {
-  const PictureCase c = random_case(31, 22, 0.3f);
+  const ImageCase c = random_case(31, 22, 0.3f);
   const double expected = ssim(Picture::from_planes(c.width, c.height, c.rgb),
                                Picture::from_bytes(c.width, c.height, c.truth));
   const auto result = reference::image_loss(c.width, c.height, in_double(c.rgb), c.truth, 1);
@@ -101,10 +101,10 @@ TEST_P(ImageLossLanes, MatchTheReferenceAtEverySize) {
       for (const float ssim_weight : {0.2f, 1.0f}) {
         const std::string at = std::to_string(width) + "x" + std::to_string(height) + " error " +
                                std::to_string(error) + " weight " + std::to_string(ssim_weight);
-        const PictureCase c = random_case(width, height, error);
+        const ImageCase c = random_case(width, height, error);
         const auto expected =
             reference::image_loss(width, height, in_double(c.rgb), c.truth, double(ssim_weight));
-        const PictureResult actual = run(GetParam(), c, ssim_weight);
+        const ImageResult actual = run(GetParam(), c, ssim_weight);
         // A variance is a windowed square minus the square of a mean: both are up to 1 in flat
         // white and rounded to 6e-8 a few times, against a sum of variances + C2 of at least 1e-3.
         // The worst of these cases has 7.5e-6, most have 1e-6.
@@ -116,8 +116,8 @@ TEST_P(ImageLossLanes, MatchTheReferenceAtEverySize) {
 }
 
 TEST_P(ImageLossLanes, WithoutSsimGiveTheSignOfTheDifference) {
-  const PictureCase c = random_case(37, 21, 0.1f);
-  const PictureResult actual = run(GetParam(), c, 0);
+  const ImageCase c = random_case(37, 21, 0.1f);
+  const ImageResult actual = run(GetParam(), c, 0);
   const size_t pixels = c.rgb.size() / 3;
   std::vector<float> expected(c.rgb.size());
   for (size_t i = 0; i < expected.size(); ++i) {
@@ -130,32 +130,32 @@ TEST_P(ImageLossLanes, WithoutSsimGiveTheSignOfTheDifference) {
 }
 
 TEST_P(ImageLossLanes, GiveTheSameBitsTwiceAndWhenTheSizeChangedBetween) {
-  const PictureCase small = random_case(19, 70, 0.1f), large = random_case(90, 33, 0.1f);
+  const ImageCase small = random_case(19, 70, 0.1f), large = random_case(90, 33, 0.1f);
   Queue queue = test_queue(GetParam());
   ImageLoss loss(queue, 0.2f);
-  const PictureResult first = run(queue, loss, small);
+  const ImageResult first = run(queue, loss, small);
   run(queue, loss, large);
-  const PictureResult second = run(queue, loss, small);
+  const ImageResult second = run(queue, loss, small);
   EXPECT_EQ(first.v_rgb, second.v_rgb);
   EXPECT_EQ(first.value.total, second.value.total);
 }
 
 TEST(ImageLoss, IsZeroWithItsGradientWhereAllBytesAreMet) {
   // Every byte value, decoded by an exact division, equals the kernel's decoding exactly.
-  PictureCase c{16, 16, std::vector<float>(3 * 256), std::vector<cl_uchar>(3 * 256)};
+  ImageCase c{16, 16, std::vector<float>(3 * 256), std::vector<cl_uchar>(3 * 256)};
   for (size_t i = 0; i < 256; ++i)
     for (size_t k = 0; k < 3; ++k) {
       c.truth[3 * i + k] = cl_uchar(i);
       c.rgb[256 * k + i] = float(i) / 255.f;
     }
-  const PictureResult actual = run(0, c, 0);
+  const ImageResult actual = run(0, c, 0);
   EXPECT_EQ(actual.v_rgb, std::vector<float>(c.rgb.size(), 0.f));
   EXPECT_EQ(actual.value.l1, 0);
 }
 
 TEST(ImageLoss, OfEqualPicturesIsZero) {
-  PictureCase c = random_case(50, 40, 0);
-  const PictureResult actual = run(0, c, 0.2f);
+  ImageCase c = random_case(50, 40, 0);
+  const ImageResult actual = run(0, c, 0.2f);
   EXPECT_NEAR(actual.value.total, 0, 1e-6);
   for (const float v : actual.v_rgb) EXPECT_EQ(v, 0);
 }

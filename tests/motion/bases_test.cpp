@@ -57,11 +57,11 @@ TEST(Bases, WeightsAreASoftmaxBesideARestOfZeroAndStandLargeLogits) {
 TEST(Bases, OneFullWeightIsThatRigidMotion) {
   Random random(3);
   for (int i = 0; i < 20; ++i) {
-    Still g;
+    Canonical g;
     g.mean = random.three();
     g.quat = random.four();
     BasisPose pose{quat_normalize(random.four()).q, random.three(), random.three()};
-    const Still moved = blended(g, basis_shift(pose, g.mean), basis_turn(pose));
+    const Canonical moved = blended(g, basis_shift(pose, g.mean), basis_turn(pose));
     const Eigen::Matrix3d r = eigen_quat(pose.quat).toRotationMatrix();
     const Eigen::Vector3d at = r * eigen(g.mean - pose.pivot) + eigen(pose.pivot + pose.shift);
     EXPECT_LT((eigen(moved.mean) - at).norm(), 1e-12);

@@ -159,8 +159,8 @@ TEST_P(ShLanes, DeviceColoursAndGradientsAreTheDoubleOnes) {
       for (double x : {c.x, c.y, c.z}) expected_colors.push_back(x);
       const double start = seen[i] ? 1 : touched[i] ? 0 : 7;
       for (size_t k = 0; k < 3; ++k) expected["sh0"][3 * i + k] = start;
-      const double rest_start = !seen[i] && degree == 0 && skip ? 7 : start;  // left unchanged
-      for (size_t k = 0; k < rest; ++k) expected["sh_rest"][rest * i + k] = rest_start;
+      const double static_start = !seen[i] && degree == 0 && skip ? 7 : start;  // left unchanged
+      for (size_t k = 0; k < rest; ++k) expected["sh_rest"][rest * i + k] = static_start;
       if (touched[i])
         reference::add_row3(expected_means, i,
                             reference::sh_color_vjp(p, i, degree, mean, centre,

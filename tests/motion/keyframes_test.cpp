@@ -72,15 +72,15 @@ TEST(Shifted, GradientEqualsCentralDifferences) {
     const real3 v_mean = random.three();
     const Mat3 v_l = random.nine();
     const auto loss = [&](const std::vector<double>& y) {
-      const Shifted o = shifted_at(reference::still_from(y), reference::shift_from(y), t);
+      const Shifted o = shifted_at(reference::canonical_from(y), reference::shift_from(y), t);
       return dot(o.mean, v_mean) + o.life.opacity * v_opacity + dot(o.factor.r1, v_l.r1) +
              dot(o.factor.r2, v_l.r2) + dot(o.factor.r3, v_l.r3);
     };
     const std::vector<double> expected = numeric_gradient(loss, x);
-    const Still v =
-        shifted_vjp(reference::still_from(x), reference::shift_from(x), t, v_mean, v_l, v_opacity);
+    const Canonical v = shifted_vjp(reference::canonical_from(x), reference::shift_from(x), t,
+                                    v_mean, v_l, v_opacity);
     EXPECT_TRUE(
-        all_close(reference::still_and_shift(v), expected, {1e-6, 1e-6 * largest(expected)}));
+        all_close(reference::canonical_and_shift(v), expected, {1e-6, 1e-6 * largest(expected)}));
   }
 }
 

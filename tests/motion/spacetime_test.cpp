@@ -213,10 +213,11 @@ TEST(Spacetime, PaceAndReachFollowTheLife) {
   const double lives[] = {.01, .5, 30};
   for (size_t i = 0; i < 3; ++i) log_scales[4 * i + 3] = float(std::log(lives[i]));
   p["log_scales"].values.write(queue, log_scales);
-  motion.set_pace(queue, p, {10, .5f, 1, 8});
+  motion.set_rate_scales(queue, p, {10, .5f, 1, 8});
   EXPECT_TRUE(
-      all_close(p.rows.pace.read(queue), std::vector<double>{8, 10 / 2.45, 1}, FLOAT_MATHS));
-  EXPECT_TRUE(all_close(p.rows.reach.read(queue), std::vector<double>{.5, .5, 10}, FLOAT_MATHS));
+      all_close(p.rows.rate_scale.read(queue), std::vector<double>{8, 10 / 2.45, 1}, FLOAT_MATHS));
+  EXPECT_TRUE(
+      all_close(p.rows.rate_divisor.read(queue), std::vector<double>{.5, .5, 10}, FLOAT_MATHS));
 }
 
 }  // namespace

@@ -37,7 +37,7 @@ using LpipsNetwork = Judges;
 using ClipNetwork = Judges;
 
 // A deterministic image that depends on the seed.
-ColourPlanes some_picture(int width, int height, int seed) {
+ColourPlanes some_image(int width, int height, int seed) {
   ColourPlanes picture{width, height, {}};
   for (int i = 0; i < 3 * width * height; ++i)
     picture.values.push_back(float((i * 29 + seed * 31 + i * i * seed) % 97) / 96);
@@ -68,7 +68,7 @@ TEST_F(LpipsNetwork, IsGivenPictureAndTruthFromMinusOneToOne) {
   Lpips any(network("lpips.onnx"), "metrics.lpips");
   // Of open size, so that each call may have another size.
   for (const auto& [width, height] : {std::pair{6, 4}, {9, 7}, {6, 4}}) {
-    const ColourPlanes a = some_picture(width, height, 1), b = some_picture(width, height, 2);
+    const ColourPlanes a = some_image(width, height, 1), b = some_image(width, height, 2);
     EXPECT_NEAR(any.distance(a, b), expected_distance(a, b), 1e-5);
     EXPECT_NEAR(any.distance(b, a), expected_distance(b, a), 1e-5);
     EXPECT_GT(std::abs(expected_distance(a, b) - expected_distance(b, a)), 0.01);
@@ -77,7 +77,7 @@ TEST_F(LpipsNetwork, IsGivenPictureAndTruthFromMinusOneToOne) {
 
 TEST_F(LpipsNetwork, SaysWhichSizeItTakes) {
   Lpips fixed(network("lpips_6x4.onnx"), "metrics.lpips");
-  const ColourPlanes a = some_picture(6, 4, 1), b = some_picture(6, 4, 2);
+  const ColourPlanes a = some_image(6, 4, 1), b = some_image(6, 4, 2);
   EXPECT_NEAR(fixed.distance(a, b), expected_distance(a, b), 1e-5);
   EXPECT_NO_THROW(fixed.require_size(6, 4));
   expect_error([&] { fixed.require_size(6, 5); },
@@ -92,7 +92,7 @@ TEST_F(LpipsNetwork, RefusesWhatIsNone) {
       [] { Lpips(GFLOW_SOURCE_DIR "/tests/data/guidance/denoiser.onnx", "metrics.lpips"); },
       {"4 inputs"});
   Lpips map(network("map.onnx"), "metrics.lpips");
-  expect_error([&] { map.distance(some_picture(6, 4, 1), some_picture(6, 4, 2)); },
+  expect_error([&] { map.distance(some_image(6, 4, 1), some_image(6, 4, 2)); },
                {"map.onnx", "24 values"});
   const TemporaryFolder folder;
   const std::string half =
@@ -124,7 +124,7 @@ double expected_similarity(const ColourPlanes& a, const ColourPlanes& b, int sid
 }
 
 TEST_F(ClipNetwork, GivesTheCosineOfTwoEmbeddings) {
-  ColourPlanes a = some_picture(20, 24, 1), b = some_picture(20, 24, 2);
+  ColourPlanes a = some_image(20, 24, 1), b = some_image(20, 24, 2);
   for (size_t i = 0; i < 480; ++i) b.values[i] *= 0.25f;  // red fades: another direction
   Clip fixed(network("clip_16.onnx"), "metrics.clip"), any(network("clip.onnx"), "metrics.clip");
   EXPECT_NEAR(fixed.similarity(a, b), expected_similarity(a, b, 16), 1e-5);
@@ -138,7 +138,7 @@ TEST_F(ClipNetwork, RefusesWhatIsNone) {
                {"metrics.clip", "lpips.onnx", "2 inputs", "has 1"});
   expect_error([] { Clip(network("oblong.onnx"), "metrics.clip"); }, {"16x8", "square images"});
   Clip zero(network("zero.onnx"), "metrics.clip");
-  expect_error([&] { zero.similarity(some_picture(9, 9, 1), some_picture(9, 9, 2)); },
+  expect_error([&] { zero.similarity(some_image(9, 9, 1), some_image(9, 9, 2)); },
                {"zero.onnx", "cannot be compared"});
 }
 
@@ -170,7 +170,7 @@ TEST(ClipInput, IsResizedAsPillowDoes) {
 }
 
 TEST(ClipInput, OfItsOwnSizeIsOnlyNormalised) {
-  const ColourPlanes picture = some_picture(8, 8, 3);
+  const ColourPlanes picture = some_image(8, 8, 3);
   const std::vector<float> input = clip_input(picture, 8);
   for (size_t i = 0; i < input.size(); ++i)
     EXPECT_NEAR(input[i], (double(picture.values[i]) - mean[i / 64]) / deviation[i / 64], 1e-5);

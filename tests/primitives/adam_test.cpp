@@ -227,7 +227,7 @@ TEST_P(AdamTest, UnseenRowsKeepEveryBit) {
   EXPECT_TRUE(same_bits(f.group.exp_avg.read(f.queue), m));
   EXPECT_TRUE(same_bits(f.group.exp_avg_sq.read(f.queue), v));
   EXPECT_EQ(f.state.steps.read(f.queue), (std::vector<cl_uint>{9, 9, 9, 9}));
-  EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{0, 0, 0, 0}));
+  EXPECT_EQ(f.state.rejected.read(f.queue), (std::vector<cl_uint>{0, 0, 0, 0}));
 }
 
 TEST_P(AdamTest, ZeroGradientWithZeroMomentsKeepsEveryBit) {
@@ -250,7 +250,7 @@ TEST_P(AdamTest, RowWithABadGradientInOneGroupIsSkippedInAll) {
   f.adam.advance(f.queue, f.state, 4);
   f.adam.step(f.queue, f.group, f.state, 4, {1, 1e-15f});
   f.adam.step(f.queue, other, f.state, 4, {1, 1e-15f});
-  EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{2, 0, 2, 2}));
+  EXPECT_EQ(f.state.rejected.read(f.queue), (std::vector<cl_uint>{2, 0, 2, 2}));
   EXPECT_EQ(f.state.steps.read(f.queue), (std::vector<cl_uint>{0, 1, 0, 0}));
   const auto values = other.values.read(f.queue);
   EXPECT_EQ(values[0], 0);
@@ -273,14 +273,14 @@ TEST_P(AdamTest, TreatsOnlyTheRowsInUse) {
 TEST_P(AdamTest, RowsInUseMayBeginAnywhere) {
   AdamFixture f(GetParam(), 5, 2);
   const RowRange middle{1, 3};
-  f.state.pace.write(f.queue, {2, 3, 4, 5, 6});
+  f.state.rate_scale.write(f.queue, {2, 3, 4, 5, 6});
   f.group.grads.write(f.queue, {1, 1, 1, 1, 1, NAN, 1, 1, NAN, 1});
   f.adam.refuse(f.queue, f.group, f.state, middle);
   f.adam.advance(f.queue, f.state, middle);
   f.adam.step(f.queue, f.group, f.state, middle, {1, 1e-15f});
   const std::vector<double> expected{0, 0, -3, -3, 0, 0, -5, -5, 0, 0};  // row 2 is rejected
   EXPECT_TRUE(all_close(f.group.values.read(f.queue), expected, {4e-7, 1e-30}));
-  EXPECT_EQ(f.state.refused.read(f.queue), (std::vector<cl_uint>{0, 0, 2, 0, 0}));
+  EXPECT_EQ(f.state.rejected.read(f.queue), (std::vector<cl_uint>{0, 0, 2, 0, 0}));
 }
 
 TEST_P(AdamTest, CountsTheStepsInARowThatARowIsRefused) {
@@ -290,7 +290,7 @@ TEST_P(AdamTest, CountsTheStepsInARowThatARowIsRefused) {
     f.group.grads.write(f.queue, grads);
     f.adam.refuse(f.queue, f.group, f.state, 3);
     f.adam.advance(f.queue, f.state, 3);
-    return f.state.refused.read(f.queue);
+    return f.state.rejected.read(f.queue);
   };
   EXPECT_EQ(step({NAN, NAN, 1}, {1, 1, 1}), (std::vector<cl_uint>{2, 2, 0}));
   EXPECT_EQ(step({NAN, NAN, 1}, {1, 0, 1}), (std::vector<cl_uint>{3, 2, 0}));  // 1: no step of it
@@ -300,13 +300,13 @@ TEST_P(AdamTest, CountsTheStepsInARowThatARowIsRefused) {
 
 TEST_P(AdamTest, RatesOfARowGrowWithItsPaceAndShrinkWithItsReach) {
   AdamFixture f(GetParam(), 2, 1);
-  f.state.pace.write(f.queue, {3, 3});
-  f.state.reach.write(f.queue, {2, 4});
+  f.state.rate_scale.write(f.queue, {3, 3});
+  f.state.rate_divisor.write(f.queue, {2, 4});
   f.group.grads.fill(f.queue, 1);
   f.adam.advance(f.queue, f.state, 2);
   f.adam.step(f.queue, f.group, f.state, 2, {1, 1e-15f, 2});
   const auto values = f.group.values.read(f.queue);
-  EXPECT_NEAR(values[0], -3. / 4, 1e-6);  // pace / reach^2
+  EXPECT_NEAR(values[0], -3. / 4, 1e-6);  // rate_scale / rate_divisor^2
   EXPECT_NEAR(values[1], -3. / 16, 1e-6);
 }
 

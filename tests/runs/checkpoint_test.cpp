@@ -73,7 +73,7 @@ TEST(Checkpoint, HoldsTheShapeOfItsModel) {
 TEST(Checkpoint, ShapesThatNoModelHasAreRefused) {
   const TemporaryFolder folder;
   const std::string path = folder.file("a.npz");
-  const auto refused = [&](const char* name, const std::function<void(ModelShape&)>& spoil) {
+  const auto rejected = [&](const char* name, const std::function<void(ModelShape&)>& spoil) {
     Checkpoint checkpoint = some_checkpoint(20);
     checkpoint.facts.shape = ModelShape();
     spoil(*checkpoint.facts.shape);
@@ -81,13 +81,13 @@ TEST(Checkpoint, ShapesThatNoModelHasAreRefused) {
     expect_error([&] { read_checkpoint(path); }, {path, "is damaged: ", name});
     expect_error([&] { read_checkpoint_facts(path); }, {path, name});
   };
-  refused("'duration'", [](ModelShape& s) { s.duration = 0; });
-  refused("'duration' is null", [](ModelShape& s) { s.duration = INFINITY; });
-  refused("'cutoff'", [](ModelShape& s) { s.cutoff = 1; });
-  refused("'sh_degree' is 1000000", [](ModelShape& s) { s.sh_degree = 1000000; });
-  refused("'sh_degree' is -5", [](ModelShape& s) { s.sh_degree = -5; });
-  refused("origin", [](ModelShape& s) { s.origin[1] = 1e308; });
-  refused("'keys' is 0", [](ModelShape& s) { s.motion = MotionModelKind::keyframes; });
+  rejected("'duration'", [](ModelShape& s) { s.duration = 0; });
+  rejected("'duration' is null", [](ModelShape& s) { s.duration = INFINITY; });
+  rejected("'cutoff'", [](ModelShape& s) { s.cutoff = 1; });
+  rejected("'sh_degree' is 1000000", [](ModelShape& s) { s.sh_degree = 1000000; });
+  rejected("'sh_degree' is -5", [](ModelShape& s) { s.sh_degree = -5; });
+  rejected("origin", [](ModelShape& s) { s.origin[1] = 1e308; });
+  rejected("'keys' is 0", [](ModelShape& s) { s.motion = MotionModelKind::keyframes; });
 }
 
 TEST(Checkpoint, OfAnotherStepThanItsNameSaysIsRefused) {
@@ -114,7 +114,7 @@ TEST(Checkpoint, EveryByteThatChangesIsNoticedOrMeansNothing) {
   const Checkpoint written = some_checkpoint(20);
   write_checkpoint(folder.file("a.npz"), written);
   const std::string whole = contents(folder.file("a.npz"));
-  size_t refused = 0;
+  size_t rejected = 0;
   for (size_t i = 0; i < whole.size(); ++i) {
     std::string damaged = whole;
     damaged[i] = char(damaged[i] ^ (1 << i % 8));
@@ -123,10 +123,10 @@ TEST(Checkpoint, EveryByteThatChangesIsNoticedOrMeansNothing) {
       EXPECT_TRUE(same(read_checkpoint(folder.file("damaged.npz")), written)) << "byte " << i;
     } catch (const Error& error) {
       EXPECT_NE(std::string(error.what()).find("damaged.npz"), std::string::npos) << error.what();
-      ++refused;
+      ++rejected;
     }
   }
-  EXPECT_GT(refused, whole.size() * 4 / 5);
+  EXPECT_GT(rejected, whole.size() * 4 / 5);
 }
 
 TEST(Checkpoint, CutOffAnywhereItIsRefused) {

@@ -372,9 +372,9 @@ TEST_F(Resume, WithoutARunTheSceneIsNeeded) {
 
 TEST_F(Resume, AStoppedTrainingIsReplacedOnRequestOnly) {
   stopped_after(60, SIGKILL);
-  const Outcome refused = gflow(train("run", {"--iterations", "1", "--seed", "5"}));
-  EXPECT_EQ(refused.code, 1);
-  EXPECT_NE(refused.err.find("was stopped at step 60 of 240"), std::string::npos) << refused.err;
+  const Outcome rejected = gflow(train("run", {"--iterations", "1", "--seed", "5"}));
+  EXPECT_EQ(rejected.code, 1);
+  EXPECT_NE(rejected.err.find("was stopped at step 60 of 240"), std::string::npos) << rejected.err;
   ASSERT_TRUE(fs::exists(checkpoint(60)));
   EXPECT_EQ(gflow(train("run", {"--iterations", "1", "--seed", "5", "--overwrite"})).code, 0);
   EXPECT_FALSE(fs::exists(checkpoint(60)));

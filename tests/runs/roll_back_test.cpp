@@ -47,11 +47,11 @@ TEST(RollBack, RefusedRowsOfEveryTableCountAndThoseThatAllShareMayNotStayStuck) 
     EXPECT_EQ(training.trainer.counts(queue).rejected, 0u) << motion;
     Parameters& p = training.model.parameters;
     size_t shared = 0;
-    for (Table* table : p.tables()) table->rows.refused.fill_range(queue, 0, 2, 11);
+    for (Table* table : p.tables()) table->rows.rejected.fill_range(queue, 0, 2, 11);
     for (const TableSpec& spec : p.more_specs) shared += spec.rows > 0 ? 2 : 0;
     EXPECT_EQ(training.trainer.counts(queue).rejected, 2 * p.tables().size()) << motion;
     EXPECT_EQ(training.trainer.counts(queue).stuck, shared) << motion;
-    for (Table* table : p.tables()) table->rows.refused.fill_range(queue, 0, 2, 10);
+    for (Table* table : p.tables()) table->rows.rejected.fill_range(queue, 0, 2, 10);
     EXPECT_EQ(training.trainer.counts(queue).stuck, 0u) << motion;
   }
 }

@@ -28,7 +28,7 @@ double scenery(double x, double y) { return 127 + 60 * std::sin(9 * x) + 60 * st
 
 // What the camera records of it through its lens. Finds the ray of each stored pixel by fixed-point
 // iteration, which uses the formulas in the opposite direction to the code under test.
-Image stored_picture(const Camera& camera) {
+Image stored_image(const Camera& camera) {
   const Lens& lens = camera.lens;
   Image image{camera.width, camera.height, 3, {}};
   for (int j = 0; j < camera.height; ++j)
@@ -85,7 +85,7 @@ TEST(Lens, UndistortedPicturesAreThoseOfAPinholeCamera) {
                           Case{Lens::Kind::fisheye, {-.03, .01, 0, 0}}}) {
     const Camera camera = pinhole_of_lens(camera_without_lens(), one.kind, one.k, "cam");
     // 60 levels x (9 / 120)^2 / 8 of linear interpolation and two roundings of half a level: 1.1.
-    EXPECT_LT(worst_error(undistorted(stored_picture(camera), camera), camera), 1.2)
+    EXPECT_LT(worst_error(undistorted(stored_image(camera), camera), camera), 1.2)
         << int(one.kind) << " " << one.k[0];
   }
 }
@@ -123,7 +123,7 @@ TEST(Lens, ThePicturesOfAStoreAreUndistortedAndThenReduced) {
   Scene scene;
   scene.cameras = {
       pinhole_of_lens(camera_without_lens(), Lens::Kind::radial, {.15, -.02, .001, .002}, "cam")};
-  write_png(folder.file("a.png"), stored_picture(scene.cameras[0]));
+  write_png(folder.file("a.png"), stored_image(scene.cameras[0]));
   Frame frame;
   frame.path = folder.file("a.png");
   scene.train = {frame};

@@ -265,9 +265,9 @@ TEST(SharedScenes, DisReachesItsKnownErrorOnTheSphere) {
   const std::vector<size_t> steps = {0, 3, 6, 9, 12, 15, 18};
   for (size_t k : steps) {
     const Frame& frame = scene.train[k];  // a frame of cam01
-    const TargetFlow teacher =
+    const TargetFlow target_flow =
         estimate_target_flow(*store.rgb(frame), *store.rgb(scene.train[k + 1]));
-    sum += moving_error(teacher.flow, read_true_flow(frame, 256, 192).flow);
+    sum += moving_error(target_flow.flow, read_true_flow(frame, 256, 192).flow);
   }
   // Measured independently with OpenCV in Python: 0.20 px.
   EXPECT_NEAR(sum / double(steps.size()), 0.20, 0.03);
@@ -302,7 +302,7 @@ TEST(SharedScenes, TracksOfTruthAgreeWithTheTrueFlow) {
             0);
   const Scene scene = read_scene(folder);
   const PointTracks tracks = read_point_tracks(out.path() + "/cam03.npz");
-  ASSERT_EQ(tracks.pictures, 20u);
+  ASSERT_EQ(tracks.frames, 20u);
   EXPECT_EQ(tracks.points, 128u);
   size_t known = 0;
   for (const Frame& frame : scene.train) {

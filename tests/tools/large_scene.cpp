@@ -60,8 +60,8 @@ cv::Mat texture(uint64_t seed) {
 
 // Maps pixels of a square texture in the plane z, rotated by `angle` about its centre (x, y), to
 // pixels of the image: K [R | t] restricted to the plane.
-cv::Mat plane_to_picture(const View& view, int width, int height, double side, double x, double y,
-                         double z, double angle) {
+cv::Mat plane_to_image(const View& view, int width, int height, double side, double x, double y,
+                       double z, double angle) {
   const double s = side / texture_side, c = s * std::cos(angle), d = s * std::sin(angle);
   const double half = texture_side / 2.0;
   Eigen::Matrix3d world;  // of texture pixel (u, v, 1)
@@ -87,7 +87,7 @@ void write_camera(const std::string& folder, int camera, const View& view, int s
   cv::Mat empty, noise(height + 64, width + 64, CV_16SC3);
   random.fill(noise, cv::RNG::NORMAL, 0, 1.5);
   cv::warpPerspective(textures[0], empty,
-                      plane_to_picture(view, width, height, wall_side, 0, 0, wall_z, 0),
+                      plane_to_image(view, width, height, wall_side, 0, 0, wall_z, 0),
                       {width, height}, cv::INTER_AREA, cv::BORDER_REFLECT);
   for (int step = 0; step < steps; ++step) {
     const double t = double(step) / std::max(steps - 1, 1);
@@ -95,7 +95,7 @@ void write_camera(const std::string& folder, int camera, const View& view, int s
     cv::Mat picture = empty.clone(), sum;
     cv::warpPerspective(
         textures[1], picture,
-        plane_to_picture(view, width, height, board_side, at.x(), at.y(), at.z(), 8 * t),
+        plane_to_image(view, width, height, board_side, at.x(), at.y(), at.z(), 8 * t),
         {width, height}, cv::INTER_LINEAR, cv::BORDER_TRANSPARENT);
     const cv::Rect part(random.uniform(0, 64), random.uniform(0, 64), width, height);
     cv::add(picture, noise(part), sum, cv::noArray(), CV_8UC3);

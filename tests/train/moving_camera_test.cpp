@@ -38,7 +38,7 @@ class PanScene {
       renderer.forward(queue, model, shot);
       const std::vector<float> rgb = renderer.images().rgb.read(queue);
       write_png(folder_.file(fmt::format("train/{}.png", k)),
-                picture_of_rgb(camera.width, camera.height, rgb));
+                image_of_rgb(camera.width, camera.height, rgb));
       frames += (k ? "," : "") + frame_text(camera, k);
     }
     for (const char* split : {"train", "test"})
@@ -79,8 +79,8 @@ class PanScene {
 
 // Displacement of a pixel when the camera rotates: independent of depth.
 TargetFlow flow_by_turning(const Camera& from, const Camera& to) {
-  TargetFlow teacher{zero_flow(from.width, from.height), {}};
-  teacher.confidence.assign(teacher.flow.valid.size(), 255);
+  TargetFlow target_flow{zero_flow(from.width, from.height), {}};
+  target_flow.confidence.assign(target_flow.flow.valid.size(), 255);
   for (int y = 0; y < from.height; ++y)
     for (int x = 0; x < from.width; ++x) {
       const Eigen::Vector2d pixel(x + 0.5, y + 0.5);
@@ -90,10 +90,10 @@ TargetFlow flow_by_turning(const Camera& from, const Camera& to) {
           from.position() + from.viewmat.topLeftCorner<3, 3>().transpose() * ray;
       const Eigen::Vector2d flow = to.project(world) - pixel;
       const size_t i = size_t(y) * size_t(from.width) + size_t(x);
-      teacher.flow.uv[2 * i] = float(flow.x());
-      teacher.flow.uv[2 * i + 1] = float(flow.y());
+      target_flow.flow.uv[2 * i] = float(flow.x());
+      target_flow.flow.uv[2 * i + 1] = float(flow.y());
     }
-  return teacher;
+  return target_flow;
 }
 
 TEST(MovingCamera, TrainingSeesTheFlowOfTheCamera) {

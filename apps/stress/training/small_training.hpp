@@ -113,7 +113,7 @@ class SmallScene {
     if (with_alpha_) shot.background = {0, 0, 0};
     renderer.forward(queue, model, shot);
     const Images& images = renderer.images();
-    Image picture = picture_of_rgb(images.width, images.height, images.rgb.read(queue));
+    Image picture = image_of_rgb(images.width, images.height, images.rgb.read(queue));
     const std::vector<float> alpha = images.alpha.read(queue);
     if (with_alpha_) picture = with_straight_alpha(picture, alpha);
     const std::string step = "000" + std::to_string(k);

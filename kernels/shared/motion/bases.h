@@ -42,7 +42,7 @@ static inline real4 basis_turn(BasisPose p) {
 }
 
 // Applies the blend: `shift` is sum_b a_b basis_shift, `turn` is sum_b a_b basis_turn.
-static inline Still blended(Still g, real3 shift, real4 turn) {
+static inline Canonical blended(Canonical g, real3 shift, real4 turn) {
   g.mean = g.mean + shift;
   g.quat = quat_mul(turn + make_real4((real)1, (real)0, (real)0, (real)0), g.quat);
   return g;

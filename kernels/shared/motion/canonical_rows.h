@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 // Loads and stores the arrays of canonical parameters, one Gaussian at a time (OpenCL C only).
-#ifndef GFLOW_STILL_ROWS_H
-#define GFLOW_STILL_ROWS_H
+#ifndef GFLOW_CANONICAL_ROWS_H
+#define GFLOW_CANONICAL_ROWS_H
 #include "shared/arrays.h"
 #include "shared/motion/shifted.h"
 #include "shared/view_rows.h"
 
-#define STILL_IN                                                                   \
+#define CANONICAL_IN                                                               \
   global const float* restrict means, global const float* restrict means_t,        \
       global const float* restrict quats, global const float* restrict log_scales, \
       global const float* restrict logit_opacities
-#define STILL_ROWS means, means_t, quats, log_scales, logit_opacities
+#define CANONICAL_ROWS means, means_t, quats, log_scales, logit_opacities
 
-#define V_STILL_OUT                                                        \
+#define V_CANONICAL_OUT                                                    \
   global float* restrict v_means, global float* restrict v_means_t,        \
       global float* restrict v_quats, global float* restrict v_log_scales, \
       global float* restrict v_logit_opacities
-#define V_STILL_ROWS v_means, v_means_t, v_quats, v_log_scales, v_logit_opacities
+#define V_CANONICAL_ROWS v_means, v_means_t, v_quats, v_log_scales, v_logit_opacities
 
-static inline Still load_still(uint i, STILL_IN) {
-  Still g;
+static inline Canonical load_canonical(uint i, CANONICAL_IN) {
+  Canonical g;
   g.mean = load3(means, i);
   g.mean_t = means_t[i];
   g.quat = load4(quats, i);
@@ -30,11 +30,11 @@ static inline Still load_still(uint i, STILL_IN) {
 
 // Whether row i, entry k of the view, is needed at time t: at the first time, if it is inside its
 // time window (else its opacity becomes 0); at a second time, if it touches a tile.
-static inline int still_in_window(uint i, uint k, float t, float sigmas, int first,
-                                  global const uint* restrict tiles_touched,
-                                  global const float* restrict means_t,
-                                  global const float* restrict log_scales,
-                                  global float* restrict opacities_at) {
+static inline int canonical_in_window(uint i, uint k, float t, float sigmas, int first,
+                                      global const uint* restrict tiles_touched,
+                                      global const float* restrict means_t,
+                                      global const float* restrict log_scales,
+                                      global float* restrict opacities_at) {
   if (!first) return tiles_touched[k] != 0;
   if (is_in_time_window(t - means_t[i], exp(log_scales[4 * i + 3]), sigmas)) return 1;
   opacities_at[k] = 0.f;
@@ -51,7 +51,7 @@ static inline void store_shifted(uint k, Shifted o, global float* restrict means
 }
 
 // Sets the gradients if `fresh`, else adds to them.
-static inline void put_still(uint i, Still v, int fresh, V_STILL_OUT) {
+static inline void put_canonical(uint i, Canonical v, int fresh, V_CANONICAL_OUT) {
   if (fresh) {
     store3(v_means, i, v.mean);
     v_means_t[i] = v.mean_t;

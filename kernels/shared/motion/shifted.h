@@ -8,13 +8,13 @@
 #include "shared/quat.h"
 
 // The canonical parameters.
-typedef struct Still {
+typedef struct Canonical {
   real3 mean;
   real mean_t;
   real4 quat;
   real4 log_scales;  // x y z t
   real logit_opacity;
-} Still;
+} Canonical;
 
 typedef struct Shift {
   real3 mean;
@@ -28,12 +28,12 @@ typedef struct Shifted {
   Life life;
 } Shifted;
 
-static inline real3 shifted_scales(Still g, Shift d) {
+static inline real3 shifted_scales(Canonical g, Shift d) {
   return make_real3(exp(g.log_scales.x + d.log_scales.x), exp(g.log_scales.y + d.log_scales.y),
                     exp(g.log_scales.z + d.log_scales.z));
 }
 
-static inline Shifted shifted_at(Still g, Shift d, real t) {
+static inline Shifted shifted_at(Canonical g, Shift d, real t) {
   Shifted o;
   o.mean = g.mean + d.mean;
   o.factor = factor_of(g.quat + d.quat, shifted_scales(g, d));
@@ -43,14 +43,14 @@ static inline Shifted shifted_at(Still g, Shift d, real t) {
 
 // Gradient with respect to the canonical parameters; its mean, quat and log_scales.xyz are also
 // those with respect to the shift.
-static inline Still shifted_vjp(Still g, Shift d, real t, real3 v_mean, Mat3 v_factor,
-                                real v_opacity) {
+static inline Canonical shifted_vjp(Canonical g, Shift d, real t, real3 v_mean, Mat3 v_factor,
+                                    real v_opacity) {
   const real dt = t - g.mean_t, var = exp((real)2 * g.log_scales.w);
   const real3 scales = shifted_scales(g, d);
   const LifeGradient life =
       life_vjp(life_at(g.logit_opacity, dt, var), g.logit_opacity, dt, var, v_opacity);
   const FactorGradient factor = factor_of_vjp(g.quat + d.quat, scales, v_factor);
-  Still v;
+  Canonical v;
   v.mean = v_mean;
   v.mean_t = -life.dt;
   v.quat = factor.quat;

@@ -35,7 +35,7 @@ static inline Mat3 relative_factor(Mat3 rotation, real3 scales, Mat3 factor) {
 // |z| exp(-|z|^2 / 2) <= .61 times the first term, the change of the factor by
 // |z|^2 exp(-|z|^2 / 2) <= .74 times the second.
 static inline real distance_from_static(real3 rest, real4 quat, real3 scales, real3 mean,
-                                      Mat3 factor) {
+                                        Mat3 factor) {
   const Mat3 rotation = quat_to_rotmat(quat_normalize(quat).q);
   const real3 d = mat3_transpose_mul_vec(rotation, mean - rest);
   const real3 shift = make_real3(d.x / scales.x, d.y / scales.y, d.z / scales.z);

@@ -9,7 +9,7 @@
 #include "shared/types.h"
 
 // exp(x) with relative error 1e-5 for |x| <= 80; x is clamped beyond.
-static inline lane lookout_exp(lane x) {
+static inline lane cull_exp(lane x) {
   return lane_exp2(clamp(x, TO_LANE(-80.f), TO_LANE(80.f)) * 1.44269504f);
 }
 
@@ -60,8 +60,8 @@ typedef union LaneInts {
 } LaneInts;
 
 // Stores one bit per visible row of the LANES rows of `group`, and their number. Ignores rows >= n.
-static inline void lookout_mark(uint group, uint n, LaneInts shown, global uint* restrict marks,
-                                global uint* restrict counts) {
+static inline void cull_mark(uint group, uint n, LaneInts shown, global uint* restrict marks,
+                             global uint* restrict counts) {
   uint mark = 0;
   if (lane_any(shown.all)) {
     const uint count = min((uint)LANES, n - group * LANES);
@@ -73,14 +73,14 @@ static inline void lookout_mark(uint group, uint n, LaneInts shown, global uint*
 
 // Column `column` of LANES rows, from `first` on, of an array [n, width]; its last row stands in
 // for rows beyond the end.
-static inline lane lookout_column(global const float* restrict values, uint first, uint n,
-                                  uint width, uint column) {
+static inline lane cull_column(global const float* restrict values, uint first, uint n, uint width,
+                               uint column) {
 #define LOOKOUT_ROW(r) values[(size_t)min(first + r, n - 1) * width + column]
 #if LANES == 16
   return (lane)(LOOKOUT_ROW(0), LOOKOUT_ROW(1), LOOKOUT_ROW(2), LOOKOUT_ROW(3), LOOKOUT_ROW(4),
                 LOOKOUT_ROW(5), LOOKOUT_ROW(6), LOOKOUT_ROW(7), LOOKOUT_ROW(8), LOOKOUT_ROW(9),
-                LOOKOUT_ROW(10), LOOKOUT_ROW(11), LOOKOUT_ROW(12), LOOKOUT_ROW(13),
-                LOOKOUT_ROW(14), LOOKOUT_ROW(15));
+                LOOKOUT_ROW(10), LOOKOUT_ROW(11), LOOKOUT_ROW(12), LOOKOUT_ROW(13), LOOKOUT_ROW(14),
+                LOOKOUT_ROW(15));
 #elif LANES == 8
   return (lane)(LOOKOUT_ROW(0), LOOKOUT_ROW(1), LOOKOUT_ROW(2), LOOKOUT_ROW(3), LOOKOUT_ROW(4),
                 LOOKOUT_ROW(5), LOOKOUT_ROW(6), LOOKOUT_ROW(7));
@@ -91,35 +91,35 @@ static inline lane lookout_column(global const float* restrict values, uint firs
 #endif
 }
 
-// What culling reads of Gaussians with temporal opacity as in shared/motion/life.h and one scale per axis.
-// lookout_time loads the times; the other members are needed only if one of the rows is inside its
-// time window. Rows are in the order of time (optim/density/order.hpp), so most groups of a long
-// video need no more.
+// What culling reads of Gaussians with temporal opacity as in shared/motion/life.h and one scale
+// per axis. cull_time loads the times; the other members are needed only if one of the rows is
+// inside its time window. Rows are in the order of time (optim/density/order.hpp), so most groups
+// of a long video need no more.
 typedef struct CullInputs {
-  LaneFloats x, y, z;      // mean
-  LaneFloats dt;           // t - mean_t
+  LaneFloats x, y, z;  // mean
+  LaneFloats dt;       // t - mean_t
   LaneFloats log_life, log_longest, logit;
 } CullInputs;
 
 // Rows less than `sigmas` temporal standard deviations away, with a rounding margin. NaN passes.
 static inline lane_int cull_in_time_window(lane dt, lane log_life, float sigmas) {
-  return !(fabs(dt) > TO_LANE(1.001f * sigmas) * lookout_exp(log_life));
+  return !(fabs(dt) > TO_LANE(1.001f * sigmas) * cull_exp(log_life));
 }
 
 // Loads the times of LANES rows and tests them. The other members stay undefined.
-static inline lane_int lookout_time(CullInputs* o, uint first, uint n, float t, float sigmas,
-                                    global const float* means_t, global const float* log_scales) {
-  o->dt.all = t - lookout_column(means_t, first, n, 1, 0);
-  o->log_life.all = lookout_column(log_scales, first, n, 4, 3);
+static inline lane_int cull_time(CullInputs* o, uint first, uint n, float t, float sigmas,
+                                 global const float* means_t, global const float* log_scales) {
+  o->dt.all = t - cull_column(means_t, first, n, 1, 0);
+  o->log_life.all = cull_column(log_scales, first, n, 4, 3);
   return cull_in_time_window(o->dt.all, o->log_life.all, sigmas);
 }
 
-// To be called before lookout_put: defines the lanes that no row fills.
-static inline void lookout_clear(CullInputs* o) {
+// To be called before cull_put: defines the lanes that no row fills.
+static inline void cull_clear(CullInputs* o) {
   o->x.all = o->y.all = o->z.all = TO_LANE(0.f);
   o->log_longest.all = o->logit.all = TO_LANE(0.f);
 }
-static inline void lookout_put(CullInputs* o, uint r, float3 mean, float4 log_scales, float logit) {
+static inline void cull_put(CullInputs* o, uint r, float3 mean, float4 log_scales, float logit) {
   const float xy = log_scales.x > log_scales.y ? log_scales.x : log_scales.y;
   o->x.row[r] = mean.x;
   o->y.row[r] = mean.y;
@@ -130,10 +130,9 @@ static inline void lookout_put(CullInputs* o, uint r, float3 mean, float4 log_sc
 
 // Rows that the camera may see.
 static inline lane_int cull_visible(CullInputs o, PinholeCamera camera) {
-  const lane apart = o.dt.all / lookout_exp(o.log_life.all);
-  const lane opacity =
-      lookout_exp(-0.5f * apart * apart) / (TO_LANE(1.f) + lookout_exp(-o.logit.all));
-  return may_be_seen(camera, o.x.all, o.y.all, o.z.all, lookout_exp(o.log_longest.all), opacity);
+  const lane apart = o.dt.all / cull_exp(o.log_life.all);
+  const lane opacity = cull_exp(-0.5f * apart * apart) / (TO_LANE(1.f) + cull_exp(-o.logit.all));
+  return may_be_seen(camera, o.x.all, o.y.all, o.z.all, cull_exp(o.log_longest.all), opacity);
 }
 
 #endif

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/density/rest.hpp"
+#include "optim/density/static_detection.hpp"
 
 #include "optim/density/adc.hpp"
 #include "optim/density/mcmc.hpp"
-#include "shared/rest.h"
+#include "shared/static_detection.h"
 #include "tests/support/density_rule.hpp"
 #include "tests/support/motion_check.hpp"
 
@@ -248,9 +248,9 @@ struct MadeRest {
   cl_uint steps = 1000;
 };
 
-class RestSpacetime {
+class StaticSpacetime {
  public:
-  explicit RestSpacetime(const std::vector<MadeRest>& made)
+  explicit StaticSpacetime(const std::vector<MadeRest>& made)
       : queue(test_queue()),
         motion(make_motion(queue, MotionShape{})),
         p(queue, made.size(), motion->groups()) {
@@ -292,30 +292,30 @@ class RestSpacetime {
   Queue queue;
   std::unique_ptr<Motion> motion;
   Parameters p;
-  Rest rest{queue};
-  RestRule rule;
+  StaticDetection rest{queue};
+  StaticRule rule;
 };
 
 // Half of the path and of the rotation are on each side of the mean pose; the limit is 0.1 standard
 // deviations: 0.01 along x. A rotation by a about z moves the ends of axes s and s' by a s and a
 // s': a sqrt((s/s')^2 + (s'/s)^2) = a sqrt(4.25).
-TEST(Rest, WhoTravelsAndTurnsLittleComesToRest) {
-  RestSpacetime made({{0.019f},
-                      {0.021f},
-                      {0},
-                      {0, 0.096f},
-                      {0, 0.098f},
-                      {0.012f, 0.05f},
-                      {0, 0, 1000, 49},
-                      {0, 0, 0.01f},
-                      {NAN}});
+TEST(StaticDetection, WhoTravelsAndTurnsLittleComesToRest) {
+  StaticSpacetime made({{0.019f},
+                        {0.021f},
+                        {0},
+                        {0, 0.096f},
+                        {0, 0.098f},
+                        {0.012f, 0.05f},
+                        {0, 0, 1000, 49},
+                        {0, 0, 0.01f},
+                        {NAN}});
   EXPECT_EQ(made.refine(), (std::vector<cl_uint>{1, 4, 5, 6, 7, 8, 0, 2, 3}));
   EXPECT_EQ(made.p.moving, 6u);
   EXPECT_EQ(made.values("velocities").size(), 18u);
 }
 
-TEST(Rest, WhoRestsIsWhereItWasOnAverage) {
-  RestSpacetime made({{5}, {0.01f, 0.04f}});
+TEST(StaticDetection, WhoRestsIsWhereItWasOnAverage) {
+  StaticSpacetime made({{5}, {0.01f, 0.04f}});
   made.refine();
   const std::vector<float> means = made.values("means"), quats = made.values("quats");
   EXPECT_NEAR(means[0], 0, 1e-6);
@@ -324,8 +324,8 @@ TEST(Rest, WhoRestsIsWhereItWasOnAverage) {
   EXPECT_NEAR(quats[7], 2 * std::sin(0.2 * 0.04 / 2), 1e-5);
 }
 
-// The bound of kernels/shared/rest.h, at random positions around random Gaussians.
-TEST(Rest, NoPlaceChangesByMoreThanTheBound) {
+// The bound of kernels/shared/static_detection.h, at random positions around random Gaussians.
+TEST(StaticDetection, NoPlaceChangesByMoreThanTheBound) {
   Random random(5);
   const auto draw = [&] { return make_real3(random(), random(), random()); };
   double largest = 0;
@@ -349,8 +349,8 @@ TEST(Rest, NoPlaceChangesByMoreThanTheBound) {
   EXPECT_GT(largest, 0.4);  // the bound is not trivial
 }
 
-TEST(Rest, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
-  RestSpacetime made({{5}, {0}, {0}, {0}});
+TEST(StaticDetection, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
+  StaticSpacetime made({{5}, {0}, {0}, {0}});
   made.rule.wake = 4;
   made.refine();
   ASSERT_EQ(made.p.moving, 1u);
@@ -378,9 +378,9 @@ TEST(Rest, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
 }
 
 // The gradient of flow for static Gaussians is part of v_means, or separate.
-TEST(Rest, FlowPullsTheSameToldInBothWays) {
+TEST(StaticDetection, FlowPullsTheSameToldInBothWays) {
   const auto pulls = [](float v_mean, float v_mean_t2, bool stood_still) {
-    RestSpacetime made(std::vector<MadeRest>(1));
+    StaticSpacetime made(std::vector<MadeRest>(1));
     made.refine();
     const Buffer<cl_uint> touched(made.queue, {1}, "tiles");
     const Buffer<float> v(made.queue, {v_mean, 0, 0}, "v"),
@@ -398,8 +398,8 @@ TEST(Rest, FlowPullsTheSameToldInBothWays) {
   EXPECT_FLOAT_EQ(beside[3], within[3]);
 }
 
-TEST(Rest, NothingMovesAgainWhereThatIsOff) {
-  RestSpacetime made(std::vector<MadeRest>(1));
+TEST(StaticDetection, NothingMovesAgainWhereThatIsOff) {
+  StaticSpacetime made(std::vector<MadeRest>(1));
   made.rule.wake = 0;
   made.refine();
   for (int k = 0; k < 20; ++k) made.see(1, {1});
@@ -407,8 +407,8 @@ TEST(Rest, NothingMovesAgainWhereThatIsOff) {
   EXPECT_EQ(made.p.moving, 0u);
 }
 
-TEST(Rest, EvidenceOfDensityControlGoesWithItsRows) {
-  RestSpacetime made({{0}, {5}, {0}});
+TEST(StaticDetection, EvidenceOfDensityControlGoesWithItsRows) {
+  StaticSpacetime made({{0}, {5}, {0}});
   AdcDensity density(made.queue);
   const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
   const Buffer<float> v(made.queue, {1, 0, 2, 0, 3, 0}, "v_means2d");
@@ -428,8 +428,8 @@ TEST(Rest, EvidenceOfDensityControlGoesWithItsRows) {
 }
 
 // Row 0 is dynamic, rows 1 and 2 are static; the last one grows.
-TEST(Rest, WhatGrowsMoves) {
-  RestSpacetime made({{5}, {0}, {0}});
+TEST(StaticDetection, WhatGrowsMoves) {
+  StaticSpacetime made({{5}, {0}, {0}});
   made.p["logit_opacities"].values.fill(made.queue, 1);
   made.refine();
   AdcDensity density(made.queue);
@@ -451,8 +451,8 @@ TEST(Rest, WhatGrowsMoves) {
 
 // Row 1 is static and dead: it is relocated to another row, and rows that share a place become
 // dynamic.
-TEST(Rest, WhatIsRelocatedMoves) {
-  RestSpacetime made({{5}, {0}, {0}});
+TEST(StaticDetection, WhatIsRelocatedMoves) {
+  StaticSpacetime made({{5}, {0}, {0}});
   made.refine();
   made.p["logit_opacities"].values.write(made.queue, {-3, -20, 3});
   McmcDensity density(made.queue);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The static/dynamic split. Gaussians that need no motion lose their motion parameters and the
 // optimiser state of these, and get them back when gradients pull them into motion. For every
-// motion model whose Gaussians have their own motion. Kernels: kernels/density/rest.cl.
+// motion model whose Gaussians have their own motion. Kernels: kernels/density/static_detection.cl.
 //
 // Gaussians become dynamic at initialisation, by density control (RowMover), or by the pulls
 // accumulated here. A round makes those static that, after a trial of some steps, stay near their
@@ -13,8 +13,8 @@
 
 namespace gflow {
 
-struct RestRule {
-  // Largest distance of a static Gaussian from its mean pose (kernels/shared/rest.h).
+struct StaticRule {
+  // Largest distance of a static Gaussian from its mean pose (kernels/shared/static_detection.h).
   float most = 0.05f;
   // A static Gaussian wakes when its summed pull exceeds this multiple of the expected noise;
   // 0: never.
@@ -24,9 +24,9 @@ struct RestRule {
   int moments = 2;      // times at which poses are compared, evenly from 0 to duration; >= 2
 };
 
-class Rest {
+class StaticDetection {
  public:
-  explicit Rest(Queue& queue);
+  explicit StaticDetection(Queue& queue);
 
   // After a view: accumulates its gradients by the means at t and, with flow, at t2 (model times).
   // `stood_still`: static Gaussians kept their pose between them (View::moving).
@@ -39,7 +39,7 @@ class Rest {
   // Gaussians start with zero moments and step counts; all others keep theirs. Waits. If memory
   // runs out it throws, and the parameters are unchanged.
   const Buffer<cl_uint>& refine(Queue& queue, Parameters& parameters, Motion& motion,
-                                const RestRule& rule);
+                                const StaticRule& rule);
   // After density control has moved the rows.
   void forget() { pulls_known_ = false; }
 
@@ -53,18 +53,18 @@ class Rest {
 
   Program program_;
   Kernel<cl_uint, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>, Out<cl_uint>>
-      rest_add_;
-  Kernel<cl_uint, In<float>, In<float>, In<float>, Out<float>, Out<float>> rest_pose_;
+      static_add_;
+  Kernel<cl_uint, In<float>, In<float>, In<float>, Out<float>, Out<float>> static_pose_;
   Kernel<cl_uint, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>>
-      rest_travel_;
+      static_travel_;
   Kernel<cl_uint, cl_uint, cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<cl_uint>, In<float>,
          In<float>, In<float>, Out<float>>
-      rest_pull_;
+      static_pull_;
   Kernel<cl_uint, cl_uint, cl_float, cl_uint, cl_float, In<float>, In<cl_uint>, In<cl_uint>,
          In<float>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>
-      rest_decide_;
+      static_decide_;
   Kernel<cl_uint, cl_uint, cl_uint, In<cl_uint>, In<float>, In<float>, Out<float>, Out<float>>
-      rest_settle_;
+      static_settle_;
   RowMover rows_;
   bool pulls_known_ = false;
   Buffer<float> pulls_{"pulls"};  // [static Gaussians, 4] since the last round

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Density control and learning rates of models that shift canonical Gaussians, one work-item each.
-#include "shared/random.h"
 #include "shared/motion/canonical_rows.h"
+#include "shared/random.h"
 
 // Makes the two children of a Gaussian (child 1 and 2; rows with 0 are unchanged), which keep its
 // path. If it is larger than split_scale, both are drawn from it and 1.6 times smaller; else child
 // 2 is drawn from it.
-kernel void still_split(const uint n, const uint seed, const float split_scale,
-                        global const uint* restrict child, global float* restrict means,
-                        global const float* restrict quats, global float* restrict log_scales,
-                        global float* restrict logit_opacities) {
+kernel void canonical_split(const uint n, const uint seed, const float split_scale,
+                            global const uint* restrict child, global float* restrict means,
+                            global const float* restrict quats, global float* restrict log_scales,
+                            global float* restrict logit_opacities) {
   const uint i = get_global_id(0);
   if (i >= n || child[i] == 0) return;
   const real4 log_scale = load4(log_scales, i);
@@ -29,10 +29,11 @@ kernel void still_split(const uint n, const uint seed, const float split_scale,
 }
 
 // Learning-rate scale of each Gaussian (lifetime_rate_scale).
-kernel void static_rate_scale(const uint n, const float duration, const float power, const float most,
-                       global const float* restrict log_scales,  // [N, 4]
-                       global float* restrict pace) {            // [N]
+kernel void static_rate_scale(const uint n, const float duration, const float power,
+                              const float most,
+                              global const float* restrict log_scales,  // [N, 4]
+                              global float* restrict rate_scale) {      // [N]
   const uint i = get_global_id(0);
   if (i >= n) return;
-  pace[i] = lifetime_rate_scale(exp(log_scales[4 * i + 3]), duration, power, most);
+  rate_scale[i] = lifetime_rate_scale(exp(log_scales[4 * i + 3]), duration, power, most);
 }

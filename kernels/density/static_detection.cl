@@ -2,18 +2,18 @@
 // The static/dynamic split: which Gaussians need no motion, their static pose, and which static
 // ones become dynamic again. One work-item per Gaussian; bitwise repeatable.
 #include "shared/arrays.h"
-#include "shared/rest.h"
+#include "shared/static_detection.h"
 #include "shared/view_rows.h"
 
 // Adds the pose of dynamic Gaussians (rows < moving) at one time to their mean, weighted by
 // opacity.
-kernel void rest_add(const uint moving, global const float* restrict means_at,
-                     global const float* restrict factors_at,
-                     global const float* restrict opacities_at,  // 0: not visible then
-                     global float* restrict means,               // [M, 3] sums
-                     global float* restrict factors,             // [M, 3, 3] sums
-                     global float* restrict weights,             // [M] sums
-                     global uint* restrict moments) {            // [M] number of times
+kernel void static_add(const uint moving, global const float* restrict means_at,
+                       global const float* restrict factors_at,
+                       global const float* restrict opacities_at,  // 0: not visible then
+                       global float* restrict means,               // [M, 3] sums
+                       global float* restrict factors,             // [M, 3, 3] sums
+                       global float* restrict weights,             // [M] sums
+                       global uint* restrict moments) {            // [M] number of times
   const uint i = get_global_id(0);
   if (i >= moving) return;
   const float w = opacities_at[i];
@@ -29,10 +29,11 @@ static inline float3 scales_of(uint i, global const float* log_scales) {
 }
 
 // Turns the sums into a pose: the mean position and the rotation of the mean factor.
-kernel void rest_pose(const uint moving, global const float* restrict log_scales,  // [N, 4]
-                      global const float* restrict factors, global const float* restrict weights,
-                      global float* restrict means,    // [M, 3]
-                      global float* restrict quats) {  // [M, 4]
+kernel void static_pose_of(const uint moving, global const float* restrict log_scales,  // [N, 4]
+                           global const float* restrict factors,
+                           global const float* restrict weights,
+                           global float* restrict means,    // [M, 3]
+                           global float* restrict quats) {  // [M, 4]
   const uint i = get_global_id(0);
   if (i >= moving || !(weights[i] > 0.f)) return;
   const float inverse = 1.f / weights[i];
@@ -47,16 +48,16 @@ kernel void rest_pose(const uint moving, global const float* restrict log_scales
 }
 
 // Distance of each Gaussian from that pose at one time; NaN counts as infinite.
-kernel void rest_travel(const uint moving, global const float* restrict log_scales,  // [N, 4]
-                        global const float* restrict means, global const float* restrict quats,
-                        global const float* restrict means_at,
-                        global const float* restrict factors_at,
-                        global const float* restrict opacities_at,
-                        global float* restrict travel) {  // [M] largest so far
+kernel void static_travel(const uint moving, global const float* restrict log_scales,  // [N, 4]
+                          global const float* restrict means, global const float* restrict quats,
+                          global const float* restrict means_at,
+                          global const float* restrict factors_at,
+                          global const float* restrict opacities_at,
+                          global float* restrict travel) {  // [M] largest so far
   const uint i = get_global_id(0);
   if (i >= moving || !(opacities_at[i] > 0.f)) return;
   const float d = distance_from_static(load3(means, i), load4(quats, i), scales_of(i, log_scales),
-                                     load3(means_at, i), load_mat3(factors_at, i));
+                                       load3(means_at, i), load_mat3(factors_at, i));
   travel[i] = d >= travel[i] ? d : (d == d ? travel[i] : INFINITY);
 }
 
@@ -64,13 +65,13 @@ kernel void rest_travel(const uint moving, global const float* restrict log_scal
 // the rows of `pulls`): x y z the sum of the gradients, w that of their squared norms. flow 0:
 // none; 1: v_means includes the flow's part at t; 2: it does not (View::moving), and that part is
 // minus the one at t2. Processes entries [first, n) of the view (shared/view_rows.h).
-kernel void rest_pull(const uint n, const uint first, const uint moving, const float t,
-                      const float t2, const int flow, global const uint* restrict rows,
-                      global const uint* restrict tiles_touched,  // [n]
-                      global const float* restrict means_t,       // [N]
-                      global const float* restrict v_means,       // [n, 3] at t
-                      global const float* restrict v_means_t2,    // [n, 3] at t2 with flow
-                      global float* restrict pulls) {             // [N - M, 4]
+kernel void static_pull(const uint n, const uint first, const uint moving, const float t,
+                        const float t2, const int flow, global const uint* restrict rows,
+                        global const uint* restrict tiles_touched,  // [n]
+                        global const float* restrict means_t,       // [N]
+                        global const float* restrict v_means,       // [n, 3] at t
+                        global const float* restrict v_means_t2,    // [n, 3] at t2 with flow
+                        global float* restrict pulls) {             // [N - M, 4]
   const uint k = first + get_global_id(0);
   if (k >= n || tiles_touched[k] == 0) return;
   const uint i = view_row(k, rows);
@@ -85,11 +86,11 @@ kernel void rest_pull(const uint n, const uint first, const uint moving, const f
 // static one becomes dynamic if the norm of its summed gradients exceeds `wake` times the square
 // root of the summed squares, which is what noise would give; wake 0: never. Also sets source and
 // child (1: optimiser state is reset) of each row, for RowMover.
-kernel void rest_decide(const uint n, const uint moving, const float most, const uint trial,
-                        const float wake, global const float* restrict travel,
-                        global const uint* restrict moments, global const uint* restrict steps,
-                        global const float* restrict pulls, global uint* restrict moves,
-                        global uint* restrict source, global uint* restrict child) {
+kernel void static_decide(const uint n, const uint moving, const float most, const uint trial,
+                          const float wake, global const float* restrict travel,
+                          global const uint* restrict moments, global const uint* restrict steps,
+                          global const float* restrict pulls, global uint* restrict moves,
+                          global uint* restrict source, global uint* restrict child) {
   const uint i = get_global_id(0);
   if (i >= n) return;
   source[i] = i;
@@ -104,11 +105,11 @@ kernel void rest_decide(const uint n, const uint moving, const float most, const
 
 // After the rows have moved: rows from `moving` on that were dynamic (source below old_moving) take
 // their static pose. A quaternion keeps its length, on which its effective learning rate depends.
-kernel void rest_settle(const uint n, const uint moving, const uint old_moving,
-                        global const uint* restrict source,
-                        global const float* restrict rest_means,  // [old_moving, 3]
-                        global const float* restrict rest_quats,  // [old_moving, 4]
-                        global float* restrict means, global float* restrict quats) {
+kernel void static_settle(const uint n, const uint moving, const uint old_moving,
+                          global const uint* restrict source,
+                          global const float* restrict rest_means,  // [old_moving, 3]
+                          global const float* restrict rest_quats,  // [old_moving, 4]
+                          global float* restrict means, global float* restrict quats) {
   const uint i = moving + get_global_id(0);
   if (i >= n || source[i] >= old_moving) return;
   const float4 q = vload4(i, quats);
