@@ -50,7 +50,7 @@ static inline PixelGrads grads_start(
 }
 
 // Whether a pixel's gradients can be other than 0. With v_alpha alone, R is not 0.
-static inline lane_int asks(PixelGrads p) {
+static inline lane_int has_gradient(PixelGrads p) {
   const lane zero = TO_LANE(0.f);
   lane_int any = (p.vr != zero) | (p.vg != zero) | (p.vb != zero) | (p.R != zero);
 #if DEPTH

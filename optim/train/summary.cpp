@@ -41,7 +41,7 @@ std::string place_of(const HostModel& model, const Scene& scene, const InitOptio
   return hull ? "in the visual hull" : "at random positions";
 }
 
-std::string progress_callback(size_t count, const char* one, const char* several) {
+std::string count_of(size_t count, const char* one, const char* several) {
   return fmt::format("{} {}", count, count == 1 ? one : several);
 }
 
@@ -52,8 +52,8 @@ std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
   for (const Camera& camera : cameras) sizes.insert({camera.width, camera.height});
   std::string text =
       fmt::format("scene: {}, {}, {}; images: {} training, {} test, {} validation, {}{}x{}\n",
-                  scene.layout, progress_callback(scene.cameras.size(), "camera", "cameras"),
-                  progress_callback(size_t(scene.steps), "time step", "time steps"),
+                  scene.layout, count_of(scene.cameras.size(), "camera", "cameras"),
+                  count_of(size_t(scene.steps), "time step", "time steps"),
                   scene.train.size(), scene.test.size(), scene.val.size(),
                   sizes.size() > 1 ? "up to " : "", sizes.rbegin()->first, sizes.rbegin()->second);
   const auto& [x, y, z] = scene.origin;

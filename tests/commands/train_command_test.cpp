@@ -47,7 +47,7 @@ TEST_F(CommandTest, TrainTakesAVideoFileAndADivisor) {
   EXPECT_EQ(gflow({"render", run, "-o", folder.file("pictures"), "--quiet"}).code, 0);
   EXPECT_TRUE(fs::exists(folder.path() + "/pictures/compare"));
   expect_refused({"train", video, "-o", run, "-r", "3"}, {"scene.resolution", "3", "1, 2, 4, 8"});
-  expect_refused({"train", folder.file("none.mp4"), "-o", run}, {"none.mp4", "no such"});
+  expect_refused({"train", folder.file("none.mp4"), "-o", run, "--overwrite"}, {"none.mp4", "no such"});
 }
 
 TEST_F(CommandTest, TrainSaysWhatItFound) {
@@ -262,7 +262,7 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   const std::string out = "/nowhere/out";
   expect_refused({}, {"a command is missing",
                       "train, render, eval, export, info, experiment, settings, import, splat, "
-                      "bench, stress or devices"});
+                      "bench, stress, devices or completion"});
   expect_refused({"trian", "scene", "-o", out}, {"`gflow trian`", "nearest is train", "splat"});
   expect_refused({"--quiet", "device"}, {"`gflow device`", "nearest is devices"});
   expect_refused({"--device"}, {"--device", "missing", "gflow --help"});

@@ -113,7 +113,7 @@ TEST_F(FarFlow, InEveryThirdStepOnlyItStillTeaches) {
 TEST_F(FarFlow, WhatDoesNotGoTogetherIsRefused) {
   TrainOptions direct = config(2), in_time = config(2), nameless = config(1), empty = config(2);
   direct.flow.long_span = gflow::FarFlow::direct;
-  expect_refused(direct, {"flow.long_span", "direct", "flow.source = \"files\""});
+  expect_refused(direct, {"flow.long_span", "direct", "flow.source is \"files\""});
   in_time.flow.pairs = FlowPairs::time;
   expect_refused(in_time, {"flow.span", "flow.pairs"});
   nameless.flow.source = FlowSource::tracks;
