@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/bench/report.hpp"
+#include "apps/bench/measure/report.hpp"
 #include "apps/common/options.hpp"
 #include "apps/common/plot.hpp"
 

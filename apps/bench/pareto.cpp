@@ -11,13 +11,13 @@
 #include <memory>
 
 #include "apps/bench/bench.hpp"
-#include "apps/bench/choices.hpp"
-#include "apps/bench/exact.hpp"
-#include "apps/bench/front.hpp"
+#include "apps/bench/measure/choices.hpp"
+#include "apps/bench/measure/exact.hpp"
+#include "apps/bench/measure/front.hpp"
 #include "apps/common/command_line.hpp"
 #include "runtime/base/output.hpp"
 #ifdef GFLOW_WITH_OPENCV
-#include "apps/bench/trained.hpp"
+#include "apps/bench/measure/trained.hpp"
 #endif
 
 namespace gflow::bench {

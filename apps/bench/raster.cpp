@@ -9,8 +9,8 @@
 #include <set>
 
 #include "apps/bench/bench.hpp"
-#include "apps/bench/pairs.hpp"
-#include "apps/bench/whole_step.hpp"
+#include "apps/bench/measure/pairs.hpp"
+#include "apps/bench/measure/whole_step.hpp"
 #include "apps/common/command_line.hpp"
 #include "runtime/base/usage.hpp"
 #include "runtime/primitives/reduce.hpp"

@@ -12,8 +12,8 @@
 #include <memory>
 
 #include "apps/bench/bench.hpp"
-#include "apps/bench/pairs.hpp"
-#include "apps/bench/whole_step.hpp"
+#include "apps/bench/measure/pairs.hpp"
+#include "apps/bench/measure/whole_step.hpp"
 #include "apps/common/command_line.hpp"
 #include "runtime/base/interrupt.hpp"
 #include "runtime/base/usage.hpp"

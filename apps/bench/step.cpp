@@ -6,7 +6,7 @@
 #include <cmath>
 #include <memory>
 
-#include "apps/bench/steps.hpp"
+#include "apps/bench/measure/steps.hpp"
 #include "apps/common/command_line.hpp"
 #include "runtime/base/interrupt.hpp"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// PNGs and JPEGs decoded by libpng and libjpeg directly; pixels equal those of OpenCV's decoders.
-// OpenCV prints libpng and libjpeg warnings to stderr without the file's name, and returns invented
-// pixels for a truncated JPEG.
+// PNG and JPEG by libpng and libjpeg directly; pixels equal those of OpenCV's decoders. OpenCV
+// prints libpng and libjpeg warnings to stderr without the file's name, and returns invented pixels
+// for a truncated JPEG.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -23,5 +23,13 @@ struct DecodedImage {
 // Decodes bytes that passed check_image_bytes. Grey with alpha becomes 4 channels, CMYK becomes 3.
 DecodedImage decode_png(const Bytes& bytes);
 DecodedImage decode_jpeg(const Bytes& bytes);
+
+struct PngPixels {
+  int width, height;      // [px]
+  int channels, bits;     // 1, 3 or 4 channels; 8 or 16 bits, 16 in host byte order
+  const uint8_t* pixels;  // [height, width, channels]
+};
+// Encodes an image. Error with the library's reason if it cannot.
+Bytes encode_png(const PngPixels& image);
 
 }  // namespace gflow

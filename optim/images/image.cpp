@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Images are resampled and encoded by OpenCV, whose encoders expect BGR.
+// Resampling by OpenCV; PNG and JPEG by libpng and libjpeg (decoded_image.hpp).
 #include "optim/images/image.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <mutex>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
 
@@ -85,18 +84,6 @@ cv::Mat as_8_bits(DecodedImage& picture) {
   return result;
 }
 
-void write_mat(const std::string& path, const cv::Mat& mat) {
-  std::vector<uint8_t> bytes;
-  bool ok = false;
-  try {
-    ok = cv::imencode(".png", mat, bytes);
-  } catch (const cv::Exception& cause) {
-    throw Error(fmt::format("cannot encode {}: {}", path, cause.err));
-  }
-  if (!ok) throw Error(fmt::format("cannot encode {}: OpenCV has no PNG writer", path));
-  write_file_atomically(path, bytes);
-}
-
 // Applies sample(in, out). Colours of an image with alpha are premultiplied, so that the hidden
 // colours of transparent pixels do not bleed in.
 template <class Sample>
@@ -172,11 +159,8 @@ Image remapped(const Image& image, int width, int height, const std::vector<floa
 
 void write_png(const std::string& path, const Image& image) {
   check_pixels(image, "write " + path);
-  if (image.channels == 1) return write_mat(path, as_mat(image));
-  cv::Mat swapped;  // a copy: converting in place would change the caller's image
-  cv::cvtColor(as_mat(image), swapped,
-               image.channels == 4 ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
-  write_mat(path, swapped);
+  write_file_atomically(
+      path, encode_png({image.width, image.height, image.channels, 8, image.pixels.data()}));
 }
 
 void write_png16(const std::string& path, int width, int height,
@@ -184,7 +168,8 @@ void write_png16(const std::string& path, int width, int height,
   if (width < 1 || height < 1 || values.size() != size_t(width) * size_t(height))
     throw Error(fmt::format("cannot write {}: {}x{} pixels do not match {} values", path, width,
                             height, values.size()));
-  write_mat(path, cv::Mat(height, width, CV_16UC1, const_cast<uint16_t*>(values.data())));
+  write_file_atomically(
+      path, encode_png({width, height, 1, 16, reinterpret_cast<const uint8_t*>(values.data())}));
 }
 
 FlowField read_kitti_flow(const std::string& path) {

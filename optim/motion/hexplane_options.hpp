@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Planes, network and schedule of the hexplane model (settings hexplane.*).
 #pragma once
+#include <array>
+
 #include "runtime/base/option.hpp"
 
 namespace gflow {
@@ -56,6 +58,11 @@ struct HexplaneOptions {
           advanced("weight of the distance of time planes from 1, which means no motion"),
           at_least(0));
   }
+};
+
+// The options with `times` resolved (>= 1), and the box that the planes cover.
+struct HexplaneShape : HexplaneOptions {
+  std::array<float, 3> centre{0, 0, 0}, half_size{1, 1, 1};  // [world]
 };
 
 }  // namespace gflow

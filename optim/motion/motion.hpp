@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "optim/engine/gaussians.hpp"
-#include "optim/motion/hexplane_shape.hpp"
+#include "optim/motion/hexplane_options.hpp"
 #include "optim/motion/view_rows.hpp"
 
 namespace gflow {

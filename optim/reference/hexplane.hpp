@@ -2,7 +2,7 @@
 // The hexplane field in double, written from its formulas (shared/motion/hexplane.h): planes,
 // features, network, shift, and their derivatives; and the regularisation of the planes.
 #pragma once
-#include "optim/motion/hexplane_shape.hpp"
+#include "optim/motion/hexplane_options.hpp"
 #include "optim/reference/parameters.hpp"
 #include "shared/motion/hexplane.h"
 #include "shared/motion/shifted.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Statistics of `gflow bench` over its measurements, and the Pareto front.
-#include "apps/bench/front.hpp"
-#include "apps/bench/samples.hpp"
+#include "apps/bench/measure/front.hpp"
+#include "apps/bench/measure/samples.hpp"
 #include "gtest/gtest.h"
 
 namespace gflow {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "apps/bench/old_report.hpp"
+#include "apps/bench/measure/old_report.hpp"
 #include "apps/experiments/plan.hpp"
 #include "apps/experiments/table.hpp"
 #include "apps/stress/training/request.hpp"

@@ -3,7 +3,7 @@
 // distillation, and of a pixel by the world point seen there (initial velocities).
 #include <Eigen/Geometry>
 
-#include "apps/stress/differences.hpp"
+#include "apps/stress/derivatives/differences.hpp"
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "apps/stress/training/request.hpp"

@@ -5,7 +5,7 @@
 // the value is not finite, the culprit must be drawn as if absent, or without the flow that depends
 // on the value. A broken value in shared parameters affects everything; the images must be finite.
 #include "apps/stress/figures.hpp"
-#include "apps/stress/poisoned.hpp"
+#include "apps/stress/image/poisoned.hpp"
 #include "apps/stress/stress.hpp"
 #include "apps/stress/training/small_training.hpp"
 #include "optim/model/renderer.hpp"

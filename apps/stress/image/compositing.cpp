@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // T16, T17, T19, T21, T22: compositing of layers (deep, thin, opaque, single), the stop rule, the
 // alpha clamp at .99, splats over many tiles, and images of odd sizes.
-#include "apps/stress/dense.hpp"
+#include "apps/stress/image/dense.hpp"
 
 namespace gflow::stress {
 namespace {

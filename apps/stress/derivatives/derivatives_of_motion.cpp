@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rows of the table of derivatives for motion models and motion losses.
-#include "apps/stress/differences.hpp"
+#include "apps/stress/derivatives/differences.hpp"
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/loss/motion_loss.hpp"

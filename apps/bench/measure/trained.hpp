@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "apps/bench/choices.hpp"
-#include "apps/bench/samples.hpp"
+#include "apps/bench/measure/choices.hpp"
+#include "apps/bench/measure/samples.hpp"
 #include "apps/common/options.hpp"
 
 namespace gflow::bench {

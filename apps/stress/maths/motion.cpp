@@ -2,7 +2,7 @@
 // T12-T14, T39: the transports against the true motion of material points: spin, scaling, approach;
 // a pose learned from flow alone; a plane of splats under a rigid motion.
 #include "apps/stress/figures.hpp"
-#include "apps/stress/moving_splat.hpp"
+#include "apps/stress/maths/moving_splat.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/reference/device_scene.hpp"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The timed work on a random scene: everything from its parameters to their next values.
 #pragma once
-#include "apps/bench/scene.hpp"
+#include "apps/bench/measure/scene.hpp"
 #include "optim/options/train_options.hpp"
 #include "runtime/primitives/adam.hpp"
 

@@ -2,9 +2,9 @@
 // T30: no Gaussian, one, none visible, all at one depth, 1e5 over one pixel, surfels and needles.
 #include <cstring>
 
-#include "apps/stress/dense.hpp"
 #include "apps/stress/device_maths.hpp"
 #include "apps/stress/figures.hpp"
+#include "apps/stress/image/dense.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/reference/device_scene.hpp"
 

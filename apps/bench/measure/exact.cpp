@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/bench/exact.hpp"
+#include "apps/bench/measure/exact.hpp"
 
 #include <random>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/bench/choices.hpp"
+#include "apps/bench/measure/choices.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

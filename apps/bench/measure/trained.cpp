@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/bench/trained.hpp"
+#include "apps/bench/measure/trained.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
-#include "apps/bench/steps.hpp"
+#include "apps/bench/measure/steps.hpp"
 #include "apps/common/command_line.hpp"
 #include "optim/eval/evaluation.hpp"
 #include "runtime/base/interrupt.hpp"

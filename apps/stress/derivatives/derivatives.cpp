@@ -5,7 +5,7 @@
 // central differences.
 #include <map>
 
-#include "apps/stress/differences.hpp"
+#include "apps/stress/derivatives/differences.hpp"
 #include "apps/stress/splats.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/density/mcmc.hpp"

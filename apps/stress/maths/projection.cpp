@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // T23, T24, T28: culling at the near plane, the gradient where J is clamped at the margin, and
 // large coordinates.
+#include "apps/stress/derivatives/differences.hpp"
 #include "apps/stress/device_maths.hpp"
-#include "apps/stress/differences.hpp"
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/reference/device_scene.hpp"

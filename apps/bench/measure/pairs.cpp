@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/bench/pairs.hpp"
+#include "apps/bench/measure/pairs.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "apps/bench/measure.hpp"
-#include "apps/bench/old_report.hpp"
+#include "apps/bench/measure/measure.hpp"
+#include "apps/bench/measure/old_report.hpp"
 #include "apps/bench/peak.hpp"
 
 namespace gflow::bench {

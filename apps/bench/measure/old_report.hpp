@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "apps/bench/samples.hpp"
+#include "apps/bench/measure/samples.hpp"
 
 namespace gflow::bench {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/stress/moving_splat.hpp"
+#include "apps/stress/maths/moving_splat.hpp"
 
 #include "apps/stress/figures.hpp"
 

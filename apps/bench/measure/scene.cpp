@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/bench/scene.hpp"
+#include "apps/bench/measure/scene.hpp"
 
 #include <fmt/format.h>
 

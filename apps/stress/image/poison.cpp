@@ -7,7 +7,7 @@
 #include <map>
 
 #include "apps/stress/figures.hpp"
-#include "apps/stress/poisoned.hpp"
+#include "apps/stress/image/poisoned.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/reference/device_scene.hpp"

@@ -2,7 +2,7 @@
 // Errors of the engine's images, flow and gradients against the double reference (optim/reference):
 // with the cut-offs of the image definition, and without any.
 #pragma once
-#include "apps/bench/scene.hpp"
+#include "apps/bench/measure/scene.hpp"
 #include "optim/reference/render.hpp"
 
 namespace gflow::bench {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "apps/bench/bench.hpp"
-#include "apps/bench/pairs.hpp"
+#include "apps/bench/measure/pairs.hpp"
 #include "optim/train/preparation.hpp"
 #include "runtime/files/temporary_folder.hpp"
 

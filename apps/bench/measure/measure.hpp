@@ -5,7 +5,7 @@
 #include <functional>
 #include <utility>
 
-#include "apps/bench/samples.hpp"
+#include "apps/bench/measure/samples.hpp"
 #include "runtime/cl/queue.hpp"
 
 namespace gflow::bench {

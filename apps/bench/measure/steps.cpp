@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/bench/steps.hpp"
+#include "apps/bench/measure/steps.hpp"
 
 #include <fmt/format.h>
 

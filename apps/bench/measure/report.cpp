@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/bench/report.hpp"
+#include "apps/bench/measure/report.hpp"
 
 #include <fmt/format.h>
 
