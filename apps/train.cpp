@@ -144,7 +144,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option(
           "--init", flags->init,
-          "First Gaussians: auto, points, stereo, random, visual-hull or file (init.from), or a "
+          "Initial Gaussians: auto, points, stereo, random, visual-hull or file (init.from), or a "
           "static splat file: .ply, compressed .ply, .splat, .spz (init.file)")
       ->type_name("FILE|WORD");
   command

@@ -35,7 +35,7 @@ struct HexplaneOptions {
           between(0, 10000));
     field("hidden", self.hidden, advanced("neurons per hidden layer"), one_of({32, 64, 128, 256}));
     field("layers", self.layers, advanced("number of hidden layers"), between(1, 4));
-    field("slack", self.slack, advanced("margin around the first Gaussians [x their extent]"),
+    field("slack", self.slack, advanced("margin around the initial Gaussians [x their extent]"),
           at_least(0));
     field("warmup", self.warmup,
           advanced("warm-up: first steps, without motion; at most a fifth of all"), at_least(0));

@@ -46,7 +46,7 @@ struct TrainOptions {
     section("train", self.train, "schedule");
     section("motion", self.motion, "motion of the Gaussians");
     section("hexplane", self.hexplane, "field of motion.model = hexplane");
-    section("init", self.init, "first Gaussians");
+    section("init", self.init, "initial Gaussians");
     section("loss", self.loss, "image loss and regularisers of motion");
     section("flow", self.flow, "optical flow");
     section("guidance", self.guidance, "supervision of novel views");
