@@ -27,7 +27,7 @@
 
 namespace {
 
-int say(const std::string& sentence, int exit_code) {
+int report_error(const std::string& sentence, int exit_code) {
   std::fprintf(stderr, "gflow: %s\n", gflow::printable(sentence).c_str());
   return exit_code;
 }
@@ -35,7 +35,7 @@ int say(const std::string& sentence, int exit_code) {
 // code: errno of the failed write to standard output.
 int cannot_print(int code) {
   if (code == EPIPE) return 128 + SIGPIPE;  // the reader exited, as `head` does: no message
-  return say(fmt::format("cannot write to standard output: {}", std::strerror(code)), 1);
+  return report_error(fmt::format("cannot write to standard output: {}", std::strerror(code)), 1);
 }
 
 bool is_over = false;
@@ -45,7 +45,8 @@ void report_exit() {
   if (is_over) return;
   gflow::remove_unfinished_files();
   const std::string why = gflow::compile_failure_reason();
-  say("a library ended the program; see its message above" + (why.empty() ? "" : "; " + why), 1);
+  report_error(
+      "a library ended the program; see its message above" + (why.empty() ? "" : "; " + why), 1);
 }
 
 // PoCL aborts when a kernel that it could not write is missing. In all other cases the signal keeps
@@ -54,7 +55,8 @@ void report_abort(int) {
   alarm(10);  // corrupt memory may hold a lock
   if (gflow::compile_failure_reason().empty()) {
     gflow::remove_unfinished_files();
-    say("a library or the OpenCL driver aborted the program; see its message above, if any; files "
+    report_error(
+        "a library or the OpenCL driver aborted the program; see its message above, if any; files "
         "saved earlier are intact",
         1);
     std::signal(SIGABRT, SIG_DFL);
@@ -118,7 +120,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::RuntimeError& end) {
     return end.get_exit_code();  // a command that has printed its own message
   } catch (const CLI::ParseError& problem) {
-    if (problem.get_exit_code() != 0) return say(gflow::sentence_for(app, problem), 1);
+    if (problem.get_exit_code() != 0) return report_error(gflow::sentence_for(app, problem), 1);
     std::ostringstream text;  // std::cout would not report a failed write
     app.exit(problem, text, text);
     fmt::print("{}", text.str());  // --help and --version
@@ -132,31 +134,33 @@ int run_in_words(int argc, char** argv) {
     const int code = run(argc, argv);
     return std::fflush(stdout) == 0 ? code : cannot_print(errno);
   } catch (const gflow::Interrupted& stop) {
-    return say(stop.what(), gflow::interrupted_exit_code());
+    return report_error(stop.what(), gflow::interrupted_exit_code());
   } catch (const gflow::NoUsableDevice& problem) {
-    return say(problem.what(), 2);
+    return report_error(problem.what(), 2);
   } catch (const gflow::Error& problem) {
-    return say(problem.what(), 1);
+    return report_error(problem.what(), 1);
   } catch (const std::bad_alloc&) {
-    return say(
+    return report_error(
         "out of memory; to use less, raise scene.resolution, lower density.cap, or give the motion "
         "model fewer keys or smaller planes",
         1);
   } catch (const std::filesystem::filesystem_error& problem) {
     const std::string path = problem.path1().string();
-    return say(path.empty() ? problem.what()
+    return report_error(path.empty()
+                            ? problem.what()
                             : fmt::format("cannot use {}: {}", path, problem.code().message()),
-               1);
+                        1);
   } catch (const std::system_error& problem) {  // fmt::print to a full disk; no thread available
     if (std::ferror(stdout)) return cannot_print(problem.code().value());
     if (problem.code() == std::errc::resource_unavailable_try_again)
-      return say(fmt::format("cannot start a thread ({}): the limit on threads (ulimit -u, or that "
-                             "of the container) is too low",
-                             problem.what()),
-                 1);
-    return say(problem.what(), 1);
+      return report_error(
+          fmt::format("cannot start a thread ({}): the limit on threads (ulimit -u, or that "
+                      "of the container) is too low",
+                      problem.what()),
+          1);
+    return report_error(problem.what(), 1);
   } catch (const std::exception& problem) {
-    return say(fmt::format("internal error: {}", problem.what()), 1);
+    return report_error(fmt::format("internal error: {}", problem.what()), 1);
   }
 }
 

@@ -262,7 +262,7 @@ class Pool {
       });
       if (next == waiting_.end()) {
         if (running_.empty() && !std::exchange(told_to_wait_, true))
-          progress_->say(
+          progress_->print_line(
               fmt::format("gflow: another process is training {}: waiting for it to finish",
                           plan_.runs[waiting_[0].first].id));
         return;
@@ -324,7 +324,7 @@ class Pool {
   void fail(size_t i) {
     failures_.push_back(i);
     const RunFiles files(folder_, plan_.runs[i].id);
-    progress_->say(fmt::format("{} failed: {}", plan_.runs[i].id, reason(files.log)));
+    progress_->print_line(fmt::format("{} failed: {}", plan_.runs[i].id, reason(files.log)));
   }
 
   struct Job {

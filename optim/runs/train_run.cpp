@@ -84,12 +84,12 @@ void write_first_files(const RunFolder& files, const RunParts& parts) {
 // Computes what the first step needs besides a model. left: what remains if it is interrupted.
 void prepare(RunParts& parts, const std::string& left) {
   const auto& [queue, config, run, prepared, guidance, extensions, stop, quiet] = parts;
-  stop.say("interrupted while preparing the training; " + left);
+  stop.set("interrupted while preparing the training; " + left);
   warn_of_idle_settings(prepared.scene(), config);
   if (!quiet) print_status("{}", in_words(prepared.scene(), prepared.frames().cameras()));
-  if (prepared.lacks_flow()) stop.say("interrupted while computing optical flow; " + left);
+  if (prepared.lacks_flow()) stop.set("interrupted while computing optical flow; " + left);
   prepared.compute_flow(run.path("flow"), quiet);
-  stop.say("interrupted before the first training step; " + left);
+  stop.set("interrupted before the first training step; " + left);
 }
 
 HostModel first_model(RunParts& parts) {
@@ -151,7 +151,7 @@ Evaluation train_and_evaluate(RunParts& parts, Model& model,
   prepared.flows().prefetch({});  // cancel prefetching for steps that are not made
   if (!guard) guard.emplace();
   const RunFacts facts = keep_result(training, steps);
-  stop.say(interrupted_while_evaluating(run, steps));
+  stop.set(interrupted_while_evaluating(run, steps));
   guard.reset();
   if (interrupted())
     throw Interrupted(fmt::format("interrupted after {} of {} steps; the model is in {}, {}", steps,
@@ -219,7 +219,7 @@ Evaluation only_evaluate(RunParts& parts) {
   }
   write_first_files(run, parts);  // some settings may be others than before
   Model model(parts.queue, state.model, Purpose::showing);
-  parts.stop.say(interrupted_while_evaluating(run, state.iteration));
+  parts.stop.set(interrupted_while_evaluating(run, state.iteration));
   return evaluate_result(parts, model, facts);
 }
 

@@ -164,7 +164,7 @@ class RunObserver : public TrainObserver {
   }
 
   void on_notice(const std::string& sentence) override {
-    progress_.say("gflow: " + sentence);
+    progress_.print_line("gflow: " + sentence);
     if (training_.observer) training_.observer->on_notice(sentence);
   }
 
@@ -223,7 +223,7 @@ class RunObserver : public TrainObserver {
         if (!begun_) throw Error(what_is_non_finite(report_, done));
         std::string sentence;
         state.done = roll_back_.roll_back(done, report_, sentence);
-        progress_.say("gflow: " + sentence);
+        progress_.print_line("gflow: " + sentence);
         return false;
       }
       before_ = report_;

@@ -52,7 +52,7 @@ InterruptGuard::~InterruptGuard() {
 
 void stop_at_once(int signal) { end_with(line_at_stop, signal); }
 
-void StopSentence::say(const std::string& sentence) {
+void StopSentence::set(const std::string& sentence) {
   // On a terminal, first erases a progress line that may be there.
   lines_.push_back(erase_line_sequence() + ("gflow: " + sentence) + "\n");
   line_at_stop = lines_.back().c_str();

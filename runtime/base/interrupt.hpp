@@ -45,12 +45,12 @@ void stop_without_parent(int parent);
 // from the stop. Only one may exist at a time.
 class StopSentence {
  public:
-  explicit StopSentence(const std::string& sentence) { say(sentence); }
+  explicit StopSentence(const std::string& sentence) { set(sentence); }
   ~StopSentence();
   StopSentence(const StopSentence&) = delete;
   StopSentence& operator=(const StopSentence&) = delete;
   // Replaces the sentence.
-  void say(const std::string& sentence);
+  void set(const std::string& sentence);
 
  private:
   std::list<std::string> lines_;  // all of them, since a handler may be reading one

@@ -97,7 +97,7 @@ void Progress::advance() {
   draw_if_due();
 }
 
-void Progress::say(const std::string& sentence) {
+void Progress::print_line(const std::string& sentence) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const bool drawn = terminal_ && !quiet_;  // a line that is being redrawn must be erased first
   std::fputs(((drawn ? "\r\x1b[K" : "") + printable(sentence) + "\n").c_str(), stderr);

@@ -45,7 +45,7 @@ class Progress {
   // Adds one to the count.
   void advance();
   // Prints a sentence on a line of its own, even if quiet.
-  void say(const std::string& sentence);
+  void print_line(const std::string& sentence);
   // Draws the last state and ends the line.
   void finish();
 

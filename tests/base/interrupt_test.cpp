@@ -49,7 +49,7 @@ TEST_P(Interrupt, WhereNothingIsToBeSavedItEndsTheProgramWithASentence) {
       {
         std::signal(GetParam(), stop_at_once);
         StopSentence stop("first");
-        stop.say("interrupted while reading");
+        stop.set("interrupted while reading");
         std::raise(GetParam());
       },
       testing::ExitedWithCode(128 + GetParam()), "^gflow: interrupted while reading\n$");

@@ -82,7 +82,7 @@ std::string written_to_terminal(const char* kind) {
     ::dup2(line, STDERR_FILENO);
     Progress progress("render", 1);
     progress.advance();
-    progress.say("a sentence");
+    progress.print_line("a sentence");
     progress.finish();
     ::dup2(former, STDERR_FILENO);
   }
