@@ -35,8 +35,8 @@ class Buffer {
   // Without this one, {5} would be taken for a size.
   Buffer(Queue& queue, std::initializer_list<T> data, std::string name)
       : Buffer(queue, std::vector<T>(data), std::move(name)) {}
-  Buffer(Buffer&&) noexcept = default;
-  Buffer& operator=(Buffer&&) noexcept = default;
+  Buffer(Buffer&&) = default;
+  Buffer& operator=(Buffer&&) = default;
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;
 
