@@ -1,7 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/engine/engine.hpp"
 
+#include <fmt/format.h>
+
+#include "runtime/base/error.hpp"
+
 namespace gflow {
+namespace {
+
+// The kernels would read beyond buffers that are too small.
+void require_gradients(const Images& images, Channels channels, const ImageGradients& v) {
+  const size_t pixels = size_t(images.width) * size_t(images.height);
+  const auto require = [&](const char* name, const Buffer<float>& gradient, size_t planes) {
+    if (gradient.size() < planes * pixels)
+      throw Error(
+          fmt::format("gradients of an image: {} has {} values, but {} x {} x {} are needed", name,
+                      gradient.size(), planes, images.height, images.width));
+  };
+  require("v_rgb", v.v_rgb, 3);
+  require("v_alpha", v.v_alpha, 1);
+  require("v_depth", v.v_depth, channels.depth ? 1 : 0);
+  require("v_flow", v.v_flow, channels.flow ? 2 : 0);
+}
+
+}  // namespace
 
 struct Engine::Steps {
   Steps(Queue& queue, const EngineSettings& settings, Channels channels)
@@ -59,6 +81,7 @@ void Engine::draw(Queue& queue, const std::array<float, 3>& background, const Ga
 
 void Engine::backward(Queue& queue, const GaussiansAt& at_t1, const GaussiansAt& at_t2,
                       const ImageGradients& v, GaussianGradients& gradients) {
+  require_gradients(images_, channels_, v);
   Steps& steps = steps_for(queue, channels_);
   const bool parts = flow_in_parts(v);
   steps.splatting.backward(queue, splats_, tiles_, images_, v, partials_, parts);

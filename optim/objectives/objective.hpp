@@ -76,9 +76,10 @@ class Objective {
   // Before a view is rendered: requests what it must contain (flow, depth, a second time, a loss on
   // Gaussians). Uploads may begin here.
   virtual void request(Queue&, const ViewContext&, Shot&) {}
-  // After the view is rendered: adds d loss / d image. v.v_alpha starts at 0. The image objective
-  // is first and sets v.v_rgb, the flow objective sets v.v_flow of views with flow; others add to
-  // them.
+  // After the view is rendered: adds d loss / d image, [3, H, W] for v_rgb, [H, W] for v_alpha and
+  // v_depth, [2, H, W] for v_flow; the latter two are empty unless the view was requested with
+  // them. Objectives run in order, first gflow's own (image, flow): what earlier ones have added
+  // must be kept.
   virtual void add_gradients(Queue&, const ViewContext&, const Renderer&, ImageGradients&) {}
 
   // Appends its terms of the last step to the report and adds them to its loss. Waits for the

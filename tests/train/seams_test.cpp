@@ -34,6 +34,34 @@ class Darkness : public Objective {
   double mean_ = 0;
 };
 
+// Requests flow and depth of every view, and pulls the depth towards 0.
+class Nearness : public Objective {
+ public:
+  void request(Queue&, const ViewContext&, Shot& shot) override { shot.flow = shot.depth = true; }
+  void add_gradients(Queue& queue, const ViewContext&, const Renderer& renderer,
+                     ImageGradients& v) override {
+    const std::vector<float> depth = renderer.images().depth.read(queue);
+    mean_ = 0;
+    for (const float value : depth) mean_ += double(value) / double(depth.size());
+    for (const float value : v.v_flow.read(queue)) nonzero_ += value != 0;
+    std::vector<float> v_depth = v.v_depth.read(queue);
+    for (float& value : v_depth) {
+      nonzero_ += value != 0;
+      value += 1.f / float(depth.size());
+    }
+    v.v_depth.write(queue, v_depth);
+  }
+  void report(Queue&, const Renderer&, LossReport& report) override {
+    report.loss += mean_;
+    report.terms.push_back({"nearness", mean_, ""});
+    report.terms.push_back({"nonzero", double(nonzero_), ""});
+  }
+
+ private:
+  double mean_ = 0;
+  size_t nonzero_ = 0;  // gradients that did not start at 0
+};
+
 MakeObjective darkness(float weight) {
   return [weight](const TrainInputs&) { return std::make_unique<Darkness>(weight); };
 }
@@ -113,6 +141,22 @@ TEST_F(Seams, AnObjectiveOfOnesOwnChangesTheModel) {
     return sum / double(model.count);
   };
   EXPECT_LT(mean_color(20), mean_color(0) - 0.1);
+}
+
+// Neither is used by gflow's own losses here.
+TEST_F(Seams, AnObjectiveMayRequestFlowAndDepth) {
+  TrainOptions without_flow = config(60);
+  without_flow.flow.enabled = false;
+  const auto trained = [&](bool pulled) {
+    TrainExtensions extensions;
+    if (pulled)
+      extensions.objectives = {[](const TrainInputs&) { return std::make_unique<Nearness>(); }};
+    return train(queue(), scene_in_memory(without_flow), without_flow, extensions);
+  };
+  const TrainResult pulled = trained(true);
+  EXPECT_EQ(pulled.report.value("nonzero"), 0);
+  EXPECT_GT(pulled.report.value("nearness"), 0);
+  EXPECT_NE(pulled.model.groups.at("means"), trained(false).model.groups.at("means"));
 }
 
 TEST_F(Seams, AnObserverSeesEveryStepAndMayStop) {
