@@ -39,7 +39,7 @@ std::string test_number(const std::string& word) {
   if (at < word.size() && (word[at] == 'T' || word[at] == 't')) ++at;
   const std::string digits = word.substr(at);
   if (digits.empty() || digits.find_first_not_of("0123456789") != digits.npos)
-    throw Error(fmt::format("--only: '{}' is not a number of a test; T7 is one, T7,T12 are two",
+    throw Error(fmt::format("--only: '{}' is not a number of a test; use e.g. T7 or T7,T12",
                             excerpt(word, 40)));
   return "T" + digits.substr(std::min(digits.find_first_not_of('0'), digits.size() - 1));
 }
@@ -58,8 +58,8 @@ Tests chosen(const StressFlags& flags) {
     for (const Test& t : all)  // a number may have two tests
       if (ids.find(t.id + ", ") == std::string::npos) ids += t.id + ", ";
     throw Error(fmt::format(
-        "--only {}: there is no such test here; there are {}. T42 to T45 and T47 have commands of "
-        "their own: tests/faults/run, tests/fuzz/run, tests/second_opinions, gflow bench pareto",
+        "--only {}: no such test; there are {}. T42 to T45 and T47 have their own "
+        "commands: tests/faults/run, tests/fuzz/run, tests/second_opinions, gflow bench pareto",
         id, ids.substr(0, ids.size() - 2)));
   }
   for (Test& t : all) {
@@ -68,9 +68,9 @@ Tests chosen(const StressFlags& flags) {
     if ((only.empty() || named) && (t.quick || !flags.quick)) wanted.push_back(std::move(t));
   }
   if (wanted.empty())
-    throw Error("--quick leaves out all that --only names: without it they are run");
+    throw Error("--quick skips every test that --only names; omit --quick to run them");
   if (!left_out.empty())
-    warn(fmt::format("--quick leaves out {}, which --only names", fmt::join(left_out, ", ")));
+    warn(fmt::format("--quick skips {}, which --only names", fmt::join(left_out, ", ")));
   return wanted;
 }
 
@@ -103,8 +103,7 @@ std::vector<std::string> lines_of(const std::string& text, size_t width) {
 }
 
 std::string heading_of(const Test& test) {
-  return fmt::format("{:<4}{:<{}} {:>9} {:>9}\n", test.id, test.name, kCondition, "figure",
-                     "bound");
+  return fmt::format("{:<4}{:<{}} {:>9} {:>9}\n", test.id, test.name, kCondition, "value", "bound");
 }
 
 std::string text_of(const stress::Row& row) {
@@ -155,7 +154,7 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
 }
 
 void run_derivatives(Queue& queue, Outcome& outcome) {
-  fmt::print("\nderivatives: off double, and double off differences\n");
+  fmt::print("\nderivatives: device vs double, and double vs differences\n");
   for (const Derivative& d : stress::derivatives(queue)) {
     const bool good = passed(d);
     ++(good ? outcome.passed : outcome.failed);
@@ -186,7 +185,7 @@ void run(const StressFlags& flags, const GlobalOptions& options) {
   const bool table_left_out = flags.only.empty() && outcome.derivatives.empty();
   const bool stopped = left_out > 0 || table_left_out;
   if (!outcome.failures.empty()) fmt::print("\nfailed:\n{}", fmt::join(outcome.failures, ""));
-  fmt::print("\n{} of {} figures within their bounds\n", outcome.passed,
+  fmt::print("\n{} of {} values within their bounds\n", outcome.passed,
              outcome.passed + outcome.failed);
   if (!flags.json.empty()) {
     const nlohmann::ordered_json all{{"device", queue.info.full_name()},
@@ -202,12 +201,12 @@ void run(const StressFlags& flags, const GlobalOptions& options) {
   }
   if (stopped)
     throw Interrupted(
-        fmt::format("interrupted: {} of {} tests and {}table of derivatives are left "
-                    "out; the figures above are complete{}",
+        fmt::format("interrupted: {} of {} tests and {}table of derivatives were "
+                    "skipped; the values above are complete{}",
                     left_out, tests.size(), table_left_out ? "the " : "no ",
                     flags.json.empty() ? "" : ", and in " + flags.json));
   if (interrupted())
-    throw Interrupted("interrupted; the last test had begun and is among the figures");
+    throw Interrupted("interrupted; the last test had begun and is included above");
   if (outcome.failed > 0) throw CLI::RuntimeError(3);
 }
 

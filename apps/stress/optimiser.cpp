@@ -116,14 +116,14 @@ void long_run(Queue& queue, const std::string& name, const AdamConfig& config, R
 
 Rows long_runs(Queue& queue) {  // T31
   Rows out;
-  long_run(queue, "paths' Adam", of_paths, out);
+  long_run(queue, "tables' Adam", of_paths, out);
   long_run(queue, "Gaussians'", of_gaussians, out);
 
   Trained still(queue, 2);
   const std::vector<float> start{1.1f, -2.3f, 1e-20f, 3e10f, -0.f, .1f};
   still.group.values.write(queue, start);
   still.step(std::vector<float>(6, 0.f), {1, 1e-15f});
-  out.push_back({"zero gradient with zero moments: values that changed",
+  out.push_back({"zero gradient, zero moments: changed values",
                  double(different_bits(still.values(), start)), 0});
 
   Trained seldom(queue, 2);  // row 1 is visible in every second step
@@ -136,7 +136,7 @@ Rows long_runs(Queue& queue) {  // T31
   const std::vector<cl_uint> made = seldom.state.steps.read(queue);
   out.push_back({"steps count from a row's first gradient: 9 and 7",
                  std::fabs(double(made[0]) - 9) + std::fabs(double(made[1]) - 7), 0});
-  out.push_back({"steps left out, of those with a gradient of 0", left_out(queue), 3e-5});
+  out.push_back({"share of zero-gradient steps skipped", left_out(queue), 3e-5});
   return out;
 }
 
@@ -164,12 +164,12 @@ Rows bad_gradients(Queue& queue) {  // T32
     std::vector<float> found = run(poison, &rejected);
     const double broken = count_not_finite(found);
     for (size_t k = 0; k < 3; ++k) found[3 * culprit + k] = clean[3 * culprit + k];
-    out.push_back({fmt::format("{}: values of others that changed", name),
+    out.push_back({fmt::format("{}: changed values of other rows", name),
                    double(different_bits(found, clean)), 0});
-    out.push_back({fmt::format("{}: values not finite", name), broken, 0});
+    out.push_back({fmt::format("{}: non-finite values", name), broken, 0});
     double wrong = 0;
     for (size_t i = 0; i < rows; ++i) wrong += (rejected[i] > 0) != (i == culprit);
-    out.push_back({fmt::format("{}: rows wrongly named as refused, or not", name), wrong, 0});
+    out.push_back({fmt::format("{}: rows wrongly rejected or accepted", name), wrong, 0});
   }
   return out;
 }
@@ -215,10 +215,10 @@ Rows noise_gain(Queue& queue) {  // T33
         {"hexplane's planes, 2e-5", 2e-5, shipped.eps_planes, of_paths},
         {"hexplane's network, 4e-5", 4e-5, shipped.eps_network, of_paths},
         {"hexplane's network, 1e-2", 1e-2, shipped.eps_network, of_paths}})
-    out.push_back({fmt::format("gradients as of {}: in steps of the rate", name),
+    out.push_back({fmt::format("gradients as of {}: in learning-rate steps", name),
                    largest_difference(size, epsilon, config), 1});
   // Checks that the test can fail: with a tiny epsilon Adam amplifies the noise to whole steps.
-  out.push_back({"epsilon 1e-15 instead: one step by that difference",
+  out.push_back({"epsilon 1e-15 instead: one step by the difference",
                  1 / largest_difference(1e-5, 1e-15f, of_paths), .2});
   return out;
 }
@@ -226,8 +226,8 @@ Rows noise_gain(Queue& queue) {  // T33
 }  // namespace
 
 Tests optimiser_tests() {
-  return {{"T31", "Adam, ten thousand steps", true, long_runs},
-          {"T32", "gradients that are no numbers", true, bad_gradients},
+  return {{"T31", "Adam, 10 000 steps", true, long_runs},
+          {"T32", "non-finite gradients", true, bad_gradients},
           {"T33", "noise gain", true, noise_gain}};
 }
 

@@ -166,7 +166,7 @@ TEST(StressCommand, WritesTheFiguresThatItPrints) {
     }
   EXPECT_EQ(told["passed"], rows);
   EXPECT_EQ(lines_with(outcome.out, kOkWord), rows);
-  EXPECT_NE(outcome.out.find(std::to_string(rows) + " of " + std::to_string(rows) + " figures"),
+  EXPECT_NE(outcome.out.find(std::to_string(rows) + " of " + std::to_string(rows) + " values"),
             std::string::npos);
   EXPECT_NE(outcome.err.find("T21"), std::string::npos) << "progress";
   EXPECT_EQ(gflow({"--quiet", "stress", "--only", "5"}).err, "");
@@ -205,7 +205,7 @@ TEST(StressCommand, TellsWhatQuickLeavesOut) {
   EXPECT_EQ(outcome.code, 0) << outcome.out;
   EXPECT_NE(outcome.out.find("T35"), std::string::npos) << outcome.out;
   EXPECT_EQ(outcome.err,
-            "gflow: warning: --quick leaves out T35 'the same, 1000 scenes', which --only names\n");
+            "gflow: warning: --quick skips T35 'the same, 1000 scenes', which --only names\n");
 }
 
 TEST(StressCommand, RefusesWhatItDoesNotKnow) {

@@ -429,7 +429,7 @@ Derivative pull_row(Queue& queue) {
                          double(v2[k]) * since(k, stood_still));
   const std::vector<double> at(6 * n, 0.1);
   return {"static_pull",
-          "velocities of those at rest",
+          "velocities of static Gaussians",
           relative_error(found, expected),
           relative_error(expected, slopes(cost, at, 1e-3)),
           1e-4,

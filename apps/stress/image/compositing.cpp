@@ -121,8 +121,8 @@ Rows deep_pixels(Queue& queue) {  // T16
     Random random(16);
     PixelErrors e;
     for (unsigned k = 0; k < 20; ++k) compare_pixel(queue, layers(alphas(random), k), e);
-    rows.push_back({name + ", pixels left out as doubtful", e.doubtful, 2});
-    rows.push_back({name + ", dL/dalpha by the largest", worst(e.gradient), 1e-5});
+    rows.push_back({name + ", pixels skipped as ambiguous", e.doubtful, 2});
+    rows.push_back({name + ", dL/dalpha, relative to the largest", worst(e.gradient), 1e-5});
     rows.push_back({name + ", T, relative", worst(e.T), 1e-5});
   };
   add("60 mixed layers", [](Random& r) { return mixed_alphas(60, r); });
@@ -146,9 +146,9 @@ Rows stop_rule(Queue& queue) {  // T17, flows up to 100 px
     s.shot.settings.transport = Transport::translate;
     compare_pixel(queue, s, e);
   }
-  return {{"pixels left out as doubtful", e.doubtful, 4},
-          {"flow without a stop, by |f| max", worst(e.flow), 2e-4},
-          {"gradient, by the pixel's largest", worst(e.gradient), 5e-5}};
+  return {{"pixels skipped as ambiguous", e.doubtful, 4},
+          {"flow without a stop, relative to max |f|", worst(e.flow), 2e-4},
+          {"gradient, relative to the pixel's largest", worst(e.gradient), 5e-5}};
 }
 
 Rows faint(Queue& queue) {  // T19
@@ -163,9 +163,9 @@ Rows faint(Queue& queue) {  // T19
     const reference::Gaussians expected = reference::render_vjp(s.shot, g, r, v);
     DeviceScene device(queue, s);
     const FloatArrays images = device.forward();
-    rows.push_back({"alpha 1/255 alone, flow, relative",
+    rows.push_back({"only alpha 1/255, flow, relative",
                     row_error(images.at("flow"), r.images.flow, 0, 2), 1e-6});
-    rows.push_back({"alpha 1/255 alone, gradient by the mean at t2, relative",
+    rows.push_back({"only alpha 1/255, gradient by the mean at t2, relative",
                     row_error(device.backward(v).at("means_t2"), expected.means_t2, 0, 3), 1e-6});
   }
   for (const bool empty : {true, false}) {  // no Gaussian; one below 1/255
@@ -179,8 +179,8 @@ Rows faint(Queue& queue) {  // T19
       for (const float x : values) sum += x == 0 ? 0 : 1;
     for (int c = 0; c < 3; ++c)
       sum += std::fabs(double(images.at("rgb")[c]) - s.shot.background[c]);
-    rows.push_back({empty ? "background only: all but it, and all gradients"
-                          : "W = 0: all but the background, and all gradients",
+    rows.push_back({empty ? "background only: other images, all gradients"
+                          : "W = 0: all but the background, all gradients",
                     sum, 0});
   }
   return rows;
@@ -203,7 +203,7 @@ Rows clamp(Queue& queue) {  // T21
     const double found = double(device.backward(v).at("opacities")[0]);
     const double h = open ? -.05 : .005;  // away from the clamp: linear on either side
     const double difference = (colour(opacity + h) - colour(opacity)) / h;
-    rows.push_back({fmt::format("opacity {}, gradient off the one-sided difference", opacity),
+    rows.push_back({fmt::format("opacity {}, gradient vs one-sided difference", opacity),
                     std::fabs(found - difference), 1e-3});
   }
   // Two splats of .99 leave exactly 1e-4, the stop threshold: rounding may decide either way.

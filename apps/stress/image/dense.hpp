@@ -22,14 +22,14 @@ inline void compare_with_dense(Queue& queue, const PosedScene& s, const std::str
                   1e-5});
   double deepest = 0;
   for (const double z : r.images.depth) deepest = std::max(deepest, std::fabs(z));
-  rows.push_back({name + ", depth by its largest",
+  rows.push_back({name + ", depth, relative to the largest",
                   largest_error(images.at("depth"), r.images.depth, doubtful) / deepest, 1e-5});
   double fastest = 0;
   for (const double f : r.images.flow) fastest = std::max(fastest, std::fabs(f));
-  rows.push_back({name + ", flow by its largest",
+  rows.push_back({name + ", flow, relative to the largest",
                   largest_error(images.at("flow"), r.images.flow, doubtful) / fastest, 1e-5});
   rows.push_back(
-      {name + ", share of pixels left out as doubtful", share_of(doubtful), kMostDoubtful});
+      {name + ", share of pixels skipped as ambiguous", share_of(doubtful), kMostDoubtful});
   const reference::Planes v = random_cotangents(s, 22, doubtful);
   const FloatArrays found = device.backward(v);
   std::vector<double> errors;

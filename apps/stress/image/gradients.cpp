@@ -111,7 +111,7 @@ Rows against_double(Queue& queue, int count) {  // T35
           {fmt::format("{}share of {:.0f} elements off by more than 1e-3", of, a.elements),
            a.off / a.elements, 1e-3},
           {of + "false zeros", a.false_zeros, 0},
-          {of + "share of pixels left out as doubtful, worst scene", a.doubtful, kMostDoubtful}};
+          {of + "share of pixels skipped as ambiguous, worst scene", a.doubtful, kMostDoubtful}};
 }
 
 PosedScene small_scene(Transport t) {
@@ -126,7 +126,7 @@ Rows flow_alone(Queue& queue) {  // T36
     const PosedScene s = small_scene(t);
     const reference::Gaussians g = reference::posed(s.p);
     const reference::Rendering r = reference::render(s.shot, g);
-    rows.push_back({fmt::format("{}, share of pixels left out as doubtful", name_of(t)),
+    rows.push_back({fmt::format("{}, share of pixels skipped as ambiguous", name_of(t)),
                     share_of(r.contributors.doubtful), kMostDoubtful});
     const reference::Planes v = only(random_cotangents(s, 4, r.contributors.doubtful), "flow");
     DeviceScene device(queue, s);
@@ -137,7 +137,7 @@ Rows flow_alone(Queue& queue) {  // T36
       if (name == "colors") continue;
       const std::string at = fmt::format("{}, by {}", name_of(t), name);
       rows.push_back({at + ", relative L2", relative_l2(found.at(name), expected), 1e-4});
-      rows.push_back({at + ", 1 by its length", 1 / norm(found.at(name)), 1e3});
+      rows.push_back({at + ", 1 / length", 1 / norm(found.at(name)), 1e3});
     }
   }
   return rows;
@@ -159,11 +159,11 @@ Rows sums(Queue& queue) {  // T37
     std::vector<double> expected;
     for (size_t i = 0; i < values.size(); ++i)
       expected.push_back(double(a.at(name)[i]) + double(b.at(name)[i]));
-    rows.push_back({"both against the sum, by " + name, relative_l2(values, expected), 1e-6});
+    rows.push_back({"both vs the sum, by " + name, relative_l2(values, expected), 1e-6});
   }
   double different = 0;
   for (const auto& [name, values] : without.backward(photo)) different += values != a.at(name);
-  rows.push_back({"photometric alone: arrays with other bits without flow", different, 0});
+  rows.push_back({"image loss only: arrays that differ without flow", different, 0});
   return rows;
 }
 
@@ -178,9 +178,9 @@ Rows wide_image(Queue& queue) {  // T38
   const reference::Rendering r = reference::render(s.shot, g);
   DeviceScene device(queue, s);
   const FloatArrays images = device.forward();
-  rows.push_back({"320 x 96: flow off the dense formula [px]",
+  rows.push_back({"320 x 96: flow vs dense formula [px]",
                   largest_error(images.at("flow"), r.images.flow, r.contributors.doubtful), 1e-3});
-  rows.push_back({"320 x 96: share of pixels left out as doubtful",
+  rows.push_back({"320 x 96: share of pixels skipped as ambiguous",
                   share_of(r.contributors.doubtful), kMostDoubtful});
   for (const char* image : {"rgb", "flow"}) {
     const reference::Planes v = only(random_cotangents(s, 38, r.contributors.doubtful), image);
@@ -199,10 +199,10 @@ Rows wide_image(Queue& queue) {  // T38
 }  // namespace
 
 Tests gradient_tests() {
-  return {{"T34", "double against differences", true, against_differences},
-          {"T35", "device against double", true, [](Queue& q) { return against_double(q, 24); }},
+  return {{"T34", "double vs differences", true, against_differences},
+          {"T35", "device vs double", true, [](Queue& q) { return against_double(q, 24); }},
           {"T35", "the same, 1000 scenes", false, [](Queue& q) { return against_double(q, 1000); }},
-          {"T36", "flow loss alone", true, flow_alone},
+          {"T36", "flow loss only", true, flow_alone},
           {"T37", "sum of losses", true, sums},
           {"T38", "wide image", true, wide_image}};
 }

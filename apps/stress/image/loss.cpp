@@ -41,7 +41,7 @@ Rows norms(Queue& queue) {
         double(r) * double(r) / (std::hypot(double(r), double(kKnee)) + double(kKnee));
     constexpr double least = std::numeric_limits<float>::min();
     if (loss < least)  // below the normal range of float: compare absolutely
-      rows.push_back({fmt::format("r = {:.0e}, loss, off double's {:.0e}", r, loss),
+      rows.push_back({fmt::format("r = {:.0e}, loss, vs double {:.0e}", r, loss),
                       std::fabs(found.loss - loss), least});
     else
       rows.push_back(
@@ -50,7 +50,7 @@ Rows norms(Queue& queue) {
   // The slope is continuous at the knee; the two points differ by about 1e-10 px.
   const double below = double(at(queue, loss, std::nextafter(kKnee, 0.f)).v_flow[0]);
   const double above = double(at(queue, loss, std::nextafter(kKnee, 1.f)).v_flow[0]);
-  rows.push_back({"step of the slope at the knee", std::fabs(above - below), 1e-6});
+  rows.push_back({"jump of the slope at the knee", std::fabs(above - below), 1e-6});
   return rows;
 }
 

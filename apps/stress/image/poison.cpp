@@ -243,8 +243,8 @@ Row broken_target_flow(Queue& queue) {
       harm += !std::isfinite(value.loss) || value.confident_pixels != double(pixels - !usable);
       ++cases;
     }
-  return {fmt::format("teacher's flow, {:.0f} cases: others' gradients changed, not finite, not "
-                      "left out",
+  return {fmt::format("target flow, {:.0f} cases: others' gradients changed, non-finite, not "
+                      "skipped",
                       cases),
           harm, 0};
 }
@@ -257,13 +257,12 @@ Rows poison(Queue& queue) {
     const std::string at = fmt::format("{}, {:.0f} cases", slot, h.cases);
     rows.push_back({at + ": others' pixels changed", h.images_changed, 0});
     rows.push_back({at + ": others' gradients changed", h.gradients_changed, 0});
-    rows.push_back({at + ": not finite", h.not_finite, 0});
+    rows.push_back({at + ": non-finite", h.not_finite, 0});
     rows.push_back(
-        {fmt::format("{}: culprit not named (of {:.0f} cases that leave it out)", at, h.left_out),
+        {fmt::format("{}: culprit not reported (of {:.0f} cases that skip it)", at, h.left_out),
          h.unnamed, 0});
-    rows.push_back({at + ": gradients of the culprit where it is left out", h.own, 0});
-    rows.push_back(
-        {at + ": share in which it truly reaches the others", h.reached / h.cases, .125});
+    rows.push_back({at + ": gradients of the culprit where it is skipped", h.own, 0});
+    rows.push_back({at + ": share of cases that affect the others", h.reached / h.cases, .125});
   }
   for (const char* image : {"rgb", "alpha", "depth", "flow"}) {
     const Harm h = scene.cotangent(image);
@@ -273,7 +272,7 @@ Rows poison(Queue& queue) {
   for (const bool both : {true, false}) {
     const Harm h = camera(queue, both);
     rows.push_back(
-        {fmt::format("{}, {:.0f} cases: not finite", both ? "cameras" : "camera at t2", h.cases),
+        {fmt::format("{}, {:.0f} cases: non-finite", both ? "cameras" : "camera at t2", h.cases),
          h.not_finite, 0});
   }
   rows.push_back(broken_target_flow(queue));

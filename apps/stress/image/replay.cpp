@@ -72,10 +72,10 @@ Rows agreement(Queue& queue, double pixel_splats) {
     replay.compare(random_scene(spec), counts);
   }
   const std::string of = fmt::format(
-      "of {:.1e} pixel-splats, {:.1e} counting: ", counts.pixel_splats, counts.contributors);
+      "{:.1e} pixel-splats, {:.1e} contribute: ", counts.pixel_splats, counts.contributors);
   return {{of + "mismatches", counts.mismatches, 0},
-          {of + "T, or where it ends, other than drawn", counts.other_images, 0},
-          {of + "T in front, on the way back, off 1", counts.off_front, 1e-5}};
+          {of + "T or its end differs from forward", counts.other_images, 0},
+          {of + "T in front, backward pass, vs 1", counts.off_front, 1e-5}};
 }
 
 }  // namespace

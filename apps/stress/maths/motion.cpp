@@ -31,9 +31,9 @@ Rows spins(Queue& queue) {  // T12
       const FlowErrors paper = flow_errors(device, TRANSPORT_PAPER, a, b);
       const double analytic =
           2 * std::sin(degrees * 3.14159265358979 / 360) * paper.spread * std::sqrt(.9494);
-      rows.push_back({fmt::format("paper, {:.0f} degrees, aspect {:.0f}: off its analytic error",
-                                  degrees, aspect),
-                      std::fabs(paper.error / analytic - 1), .02});
+      rows.push_back(
+          {fmt::format("paper, {:.0f} degrees, aspect {:.0f}: vs analytic error", degrees, aspect),
+           std::fabs(paper.error / analytic - 1), .02});
     }
     // The remaining error is the projection's linearisation, which grows with the motion: .15 px at
     // 20 degrees is .8 % of the flow.
@@ -41,8 +41,8 @@ Rows spins(Queue& queue) {  // T12
       rows.push_back(
           {fmt::format("material, {:.0f} degrees, aspect 1 to 30 [px]", degrees), material, .15});
     rows.push_back(
-        {fmt::format("material, {:.0f} degrees, {:.2g} px, of the flow", degrees, material), share,
-         .008});
+        {fmt::format("material, {:.0f} degrees, {:.2g} px, share of the flow", degrees, material),
+         share, .008});
   }
   return rows;
 }
@@ -65,7 +65,7 @@ Rows scalings(Queue& queue) {  // T13
     for (const int mode : {TRANSPORT_PAPER, TRANSPORT_OT, TRANSPORT_MATERIAL}) {
       const FlowErrors e = flow_errors(device, mode, c.a, c.b);
       rows.push_back(
-          {fmt::format("{}, {}: of a flow of {:.0f} px", c.name, mode_name(mode), e.flow),
+          {fmt::format("{}, {}: share of a flow of {:.0f} px", c.name, mode_name(mode), e.flow),
            e.error / e.flow, .04});
     }
   return rows;
@@ -141,12 +141,12 @@ Fit fit(Queue& queue, Transport transport) {
 Rows learned_from_flow(Queue& queue) {  // T14
   const Fit found = fit(queue, Transport::material);
   const Fit paper = fit(queue, Transport::paper);
-  return {{"material: turn, off 20 degrees [degrees]", std::fabs(found.degrees - 20), .1},
-          {"material: scale along, off 1", std::fabs(found.scale_x - 1), .005},
-          {"material: scale across, off 1", std::fabs(found.scale_y - 1), .005},
-          {"material: shift, off (8, -3) px [px]", found.shift_px, .05},
+  return {{"material: turn, vs 20 degrees [degrees]", std::fabs(found.degrees - 20), .1},
+          {"material: scale along, vs 1", std::fabs(found.scale_x - 1), .005},
+          {"material: scale across, vs 1", std::fabs(found.scale_y - 1), .005},
+          {"material: shift, vs (8, -3) px [px]", found.shift_px, .05},
           // The paper's map learns 10 degrees, half of the truth, on a dense grid of pixels.
-          {"paper: turn, off its own 10 degrees [degrees]", std::fabs(paper.degrees - 10), .1}};
+          {"paper: turn, vs its own 10 degrees [degrees]", std::fabs(paper.degrees - 10), .1}};
 }
 
 // A tilted plane of small flat splats under a rigid motion: the flow of a plane is known.
@@ -262,7 +262,7 @@ Rows rigid_plane(Queue& queue) {  // T39
       continue;
     }
     const double own = published_epe(plane, Published::none, alpha);
-    rows.push_back({fmt::format("paper, {:.2f} px: device against double, relative", epe),
+    rows.push_back({fmt::format("paper, {:.2f} px: device vs double, relative", epe),
                     std::fabs(epe / own - 1), .01});
   }
   const double left_out = published_epe(moving_plane(Transport::translate), Published::none, alpha);

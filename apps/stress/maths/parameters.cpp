@@ -37,7 +37,7 @@ Rows quaternions(Queue& queue) {  // T25
     posed.backward(queue, q, scales, v_factors, v_quats, v_scales);
     const Floats found = factors.read(queue), g = v_quats.read(queue);
     const std::string at = fmt::format("|q| = {:.0e}", length);
-    rows.push_back({at + ", factors and gradients not finite",
+    rows.push_back({at + ", non-finite factors and gradients",
                     count_not_finite(found) + count_not_finite(g), 0});
     double rotation = 0, radial = 0;
     for (size_t i = 0; i < n; ++i) {
@@ -57,7 +57,7 @@ Rows quaternions(Queue& queue) {  // T25
       if (length < 1e-6f) radial = worse(radial, std::sqrt(size) > 0 ? infinite : 0.);
     }
     rows.push_back({at + ", rotation, relative", rotation, 1e-6});
-    rows.push_back({at + ", gradient along q, of its length", radial, 1e-6});
+    rows.push_back({at + ", gradient along q, relative", radial, 1e-6});
   }
   return rows;
 }
@@ -124,9 +124,9 @@ Rows parameter_scales(Queue& queue) {  // T26
     drawn += values[i] > 89 && std::isfinite(size);
   }
   return {{"log s in -87 .. 88: factor, relative", worst(errors), 1e-5},
-          {"log s in -87 .. 88: gradients not finite", broken, 0},
-          {"log s in -100 .. -87: not finite, or not as good as 0", lost, 0},
-          {"log s above 89: factors that pretend to be finite", drawn, 0}};
+          {"log s in -87 .. 88: non-finite gradients", broken, 0},
+          {"log s in -100 .. -87: non-finite, or not negligible", lost, 0},
+          {"log s above 89: factors wrongly finite", drawn, 0}};
 }
 
 Rows opacities(Queue& queue) {  // T27
@@ -142,8 +142,8 @@ Rows opacities(Queue& queue) {  // T27
     backward.push_back(std::fabs(double(found.by_opacity[i]) / (e / ((1 + e) * (1 + e))) - 1));
   }
   return {{"|x| <= 80: sigmoid, relative", worst(forward), 1e-6},
-          {"|x| <= 80: its derivative, relative", worst(backward), 1e-6},
-          {"|x| <= 100: not finite",
+          {"|x| <= 80: derivative, relative", worst(backward), 1e-6},
+          {"|x| <= 100: non-finite",
            count_not_finite(found.opacities) + count_not_finite(found.by_opacity), 0}};
 }
 

@@ -41,9 +41,9 @@ Rows near_plane(Queue& queue) {  // T23; the plane is at .01f
       not_zero += !places[i / width].drawn && values[i] != 0;
   }
   for (size_t i = 0; i < s.count(); ++i) wrong += (touched[i] > 0) != places[i].drawn;
-  return {{"z of -1 to near (1 +- ulp): wrongly drawn or not", wrong, 0},
-          {"gradients of those culled that are not 0", not_zero, 0},
-          {"images and gradients not finite", broken, 0}};
+  return {{"z of -1 to near (1 +- ulp): wrongly culled or drawn", wrong, 0},
+          {"non-zero gradients of culled Gaussians", not_zero, 0},
+          {"non-finite images and gradients", broken, 0}};
 }
 
 // Gaussians inside and beyond the margin in x, y and both: the device's gradient against
@@ -94,7 +94,7 @@ Rows margin(Queue& queue) {  // T24
     const bool outside = std::fabs(where.x) > .5 || std::fabs(where.y) > .5;
     const std::string at = fmt::format("at ({}, {}) z", where.x, where.y);
     rows.push_back({at + ", gradient by the mean, worst", worst(errors), 1e-4});
-    rows.push_back({at + ", wrongly held or not", outside ? double(n) - held : held, 0});
+    rows.push_back({at + ", wrongly clamped or not", outside ? double(n) - held : held, 0});
   }
   return rows;
 }

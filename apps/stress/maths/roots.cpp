@@ -264,7 +264,7 @@ Rows root_scales(Queue& queue) {  // T4
   const double at_one = quantile(errors_at(queue, 1e4, 1).gradients, .99);
   for (int power = -12; power <= 12; power += 3) {
     const MapErrors e = errors_at(queue, 1e4, std::pow(10., power));
-    rows.push_back({fmt::format("S x 1e{}, gradient of A, 99 %, by T2's", power),
+    rows.push_back({fmt::format("S x 1e{}, gradient of A, 99 %, vs T2", power),
                     quantile(e.gradients, .99) / at_one, 2});
     rows.push_back({fmt::format("S x 1e{}, gradient of A, worst, relative", power),
                     worst(e.gradients), 30 * gradient_bound(1e4)});

@@ -129,11 +129,9 @@ void drawn_at_rest(Queue& queue, Rows& rows) {
     for (const auto& [name, gradient] : device.backward(random_cotangents(s, 9)))
       broken += count_not_finite(gradient);
     const std::string at = fmt::format("{}, drawn", mode_name(mode));
-    rows.push_back(
-        {at + ", flow that is not +0 in all bits", count_not_plus_0(images.at("flow")), 0});
-    rows.push_back({at + ", gradients not finite", broken, 0});
-    rows.push_back(
-        {at + ", share of pixels that show nothing", double(empty) / double(s.pixels()), .5});
+    rows.push_back({at + ", flow other than +0 in bits", count_not_plus_0(images.at("flow")), 0});
+    rows.push_back({at + ", non-finite gradients", broken, 0});
+    rows.push_back({at + ", share of empty pixels", double(empty) / double(s.pixels()), .5});
   }
 }
 
@@ -156,7 +154,7 @@ Rows nothing_moved(Queue& queue) {  // T9
     rows.push_back({fmt::format("{}, elements of H that are not {}", mode_name(mode),
                                 mode == TRANSPORT_MATERIAL ? "0" : "+0"),
                     not_zero, 0});
-    rows.push_back({mode_name(mode) + ", gradients not finite", broken, 0});
+    rows.push_back({mode_name(mode) + ", non-finite gradients", broken, 0});
   }
   drawn_at_rest(queue, rows);
   return rows;
@@ -251,7 +249,7 @@ Rows monge_map(Queue& queue) {  // T15
 Tests transport_tests() {
   return {{"T7", "paper's flow of needles", true, paper},
           {"T8", "material flow of needles", true, material},
-          {"T9", "nothing moved", true, nothing_moved},
+          {"T9", "no motion", true, nothing_moved},
           {"T10", "small motion", true, small_motion},
           {"T11", "turned image", true, frame_turn},
           {"T15", "Monge map", true, monge_map}};

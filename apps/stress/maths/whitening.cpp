@@ -58,7 +58,7 @@ Rows exponents(Queue& queue) {  // T6
     }
     rows.push_back({fmt::format("{:.0f} px, 99.9 % of q", length), quantile(errors, .999), bound});
     rows.push_back(
-        {fmt::format("{:.0f} px, q, a sum of squares, not finite", length), not_finite, 0});
+        {fmt::format("{:.0f} px, q, a sum of squares, non-finite", length), not_finite, 0});
   }
   return rows;
 }

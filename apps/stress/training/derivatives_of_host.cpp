@@ -48,7 +48,7 @@ Derivative mixture_row() {
       slopes([&](const std::vector<double>& x) { return surprise(means, a, s, x); }, z, 1e-3);
   for (double& slope : differences) slope *= std::sqrt(1 - a);
   return {"host: mixture_noise",
-          "noised picture",
+          "noised image",
           relative_error(mixture_noise(means, variance, a, {z.begin(), z.end()}), expected),
           relative_error(expected, differences),
           1e-5,
@@ -107,7 +107,7 @@ Derivative sds_row() {
     return sum;
   };
   return {"host: sds_gradient",
-          "picture, mean over noise",
+          "image, mean over noise",
           relative_error(found, expected),
           relative_error(expected, slopes(loss, {x.begin(), x.end()}, 1e-3)),
           1e-4,

@@ -66,10 +66,10 @@ Rows far_scenes(Queue& queue) {
     const Place away = {far, -far, .7 * far};
     const FarScene moved(scene, away);
     const Scene there = read_scene(moved.path());
-    rows.push_back({fmt::format("a scene {:g} units away, as read: projection [px]", far),
+    rows.push_back({fmt::format("scene {:g} units away, as read: projection [px]", far),
                     projection_error(queue, there, here), 1e-3});
     if (far >= 1e6)
-      rows.push_back({fmt::format("a scene {:g} units away: positions exported, relative", far),
+      rows.push_back({fmt::format("scene {:g} units away: exported positions, relative", far),
                       export_error(queue, there, here, away), 1e-9});
   }
   return rows;
@@ -77,6 +77,6 @@ Rows far_scenes(Queue& queue) {
 
 }  // namespace
 
-Tests far_tests() { return {{"T28", "scenes far away", true, far_scenes}}; }
+Tests far_tests() { return {{"T28", "distant scenes", true, far_scenes}}; }
 
 }  // namespace gflow::stress

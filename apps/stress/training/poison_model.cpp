@@ -214,12 +214,12 @@ class PoisonedModel {
     const std::string of = fmt::format("{}, {:.0f} cases: ", name_, harm_.cases);
     Rows rows{{of + "others' pixels changed", harm_.pixels, 0},
               {of + "others' gradients changed", harm_.gradients, 0},
-              {of + "not finite but the culprit's own gradients", harm_.not_finite, 0},
-              {of + "drawn with what is not a number", unnamed_, 0},
-              {of + "share in which it truly reaches the others", harm_.reached / harm_.cases, .12},
-              {of + "values that had no part in the image", unused_, 0}};
+              {of + "non-finite, except the culprit's gradients", harm_.not_finite, 0},
+              {of + "drawn with non-finite values", unnamed_, 0},
+              {of + "share of cases that affect the others", harm_.reached / harm_.cases, .12},
+              {of + "values without effect on the image", unused_, 0}};
     if (shared_ > 0)
-      rows.push_back({fmt::format("{}, {:.0f} cases in what all share: not finite", name_, shared_),
+      rows.push_back({fmt::format("{}, {:.0f} cases in shared rows: non-finite", name_, shared_),
                       not_finite_, 0});
     return rows;
   }

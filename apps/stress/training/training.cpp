@@ -91,11 +91,11 @@ Rows repeated(Queue& queue, int steps) {  // T40
   TrainOptions seeded = config;
   ++seeded.train.seed;
   const std::vector<uint64_t> unlike = hashes(queue, seeded, 100, nullptr);
-  const std::string of = fmt::format("{} steps, hashes of {} that differ: ", steps, first.size());
+  const std::string of = fmt::format("{} steps, differing hashes of {}: ", steps, first.size());
   return {{of + "run again", different(first, second), 0},
-          {of + "beside another training on a busy machine", busy, 0},
-          {"Gaussians at the start by those at the end", 60. / double(grown), .999},
-          {"hashes of another seed that are equal", double(unlike[0] == first[0]), 0}};
+          {of + "with another training on a busy machine", busy, 0},
+          {"Gaussians at the start / at the end", 60. / double(grown), .999},
+          {"equal hashes of another seed", double(unlike[0] == first[0]), 0}};
 }
 
 Rows resumed(Queue& queue, int times) {  // T41
@@ -120,7 +120,7 @@ Rows resumed(Queue& queue, int times) {  // T41
     resumed.steps(queue, steps - at);
     wrong += hash(resumed.bits(queue)) != expected;
   }
-  return {{fmt::format("{} times stopped at a random step: with another hash", times), wrong, 0}};
+  return {{fmt::format("{} stops at a random step: different hashes", times), wrong, 0}};
 }
 
 double not_finite_in(const Arrays& arrays) {
@@ -160,12 +160,12 @@ Rows gone_back(Queue& queue) {  // T41
   training.steps(queue, steps - back);
   const StepReport figures = training.trainer.report(queue);
   return {
-      {"a loss that is not a number: taken for one, or for sound",
+      {"non-finite loss: not detected",
        double(std::isfinite(broken.loss)) + double(is_finite_report(loss_alone, {})), 0},
-      {"gone back: steps off the checkpoint's", std::fabs(double(back - saved)), 0},
-      {"gone back: other bits than the checkpoint's", double(hash(now) != hash(kept)), 0},
-      {"and on to step 100: values not finite", not_finite_in(training.trainer.state(queue)), 0},
-      {"and on to step 100: not sound", double(!is_finite_report(figures, {})), 0}};
+      {"rolled back: steps from the checkpoint", std::fabs(double(back - saved)), 0},
+      {"rolled back: bits differ from the checkpoint", double(hash(now) != hash(kept)), 0},
+      {"continued to step 100: non-finite values", not_finite_in(training.trainer.state(queue)), 0},
+      {"continued to step 100: diverged", double(!is_finite_report(figures, {})), 0}};
 }
 
 }  // namespace
@@ -175,7 +175,7 @@ Tests training_tests() {
           {"T40", "the same, 2000 steps", false, [](Queue& q) { return repeated(q, 2000); }},
           {"T41", "training resumed", true, [](Queue& q) { return resumed(q, 1); }},
           {"T41", "the same, 20 times", false, [](Queue& q) { return resumed(q, 20); }},
-          {"T41", "training gone back", true, gone_back}};
+          {"T41", "training rolled back", true, gone_back}};
 }
 
 }  // namespace gflow::stress
