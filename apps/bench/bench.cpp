@@ -28,7 +28,7 @@ void check_outputs(const BenchOptions& options) {
   std::error_code problem;
   std::filesystem::create_directories(options.plots, problem);
   if (problem)
-    throw Error(fmt::format("drawing into {}: cannot make that folder: {}", options.plots,
+    throw Error(fmt::format("drawing into {}: cannot create that folder: {}", options.plots,
                             problem.message()));
   require_writable("--plots", (std::filesystem::path(options.plots) / "plot.svg").string());
 }
@@ -62,7 +62,7 @@ void add_common(CLI::App& bench, BenchOptions& options) {
 }
 
 void stop_if_interrupted() {
-  if (interrupted()) throw Interrupted("interrupted: nothing was measured to its end");
+  if (interrupted()) throw Interrupted("interrupted: no measurement was completed");
 }
 
 std::pair<int, int> size_named(const std::string& option, const std::string& text) {
@@ -71,7 +71,7 @@ std::pair<int, int> size_named(const std::string& option, const std::string& tex
   std::istringstream in(text);
   if (!(in >> width >> x >> height) || x != 'x' || in >> more || width < 1 || height < 1 ||
       width > 16384 || height > 16384)
-    throw Error(fmt::format("{} {}: expected is a size such as 512x512", option, text));
+    throw Error(fmt::format("{} {}: expected a size such as 512x512", option, text));
   return {width, height};
 }
 

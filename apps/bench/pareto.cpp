@@ -148,7 +148,7 @@ Plot plot_of(const std::vector<Measured>& all, const std::vector<bool>& front) {
       "set termoption noenhanced\nset datafile missing '?'\nset logscale y\nset format y "
       "'%.0e'\nset xrange [*:1.3]\nset offsets graph 0.03,0,0,0\n"
       "set xlabel 'CPU time, of the shipped settings (more than 1.3 is not shown)'\n"
-      "set multiplot layout 2,3 title 'blue: on the front; red: as shipped; grey: something else "
+      "set multiplot layout 2,3 title 'blue: on the front; red: defaults; grey: something else "
       "is "
       "as fast and as exact'\nset key off\n";
   int column = 3;
@@ -299,7 +299,7 @@ Plot plot_of(const std::vector<TrainedChoice>& all) {
       "set termoption noenhanced\nset datafile missing '?'\nset key off\n"
       "set yrange [{}:-1]\nset ytics 1\nset xtics font ',9'\nset bars 0.5\n"
       "set multiplot layout 1,4 margins 0.15,0.985,{:.3f},{:.3f} spacing 0.02,0 "
-      "title 'trainings of the same time, mean and deviation of their seeds; red: as shipped'\n",
+      "title 'trainings of the same time, mean and deviation of their seeds; red: defaults'\n",
       all.size(), 40.0 / plot.height, 1 - 70.0 / plot.height);
   for (int column = 2; column <= 11; column += 3) {
     const bool first = column == 2;

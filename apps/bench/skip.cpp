@@ -31,7 +31,7 @@ std::vector<Kind> kinds_of() {
     inexact.settings.push_back(off);
   });
   kinds.push_back({"at every time (motion.cutoff=0)", {"motion.cutoff=0"}});
-  kinds.push_back({"flow of calm tiles too (flow.low_motion=1)", {"flow.low_motion=1"}});
+  kinds.push_back({"flow in low-motion tiles too (flow.low_motion=1)", {"flow.low_motion=1"}});
   kinds.push_back({kEveryStep, {"flow.every=1"}});
   none.settings.insert(none.settings.end(),
                        {"motion.cutoff=0", "flow.low_motion=1", "flow.every=1"});

@@ -14,11 +14,11 @@ namespace gflow::bench {
 namespace {
 
 const std::vector<Kind> kinds{
-    {"pictures alone", {"flow.enabled=false"}},
+    {"images only", {"flow.enabled=false"}},
     {"with flow", {}},
     {"flow in every step", {"flow.every=1"}},
-    {"flow of calm tiles too", {"flow.low_motion=1"}},
-    {"flow of all tiles in every step", {"flow.every=1", "flow.low_motion=1"}},
+    {"flow in low-motion tiles too", {"flow.low_motion=1"}},
+    {"flow in all tiles in every step", {"flow.every=1", "flow.low_motion=1"}},
     {"flow, rigidity", {"loss.rigidity=1"}},
     {"flow, rotation", {"loss.rotation=1"}},
     {"flow, isometry", {"loss.isometry=1"}},
@@ -52,7 +52,7 @@ Result run_step(StepOptions o, const GlobalOptions& options) {
              {"device busy [ms]", spread_of(c.busy)},
              {"host [ms]", spread_of(c.host)},
              {"idle [%]", spread_of(idle)},
-             {"CPU, of pictures alone", ratio_of(c.cpu, costs[0].cpu)},
+             {"CPU, relative to images only", ratio_of(c.cpu, costs[0].cpu)},
              single("Gaussians", double(c.end.count))}};
     for (Figure& share : shares_of_peaks(c, report.peak())) row.figures.push_back(std::move(share));
     report.add(std::move(row));
@@ -85,7 +85,7 @@ void add_step(CLI::App& bench, const GlobalOptions& options) {
   CLI::App* step =
       bench.add_subcommand("step",
                            "Training steps on a scene: images only, with flow, flow in every step, "
-                           "flow of low-motion tiles too, both, with each regulariser");
+                           "flow in low-motion tiles too, both, with each regulariser");
   add_step_options(*step, *flags);
   step->callback(
       [flags, &options] { deliver(flags->common, [&] { return run_step(*flags, options); }); });

@@ -98,10 +98,10 @@ TEST(Bench, StepTellsEachKindAndItsKernels) {
                                  "--repeats", "1", "--json", file, "--quiet"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = report_in(file)["rows"];
-  for (const char* kind : {"pictures alone", "with flow", "flow of all tiles in every step",
+  for (const char* kind : {"images only", "with flow", "flow in all tiles in every step",
                            "flow, rigidity", "flow, velocity"})
     EXPECT_TRUE(rows.contains(kind)) << kind;
-  EXPECT_FALSE(rows.contains("pictures alone: flow_loss"));
+  EXPECT_FALSE(rows.contains("images only: flow_loss"));
   EXPECT_TRUE(rows.contains("with flow: flow_loss"));
 }
 
@@ -146,7 +146,7 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   for (const char* exact : {"masks", "saturated", "zero_gradients", "culled", "flow", "bands"})
     EXPECT_EQ(rows[fmt::format("without {}", exact)]["model differs by"], 0) << exact;
   for (const char* in_the_mean :
-       {"flow of calm tiles too (flow.low_motion=1)", "flow in every step (flow.every=1)"})
+       {"flow in low-motion tiles too (flow.low_motion=1)", "flow in every step (flow.every=1)"})
     EXPECT_GT(rows[in_the_mean]["model differs by"], 0) << in_the_mean;
   EXPECT_GT(rows["without masks"]["pairs in cells"], all["pairs in cells"]);
   EXPECT_GT(rows["without boxes"]["intersections"], all["intersections"]);

@@ -179,7 +179,7 @@ TEST(Bench, AFolderThatCannotBeMadeIsToldBeforeAnythingIsMeasured) {
       gflow(raster({"--pixels", "16x16", "--gaussians", "20", "--plots", file + "/plots"}));
   EXPECT_EQ(outcome.code, 1);
   EXPECT_EQ(outcome.out, "");
-  EXPECT_NE(outcome.err.find("drawing into " + file + "/plots: cannot make that folder"),
+  EXPECT_NE(outcome.err.find("drawing into " + file + "/plots: cannot create that folder"),
             std::string::npos)
       << outcome.err;
 }
