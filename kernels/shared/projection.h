@@ -4,7 +4,7 @@
 //   M = J W L,  S = M M^T + DILATION I,  K upper triangular with K^T K = inv(S)
 // J is the projection's Jacobian at the mean, W the camera's rotation. det S is computed from the
 // minors of M and the exponent from K: both stay accurate for long, thin splats, unlike a c - b b
-// and the conic. Derivation: design note numerics.md, sections 0 and 1.3.
+// and the conic.
 #ifndef GFLOW_PROJECTION_H
 #define GFLOW_PROJECTION_H
 #include "shared/constants.h"

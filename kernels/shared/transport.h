@@ -7,8 +7,7 @@
 //   TRANSPORT_MATERIAL   A = I + (M2 - M1) M1^T inv(S1): the projected 3D motion itself
 //   TRANSPORT_TRANSLATE  A = I                                      (GaussianFlow eq. 9)
 // H is formed from differences, so nothing cancels for small motion. No eigenvectors are used: all
-// maps and derivatives are smooth at equal eigenvalues. Derivations: design note numerics.md,
-// sections 1.1 to 1.5.
+// maps and derivatives are smooth at equal eigenvalues.
 #ifndef GFLOW_TRANSPORT_H
 #define GFLOW_TRANSPORT_H
 #include "shared/projection.h"

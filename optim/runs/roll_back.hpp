@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Roll-back after a divergence: training with non-finite values returns to its last checkpoint and
-// continues with half the learning rates (numerics 3, "non-finite loss").
+// continues with half the learning rates.
 #pragma once
 #include <optional>
 

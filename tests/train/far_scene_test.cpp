@@ -43,7 +43,7 @@ TEST_F(FarSceneTest, IsReadRelativeToAPlaceInItsMidst) {
             Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i]).cast<float>();
         return scene.cameras[c].project(p.cast<double>());
       };
-      EXPECT_LE((seen(here) - seen(there)).norm(), 1e-3);  // [px] numerics T28
+      EXPECT_LE((seen(here) - seen(there)).norm(), 1e-3);  // [px] as T28 of gflow stress
     }
 }
 
@@ -92,7 +92,7 @@ TEST_F(FarSceneTest, IsTrainedDrawnAndExportedInItsWorld) {
   EXPECT_EQ(kept.shape.origin, origin);
   EXPECT_EQ(kept.groups.at("means"), b);
 
-  // For other programs: in world coordinates, to 1e-9 of their size (numerics T28).
+  // For other programs: in world coordinates, to 1e-9 of their size (T28 of gflow stress).
   const PlyTable slice_now = slice(queue, there.model, 0.5).table;
   write_ply(folder.file("now.ply"), slice_now);
   const PointCloud now = read_point_cloud(folder.file("now.ply"));
