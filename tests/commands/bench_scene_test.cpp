@@ -134,7 +134,7 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
                                  "--quiet", "--plots", folder.file("plots")});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const Json rows = report_in(file)["rows"];
-  ASSERT_EQ(rows.size(), 16u);
+  ASSERT_EQ(rows.size(), 15u);
   const std::string bars = contents(folder.file("plots/skip.tsv"));
   EXPECT_EQ(bars.find("kind\tCPU [ms]\tlower quartile\tupper quartile\nall skips\t"), 0u) << bars;
   EXPECT_TRUE(fs::exists(folder.file("plots/skip.gnuplot")));
