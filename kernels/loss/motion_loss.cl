@@ -83,9 +83,9 @@ kernel void motion_pairs(const uint n, const MotionLossRule rule, global const u
 kernel void motion_acceleration(const uint n, const MotionLossRule rule, global const uint* restrict seen,
                          global const float* restrict means0, global const float* restrict means1,
                          global const float* restrict means2,
-                         global float* restrict v_means0,  // [N, 3] set
-                         global float* restrict v_means1,  // [N, 3] added to
-                         global float* restrict v_means2,  // [N, 3] added to
+                         global float* restrict v_means0,  // [N, 3] added to, as the next two
+                         global float* restrict v_means1,  // [N, 3]
+                         global float* restrict v_means2,  // [N, 3]
                          global float* restrict terms) {   // [N]
   const uint i = get_global_id(0);
   if (i >= n) return;
@@ -93,7 +93,7 @@ kernel void motion_acceleration(const uint n, const MotionLossRule rule, global 
   if (seen[i] == 0) return;
   const Bend bend = acceleration_loss(rule, load3(means0, i), load3(means1, i), load3(means2, i));
   terms[i] = bend.value;
-  store3(v_means0, i, bend.gradient);
+  add3(v_means0, i, bend.gradient);
   add3(v_means1, i, bend.gradient * -2.f);
   add3(v_means2, i, bend.gradient);
 }

@@ -30,8 +30,8 @@ struct GaussiansAt {
 struct GaussianGradients {
   Buffer<float> v_means{"v_means"}, v_factors{"v_factors"}, v_opacities{"v_opacities"};
   Buffer<float> v_colors{"v_colors"};                                    // [N, 3]
-  Buffer<float> v_means_t2{"v_means_t2"}, v_factors_t2{"v_factors_t2"};  // with flow only
-  Buffer<float> v_means_t0{"v_means_t0"}, v_factors_t0{"v_factors_t0"};  // with a motion loss only
+  Buffer<float> v_means_t2{"v_means_t2"}, v_factors_t2{"v_factors_t2"};  // second time
+  Buffer<float> v_means_t0{"v_means_t0"}, v_factors_t0{"v_factors_t0"};  // time before the first
   // [N, 2]; of the images by the projected mean [1/px]. With absgrad (a, a) where
   // sqrt(2) a = sum of |gradient| over pixels.
   Buffer<float> v_means2d{"v_means2d"};

@@ -80,9 +80,6 @@ void MotionLoss::run(Queue& queue, const Buffer<cl_uint>& seen, const GaussiansA
   }
   if (ran_bends_) {
     const MotionLossRule rule{0, 0, 0, 0, weights_.acceleration / (extent * float(n)), knee};
-    v.v_means_t0.ensure(queue, 3 * n);
-    v.v_factors_t0.ensure(queue, 9 * n);
-    v.v_factors_t0.fill(queue, 0);
     bend_terms_.ensure(queue, n);
     motion_bends_(queue, Range::over(n), cl_uint(n), rule, seen, at_t0->means, at_t1.means,
                   at_t2.means, v.v_means_t0, v.v_means, v.v_means_t2, bend_terms_);

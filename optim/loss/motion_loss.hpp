@@ -40,8 +40,8 @@ class MotionLoss {
   const NeighbourPairs& pairs() const { return pairs_; }
 
   // Adds the gradients of all terms at t1 and t2 for the Gaussians with seen[i] > 0. at_t0: poses
-  // at 2 t1 - t2, then v_means_t0 is set for these Gaussians; nullptr: no acceleration term in this
-  // view. Error if the pairs belong to another number of Gaussians.
+  // at 2 t1 - t2, then to v_means_t0, too; nullptr: no acceleration term in this view. Error if the
+  // pairs belong to another number of Gaussians.
   void run(Queue& queue, const Buffer<cl_uint>& seen, const GaussiansAt* at_t0,
            const GaussiansAt& at_t1, const GaussiansAt& at_t2, GaussianGradients& v);
 

@@ -31,12 +31,11 @@ PinholeCamera pinhole(const Camera& camera, float near_plane) {
 
 const Buffer<cl_uint>& Renderer::with_second_time() const {
   const Splats& splats = engine_.splats();
-  return shot_.motion_loss ? splats.tiles_touched : splats.rows_with_flow();
+  return shot_.pose_t2 ? splats.tiles_touched : splats.rows_with_flow();
 }
 
-bool Renderer::needs_third_time() const {
-  return shot_.motion_loss && shot_.motion_loss->weights().acceleration > 0 && time_t0() > -1e-6 &&
-         time_t0() < 1 + 1e-6;
+bool Renderer::has_t0() const {
+  return shot_.pose_t0 && shot_.time_t0() > -1e-6 && shot_.time_t0() < 1 + 1e-6;
 }
 
 Bands Renderer::bands(const Model& model) const {
@@ -44,8 +43,8 @@ Bands Renderer::bands(const Model& model) const {
 }
 
 void Renderer::look(Queue& queue, Model& model, const Shot& shot) {
-  // Motion losses act on pairs of Gaussians, visible or not.
-  const bool all = !skip_.culled || shot.all_posed || shot.motion_loss;
+  // Losses on poses identify Gaussians by row and may compare visible ones with others.
+  const bool all = !skip_.culled || shot.all_posed || shot.pose_t2;
   if (!all &&
       model.motion->look(queue, model.parameters, model.time(shot.time), shot.view.camera, rows_))
     rows_.take_marked(queue, model.parameters);
@@ -63,43 +62,52 @@ void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
   View& view = shot_.view;
   look(queue, model, shot);
-  // Motion losses compare poses at both times, of static Gaussians too.
-  if (skip_.static_pose && shot.flow && !shot.motion_loss && same(view.camera, view.camera_t2))
+  // Losses on poses compare both times, of static Gaussians too.
+  if (skip_.static_pose && shot.flow && !shot.pose_t2 && same(view.camera, view.camera_t2))
     view.moving = rows_.moving();
   const RowList rows = rows_.list();
   model.motion->at(queue, model.parameters, model.time(shot.time), nullptr, t1_, rows);
   engine_.project(queue, view, {shot.flow, shot.depth}, t1_);
   const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
-  if (shot.flow || shot.motion_loss)
+  if (shot.flow || shot.pose_t2)
     model.motion->at(queue, model.parameters, model.time(shot.time_t2), &with_second_time(), t2_,
                      moving_rows());
-  if (needs_third_time())
-    model.motion->at(queue, model.parameters, model.time(time_t0()), &seen, t0_, rows);
+  if (has_t0())
+    model.motion->at(queue, model.parameters, model.time(shot_.time_t0()), &seen, t0_, rows);
   model.color.forward(queue, model.parameters, bands(model), shot.view.camera, t1_, seen, colors_,
                       rows);
   engine_.draw(queue, shot.background, t1_, shot.flow ? t2_ : t1_, colors_);
 }
 
-void Renderer::backward(Queue& queue, Model& model, const ImageGradients& v) {
-  Parameters& p = model.parameters;
+GaussianGradients& Renderer::backward_to_poses(Queue& queue, const ImageGradients& v) {
   GaussianGradients& g = gradients_;
   engine_.backward(queue, t1_, shot_.flow ? t2_ : t1_, v, g);
-  const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
-  const RowList rows = rows_.list();
-  if (shot_.motion_loss && !shot_.flow) {
+  if (shot_.pose_t2 && !shot_.flow) {
     g.v_means_t2.fill(queue, 0);
     g.v_factors_t2.fill(queue, 0);
   }
-  if (shot_.motion_loss)
-    shot_.motion_loss->run(queue, seen, needs_third_time() ? &t0_ : nullptr, t1_, t2_, g);
+  if (has_t0()) {
+    g.v_means_t0.ensure(queue, g.v_means.size());
+    g.v_factors_t0.ensure(queue, g.v_factors.size());
+    g.v_means_t0.fill(queue, 0);
+    g.v_factors_t0.fill(queue, 0);
+  }
+  return g;
+}
+
+void Renderer::backward_to_parameters(Queue& queue, Model& model) {
+  Parameters& p = model.parameters;
+  GaussianGradients& g = gradients_;
+  const Buffer<cl_uint>& seen = engine_.splats().tiles_touched;
+  const RowList rows = rows_.list();
   model.color.backward(queue, p, bands(model), shot_.view.camera, t1_, seen, g, rows);
   model.motion->backward(queue, p, model.time(shot_.time), true, seen, g.v_means, g.v_factors,
                          g.v_opacities, rows);
-  if (shot_.flow || shot_.motion_loss)
+  if (shot_.flow || shot_.pose_t2)
     model.motion->backward(queue, p, model.time(shot_.time_t2), false, with_second_time(),
                            g.v_means_t2, g.v_factors_t2, g.v_opacities, moving_rows());
-  if (needs_third_time())
-    model.motion->backward(queue, p, model.time(time_t0()), false, seen, g.v_means_t0,
+  if (has_t0())
+    model.motion->backward(queue, p, model.time(shot_.time_t0()), false, seen, g.v_means_t0,
                            g.v_factors_t0, g.v_opacities, rows);
 }
 

@@ -37,7 +37,16 @@ void MotionObjective::begin_step(Queue& queue, const StepContext& context) {
 
 void MotionObjective::request(Queue&, const ViewContext& view, Shot& shot) {
   in_last_view_ = view.step % options_.motion_every == 0;
-  if (in_last_view_) shot.motion_loss = &loss_;
+  if (!in_last_view_) return;
+  shot.pose_t2 = true;
+  if (loss_.weights().acceleration > 0) shot.pose_t0 = true;
+}
+
+void MotionObjective::add_pose_gradients(Queue& queue, const ViewContext&, const Renderer& renderer,
+                                         GaussianGradients& v) {
+  if (!in_last_view_) return;
+  loss_.run(queue, renderer.engine().splats().tiles_touched, renderer.gaussians_t0(),
+            renderer.gaussians(), renderer.gaussians_t2(), v);
 }
 
 void MotionObjective::report(Queue& queue, const Renderer&, LossReport& report) {

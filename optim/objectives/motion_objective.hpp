@@ -20,6 +20,8 @@ class MotionObjective : public Objective {
   // Updates the neighbours when due.
   void begin_step(Queue& queue, const StepContext& context) override;
   void request(Queue& queue, const ViewContext& view, Shot& shot) override;
+  void add_pose_gradients(Queue& queue, const ViewContext& view, const Renderer& renderer,
+                          GaussianGradients& v) override;
   // Reports rigidity, rotation, isometry, velocity and acceleration of the last view, weighted; NaN
   // in a step without them (loss.motion_every).
   void report(Queue& queue, const Renderer& renderer, LossReport& report) override;

@@ -73,14 +73,19 @@ class Objective {
   // Renders views of its own and adds their gradients to the model's. Called before the step's
   // views.
   virtual void add_novel_views(NovelViews&, const StepContext&) {}
-  // Before a view is rendered: requests what it must contain (flow, depth, a second time, a loss on
-  // Gaussians). Uploads may begin here.
+  // Before a view is rendered: requests what it must contain (flow, depth, poses at more times).
+  // Uploads may begin here.
   virtual void request(Queue&, const ViewContext&, Shot&) {}
   // After the view is rendered: adds d loss / d image, [3, H, W] for v_rgb, [H, W] for v_alpha and
   // v_depth, [2, H, W] for v_flow; the latter two are empty unless the view was requested with
   // them. Objectives run in order, first gflow's own (image, flow): what earlier ones have added
   // must be kept.
   virtual void add_gradients(Queue&, const ViewContext&, const Renderer&, ImageGradients&) {}
+  // After that: adds d loss / d pose, which holds the gradients of the images already. Gradients at
+  // the other times are there if the view was requested with them (Shot::pose_t2, pose_t0); row i
+  // is Gaussian i then. Only those of Gaussians drawn (Splats::tiles_touched > 0) count.
+  virtual void add_pose_gradients(Queue&, const ViewContext&, const Renderer&, GaussianGradients&) {
+  }
 
   // Appends its terms of the last step to the report and adds them to its loss. Waits for the
   // queue.

@@ -74,7 +74,10 @@ void ViewPass::run(Queue& queue, const StepContext& context, const Sample& sampl
   start_at_zero(v_.v_depth, shot.depth ? pixels : 0);
   start_at_zero(v_.v_flow, shot.flow ? 2 * pixels : 0);
   for (const auto& objective : objectives_) objective->add_gradients(queue, view, renderer_, v_);
-  renderer_.backward(queue, model_, v_);
+  GaussianGradients& poses = renderer_.backward_to_poses(queue, v_);
+  for (const auto& objective : objectives_)
+    objective->add_pose_gradients(queue, view, renderer_, poses);
+  renderer_.backward_to_parameters(queue, model_);
 }
 
 LossReport ViewPass::report(Queue& queue) {

@@ -62,6 +62,52 @@ class Nearness : public Objective {
   size_t nonzero_ = 0;  // gradients that did not start at 0
 };
 
+// Pulls every Gaussian in view towards standing still: weight x sum of |mean(t2) - mean(t1)|^2,
+// and of |mean(t1) - mean(t0)|^2 where there is a t0.
+class Stillness : public Objective {
+ public:
+  explicit Stillness(float weight) : weight_(weight) {}
+
+  void request(Queue&, const ViewContext&, Shot& shot) override {
+    shot.pose_t2 = shot.pose_t0 = true;
+  }
+  void add_pose_gradients(Queue& queue, const ViewContext&, const Renderer& renderer,
+                          GaussianGradients& v) override {
+    sum_ = 0;
+    add(queue, renderer, renderer.gaussians(), renderer.gaussians_t2(), v.v_means, v.v_means_t2);
+    if (const GaussiansAt* t0 = renderer.gaussians_t0()) {
+      ++views_with_t0;
+      add(queue, renderer, *t0, renderer.gaussians(), v.v_means_t0, v.v_means);
+    }
+  }
+  void report(Queue&, const Renderer&, LossReport& report) override {
+    report.loss += sum_;
+    report.terms.push_back({"stillness", sum_, ""});
+    report.terms.push_back({"views_with_t0", double(views_with_t0), ""});
+  }
+
+ private:
+  void add(Queue& queue, const Renderer& renderer, const GaussiansAt& from, const GaussiansAt& to,
+           Buffer<float>& v_from, Buffer<float>& v_to) {
+    const std::vector<cl_uint> drawn = renderer.engine().splats().tiles_touched.read(queue);
+    const std::vector<float> a = from.means.read(queue), b = to.means.read(queue);
+    std::vector<float> v_a = v_from.read(queue), v_b = v_to.read(queue);
+    for (size_t i = 0; i < 3 * drawn.size(); ++i) {
+      if (drawn[i / 3] == 0) continue;
+      const float step = b[i] - a[i];
+      sum_ += double(weight_) * double(step) * double(step);
+      v_a[i] -= 2 * weight_ * step;
+      v_b[i] += 2 * weight_ * step;
+    }
+    v_from.write(queue, v_a);
+    v_to.write(queue, v_b);
+  }
+
+  float weight_;
+  double sum_ = 0;
+  int views_with_t0 = 0;
+};
+
 MakeObjective darkness(float weight) {
   return [weight](const TrainInputs&) { return std::make_unique<Darkness>(weight); };
 }
@@ -157,6 +203,26 @@ TEST_F(Seams, AnObjectiveMayRequestFlowAndDepth) {
   EXPECT_EQ(pulled.report.value("nonzero"), 0);
   EXPECT_GT(pulled.report.value("nearness"), 0);
   EXPECT_NE(pulled.model.groups.at("means"), trained(false).model.groups.at("means"));
+}
+
+// A loss on Gaussians instead of images.
+TEST_F(Seams, AnObjectiveMayCompareThePosesOfGaussians) {
+  const auto trained = [&](float weight) {
+    TrainExtensions extensions;
+    extensions.objectives = {
+        [&](const TrainInputs&) { return std::make_unique<Stillness>(weight); }};
+    return train(queue(), scene_in_memory(config(100)), config(100), extensions);
+  };
+  const TrainResult free = trained(0), held = trained(1);
+  EXPECT_GT(held.report.value("views_with_t0"), 10);
+  EXPECT_LT(held.report.value("views_with_t0"), 100);  // the first time step has none
+  const auto speed = [](const TrainResult& result) {
+    double sum = 0;
+    for (const float v : result.model.groups.at("velocities")) sum += std::abs(double(v));
+    return sum / double(result.model.count);
+  };
+  EXPECT_LT(speed(held), speed(free) / 3);
+  EXPECT_GT(held.report.value("psnr"), 10);  // and the images still count
 }
 
 TEST_F(Seams, AnObserverSeesEveryStepAndMayStop) {

@@ -106,7 +106,7 @@ class GoingOn {
     const std::vector<float> opacities = renderer.gaussians().opacities.read(queue_);
     cost.work.posed += share * double(std::count_if(opacities.begin(), opacities.end(),
                                                     [](float opacity) { return opacity > 0; }));
-    if (shot.flow || shot.motion_loss) {
+    if (shot.flow || shot.pose_t2) {
       const std::vector<cl_uint> twice = renderer.with_second_time().read(queue_);
       const size_t moving = std::min(renderer.rows().count(), shot.view.moving);
       cost.work.posed_t2 +=

@@ -416,6 +416,7 @@ Derivative bends_row(Queue& queue) {
   GaussianGradients v;
   v.zero(queue, kCount);
   v.v_means_t0.ensure(queue, 3 * kCount);
+  v.v_means_t0.fill(queue, 0);
   MotionLoss device(queue, w);
   device.run(queue, Buffer<cl_uint>(queue, std::vector<cl_uint>(kCount, 1u), "seen"), &at[0], at[1],
              at[2], v);
