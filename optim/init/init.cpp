@@ -11,7 +11,6 @@
 #include "optim/init/dynamic_seeds.hpp"
 #include "optim/loss/nearest_points.hpp"
 #include "optim/motion/bases.hpp"
-#include "optim/motion/hexplane.hpp"
 #include "shared/random.h"
 #include "shared/sh.h"
 
@@ -303,16 +302,11 @@ MotionModelKind motion_model(const Scene& scene, const MotionOptions& config) {
 
 ModelShape model_shape(const Scene& scene, const TrainOptions& config) {
   ModelShape shape;
-  shape.motion = motion_model(scene, config.motion);
+  static_cast<MotionShape&>(shape) =
+      motion_shape(motion_model(scene, config.motion), config.motion, scene.steps);
   shape.sh_degree = config.motion.sh_degree;
   shape.origin = scene.origin;
   shape.duration = float(config.motion.duration * scene.extent);
-  shape.cutoff = config.motion.cutoff;
-  shape.keys = config.motion.keys > 0 ? config.motion.keys : std::max(scene.steps, 1);
-  shape.key_scales = config.motion.key_scales;
-  shape.bases = config.motion.bases;
-  static_cast<HexplaneOptions&>(shape.hexplane) = config.hexplane;
-  if (shape.hexplane.times == 0) shape.hexplane.times = std::max((scene.steps + 1) / 2, 1);
   return shape;
 }
 
@@ -357,7 +351,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
                   points.rgb.empty() ? nullptr : &points.rgb[3 * i], config);
   }
   const size_t n = model.count;
-  set_box(model.shape.hexplane, model.groups["means"], config.hexplane.slack);
+  enclose(model.shape, model.groups["means"], config.motion);
   for (size_t k = 0; k < seeds.size(); ++k)
     append_ball(model, &seeds.xyz[3 * k], seeds.spacing[k], seeds.time[k] * duration, short_life,
                 &seeds.rgb[3 * k], config);

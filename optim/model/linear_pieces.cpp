@@ -9,7 +9,6 @@
 
 #include "optim/formats/splat_table.hpp"
 #include "optim/model/slice.hpp"
-#include "shared/motion/native4d.h"
 
 namespace gflow {
 namespace {
@@ -23,14 +22,9 @@ constexpr double kFades = 1e-3;
 
 // Lifetime: temporal standard deviation in model time.
 double life_of(const HostModel& model, size_t i) {
-  const auto row = [&](const char* group) {
-    const float* v = &model.groups.at(group)[4 * i];
-    return make_real4(double(v[0]), double(v[1]), double(v[2]), double(v[3]));
-  };
-  if (model.shape.motion != MotionModelKind::native4d) return std::exp(row("log_scales").w);
-  const Frame4 frame = frame4(quat_normalize(row("quats")).q, quat_normalize(row("quats_r")).q);
-  const real4 p_t = rows_of(frame, exp(row("log_scales"))).t;
-  return std::sqrt(dot(p_t, p_t));
+  if (const auto lifetime = motion_model_of(model.shape.motion).lifetime)
+    return lifetime(model.groups, i);
+  return std::exp(double(model.groups.at("log_scales")[4 * i + 3]));
 }
 
 struct PathSample {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "optim/motion/motion_options.hpp"
 #include "runtime/cl/chunks.hpp"
 #include "shared/motion/bases.h"
 
@@ -152,7 +153,12 @@ const MotionModel& bases_model() {
   static const MotionModel model = [] {
     MotionModel m;
     m.name = "bases";
-    m.has_keys = m.has_bases = true;
+    m.numbers = {key_count(),
+                 {"bases", [](MotionShape& shape) -> int& { return shape.bases; }, 0, 1e3}};
+    m.set_numbers = [](MotionShape& shape, const MotionOptions& options, int time_steps) {
+      shape.keys = options.keys > 0 ? options.keys : time_steps;
+      shape.bases = options.bases;
+    };
     m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
       return std::make_unique<BasesMotion>(queue, shape);
     };

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "optim/engine/random_streams.hpp"
+#include "optim/motion/motion_options.hpp"
 #include "runtime/cl/chunks.hpp"
 #include "shared/random.h"
 
@@ -209,7 +210,8 @@ void HexplaneMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   planes.active = {0, planes.count};
 }
 
-void HexplaneMotion::regularize(Queue& queue, Parameters& p, const HexplaneOptions& rule) {
+void HexplaneMotion::regularize(Queue& queue, Parameters& p, const MotionOptions& options) {
+  const HexplaneOptions& rule = options.hexplane;
   if (rule.plane_tv == 0 && rule.time_smoothness == 0 && rule.l1_time == 0) return;
   Table& planes = p.more[0];
   hexplane_regularize_(queue, Range::over(planes.count, kGroup), grid_, rule.plane_tv,
@@ -227,11 +229,46 @@ void HexplaneMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& c
   canonical_rows_.split(queue, p, child, rule, seed);
 }
 
+namespace {
+
+template <int HexplaneOptions::*number>
+int& member(MotionShape& shape) {
+  return shape.hexplane.*number;
+}
+template <size_t axis>
+float& centre(MotionShape& shape) {
+  return shape.hexplane.centre[axis];
+}
+template <size_t axis>
+float& half_size(MotionShape& shape) {
+  return shape.hexplane.half_size[axis];
+}
+
+}  // namespace
+
 const MotionModel& hexplane_model() {
   static const MotionModel model = [] {
     MotionModel m;
     m.name = "hexplane";
-    m.has_planes = m.is_permanent = true;
+    m.is_permanent = true;
+    m.numbers = {{"resolution", member<&HexplaneShape::resolution>, 1, 1e4},
+                 {"times", member<&HexplaneShape::times>, 0, 1e6},
+                 {"levels", member<&HexplaneShape::levels>, 0, 16},
+                 {"channels", member<&HexplaneShape::channels>, 0, 1e3},
+                 {"hidden", member<&HexplaneShape::hidden>, 0, 1e3},
+                 {"layers", member<&HexplaneShape::layers>, 0, 1e3}};
+    m.numbers_of_gaussians = {
+        {"centre_x", centre<0>, -1e30, 1e30}, {"half_size_x", half_size<0>, 0, 1e30},
+        {"centre_y", centre<1>, -1e30, 1e30}, {"half_size_y", half_size<1>, 0, 1e30},
+        {"centre_z", centre<2>, -1e30, 1e30}, {"half_size_z", half_size<2>, 0, 1e30}};
+    m.set_numbers = [](MotionShape& shape, const MotionOptions& options, int time_steps) {
+      static_cast<HexplaneOptions&>(shape.hexplane) = options.hexplane;
+      if (shape.hexplane.times == 0) shape.hexplane.times = (time_steps + 1) / 2;
+    };
+    m.enclose = [](MotionShape& shape, const std::vector<float>& means,
+                   const MotionOptions& options) {
+      set_box(shape.hexplane, means, options.hexplane.slack);
+    };
     m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
       return std::make_unique<HexplaneMotion>(queue, shape);
     };

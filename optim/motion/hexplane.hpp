@@ -44,7 +44,7 @@ class HexplaneMotion : public Motion {
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                 const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
                 const RowList& rows = {}) override;
-  void regularize(Queue& queue, Parameters& parameters, const HexplaneOptions& rule) override;
+  void regularize(Queue& queue, Parameters& parameters, const MotionOptions& options) override;
   void set_rate_scales(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;

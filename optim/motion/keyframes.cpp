@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "optim/motion/motion_options.hpp"
+
 namespace gflow {
 
 std::vector<TableSpec> keyframes_tables(const MotionShape& shape) {
@@ -91,7 +93,14 @@ const MotionModel& keyframes_model() {
   static const MotionModel model = [] {
     MotionModel m;
     m.name = "keyframes";
-    m.has_keys = m.has_key_scales = true;
+    m.numbers = {
+        key_count(),
+        {"key_scales", [](MotionShape& shape) -> int& { return shape.key_scales; }, -1, 1}};
+    m.set_numbers = [](MotionShape& shape, const MotionOptions& options, int time_steps) {
+      shape.keys = options.keys > 0 ? options.keys : time_steps;
+      shape.key_scales = options.key_scales;
+    };
+    m.keys = [](const MotionShape& shape) { return shape.keys; };
     m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
       return std::make_unique<KeyframesMotion>(queue, shape);
     };

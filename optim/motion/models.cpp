@@ -8,6 +8,7 @@
 #include "optim/motion/bases.hpp"
 #include "optim/motion/hexplane.hpp"
 #include "optim/motion/keyframes.hpp"
+#include "optim/motion/motion_options.hpp"
 #include "optim/motion/native4d.hpp"
 #include "optim/motion/spacetime.hpp"
 
@@ -22,6 +23,8 @@ std::vector<const MotionModel*>& models() {
 }
 
 }  // namespace
+
+const std::vector<const MotionModel*>& motion_models() { return models(); }
 
 const MotionModel& motion_model_of(MotionModelKind kind) {
   if (size_t(kind) >= models().size())
@@ -43,8 +46,39 @@ std::vector<const char*> names_of(MotionModelKind) {
   return names;
 }
 
+MotionShape motion_shape(MotionModelKind kind, const MotionOptions& options, int time_steps) {
+  const MotionModel& model = motion_model_of(kind);
+  MotionShape shape;
+  shape.motion = kind;
+  shape.cutoff = options.cutoff;
+  shape.own = options.own_of(model);
+  if (model.set_numbers) model.set_numbers(shape, options, std::max(time_steps, 1));
+  return shape;
+}
+
+void enclose(MotionShape& shape, const std::vector<float>& means, const MotionOptions& options) {
+  if (const auto set = motion_model_of(shape.motion).enclose) set(shape, means, options);
+}
+
+void enclose_as(MotionShape& shape, const MotionShape& from) {
+  MotionShape source = from;
+  for (const ShapeNumber& number : motion_model_of(shape.motion).numbers_of_gaussians) {
+    if (number.whole)
+      number.whole(shape) = number.whole(source);
+    else
+      number.real(shape) = number.real(source);
+  }
+}
+
+bool has_number(const MotionModel& model, const std::string& name) {
+  return std::any_of(model.numbers.begin(), model.numbers.end(),
+                     [&](const ShapeNumber& number) { return name == number.name; });
+}
+
 std::unique_ptr<Motion> make_motion(Queue& queue, const MotionShape& shape) {
-  return motion_model_of(shape.motion).make(queue, shape);
+  MotionShape complete = shape;
+  complete.own = shape.own_numbers();
+  return motion_model_of(shape.motion).make(queue, complete);
 }
 
 std::vector<MotionColumns> motion_columns(const MotionShape& shape) {

@@ -7,16 +7,34 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "optim/motion/hexplane_options.hpp"
 #include "optim/motion/motion.hpp"
+#include "optim/motion/own_numbers.hpp"
 
 namespace gflow {
 
 // Number of a model in the table. gflow's own models have names here; registered ones follow.
 enum class MotionModelKind { spacetime, native4d, keyframes, bases, hexplane };
 
+struct MotionOptions;
 struct MotionShape;
+
+// A number of MotionShape that files of a model store. Valid values are above `lowest` and at most
+// `highest`.
+struct ShapeNumber {
+  ShapeNumber(const char* name, int& (*member)(MotionShape&), double lowest, double highest)
+      : name(name), whole(member), lowest(lowest), highest(highest) {}
+  ShapeNumber(const char* name, float& (*member)(MotionShape&), double lowest, double highest)
+      : name(name), real(member), lowest(lowest), highest(highest) {}
+
+  const char* name;
+  int& (*whole)(MotionShape&) = nullptr;  // one of the two is set
+  float& (*real)(MotionShape&) = nullptr;
+  double lowest, highest;
+};
 
 // Parameter arrays on the host by group name, those of other tables included.
 using HostGroups = std::map<std::string, std::vector<float>>;
@@ -31,8 +49,16 @@ struct MotionColumns {
 struct MotionModel {
   const char* name = nullptr;  // in settings and files
 
-  // Numbers of MotionShape that its arrays depend on, besides duration and cutoff.
-  bool has_keys = false, has_key_scales = false, has_bases = false, has_planes = false;
+  // Settings of its own, in section [name]; its files store them, and `make` finds them in
+  // MotionShape::own.
+  std::vector<OwnNumber> own;
+  // Numbers of MotionShape that its arrays depend on, besides duration and cutoff; and those of
+  // them that depend on the initial Gaussians, not on settings alone.
+  std::vector<ShapeNumber> numbers, numbers_of_gaussians;
+  // Sets `numbers` from the settings. time_steps: of the video, at least 1. nullptr: none to set.
+  void (*set_numbers)(MotionShape&, const MotionOptions&, int time_steps) = nullptr;
+  // Sets `numbers_of_gaussians`. means [n, 3] of the initial Gaussians. nullptr: none to set.
+  void (*enclose)(MotionShape&, const std::vector<float>& means, const MotionOptions&) = nullptr;
   // Every Gaussian lasts for the whole video; one canonical pose is deformed over time.
   bool is_permanent = false;
   // Each Gaussian has one path of few parameters over its lifetime.
@@ -53,6 +79,12 @@ struct MotionModel {
   // See set_velocity() below; nullptr: Gaussians have no motion of their own.
   void (*set_velocity)(const MotionShape&, HostGroups&, size_t i, const std::array<double, 3>& v,
                        double s, double s_t) = nullptr;
+  // Number of keys that each Gaussian has for itself, so that they can be trained one by one
+  // (Motion::start_key); nullptr: none.
+  int (*keys)(const MotionShape&) = nullptr;
+  // Standard deviation of Gaussian i's opacity over time [model time]; nullptr: exp of log_scales
+  // t.
+  double (*lifetime)(const HostGroups&, size_t i) = nullptr;
   // Whether no Gaussian moves; nullptr: true if all of `columns` and `tables` are 0.
   bool (*is_static)(const MotionShape&, const HostGroups&) = nullptr;
 };
@@ -60,7 +92,8 @@ struct MotionModel {
 const MotionModel& motion_model_of(MotionModelKind kind);
 // Adds a model, which must outlive all use, and returns its number. Error if the name is taken.
 MotionModelKind register_motion_model(const MotionModel& model);
-// Names in the order of their numbers.
+// All models, in the order of their numbers, and their names.
+const std::vector<const MotionModel*>& motion_models();
 std::vector<const char*> names_of(MotionModelKind);
 
 // Numbers that define the arrays of a motion model.
@@ -72,33 +105,60 @@ struct MotionShape {
   int key_scales = 0;    // keyframes: 1 if scales have keys, too
   int bases = 0;         // bases: number of shared rigid motions
   HexplaneShape hexplane;
+  OwnNumbers own;  // of a model that declares its own
 
   // Calls field(name, member, lowest, highest) for each number that files of this model store;
   // valid values are above `lowest` and at most `highest`.
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
+    const double below_0 = -std::numeric_limits<double>::denorm_min();
     field("duration", self.duration, 0.0, 1e30);
-    field("cutoff", self.cutoff, -std::numeric_limits<double>::denorm_min(), 0.5);  // may be 0
+    field("cutoff", self.cutoff, below_0, 0.5);
     const MotionModel& model = motion_model_of(self.motion);
-    if (model.has_keys) field("keys", self.keys, 0.0, 1e6);
-    if (model.has_key_scales) field("key_scales", self.key_scales, -1.0, 1.0);
-    if (model.has_bases) field("bases", self.bases, 0.0, 1e3);
-    if (!model.has_planes) return;
-    auto& h = self.hexplane;
-    field("resolution", h.resolution, 1.0, 1e4);
-    field("times", h.times, 0.0, 1e6);
-    field("levels", h.levels, 0.0, 16.0);
-    field("channels", h.channels, 0.0, 1e3);
-    field("hidden", h.hidden, 0.0, 1e3);
-    field("layers", h.layers, 0.0, 1e3);
-    const char* const centre[] = {"centre_x", "centre_y", "centre_z"};
-    const char* const half_size[] = {"half_size_x", "half_size_y", "half_size_z"};
-    for (size_t axis = 0; axis < 3; ++axis) {
-      field(centre[axis], h.centre[axis], -1e30, 1e30);
-      field(half_size[axis], h.half_size[axis], 0.0, 1e30);
+    for (const auto* numbers : {&model.numbers, &model.numbers_of_gaussians})
+      for (const ShapeNumber& number : *numbers) {
+        if (number.whole)
+          field(number.name, member(self, number.whole), number.lowest, number.highest);
+        else
+          field(number.name, member(self, number.real), number.lowest, number.highest);
+      }
+    const auto visit = [&](const char* key, auto& value, const Help&, const Allowed& range) {
+      const double min = range.min;
+      field(key, value, range.above_min ? min : std::nextafter(min, -1e300), double(range.max));
+    };
+    if constexpr (std::is_const_v<Self>) {
+      const OwnNumbers own = self.own_numbers();
+      OwnNumbers::fields(own, visit);
+    } else {
+      self.own = self.own_numbers();
+      OwnNumbers::fields(self.own, visit);
     }
   }
+
+  // `own`, or what the model declares if they are not set.
+  OwnNumbers own_numbers() const {
+    return own.empty() ? OwnNumbers(motion_model_of(motion).own) : own;
+  }
+
+ private:
+  template <class Number>
+  static Number& member(MotionShape& self, Number& (*of)(MotionShape&)) {
+    return of(self);
+  }
+  template <class Number>
+  static const Number& member(const MotionShape& self, Number& (*of)(MotionShape&)) {
+    return of(const_cast<MotionShape&>(self));
+  }
 };
+
+// Shape of a new model: numbers from settings, those of initial Gaussians still at their defaults.
+MotionShape motion_shape(MotionModelKind kind, const MotionOptions& options, int time_steps);
+// Sets the numbers that depend on the initial Gaussians: from their means, or as in `from`, which
+// is a shape of the same model.
+void enclose(MotionShape& shape, const std::vector<float>& means, const MotionOptions& options);
+void enclose_as(MotionShape& shape, const MotionShape& from);
+// Whether files of the model store a number of that name.
+bool has_number(const MotionModel& model, const std::string& name);
 
 // The following use the table entry of shape.motion.
 std::unique_ptr<Motion> make_motion(Queue& queue, const MotionShape& shape);

@@ -5,10 +5,11 @@
 #include <cmath>
 
 #include "optim/engine/gaussians.hpp"
-#include "optim/motion/hexplane_options.hpp"
 #include "optim/motion/view_rows.hpp"
 
 namespace gflow {
+
+struct MotionOptions;
 
 // Half-width of a Gaussian's time window [standard deviations]: there its temporal weight equals
 // the cutoff, which is in [0, 1).
@@ -64,8 +65,8 @@ class Motion {
                         const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
                         const RowList& rows = {}) = 0;
 
-  // After all backward() of a training step: adds the gradients of the regularisers of the model.
-  virtual void regularize(Queue&, Parameters&, const HexplaneOptions&) {}
+  // After all backward() of a training step: adds the gradients of the model's regularisers.
+  virtual void regularize(Queue&, Parameters&, const MotionOptions&) {}
 
   // Sets parameters.rows.rate_scale and rate_divisor, which scale Adam's learning rates per row.
   virtual void set_rate_scales(Queue& queue, Parameters& parameters, const PaceRule& rule) = 0;

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Motion model and static/dynamic split (settings motion.*).
 #pragma once
-#include <array>
+#include <map>
+#include <string>
 
+#include "optim/motion/hexplane_options.hpp"
 #include "optim/motion/models.hpp"
 #include "runtime/base/option.hpp"
 
@@ -29,6 +31,17 @@ struct MotionOptions {
   float static_threshold = 0;
   int static_every = 500;
   float wake_threshold = 5;
+  HexplaneOptions hexplane;               // a section of its own
+  std::map<std::string, OwnNumbers> own;  // those of further models, by name; may lack some
+
+  // Section of a model that declares numbers of its own.
+  OwnNumbers& own_of(const MotionModel& model) {
+    return own.try_emplace(model.name, model.own).first->second;
+  }
+  OwnNumbers own_of(const MotionModel& model) const {
+    const auto found = own.find(model.name);
+    return found == own.end() ? OwnNumbers(model.own) : found->second;
+  }
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {

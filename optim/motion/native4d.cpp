@@ -2,6 +2,9 @@
 #include "optim/motion/native4d.hpp"
 
 #include <algorithm>
+#include <cmath>
+
+#include "shared/motion/native4d.h"
 
 namespace gflow {
 
@@ -113,6 +116,15 @@ const MotionModel& native4d_model() {
       const QuatPair q = quats_for_velocity(v, s, s_t);
       std::copy(q.left.begin(), q.left.end(), &groups.at("quats")[4 * i]);
       std::copy(q.right.begin(), q.right.end(), &groups.at("quats_r")[4 * i]);
+    };
+    m.lifetime = [](const HostGroups& groups, size_t i) {
+      const auto row = [&](const char* group) {
+        const float* v = &groups.at(group)[4 * i];
+        return make_real4(double(v[0]), double(v[1]), double(v[2]), double(v[3]));
+      };
+      const Frame4 frame = frame4(quat_normalize(row("quats")).q, quat_normalize(row("quats_r")).q);
+      const real4 p_t = rows_of(frame, exp(row("log_scales"))).t;
+      return std::sqrt(dot(p_t, p_t));
     };
     m.is_static = [](const MotionShape&, const HostGroups& groups) {
       return groups.at("quats") == groups.at("quats_r");

@@ -366,6 +366,10 @@ std::string to_toml(const TrainOptions& config) {
   std::string text =
       "# Every setting of this run. Use it again with: gflow train SCENE -o RUN --config FILE\n";
   TrainOptions::sections(config, [&](const char* section, auto& part, const char* help) {
+    // A program without this model does not know the section, but may read the file otherwise.
+    if (std::is_same_v<std::decay_t<decltype(part)>, OwnNumbers> &&
+        section != std::string(name_of(config.motion.model)))
+      return;
     text += fmt::format("\n[{}]  # {}\n", section, help);
     std::decay_t<decltype(part)>::fields(
         part, [&](const char* key, auto& member, const Help& help, const auto&... range) {

@@ -14,7 +14,6 @@
 #include "optim/init/init_options.hpp"
 #include "optim/loss/loss_options.hpp"
 #include "optim/model/view_options.hpp"
-#include "optim/motion/hexplane_options.hpp"
 #include "optim/motion/motion_options.hpp"
 #include "optim/options/training_options.hpp"
 #include "optim/scene/scene_options.hpp"
@@ -25,7 +24,6 @@ struct TrainOptions {
   SceneOptions scene;
   ScheduleOptions train;
   MotionOptions motion;
-  HexplaneOptions hexplane;
   InitOptions init;
   LossOptions loss;
   FlowOptions flow;
@@ -45,7 +43,11 @@ struct TrainOptions {
     section("scene", self.scene, "scene and how to read it");
     section("train", self.train, "schedule");
     section("motion", self.motion, "motion of the Gaussians");
-    section("hexplane", self.hexplane, "field of motion.model = hexplane");
+    section("hexplane", self.motion.hexplane, "field of motion.model = hexplane");
+    for (const MotionModel* model : motion_models()) {
+      auto&& own = self.motion.own_of(*model);
+      if (!own.empty()) section(model->name, own, "numbers of that motion model");
+    }
     section("init", self.init, "initial Gaussians");
     section("loss", self.loss, "image loss and regularisers of motion");
     section("flow", self.flow, "optical flow");

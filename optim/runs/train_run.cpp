@@ -65,14 +65,12 @@ void require_whole_files(Preparation& prepared, bool quiet) {
   progress.finish();
 }
 
-// The model shape of the settings, with the field's box from the checkpoint.
+// The model shape of the settings, with what depends on initial Gaussians from the checkpoint.
 ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& scene,
                            const TrainOptions& config, const RunFolder& run) {
   ModelShape shape = model_shape(scene, config);
-  if (!motion_model_of(shape.motion).has_planes) return shape;
-  const HexplaneShape kept = kept_shape(found.checkpoint, found.path, run).hexplane;
-  shape.hexplane.centre = kept.centre;
-  shape.hexplane.half_size = kept.half_size;
+  if (!motion_model_of(shape.motion).numbers_of_gaussians.empty())
+    enclose_as(shape, kept_shape(found.checkpoint, found.path, run));
   return shape;
 }
 

@@ -41,8 +41,8 @@ double moment_to_begin(const std::vector<Frame>& frames) {
 Curriculum Curriculum::of(const TrainOptions& config, bool permanent) {
   if (!permanent) return {};
   const int iterations = config.train.iterations;
-  return {std::min(config.hexplane.warmup, iterations / 5),
-          double(config.hexplane.curriculum) * iterations, iterations};
+  return {std::min(config.motion.hexplane.warmup, iterations / 5),
+          double(config.motion.hexplane.curriculum) * iterations, iterations};
 }
 
 double Curriculum::share(int step) const {

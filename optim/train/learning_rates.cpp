@@ -42,7 +42,7 @@ AdamRate Rates::planned(Quantity quantity, int step) const {
     case Quantity::scale:
       return {fade * lr.scales, eps.eps_scales};
     case Quantity::opacity:
-      return {fade * (permanent ? config_.hexplane.opacity : lr.opacity), eps.eps_opacity};
+      return {fade * (permanent ? config_.motion.hexplane.opacity : lr.opacity), eps.eps_opacity};
     case Quantity::color:
       return {fade * lr.sh, eps.eps_sh};
     case Quantity::plane:

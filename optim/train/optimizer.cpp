@@ -48,7 +48,7 @@ void Optimizer::update(Queue& queue, const Stage& stage, int step, bool warming,
     model_.motion->set_rate_scales(queue, p,
                                    {model_.shape.duration, time_step, lr.pace, lr.pace_most});
   }
-  model_.motion->regularize(queue, p, options_.hexplane);
+  model_.motion->regularize(queue, p, options_.motion);
   if (stage.time_step > 0) {  // train one key only; flow leads to the one before
     Table& keys = p.more[0];
     keys.rows.seen.fill_range(queue, 0, size_t(stage.time_step) * p.moving, 0u);

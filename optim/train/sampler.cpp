@@ -22,7 +22,7 @@ Sampler::Sampler(const TrainOptions& config, const Scene& scene, const FrameStor
       ways_(scene.train.size()) {
   require_sequence(config, scene, shape);
   const bool sequential = config.train.sequential;
-  choices_.resize(sequential ? size_t(shape.keys) : 1);
+  choices_.resize(sequential ? size_t(motion_model_of(shape.motion).keys(shape)) : 1);
   for (size_t i = 0; i < scene.train.size(); ++i) {
     const Camera& camera = frames.camera(scene.train[i]);
     const double area = i < parts_.size() ? double(parts_[i].width) * parts_[i].height : 0;

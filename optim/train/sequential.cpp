@@ -10,7 +10,8 @@ namespace gflow {
 void require_sequence(const TrainOptions& config, const Scene& scene, const MotionShape& shape) {
   if (!config.train.sequential) return;
   const int steps = std::max(scene.steps, 1);
-  if (shape.motion != MotionModelKind::keyframes || shape.keys != steps)
+  const auto keys = motion_model_of(shape.motion).keys;
+  if (!keys || keys(shape) != steps)
     throw Error(
         "train.sequential requires motion.model = \"keyframes\" and motion.keys = 0 (one key per "
         "time step)");

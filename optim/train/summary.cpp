@@ -53,9 +53,9 @@ std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
   std::string text =
       fmt::format("scene: {}, {}, {}; images: {} training, {} test, {} validation, {}{}x{}\n",
                   scene.layout, count_of(scene.cameras.size(), "camera", "cameras"),
-                  count_of(size_t(scene.steps), "time step", "time steps"),
-                  scene.train.size(), scene.test.size(), scene.val.size(),
-                  sizes.size() > 1 ? "up to " : "", sizes.rbegin()->first, sizes.rbegin()->second);
+                  count_of(size_t(scene.steps), "time step", "time steps"), scene.train.size(),
+                  scene.test.size(), scene.val.size(), sizes.size() > 1 ? "up to " : "",
+                  sizes.rbegin()->first, sizes.rbegin()->second);
   const auto& [x, y, z] = scene.origin;
   if (x != 0 || y != 0 || z != 0)
     text += fmt::format("coordinates: relative to ({}, {}, {}) of the scene's world\n", x, y, z);
@@ -80,18 +80,18 @@ void warn_of_idle_settings(const Scene& scene, const TrainOptions& config) {
                      config.scene.cameras, scene.name, scene.layout));
   const MotionModelKind model = motion_model(scene, config.motion);
   const MotionModel& traits = motion_model_of(model);
-  const char* const name = names_of(model)[size_t(model)];
-  if (config.motion.keys > 0 && !traits.has_keys)
+  const char* const name = traits.name;
+  if (config.motion.keys > 0 && !has_number(traits, "keys"))
     warn(fmt::format("motion.keys = {} has no effect: motion model {} has no keys",
                      config.motion.keys, name));
-  if (config.motion.key_scales && !traits.has_key_scales)
+  if (config.motion.key_scales && !has_number(traits, "key_scales"))
     warn(fmt::format("motion.key_scales has no effect with motion model {}, only with keyframes",
                      name));
   if (config.motion.static_threshold > 0 && traits.is_permanent)
     warn(
-        fmt::format("motion.static_threshold = {} has no effect: motion model hexplane has no "
-                    "motion parameters per Gaussian",
-                    config.motion.static_threshold));
+        fmt::format("motion.static_threshold = {} has no effect: motion model {} has no motion "
+                    "parameters per Gaussian",
+                    config.motion.static_threshold, name));
   else if (config.motion.static_threshold > 0 && config.train.sequential)
     warn(
         fmt::format("motion.static_threshold = {} has no effect with train.sequential: static "

@@ -85,8 +85,9 @@ void learn(Queue& queue, const TrainOptions& config, Parameters& parameters) {
 }
 
 void roll_back(Queue& queue, Model& model, WarmUpImage& p) {
-  HexplaneOptions every_term;
-  every_term.plane_tv = every_term.time_smoothness = every_term.l1_time = 1;
+  MotionOptions every_term;
+  HexplaneOptions& rule = every_term.hexplane;
+  rule.plane_tv = rule.time_smoothness = rule.l1_time = 1;
   Parameters& parameters = model.parameters;
   const Buffer<cl_uint>& seen = p.splats.tiles_touched;
   GaussianGradients& g = p.gradients;

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "optim/motion/motion_options.hpp"
 #include "optim/reference/hexplane.hpp"
 #include "tests/support/motion_check.hpp"
 
@@ -202,8 +203,10 @@ TEST_P(HexplaneRule, GradientEqualsCentralDifferences) {
         return reference::plane_cost(shape.hexplane, GetParam(), x);
       },
       values);
+  MotionOptions options;
+  options.hexplane = GetParam();
   // Set if nothing was seen before, added otherwise.
-  check.motion().regularize(queue, p, GetParam());
+  check.motion().regularize(queue, p, options);
   std::vector<float> found = p["planes"].grads.read(queue);
   const std::vector<cl_uint> seen = p.more[0].rows.seen.read(queue);
   for (size_t k = 0; k < found.size(); ++k)
@@ -211,7 +214,7 @@ TEST_P(HexplaneRule, GradientEqualsCentralDifferences) {
   EXPECT_LT(relative_l2(found, expected), 1e-5);
   p.more[0].rows.seen.fill(queue, 1u);
   p["planes"].grads.fill(queue, 1.f);
-  check.motion().regularize(queue, p, GetParam());
+  check.motion().regularize(queue, p, options);
   std::vector<double> one_more = expected;
   for (double& x : one_more) x += 1;
   EXPECT_LT(relative_l2(p["planes"].grads.read(queue), one_more), 1e-6);

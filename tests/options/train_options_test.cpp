@@ -107,7 +107,7 @@ TEST(Config, EveryPresetPassesTheCheck) {
       EXPECT_GT(config.guidance.views, 1);
     } else if (name != "mcmc.toml") {
       EXPECT_EQ(config.motion.model, choice_of(MotionModelKind::hexplane)) << file.path();
-      EXPECT_EQ(config.hexplane.curriculum, 0) << file.path();
+      EXPECT_EQ(config.motion.hexplane.curriculum, 0) << file.path();
     } else {
       EXPECT_EQ(config.density.strategy, DensityKind::mcmc);
     }

@@ -11,8 +11,8 @@ namespace {
 TrainOptions some_config() {
   TrainOptions config;
   config.train.iterations = 1000;
-  config.hexplane.warmup = 100;
-  config.hexplane.curriculum = 0.5f;
+  config.motion.hexplane.warmup = 100;
+  config.motion.hexplane.curriculum = 0.5f;
   return config;
 }
 
@@ -77,7 +77,7 @@ TEST(Curriculum, RatesFallOnceItIsDone) {
   brief.train.iterations = 200;
   EXPECT_FALSE(Curriculum::of(brief, true).warming(40));
   TrainOptions endless = some_config();  // the training ends before the curriculum
-  endless.hexplane.curriculum = 1;
+  endless.motion.hexplane.curriculum = 1;
   EXPECT_EQ(Curriculum::of(endless, true).share_after(999), 0);
 }
 

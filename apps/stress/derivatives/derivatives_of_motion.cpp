@@ -4,6 +4,7 @@
 #include "apps/stress/figures.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/loss/motion_loss.hpp"
+#include "optim/motion/motion_options.hpp"
 #include "optim/reference/device_scene.hpp"
 #include "optim/reference/flat_static.hpp"
 #include "optim/reference/motion_models.hpp"
@@ -435,7 +436,8 @@ Derivative bends_row(Queue& queue) {
 // and serve as the reference; the last column compares two step sizes.
 Derivative plane_rule_row(Queue& queue) {
   const MotionShape shape = shape_of(MotionModelKind::hexplane);
-  HexplaneOptions rule;
+  MotionOptions options;
+  HexplaneOptions& rule = options.hexplane;
   rule.plane_tv = .1f;
   rule.time_smoothness = .2f;
   rule.l1_time = .3f;
@@ -447,7 +449,7 @@ Derivative plane_rule_row(Queue& queue) {
     x.push_back(double(float(1 + (i % 2 ? .2 : -.2) * random.uniform(.1, 1))));
   p["planes"].values.write(queue, std::vector<float>(x.begin(), x.end()));
   p.forget_seen(queue);
-  motion->regularize(queue, p, rule);
+  motion->regularize(queue, p, options);
   const auto cost = [&](const std::vector<double>& y) {
     return reference::plane_cost(shape.hexplane, rule, y);
   };
