@@ -120,7 +120,7 @@ FlowStore computed_flows(const TrainOptions& config, const LoadedScene& loaded,
         "optical flow of {} image pairs is computed on demand and cached, up to {} GiB, in {}\n",
         compared, config.flow.store, how.folder);
   Progress progress("flow ", long(compared), quiet || !how.beforehand || compared == 0);
-  how.progress = progress_callback(progress);
+  if (!how.progress) how.progress = progress_callback(progress);
   FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, how);
   progress.finish();
   return flows;
@@ -147,10 +147,12 @@ Preparation::Preparation(const TrainOptions& config, LoadedScene loaded)
   if (flows_) flows_ = with_far_flow(config, loaded_, pairs_, std::move(*flows_));
 }
 
-void Preparation::compute_flow(const std::string& folder, bool quiet) {
+void Preparation::compute_flow(const std::string& folder, bool quiet,
+                               const ProgressCallback& progress) {
   if (flows_) return;
   const bool all_alike = config_.flow.long_span == FarFlow::direct;
-  const FlowEstimation how = kept_in(folder, config_.flow);
+  FlowEstimation how = kept_in(folder, config_.flow);
+  how.progress = progress;
   flows_ =
       with_far_flow(config_, loaded_, pairs_,
                     computed_flows(config_, loaded_, all_alike ? pairs_ : neighbours_, how, quiet),

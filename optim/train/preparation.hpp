@@ -5,6 +5,7 @@
 
 #include "optim/scene/loaded_scene.hpp"
 #include "optim/train/trainer.hpp"
+#include "runtime/base/report.hpp"
 
 namespace gflow {
 
@@ -27,7 +28,9 @@ class Preparation {
   }
   // Computes flow and keeps it in a folder: beforehand if all of it fits into its budget and
   // training is long enough to use all pairs, else on demand. Does nothing if flow exists.
-  void compute_flow(const std::string& folder, bool quiet);
+  // quiet: no progress line; progress: called with the numbers of pairs done and of all, from any
+  // thread, one call at a time.
+  void compute_flow(const std::string& folder, bool quiet, const ProgressCallback& progress = {});
   // Finds motion masks, for focus regions and initial Gaussians. Needs no flow. Error if init.from
   // asks for stereo points and there are none.
   void find_motion_masks();

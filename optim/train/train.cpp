@@ -10,16 +10,17 @@ namespace gflow {
 TrainResult train(Queue& queue, Scene scene, const TrainOptions& options,
                   const TrainExtensions& extensions) {
   check(options);
+  TrainObserver nobody;
+  TrainObserver& observer = extensions.observer ? *extensions.observer : nobody;
   const ScratchFolder folder("train");
   Preparation prepared(options,
                        with_frames(std::move(scene), options.scene, folder.file("frames")));
   const std::unique_ptr<Guidance> guidance = guidance_of(options);
   prepared.find_motion_masks();
-  prepared.compute_flow(folder.file("flow"), true);
+  prepared.compute_flow(folder.file("flow"), true,
+                        [&](size_t done, size_t pairs) { observer.on_flow(done, pairs); });
   Model model(queue, prepared.first_model(queue));
   Trainer trainer = prepared.trainer(queue, model, guidance.get(), extensions.objectives);
-  TrainObserver nobody;
-  TrainObserver& observer = extensions.observer ? *extensions.observer : nobody;
   TrainResult result;
   result.steps = train_loop(queue, trainer, 0, options.train.iterations, observer);
   prepared.flows().prefetch({});  // cancel: no further flow is needed

@@ -31,6 +31,9 @@ class TrainState {
 class TrainObserver {
  public:
   virtual ~TrainObserver() = default;
+  // Before the first step, while optical flow is computed: numbers of image pairs done and of all.
+  // Called from any thread, one call at a time.
+  virtual void on_flow(size_t /*done*/, size_t /*pairs*/) {}
   // After each step. An exception ends the training.
   virtual void after_step(TrainState&) {}
   // A message to the user about an event in a step.
