@@ -7,24 +7,20 @@
 
 using namespace gflow;
 
-int main() {
+int main() try {
   Queue queue(find_device(), {});
   HostModel host;  // one Gaussian of the spacetime model, moving to the right
   host.count = 1;
   host.shape.sh_degree = 0;
-  host.groups = {{"means", {0, 0, 0}},
-                 {"means_t", {0.5f}},
-                 {"quats", {1, 0, 0, 0}},
-                 {"velocities", {0.8f, 0, 0}},
-                 {"log_scales", {-1.5f, -1.5f, -1.5f, 5}},
-                 {"half_accelerations", {0, 0, 0}},
-                 {"turns", {0, 0, 0, 0}},
-                 {"logit_opacities", {2}},
-                 {"sh0", {1, 0, -1}},
+  host.groups = {{"means", {0, 0, 0}},     {"means_t", {0.5f}},
+                 {"quats", {1, 0, 0, 0}},  {"log_scales", {-1.5f, -1.5f, -1.5f, 5}},
+                 {"logit_opacities", {2}}, {"sh0", {1, 0, -1}},
                  {"sh_rest", {}}};
+  set_static(host.shape, host.groups, host.count);
+  set_velocity(host.shape, host.groups, 0, {0.8, 0, 0}, 0.2, 100);
   Model model(queue, host);
   Renderer renderer(queue, {});
-  Adam adam(queue, {});
+  Adam adam(queue);
 
   Camera camera;
   camera.width = camera.height = 64;
@@ -38,25 +34,23 @@ int main() {
   shot.flow = true;
 
   for (int step = 0; step < 10; ++step) {
-    Parameters& p = model.parameters;
-    p.forget_seen(queue);
+    model.begin_step(queue);
     renderer.forward(queue, model, shot);
-    const std::vector<float> rgb = renderer.images().rgb.read(queue);  // [3, H, W]
-    std::vector<float> v_rgb(rgb.size());
+    std::vector<float> v_rgb = renderer.images().rgb.read(queue);  // [3, H, W]
     double loss = 0;
-    for (size_t i = 0; i < rgb.size(); ++i) {
-      loss += 0.5 * (rgb[i] - 0.5) * (rgb[i] - 0.5) / double(rgb.size());
-      v_rgb[i] = (rgb[i] - 0.5f) / float(rgb.size());
+    for (float& value : v_rgb) {
+      loss += 0.5 * (value - 0.5) * (value - 0.5) / double(v_rgb.size());
+      value = (value - 0.5f) / float(v_rgb.size());
     }
     ImageGradients v;
-    v.v_rgb = Buffer<float>(queue, v_rgb, "v_rgb");
-    v.v_alpha = Buffer<float>(queue, std::vector<float>(rgb.size() / 3), "v_alpha");
-    v.v_flow = Buffer<float>(queue, std::vector<float>(2 * rgb.size() / 3), "v_flow");
+    v.zero(queue, renderer.images(), shot.flow, shot.depth);
+    v.v_rgb.write(queue, v_rgb);
     renderer.backward(queue, model, v);
-    adam.advance(queue, p.rows, p.active);
-    for (size_t g = 0; g < p.groups.size(); ++g)
-      adam.step(queue, p.groups[g], p.rows, p.active_in(p.specs[g]), {0.05f, 1e-8f});
+    model.step(queue, adam, {0.05f, 1e-8f});
     const float flow = renderer.images().flow.read(queue)[32 * 64 + 32];
     std::printf("step %d: loss %.6f, flow at the centre %.2f px\n", step, loss, double(flow));
   }
+} catch (const std::exception& problem) {
+  std::fprintf(stderr, "fit: %s\n", problem.what());
+  return 1;
 }

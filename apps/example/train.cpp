@@ -7,6 +7,10 @@
 using namespace gflow;
 
 struct Printer : TrainObserver {
+  void on_flow(size_t done, size_t pairs) override {
+    std::printf("\rflow of %zu of %zu image pairs%s", done, pairs, done < pairs ? "" : "\n");
+    std::fflush(stdout);
+  }
   void after_step(TrainState& state) override {
     if (state.done % 50 == 0)
       std::printf("step %d: loss %.4f, psnr %.1f dB, %zu Gaussians\n", state.done,
@@ -15,14 +19,17 @@ struct Printer : TrainObserver {
   bool stop(int done) override { return done >= 200; }
 };
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
   if (argc != 3) return std::fprintf(stderr, "usage: train SCENE MODEL.ply\n"), 1;
   TrainOptions options;
   options.train.iterations = 1000;
   Queue queue(find_device(), {});
   Printer printer;
-  const TrainResult result =
-      train(queue, read_scene(argv[1], options.scene), options, {&printer, {}});
+  const Scene scene = read_scene(argv[1], options.scene);
+  const TrainResult result = train(queue, scene, options, {&printer, {}});
   write_model(argv[2], result.model);
   std::printf("%d steps, %s\n", result.steps, argv[2]);
+} catch (const std::exception& problem) {
+  std::fprintf(stderr, "train: %s\n", problem.what());
+  return 1;
 }

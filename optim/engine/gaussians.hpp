@@ -73,6 +73,19 @@ struct Images {
 struct ImageGradients {
   Buffer<float> v_rgb{"v_rgb"}, v_alpha{"v_alpha"}, v_depth{"v_depth"}, v_flow{"v_flow"};
   bool flow_in_parts = false;  // v_flow is 0 in many tiles, which may be skipped
+
+  // Zero, in the sizes of the images; with_flow, with_depth: their channels.
+  void zero(Queue& queue, const Images& images, bool with_flow, bool with_depth) {
+    const size_t pixels = size_t(images.width) * size_t(images.height);
+    const auto start = [&](Buffer<float>& v, size_t size) {
+      v.ensure(queue, size);
+      if (size > 0) v.fill(queue, 0.f);
+    };
+    start(v_rgb, 3 * pixels);
+    start(v_alpha, pixels);
+    start(v_depth, with_depth ? pixels : 0);
+    start(v_flow, with_flow ? 2 * pixels : 0);
+  }
 };
 
 }  // namespace gflow

@@ -201,6 +201,16 @@ HostModel Model::read(Queue& queue) const {
   return model_of_values(shape, parameters.count, parameters.moving, std::move(values));
 }
 
+void Model::step(Queue& queue, Adam& adam, const AdamRate& rate) {
+  for (Table* table : parameters.tables()) {
+    for (size_t g = 0; g < table->groups.size(); ++g)
+      adam.refuse(queue, table->groups[g], table->rows, table->active_in(table->specs[g]));
+    adam.advance(queue, table->rows, table->active);
+    for (size_t g = 0; g < table->groups.size(); ++g)
+      adam.step(queue, table->groups[g], table->rows, table->active_in(table->specs[g]), rate);
+  }
+}
+
 HostModel model_of_state(const ModelShape& shape, const Arrays& arrays, const std::string& path) {
   StateValues kept = state_values(arrays, all_groups(shape), motion_tables(shape), path);
   return model_of_values(shape, kept.count, kept.moving, std::move(kept.groups));

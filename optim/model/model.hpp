@@ -41,6 +41,11 @@ class Model {
   float time(double scene_time) const { return float(scene_time * shape.duration); }
   HostModel read(Queue& queue) const;
 
+  // A training step for programs with a loop of their own (the trainer uses Optimizer): before the
+  // first backward pass, and one Adam step of every group after the last.
+  void begin_step(Queue& queue) { parameters.forget_seen(queue); }
+  void step(Queue& queue, Adam& adam, const AdamRate& rate);
+
   ModelShape shape;
   std::unique_ptr<Motion> motion;
   Color color;

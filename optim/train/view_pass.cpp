@@ -64,15 +64,7 @@ void ViewPass::run(Queue& queue, const StepContext& context, const Sample& sampl
   renderer_.forward(queue, model_, shot);
   empty_views_ = renderer_.engine().tiles().intersections > 0 ? 0 : empty_views_ + 1;
 
-  const size_t pixels = size_t(sample.part.width) * size_t(sample.part.height);
-  const auto start_at_zero = [&](Buffer<float>& gradient, size_t size) {
-    gradient.ensure(queue, size);
-    if (size > 0) gradient.fill(queue, 0.f);
-  };
-  v_.v_rgb.ensure(queue, 3 * pixels);  // set by the image objective
-  start_at_zero(v_.v_alpha, pixels);
-  start_at_zero(v_.v_depth, shot.depth ? pixels : 0);
-  start_at_zero(v_.v_flow, shot.flow ? 2 * pixels : 0);
+  v_.zero(queue, renderer_.images(), shot.flow, shot.depth);
   for (const auto& objective : objectives_) objective->add_gradients(queue, view, renderer_, v_);
   GaussianGradients& poses = renderer_.backward_to_poses(queue, v_);
   for (const auto& objective : objectives_)

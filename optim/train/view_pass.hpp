@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One view of a training step on one device: renders it, lets the objectives compare, and adds the
-// gradients to the model's parameters.
+// gradients to the model's parameters, in the order of the views. Training on several devices needs
+// a pass and a model for each, and a sum of their gradients in that order before Optimizer::step().
 #pragma once
 #include <memory>
 #include <vector>
