@@ -9,7 +9,6 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "apps/common/command_line.hpp"
 #include "apps/common/options.hpp"
@@ -18,6 +17,7 @@
 #include "runtime/base/output.hpp"
 #include "runtime/base/printable.hpp"
 #include "runtime/base/warning.hpp"
+#include "runtime/base/wrapped.hpp"
 #include "runtime/cl/pocl_cache.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "runtime/files/temporary_folder.hpp"
@@ -86,28 +86,12 @@ struct Outcome {
 // Width of a condition: what value, bound and verdict leave of a line of 80 characters.
 constexpr size_t kLine = 80, kCondition = 49;
 
-// Wraps a text at word boundaries to lines of `width` characters; continuation lines are indented
-// by two.
-std::vector<std::string> lines_of(const std::string& text, size_t width) {
-  std::vector<std::string> lines{""};
-  std::istringstream words(text);
-  for (std::string word; words >> word;) {
-    std::string& line = lines.back();
-    const bool begins = line.find_first_not_of(' ') == line.npos;
-    if (!begins && line.size() + 1 + word.size() > width)
-      lines.push_back("  " + word);
-    else
-      line += (begins ? "" : " ") + word;
-  }
-  return lines;
-}
-
 std::string heading_of(const Test& test) {
   return fmt::format("{:<4}{:<{}} {:>9} {:>9}\n", test.id, test.name, kCondition, "value", "bound");
 }
 
 std::string text_of(const stress::Row& row) {
-  std::vector<std::string> lines = lines_of(row.condition, kCondition);
+  std::vector<std::string> lines = wrapped(row.condition, kCondition, "  ");
   lines.back() = fmt::format("{:<{}} {:>9.3g} {:>9.2g}  {}", lines.back(), kCondition, row.figure,
                              row.bound, verdict(passed(row)));
   return fmt::format("    {}\n", fmt::join(lines, "\n    "));
@@ -116,7 +100,7 @@ std::string text_of(const stress::Row& row) {
 std::string text_of(const Derivative& d) {
   return fmt::format(
       "{}\n    to double {:.2g}, bound {:.2g}; differences {:.2g}, bound {:.2g}  {}\n",
-      fmt::join(lines_of(fmt::format("{} by {}", d.kernel, d.parameters), kLine), "\n"),
+      fmt::join(wrapped(fmt::format("{} by {}", d.kernel, d.parameters), kLine, "  "), "\n"),
       d.against_double, d.double_bound, d.against_differences, d.differences_bound,
       verdict(passed(d)));
 }
