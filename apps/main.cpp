@@ -12,11 +12,13 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <new>
 #include <sstream>
 #include <system_error>
 
 #include "apps/common/command_line.hpp"
+#include "apps/common/help_text.hpp"
 #include "apps/common/options.hpp"
 #include "apps/common/signals.hpp"
 #include "optim/images/decoder_log.hpp"
@@ -69,7 +71,7 @@ void report_abort(int) {
 
 // The options of every sub-command, repeated at the end of each sub-command's --help.
 std::string global_help(const CLI::App& app) {
-  const CLI::Formatter formatter;
+  const gflow::WrappedHelp formatter{};
   std::string text = "Options of every command:\n";
   for (const char* name : {"--device", "--quiet"})
     text += formatter.make_option(app.get_option(name), false);
@@ -77,6 +79,7 @@ std::string global_help(const CLI::App& app) {
 }
 
 void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
+  app.formatter(std::make_shared<gflow::WrappedHelp>());  // inherited by the commands
   const std::string commit = GFLOW_COMMIT;
   app.set_version_flag("--version",
                        fmt::format("gflow {}{}\nOpenCL: 1.2 and later\nOpenCV: {}\nnetworks "

@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "optim/images/movie.hpp"
 #include "tests/support/command_scene.hpp"
@@ -47,7 +48,8 @@ TEST_F(CommandTest, TrainTakesAVideoFileAndADivisor) {
   EXPECT_EQ(gflow({"render", run, "-o", folder.file("pictures"), "--quiet"}).code, 0);
   EXPECT_TRUE(fs::exists(folder.path() + "/pictures/compare"));
   expect_refused({"train", video, "-o", run, "-r", "3"}, {"scene.resolution", "3", "1, 2, 4, 8"});
-  expect_refused({"train", folder.file("none.mp4"), "-o", run, "--overwrite"}, {"none.mp4", "no such"});
+  expect_refused({"train", folder.file("none.mp4"), "-o", run, "--overwrite"},
+                 {"none.mp4", "no such"});
 }
 
 TEST_F(CommandTest, TrainSaysWhatItFound) {
@@ -326,6 +328,15 @@ TEST_F(CommandTest, HelpIsThereForEveryCommand) {
     EXPECT_NE(outcome.out.find("--device"), std::string::npos) << command;
     EXPECT_EQ(outcome.out.find("=[]"), std::string::npos) << command;
   }
+}
+
+TEST_F(CommandTest, HelpIsWrappedToTheWidthOfTheTerminal) {
+  for (const char* command : {"train", "render", "eval", "export", "settings", "splat", "bench"})
+    for (const size_t width : {70, 90}) {
+      const Outcome outcome = gflow({command, "--help"}, fmt::format("export COLUMNS={}", width));
+      std::istringstream lines(outcome.out);
+      for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), width) << line;
+    }
 }
 
 // An unknown name would silently produce no gradients.
