@@ -88,9 +88,7 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
                                    GFLOW_OPENCV, GFLOW_NETWORKS));
   app.option_defaults()->always_capture_default();
   app.add_option("--device", options.device,
-                 "OpenCL device: its index in `gflow devices` or part of its name; empty: setting "
-                 "train.device (`gflow train` only), else the variable GFLOW_DEVICE, else the "
-                 "first GPU, else the first device")
+                 "OpenCL device: its index in `gflow devices` or part of its name")
       ->type_name("INDEX|NAME");
   app.add_flag("--quiet", options.quiet, "No progress on stderr");
   app.require_subcommand(1);
