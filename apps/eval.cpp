@@ -58,9 +58,7 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
   };
   auto flags = std::make_shared<Flags>();
   CLI::App* command = app.add_subcommand(
-      "eval",
-      "Evaluate a model of a run, finished or not; writes results.json and per_view.json "
-      "(..._iteration_N.json if not the latest), except while the run is being trained");
+      "eval", "Evaluate a run, finished or not, and write results.json and per_view.json");
   command->add_option("RUN", flags->run, "Run folder of `gflow train`")
       ->check(path_given())
       ->required()
