@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// `gflow settings`: what a training may be told, without making one.
+// `gflow settings`: lists the settings of training.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "apps/common/help_text.hpp"
 #include "apps/common/options.hpp"
 #include "optim/options/train_options.hpp"
 #include "runtime/base/edit_distance.hpp"
@@ -36,9 +38,31 @@ std::vector<SettingInWords> settings_named(const std::string& word, bool all_lev
                           excerpt(word), nearest->name));
 }
 
-std::string as_toml(const SettingInWords& s) {
-  return fmt::format("{:<34}  # {}{}", fmt::format("{} = {}", s.name, s.value), s.meaning,
-                     s.allowed.empty() ? "" : " (" + s.allowed + ")");
+// What each section of settings is about, by its name.
+std::map<std::string, std::string> section_meanings() {
+  std::map<std::string, std::string> meanings;
+  TrainOptions config;
+  TrainOptions::sections(config, [&](const char* name, const auto&, const char* meaning) {
+    meanings[name] = meaning;
+  });
+  return meanings;
+}
+
+// The settings below the headings of their sections.
+std::string table_of(const std::vector<SettingInWords>& settings) {
+  constexpr size_t column = 34;  // of the meanings
+  const std::map<std::string, std::string> meanings = section_meanings();
+  std::string text, section;
+  for (const SettingInWords& s : settings) {
+    const std::string its_section = s.name.substr(0, s.name.find('.'));
+    if (its_section != section)
+      text += fmt::format("{}[{}]  {}\n", text.empty() ? "" : "\n", its_section,
+                          meanings.at(its_section));
+    section = its_section;
+    const std::string allowed = s.allowed.empty() ? "" : ". Allowed: " + s.allowed;
+    text += two_columns(fmt::format("{} = {}", s.name, s.value), s.meaning + allowed, column);
+  }
+  return text;
 }
 
 }  // namespace
@@ -57,13 +81,17 @@ void add_settings(CLI::App& app, const GlobalOptions&) {
   command->add_flag("--all", flags->all, "Include advanced settings (always included with WORD)");
   command->add_flag("--json", flags->json, "Print JSON");
   command->callback([flags] {
-    nlohmann::ordered_json all = nlohmann::ordered_json::object();
-    for (const SettingInWords& s : settings_named(flags->word, flags->all))
-      if (flags->json)
+    const std::vector<SettingInWords> found = settings_named(flags->word, flags->all);
+    if (flags->json) {
+      nlohmann::ordered_json all = nlohmann::ordered_json::object();
+      for (const SettingInWords& s : found)
         all[s.name] = {{"default", s.value}, {"meaning", s.meaning}, {"allowed", s.allowed}};
-      else
-        fmt::print("{}\n", as_toml(s));
-    if (flags->json) fmt::print("{}\n", all.dump(1));
+      fmt::print("{}\n", all.dump(1));
+      return;
+    }
+    const size_t total = settings_in_words({}).size();
+    fmt::print("{}\n{} of {} settings{}\n", table_of(found), found.size(), total,
+               found.size() < total && flags->word.empty() ? "; --all shows the rest" : "");
   });
 }
 

@@ -302,18 +302,42 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
 TEST_F(CommandTest, SettingsListsWhatTrainingMayBeTold) {
   const Outcome all = gflow({"settings", "--all"}), usual = gflow({"settings"});
   EXPECT_EQ(all.code, 0) << all.err;
-  EXPECT_EQ(size_t(std::count(all.out.begin(), all.out.end(), '\n')), setting_values({}).size());
-  EXPECT_NE(all.out.find("adam.eps_means"), std::string::npos);
+  for (const auto& [name, value] : setting_values({}))
+    EXPECT_NE(all.out.find(fmt::format("\n  {} = {}", name, value)), std::string::npos) << name;
   EXPECT_EQ(usual.out.find("adam.eps_means"), std::string::npos);
-  EXPECT_NE(usual.out.find("flow.weight"), std::string::npos);
+  EXPECT_NE(usual.out.find("\n  flow.weight = "), std::string::npos);
   const Outcome some = gflow({"settings", "flow.ev"});
-  EXPECT_EQ(some.out.find("flow.every = "), 0u) << some.out;
-  EXPECT_EQ(std::count(some.out.begin(), some.out.end(), '\n'), 1) << some.out;
+  EXPECT_EQ(some.out.find("[flow]  optical flow\n  flow.every = "), 0u) << some.out;
+  EXPECT_EQ(some.out.find(" = ", some.out.find(" = ") + 1), std::string::npos) << some.out;
   const auto json = nlohmann::json::parse(gflow({"settings", "skip.", "--json"}).out);
   EXPECT_EQ(json["skip.masks"]["default"], "true");
   EXPECT_EQ(json["skip.masks"]["allowed"], "true or false");
   EXPECT_FALSE(json.contains("flow.every"));
   expect_refused({"settings", "wieght"}, {"settings wieght: no setting", "weight"});
+}
+
+TEST_F(CommandTest, SettingsEndsWithHowManyOfAllItShows) {
+  const size_t total = setting_values({}).size();
+  const auto ends_with = [](const std::string& text, const std::string& end) {
+    EXPECT_EQ(text.substr(text.size() - std::min(text.size(), end.size())), end);
+  };
+  const std::vector<SettingInWords> all = settings_in_words({});
+  const auto usual =
+      std::count_if(all.begin(), all.end(), [](const auto& setting) { return !setting.advanced; });
+  ends_with(gflow({"settings"}).out,
+            fmt::format("\n{} of {} settings; --all shows the rest\n", usual, total));
+  ends_with(gflow({"settings", "--all"}).out, fmt::format("\n{0} of {0} settings\n", total));
+  ends_with(gflow({"settings", "flow.ev"}).out, fmt::format("\n1 of {} settings\n", total));
+}
+
+TEST_F(CommandTest, SettingsIsWrappedBelowItsColumns) {
+  const Outcome outcome = gflow({"settings", "--all"}, "export COLUMNS=80");
+  std::istringstream lines(outcome.out);
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_LE(line.size(), 80u) << line;
+    const size_t indent = line.find_first_not_of(' ');
+    EXPECT_TRUE(line.empty() || indent == 0 || indent == 2 || indent == 34) << line;
+  }
 }
 
 TEST_F(CommandTest, HelpIsThereForEveryCommand) {
