@@ -151,7 +151,7 @@ Json info_of_run(const std::string& path, int iteration) {
             {"scene", state.config.scene.path},
             {"state", state.text()},
             {"iterations", state.iteration},
-            {"iterations_there", iterations_of(run)}};
+            {"saved_iterations", iterations_of(run)}};
   if (std::isfinite(state.facts.train_seconds)) info["train_seconds"] = state.facts.train_seconds;
   if (!state.facts.device.empty()) info["device"] = state.facts.device;
   info.update(
@@ -237,7 +237,7 @@ void print_info(const Json& info) {
           bytes < 1e5 ? fmt::format("{} bytes", bytes) : fmt::format("{:.1f} MiB", bytes / 1048576);
     }
     std::replace(name.begin(), name.end(), '_', ' ');
-    print_result("{:<15} {}{}\n", name, text, unit_of(key));
+    print_result("{:<18} {}{}\n", name, text, unit_of(key));
   }
 }
 

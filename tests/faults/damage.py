@@ -53,8 +53,8 @@ def damaged(world, damages):
         if now == right and not outcome.err:
             said_nothing = at is not None and not any(at in span for span in arrays)
             return wrong if said_nothing else wrong + [f"{name}: nobody noticed"]
-        if [line for line in now.splitlines() if not line.startswith("iterations there")] != [
-                line for line in older.splitlines() if not line.startswith("iterations there")]:
+        if [line for line in now.splitlines() if not line.startswith("saved iterations")] != [
+                line for line in older.splitlines() if not line.startswith("saved iterations")]:
             wrong.append(f"shows neither the newest checkpoint nor the one before: {now}")
         if len(outcome.err.splitlines()) != 1 or path not in outcome.err or str(before) not in outcome.err:
             wrong.append(f"not one warning that names both: {outcome.err!r}")
