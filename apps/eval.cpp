@@ -16,38 +16,39 @@
 
 namespace gflow {
 
-void print_report(const Evaluation& evaluation) {
+void print_report(const Evaluation& evaluation, const RunFacts& facts) {
   if (evaluation.views.empty()) return;
+  const auto row = [](const char* name, double value, int digits, const char* unit) {
+    if (std::isfinite(value)) print_result("  {:<28} {:>10.{}f}{}\n", name, value, digits, unit);
+  };
   const ViewMetrics& m = evaluation.mean;
-  const auto line = [](const char* name, double value, const char* unit) {
-    if (std::isfinite(value)) print_result("{:<22} {:8.3f} {}\n", name, value, unit);
-  };
-  const auto of_network = [&](const char* name, double value, const std::string& model,
-                              const char* setting) {
-    if (model.empty())
-      print_result("{:<22} no model given ({})\n", name, setting);
-    else
-      print_result("{:<22} {:8.4f}\n", name, value);
-  };
-  print_result("{} views{}, flow compared with: {}\n", evaluation.views.size(),
-               evaluation.trained_on ? ", all used for training" : "", evaluation.flow_reference);
-  line("PSNR", m.psnr, "dB");
-  line("PSNR, moving pixels", m.psnr_dynamic, "dB");
-  line("SSIM", m.ssim, "");
-  line("SSIM, moving pixels", m.ssim_dynamic, "");
-  of_network("LPIPS", m.lpips, evaluation.lpips_model, "metrics.lpips");
-  of_network("CLIP", m.clip, evaluation.clip_model, "metrics.clip");
-  line("flow error", m.flow_epe, "px");
-  line("flow error, moving", m.flow_epe_dynamic, "px");
-  line("  of the target flow", m.teacher_epe_dynamic, "px");
-  line("Fl-all", 100 * m.fl_all, "%");
-  line("depth error", 100 * m.depth_error, "%");
-  line("flicker", m.flicker, "grey levels");
-  if (!evaluation.tracks) return;
-  line("3D tracks, error", evaluation.tracks->mean, "scene units");
-  if (const auto& seen = evaluation.tracks->seen)
-    line("  seen in training", seen->mean, "scene units");
-  line("  if nothing moved", evaluation.tracks->still, "scene units");
+  print_result("{} views{}{}:\n", evaluation.views.size(),
+               evaluation.trained_on ? ", all used for training" : "",
+               evaluation.flow_reference == "true"  ? ", flow compared with the true flow"
+               : evaluation.flow_reference == "dis" ? ", flow compared with that of DIS"
+                                                    : "");
+  row("PSNR", m.psnr, 2, " dB");
+  row("PSNR of moving pixels", m.psnr_dynamic, 2, " dB");
+  row("SSIM", m.ssim, 4, "");
+  row("SSIM of moving pixels", m.ssim_dynamic, 4, "");
+  row("LPIPS", m.lpips, 4, "");
+  row("CLIP", m.clip, 4, "");
+  row("flow error", m.flow_epe, 3, " px");
+  row("flow error of moving pixels", m.flow_epe_dynamic, 3, " px");
+  row("  of DIS at these pixels", m.teacher_epe_dynamic, 3, " px");
+  row("Fl-all", 100 * m.fl_all, 2, " %");
+  row("depth error", 100 * m.depth_error, 2, " %");
+  row("flicker", m.flicker, 3, " grey levels");
+  if (const auto& tracks = evaluation.tracks) {
+    row("3D track error", tracks->mean, 4, " scene units");
+    if (tracks->seen) row("  of points seen in training", tracks->seen->mean, 4, " scene units");
+    row("  of a model without motion", tracks->still, 4, " scene units");
+  }
+  row("Gaussians", double(evaluation.gaussians), 0, "");
+  if (facts.train_seconds > 0) row("training time", facts.train_seconds, 0, " s");
+  if (facts.peak_memory_mib > 0) row("peak memory", facts.peak_memory_mib, 0, " MiB");
+  if (evaluation.lpips_model.empty())
+    print_result("LPIPS needs a network: --set metrics.lpips=FILE.onnx\n");
 }
 
 void add_eval(CLI::App& app, const GlobalOptions& options) {
@@ -80,7 +81,7 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
     const RunEvaluation judged =
         evaluate_run(queue, run, flags->split, options.quiet, flags->iteration, flags->settings);
     print_state(judged.state);
-    print_report(judged.evaluation);
+    print_report(judged.evaluation, judged.facts);
     if (judged.written.empty()) {
       print_result("metrics   not written: {} is being trained\n", flags->run);
       return;

@@ -107,7 +107,7 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
                                           flags.resume      ? Start::resume
                                           : flags.overwrite ? Start::overwrite
                                                             : Start::anew);
-  print_report(evaluation);
+  print_report(evaluation, run.read_facts());
   print_result("model     {}\n", run.model_path(run.models().at(0)));
   if (!evaluation.views.empty())
     print_result("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));

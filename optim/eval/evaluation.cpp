@@ -270,7 +270,9 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainOptions& config,
     evaluator.add(i);
     if (progress) progress(i + 1, frames.size());
   }
-  return evaluator.result();
+  Evaluation evaluation = evaluator.result();
+  evaluation.gaussians = model.parameters.count;
+  return evaluation;
 }
 
 }  // namespace gflow

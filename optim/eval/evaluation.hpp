@@ -46,6 +46,7 @@ struct Evaluation {
   ViewMetrics mean;            // over the views in which the metric is finite
   std::string flow_reference;  // "true", "dis" or "none"
   bool trained_on = false;     // each view shows an image of the training split
+  size_t gaussians = 0;        // of the model
   std::vector<ViewMetrics> views;
   std::optional<TrackError> tracks;     // if the scene has true tracks
   std::string lpips_model, clip_model;  // the networks used; empty: none

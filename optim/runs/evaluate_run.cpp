@@ -101,7 +101,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   if (lock)
     written =
         run.write_results(evaluation, split, state.facts, config, model.parameters.count, latest);
-  return {evaluation, state.text(), written};
+  return {evaluation, state.text(), state.facts, written};
 }
 
 }  // namespace gflow

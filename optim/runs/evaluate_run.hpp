@@ -27,6 +27,7 @@ void write_comparison(Queue& queue, Model& model, const TrainOptions& config,
 struct RunEvaluation {
   Evaluation evaluation;
   std::string state;  // RunState::text of the evaluated model
+  RunFacts facts;     // of that model
   // Paths of the results; none while a training process holds the run, which will write them
   // itself.
   std::vector<std::string> written;

@@ -140,17 +140,21 @@ TEST_F(CommandTest, EvalFindsWhatTrainFound) {
   fs::remove(run() + "/results.json");
   const Outcome outcome = gflow({"eval", run(), "--quiet"});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_NE(outcome.out.find("PSNR"), std::string::npos);
+  for (const char* row : {"\n  PSNR ", "\n  Gaussians ", "\n  training time ", "\n  peak memory "})
+    EXPECT_NE(outcome.out.find(row), std::string::npos) << row;
   const auto after = nlohmann::json::parse(contents(run() + "/results.json"));
   EXPECT_EQ(after, before);
 }
 
 const std::string networks = GFLOW_SOURCE_DIR "/tests/data/networks/";
 
-TEST_F(CommandTest, WithoutANetworkEvalSaysSo) {
+TEST_F(CommandTest, WithoutANetworkEvalNamesTheSetting) {
   const Outcome outcome = gflow({"eval", run(), "--quiet"});
-  EXPECT_NE(outcome.out.find("no model given (metrics.lpips)"), std::string::npos) << outcome.out;
-  EXPECT_NE(outcome.out.find("no model given (metrics.clip)"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.out.find("\nLPIPS needs a network: --set metrics.lpips=FILE.onnx\n"),
+            std::string::npos)
+      << outcome.out;
+  for (const char* row : {"  LPIPS ", "  CLIP "})
+    EXPECT_EQ(outcome.out.find(row), std::string::npos) << outcome.out;
   const auto test = nlohmann::json::parse(contents(run() + "/results.json"))["test"];
   for (const char* key : {"lpips", "clip", "lpips_model", "clip_model"})
     EXPECT_TRUE(test.contains(key) && test[key].is_null()) << key;
@@ -167,7 +171,9 @@ TEST_F(CommandTest, EvalJudgesByTheNetworksItIsGiven) {
   if (outcome.err.find("libopencv-dnn-dev") != std::string::npos)
     GTEST_SKIP() << "built without OpenCV's dnn module";
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_EQ(outcome.out.find("no model given"), std::string::npos) << outcome.out;
+  EXPECT_EQ(outcome.out.find("needs a network"), std::string::npos) << outcome.out;
+  for (const char* row : {"\n  LPIPS ", "\n  CLIP "})
+    EXPECT_NE(outcome.out.find(row), std::string::npos) << outcome.out;
   const auto test = nlohmann::json::parse(contents(copy + "/results.json"))["test"];
   EXPECT_GT(test["lpips"], 0);
   EXPECT_GT(test["clip"], 0.5);
