@@ -160,6 +160,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option("-r,--resolution", flags->resolution,
                    "Divisor of the image width and height: 1, 2, 4 or 8 (scene.resolution)")
+      ->check(choice_of({"1", "2", "4", "8"}))
       ->default_str(std::to_string(defaults.scene.resolution));
   command->add_option("--seed", flags->seed, "Seed of all random choices (train.seed)")
       ->check(number_in(0, double(kGreatestSeed)))

@@ -67,6 +67,17 @@ std::string without_prefix(const std::string& text, const std::string& prefix) {
   return text.rfind(prefix, 0) == 0 ? text.substr(prefix.size()) : text;
 }
 
+// A message of CLI11 that begins with the long name of an option, with all names of that option:
+// the user may have typed the short one.
+std::string with_all_names(const std::vector<const CLI::App*>& path, const std::string& message) {
+  const std::string name = message.substr(0, message.find_first_of(": "));
+  for (const CLI::App* app : path)
+    for (const CLI::Option* option : app->get_options())
+      if (!option->get_positional() && option->get_name() == name)
+        return option->get_name(false, true) + message.substr(name.size());
+  return message;
+}
+
 bool is_option(const std::string& word) { return word.size() > 1 && word[0] == '-'; }
 
 }  // namespace
@@ -129,13 +140,15 @@ std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
   const std::string name = full_name(path);
   if (dynamic_cast<const CLI::ConversionError*>(&problem))
     return fmt::format("{}: not a number that this option accepts (see `{} --help`)",
-                       without_prefix(problem.what(), "Could not convert: "), name);
+                       with_all_names(path, without_prefix(problem.what(), "Could not convert: ")),
+                       name);
   if (dynamic_cast<const CLI::ArgumentMismatch*>(&problem)) {
     const std::string said = problem.what(), option = said.substr(0, said.find(':'));
     if (said.find(": At Most 1 required") == option.size())
-      return fmt::format("{} is given twice (see `{} --help`)", option, name);
+      return fmt::format("{} is given twice (see `{} --help`)", with_all_names(path, option), name);
   }
-  if (extras.empty()) return fmt::format("{} (see `{} --help`)", problem.what(), name);
+  if (extras.empty())
+    return fmt::format("{} (see `{} --help`)", with_all_names(path, problem.what()), name);
   if (!is_option(extras[0]))
     return fmt::format("`{}` got an unexpected argument '{}'", name, extras[0]);
   const std::string option = extras[0].substr(0, extras[0].find('='));

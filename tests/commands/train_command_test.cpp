@@ -47,7 +47,7 @@ TEST_F(CommandTest, TrainTakesAVideoFileAndADivisor) {
   EXPECT_EQ(results["test"]["views"], 3);
   EXPECT_EQ(gflow({"render", run, "-o", folder.file("pictures"), "--quiet"}).code, 0);
   EXPECT_TRUE(fs::exists(folder.path() + "/pictures/compare"));
-  expect_refused({"train", video, "-o", run, "-r", "3"}, {"scene.resolution", "3", "1, 2, 4, 8"});
+  expect_refused({"train", video, "-o", run, "-r", "3"}, {"-r,--resolution: '3'", "1, 2, 4 or 8"});
   expect_refused({"train", folder.file("none.mp4"), "-o", run, "--overwrite"},
                  {"none.mp4", "no such"});
 }
@@ -503,6 +503,13 @@ TEST(CommandLine, ListsAndOptionsGivenTwiceAreToldInOneSentence) {
   expect_refused({"bench", "raster", "--gaussians", "-5"}, {"--gaussians", "-5"});
   expect_refused({"train", "x", "-o", "y", "--iterations", "3", "--iterations", "4"},
                  {"--iterations is given twice"});
+}
+
+TEST(CommandLine, AnOptionIsNamedAsItMayHaveBeenTyped) {
+  expect_refused({"train", "x", "-o", "y", "-r", "two"}, {"gflow: -r,--resolution: 'two'"});
+  expect_refused({"render", "x", "-o", "y", "-r", "3"}, {"gflow: -r,--resolution: '3'"});
+  expect_refused({"train", "x", "-o", "y", "-o", "z"}, {"gflow: -o,--output is given twice"});
+  expect_refused({"train", "x"}, {"gflow: -o,--output is required"});
 }
 
 }  // namespace
