@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <limits>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "optim/eval/metric_networks.hpp"
 #include "optim/runs/train_run.hpp"
 #include "optim/train/guidance_provider.hpp"
+#include "runtime/base/decimal.hpp"
 #include "runtime/base/output.hpp"
 
 namespace gflow {
@@ -30,6 +32,22 @@ struct TrainFlags {
   bool profile = false;
   bool resume = false, overwrite = false, allow_command = false;
 };
+
+// Accepts the number of steps of a training.
+CLI::Validator training_steps() {
+  return CLI::Validator(
+      [](std::string& text) {
+        constexpr int most = std::numeric_limits<int>::max();
+        const auto value = decimal_number(text);
+        const bool whole = value && *value >= 1 && *value <= most && *value == std::floor(*value);
+        return whole ? ""
+                     : fmt::format(
+                           "'{}' is not a number of training steps; training needs at "
+                           "least one, so give a whole number from 1 to {}",
+                           text, most);
+      },
+      "");
+}
 
 // Kernel times, longest first.
 void print_timings(Queue& queue) {
@@ -155,7 +173,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
   const TrainOptions defaults;
   constexpr double most = std::numeric_limits<int>::max();
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")
-      ->check(number_in(1, most))
+      ->check(training_steps())
       ->default_str(std::to_string(defaults.train.iterations));
   command
       ->add_option("-r,--resolution", flags->resolution,

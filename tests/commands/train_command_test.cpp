@@ -298,6 +298,10 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   expect_refused({"train", "some", "-o", "out", "--config", ""}, {"--config", "the path is empty"});
   expect_refused({"train", "some", "-o", "out", "--seed", std::string(23, '9')},
                  {"--seed: '" + std::string(23, '9') + "' is not a number from 0 to 2000000000"});
+  for (const char* steps : {"0", "-3", "2.5", "many"})
+    expect_refused({"train", "some", "-o", "out", "--iterations", steps},
+                   {fmt::format("--iterations: '{}' is not a number of training steps", steps),
+                    "at least one", "whole number from 1 to 2147483647"});
   expect_refused({"render", run(), "-o", out, "--up", "w"}, {"'w'", "-y or -z"});
   expect_refused({"render", run(), "-o", out, "--fps", "nan"}, {"'nan'", "0.01 to 1000"});
   expect_refused({"render", run(), "-o", out, "--fps", "0x1p3"}, {"'0x1p3'", "0.01 to 1000"});
