@@ -72,6 +72,11 @@ void RunFolder::make() const {
         fmt::format("creating run folder {}: it is a link to {}, which does not exist; create that "
                     "folder, or name another",
                     folder_, fs::read_symlink(folder_).string()));
+  if (fs::exists(folder_, problem) && !fs::is_directory(folder_, problem))
+    throw Error(
+        fmt::format("training into {}: it is a file, but -o needs a folder; name a new folder, or "
+                    "a previous run to replace",
+                    folder_));
   fs::create_directories(folder_, problem);
   if (problem) throw Error(fmt::format("creating run folder {}: {}", folder_, problem.message()));
 }

@@ -239,6 +239,8 @@ TEST_F(CommandTest, TrainSaysWhatIsWrongWithTheSceneOrTheSettings) {
   EXPECT_FALSE(fs::exists(out));
   folder.write("file", "");
   expect_refused({"train", scene().path(), "-o", folder.path() + "/file/run"}, {"file/run"});
+  expect_refused({"train", scene().path(), "-o", folder.path() + "/file"},
+                 {"/file: it is a file", "-o needs a folder"});
 }
 
 TEST_F(CommandTest, EvalSaysWhatIsMissing) {
