@@ -50,8 +50,6 @@ std::string found_above(const std::string& model, const std::string& name) {
 }
 
 Source find_source(const RenderFlags& flags) {
-  if (!fs::is_directory(flags.model) && !fs::is_regular_file(flags.model))
-    throw Error("no such run folder or splat file: " + flags.model);
   Source source{model_source(flags.model, flags.iteration), {}};
   const std::string config = found_above(source.path, "config.toml");
   if (!source.run && !config.empty()) {

@@ -202,7 +202,8 @@ TEST_F(FilesCommand, FilesInAndOutSayWhatIsWrong) {
                  {"all times"});
   expect_refused({"export", model(), "-o", folder.path() + "/a", "--format", "ply-sequence"},
                  {"--steps or --times"});
-  expect_refused({"export", folder.file("none.ply"), "-o", out}, {"none.ply", "No such file"});
+  expect_refused({"export", folder.file("none.ply"), "-o", out},
+                 {"cannot read ", "none.ply: there is no such run folder or splat file"});
   expect_refused({"import", model(), "-o", out}, {"dynamic model", "gflow export"});
   expect_refused({"import", folder.write("a.splat", "what?"), "-o", out}, {"a.splat", "32 bytes"});
   expect_refused({"info", folder.write("b.xyz", "what?")}, {"b.xyz", ".spz"});

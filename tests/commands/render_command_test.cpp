@@ -108,7 +108,8 @@ TEST_F(RenderCommand, RenderSaysWhatIsMissing) {
   const TemporaryFolder folder;
   fs::copy_file(model(), folder.file("bare.ply"));
   const std::string out = folder.path() + "/out", bare = folder.file("bare.ply");
-  expect_refused({"render", folder.path() + "/none", "-o", out}, {"/none"});
+  expect_refused({"render", folder.path() + "/none", "-o", out},
+                 {"cannot read ", "/none: there is no such run folder or splat file"});
   expect_refused({"render", folder.path(), "-o", out}, {"config.toml"});
   expect_refused({"render", bare, "-o", out, "--split", "test"}, {"--scene"});
   expect_refused({"render", bare, "-o", out, "--camera", "cam00"}, {"cam00", "cameras.json"});
