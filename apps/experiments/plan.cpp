@@ -45,11 +45,7 @@ class Reader {
     try {
       file_ = read_toml(path_);
     } catch (const toml::parse_error& problem) {
-      const auto line = problem.source().begin.line;
-      throw Error(line == 0 ? fmt::format("cannot read {}: {}", path_,
-                                          excerpt(std::string(problem.description()), 200))
-                            : fmt::format("{}, line {}: {}", path_, line,
-                                          excerpt(std::string(problem.description()), 200)));
+      throw Error("reading " + toml_problem(path_, problem));
     }
     expect_keys(file_, {"title", "scenes", "seeds", "config", "metrics", "baseline", "films",
                         "settings", "axis", "variant"});

@@ -278,15 +278,7 @@ void apply_toml(TrainOptions& config, const std::string& path, Parse&& parse) {
   try {
     file = parse();
   } catch (const toml::parse_error& problem) {
-    const auto at = problem.source().begin;
-    std::string why(problem.description());
-    // toml++ reports this for 1e999.
-    if (why.find("floating-point") != why.npos &&
-        why.find("could not be interpreted as a value") != why.npos)
-      why = fmt::format("the number {} is out of range",
-                        why.substr(why.find('\''), why.rfind('\'') + 1 - why.find('\'')));
-    throw Error(fmt::format("reading the configuration {}{}: {}", path,
-                            at.line ? fmt::format(", line {}", at.line) : "", excerpt(why, 200)));
+    throw Error("reading the configuration " + toml_problem(path, problem));
   }
   const auto where = [&](const toml::node& node) {
     return fmt::format("{}, line {}", path, node.source().begin.line);

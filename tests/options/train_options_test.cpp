@@ -70,7 +70,7 @@ TEST(ApplySetting, TakesNoHexadecimalFractions) {
 
 TEST(Config, ANumberThatNoneCanBeIsNamed) {
   EXPECT_CONTAINS(message_of_file("[flow]\nweight = -1e999\n"),
-                  "line 2: the number '1e999' is out of range");
+                  ": the number '1e999' is out of range");
   EXPECT_CONTAINS(message_of_setting("flow.weight=1e999"), "1e999 is not allowed");
 }
 
@@ -317,12 +317,32 @@ TEST(Config, AnAssignmentWithoutSectionOrValueIsExplained) {
 
 TEST(Config, AFileThatIsNotTomlIsNamedWithItsLine) {
   const std::string message = message_of_file("[train]\niterations = = 3\n");
-  EXPECT_CONTAINS(message, "gflow_config_test.toml, line 2");
+  EXPECT_CONTAINS(message, "gflow_config_test.toml, line 2, column ");
+  EXPECT_CONTAINS(message, ": the value is missing or malformed; text needs quotes");
   EXPECT_CONTAINS(message_of([] {
                     TrainOptions config;
                     apply_file(config, "no/such/file.toml");
                   }),
                   "no/such/file.toml");
+}
+
+TEST(Config, AFileThatIsNotTomlIsExplainedInOurWords) {
+  const std::vector<std::pair<std::string, std::string>> problems = {
+      {"[motion]\nmodel = hexplane\n", "text needs quotes"},
+      {"[init]\nfrom = file\n", "text needs quotes"},
+      {"[train]\niterations = 12x\n", "text needs quotes"},
+      {"[train]\nseed = 1\nseed = 2\n", ": this name is already used above"},
+      {"train = [\n", "a bracket or quote is not closed"},
+      {"[train]\ndevice = \"abc\n", "a quote is not closed in its line"},
+      {"iterations\n", "there is no '=' after the name"},
+      {"# \xff\n", "the text is not UTF-8"},
+      {"[train\n", "this is not valid TOML"}};
+  for (const auto& [text, words] : problems) {
+    const std::string message = message_of_file(text);
+    EXPECT_CONTAINS(message, words);
+    EXPECT_CONTAINS(message, "gflow_config_test.toml, line ");
+    EXPECT_EQ(message.find("Error while"), std::string::npos) << message;
+  }
 }
 
 TEST(Config, WhatIsRefusedIsShownInOneShortLine) {
