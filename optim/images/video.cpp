@@ -60,10 +60,11 @@ class Turn {
     last() = path;
   }
   ~Turn() { report(); }
-  // Drops messages about a file that could not be opened: the caller throws an Error.
-  void refused() {
-    take_decoder_error();
+  // The first message about a file that could not be opened; none is reported later, because the
+  // caller throws an Error.
+  std::string refused() {
     last().clear();
+    return take_decoder_error();
   }
 
  private:
@@ -103,14 +104,16 @@ cv::VideoCapture open_video(const std::string& path) {
     // Reported below.
   }
   if (ok) return capture;
-  turn.refused();
+  const std::string complaint = turn.refused();
   // A missing permission or too many open files are not damage.
   if (const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); file.get() < 0)
     throw Error(fmt::format("cannot read video {}: {}", path, std::strerror(errno)));
-  throw Error(
-      fmt::format("cannot read video {}: it is truncated, OpenCV cannot decode it, or memory or "
-                  "threads ran out",
-                  path));
+  // The table of frames of an MP4 file, "moov", is usually at its end.
+  const bool cut_off = complaint.find("moov atom not found") != complaint.npos;
+  throw Error(fmt::format(
+      "cannot read video {}: no frame could be read; {}", path,
+      cut_off ? "the file seems cut off: its table of frames is missing"
+              : "the file seems cut off, OpenCV cannot decode it, or memory or threads ran out"));
 }
 
 // Decodes the next frame; false at the end.
@@ -157,7 +160,8 @@ std::vector<double> frame_times(const std::string& path, int limit) {
     times.push_back(stamp);
   }
   if (times.empty())
-    throw Error(fmt::format("cannot read video {}: no frame can be decoded", path));
+    throw Error(
+        fmt::format("cannot read video {}: no frame could be read; the file seems cut off", path));
   if (!rising)
     for (size_t k = 0; k < times.size(); ++k) times[k] = double(k) / info.fps;
   return times;
@@ -182,9 +186,9 @@ Image Video::frame(int k) {
   for (; state_->next <= k; ++state_->next)
     if (!grab(state_->capture, state_->path))
       throw Error(
-          fmt::format("video {} has no frame {}: it ends after {} frames; it may be "
-                      "truncated",
-                      state_->path, k, state_->next));
+          fmt::format("cannot read video {}: only {} frames could be read, but frame {} is needed; "
+                      "the file seems cut off",
+                      state_->path, state_->next, k + 1));
   cv::Mat bgr, rgb;
   try {
     state_->capture.retrieve(bgr);

@@ -25,9 +25,9 @@ Scene read_video_file(const std::string& path, const SceneOptions& options) {
   scene.layout = "video";
   // The container's frame count may be an estimate.
   if (used == 0 && double(stamps.size()) < 0.9 * info.frames - 1)
-    scene.notices.push_back(fmt::format(
-        "only {} of the {} frames stated in video {} can be decoded: it may be truncated",
-        stamps.size(), info.frames, path));
+    scene.notices.push_back(
+        fmt::format("video {}: only {} of {} frames could be read; the file seems cut off", path,
+                    stamps.size(), info.frames));
   scene.steps = int(stamps.size());
   scene.fps = info.fps;
   scene.cameras = cameras_of_view(options, stamps.size(), info.width, info.height, path);
