@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "optim/images/rect.hpp"
 #include "optim/scene/frame_store.hpp"
 
 namespace gflow {
@@ -26,11 +27,6 @@ bool differs(const uint8_t* rgb, const uint8_t* usual);
 // Motion mask [H, W]: 1 at pixels that differ from the median image by more than noise, and next to
 // them.
 std::vector<uint8_t> changed_pixels(const Image& picture, const std::vector<uint8_t>& usual);
-
-// A rectangle of an image [px].
-struct Rect {
-  int x = 0, y = 0, width = 0, height = 0;
-};
 
 // Focus region of each training frame, with a margin: around the motion mask of a static camera, or
 // around the object in an image with transparency. The whole image if neither is known; empty if

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "optim/init/motion_mask.hpp"
+#include "optim/images/rect.hpp"
 #include "shared/types.h"
 
 namespace gflow {

@@ -11,8 +11,9 @@
 #include <vector>
 
 #include "optim/formats/npz.hpp"
-#include "optim/init/motion_mask.hpp"
+#include "optim/images/rect.hpp"
 #include "optim/model/renderer.hpp"
+#include "optim/scene/scene.hpp"
 
 namespace gflow {
 

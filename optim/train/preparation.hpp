@@ -3,6 +3,7 @@
 #pragma once
 #include <optional>
 
+#include "optim/init/motion_mask.hpp"
 #include "optim/scene/loaded_scene.hpp"
 #include "optim/train/trainer.hpp"
 #include "runtime/base/report.hpp"

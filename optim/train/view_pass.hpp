@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "optim/objectives/objective.hpp"
+#include "optim/scene/frame_store.hpp"
 
 namespace gflow {
 
