@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of the device self-check that needs the splat formulas: compares a backward kernel with
-// the same formulas in double on the host.
+// The part of the device self-check that needs a motion model: compares a backward kernel with the
+// same formulas in double on the host.
 #pragma once
-#include "runtime/primitives/self_check.hpp"
+#include "optim/engine/self_check.hpp"
 
 namespace gflow {
 
@@ -11,7 +11,7 @@ namespace gflow {
 // double.
 SelfCheckRow gradient_check(Queue& queue);
 
-// The self_check() of runtime/ and the row above: what a device must pass before it is used.
+// The rows of self_check() and the row above: what a device must pass before it is used.
 SelfCheck full_self_check(Queue& queue);
 
 }  // namespace gflow

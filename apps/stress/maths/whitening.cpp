@@ -2,7 +2,7 @@
 // T5, T6: the determinant from minors and the exponent |K d|^2, for splats from 1 to 1e4 px long.
 #include "apps/stress/splats.hpp"
 #include "apps/stress/stress.hpp"
-#include "runtime/primitives/exact_covariance.hpp"
+#include "optim/engine/exact_covariance.hpp"
 
 namespace gflow::stress {
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The self-check passes on a correct device and can fail.
-#include "runtime/primitives/self_check.hpp"
+#include "optim/engine/self_check.hpp"
 
 #include <gtest/gtest.h>
 

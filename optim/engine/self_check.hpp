@@ -21,7 +21,7 @@ using SelfCheck = std::vector<SelfCheckRow>;
 
 SelfCheckRow self_check_row(const std::string& name, double figure, double bound);
 
-// Runs all checks of the runtime on the queue's device.
+// Runs all checks on the queue's device.
 SelfCheck self_check(Queue& queue);
 
 }  // namespace gflow

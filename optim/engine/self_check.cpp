@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The bounds are those of OpenCL 1.2 (section 7.4, table of ULP values, full profile); that of
 // determinants is from `gflow stress`, T5.
-#include "runtime/primitives/self_check.hpp"
+#include "optim/engine/self_check.hpp"
 
 #include <cmath>
 #include <functional>
 #include <limits>
 #include <random>
 
-#include "runtime/primitives/exact_covariance.hpp"
+#include "optim/engine/exact_covariance.hpp"
 #include "runtime/primitives/sort.hpp"
 
 namespace gflow {
