@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "optim/reference/worse.hpp"
+#include "runtime/base/worse.hpp"
 
 namespace gflow::stress {
 

@@ -8,7 +8,7 @@
 #include "optim/engine/posed.hpp"
 #include "optim/reference/device.hpp"
 #include "optim/reference/scenes.hpp"
-#include "optim/reference/worse.hpp"
+#include "runtime/base/worse.hpp"
 
 namespace gflow {
 

@@ -4,7 +4,7 @@
 #include <limits>
 #include <random>
 
-#include "optim/reference/worse.hpp"
+#include "runtime/base/worse.hpp"
 #include "tests/support/moving_texture.hpp"
 
 using namespace gflow;

@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "optim/reference/worse.hpp"
 #include "optim/scene/frame_store.hpp"
+#include "runtime/base/worse.hpp"
 #include "tests/support/scene_files.hpp"
 
 using namespace gflow;

@@ -10,9 +10,9 @@
 #include "optim/flow/point_tracks.hpp"
 #include "optim/formats/npy.hpp"
 #include "optim/images/image_header.hpp"
-#include "optim/reference/worse.hpp"
 #include "optim/scene/readers/colmap_model.hpp"
 #include "optim/scene/readers/readers.hpp"
+#include "runtime/base/worse.hpp"
 #include "tests/support/python.hpp"
 #include "tests/support/scene_files.hpp"
 

@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "optim/reference/worse.hpp"
+#include "runtime/base/worse.hpp"
 
 namespace gflow::bench {
 namespace {
