@@ -6,7 +6,6 @@
 
 #include "optim/engine/engine.hpp"
 #include "optim/engine/posed.hpp"
-#include "optim/reference/device.hpp"
 #include "optim/reference/scenes.hpp"
 #include "runtime/base/worse.hpp"
 

@@ -6,7 +6,7 @@
 
 #include <numeric>
 
-#include "optim/reference/device.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/environment.hpp"
 
 namespace gflow {

@@ -7,7 +7,7 @@
 
 #include <fstream>
 
-#include "optim/reference/device.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/environment.hpp"
 #include "tests/support/temporary_folder.hpp"
 

@@ -7,8 +7,8 @@
 
 #include <fstream>
 
-#include "optim/reference/device.hpp"
 #include "runtime/cl/kernel.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/environment.hpp"
 #include "tests/support/temporary_folder.hpp"
 

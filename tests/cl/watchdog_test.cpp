@@ -10,9 +10,9 @@
 #include <thread>
 #include <utility>
 
-#include "optim/reference/device.hpp"
 #include "runtime/cl/buffer.hpp"
 #include "runtime/primitives/scan.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/environment.hpp"
 
 namespace gflow {

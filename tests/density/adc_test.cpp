@@ -6,9 +6,9 @@
 #include <cstring>
 
 #include "optim/motion/native4d.hpp"
-#include "optim/reference/device.hpp"
 #include "tests/support/compare.hpp"
 #include "tests/support/density_rule.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/numbers.hpp"
 
 namespace gflow {

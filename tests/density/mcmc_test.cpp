@@ -6,10 +6,10 @@
 #include <cstring>
 
 #include "optim/motion/models.hpp"
-#include "optim/reference/device.hpp"
 #include "shared/relocation.h"
 #include "tests/support/compare.hpp"
 #include "tests/support/density_rule.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/numbers.hpp"
 
 namespace gflow {

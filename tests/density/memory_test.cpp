@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "optim/reference/device.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

@@ -10,7 +10,7 @@
 #include <set>
 
 #include "optim/motion/spacetime.hpp"
-#include "optim/reference/device.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Learning rates of Gaussians in every motion model: (length of the video / visible time)^power.
 #include "optim/motion/models.hpp"
-#include "optim/reference/device.hpp"
 #include "tests/support/compare.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

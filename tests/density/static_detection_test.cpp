@@ -5,6 +5,7 @@
 #include "optim/density/mcmc.hpp"
 #include "shared/static_detection.h"
 #include "tests/support/density_rule.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/motion_check.hpp"
 
 namespace gflow {

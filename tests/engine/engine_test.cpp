@@ -8,6 +8,7 @@
 
 #include "optim/reference/device_scene.hpp"
 #include "tests/support/compare.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

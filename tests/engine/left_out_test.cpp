@@ -8,6 +8,7 @@
 
 #include "optim/engine/posed.hpp"
 #include "optim/reference/device_scene.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

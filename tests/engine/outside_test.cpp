@@ -7,9 +7,9 @@
 
 #include "optim/engine/engine.hpp"
 #include "optim/motion/models.hpp"
-#include "optim/reference/device.hpp"
 #include "optim/reference/device_scene.hpp"
 #include "tests/support/compare.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "optim/reference/device_scene.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/environment.hpp"
 
 namespace gflow {

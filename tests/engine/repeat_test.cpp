@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "optim/reference/device_scene.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

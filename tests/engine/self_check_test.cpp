@@ -6,7 +6,7 @@
 
 #include <limits>
 
-#include "optim/reference/device.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

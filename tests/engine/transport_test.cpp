@@ -7,6 +7,7 @@
 
 #include "optim/reference/device_scene.hpp"
 #include "tests/support/compare.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/eigen_maths.hpp"
 
 namespace gflow {

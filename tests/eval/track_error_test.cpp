@@ -4,7 +4,7 @@
 
 #include "optim/formats/flo.hpp"
 #include "optim/formats/npy.hpp"
-#include "optim/reference/device.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/small_scene.hpp"
 #include "tests/support/temporary_folder.hpp"
 

@@ -14,12 +14,12 @@
 #include "optim/guidance/process.hpp"
 #include "optim/networks/onnx_inputs.hpp"
 #include "optim/options/train_options.hpp"
-#include "optim/reference/device.hpp"
 #include "optim/runs/checkpoint.hpp"
 #include "optim/runs/run_folder.hpp"
 #include "runtime/base/hash.hpp"
 #include "runtime/cl/program_cache.hpp"
 #include "tests/fuzz/inputs.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/random_model.hpp"
 
 namespace gflow::fuzz {

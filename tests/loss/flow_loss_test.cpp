@@ -8,10 +8,10 @@
 #include <limits>
 #include <random>
 
-#include "optim/reference/device.hpp"
 #include "optim/reference/loss.hpp"
 #include "shared/constants.h"
 #include "tests/support/compare.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/numbers.hpp"
 
 namespace gflow {

@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "optim/loss/flow_loss.hpp"
-#include "optim/reference/device.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/numbers.hpp"
 
 namespace gflow {

@@ -7,10 +7,10 @@
 #include <string>
 
 #include "optim/loss/metrics.hpp"
-#include "optim/reference/device.hpp"
 #include "optim/reference/device_scene.hpp"
 #include "optim/reference/loss.hpp"
 #include "tests/support/compare.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

@@ -6,7 +6,7 @@
 #include "optim/eval/views.hpp"
 #include "optim/formats/ply.hpp"
 #include "optim/options/train_options.hpp"
-#include "optim/reference/device.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/memory_of.hpp"
 #include "tests/support/random_model.hpp"
 #include "tests/support/temporary_folder.hpp"

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "shared/motion/bases.h"
+#include "tests/support/device.hpp"
 #include "tests/support/motion_check.hpp"
 
 namespace gflow {

@@ -6,6 +6,7 @@
 
 #include "optim/motion/motion_options.hpp"
 #include "optim/reference/hexplane.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/motion_check.hpp"
 
 namespace gflow {

@@ -8,6 +8,7 @@
 #include "optim/density/adc.hpp"
 #include "optim/reference/flat_static.hpp"
 #include "tests/support/density_rule.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/motion_check.hpp"
 
 namespace gflow {

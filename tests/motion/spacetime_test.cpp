@@ -10,6 +10,7 @@
 #include "optim/reference/device_scene.hpp"
 #include "optim/reference/spacetime.hpp"
 #include "tests/support/compare.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/eigen_maths.hpp"
 #include "tests/support/numbers.hpp"
 

@@ -11,8 +11,8 @@
 #include <limits>
 #include <random>
 
-#include "optim/reference/device.hpp"
 #include "tests/support/compare.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

@@ -9,7 +9,7 @@
 #include <numeric>
 #include <random>
 
-#include "optim/reference/device.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

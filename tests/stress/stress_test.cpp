@@ -8,8 +8,8 @@
 #include <regex>
 #include <set>
 
-#include "optim/reference/device.hpp"
 #include "runtime/cl/kernel_sources.hpp"
+#include "tests/support/device.hpp"
 
 namespace gflow {
 namespace {

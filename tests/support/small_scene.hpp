@@ -4,5 +4,5 @@
 #include <gtest/gtest.h>
 
 #include "apps/stress/training/small_training.hpp"
-#include "optim/reference/device.hpp"
+#include "tests/support/device.hpp"
 #include "tests/support/temporary_folder.hpp"

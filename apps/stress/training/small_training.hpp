@@ -11,7 +11,6 @@
 #include "optim/formats/npy.hpp"
 #include "optim/images/image.hpp"
 #include "optim/init/init.hpp"
-#include "optim/reference/device.hpp"
 #include "optim/reference/folder.hpp"
 #include "optim/runs/train_run.hpp"
 #include "shared/random.h"
