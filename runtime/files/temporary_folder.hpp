@@ -48,7 +48,12 @@ class ScratchFolder {
   ScratchFolder& operator=(const ScratchFolder&) = delete;
 
   const std::string& path() const { return path_; }
-  std::string file(const std::string& name) const { return path_ + "/" + name; }
+  // Path of a file in the folder; creates its parent folders.
+  std::string file(const std::string& name) const {
+    const std::filesystem::path full = std::filesystem::path(path_) / name;
+    std::filesystem::create_directories(full.parent_path());
+    return full.string();
+  }
 
  private:
   std::string path_;

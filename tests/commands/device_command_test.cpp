@@ -5,9 +5,9 @@
 #include <regex>
 #include <sstream>
 
-#include "optim/reference/folder.hpp"
 #include "runtime/cl/device.hpp"
 #include "tests/support/command.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace gflow {
 namespace {

@@ -10,8 +10,8 @@
 #include <cstring>
 #include <filesystem>
 
-#include "optim/reference/folder.hpp"
 #include "tests/fuzz/targets.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace {
 

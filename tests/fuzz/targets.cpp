@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <limits>
 
-#include "optim/reference/folder.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace gflow::fuzz {
 

@@ -45,7 +45,7 @@ double export_error(Queue& queue, const Scene& there, const Scene& here, const P
   host.shape.origin = there.origin;
   set_static(host.shape, host.groups, host.count);
   Model model(queue, host);
-  const TemporaryFolder folder;
+  const ScratchFolder folder("stress");
   write_ply(folder.file("now.ply"), slice(queue, model, .5).table);
   const PointCloud now = read_point_cloud(folder.file("now.ply"));
   std::vector<double> errors;

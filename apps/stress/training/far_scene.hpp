@@ -7,6 +7,7 @@
 #include "apps/stress/training/small_training.hpp"
 #include "optim/formats/npy.hpp"
 #include "optim/formats/ply.hpp"
+#include "runtime/files/temporary_folder.hpp"
 
 namespace gflow {
 
@@ -42,7 +43,7 @@ class FarScene {
   const std::string& path() const { return folder_.path(); }
 
  private:
-  TemporaryFolder folder_;
+  const ScratchFolder folder_{"stress"};
 };
 
 }  // namespace gflow

@@ -11,8 +11,8 @@
 #include "optim/formats/npy.hpp"
 #include "optim/images/image.hpp"
 #include "optim/init/init.hpp"
-#include "optim/reference/folder.hpp"
 #include "optim/runs/train_run.hpp"
+#include "runtime/files/temporary_folder.hpp"
 #include "shared/random.h"
 #include "shared/sh.h"
 
@@ -98,7 +98,7 @@ class SmallScene {
   }
 
   const std::string& path() const { return folder_.path(); }
-  const TemporaryFolder& folder() const { return folder_; }
+  const ScratchFolder& folder() const { return folder_; }
 
   HostModel truth;
 
@@ -157,7 +157,7 @@ class SmallScene {
     write_point_cloud(folder_.file("points3D.ply"), points);
   }
 
-  TemporaryFolder folder_;
+  const ScratchFolder folder_{"stress"};
   bool with_alpha_;
 };
 

@@ -138,7 +138,7 @@ Rows gone_back(Queue& queue) {  // T41
   constexpr int saved = 20, steps = 100;
   const TrainOptions config = config_of(scene, steps);
   SmallTraining training(queue, config);
-  const TemporaryFolder folder;
+  const ScratchFolder folder("stress");
   const RunFolder run = RunFolder::create(folder.path() + "/run");
   Checkpointer checkpoints(queue, config, training.loaded.scene, run, training.trainer,
                            training.model.shape);
