@@ -1,10 +1,8 @@
 # cmake --install: the program, headers and libraries for find_package(gflow), and kernel sources to read
 # or modify (GFLOW_KERNEL_DIR). cpack packages them as a .deb.
 install(TARGETS gflow RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-install(DIRECTORY runtime optim DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/gflow FILES_MATCHING PATTERN "*.hpp"
-        PATTERN optim/reference EXCLUDE)  # for tests and checks
-install(DIRECTORY kernels/shared DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/gflow
-        FILES_MATCHING PATTERN "*.h" PATTERN "*.hpp")
+install(CODE "set(SOURCE \"${CMAKE_SOURCE_DIR}\")\nset(INCLUDEDIR \"${CMAKE_INSTALL_INCLUDEDIR}/gflow\")")
+install(SCRIPT apps/package/headers.cmake)
 install(DIRECTORY kernels/ DESTINATION ${CMAKE_INSTALL_DATADIR}/gflow/kernels
         FILES_MATCHING PATTERN "*.cl" PATTERN "*.h")
 install(DIRECTORY apps/presets DESTINATION ${CMAKE_INSTALL_DATADIR}/gflow)
