@@ -174,7 +174,7 @@ int main(int argc, char** argv) {
   std::atexit(report_exit);
   std::signal(SIGABRT, report_abort);
 #ifdef GFLOW_WITH_OPENCV
-  gflow::capture_decoder_errors();
+  gflow::silence_opencv();
 #endif
   const int code = run_in_words(argc, argv);
   is_over = true;

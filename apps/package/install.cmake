@@ -63,7 +63,7 @@ set(dev_packages pkg-config ocl-icd-opencl-dev opencl-clhpp-headers libeigen3-de
     zlib1g-dev libzip-dev)
 if(OpenCV_FOUND)
   list(APPEND dev_packages nlohmann-json3-dev libtomlplusplus-dev libjpeg-dev libpng-dev libopencv-core-dev
-       libopencv-imgproc-dev libopencv-imgcodecs-dev libopencv-video-dev libopencv-videoio-dev)
+       libopencv-imgproc-dev libopencv-video-dev libavformat-dev libavcodec-dev libswscale-dev libavutil-dev)
 endif()
 if(OPENCV_DNN_LIBRARY)
   list(APPEND dev_packages libopencv-dnn-dev)

@@ -1,6 +1,6 @@
-# Finds the five OpenCV modules that gflow uses. Prefers OpenCV's own CMake package; Debian's
+# Finds the three OpenCV modules that gflow uses. Prefers OpenCV's own CMake package; Debian's
 # component packages (libopencv-core-dev, ...) have none, so their modules are searched by name.
-set(parts core imgproc imgcodecs video videoio)
+set(parts core imgproc video)
 find_package(OpenCV 4 QUIET CONFIG COMPONENTS ${parts})
 if(OpenCV_FOUND)
   return()

@@ -1,206 +1,154 @@
 // SPDX-License-Identifier: Apache-2.0
-// Video files through OpenCV.
 #include "optim/images/video.hpp"
 
-#include <dlfcn.h>
-#include <fcntl.h>
+extern "C" {
+#include <libavutil/pixdesc.h>
+}
 #include <fmt/format.h>
 
-#include <cerrno>
-#include <cstdlib>
-#include <cstring>
-#include <filesystem>
-#include <mutex>
-#include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
-#include <opencv2/videoio/registry.hpp>
-#include <set>
+#include <algorithm>
+#include <cmath>
 
-#include "optim/images/decoder_log.hpp"
 #include "optim/images/image_header.hpp"
 #include "optim/images/movie.hpp"
+#include "optim/images/video_stream.hpp"
 #include "runtime/base/error.hpp"
-#include "runtime/base/warning.hpp"
-#include "runtime/files/descriptor.hpp"
 
 namespace gflow {
 namespace {
 
-// FFmpeg also opens playlists, text files that name other files anywhere. The whitelist admits only
-// containers that hold the frames themselves.
-void refuse_playlists() {
-  static const int set =
-      ::setenv("OPENCV_FFMPEG_CAPTURE_OPTIONS",
-               "protocol_whitelist;file|format_whitelist;mov,mp4,m4a,3gp,3g2,mj2,"
-               "matroska,webm,avi,mpeg,mpegts,mpegvideo,flv,ogg,asf,gif,apng,ivf,"
-               "yuv4mpegpipe,h264,hevc,m4v,mjpeg,dv,mxf,nut,rm,vc1,obu,av1",
-               0);
-  (void)set;
+// Matrix, range and HDR curve in words.
+std::string colors_of(const AVCodecParameters& stream) {
+  const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(AVPixelFormat(stream.format));
+  if (format && (format->flags & AV_PIX_FMT_FLAG_RGB)) return "RGB";
+  std::string words;
+  switch (stream.color_space) {
+    case AVCOL_SPC_BT709:
+      words = "BT.709";
+      break;
+    case AVCOL_SPC_BT470BG:
+    case AVCOL_SPC_SMPTE170M:
+      words = "BT.601";
+      break;
+    case AVCOL_SPC_BT2020_NCL:
+    case AVCOL_SPC_BT2020_CL:
+      words = "BT.2020";
+      break;
+    case AVCOL_SPC_UNSPECIFIED:
+      words = "no matrix stated, BT.601 assumed";
+      break;
+    default:
+      words =
+          av_color_space_name(stream.color_space) ? av_color_space_name(stream.color_space) : "?";
+  }
+  words += stream.color_range == AVCOL_RANGE_JPEG ? ", full range" : ", limited range";
+  if (stream.color_trc == AVCOL_TRC_SMPTE2084) words += ", HDR (PQ), tone mapped";
+  if (stream.color_trc == AVCOL_TRC_ARIB_STD_B67) words += ", HDR (HLG), shown as it is";
+  return words;
 }
 
-// FFmpeg allocates tables of the length stated in a header before it reads them: a 2 kB video asked
-// for 1.7 GB. The limit of 768 MB holds a frame of 16000 x 16000. FFmpeg is not linked directly,
-// only through OpenCV if that was built with it.
-void limit_memory_of_ffmpeg() {
-  static const bool done = [] {
-    void* const limit = dlsym(RTLD_DEFAULT, "av_max_alloc");
-    if (limit) reinterpret_cast<void (*)(size_t)>(limit)(size_t{768} << 20);
-    return true;
-  }();
-  (void)done;
+// Whether the intervals between frames differ by more than the rounding of time stamps, which are
+// milliseconds in Matroska. False if stamps are missing.
+bool is_variable_rate(const std::vector<double>& times) {
+  double least = 1e30, most = 0;
+  for (size_t k = 1; k < times.size(); ++k) {
+    if (std::isnan(times[k])) return false;
+    least = std::min(least, times[k] - times[k - 1]);
+    most = std::max(most, times[k] - times[k - 1]);
+  }
+  return most - least > 2.5e-3;
 }
 
-// Held while a video is opened or decoded. One thread at a time, because FFmpeg's messages do not
-// name the file. Decoding runs some frames ahead, so a message belongs to the last video used.
-// Decoders continue after damage with wrong frames; this warns once per file.
-class Turn {
- public:
-  explicit Turn(const std::string& path) : lock_(mutex()) {
-    report();
-    last() = path;
-  }
-  ~Turn() { report(); }
-  // The first message about a file that could not be opened; none is reported later, because the
-  // caller throws an Error.
-  std::string refused() {
-    last().clear();
-    return take_decoder_error();
-  }
-
- private:
-  static std::mutex& mutex() {
-    static std::mutex one;
-    return one;
-  }
-  static std::string& last() {
-    static std::string path;
-    return path;
-  }
-  static void report() {
-    static std::set<std::string> reported;
-    const std::string complaint = take_decoder_error();
-    if (complaint.empty() || last().empty() || !reported.insert(last()).second) return;
-    warn(fmt::format("video {} is damaged: its decoder reports '{}'; its frames may be wrong",
-                     last(), complaint));
-  }
-  std::lock_guard<std::mutex> lock_;
-};
-
-cv::VideoCapture open_video(const std::string& path) {
-  refuse_playlists();
-  limit_memory_of_ffmpeg();
-  if (!std::filesystem::is_regular_file(path))
-    throw Error(fmt::format("cannot read video {}: there is no such file", path));
-  if (std::filesystem::file_size(path) == 0)
-    throw Error(fmt::format("cannot read video {}: it is empty", path));
-  Turn turn(path);
-  cv::VideoCapture capture;
-  bool ok = false;
-  try {
-    // Prefer FFmpeg: other backends seek and count frames less exactly.
-    const bool ffmpeg = cv::videoio_registry::hasBackend(cv::CAP_FFMPEG);
-    ok = capture.open(path, ffmpeg ? cv::CAP_FFMPEG : cv::CAP_ANY);
-  } catch (const cv::Exception&) {
-    // Reported below.
-  }
-  if (ok) return capture;
-  const std::string complaint = turn.refused();
-  // A missing permission or too many open files are not damage.
-  if (const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); file.get() < 0)
-    throw Error(fmt::format("cannot read video {}: {}", path, std::strerror(errno)));
-  // The table of frames of an MP4 file, "moov", is usually at its end.
-  const bool cut_off = complaint.find("moov atom not found") != complaint.npos;
-  throw Error(fmt::format(
-      "cannot read video {}: no frame could be read; {}", path,
-      cut_off ? "the file seems cut off: its table of frames is missing"
-              : "the file seems cut off, OpenCV cannot decode it, or memory or threads ran out"));
-}
-
-// Decodes the next frame; false at the end.
-bool grab(cv::VideoCapture& capture, const std::string& path) {
-  const Turn turn(path);
-  try {
-    return capture.grab();
-  } catch (const cv::Exception&) {
-    return false;  // damaged data count as the end
-  }
+bool is_transparent(const Image& image) {
+  for (size_t i = 3; i < image.pixels.size() && image.channels == 4; i += 4)
+    if (image.pixels[i] < 255) return true;
+  return false;
 }
 
 }  // namespace
 
 VideoInfo video_info(const std::string& path) {
-  cv::VideoCapture capture = open_video(path);
+  VideoStream video(path);
+  const AVStream& stream = video.stream();
+  const AVCodecParameters& codec = *stream.codecpar;
+  const Orientation turn = video.orientation();
+  const ShownSize size = shown_size(codec.width, codec.height, video.pixel_aspect(), turn);
   VideoInfo info;
-  info.width = int(capture.get(cv::CAP_PROP_FRAME_WIDTH));
-  info.height = int(capture.get(cv::CAP_PROP_FRAME_HEIGHT));
-  info.fps = capture.get(cv::CAP_PROP_FPS);
-  const double stated = capture.get(cv::CAP_PROP_FRAME_COUNT);
-  if (stated >= 1 && stated < 1e7)
-    info.frames = int(stated);
-  else
-    while (grab(capture, path)) ++info.frames;
-  const bool sized = info.width > 0 && info.height > 0 && info.width <= largest_side &&
+  info.width = size.width;
+  info.height = size.height;
+  info.stored_width = codec.width;
+  info.stored_height = codec.height;
+  const AVRational aspect = video.pixel_aspect();
+  info.pixel_aspect = aspect.num > 0 && aspect.den > 0 ? av_q2d(aspect) : 1;
+  info.rotation = turn.degrees();
+  info.mirrored = turn.is_mirrored();
+  info.codec = avcodec_get_name(codec.codec_id);
+  if (const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(AVPixelFormat(codec.format)))
+    info.bits = format->comp[0].depth;
+  info.colors = colors_of(codec);
+  info.fps = av_q2d(stream.avg_frame_rate.num > 0 ? stream.avg_frame_rate : stream.r_frame_rate);
+  if (!(info.fps >= slowest_fps && info.fps <= fastest_fps)) info.fps = 24;
+  info.seconds = video.stated_seconds();
+  info.frames = video.stated_frames();
+  const std::vector<double> times = VideoStream(path).packet_times();
+  if (info.frames == 0) info.frames = int(times.size());
+  info.variable = is_variable_rate(times);
+  info.alpha = video.has_alpha() && video.next() && is_transparent(video.image());
+  const bool sized = codec.width > 0 && codec.height > 0 && info.width <= largest_side &&
                      info.height <= largest_side;
   if (!sized || info.frames == 0)
     throw Error(fmt::format("cannot read video {}: it has {} frames of {}x{}", path, info.frames,
                             info.width, info.height));
-  if (!(info.fps >= slowest_fps && info.fps <= fastest_fps)) info.fps = 24;
   return info;
 }
 
 std::vector<double> frame_times(const std::string& path, int limit) {
-  const VideoInfo info = video_info(path);
-  cv::VideoCapture capture = open_video(path);
+  VideoStream video(path);
   std::vector<double> times;
   bool rising = true;
-  while ((limit <= 0 || int(times.size()) < limit) && grab(capture, path)) {
-    // Time stamps are relative to the first frame, whose own stamp is not always available.
-    const double stamp = times.empty() ? 0 : 1e-3 * capture.get(cv::CAP_PROP_POS_MSEC);
-    rising &= times.empty() || stamp > times.back();
-    times.push_back(stamp);
+  double first = 0;
+  while ((limit <= 0 || int(times.size()) < limit) && video.next()) {
+    const double stamp = video.time();
+    if (times.empty()) first = stamp;
+    rising &= !std::isnan(stamp) && (times.empty() || stamp - first > times.back());
+    times.push_back(stamp - first);
   }
   if (times.empty())
     throw Error(
         fmt::format("cannot read video {}: no frame could be read; the file seems cut off", path));
-  if (!rising)
-    for (size_t k = 0; k < times.size(); ++k) times[k] = double(k) / info.fps;
+  if (!rising) {
+    const double fps = video_info(path).fps;
+    for (size_t k = 0; k < times.size(); ++k) times[k] = double(k) / fps;
+  }
   return times;
 }
 
-struct Video::State {
+class Video::State {
+ public:
+  explicit State(const std::string& path) : path(path), stream(new VideoStream(path)) {}
+
   std::string path;
-  cv::VideoCapture capture;
-  int next = 0;  // index of the next frame to grab
+  std::unique_ptr<VideoStream> stream;
+  int next = 0;  // index of the next frame to decode
 };
 
-Video::Video(const std::string& path) : state_(new State{path, open_video(path), 0}) {}
+Video::Video(const std::string& path) : state_(new State(path)) {}
 Video::~Video() = default;
 Video::Video(Video&&) noexcept = default;
 Video& Video::operator=(Video&&) noexcept = default;
 
 Image Video::frame(int k) {
-  if (k < state_->next) {
-    state_->capture = open_video(state_->path);
+  if (k < state_->next - 1) {  // the last one is still there
+    state_->stream = std::make_unique<VideoStream>(state_->path);
     state_->next = 0;
   }
   for (; state_->next <= k; ++state_->next)
-    if (!grab(state_->capture, state_->path))
+    if (!state_->stream->next())
       throw Error(
           fmt::format("cannot read video {}: only {} frames could be read, but frame {} is needed; "
                       "the file seems cut off",
                       state_->path, state_->next, k + 1));
-  cv::Mat bgr, rgb;
-  try {
-    state_->capture.retrieve(bgr);
-  } catch (const cv::Exception&) {
-    // bgr stays empty, which is reported below.
-  }
-  if (bgr.empty() || bgr.type() != CV_8UC3)
-    throw Error(fmt::format("cannot decode frame {} of video {}", k, state_->path));
-  cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
-  Image image{rgb.cols, rgb.rows, 3, {}};
-  image.pixels.assign(rgb.data, rgb.data + rgb.total() * 3);
-  return image;
+  return state_->stream->image();
 }
 
 }  // namespace gflow

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Video files, decoded by OpenCV. Frames are counted from the start, or from the last frame read.
-// Seeking by number is unreliable, because containers state wrong key frames.
+// Video files, decoded by FFmpeg's libraries. Frames are those shown, in the order of their times:
+// what an edit list cuts away is not there.
 #pragma once
 #include <memory>
 #include <string>
@@ -10,14 +10,24 @@
 
 namespace gflow {
 
-// Properties of a video. `frames` is the container's number; frames are counted only if it states
-// none.
+// Properties of a video. Sizes are those shown: upright, with square pixels.
 struct VideoInfo {
-  int width = 0, height = 0, frames = 0;
-  double fps = 0;
+  int width = 0, height = 0;
+  int frames = 0;                           // as the container states; counted if it does not
+  double fps = 0;                           // average; 24 if it is unknown
+  bool variable = false;                    // the intervals between frames differ
+  double seconds = 0;                       // as the container states; 0 if it does not
+  bool alpha = false;                       // the first frame is transparent somewhere
+  std::string codec;                        // "h264"
+  int stored_width = 0, stored_height = 0;  // in the file
+  double pixel_aspect = 1;                  // width / height of a stored pixel
+  int rotation = 0;                         // clockwise, to upright [degrees]
+  bool mirrored = false;
+  int bits = 8;        // per channel
+  std::string colors;  // "BT.709, limited range"
 };
 
-// Error if the file is missing, OpenCV cannot open it, or it has no frames.
+// Error if the file is missing, not a video that FFmpeg can read, or has no frames.
 VideoInfo video_info(const std::string& path);
 
 // Display time of each frame [s], relative to the first, strictly increasing: the container's time
@@ -26,7 +36,8 @@ VideoInfo video_info(const std::string& path);
 std::vector<double> frame_times(const std::string& path, int limit = 0);
 
 // An open video. Reading frames in increasing order is fast; going back restarts from the
-// beginning.
+// beginning. Decoders go on after damage with wrong frames; a warning names the first damaged place
+// of each file once.
 class Video {
  public:
   explicit Video(const std::string& path);
@@ -34,11 +45,11 @@ class Video {
   Video(Video&&) noexcept;
   Video& operator=(Video&&) noexcept;
 
-  // Frame k as RGB. Error if the video has no such frame.
+  // Frame k as RGB, or RGBA if the video has alpha. Error if it has no such frame.
   Image frame(int k);
 
  private:
-  struct State;
+  class State;
   std::unique_ptr<State> state_;
 };
 

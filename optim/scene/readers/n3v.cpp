@@ -33,6 +33,7 @@ struct Footage {
   std::string video;                            // replaces pictures if not empty
   int video_frames = 0;
   double fps = n3v_fps;
+  bool alpha = false;
 };
 
 Footage from_pictures(const std::string& name, const std::string& folder) {
@@ -43,6 +44,7 @@ Footage from_pictures(const std::string& name, const std::string& folder) {
   const ImageHeader header = read_image_header(footage.pictures.begin()->second);
   footage.width = header.width;
   footage.height = header.height;
+  footage.alpha = header.has_alpha;
   return footage;
 }
 
@@ -55,6 +57,7 @@ Footage from_video(const std::string& name, const std::string& path) {
   footage.video = path;
   footage.video_frames = info.frames;
   footage.fps = info.fps;
+  footage.alpha = info.alpha;
   return footage;
 }
 
@@ -271,9 +274,7 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
     std::vector<Frame>& split = i == options.holdout ? scene.test : scene.train;
     split.insert(split.end(), frames.begin(), frames.end());
   }
-  for (const Footage& one : footage)
-    if (one.video.empty())
-      scene.has_alpha |= read_image_header(one.pictures.begin()->second).has_alpha;
+  for (const Footage& one : footage) scene.has_alpha |= one.alpha;
   scene.points = read_points(folder, scene.cameras);
   return scene;
 }

@@ -23,13 +23,22 @@ Scene read_video_file(const std::string& path, const SceneOptions& options) {
   const std::vector<double> stamps = frame_times(path, int(std::min<int64_t>(used, INT_MAX)));
   Scene scene;
   scene.layout = "video";
-  // The container's frame count may be an estimate.
-  if (used == 0 && double(stamps.size()) < 0.9 * info.frames - 1)
+  // What the container states may be an estimate.
+  const double end = stamps.back() + 1 / info.fps;
+  if (used > 0) {
+    // read in part on purpose
+  } else if (double(stamps.size()) < 0.9 * info.frames - 1) {
     scene.notices.push_back(
         fmt::format("video {}: only {} of {} frames could be read; the file seems cut off", path,
                     stamps.size(), info.frames));
+  } else if (end < 0.9 * info.seconds - 0.1) {
+    scene.notices.push_back(
+        fmt::format("video {}: its frames end after {:.2f} of {:.2f} s; the file seems cut off",
+                    path, end, info.seconds));
+  }
   scene.steps = int(stamps.size());
   scene.fps = info.fps;
+  scene.has_alpha = info.alpha;
   scene.cameras = cameras_of_view(options, stamps.size(), info.width, info.height, path);
   if (scene.cameras.size() == 1) scene.extent = options.radius;
   for (size_t k = 0; k < stamps.size(); ++k) {
