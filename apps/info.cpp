@@ -159,8 +159,27 @@ Json info_of_run(const std::string& path, int iteration) {
   return info;
 }
 
-Json info_of_scene(const std::string& path) {
-  const Scene scene = read_scene(path);
+// How a video is stored and shown.
+Json info_of_video(const std::string& path) {
+  const VideoInfo video = video_info(path);
+  return {{"codec", video.codec},
+          {"stored_size", fmt::format("{}x{}", video.stored_width, video.stored_height)},
+          {"pixel_aspect", video.pixel_aspect},
+          {"rotation", video.rotation},
+          {"mirrored", video.mirrored},
+          {"bits", video.bits},
+          {"colors", video.colors},
+          {"frame_rate", video.variable ? "variable" : "constant"}};
+}
+
+// Times of the frames in [0, 1], if they are not evenly spaced.
+Json times_of(const Scene& scene) {
+  Json times = Json::array();
+  for (const Frame& frame : scene.train) times.push_back(std::round(frame.time * 1e6) / 1e6);
+  return times;
+}
+
+Json info_of(const Scene& scene, const std::string& path) {
   std::set<std::string> sizes;
   for (const Camera& camera : scene.cameras)
     sizes.insert(fmt::format("{}x{}", camera.width, camera.height));
@@ -194,7 +213,11 @@ Json info_of_file(const std::string& path) {
       throw Error(
           fmt::format("{}; it is not a video either: {}", no_splat.what(), no_video.what()));
     }
-    return info_of_scene(path);
+    const Scene scene = read_scene(path);
+    Json info = info_of(scene, path);
+    info.update(info_of_video(path));
+    if (info["frame_rate"] == "variable") info["times"] = times_of(scene);
+    return info;
   }
   return info_of_splats(path);
 }
@@ -202,7 +225,7 @@ Json info_of_file(const std::string& path) {
 Json info_of(const std::string& path, int iteration) {
   if (fs::is_directory(path) && RunFolder::is_run(path)) return info_of_run(path, iteration);
   require_no_iteration(iteration, path);
-  return fs::is_directory(path) ? info_of_scene(path) : info_of_file(path);
+  return fs::is_directory(path) ? info_of(read_scene(path), path) : info_of_file(path);
 }
 
 std::string text_of(const Json& value) {
