@@ -28,10 +28,10 @@ struct RasterOptions {
   bool no_flow = false, depth = false, kernels = false, grid = false;
 };
 
-// The kernels of each stage, in execution order. The prefix sum of `look` counts in `bin`, whose
+// The kernels of each stage, in execution order. The prefix sum of `cull` counts in `bin`, whose
 // kernels it shares.
 const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
-    {"look", {"spacetime_cull", "view_rows_write"}},
+    {"cull", {"spacetime_cull", "view_rows_write"}},
     {"motion", {"spacetime_fwd"}},
     {"project", {"project_fwd"}},
     {"bin",

@@ -42,11 +42,11 @@ Bands Renderer::bands(const Model& model) const {
   return model.color.bands(shot_.sh_degree, skip_.bands);
 }
 
-void Renderer::look(Queue& queue, Model& model, const Shot& shot) {
+void Renderer::cull(Queue& queue, Model& model, const Shot& shot) {
   // Losses on poses identify Gaussians by row and may compare visible ones with others.
   const bool all = !skip_.culled || shot.all_posed || shot.pose_t2;
   if (!all &&
-      model.motion->look(queue, model.parameters, model.time(shot.time), shot.view.camera, rows_))
+      model.motion->cull(queue, model.parameters, model.time(shot.time), shot.view.camera, rows_))
     rows_.take_marked(queue, model.parameters);
   else
     rows_.take_all(model.parameters);
@@ -61,7 +61,7 @@ void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
   shot_ = shot;
   shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
   View& view = shot_.view;
-  look(queue, model, shot);
+  cull(queue, model, shot);
   // Losses on poses compare both times, of static Gaussians too.
   if (skip_.static_pose && shot.flow && !shot.pose_t2 && same(view.camera, view.camera_t2))
     view.moving = rows_.moving();

@@ -63,8 +63,8 @@ class Renderer {
   const Buffer<cl_uint>& with_second_time() const;
 
  private:
-  // Culls: sets the rows that a view may show.
-  void look(Queue& queue, Model& model, const Shot& shot);
+  // Sets the rows that a view may show.
+  void cull(Queue& queue, Model& model, const Shot& shot);
   // The listed rows whose pose differs at the second time.
   RowList moving_rows() const;
   Bands bands(const Model& model) const;

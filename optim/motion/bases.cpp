@@ -69,7 +69,7 @@ BasesMotion::BasesMotion(Queue& queue, const MotionShape& shape)
       program_(queue, "motion/bases.cl"),
       bases_pose_(program_, "bases_pose"),
       bases_fwd_(program_, "bases_fwd"),
-      bases_look_(program_, "bases_cull"),
+      bases_cull_(program_, "bases_cull"),
       bases_bwd_(program_, "bases_bwd"),
       bases_gather_(program_, "bases_gather"),
       canonical_rows_(queue) {
@@ -104,11 +104,11 @@ void BasesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl
              gaussians.means, gaussians.factors, gaussians.opacities);
 }
 
-bool BasesMotion::look(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
+bool BasesMotion::cull(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
                        ViewRows& rows) {
   rows.ensure_marks(queue, p);
   pose(queue, p, t);
-  bases_look_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), shape_.bases,
+  bases_cull_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), shape_.bases,
               t, window_sigmas(shape_.cutoff), camera, p["means"].values, p["means_t"].values,
               p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
               p["basis_logits"].values, poses_, p["pivots"].values, rows.marks, rows.counts);

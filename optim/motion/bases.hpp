@@ -31,7 +31,7 @@ class BasesMotion : public Motion {
   std::vector<TableSpec> tables() const override { return bases_tables(shape_.keys, shape_.bases); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians, const RowList& rows = {}) override;
-  bool look(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
+  bool cull(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
             ViewRows& rows) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
@@ -55,7 +55,7 @@ class BasesMotion : public Motion {
   Kernel<cl_uint, cl_uint, cl_int, cl_float, cl_float, PinholeCamera, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<cl_uint>,
          Out<cl_uint>>
-      bases_look_;
+      bases_cull_;
   Kernel<cl_uint, cl_uint, cl_uint, cl_int, cl_float, cl_int, In<cl_uint>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>,
          In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>,

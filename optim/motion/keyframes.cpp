@@ -21,7 +21,7 @@ KeyframesMotion::KeyframesMotion(Queue& queue, const MotionShape& shape)
       scales_(shape.key_scales ? "key_scales" : "key_shifts"),
       program_(queue, "motion/keyframes.cl", {{"SCALES", shape.key_scales}}),
       keyframes_fwd_(program_, "keyframes_fwd"),
-      keyframes_look_(program_, "keyframes_cull"),
+      keyframes_cull_(program_, "keyframes_cull"),
       keyframes_bwd_(program_, "keyframes_bwd"),
       keyframes_start_(program_, "keyframes_start"),
       canonical_rows_(queue) {
@@ -41,10 +41,10 @@ void KeyframesMotion::at(Queue& queue, const Parameters& p, float t, const Buffe
                  gaussians.factors, gaussians.opacities);
 }
 
-bool KeyframesMotion::look(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
+bool KeyframesMotion::cull(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
                            ViewRows& rows) {
   rows.ensure_marks(queue, p);
-  keyframes_look_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), t,
+  keyframes_cull_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), t,
                   window_sigmas(shape_.cutoff), camera,
                   key_weights(t, shape_.duration, shape_.keys), p["means"].values,
                   p["means_t"].values, p["quats"].values, p["log_scales"].values,

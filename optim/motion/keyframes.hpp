@@ -26,7 +26,7 @@ class KeyframesMotion : public Motion {
   std::vector<TableSpec> tables() const override { return keyframes_tables(shape_); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians, const RowList& rows = {}) override;
-  bool look(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
+  bool cull(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
             ViewRows& rows) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
@@ -48,7 +48,7 @@ class KeyframesMotion : public Motion {
   Kernel<cl_uint, cl_uint, cl_float, cl_float, PinholeCamera, KeyWeights, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<cl_uint>,
          Out<cl_uint>>
-      keyframes_look_;
+      keyframes_cull_;
   Kernel<cl_uint, cl_uint, cl_float, cl_int, KeyWeights, In<cl_uint>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>,
          In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>,

@@ -51,7 +51,7 @@ class Motion {
   // Culling: marks in `rows` the Gaussians that the camera may see at the rendered time; all that
   // it renders, and few others. Returns false if the model does not cull; it then gets lists of all
   // rows only.
-  virtual bool look(Queue&, const Parameters&, float /*t*/, const PinholeCamera&, ViewRows&) {
+  virtual bool cull(Queue&, const Parameters&, float /*t*/, const PinholeCamera&, ViewRows&) {
     return false;
   }
 

@@ -12,7 +12,7 @@ Native4dMotion::Native4dMotion(Queue& queue, float cutoff)
     : cutoff_(cutoff),
       program_(queue, "motion/native4d.cl"),
       native4d_fwd_(program_, "native4d_fwd"),
-      native4d_look_(program_, "native4d_cull"),
+      native4d_cull_(program_, "native4d_cull"),
       native4d_bwd_(program_, "native4d_bwd"),
       native4d_split_(program_, "native4d_split"),
       native4d_pace_(program_, "native4d_rate_scale") {}
@@ -37,10 +37,10 @@ void Native4dMotion::at(Queue& queue, const Parameters& p, float t, const Buffer
                 gaussians.opacities);
 }
 
-bool Native4dMotion::look(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
+bool Native4dMotion::cull(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
                           ViewRows& rows) {
   rows.ensure_marks(queue, p);
-  native4d_look_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), t, cutoff_,
+  native4d_cull_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), t, cutoff_,
                  camera, p["means"].values, p["means_t"].values, p["quats"].values,
                  p["quats_r"].values, p["log_scales"].values, p["logit_opacities"].values,
                  rows.marks, rows.counts);

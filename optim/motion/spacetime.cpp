@@ -9,7 +9,7 @@ SpacetimeMotion::SpacetimeMotion(Queue& queue, float cutoff)
     : sigmas_(window_sigmas(cutoff)),
       program_(queue, "motion/spacetime.cl"),
       spacetime_fwd_(program_, "spacetime_fwd"),
-      spacetime_look_(program_, "spacetime_cull"),
+      spacetime_cull_(program_, "spacetime_cull"),
       spacetime_bwd_(program_, "spacetime_bwd"),
       spacetime_split_(program_, "spacetime_split"),
       spacetime_pace_(program_, "spacetime_rate_scale") {}
@@ -36,10 +36,10 @@ void SpacetimeMotion::at(Queue& queue, const Parameters& p, float t, const Buffe
                  gaussians.means, gaussians.factors, gaussians.opacities);
 }
 
-bool SpacetimeMotion::look(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
+bool SpacetimeMotion::cull(Queue& queue, const Parameters& p, float t, const PinholeCamera& camera,
                            ViewRows& rows) {
   rows.ensure_marks(queue, p);
-  spacetime_look_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), t,
+  spacetime_cull_(queue, Range::over(rows.groups()), cl_uint(p.count), cl_uint(p.moving), t,
                   sigmas_, camera, p["means"].values, p["means_t"].values, p["velocities"].values,
                   p["half_accelerations"].values, p["quats"].values, p["turns"].values,
                   p["log_scales"].values, p["logit_opacities"].values, rows.marks, rows.counts);

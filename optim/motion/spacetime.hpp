@@ -24,7 +24,7 @@ class SpacetimeMotion : public Motion {
   std::vector<GroupSpec> groups() const override { return spacetime_groups(); }
   void at(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
           GaussiansAt& gaussians, const RowList& rows = {}) override;
-  bool look(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
+  bool cull(Queue& queue, const Parameters& parameters, float t, const PinholeCamera& camera,
             ViewRows& rows) override;
   void backward(Queue& queue, Parameters& parameters, float t, bool first,
                 const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
@@ -43,7 +43,7 @@ class SpacetimeMotion : public Motion {
       spacetime_fwd_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, PinholeCamera, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, Out<cl_uint>, Out<cl_uint>>
-      spacetime_look_;
+      spacetime_cull_;
   Kernel<cl_uint, cl_uint, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>,
          In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>,

@@ -33,7 +33,7 @@ class ViewRows {
   // The row of each entry. Waits.
   std::vector<cl_uint> read(Queue& queue) const;
 
-  // For Motion::look: one bit per row in groups of queue.lanes rows, and the number of set bits.
+  // For Motion::cull: one bit per row in groups of queue.lanes rows, and the number of set bits.
   void ensure_marks(Queue& queue, const Parameters& parameters);
   size_t groups() const { return marks.size(); }
   Buffer<cl_uint> marks{"marks"}, counts{"marked"};  // [groups]

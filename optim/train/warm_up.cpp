@@ -104,7 +104,7 @@ void go_forth(Queue& queue, bool flow, Model& model, WarmUpImage& p) {
   Buffer<float> colors;
   if (flow) model.motion->at(queue, model.parameters, 0, &seen, p.gaussians);
   ViewRows rows(queue);
-  if (model.motion->look(queue, model.parameters, 0, p.view.camera, rows))
+  if (model.motion->cull(queue, model.parameters, 0, p.view.camera, rows))
     rows.take_marked(queue, model.parameters);
   model.motion->at(queue, model.parameters, 0, nullptr, p.gaussians);
   model.color.forward(queue, model.parameters, model.color.bands(0, true), p.view.camera,

@@ -46,7 +46,7 @@ TEST(Bench, RasterTellsEveryStageAndCountsTheWork) {
   EXPECT_GE(masked, blended);
   EXPECT_NEAR(blended, 48, 10);  // the target of the scene
   const std::string shares = contents(folder.file("plots/raster.tsv"));
-  EXPECT_EQ(shares.find("scene\tlook\tmotion\tproject\tbin\t"), 0u) << shares;
+  EXPECT_EQ(shares.find("scene\tcull\tmotion\tproject\tbin\t"), 0u) << shares;
   EXPECT_NE(shares.find("\n40x24, 300\t"), std::string::npos) << shares;
 }
 

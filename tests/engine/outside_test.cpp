@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Culling of rows by view (Motion::look): all Gaussians that the camera renders are kept, with
+// Culling of rows by view (Motion::cull): all Gaussians that the camera renders are kept, with
 // bitwise equal poses; most others are culled; and the backward pass finds the parameters of each.
 #include <algorithm>
 #include <numeric>
@@ -93,7 +93,7 @@ TEST_P(Outside, OnlyWhatTheCameraCannotSeeIsLeftOut) {
         motion->at(queue, p, .25f, nullptr, all);
         engine.project(queue, {c, c}, {false, false}, all);
         const std::vector<cl_uint> touched = engine.splats().tiles_touched.read(queue);
-        ASSERT_TRUE(motion->look(queue, p, .25f, c, view));
+        ASSERT_TRUE(motion->cull(queue, p, .25f, c, view));
         view.take_marked(queue, p);
         motion->at(queue, p, .25f, nullptr, some, view.list());
         engine.project(queue, {c, c}, {false, false}, some);
@@ -149,7 +149,7 @@ TEST_P(Outside, TheWayBackFindsTheRowsOfItsEntries) {
   PinholeCamera camera = test_camera(64, 48);
   camera.near_plane = .05f;
   ViewRows view(queue);
-  ASSERT_TRUE(motion->look(queue, p, .25f, camera, view));
+  ASSERT_TRUE(motion->cull(queue, p, .25f, camera, view));
   view.take_marked(queue, p);
   const std::vector<cl_uint> rows = view.read(queue);
   ASSERT_GT(rows.size(), 100u);

@@ -35,7 +35,7 @@ class Drifting : public SpacetimeMotion {
       for (size_t c = 0; c < axes_; ++c) means[i + c] += drift[c] * (t - middle_);
     gaussians.means.write(queue, means);
   }
-  bool look(Queue&, const Parameters&, float, const PinholeCamera&, ViewRows&) override {
+  bool cull(Queue&, const Parameters&, float, const PinholeCamera&, ViewRows&) override {
     return false;
   }
   void backward(Queue& queue, Parameters& p, float t, bool first,

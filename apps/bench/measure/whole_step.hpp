@@ -24,7 +24,7 @@ class WholeStep {
   void operator()() {
     BenchScene& s = scene_;
     if (s.motion) {
-      s.motion->look(queue_, *s.parameters, s.t1, s.view.camera, rows_);
+      s.motion->cull(queue_, *s.parameters, s.t1, s.view.camera, rows_);
       rows_.take_marked(queue_, *s.parameters);
       s.motion->at(queue_, *s.parameters, s.t1, nullptr, s.at_t1, rows_.list());
     }

@@ -3,8 +3,8 @@
 // computed (OpenCL C only). Uses mean, longest axis and opacity only. Conservative: whatever
 // project_fwd (project.cl) draws passes, with margins for rounding. Motion models skip what is
 // culled (Skips::outside).
-#ifndef GFLOW_LOOKOUT_H
-#define GFLOW_LOOKOUT_H
+#ifndef GFLOW_CULLING_H
+#define GFLOW_CULLING_H
 #include "shared/lane.h"
 #include "shared/types.h"
 
@@ -75,19 +75,18 @@ static inline void cull_mark(uint group, uint n, LaneInts shown, global uint* re
 // for rows beyond the end.
 static inline lane cull_column(global const float* restrict values, uint first, uint n, uint width,
                                uint column) {
-#define LOOKOUT_ROW(r) values[(size_t)min(first + r, n - 1) * width + column]
+#define CULL_ROW(r) values[(size_t)min(first + r, n - 1) * width + column]
 #if LANES == 16
-  return (lane)(LOOKOUT_ROW(0), LOOKOUT_ROW(1), LOOKOUT_ROW(2), LOOKOUT_ROW(3), LOOKOUT_ROW(4),
-                LOOKOUT_ROW(5), LOOKOUT_ROW(6), LOOKOUT_ROW(7), LOOKOUT_ROW(8), LOOKOUT_ROW(9),
-                LOOKOUT_ROW(10), LOOKOUT_ROW(11), LOOKOUT_ROW(12), LOOKOUT_ROW(13), LOOKOUT_ROW(14),
-                LOOKOUT_ROW(15));
+  return (lane)(CULL_ROW(0), CULL_ROW(1), CULL_ROW(2), CULL_ROW(3), CULL_ROW(4), CULL_ROW(5),
+                CULL_ROW(6), CULL_ROW(7), CULL_ROW(8), CULL_ROW(9), CULL_ROW(10), CULL_ROW(11),
+                CULL_ROW(12), CULL_ROW(13), CULL_ROW(14), CULL_ROW(15));
 #elif LANES == 8
-  return (lane)(LOOKOUT_ROW(0), LOOKOUT_ROW(1), LOOKOUT_ROW(2), LOOKOUT_ROW(3), LOOKOUT_ROW(4),
-                LOOKOUT_ROW(5), LOOKOUT_ROW(6), LOOKOUT_ROW(7));
+  return (lane)(CULL_ROW(0), CULL_ROW(1), CULL_ROW(2), CULL_ROW(3), CULL_ROW(4), CULL_ROW(5),
+                CULL_ROW(6), CULL_ROW(7));
 #elif LANES == 4
-  return (lane)(LOOKOUT_ROW(0), LOOKOUT_ROW(1), LOOKOUT_ROW(2), LOOKOUT_ROW(3));
+  return (lane)(CULL_ROW(0), CULL_ROW(1), CULL_ROW(2), CULL_ROW(3));
 #else
-  return LOOKOUT_ROW(0);
+  return CULL_ROW(0);
 #endif
 }
 
