@@ -78,15 +78,15 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
   command->callback([flags, &options] {
     const RunFolder run = RunFolder::open(flags->run);
     Queue queue = open_queue(options);
-    const RunEvaluation judged =
+    const RunEvaluation evaluated =
         evaluate_run(queue, run, flags->split, options.quiet, flags->iteration, flags->settings);
-    print_state(judged.state);
-    print_report(judged.evaluation, judged.facts);
-    if (judged.written.empty()) {
+    print_state(evaluated.state);
+    print_report(evaluated.evaluation, evaluated.facts);
+    if (evaluated.written.empty()) {
       print_result("metrics   not written: {} is being trained\n", flags->run);
       return;
     }
-    print_result("metrics   {}\n", fmt::join(judged.written, ", "));
+    print_result("metrics   {}\n", fmt::join(evaluated.written, ", "));
   });
 }
 

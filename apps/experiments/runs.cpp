@@ -48,11 +48,11 @@ std::string difference(const TrainOptions& before, const TrainOptions& now) {
 }
 
 // Whether the settings name a network other than the one that evaluated the run.
-bool wants_other_judges(MetricsOptions wanted, const RunFolder& run) {
+bool needs_other_networks(MetricsOptions wanted, const RunFolder& run) {
   make_paths_absolute(wanted);
-  const MetricsOptions judges = run.judged_by();
-  return (!wanted.lpips.empty() && wanted.lpips != judges.lpips) ||
-         (!wanted.clip.empty() && wanted.clip != judges.clip);
+  const MetricsOptions used = run.metrics_options();
+  return (!wanted.lpips.empty() && wanted.lpips != used.lpips) ||
+         (!wanted.clip.empty() && wanted.clip != used.clip);
 }
 
 // The last complete line of a file; "" if there is none.
@@ -377,7 +377,7 @@ Standing standing_of(const PlannedRun& run, const std::string& folder) {
   TrainOptions before;
   apply_file(before, files.settings);
   // Resuming a finished training evaluates it again.
-  if (finished && wants_other_judges(run.config.metrics, RunFolder(files.run)))
+  if (finished && needs_other_networks(run.config.metrics, RunFolder(files.run)))
     standing.status = Status::stopped;
   before.metrics = run.config.metrics;
   standing.difference = difference(before, run.config);

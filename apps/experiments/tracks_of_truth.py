@@ -6,7 +6,7 @@ space (tracks3d.npy) and true flow.
     tracks_of_truth.py SCENE OUT
 
 writes OUT/CAMERA.npz for each camera of SCENE/transforms_train.json: `tracks` [pictures, points, 2] in
-pixels and `visibility` [pictures, points], of every fourth point: gflow judges by all. A point is in sight where the true flow of the pixel that
+pixels and `visibility` [pictures, points], of every fourth point: gflow evaluates all. A point is in sight where the true flow of the pixel that
 it lies in is its own motion to the next picture, within a quarter of a pixel, and the flow's mask
 says that the surface is seen at both times. The last picture has no flow: there a point is in sight
 where it was in the one before. numpy only.

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the image encoder of CLIP as an ONNX file that gflow judges by: metrics.clip = "clip.onnx".
+"""Writes the image encoder of CLIP as an ONNX file that gflow evaluates with: metrics.clip = "clip.onnx".
 
     pip install torch transformers onnx
     python3 export_clip.py clip.onnx                # ViT-B/32

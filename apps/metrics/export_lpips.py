@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes LPIPS as an ONNX file that gflow judges by: metrics.lpips = "alex.onnx".
+"""Writes LPIPS as an ONNX file that gflow evaluates with: metrics.lpips = "alex.onnx".
 
     pip install torch torchvision lpips onnx
     python3 export_lpips.py alex.onnx              # --net vgg: the other usual choice, slower

@@ -127,15 +127,15 @@ class Evaluator {
     ViewMetrics view;
     view.name = frame.name;
     view.step = frame.step;
-    judge_picture(view, picture, truth, reference);
-    judge_flow(view, reference, i);
+    evaluate_image(view, picture, truth, reference);
+    evaluate_flow(view, reference, i);
     if (!frame.depth_path.empty())
       view.depth_error =
           depth_error(renderer_.images().depth.read(queue_), renderer_.images().alpha.read(queue_),
                       read_true_depth(frame, camera.width, camera.height));
     networks_.evaluate(view, picture, truth);
     result_.views.push_back(view);
-    judge_flicker(frame, picture, truth, std::move(reference));
+    evaluate_flicker(frame, picture, truth, std::move(reference));
   }
 
   Evaluation result() {
@@ -189,8 +189,8 @@ class Evaluator {
     renderer_.forward(queue_, model_, shot);
   }
 
-  static void judge_picture(ViewMetrics& view, const Picture& picture, const Picture& truth,
-                            const Reference& reference) {
+  static void evaluate_image(ViewMetrics& view, const Picture& picture, const Picture& truth,
+                             const Reference& reference) {
     const std::vector<double> similarity = ssim_map(picture, truth);
     view.psnr = psnr(picture, truth);
     view.ssim = mean_of_map(similarity);
@@ -199,7 +199,7 @@ class Evaluator {
     view.ssim_dynamic = mean_of_map(similarity, reference.moving);
   }
 
-  void judge_flow(ViewMetrics& view, const Reference& reference, size_t i) {
+  void evaluate_flow(ViewMetrics& view, const Reference& reference, size_t i) {
     if (!any(reference.known)) return;
     const std::vector<float> flow = renderer_.images().flow.read(queue_);
     const FlowMetrics known = flow_metrics(flow, reference.planes, reference.known);
@@ -214,8 +214,8 @@ class Evaluator {
   }
 
   // Sets the flicker of the previous view, now that its next one is rendered.
-  void judge_flicker(const Frame& frame, const Picture& picture, const Picture& truth,
-                     Reference&& reference) {
+  void evaluate_flicker(const Frame& frame, const Picture& picture, const Picture& truth,
+                        Reference&& reference) {
     const bool follows = before_ && before_->reference.next == &frame &&
                          before_->width == truth.width && before_->height == truth.height;
     if (!follows && !reference.next) return before_.reset();

@@ -17,8 +17,8 @@ namespace {
 
 // The settings of a run with some of [metrics] changed; Error for any other. Networks of the
 // previous evaluation are used again unless the settings name others.
-TrainOptions judged_by(const TrainOptions& config, const MetricsOptions& before,
-                       const std::vector<std::string>& settings) {
+TrainOptions evaluation_options(const TrainOptions& config, const MetricsOptions& before,
+                                const std::vector<std::string>& settings) {
   TrainOptions changed = config;
   const auto keep = [](std::string& network, const std::string& former) {
     if (network.empty() && std::filesystem::exists(former)) network = former;
@@ -86,7 +86,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   const auto lock = run.lock_if_free();
   if (lock) complete_beginning(run, *lock);
   const RunState state = read_run_state(run, iteration);
-  const TrainOptions config = judged_by(state.config, run.judged_by(), settings);
+  const TrainOptions config = evaluation_options(state.config, run.metrics_options(), settings);
   LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, state.model, Purpose::showing);

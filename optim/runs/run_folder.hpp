@@ -103,7 +103,7 @@ class RunFolder {
                                          const RunFacts& facts, const TrainOptions& config,
                                          size_t gaussians, bool latest = true) const;
   // The networks that evaluated results.json; none if there is no such file.
-  MetricsOptions judged_by() const;
+  MetricsOptions metrics_options() const;
   // Facts of the last training, for a later evaluation. Zeros if there was none, or, with a
   // warning, if the file is damaged, because model and checkpoints do not need it. Error if the
   // file exists and cannot be read.

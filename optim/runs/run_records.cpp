@@ -205,7 +205,7 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
   return {of_all, of_each};
 }
 
-MetricsOptions RunFolder::judged_by() const {
+MetricsOptions RunFolder::metrics_options() const {
   const std::string text = read_report_or_empty(path("results.json"));
   const OrderedJson results = parse_json_within_limits(text);
   const auto test = results.is_object() ? results.value("test", OrderedJson()) : OrderedJson();

@@ -311,7 +311,7 @@ TEST(Bench, AnEarlierReportIsComparedByRatio) {
   EXPECT_EQ(twice.find("device [ms]") == std::string::npos, cpu) << twice;
   for (const char* said : {"wall [ms]", "motion, device [ms]"})
     EXPECT_NE(slower.out.find(said), std::string::npos) << said;
-  EXPECT_NE(slower.out.find(" not judged\n"), std::string::npos) << slower.out;
+  EXPECT_NE(slower.out.find(" not evaluated\n"), std::string::npos) << slower.out;
   Json report = report_in(file);  // slower by its best, but one earlier repeat was as slow
   const std::string row = report["rows"].items().begin().key();
   for (Json& one : report["rows"])

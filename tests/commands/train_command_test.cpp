@@ -160,7 +160,7 @@ TEST_F(CommandTest, WithoutANetworkEvalNamesTheSetting) {
     EXPECT_TRUE(test.contains(key) && test[key].is_null()) << key;
 }
 
-TEST_F(CommandTest, EvalJudgesByTheNetworksItIsGiven) {
+TEST_F(CommandTest, EvalUsesTheNetworksItIsGiven) {
   const TemporaryFolder folder;
   const std::string copy = folder.file("run");
   fs::copy(run(), copy, fs::copy_options::recursive);
@@ -183,13 +183,13 @@ TEST_F(CommandTest, EvalJudgesByTheNetworksItIsGiven) {
   EXPECT_EQ(contents(copy + "/config.toml"), contents(run() + "/config.toml"));
 
   // Without the setting the metrics stay; an empty setting removes them.
-  const auto judged = [&](std::vector<std::string> more) {
+  const auto evaluated = [&](std::vector<std::string> more) {
     more.insert(more.begin(), {"eval", copy, "--quiet"});
     EXPECT_EQ(gflow(more).code, 0);
     return nlohmann::json::parse(contents(copy + "/results.json"))["test"];
   };
-  EXPECT_EQ(judged({}), test);
-  const auto without = judged({"--set", "metrics.lpips="});
+  EXPECT_EQ(evaluated({}), test);
+  const auto without = evaluated({"--set", "metrics.lpips="});
   EXPECT_TRUE(without["lpips"].is_null());
   EXPECT_EQ(without["clip"], test["clip"]);
 

@@ -157,7 +157,7 @@ TEST(Adc, MakesTwoOfWhatIsPulledAtMoreThanTheThreshold) {
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 1, 2, 2, 3}));
 }
 
-TEST(Adc, JudgesTheMeanOverTheViewsThatSawIt) {
+TEST(Adc, ComparesTheMeanOverTheViewsThatSawIt) {
   Made hidden = pulled(50);
   hidden.tiles = 0;
   AdcField field({pulled(1.2f), pulled(1.8f), hidden});

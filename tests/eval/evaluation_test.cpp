@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-Evaluation judged(Queue& queue, const SmallScene& scene, const HostModel& host) {
+Evaluation evaluated(Queue& queue, const SmallScene& scene, const HostModel& host) {
   const TrainOptions config = small_config(scene, 1);
   LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, host);
@@ -21,7 +21,7 @@ Evaluation judged(Queue& queue, const SmallScene& scene, const HostModel& host) 
 TEST(Evaluate, FindsNoErrorInTheModelThatDrewThePictures) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  const Evaluation evaluation = judged(queue, scene, scene.truth);
+  const Evaluation evaluation = evaluated(queue, scene, scene.truth);
   EXPECT_EQ(evaluation.flow_reference, "true");
   EXPECT_FALSE(evaluation.trained_on);
   ASSERT_EQ(evaluation.views.size(), size_t(SmallScene::steps));
@@ -38,7 +38,7 @@ TEST(Evaluate, FindsNoErrorInTheModelThatDrewThePictures) {
 TEST(Evaluate, HasNoFlowFiguresWhereNoFlowLeads) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  const Evaluation evaluation = judged(queue, scene, scene.truth);
+  const Evaluation evaluation = evaluated(queue, scene, scene.truth);
   const ViewMetrics& last = evaluation.views.back();  // the last step has no next frame
   EXPECT_TRUE(std::isnan(last.flow_epe));
   EXPECT_TRUE(std::isnan(last.flow_epe_dynamic));
@@ -53,7 +53,7 @@ TEST(Evaluate, DynamicPixelsAreThoseWhoseTrueFlowExceedsOnePixel) {
   const SmallScene scene(queue);
   HostModel still = scene.truth;
   set_static(still.shape, still.groups, still.count);
-  const Evaluation evaluation = judged(queue, scene, still);
+  const Evaluation evaluation = evaluated(queue, scene, still);
 
   const LoadedScene loaded = load_scene(small_config(scene, 1).scene, "");
   for (size_t k = 0; k + 1 < loaded.scene.test.size(); ++k) {
@@ -77,14 +77,14 @@ TEST(Evaluate, DynamicPixelsAreThoseWhoseTrueFlowExceedsOnePixel) {
 TEST(Evaluate, FlowOfAHundredThousandPixelsIsNoTruth) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  const Evaluation before = judged(queue, scene, scene.truth);
+  const Evaluation before = evaluated(queue, scene, scene.truth);
   const LoadedScene loaded = load_scene(small_config(scene, 1).scene, "");
   for (size_t k = 0; k + 1 < loaded.scene.test.size(); ++k) {
     FlowField truth = read_flo(loaded.scene.test[k].flow_path);
     for (const size_t i : {size_t(3), size_t(40), size_t(41)}) truth.uv[2 * i + i % 2] = 1e9f;
     write_flo(loaded.scene.test[k].flow_path, truth);
   }
-  const Evaluation after = judged(queue, scene, scene.truth);
+  const Evaluation after = evaluated(queue, scene, scene.truth);
   for (size_t k = 0; k + 1 < loaded.scene.test.size(); ++k)
     EXPECT_NEAR(after.views[k].flow_epe, before.views[k].flow_epe, 1e-4);
 }
@@ -123,7 +123,7 @@ TEST(Evaluate, FlAllIsTheShareOfPixelsOffByMoreThanThree) {
   const SmallScene scene(queue, false, 96, 80);
   HostModel still = scene.truth;
   set_static(still.shape, still.groups, still.count);
-  const Evaluation evaluation = judged(queue, scene, still);
+  const Evaluation evaluation = evaluated(queue, scene, still);
   const LoadedScene loaded = load_scene(small_config(scene, 1).scene, "");
   for (size_t k = 0; k + 1 < loaded.scene.test.size(); ++k) {
     const FlowField truth = read_flo(loaded.scene.test[k].flow_path);
@@ -134,14 +134,14 @@ TEST(Evaluate, FlAllIsTheShareOfPixelsOffByMoreThanThree) {
     EXPECT_NEAR(evaluation.views[k].fl_all, double(off) / double(truth.valid.size()), 1e-12);
   }
   EXPECT_TRUE(std::isnan(evaluation.views.back().fl_all));
-  EXPECT_EQ(judged(queue, scene, scene.truth).mean.fl_all, 0);
+  EXPECT_EQ(evaluated(queue, scene, scene.truth).mean.fl_all, 0);
 }
 
 // True depth of one view, a fifth less than the depth of the model that rendered the images.
 TEST(Evaluate, ComparesDepthWhereThereIsATruth) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  EXPECT_TRUE(std::isnan(judged(queue, scene, scene.truth).mean.depth_error));
+  EXPECT_TRUE(std::isnan(evaluated(queue, scene, scene.truth).mean.depth_error));
   Model model(queue, scene.truth);
   Renderer renderer(queue, {});
   Shot shot;
@@ -153,12 +153,12 @@ TEST(Evaluate, ComparesDepthWhereThereIsATruth) {
   std::vector<float> depth = expected_depth(renderer.images().depth.read(queue), alpha);
   for (size_t i = 0; i < depth.size(); ++i) depth[i] = alpha[i] > 0.5f ? 0.8f * depth[i] : 0.f;
   write_npy(scene.folder().file("depth/cam00/0001.npy"), {{40, 48}, depth});
-  const Evaluation evaluation = judged(queue, scene, scene.truth);
+  const Evaluation evaluation = evaluated(queue, scene, scene.truth);
   EXPECT_NEAR(evaluation.views[1].depth_error, 0.25, 1e-5);
   EXPECT_TRUE(std::isnan(evaluation.views[0].depth_error));
   EXPECT_NEAR(evaluation.mean.depth_error, 0.25, 1e-5);
   write_npy(scene.folder().file("depth/cam00/0001.npy"), {{48, 40}, depth});
-  expect_error([&] { judged(queue, scene, scene.truth); }, {"0001.npy"});
+  expect_error([&] { evaluated(queue, scene, scene.truth); }, {"0001.npy"});
 }
 
 // The model is exact; one of five images is brightened by 20 of 255. So the error changes from and
@@ -170,7 +170,7 @@ TEST(Evaluate, FlickerIsTheChangeOfTheErrorOnTheWayToTheNextView) {
   Image picture = read_image(path);
   for (uint8_t& value : picture.pixels) value = uint8_t(std::min(255, value + 20));
   write_png(path, picture);
-  const Evaluation evaluation = judged(queue, scene, scene.truth);
+  const Evaluation evaluation = evaluated(queue, scene, scene.truth);
   EXPECT_LT(evaluation.views[0].flicker, 0.5);
   EXPECT_NEAR(evaluation.views[1].flicker, 20, 0.5);
   EXPECT_NEAR(evaluation.views[2].flicker, 20, 0.5);
@@ -183,29 +183,29 @@ TEST(Evaluate, UsesDisWhereTheSceneHasNoTrueFlow) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   std::filesystem::remove_all(scene.path() + "/flow");
-  const Evaluation evaluation = judged(queue, scene, scene.truth);
+  const Evaluation evaluation = evaluated(queue, scene, scene.truth);
   EXPECT_EQ(evaluation.flow_reference, "dis");
   EXPECT_TRUE(std::isfinite(evaluation.mean.flow_epe));
   EXPECT_TRUE(std::isnan(evaluation.mean.teacher_epe_dynamic));  // it would be compared with itself
   EXPECT_LT(evaluation.mean.flicker, 1);
 }
 
-const std::string judging_networks = GFLOW_SOURCE_DIR "/tests/data/networks/";
+const std::string evaluation_networks = GFLOW_SOURCE_DIR "/tests/data/networks/";
 
 TEST(Evaluate, AsksTheNetworksThatAreGiven) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  const Evaluation without = judged(queue, scene, scene.truth);
+  const Evaluation without = evaluated(queue, scene, scene.truth);
   EXPECT_EQ(without.lpips_model + without.clip_model, "");
   EXPECT_TRUE(std::isnan(without.mean.lpips));
   EXPECT_TRUE(std::isnan(without.mean.clip));
   TrainOptions config = small_config(scene, 1);
-  config.metrics.lpips = judging_networks + "lpips.onnx";
-  config.metrics.clip = judging_networks + "clip.onnx";
+  config.metrics.lpips = evaluation_networks + "lpips.onnx";
+  config.metrics.clip = evaluation_networks + "clip.onnx";
   LoadedScene loaded = load_scene(config.scene, "");
   Model model(queue, scene.truth);
   try {
-    MetricNetworks judges(config.metrics);
+    MetricNetworks metric_networks(config.metrics);
   } catch (const Error& problem) {
     ASSERT_NE(std::string(problem.what()).find("libopencv-dnn-dev"), std::string::npos);
     GTEST_SKIP() << "built without OpenCV's dnn module";
@@ -217,7 +217,7 @@ TEST(Evaluate, AsksTheNetworksThatAreGiven) {
     EXPECT_NEAR(view.clip, 1, 1e-4);
   }
   EXPECT_EQ(evaluation.mean.psnr, without.mean.psnr);
-  config.metrics.lpips = judging_networks + "lpips_6x4.onnx";
+  config.metrics.lpips = evaluation_networks + "lpips_6x4.onnx";
   expect_error([&] { evaluate(queue, model, config, loaded, loaded.scene.test, {}); },
                {"metrics.lpips", "6x4", "48x40"});
 }
@@ -234,7 +234,7 @@ struct KeptFlow {
     how.folder = folder.path();
     estimated_flows(loaded.scene, neighbour_pairs(loaded.scene), *loaded.frames, how);
   }
-  Evaluation judged(Queue& queue) {
+  Evaluation evaluated(Queue& queue) {
     Model model(queue, scene.truth);
     std::vector<Frame> views = loaded.scene.train;
     for (Frame& view : views) view.name = "test_" + view.name;
@@ -250,10 +250,10 @@ struct KeptFlow {
 TEST(Evaluate, FindsTheSameWithFlowThatTrainingKeptAsWithout) {
   Queue queue = test_queue();
   KeptFlow kept(queue);
-  const Evaluation without = kept.judged(queue);
+  const Evaluation without = kept.evaluated(queue);
   EXPECT_EQ(kept.folder.count(), 0u);  // the evaluation stores nothing itself
   kept.keep();
-  const Evaluation with = kept.judged(queue);
+  const Evaluation with = kept.evaluated(queue);
   EXPECT_EQ(with.flow_reference, "dis");
   EXPECT_TRUE(with.trained_on);
   size_t figures = 0;
@@ -269,12 +269,12 @@ TEST(Evaluate, ReadsTheFlowThatIsKept) {
   Queue queue = test_queue();
   KeptFlow kept(queue);
   kept.keep();
-  const Evaluation right = kept.judged(queue);
+  const Evaluation right = kept.evaluated(queue);
   const Frame& frame = kept.loaded.scene.train[0];
   TargetFlow far{zero_flow(48, 40), std::vector<uint8_t>(48 * 40, 255)};
   far.flow.uv.assign(far.flow.uv.size(), 100.f);
   FlowFolder(kept.folder.path(), uint64_t{1} << 30, {}).keep(frame.name, packed(far));
-  const Evaluation wrong = kept.judged(queue);
+  const Evaluation wrong = kept.evaluated(queue);
   EXPECT_GT(wrong.views[0].flow_epe, 100);
   EXPECT_EQ(wrong.views[1].flow_epe, right.views[1].flow_epe);
 }
@@ -284,7 +284,7 @@ TEST(Evaluate, ComputesNoFlowForATrainingWithoutIt) {
   KeptFlow kept(queue);
   kept.keep();
   kept.config.flow.enabled = false;
-  const Evaluation evaluation = kept.judged(queue);
+  const Evaluation evaluation = kept.evaluated(queue);
   EXPECT_EQ(evaluation.flow_reference, "none");
   EXPECT_TRUE(std::isnan(evaluation.mean.flow_epe));
   EXPECT_TRUE(std::isnan(evaluation.mean.psnr_dynamic));

@@ -43,9 +43,9 @@ class Long:
     def finish(self):
         """Resumes to the end; returns the differences from an uninterrupted training."""
         outcome = self.world.run([*self.arguments, "--resume"])
-        return self.judged(outcome)
+        return self.errors_of(outcome)
 
-    def judged(self, outcome):
+    def errors_of(self, outcome):
         """Errors of a finished training; removes it."""
         wrong = complaints(outcome, (0,)) + [f"{path} was left behind" for path in unfinished_in(self.run)]
         if outcome.code == 0:
@@ -336,7 +336,7 @@ def side_by_side(world):
         outcome = ended(process)
         if outcome.code == 0:
             os.rename(run, long.run)
-        wrong = long.judged(outcome) if outcome.code == 0 else [outcome.last_line()]
+        wrong = long.errors_of(outcome) if outcome.code == 0 else [outcome.last_line()]
         yield [f"{os.path.basename(run)}: {what}" for what in wrong]
 
 

@@ -99,7 +99,7 @@ class World:
         again = self.path("again")
         shutil.copytree(self.stopped, again)
         if self.resumed_as_undisturbed(again):
-            raise SystemExit("an undisturbed training and a resumed one differ: no fault can be judged by them")
+            raise SystemExit("an undisturbed training and a resumed one differ: faults cannot be checked against them")
 
     def path(self, name):
         return os.path.join(self.work, name)

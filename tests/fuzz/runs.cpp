@@ -149,7 +149,7 @@ void run_folder(const uint8_t* bytes, size_t size) {
     const RunFolder run = RunFolder::open(path);
     may_refuse([&] { run.read_config(); });
     may_refuse([&] { run.read_facts(); });
-    run.judged_by();
+    run.metrics_options();
     const std::string experiment = folder() + "/experiment";
     may_refuse([&] { experiments::standing_of(plan.runs[0], experiment); });
     const experiments::Results results(plan, experiments::results_of(plan, experiment));

@@ -193,12 +193,12 @@ TEST_F(GuideTest, AnalyticGuidanceAloneTrainsTowardsTheKnownPictures) {
                               *guidance);
   Adam adam(queue());
   Parameters& p = training.model.parameters;
-  const auto judged = [&] {
+  const auto evaluated = [&] {
     return evaluate(queue(), training.model, set, training.loaded, training.loaded.scene.test, {},
                     "", "")
         .mean.psnr;
   };
-  const double before = judged();
+  const double before = evaluated();
   const std::vector<Frame>& frames = training.loaded.scene.train;
   for (int step = 0; step < steps; ++step) {
     StepContext context;
@@ -217,7 +217,7 @@ TEST_F(GuideTest, AnalyticGuidanceAloneTrainsTowardsTheKnownPictures) {
     }
   }
   EXPECT_LT(before, 12);
-  EXPECT_GT(judged(), before + 6) << before;
+  EXPECT_GT(evaluated(), before + 6) << before;
 }
 
 TEST_F(GuideTest, FlowOfANovelViewTeachesItsMotion) {

@@ -27,14 +27,14 @@ bool with_dnn() {
   }
 }
 
-class Judges : public testing::Test {
+class PerceptualNetwork : public testing::Test {
  protected:
   void SetUp() override {
     if (!with_dnn()) GTEST_SKIP() << "built without OpenCV's dnn module";
   }
 };
-using LpipsNetwork = Judges;
-using ClipNetwork = Judges;
+using LpipsNetwork = PerceptualNetwork;
+using ClipNetwork = PerceptualNetwork;
 
 // A deterministic image that depends on the seed.
 ColourPlanes some_image(int width, int height, int seed) {

@@ -146,7 +146,7 @@ TEST_F(Resume, AFinishedTrainingIsEvaluatedAgainAndNothingElse) {
 }
 
 // As after a full disk at the end: a job that is restarted repeatedly must terminate.
-TEST_F(Resume, AModelThatHadNoRoomForItsCheckpointIsJudged) {
+TEST_F(Resume, AModelThatHadNoRoomForItsCheckpointIsEvaluated) {
   ASSERT_EQ(gflow(train("run")).code, 0);
   const std::string results = run("run") + "/results.json", before = contents(results);
   const std::string model = contents(latest_model("run"));
@@ -183,7 +183,7 @@ TEST_F(Resume, SettingsThatChangeTheResultAreRefusedOthersAreNot) {
   expect_as_uninterrupted();
 }
 
-TEST_F(Resume, OtherNetworksMayJudgeTheResult) {
+TEST_F(Resume, OtherNetworksMayEvaluateTheResult) {
   stopped_after(20, SIGKILL);
   const Outcome outcome =
       gflow(resume({"--set", "metrics.clip=" GFLOW_SOURCE_DIR "/tests/data/networks/clip.onnx"}));
@@ -223,11 +223,12 @@ TEST_F(Resume, ASecondProcessIsRefused) {
 TEST_F(Resume, ATrainingIsInspectedWhileItRuns) {
   const Command command(train("run", {"--iterations", "100000000"}));
   EXPECT_TRUE(wait_until([&] { return fs::exists(checkpoint(20)); }));
-  const Outcome judged = gflow({"eval", run("run"), "--quiet"});
-  EXPECT_EQ(judged.code, 0) << judged.err;
-  EXPECT_NE(judged.out.find(" of 100000000, from the checkpoint"), std::string::npos) << judged.out;
-  EXPECT_NE(judged.out.find("PSNR"), std::string::npos) << judged.out;
-  EXPECT_NE(judged.out.find("not written"), std::string::npos) << judged.out;
+  const Outcome evaluated = gflow({"eval", run("run"), "--quiet"});
+  EXPECT_EQ(evaluated.code, 0) << evaluated.err;
+  EXPECT_NE(evaluated.out.find(" of 100000000, from the checkpoint"), std::string::npos)
+      << evaluated.out;
+  EXPECT_NE(evaluated.out.find("PSNR"), std::string::npos) << evaluated.out;
+  EXPECT_NE(evaluated.out.find("not written"), std::string::npos) << evaluated.out;
   EXPECT_FALSE(fs::exists(run("run") + "/results.json"));
   const std::string out = run("out");
   for (const std::vector<std::string>& arguments :
@@ -243,14 +244,14 @@ TEST_F(Resume, ATrainingIsInspectedWhileItRuns) {
   EXPECT_EQ(command.wait().code, 130);
 }
 
-TEST_F(Resume, AKilledTrainingIsJudgedAndGoesOnAllTheSame) {
+TEST_F(Resume, AKilledTrainingIsEvaluatedAndGoesOnAllTheSame) {
   stopped_after(40, SIGKILL);
   const auto info = nlohmann::json::parse(gflow({"info", run("run"), "--json"}).out);
   EXPECT_EQ(info["format"], "checkpoint");
   const int step = info["iterations"];
   EXPECT_GE(step, 40);
-  const Outcome judged = gflow({"eval", run("run"), "--quiet"});
-  EXPECT_EQ(judged.code, 0) << judged.err;
+  const Outcome evaluated = gflow({"eval", run("run"), "--quiet"});
+  EXPECT_EQ(evaluated.code, 0) << evaluated.err;
   const auto results = nlohmann::json::parse(contents(run("run") + "/results.json"));
   EXPECT_EQ(results["iterations"], step);
   EXPECT_GT(results["train_seconds"], 0);
@@ -271,8 +272,8 @@ TEST_F(Resume, PointCloudsOnTheWayAreKeptAndShown) {
   const auto info =
       nlohmann::json::parse(gflow({"info", run("run"), "--json", "--iteration", "100"}).out);
   EXPECT_EQ(info["state"], "iteration 100 of 240, from its point cloud");
-  const Outcome judged = gflow({"eval", run("run"), "--quiet", "--iteration", "100"});
-  EXPECT_NE(judged.out.find("iteration 100 of 240"), std::string::npos) << judged.out;
+  const Outcome evaluated = gflow({"eval", run("run"), "--quiet", "--iteration", "100"});
+  EXPECT_NE(evaluated.out.find("iteration 100 of 240"), std::string::npos) << evaluated.out;
   const std::string early = run("run") + "/results_iteration_100.json";
   EXPECT_EQ(nlohmann::json::parse(contents(early))["iterations"], 100);
   for (const char* command : {"render", "export"})
@@ -359,10 +360,10 @@ TEST_F(SlowTraining, WhileItEvaluatesItHasTheModelAlready) {
       << outcome.err;
   EXPECT_FALSE(fs::exists(run("run") + "/results.json"));
   EXPECT_EQ(gflow({"eval", run("run"), "--quiet"}).code, 0);
-  const std::string judged = contents(run("run") + "/results.json");
+  const std::string evaluated = contents(run("run") + "/results.json");
   EXPECT_EQ(gflow(resume()).code, 0);
   EXPECT_EQ(nlohmann::json::parse(contents(run("run") + "/results.json"))["test"],
-            nlohmann::json::parse(judged)["test"]);
+            nlohmann::json::parse(evaluated)["test"]);
 }
 
 TEST_F(Resume, WithoutARunTheSceneIsNeeded) {
@@ -572,8 +573,8 @@ TEST_F(Resume, AHexplaneTrainingNeedsItsCheckpointOnly) {
   for (const fs::path file : {"input.ply", "input.motion.npz", "point_cloud", "training.json",
                               "checkpoints/iteration_40.npz"})
     EXPECT_GT(fs::remove_all(run("run") / file), 0u) << file;
-  const Outcome judged = gflow({"eval", run("run"), "--quiet"});
-  EXPECT_EQ(judged.code, 0) << judged.err;
+  const Outcome evaluated = gflow({"eval", run("run"), "--quiet"});
+  EXPECT_EQ(evaluated.code, 0) << evaluated.err;
   const Outcome outcome = gflow(resume());
   EXPECT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_TRUE(left_in("run") == whole);

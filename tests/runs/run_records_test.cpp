@@ -141,7 +141,7 @@ TEST(RunRecords, ResultsHaveTheKeysThatScriptsRead) {
   EXPECT_EQ(results["seed"], 5);
 }
 
-TEST(RunRecords, ResultsNameTheNetworksThatJudged) {
+TEST(RunRecords, ResultsNameTheNetworksThatEvaluated) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
   Evaluation evaluation = some_evaluation();
@@ -187,7 +187,7 @@ TEST(RunRecords, DamagedFactsAreAsNoFacts) {
     for (const char* name : {"training.json", "results.json"}) folder.write(name, text);
     EXPECT_EQ(run.read_facts().iterations, 0) << text;
     EXPECT_FALSE(run.read_facts().finished) << text;
-    EXPECT_EQ(run.judged_by().lpips, "") << text;
+    EXPECT_EQ(run.metrics_options().lpips, "") << text;
   }
   std::filesystem::remove(folder.path() + "/training.json");
   std::filesystem::create_directory(folder.path() + "/training.json");
@@ -201,13 +201,13 @@ TEST(RunRecords, ReportsAndStampsThatGoOnForLongAreDamaged) {
   run.write_facts({30, 1.5, 300, "some device", "bases"});
   run.remove_stale_caches("stamp");
   folder.write("results.json", R"({"test": {"lpips_model": "alex.onnx"}})");
-  EXPECT_EQ(run.judged_by().lpips, "alex.onnx");
+  EXPECT_EQ(run.metrics_options().lpips, "alex.onnx");
   ASSERT_TRUE(run.has_caches_of("stamp"));
   for (const char* name : {"training.json", "results.json", "caches.stamp"})
     std::ofstream(run.path(name), std::ios::app) << std::string(size_t{17} << 20, '\n');
   const double used = memory_of([&] {
     EXPECT_EQ(run.read_facts().iterations, 0);
-    EXPECT_EQ(run.judged_by().lpips, "");
+    EXPECT_EQ(run.metrics_options().lpips, "");
     EXPECT_FALSE(run.has_caches_of("stamp"));
   });
   EXPECT_LT(used, 8) << "they are not even read [MB]";

@@ -87,14 +87,14 @@ TEST_F(SequenceTest, LaterTimeStepsOnlyMoveWhatTheFirstFittedAndStartWithItsVelo
 // A model of the first time step is wrong later where things move; keys that follow the motion are
 // not.
 TEST_F(SequenceTest, FollowsTheMotion) {
-  const auto judged = [&](int iterations) {
+  const auto evaluated = [&](int iterations) {
     SmallTraining training(queue_, config(1500));
     training.steps(queue_, iterations);
     return evaluate(queue_, training.model, training.config, training.loaded,
                     training.loaded.scene.test, {})
         .mean;
   };
-  const ViewMetrics first = judged(450), all = judged(1500);
+  const ViewMetrics first = evaluated(450), all = evaluated(1500);
   EXPECT_GT(all.psnr_dynamic, first.psnr_dynamic + 2);
   EXPECT_LT(all.flow_epe_dynamic, 0.5 * first.flow_epe_dynamic);
 }

@@ -316,7 +316,7 @@ TEST_F(TrainerTest, AnotherSeedGivesAnotherModel) {
   EXPECT_NE(first.at("gaussians/means"), bits_after(queue(), config, 20).at("gaussians/means"));
 }
 
-Evaluation judged(Queue& queue, const TrainOptions& config) {
+Evaluation evaluated(Queue& queue, const TrainOptions& config) {
   SmallTraining training(queue, config);
   training.steps(queue, config.train.iterations);
   return evaluate(queue, training.model, config, training.loaded, training.loaded.scene.test, {});
@@ -332,9 +332,9 @@ TEST_F(TrainerTest, LearnsTheSceneAndItsMotion) {
   const ViewMetrics before =
       evaluate(queue(), untrained.model, config, untrained.loaded, untrained.loaded.scene.test, {})
           .mean;
-  const ViewMetrics with = judged(queue(), config).mean;
+  const ViewMetrics with = evaluated(queue(), config).mean;
   config.flow.enabled = false;
-  const ViewMetrics without = judged(queue(), config).mean;
+  const ViewMetrics without = evaluated(queue(), config).mean;
   EXPECT_LT(before.psnr, 15);
   EXPECT_GT(with.psnr, 21);
   EXPECT_GT(before.flow_epe_dynamic, 2);
@@ -347,7 +347,7 @@ TEST_F(TrainerTest, LearnsWithTheOtherMotionModelToo) {
   TrainOptions config = small_config(scene(), 1200);
   config.density.enabled = false;
   config.motion.model = choice_of(MotionModelKind::native4d);
-  const ViewMetrics with = judged(queue(), config).mean;
+  const ViewMetrics with = evaluated(queue(), config).mean;
   EXPECT_GT(with.psnr, 21);
   EXPECT_LT(with.flow_epe_dynamic, 0.3);
 }

@@ -57,7 +57,7 @@ bool is_time(const Figure& f) {
 }
 
 // Whether a time is evaluated: in a row with CPU time only that one.
-bool is_judged(const Row& row, const Figure& f) {
+bool is_evaluated(const Row& row, const Figure& f) {
   const auto is_cpu = [](const Figure& x) { return is_time(x) && x.name.rfind("CPU", 0) == 0; };
   return !row.brief && (is_cpu(f) || std::none_of(row.figures.begin(), row.figures.end(), is_cpu));
 }
@@ -154,8 +154,8 @@ std::vector<std::string> Report::compare() const {
       const double ratio = shown(f.value) / shown(before);
       const char* said = "";
       if (ratio > kGrown) {
-        if (!f.error && !is_judged(row, f))
-          said = " not judged";
+        if (!f.error && !is_evaluated(row, f))
+          said = " not evaluated";
         else if (!(f.value.low > before.high))
           said = f.error ? " within the seeds" : " within the quartiles";
         else
