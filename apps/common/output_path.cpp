@@ -65,7 +65,7 @@ void require_no_folder_of_run(const std::string& output) {
   if (!run.empty())
     throw Error(
         fmt::format("writing into {}: it belongs to a run; choose another folder, for example {}",
-                    output, (run / "pictures").string()));
+                    output, (run / "images").string()));
 }
 
 }  // namespace gflow

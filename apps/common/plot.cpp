@@ -25,13 +25,13 @@ struct NotDrawn : Error {  // gnuplot is missing or failed
 };
 
 // Checks the end that gnuplot writes last: it does not report a full disk.
-void require_whole(const std::string& picture, std::string_view end, const std::string& path) {
-  const Bytes bytes = read_file(picture);
+void require_whole(const std::string& image, std::string_view end, const std::string& path) {
+  const Bytes bytes = read_file(image);
   std::string text(bytes.begin(), bytes.end());
   while (!text.empty() && text.back() == '\n') text.pop_back();
   if (text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0)
     return;
-  require_room(picture, path);
+  require_room(image, path);
   throw Error(fmt::format("cannot write {}: gnuplot left it incomplete", path));
 }
 

@@ -104,7 +104,7 @@ void share_caches(const std::string& from, const std::string& to) {
 
 // Whether two trainings use the same images at the same time steps, so that they can share flow.
 // Flow files are named by image, not by content.
-bool same_pictures(const TrainOptions& a, const TrainOptions& b) {
+bool same_images(const TrainOptions& a, const TrainOptions& b) {
   const auto of_a = setting_values(a), of_b = setting_values(b);
   return std::all_of(of_a.begin(), of_a.end(), [&](const auto& setting) {
     return setting.first.rfind("scene.", 0) != 0 || of_b.at(setting.first) == setting.second;
@@ -286,7 +286,7 @@ class Pool {
       // Under a time limit every run computes its own caches.
       const bool fresh = !fs::exists(run) && plan_.runs[i].config.train.minutes == 0;
       for (size_t other = 0; fresh && other < plan_.runs.size(); ++other)
-        if (has_ended_[other] && same_pictures(plan_.runs[other].config, plan_.runs[i].config))
+        if (has_ended_[other] && same_images(plan_.runs[other].config, plan_.runs[i].config))
           share_caches(RunFiles(folder_, plan_.runs[other].id).run, run);
       running_.emplace(
           i, Job{Training(plan_.runs[i], folder_, device, options_.allow_command), device});

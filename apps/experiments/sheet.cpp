@@ -11,7 +11,7 @@
 
 #include "apps/experiments/runs.hpp"
 #include "apps/experiments/table.hpp"
-#include "optim/eval/pictures.hpp"
+#include "optim/eval/shown_images.hpp"
 #include "optim/images/image.hpp"
 #include "optim/scene/loaded_scene.hpp"
 
@@ -30,19 +30,19 @@ int width_of(const std::string& words) {
 }
 
 // Black caption on white above the image; white to the right of it up to `width`.
-Image captioned(const Image& picture, const std::string& words, int width) {
-  cv::Mat sheet(picture.height + kCaption, width, CV_8UC3, cv::Scalar(255, 255, 255));
-  const cv::Mat shown(picture.height, picture.width, CV_8UC3,
-                      const_cast<uint8_t*>(picture.pixels.data()));
-  if (!shown.empty()) shown.copyTo(sheet(cv::Rect(0, kCaption, picture.width, picture.height)));
+Image captioned(const Image& image, const std::string& words, int width) {
+  cv::Mat sheet(image.height + kCaption, width, CV_8UC3, cv::Scalar(255, 255, 255));
+  const cv::Mat shown(image.height, image.width, CV_8UC3,
+                      const_cast<uint8_t*>(image.pixels.data()));
+  if (!shown.empty()) shown.copyTo(sheet(cv::Rect(0, kCaption, image.width, image.height)));
   cv::putText(sheet, words, {kMargin, kCaption - 8}, kFont, kFontScale, cv::Scalar(0, 0, 0), 1,
               cv::LINE_AA);
   return {width, sheet.rows, 3, {sheet.data, sheet.data + sheet.total() * 3}};
 }
 
 Image readable(const std::string& path) {
-  const Image picture = read_image(path);
-  return picture.channels == 4 ? over_background(picture, {255, 255, 255}) : picture;
+  const Image image = read_image(path);
+  return image.channels == 4 ? over_background(image, {255, 255, 255}) : image;
 }
 
 // Images below each other, each with a caption.
@@ -52,11 +52,10 @@ struct Sheet {
 
   void write(const std::string& path) const {
     int width = width_of(title);
-    for (const auto& [words, picture] : rows)
-      width = std::max({width, picture.width, width_of(words)});
+    for (const auto& [words, image] : rows) width = std::max({width, image.width, width_of(words)});
     Image sheet = captioned({0, 0, 3, {}}, title, width);
-    for (const auto& [words, picture] : rows) {
-      const Image row = captioned(picture, words, width);
+    for (const auto& [words, image] : rows) {
+      const Image row = captioned(image, words, width);
       sheet.pixels.insert(sheet.pixels.end(), row.pixels.begin(), row.pixels.end());
       sheet.height += row.height;
     }
@@ -116,18 +115,18 @@ Sheet film_sheet(const Film& film, const std::string& scene, const std::vector<D
   for (const Frame* frame : frames) truth.push_back(*loaded.frames->rgb(*frame));
   sheet.rows.emplace_back("truth", side_by_side(truth));
   for (const Drawn& row : drawn) {
-    std::vector<Image> pictures;
+    std::vector<Image> images;
     for (size_t k = 0; k < frames.size(); ++k) {
       const std::string path = fmt::format("{}/test/{}.png", row.folder, frames[k]->name);
       // White if the row has no such step, or an image of another size.
-      Image picture{truth[k].width, truth[k].height, 3, {}};
-      if (fs::exists(path)) picture = readable(path);
-      if (picture.pixels.empty() || picture.height != truth[k].height)
-        picture = {truth[k].width, truth[k].height, 3,
-                   std::vector<uint8_t>(truth[k].pixels.size(), 255)};
-      pictures.push_back(picture);
+      Image image{truth[k].width, truth[k].height, 3, {}};
+      if (fs::exists(path)) image = readable(path);
+      if (image.pixels.empty() || image.height != truth[k].height)
+        image = {truth[k].width, truth[k].height, 3,
+                 std::vector<uint8_t>(truth[k].pixels.size(), 255)};
+      images.push_back(image);
     }
-    sheet.rows.emplace_back(row.words, side_by_side(pictures));
+    sheet.rows.emplace_back(row.words, side_by_side(images));
   }
   return sheet;
 }

@@ -5,10 +5,10 @@ space (tracks3d.npy) and true flow.
 
     tracks_of_truth.py SCENE OUT
 
-writes OUT/CAMERA.npz for each camera of SCENE/transforms_train.json: `tracks` [pictures, points, 2] in
-pixels and `visibility` [pictures, points], of every fourth point: gflow evaluates all. A point is in sight where the true flow of the pixel that
-it lies in is its own motion to the next picture, within a quarter of a pixel, and the flow's mask
-says that the surface is seen at both times. The last picture has no flow: there a point is in sight
+writes OUT/CAMERA.npz for each camera of SCENE/transforms_train.json: `tracks` [images, points, 2] in
+pixels and `visibility` [images, points], of every fourth point: gflow evaluates all. A point is in sight where the true flow of the pixel that
+it lies in is its own motion to the next image, within a quarter of a pixel, and the flow's mask
+says that the surface is seen at both times. The last image has no flow: there a point is in sight
 where it was in the one before. numpy only.
 """
 import json
@@ -22,7 +22,7 @@ except ImportError:
     sys.exit("tracks_of_truth.py needs numpy (python3-numpy)")
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "guidance"))
-from picture_files import read_flo, read_png
+from image_files import read_flo, read_png
 
 
 def cameras_of(scene):
@@ -35,8 +35,8 @@ def cameras_of(scene):
         name = next(part for part in parts if part not in ("images", "."))
         if name in cameras:
             continue
-        picture = os.path.join(scene, frame["file_path"])
-        height, width = read_png(picture if picture.endswith(".png") else picture + ".png").shape[:2]
+        image = os.path.join(scene, frame["file_path"])
+        height, width = read_png(image if image.endswith(".png") else image + ".png").shape[:2]
         focal = frame.get("fl_x", file.get("fl_x"))
         if focal is None:
             focal = width / 2 / np.tan(file["camera_angle_x"] / 2)

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Guidance towards pictures that are known: a provider whose right answer is certain.
+"""Guidance towards images that are known: a provider whose right answer is certain.
 
     example_target.py FOLDER
 
-FOLDER/CAMERA/ holds a picture a time step, named by its number (0.png or 0000.png), and
+FOLDER/CAMERA/ holds an image per time step, named by its number (0.png or 0000.png), and
 FOLDER/flow/CAMERA/NNNN.flo[.gz] the flow to the next, with NNNN_mask.png where it has one (255: seen
 at both times). They are brought to the size of the views. Views of cameras that are not there get no
 answer. Use it with guidance.cameras = "test", whose cameras have names.
@@ -14,7 +14,7 @@ import sys
 
 from gflow_guidance import Answer, fail, serve  # says it when there is no numpy
 import numpy as np
-from picture_files import read_flo, read_png, read_rgb, resized
+from image_files import read_flo, read_png, read_rgb, resized
 
 
 def require_shape(what, planes, view):
@@ -41,7 +41,7 @@ class Target:
         paths = [os.path.join(self.folder, name) for name in names]
         return next((path for path in paths if os.path.isfile(path)), None)
 
-    def picture(self, view, frame, background):
+    def image(self, view, frame, background):
         """[3, H, W] in the view's size; None where there is none."""
         camera = view.camera
         path = self.first(f"{camera.name}/{frame}.png", f"{camera.name}/{frame:04}.png")
@@ -71,7 +71,7 @@ class Target:
         answers = []
         for view in request.views:
             answer = Answer()
-            wanted = self.picture(view, request.frame, request.background)
+            wanted = self.image(view, request.frame, request.background)
             if wanted is not None:
                 answer.gradient = view.rgb - wanted
             if request.next_frame == request.frame + 1:  # what the files lead to

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Guidance by Zero123 (Liu et al. 2023): score distillation in the latents of a diffusion model
-that knows the object from the reference picture and the view from its pose.
+that knows the object from the reference image and the view from its pose.
 
     example_zero123.py MODEL [--scale 5] [--device cuda] [--resolution 256]
 
@@ -33,7 +33,7 @@ except ImportError as problem:
         "pip install torch diffusers transformers safetensors"
     )
 
-# Of the pictures CLIP was trained with.
+# Of the images CLIP was trained with.
 CLIP_MEAN = (0.48145466, 0.4578275, 0.40821073)
 CLIP_STD = (0.26862954, 0.26130258, 0.27577711)
 
@@ -56,7 +56,7 @@ def parts_folder(model, download):
 
 
 def projection_of(folder, device, dtype):
-    """The layer that joins CLIP's picture of the reference, 768 numbers, with the pose, 4."""
+    """The layer that joins CLIP's image of the reference, 768 numbers, with the pose, 4."""
     folder = os.path.join(folder, "clip_camera_projection")
     safe = os.path.join(folder, "diffusion_pytorch_model.safetensors")
     if os.path.isfile(safe):
@@ -88,17 +88,17 @@ class Zero123:
         scheduler = DDIMScheduler.from_pretrained(folder, subfolder="scheduler")
         self.alphas = scheduler.alphas_cumprod.to(device)
 
-    def square(self, picture, size, background):
-        """[1, 3, size, size] of planes [3, H, W], the whole picture in the middle."""
-        height, width = picture.shape[1:]
+    def square(self, image, size, background):
+        """[1, 3, size, size] of planes [3, H, W], the whole image in the middle."""
+        height, width = image.shape[1:]
         most = max(height, width)
         canvas = background.view(3, 1, 1).expand(3, most, most).clone()
         top, left = (most - height) // 2, (most - width) // 2
-        canvas[:, top : top + height, left : left + width] = picture
+        canvas[:, top : top + height, left : left + width] = image
         return F.interpolate(canvas[None], (size, size), mode="bilinear", antialias=most > size)
 
-    def latents(self, picture):
-        posterior = self.vae.encode((2 * picture - 1).to(self.dtype)).latent_dist
+    def latents(self, image):
+        posterior = self.vae.encode((2 * image - 1).to(self.dtype)).latent_dist
         return posterior.mode() * self.vae.config.scaling_factor
 
     @torch.no_grad()
@@ -112,14 +112,14 @@ class Zero123:
         return clip, self.latents(seen) / self.vae.config.scaling_factor
 
     @torch.no_grad()
-    def noise_seen(self, noisy, t, view, clip, picture):
+    def noise_seen(self, noisy, t, view, clip, image):
         azimuth = math.radians(view.azimuth)
         pose = [math.radians(-view.elevation), math.sin(azimuth), math.cos(azimuth), view.distance]
         pose = torch.tensor([pose], device=self.device, dtype=self.dtype)
         words = self.projection(torch.cat([clip, pose], 1))[:, None]
         words = torch.cat([torch.zeros_like(words), words])
-        pictures = torch.cat([torch.zeros_like(picture), picture])
-        inputs = torch.cat([torch.cat([noisy] * 2), pictures], 1)
+        images = torch.cat([torch.zeros_like(image), image])
+        inputs = torch.cat([torch.cat([noisy] * 2), images], 1)
         times = torch.full((2,), t, device=self.device)
         noise = self.unet(inputs, times, encoder_hidden_states=words).sample
         without, given = noise.chunk(2)
@@ -127,13 +127,13 @@ class Zero123:
 
     def guide(self, request):
         background = torch.from_numpy(request.background).to(self.device)
-        clip, picture = self.conditions(request, background)
+        clip, image = self.conditions(request, background)
         return [
-            self.answer(request, i, view, clip, picture, background)
+            self.answer(request, i, view, clip, image, background)
             for i, view in enumerate(request.views)
         ]
 
-    def answer(self, request, i, view, clip, picture, background):
+    def answer(self, request, i, view, clip, image, background):
         rgb = torch.from_numpy(view.rgb).to(self.device).requires_grad_()
         latents = self.latents(self.square(rgb, self.resolution, background))
         t = min(int(round(view.timestep * len(self.alphas))), len(self.alphas) - 1)
@@ -142,7 +142,7 @@ class Zero123:
         noise = torch.randn(latents.shape, generator=lots).to(self.device, self.dtype)
         with torch.no_grad():
             noisy = alpha_bar.sqrt() * latents + (1 - alpha_bar).sqrt() * noise
-            seen = self.noise_seen(noisy.to(self.dtype), t, view, clip, picture)
+            seen = self.noise_seen(noisy.to(self.dtype), t, view, clip, image)
             gradient = torch.nan_to_num((1 - alpha_bar) * (seen - noise).float())
         latents.backward(gradient.to(latents.dtype))
         return Answer(gradient=rgb.grad.float().cpu().numpy())

@@ -98,7 +98,7 @@ class Layer(torch.nn.Module):
 
 
 class Encoder(torch.nn.Module):
-    """A picture as clip_input makes it [1, 3, S, S] -> its embedding [1, n]."""
+    """An image as clip_input makes it [1, 3, S, S] -> its embedding [1, n]."""
 
     def __init__(self, model):
         super().__init__()
@@ -121,8 +121,8 @@ class Encoder(torch.nn.Module):
             Layer(layer, config.num_attention_heads) for layer in vision.encoder.layers)
         self.projection = linear(model.visual_projection.weight)
 
-    def forward(self, picture):
-        columns = self.patches(picture).reshape(self.width, self.count)
+    def forward(self, image):
+        columns = self.patches(image).reshape(self.width, self.count)
         x = self.pre(self.places(columns).transpose(0, 1) + self.start)
         for layer in self.layers:
             x = layer(x)
@@ -130,13 +130,13 @@ class Encoder(torch.nn.Module):
         return self.first(x.transpose(0, 1)).reshape(1, -1)
 
 
-def by_opencv(path, picture):
+def by_opencv(path, image):
     try:
         import cv2
     except ImportError:
         return None
     net = cv2.dnn.readNetFromONNX(path)
-    net.setInput(picture.numpy())
+    net.setInput(image.numpy())
     return torch.from_numpy(net.forward().reshape(-1))
 
 
@@ -148,15 +148,15 @@ def main():
     model = transformers.CLIPVisionModelWithProjection.from_pretrained(arguments.model).eval()
     encoder = Encoder(model).eval()
     side = model.config.image_size
-    picture = torch.randn(1, 3, side, side)
+    image = torch.randn(1, 3, side, side)
     with torch.no_grad():
-        theirs = model(pixel_values=picture).image_embeds.reshape(-1)
-        far = float((encoder(picture).reshape(-1) - theirs).norm() / theirs.norm())
+        theirs = model(pixel_values=image).image_embeds.reshape(-1)
+        far = float((encoder(image).reshape(-1) - theirs).norm() / theirs.norm())
         if far > 1e-4:
             sys.exit(f"the relative error of the export would be {far:.1e}: nothing was written")
-        torch.onnx.export(encoder, picture, arguments.output, input_names=["picture"],
+        torch.onnx.export(encoder, image, arguments.output, input_names=["picture"],
                           output_names=["embedding"], opset_version=11)
-    opencv = by_opencv(arguments.output, picture)
+    opencv = by_opencv(arguments.output, image)
     print(f"{arguments.output}: relative error {far:.1e} here, in OpenCV "
           + ("not tested (no cv2)" if opencv is None
              else f"{float((opencv - theirs).norm() / theirs.norm()):.1e}"))

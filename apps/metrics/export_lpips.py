@@ -37,7 +37,7 @@ def filter_of(weights, bias=None):
 
 
 class Distance(torch.nn.Module):
-    """Two pictures [1, 3, H, W] in [-1, 1] -> their distance [1, 1, 1, 1]."""
+    """Two images [1, 3, H, W] in [-1, 1] -> their distance [1, 1, 1, 1]."""
 
     def __init__(self, model):
         super().__init__()
@@ -51,10 +51,10 @@ class Distance(torch.nn.Module):
         sums = {n: filter_of(torch.ones(n, n)) for n in {w.shape[1] for w in weights}}
         self.sums = torch.nn.ModuleList(sums[w.shape[1]] for w in weights)
 
-    def forward(self, picture, truth):
-        of_picture, of_truth = (self.net(self.scaling(x)) for x in (picture, truth))
+    def forward(self, image, truth):
+        of_image, of_truth = (self.net(self.scaling(x)) for x in (image, truth))
         distance = 0
-        for a, b, lin, channels in zip(of_picture, of_truth, self.lins, self.sums):
+        for a, b, lin, channels in zip(of_image, of_truth, self.lins, self.sums):
             unit = [x / (torch.sqrt(channels(x * x)) + 1e-10) for x in (a, b)]
             d = unit[0] - unit[1]
             distance = distance + torch.nn.functional.adaptive_avg_pool2d(lin(d * d), 1)

@@ -71,9 +71,9 @@ static inline lane inside(lane value, Strip strip, ImageLossSize size) {
 }
 
 // Stores one row of the strip into the image [3, H, W], which has no border.
-static inline void store_row(lane value, global float* picture, int row, Strip strip,
+static inline void store_row(lane value, global float* image, int row, Strip strip,
                              ImageLossSize size) {
-  global float* to = picture + (strip.channel * size.height + strip.y + row) * size.width + strip.x;
+  global float* to = image + (strip.channel * size.height + strip.y + row) * size.width + strip.x;
   row_store(value, to, size.width - strip.x);
 }
 

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "optim/eval/metric_networks.hpp"
-#include "optim/eval/pictures.hpp"
+#include "optim/eval/shown_images.hpp"
 #include "optim/flow/estimated_flow.hpp"
 #include "optim/loss/metrics.hpp"
 #include "optim/scene/true_depth.hpp"
@@ -116,10 +116,10 @@ class Evaluator {
     const Camera& camera = store_.camera(frame);
     Reference reference = reference_of_view(i);
     draw(frame, camera, reference);
-    const Picture truth =
-        Picture::from_bytes(camera.width, camera.height, store_.rgb(frame)->pixels);
+    const PlanarImage truth =
+        PlanarImage::from_bytes(camera.width, camera.height, store_.rgb(frame)->pixels);
     const std::vector<float> planes = renderer_.images().rgb.read(queue_);
-    const Picture picture = Picture::from_planes(camera.width, camera.height, planes);
+    const PlanarImage image = PlanarImage::from_planes(camera.width, camera.height, planes);
     if (!folder_.empty())
       write_png(folder_ + "/" + frame.name + ".png",
                 image_of_rgb(camera.width, camera.height, planes));
@@ -127,15 +127,15 @@ class Evaluator {
     ViewMetrics view;
     view.name = frame.name;
     view.step = frame.step;
-    evaluate_image(view, picture, truth, reference);
+    evaluate_image(view, image, truth, reference);
     evaluate_flow(view, reference, i);
     if (!frame.depth_path.empty())
       view.depth_error =
           depth_error(renderer_.images().depth.read(queue_), renderer_.images().alpha.read(queue_),
                       read_true_depth(frame, camera.width, camera.height));
-    networks_.evaluate(view, picture, truth);
+    networks_.evaluate(view, image, truth);
     result_.views.push_back(view);
-    evaluate_flicker(frame, picture, truth, std::move(reference));
+    evaluate_flicker(frame, image, truth, std::move(reference));
   }
 
   Evaluation result() {
@@ -189,13 +189,13 @@ class Evaluator {
     renderer_.forward(queue_, model_, shot);
   }
 
-  static void evaluate_image(ViewMetrics& view, const Picture& picture, const Picture& truth,
+  static void evaluate_image(ViewMetrics& view, const PlanarImage& image, const PlanarImage& truth,
                              const Reference& reference) {
-    const std::vector<double> similarity = ssim_map(picture, truth);
-    view.psnr = psnr(picture, truth);
+    const std::vector<double> similarity = ssim_map(image, truth);
+    view.psnr = psnr(image, truth);
     view.ssim = mean_of_map(similarity);
     if (!any(reference.moving)) return;
-    view.psnr_dynamic = psnr(picture, truth, reference.moving);
+    view.psnr_dynamic = psnr(image, truth, reference.moving);
     view.ssim_dynamic = mean_of_map(similarity, reference.moving);
   }
 
@@ -214,12 +214,12 @@ class Evaluator {
   }
 
   // Sets the flicker of the previous view, now that its next one is rendered.
-  void evaluate_flicker(const Frame& frame, const Picture& picture, const Picture& truth,
+  void evaluate_flicker(const Frame& frame, const PlanarImage& image, const PlanarImage& truth,
                         Reference&& reference) {
     const bool follows = before_ && before_->reference.next == &frame &&
                          before_->width == truth.width && before_->height == truth.height;
     if (!follows && !reference.next) return before_.reset();
-    std::vector<float> error = difference(picture, truth);
+    std::vector<float> error = difference(image, truth);
     if (follows && any(before_->reference.seen))
       result_.views[result_.views.size() - 2].flicker =
           flicker(before_->error, error, truth.width, truth.height, before_->reference.planes,

@@ -6,8 +6,8 @@
 namespace gflow {
 namespace {
 
-ColourPlanes planes_of(const Picture& picture) {
-  return {picture.width, picture.height, {picture.values.begin(), picture.values.end()}};
+ColourPlanes planes_of(const PlanarImage& image) {
+  return {image.width, image.height, {image.values.begin(), image.values.end()}};
 }
 
 }  // namespace
@@ -21,10 +21,10 @@ void MetricNetworks::require_size(int width, int height) const {
   if (lpips_) lpips_->require_size(width, height);
 }
 
-void MetricNetworks::evaluate(ViewMetrics& view, const Picture& picture,
-                                     const Picture& truth) {
+void MetricNetworks::evaluate(ViewMetrics& view, const PlanarImage& image,
+                              const PlanarImage& truth) {
   if (!lpips_ && !clip_) return;
-  const ColourPlanes drawn = planes_of(picture), filmed = planes_of(truth);
+  const ColourPlanes drawn = planes_of(image), filmed = planes_of(truth);
   if (lpips_) view.lpips = lpips_->distance(drawn, filmed);
   if (clip_) view.clip = clip_->similarity(drawn, filmed);
 }

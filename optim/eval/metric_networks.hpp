@@ -17,7 +17,7 @@ class MetricNetworks {
   // Error if a network needs another image size.
   void require_size(int width, int height) const;
   // Sets view.lpips and view.clip, each if it has a network.
-  void evaluate(ViewMetrics& view, const Picture& picture, const Picture& truth);
+  void evaluate(ViewMetrics& view, const PlanarImage& image, const PlanarImage& truth);
 
  private:
   std::optional<Lpips> lpips_;

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "optim/eval/pictures.hpp"
+#include "optim/eval/shown_images.hpp"
 #include "optim/flow/flow_store.hpp"
 #include "optim/formats/npy.hpp"
 #include "optim/images/movie.hpp"
@@ -144,10 +144,10 @@ void write_movies(const std::vector<RenderView>& views, const std::string& folde
     }
     if (parts.size() < 2 || !one_size) continue;
     const std::string path = fmt::format("{}/{}{}.mp4", folder, prefix, movie);
-    const auto picture = [&](size_t i) {
+    const auto image_at = [&](size_t i) {
       return read_image(fmt::format("{}/{}/{}.png", folder, kind, parts[i]->name));
     };
-    write_movie(path, parts.size(), picture, fps);
+    write_movie(path, parts.size(), image_at, fps);
     written.push_back(path);
   }
 }

@@ -100,22 +100,22 @@ class Estimator {
   class Turn {
    public:
     Turn(Estimator& owner, const FlowPair& pair)
-        : owner_(owner), pictures_(std::minmax(pair.frame, pair.next)) {
+        : owner_(owner), frames_(std::minmax(pair.frame, pair.next)) {
       std::unique_lock<std::mutex> lock(owner_.mutex_);
-      owner_.ended_.wait(lock, [&] { return !owner_.at_work_.count(pictures_); });
-      owner_.at_work_.insert(pictures_);
+      owner_.ended_.wait(lock, [&] { return !owner_.at_work_.count(frames_); });
+      owner_.at_work_.insert(frames_);
     }
     Turn(const Turn&) = delete;
     Turn& operator=(const Turn&) = delete;
     ~Turn() {
       const std::lock_guard<std::mutex> lock(owner_.mutex_);
-      owner_.at_work_.erase(pictures_);
+      owner_.at_work_.erase(frames_);
       owner_.ended_.notify_all();
     }
 
    private:
     Estimator& owner_;
-    std::pair<int, int> pictures_;
+    std::pair<int, int> frames_;
   };
 
   const Frame& frame(int i) const { return scene_.train[size_t(i)]; }

@@ -218,16 +218,16 @@ FlowStore flows_from_folder(const Scene& scene, const std::vector<FlowPair>& pai
     const Camera camera = frames.camera(frame);
     const std::string step =
         (path_below(folder, camera.name) / fmt::format("{:04}", frame.step)).string();
-    const std::string picture = (fs::path(folder) / fs::path(frame.path).stem()).string();
+    const std::string image = (fs::path(folder) / fs::path(frame.path).stem()).string();
     std::vector<std::string> names;
-    for (const std::string& base : {step, picture})
+    for (const std::string& base : {step, image})
       for (const char* extension : {".flo", ".flo.gz", ".png", ".npy"})
         names.push_back(base + extension);
     const std::string path = first_existing("", names);
     if (path.empty())
       throw Error(fmt::format("there is no flow of camera {} at step {}: looked for {}",
                               camera.name, frame.step, fmt::join(names, ", ")));
-    const std::string& base = path.compare(0, step.size(), step) == 0 ? step : picture;
+    const std::string& base = path.compare(0, step.size(), step) == 0 ? step : image;
     const std::string mask = first_existing("", {base + "_mask.png"});
     loaders.emplace_back([=] {
       TargetFlow target_flow{read_any_flow(path), {}};

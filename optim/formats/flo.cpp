@@ -138,13 +138,13 @@ FlowImage color_wheel(const FlowField& flow, float longest) {
   if (!(longest > 0)) longest = longest_valid(flow);
   if (!(longest > 0)) longest = 1;  // nothing moves: all white
   const std::vector<Color> wheel = make_wheel();
-  FlowImage picture{flow.width, flow.height, std::vector<uint8_t>(3 * flow.valid.size())};
+  FlowImage image{flow.width, flow.height, std::vector<uint8_t>(3 * flow.valid.size())};
   for (size_t i = 0; i < flow.valid.size(); ++i) {
     if (!flow.valid[i]) continue;
     const Color color = wheel_color(wheel, flow.uv[2 * i] / longest, flow.uv[2 * i + 1] / longest);
-    for (size_t c = 0; c < 3; ++c) picture.rgb[3 * i + c] = uint8_t(255 * color[c]);
+    for (size_t c = 0; c < 3; ++c) image.rgb[3 * i + c] = uint8_t(255 * color[c]);
   }
-  return picture;
+  return image;
 }
 
 }  // namespace gflow

@@ -34,7 +34,7 @@ AnalyticDenoiser::AnalyticDenoiser(const KnownViews& views, double variance)
     : views_(views), variance_(variance) {}
 
 std::vector<float> AnalyticDenoiser::noise(const NoisyView& view, bool condition) {
-  std::vector<std::vector<float>> means = views_.pictures(view.request, view.view, condition);
+  std::vector<std::vector<float>> means = views_.images(view.request, view.view, condition);
   for (std::vector<float>& mean : means)
     for (float& value : mean) value = 2 * value - 1;
   return mixture_noise(means, variance_, view.alpha_bar, view.z);

@@ -25,15 +25,15 @@ KnownViews::KnownViews(const std::string& folder)
         fmt::format("guidance.images = \"{}\" is not a folder; it must be a folder of images, or "
                     "of one folder of images per camera",
                     folder));
-  const auto pictures_in = [](const fs::path& place) {
+  const auto images_in = [](const fs::path& place) {
     std::vector<std::string> paths;
     for (const std::string& name : list_images(place.string()))
       paths.push_back((place / name).string());
     return paths;
   };
-  of_any_ = pictures_in(folder);
+  of_any_ = images_in(folder);
   for (const std::string& camera : list_folders(folder)) {
-    std::vector<std::string> paths = pictures_in(fs::path(folder) / camera);
+    std::vector<std::string> paths = images_in(fs::path(folder) / camera);
     if (!paths.empty()) of_cameras_.emplace(camera, std::move(paths));
   }
   if (of_any_.empty() && of_cameras_.empty())
@@ -53,12 +53,12 @@ std::vector<float> KnownViews::planes(const std::string& path, const GuidanceReq
     throw GuidanceFailed(fmt::format(
         "image {} has {}x{} pixels, but the view has {}x{}: they must have the same aspect ratio",
         path, whole->width, whole->height, width, height));
-  const Image picture =
+  const Image image =
       whole->width == width && whole->height == height ? *whole : resized(*whole, width, height);
-  const size_t pixels = size_t(width) * size_t(height), channels = size_t(picture.channels);
+  const size_t pixels = size_t(width) * size_t(height), channels = size_t(image.channels);
   std::vector<float> planes(3 * pixels);
   for (size_t i = 0; i < pixels; ++i) {
-    const uint8_t* value = &picture.pixels[channels * i];
+    const uint8_t* value = &image.pixels[channels * i];
     const float alpha = channels == 4 ? float(value[3]) / 255 : 1.f;
     for (size_t c = 0; c < 3; ++c)
       planes[c * pixels + i] = alpha * float(value[c]) / 255 + (1 - alpha) * request.background[c];
@@ -66,9 +66,8 @@ std::vector<float> KnownViews::planes(const std::string& path, const GuidanceReq
   return planes;
 }
 
-std::vector<std::vector<float>> KnownViews::pictures(const GuidanceRequest& request,
-                                                     const GuidanceView& view,
-                                                     bool of_camera) const {
+std::vector<std::vector<float>> KnownViews::images(const GuidanceRequest& request,
+                                                   const GuidanceView& view, bool of_camera) const {
   const size_t k = size_t(request.frame);
   std::vector<std::string> paths;
   const auto its = of_cameras_.find(view.camera.name);
@@ -83,9 +82,9 @@ std::vector<std::vector<float>> KnownViews::pictures(const GuidanceRequest& requ
     throw GuidanceFailed(fmt::format("guidance.images = \"{}\" has no image of time step {}{}",
                                      folder_, k,
                                      its == of_cameras_.end() ? "" : " by camera " + its->first));
-  std::vector<std::vector<float>> pictures;
-  for (const std::string& path : paths) pictures.push_back(planes(path, request, view));
-  return pictures;
+  std::vector<std::vector<float>> found;
+  for (const std::string& path : paths) found.push_back(planes(path, request, view));
+  return found;
 }
 
 std::shared_ptr<const TargetFlow> KnownViews::flow(const GuidanceRequest& request,

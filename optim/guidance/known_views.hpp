@@ -27,8 +27,8 @@ class KnownViews {
   // Planes [3, H, W] in [0, 1] in the size of the view. If `of_camera` is set and the folder has
   // the view's camera: that camera's image at the request's time. Otherwise all images of that
   // time. GuidanceFailed if there is none, or its aspect ratio differs from the view's.
-  std::vector<std::vector<float>> pictures(const GuidanceRequest& request, const GuidanceView& view,
-                                           bool of_camera) const;
+  std::vector<std::vector<float>> images(const GuidanceRequest& request, const GuidanceView& view,
+                                         bool of_camera) const;
   // Flow of the view's camera from the request's time step, in the size of the view; nullptr if
   // there is none.
   std::shared_ptr<const TargetFlow> flow(const GuidanceRequest& request,

@@ -51,34 +51,34 @@ void check_pixels(const Image& image, const std::string& doing) {
 
 // `bytes` must have passed check_image_bytes.
 DecodedImage decode(const Bytes& bytes, const std::string& path) {
-  DecodedImage picture = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
-  const std::string& why = picture.complaint;
-  if (picture.pixels.empty())
+  DecodedImage decoded = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
+  const std::string& why = decoded.complaint;
+  if (decoded.pixels.empty())
     throw Error(fmt::format("cannot read image {}: it is damaged ({})", path, why));
   static std::mutex mutex;
   static std::set<std::string> told;  // an image may be decoded many times
   const std::lock_guard<std::mutex> lock(mutex);
   if (!why.empty() && told.insert(path).second)
     warn(fmt::format("image {} may be damaged ({}); using it anyway", path, why));
-  return picture;
+  return decoded;
 }
 
-DecodedImage read_picture(const std::string& path) {
+DecodedImage read_decoded(const std::string& path) {
   const Bytes bytes = read_file(path);
   check_image_bytes(bytes, path);
   return decode(bytes, path);
 }
 
 // A cv::Mat over the image's memory.
-cv::Mat as_mat(DecodedImage& picture) {
-  const int depth = picture.bits == 16 ? CV_16U : CV_8U;
-  return cv::Mat(picture.height, picture.width, CV_MAKETYPE(depth, picture.channels),
-                 picture.pixels.data());
+cv::Mat as_mat(DecodedImage& decoded) {
+  const int depth = decoded.bits == 16 ? CV_16U : CV_8U;
+  return cv::Mat(decoded.height, decoded.width, CV_MAKETYPE(depth, decoded.channels),
+                 decoded.pixels.data());
 }
 
-cv::Mat as_8_bits(DecodedImage& picture) {
-  const cv::Mat mat = as_mat(picture);
-  if (picture.bits == 8) return mat;
+cv::Mat as_8_bits(DecodedImage& decoded) {
+  const cv::Mat mat = as_mat(decoded);
+  if (decoded.bits == 8) return mat;
   cv::Mat result;
   mat.convertTo(result, CV_8U, 1 / 257.);  // 65535 -> 255, rounded
   return result;
@@ -109,16 +109,16 @@ Image resampled(const Image& image, Sample sample) {
 }  // namespace
 
 Image read_image(const std::string& path) {
-  DecodedImage picture = read_picture(path);
-  if (picture.bits == 8 && picture.channels > 1)
-    return {picture.width, picture.height, picture.channels, std::move(picture.pixels)};
-  const cv::Mat mat = as_8_bits(picture);
+  DecodedImage decoded = read_decoded(path);
+  if (decoded.bits == 8 && decoded.channels > 1)
+    return {decoded.width, decoded.height, decoded.channels, std::move(decoded.pixels)};
+  const cv::Mat mat = as_8_bits(decoded);
   return mat.channels() == 1 ? converted(mat, 3, cv::COLOR_GRAY2RGB) : from_mat(mat);
 }
 
 Image read_grey(const std::string& path) {
-  DecodedImage picture = read_picture(path);
-  const cv::Mat mat = as_8_bits(picture);
+  DecodedImage decoded = read_decoded(path);
+  const cv::Mat mat = as_8_bits(decoded);
   if (mat.channels() == 1) return from_mat(mat);
   return converted(mat, 1, mat.channels() == 4 ? cv::COLOR_RGBA2GRAY : cv::COLOR_RGB2GRAY);
 }
@@ -178,8 +178,8 @@ FlowField read_kitti_flow(const std::string& path) {
   // Three channels of 16 bits. The default plausibility bound applies: flow is less compressible
   // than images of one colour.
   require_plausible_size(6 * size_t(header.width) * size_t(header.height), bytes.size(), path);
-  DecodedImage picture = decode(bytes, path);
-  const cv::Mat mat = as_mat(picture);
+  DecodedImage decoded = decode(bytes, path);
+  const cv::Mat mat = as_mat(decoded);
   if (mat.type() != CV_16UC3)
     throw Error(fmt::format("cannot read flow {}: KITTI flow is a 16-bit RGB PNG", path));
   FlowField flow = zero_flow(mat.cols, mat.rows);

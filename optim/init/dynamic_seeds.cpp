@@ -47,7 +47,7 @@ long pixel_of(const Camera& camera, const Eigen::Vector3d& point) {
 // The images of all static cameras at one time step.
 struct StepViews {
   std::vector<const Camera*> cameras;
-  std::vector<std::shared_ptr<const Image>> pictures;
+  std::vector<std::shared_ptr<const Image>> images;
   std::vector<std::vector<uint8_t>> changed;
   std::vector<std::shared_ptr<const TargetFlow>> flows;  // null if there is none
   double time = 0;                                       // of the time step, in [0, 1]
@@ -64,7 +64,7 @@ bool inside_hull(const StepViews& views, const Eigen::Vector3d& point, std::arra
     if (at < 0) continue;
     if (!views.changed[c][size_t(at)]) return false;
     ++seen;
-    for (size_t k = 0; k < 3; ++k) sum[k] += views.pictures[c]->pixels[3 * size_t(at) + k];
+    for (size_t k = 0; k < 3; ++k) sum[k] += views.images[c]->pixels[3 * size_t(at) + k];
   }
   if (seen < kLeastCameras) return false;
   for (size_t k = 0; k < 3; ++k) color[k] = sum[k] / int(seen);
@@ -118,8 +118,8 @@ StepViews views_at(const std::vector<StaticCamera>& static_cameras, int step, co
     if (k < 0) continue;
     const Frame* frame = watcher.frames[size_t(k)];
     views.cameras.push_back(&watcher.camera);
-    views.pictures.push_back(frames.rgb(*frame));
-    views.changed.push_back(changed_pixels(*views.pictures.back(), watcher.usual));
+    views.images.push_back(frames.rgb(*frame));
+    views.changed.push_back(changed_pixels(*views.images.back(), watcher.usual));
     views.time = frame->time;
     const auto found = flow_of.find(frame);
     views.flows.push_back(found == flow_of.end() ? nullptr : flows.get(found->second));

@@ -60,10 +60,10 @@ bool in_hull(FrameStore& frames, const std::vector<ObjectView>& views,
     if ((camera.viewmat * point.homogeneous()).z() <= 0) continue;
     const Eigen::Vector2d at = camera.project(point);
     if (!(at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height)) continue;
-    const auto picture = frames.rgb(*view.frame);
-    const size_t pixel = size_t(at.y()) * size_t(picture->width) + size_t(at.x());
+    const auto image = frames.rgb(*view.frame);
+    const size_t pixel = size_t(at.y()) * size_t(image->width) + size_t(at.x());
     ++seen;
-    inside += differs(&picture->pixels[3 * pixel], background.data());
+    inside += differs(&image->pixels[3 * pixel], background.data());
   }
   return 2 * seen >= views.size() && 3 * inside >= 2 * seen;
 }

@@ -13,10 +13,10 @@ constexpr size_t kMedianOf = 25;  // images in the median
 constexpr size_t kNoise = 8;      // fewer changed pixels than this are noise
 
 // Median over time, per channel and pixel.
-std::vector<uint8_t> median_image(const std::vector<std::shared_ptr<const Image>>& pictures) {
-  std::vector<uint8_t> median(pictures[0]->pixels.size()), values(pictures.size());
+std::vector<uint8_t> median_image(const std::vector<std::shared_ptr<const Image>>& images) {
+  std::vector<uint8_t> median(images[0]->pixels.size()), values(images.size());
   for (size_t i = 0; i < median.size(); ++i) {
-    for (size_t k = 0; k < pictures.size(); ++k) values[k] = pictures[k]->pixels[i];
+    for (size_t k = 0; k < images.size(); ++k) values[k] = images[k]->pixels[i];
     std::nth_element(values.begin(), values.begin() + long(values.size() / 2), values.end());
     median[i] = values[values.size() / 2];
   }
@@ -61,13 +61,13 @@ bool differs(const uint8_t* rgb, const uint8_t* usual) {
   return most >= kChange;
 }
 
-std::vector<uint8_t> changed_pixels(const Image& picture, const std::vector<uint8_t>& usual) {
-  const int w = picture.width, h = picture.height;
+std::vector<uint8_t> changed_pixels(const Image& image, const std::vector<uint8_t>& usual) {
+  const int w = image.width, h = image.height;
   std::vector<uint8_t> mask(size_t(w) * size_t(h));
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
       const size_t i = 3 * (size_t(y) * size_t(w) + size_t(x));
-      if (!differs(&picture.pixels[i], &usual[i])) continue;
+      if (!differs(&image.pixels[i], &usual[i])) continue;
       for (int v = std::max(0, y - 1); v <= std::min(h - 1, y + 1); ++v)
         for (int u = std::max(0, x - 1); u <= std::min(w - 1, x + 1); ++u)
           mask[size_t(v) * size_t(w) + size_t(u)] = 1;
@@ -82,9 +82,9 @@ std::vector<StaticCamera> static_cameras_of(const Scene& scene, FrameStore& stor
   for (auto& [camera, frames] : by_camera) {
     if (frames.size() < 4) continue;
     const size_t stride = (frames.size() + kMedianOf - 1) / kMedianOf;
-    std::vector<std::shared_ptr<const Image>> pictures;
-    for (size_t i = 0; i < frames.size(); i += stride) pictures.push_back(store.rgb(*frames[i]));
-    static_cameras.push_back({store.camera(*frames[0]), frames, median_image(pictures)});
+    std::vector<std::shared_ptr<const Image>> images;
+    for (size_t i = 0; i < frames.size(); i += stride) images.push_back(store.rgb(*frames[i]));
+    static_cameras.push_back({store.camera(*frames[0]), frames, median_image(images)});
   }
   return static_cameras;
 }
@@ -94,11 +94,11 @@ namespace {
 // Rectangle around the pixels that differ from the background, or around the opaque ones if none
 // does. Alpha alone says little if the image shows a floor.
 Rect around_object(FrameStore& store, const Frame& frame, const Image& alpha) {
-  const auto picture = store.rgb(frame);
+  const auto image = store.rgb(frame);
   const std::array<uint8_t, 3> background = store.background();
-  std::vector<uint8_t> usual(picture->pixels.size());
+  std::vector<uint8_t> usual(image->pixels.size());
   for (size_t i = 0; i < usual.size(); ++i) usual[i] = background[i % 3];
-  const Rect shown = around(changed_pixels(*picture, usual), picture->width, picture->height, 0);
+  const Rect shown = around(changed_pixels(*image, usual), image->width, image->height, 0);
   return shown.width > 0 ? shown : around(alpha.pixels, alpha.width, alpha.height, 0);
 }
 

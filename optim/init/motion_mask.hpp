@@ -26,7 +26,7 @@ bool differs(const uint8_t* rgb, const uint8_t* usual);
 
 // Motion mask [H, W]: 1 at pixels that differ from the median image by more than noise, and next to
 // them.
-std::vector<uint8_t> changed_pixels(const Image& picture, const std::vector<uint8_t>& usual);
+std::vector<uint8_t> changed_pixels(const Image& image, const std::vector<uint8_t>& usual);
 
 // Focus region of each training frame, with a margin: around the motion mask of a static camera, or
 // around the object in an image with transparency. The whole image if neither is known; empty if

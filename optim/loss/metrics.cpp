@@ -24,7 +24,7 @@ void check_values(size_t have, int width, int height) {
                             height, have));
 }
 
-void check_pair(const Picture& a, const Picture& b) {
+void check_pair(const PlanarImage& a, const PlanarImage& b) {
   if (a.width != b.width || a.height != b.height)
     throw Error(fmt::format("cannot compare an image of {} x {} pixels with one of {} x {}",
                             a.width, a.height, b.width, b.height));
@@ -72,24 +72,23 @@ double between_pixels(const float* plane, int width, int height, double x, doubl
 
 }  // namespace
 
-Picture Picture::from_bytes(int width, int height, const std::vector<uint8_t>& bytes) {
+PlanarImage PlanarImage::from_bytes(int width, int height, const std::vector<uint8_t>& bytes) {
   check_values(bytes.size(), width, height);
   const size_t pixels = size_t(width) * height;
-  Picture picture{width, height, std::vector<double>(bytes.size())};
-  for (size_t i = 0; i < bytes.size(); ++i)
-    picture.values[i % 3 * pixels + i / 3] = bytes[i] / 255.0;
-  return picture;
+  PlanarImage image{width, height, std::vector<double>(bytes.size())};
+  for (size_t i = 0; i < bytes.size(); ++i) image.values[i % 3 * pixels + i / 3] = bytes[i] / 255.0;
+  return image;
 }
 
-Picture Picture::from_planes(int width, int height, const std::vector<float>& planes) {
+PlanarImage PlanarImage::from_planes(int width, int height, const std::vector<float>& planes) {
   check_values(planes.size(), width, height);
-  Picture picture{width, height, {planes.begin(), planes.end()}};
-  for (double& value : picture.values) value = std::clamp(value, 0.0, 1.0);
-  return picture;
+  PlanarImage image{width, height, {planes.begin(), planes.end()}};
+  for (double& value : image.values) value = std::clamp(value, 0.0, 1.0);
+  return image;
 }
 
-double psnr(const Picture& picture, const Picture& truth, const std::vector<uint8_t>& mask) {
-  check_pair(picture, truth);
+double psnr(const PlanarImage& image, const PlanarImage& truth, const std::vector<uint8_t>& mask) {
+  check_pair(image, truth);
   const size_t pixels = size_t(truth.width) * truth.height;
   check_mask(mask, pixels);
   double sum = 0;
@@ -98,22 +97,22 @@ double psnr(const Picture& picture, const Picture& truth, const std::vector<uint
     if (!mask.empty() && !mask[i]) continue;
     ++count;
     for (size_t c = 0; c < 3; ++c) {
-      const double d = picture.values[c * pixels + i] - truth.values[c * pixels + i];
+      const double d = image.values[c * pixels + i] - truth.values[c * pixels + i];
       sum += d * d;
     }
   }
   return count ? -10 * std::log10(sum / (3.0 * double(count))) : NOT_A_NUMBER;
 }
 
-std::vector<double> ssim_map(const Picture& picture, const Picture& truth) {
-  check_pair(picture, truth);
+std::vector<double> ssim_map(const PlanarImage& image, const PlanarImage& truth) {
+  check_pair(image, truth);
   const int width = truth.width, height = truth.height;
   const size_t pixels = size_t(width) * height;
   const double c1 = 0.01 * 0.01, c2 = 0.03 * 0.03;
   std::vector<double> map(pixels, 0.0);
   for (size_t c = 0; c < 3; ++c) {
     const auto first = std::ptrdiff_t(c * pixels), end = std::ptrdiff_t((c + 1) * pixels);
-    const std::vector<double> x(picture.values.begin() + first, picture.values.begin() + end);
+    const std::vector<double> x(image.values.begin() + first, image.values.begin() + end);
     const std::vector<double> y(truth.values.begin() + first, truth.values.begin() + end);
     std::vector<double> xx(pixels), yy(pixels), xy(pixels);
     for (size_t i = 0; i < pixels; ++i) {
@@ -146,8 +145,8 @@ double mean_of_map(const std::vector<double>& map, const std::vector<uint8_t>& m
   return count ? sum / double(count) : NOT_A_NUMBER;
 }
 
-double ssim(const Picture& picture, const Picture& truth, const std::vector<uint8_t>& mask) {
-  return mean_of_map(ssim_map(picture, truth), mask);
+double ssim(const PlanarImage& image, const PlanarImage& truth, const std::vector<uint8_t>& mask) {
+  return mean_of_map(ssim_map(image, truth), mask);
 }
 
 FlowMetrics flow_metrics(const std::vector<float>& flow, const std::vector<float>& truth,
@@ -190,10 +189,10 @@ double depth_error(const std::vector<float>& depth, const std::vector<float>& al
   return count ? sum / double(count) : NOT_A_NUMBER;
 }
 
-std::vector<float> difference(const Picture& picture, const Picture& truth) {
-  check_pair(picture, truth);
+std::vector<float> difference(const PlanarImage& image, const PlanarImage& truth) {
+  check_pair(image, truth);
   std::vector<float> planes(truth.values.size());
-  for (size_t i = 0; i < planes.size(); ++i) planes[i] = float(picture.values[i] - truth.values[i]);
+  for (size_t i = 0; i < planes.size(); ++i) planes[i] = float(image.values[i] - truth.values[i]);
   return planes;
 }
 

@@ -9,28 +9,30 @@
 
 namespace gflow {
 
-// A colour image in [0, 1].
-struct Picture {
+// A colour image in [0, 1], as planes: what the metrics compare.
+struct PlanarImage {
   int width = 0, height = 0;
   std::vector<double> values;  // [3, H, W]
 
   // From 8-bit [H, W, 3].
-  static Picture from_bytes(int width, int height, const std::vector<uint8_t>& bytes);
+  static PlanarImage from_bytes(int width, int height, const std::vector<uint8_t>& bytes);
   // From [3, H, W]; clamped to [0, 1], as in an image file.
-  static Picture from_planes(int width, int height, const std::vector<float>& planes);
+  static PlanarImage from_planes(int width, int height, const std::vector<float>& planes);
 };
 
 // 10 log10(1 / mean square difference) [dB]. Infinite for equal images, NaN if no pixel counts.
 // Error if sizes differ, as in all functions here.
-double psnr(const Picture& picture, const Picture& truth, const std::vector<uint8_t>& mask = {});
+double psnr(const PlanarImage& image, const PlanarImage& truth,
+            const std::vector<uint8_t>& mask = {});
 
 // SSIM per pixel [H, W], averaged over channels, as the image loss defines it (Wang et al. 2004; 11
 // x 11 Gaussian window, sigma 1.5, 0 outside the image), computed from the five moments.
-std::vector<double> ssim_map(const Picture& picture, const Picture& truth);
+std::vector<double> ssim_map(const PlanarImage& image, const PlanarImage& truth);
 // Mean of a map [H, W] over the mask; NaN if no pixel counts.
 double mean_of_map(const std::vector<double>& map, const std::vector<uint8_t>& mask = {});
 // Mean SSIM over the mask, in [-1, 1]. The window of a pixel may extend beyond the mask.
-double ssim(const Picture& picture, const Picture& truth, const std::vector<uint8_t>& mask = {});
+double ssim(const PlanarImage& image, const PlanarImage& truth,
+            const std::vector<uint8_t>& mask = {});
 
 struct FlowMetrics {
   double epe = 0;     // mean end-point error [px]; NaN if no pixel counts
@@ -50,13 +52,13 @@ FlowMetrics flow_metrics(const std::vector<float>& flow, const std::vector<float
 double depth_error(const std::vector<float>& depth, const std::vector<float>& alpha,
                    const std::vector<float>& truth);
 
-// picture - truth, [3, H, W] in [-1, 1].
-std::vector<float> difference(const Picture& picture, const Picture& truth);
+// image - truth, [3, H, W] in [-1, 1].
+std::vector<float> difference(const PlanarImage& image, const PlanarImage& truth);
 
 // Temporal flicker [grey levels, 0 to 255]: how much the error of an image changes to the next
 // image, along the true motion,
 //
-//   mean over pixels x and channels of |e'(x + f(x)) - e(x)|,   e = picture - truth,
+//   mean over pixels x and channels of |e'(x + f(x)) - e(x)|,   e = image - truth,
 //
 // with e' the error of the next image, read bilinearly, and f the true flow [2, H, W] to it. A
 // pixel counts if the mask is set (it is seen at both times) and x + f(x) lies between pixel

@@ -17,8 +17,8 @@ constexpr double kDeviation[3] = {0.26862954, 0.26130258, 0.27577711};
 constexpr int64_t kLongest = 32768;  // [px]; longest side of an image
 
 // Error unless the network has `count` RGB image inputs; `what` describes the expected network.
-void require_pictures(const Network& network, size_t count, const std::string& setting,
-                      const char* what) {
+void require_image_inputs(const Network& network, size_t count, const std::string& setting,
+                          const char* what) {
   if (network.inputs().size() != count)
     throw Error(fmt::format("{} = \"{}\": the network has {} inputs, but {} has {}", setting,
                             network.path(), network.inputs().size(), what, count));
@@ -44,8 +44,8 @@ std::vector<float> run(Network& network, const std::vector<NetworkValues>& value
   }
 }
 
-NetworkValues minus_one_to_one(const ColourPlanes& picture) {
-  NetworkValues given{{1, 3, picture.height, picture.width}, picture.values};
+NetworkValues minus_one_to_one(const ColourPlanes& image) {
+  NetworkValues given{{1, 3, image.height, image.width}, image.values};
   for (float& value : given.values) value = 2 * value - 1;
   return given;
 }
@@ -105,7 +105,7 @@ std::vector<double> bicubic(const float* plane, int width, int height, int to_wi
 
 Lpips::Lpips(const std::string& path, const std::string& setting)
     : network_(path), setting_(setting) {
-  require_pictures(network_, 2, setting, "an LPIPS network");
+  require_image_inputs(network_, 2, setting, "an LPIPS network");
 }
 
 void Lpips::require_size(int width, int height) const {
@@ -119,11 +119,11 @@ void Lpips::require_size(int width, int height) const {
   }
 }
 
-double Lpips::distance(const ColourPlanes& picture, const ColourPlanes& truth) {
-  require_size(picture.width, picture.height);
+double Lpips::distance(const ColourPlanes& image, const ColourPlanes& truth) {
+  require_size(image.width, image.height);
   require_size(truth.width, truth.height);
   const std::vector<float> out =
-      run(network_, {minus_one_to_one(picture), minus_one_to_one(truth)}, setting_);
+      run(network_, {minus_one_to_one(image), minus_one_to_one(truth)}, setting_);
   if (out.size() != 1)
     throw Error(fmt::format("{} = \"{}\": the network returns {} values, expected one distance",
                             setting_, network_.path(), out.size()));
@@ -135,7 +135,7 @@ double Lpips::distance(const ColourPlanes& picture, const ColourPlanes& truth) {
 
 Clip::Clip(const std::string& path, const std::string& setting)
     : network_(path), setting_(setting) {
-  require_pictures(network_, 1, setting, "a CLIP image encoder");
+  require_image_inputs(network_, 1, setting, "a CLIP image encoder");
   const int64_t height = network_.inputs()[0].sizes[2], width = network_.inputs()[0].sizes[3];
   if (height != width)
     throw Error(
@@ -145,12 +145,12 @@ Clip::Clip(const std::string& path, const std::string& setting)
   if (width != 0) side_ = int(width);
 }
 
-std::vector<float> Clip::embedding(const ColourPlanes& picture) {
-  return run(network_, {{{1, 3, side_, side_}, clip_input(picture, side_)}}, setting_);
+std::vector<float> Clip::embedding(const ColourPlanes& image) {
+  return run(network_, {{{1, 3, side_, side_}, clip_input(image, side_)}}, setting_);
 }
 
-double Clip::similarity(const ColourPlanes& picture, const ColourPlanes& truth) {
-  const std::vector<float> a = embedding(picture), b = embedding(truth);
+double Clip::similarity(const ColourPlanes& image, const ColourPlanes& truth) {
+  const std::vector<float> a = embedding(image), b = embedding(truth);
   double dot = 0, aa = 0, bb = 0;
   for (size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
     dot += double(a[i]) * double(b[i]);
@@ -166,15 +166,15 @@ double Clip::similarity(const ColourPlanes& picture, const ColourPlanes& truth) 
   return cosine;
 }
 
-std::vector<float> clip_input(const ColourPlanes& picture, int side) {
-  const int width = picture.width, height = picture.height, shorter = std::min(width, height);
+std::vector<float> clip_input(const ColourPlanes& image, int side) {
+  const int width = image.width, height = image.height, shorter = std::min(width, height);
   const int to_width = int(int64_t(side) * width / shorter);
   const int to_height = int(int64_t(side) * height / shorter);
   const int left = int(std::lrint((to_width - side) / 2.0));  // half to even, as in torchvision
   const int top = int(std::lrint((to_height - side) / 2.0));
   std::vector<float> input;
   for (size_t c = 0; c < 3; ++c) {
-    const float* plane = &picture.values[c * size_t(width) * size_t(height)];
+    const float* plane = &image.values[c * size_t(width) * size_t(height)];
     const std::vector<double> resized = bicubic(plane, width, height, to_width, to_height);
     for (int y = 0; y < side; ++y)
       for (int x = 0; x < side; ++x) {

@@ -25,7 +25,7 @@ class Lpips {
   // Error if the network takes images of another size.
   void require_size(int width, int height) const;
   // 0 for identical appearance. Error if sizes differ, or the output is not one finite number.
-  double distance(const ColourPlanes& picture, const ColourPlanes& truth);
+  double distance(const ColourPlanes& image, const ColourPlanes& truth);
 
  private:
   Network network_;
@@ -39,10 +39,10 @@ class Clip {
   Clip(const std::string& path, const std::string& setting);
   // [-1, 1]. Error if the network fails, or embeddings are zero, non-finite or of different
   // lengths.
-  double similarity(const ColourPlanes& picture, const ColourPlanes& truth);
+  double similarity(const ColourPlanes& image, const ColourPlanes& truth);
 
  private:
-  std::vector<float> embedding(const ColourPlanes& picture);
+  std::vector<float> embedding(const ColourPlanes& image);
 
   Network network_;
   std::string setting_;
@@ -53,6 +53,6 @@ class Clip {
 // -0.5, antialiased as in Pillow), crops the centre, clamps to [0, 1], subtracts CLIP's mean and
 // divides by its standard deviation, per channel. Unlike Pillow it does not round to 8 bits after
 // each pass.
-std::vector<float> clip_input(const ColourPlanes& picture, int side);
+std::vector<float> clip_input(const ColourPlanes& image, int side);
 
 }  // namespace gflow

@@ -44,11 +44,11 @@ const char* split_name(GuidanceCameras cameras) {
 }
 
 // Bytes [H, W, 3] as planes [3, H, W] in [0, 1].
-std::vector<float> planes_of(const Image& picture) {
-  const size_t pixels = picture.pixels.size() / 3;
+std::vector<float> planes_of(const Image& image) {
+  const size_t pixels = image.pixels.size() / 3;
   std::vector<float> planes(3 * pixels);
   for (size_t i = 0; i < pixels; ++i)
-    for (size_t c = 0; c < 3; ++c) planes[c * pixels + i] = float(picture.pixels[3 * i + c]) / 255;
+    for (size_t c = 0; c < 3; ++c) planes[c * pixels + i] = float(image.pixels[3 * i + c]) / 255;
   return planes;
 }
 

@@ -18,7 +18,7 @@ void ImageObjective::read_truth(const ViewContext& view) {
   const Frame& frame = *view.sample.frame;
   const Rect& part = view.sample.part;
   const bool as_stored = view.background == frames_.background();
-  const auto image = as_stored ? frames_.rgb(frame) : frames_.picture(frame);
+  const auto image = as_stored ? frames_.rgb(frame) : frames_.image(frame);
   crop(image->pixels, view.width, image->channels, part, truth_bytes_);
   if (image->channels == 4)
     truth_bytes_ =

@@ -43,11 +43,11 @@ TrainOptions evaluation_options(const TrainOptions& config, const MetricsOptions
 
 Evaluation evaluate_views(Queue& queue, Model& model, const TrainOptions& config,
                           const LoadedScene& loaded, const std::vector<Frame>& frames, bool quiet,
-                          const std::string& pictures, const std::string& flow) {
-  if (!pictures.empty()) std::filesystem::create_directories(pictures);
+                          const std::string& image_folder, const std::string& flow) {
+  if (!image_folder.empty()) std::filesystem::create_directories(image_folder);
   Progress progress("eval ", long(frames.size()), quiet);
-  Evaluation evaluation =
-      evaluate(queue, model, config, loaded, frames, progress_callback(progress), pictures, flow);
+  Evaluation evaluation = evaluate(queue, model, config, loaded, frames,
+                                   progress_callback(progress), image_folder, flow);
   progress.finish();
   if (!loaded.scene.tracks_path.empty()) {
     Tracks tracks = read_tracks(loaded.scene.tracks_path, loaded.scene.origin);

@@ -10,10 +10,10 @@
 namespace gflow {
 
 // Evaluates the views, and the 3D tracks if the scene has true ones. Rendered images go into the
-// folder `pictures` unless it is empty; flow: folder of computed flow.
+// folder `image_folder` unless it is empty; flow: folder of computed flow.
 Evaluation evaluate_views(Queue& queue, Model& model, const TrainOptions& config,
                           const LoadedScene& loaded, const std::vector<Frame>& frames, bool quiet,
-                          const std::string& pictures, const std::string& flow);
+                          const std::string& image_folder, const std::string& flow);
 
 // Loads the metric networks once before training, so that errors appear now and not at the end.
 void require_metric_networks(const TrainOptions& config, const Scene& scene,

@@ -105,7 +105,7 @@ struct FrameStore::State {
     return resized(undistorted(image, camera), small.width, small.height);
   }
 
-  Image load_picture(const Frame& frame) const {
+  Image load_image(const Frame& frame) const {
     const Image image = frame.image ? *frame.image : read_image(frame.path);
     if (frame.mask_path.empty()) return prepared(image, frame);
     const Image mask = read_grey(frame.mask_path);
@@ -166,7 +166,7 @@ struct FrameStore::State {
   Decoded load(const Frame& frame) {
     Decoded decoded;
     decoded.stored = std::make_shared<const Image>(frame.video_frame >= 0 ? load_video_frame(frame)
-                                                                          : load_picture(frame));
+                                                                          : load_image(frame));
     decoded.rgb = decoded.stored;
     if (decoded.stored->channels == 4) {
       decoded.rgb =
@@ -250,7 +250,7 @@ std::shared_ptr<const Image> FrameStore::alpha(const Frame& frame) {
   return state_->get(frame)->alpha;
 }
 
-std::shared_ptr<const Image> FrameStore::picture(const Frame& frame) {
+std::shared_ptr<const Image> FrameStore::image(const Frame& frame) {
   return state_->get(frame)->stored;
 }
 

@@ -42,8 +42,8 @@ class FrameStore {
   // The background of rgb().
   std::array<uint8_t, 3> background() const;
 
-  // The image without a background: RGBA if it has alpha, else RGB.
-  std::shared_ptr<const Image> picture(const Frame& frame);
+  // Like rgb(), but without the background: RGBA if the image has alpha, else the same as rgb().
+  std::shared_ptr<const Image> image(const Frame& frame);
 
   // RGB over another background.
   Image rgb_over(const Frame& frame, std::array<uint8_t, 3> background);

@@ -26,11 +26,11 @@ size_t shuffled(size_t n, uint32_t seed, size_t i) {
 }
 
 double moment_to_begin(const std::vector<Frame>& frames) {
-  std::map<double, int> pictures;
-  for (const Frame& frame : frames) ++pictures[frame.time];
+  std::map<double, int> frame_counts;
+  for (const Frame& frame : frames) ++frame_counts[frame.time];
   double best = 0.5;
   int most = 0, least = std::numeric_limits<int>::max();
-  for (const auto& [time, count] : pictures) {
+  for (const auto& [time, count] : frame_counts) {
     const bool nearer = std::fabs(time - 0.5) < std::fabs(best - 0.5);
     least = std::min(least, count);
     if (count > most || (count == most && nearer)) best = time, most = count;

@@ -119,20 +119,19 @@ void warm_up_kernels(Queue& queue, const TrainOptions& config) {
   const ModelShape shape = model_shape(scene, config);
   const EngineSettings settings = engine_settings(config);
   const bool flow = config.flow.enabled;
-  WarmUpImage picture(queue);
+  WarmUpImage image(queue);
   // Permanent models have no static Gaussians and evaluate flow in all tiles, so with flow they
   // never render without it.
-  if (!flow || !is_permanent(shape.motion))
-    draw_and_return(queue, settings, {false, false}, picture);
-  if (flow) draw_and_return(queue, settings, {true, false}, picture);
+  if (!flow || !is_permanent(shape.motion)) draw_and_return(queue, settings, {false, false}, image);
+  if (flow) draw_and_return(queue, settings, {true, false}, image);
   Model model(queue, shape, 1);
   for (Table* table : model.parameters.tables())
     for (ParameterGroup& group : table->groups) group.values.fill(queue, 0.f);
   model.parameters.forget_seen(queue);
-  roll_back(queue, model, picture);
+  roll_back(queue, model, image);
   learn(queue, config, model.parameters);
-  compare(queue, config, picture);
-  go_forth(queue, flow, model, picture);
+  compare(queue, config, image);
+  go_forth(queue, flow, model, image);
 }
 
 }  // namespace gflow

@@ -50,7 +50,7 @@ TEST(Bench, RasterTellsEveryStageAndCountsTheWork) {
   EXPECT_NE(shares.find("\n40x24, 300\t"), std::string::npos) << shares;
 }
 
-TEST(Bench, OneSplatOverThePictureIsOnePairAPixel) {
+TEST(Bench, OneSplatOverTheImageIsOnePairAPixel) {
   const TemporaryFolder folder;
   Arrays scene;
   scene["means"] = {{1, 3}, std::vector<float>{0, 0, 2}};

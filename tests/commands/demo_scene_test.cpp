@@ -25,7 +25,7 @@ TEST(DemoScene, TheTestCameraHasItsTrueFlowExceptAtTheLastStep) {
   for (const Frame& frame : scene.test) EXPECT_EQ(frame.flow_path.empty(), frame.step == 19);
 }
 
-TEST(DemoScene, VideoAndPicturesHaveOneSize) {
+TEST(DemoScene, VideoAndImagesHaveOneSize) {
   const Scene scene = read_scene(demo + "/scene");
   FrameStore store(scene);
   for (const Frame* frame : {&scene.train.front(), &scene.test.front()}) {

@@ -123,7 +123,7 @@ TEST_F(Experiment, FiguresOfSomeStepsOfTheVideo) {
   EXPECT_TRUE(row["figures"]["psnr@3-9"]["mean"].is_null());  // there is no step 9
 }
 
-TEST_F(Experiment, PicturesOfAViewAtSomeSteps) {
+TEST_F(Experiment, ImagesOfAViewAtSomeSteps) {
   for (const char* film : {"cam99@0-1", "cam00@5-9"}) {  // rejected before anything is trained
     const Outcome refused =
         experiment(file(fmt::format("films = [\"cam00@0-1\", \"{}\"]\n", film)));
@@ -197,8 +197,8 @@ TEST_F(Experiment, OddNamesBaselinesOfAGroupAndShorterRows) {
 
   const Image film = read_image(out("/pictures/o_clock_cam00_1-4.png"));
   const Image one = read_image(run("o_clock-0-three-seed0") + "/test/cam00_0002.png");
-  const auto last_row = [](const Image& picture, int x) {
-    return picture.pixels[3 * (size_t(picture.height - 1) * size_t(picture.width) + size_t(x))];
+  const auto last_row = [](const Image& image, int x) {
+    return image.pixels[3 * (size_t(image.height - 1) * size_t(image.width) + size_t(x))];
   };
   for (const int x : {0, one.width - 1})  // the last training has steps 1 and 2, then white
     EXPECT_EQ(last_row(film, one.width + x), last_row(one, x));
@@ -318,7 +318,7 @@ TEST_F(Experiment, ItsTrainingsEndWithIt) {
 }
 
 // Flow over two steps differs from flow over one, though the images have the same names.
-TEST_F(Experiment, FlowIsSharedBetweenRunsOfTheSamePicturesOnly) {
+TEST_F(Experiment, FlowIsSharedBetweenRunsOfTheSameImagesOnly) {
   const std::string toml = folder_.write(
       "strides.toml", fmt::format("scenes = [{{ path = '{}', name = 'small' }}]\n"
                                   "[settings]\ntrain.iterations = 2\n"

@@ -216,14 +216,14 @@ TEST_F(GuidanceCommand, AProgramThatDoesNotGreetLeavesNoRunBehind) {
 }
 
 // The example resizes its images and flow to the size of the views: here half the width.
-TEST_F(GuidanceCommand, TheExampleFitsItsPicturesToTheViews) {
+TEST_F(GuidanceCommand, TheExampleFitsItsImagesToTheViews) {
   if (!has_python()) GTEST_SKIP() << "python3 with numpy is not installed";
   const std::string program = folder_->write("fits.py", R"(
 import sys
 import numpy as np
 from example_target import Target
 from gflow_guidance import Camera, View
-from picture_files import read_flo, read_rgb
+from image_files import read_flo, read_rgb
 views = sys.argv[1] + "/views"
 white = np.ones(3)
 whole = read_rgb(views + "/cam00/0001.png", white)
@@ -232,15 +232,15 @@ def view(w, h):
     camera = Camera("cam00", w, h, np.eye(3), np.eye(4))
     return View(camera, 0, 0, 0, 0.5, np.zeros((3, h, w), np.float32), None)
 target = Target(views)
-assert np.abs(target.picture(view(width, height), 1, white) - whole).max() < 1e-6
-half = target.picture(view(width // 2, height // 2), 1, white)
+assert np.abs(target.image(view(width, height), 1, white) - whole).max() < 1e-6
+half = target.image(view(width // 2, height // 2), 1, white)
 assert np.abs(half - whole.reshape(3, height // 2, 2, width // 2, 2).mean((2, 4))).max() < 1e-6
 its, there = target.flow(view(width // 2, height // 2), 1)
 mean = flow.reshape(2, height // 2, 2, width // 2, 2).mean((2, 4)) / 2
 assert there.any() and np.abs(its - mean)[:, there].max() < 1e-5
-assert abs(target.picture(view(18, 15), 1, white).mean() - whole.mean()) < 1e-3
+assert abs(target.image(view(18, 15), 1, white).mean() - whole.mean()) < 1e-3
 try:
-    target.picture(view(width, height // 2), 1, white)
+    target.image(view(width, height // 2), 1, white)
 except ValueError as problem:
     assert "the same aspect ratio" in str(problem)
 else:
@@ -254,7 +254,7 @@ else:
 }
 
 // Runs the script as a user does; other tests check its results.
-TEST_F(GuidanceCommand, TwoStagesGoFromThePicturesToAMovingScene) {
+TEST_F(GuidanceCommand, TwoStagesGoFromTheImagesToAMovingScene) {
   const std::string script = std::string(GFLOW_SOURCE_DIR) + "/apps/guidance/two_stages";
   const auto run = [&](const std::string& scene) {
     const std::string command = "GFLOW=" + std::string(GFLOW_BINARY) + " " + script + " " + scene +

@@ -9,7 +9,7 @@ namespace {
 class RenderCommand : public CommandTest {};
 
 TEST_F(RenderCommand, RenderDoesNotMixItsFilesWithThoseOfARun) {
-  expect_refused({"render", run(), "-o", run()}, {"it belongs to a run", run() + "/pictures"});
+  expect_refused({"render", run(), "-o", run()}, {"it belongs to a run", run() + "/images"});
   expect_refused({"render", run(), "-o", run() + "/"}, {"it belongs to a run"});
   const auto before = fs::last_write_time(scene().path());
   expect_refused({"render", run(), "-o", scene().path()}, {"it contains a scene (n3v)"});
@@ -18,9 +18,9 @@ TEST_F(RenderCommand, RenderDoesNotMixItsFilesWithThoseOfARun) {
   expect_refused({"render", model(), "-o", run() + "/point_cloud/../test"},
                  {"it belongs to a run"});
   EXPECT_FALSE(fs::exists(run() + "/rgb"));
-  const Outcome outcome = gflow({"render", run(), "-o", run() + "/pictures", "--quiet"});
+  const Outcome outcome = gflow({"render", run(), "-o", run() + "/images", "--quiet"});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
-  fs::remove_all(run() + "/pictures");
+  fs::remove_all(run() + "/images");
 }
 
 TEST_F(RenderCommand, RenderLeavesAFolderOfOthersAlone) {
@@ -58,7 +58,7 @@ TEST_F(RenderCommand, RenderDividesTheSize) {
   EXPECT_EQ(read_image(of_file.path() + "/rgb/cam00_0000.png").height, 10);
 }
 
-TEST_F(RenderCommand, RenderWritesThePicturesOfTheTestViews) {
+TEST_F(RenderCommand, RenderWritesTheImagesOfTheTestViews) {
   const TemporaryFolder out;
   const Outcome outcome = gflow({"render", run(), "-o", out.path(), "--quiet"});
   EXPECT_EQ(outcome.code, 0) << outcome.err;

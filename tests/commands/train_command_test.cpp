@@ -45,8 +45,8 @@ TEST_F(CommandTest, TrainTakesAVideoFileAndADivisor) {
   const auto results = nlohmann::json::parse(contents(run + "/results.json"));
   EXPECT_EQ(results["resolution"], 2);
   EXPECT_EQ(results["test"]["views"], 3);
-  EXPECT_EQ(gflow({"render", run, "-o", folder.file("pictures"), "--quiet"}).code, 0);
-  EXPECT_TRUE(fs::exists(folder.path() + "/pictures/compare"));
+  EXPECT_EQ(gflow({"render", run, "-o", folder.file("images"), "--quiet"}).code, 0);
+  EXPECT_TRUE(fs::exists(folder.path() + "/images/compare"));
   expect_refused({"train", video, "-o", run, "-r", "3"}, {"-r,--resolution: '3'", "1, 2, 4 or 8"});
   expect_refused({"train", folder.file("none.mp4"), "-o", run, "--overwrite"},
                  {"none.mp4", "no such"});
@@ -75,10 +75,10 @@ TEST_F(CommandTest, TrainSaysWhatItFound) {
 // The same images, numbered: one camera without others for a test.
 TEST_F(CommandTest, TestViewsThatWereTrainedOnAreMarked) {
   const TemporaryFolder folder;
-  fs::copy(scene().path() + "/cam01/images", folder.path() + "/pictures");
+  fs::copy(scene().path() + "/cam01/images", folder.path() + "/images");
   const std::string run = folder.file("run");
-  const Outcome outcome = gflow({"train", folder.path() + "/pictures", "-o", run, "--iterations",
-                                 "1", "--set", "init.count=500"});
+  const Outcome outcome = gflow({"train", folder.path() + "/images", "-o", run, "--iterations", "1",
+                                 "--set", "init.count=500"});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_NE(outcome.err.find("consistent4d, 1 camera, 5 time"), std::string::npos) << outcome.err;
   EXPECT_NE(outcome.err.find("test views: same as the training views"), std::string::npos)

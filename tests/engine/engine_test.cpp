@@ -311,7 +311,7 @@ TEST(Engine, DetachedFlowOfOneGaussianLeavesItAloneAtTheFirstTime) {
 }
 
 // Density control must not split a Gaussian whose only error is its motion.
-TEST(Engine, TheFlowsOwnPullMovesAGaussianButIsNoPullOfThePictures) {
+TEST(Engine, TheFlowsOwnPullMovesAGaussianButIsNoPullOfTheImages) {
   Queue queue = test_queue();
   PosedScene s = random_scene({0, 40, 30});
   add_gaussian(s, {.1, -.2, 4}, {.5, .3, .2}, .8, {.25, .125, 0});

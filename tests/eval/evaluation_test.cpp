@@ -18,7 +18,7 @@ Evaluation evaluated(Queue& queue, const SmallScene& scene, const HostModel& hos
 
 // Against its own images a model errs by their rounding to 8 bits: uniform within half a step,
 // variance 1 / (12 x 255^2), that is 58.9 dB; SSIM differs by less than 1e-3.
-TEST(Evaluate, FindsNoErrorInTheModelThatDrewThePictures) {
+TEST(Evaluate, FindsNoErrorInTheModelThatDrewTheImages) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   const Evaluation evaluation = evaluated(queue, scene, scene.truth);
@@ -106,13 +106,13 @@ TEST(Evaluate, SsimOfWhatMovesIsTheMeanOverThesePixels) {
   std::vector<uint8_t> moving;
   for (size_t i = 0; i < flow.valid.size(); ++i)
     moving.push_back(std::hypot(flow.uv[2 * i], flow.uv[2 * i + 1]) > 1);
-  const auto picture = [](const std::string& path) {
+  const auto planar = [](const std::string& path) {
     const Image image = read_image(path);
-    return Picture::from_bytes(image.width, image.height, image.pixels);
+    return PlanarImage::from_bytes(image.width, image.height, image.pixels);
   };
   EXPECT_NEAR(view.ssim_dynamic,
-              ssim(picture(drawn.path() + "/" + view.name + ".png"),
-                   picture(loaded.scene.test[1].path), moving),
+              ssim(planar(drawn.path() + "/" + view.name + ".png"),
+                   planar(loaded.scene.test[1].path), moving),
               2e-3);
   EXPECT_LT(view.ssim_dynamic, view.ssim - 0.05);
 }
@@ -167,9 +167,9 @@ TEST(Evaluate, FlickerIsTheChangeOfTheErrorOnTheWayToTheNextView) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   const std::string path = scene.path() + "/cam00/images/0002.png";
-  Image picture = read_image(path);
-  for (uint8_t& value : picture.pixels) value = uint8_t(std::min(255, value + 20));
-  write_png(path, picture);
+  Image image = read_image(path);
+  for (uint8_t& value : image.pixels) value = uint8_t(std::min(255, value + 20));
+  write_png(path, image);
   const Evaluation evaluation = evaluated(queue, scene, scene.truth);
   EXPECT_LT(evaluation.views[0].flicker, 0.5);
   EXPECT_NEAR(evaluation.views[1].flicker, 20, 0.5);

@@ -191,7 +191,7 @@ def larger_than_it_gives(world):
                       ["eval", world.whole, "--quiet"]):
         outcome = world.run(arguments, small_device(world, "CLFAULT_LARGEST", 4 << 10))
         wrong = complaints(outcome, (1, 2), ["allows at most"]) + world.differences(world.whole)
-        wrong += ["pictures were written"] if contents_under(out) else []
+        wrong += ["images were written"] if contents_under(out) else []
         yield [f"{arguments[0]} {os.path.basename(arguments[1])}: {what}" for what in wrong]
 
 

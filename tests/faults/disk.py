@@ -64,7 +64,7 @@ def one_output(world, name, arguments, output):
     return trial
 
 
-def pictures(world):
+def images(world):
     """Rendering: the files that exist equal those of an undisturbed rendering. Videos may use another encoder,
     which is tried if the first cannot start."""
     command = lambda folder: ["render", world.whole, "-o", folder + "/out", "--quiet"]
@@ -125,7 +125,7 @@ def trials(world):
     resume = lambda folder: [*train(folder), "--resume"]
     made = [training(world, "train", lambda folder: None, train),
             training(world, "resume", stopped_before(world), resume), replacing(world), over_and_over(world),
-            pictures(world)]
+            images(world)]
     for name in ("out.ply", "out.splat", "out.splatv", "out.4dgs"):
         export = lambda folder, name=name: ["export", world.whole, "-o", f"{folder}/{name}", "--quiet"]
         made.append(one_output(world, "export " + name[3:], export, name))

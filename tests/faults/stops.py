@@ -264,7 +264,7 @@ def early(world):
         shutil.rmtree(out, ignore_errors=True)
         os.makedirs(out)
         arguments = (["import", still, "-o", out + "/out.ply"], ["export", world.whole, "-o", out + "/out.splat"],
-                     ["render", world.whole, "-o", out + "/pictures"], ["eval", world.whole, "--quiet"], ["devices"],
+                     ["render", world.whole, "-o", out + "/images"], ["eval", world.whole, "--quiet"], ["devices"],
                      ["train", world.scene, "-o", out + "/run", *settings()])[trial % 6]
         number = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)[trial // 6 % 3]
         process = world.start(arguments)

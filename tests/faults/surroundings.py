@@ -75,7 +75,7 @@ def odd_paths(world):
         wrong += complaints(world.run(["train", *resume]), (0,))
         for command in (["info", run], ["train", scene, *resume],
                         ["export", run, "-o", os.path.join(parent, name + ".ply"), "--quiet"],
-                        ["render", run, "-o", os.path.join(parent, name + " pictures"), "--quiet"]):
+                        ["render", run, "-o", os.path.join(parent, name + " images"), "--quiet"]):
             wrong += complaints(world.run(command), (0,))
         results.append([f"{name!r}: {what}" for what in wrong])
     loop, link = world.path("loop"), world.path("link")

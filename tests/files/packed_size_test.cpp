@@ -22,7 +22,7 @@ TEST(PackedSize, AHundredTimesTheFileAnd64MBArePlausible) {
   EXPECT_THROW(require_plausible_size(~size_t{0}, 10 * mb, "a"), Error);
 }
 
-TEST(PackedSize, AFlowOfASizeThatNoPictureHas) {
+TEST(PackedSize, AFlowOfASizeThatNoImageHas) {
   const TemporaryFolder folder;
   const int32_t side = 30000;
   std::string flow("PIEH");

@@ -53,7 +53,7 @@ class EstimatedFlow : public testing::Test {
 
 }  // namespace
 
-TEST_F(EstimatedFlow, ComesBothWaysForEachPairOfPictures) {
+TEST_F(EstimatedFlow, ComesBothWaysForEachPairOfImages) {
   ASSERT_EQ(pairs.size(), 8u);
   EXPECT_TRUE(is_backward_in_time(scene, pairs[4]));
   FlowStore flows = estimate();

@@ -62,7 +62,7 @@ TEST(PackedFlow, WhatIsRoundedAlreadyStaysAsItIs) {
   }
 }
 
-TEST(PackedFlow, WhatIsNoPlaceInAnyPictureIsUnknown) {
+TEST(PackedFlow, WhatIsNoPlaceInAnyImageIsUnknown) {
   const float inf = std::numeric_limits<float>::infinity(), nan = std::nanf("");
   TargetFlow flow{uniform(5, 1, 1, 1), std::vector<uint8_t>(5, 255)};
   flow.flow.uv = {1, 1, nan, 1, 1, inf, -40000, 1, 1e20f, 1};
@@ -72,7 +72,7 @@ TEST(PackedFlow, WhatIsNoPlaceInAnyPictureIsUnknown) {
   EXPECT_EQ(back.flow.uv, (std::vector<float>{1, 1, 0, 0, 0, 0, 0, 0, 0, 0}));
 }
 
-TEST(PackedFlow, APictureThatRestsTakesHardlyAnything) {
+TEST(PackedFlow, AnImageThatRestsTakesHardlyAnything) {
   const TargetFlow rest{zero_flow(640, 480), std::vector<uint8_t>(640 * 480, 255)};
   EXPECT_LT(packed(rest).size(), 10000u);  // of 2.8 MB
 }

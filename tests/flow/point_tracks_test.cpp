@@ -19,11 +19,11 @@ const std::vector<float> kTracks = {1.5f, 2.5f, 10.2f, 4.9f, 10.4f, 4.4f, 7, 7, 
 
 PointTracks tracks() { return {3, 4, kTracks, {1, 1, 1, 1, 1, 1, 1, 0, 0, 1, 1, 1}}; }
 
-void write(const std::string& path, bool with_visibility, size_t pictures = 3) {
+void write(const std::string& path, bool with_visibility, size_t images = 3) {
   Arrays arrays;
   std::vector<float> xy = kTracks, seen = {1, 1, 1, 1, 1, 1, 1, 1, 0.2f, 1, 1, 1};
-  xy.resize(pictures * 8);
-  arrays["tracks"] = {{pictures, 4, 2}, xy};
+  xy.resize(images * 8);
+  arrays["tracks"] = {{images, 4, 2}, xy};
   if (with_visibility) arrays["visibility"] = {{3, 4}, seen};
   write_npz(path, arrays);
 }
@@ -52,7 +52,7 @@ TEST(PointTracks, AreAFlowAtTheirPixels) {
   EXPECT_EQ(back.flow.uv[2 * (5 * 48 + 12)], -1);
 }
 
-TEST(PointTracks, ScaleWithThePictures) {
+TEST(PointTracks, ScaleWithTheImages) {
   const TargetFlow flow = flow_of_points(tracks(), 0, 1, 24, 20, 0.5f, 0.5f);
   EXPECT_EQ(flow.flow.uv[2 * (1 * 24 + 0)], 1);
 }

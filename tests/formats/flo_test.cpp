@@ -23,8 +23,8 @@ std::string flo(int32_t width, int32_t height, const std::vector<float>& uv) {
 std::vector<int> color_of(float u, float v, float longest) {
   FlowField flow = zero_flow(1, 1);
   flow.uv = {u, v};
-  const FlowImage picture = color_wheel(flow, longest);
-  return {picture.rgb.begin(), picture.rgb.end()};
+  const FlowImage image = color_wheel(flow, longest);
+  return {image.rgb.begin(), image.rgb.end()};
 }
 
 }  // namespace
@@ -88,8 +88,8 @@ TEST(Flo, ColorsFollowTheMiddleburyWheel) {
 TEST(Flo, UnknownFlowIsDrawnBlack) {
   FlowField flow = zero_flow(2, 1);
   flow.valid[0] = 0;
-  const FlowImage picture = color_wheel(flow);
-  EXPECT_EQ(picture.rgb, (std::vector<uint8_t>{0, 0, 0, 255, 255, 255}));
+  const FlowImage image = color_wheel(flow);
+  EXPECT_EQ(image.rgb, (std::vector<uint8_t>{0, 0, 0, 255, 255, 255}));
 }
 
 TEST(Flo, ReadsTheRealRubberWhalePairWhenItIsThere) {

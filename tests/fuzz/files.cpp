@@ -95,13 +95,13 @@ void kitti_flow_seeds(const std::string& to) {
   real_seed(to, "flow_kitti/flow_gt.png");
 }
 
-void picture(const uint8_t* bytes, size_t size) {
+void image(const uint8_t* bytes, size_t size) {
   as_png(bytes, size, "a.png", [](const std::string& path) {
     const ImageHeader header = read_image_header(path);
     if (size_t(header.width) * size_t(header.height) < 1 << 20) read_image(path);
   });
 }
-void picture_seeds(const std::string& to) {
+void image_seeds(const std::string& to) {
   seed(to, "rgb", png(5, 4));
   seed(to, "rgba", png(5, 4, 4));
   const std::string jpg = folder() + "/made.jpg";
@@ -166,7 +166,7 @@ void given_cameras(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "transforms.json", [](const std::string& path) {
     SceneOptions options;
     options.cameras = path;
-    for (const size_t pictures : {1, 3}) cameras_of_view(options, pictures, 54, 96, "v.mp4");
+    for (const size_t images : {1, 3}) cameras_of_view(options, images, 54, 96, "v.mp4");
   });
 }
 void given_cameras_seeds(const std::string& to) {
@@ -183,7 +183,7 @@ std::vector<Target> file_targets() {
           {"flo", flo, flo_seeds, held_by_flo},
           {"flo_gz", flo_gz, flo_gz_seeds, packed_file},
           {"kitti_flow", kitti_flow, kitti_flow_seeds, packed_file},
-          {"picture", picture, picture_seeds, packed_file},
+          {"image", image, image_seeds, packed_file},
           {"video", video, video_seeds, any_video},
           {"packed_flow", packed_flow, packed_flow_seeds, packed_file},
           {"cameras_json", cameras_json, cameras_json_seeds, its_size},

@@ -183,7 +183,7 @@ TEST_F(GuideTest, TheGradientIsThatOfTheMeanOverViews) {
 }
 
 // Guidance alone: the model learns its colours from the known images only.
-TEST_F(GuideTest, AnalyticGuidanceAloneTrainsTowardsTheKnownPictures) {
+TEST_F(GuideTest, AnalyticGuidanceAloneTrainsTowardsTheKnownImages) {
   constexpr int steps = 150;
   TrainOptions set = config(steps);
   const auto guidance = analytic(set);

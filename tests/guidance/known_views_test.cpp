@@ -23,21 +23,21 @@ class KnownViewsTest : public testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(KnownViewsTest, AViewOfAKnownCameraHasItsPictureOfThatTime) {
+TEST_F(KnownViewsTest, AViewOfAKnownCameraHasItsImageOfThatTime) {
   const KnownViews views(folder_.path());
   const GuidanceRequest request = some_request(2, 4, 4);  // frame 2
-  const auto own = views.pictures(request, request.views[0], true);
+  const auto own = views.images(request, request.views[0], true);
   ASSERT_EQ(own.size(), 1u);
   EXPECT_EQ(own[0], std::vector<float>(48, float(100) / 255));
-  EXPECT_EQ(views.pictures(request, request.views[0], false).size(), 2u);
-  EXPECT_EQ(views.pictures(request, request.views[1], true).size(), 2u);
+  EXPECT_EQ(views.images(request, request.views[0], false).size(), 2u);
+  EXPECT_EQ(views.images(request, request.views[1], true).size(), 2u);
 }
 
-TEST_F(KnownViewsTest, PicturesTakeTheSizeOfTheViewAndRefuseAnotherShape) {
+TEST_F(KnownViewsTest, ImagesTakeTheSizeOfTheViewAndRefuseAnotherShape) {
   const KnownViews views(folder_.path());
   const GuidanceRequest large = some_request(1, 8, 8), wide = some_request(1, 8, 4);
-  EXPECT_EQ(views.pictures(large, large.views[0], true)[0].size(), 3u * 64);
-  expect_error([&] { views.pictures(wide, wide.views[0], true); },
+  EXPECT_EQ(views.images(large, large.views[0], true)[0].size(), 3u * 64);
+  expect_error([&] { views.images(wide, wide.views[0], true); },
                {"4x4", "8x4", "same aspect ratio"});
 }
 
@@ -46,10 +46,10 @@ TEST_F(KnownViewsTest, TransparencyShowsTheBackground) {
   const KnownViews views(folder_.path());
   GuidanceRequest request = some_request(1, 1, 1);
   request.background = {0, 1, 0.5f};
-  const auto picture = views.pictures(request, request.views[0], true)[0];
-  EXPECT_NEAR(picture[0], 0.2 * 200 / 255, 1e-6);
-  EXPECT_NEAR(picture[1], 0.2 * 100 / 255 + 0.8, 1e-6);
-  EXPECT_NEAR(picture[2], 0.4, 1e-6);
+  const auto image = views.images(request, request.views[0], true)[0];
+  EXPECT_NEAR(image[0], 0.2 * 200 / 255, 1e-6);
+  EXPECT_NEAR(image[1], 0.2 * 100 / 255 + 0.8, 1e-6);
+  EXPECT_NEAR(image[2], 0.4, 1e-6);
 }
 
 TEST_F(KnownViewsTest, AFlowIsGivenWhereThereIsOne) {
@@ -69,7 +69,7 @@ TEST_F(KnownViewsTest, AMissingTimeStepIsNamed) {
   const KnownViews views(folder_.path());
   GuidanceRequest request = some_request(1, 4, 4);
   request.frame = 3;
-  expect_error([&] { views.pictures(request, request.views[0], true); },
+  expect_error([&] { views.images(request, request.views[0], true); },
                {"time step 3", "camera eval_0"});
 }
 

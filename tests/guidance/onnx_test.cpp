@@ -24,7 +24,7 @@ std::unique_ptr<OnnxDenoiser> denoiser() {
 }
 
 // make_denoiser.py defines what the network computes.
-TEST(OnnxDenoiser, IsGivenPictureTimestepConditionAndPose) {
+TEST(OnnxDenoiser, IsGivenImageTimestepConditionAndPose) {
   const auto net = denoiser();
   if (!net) GTEST_SKIP() << "built without OpenCV's dnn module";
   const GuidanceRequest request = some_request(1, 8, 8);

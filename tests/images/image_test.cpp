@@ -145,7 +145,7 @@ TEST(Image, TruncatedPngsAreRefusedAtEveryLength) {
   }
 }
 
-TEST(Image, WhatIsNoPictureIsRefused) {
+TEST(Image, WhatIsNoImageIsRefused) {
   const TemporaryFolder folder;
   expect_error([&] { read_image(folder.path() + "/none.png"); }, {"none.png", "No such file"});
   expect_error([&] { read_image(folder.write("a.png", "text")); }, {"a.png", "neither"});

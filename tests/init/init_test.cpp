@@ -104,7 +104,7 @@ TEST(InitialModel, IsRandomWhenAskedForAndDeterministicForTheSeed) {
   EXPECT_NE(first.groups, loaded.model(config).groups);
 }
 
-TEST(InitialModel, PutsRandomPointsOnTheObjectWherePicturesHaveAlpha) {
+TEST(InitialModel, PutsRandomPointsOnTheObjectWhereImagesHaveAlpha) {
   Queue queue = test_queue();
   const SmallScene scene(queue, true);
   TrainOptions config = small_config(scene, 10);
@@ -123,7 +123,7 @@ TEST(InitialModel, PutsRandomPointsOnTheObjectWherePicturesHaveAlpha) {
   }
 }
 
-TEST(InitialModel, RandomPointsFillTheBoxEvenWherePicturesHaveAlpha) {
+TEST(InitialModel, RandomPointsFillTheBoxEvenWhereImagesHaveAlpha) {
   Queue queue = test_queue();
   const SmallScene scene(queue, true);
   TrainOptions config = small_config(scene, 10);

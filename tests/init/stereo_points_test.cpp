@@ -21,7 +21,7 @@ class PaintedWall {
       const Camera camera = small_camera(c, 160, 128);
       const std::string name = fmt::format("cam{:02}/images/0000.png", c);
       std::filesystem::create_directories(std::filesystem::path(folder_.file(name)).parent_path());
-      write_png(folder_.file(name), picture_of(camera));
+      write_png(folder_.file(name), image_of(camera));
       const Eigen::Matrix3d world = camera.viewmat.topLeftCorner<3, 3>().transpose();
       const Eigen::Vector3d p = camera.position();
       const double size[3] = {128, 160, camera.fx};
@@ -42,7 +42,7 @@ class PaintedWall {
   LoadedScene loaded;
 
  private:
-  static Image picture_of(const Camera& camera) {
+  static Image image_of(const Camera& camera) {
     Image image{camera.width, camera.height, 3, {}};
     const Eigen::Matrix3d turn = camera.viewmat.topLeftCorner<3, 3>().transpose();
     for (int y = 0; y < camera.height; ++y)

@@ -85,8 +85,8 @@ TEST(ImageLossReference, GradientIsTheCentralDifference) {
 
 TEST(ImageLossReference, HasTheSsimOfTheTextbook) {
   const ImageCase c = random_case(31, 22, 0.3f);
-  const double expected = ssim(Picture::from_planes(c.width, c.height, c.rgb),
-                               Picture::from_bytes(c.width, c.height, c.truth));
+  const double expected = ssim(PlanarImage::from_planes(c.width, c.height, c.rgb),
+                               PlanarImage::from_bytes(c.width, c.height, c.truth));
   const auto result = reference::image_loss(c.width, c.height, in_double(c.rgb), c.truth, 1);
   EXPECT_NEAR(result.ssim, expected, 1e-12);
 }
@@ -153,7 +153,7 @@ TEST(ImageLoss, IsZeroWithItsGradientWhereAllBytesAreMet) {
   EXPECT_EQ(actual.value.l1, 0);
 }
 
-TEST(ImageLoss, OfEqualPicturesIsZero) {
+TEST(ImageLoss, OfEqualImagesIsZero) {
   ImageCase c = random_case(50, 40, 0);
   const ImageResult actual = run(0, c, 0.2f);
   EXPECT_NEAR(actual.value.total, 0, 1e-6);

@@ -15,13 +15,13 @@ namespace gflow {
 namespace {
 
 // The two images of the NumPy script below.
-Picture wavy(int y_step, int c_step) {
+PlanarImage wavy(int y_step, int c_step) {
   std::vector<uint8_t> bytes;
   for (int y = 0; y < 13; ++y)
     for (int x = 0; x < 19; ++x)
       for (int c = 0; c < 3; ++c)
         bytes.push_back(uint8_t(x * 37 + y * y_step + c * c_step + x * y));
-  return Picture::from_bytes(19, 13, bytes);
+  return PlanarImage::from_bytes(19, 13, bytes);
 }
 
 // import numpy as np
@@ -51,7 +51,7 @@ TEST(Ssim, IsWhatNumpyGivesInFloat64) {
 // scikit-image 0.19.3 averages over those positions:
 // structural_similarity(a, b, channel_axis=2, gaussian_weights=True, sigma=1.5,
 //                       use_sample_covariance=False, data_range=1.0)
-TEST(Ssim, WithinThePictureIsThatOfScikitImage) {
+TEST(Ssim, WithinTheImageIsThatOfScikitImage) {
   std::vector<uint8_t> inside;
   for (int y = 0; y < 13; ++y)
     for (int x = 0; x < 19; ++x) inside.push_back(x >= 5 && x < 14 && y >= 5 && y < 8);
@@ -69,44 +69,44 @@ TEST(Ssim, IsTheMeanOfItsMap) {
   EXPECT_EQ(mean_of_map({1, 2, 30}, {255, 1, 0}), 1.5);
 }
 
-TEST(Ssim, OfEqualPicturesIsOne) { EXPECT_NEAR(ssim(wavy(11, 5), wavy(11, 5)), 1, 1e-14); }
+TEST(Ssim, OfEqualImagesIsOne) { EXPECT_NEAR(ssim(wavy(11, 5), wavy(11, 5)), 1, 1e-14); }
 
 TEST(Psnr, IsWhatNumpyGivesInFloat64) {
   EXPECT_NEAR(psnr(wavy(11, 5), wavy(12, 9)), NUMPY_PSNR, 1e-12);
 }
 
 TEST(Psnr, OfADifferenceOfATenthIsTwentyDecibel) {
-  const Picture a = Picture::from_planes(2, 1, {0.5f, 0.5f, 0.5f, 0.5f, 0.5f, 0.5f});
-  Picture b = a;
+  const PlanarImage a = PlanarImage::from_planes(2, 1, {0.5f, 0.5f, 0.5f, 0.5f, 0.5f, 0.5f});
+  PlanarImage b = a;
   for (double& value : b.values) value += 0.1;
   EXPECT_NEAR(psnr(a, b), 20, 1e-12);
 }
 
 TEST(Psnr, CountsOnlyTheMask) {
-  const Picture a = Picture::from_planes(2, 1, {0.5f, 0, 0.5f, 0, 0.5f, 0});
-  Picture b = a;
+  const PlanarImage a = PlanarImage::from_planes(2, 1, {0.5f, 0, 0.5f, 0, 0.5f, 0});
+  PlanarImage b = a;
   for (size_t c = 0; c < 3; ++c) b.values[2 * c] += 0.01;  // the left pixel
   b.values[1] = 1;                                         // the right pixel
   EXPECT_NEAR(psnr(a, b, {255, 0}), 40, 1e-9);
   EXPECT_TRUE(std::isnan(psnr(a, b, {0, 0})));
 }
 
-TEST(Psnr, OfEqualPicturesIsInfinite) {
+TEST(Psnr, OfEqualImagesIsInfinite) {
   EXPECT_EQ(psnr(wavy(1, 1), wavy(1, 1)), std::numeric_limits<double>::infinity());
 }
 
-TEST(Psnr, RefusesPicturesOfDifferentSize) {
-  const Picture a = Picture::from_planes(1, 1, {0, 0, 0});
+TEST(Psnr, RefusesImagesOfDifferentSize) {
+  const PlanarImage a = PlanarImage::from_planes(1, 1, {0, 0, 0});
   EXPECT_THROW(psnr(a, wavy(1, 1)), Error);
 }
 
-TEST(Picture, IsCutToTheRangeOfAFile) {
-  const Picture a = Picture::from_planes(1, 1, {-1, 0.25f, 2});
+TEST(PlanarImage, IsCutToTheRangeOfAFile) {
+  const PlanarImage a = PlanarImage::from_planes(1, 1, {-1, 0.25f, 2});
   EXPECT_EQ(a.values, (std::vector<double>{0, 0.25, 1}));
 }
 
-TEST(Picture, TakesBytesInterleaved) {
-  const Picture a = Picture::from_bytes(2, 1, {0, 51, 102, 153, 204, 255});
+TEST(PlanarImage, TakesBytesInterleaved) {
+  const PlanarImage a = PlanarImage::from_bytes(2, 1, {0, 51, 102, 153, 204, 255});
   EXPECT_EQ(a.values, (std::vector<double>{0, 0.6, 0.2, 0.8, 0.4, 1}));
 }
 
@@ -151,9 +151,9 @@ std::vector<float> planes(float all, const std::vector<std::pair<size_t, float>>
   return values;
 }
 
-TEST(Difference, IsThePictureLessItsTruth) {
-  const Picture a = Picture::from_planes(1, 1, {0.5f, 0, 1});
-  const Picture b = Picture::from_planes(1, 1, {0.25f, 1, 1});
+TEST(Difference, IsTheImageLessItsTruth) {
+  const PlanarImage a = PlanarImage::from_planes(1, 1, {0.5f, 0, 1});
+  const PlanarImage b = PlanarImage::from_planes(1, 1, {0.25f, 1, 1});
   EXPECT_EQ(difference(a, b), (std::vector<float>{0.25f, -1, 0}));
 }
 
@@ -190,7 +190,7 @@ TEST(Flicker, FollowsTheFlow) {
   EXPECT_NEAR(flicker(planes(0), planes(0, {{1, 0.5f}}), 3, 2, flow, spot), 255 * 0.125 / 3, 1e-12);
 }
 
-TEST(Flicker, LeavesOutWhatLeavesThePicture) {
+TEST(Flicker, LeavesOutWhatLeavesTheImage) {
   std::vector<float> flow(12, 0.f);
   for (const size_t i : {0, 1, 3, 4}) flow[i] = NAN_F;
   flow[2] = 0.5f;   // right of the last column

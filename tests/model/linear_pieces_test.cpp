@@ -2,8 +2,8 @@
 // Linear pieces must render like the model, also when read from a .4dgs file, and must be few.
 #include "optim/model/linear_pieces.hpp"
 
-#include "optim/loss/metrics.hpp"
 #include "optim/eval/views.hpp"
+#include "optim/loss/metrics.hpp"
 #include "tests/support/lively_model.hpp"
 
 namespace gflow {
@@ -16,10 +16,10 @@ double likeness(Queue& queue, const HostModel& host, const MovingSplats& pieces,
   const TemporaryFolder folder;
   const Camera camera = orbit_views(host, {0}, "-y")[0].camera;
   write_ply(folder.file("now.ply"), splats_at(pieces, step / kTenASecond.fps));
-  const auto picture = [&](const HostModel& model, double time) {
-    return Picture::from_planes(camera.width, camera.height, drawn(queue, model, time, camera));
+  const auto image = [&](const HostModel& model, double time) {
+    return PlanarImage::from_planes(camera.width, camera.height, drawn(queue, model, time, camera));
   };
-  return psnr(picture(read_model(folder.file("now.ply")), 0), picture(host, step / 20));
+  return psnr(image(read_model(folder.file("now.ply")), 0), image(host, step / 20));
 }
 
 class EveryCutModel : public testing::TestWithParam<MotionModelKind> {};
@@ -118,7 +118,7 @@ TEST(LinearPieces, AreNotMadeOfWhatIsNeverSeen) {
   EXPECT_NEAR(pieces.splats[0].end, 0.8, 1e-12);
 }
 
-TEST(LinearPieces, OneStepIsAStillPicture) {
+TEST(LinearPieces, OneStepIsAStillImage) {
   Queue queue = test_queue();
   const HostModel host = small_model(true);
   Model model(queue, host);

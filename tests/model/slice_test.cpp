@@ -5,8 +5,8 @@
 #include <Eigen/Dense>
 #include <random>
 
-#include "optim/loss/metrics.hpp"
 #include "optim/eval/views.hpp"
+#include "optim/loss/metrics.hpp"
 #include "tests/support/lively_model.hpp"
 
 namespace gflow {
@@ -67,8 +67,8 @@ TEST_P(EverySlicedModel, LooksFromAFileLikeTheModelAtItsTime) {
     EXPECT_TRUE(is_static_model(back));
     const std::vector<float> expected = drawn(queue, host, time, camera);
     const std::vector<float> got = drawn(queue, back, 0, camera);
-    EXPECT_GT(psnr(Picture::from_planes(camera.width, camera.height, got),
-                   Picture::from_planes(camera.width, camera.height, expected)),
+    EXPECT_GT(psnr(PlanarImage::from_planes(camera.width, camera.height, got),
+                   PlanarImage::from_planes(camera.width, camera.height, expected)),
               80);  // float32; less precise for a logit of an opacity near 1
     EXPECT_NE(expected, before);
     before = expected;

@@ -38,25 +38,25 @@ using ClipNetwork = PerceptualNetwork;
 
 // A deterministic image that depends on the seed.
 ColourPlanes some_image(int width, int height, int seed) {
-  ColourPlanes picture{width, height, {}};
+  ColourPlanes image{width, height, {}};
   for (int i = 0; i < 3 * width * height; ++i)
-    picture.values.push_back(float((i * 29 + seed * 31 + i * i * seed) % 97) / 96);
-  return picture;
+    image.values.push_back(float((i * 29 + seed * 31 + i * i * seed) % 97) / 96);
+  return image;
 }
 
 double relu(double value) { return std::max(value, 0.0); }
 
-double expected_distance(const ColourPlanes& picture, const ColourPlanes& truth) {
+double expected_distance(const ColourPlanes& image, const ColourPlanes& truth) {
   const double p[2][3] = {{1, 0.5, 0}, {-0.5, 0, 1}};
   const double t[2][3] = {{0.75, 0.5, 0}, {-0.5, 0.25, 1}};
   const double l[2] = {0.5, 2};
-  const size_t pixels = picture.values.size() / 3;
+  const size_t pixels = image.values.size() / 3;
   double sum = 0;
   for (size_t i = 0; i < pixels; ++i)
     for (size_t k = 0; k < 2; ++k) {
       double a = 0, b = 0;
       for (size_t c = 0; c < 3; ++c) {
-        a += p[k][c] * (2 * double(picture.values[c * pixels + i]) - 1);
+        a += p[k][c] * (2 * double(image.values[c * pixels + i]) - 1);
         b += t[k][c] * (2 * double(truth.values[c * pixels + i]) - 1);
       }
       sum += l[k] * std::pow(relu(a) - relu(b), 2);
@@ -64,7 +64,7 @@ double expected_distance(const ColourPlanes& picture, const ColourPlanes& truth)
   return sum / double(pixels);
 }
 
-TEST_F(LpipsNetwork, IsGivenPictureAndTruthFromMinusOneToOne) {
+TEST_F(LpipsNetwork, IsGivenImageAndTruthFromMinusOneToOne) {
   Lpips any(network("lpips.onnx"), "metrics.lpips");
   // Of open size, so that each call may have another size.
   for (const auto& [width, height] : {std::pair{6, 4}, {9, 7}, {6, 4}}) {
@@ -159,10 +159,10 @@ TEST(ClipInput, IsResizedAsPillowDoes) {
   const double pillow[16] = {0.7506443, 0.4435096, 0.5222229, 0.4975697, 0.6791970, 0.4575870,
                              0.4345182, 0.5332479, 0.7444415, 0.4100167, 0.5919767, 0.4393364,
                              0.7019992, 0.4229487, 0.5042720, 0.4750146};
-  ColourPlanes picture{5, 8, {}};
+  ColourPlanes image{5, 8, {}};
   for (int c = 0; c < 3; ++c)
-    for (int i = 0; i < 40; ++i) picture.values.push_back(float(i * 29 % 97) / 96);
-  const std::vector<float> input = clip_input(picture, 4);
+    for (int i = 0; i < 40; ++i) image.values.push_back(float(i * 29 % 97) / 96);
+  const std::vector<float> input = clip_input(image, 4);
   ASSERT_EQ(input.size(), 48u);
   for (size_t c = 0; c < 3; ++c)
     for (size_t i = 0; i < 16; ++i)
@@ -170,17 +170,17 @@ TEST(ClipInput, IsResizedAsPillowDoes) {
 }
 
 TEST(ClipInput, OfItsOwnSizeIsOnlyNormalised) {
-  const ColourPlanes picture = some_image(8, 8, 3);
-  const std::vector<float> input = clip_input(picture, 8);
+  const ColourPlanes image = some_image(8, 8, 3);
+  const std::vector<float> input = clip_input(image, 8);
   for (size_t i = 0; i < input.size(); ++i)
-    EXPECT_NEAR(input[i], (double(picture.values[i]) - mean[i / 64]) / deviation[i / 64], 1e-5);
+    EXPECT_NEAR(input[i], (double(image.values[i]) - mean[i / 64]) / deviation[i / 64], 1e-5);
 }
 
-TEST(ClipInput, TakesTheMiddleOfAWidePicture) {
+TEST(ClipInput, TakesTheMiddleOfAWideImage) {
   // 12 x 4: dark, with four bright columns in the middle.
-  ColourPlanes picture{12, 4, {}};
-  for (int i = 0; i < 3 * 48; ++i) picture.values.push_back(i % 12 / 4 == 1 ? 1.f : 0.f);
-  for (const float value : clip_input(picture, 4)) EXPECT_GT(value, 1.5);
+  ColourPlanes image{12, 4, {}};
+  for (int i = 0; i < 3 * 48; ++i) image.values.push_back(i % 12 / 4 == 1 ? 1.f : 0.f);
+  for (const float value : clip_input(image, 4)) EXPECT_GT(value, 1.5);
 }
 
 }  // namespace

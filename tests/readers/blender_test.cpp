@@ -114,7 +114,7 @@ TEST(Blender, TimesAreInAllFilesOrNone) {
   EXPECT_TRUE(read_scene(folder.path()).test.empty());
 }
 
-TEST(Blender, IntrinsicsOfAFrameWinAndFollowThePictureSize) {
+TEST(Blender, IntrinsicsOfAFrameWinAndFollowTheImageSize) {
   const TemporaryFolder folder;
   make_blender(folder, frame("train/a", "", pose, R"(, "fl_x": 20, "fl_y": 22, "cx": 9, "cy": 5)"),
                R"("fl_x": 1, "w": 16, "h": 12)");

@@ -60,7 +60,7 @@ void expect_all_look_at(const std::vector<Camera>& cameras, const Eigen::Vector3
 }
 
 struct Observation {
-  std::string picture;
+  std::string image;
   Eigen::Vector2d pixel;
   Eigen::Vector3d point;
 };
@@ -95,7 +95,7 @@ TEST(Captures, ColmapSeesItsPointsWhereItObservedThem) {
   copy_capture("colmap", folder);
   const std::vector<Observation> observations = colmap_observations(folder);
   ASSERT_EQ(observations.size(), 14u);
-  for (const Observation& one : observations) make_png(folder, "images/" + one.picture, 80, 120);
+  for (const Observation& one : observations) make_png(folder, "images/" + one.image, 80, 120);
   SceneOptions options;
   options.test_every = 0;
   const Scene scene = read_scene(folder.path(), options);
@@ -103,7 +103,7 @@ TEST(Captures, ColmapSeesItsPointsWhereItObservedThem) {
   double squares = 0, squares_without_lens = 0;
   for (const Observation& one : observations) {
     const auto frame = std::find_if(scene.train.begin(), scene.train.end(), [&](const Frame& f) {
-      return std::filesystem::path(f.path).filename() == one.picture;
+      return std::filesystem::path(f.path).filename() == one.image;
     });
     ASSERT_NE(frame, scene.train.end());
     Camera camera = scene.cameras[size_t(frame->camera)];

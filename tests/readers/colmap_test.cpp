@@ -139,7 +139,7 @@ TEST(Colmap, EveryDistortionHasItsCoefficientsInTheirPlaces) {
                 "CAMERA_ID MODEL"});
 }
 
-TEST(Colmap, PicturesOfAnotherSizeKeepTheirLens) {
+TEST(Colmap, ImagesOfAnotherSizeKeepTheirLens) {
   const TemporaryFolder folder;
   make_text(folder);
   folder.write("sparse/0/cameras.txt", "7 SIMPLE_RADIAL 1616 1200 2000 808 600 -.1\n");
@@ -155,7 +155,7 @@ TEST(Colmap, PicturesOfAnotherSizeKeepTheirLens) {
   EXPECT_NEAR(camera.lens.cy, 3, 1e-12);
 }
 
-TEST(Colmap, ObservationsOfAPictureAreSteppedOver) {
+TEST(Colmap, ObservationsOfAnImageAreSteppedOver) {
   const TemporaryFolder folder;
   make_text(folder);
   std::string observed = "nan nan -1 ";
@@ -165,7 +165,7 @@ TEST(Colmap, ObservationsOfAPictureAreSteppedOver) {
   expect_the_model(read_colmap_model(folder.file("sparse/0")));
 }
 
-TEST(Colmap, APictureInPlaceOfObservationsIsToldNotSteppedOver) {
+TEST(Colmap, AnImageInPlaceOfObservationsIsToldNotSteppedOver) {
   const TemporaryFolder folder;
   make_text(folder);
   for (const char* second : {"1 0 0 0 2 1 2 3 7 a.png", "1 0 0 0 2 1 2 3 7 17", "1.5 2.5", "# 1\nx",
@@ -256,7 +256,7 @@ TEST(Colmap, WhatIsThereTwiceOrTooMuchIsRefused) {
   }
 }
 
-TEST(Colmap, MorePicturesThanASceneHasAreRefused) {
+TEST(Colmap, MoreImagesThanASceneHasAreRefused) {
   const TemporaryFolder folder;
   make_text(folder);
   std::string cameras, images;
@@ -292,7 +292,7 @@ TEST(Colmap, ReadingPointsTakesTheMemoryOfWhatIsMadeOfThem) {
   EXPECT_LT(memory_of(read), points_mib + 8);
 }
 
-TEST(Colmap, MasksBesideThePicturesBecomeAlpha) {
+TEST(Colmap, MasksBesideTheImagesBecomeAlpha) {
   const TemporaryFolder folder;
   make_text(folder);
   make_png(folder, "images/a.png");
@@ -368,7 +368,7 @@ TEST(Colmap, NamesThatAreNoneAreShownInOneShortLine) {
   expect_in_one_line(std::string(4000, 'b'), "bbb...'");
 }
 
-TEST(Colmap, AFolderOfPicturesIsAStaticScene) {
+TEST(Colmap, AFolderOfImagesIsAStaticScene) {
   const TemporaryFolder folder;
   make_text(folder);
   make_png(folder, "images/a.png");
@@ -389,7 +389,7 @@ TEST(Colmap, AFolderOfPicturesIsAStaticScene) {
 }
 
 // Output files are named after it.
-TEST(Colmap, APictureInAFolderHasANameWithout) {
+TEST(Colmap, AnImageInAFolderHasANameWithout) {
   const TemporaryFolder folder;
   make_text(folder);
   const std::string deep = std::string(180, 'd') + "/" + std::string(90, 'd');

@@ -4,7 +4,7 @@
 
 using namespace gflow;
 
-TEST(Consistent4d, NumberedPicturesAreOneStaticCameraThatLooksAtTheOrigin) {
+TEST(Consistent4d, NumberedImagesAreOneStaticCameraThatLooksAtTheOrigin) {
   const TemporaryFolder folder;
   for (int k = 0; k < 12; ++k) make_png(folder, fmt::format("{}.png", k), 8, 8, 4);
   const Scene scene = read_scene(folder.path());
@@ -58,7 +58,7 @@ TEST(Consistent4d, UnequalViewsAndImpossibleCamerasAreRefused) {
   expect_error([&] { read_scene(folder.path(), options); }, {"scene.fovy"});
 }
 
-TEST(Consistent4d, PlainPicturesNamedByAWordAndANumberAreAVideoToo) {
+TEST(Consistent4d, PlainImagesNamedByAWordAndANumberAreAVideoToo) {
   const TemporaryFolder folder;
   for (int k : {2, 10, 1})  // names as by ffmpeg; a JPEG by its first bytes, not its name
     make_png(folder, fmt::format("frame_{}.jpg", k), 8, 6, 3);
@@ -72,7 +72,7 @@ TEST(Consistent4d, PlainPicturesNamedByAWordAndANumberAreAVideoToo) {
   expect_error([&] { read_scene(folder.path()); }, {"no known scene layout"});
 }
 
-TEST(Consistent4d, PicturesLeftOutLeaveAGapInTime) {
+TEST(Consistent4d, ImagesLeftOutLeaveAGapInTime) {
   const TemporaryFolder folder;
   for (int k : {3, 4, 7}) make_png(folder, fmt::format("frame_{:03}.png", k));
   const Scene scene = read_scene(folder.path());
@@ -112,7 +112,7 @@ TEST(Consistent4d, TransformsBesideTheInputViewDoNotMatter) {
   EXPECT_EQ(read_scene(folder.path()).layout, "consistent4d");
 }
 
-TEST(Consistent4d, TransformsWinOverNumberedPicturesInTheFolderItself) {
+TEST(Consistent4d, TransformsWinOverNumberedImagesInTheFolderItself) {
   const TemporaryFolder folder;
   make_png(folder, "0.png", 8, 8, 4);
   folder.write("transforms_train.json", "is read");

@@ -66,7 +66,7 @@ TEST(N3v, HoldsOutTheFirstCameraOrTheOneAskedFor) {
   expect_error([&] { read_scene(folder.path(), options); }, {"scene.holdout is 3", "0 to 2"});
 }
 
-TEST(N3v, IntrinsicsFollowThePictureSize) {
+TEST(N3v, IntrinsicsFollowTheImageSize) {
   const TemporaryFolder folder;
   for (int c = 0; c < 2; ++c) make_png(folder, fmt::format("cam{:02}/images/0.png", c), 4, 3);
   make_poses(folder, 2);
@@ -76,7 +76,7 @@ TEST(N3v, IntrinsicsFollowThePictureSize) {
   EXPECT_NEAR(camera.cy, 1.5, 1e-12);
 }
 
-TEST(N3v, VideosServeWhereThereAreNoPictures) {
+TEST(N3v, VideosServeWhereThereAreNoImages) {
   const TemporaryFolder folder;
   const std::vector<Image> frames(3, pattern(8, 6));
   make_mp4(folder.file("cam00.mp4"), frames, 20);
@@ -97,7 +97,7 @@ TEST(N3v, VideosServeWhereThereAreNoPictures) {
   EXPECT_EQ(read_scene(folder.path(), options).train.size(), 2u);
 }
 
-TEST(N3v, OnePictureACameraIsAStaticSceneOfTheSmallestSize) {
+TEST(N3v, OneImageACameraIsAStaticSceneOfTheSmallestSize) {
   const TemporaryFolder folder;
   for (int c : {10, 9, 8}) {
     make_png(folder, fmt::format("images/{}.png", c), 16, 12);

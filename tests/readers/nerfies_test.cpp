@@ -69,7 +69,7 @@ TEST(Nerfies, AnIdWithFoldersIsANameWithout) {
   EXPECT_EQ(read_scene(folder.path()).test.at(0).name, "sub_3");
 }
 
-TEST(Nerfies, ThePicturesAskedForAreUsed) {
+TEST(Nerfies, TheImagesAskedForAreUsed) {
   const TemporaryFolder folder;
   make_nerfies(folder);
   SceneOptions options;

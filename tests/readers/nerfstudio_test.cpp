@@ -38,7 +38,7 @@ std::vector<std::string> names_of(const std::vector<Frame>& frames) {
 
 }  // namespace
 
-TEST(Nerfstudio, EveryNthPictureByNameIsForTheTest) {
+TEST(Nerfstudio, EveryNthImageByNameIsForTheTest) {
   const TemporaryFolder folder;
   make_nerfstudio(folder, joined({frame(10), frame(2), frame(1), frame(3)}));
   SceneOptions options;

@@ -63,9 +63,9 @@ TEST(VideoFile, ADamagedOneIsTold) {
     cv::VideoWriter writer(path, cv::CAP_FFMPEG, cv::VideoWriter::fourcc('X', 'V', 'I', 'D'), 10,
                            cv::Size(64, 48));
     for (int k = 0; k < 20; ++k) {
-      cv::Mat picture(48, 64, CV_8UC3);
-      for (int i = 0; i < 48 * 64 * 3; ++i) picture.data[i] = uint8_t((i + 7 * k) * (i + k) >> 4);
-      writer.write(picture);
+      cv::Mat image(48, 64, CV_8UC3);
+      for (int i = 0; i < 48 * 64 * 3; ++i) image.data[i] = uint8_t((i + 7 * k) * (i + k) >> 4);
+      writer.write(image);
     }
   }
   std::string bytes = contents(path);

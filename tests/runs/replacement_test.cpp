@@ -138,7 +138,7 @@ TEST_F(Replacement, FollowsLinksToModelsAndCheckpoints) {
 }
 
 // The run may come from an untrusted source.
-TEST_F(Replacement, RemovesALinkToAFolderOfPicturesAndNotTheFolder) {
+TEST_F(Replacement, RemovesALinkToAFolderOfImagesAndNotTheFolder) {
   const TemporaryFolder documents;
   documents.write("thesis.txt", "");
   fs::remove_all(run_.path("test"));

@@ -404,12 +404,12 @@ TEST_F(Resume, AWrongInputLeavesTheFormerRunAsItWas) {
     expect_left_alone({"--init", first},
                       {"training on " + first, "would remove or replace it", "copy"});
 
-  const std::string damaged = run("damaged"), picture = damaged + "/cam01/images/0001.png";
+  const std::string damaged = run("damaged"), image = damaged + "/cam01/images/0001.png";
   fs::copy(scene_->path(), damaged, fs::copy_options::recursive);
-  fs::permissions(picture, fs::perms::owner_write, fs::perm_options::add);
-  fs::resize_file(picture, fs::file_size(picture) / 2);
+  fs::permissions(image, fs::perms::owner_write, fs::perm_options::add);
+  fs::resize_file(image, fs::file_size(image) / 2);
   expect_refused({"train", damaged, "-o", run("run"), "--quiet", "--overwrite"},
-                 {picture, "truncated"});
+                 {image, "truncated"});
   EXPECT_EQ(fs::last_write_time(run("run") + "/config.toml"), before);
   EXPECT_TRUE(fs::exists(checkpoint(240)) && fs::exists(run("run") + "/results.json"));
 }

@@ -147,7 +147,7 @@ TEST(RunFolder, LeavesWhatOthersAreWriting) {
   }
   const std::string living = "checkpoints/.iteration_1." + std::to_string(other) + "-0.part.npz",
                     left = "checkpoints/.iteration_1.1-0.part.npz",
-                    drawn = "pictures/rgb/.a.1-0.part.png";
+                    drawn = "images/rgb/.a.1-0.part.png";
   for (const std::string& name : {living, left, drawn}) folder.write(name, "");
   run.forget_unfinished_files();
   EXPECT_TRUE(std::filesystem::exists(run.path(living)));
@@ -163,14 +163,14 @@ TEST(RunFolder, KnowsWhatItWouldForgetThroughLinks) {
   const TemporaryFolder folder, other;
   const RunFolder run(folder.path());
   EXPECT_FALSE(run.would_remove(folder.path()));
-  EXPECT_FALSE(run.would_remove(folder.path() + "/pictures"));
+  EXPECT_FALSE(run.would_remove(folder.path() + "/images"));
   EXPECT_TRUE(run.would_remove(folder.path() + "/test/"));
   std::filesystem::create_directory(folder.path() + "/frames");
   std::filesystem::create_directory_symlink(folder.path() + "/frames", other.path() + "/link");
   EXPECT_TRUE(run.would_remove(other.path() + "/link/cam01"));
-  EXPECT_FALSE(run.would_remove(other.path() + "/pictures"));
+  EXPECT_FALSE(run.would_remove(other.path() + "/images"));
   std::filesystem::create_directory_symlink(other.path(), folder.path() + "/flow");
-  EXPECT_TRUE(run.would_remove(folder.path() + "/flow/pictures"));
+  EXPECT_TRUE(run.would_remove(folder.path() + "/flow/images"));
 }
 
 TEST(RunFolder, KnowsTheResultsOfEverySplit) {

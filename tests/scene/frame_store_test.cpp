@@ -51,7 +51,7 @@ TEST(FrameStore, GivesRgbOnTheBackgroundAndAlpha) {
             over_background(rgba, {0, 0, 0}).pixels);
 }
 
-TEST(FrameStore, PicturesWithoutAlphaHaveNone) {
+TEST(FrameStore, ImagesWithoutAlphaHaveNone) {
   const TemporaryFolder folder;
   const Scene scene = make_scene(folder, 3);
   FrameStore store(scene);
@@ -59,7 +59,7 @@ TEST(FrameStore, PicturesWithoutAlphaHaveNone) {
   EXPECT_EQ(store.rgb(scene.train[0])->pixels, pattern(8, 6, 3, 0).pixels);
 }
 
-TEST(FrameStore, ReducesPicturesAndCamerasAlike) {
+TEST(FrameStore, ReducesImagesAndCamerasAlike) {
   const TemporaryFolder folder;
   const Scene scene = make_scene(folder, 3);
   FrameStoreOptions options;
@@ -70,7 +70,7 @@ TEST(FrameStore, ReducesPicturesAndCamerasAlike) {
   EXPECT_NEAR(store.cameras()[0].fx, scene.cameras[0].fx / 2, 1e-12);
 }
 
-TEST(FrameStore, ASmallCacheStillGivesEveryPictureToEveryThread) {
+TEST(FrameStore, ASmallCacheStillGivesEveryImageToEveryThread) {
   const TemporaryFolder folder;
   const Scene scene = make_scene(folder, 3, 6);
   FrameStoreOptions options;
@@ -88,14 +88,14 @@ TEST(FrameStore, ASmallCacheStillGivesEveryPictureToEveryThread) {
   for (std::thread& thread : threads) thread.join();
 }
 
-TEST(FrameStore, UnequalPicturesAreRefusedWithBothSizes) {
+TEST(FrameStore, UnequalImagesAreRefusedWithBothSizes) {
   const TemporaryFolder folder;
   const Scene scene = make_scene(folder, 3);
   make_png(folder, "1.png", 8, 7);
   expect_error([&] { FrameStore store(scene); }, {"1.png", "8x7", "8x6"});
 }
 
-TEST(FrameStore, APictureThatFailsInPrefetchIsReportedWhenItIsAskedFor) {
+TEST(FrameStore, AnImageThatFailsInPrefetchIsReportedWhenItIsAskedFor) {
   const TemporaryFolder folder;
   const Scene scene = make_scene(folder, 3);
   FrameStore store(scene);
@@ -190,7 +190,7 @@ TEST(FrameStore, OnlyVideoFramesOfTheSceneAreUnpacked) {
   EXPECT_EQ(folder.count(), 3u);  // the video and two frames
 }
 
-TEST(FrameStore, AMaskIsAlphaTimesThePicturesOwn) {
+TEST(FrameStore, AMaskIsAlphaTimesTheImagesOwn) {
   const TemporaryFolder folder;
   for (const int channels : {3, 4}) {
     Scene scene = make_scene(folder, channels);
@@ -199,7 +199,7 @@ TEST(FrameStore, AMaskIsAlphaTimesThePicturesOwn) {
     scene.train[1].mask_path = folder.file("masks/m.png");
     FrameStore store(scene);
     const Image plain = pattern(8, 6, channels, 1);
-    const auto rgba = store.picture(scene.train[1]);
+    const auto rgba = store.image(scene.train[1]);
     ASSERT_EQ(rgba->channels, 4);
     for (size_t i = 0; i < 48; ++i) {
       const double own = channels == 4 ? plain.pixels[4 * i + 3] : 255;

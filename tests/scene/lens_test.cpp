@@ -75,7 +75,7 @@ TEST(Lens, FormulasGiveTheValuesWorkedOutByHand) {
   EXPECT_EQ(distorted(lens, {0, 0}), Eigen::Vector2d(0, 0));
 }
 
-TEST(Lens, UndistortedPicturesAreThoseOfAPinholeCamera) {
+TEST(Lens, UndistortedImagesAreThoseOfAPinholeCamera) {
   struct Case {
     Lens::Kind kind;
     std::array<double, 8> k;
@@ -118,7 +118,7 @@ TEST(Lens, ImpossibleCoefficientsAreRefused) {
   expect_error([&] { lens(-1000); }, {"the camera of a.png", "too much lens distortion", "-1000"});
 }
 
-TEST(Lens, ThePicturesOfAStoreAreUndistortedAndThenReduced) {
+TEST(Lens, TheImagesOfAStoreAreUndistortedAndThenReduced) {
   const TemporaryFolder folder;
   Scene scene;
   scene.cameras = {

@@ -235,7 +235,7 @@ TEST(SharedScenes, TheRealPlenopticPhotographsAreAStaticScene) {
   }
 }
 
-TEST(SharedScenes, VideosShowWhatThePicturesShow) {
+TEST(SharedScenes, VideosShowWhatTheImagesShow) {
   const std::string folder = shared("scenes/n3v-sphere");
   if (!there(folder)) return;
   const Scene scene = read_scene(folder);
@@ -245,9 +245,9 @@ TEST(SharedScenes, VideosShowWhatThePicturesShow) {
     filmed.train[k].path = folder + "/cam01.mp4";
     filmed.train[k].video_frame = int(k);
   }
-  FrameStore videos(filmed), pictures(scene);
+  FrameStore videos(filmed), images(scene);
   for (size_t k : steps) {
-    const auto a = videos.rgb(filmed.train[k]), b = pictures.rgb(scene.train[k]);
+    const auto a = videos.rgb(filmed.train[k]), b = images.rgb(scene.train[k]);
     double sum = 0;
     for (size_t i = 0; i < a->pixels.size(); ++i)
       sum += std::pow(double(a->pixels[i]) - double(b->pixels[i]), 2);

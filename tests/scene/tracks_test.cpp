@@ -134,7 +134,7 @@ TEST(Tracks, FlowFilesMayLeadFromOneCameraToTheNextInTime) {
   EXPECT_THROW(pairs_in_time(twice), Error);
 }
 
-TEST(Tracks, FlowFilesOfTheUsersLeadFromPictureToPicture) {
+TEST(Tracks, FlowFilesOfTheUsersLeadFromImageToImage) {
   const TemporaryFolder folder;
   make_tracks(folder, {pose_at(-2), pose_at(0)});
   write_flo(folder.file("flow_train/0.flo"), zero_flow(20, 16));

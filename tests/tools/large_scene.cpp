@@ -92,13 +92,13 @@ void write_camera(const std::string& folder, int camera, const View& view, int s
   for (int step = 0; step < steps; ++step) {
     const double t = double(step) / std::max(steps - 1, 1);
     const Eigen::Vector3d at = board_at(t);
-    cv::Mat picture = empty.clone(), sum;
+    cv::Mat image = empty.clone(), sum;
     cv::warpPerspective(
-        textures[1], picture,
+        textures[1], image,
         plane_to_image(view, width, height, board_side, at.x(), at.y(), at.z(), 8 * t),
         {width, height}, cv::INTER_LINEAR, cv::BORDER_TRANSPARENT);
     const cv::Rect part(random.uniform(0, 64), random.uniform(0, 64), width, height);
-    cv::add(picture, noise(part), sum, cv::noArray(), CV_8UC3);
+    cv::add(image, noise(part), sum, cv::noArray(), CV_8UC3);
     const std::string path = fmt::format("{}/cam{:02}/images/{:04}.jpg", folder, camera, step);
     if (!cv::imwrite(path, sum, {cv::IMWRITE_JPEG_QUALITY, 90}))
       throw Error("cannot write " + path);

@@ -46,7 +46,7 @@ TEST(Curriculum, WidensFromTheFirstViewsToAll) {
   EXPECT_LT(curriculum.view_at(5, 0, 3, 7), 5u);  // fewer views than the curriculum starts with
 }
 
-TEST(Curriculum, BeginsWhereMostPicturesAre) {
+TEST(Curriculum, BeginsWhereMostImagesAre) {
   std::vector<Frame> frames;
   for (int k = 0; k < 5; ++k) {
     Frame frame;

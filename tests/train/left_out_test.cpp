@@ -17,7 +17,7 @@ class LeftOutOfTraining : public testing::Test {
   SmallScene scene;
 };
 
-TEST_F(LeftOutOfTraining, TheShapesOfThoseOutsideThePicture) {
+TEST_F(LeftOutOfTraining, TheShapesOfThoseOutsideTheImage) {
   TrainOptions config = small_config(scene, 20);
   const auto posed_and_drawn = [&](bool skip) {
     config.skip.culled = skip;

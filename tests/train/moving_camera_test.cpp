@@ -136,7 +136,7 @@ TEST(MovingCamera, EvaluationComparesTheFlowOfBothCameras) {
   EXPECT_TRUE(std::isnan(evaluation.views[steps - 1].flow_epe));
 }
 
-TEST(MovingCamera, ViewsLookFromTheNextPicturesCamera) {
+TEST(MovingCamera, ViewsLookFromTheNextImagesCamera) {
   Queue queue = test_queue();
   PanScene made(queue, 2);
   Scene& scene = made.loaded.scene;

@@ -99,7 +99,7 @@ TEST_F(SequenceTest, FollowsTheMotion) {
   EXPECT_LT(all.flow_epe_dynamic, 0.5 * first.flow_epe_dynamic);
 }
 
-TEST_F(SequenceTest, EachTimeStepNeedsATrainingPicture) {
+TEST_F(SequenceTest, EachTimeStepNeedsATrainingImage) {
   TrainOptions asked = config(10);
   Scene scene = load_scene(asked.scene, "").scene;
   const auto require = [&] { require_sequence(asked, scene, model_shape(scene, asked)); };

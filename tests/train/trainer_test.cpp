@@ -354,7 +354,7 @@ TEST_F(TrainerTest, LearnsWithTheOtherMotionModelToo) {
 
 // The image and the Gaussians must have the same background colour: 26.4 dB after these steps,
 // and 9.3 dB if the Gaussians get the colour of the next step.
-TEST_F(TrainerTest, ARandomBackgroundIsBehindPictureAndGaussiansAlike) {
+TEST_F(TrainerTest, ARandomBackgroundIsBehindImageAndGaussiansAlike) {
   const SmallScene transparent(queue(), true);
   TrainOptions config = small_config(transparent, 200);
   config.scene.background = Background::random;
@@ -367,7 +367,7 @@ TEST_F(TrainerTest, ARandomBackgroundIsBehindPictureAndGaussiansAlike) {
   EXPECT_NE(first.at("gaussians/means"), bits_after(queue(), config, 200).at("gaussians/means"));
 }
 
-TEST_F(TrainerTest, ARandomBackgroundChangesNoBitWherePicturesAreOpaque) {
+TEST_F(TrainerTest, ARandomBackgroundChangesNoBitWhereImagesAreOpaque) {
   TrainOptions config = small_config(scene(), 20);
   const auto white = bits_after(queue(), config, 20);
   config.scene.background = Background::random;

@@ -141,7 +141,7 @@ double backward_flops(Channels c) { return 52 + (c.flow ? 28 : 0) + (c.depth ? 4
 
 double bytes_of(const Touched& t) {
   return 6 * 4 * t.parameters * t.moved + 900 * t.drawn + 310 * t.intersections +
-         (107 + t.picture) * t.pixels;
+         (107 + t.truth_bytes) * t.pixels;
 }
 
 double bytes_of_stage(const std::string& stage, const Touched& t, Channels c) {

@@ -28,7 +28,7 @@ double backward_flops(Channels channels);
 // What a training step touches: Gaussians that Adam updates and their parameters each; drawn
 // Gaussians, tile intersections, pixels, and bytes per pixel of a ground-truth image.
 struct Touched {
-  double moved = 0, parameters = 0, drawn = 0, intersections = 0, pixels = 0, picture = 3;
+  double moved = 0, parameters = 0, drawn = 0, intersections = 0, pixels = 0, truth_bytes = 3;
 };
 // Bytes read and written, counted from the kernels' arguments (4 bytes per float): Adam's six
 // accesses per parameter; poses, records, sort keys and gradients per drawn Gaussian; ids, masks,

@@ -137,7 +137,7 @@ class GoingOn {
     t.intersections += share * double(engine.tiles().intersections);
     const double pixels = double(engine.images().width) * double(engine.images().height);
     t.pixels += share * pixels;
-    t.picture = 3;
+    t.truth_bytes = 3;
   }
 
   Queue& queue_;

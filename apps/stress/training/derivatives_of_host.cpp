@@ -96,12 +96,12 @@ Derivative sds_row() {
     found.push_back((one[i] + other[i]) / 2);
     expected.push_back(2 * weight * a * (2 * double(x[i]) - 1 - double(m[i])) / s);
   }
-  const auto loss = [&](const std::vector<double>& picture) {
+  const auto loss = [&](const std::vector<double>& image) {
     double sum = 0;
     for (const double sign : {1., -1.}) {
       std::vector<double> z;
-      for (size_t i = 0; i < picture.size(); ++i)
-        z.push_back(std::sqrt(a) * (2 * picture[i] - 1) + sign * sigma * double(noise[i]));
+      for (size_t i = 0; i < image.size(); ++i)
+        z.push_back(std::sqrt(a) * (2 * image[i] - 1) + sign * sigma * double(noise[i]));
       sum += weight * surprise({m}, a, s, z) / 2;
     }
     return sum;

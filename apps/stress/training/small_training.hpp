@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "optim/eval/pictures.hpp"
+#include "optim/eval/shown_images.hpp"
 #include "optim/formats/npy.hpp"
 #include "optim/images/image.hpp"
 #include "optim/init/init.hpp"
@@ -112,11 +112,11 @@ class SmallScene {
     if (with_alpha_) shot.background = {0, 0, 0};
     renderer.forward(queue, model, shot);
     const Images& images = renderer.images();
-    Image picture = image_of_rgb(images.width, images.height, images.rgb.read(queue));
+    Image image = image_of_rgb(images.width, images.height, images.rgb.read(queue));
     const std::vector<float> alpha = images.alpha.read(queue);
-    if (with_alpha_) picture = with_straight_alpha(picture, alpha);
+    if (with_alpha_) image = with_straight_alpha(image, alpha);
     const std::string step = "000" + std::to_string(k);
-    write_png(folder_.file(camera.name + "/images/" + step + ".png"), picture);
+    write_png(folder_.file(camera.name + "/images/" + step + ".png"), image);
     if (shot.flow)
       write_flo(folder_.file("flow/" + camera.name + "/" + step + ".flo"),
                 flow_of_planes(images.width, images.height, images.flow.read(queue), alpha));

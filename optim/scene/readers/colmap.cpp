@@ -33,7 +33,7 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
   const std::string sparse = (fs::path(folder) / "sparse" / "0").string();
   const ColmapModel model = read_colmap_model(sparse);
   const std::string images = options.images.empty() ? "images" : options.images;
-  const std::string pictures = (fs::path(folder) / images).string();
+  const std::string image_folder = (fs::path(folder) / images).string();
   Scene scene;
   scene.layout = "colmap";
   scene.steps = 1;
@@ -44,7 +44,7 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
     if (!names.insert(image.name).second)
       throw Error(fmt::format("{} lists image {} twice", sparse, image.name));
     Frame frame;
-    frame.path = path_inside(pictures, image.name, sparse);
+    frame.path = path_inside(image_folder, image.name, sparse);
     if (!fs::is_regular_file(frame.path))
       throw Error(fmt::format("{} lists image {}, but there is no file {}", sparse, image.name,
                               frame.path));

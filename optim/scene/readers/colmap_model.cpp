@@ -47,7 +47,7 @@ void require_modest(size_t entries, const char* what, const std::string& path) {
 
 // Skips an image's observations: x, y and a point id each. Error if the line is anything else, such
 // as another image.
-void skip_observations(ColmapText& file, const std::string& path, const std::string& picture) {
+void skip_observations(ColmapText& file, const std::string& path, const std::string& image) {
   if (!file.next_line()) return;
   size_t numbers = 0;
   bool sound = true;
@@ -60,7 +60,7 @@ void skip_observations(ColmapText& file, const std::string& path, const std::str
     throw Error(
         fmt::format("cannot read {}: the line after image {} is not a list of observations X Y "
                     "POINT3D_ID; each image needs two lines, of which the second may be empty",
-                    path, excerpt(picture)));
+                    path, excerpt(image)));
 }
 
 // COLMAP's camera models. Parameters are one or two focal lengths, the principal point, then

@@ -68,13 +68,13 @@ std::vector<double> times_of(const std::vector<std::string>& names) {
 
 // The frames of one view in natural order of names; `view` is input or eval_k. The view has one
 // camera, or one per image.
-std::vector<Frame> read_view(const std::string& folder, const std::string& pictures,
+std::vector<Frame> read_view(const std::string& folder, const std::string& image_folder,
                              const std::string& view, std::optional<double> azimuth,
                              const SceneOptions& options, Scene& scene) {
   std::vector<Frame> frames;
-  const std::vector<std::string> names = numbered_images(pictures);
+  const std::vector<std::string> names = numbered_images(image_folder);
   const std::vector<double> times = times_of(names);
-  const std::string first = join(pictures, names[0]);
+  const std::string first = join(image_folder, names[0]);
   const ImageHeader header = read_image_header(first);
   scene.has_alpha |= header.has_alpha;
   const std::vector<Camera> cameras =
@@ -83,7 +83,7 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& pictu
   for (const std::string& name : names) {
     const size_t k = frames.size();
     Frame frame;
-    frame.path = join(pictures, name);
+    frame.path = join(image_folder, name);
     frame.camera = int(scene.cameras.size() + (cameras.size() > 1 ? k : 0));
     frame.track = int(scene.cameras.size());
     frame.step = int(k);
@@ -120,12 +120,12 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
   const double azimuths[] = {-75, 15, 105, 195};
   for (int k = 0; k < 4; ++k) {
     const std::string view = fmt::format("eval_{}", k);
-    const std::string pictures = (fs::path(folder) / view).string();
-    if (numbered_images(pictures).empty()) continue;
+    const std::string image_folder = (fs::path(folder) / view).string();
+    if (numbered_images(image_folder).empty()) continue;
     const std::vector<Frame> frames =
-        read_view(folder, pictures, view, azimuths[k], options, scene);
+        read_view(folder, image_folder, view, azimuths[k], options, scene);
     if (frames.size() != size_t(scene.steps))
-      throw Error(fmt::format("{} has {} images, but the input view has {}", pictures,
+      throw Error(fmt::format("{} has {} images, but the input view has {}", image_folder,
                               frames.size(), scene.steps));
     const size_t shown = options.first_views ? 1 : 0;
     scene.train.insert(scene.train.end(), frames.begin(), frames.begin() + long(shown));

@@ -26,7 +26,7 @@ std::vector<Camera> read_cameras(const std::string& path, int width, int height,
 
 }  // namespace
 
-std::vector<Camera> cameras_of_view(const SceneOptions& options, size_t pictures, int width,
+std::vector<Camera> cameras_of_view(const SceneOptions& options, size_t count, int width,
                                     int height, const std::string& source) {
   if (options.cameras.empty()) return {static_camera("input", 0, options, width, height)};
   std::vector<Camera> cameras = read_cameras(options.cameras, width, height, source);
@@ -38,15 +38,15 @@ std::vector<Camera> cameras_of_view(const SceneOptions& options, size_t pictures
   }
   if (cameras.size() == 1) return cameras;
   // max_steps limits how many frames of a video are decoded.
-  const bool enough = options.max_steps > 0 && cameras.size() > pictures;
-  if (cameras.size() != pictures && !enough)
+  const bool enough = options.max_steps > 0 && cameras.size() > count;
+  if (cameras.size() != count && !enough)
     throw Error(
         fmt::format("{} has {} cameras, but the view of {} has {} images: expected one camera, one "
                     "per image, or the name of one in scene.camera",
-                    options.cameras, cameras.size(), source, pictures));
+                    options.cameras, cameras.size(), source, count));
   std::stable_sort(cameras.begin(), cameras.end(),
                    [](const Camera& a, const Camera& b) { return natural_less(a.name, b.name); });
-  cameras.resize(pictures);
+  cameras.resize(count);
   return cameras;
 }
 

@@ -29,19 +29,19 @@ constexpr double n3v_fps = 30;  // of the N3V recordings
 struct Footage {
   std::string name;
   int width = 0, height = 0;
-  std::map<std::string, std::string> pictures;  // stem -> path
-  std::string video;                            // replaces pictures if not empty
+  std::map<std::string, std::string> images;  // stem -> path
+  std::string video;                          // replaces images if not empty
   int video_frames = 0;
   double fps = n3v_fps;
   bool alpha = false;
 };
 
-Footage from_pictures(const std::string& name, const std::string& folder) {
+Footage from_images(const std::string& name, const std::string& folder) {
   Footage footage;
   footage.name = name;
   for (const std::string& file : list_images(folder))
-    footage.pictures[stem(file)] = join(folder, file);
-  const ImageHeader header = read_image_header(footage.pictures.begin()->second);
+    footage.images[stem(file)] = join(folder, file);
+  const ImageHeader header = read_image_header(footage.images.begin()->second);
   footage.width = header.width;
   footage.height = header.height;
   footage.alpha = header.has_alpha;
@@ -66,22 +66,22 @@ bool starts_with_cam(const std::string& name) { return name.compare(0, 3, "cam")
 // camNN/images/ or camNN.mp4, by name; images are preferred if a camera has both.
 std::vector<Footage> moving_footage(const std::string& folder, const SceneOptions& options) {
   const std::string sub = options.images.empty() ? "images" : options.images;
-  std::map<std::string, std::string> pictures, videos;
+  std::map<std::string, std::string> image_folders, videos;
   for (const std::string& name : list_folders(folder)) {
     const std::string path = join(join(folder, name), sub);
-    if (starts_with_cam(name) && !list_images(path).empty()) pictures[name] = path;
+    if (starts_with_cam(name) && !list_images(path).empty()) image_folders[name] = path;
   }
   for (const std::string& name : list_videos(folder))
-    if (starts_with_cam(name) && !pictures.count(stem(name)))
+    if (starts_with_cam(name) && !image_folders.count(stem(name)))
       videos[stem(name)] = join(folder, name);
   std::vector<std::string> names;
-  for (const auto& entry : pictures) names.push_back(entry.first);
+  for (const auto& entry : image_folders) names.push_back(entry.first);
   for (const auto& entry : videos) names.push_back(entry.first);
   std::sort(names.begin(), names.end(), natural_less);
   std::vector<Footage> footage;
   for (const std::string& name : names)
-    footage.push_back(pictures.count(name) ? from_pictures(name, pictures[name])
-                                           : from_video(name, videos[name]));
+    footage.push_back(image_folders.count(name) ? from_images(name, image_folders[name])
+                                                : from_video(name, videos[name]));
   return footage;
 }
 
@@ -99,15 +99,15 @@ std::string still_folder(const std::string& folder, const SceneOptions& options)
 // One image per camera: a static scene of one step.
 std::vector<Footage> still_footage(const std::string& folder, const SceneOptions& options) {
   std::vector<Footage> footage;
-  const std::string pictures = still_folder(folder, options);
-  for (const std::string& file : list_images(pictures)) {
-    const std::string path = join(pictures, file);
+  const std::string image_folder = still_folder(folder, options);
+  for (const std::string& file : list_images(image_folder)) {
+    const std::string path = join(image_folder, file);
     const ImageHeader header = read_image_header(path);
     Footage one;
     one.name = stem(file);
     one.width = header.width;
     one.height = header.height;
-    one.pictures["0000"] = path;
+    one.images["0000"] = path;
     footage.push_back(one);
   }
   return footage;
@@ -132,9 +132,8 @@ Camera camera_of(const double* row, size_t i, const Footage& footage, const std:
   camera.cx = 0.5 * width;
   camera.cy = 0.5 * height;
   camera.viewmat = viewmat_from_pose(rotation, Eigen::Vector3d(at(0, 3), at(1, 3), at(2, 3)), what);
-  const std::string picture =
-      footage.video.empty() ? footage.pictures.begin()->second : footage.video;
-  return fitted_to(camera, footage.width, footage.height, path, picture);
+  const std::string image = footage.video.empty() ? footage.images.begin()->second : footage.video;
+  return fitted_to(camera, footage.width, footage.height, path, image);
 }
 
 // Reads the cameras, and sets the depth range of the scene from all of them.
@@ -176,10 +175,10 @@ std::vector<std::string> common_steps(const std::vector<Footage>& footage,
       continue;
     }
     if (first)
-      for (const auto& entry : one.pictures) steps.push_back(entry.first);
+      for (const auto& entry : one.images) steps.push_back(entry.first);
     first = false;
     steps.erase(std::remove_if(steps.begin(), steps.end(),
-                               [&](const std::string& s) { return !one.pictures.count(s); }),
+                               [&](const std::string& s) { return !one.images.count(s); }),
                 steps.end());
   }
   std::sort(steps.begin(), steps.end(), natural_less);
@@ -200,7 +199,7 @@ std::vector<std::string> unused_steps(const std::vector<Footage>& footage, size_
   size_t most = used;
   std::vector<std::string> shortest;
   for (const Footage& one : footage) {
-    const size_t own = one.video.empty() ? one.pictures.size() : size_t(one.video_frames);
+    const size_t own = one.video.empty() ? one.images.size() : size_t(one.video_frames);
     most = std::max(most, own);
     if (own == used) shortest.push_back(one.name);
   }
@@ -223,7 +222,7 @@ std::vector<Frame> frames_of(const std::string& folder, int camera, const Footag
     frame.time = double(k) / last;
     frame.name = fmt::format("{}_{:04}", footage.name, k);
     if (footage.video.empty())
-      frame.path = footage.pictures.at(steps[k]);
+      frame.path = footage.images.at(steps[k]);
     else
       frame.path = footage.video, frame.video_frame = int(k);
     find_true_flow(frame, join(folder, "flow/" + footage.name + "/" + steps[k]),

@@ -42,7 +42,7 @@ World read_world(const std::string& path) {
 }
 
 // rgb/ and options.images, else rgb/Nx with the smallest N, which has the largest images.
-std::string picture_folder(const std::string& folder, const SceneOptions& options) {
+std::string image_folder_of(const std::string& folder, const SceneOptions& options) {
   const std::string rgb = join(folder, "rgb");
   if (!options.images.empty()) {
     if (!fs::is_directory(join(rgb, options.images)))
@@ -55,7 +55,7 @@ std::string picture_folder(const std::string& folder, const SceneOptions& option
   throw Error(fmt::format("{} has no images: looked for {}/1x, 2x, ...", folder, rgb));
 }
 
-Camera read_camera(const std::string& path, const World& world, const std::string& picture,
+Camera read_camera(const std::string& path, const World& world, const std::string& image,
                    const ImageHeader& header) {
   const Json json = read_json(path);
   const auto list = [&](const char* key, size_t count) {
@@ -75,7 +75,7 @@ Camera read_camera(const std::string& path, const World& world, const std::strin
   const Eigen::Vector3d place = Eigen::Map<const Eigen::Vector3d>(position.data());
   camera.viewmat = viewmat_from_pose(orientation.transpose(), world.scale * (place - world.center),
                                      "the pose in " + path);
-  camera = fitted_to(camera, header.width, header.height, path, picture);
+  camera = fitted_to(camera, header.width, header.height, path, image);
   std::array<double, 8> k = {};
   if (json.contains("radial_distortion")) {
     const std::vector<double> radial = list("radial_distortion", 3);
@@ -132,7 +132,7 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
   const std::string metadata_path = join(folder, "metadata.json");
   const Json dataset = read_json(dataset_path), metadata = read_json(metadata_path);
   const World world = read_world(join(folder, "scene.json"));
-  const std::string pictures = picture_folder(folder, options);
+  const std::string image_folder = image_folder_of(folder, options);
 
   Scene scene;
   scene.layout = "nerfies";
@@ -146,7 +146,7 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
             "{} lists image '{}' in '{}' and in '{}'; each image may be listed only once",
             dataset_path, excerpt(id), owner->second, key));
       Frame frame;
-      const std::string base = path_inside(pictures, id, dataset_path);
+      const std::string base = path_inside(image_folder, id, dataset_path);
       frame.path = first_existing("", {base + ".png", base + ".jpg"});
       if (frame.path.empty())
         throw Error(fmt::format("{} lists image '{}', but there is no {}.png (nor .jpg)",

@@ -34,27 +34,27 @@ void split_frames(const std::string& folder, const Transforms& file, int test_ev
   struct List {
     const char* key;
     std::vector<Frame>& split;
-    std::set<std::string> pictures;
+    std::set<std::string> images;
   };
   List lists[] = {{"train_filenames", scene.train, {}},
                   {"test_filenames", scene.test, {}},
                   {"val_filenames", scene.val, {}}};
   std::map<std::string, const char*> owners;  // image -> its list
   for (List& list : lists) {
-    list.pictures = listed(folder, file, list.key);
-    for (const std::string& picture : list.pictures)
-      if (const auto [owner, is_first] = owners.emplace(picture, list.key); !is_first)
+    list.images = listed(folder, file, list.key);
+    for (const std::string& image : list.images)
+      if (const auto [owner, is_first] = owners.emplace(image, list.key); !is_first)
         throw Error(
             fmt::format("{} lists {} in '{}' and in '{}'; each image may be in only one list",
-                        file.path, picture, owner->second, list.key));
+                        file.path, image, owner->second, list.key));
     for (const Frame& frame : frames)
-      if (list.pictures.count(frame.path)) list.split.push_back(frame);
-    if (!list.pictures.empty() && list.split.empty())
+      if (list.images.count(frame.path)) list.split.push_back(frame);
+    if (!list.images.empty() && list.split.empty())
       throw Error(fmt::format("none of the {} images in '{}' of {} is one of its {} frames",
-                              list.pictures.size(), list.key, file.path, frames.size()));
+                              list.images.size(), list.key, file.path, frames.size()));
   }
   if (!owners.empty()) {
-    if (lists[0].pictures.empty())
+    if (lists[0].images.empty())
       for (const Frame& frame : frames)
         if (!owners.count(frame.path)) scene.train.push_back(frame);
     return;

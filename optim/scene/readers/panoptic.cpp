@@ -53,7 +53,7 @@ MetaFile read_meta(const std::string& path) {
   return file;
 }
 
-Camera camera_of(const MetaFile& file, size_t t, size_t c, const std::string& picture,
+Camera camera_of(const MetaFile& file, size_t t, size_t c, const std::string& image,
                  const ImageHeader& header) {
   const auto what = [&](const char* key) {
     return fmt::format("'{}' of camera {} at time {} of {}", key, c, t, file.path);
@@ -70,7 +70,7 @@ Camera camera_of(const MetaFile& file, size_t t, size_t c, const std::string& pi
   camera.fx = k(0, 0), camera.fy = k(1, 1), camera.cx = k(0, 2), camera.cy = k(1, 2);
   const Eigen::Matrix3d rotation = w2c.leftCols(3).transpose();
   camera.viewmat = viewmat_from_pose(rotation, -rotation * w2c.col(3), what("w2c"));
-  return fitted_to(camera, header.width, header.height, file.path, picture);
+  return fitted_to(camera, header.width, header.height, file.path, image);
 }
 
 // The file in folder/sub/ named by the meta file. Error if it is missing.

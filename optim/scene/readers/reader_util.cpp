@@ -138,12 +138,12 @@ void set_size(Camera& camera, double width, double height, const std::string& wh
 }
 
 Camera fitted_to(Camera camera, int width, int height, const std::string& source,
-                 const std::string& picture) {
+                 const std::string& image) {
   const double sx = double(width) / camera.width, sy = double(height) / camera.height;
   if (!(std::fabs(sx / sy - 1) < 0.02))
     throw Error(fmt::format(
         "image {} is {}x{}, but {} gives its camera the size {}x{}: the aspect ratios differ",
-        picture, width, height, source, camera.width, camera.height));
+        image, width, height, source, camera.width, camera.height));
   camera.width = width;
   camera.height = height;
   for (double* x : {&camera.fx, &camera.cx, &camera.lens.fx, &camera.lens.cx}) *x *= sx;

@@ -45,9 +45,9 @@ Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::
 void set_size(Camera& camera, double width, double height, const std::string& where);
 
 // Scales the intrinsics of a camera to the size of its image. Error if the aspect ratios differ by
-// 2 % or more (rounding of odd sizes is less); `source` and `picture` are named in it.
+// 2 % or more (rounding of odd sizes is less); `source` and `image` are named in it.
 Camera fitted_to(Camera camera, int width, int height, const std::string& source,
-                 const std::string& picture);
+                 const std::string& image);
 
 // Index of an equal camera (size, intrinsics, lens, pose) in the list; appends the camera if it is
 // new.

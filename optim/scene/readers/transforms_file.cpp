@@ -34,7 +34,7 @@ Eigen::Matrix4d viewmat_of(const Json& frame, const std::string& where) {
   return viewmat_from_pose(pose.leftCols(3), pose.col(3), what);
 }
 
-std::string picture_of(const std::string& folder, const Transforms& file, const Json& frame,
+std::string image_path(const std::string& folder, const Transforms& file, const Json& frame,
                        const std::string& where) {
   const std::string relative = text(member(frame, "file_path", where), "'file_path' of " + where);
   const std::string base = path_inside(folder, relative, file.path);
@@ -78,10 +78,10 @@ Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera
 }
 
 Camera camera_of(const Transforms& file, const Json& frame, const std::string& where,
-                 const std::string& picture, int picture_width, int picture_height) {
+                 const std::string& image, int image_width, int image_height) {
   Camera camera;
-  const double width = inherited(file, frame, "w", where).value_or(picture_width);
-  const double height = inherited(file, frame, "h", where).value_or(picture_height);
+  const double width = inherited(file, frame, "w", where).value_or(image_width);
+  const double height = inherited(file, frame, "h", where).value_or(image_height);
   set_size(camera, width, height, where);
   const auto fl_x = inherited(file, frame, "fl_x", where),
              fl_y = inherited(file, frame, "fl_y", where);
@@ -96,8 +96,8 @@ Camera camera_of(const Transforms& file, const Json& frame, const std::string& w
   camera.cx = inherited(file, frame, "cx", where).value_or(0.5 * camera.width);
   camera.cy = inherited(file, frame, "cy", where).value_or(0.5 * camera.height);
   camera.viewmat = viewmat_of(frame, where);
-  return with_lens(file, frame,
-                   fitted_to(camera, picture_width, picture_height, file.path, picture), where);
+  return with_lens(file, frame, fitted_to(camera, image_width, image_height, file.path, image),
+                   where);
 }
 
 void require_object(const Json& entry, const std::string& where) {
@@ -105,8 +105,8 @@ void require_object(const Json& entry, const std::string& where) {
 }
 
 // train/r_000 -> train_r_000
-std::string frame_name(const std::string& folder, const std::string& picture) {
-  fs::path relative = fs::path(picture).lexically_relative(folder).replace_extension();
+std::string frame_name(const std::string& folder, const std::string& image) {
+  fs::path relative = fs::path(image).lexically_relative(folder).replace_extension();
   std::string name = relative.generic_string();
   std::replace(name.begin(), name.end(), '/', '_');
   return name;
@@ -129,7 +129,7 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
     const std::string where = fmt::format("frame {} of {}", frames.size(), file.path);
     require_object(entry, where);
     Frame frame;
-    frame.path = picture_of(folder, file, entry, where);
+    frame.path = image_path(folder, file, entry, where);
     const auto [before, is_new] =
         known.emplace(fs::path(frame.path).lexically_normal().string(), frames.size());
     if (!is_new)
@@ -156,12 +156,12 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
 }
 
 std::vector<Camera> read_cameras(const Transforms& file, int width, int height,
-                                 const std::string& picture) {
+                                 const std::string& image) {
   std::vector<Camera> cameras;
   for (const Json& entry : file.json["frames"]) {
     const std::string where = fmt::format("frame {} of {}", cameras.size(), file.path);
     require_object(entry, where);
-    Camera camera = camera_of(file, entry, where, picture, width, height);
+    Camera camera = camera_of(file, entry, where, image, width, height);
     camera.name = entry.contains("file_path") ? text(entry["file_path"], "'file_path' of " + where)
                                               : fmt::format("frame_{}", cameras.size());
     cameras.push_back(camera);

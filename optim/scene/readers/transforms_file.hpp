@@ -26,8 +26,8 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
                                const SceneOptions& options, Scene& scene);
 
 // Reads only the cameras, in the order of the file, scaled to this size. Each is named by its
-// file_path, which need not exist. `picture` is the image of this size, for errors.
+// file_path, which need not exist. `image` is the image of this size, for errors.
 std::vector<Camera> read_cameras(const Transforms& file, int width, int height,
-                                 const std::string& picture);
+                                 const std::string& image);
 
 }  // namespace gflow

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/eval/pictures.hpp"
+#include "optim/eval/shown_images.hpp"
 
 #include <fmt/format.h>
 
@@ -70,8 +70,8 @@ FlowField flow_of_planes(int width, int height, const std::vector<float>& planes
 }
 
 Image image_of_flow(const FlowField& flow, float longest) {
-  FlowImage picture = color_wheel(flow, longest);
-  return {picture.width, picture.height, 3, std::move(picture.rgb)};
+  FlowImage image = color_wheel(flow, longest);
+  return {image.width, image.height, 3, std::move(image.rgb)};
 }
 
 float flow_length_above(const FlowField& flow, double share) {
@@ -94,20 +94,20 @@ Image error_image(const Image& a, const Image& b, int gain) {
   return error;
 }
 
-Image side_by_side(const std::vector<Image>& pictures) {
+Image side_by_side(const std::vector<Image>& images) {
   Image row;
-  for (const Image& picture : pictures) {
-    if (picture.channels != 3 || (row.height && picture.height != row.height))
+  for (const Image& image : images) {
+    if (image.channels != 3 || (row.height && image.height != row.height))
       throw Error("images side by side must be RGB and of equal height");
-    row.width += picture.width;
-    row.height = picture.height;
+    row.width += image.width;
+    row.height = image.height;
   }
   row.channels = 3;
   row.pixels.reserve(3 * size_t(row.width) * size_t(row.height));
   for (int y = 0; y < row.height; ++y)
-    for (const Image& picture : pictures) {
-      const size_t bytes = 3 * size_t(picture.width);
-      const auto from = picture.pixels.begin() + long(bytes * size_t(y));
+    for (const Image& image : images) {
+      const size_t bytes = 3 * size_t(image.width);
+      const auto from = image.pixels.begin() + long(bytes * size_t(y));
       row.pixels.insert(row.pixels.end(), from, from + long(bytes));
     }
   return row;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads PNG pictures and .flo optical flow with numpy alone, and brings them to another size."""
+"""Reads PNG images and .flo optical flow with numpy alone, and brings them to another size."""
 import gzip
 import struct
 import zlib
@@ -68,12 +68,12 @@ def read_png(path):
 
 def read_rgb(path, background):
     """Planes [3, H, W] float32 in [0, 1] on a background [3]."""
-    picture = read_png(path).astype(np.float32) / 255
-    if picture.shape[2] in (1, 2):
-        picture = np.concatenate([picture[:, :, :1]] * 3 + [picture[:, :, 1:]], 2)
-    rgb = picture[:, :, :3]
-    if picture.shape[2] == 4:
-        alpha = picture[:, :, 3:]
+    image = read_png(path).astype(np.float32) / 255
+    if image.shape[2] in (1, 2):
+        image = np.concatenate([image[:, :, :1]] * 3 + [image[:, :, 1:]], 2)
+    rgb = image[:, :, :3]
+    if image.shape[2] == 4:
+        alpha = image[:, :, 3:]
         rgb = rgb * alpha + (1 - alpha) * np.asarray(background, np.float32)
     return np.ascontiguousarray(rgb.transpose(2, 0, 1))
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Conversion of the engine's float planes to images and to arrays for scripts.
+// Images to be looked at, and arrays for scripts, made from the engine's float planes.
 #pragma once
 #include <string>
 #include <vector>
@@ -37,6 +37,6 @@ float flow_length_above(const FlowField& flow, double share);
 // |a - b| x gain, clamped to 255. Error if sizes differ.
 Image error_image(const Image& a, const Image& b, int gain);
 // Images side by side, from the left. Error if heights differ.
-Image side_by_side(const std::vector<Image>& pictures);
+Image side_by_side(const std::vector<Image>& images);
 
 }  // namespace gflow
